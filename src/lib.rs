@@ -140,6 +140,8 @@ pub mod model;
 #[cfg(feature = "verify")]
 mod pairs;
 #[cfg(feature = "verify")]
+mod periodic;
+#[cfg(feature = "verify")]
 pub mod picture;
 #[cfg(feature = "verify")]
 pub mod plan;
@@ -188,7 +190,7 @@ pub use certificate::{Certificate, Comparison};
 #[cfg(feature = "cli")]
 #[doc(hidden)] // For the binary and the Python package of this repository only.
 pub use cli::run_command;
-pub use curve::{Basis, CurveChange, CurveLabels, Point, Positions, Precision};
+pub use curve::{Basis, Cell, CurveChange, CurveLabels, Image, Point, Positions, Precision};
 #[cfg(feature = "verify")]
 pub use curve::{Curve, CurveSet, CurveSetBuilder, LongSegment};
 #[cfg(feature = "verify")]
@@ -223,7 +225,8 @@ pub use thickness::{
     ClearanceOptions, CloseBlock, CurvePoint, MinRad, Strut, Thickness, close_blocks, struts,
 };
 pub use verdict::{
-    AbortOn, Change, ChangeKind, Clearance, CloseStrands, Defect, DefectKind, Link, LoopPair,
+    AbortOn, Change, ChangeKind, Clearance, CloseStrands, Defect, DefectKind, ImageLink, Link,
+    LoopPair,
     Place, PullThrough, Report, ReportDifference, Stats, Verdict,
 };
 #[cfg(feature = "verify")]

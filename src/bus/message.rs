@@ -327,6 +327,7 @@ impl VerdictWire {
             FINDING_CHANGE => Some(Finding::Change(Change {
                 i: self.i,
                 j: self.j,
+                image: Default::default(),
                 expected: self.expected,
                 found: self.found,
                 place: (self.has_place != 0).then_some(place),
@@ -334,6 +335,7 @@ impl VerdictWire {
             FINDING_EVENT => Some(Finding::Event(PullThrough {
                 i: self.i,
                 j: self.j,
+                image: Default::default(),
                 segments: self.segments,
                 fraction: self.distance,
                 sign: if self.found < 0 { -1 } else { 1 },
@@ -343,6 +345,7 @@ impl VerdictWire {
             FINDING_DEFECT => Some(Finding::Defect(Defect {
                 i: self.i,
                 j: (self.j != NO_CURVE).then_some(self.j),
+                image: Default::default(),
                 kind: *DefectKind::ALL
                     .get(self.defect_kind as usize)
                     .ok_or_else(|| bad("defect code", self.defect_kind.into()))?,

@@ -122,6 +122,7 @@ impl Certificate {
                 out.changes.push(Change {
                     i: l.i,
                     j: l.j,
+                    image: Default::default(),
                     expected,
                     found,
                     place: None::<Place>,

@@ -18,7 +18,9 @@
 
 use super::Certificate;
 use crate::error::{Error, Result};
-use crate::verdict::{Defect, DefectKind, Link, Place};
+use crate::curve::Image;
+use crate::periodic::ImagePair;
+use crate::verdict::{Defect, DefectKind, ImageLink, Link, Place};
 use std::fmt;
 use std::path::Path;
 
@@ -184,7 +186,13 @@ fn undefined_entry(i: u32, j: Option<u32>) -> Defect {
         point: [0.0; 3],
         distance: 0.0,
     };
-    Defect { i, j, kind, place }
+    Defect {
+        i,
+        j,
+        image: Image::default(),
+        kind,
+        place,
+    }
 }
 
 /// Returns the comment of the first line.

@@ -33,9 +33,10 @@ impl CurveSet {
             }
             Axes::F64(v) => {
                 let [lo, hi] = bounds(v, body, [f64::INFINITY, f64::NEG_INFINITY]);
+                let pad = self.rounding();
                 Box3 {
-                    lo: lo.map(below),
-                    hi: hi.map(above),
+                    lo: lo.map(|x| below(x - pad)),
+                    hi: hi.map(|x| above(x + pad)),
                 }
             }
         };

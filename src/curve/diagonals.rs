@@ -45,7 +45,8 @@ impl CurveSet {
     /// rounded once, by at most `2^-53` of the result in double precision, which [`below`] and
     /// [`above`] cover. In single precision it is `2^-24`, and the result is first moved outward by
     /// `2^-22` of itself. A sum that overflows is replaced by the largest finite number. No overlap
-    /// is lost by that, because bounds are only ever compared, and clamping is monotone.
+    /// is lost by that, because bounds are only ever compared, and clamping is monotone. Coordinates
+    /// that are rounded sums add twice their error.
     #[inline(always)]
     pub(crate) fn diagonals<L: Lanes>(&self, simd: L, i: usize) -> Diagonals {
         let c = &self.curves[i];
@@ -66,12 +67,15 @@ impl CurveSet {
                     |x| above(wide(x) + outward(wide(x))),
                 )
             }
-            Coordinates::F64(v) => bounds(
-                simd,
-                v.each_ref().map(|v| &v[slots.clone()]),
-                |x| below(x.clamp(f64::MIN, f64::MAX)),
-                |x| above(x.clamp(f64::MIN, f64::MAX)),
-            ),
+            Coordinates::F64(v) => {
+                let pad = 2.0 * self.rounding();
+                bounds(
+                    simd,
+                    v.each_ref().map(|v| &v[slots.clone()]),
+                    |x| below((x - pad).clamp(f64::MIN, f64::MAX)),
+                    |x| above((x + pad).clamp(f64::MIN, f64::MAX)),
+                )
+            }
         }
     }
 }

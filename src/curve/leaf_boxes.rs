@@ -8,21 +8,23 @@ use crate::simd::LANES;
 
 impl CurveSet {
     /// Returns an upper bound of the error of computed points and boxes of splines. Boxes are
-    /// padded by it. It is 0 for polylines, whose vertices are the input.
+    /// padded by it. It is 0 for polylines, whose vertices are the input, unless they are rounded
+    /// sums ([`CurveSet::rounding`]).
     ///
     /// # Derivation: the error is below `32 M u = M 2^-48`
     ///
     /// `M` is the largest coordinate and `u = 2^-53`. Bezier control points have coordinates of at
     /// most `5/3 M` (B-spline and Bezier: `M`; Catmull-Rom: `4/3 M`), with an error of at most
     /// `4 M u` ([`Basis::hull`]). Sub-segments add at most `15 * 5/3 M u` ([`sub_segment`]).
-    /// Together that is `29 M u`. The tiny constant covers underflow.
+    /// Together that is `29 M u`. The tiny constant covers underflow. Hull points move at most `5/3`
+    /// times as far as control points, which are rounded.
     ///
     /// [`sub_segment`]: super::sub_segment
     pub(crate) fn pad(&self) -> f64 {
         if self.basis.is_polyline() {
-            0.0
+            self.rounding()
         } else {
-            self.max_abs() * pow2(-48) + 1e-300
+            self.max_abs() * pow2(-48) + 2.0 * self.rounding() + 1e-300
         }
     }
 
@@ -56,12 +58,16 @@ impl CurveSet {
         let mut group = match self.basis {
             Basis::Polyline => match self.coordinates() {
                 Coordinates::F32(v) => edge_boxes(v, first, smaller, larger),
-                Coordinates::F64(v) => edge_boxes(
-                    v,
-                    first,
-                    |p, q| below(if p < q { p } else { q }),
-                    |p, q| above(if p > q { p } else { q }),
-                ),
+                Coordinates::F64(v) => {
+                    // The bound covers the rounding of these differences.
+                    let pad = self.rounding();
+                    edge_boxes(
+                        v,
+                        first,
+                        |p, q| below(if p < q { p } else { q } - pad),
+                        |p, q| above(if p > q { p } else { q } + pad),
+                    )
+                }
             },
             Basis::CatmullRom | Basis::BSpline => match self.coordinates() {
                 Coordinates::F32(v) => match self.single_pad() {

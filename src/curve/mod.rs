@@ -9,6 +9,11 @@ mod basis;
 mod boxes;
 #[cfg(feature = "verify")]
 mod builder;
+#[cfg_attr(
+    not(feature = "verify"),
+    allow(dead_code, reason = "for the exact core")
+)]
+mod cell;
 #[cfg(feature = "verify")]
 mod coarse_boxes;
 #[cfg(feature = "verify")]
@@ -29,10 +34,15 @@ mod positions;
 #[cfg(feature = "verify")]
 mod set;
 #[cfg(feature = "verify")]
+mod sums;
+#[cfg(feature = "verify")]
 mod support;
 #[cfg(feature = "verify")]
 mod tile;
-#[cfg(feature = "verify")]
+#[cfg_attr(
+    not(feature = "verify"),
+    allow(dead_code, reason = "for the exact core")
+)]
 pub(crate) mod vector;
 
 pub use basis::Basis;
@@ -42,6 +52,8 @@ pub(crate) use basis::{Bezier, Bounds, point_at, sub_segment};
 pub(crate) use boxes::{Box3, BoxGroup, above, below, larger, smaller};
 #[cfg(feature = "verify")]
 pub use builder::CurveSetBuilder;
+pub(crate) use cell::is_home;
+pub use cell::{Cell, Image};
 #[cfg(feature = "verify")]
 pub(crate) use coordinates::{Axes, Knots, ReadKnots, Scalar};
 #[cfg(feature = "verify")]
@@ -60,6 +72,8 @@ pub use positions::{Positions, Precision};
 pub use set::{Curve, CurveSet};
 #[cfg(feature = "verify")]
 pub(crate) use set::{Hulls, Shape};
+#[cfg(feature = "verify")]
+pub(crate) use sums::{SumEdges, SumPoint, TERMS, Translated};
 #[cfg(feature = "verify")]
 pub(crate) use tile::{Bad, largest_within};
 

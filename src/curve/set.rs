@@ -3,6 +3,7 @@
 use super::basis::bspline_knot;
 use super::coordinates::{Axes, Coordinates, Knots};
 use super::lazy::{Arrays, LazyCoordinates, Received};
+use super::sums::Sums;
 use super::tile::Bad;
 use super::{Basis, Bezier, Point, Positions, Precision, point_at, pow2};
 use crate::error::{Error, Result};
@@ -82,6 +83,8 @@ pub struct CurveSet {
     pub(super) open_curves: usize,
     /// Number of the positions; see [`CurveSet::contents`].
     pub(super) contents: u64,
+    /// Origin of the coordinates, if they are sums.
+    pub(super) sums: Option<Arc<Sums>>,
 }
 
 impl Clone for CurveSet {
@@ -89,6 +92,7 @@ impl Clone for CurveSet {
         CurveSet {
             curves: self.curves.clone(),
             coordinates: self.coordinates.clone(),
+            sums: self.sums.clone(),
             ..*self
         }
     }
@@ -103,7 +107,9 @@ impl Clone for CurveSet {
             segments,
             open_curves,
             contents,
+            sums,
         } = self;
+        sums.clone_from(&source.sums);
         curves.clone_from(&source.curves);
         coordinates.clone_from(&source.coordinates);
         (*basis, *contents) = (source.basis, source.contents);
@@ -207,6 +213,7 @@ impl CurveSet {
             segments: 0,
             open_curves: 0,
             contents: next_contents(),
+            sums: None,
         }
     }
 
@@ -243,6 +250,9 @@ impl CurveSet {
     /// `x0 + f (x1 - x0)` with every operation rounded to the precision of the coordinates. Fails
     /// if a coordinate overflows.
     pub(crate) fn toward(&self, other: &CurveSet, fraction: f64) -> Result<CurveSet> {
+        if let (Some(from), Some(to)) = (&self.sums, &other.sums) {
+            return CurveSet::translated_toward([from, to], fraction);
+        }
         let ends = [self, other].map(CurveSet::positions);
         let mut set = self.clone();
         match ends.each_ref().map(InOrder::as_positions) {

@@ -64,6 +64,7 @@ pub fn homotopic_polylines(set: &CurveSet) -> Result<Polylines> {
                 too_close.push(Defect {
                     i,
                     j: Some(j),
+                    image: Default::default(),
                     kind: DefectKind::TooClose,
                     place: closest_of_segments(set, [i, j].map(|c| c as usize), segments),
                 });

@@ -1,36 +1,57 @@
 //! Orientation predicates in big integers: exact for all finite doubles, whatever their exponents.
 //! Slow, and rarely needed.
 
-use crate::curve::Point;
+use super::predicates::Orientation;
+use crate::curve::{Point, SumPoint, TERMS};
 use num_bigint::{BigInt, Sign};
+use std::cmp::Ordering;
+
+/// A point in units of a power of two that all points of a test share.
+pub(super) type BigPoint = [BigInt; 3];
 
 /// Returns the coordinates as integers in units of a common power of two: the largest one possible,
 /// so that the integers stay short.
 pub(super) fn integers<const N: usize>(values: [f64; N]) -> [BigInt; N] {
-    // The number is `mantissa * 2^exponent` with an odd mantissa; `None` for 0.
-    let split = |x: f64| {
-        let bits = x.to_bits();
-        let exponent = ((bits >> 52) & 0x7ff) as i32;
-        let fraction = (bits & ((1 << 52) - 1)) as i64;
-        let mantissa = if exponent == 0 {
-            fraction
-        } else {
-            fraction | 1 << 52
-        };
-        let zeros = mantissa.trailing_zeros();
-        let odd = mantissa.checked_shr(zeros)?;
-        let signed = if x < 0.0 { -odd } else { odd };
-        Some((signed, exponent.max(1) + zeros as i32))
+    let lowest = lowest(&values);
+    values.map(|x| integer(x, lowest))
+}
+
+/// Returns a number as mantissa and exponent, `mantissa * 2^exponent` with an odd mantissa; `None`
+/// for 0.
+fn split(x: f64) -> Option<(i64, i32)> {
+    let bits = x.to_bits();
+    let exponent = ((bits >> 52) & 0x7ff) as i32;
+    let fraction = (bits & ((1 << 52) - 1)) as i64;
+    let mantissa = if exponent == 0 {
+        fraction
+    } else {
+        fraction | 1 << 52
     };
-    let lowest = values
-        .iter()
-        .filter_map(|&x| split(x))
-        .map(|(_, e)| e)
-        .min();
-    values.map(|x| match (split(x), lowest) {
+    let zeros = mantissa.trailing_zeros();
+    let odd = mantissa.checked_shr(zeros)?;
+    let signed = if x < 0.0 { -odd } else { odd };
+    Some((signed, exponent.max(1) + zeros as i32))
+}
+
+/// Returns the smallest exponent of the numbers, or `None` if all are 0.
+fn lowest(values: &[f64]) -> Option<i32> {
+    let exponents = values.iter().filter_map(|&x| split(x)).map(|(_, e)| e);
+    exponents.min()
+}
+
+/// Returns a number in units of this power of two.
+fn integer(x: f64, lowest: Option<i32>) -> BigInt {
+    match (split(x), lowest) {
         (Some((mantissa, exponent)), Some(lowest)) => BigInt::from(mantissa) << (exponent - lowest),
         _ => BigInt::ZERO,
-    })
+    }
+}
+
+/// Returns points whose coordinates are sums as integers in units of a common power of two.
+pub(super) fn points<const N: usize>(points: [SumPoint; N]) -> [BigPoint; N] {
+    let lowest = lowest(points.as_flattened().as_flattened());
+    let sum = |terms: [f64; TERMS]| terms.iter().map(|&x| integer(x, lowest)).sum();
+    points.map(|p| p.map(sum))
 }
 
 /// Returns the sign: -1, 0 or 1.
@@ -42,18 +63,44 @@ pub(super) fn sign(x: &BigInt) -> i32 {
     }
 }
 
+/// Orientation predicates of points in a common unit.
+#[derive(Debug, Default)]
+pub(super) struct BigPredicates;
+
+impl Orientation for BigPredicates {
+    type Point = BigPoint;
+
+    fn orient2d(&mut self, [a, b, c]: [&BigPoint; 3], (u, v): (usize, usize)) -> i32 {
+        let (left, right) = ((&a[u] - &c[u]) * (&b[v] - &c[v]), (&a[v] - &c[v]) * (&b[u] - &c[u]));
+        sign(&(left - right))
+    }
+
+    fn orient3d(&mut self, [a, b, c, d]: [&BigPoint; 4]) -> i32 {
+        let [a, b, c] = [a, b, c].map(|p| [0, 1, 2].map(|x| &p[x] - &d[x]));
+        let minor = |p: &BigPoint, q: &BigPoint| &p[0] * &q[1] - &q[0] * &p[1];
+        sign(&(&a[2] * minor(&b, &c) + &b[2] * minor(&c, &a) + &c[2] * minor(&a, &b)))
+    }
+
+    fn compare(p: &BigPoint, q: &BigPoint, axis: usize) -> Ordering {
+        p[axis].cmp(&q[axis])
+    }
+}
+
 /// See [`super::Predicates::orient2d`].
 pub(super) fn orient2d(a: [f64; 2], b: [f64; 2], c: [f64; 2]) -> i32 {
-    let [ax, ay, bx, by, cx, cy] = integers([a[0], a[1], b[0], b[1], c[0], c[1]]);
-    sign(&((ax - &cx) * (by - &cy) - (ay - cy) * (bx - cx)))
+    let [a, b, c] = points([a, b, c].map(|p| [p[0], p[1], 0.0].map(single)));
+    BigPredicates.orient2d([&a, &b, &c], (0, 1))
 }
 
 /// See [`super::Predicates::orient3d`].
 pub(super) fn orient3d(a: Point, b: Point, c: Point, d: Point) -> i32 {
-    let v = integers([
-        a[0], a[1], a[2], b[0], b[1], b[2], c[0], c[1], c[2], d[0], d[1], d[2],
-    ]);
-    let diff = |p: usize, x: usize| &v[3 * p + x] - &v[9 + x];
-    let minor = |p: usize, q: usize| diff(p, 0) * diff(q, 1) - diff(q, 0) * diff(p, 1);
-    sign(&(diff(0, 2) * minor(1, 2) + diff(1, 2) * minor(2, 0) + diff(2, 2) * minor(0, 1)))
+    let [a, b, c, d] = points([a, b, c, d].map(|p| p.map(single)));
+    BigPredicates.orient3d([&a, &b, &c, &d])
+}
+
+/// Returns a number as a sum.
+fn single(x: f64) -> [f64; TERMS] {
+    let mut terms = [0.0; TERMS];
+    terms[0] = x;
+    terms
 }

@@ -21,8 +21,10 @@
 //! 4. An edge that projects to a point gives 0 at both ends, so it has no crossing. Two edges that
 //!    share a vertex get the same sign for it, so no half-open intervals are needed.
 
-use super::predicates::{ORIENT2D_BOUND, Predicates, UNDERFLOW, volume};
-use crate::curve::Point;
+use super::big::{self, BigPredicates};
+use super::predicates::{ORIENT2D_BOUND, Orientation, Predicates, UNDERFLOW, volume};
+use crate::curve::{Point, SumEdges};
+use std::cmp::Ordering;
 
 /// Result for an upper and a lower segment.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -42,23 +44,22 @@ enum Translated {
     Vertex,
 }
 
-/// Returns the side of the edge `e0 e1` on which the vertex `p` lies, seen along an axis. Ties are
-/// broken by the translation.
+/// Returns the side of an edge on which the vertex `p` lies, seen along an axis. Ties are broken by
+/// the translation.
 #[inline]
-fn side(
-    e0: Point,
-    e1: Point,
-    p: Point,
+fn side<O: Orientation>(
+    [e0, e1]: [&O::Point; 2],
+    p: &O::Point,
     (u, v): (usize, usize),
     translated: Translated,
-    predicates: &mut Predicates,
+    predicates: &mut O,
 ) -> i32 {
-    let s = predicates.orient2d([e0[u], e0[v]], [e1[u], e1[v]], [p[u], p[v]]);
+    let s = predicates.orient2d([e0, e1, p], (u, v));
     if s != 0 {
         return s;
     }
     // The sign of the comparison, not of the difference, which could underflow.
-    let along = |x: usize| i32::from(e1[x] > e0[x]) - i32::from(e1[x] < e0[x]);
+    let along = |x: usize| O::compare(e1, e0, x) as i32;
     let tie = match along(v) {
         0 => -along(u),
         s => s,
@@ -84,27 +85,45 @@ pub(crate) fn crossing(
     w: usize,
     predicates: &mut Predicates,
 ) -> Crossing {
+    crossing_by([&t0, &t1], [&u0, &u1], w, predicates)
+}
+
+/// [`crossing`] of two segments whose coordinates are sums, in big integers.
+#[cold]
+pub(crate) fn crossing_of_sums([t, u]: SumEdges, w: usize) -> Crossing {
+    let [t0, t1, u0, u1] = big::points([t[0], t[1], u[0], u[1]]);
+    crossing_by([&t0, &t1], [&u0, &u1], w, &mut BigPredicates)
+}
+
+#[inline]
+fn crossing_by<O: Orientation>(
+    t: [&O::Point; 2],
+    u: [&O::Point; 2],
+    w: usize,
+    predicates: &mut O,
+) -> Crossing {
     let plane = ((w + 1) % 3, (w + 2) % 3);
-    let before = side(t0, t1, u0, plane, Translated::Edge, predicates);
-    let after = side(t0, t1, u1, plane, Translated::Edge, predicates);
+    let before = side(t, u[0], plane, Translated::Edge, predicates);
+    let after = side(t, u[1], plane, Translated::Edge, predicates);
     if before == after {
         return Crossing::None;
     }
-    if side(u0, u1, t0, plane, Translated::Vertex, predicates)
-        == side(u0, u1, t1, plane, Translated::Vertex, predicates)
+    if side(u, t[0], plane, Translated::Vertex, predicates)
+        == side(u, t[1], plane, Translated::Vertex, predicates)
     {
         return Crossing::None;
     }
     // `after` is the sign of the cross product of the directions. The upper segment is above if the
     // ends of the lower one lie on the other side of the plane that the upper one spans with the
     // line of sight.
-    if t0[w].min(t1[w]) > u0[w].max(u1[w]) {
+    let all_are = |order| t.iter().all(|p| u.iter().all(|q| O::compare(p, q, w) == order));
+    if all_are(Ordering::Greater) {
         return Crossing::Over(after);
     }
-    if t0[w].max(t1[w]) < u0[w].min(u1[w]) {
+    if all_are(Ordering::Less) {
         return Crossing::None;
     }
-    match predicates.orient3d(t0, t1, u0, u1) {
+    match predicates.orient3d([t[0], t[1], u[0], u[1]]) {
         0 => Crossing::Contact,
         s if s == -after => Crossing::Over(after),
         _ => Crossing::None,
@@ -146,6 +165,24 @@ impl<T: Copy + Into<f64> + From<u8>> Batch<T> {
     /// only if the bounds of all determinants that it needs are met.
     #[inline(always)]
     pub fn evaluate(&self) -> BatchOutcome {
+        self.evaluate_rounded::<false>(0.0)
+    }
+
+    /// Same as [`Batch::evaluate`] if `ROUNDED`, for coordinates that are rounded by at most
+    /// `rounding`: a decided lane has the result of the exact coordinates.
+    ///
+    /// # Derivation of the bounds
+    ///
+    /// A difference of two coordinates is off by at most `d = 2 rounding`. Let all computed
+    /// differences of a determinant have a magnitude of at most `L`. A product of two is then off
+    /// by `2 d L + d^2`, and the determinant of the plane, with two of them, by `4 d L + 2 d^2`. The
+    /// determinant in space has three products of a difference and such a determinant: `3 (L (4 d L
+    /// + 2 d^2) + d (2 L^2 + 4 d L + 2 d^2)) <= 18 d L^2 + 18 d^2 L + 6 d^3`. Both are at most `4 d
+    /// (L + d)` and `18 d (L + d)^2`. The constants below are larger, because the bounds themselves
+    /// are rounded.
+    #[inline(always)]
+    pub fn evaluate_rounded<const ROUNDED: bool>(&self, rounding: f64) -> BatchOutcome {
+        let d = 2.0 * rounding;
         let mut wide = [[[0.0; 8]; 3]; 4];
         for (wide, end) in wide.iter_mut().zip(&self.ends) {
             for (wide, axis) in wide.iter_mut().zip(end) {
@@ -154,17 +191,21 @@ impl<T: Copy + Into<f64> + From<u8>> Batch<T> {
                 }
             }
         }
-        let [a, b, c, d] = &wide;
+        let [a, b, c, e] = &wide;
         // Signs; and undecided lanes, with all bits set.
         let (mut signs, mut undecided) = ([0i64; 8], [0i64; 8]);
         let det = |p: [f64; 2], q: [f64; 2], r: [f64; 2]| {
             let l = (p[0] - r[0]) * (q[1] - r[1]);
             let s = (p[1] - r[1]) * (q[0] - r[0]);
-            (l - s, ORIENT2D_BOUND * (l.abs() + s.abs()) + UNDERFLOW)
+            let mut bound = ORIENT2D_BOUND * (l.abs() + s.abs()) + UNDERFLOW;
+            if ROUNDED {
+                bound += 5.0 * d * (d + largest_difference(&[p, q], &r));
+            }
+            (l - s, bound)
         };
         for k in 0..8 {
             let (pa, pb) = ([a[0][k], a[1][k]], [b[0][k], b[1][k]]);
-            let (pc, pd) = ([c[0][k], c[1][k]], [d[0][k], d[1][k]]);
+            let (pc, pd) = ([c[0][k], c[1][k]], [e[0][k], e[1][k]]);
             let (c_side, c_err) = det(pa, pb, pc);
             let (d_side, d_err) = det(pa, pb, pd);
             let (a_side, a_err) = det(pc, pd, pa);
@@ -179,8 +220,14 @@ impl<T: Copy + Into<f64> + From<u8>> Batch<T> {
                 & (d_side.abs() > d_err)
                 & (a_side.abs() > a_err)
                 & (b_side.abs() > b_err);
-            let end = |e: &[[f64; 8]; 3]| [e[0][k], e[1][k], e[2][k]];
-            let (height, bound) = volume([end(a), end(b), end(c), end(d)]);
+            let end = |p: &[[f64; 8]; 3]| [p[0][k], p[1][k], p[2][k]];
+            let ends = [end(a), end(b), end(c), end(e)];
+            let (height, mut bound) = volume(ends);
+            if ROUNDED {
+                let [p, q, r, origin] = ends;
+                let reach = d + largest_difference(&[p, q, r], &origin);
+                bound += 20.0 * d * reach * reach;
+            }
             let sure_height = height.abs() > bound;
             let left = d_side > 0.0;
             let over = (height < 0.0) == left;
@@ -204,6 +251,22 @@ impl<T: Copy + Into<f64> + From<u8>> Batch<T> {
             undecided: mask as u32,
         }
     }
+}
+
+/// Returns the largest magnitude of the differences of points from another one, along all axes.
+#[inline(always)]
+fn largest_difference<const N: usize, const M: usize>(
+    points: &[[f64; N]; M],
+    origin: &[f64; N],
+) -> f64 {
+    let mut most = 0.0;
+    for p in points {
+        for (x, o) in p.iter().zip(origin) {
+            let size = (x - o).abs();
+            most = if size > most { size } else { most };
+        }
+    }
+    most
 }
 
 #[cfg(test)]

@@ -3,6 +3,7 @@
 use super::big;
 use crate::curve::{Point, pow2};
 use robust::{Coord, Coord3D};
+use std::cmp::Ordering;
 
 /// Bound of the rounding error of the determinant in [`Predicates::orient2d`], relative to the sum
 /// of the magnitudes of its two products: `(3 + 16 u) u` with `u = 2^-53` (Shewchuk 1997, stage A
@@ -20,6 +21,43 @@ const U: f64 = f64::EPSILON / 2.0;
 /// result is at most `2^-1075`. With this term the bounds hold for all finite numbers. Overflow
 /// gives infinities or NaN, which never satisfy a bound.
 pub(crate) const UNDERFLOW: f64 = f64::from_bits(1 << 4);
+
+/// Exact orientation predicates of points of some type. Signs have three values: -1, 0, 1.
+pub(super) trait Orientation {
+    type Point;
+
+    /// Returns the sign of the area of a triangle, projected to the plane of two axes: 1 if it is
+    /// counterclockwise there, 0 if the points lie on one line.
+    fn orient2d(&mut self, points: [&Self::Point; 3], plane: (usize, usize)) -> i32;
+
+    /// Returns the sign of `(a - d) . ((b - d) x (c - d))`, which is 0 if the four points `a b c d`
+    /// lie in one plane.
+    fn orient3d(&mut self, points: [&Self::Point; 4]) -> i32;
+
+    /// Compares a coordinate of two points.
+    fn compare(p: &Self::Point, q: &Self::Point, axis: usize) -> Ordering;
+}
+
+impl Orientation for Predicates {
+    type Point = Point;
+
+    #[inline(always)]
+    fn orient2d(&mut self, points: [&Point; 3], (u, v): (usize, usize)) -> i32 {
+        let [a, b, c] = points.map(|p| [p[u], p[v]]);
+        Predicates::orient2d(self, a, b, c)
+    }
+
+    #[inline(always)]
+    fn orient3d(&mut self, [a, b, c, d]: [&Point; 4]) -> i32 {
+        Predicates::orient3d(self, *a, *b, *c, *d)
+    }
+
+    #[inline(always)]
+    fn compare(p: &Point, q: &Point, axis: usize) -> Ordering {
+        // Coordinates are finite. -0.0 and 0.0 are equal here.
+        p[axis].partial_cmp(&q[axis]).unwrap_or(Ordering::Equal)
+    }
+}
 
 /// Exact orientation predicates, with a count of the calls that floating point could not decide.
 ///

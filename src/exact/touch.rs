@@ -1,7 +1,8 @@
 //! Exact test for contact: two segments in space that share a point.
 
-use super::predicates::Predicates;
-use crate::curve::Point;
+use super::big::{self, BigPredicates};
+use super::predicates::{Orientation, Predicates};
+use crate::curve::{Point, SumEdges};
 
 /// Returns true if the closed segments `p0 p1` and `q0 q1` share a point.
 ///
@@ -19,39 +20,48 @@ pub(crate) fn segments_touch(
     q1: Point,
     predicates: &mut Predicates,
 ) -> bool {
-    predicates.orient3d(p0, p1, q0, q1) == 0
-        && (0..3).all(|w| {
-            let plane = |p: Point| [p[(w + 1) % 3], p[(w + 2) % 3]];
-            projections_meet(plane(p0), plane(p1), plane(q0), plane(q1), predicates)
-        })
+    touch_by([&p0, &p1], [&q0, &q1], predicates)
 }
 
-/// Returns true if two closed segments of the plane share a point. Either may be a single point.
-fn projections_meet(
-    p0: [f64; 2],
-    p1: [f64; 2],
-    q0: [f64; 2],
-    q1: [f64; 2],
-    predicates: &mut Predicates,
+/// [`segments_touch`] for two segments whose coordinates are sums, in big integers.
+#[cold]
+pub(crate) fn sums_touch([p, q]: SumEdges) -> bool {
+    let [p0, p1, q0, q1] = big::points([p[0], p[1], q[0], q[1]]);
+    touch_by([&p0, &p1], [&q0, &q1], &mut BigPredicates)
+}
+
+pub(super) fn touch_by<O: Orientation>(
+    p: [&O::Point; 2],
+    q: [&O::Point; 2],
+    predicates: &mut O,
 ) -> bool {
-    let q_sides = [
-        predicates.orient2d(p0, p1, q0),
-        predicates.orient2d(p0, p1, q1),
-    ];
-    let p_sides = [
-        predicates.orient2d(q0, q1, p0),
-        predicates.orient2d(q0, q1, p1),
-    ];
+    predicates.orient3d([p[0], p[1], q[0], q[1]]) == 0
+        && (0..3).all(|w| projections_meet(p, q, ((w + 1) % 3, (w + 2) % 3), predicates))
+}
+
+/// Returns true if the projections of two closed segments to a plane share a point. Either may be a
+/// single point.
+fn projections_meet<O: Orientation>(
+    p: [&O::Point; 2],
+    q: [&O::Point; 2],
+    plane: (usize, usize),
+    predicates: &mut O,
+) -> bool {
+    let [q_sides, p_sides] =
+        [(p, q), (q, p)].map(|([a, b], ends)| ends.map(|c| predicates.orient2d([a, b, c], plane)));
     if q_sides[0] != q_sides[1] && p_sides[0] != p_sides[1] {
         return true;
     }
-    let within = |p: [f64; 2], a: [f64; 2], b: [f64; 2]| {
-        (0..2).all(|x| a[x].min(b[x]) <= p[x] && p[x] <= a[x].max(b[x]))
+    let within = |p: &O::Point, ends: [&O::Point; 2]| {
+        [plane.0, plane.1].into_iter().all(|x| {
+            let [a, b] = ends.map(|end| O::compare(p, end, x));
+            a.is_eq() || b.is_eq() || a != b
+        })
     };
-    (q_sides[0] == 0 && within(q0, p0, p1))
-        || (q_sides[1] == 0 && within(q1, p0, p1))
-        || (p_sides[0] == 0 && within(p0, q0, q1))
-        || (p_sides[1] == 0 && within(p1, q0, q1))
+    (q_sides[0] == 0 && within(q[0], p))
+        || (q_sides[1] == 0 && within(q[1], p))
+        || (p_sides[0] == 0 && within(p[0], q))
+        || (p_sides[1] == 0 && within(p[1], q))
 }
 
 #[cfg(test)]

@@ -42,6 +42,7 @@ impl Counted {
             Linking::Undefined(kind, place) => self.undefined.push(Defect {
                 i,
                 j: Some(j),
+                image: Default::default(),
                 kind,
                 place,
             }),

@@ -22,6 +22,7 @@ pub(crate) fn degenerate_curves(set: &CurveSet) -> impl Iterator<Item = Defect> 
         .map(|i| Defect {
             i: i as u32,
             j: None,
+            image: Default::default(),
             kind: DefectKind::Degenerate,
             place: Place {
                 segments: [0, 0],

@@ -7,7 +7,7 @@
 //!
 //! A shard needs the boxes of its own curves, and of those that are near them ([`Nearby`]).
 
-use crate::curve::{Box3, CurveSet};
+use crate::curve::{Box3, CurveSet, Image, Translated};
 use crate::error::{Error, Result};
 use crate::pairs::{Leaves, LinkSearch, Pair};
 use std::sync::Arc;
@@ -124,7 +124,7 @@ impl Partition {
         Share {
             partition: self.clone(),
             shard,
-            loops: None,
+            special: None,
         }
     }
 
@@ -219,9 +219,29 @@ impl Bisection<'_> {
 pub struct Share {
     partition: Partition,
     shard: usize,
+    special: Option<Special>,
+}
+
+/// Pairs of a set in which some curves stand for something else.
+#[derive(Clone, Debug, PartialEq, Eq)]
+enum Special {
     /// The curve that follows in the virtual loop of each curve, `u32::MAX` without a loop: only
     /// pairs with a loop are verified, except loops that share a curve.
-    loops: Option<Arc<[u32]>>,
+    Loops(Arc<[u32]>),
+    /// For each curve the curve of a frame, and its translation. Each pair of a curve and an image
+    /// of another one, or of itself, is verified once ([`owns_image`]).
+    Images(Translated),
+}
+
+/// Returns true if a set of translated curves has this pair: one of them is not translated, and
+/// comes before the other one, or is the same curve translated forwards.
+fn owns_image((i, m): (u32, Image), (j, n): (u32, Image)) -> bool {
+    let home = Image::default();
+    match (m == home, n == home) {
+        (true, false) => i < j || i == j && n > home,
+        (false, true) => j < i || j == i && m > home,
+        _ => false,
+    }
 }
 
 impl Share {
@@ -229,19 +249,36 @@ impl Share {
     /// loops that share a curve. `next` has the other curve of the loop of each curve, `u32::MAX`
     /// if it has none.
     pub(crate) fn of_loops(next: Arc<[u32]>) -> Share {
+        Share::special(next.len(), Special::Loops(next))
+    }
+
+    /// Returns the share of the pairs of a curve and an image, in a set of translated curves, each
+    /// once.
+    pub(crate) fn of_images(curves: Translated) -> Share {
+        Share::special(curves.len(), Special::Images(curves))
+    }
+
+    fn special(curves: usize, special: Special) -> Share {
         Share {
             partition: Partition {
-                keys: vec![0; next.len()].into(),
+                keys: vec![0; curves].into(),
                 shards: 1,
             },
             shard: 0,
-            loops: Some(next),
+            special: Some(special),
         }
+    }
+
+    /// Returns true if the share needs all curves, wherever they are.
+    fn needs_all(&self) -> bool {
+        matches!(self.special, Some(Special::Images(_)))
     }
 
     /// Returns true if a curve stands for a virtual loop.
     pub(crate) fn has_loop(&self, i: u32) -> bool {
-        let next = self.loops.as_deref().unwrap_or_default();
+        let Some(Special::Loops(next)) = &self.special else {
+            return false;
+        };
         next.get(i as usize).is_some_and(|&j| j != u32::MAX)
     }
 
@@ -257,12 +294,15 @@ impl Share {
 
     /// Returns true if the share has this pair; with `i == j`, this curve.
     pub fn owns(&self, i: u32, j: u32) -> bool {
-        if let Some(next) = &self.loops {
-            let [after_i, after_j] = [i, j].map(|i| next[i as usize]);
-            let with_loop = after_i != u32::MAX || after_j != u32::MAX;
-            return with_loop && after_i != j && after_j != i;
+        match &self.special {
+            Some(Special::Loops(next)) => {
+                let [after_i, after_j] = [i, j].map(|i| next[i as usize]);
+                let with_loop = after_i != u32::MAX || after_j != u32::MAX;
+                with_loop && after_i != j && after_j != i
+            }
+            Some(Special::Images(curves)) => owns_image(curves[i as usize], curves[j as usize]),
+            None => self.partition.owner(i, j) == self.shard,
         }
-        self.partition.owner(i, j) == self.shard
     }
 
     /// Returns the share of the curves after a change.
@@ -270,7 +310,7 @@ impl Share {
         Share {
             partition: self.partition.with_curves(origins),
             shard: self.shard,
-            loops: self.loops.clone(),
+            special: self.special.clone(),
         }
     }
 
@@ -290,6 +330,10 @@ impl Nearby {
     /// Finds the curves that a share needs in frames of the same curves: in each of them, and in
     /// the steps between them. Returns true if the curves differ from those of the last call.
     pub fn update(&mut self, share: &Share, frames: &[&CurveSet]) -> bool {
+        if share.needs_all() {
+            let all = vec![true; frames[0].len()];
+            return std::mem::replace(&mut self.needed, all).len() != self.needed.len();
+        }
         let mut boxes = frames[0].coarse_boxes();
         for frame in &frames[1..] {
             for (b, other) in boxes.iter_mut().zip(frame.coarse_boxes()) {

@@ -1,6 +1,7 @@
 //! Linking numbers, and how one differs from the expected one.
 
 use super::Place;
+use crate::curve::Image;
 
 /// A nonzero entry of the linking matrix.
 #[derive(
@@ -13,6 +14,21 @@ pub struct Link {
     pub j: u32,
     /// Linking number of the curves, never 0.
     pub lambda: i64,
+}
+
+/// A linking number of a curve and a periodic image, of another curve or of itself.
+#[derive(
+    Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, serde::Serialize, serde::Deserialize,
+)]
+pub struct ImageLink {
+    /// First curve, from 0.
+    pub i: u32,
+    /// Second curve: greater than `i`, or equal.
+    pub j: u32,
+    /// Translation of the second curve, not 0; positive in lexicographic order if `i = j`.
+    pub image: Image,
+    /// Linking number, never 0; `None` if the pair has none, because it touches, for example.
+    pub lambda: Option<i64>,
 }
 
 /// Kind of the difference between a linking number and the expected one.
@@ -55,10 +71,14 @@ pub struct LoopPair {
 /// A linking number that differs from the expected one.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Change {
-    /// First curve, from 0; less than `j`.
+    /// First curve, from 0; less than `j`, or equal if a curve is linked with its own image.
     pub i: u32,
     /// Second curve.
     pub j: u32,
+    /// Translation of the second curve, in multiples of the lattice vectors of the
+    /// [`Cell`](crate::Cell). 0 without a cell.
+    #[serde(default, skip_serializing_if = "crate::curve::is_home")]
+    pub image: Image,
     /// Linking number in the baseline.
     pub expected: i64,
     /// Linking number in the current frame.

@@ -7,7 +7,7 @@ mod message;
 mod policy;
 mod pull_through;
 
-pub use change::{Change, ChangeKind, Link, LoopPair};
+pub use change::{Change, ChangeKind, ImageLink, Link, LoopPair};
 pub use clearance::{Clearance, CloseStrands};
 pub use difference::ReportDifference;
 #[cfg(feature = "mcap")]
@@ -17,7 +17,7 @@ pub(crate) use message::words_of_roll_back;
 pub use policy::AbortOn;
 pub use pull_through::PullThrough;
 
-use crate::curve::Point;
+use crate::curve::{Image, Point};
 
 /// Result of comparing the topology of a frame with that of the baseline.
 #[derive(
@@ -161,6 +161,10 @@ pub struct Defect {
     /// Second curve: greater than `i`, or equal if a curve meets itself. `None` if the defect
     /// concerns a single curve.
     pub j: Option<u32>,
+    /// Translation of the second curve, in multiples of the lattice vectors of the
+    /// [`Cell`](crate::Cell). 0 without a cell.
+    #[serde(default, skip_serializing_if = "crate::curve::is_home")]
+    pub image: Image,
     /// Reason.
     pub kind: DefectKind,
     /// Place.

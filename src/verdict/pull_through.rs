@@ -1,6 +1,6 @@
 //! Pull-throughs (strand passages).
 
-use crate::curve::Point;
+use crate::curve::{Image, Point};
 
 /// A pull-through: a passage of a curve through another one, or through itself, between two frames.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -9,6 +9,10 @@ pub struct PullThrough {
     pub i: u32,
     /// Second curve: greater than `i`, or equal if the curve passes through itself.
     pub j: u32,
+    /// Translation of the second curve, in multiples of the lattice vectors of the
+    /// [`Cell`](crate::Cell). 0 without a cell.
+    #[serde(default, skip_serializing_if = "crate::curve::is_home")]
+    pub image: Image,
     /// Segment of each curve.
     pub segments: [u32; 2],
     /// Time as a fraction of the step from one frame to the next, under linear motion.

@@ -369,6 +369,7 @@ impl Steps {
         let unaccounted = unaccounted.into_iter().flatten().map(|pair| Defect {
             i: pair.0,
             j: Some(pair.1),
+            image: Default::default(),
             kind: DefectKind::Unaccounted,
             place: place(pair),
         });

@@ -1,9 +1,12 @@
 //! Passages in exact arithmetic, with the translation rule for ties.
 
-use super::super::{Predicates, big, segments_touch};
+use super::super::big::{self, BigPoint, BigPredicates};
+use super::super::touch::touch_by;
+use super::super::{Predicates, segments_touch};
 use super::polynomial::{Dyadic, Interval, Polynomial, Root};
 use super::ring::{Infinitesimal, Ring};
 use super::{Edges, Moment, Ties};
+use crate::curve::{SumEdges, SumPoint};
 use num_bigint::BigInt;
 
 /// Coordinates of a point that moves on a straight line.
@@ -37,16 +40,20 @@ pub(super) const TRANSLATION: [u32; 3] = [1, 16, 256];
 
 impl MovingEdges<BigInt> {
     pub fn new(before: &Edges, after: &Edges) -> Self {
-        let ends = [before, after].map(|edges| edges.as_flattened().as_flattened());
-        let mut all = [0.0; 24];
-        all[..12].copy_from_slice(ends[0]);
-        all[12..].copy_from_slice(ends[1]);
-        let all = big::integers(all);
-        // Ends in this order: a, b of the first edge, c, d of the second one.
+        let point = |k: usize| [before, after][k / 4][k % 4 / 2][k % 2];
+        let values: [f64; 24] = std::array::from_fn(|k| point(k / 3)[k % 3]);
+        let all = big::integers(values);
+        MovingEdges::of_points(&std::array::from_fn(|k| {
+            [0, 1, 2].map(|x| all[3 * k + x].clone())
+        }))
+    }
+
+    /// Ends in this order: a, b of the first edge, c, d of the second one; in both frames.
+    fn of_points(all: &[BigPoint; 8]) -> Self {
         let track = |from: usize, to: usize| {
             [0, 1, 2].map(|x| {
                 let [start, end] =
-                    [0, 12].map(|frame| all[frame + 3 * to + x].minus(&all[frame + 3 * from + x]));
+                    [0, 4].map(|frame| all[frame + to][x].minus(&all[frame + from][x]));
                 let slope = &end - &start;
                 Polynomial::new([start, slope])
             })
@@ -176,22 +183,49 @@ pub(super) struct Event {
 /// have an event at that end of the step, even if its sign is 0. Returns `None` if a tie is to be
 /// reported.
 pub(super) fn events(before: &Edges, after: &Edges, ties: Ties) -> Option<Vec<Event>> {
+    let point = |k: usize| {
+        [before, after]
+            .iter()
+            .all(|edges| edges[k][0] == edges[k][1])
+    };
+    let at_rest = before == after || point(0) || point(1);
     let contact = [before, after].map(touch);
+    events_of(contact, at_rest, || MovingEdges::new(before, after), ties)
+}
+
+/// [`events`] of edges whose coordinates are sums.
+#[cold]
+pub(super) fn events_of_sums(frames: [SumEdges; 2], ties: Ties) -> Option<Vec<Event>> {
+    let ends: [SumPoint; 8] = std::array::from_fn(|k| frames[k / 4][k % 4 / 2][k % 2]);
+    let all = big::points(ends);
+    let [before, after] = [&all[..4], &all[4..]];
+    let point = |k: usize| [before, after].iter().all(|ends| ends[k] == ends[k + 1]);
+    let at_rest = before == after || point(0) || point(2);
+    let contact = [before, after].map(|ends| {
+        let [a, b, c, d] = [0, 1, 2, 3].map(|k| &ends[k]);
+        touch_by([a, b], [c, d], &mut BigPredicates)
+    });
+    events_of(contact, at_rest, || MovingEdges::of_points(&all), ties)
+}
+
+/// `contact` is true for the frames in which the edges touch, `at_rest` if the edges do not move, or
+/// one of them is a point in both frames.
+fn events_of(
+    contact: [bool; 2],
+    at_rest: bool,
+    motion: impl FnOnce() -> MovingEdges<BigInt>,
+    ties: Ties,
+) -> Option<Vec<Event>> {
     let at_end = |end: usize, sign: i32| Event {
         sign,
         time: [0.0, 1.0][end],
         moment: [Moment::Start, Moment::End][end],
     };
     let unchanged = |end: usize| contact[end].then(|| at_end(end, 0));
-    let point = |k: usize| {
-        [before, after]
-            .iter()
-            .all(|edges| edges[k][0] == edges[k][1])
-    };
-    if before == after || point(0) || point(1) {
+    if at_rest {
         return Some([0, 1].into_iter().filter_map(unchanged).collect());
     }
-    let motion = MovingEdges::new(before, after);
+    let motion = motion();
     let volume = motion.volume();
     let flat = volume.is_zero();
     let mut translated = None;

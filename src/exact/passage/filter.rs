@@ -59,15 +59,21 @@ const WIDEST: f64 = 1e-9;
 /// Returns true if one edge stays on one side of the other along a coordinate axis during the step.
 ///
 /// If all ends of one edge are left of all ends of the other in both frames, they are at all times
-/// between, because every difference of coordinates is linear in time.
+/// between, because every difference of coordinates is linear in time. Coordinates may be rounded by
+/// at most `rounding`.
 #[inline]
-pub(super) fn apart(before: &Edges, after: &Edges) -> bool {
+pub(super) fn apart(before: &Edges, after: &Edges, rounding: f64) -> bool {
+    // Three times, because the sums below are rounded.
+    let gap = 3.0 * rounding;
     let less = |a: f64, b: f64| if a < b { a } else { b };
     let more = |a: f64, b: f64| if a > b { a } else { b };
     (0..3).any(|x| {
         let side = |edges: &Edges| {
             let [[a, b], [c, d]] = edges.map(|edge| edge.map(|p| p[x]));
-            (more(a, b) < less(c, d), less(a, b) > more(c, d))
+            (
+                more(a, b) + gap < less(c, d),
+                less(a, b) > more(c, d) + gap,
+            )
         };
         let (s, t) = (side(before), side(after));
         (s.0 & t.0) | (s.1 & t.1)
@@ -77,8 +83,17 @@ pub(super) fn apart(before: &Edges, after: &Edges) -> bool {
 /// Passages of a pair of edges in chronological order. There are at most three.
 pub(super) type Found = [Option<Passage>; 3];
 
-/// Returns all passages, or `None` if floating point cannot decide.
-pub(super) fn passages(before: &Edges, after: &Edges) -> Option<Found> {
+/// Returns all passages, or `None` if floating point cannot decide. Coordinates may be rounded by at
+/// most `rounding`; the result is then that of the exact ones.
+///
+/// # Derivation of the error bounds for rounded coordinates
+///
+/// The components of `p, q, r` are off by at most `d = 2 rounding`. A volume has six products of
+/// three of them, each off by less than `(P + d)(Q + d)(R + d) - P Q R`, and every Bernstein
+/// coefficient is a mean of such volumes. Sides are sums of at most four products of two, each off
+/// by less than `d (P + Q + R + d)`; their derivatives are at most twice as far off. The bounds have
+/// these errors four times.
+pub(super) fn passages(before: &Edges, after: &Edges, rounding: f64) -> Option<Found> {
     let differences = |[[a, b], [c, d]]: &Edges| [sub(*b, *a), sub(*d, *c), sub(*c, *a)];
     let ([p0, q0, r0], [p1, q1, r1]) = (differences(before), differences(after));
     let size = |v: Point, w: Point| v.iter().chain(&w).fold(0.0, |m: f64, x| m.max(x.abs()));
@@ -94,9 +109,13 @@ pub(super) fn passages(before: &Edges, after: &Edges) -> Option<Found> {
         (dot(r0, n[2]) + 2.0 * dot(r1, n[1])) * (1.0 / 3.0),
         dot(r1, n[2]),
     ];
+    let d = 2.0 * rounding;
+    let of_volume = 6.0 * d * (p * q + q * r + r * p + d * (p + q + r) + d * d);
+    let of_side = 4.0 * d * (p + q + r + d);
+    let side = |unit: f64| unit + 4.0 * of_side / SIDE_BOUND[0];
     let bounds = Bounds {
-        volume: U * p * q * r,
-        sides: [U * (p + r) * q, U * (q + r) * p],
+        volume: U * p * q * r + 4.0 * of_volume / VOLUME_BOUND[0],
+        sides: [side(U * (p + r) * q), side(U * (q + r) * p)],
     };
     if one_sign(&volume, VOLUME_BOUND[0] * bounds.volume) != 0 {
         return Some([None; 3]);

@@ -102,8 +102,8 @@ mod ring;
 #[cfg(test)]
 mod tests;
 
-use crate::curve::Point;
 use crate::curve::vector::{dot, half_difference, mix};
+use crate::curve::{Point, SumEdges};
 
 /// Ends of an edge of the first curve and of an edge of the second one.
 pub(crate) type Edges = [[Point; 2]; 2];
@@ -175,23 +175,52 @@ pub(crate) fn passages(
     ties: Ties,
     out: &mut impl FnMut(Passage),
 ) -> Decided {
-    if filter::apart(before, after) {
+    if filter::apart(before, after, 0.0) {
         return Decided::Apart;
     }
     if before == after && !exact::touch(before) {
         return Decided::Certified;
     }
-    if let Some(found) = filter::passages(before, after) {
+    if let Some(found) = filter::passages(before, after, 0.0) {
         found.into_iter().flatten().for_each(out);
         return Decided::Certified;
     }
     exactly(before, after, ties, out)
 }
 
+/// Same as [`passages`], for edges whose coordinates are rounded by at most `rounding`: the result is
+/// that of the exact coordinates in both frames, which `sums` returns.
+pub(crate) fn passages_of_sums(
+    [before, after]: [&Edges; 2],
+    rounding: f64,
+    sums: impl FnOnce() -> [SumEdges; 2],
+    ties: Ties,
+    out: &mut impl FnMut(Passage),
+) -> Decided {
+    if filter::apart(before, after, rounding) {
+        return Decided::Apart;
+    }
+    if let Some(found) = filter::passages(before, after, rounding) {
+        found.into_iter().flatten().for_each(out);
+        return Decided::Certified;
+    }
+    report(before, after, exact::events_of_sums(sums(), ties), out)
+}
+
 /// [`passages`] in exact arithmetic only.
 #[cold]
 fn exactly(before: &Edges, after: &Edges, ties: Ties, out: &mut impl FnMut(Passage)) -> Decided {
-    let Some(events) = exact::events(before, after, ties) else {
+    report(before, after, exact::events(before, after, ties), out)
+}
+
+/// Calls `out` with the passages at exact events.
+fn report(
+    before: &Edges,
+    after: &Edges,
+    events: Option<Vec<exact::Event>>,
+    out: &mut impl FnMut(Passage),
+) -> Decided {
+    let Some(events) = events else {
         return Decided::Tie;
     };
     for event in events {

@@ -258,6 +258,7 @@ fn defect(contact: &Contact, set: &CurveSet) -> Defect {
     Defect {
         i,
         j: Some(j),
+        image: Default::default(),
         kind: DefectKind::Contact,
         place: closest_of_segments(set, curves, contact.event.segments),
     }

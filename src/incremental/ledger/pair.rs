@@ -108,6 +108,7 @@ impl Task<'_> {
         let undecided = |kind, segments| Defect {
             i,
             j: Some(j),
+            image: Default::default(),
             kind,
             place: closest_of_segments(frames[1], self.curves, segments),
         };

@@ -6,9 +6,11 @@ use super::outcome::Counts;
 use super::pieces::{Cuts, MovingBoxes, PIECES, Vertex};
 use super::task::Task;
 use super::unresolved::relative_motion;
-use crate::curve::{CurveSet, Point};
+use crate::curve::{CurveSet, Point, SumEdges};
 use crate::discretize::{pieces_between, pieces_within};
-use crate::exact::{Decided, Edges, Moment, Passage, Predicates, Ties, passages, segments_touch};
+use crate::exact::{
+    Decided, Edges, Moment, Passage, Predicates, Ties, passages, passages_of_sums, segments_touch,
+};
 use crate::verdict::PullThrough;
 use std::ops::ControlFlow;
 use std::sync::atomic::Ordering;
@@ -56,6 +58,17 @@ impl Task<'_> {
         let [before, after] = self.step.frames.map(edges);
         let along = |at: [f64; 2]| [f64::from(s) + at[0], f64::from(t) + at[1]];
         self.add_passages(&before, &after, [s, t], along, found);
+    }
+
+    /// Returns two edges of polylines in both frames, as exact sums.
+    #[cold]
+    fn exact_edges(&self, segments: [u32; 2]) -> [SumEdges; 2] {
+        self.step.frames.map(|set| {
+            [0, 1].map(|side| {
+                let (i, s) = (self.curves[side], segments[side] as usize);
+                [set.exact_knot(i, s), set.exact_knot(i, s + 1)]
+            })
+        })
     }
 
     /// Adds the passages of near spline segments. Splits many of them into parallel tasks.
@@ -158,6 +171,7 @@ impl Task<'_> {
         let event = |p: Passage| PullThrough {
             i,
             j,
+            image: Default::default(),
             segments,
             fraction: p.time,
             sign: p.sign,
@@ -171,13 +185,16 @@ impl Task<'_> {
                 _ => 0.0,
             },
         };
-        if let Some(points) = joint(before, after) {
+        // Rounded coordinates may be equal although the exact ones are not.
+        let joined = joint(before, after).filter(|_| self.rounding == 0.0);
+        if let Some(points) = joined {
             // A common end of pieces of one spline is no joint.
             if !self.splines() {
                 let contact = |f: usize| Contact {
                     event: PullThrough {
                         i,
                         j,
+                        image: Default::default(),
                         segments,
                         fraction: f as f64,
                         sign: 0,
@@ -204,7 +221,7 @@ impl Task<'_> {
         } = found;
         let first = list.len();
         let mut in_frames = [None; 2];
-        let mut decided = passages(before, after, ties, &mut |p| match p.moment {
+        let mut add = |p: Passage| match p.moment {
             Moment::Start => in_frames[0] = Some(p),
             Moment::End => in_frames[1] = Some(p),
             Moment::Within { tie } => list.push(Found {
@@ -212,7 +229,14 @@ impl Task<'_> {
                 along: along(p.at),
                 tie,
             }),
-        });
+        };
+        let mut decided = match self.rounding == 0.0 {
+            true => passages(before, after, ties, &mut add),
+            false => {
+                let sums = || self.exact_edges(segments);
+                passages_of_sums([before, after], self.rounding, sums, ties, &mut add)
+            }
+        };
         if in_frames.iter().any(Option::is_some) {
             let frames = [before, after];
             let beyond =

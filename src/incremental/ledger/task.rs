@@ -37,6 +37,8 @@ pub(super) struct Task<'a> {
     pub step: Step<'a>,
     pub curves: [usize; 2],
     pub separation: MovingSeparation<'a>,
+    /// Bound of the rounding of the coordinates of polylines ([`CurveSet::rounding`]).
+    pub rounding: f64,
     /// Moves with the curves.
     observer: Observer,
     /// Work counters of all tasks of the pair.
@@ -52,6 +54,11 @@ impl<'a> Task<'a> {
             step,
             curves,
             separation: MovingSeparation::new(step.frames, curves),
+            // The discretization of splines covers it.
+            rounding: match step.frames[0].basis().is_polyline() {
+                true => step.frames[0].rounding().max(step.frames[1].rounding()),
+                false => 0.0,
+            },
             observer: step.trees.observer((i, j)),
             candidates: AtomicU64::new(0),
             pieces: AtomicU64::new(0),

@@ -4,7 +4,9 @@
 use super::gather::Task;
 use crate::curve::{Knots, Point, ReadKnots};
 use crate::discretize::{Sieve, Splits, pieces_between};
-use crate::exact::{Batch, Crossing, Predicates, crossing, segments_touch};
+use crate::exact::{
+    Batch, BatchOutcome, Crossing, Predicates, crossing, crossing_of_sums, segments_touch, sums_touch,
+};
 use crate::simd::dispatch_wide;
 use crate::verdict::Stats;
 use std::ops::ControlFlow;
@@ -99,9 +101,10 @@ impl SignedCount {
         tests: &[(u32, u32)],
     ) {
         self.stats.tests += tests.len() as u64;
+        let rounding = task.rounding;
         let mut batch = None;
         for chunk in tests.chunks(8) {
-            if chunk.len() <= SINGLE_TESTS {
+            if chunk.len() <= SINGLE_TESTS && rounding == 0.0 {
                 for &(s, t) in chunk {
                     self.add_segments(task, [&upper, &lower], s, t);
                 }
@@ -120,13 +123,18 @@ impl SignedCount {
                     batch.ends[3][x][lane] = q1;
                 }
             }
-            let out = batch.evaluate();
+            let out = match rounding == 0.0 {
+                true => batch.evaluate(),
+                false => evaluate_rounded(batch, rounding),
+            };
             self.sum += i64::from(out.sum);
             self.stats.crossings += u64::from(out.crossings);
             if out.undecided != 0 {
                 for (lane, &(s, t)) in chunk.iter().enumerate() {
-                    if out.undecided >> lane & 1 != 0 {
-                        self.add_segments(task, [&upper, &lower], s, t);
+                    match out.undecided >> lane & 1 {
+                        0 => {}
+                        _ if rounding > 0.0 => self.add_sums(task, [s, t]),
+                        _ => self.add_segments(task, [&upper, &lower], s, t),
                     }
                 }
             }
@@ -150,6 +158,23 @@ impl SignedCount {
             && task.input.set.basis().is_polyline()
             && segments_touch(p.0, p.1, q.0, q.1, &mut Predicates::default())
         {
+            self.found_contact([s, t]);
+        }
+    }
+
+    /// Adds a single pair of whole segments of polylines whose coordinates are rounded sums, by the
+    /// exact sums.
+    #[cold]
+    #[inline(never)]
+    fn add_sums(&mut self, task: &Task<'_>, [s, t]: [u32; 2]) {
+        let set = task.input.set;
+        let edges = [(task.curves[0], s), (task.curves[1], t)].map(|(i, s)| {
+            let s = s as usize;
+            [set.exact_knot(i, s), set.exact_knot(i, s + 1)]
+        });
+        self.add_crossing(crossing_of_sums(edges, task.axis), [s, t]);
+        self.stats.exact += 1;
+        if sums_touch(edges) {
             self.found_contact([s, t]);
         }
     }
@@ -195,7 +220,14 @@ impl SignedCount {
 
     fn add_edges(&mut self, p: (Point, Point), q: (Point, Point), axis: usize, segments: [u32; 2]) {
         let mut predicates = Predicates::default();
-        match crossing(p.0, p.1, q.0, q.1, axis, &mut predicates) {
+        let crossing = crossing(p.0, p.1, q.0, q.1, axis, &mut predicates);
+        self.add_crossing(crossing, segments);
+        // A test counts once, however many of its determinants are close to zero.
+        self.stats.exact += u64::from(predicates.exact > 0);
+    }
+
+    fn add_crossing(&mut self, crossing: Crossing, segments: [u32; 2]) {
+        match crossing {
             Crossing::None => {}
             Crossing::Over(sign) => {
                 self.sum += i64::from(sign);
@@ -203,9 +235,17 @@ impl SignedCount {
             }
             Crossing::Contact => self.found_contact(segments),
         }
-        // A test counts once, however many of its determinants are close to zero.
-        self.stats.exact += u64::from(predicates.exact > 0);
     }
+}
+
+/// Evaluates a batch of rounded sums. Not inlined, so that the code for other coordinates stays
+/// small.
+#[inline(never)]
+fn evaluate_rounded<T: Copy + Into<f64> + From<u8>>(
+    batch: &Batch<T>,
+    rounding: f64,
+) -> BatchOutcome {
+    batch.evaluate_rounded::<true>(rounding)
 }
 
 /// Returns the ends of a segment, widened.

@@ -52,6 +52,10 @@ pub(super) struct Task<'a> {
     /// Upper and lower curve.
     pub curves: [usize; 2],
     pub axis: usize,
+    /// Bound of the rounding of the coordinates of polylines ([`CurveSet::rounding`]).
+    ///
+    /// [`CurveSet::rounding`]: crate::curve::CurveSet::rounding
+    pub rounding: f64,
     separation: Separation<'a>,
     /// Number of candidates that wait for the discretization, in all tasks of the pair.
     waiting: AtomicUsize,
@@ -63,6 +67,11 @@ impl<'a> Task<'a> {
             input,
             curves,
             axis,
+            // The discretization of splines covers it.
+            rounding: match input.set.basis().is_polyline() {
+                true => input.set.rounding(),
+                false => 0.0,
+            },
             separation: Separation::new(input.set, curves),
             waiting: AtomicUsize::new(0),
         }

@@ -135,6 +135,7 @@ impl TryFrom<schema::Defect> for Defect {
         Ok(Defect {
             i: d.i,
             j: d.j,
+            image: Default::default(),
             kind: from_code(&DefectKind::ALL, d.kind, "kind of a defect")?,
             place: d
                 .place
@@ -167,6 +168,7 @@ impl From<schema::PullThrough> for PullThrough {
         PullThrough {
             i: e.i,
             j: e.j,
+            image: Default::default(),
             segments: [e.segment_i, e.segment_j],
             fraction: e.fraction,
             sign: e.sign,
@@ -280,6 +282,7 @@ impl TryFrom<schema::Report> for Report {
         let change = |c: schema::Change| Change {
             i: c.i,
             j: c.j,
+            image: Default::default(),
             expected: c.expected,
             found: c.found,
             place: c.place.map(Into::into),

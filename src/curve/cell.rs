@@ -1,0 +1,233 @@
+//! Periodic cell of a frame.
+
+use super::Point;
+use crate::error::{Error, Result};
+use std::fmt;
+use std::str::FromStr;
+
+/// Translation of a curve by lattice vectors: the multiples of the first, second and third vector
+/// of a [`Cell`].
+pub type Image = [i32; 3];
+
+/// Returns true if an image is the curve itself.
+pub(crate) fn is_home(image: &Image) -> bool {
+    *image == Image::default()
+}
+
+/// Periodic cell: the lattice along which a scene repeats.
+///
+/// A scene is periodic along one, two or three vectors, which need not be orthogonal. A vector of
+/// zeros stands for a direction without repetition. The origin is a corner of the cell; it is for
+/// pictures, and no result depends on it.
+///
+/// ```
+/// use linkwatch::Cell;
+///
+/// let cell: Cell = "10,10,12".parse()?;
+/// assert_eq!(cell.vectors[2], [0.0, 0.0, 12.0]);
+/// let slab: Cell = "10,10,0".parse()?; // repeats along x and y
+/// assert_eq!(slab.periodic(), [true, true, false]);
+/// let sheared: Cell = "10,0,0, 2,10,0, 0,0,12".parse()?;
+/// assert_eq!(sheared.vectors[1], [2.0, 10.0, 0.0]);
+/// # Ok::<(), linkwatch::Error>(())
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+pub struct Cell {
+    /// A corner of the cell, in the units of the simulation.
+    pub origin: Point,
+    /// Lattice vectors, in the units of the simulation; zeros if the scene does not repeat.
+    pub vectors: [Point; 3],
+}
+
+impl Cell {
+    /// Returns the cell with these edges along the axes; an edge of 0 stands for no repetition.
+    pub fn orthogonal(origin: Point, edges: [f64; 3]) -> Cell {
+        let mut vectors = [[0.0; 3]; 3];
+        for (x, edge) in edges.into_iter().enumerate() {
+            vectors[x][x] = edge;
+        }
+        Cell { origin, vectors }
+    }
+
+    /// Returns for each vector if the scene repeats along it.
+    pub fn periodic(&self) -> [bool; 3] {
+        self.vectors.map(|v| v != [0.0; 3])
+    }
+
+    /// Checks that the vectors span a lattice.
+    ///
+    /// Errors: [`Error::Usage`] if a number is not finite, or too large or small to compute with, if
+    /// the scene does not repeat along any vector, or if the vectors are (almost) linearly
+    /// dependent.
+    pub fn check(&self) -> Result<()> {
+        let refuse = |why: &str| Err(Error::Usage(format!("cell {self}: {why}")));
+        let numbers = self.origin.iter().chain(self.vectors.as_flattened());
+        let sizes = Self::SMALLEST..=Self::LARGEST;
+        for x in numbers {
+            if !x.is_finite() || *x != 0.0 && !sizes.contains(&x.abs()) {
+                return refuse("a number that is not finite, or beyond 1e-60 to 1e60");
+            }
+        }
+        if !self.periodic().contains(&true) {
+            return refuse("no vector along which the scene repeats");
+        }
+        match self.inverse() {
+            Some(_) => Ok(()),
+            None => refuse("the vectors lie in one plane or on one line"),
+        }
+    }
+
+    /// Range of the numbers of a cell, except 0. Products of six stay finite and normal.
+    const SMALLEST: f64 = 1e-60;
+    const LARGEST: f64 = 1e60;
+
+    /// Returns three vectors `b` with `b[k] . a[l] = 1` if `k = l`, else 0, up to rounding, for the
+    /// lattice vectors `a`. A vector without repetition is replaced by a unit vector orthogonal to
+    /// the others. `None` if the vectors are almost linearly dependent.
+    pub(crate) fn inverse(&self) -> Option<[Point; 3]> {
+        use super::vector::{cross, dot};
+        let length = |v: Point| dot(v, v).sqrt();
+        let mut a = self.vectors;
+        let periodic = self.periodic();
+        for k in (0..3).filter(|&k| !periodic[k]) {
+            let [p, q] = [a[(k + 1) % 3], a[(k + 2) % 3]];
+            let normal = match (length(p) > 0.0, length(q) > 0.0) {
+                (true, true) => cross(p, q),
+                (true, false) => orthogonal_to(p),
+                (false, true) => orthogonal_to(q),
+                (false, false) => return None,
+            };
+            let size = length(normal);
+            a[k] = normal.map(|x| x / size);
+        }
+        let normals = [0, 1, 2].map(|k| cross(a[(k + 1) % 3], a[(k + 2) % 3]));
+        let volume = dot(a[0], normals[0]);
+        let box_volume: f64 = a.map(length).iter().product();
+        // Also false if a number is not finite.
+        let spans = volume.abs() > 1e-6 * box_volume;
+        spans.then(|| normals.map(|n| n.map(|x| x / volume)))
+    }
+
+    /// Returns the translation of an image, up to rounding.
+    pub(crate) fn translation(&self, image: Image) -> Point {
+        [0, 1, 2].map(|x| {
+            let terms = [0, 1, 2].map(|k| f64::from(image[k]) * self.vectors[k][x]);
+            terms[0] + terms[1] + terms[2]
+        })
+    }
+}
+
+/// Returns some vector orthogonal to a vector that is not 0.
+fn orthogonal_to(v: Point) -> Point {
+    // The axis along which the vector is shortest.
+    let least = (0..3).min_by(|&a, &b| v[a].abs().total_cmp(&v[b].abs()));
+    let mut axis = [0.0; 3];
+    axis[least.unwrap_or(0)] = 1.0;
+    super::vector::cross(v, axis)
+}
+
+impl fmt::Display for Cell {
+    /// Writes three numbers for a cell along the axes with its corner at the origin, else nine or
+    /// twelve: the vectors, and then the corner.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let edges = [0, 1, 2].map(|x| self.vectors[x][x]);
+        let corner = (self.origin != [0.0; 3]).then_some(self.origin);
+        let along_axes = Cell::orthogonal(self.origin, edges) == *self;
+        let numbers: Vec<f64> = match (along_axes, corner) {
+            (true, None) => edges.to_vec(),
+            _ => {
+                let vectors = self.vectors.as_flattened().iter().copied();
+                vectors.chain(corner.into_iter().flatten()).collect()
+            }
+        };
+        for (k, x) in numbers.iter().enumerate() {
+            let separator = if k == 0 { "" } else { "," };
+            write!(f, "{separator}{x}")?;
+        }
+        Ok(())
+    }
+}
+
+impl FromStr for Cell {
+    type Err = Error;
+
+    /// Parses three numbers (edges along the axes), nine (three vectors), or twelve (three vectors
+    /// and the corner), separated by commas or spaces.
+    fn from_str(text: &str) -> Result<Cell> {
+        let parts = text.split([',', ' ']).filter(|part| !part.is_empty());
+        let numbers: Option<Vec<f64>> = parts.map(|part| part.parse().ok()).collect();
+        let cell = match numbers.as_deref() {
+            Some(&[x, y, z]) => Cell::orthogonal([0.0; 3], [x, y, z]),
+            Some(numbers) if matches!(numbers.len(), 9 | 12) => {
+                let (points, _) = numbers.as_chunks::<3>();
+                Cell {
+                    origin: points.get(3).copied().unwrap_or_default(),
+                    vectors: [points[0], points[1], points[2]],
+                }
+            }
+            _ => {
+                return Err(Error::Usage(format!(
+                    "'{text}': expected the edges of a cell along the axes (10,10,10; 0 for a \
+                     direction without repetition), nine numbers (three vectors), or twelve (and \
+                     the corner)"
+                )));
+            }
+        };
+        cell.check()?;
+        Ok(cell)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::curve::vector::dot;
+
+    #[test]
+    fn the_text_of_a_cell_round_trips() {
+        for text in [
+            "10,10,12",
+            "10,0,12.5",
+            "10,0,0,2,10,0,0,0,12",
+            "10,0,0,0,0,0,0,3,12",
+            "10,0,0,2,10,0,0,0,12,-5,-5,1",
+        ] {
+            let cell: Cell = text.parse().unwrap();
+            assert_eq!(cell.to_string().parse::<Cell>().unwrap(), cell, "{text}");
+        }
+        assert_eq!("10, 10, 12".parse::<Cell>().unwrap().to_string(), "10,10,12");
+    }
+
+    #[test]
+    fn rejects_cells_that_are_no_lattice() {
+        for (text, says) in [
+            ("", "expected the edges"),
+            ("10,10", "expected the edges"),
+            ("10,10,x", "expected the edges"),
+            ("0,0,0", "no vector"),
+            ("nan,1,1", "not finite"),
+            ("inf,1,1", "not finite"),
+            ("1e300,1,1", "1e-60 to 1e60"),
+            ("1,0,0,1,1e-9,0,0,0,1", "one plane"),
+            ("1,0,0,1,1,0,1,-1,0", "one plane"),
+            ("1,2,3,2,4,6,0,0,0", "one plane"),
+        ] {
+            let e = text.parse::<Cell>().unwrap_err().to_string();
+            assert!(e.contains(says), "{text}: {e}");
+        }
+    }
+
+    #[test]
+    fn the_inverse_gives_multiples_of_the_vectors() {
+        for text in ["10,10,12", "7,0,0", "0,3,4", "10,0,0,2,10,0,-3,1,12", "1,2,3,-2,1,0,0,0,0"] {
+            let cell: Cell = text.parse().unwrap();
+            let inverse = cell.inverse().unwrap();
+            for (k, b) in inverse.iter().enumerate() {
+                for (l, a) in cell.vectors.iter().enumerate() {
+                    let expected = f64::from(u8::from(k == l && cell.periodic()[l]));
+                    assert!((dot(*a, *b) - expected).abs() < 1e-12, "{text}");
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,249 @@
+//! Coordinates that are sums: curves of a frame, translated by lattice vectors.
+//!
+//! A sum of a coordinate and of multiples of lattice vectors is in general no floating-point
+//! number. A set of translated curves has the rounded sums, a bound of their errors
+//! ([`CurveSet::rounding`]), and what they are made of. Boxes and bounds of floating-point tests
+//! include the error. Tests that they do not decide use the exact sums.
+
+use super::{Cell, CurveSet, Image, Point, Positions, pow2};
+use crate::error::Result;
+use std::sync::Arc;
+
+/// Number of terms of a sum: a coordinate, and for each lattice vector a rounded product and its
+/// error.
+pub(crate) const TERMS: usize = 7;
+
+/// A point whose coordinates are sums of floating-point numbers, not rounded.
+pub(crate) type SumPoint = [[f64; TERMS]; 3];
+
+/// Ends of two edges.
+pub(crate) type SumEdges = [[SumPoint; 2]; 2];
+
+/// Curves of a frame that are translated, for each curve of a set: its number in the frame, and its
+/// translation.
+pub(crate) type Translated = Arc<[(u32, Image)]>;
+
+/// Origin of the coordinates of a set.
+#[derive(Clone, Debug)]
+pub(crate) struct Sums {
+    frame: Arc<CurveSet>,
+    curves: Translated,
+    cell: Cell,
+    /// Bound of the difference of each coordinate from the exact sum. 0 if all are exact.
+    rounding: f64,
+}
+
+impl CurveSet {
+    /// Returns a bound of the difference of the coordinates from those that they stand for. 0 except
+    /// for sets of translated curves ([`CurveSet::translate`]).
+    #[inline]
+    pub(crate) fn rounding(&self) -> f64 {
+        self.sums.as_ref().map_or(0.0, |sums| sums.rounding)
+    }
+
+    /// Returns the start of segment `s` of curve `i`, a polyline, as exact sums.
+    pub(crate) fn exact_knot(&self, i: usize, s: usize) -> SumPoint {
+        let single = |x: f64| {
+            let mut terms = [0.0; TERMS];
+            terms[0] = x;
+            terms
+        };
+        let Some(Sums {
+            frame,
+            curves,
+            cell,
+            ..
+        }) = self.sums.as_deref()
+        else {
+            return self.knot(i, s).map(single);
+        };
+        let (curve, image) = curves[i];
+        let mut point = frame.knot(curve as usize, s).map(single);
+        for (k, (vector, count)) in cell.vectors.iter().zip(image).enumerate() {
+            for (x, terms) in point.iter_mut().enumerate() {
+                let count = f64::from(count);
+                let product = count * vector[x];
+                terms[1 + 2 * k] = product;
+                terms[2 + 2 * k] = count.mul_add(vector[x], -product);
+            }
+        }
+        point
+    }
+
+    /// Writes some curves of a frame into `out`, each translated by lattice vectors, in double
+    /// precision. `out` has these curves of an earlier frame, or nothing.
+    ///
+    /// Errors: those of [`CurveSet::from_counts`]; a sum may overflow.
+    pub(crate) fn translate(
+        frame: &Arc<CurveSet>,
+        curves: &Translated,
+        cell: &Cell,
+        out: &mut Option<CurveSet>,
+    ) -> Result<()> {
+        let total = curves.iter().map(|&(i, _)| frame.curve(i as usize).points as usize);
+        let mut xyz: Vec<f64> = Vec::with_capacity(3 * total.sum::<usize>());
+        let positions = frame.positions();
+        let positions = positions.as_positions();
+        let mut exact = true;
+        let (mut longest, mut largest) = (0.0_f64, 0.0_f64);
+        for &(i, image) in curves.iter() {
+            let by = cell.translation(image);
+            // Products and sums of the translation are exact, or all of its sums count as rounded.
+            let terms = [0, 1, 2].map(|x| {
+                let products = [0, 1, 2].map(|k| (f64::from(image[k]), cell.vectors[k][x]));
+                let whole = products.map(|(n, a)| n * a);
+                let errors = products.map(|(n, a)| n.mul_add(a, -(n * a)));
+                let sums_up = error_of_sum(whole[0], whole[1]) == 0.0
+                    && error_of_sum(whole[0] + whole[1], whole[2]) == 0.0;
+                longest = longest.max(whole.iter().map(|x| x.abs()).sum());
+                errors == [0.0; 3] && sums_up
+            });
+            exact &= terms == [true; 3];
+            let points = frame.points_of(i as usize);
+            if image == Image::default() {
+                xyz.extend(points.flat_map(|k| positions.point(k)));
+                continue;
+            }
+            for k in points {
+                for (x, by) in positions.point(k).into_iter().zip(by) {
+                    largest = largest.max(x.abs());
+                    exact &= error_of_sum(x, by) == 0.0;
+                    xyz.push(x + by);
+                }
+            }
+        }
+        // With `u = 2^-53`, three rounded products and their sum are off by at most `3 u` times the
+        // sum of their sizes, and the sum with the coordinate by `u` times the size of both: less
+        // than `5 u` times the sum of all sizes. The bound is `8 u`, so that its difference from a
+        // coordinate may be rounded. The constant covers underflow.
+        let rounding = match exact {
+            true => 0.0,
+            false => (largest + longest) * pow2(-50) + 1e-300,
+        };
+        match out {
+            Some(set) => set.update(Positions::F64(&xyz))?,
+            None => {
+                let of_frame: Vec<i32> = frame.counts().collect();
+                let counts: Vec<i32> = curves.iter().map(|c| of_frame[c.0 as usize]).collect();
+                *out = Some(CurveSet::from_counts(
+                    frame.basis(),
+                    &counts,
+                    Positions::F64(&xyz),
+                )?);
+            }
+        }
+        if let Some(set) = out {
+            set.sums = Some(Arc::new(Sums {
+                frame: Arc::clone(frame),
+                curves: Arc::clone(curves),
+                cell: *cell,
+                rounding,
+            }));
+        }
+        Ok(())
+    }
+
+    /// [`CurveSet::toward`] for translated curves: those of the frame at a fraction of the step, in
+    /// the cell at this fraction.
+    pub(super) fn translated_toward(
+        [from, to]: [&Sums; 2],
+        fraction: f64,
+    ) -> Result<CurveSet> {
+        let frame = Arc::new(from.frame.toward(&to.frame, fraction)?);
+        let mix = |a: Point, b: Point| [0, 1, 2].map(|x| a[x] + fraction * (b[x] - a[x]));
+        let cell = Cell {
+            origin: mix(from.cell.origin, to.cell.origin),
+            vectors: [0, 1, 2].map(|k| mix(from.cell.vectors[k], to.cell.vectors[k])),
+        };
+        let mut out = None;
+        CurveSet::translate(&frame, &from.curves, &cell, &mut out)?;
+        out.ok_or_else(|| crate::error::Error::Usage("no curves".into()))
+    }
+}
+
+/// Returns the rounding error of `a + b` (Knuth's two-sum). NaN if the sum overflows.
+#[inline(always)]
+fn error_of_sum(a: f64, b: f64) -> f64 {
+    let sum = a + b;
+    let part = sum - a;
+    (a - (sum - part)) + (b - part)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::curve::Basis;
+
+    fn line(x: f64) -> Arc<CurveSet> {
+        let xyz = [x, 0.25, 0.0, 1.0, x, 2.0, 3.0, 1.0, -x];
+        let set = CurveSet::from_counts(Basis::Polyline, &[-3], Positions::F64(&xyz));
+        Arc::new(set.unwrap())
+    }
+
+    fn translated(frame: &Arc<CurveSet>, image: Image, cell: &str) -> CurveSet {
+        let mut out = None;
+        let cell = cell.parse().unwrap();
+        CurveSet::translate(frame, &Arc::from([(0, image)]), &cell, &mut out).unwrap();
+        out.unwrap()
+    }
+
+    #[test]
+    fn sums_that_are_exact_need_no_rounding() {
+        let frame = line(0.125);
+        let set = translated(&frame, [3, -2, 1], "10,10,10.5");
+        assert_eq!(set.rounding(), 0.0);
+        assert_eq!(set.point(0, 0), [30.125, -19.75, 10.5]);
+        for (x, image, cell) in [
+            (0.1, [1, 0, 0], "10,10,10"),
+            (0.125, [3, 0, 0], "10.1,10,10"),
+            (0.125, [1, 1, 0], "10.1,1e-9,0,0.3,10,0,0,0,1"),
+        ] {
+            assert!(translated(&line(x), image, cell).rounding() > 0.0);
+        }
+    }
+
+    /// The terms of an exact point are what the rounded point stands for, within the bound.
+    #[test]
+    fn rounded_sums_are_within_their_bound() {
+        let mut random = crate::random::Random::new(5);
+        for _ in 0..2000 {
+            let mut next = || 20.0 * random.unit() - 10.0;
+            let xyz: Vec<f64> = (0..9).map(|_| next()).collect();
+            let frame = CurveSet::from_counts(Basis::Polyline, &[-3], Positions::F64(&xyz));
+            let frame = Arc::new(frame.unwrap());
+            let cell = Cell {
+                origin: [0.0; 3],
+                vectors: [[next(), next(), 20.0], [next(), 30.0, next()], [40.0, next(), next()]],
+            };
+            let image = [0; 3].map(|_| (next() / 2.0) as i32);
+            let mut out = None;
+            CurveSet::translate(&frame, &Arc::from([(0, image)]), &cell, &mut out).unwrap();
+            let set = out.unwrap();
+            for s in 0..3 {
+                let (exact, rounded) = (set.exact_knot(0, s), set.knot(0, s));
+                for x in 0..3 {
+                    // Subtracts the rounded coordinate first, which cancels the large terms.
+                    let mut terms: Vec<f64> = exact[x].to_vec();
+                    terms.push(-rounded[x]);
+                    let error = exact_sum(&terms);
+                    assert!(error.abs() <= set.rounding(), "{error} {}", set.rounding());
+                }
+            }
+        }
+    }
+
+    /// Returns the sum of some numbers, rounded once (as a growing expansion, Shewchuk 1997).
+    fn exact_sum(terms: &[f64]) -> f64 {
+        let mut parts: Vec<f64> = Vec::new();
+        for &term in terms {
+            let mut x = term;
+            for part in &mut parts {
+                let sum = x + *part;
+                *part = error_of_sum(x, *part);
+                x = sum;
+            }
+            parts.push(x);
+        }
+        parts.iter().sum()
+    }
+}

@@ -1,0 +1,113 @@
+//! Boxes of curves in fractional coordinates, in which images are translated by integers.
+//!
+//! The fractional coordinates of a point are its multiples of the lattice vectors. They change
+//! neither if the cell is sheared nor if it grows, as long as the curves follow. A direction without
+//! repetition has a length as its coordinate.
+//!
+//! # Derivation of the padding
+//!
+//! A coordinate is `b . x` with computed `b`. Coordinates of another frame of reference than the
+//! exact one would do as well: only the translations must be right. `b . a` is 1 or 0 up to `e =
+//! 1e-8`: [`Cell::check`] refuses cells whose vectors are nearly dependent, with a determinant of
+//! less than `1e-6` of the product of their lengths, so that a rounding error of `2^-50` of that
+//! product is less than `1e-9` of the determinant. An image by `n` is then off by less than `e |n|`
+//! from the integers. Boxes are padded by `1e-7` of all integers that the search may use, and of the
+//! coordinates.
+
+use crate::curve::{Basis, Box3, Cell, CurveSet, Point, above, below};
+use crate::error::{Error, Result};
+use rayon::prelude::*;
+
+/// Padding of the boxes, relative to the largest coordinate, and at least to 1.
+const PAD: f64 = 1e-7;
+
+/// Boxes of all curves of a frame.
+#[derive(Clone, Debug)]
+pub(crate) struct FractionalBoxes {
+    /// Minimum and maximum of each curve.
+    pub bounds: Vec<[Point; 2]>,
+}
+
+impl FractionalBoxes {
+    /// Returns the boxes of the curves, open or closed. Each contains the curve.
+    ///
+    /// Errors: [`Error::Usage`] if the vectors of the cell do not span a lattice.
+    pub fn new(set: &CurveSet, cell: &Cell) -> Result<FractionalBoxes> {
+        let inverse = cell.inverse().ok_or_else(|| {
+            Error::Usage(format!("cell {cell}: the vectors lie in one plane or on one line"))
+        })?;
+        let positions = set.positions();
+        let positions = positions.as_positions();
+        let spline = match set.basis() {
+            // Segments are a sixth of the difference of two control points away from one.
+            Basis::CatmullRom => 0.2,
+            _ => 0.0,
+        };
+        let curve = |i: usize| {
+            let mut bounds = [[f64::INFINITY; 3], [f64::NEG_INFINITY; 3]];
+            for k in set.points_of(i) {
+                let p = positions.point(k);
+                for (x, b) in inverse.iter().enumerate() {
+                    let u = b[0] * p[0] + b[1] * p[1] + b[2] * p[2];
+                    bounds[0][x] = bounds[0][x].min(u);
+                    bounds[1][x] = bounds[1][x].max(u);
+                }
+            }
+            for x in 0..3 {
+                let [lo, hi] = [bounds[0][x], bounds[1][x]];
+                let pad = spline * (hi - lo) + PAD * lo.abs().max(hi.abs()).max(1.0);
+                bounds[0][x] = lo - pad;
+                bounds[1][x] = hi + pad;
+            }
+            bounds
+        };
+        let bounds = (0..set.len()).into_par_iter().with_min_len(64).map(curve);
+        Ok(FractionalBoxes {
+            bounds: bounds.collect(),
+        })
+    }
+
+    /// Returns the boxes that contain those of both frames.
+    pub fn union(&self, other: &FractionalBoxes) -> FractionalBoxes {
+        let both = self.bounds.iter().zip(&other.bounds);
+        let union = both.map(|(a, b)| {
+            [
+                [0, 1, 2].map(|x| a[0][x].min(b[0][x])),
+                [0, 1, 2].map(|x| a[1][x].max(b[1][x])),
+            ]
+        });
+        FractionalBoxes {
+            bounds: union.collect(),
+        }
+    }
+
+    /// Returns the boxes grown by a margin on all sides: of these shares of the cell, or of these
+    /// lengths.
+    pub fn dilated(&self, margin: Point) -> FractionalBoxes {
+        let dilated = self.bounds.iter().map(|[lo, hi]| {
+            [
+                [0, 1, 2].map(|x| lo[x] - margin[x]),
+                [0, 1, 2].map(|x| hi[x] + margin[x]),
+            ]
+        });
+        FractionalBoxes {
+            bounds: dilated.collect(),
+        }
+    }
+
+    /// Returns true if each box contains the other one of its curve.
+    pub fn contain(&self, other: &FractionalBoxes) -> bool {
+        self.bounds.len() == other.bounds.len()
+            && self.bounds.iter().zip(&other.bounds).all(|(a, b)| {
+                (0..3).all(|x| a[0][x] <= b[0][x] && b[1][x] <= a[1][x])
+            })
+    }
+}
+
+/// Returns a box, translated and rounded outward. Its bounds are finite.
+pub(super) fn single([lo, hi]: &[Point; 2], by: Point) -> Box3 {
+    Box3 {
+        lo: [0, 1, 2].map(|x| below(lo[x] + by[x])),
+        hi: [0, 1, 2].map(|x| above(hi[x] + by[x])),
+    }
+}

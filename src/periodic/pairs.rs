@@ -1,0 +1,270 @@
+//! Search for the pairs of a curve and an image that may meet.
+//!
+//! # Proof: no pair is missed
+//!
+//! Let the boxes of curve `i` and of curve `j`, translated by `n`, overlap. Both are translated by
+//! the lattice vector that brings the center of the box of `i` into the first cell. Curve `j` is
+//! then some image of its box with the center in the first cell, and overlaps the box around all
+//! such boxes. The search enumerates all images that overlap that box, and compares all pairs.
+//! Translations are integers in fractional coordinates, so only the boxes are rounded, outward.
+
+use super::boxes::{FractionalBoxes, single};
+use crate::curve::{Box3, Cell, Image, Point, Translated};
+use crate::error::{Error, Result};
+use crate::pairs::{LinkSearch, Share};
+use std::collections::BTreeSet;
+use std::ops::RangeInclusive;
+
+/// Maximum number of images that are compared. More need more memory than the frame: about 40 bytes
+/// each.
+const MOST_IMAGES: u64 = 1 << 24;
+
+/// Largest number of cells that a curve may be away from the first one.
+const FARTHEST: f64 = (1_u32 << 30) as f64;
+
+/// A curve `i`, and curve `j` translated by a lattice vector: `i < j`, or `i = j` and the translation
+/// is positive in lexicographic order.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub(crate) struct ImagePair {
+    pub i: u32,
+    pub j: u32,
+    pub image: Image,
+}
+
+impl ImagePair {
+    /// Returns the pair of curve `i` and curve `j` translated by `image`, in any order.
+    pub fn new(i: u32, j: u32, image: Image) -> ImagePair {
+        let backward = image.map(|n| -n);
+        match i < j || i == j && image > Image::default() {
+            true => ImagePair { i, j, image },
+            false => ImagePair {
+                i: j,
+                j: i,
+                image: backward,
+            },
+        }
+    }
+}
+
+/// Pairs of a curve and an image that may meet, and the curves and images that they need.
+#[derive(Debug)]
+pub(crate) struct ImagePairs {
+    /// Translated curves, those that are not translated included, sorted.
+    pub curves: Translated,
+    /// The pairs, among all pairs of the translated curves.
+    pub share: Share,
+    /// The search remains complete as long as the curves stay within these boxes.
+    within: FractionalBoxes,
+}
+
+impl ImagePairs {
+    /// Finds all pairs of curves with boxes that overlap, or come closer than twice the margin, and
+    /// adds some pairs. `margin` is a share of the cell, or a length along directions without
+    /// repetition.
+    ///
+    /// Errors: [`Error::Usage`] if a curve spans too many cells, or is too far away from the first
+    /// one.
+    pub fn find(
+        boxes: &FractionalBoxes,
+        cell: &Cell,
+        margin: Point,
+        others: impl IntoIterator<Item = ImagePair>,
+    ) -> Result<ImagePairs> {
+        let within = boxes.dilated(margin);
+        let mut pairs: BTreeSet<ImagePair> = others.into_iter().collect();
+        search(&within, cell, &mut pairs)?;
+        let ends = |p: &ImagePair| [(p.i, Image::default()), (p.j, p.image)];
+        let mut curves: Vec<(u32, Image)> = pairs.iter().flat_map(ends).collect();
+        curves.sort_unstable_by_key(order);
+        curves.dedup();
+        let curves: Translated = curves.into();
+        Ok(ImagePairs {
+            share: Share::of_images(curves.clone()),
+            curves,
+            within,
+        })
+    }
+
+    /// Returns true if no other pairs can have come within reach of one another.
+    pub fn are_complete(&self, boxes: &FractionalBoxes) -> bool {
+        self.within.contain(boxes)
+    }
+
+    /// Returns a pair of the share: the first curve is not translated.
+    pub fn pair(&self, a: u32, b: u32) -> ImagePair {
+        let [(i, _), (j, image)] = [a, b].map(|k| self.curves[k as usize]);
+        ImagePair { i, j, image }
+    }
+
+    /// Returns the numbers of both curves of a pair, the one that is not translated first.
+    pub fn find_pair(&self, pair: ImagePair) -> Option<(u32, u32)> {
+        let number = |key: (u32, Image)| {
+            let found = self.curves.binary_search_by_key(&order(&key), order);
+            found.ok().map(|k| k as u32)
+        };
+        Some((number((pair.i, Image::default()))?, number((pair.j, pair.image))?))
+    }
+}
+
+/// Returns the key by which translated curves are sorted: those that are not translated come first.
+fn order(&(curve, image): &(u32, Image)) -> (bool, Image, u32) {
+    (image != Image::default(), image, curve)
+}
+
+/// Adds all pairs of a curve and an image with overlapping boxes.
+fn search(boxes: &FractionalBoxes, cell: &Cell, pairs: &mut BTreeSet<ImagePair>) -> Result<()> {
+    let periodic = cell.periodic();
+    // Translation that brings the center of each box into the first cell.
+    let mut home: Vec<Image> = Vec::with_capacity(boxes.bounds.len());
+    let mut around = [[f64::INFINITY; 3], [f64::NEG_INFINITY; 3]];
+    for (i, [lo, hi]) in boxes.bounds.iter().enumerate() {
+        let mut by = Image::default();
+        for x in (0..3).filter(|&x| periodic[x]) {
+            let cells = (0.5 * (lo[x] + hi[x])).floor();
+            if cells.is_nan() || cells.abs() > FARTHEST || hi[x] - lo[x] > FARTHEST {
+                return Err(too_far(i));
+            }
+            by[x] = -cells as i32;
+        }
+        home.push(by);
+        for x in 0..3 {
+            around[0][x] = around[0][x].min(lo[x] + f64::from(by[x]));
+            around[1][x] = around[1][x].max(hi[x] + f64::from(by[x]));
+        }
+    }
+    let mut found: Vec<(u32, Image)> = Vec::new();
+    let mut singles: Vec<Box3> = Vec::new();
+    let mut total = 0_u64;
+    for (i, bounds) in boxes.bounds.iter().enumerate() {
+        let by = home[i].map(f64::from);
+        // `lo + by + n <= around.hi` and `hi + by + n >= around.lo`.
+        let range = |x: usize| -> RangeInclusive<i32> {
+            match periodic[x] {
+                true => {
+                    let first = (around[0][x] - bounds[1][x] - by[x]).floor();
+                    let last = (around[1][x] - bounds[0][x] - by[x]).ceil();
+                    first as i32..=last as i32
+                }
+                false => 0..=0,
+            }
+        };
+        let ranges = [0, 1, 2].map(range);
+        let size = |r: &RangeInclusive<i32>| u64::from(r.end().abs_diff(*r.start())) + 1;
+        let images = ranges.iter().map(size);
+        total = images.fold(1_u64, u64::saturating_mul).saturating_add(total);
+        if total > MOST_IMAGES {
+            return Err(too_far(i));
+        }
+        let outer = single(&around, [0.0; 3]);
+        for n in images_in(&ranges) {
+            let translated = single(bounds, [0, 1, 2].map(|x| by[x] + f64::from(n[x])));
+            if translated.overlaps(&outer) {
+                found.push((i as u32, n));
+                singles.push(translated);
+            }
+        }
+    }
+    for &mut (a, b) in LinkSearch::default().find(&singles).iter_mut() {
+        let [(i, m), (j, n)] = [a, b].map(|k| found[k as usize]);
+        // One of both has its center in the first cell.
+        if m != Image::default() && n != Image::default() {
+            continue;
+        }
+        let image = [0, 1, 2].map(|x| {
+            let [from, to] = [(i, m), (j, n)].map(|(i, n)| home[i as usize][x] + n[x]);
+            to - from
+        });
+        if image != Image::default() {
+            pairs.insert(ImagePair::new(i, j, image));
+        }
+    }
+    Ok(())
+}
+
+/// Returns all triples of numbers in these ranges.
+fn images_in([a, b, c]: &[RangeInclusive<i32>; 3]) -> impl Iterator<Item = Image> {
+    let [a, b, c] = [a, b, c].map(RangeInclusive::clone);
+    a.flat_map(move |i| {
+        let c = c.clone();
+        b.clone().flat_map(move |j| c.clone().map(move |k| [i, j, k]))
+    })
+}
+
+fn too_far(curve: usize) -> Error {
+    Error::Usage(format!(
+        "curve {curve} spans too many periodic cells, or is too far away from the first one: is the \
+         cell in the units of the coordinates?"
+    ))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::random::Random;
+
+    /// Returns the pairs with overlapping boxes, by a comparison of all images up to some distance.
+    fn by_brute_force(boxes: &FractionalBoxes, cell: &Cell, reach: i32) -> BTreeSet<ImagePair> {
+        let mut pairs = BTreeSet::new();
+        let range = |x: usize| match cell.periodic()[x] {
+            true => -reach..=reach,
+            false => 0..=0,
+        };
+        let ranges = [0, 1, 2].map(range);
+        let all = boxes.bounds.iter().enumerate();
+        for (i, a) in all.clone() {
+            for (j, b) in all.clone().skip(i) {
+                for n in images_in(&ranges) {
+                    let apart = |x: usize| {
+                        let by = f64::from(n[x]);
+                        a[1][x] < b[0][x] + by || b[1][x] + by < a[0][x]
+                    };
+                    if n != Image::default() && !(0..3).any(apart) {
+                        pairs.insert(ImagePair::new(i as u32, j as u32, n));
+                    }
+                }
+            }
+        }
+        pairs
+    }
+
+    /// All pairs are found: in cells with one to three periods, for curves smaller and larger than
+    /// the cell, near and far from the origin.
+    #[test]
+    fn finds_all_images_with_overlapping_boxes() {
+        let mut random = Random::new(11);
+        let mut total = 0;
+        for case in 0..300 {
+            let cell: Cell = ["1,1,1", "1,0,1", "0,0,1", "2,1,0.5"][case % 4].parse().unwrap();
+            let size = [0.1, 0.6, 2.5][case % 3];
+            let bounds = (0..1 + random.below(6)).map(|_| {
+                let lo = [0; 3].map(|_| 6.0 * random.unit() - 3.0);
+                let hi = lo.map(|x| x + size * random.unit());
+                [lo, hi]
+            });
+            let boxes = FractionalBoxes {
+                bounds: bounds.collect(),
+            };
+            let mut found = BTreeSet::new();
+            search(&boxes, &cell, &mut found).unwrap();
+            // Single precision makes boxes larger, so a few more pairs may be found.
+            let expected = by_brute_force(&boxes, &cell, 10);
+            let generous = by_brute_force(&boxes.dilated([1e-6; 3]), &cell, 10);
+            assert!(expected.is_subset(&found), "case {case}");
+            assert!(found.is_subset(&generous), "case {case}");
+            total += found.len();
+        }
+        assert!(total > 2000, "{total}");
+    }
+
+    #[test]
+    fn rejects_curves_that_span_too_many_cells() {
+        let cell: Cell = "1,1,1".parse().unwrap();
+        for far in [1e3, 1e30] {
+            let boxes = FractionalBoxes {
+                bounds: vec![[[0.0; 3], [far; 3]]],
+            };
+            let e = search(&boxes, &cell, &mut BTreeSet::new()).unwrap_err();
+            assert!(e.to_string().contains("curve 0 spans too many periodic cells"), "{e}");
+        }
+    }
+}
