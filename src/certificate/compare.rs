@@ -65,6 +65,11 @@ impl Certificate {
     ///
     /// A pair without a linking number on either side is not compared, but reported.
     /// [`Comparison::adopted`] has the numbers that the baseline lacks.
+    ///
+    /// In periodic scenes, the images that the coordinates belong to do not matter.
+    ///
+    /// Errors: [`Error::CertificateMismatch`] if the numbers of curves differ; [`Error::Usage`] if
+    /// only one of both is of a periodic scene.
     pub fn compare(&self, baseline: &Certificate) -> Result<Comparison> {
         self.compare_except(baseline, &[])
     }
@@ -81,6 +86,9 @@ impl Certificate {
                 certificate: baseline.curves,
                 model: self.curves,
             });
+        }
+        if self.images.is_some() || baseline.images.is_some() {
+            return self.compare_periodic(baseline);
         }
         let mut out = Comparison {
             changes: Vec::new(),

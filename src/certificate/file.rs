@@ -15,30 +15,65 @@
 //! truncated at the end of a line would be a valid certificate with fewer links. It is on the first
 //! line, because other readers most likely ignore it there: verifycurves reads the number with
 //! `atoi`, and table readers skip the first line. Files without the comment are accepted.
+//!
+//! # Periodic scenes
+//!
+//! ```text
+//! periodic 39 # lines: 3
+//! 5,6,0,0,0,-2
+//! 7,7,1,0,0,1
+//! 7,9,0,-1,0,1
+//! ```
+//!
+//! The first word is `periodic`, which readers of the plain form refuse. An entry `i,j,n1,n2,n3,
+//! lambda` is the linking number of curve `i` and of curve `j` translated by `n1`, `n2` and `n3`
+//! times the vectors of the cell. `i <= j`; if both are equal, the translation is positive in
+//! lexicographic order. `undefined` stands for a number, and `i,,undefined` for a curve, as in the
+//! plain form.
+//!
+//! The translations are those of [`canonical`] names, which depend on the topology alone: the text
+//! is the same whichever images the coordinates of the curves belong to.
 
 use super::Certificate;
 use crate::error::{Error, Result};
 use crate::curve::Image;
-use crate::periodic::ImagePair;
-use crate::verdict::{Defect, DefectKind, ImageLink, Link, Place};
+use crate::periodic::{Entry, ImagePair, canonical};
+use crate::verdict::{Defect, DefectKind, Link, Place};
 use std::fmt;
 use std::path::Path;
 
 /// The entry of a pair without a linking number.
 const UNDEFINED: &str = "undefined";
 
+/// First word of the certificate of a periodic scene.
+const PERIODIC: &str = "periodic";
+
 impl fmt::Display for Certificate {
     /// Writes the text of the file. Pairs without a linking number are listed as `i,j,undefined`,
     /// or `i,,undefined` for all pairs of a curve. If they were omitted, they would read as 0.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let lines = self.links.len() + self.undefined.len();
-        writeln!(f, "{} {}", self.curves, line_count(lines))?;
-        for l in &self.links {
-            writeln!(f, "{},{},{}", l.i, l.j, l.lambda)?;
+        let Some(entries) = self.entries() else {
+            let lines = self.links.len() + self.undefined.len();
+            writeln!(f, "{} {}", self.curves, line_count(lines))?;
+            for l in &self.links {
+                writeln!(f, "{},{},{}", l.i, l.j, l.lambda)?;
+            }
+            for d in &self.undefined {
+                let j = d.j.map_or(String::new(), |j| j.to_string());
+                writeln!(f, "{},{j},{UNDEFINED}", d.i)?;
+            }
+            return Ok(());
+        };
+        let curves = self.undefined.iter().filter(|d| d.j.is_none());
+        let lines = line_count(entries.len() + curves.clone().count());
+        writeln!(f, "{PERIODIC} {} {lines}", self.curves)?;
+        for (ImagePair { i, j, image }, lambda) in canonical(self.curves, &entries) {
+            let [n1, n2, n3] = image;
+            let lambda = lambda.map_or(UNDEFINED.to_owned(), |lambda| lambda.to_string());
+            writeln!(f, "{i},{j},{n1},{n2},{n3},{lambda}")?;
         }
-        for d in &self.undefined {
-            let j = d.j.map_or(String::new(), |j| j.to_string());
-            writeln!(f, "{},{j},{UNDEFINED}", d.i)?;
+        for d in curves {
+            writeln!(f, "{},,{UNDEFINED}", d.i)?;
         }
         Ok(())
     }
@@ -62,6 +97,10 @@ impl Certificate {
         let (at, first) = lines
             .next()
             .ok_or_else(|| bad(0, "empty; expected the number of curves".into()))?;
+        let (periodic, first) = match first.trim_start().strip_prefix(PERIODIC) {
+            Some(rest) => (true, rest),
+            None => (false, first),
+        };
         let (number, comment) = match first.split_once('#') {
             Some((number, _)) => (number, Some(&first[number.len()..])),
             None => (first, None),
@@ -74,11 +113,29 @@ impl Certificate {
         })?;
         let mut links = Vec::new();
         let mut undefined = Vec::new();
+        let mut images = Vec::new();
         let mut found = 0;
         for (at, line) in lines {
             found += 1;
-            let Some((i, j, lambda)) = entry(line) else {
-                let expected = "expected i,j,lambda or i,j,undefined";
+            if periodic && let Some((pair, lambda)) = image_entry(line) {
+                let ImagePair { i, j, image } = pair;
+                let valid = i < j || i == j && image > Image::default();
+                if !valid || j as usize >= curves {
+                    let what = format!(
+                        "pair {i},{j} of {curves} curves; expected i < j < {curves}, or i = j and a \
+                         positive translation"
+                    );
+                    return Err(bad(at, what));
+                }
+                images.push((pair, lambda));
+                continue;
+            }
+            let entry = entry(line).filter(|e| !periodic || e.1.is_none());
+            let Some((i, j, lambda)) = entry else {
+                let expected = match periodic {
+                    true => "expected i,j,n1,n2,n3,lambda or i,j,n1,n2,n3,undefined",
+                    false => "expected i,j,lambda or i,j,undefined",
+                };
                 return Err(bad(at, format!("'{}', {expected}", clip(line))));
             };
             if j.is_some_and(|j| i >= j) || j.unwrap_or(i) as usize >= curves {
@@ -120,11 +177,22 @@ impl Certificate {
             let what = format!("pair {i},{j} is listed twice");
             return Err(Error::format("certificate", "whole file", what));
         }
-        Ok(Certificate {
+        let certificate = Certificate {
             curves,
             links,
             undefined,
-        })
+            images: None,
+        };
+        if !periodic {
+            return Ok(certificate);
+        }
+        images.sort_unstable();
+        if let Some([(pair, _), _]) = images.array_windows().find(|[a, b]| a.0 == b.0) {
+            let what = format!("pair {},{} {:?} is listed twice", pair.i, pair.j, pair.image);
+            return Err(Error::format("certificate", "whole file", what));
+        }
+        images.retain(|e| e.1 != Some(0));
+        Ok(certificate.with_entries(&images))
     }
 
     /// Reads a certificate file.
@@ -175,8 +243,23 @@ fn entry(line: &str) -> Option<(u32, Option<u32>, Option<i64>)> {
     fields.next().is_none().then_some(entry)
 }
 
+/// Parses a line of a periodic scene, or returns `None` if it is malformed.
+fn image_entry(line: &str) -> Option<Entry> {
+    let fields: Vec<&str> = line.split(',').map(str::trim).collect();
+    let [i, j, n1, n2, n3, lambda] = fields[..] else {
+        return None;
+    };
+    let image = [n1.parse().ok()?, n2.parse().ok()?, n3.parse().ok()?];
+    let lambda = match lambda {
+        UNDEFINED => None,
+        number => Some(number.parse().ok()?),
+    };
+    let (i, j) = (i.parse().ok()?, j.parse().ok()?);
+    Some((ImagePair { i, j, image }, lambda))
+}
+
 /// Returns a defect of a pair, or of all pairs of a curve, for an unknown reason.
-fn undefined_entry(i: u32, j: Option<u32>) -> Defect {
+pub(super) fn undefined_entry(i: u32, j: Option<u32>) -> Defect {
     let kind = match j {
         Some(_) => DefectKind::TooClose,
         None => DefectKind::Degenerate,
@@ -234,6 +317,30 @@ mod tests {
         assert_eq!(c.to_string(), text);
         let shuffled = "9\n4,,undefined\n 2, 8, undefined\n0,1,-2\n2,3,undefined\n";
         assert_eq!(Certificate::parse(shuffled).unwrap(), c);
+    }
+
+    #[test]
+    fn certificates_of_periodic_scenes_round_trip() {
+        let text = "periodic 9 # lines: 5\n0,1,0,0,0,-2\n2,2,0,0,1,1\n2,3,0,0,0,1\n\
+                    2,3,0,1,0,undefined\n4,,undefined\n";
+        let c = Certificate::parse(text).unwrap();
+        assert_eq!(c.to_string(), text);
+        assert_eq!((c.links.len(), c.undefined.len()), (2, 1));
+        assert_eq!(c.images.as_ref().unwrap().len(), 2);
+        let empty = Certificate::parse("periodic 70").unwrap();
+        assert_eq!(empty.to_string(), "periodic 70 # lines: 0\n");
+        assert_eq!(Certificate::parse(&empty.to_string()).unwrap(), empty);
+        for (text, says) in [
+            ("periodic 3\n0,1,1\n", "expected i,j,n1,n2,n3,lambda"),
+            ("periodic 3\n0,0,0,0,-1,1\n", "a positive translation"),
+            ("periodic 3\n0,3,0,0,0,1\n", "of 3 curves"),
+            ("periodic 3\n0,1,0,0,0,1\n0,1,0,0,0,2\n", "listed twice"),
+            ("periodic 3 # lines: 2\n0,1,0,0,0,1\n", "found 1"),
+            ("periodic\n", "number of curves"),
+        ] {
+            let e = Certificate::parse(text).unwrap_err().to_string();
+            assert!(e.contains(says), "{text:?}: {e}");
+        }
     }
 
     #[test]

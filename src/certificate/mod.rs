@@ -3,12 +3,14 @@
 
 mod compare;
 mod file;
+mod images;
 
 pub use compare::Comparison;
 
+use crate::curve::Image;
 use crate::error::{Error, Result};
 use crate::pairs::Share;
-use crate::verdict::{Defect, Link};
+use crate::verdict::{Defect, ImageLink, Link};
 
 /// All linking numbers of a frame: the sparse upper triangular linking matrix (Qu & James 2021,
 /// section 3).
@@ -36,6 +38,14 @@ pub struct Certificate {
     /// Pairs and curves without a linking number (contact, too close, degenerate), sorted; see
     /// [`Defect`].
     pub undefined: Vec<Defect>,
+    /// For periodic scenes ([`Cell`](crate::Cell)): the linking numbers of curves with images of
+    /// other curves and of themselves that are not 0, and the pairs without one, sorted. `None`: the
+    /// scene is not periodic.
+    ///
+    /// The coordinates of a curve may be those of any of its images, and the translations depend on
+    /// that. [`Certificate::compare`] finds out which belong together.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub images: Option<Vec<ImageLink>>,
 }
 
 impl Certificate {
@@ -56,7 +66,18 @@ impl Certificate {
             return Err(Error::format("certificate", "entries", what));
         }
         let sorted = self.undefined.is_sorted_by_key(|d| (d.i, d.j));
-        if !sorted || !links.is_sorted_by(|a, b| a < b) {
+        let images = self.images.as_deref().unwrap_or_default();
+        let valid = |l: &ImageLink| {
+            let ordered = l.i < l.j || l.i == l.j && l.image > Image::default();
+            ordered && l.image != Image::default() && (l.j as usize) < curves
+        };
+        if let Some(l) = images.iter().find(|l| !valid(l)) {
+            let what = format!("image {:?} of pair {},{} of {curves} curves", l.image, l.i, l.j);
+            return Err(Error::format("certificate", "entries", what));
+        }
+        let key = |l: &ImageLink| (l.i, l.j, l.image);
+        let images_sorted = images.is_sorted_by(|a, b| key(a) < key(b));
+        if !sorted || !images_sorted || !links.is_sorted_by(|a, b| a < b) {
             return Err(Error::format("certificate", "entries", "not sorted"));
         }
         Ok(())
@@ -117,6 +138,7 @@ impl Certificate {
             curves: origins.len(),
             links: links.collect(),
             undefined: undefined.collect(),
+            images: None,
         };
         out.sort();
         out
@@ -174,6 +196,7 @@ impl Certificate {
             curves: self.curves,
             links: links.copied().collect(),
             undefined: undefined.copied().collect(),
+            images: None,
         }
     }
 

@@ -81,6 +81,13 @@ impl FractionalBoxes {
         }
     }
 
+    /// Returns the size of the scene along a direction.
+    pub fn extent(&self, x: usize) -> f64 {
+        let lo = self.bounds.iter().map(|b| b[0][x]).fold(f64::INFINITY, f64::min);
+        let hi = self.bounds.iter().map(|b| b[1][x]).fold(f64::NEG_INFINITY, f64::max);
+        (hi - lo).max(0.0)
+    }
+
     /// Returns the boxes grown by a margin on all sides: of these shares of the cell, or of these
     /// lengths.
     pub fn dilated(&self, margin: Point) -> FractionalBoxes {

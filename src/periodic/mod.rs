@@ -25,5 +25,5 @@ mod names;
 mod pairs;
 
 pub(crate) use boxes::FractionalBoxes;
-pub(crate) use names::{aligned, canonical};
+pub(crate) use names::{Entry, aligned, canonical};
 pub(crate) use pairs::{ImagePair, ImagePairs};

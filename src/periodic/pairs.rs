@@ -62,17 +62,21 @@ impl ImagePairs {
     /// adds some pairs. `margin` is a share of the cell, or a length along directions without
     /// repetition.
     ///
+    /// `used` is true for the curves that are searched.
+    ///
     /// Errors: [`Error::Usage`] if a curve spans too many cells, or is too far away from the first
-    /// one.
+    /// one; [`Error::TooManyPairs`] if there are more than `most`.
     pub fn find(
         boxes: &FractionalBoxes,
         cell: &Cell,
         margin: Point,
+        used: impl Fn(usize) -> bool,
+        most: usize,
         others: impl IntoIterator<Item = ImagePair>,
     ) -> Result<ImagePairs> {
         let within = boxes.dilated(margin);
         let mut pairs: BTreeSet<ImagePair> = others.into_iter().collect();
-        search(&within, cell, &mut pairs)?;
+        search(&within, cell, (&used, most), &mut pairs)?;
         let ends = |p: &ImagePair| [(p.i, Image::default()), (p.j, p.image)];
         let mut curves: Vec<(u32, Image)> = pairs.iter().flat_map(ends).collect();
         curves.sort_unstable_by_key(order);
@@ -112,7 +116,12 @@ fn order(&(curve, image): &(u32, Image)) -> (bool, Image, u32) {
 }
 
 /// Adds all pairs of a curve and an image with overlapping boxes.
-fn search(boxes: &FractionalBoxes, cell: &Cell, pairs: &mut BTreeSet<ImagePair>) -> Result<()> {
+fn search(
+    boxes: &FractionalBoxes,
+    cell: &Cell,
+    (used, most): (&dyn Fn(usize) -> bool, usize),
+    pairs: &mut BTreeSet<ImagePair>,
+) -> Result<()> {
     let periodic = cell.periodic();
     // Translation that brings the center of each box into the first cell.
     let mut home: Vec<Image> = Vec::with_capacity(boxes.bounds.len());
@@ -127,6 +136,9 @@ fn search(boxes: &FractionalBoxes, cell: &Cell, pairs: &mut BTreeSet<ImagePair>)
             by[x] = -cells as i32;
         }
         home.push(by);
+        if !used(i) {
+            continue;
+        }
         for x in 0..3 {
             around[0][x] = around[0][x].min(lo[x] + f64::from(by[x]));
             around[1][x] = around[1][x].max(hi[x] + f64::from(by[x]));
@@ -135,7 +147,7 @@ fn search(boxes: &FractionalBoxes, cell: &Cell, pairs: &mut BTreeSet<ImagePair>)
     let mut found: Vec<(u32, Image)> = Vec::new();
     let mut singles: Vec<Box3> = Vec::new();
     let mut total = 0_u64;
-    for (i, bounds) in boxes.bounds.iter().enumerate() {
+    for (i, bounds) in boxes.bounds.iter().enumerate().filter(|&(i, _)| used(i)) {
         let by = home[i].map(f64::from);
         // `lo + by + n <= around.hi` and `hi + by + n >= around.lo`.
         let range = |x: usize| -> RangeInclusive<i32> {
@@ -176,6 +188,9 @@ fn search(boxes: &FractionalBoxes, cell: &Cell, pairs: &mut BTreeSet<ImagePair>)
         });
         if image != Image::default() {
             pairs.insert(ImagePair::new(i, j, image));
+        }
+        if pairs.len() > most {
+            return Err(Error::TooManyPairs { limit: most as u64 });
         }
     }
     Ok(())
@@ -245,7 +260,7 @@ mod tests {
                 bounds: bounds.collect(),
             };
             let mut found = BTreeSet::new();
-            search(&boxes, &cell, &mut found).unwrap();
+            search(&boxes, &cell, (&|_| true, usize::MAX), &mut found).unwrap();
             // Single precision makes boxes larger, so a few more pairs may be found.
             let expected = by_brute_force(&boxes, &cell, 10);
             let generous = by_brute_force(&boxes.dilated([1e-6; 3]), &cell, 10);
@@ -263,7 +278,8 @@ mod tests {
             let boxes = FractionalBoxes {
                 bounds: vec![[[0.0; 3], [far; 3]]],
             };
-            let e = search(&boxes, &cell, &mut BTreeSet::new()).unwrap_err();
+            let all = (&|_| true as _, usize::MAX);
+            let e = search(&boxes, &cell, all, &mut BTreeSet::new()).unwrap_err();
             assert!(e.to_string().contains("curve 0 spans too many periodic cells"), "{e}");
         }
     }

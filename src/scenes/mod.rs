@@ -178,6 +178,7 @@ impl Generated {
             curves: curves.len(),
             links,
             undefined: Vec::new(),
+            images: None,
         };
         Generated {
             curves,

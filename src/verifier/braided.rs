@@ -10,7 +10,7 @@ use crate::certificate::Certificate;
 use crate::curve::CurveSet;
 use crate::discretize::BraidLoops;
 use crate::error::{Error, Result};
-use crate::incremental::{Events, Route};
+use crate::incremental::Events;
 use crate::ingest::FramePool;
 use crate::pairs::Share;
 use crate::verdict::{AbortOn, Change, Defect, LoopPair, Report, Stats};
@@ -173,37 +173,24 @@ impl Verifier {
         report.adopted.sort_by_key(|l| (l.i, l.j));
         report.loops = pairs;
         report.loops.sort_by_key(|p| p.curves);
-        let Stats {
-            curves,
-            segments,
-            open_curves,
-            extent,
-            ..
-        } = report.stats;
-        report.stats.add(&of_loops.stats);
-        report.stats = Stats {
-            curves,
-            segments,
-            open_curves,
-            extent,
-            ..report.stats
-        };
-        let Some(Braided { inner, .. }) = &self.braided else {
-            return;
-        };
-        let (timings, work) = (inner.timings(), inner.work());
-        let own = &mut self.full.timings;
-        own.boxes += timings.boxes;
-        own.pairs += timings.pairs;
-        own.links += timings.links;
-        self.work.recomputed += work.recomputed;
-        self.work.searched += work.searched;
-        self.work.summed += work.summed;
-        self.work.disagreed |= work.disagreed;
-        self.work.route = match [self.work.route, work.route] {
-            [Route::Full, _] | [_, Route::Full] => Route::Full,
-            [Route::Partial, _] | [_, Route::Partial] => Route::Partial,
-            _ => Route::Quiet,
-        };
+        add_work(&mut report.stats, &of_loops.stats);
+        if let Some(Braided { inner, .. }) = &self.braided {
+            let (timings, work) = (inner.timings(), inner.work());
+            self.full.timings.add(&timings);
+            self.work.add(&work);
+        }
     }
+}
+
+/// Adds the work counters of an inner verifier, but not its sizes.
+pub(super) fn add_work(stats: &mut Stats, inner: &Stats) {
+    let sizes = *stats;
+    stats.add(inner);
+    *stats = Stats {
+        curves: sizes.curves,
+        segments: sizes.segments,
+        open_curves: sizes.open_curves,
+        extent: sizes.extent,
+        ..*stats
+    };
 }

@@ -256,6 +256,7 @@ impl FullRun {
             curves,
             links,
             undefined,
+            images: _,
         } = &mut self.certificate;
         *curves = set.len();
         links.clear();

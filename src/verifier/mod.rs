@@ -9,6 +9,7 @@ mod full;
 mod intactness;
 mod ladder;
 mod options;
+mod periodic;
 mod routing;
 mod shards;
 mod steps;
@@ -23,11 +24,12 @@ pub use shards::{Joiner, Part};
 
 use self::braided::Braided;
 use self::full::{FullRun, sizes};
+use self::periodic::Periodic;
 use self::routing::Routing;
 use self::steps::{LinkingNumbers, Steps};
 use crate::cancel::{Cancel, PairLimit};
 use crate::certificate::{Certificate, Comparison};
-use crate::curve::{CurveChange, CurveSet};
+use crate::curve::{CurveChange, CurveSet, Image};
 use crate::error::{Error, Result};
 use crate::incremental::{Events, Monitor, Outcome, Route, Work};
 use crate::ingest::{RawFrame, ingest};
@@ -106,6 +108,16 @@ pub struct Timings {
     pub total: Duration,
 }
 
+impl Timings {
+    /// Adds the times of another verifier of the same frame.
+    fn add(&mut self, inner: &Timings) {
+        self.boxes += inner.boxes;
+        self.pairs += inner.pairs;
+        self.links += inner.links;
+        self.events += inner.events;
+    }
+}
+
 /// Verifies successive frames against a baseline. Its buffers are reused for every frame.
 ///
 /// The result does not depend on the number of threads of the rayon pool in which it is called.
@@ -134,7 +146,9 @@ pub struct Verifier {
     with_braids: Option<Box<VerifierOptions>>,
     /// Loops of the braids, from the first frame on.
     braided: Option<Braided>,
-    /// Expected linking numbers, those of loops included, if there are braids.
+    /// Verifies the periodic images of the curves, if there is a cell.
+    periodic: Option<Box<Periodic>>,
+    /// Expected linking numbers, those of loops or of images included, if there are any.
     joined: Option<Certificate>,
     /// Measures the clearance; `None` if nobody asked for it, or it failed.
     clearance: Option<ClearanceMonitor>,
@@ -192,16 +206,19 @@ impl Verifier {
         let full = FullRun::new((options.kernel, options.accuracy), gpu);
         let with_braids = options.braids.is_some();
         let with_braids = with_braids.then(|| Box::new(options.clone()));
+        let periodic = options.cell.map(|cell| Box::new(Periodic::new(cell, &options)));
         let limit = options
             .motion_limit
             .unwrap_or(VerifierOptions::MOTION_LIMIT);
         let ends = (full.progress.cancel.clone(), full.progress.limit.clone());
         let incremental = options.strategy.is_incremental();
+        // The baseline of a periodic scene is divided once the names of its images are known.
+        let baseline = options.baseline.filter(|_| periodic.is_none());
         let steps = Steps::new(options.events, incremental, limit, ends);
         Verifier {
             abort_on: options.abort_on,
             max_pairs: options.max_pairs,
-            baseline: options.baseline,
+            baseline,
             strategy: options.strategy,
             full,
             monitor: Monitor::new(steps.coverage(), None),
@@ -215,6 +232,7 @@ impl Verifier {
             share: None,
             with_braids,
             braided: None,
+            periodic,
             joined: None,
             clearance: options.clearance.map(ClearanceMonitor::new),
             unmeasured: None,
@@ -238,6 +256,10 @@ impl Verifier {
         }
         if self.with_braids.is_some() || self.braided.is_some() {
             let what = "the pairs of braids cannot be shared among several verifiers";
+            return Err(Error::Usage(what.into()));
+        }
+        if self.periodic.is_some() {
+            let what = "the pairs of periodic images cannot be shared among several verifiers";
             return Err(Error::Usage(what.into()));
         }
         let curves = share.partition().curves();
@@ -470,6 +492,9 @@ impl Verifier {
     /// come close than [`VerifierOptions::max_pairs`]; [`Error::Cancelled`] after
     /// [`Progress::cancel`].
     pub fn step(&mut self, seq: u64, time: f64, set: &CurveSet) -> Result<Report> {
+        if self.periodic.is_some() {
+            return self.step_shared(seq, time, &Arc::new(set.clone()));
+        }
         let verified = self.verify(seq, time, set);
         self.full.gpu.end_frame(set);
         let (report, linking) = verified?;
@@ -480,6 +505,9 @@ impl Verifier {
     /// Same as [`Verifier::step`], for a frame that the caller shares until the next one is
     /// verified.
     pub fn step_shared(&mut self, seq: u64, time: f64, set: &Arc<CurveSet>) -> Result<Report> {
+        if let Some(periodic) = &mut self.periodic {
+            periodic.receive(set);
+        }
         let verified = self.verify(seq, time, set);
         self.full.gpu.end_frame(set);
         let (report, linking) = verified?;
@@ -500,6 +528,9 @@ impl Verifier {
         if let Some(braided) = &mut self.braided {
             braided.inner.cut();
         }
+        if let Some(periodic) = &mut self.periodic {
+            periodic.cut();
+        }
         if let Some(clearance) = &mut self.clearance {
             clearance.forget();
         }
@@ -510,6 +541,12 @@ impl Verifier {
     pub fn restart(&mut self, baseline: Certificate) {
         self.cut();
         self.steps.restart();
+        if let Some(periodic) = &mut self.periodic {
+            periodic.restart(baseline);
+            (self.baseline, self.joined) = (None, None);
+            self.baseline_changed = true;
+            return;
+        }
         match &mut self.braided {
             Some(braided) => {
                 braided.restart(&baseline);
@@ -569,6 +606,11 @@ impl Verifier {
         if self.with_braids.is_some() || self.braided.is_some() {
             let what = "curves appeared or are gone, but braids need the same curves in all frames";
             return Err(Error::Braid(what.into()));
+        }
+        if self.periodic.is_some() {
+            let what = "curves appeared or are gone, but a periodic scene needs the same curves in \
+                        all frames";
+            return Err(Error::Usage(what.into()));
         }
         let origins = change.origins();
         if origins.len() != set.len() {
@@ -635,6 +677,7 @@ impl Verifier {
                 available: set.len() as u64,
             });
         }
+        self.divide_baseline(set)?;
         if let Some(options) = &self.with_braids {
             let braided = Braided::new(set, options, self)?;
             self.baseline = self.baseline.take().map(|b| braided.without_loops(&b));
@@ -676,6 +719,9 @@ impl Verifier {
         let loops = self.verify_loops((seq, time), set, &mut missing)?;
         // A curve may have passed a virtual connection.
         let unknown = unknown || self.braided.is_some() && loops.is_none();
+        let images = self.verify_images((seq, time), &mut missing)?;
+        // A step across a change of the images may be unknown.
+        let unknown = unknown || images.as_ref().is_some_and(|images| images.unknown);
         let mut report = Report {
             changes: comparison.changes.clone(),
             events,
@@ -693,6 +739,9 @@ impl Verifier {
         if let Some(loops) = loops {
             self.add_loops(&mut report, loops);
         }
+        if let Some(images) = images {
+            self.add_images(&mut report, images);
+        }
         if let Some(braided) = &self.braided {
             report.stats.open_curves = braided.open_curves(set);
         }
@@ -701,6 +750,10 @@ impl Verifier {
         // Curves that have touched since the baseline do not ask the simulator to stop.
         let baseline = self.baseline();
         let expected = |d: &Defect| {
+            if d.image != Image::default() {
+                let periodic = self.periodic.as_ref();
+                return periodic.is_some_and(|periodic| periodic.expects(d));
+            }
             baseline.is_some_and(|b| b.lacks(d.i, d.j)) || self.steps.touch_from_the_start(d.i, d.j)
         };
         report.abort = self.abort_on.aborts(&report, expected);

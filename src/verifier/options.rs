@@ -1,6 +1,7 @@
 //! Options of a verifier, and the check that they fit together.
 
 use crate::certificate::Certificate;
+use crate::curve::Cell;
 use crate::discretize::Braids;
 use crate::error::{Error, Result};
 use crate::incremental::{Events, MOTION_LIMIT};
@@ -67,6 +68,16 @@ pub struct VerifierOptions {
     /// be the same in all frames. Certificates of other runs
     /// ([`VerifierOptions::baseline`]) must have been made with the same ends.
     pub braids: Option<Braids>,
+    /// Periodic cell of the scene, or of its first frame ([`Verifier::set_cell`]). `None`, the
+    /// default: the scene does not repeat.
+    ///
+    /// Each curve then stands for all its images, and linking numbers with images of other curves
+    /// and with its own are verified, and pull-throughs between them. Coordinates must not be
+    /// wrapped into the cell. The curves must be the same in all frames.
+    /// Excludes braids, clearance, kernels that sum, and GPUs.
+    ///
+    /// [`Verifier::set_cell`]: crate::Verifier::set_cell
+    pub cell: Option<Cell>,
     /// Maximum number of pairs of curves whose boxes overlap, in a frame or in the motion since the
     /// previous one. A frame with more is not verified ([`Error::TooManyPairs`]), because the
     /// memory for them, up to 200 bytes each, may not be there. The default is
@@ -137,6 +148,7 @@ impl Default for VerifierOptions {
             motion_limit: None,
             clearance: None,
             braids: None,
+            cell: None,
             max_pairs: VerifierOptions::MAX_PAIRS,
             kernel: Method::default(),
             accuracy: Accuracy::default(),
@@ -171,6 +183,18 @@ impl VerifierOptions {
                 "early exit excludes the kernel {}: it counts the crossings of few pairs at a time",
                 self.kernel
             ));
+        }
+        if let Some(cell) = &self.cell {
+            cell.check()?;
+            let excluded = [
+                ("braids", self.braids.is_some()),
+                ("clearance", self.clearance.is_some()),
+                ("kernels that sum", sums),
+                ("a GPU", !matches!(self.device, Device::Auto | Device::Cpu)),
+            ];
+            if let Some((what, _)) = excluded.iter().find(|(_, given)| *given) {
+                return refuse(format!("a periodic cell excludes {what}"));
+            }
         }
         if self.abort_on == AbortOn::Event && !searches {
             return refuse("abort on event needs events, which are off".into());

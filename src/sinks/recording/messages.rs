@@ -407,6 +407,7 @@ impl TryFrom<schema::Baseline> for BaselineRecord {
                 curves,
                 links,
                 undefined,
+                images: None,
             }),
             origin: b.origin,
         })

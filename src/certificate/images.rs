@@ -1,0 +1,158 @@
+//! Linking numbers with periodic images, and their comparison.
+
+use super::{Certificate, Comparison};
+use crate::curve::Image;
+use crate::error::{Error, Result};
+use crate::periodic::{Entry, ImagePair, aligned};
+use crate::verdict::{Change, Defect, DefectKind, ImageLink, Link, Place};
+use std::collections::BTreeMap;
+
+impl Certificate {
+    /// Returns the entries of all pairs of a periodic scene, sorted; `None` if it is not periodic.
+    pub(crate) fn entries(&self) -> Option<Vec<Entry>> {
+        let images = self.images.as_ref()?;
+        let home = |i, j| ImagePair {
+            i,
+            j,
+            image: Image::default(),
+        };
+        let links = self.links.iter().map(|l| (home(l.i, l.j), Some(l.lambda)));
+        let undefined = self.undefined.iter();
+        let undefined = undefined.filter_map(|d| Some((home(d.i, d.j?), None)));
+        let images = images.iter().map(|&ImageLink { i, j, image, lambda }| {
+            (ImagePair { i, j, image }, lambda)
+        });
+        let mut all: Vec<Entry> = links.chain(undefined).chain(images).collect();
+        all.sort_unstable();
+        Some(all)
+    }
+
+    /// Returns this certificate with other entries of pairs, sorted, of a periodic scene.
+    pub(crate) fn with_entries(&self, entries: &[Entry]) -> Certificate {
+        let mut out = Certificate {
+            curves: self.curves,
+            ..Certificate::default()
+        };
+        let mut images = Vec::new();
+        for &(ImagePair { i, j, image }, lambda) in entries {
+            match (image == Image::default(), lambda) {
+                (false, _) => images.push(ImageLink { i, j, image, lambda }),
+                (true, Some(lambda)) => out.links.push(Link { i, j, lambda }),
+                (true, None) => {
+                    let known = self.undefined.iter().find(|d| (d.i, d.j) == (i, Some(j)));
+                    let unknown = super::file::undefined_entry(i, Some(j));
+                    out.undefined.push(known.copied().unwrap_or(unknown));
+                }
+            }
+        }
+        let curves = self.undefined.iter().filter(|d| d.j.is_none());
+        out.undefined.extend(curves);
+        out.undefined.sort_by_key(|d| (d.i, d.j));
+        out.images = Some(images);
+        out
+    }
+
+    /// Returns this baseline under the names that a frame has for the images of the curves.
+    pub(crate) fn aligned_with(&self, frame: &Certificate) -> Certificate {
+        match (self.entries(), frame.entries()) {
+            (Some(baseline), Some(frame)) => {
+                self.with_entries(&aligned(self.curves, &baseline, &frame))
+            }
+            _ => self.clone(),
+        }
+    }
+
+    /// [`Certificate::compare`] of periodic scenes.
+    pub(super) fn compare_periodic(&self, baseline: &Certificate) -> Result<Comparison> {
+        let baseline = baseline.aligned_with(self);
+        let (Some(before), Some(now)) = (baseline.entries(), self.entries()) else {
+            let what = match baseline.images {
+                Some(_) => "the baseline is of a periodic scene, but the frame has no cell",
+                None => "the baseline is not of a periodic scene, but the frame has a cell",
+            };
+            return Err(Error::Usage(what.into()));
+        };
+        let mut both = BTreeMap::<ImagePair, [Option<i64>; 2]>::new();
+        for (side, entries) in [before, now].into_iter().enumerate() {
+            for (pair, lambda) in entries {
+                both.entry(pair).or_insert([Some(0); 2])[side] = lambda;
+            }
+        }
+        let mut out = Comparison {
+            defects: self.undefined.clone(),
+            ..Comparison::default()
+        };
+        let without = |i: u32| {
+            let of_curve = |c: &Certificate| c.undefined.iter().any(|d| (d.i, d.j) == (i, None));
+            of_curve(self) || of_curve(&baseline)
+        };
+        for (ImagePair { i, j, image }, numbers) in both {
+            let home = image == Image::default();
+            let defect = |kind| Defect {
+                image,
+                kind,
+                ..super::file::undefined_entry(i, Some(j))
+            };
+            match numbers {
+                _ if without(i) || without(j) => {}
+                // Those of curves themselves are in the list already.
+                [_, None] if home => {}
+                [_, None] => out.defects.push(defect(DefectKind::TooClose)),
+                [None, Some(lambda)] => {
+                    out.defects.push(defect(DefectKind::NoBaseline));
+                    if home && lambda != 0 {
+                        out.adopted.push(Link { i, j, lambda });
+                    }
+                }
+                [Some(expected), Some(found)] if expected != found => out.changes.push(Change {
+                    i,
+                    j,
+                    image,
+                    expected,
+                    found,
+                    place: None::<Place>,
+                }),
+                _ => {}
+            }
+        }
+        let known = |d: &&Defect| d.j.is_none() && !self.lacks(d.i, None);
+        out.defects.extend(baseline.undefined.iter().filter(known).map(|d| Defect {
+            kind: DefectKind::NoBaseline,
+            ..*d
+        }));
+        out.defects.sort_by_key(|d| (d.i, d.j, d.image));
+        Ok(out)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn certificates_of_the_same_periodic_topology_are_equal_under_other_names() {
+        let text = "periodic 3\n0,1,0,0,0,1\n1,2,0,0,0,1\n0,2,1,0,0,1\n";
+        let baseline = Certificate::parse(text).unwrap();
+        // Curve 1 is moved by a lattice vector.
+        let moved = "periodic 3\n0,1,0,-1,0,1\n1,2,0,1,0,1\n0,2,1,0,0,1\n";
+        let moved = Certificate::parse(moved).unwrap();
+        assert_ne!(moved.entries(), baseline.entries());
+        assert_eq!(moved.to_string(), baseline.to_string());
+        assert!(moved.compare(&baseline).unwrap().changes.is_empty());
+        let broken = "periodic 3\n0,1,0,-1,0,1\n1,2,0,1,0,1\n0,2,0,0,0,1\n";
+        let broken = Certificate::parse(broken).unwrap();
+        let changes = broken.compare(&baseline).unwrap().changes;
+        assert!(!changes.is_empty());
+        assert!(changes.iter().all(|c| (c.i, c.j) != (0, 0)));
+    }
+
+    #[test]
+    fn a_periodic_and_a_plain_certificate_are_not_compared() {
+        let [periodic, plain] = ["periodic 3\n", "3\n"].map(|text| Certificate::parse(text));
+        let (periodic, plain) = (periodic.unwrap(), plain.unwrap());
+        for (a, b) in [(&periodic, &plain), (&plain, &periodic)] {
+            let e = a.compare(b).unwrap_err().to_string();
+            assert!(e.contains("periodic scene"), "{e}");
+        }
+    }
+}
