@@ -5,6 +5,7 @@
 //! ([`CurveSet::rounding`]), and what they are made of. Boxes and bounds of floating-point tests
 //! include the error. Tests that they do not decide use the exact sums.
 
+use super::vector::two_sum;
 use super::{Cell, CurveSet, Image, Point, Positions, pow2};
 use crate::error::Result;
 use std::sync::Arc;
@@ -31,6 +32,13 @@ pub(crate) struct Sums {
     cell: Cell,
     /// Bound of the difference of each coordinate from the exact sum. 0 if all are exact.
     rounding: f64,
+}
+
+impl Sums {
+    pub(super) fn has_three_distinct_points(&self, i: usize) -> bool {
+        let (curve, _) = self.curves[i];
+        self.frame.has_three_distinct_points(curve as usize)
+    }
 }
 
 impl CurveSet {
@@ -93,8 +101,8 @@ impl CurveSet {
                 let products = [0, 1, 2].map(|k| (f64::from(image[k]), cell.vectors[k][x]));
                 let whole = products.map(|(n, a)| n * a);
                 let errors = products.map(|(n, a)| n.mul_add(a, -(n * a)));
-                let sums_up = error_of_sum(whole[0], whole[1]) == 0.0
-                    && error_of_sum(whole[0] + whole[1], whole[2]) == 0.0;
+                let sums_up = two_sum(whole[0], whole[1]).1 == 0.0
+                    && two_sum(whole[0] + whole[1], whole[2]).1 == 0.0;
                 longest = longest.max(whole.iter().map(|x| x.abs()).sum());
                 errors == [0.0; 3] && sums_up
             });
@@ -107,8 +115,9 @@ impl CurveSet {
             for k in points {
                 for (x, by) in positions.point(k).into_iter().zip(by) {
                     largest = largest.max(x.abs());
-                    exact &= error_of_sum(x, by) == 0.0;
-                    xyz.push(x + by);
+                    let (sum, error) = two_sum(x, by);
+                    exact &= error == 0.0;
+                    xyz.push(sum);
                 }
             }
         }
@@ -159,14 +168,6 @@ impl CurveSet {
         CurveSet::translate(&frame, &from.curves, &cell, &mut out)?;
         out.ok_or_else(|| crate::error::Error::Usage("no curves".into()))
     }
-}
-
-/// Returns the rounding error of `a + b` (Knuth's two-sum). NaN if the sum overflows.
-#[inline(always)]
-fn error_of_sum(a: f64, b: f64) -> f64 {
-    let sum = a + b;
-    let part = sum - a;
-    (a - (sum - part)) + (b - part)
 }
 
 #[cfg(test)]
@@ -238,9 +239,7 @@ mod tests {
         for &term in terms {
             let mut x = term;
             for part in &mut parts {
-                let sum = x + *part;
-                *part = error_of_sum(x, *part);
-                x = sum;
+                (x, *part) = two_sum(x, *part);
             }
             parts.push(x);
         }

@@ -97,3 +97,12 @@ mod tests {
         assert_eq!(half_difference(most, most.map(|x| -x)), most);
     }
 }
+
+/// Returns a rounded sum and its error, which is a floating-point number (Knuth). The error is NaN if
+/// the sum overflows.
+#[inline(always)]
+pub(crate) fn two_sum(a: f64, b: f64) -> (f64, f64) {
+    let sum = a + b;
+    let part = sum - a;
+    (sum, (a - (sum - part)) + (b - part))
+}

@@ -102,8 +102,8 @@ mod ring;
 #[cfg(test)]
 mod tests;
 
-use crate::curve::vector::{dot, half_difference, mix};
-use crate::curve::{Point, SumEdges};
+use crate::curve::vector::{dot, half_difference, mix, two_sum};
+use crate::curve::{Point, SumEdges, SumPoint, TERMS};
 
 /// Ends of an edge of the first curve and of an edge of the second one.
 pub(crate) type Edges = [[Point; 2]; 2];
@@ -204,19 +204,43 @@ pub(crate) fn passages_of_sums(
         found.into_iter().flatten().for_each(out);
         return Decided::Certified;
     }
-    report(before, after, exact::events_of_sums(sums(), ties), out)
+    // Relative to a vertex, because places along the edges are computed in floating point.
+    let sums = sums();
+    let origin = sums[0][0][0];
+    let local = sums.map(|edges| edges.map(|edge| edge.map(|p| difference(&p, &origin))));
+    report([&local[0], &local[1]], exact::events_of_sums(sums, ties), &mut |mut p| {
+        p.point = [0, 1, 2].map(|x| p.point[x] + before[0][0][x]);
+        out(p);
+    })
+}
+
+/// Returns the vector from one point to another, rounded once or twice.
+fn difference(to: &SumPoint, from: &SumPoint) -> Point {
+    [0, 1, 2].map(|x| {
+        // A growing expansion (Shewchuk 1997): its parts add up to the exact sum.
+        let mut parts = [0.0; 2 * TERMS];
+        let terms = to[x].into_iter().chain(from[x].map(|term| -term));
+        for (count, mut sum) in terms.enumerate() {
+            for part in &mut parts[..count] {
+                let (whole, error) = two_sum(sum, *part);
+                (sum, *part) = (whole, error);
+            }
+            parts[count] = sum;
+        }
+        // The smallest parts come first.
+        parts.iter().sum()
+    })
 }
 
 /// [`passages`] in exact arithmetic only.
 #[cold]
 fn exactly(before: &Edges, after: &Edges, ties: Ties, out: &mut impl FnMut(Passage)) -> Decided {
-    report(before, after, exact::events(before, after, ties), out)
+    report([before, after], exact::events(before, after, ties), out)
 }
 
 /// Calls `out` with the passages at exact events.
 fn report(
-    before: &Edges,
-    after: &Edges,
+    [before, after]: [&Edges; 2],
     events: Option<Vec<exact::Event>>,
     out: &mut impl FnMut(Passage),
 ) -> Decided {

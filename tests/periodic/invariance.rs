@@ -1,0 +1,191 @@
+//! Properties that do not depend on how a periodic scene is described.
+
+use crate::scene::{Point, Scene};
+use crate::support::random::Random;
+use linkwatch::{Events, Image, Strategy, Verdict, Verifier};
+use std::sync::Arc;
+
+/// Moves each curve by a lattice vector.
+fn renamed(scene: &Scene, seed: u64) -> Scene {
+    let mut random = Random::from_key([seed, 24]);
+    let mut moved = scene.clone();
+    for curve in &mut moved.curves {
+        let image: Image = [0; 3].map(|_| random.below(7) - 3);
+        let by = scene.translation(image);
+        for p in curve {
+            *p = [0, 1, 2].map(|x| p[x] + by[x]);
+        }
+    }
+    moved
+}
+
+/// Returns true if no coordinate is rounded by a motion by a lattice vector.
+fn is_on_grid(scene: &Scene) -> bool {
+    let numbers = scene.curves.as_slice().concat().concat();
+    let vectors = scene.cell.vectors.as_flattened();
+    let fraction = |x: &f64| (64.0 * x).fract() == 0.0;
+    numbers.iter().all(fraction) && vectors.iter().all(fraction)
+}
+
+#[test]
+fn moving_a_curve_by_a_lattice_vector_changes_nothing() {
+    let mut equal = 0;
+    for seed in 0..200 {
+        let scene = Scene::random(seed);
+        let moved = renamed(&scene, seed);
+        // Curves that touch may no longer touch after rounding.
+        let [before, after] = [&scene, &moved].map(Scene::certificate);
+        if is_on_grid(&scene) || before.undefined.is_empty() {
+            assert_eq!(after.to_string(), before.to_string(), "seed {seed}");
+            assert!(after.compare(&before).unwrap().changes.is_empty());
+            equal += 1;
+        }
+    }
+    assert!(equal > 150, "{equal}");
+}
+
+#[test]
+fn a_baseline_of_other_images_is_intact() {
+    for seed in 0..60 {
+        let scene = Scene::random(2 * seed + 1);
+        let mut options = scene.options(Strategy::Incremental, Events::Between);
+        options.baseline = Some(scene.certificate());
+        let moved = Arc::new(renamed(&scene, seed).set());
+        let mut verifier = Verifier::new(options).unwrap();
+        for seq in 0..3 {
+            let report = verifier.step_shared(seq, 0.0, &moved).unwrap();
+            assert_eq!(report.verdict, Verdict::Intact, "seed {seed}: {report:?}");
+        }
+    }
+}
+
+/// Another basis of the same lattice: the second vector plus the first one.
+#[test]
+fn another_basis_of_the_lattice_has_the_same_linking_numbers() {
+    let mut linked = 0;
+    for seed in 0..400 {
+        let scene = Scene::random(seed);
+        if scene.cell.periodic() != [true; 3] || !is_on_grid(&scene) {
+            continue;
+        }
+        let mut other = scene.clone();
+        let [a, b, c] = scene.cell.vectors;
+        other.cell.vectors = [a, [0, 1, 2].map(|x| a[x] + b[x]), c];
+        other.cell.origin = [1.0, -2.0, 0.5];
+        let [one, two] = [&scene, &other].map(Scene::certificate);
+        // n1 a + n2 b = (n1 - n2) a + n2 (a + b)
+        let rename = |[n1, n2, n3]: Image| [n1 - n2, n2, n3];
+        let mut expected = Vec::new();
+        for l in one.images.iter().flatten() {
+            let image = rename(l.image);
+            let backward = l.i == l.j && image < Image::default();
+            let image = if backward { image.map(|n| -n) } else { image };
+            expected.push((l.i, l.j, image, l.lambda));
+        }
+        expected.sort_unstable();
+        let found = two.images.iter().flatten();
+        let mut found: Vec<_> = found.map(|l| (l.i, l.j, l.image, l.lambda)).collect();
+        found.sort_unstable();
+        assert_eq!(found, expected, "seed {seed}");
+        linked += found.len();
+    }
+    assert!(linked > 100, "{linked}");
+}
+
+#[test]
+fn permuting_the_axes_changes_no_linking_number() {
+    for seed in 0..120 {
+        let scene = Scene::random(seed);
+        let turn = |p: &Point| [p[1], p[2], p[0]];
+        let mut other = scene.clone();
+        other.curves.iter_mut().flatten().for_each(|p| *p = turn(p));
+        // The vectors keep their order.
+        other.cell.vectors = scene.cell.vectors.each_ref().map(turn);
+        let [one, two] = [&scene, &other].map(Scene::certificate);
+        assert_eq!(one.links, two.links, "seed {seed}");
+        assert_eq!(one.images, two.images, "seed {seed}");
+    }
+}
+
+/// A cell of twice the length has two copies of each curve, and each entry twice.
+#[test]
+fn doubling_the_cell_doubles_every_linking_number() {
+    for seed in 0..120 {
+        let scene = Scene::random(seed);
+        let Some(k) = (0..3).find(|&k| scene.cell.periodic()[k]) else {
+            continue;
+        };
+        let mut image = Image::default();
+        image[k] = 1;
+        let by = scene.translation(image);
+        let copy = |c: &Vec<Point>| c.iter().map(|p| [0, 1, 2].map(|x| p[x] + by[x])).collect();
+        let mut double = scene.clone();
+        double.curves.extend(scene.curves.iter().map(copy));
+        double.cell.vectors[k] = scene.cell.vectors[k].map(|x| 2.0 * x);
+        let [one, two] = [&scene, &double].map(Scene::certificate);
+        if !is_on_grid(&scene) && !one.undefined.is_empty() {
+            continue;
+        }
+        let total = |c: &linkwatch::Certificate| {
+            let images = c.images.as_ref().unwrap();
+            let numbers = images.iter().filter_map(|l| l.lambda);
+            let touching = images.iter().filter(|l| l.lambda.is_none()).count();
+            let all = c.links.iter().map(|l| l.lambda).chain(numbers);
+            (all.map(|l| [l, l.abs()]).fold([0; 2], |a, b| [a[0] + b[0], a[1] + b[1]]), touching)
+        };
+        let ([sum, size], touching) = total(&one);
+        let (doubled, touch_twice) = total(&two);
+        assert_eq!(doubled, [2 * sum, 2 * size], "seed {seed}");
+        let pairs = |c: &linkwatch::Certificate| c.undefined.iter().filter(|d| d.j.is_some()).count();
+        assert_eq!(touch_twice + pairs(&two), 2 * (touching + pairs(&one)), "seed {seed}");
+    }
+}
+
+/// A chain of linked rings drifts through several cells, in unwrapped coordinates: no frame differs
+/// from the first one, and nothing passes through anything.
+#[test]
+fn curves_that_drift_across_the_boundary_stay_intact() {
+    for strategy in [Strategy::Full, Strategy::Incremental, Strategy::Paranoid] {
+        let scene = chain();
+        let mut verifier = Verifier::new(scene.options(strategy, Events::Between)).unwrap();
+        for seq in 0..120_u32 {
+            let mut frame = scene.clone();
+            for (k, curve) in frame.curves.iter_mut().enumerate() {
+                // The rings also wiggle a little.
+                let wiggle = 0.02 * (f64::from(seq) * (1.0 + k as f64)).sin();
+                for p in curve {
+                    p[0] += 0.11 * f64::from(seq) + wiggle;
+                    p[1] -= 0.07 * f64::from(seq);
+                }
+            }
+            let set = Arc::new(frame.set());
+            let report = verifier.step_shared(seq.into(), 0.0, &set).unwrap();
+            assert_eq!(report.verdict, Verdict::Intact, "frame {seq}: {report:?}");
+            assert!(!verifier.work().disagreed);
+            if seq == 0 {
+                let images = verifier.baseline().unwrap().images.clone().unwrap();
+                assert_eq!(images.len(), 1, "the last ring is linked with an image of the first");
+            }
+        }
+    }
+}
+
+/// A chain along x that closes up across the boundary: four rings in a cell of length 4.
+pub fn chain() -> Scene {
+    let ring = |x: f64, upright: bool| -> Vec<Point> {
+        let point = |k: i32| {
+            let (s, c) = (std::f64::consts::TAU * f64::from(k) / 12.0 + 0.1).sin_cos();
+            match upright {
+                true => [x + 0.7 * c, 0.0, 0.5 * s],
+                false => [x + 0.7 * c, 0.5 * s, 0.0],
+            }
+        };
+        (0..12).map(point).collect()
+    };
+    Scene {
+        cell: "4,3,3".parse().unwrap(),
+        curves: (0..4).map(|k| ring(f64::from(k), k % 2 == 0)).collect(),
+        closed: true,
+        reach: 2,
+    }
+}
