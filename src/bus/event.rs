@@ -124,6 +124,7 @@ impl Frame {
             cuts: self.header.cuts,
             layout: self.header.layout,
             time_step: self.header.time_step,
+            cell: None,
             labels: Arc::clone(&last.labels),
         })
     }

@@ -1,6 +1,6 @@
 //! What a simulator tells about a frame, beside its positions.
 
-use crate::curve::{CurveChange, CurveLabels};
+use crate::curve::{Cell, CurveChange, CurveLabels};
 use crate::error::{Error, Result};
 use std::sync::Arc;
 
@@ -17,6 +17,8 @@ pub struct FrameInfo {
     pub layout: u32,
     /// Time step of the simulator in seconds; 0 if it is unknown.
     pub time_step: f64,
+    /// Periodic cell, if the scene repeats ([`Verifier::set_cell`](crate::Verifier::set_cell)).
+    pub cell: Option<Cell>,
     /// Names and radii of the curves.
     pub labels: Arc<CurveLabels>,
 }

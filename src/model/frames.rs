@@ -5,7 +5,7 @@
 //! and not that of the file (unless the format has to be read as a whole).
 
 use super::Format;
-use crate::curve::{CurveLabels, CurveSet};
+use crate::curve::{Cell, CurveLabels, CurveSet};
 use crate::error::Result;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -20,6 +20,9 @@ pub struct ReadOptions {
     pub counts: Option<Vec<i32>>,
     /// Topic of an MCAP file, if several have curves.
     pub topic: Option<String>,
+    /// True if coordinates may be wrapped into the periodic cell: the caller unwraps the curves, so
+    /// curves that are torn at the boundary are not refused.
+    pub wrapped: bool,
 }
 
 /// One frame of a model file.
@@ -31,6 +34,8 @@ pub struct ModelFrame {
     pub seq: u64,
     /// Simulation time in seconds; 0 if the file has none.
     pub time: f64,
+    /// Periodic cell of the frame, if the file has one.
+    pub cell: Option<Cell>,
     /// Names and radii of the curves, as far as the file has them.
     pub labels: Arc<CurveLabels>,
     /// The curves, or the reason why this frame is invalid although later ones can be read.
@@ -43,6 +48,7 @@ impl ModelFrame {
         ModelFrame {
             seq,
             time: 0.0,
+            cell: None,
             labels: Arc::default(),
             curves,
         }

@@ -414,6 +414,7 @@ fn item(
                     cuts: m.cuts,
                     layout: m.layout,
                     time_step: m.time_step,
+                    cell: None,
                     labels: Arc::clone(labels),
                 },
                 received_ns,
