@@ -412,6 +412,7 @@ mod tests {
         let change = Change {
             i: 3,
             j: 4,
+            image: Default::default(),
             expected: 1,
             found: 0,
             place: Some(PLACE),
@@ -451,6 +452,7 @@ mod tests {
         let event = PullThrough {
             i: 3,
             j: 3,
+            image: Default::default(),
             segments: [7, 9],
             fraction: 0.25,
             sign: -1,
@@ -473,6 +475,7 @@ mod tests {
         let defect = Defect {
             i: 2,
             j: None,
+            image: Default::default(),
             kind: DefectKind::Degenerate,
             place: PLACE,
         };
