@@ -1,5 +1,7 @@
 //! Tests of reports about recordings that are written here.
 
+mod clearance;
+
 use super::*;
 use crate::certificate::Certificate;
 use crate::curve::{Basis, CurveLabels, CurveSet, Positions};
