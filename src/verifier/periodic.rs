@@ -227,11 +227,7 @@ impl Periodic {
     }
 
     /// Finds the images that may meet in a frame, or in the step to it.
-    fn search(
-        &mut self,
-        boxes: &FractionalBoxes,
-        progress: &super::Progress,
-    ) -> Result<Inner> {
+    fn search(&mut self, boxes: &FractionalBoxes, progress: &super::Progress) -> Result<Inner> {
         let mut swept = boxes.clone();
         if let Some(before) = &self.before {
             swept = swept.union(&before.boxes);
@@ -301,9 +297,7 @@ impl Periodic {
                 let curves = self.pool.receive(|out| {
                     CurveSet::translate(&before.frame, &inner.pairs.curves, &before.cell, out)
                 })?;
-                let report = inner
-                    .verifier
-                    .step_shared(before.seq, before.time, &curves)?;
+                let report = verifier.step_shared(before.seq, before.time, &curves)?;
                 let touch = |d: &Defect| d.kind == DefectKind::Contact;
                 if self.options.events != Events::Off && report.defects.iter().any(touch) {
                     unknown = true;

@@ -14,6 +14,6 @@ mod exact_sums;
 mod invariance;
 mod scene;
 mod supercell;
-mod through;
 #[path = "../support/mod.rs"]
 mod support;
+mod through;

@@ -20,9 +20,21 @@ struct RingAndYarn {
 impl RingAndYarn {
     fn random(seed: u64) -> RingAndYarn {
         let mut random = Random::from_key([seed, 41]);
-        let cells = ["4,4,4", "4,3,5", "4,0,0,1,4,0,-1,0.5,4", "3.3,0,0,0.7,4.1,0,0.4,0.2,3.9"];
+        let cells = [
+            "4,4,4",
+            "4,3,5",
+            "4,0,0,1,4,0,-1,0.5,4",
+            "3.3,0,0,0.7,4.1,0,0.4,0.2,3.9",
+        ];
         let cell: Cell = random.pick(&cells).parse().unwrap();
-        let periods = [[1, 0, 0], [0, 1, 0], [0, 0, 1], [1, 1, 0], [1, -1, 1], [2, 0, 1]];
+        let periods = [
+            [1, 0, 0],
+            [0, 1, 0],
+            [0, 0, 1],
+            [1, 1, 0],
+            [1, -1, 1],
+            [2, 0, 1],
+        ];
         let period = random.pick(&periods);
         let grid = seed % 2 == 0;
         let snap = |p: Point| match grid {
@@ -39,9 +51,8 @@ impl RingAndYarn {
         let m = 5 + random.below(5);
         let center = [0; 3].map(|_| 4.0 * random.unit());
         let size = 0.8 + 2.0 * random.unit();
-        let ring = (0..m).map(|_| {
-            snap([0, 1, 2].map(|x| center[x] + size * (2.0 * random.unit() - 1.0)))
-        });
+        let ring =
+            (0..m).map(|_| snap([0, 1, 2].map(|x| center[x] + size * (2.0 * random.unit() - 1.0))));
         let ring = ring.collect();
         RingAndYarn {
             cell,
@@ -77,7 +88,11 @@ impl RingAndYarn {
         }
         // Around, at a distance, orthogonally to the period.
         let [ends_at, starts_at] = [loops[loops.len() - 1], loops[0]];
-        let away = [-along[1] - along[2], along[0] - along[2], along[0] + along[1]];
+        let away = [
+            -along[1] - along[2],
+            along[0] - along[2],
+            along[0] + along[1],
+        ];
         let away = match away == [0.0; 3] {
             true => [1.0, 0.0, 0.0],
             false => away,
@@ -197,7 +212,9 @@ fn a_weave_at_rest_is_intact_and_has_no_linking_numbers() {
         let scene = weave();
         let mut verifier = Verifier::new(scene.options(strategy, Events::Between)).unwrap();
         for seq in 0..4 {
-            let report = verifier.step_shared(seq, 0.0, &Arc::new(scene.set())).unwrap();
+            let report = verifier
+                .step_shared(seq, 0.0, &Arc::new(scene.set()))
+                .unwrap();
             assert_eq!(report.verdict, Verdict::Intact, "{report:?}");
         }
         let baseline = verifier.baseline().unwrap();
@@ -213,10 +230,14 @@ fn a_yarn_that_is_lifted_out_of_a_weave_passes_through_others() {
     for strategy in [Strategy::Full, Strategy::Incremental] {
         let scene = weave();
         let mut verifier = Verifier::new(scene.options(strategy, Events::Between)).unwrap();
-        let _ = verifier.step_shared(0, 0.0, &Arc::new(scene.set())).unwrap();
+        let _ = verifier
+            .step_shared(0, 0.0, &Arc::new(scene.set()))
+            .unwrap();
         let mut lifted = scene.clone();
         lifted.curves[2].iter_mut().for_each(|p| p[2] += 1.0);
-        let report = verifier.step_shared(1, 0.1, &Arc::new(lifted.set())).unwrap();
+        let report = verifier
+            .step_shared(1, 0.1, &Arc::new(lifted.set()))
+            .unwrap();
         assert_eq!(report.verdict, Verdict::Changed);
         // It crosses two warp yarns per cell, and was below one of them.
         assert_eq!(report.events.len(), 1, "{:?}", report.events);
@@ -247,7 +268,9 @@ fn a_passage_at_the_boundary_is_found_once() {
         let below = |scene: &Scene| scene.curves[0][0][2];
         let mut verifier = Verifier::new(scene.options(Strategy::Full, Events::Between)).unwrap();
         let _ = verifier.step_shared(0, 0.0, &Arc::new(set.set())).unwrap();
-        let report = verifier.step_shared(1, 0.1, &Arc::new(lifted.set())).unwrap();
+        let report = verifier
+            .step_shared(1, 0.1, &Arc::new(lifted.set()))
+            .unwrap();
         let crossing_is_above = below(&set) > -1.0;
         assert!(crossing_is_above);
         assert_eq!(report.events.len(), 1, "shift {shift}: {:?}", report.events);
@@ -267,7 +290,9 @@ fn a_wrapped_yarn_becomes_one_that_runs_through_the_cell() {
     assert_eq!((set.curve(0).closed, set.points()), (false, 17));
     let mut verifier = Verifier::new(scene.options(Strategy::Full, Events::Between)).unwrap();
     for seq in 0..3 {
-        let report = verifier.step_shared(seq, 0.0, &Arc::new(set.clone())).unwrap();
+        let report = verifier
+            .step_shared(seq, 0.0, &Arc::new(set.clone()))
+            .unwrap();
         assert_eq!(report.verdict, Verdict::Intact, "{report:?}");
     }
 }
@@ -276,10 +301,15 @@ fn a_wrapped_yarn_becomes_one_that_runs_through_the_cell() {
 fn a_yarn_that_no_longer_closes_up_is_not_intact() {
     let scene = weave();
     let mut verifier = Verifier::new(scene.options(Strategy::Full, Events::Between)).unwrap();
-    let _ = verifier.step_shared(0, 0.0, &Arc::new(scene.set())).unwrap();
+    let _ = verifier
+        .step_shared(0, 0.0, &Arc::new(scene.set()))
+        .unwrap();
     let mut torn = scene.clone();
     torn.curves[1][16][0] += 0.1;
     let report = verifier.step_shared(1, 0.1, &Arc::new(torn.set())).unwrap();
     assert_eq!(report.verdict, Verdict::Undecided);
-    assert!(report.missing[0].contains("curve 1 no longer ends at the image"), "{report:?}");
+    assert!(
+        report.missing[0].contains("curve 1 no longer ends at the image"),
+        "{report:?}"
+    );
 }
