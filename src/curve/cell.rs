@@ -86,6 +86,19 @@ impl Cell {
     /// the others. `None` if the vectors are almost linearly dependent.
     pub(crate) fn inverse(&self) -> Option<[Point; 3]> {
         use super::vector::{cross, dot};
+        let a = self.basis()?;
+        let normals = [0, 1, 2].map(|k| cross(a[(k + 1) % 3], a[(k + 2) % 3]));
+        let volume = dot(a[0], normals[0]);
+        let box_volume: f64 = a.map(|v| dot(v, v).sqrt()).iter().product();
+        // Also false if a number is not finite.
+        let spans = volume.abs() > 1e-6 * box_volume;
+        spans.then(|| normals.map(|n| n.map(|x| x / volume)))
+    }
+
+    /// Returns the lattice vectors, with a unit vector orthogonal to the others for each one without
+    /// repetition. `None` if there are too few.
+    pub(crate) fn basis(&self) -> Option<[Point; 3]> {
+        use super::vector::{cross, dot};
         let length = |v: Point| dot(v, v).sqrt();
         let mut a = self.vectors;
         let periodic = self.periodic();
@@ -100,12 +113,7 @@ impl Cell {
             let size = length(normal);
             a[k] = normal.map(|x| x / size);
         }
-        let normals = [0, 1, 2].map(|k| cross(a[(k + 1) % 3], a[(k + 2) % 3]));
-        let volume = dot(a[0], normals[0]);
-        let box_volume: f64 = a.map(length).iter().product();
-        // Also false if a number is not finite.
-        let spans = volume.abs() > 1e-6 * box_volume;
-        spans.then(|| normals.map(|n| n.map(|x| x / volume)))
+        Some(a)
     }
 
     /// Returns the translation of an image, up to rounding.

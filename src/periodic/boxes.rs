@@ -69,18 +69,41 @@ impl FractionalBoxes {
         })
     }
 
-    /// Returns the boxes that contain those of both frames.
-    pub fn union(&self, other: &FractionalBoxes) -> FractionalBoxes {
-        let both = self.bounds.iter().zip(&other.bounds);
-        let union = both.map(|(a, b)| {
-            [
-                [0, 1, 2].map(|x| a[0][x].min(b[0][x])),
-                [0, 1, 2].map(|x| a[1][x].max(b[1][x])),
-            ]
-        });
-        FractionalBoxes {
-            bounds: union.collect(),
+    /// Returns boxes that contain the curves at all times of the step from another frame, in which
+    /// vertices move on straight lines, and the vectors of the cell change at constant speed.
+    ///
+    /// # Derivation: the motion in fractional coordinates
+    ///
+    /// Let `A` be the cell of the first frame, `A + D` that of the second one, and `u` the
+    /// coordinates of a vertex. At the share `t` of the step, `(A + t D) u(t) = x(t)`. The difference
+    /// of `u(t)` from the straight line between both frames is `t (1 - t) (A + t D)^-1 D (u(1) -
+    /// u(0))`. With `e` the norm of `A^-1 D` (the largest sum of a row), it is at most `e / (4 (1 -
+    /// e))` of the largest component of `u(1) - u(0)`, which the box of both frames bounds.
+    ///
+    /// Errors: [`Error::Usage`] if the cell changes by more than half.
+    pub fn swept_from(
+        &self,
+        before: &FractionalBoxes,
+        [from, to]: [&Cell; 2],
+    ) -> Result<FractionalBoxes> {
+        let change = change_of(from, to);
+        if change.is_nan() || change > 0.5 {
+            return Err(Error::Usage(format!(
+                "the cell changed from {from} to {to} in one step: more than half of its size"
+            )));
         }
+        // Twice the bound, which covers rounding.
+        let bend = 0.5 * change / (1.0 - change);
+        let both = before.bounds.iter().zip(&self.bounds);
+        let swept = both.map(|(a, b)| {
+            let lo = [0, 1, 2].map(|x| a[0][x].min(b[0][x]));
+            let hi = [0, 1, 2].map(|x| a[1][x].max(b[1][x]));
+            let size = (0..3).map(|x| hi[x] - lo[x]).fold(0.0, f64::max);
+            [lo.map(|x| x - bend * size), hi.map(|x| x + bend * size)]
+        });
+        Ok(FractionalBoxes {
+            bounds: swept.collect(),
+        })
     }
 
     /// Returns the size of the scene along a direction.
@@ -121,6 +144,28 @@ impl FractionalBoxes {
                 .zip(&other.bounds)
                 .all(|(a, b)| (0..3).all(|x| a[0][x] <= b[0][x] && b[1][x] <= a[1][x]))
     }
+}
+
+/// Returns the norm of the change of a cell, relative to the cell: the largest sum of the magnitudes
+/// of a row. NaN if there is none.
+fn change_of(from: &Cell, to: &Cell) -> f64 {
+    if from.vectors == to.vectors {
+        return 0.0;
+    }
+    let (Some(a), Some(b)) = (from.basis(), to.basis()) else {
+        return f64::NAN;
+    };
+    let Some(inverse) = from.inverse() else {
+        return f64::NAN;
+    };
+    let row = |row: &Point| -> f64 {
+        let component = |k: usize| {
+            let d = [0, 1, 2].map(|x| b[k][x] - a[k][x]);
+            (row[0] * d[0] + row[1] * d[1] + row[2] * d[2]).abs()
+        };
+        (0..3).map(component).sum()
+    };
+    inverse.iter().map(row).fold(0.0, f64::max)
 }
 
 /// Returns a box, translated and rounded outward. Its bounds are finite.

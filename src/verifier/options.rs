@@ -193,7 +193,10 @@ impl VerifierOptions {
                 ("a GPU", !matches!(self.device, Device::Auto | Device::Cpu)),
             ];
             if let Some((what, _)) = excluded.iter().find(|(_, given)| *given) {
-                return refuse(format!("a periodic cell excludes {what}"));
+                return refuse(format!(
+                    "a periodic cell excludes {what} (--cell none verifies the curves without their \
+                     images)"
+                ));
             }
         }
         if self.abort_on == AbortOn::Event && !searches {

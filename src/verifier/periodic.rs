@@ -226,16 +226,12 @@ impl Periodic {
         (changes, defects_of_yarns(&numbers))
     }
 
-    /// Finds the images that may meet in a frame, or in the step to it.
+    /// Finds the images that may meet while the curves are within these boxes.
     fn search(&mut self, boxes: &FractionalBoxes, progress: &super::Progress) -> Result<Inner> {
-        let mut swept = boxes.clone();
-        if let Some(before) = &self.before {
-            swept = swept.union(&before.boxes);
-        }
         let periodic = self.cell.periodic();
         let margin = [0, 1, 2].map(|x| match periodic[x] {
             true => MARGIN,
-            false => MARGIN * swept.extent(x),
+            false => MARGIN * boxes.extent(x),
         });
         let searched = Searched {
             curves: self.frame()?.curves(),
@@ -245,7 +241,7 @@ impl Periodic {
             most: progress.limit.most(),
         };
         let expected = self.expected.iter().flatten().map(|entry| entry.0);
-        let pairs = ImagePairs::find(&swept, &self.cell, margin, &searched, expected)?;
+        let pairs = ImagePairs::find(boxes, &self.cell, margin, &searched, expected)?;
         self.yarns.clone_from(&pairs.yarns);
         if pairs.curves.is_empty() {
             let verifier = None;
@@ -286,9 +282,13 @@ impl Periodic {
             unknown = true;
             missing.push(why);
         }
-        let complete = |inner: &Inner| inner.pairs.are_complete(&boxes);
+        let swept = match &self.before {
+            Some(before) => boxes.swept_from(&before.boxes, [&before.cell, &self.cell])?,
+            None => boxes.clone(),
+        };
+        let complete = |inner: &Inner| inner.pairs.are_complete(&swept);
         if !self.inner.as_ref().is_some_and(complete) {
-            let mut inner = self.search(&boxes, progress)?;
+            let mut inner = self.search(&swept, progress)?;
             self.pool = FramePool::default();
             if let (Some(verifier), Some(before)) = (&mut inner.verifier, &self.before) {
                 // One signal ends both.

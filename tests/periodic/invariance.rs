@@ -183,6 +183,76 @@ fn curves_that_drift_across_the_boundary_stay_intact() {
     }
 }
 
+/// The cell is sheared and grows, and the curves follow: no frame differs from the first one, until
+/// one ring is pulled out across the boundary.
+#[test]
+fn a_cell_that_changes_from_frame_to_frame_keeps_its_topology() {
+    for strategy in [Strategy::Full, Strategy::Incremental, Strategy::Paranoid] {
+        let scene = chain();
+        let mut verifier = Verifier::new(scene.options(strategy, Events::Between)).unwrap();
+        for seq in 0..60_u32 {
+            let t = 0.02 * f64::from(seq);
+            let deformed = |p: &Point| {
+                [
+                    p[0] * (1.0 + 0.3 * t) + t * p[1],
+                    p[1],
+                    p[2] - 0.2 * t * p[0],
+                ]
+            };
+            let mut frame = scene.clone();
+            frame.cell.vectors = scene.cell.vectors.each_ref().map(deformed);
+            frame
+                .curves
+                .iter_mut()
+                .flatten()
+                .for_each(|p| *p = deformed(p));
+            let broken = seq == 59;
+            if broken {
+                // The last ring leaves the image of the first one.
+                frame.curves[3].iter_mut().for_each(|p| p[2] += 1.4);
+            }
+            verifier.set_cell(frame.cell).unwrap();
+            let report = verifier
+                .step_shared(seq.into(), 0.0, &Arc::new(frame.set()))
+                .unwrap();
+            let expected = if broken {
+                Verdict::Changed
+            } else {
+                Verdict::Intact
+            };
+            assert_eq!(report.verdict, expected, "frame {seq}: {report:?}");
+            assert!(!verifier.work().disagreed);
+            if broken {
+                let changes = report.changes.iter();
+                let changed: Vec<_> = changes.map(|c| (c.i, c.j, c.image)).collect();
+                assert_eq!(changed, [(0, 3, [-1, 0, 0]), (2, 3, [0; 3])]);
+                assert_eq!(
+                    report.events.iter().map(|e| e.sign).sum::<i32>().abs() % 2,
+                    0
+                );
+                assert!(report.events.iter().any(|e| e.image == [-1, 0, 0]));
+            }
+        }
+    }
+}
+
+#[test]
+fn a_cell_of_another_kind_or_none_is_refused() {
+    let scene = chain();
+    let mut verifier = Verifier::new(scene.options(Strategy::Full, Events::Off)).unwrap();
+    let e = verifier.set_cell("4,3,0".parse().unwrap()).unwrap_err();
+    assert!(e.to_string().contains("other vectors"), "{e}");
+    let mut plain = Verifier::default();
+    let _ = plain.step_shared(0, 0.0, &Arc::new(scene.set())).unwrap();
+    let e = plain.set_cell(scene.cell).unwrap_err().to_string();
+    assert!(e.contains("the previous ones had none"), "{e}");
+    // Before the first frame, a cell makes the verifier periodic.
+    let mut fresh = Verifier::default();
+    fresh.set_cell(scene.cell).unwrap();
+    let _ = fresh.step_shared(0, 0.0, &Arc::new(scene.set())).unwrap();
+    assert_eq!(fresh.baseline().unwrap().images.as_ref().unwrap().len(), 1);
+}
+
 /// A chain along x that closes up across the boundary: four rings in a cell of length 4.
 pub fn chain() -> Scene {
     let ring = |x: f64, upright: bool| -> Vec<Point> {
