@@ -27,6 +27,7 @@ mod lammps;
 mod mcap;
 mod numpy;
 mod obj;
+mod torn;
 #[cfg(feature = "usd")]
 mod usd;
 mod vect;
@@ -190,7 +191,7 @@ impl Format {
     /// Opens a file of this format. Errors name the file.
     fn open(self, path: &Path, options: &ReadOptions) -> Result<Box<dyn FrameSource>> {
         let curves = match self {
-            Format::LammpsData => return lammps::open_data(path),
+            Format::LammpsData => return lammps::open_data(path, options),
             Format::LammpsDump => return lammps::open_dump(path, options),
             Format::Npy => return numpy::open_npy(path, options),
             Format::Npz => return numpy::open_npz(path, options),
@@ -326,8 +327,10 @@ mod tests {
             Format::Bcc => Box::new(Single::new(bcc::read(bytes, len)?)),
             Format::Obj => Box::new(Single::new(obj::read(bytes)?)),
             Format::Vect => Box::new(Single::new(vect::read(bytes, len)?)),
-            Format::LammpsData => Box::new(Single::new(lammps::read_data(bytes, len, "a.data")?)),
-            Format::LammpsDump => Box::new(lammps::read_dump(bytes, &[[4, 2], [2, 9], [9, 4]])?),
+            Format::LammpsData => Box::new(lammps::read_data(bytes, len, "a.data", false)?),
+            Format::LammpsDump => {
+                Box::new(lammps::read_dump(bytes, &[[4, 2], [2, 9], [9, 4]], false)?)
+            }
             Format::Npy => Box::new(numpy::read_npy(bytes, len, &npy)?),
             Format::Npz => Box::new(numpy::read_npz(Cursor::new(bytes), len, &npz)?),
             #[cfg(feature = "usd")]
