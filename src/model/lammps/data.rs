@@ -9,9 +9,9 @@
 //! title, which is understood in the title of any file: `boundary p p f`.
 
 use super::cell::SimulationBox;
-use super::lines::{Lines, integer, words};
 use crate::curve::Point;
 use crate::error::{Error, Result};
+use crate::model::lines::{Lines, integer, words};
 use crate::model::{number, quote};
 use std::io::BufRead;
 

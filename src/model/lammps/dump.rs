@@ -5,10 +5,10 @@
 
 use super::bonds::{Curves, Frame};
 use super::cell::{SimulationBox, Unwrapped};
-use super::lines::{Lines, integer, words};
 use crate::curve::{Cell, CurveSet, Point};
 use crate::error::Result;
 use crate::model::frames::{FrameSource, ModelFrame};
+use crate::model::lines::{Lines, integer, words};
 use crate::model::{number, quote};
 use std::io::BufRead;
 

@@ -24,7 +24,6 @@ mod bonds;
 mod cell;
 mod data;
 mod dump;
-mod lines;
 mod write;
 
 pub(super) use self::write::{DumpFile, bonds_of, write_data};
@@ -32,8 +31,8 @@ pub(super) use self::write::{DumpFile, bonds_of, write_data};
 use self::bonds::Curves;
 use self::cell::Unwrapped;
 use self::data::Wanted;
-use self::lines::Lines;
 use super::frames::{FrameSource, ReadOptions, Single};
+use super::lines::Lines;
 use crate::error::{Error, Result};
 use std::ffi::OsStr;
 use std::io::BufRead;
