@@ -35,9 +35,10 @@ impl Content {
     /// Returns an error text if the extension does not fit the content.
     fn refuse_extension(self, extension: &str) -> Option<&'static str> {
         match (self, extension) {
-            (Content::Text, "bcc" | "obj" | "vect" | "npy" | "npz" | "dump" | "lammpstrj") => {
-                Some("that is a model; the output is text")
-            }
+            (
+                Content::Text,
+                "bcc" | "obj" | "vect" | "npy" | "npz" | "dump" | "lammpstrj" | "xyz" | "extxyz",
+            ) => Some("that is a model; the output is text"),
             (Content::Text, "mcap") => Some("that is a recording; the output is text"),
             (Content::Text, "rrd") => Some("that is a file of the viewer; the output is text"),
             (Content::Scene, other) if other != "bcc" => Some("scenes are written as .bcc"),

@@ -111,16 +111,21 @@ impl Iterator for Frames {
 }
 
 /// A file of one frame, which was read as a whole.
-pub(super) struct Single(Option<CurveSet>);
+pub(super) struct Single(Option<ModelFrame>);
 
 impl Single {
     pub(super) fn new(curves: CurveSet) -> Single {
-        Single(Some(curves))
+        Single(Some(ModelFrame::new(0, Ok(curves))))
+    }
+
+    /// Adds the periodic cell of the frame.
+    pub(super) fn in_cell(self, cell: Option<Cell>) -> Single {
+        Single(self.0.map(|frame| ModelFrame { cell, ..frame }))
     }
 }
 
 impl FrameSource for Single {
     fn next_frame(&mut self) -> Result<Option<ModelFrame>> {
-        Ok(self.0.take().map(|curves| ModelFrame::new(0, Ok(curves))))
+        Ok(self.0.take())
     }
 }

@@ -1,5 +1,5 @@
 //! Model files: of one frame (BCC, OBJ lines, Geomview VECT, LAMMPS data), and of many (LAMMPS
-//! dumps, NumPy, USD).
+//! dumps, NumPy, extended XYZ, USD).
 //!
 //! | extension | holds | precision kept |
 //! |---|---|---|
@@ -10,6 +10,7 @@
 //! | `.dump`, `.lammpstrj`, `dump.*` | frames of the curves of a data file | double |
 //! | `.npy` | frames of polylines | single or double |
 //! | `.npz` | frames of all bases, with times, names and radii | single or double |
+//! | `.xyz`, `.extxyz` | frames of polylines, with times and cells | double |
 //! | `.mcap` | polylines: `foxglove.SceneUpdate`, ROS 2 markers | double |
 //! | `.usda`, `.usdc`, `.usd`, `.usdz` | all of these, with time samples | single |
 //!
@@ -23,14 +24,17 @@ mod bcc;
 mod chains;
 mod frames;
 mod lammps;
+mod lines;
 #[cfg(feature = "mcap")]
 mod mcap;
 mod numpy;
 mod obj;
+mod torn;
 #[cfg(feature = "usd")]
 mod usd;
 mod vect;
 mod write;
+mod xyz;
 
 pub use crate::error::MODEL_FILES;
 pub use bcc::write_bcc;
@@ -106,6 +110,8 @@ pub enum Format {
     Npy,
     /// NumPy arrays: points, counts, bases, times, names and radii.
     Npz,
+    /// Extended XYZ: points of polylines, with the cell of each frame.
+    Xyz,
     /// MCAP of other programs: lines of Foxglove and markers of ROS 2.
     Mcap,
     /// Curves of a USD stage, with time samples.
@@ -113,7 +119,7 @@ pub enum Format {
 }
 
 /// Extensions of the formats; [`MODEL_FILES`] lists them for messages.
-const EXTENSIONS: [(&str, Format); 15] = [
+const EXTENSIONS: [(&str, Format); 17] = [
     ("bcc", Format::Bcc),
     ("obj", Format::Obj),
     ("vect", Format::Vect),
@@ -124,6 +130,8 @@ const EXTENSIONS: [(&str, Format); 15] = [
     ("lammpstrj", Format::LammpsDump),
     ("npy", Format::Npy),
     ("npz", Format::Npz),
+    ("xyz", Format::Xyz),
+    ("extxyz", Format::Xyz),
     ("mcap", Format::Mcap),
     ("usd", Format::Usd),
     ("usda", Format::Usd),
@@ -190,10 +198,11 @@ impl Format {
     /// Opens a file of this format. Errors name the file.
     fn open(self, path: &Path, options: &ReadOptions) -> Result<Box<dyn FrameSource>> {
         let curves = match self {
-            Format::LammpsData => return lammps::open_data(path),
+            Format::LammpsData => return lammps::open_data(path, options),
             Format::LammpsDump => return lammps::open_dump(path, options),
             Format::Npy => return numpy::open_npy(path, options),
             Format::Npz => return numpy::open_npz(path, options),
+            Format::Xyz => return xyz::open(path, options),
             #[cfg(feature = "mcap")]
             Format::Mcap => return mcap::open(path, options),
             #[cfg(not(feature = "mcap"))]
@@ -220,15 +229,22 @@ impl Format {
     /// Creates a file of this format.
     fn create(self, path: &Path) -> Result<Box<dyn FrameSink>> {
         Ok(match self {
-            Format::Bcc => Box::new(OneFrame::new(path, "BCC", write_bcc)),
-            Format::Obj => Box::new(OneFrame::new(path, "OBJ", obj::write)),
-            Format::Vect => Box::new(OneFrame::new(path, "VECT", vect::write)),
+            Format::Bcc => Box::new(OneFrame::new(path, "BCC", |path, set, _| {
+                write_bcc(path, set)
+            })),
+            Format::Obj => Box::new(OneFrame::new(path, "OBJ", |path, set, _| {
+                obj::write(path, set)
+            })),
+            Format::Vect => Box::new(OneFrame::new(path, "VECT", |path, set, _| {
+                vect::write(path, set)
+            })),
             Format::LammpsData => {
                 Box::new(OneFrame::new(path, "LAMMPS data file", lammps::write_data))
             }
             Format::LammpsDump => Box::new(lammps::DumpFile::new(path)),
             Format::Npy => Box::new(numpy::NpyFile::new(path)),
             Format::Npz => Box::new(numpy::NpzFile::new(path)),
+            Format::Xyz => Box::new(xyz::XyzFile::new(path)),
             #[cfg(feature = "usd")]
             Format::Usd => return usd::create(path),
             #[cfg(not(feature = "usd"))]
@@ -244,7 +260,17 @@ impl Format {
     pub fn holds_frames(self) -> bool {
         match self {
             Format::Bcc | Format::Obj | Format::Vect | Format::LammpsData => false,
-            Format::LammpsDump | Format::Npy | Format::Npz | Format::Mcap | Format::Usd => true,
+            Format::LammpsDump | Format::Npy | Format::Npz | Format::Xyz => true,
+            Format::Mcap | Format::Usd => true,
+        }
+    }
+
+    /// Returns true if a file of this format can hold the periodic cell of a frame.
+    pub fn holds_cells(self) -> bool {
+        match self {
+            Format::LammpsData | Format::LammpsDump | Format::Npz | Format::Xyz => true,
+            Format::Bcc | Format::Obj | Format::Vect | Format::Npy => false,
+            Format::Mcap | Format::Usd => false,
         }
     }
 
@@ -254,7 +280,7 @@ impl Format {
             Format::Bcc | Format::Npz | Format::Usd => true,
             Format::Obj | Format::Vect | Format::LammpsData | Format::LammpsDump => false,
             // The positions would be read as those of polylines.
-            Format::Npy | Format::Mcap => false,
+            Format::Npy | Format::Xyz | Format::Mcap => false,
         }
     }
 }
@@ -326,10 +352,13 @@ mod tests {
             Format::Bcc => Box::new(Single::new(bcc::read(bytes, len)?)),
             Format::Obj => Box::new(Single::new(obj::read(bytes)?)),
             Format::Vect => Box::new(Single::new(vect::read(bytes, len)?)),
-            Format::LammpsData => Box::new(Single::new(lammps::read_data(bytes, len, "a.data")?)),
-            Format::LammpsDump => Box::new(lammps::read_dump(bytes, &[[4, 2], [2, 9], [9, 4]])?),
+            Format::LammpsData => Box::new(lammps::read_data(bytes, len, "a.data", false)?),
+            Format::LammpsDump => {
+                Box::new(lammps::read_dump(bytes, &[[4, 2], [2, 9], [9, 4]], false)?)
+            }
             Format::Npy => Box::new(numpy::read_npy(bytes, len, &npy)?),
             Format::Npz => Box::new(numpy::read_npz(Cursor::new(bytes), len, &npz)?),
+            Format::Xyz => Box::new(xyz::read(bytes, len, &npz)?),
             #[cfg(feature = "usd")]
             Format::Usd => usd::open(Cursor::new(bytes.to_vec()), len)?,
             #[cfg(not(feature = "usd"))]
@@ -368,6 +397,11 @@ mod tests {
                     ITEM: NUMBER OF ATOMS\n4\nITEM: BOX BOUNDS xy xz yz pp pp pp\n0 9 1\n\
                     0 9 0\n0 9 0\nITEM: ATOMS type xs ys zs id\n1 0 0 0 4\n1 .1 0 .1 9\n\
                     1 0 .1 .1 2\n1 0 0 0 6\n";
+        let xyz = "3\nLattice=\"9 0 0 1 9 0 0 0 9\" Origin='0 0 1' pbc=\"T T F\" Time=0.5 \
+                   Properties=species:S:1:pos:R:3:id:I:1:molecule:I:1:closed:L:1 Timestep=4\n\
+                   C 0 0 0 3 2 F\nC 1 0.5 0 1 7 T\nH 1e0 1 0 2 2 F\n\n4\n\
+                   properties=mol:I:1:pos:R:3 key timestep=7\n-1 0 0 1\n2 0 0 1\n-1 1 0 1\n\
+                   -1 1 1 1\n";
         let mut samples: Vec<(Format, Vec<u8>)> = vec![
             (Format::Bcc, bcc),
             (Format::Obj, obj.into()),
@@ -393,6 +427,7 @@ mod tests {
         if cfg!(feature = "usd") {
             samples.insert(4, (Format::Usd, usd.into()));
         }
+        samples.insert(4, (Format::Xyz, xyz.into()));
         samples
     }
 
@@ -459,7 +494,7 @@ mod tests {
     proptest! {
         #[test]
         fn no_panic_on_garbage(
-            k in 0..8usize,
+            k in 0..9usize,
             keep in 0..800usize,
             tail in prop::collection::vec(any::<u8>(), 0..200),
         ) {
@@ -473,7 +508,7 @@ mod tests {
 
         #[test]
         fn no_panic_on_garbage_of_likely_characters(
-            k in 1..5usize,
+            k in 1..6usize,
             keep in 0..500usize,
             tail in "[-0-9lv./# \n\\\\eEItemsT:+]{0,200}",
         ) {

@@ -2,7 +2,7 @@
 
 use super::tests::curves;
 use super::*;
-use crate::curve::{Basis, CurveLabels, Positions, Precision};
+use crate::curve::{Basis, Cell, CurveLabels, Positions, Precision};
 use proptest::prelude::*;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -182,6 +182,96 @@ fn frames_of_a_motion_round_trip_in_formats_with_frames() {
     for extension in ["dump", "npy", "npz"] {
         let error = again(extension, &frames, &options).unwrap_err().to_string();
         assert!(error.contains("1 curves after a frame of 3"), "{error}");
+    }
+}
+
+#[test]
+fn cells_round_trip_in_the_formats_that_hold_them() {
+    let xyz = [0.1, 0.5, 1.0, -1.0, 2.0, 1e-3, 1.5, 0.25];
+    for text in [
+        "10,11,12",
+        "10.1,0,12.3",
+        "0,0,7.7",
+        "10,0,0,2.5,12,0,-3.25,1.5,12",
+        "10,0,0,0,11,0,0,0,12,0.5,-0.25,100",
+        "10,0,0,2.5,12,0,0,0,0",
+    ] {
+        let cell: Cell = text.parse().unwrap();
+        for (extension, format) in written() {
+            let set = || set(Basis::Polyline, &[-4, 4], &xyz, Precision::F32);
+            let frame = |seq| ModelFrame {
+                cell: Some(cell),
+                ..ModelFrame::new(seq, Ok(set()))
+            };
+            let mut frames = vec![frame(0)];
+            frames.extend(format.holds_frames().then(|| frame(1)));
+            let found = again(extension, &frames, &with_counts(&set())).unwrap();
+            for frame in &found {
+                assert!(frame.curves.is_ok(), "{extension}: {text}");
+                match frame.cell {
+                    Some(found) if format.holds_cells() => {
+                        assert_eq!(found.vectors, cell.vectors, "{extension}");
+                    }
+                    other => assert!(other.is_none() && !format.holds_cells(), "{extension}"),
+                }
+            }
+            if matches!(format, Format::Npz | Format::Xyz) {
+                assert!(found.iter().all(|frame| frame.cell == Some(cell)));
+            }
+        }
+    }
+}
+
+#[test]
+fn a_cell_may_change_from_frame_to_frame() {
+    let frame = |seq, cell: Option<&str>| {
+        let set = set(
+            Basis::Polyline,
+            &[-4],
+            &[0.5, 1.0, 0.0, 0.25, 0.75],
+            Precision::F64,
+        );
+        ModelFrame {
+            cell: cell.map(|cell| cell.parse().unwrap()),
+            ..ModelFrame::new(seq, Ok(set))
+        }
+    };
+    let sheared = [
+        frame(0, Some("10,10,10")),
+        frame(1, Some("10,0,0,2,10,0,0,0,10")),
+    ];
+    for extension in ["dump", "npz", "xyz"] {
+        let found = again(extension, &sheared, &ReadOptions::default()).unwrap();
+        let cells = found.iter().map(|frame| frame.cell);
+        assert!(
+            cells.eq(sheared.iter().map(|frame| frame.cell)),
+            "{extension}"
+        );
+    }
+    let lost = [frame(0, Some("10,10,10")), frame(1, None)];
+    let error = again("npz", &lost, &ReadOptions::default())
+        .unwrap_err()
+        .to_string();
+    assert!(
+        error.contains("frames with a periodic cell and others without one"),
+        "{error}"
+    );
+    let found = again("xyz", &lost, &ReadOptions::default()).unwrap();
+    assert!(found[0].cell.is_some() && found[1].cell.is_none());
+    // The vectors of LAMMPS are a lower triangle.
+    for turned in [
+        "0,10,0,-10,0,0,0,0,10",
+        "10,0,0,0,-10,0,0,0,10",
+        "10,0,1,0,10,0,0,0,10",
+    ] {
+        for extension in ["data", "dump"] {
+            let frames = [frame(0, Some(turned))];
+            let error = again(extension, &frames, &ReadOptions::default()).unwrap_err();
+            assert!(
+                error.to_string().contains("turn the coordinates"),
+                "{error}"
+            );
+        }
     }
 }
 

@@ -2,7 +2,7 @@
 
 use super::frames::ModelFrame;
 use super::{Format, lammps};
-use crate::curve::CurveSet;
+use crate::curve::{Cell, CurveSet};
 use crate::error::{Error, Result};
 use std::fs::File;
 use std::io::{BufWriter, Write};
@@ -23,6 +23,8 @@ pub(super) trait FrameSink {
 /// Writes the frames of a motion to one model file.
 pub struct FrameWriter {
     path: PathBuf,
+    /// True until a cell was lost, if the format cannot hold it.
+    warns_of_cells: bool,
     sink: Box<dyn FrameSink>,
 }
 
@@ -34,6 +36,7 @@ impl FrameWriter {
     pub fn create(path: &Path, format: Format) -> Result<FrameWriter> {
         Ok(FrameWriter {
             path: path.into(),
+            warns_of_cells: !format.holds_cells(),
             sink: format.create(path)?,
         })
     }
@@ -44,11 +47,19 @@ impl FrameWriter {
         (format == Format::LammpsDump).then(|| lammps::bonds_of(path))
     }
 
-    /// Writes a frame.
+    /// Writes a frame. If the format cannot hold its cell, the log has a warning.
     ///
     /// Errors: that of the curves, if they are invalid; [`Error::Unsupported`] if the format cannot
     /// hold them, or no second frame; [`Error::File`].
     pub fn frame(&mut self, frame: &ModelFrame) -> Result<()> {
+        if let Some(cell) = frame.cell.filter(|_| self.warns_of_cells) {
+            self.warns_of_cells = false;
+            tracing::warn!(
+                "{}: the format has no periodic cell; give that of the first frame with the curves \
+                 (`--cell {cell}`), or write .npz, .xyz or a LAMMPS file",
+                self.path.display()
+            );
+        }
         self.sink.frame(frame).map_err(|e| e.in_file(&self.path))
     }
 
@@ -58,20 +69,19 @@ impl FrameWriter {
     }
 }
 
+/// A writer of curves and their cell to a file of one frame.
+type WriteOne = fn(&Path, &CurveSet, Option<&Cell>) -> Result<()>;
+
 /// A file of one frame.
 pub(super) struct OneFrame {
     path: PathBuf,
     format: &'static str,
-    write: fn(&Path, &CurveSet) -> Result<()>,
+    write: WriteOne,
     written: bool,
 }
 
 impl OneFrame {
-    pub(super) fn new(
-        path: &Path,
-        format: &'static str,
-        write: fn(&Path, &CurveSet) -> Result<()>,
-    ) -> OneFrame {
+    pub(super) fn new(path: &Path, format: &'static str, write: WriteOne) -> OneFrame {
         OneFrame {
             path: path.into(),
             format,
@@ -89,7 +99,8 @@ impl FrameSink for OneFrame {
                 "a second frame in one file",
             ));
         }
-        (self.write)(&self.path, curves_of(self.format, frame)?)
+        let set = curves_of(self.format, frame)?;
+        (self.write)(&self.path, set, frame.cell.as_ref())
     }
 
     fn finish(self: Box<Self>) -> Result<()> {

@@ -5,7 +5,7 @@ use super::memory::peak;
 use super::support::command::{linkwatch, text};
 use super::units;
 use linkwatch::model::{self, Format, FrameWriter, Frames, ModelFrame, ReadOptions};
-use linkwatch::{Certificate, Result};
+use linkwatch::{Cell, Certificate, Result};
 use std::path::Path;
 use tempfile::TempDir;
 
@@ -25,7 +25,7 @@ fn model_files_and_certificates() {
     let folder = TempDir::new().expect("a folder");
     let path = |name: &str| folder.path().join(name);
     let names = [
-        "a.bcc", "a.obj", "a.vect", "a.data", "a.dump", "a.npy", "a.npz", "b.npz",
+        "a.bcc", "a.obj", "a.vect", "a.data", "a.dump", "a.npy", "a.npz", "b.npz", "a.xyz",
     ];
     let scene = "chainmail:rows=2,columns=3";
     let run = linkwatch(&["generate", scene, "-o", text(&path(names[0]))]);
@@ -38,15 +38,17 @@ fn model_files_and_certificates() {
     std::fs::write(path(names[2]), vect).expect("a file");
     let fixture = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/models/numpy/compressed.npz");
     std::fs::copy(fixture, path("b.npz")).expect("a copy");
-    for name in ["a.dump", "a.npy", "a.npz"] {
+    for name in ["a.dump", "a.npy", "a.npz", "a.xyz"] {
         let mut writer =
             FrameWriter::create(&path(name), Format::of(&path(name)).expect("a format"))
                 .expect("a file");
         for seq in 0..2 {
             let curves = model::read(&path("a.vect"));
-            writer
-                .frame(&ModelFrame::new(seq, curves))
-                .expect("a frame");
+            let mut frame = ModelFrame::new(seq, curves);
+            if name != "a.npy" {
+                frame.cell = Some(Cell::orthogonal([0.0; 3], [9.0, 9.0, 0.0]));
+            }
+            writer.frame(&frame).expect("a frame");
         }
         writer.finish().expect("a complete file");
     }

@@ -3,9 +3,10 @@
 //! Cost: sorting the bonds, once per file; a search per atom and frame, which is a single look-up
 //! if the ids have no gaps.
 
-use super::cell::{Cell, Unwrapped};
-use crate::curve::{Basis, CurveSet, Positions};
+use super::cell::Unwrapped;
+use crate::curve::{Basis, Cell, CurveSet, Positions};
 use crate::error::{Error, Result};
+use crate::model::torn::{self, Torn};
 use std::ops::Range;
 
 /// Marks an atom that belongs to no curve.
@@ -225,8 +226,8 @@ impl Frame<'_> {
     /// Returns the curves.
     ///
     /// Errors: an atom is missing, a coordinate is not finite, or a bond is torn by the boundary of
-    /// a periodic box.
-    pub fn finish(self, cell: &Cell, unwrapped: Unwrapped) -> Result<CurveSet> {
+    /// a periodic cell (`None` if that is no matter).
+    pub fn finish(self, cell: Option<&Cell>, unwrapped: Unwrapped) -> Result<CurveSet> {
         let curves = self.curves;
         if let Some(first) = self.seen.iter().position(|seen| !seen) {
             let missing = self.seen.iter().filter(|seen| !**seen).count();
@@ -239,47 +240,44 @@ impl Frame<'_> {
         }
         let positions = Positions::F64(&self.xyz);
         let set = CurveSet::from_counts(Basis::Polyline, &curves.counts, positions)?;
-        let point = |k: usize| &self.xyz[3 * k..3 * k + 3];
-        let mut first = 0;
-        for count in &curves.counts {
-            let n = count.unsigned_abs() as usize;
-            let bonds = if *count < 0 { n } else { n - 1 };
-            for k in 0..bonds {
-                let (p, q) = (first + k, first + (k + 1) % n);
-                let bond = [0, 1, 2].map(|x| point(q)[x] - point(p)[x]);
-                if let Some((axis, share)) = cell.torn(bond) {
-                    let ids = [p, q].map(|place| curves.id_at(place));
-                    return Err(Error::unsupported(
-                        curves.format,
-                        torn(ids, axis, share, unwrapped),
-                    ));
-                }
-            }
-            first += n;
+        let found = cell.map_or(Ok(None), |cell| torn::find(&set, cell))?;
+        if let Some(found) = found {
+            let first: usize = set.curves()[..found.curve]
+                .iter()
+                .map(|c| c.points as usize)
+                .sum();
+            let atoms = found.ends.map(|k| curves.id_at(first + k));
+            return Err(Error::unsupported(
+                curves.format,
+                torn(atoms, &found, unwrapped),
+            ));
         }
         Ok(set)
     }
 }
 
 /// Returns the message for a bond that is too long for the periodic box.
-fn torn([p, q]: [u64; 2], axis: char, share: f64, unwrapped: Unwrapped) -> String {
+fn torn([p, q]: [u64; 2], found: &Torn, unwrapped: Unwrapped) -> String {
+    let axis = ["x", "y", "z"][found.direction];
     let bond = format!(
-        "the bond of atoms {p} and {q} is {share:.3} of the periodic box long in {axis}, which is \
-         more than half"
+        "the bond of atoms {p} and {q} is {:.3} of the periodic box long in {axis}, which is more \
+         than half",
+        found.share
     );
+    let through = "or the curve closes only through the boundary: pass `--wrapped`, which follows \
+                   each curve from atom to atom";
     match unwrapped {
         Unwrapped::Unknown => format!(
             "{bond}: the curve is wrapped at the boundary; write unwrapped coordinates (`dump .. \
-             custom .. id xu yu zu`) or image flags (`id x y z ix iy iz`, or `write_data`)"
+             custom .. id xu yu zu`) or image flags (`id x y z ix iy iz`, or `write_data`), or \
+             pass `--wrapped`"
         ),
-        Unwrapped::ByFlags => format!(
-            "{bond}, in spite of image flags: they are inconsistent, or the curve closes only \
-             through the boundary, so that it has infinite length"
-        ),
+        Unwrapped::ByFlags => {
+            format!("{bond}, in spite of image flags: they are inconsistent, {through}")
+        }
         Unwrapped::Coordinates => format!(
             "{bond}, although the coordinates are unwrapped: the image flags of the simulation are \
-             inconsistent, or the curve closes only through the boundary, so that it has infinite \
-             length"
+             inconsistent, {through}"
         ),
     }
 }

@@ -1,17 +1,15 @@
-//! The box of a simulation: scaled coordinates, image flags, and torn bonds.
+//! The box of a simulation: scaled coordinates, image flags, and the cell along which it repeats.
 
-use crate::curve::Point;
-use std::sync::Once;
+use crate::curve::{Cell, Point};
+use crate::error::Result;
 
 /// The box: edges `(lx, 0, 0)`, `(xy, ly, 0)` and `(xz, yz, lz)` from its lower corner.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Cell {
+pub(super) struct SimulationBox {
     pub low: Point,
-    pub lengths: Point,
-    /// Tilt factors xy, xz, yz.
-    pub tilt: [f64; 3],
+    edges: [Point; 3],
     /// Directions in which atoms that leave the box come back on the other side.
-    pub periodic: [bool; 3],
+    periodic: [bool; 3],
 }
 
 /// How coordinates became those of a whole curve.
@@ -25,61 +23,69 @@ pub(super) enum Unwrapped {
     Unknown,
 }
 
-impl Cell {
-    /// Returns a box from its bounds.
-    pub fn new([low, high]: [Point; 2], tilt: [f64; 3], periodic: [bool; 3]) -> Cell {
-        Cell {
+impl SimulationBox {
+    /// Returns a box from its bounds and its tilt factors xy, xz and yz.
+    pub fn new([low, high]: [Point; 2], tilt: [f64; 3], periodic: [bool; 3]) -> SimulationBox {
+        let [lx, ly, lz] = [0, 1, 2].map(|x| high[x] - low[x]);
+        let [xy, xz, yz] = tilt;
+        SimulationBox {
             low,
-            lengths: [0, 1, 2].map(|x| high[x] - low[x]),
-            tilt,
+            edges: [[lx, 0.0, 0.0], [xy, ly, 0.0], [xz, yz, lz]],
             periodic,
         }
     }
 
     /// Returns a box from the bounds of a dump, which are those of the axis-parallel box around a
     /// tilted one.
-    pub fn of_dump(mut bounds: [Point; 2], tilt: [f64; 3], periodic: [bool; 3]) -> Cell {
-        let [xy, xz, yz] = tilt;
+    pub fn of_dump(mut bounds: [Point; 2], tilt: [f64; 3], periodic: [bool; 3]) -> SimulationBox {
+        let [[low_x, high_x], [low_y, high_y]] = overhang(tilt);
         let [low, high] = &mut bounds;
-        low[0] -= xy.min(xz).min(xy + xz).min(0.0);
-        high[0] -= xy.max(xz).max(xy + xz).max(0.0);
-        low[1] -= yz.min(0.0);
-        high[1] -= yz.max(0.0);
-        Cell::new(bounds, tilt, periodic)
+        low[0] -= low_x;
+        high[0] -= high_x;
+        low[1] -= low_y;
+        high[1] -= high_y;
+        SimulationBox::new(bounds, tilt, periodic)
     }
 
     /// Returns a multiple of each edge, added.
     pub fn shift(&self, [a, b, c]: [f64; 3]) -> Point {
-        let [lx, ly, lz] = self.lengths;
-        let [xy, xz, yz] = self.tilt;
+        let [[lx, ..], [xy, ly, _], [xz, yz, lz]] = self.edges;
         [a * lx + b * xy + c * xz, b * ly + c * yz, c * lz]
     }
 
-    /// Returns the direction in which a bond is not proven to be at most half as long as the
-    /// periodic box, and its length there in units of the box.
-    pub fn torn(&self, [x, y, z]: Point) -> Option<(char, f64)> {
-        let [lx, ly, lz] = self.lengths;
-        let [xy, xz, yz] = self.tilt;
-        let c = z / lz;
-        let b = (y - c * yz) / ly;
-        let a = (x - b * xy - c * xz) / lx;
-        let scaled = [('x', a, lx), ('y', b, ly), ('z', c, lz)];
-        (scaled.into_iter().zip(self.periodic))
-            // A bound that is not a number is not proven.
-            .find(|&((_, s, length), periodic)| periodic && !(s.abs() <= 0.5 && length > 0.0))
-            .map(|((axis, s, _), _)| (axis, s.abs()))
+    /// Returns the cell along which the scene repeats, if it does.
+    ///
+    /// Errors: [`crate::Error::Usage`] if a periodic box has no volume.
+    pub fn cell(&self) -> Result<Option<Cell>> {
+        if !self.periodic.contains(&true) {
+            return Ok(None);
+        }
+        let mut cell = Cell {
+            origin: self.low,
+            vectors: self.edges,
+        };
+        for k in 0..3 {
+            if !self.periodic[k] {
+                cell.vectors[k] = [0.0; 3];
+            } else if cell.vectors[k][k] == 0.0 {
+                let axis = ["x", "y", "z"][k];
+                return Err(crate::Error::Usage(format!(
+                    "the box is periodic in {axis}, but has no length in {axis}"
+                )));
+            }
+        }
+        cell.check()?;
+        Ok(Some(cell))
     }
 }
 
-/// Says, once per process, that periodic images are not considered.
-pub(super) fn warn_of_images(cell: &Cell, name: &str) {
-    static ONCE: Once = Once::new();
-    if cell.periodic.contains(&true) {
-        ONCE.call_once(|| {
-            tracing::warn!(
-                "{name}: the box is periodic; curves are verified where their unwrapped \
-                 coordinates are, and links with periodic images are not computed"
-            );
-        });
-    }
+/// Returns how far a tilted box reaches below and above its bounds, in x and in y.
+pub(super) fn overhang([xy, xz, yz]: [f64; 3]) -> [[f64; 2]; 2] {
+    [
+        [
+            xy.min(xz).min(xy + xz).min(0.0),
+            xy.max(xz).max(xy + xz).max(0.0),
+        ],
+        [yz.min(0.0), yz.max(0.0)],
+    ]
 }

@@ -2,11 +2,16 @@
 //!
 //! Only the sections `Atoms` and `Bonds` are read; the others are skipped up to the next empty
 //! line.
+//!
+//! A data file does not say in which directions its box is periodic. All are taken as periodic, as
+//! is the default of LAMMPS. (If they are not, all atoms are in the box, so no curve is linked with
+//! an image, and nothing is wrong.) Files that linkwatch writes have the command `boundary` in their
+//! title, which is understood in the title of any file: `boundary p p f`.
 
-use super::cell::Cell;
-use super::lines::{Lines, integer, words};
+use super::cell::SimulationBox;
 use crate::curve::Point;
 use crate::error::{Error, Result};
+use crate::model::lines::{Lines, integer, words};
 use crate::model::{number, quote};
 use std::io::BufRead;
 
@@ -26,7 +31,7 @@ pub(super) enum Wanted {
 /// Content of a file.
 #[derive(Debug)]
 pub(super) struct Data {
-    pub cell: Cell,
+    pub space: SimulationBox,
     /// Id of each atom and its coordinates, unwrapped if there are image flags.
     pub atoms: Vec<(u64, Point)>,
     /// True if there are image flags.
@@ -41,6 +46,7 @@ struct Header {
     atoms: u64,
     bonds: u64,
     types: u64,
+    periodic: [bool; 3],
     bounds: [Option<[f64; 2]>; 3],
     tilt: [f64; 3],
 }
@@ -48,9 +54,12 @@ struct Header {
 /// Reads a file to its end.
 pub(super) fn read(mut lines: Lines<impl BufRead>, wanted: Wanted) -> Result<Data> {
     lines.expect("a data file of LAMMPS")?;
-    let mut header = Header::default();
+    let mut header = Header {
+        periodic: boundary(lines.text()),
+        ..Header::default()
+    };
     let mut data = Data {
-        cell: Cell::new([[0.0; 3]; 2], [0.0; 3], [false; 3]),
+        space: SimulationBox::new([[0.0; 3]; 2], [0.0; 3], [false; 3]),
         atoms: Vec::new(),
         flags: false,
         bonds: Vec::new(),
@@ -71,7 +80,7 @@ pub(super) fn read(mut lines: Lines<impl BufRead>, wanted: Wanted) -> Result<Dat
             continue;
         }
         if in_header && wanted == Wanted::Everything {
-            data.cell = header.cell().map_err(|what| lines.bad(what))?;
+            data.space = header.space().map_err(|what| lines.bad(what))?;
         }
         in_header = false;
         let section = ["Atoms", "Bonds"].map(|name| text == name.as_bytes());
@@ -96,6 +105,13 @@ pub(super) fn read(mut lines: Lines<impl BufRead>, wanted: Wanted) -> Result<Dat
         [_, false] if header.bonds > 0 => missing("Bonds", header.bonds),
         _ => Ok(data),
     }
+}
+
+/// Returns the periodic directions by the title of a file.
+fn boundary(title: &[u8]) -> [bool; 3] {
+    let words: Vec<&[u8]> = words(title).collect();
+    let named = words.windows(4).find(|w| w[0] == b"boundary");
+    named.map_or([true; 3], |w| [1, 2, 3].map(|x| w[x].starts_with(b"p")))
 }
 
 /// Returns a line up to its comment.
@@ -132,15 +148,14 @@ impl Header {
         Ok(())
     }
 
-    /// Returns the box. A data file does not say which of its directions are periodic.
-    fn cell(&self) -> Result<Cell, String> {
+    fn space(&self) -> Result<SimulationBox, String> {
         let mut bounds = [[0.0; 3]; 2];
         for ((x, axis), given) in ['x', 'y', 'z'].into_iter().enumerate().zip(self.bounds) {
             let what = || format!("the header ends without the bounds `{axis}lo {axis}hi`");
             let [low, high] = given.ok_or_else(what)?;
             (bounds[0][x], bounds[1][x]) = (low, high);
         }
-        Ok(Cell::new(bounds, self.tilt, [true; 3]))
+        Ok(SimulationBox::new(bounds, self.tilt, self.periodic))
     }
 }
 
@@ -308,7 +323,7 @@ fn atoms(lines: &mut Lines<impl BufRead>, header: &Header, data: &mut Data) -> R
         }
         let (id, at, flags) = columns.atom(&words, header.types).map_err(bad)?;
         data.flags = columns.flags;
-        let shift = data.cell.shift(flags);
+        let shift = data.space.shift(flags);
         data.atoms.push((id, [0, 1, 2].map(|x| at[x] + shift[x])));
     }
     Ok(())

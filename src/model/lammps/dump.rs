@@ -4,11 +4,11 @@
 //! curve is invalid, but those after it can be read; a frame of another shape ends the file.
 
 use super::bonds::{Curves, Frame};
-use super::cell::{self, Cell, Unwrapped};
-use super::lines::{Lines, integer, words};
-use crate::curve::{CurveSet, Point};
+use super::cell::{SimulationBox, Unwrapped};
+use crate::curve::{Cell, CurveSet, Point};
 use crate::error::Result;
 use crate::model::frames::{FrameSource, ModelFrame};
+use crate::model::lines::{Lines, integer, words};
 use crate::model::{number, quote};
 use std::io::BufRead;
 
@@ -22,6 +22,8 @@ pub(super) struct Dump<R> {
     curves: Curves,
     /// Name of the file, for the log.
     name: String,
+    /// True if torn curves are not refused.
+    wrapped: bool,
     /// Time step of the previous frame.
     last: Option<u64>,
 }
@@ -32,15 +34,16 @@ struct Header {
     step: Option<u64>,
     time: f64,
     atoms: Option<u64>,
-    cell: Option<Cell>,
+    space: Option<SimulationBox>,
 }
 
 impl<R: BufRead> Dump<R> {
-    pub fn new(lines: Lines<R>, curves: Curves, name: String) -> Self {
+    pub fn new(lines: Lines<R>, curves: Curves, name: String, wrapped: bool) -> Self {
         Dump {
             lines,
             curves,
             name,
+            wrapped,
             last: None,
         }
     }
@@ -73,7 +76,7 @@ impl<R: BufRead> Dump<R> {
             }
             if let Some(kind) = item.strip_prefix(b"BOX BOUNDS") {
                 let (tilted, periodic) = boundaries(kind).map_err(|what| lines.bad(what))?;
-                header.cell = Some(bounds(lines, tilted, periodic)?);
+                header.space = Some(bounds(lines, tilted, periodic)?);
                 continue;
             }
             let item = item.to_vec();
@@ -93,7 +96,13 @@ impl<R: BufRead> Dump<R> {
     }
 
     /// Reads the atoms of a frame. The inner result is that of this frame alone.
-    fn atoms(&mut self, atoms: u64, cell: &Cell, columns: &Columns) -> Result<Result<CurveSet>> {
+    fn atoms(
+        &mut self,
+        atoms: u64,
+        space: &SimulationBox,
+        cell: Option<&Cell>,
+        columns: &Columns,
+    ) -> Result<Result<CurveSet>> {
         let lines = &mut self.lines;
         lines.check_room(atoms, ATOM_BYTES, "atoms")?;
         let mut frame = self.curves.frame();
@@ -104,7 +113,7 @@ impl<R: BufRead> Dump<R> {
                 return Err(lines.bad(format_args!("an ITEM after {k} of {atoms} atoms")));
             }
             if wrong.is_none() {
-                let put = columns.put(lines.text(), cell, &mut frame);
+                let put = columns.put(lines.text(), space, &mut frame);
                 wrong = put.err().map(|what| lines.bad(what));
             }
         }
@@ -123,7 +132,7 @@ impl<R: BufRead> FrameSource for Dump<R> {
         let lacks = |item| self.lines.bad(format_args!("atoms without ITEM: {item}"));
         let step = header.step.ok_or_else(|| lacks("TIMESTEP"))?;
         let atoms = header.atoms.ok_or_else(|| lacks("NUMBER OF ATOMS"))?;
-        let cell = header.cell.ok_or_else(|| lacks("BOX BOUNDS"))?;
+        let space = header.space.ok_or_else(|| lacks("BOX BOUNDS"))?;
         match self.last {
             Some(last) if step <= last => {
                 return Err(self.lines.bad(format_args!(
@@ -132,17 +141,19 @@ impl<R: BufRead> FrameSource for Dump<R> {
                 )));
             }
             Some(_) => {}
-            None => {
-                self.curves.report_others(atoms, &self.name);
-                cell::warn_of_images(&cell, &self.name);
-            }
+            None => self.curves.report_others(atoms, &self.name),
         }
         self.last = Some(step);
-        let curves = self.atoms(atoms, &cell, &columns)?;
-        let time = header.time;
+        let (cell, no_lattice) = match space.cell() {
+            Ok(cell) => (cell, None),
+            Err(e) => (None, Some(e)),
+        };
+        let closest = cell.as_ref().filter(|_| !self.wrapped);
+        let curves = self.atoms(atoms, &space, closest, &columns)?;
         Ok(Some(ModelFrame {
-            time,
-            ..ModelFrame::new(step, curves)
+            time: header.time,
+            cell,
+            ..ModelFrame::new(step, no_lattice.map_or(curves, Err))
         }))
     }
 }
@@ -169,7 +180,11 @@ fn boundaries(kind: &[u8]) -> Result<(bool, [bool; 3]), String> {
 }
 
 /// Reads the three lines of a box.
-fn bounds(lines: &mut Lines<impl BufRead>, tilted: bool, periodic: [bool; 3]) -> Result<Cell> {
+fn bounds(
+    lines: &mut Lines<impl BufRead>,
+    tilted: bool,
+    periodic: [bool; 3],
+) -> Result<SimulationBox> {
     let (mut bounds, mut tilt) = ([[0.0; 3]; 2], [0.0; 3]);
     for x in 0..3 {
         lines.expect("the bounds of the box")?;
@@ -188,7 +203,7 @@ fn bounds(lines: &mut Lines<impl BufRead>, tilted: bool, periodic: [bool; 3]) ->
             }
         }
     }
-    Ok(Cell::of_dump(bounds, tilt, periodic))
+    Ok(SimulationBox::of_dump(bounds, tilt, periodic))
 }
 
 /// Columns of the atoms.
@@ -246,7 +261,7 @@ impl Columns {
     }
 
     /// Adds the atom of a line to a frame.
-    fn put(&self, line: &[u8], cell: &Cell, frame: &mut Frame<'_>) -> Result<(), String> {
+    fn put(&self, line: &[u8], space: &SimulationBox, frame: &mut Frame<'_>) -> Result<(), String> {
         let mut found: [&[u8]; 7] = [b""; 7];
         let mut all = 0;
         for word in words(line) {
@@ -272,10 +287,10 @@ impl Columns {
             }
         }
         let at = if self.scaled {
-            let edges = cell.shift([0, 1, 2].map(|x| at[x] + flags[x]));
-            [0, 1, 2].map(|x| cell.low[x] + edges[x])
+            let edges = space.shift([0, 1, 2].map(|x| at[x] + flags[x]));
+            [0, 1, 2].map(|x| space.low[x] + edges[x])
         } else {
-            let shift = cell.shift(flags);
+            let shift = space.shift(flags);
             [0, 1, 2].map(|x| at[x] + shift[x])
         };
         frame.put(id, at)

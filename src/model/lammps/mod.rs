@@ -11,11 +11,12 @@
 //!
 //! # Periodic boxes
 //!
-//! Simulations wrap atoms that leave a periodic box to its other side. A curve that crosses the
-//! boundary is then torn, and must be unwrapped before its topology can be computed: by coordinates
-//! that are not wrapped (`xu yu zu`), or by image flags. Otherwise some bond of the curve is longer
-//! than half of the box, which no simulation allows, because the image of the atom on the other
-//! side is closer. Such frames are refused. Links with periodic images of a curve are not computed.
+//! The cell of a frame is its box, along the directions that are periodic. Simulations wrap atoms
+//! that leave such a box to its other side. A curve that crosses the boundary is then torn, and must
+//! be unwrapped before its topology can be computed: by coordinates that are not wrapped (`xu yu
+//! zu`), by image flags, or by the caller ([`ReadOptions::wrapped`]). Otherwise some bond of the
+//! curve is longer than half of the box, which no simulation allows, because the image of the atom
+//! on the other side is closer. Such frames are refused.
 //!
 //! Cost: one pass over the file, with the memory of the bonds and of one frame.
 
@@ -23,7 +24,6 @@ mod bonds;
 mod cell;
 mod data;
 mod dump;
-mod lines;
 mod write;
 
 pub(super) use self::write::{DumpFile, bonds_of, write_data};
@@ -31,8 +31,8 @@ pub(super) use self::write::{DumpFile, bonds_of, write_data};
 use self::bonds::Curves;
 use self::cell::Unwrapped;
 use self::data::Wanted;
-use self::lines::Lines;
 use super::frames::{FrameSource, ReadOptions, Single};
+use super::lines::Lines;
 use crate::error::{Error, Result};
 use std::ffi::OsStr;
 use std::io::BufRead;
@@ -48,23 +48,24 @@ fn has_extension(path: &Path, extensions: &[&str]) -> bool {
 }
 
 /// Opens a data file.
-pub(super) fn open_data(path: &Path) -> Result<Box<dyn FrameSource>> {
+pub(super) fn open_data(path: &Path, options: &ReadOptions) -> Result<Box<dyn FrameSource>> {
     let (input, len) = super::open(path)?;
-    let read = || read_data(input, len, &path.display().to_string());
-    let curves = read().map_err(|e| e.in_file(path))?;
-    Ok(Box::new(Single::new(curves)))
+    let read = || read_data(input, len, &path.display().to_string(), options.wrapped);
+    let source = read().map_err(|e| e.in_file(path))?;
+    Ok(Box::new(source))
 }
 
-/// Reads the curves of a data file of `len` bytes.
+/// Reads the curves of a data file of `len` bytes. Torn curves are refused, unless `wrapped`.
 pub(super) fn read_data(
     input: impl BufRead,
     len: u64,
     name: &str,
-) -> Result<crate::curve::CurveSet> {
+    wrapped: bool,
+) -> Result<Single> {
     let data = data::read(Lines::new(data::FORMAT, input, len)?, Wanted::Everything)?;
     let curves = Curves::of_bonds(data.bonds, data::FORMAT, name)?;
     curves.report_others(data.atoms.len() as u64, name);
-    cell::warn_of_images(&data.cell, name);
+    let cell = data.space.cell()?;
     let mut frame = curves.frame();
     for (id, at) in data.atoms {
         frame
@@ -75,7 +76,8 @@ pub(super) fn read_data(
         true => Unwrapped::ByFlags,
         false => Unwrapped::Unknown,
     };
-    frame.finish(&data.cell, unwrapped)
+    let closest = cell.as_ref().filter(|_| !wrapped);
+    Ok(Single::new(frame.finish(closest, unwrapped)?).in_cell(cell))
 }
 
 /// Opens a dump.
@@ -89,15 +91,24 @@ pub(super) fn open_dump(path: &Path, options: &ReadOptions) -> Result<Box<dyn Fr
     };
     let name = path.display().to_string();
     let curves = read_bonds(&bonds)?;
-    Ok(Box::new(dump::Dump::new(lines, curves, name)))
+    Ok(Box::new(dump::Dump::new(
+        lines,
+        curves,
+        name,
+        options.wrapped,
+    )))
 }
 
 /// Reads a dump in memory with the curves of these bonds.
 #[cfg(test)]
-pub(super) fn read_dump<'a>(bytes: &'a [u8], bonds: &[[u64; 2]]) -> Result<impl FrameSource + 'a> {
+pub(super) fn read_dump<'a>(
+    bytes: &'a [u8],
+    bonds: &[[u64; 2]],
+    wrapped: bool,
+) -> Result<impl FrameSource + 'a> {
     let lines = Lines::new(dump::FORMAT, bytes, bytes.len() as u64)?;
     let curves = Curves::of_bonds(bonds.to_vec(), data::FORMAT, "memory")?;
-    Ok(dump::Dump::new(lines, curves, "memory".into()))
+    Ok(dump::Dump::new(lines, curves, "memory".into(), wrapped))
 }
 
 /// Reads the curves that the bonds of a data file define.

@@ -113,7 +113,104 @@ fn wrapped_rings_are_refused_with_advice() {
         assert!(error.contains("more than half"), "{error}");
         assert!(error.contains("custom .. id xu yu zu"), "{error}");
         assert!(error.contains("ix iy iz"), "{error}");
+        assert!(error.contains("pass `--wrapped`"), "{error}");
     }
+}
+
+#[test]
+fn wrapped_rings_are_given_as_they_are_to_a_caller_that_unwraps_them() {
+    let options = ReadOptions {
+        bonds: Some(file("rings.data")),
+        wrapped: true,
+        ..ReadOptions::default()
+    };
+    let read = |name| -> Vec<ModelFrame> {
+        let frames = Frames::open(&file(name), &options).unwrap();
+        frames.map(|frame| frame.unwrap()).collect()
+    };
+    let (wrapped, whole) = (read("wrapped.dump"), read("unwrapped.dump"));
+    for (wrapped, whole) in wrapped.iter().zip(&whole) {
+        assert_eq!(wrapped.cell, whole.cell);
+        let cell = wrapped.cell.unwrap();
+        assert_eq!(cell.to_string(), "12,12,12");
+        let [a, b] = [wrapped, whole].map(|frame| frame.curves.as_ref().unwrap());
+        let mut moved = 0;
+        for (i, k) in (0..3).flat_map(|i| (0..14).map(move |k| (i, k))) {
+            for x in 0..3 {
+                let boxes = (b.point(i, k)[x] - a.point(i, k)[x]) / 12.0;
+                assert!((boxes - boxes.round()).abs() < 1e-4);
+                // LAMMPS wraps atoms only when it builds its neighbour lists.
+                assert!((-0.5..=12.5).contains(&a.point(i, k)[x]));
+                moved += usize::from(boxes.round() != 0.0);
+            }
+        }
+        assert!(moved > 10);
+    }
+}
+
+#[test]
+fn frames_have_the_cell_of_their_box() {
+    let cell = |name, bonds| {
+        let frame = frames(name, Some(bonds)).remove(0).unwrap();
+        frame.cell.unwrap()
+    };
+    let tilted = cell("triclinic.dump", "triclinic.data");
+    let expected = [[12.0, 0.0, 0.0], [2.5, 12.0, 0.0], [-1.5, 3.0, 12.0]];
+    let numbers = tilted.vectors.as_flattened().iter();
+    for (found, expected) in numbers.zip(expected.as_flattened()) {
+        assert!((found - expected).abs() < 1e-12, "{tilted}");
+    }
+    let options = ReadOptions::default();
+    let data = Frames::open(&file("triclinic.data"), &options)
+        .unwrap()
+        .next();
+    assert_eq!(data.unwrap().unwrap().cell.unwrap().vectors, expected);
+    // Only along periodic directions, and with the corner of the box.
+    let bounds = "BOUNDS pp pp ff\n0 9\n0 9\n0 9";
+    for (kind, expected) in [
+        (bounds, Some("9,9,0")),
+        ("BOUNDS ff pp fs\n0 9\n0 9\n0 9", Some("0,9,0")),
+        ("BOUNDS ff ss mm\n0 9\n0 9\n0 9", None),
+        ("BOUNDS\n0 9\n0 9\n0 9", Some("9,9,9")),
+        (
+            "BOUNDS pp pp ff\n-1 9\n0 9\n2 9",
+            Some("10,0,0,0,9,0,0,0,0,-1,0,2"),
+        ),
+        (
+            "BOUNDS xy xz yz pp pp ff\n0 10 1\n0 9 0\n0 9 0",
+            Some("9,0,0,1,9,0,0,0,0"),
+        ),
+        (
+            "BOUNDS xy xz yz pp pp pp\n-2 9 -2\n0 9 0\n0 9 0",
+            Some("9,0,0,-2,9,0,0,0,9"),
+        ),
+    ] {
+        let text = DUMP
+            .replacen(bounds, kind, 1)
+            .replacen("2 2 0 9", "2 2 0 1", 1);
+        let frame = dump(&text).unwrap().remove(0);
+        assert_eq!(frame.cell.map(|cell| cell.to_string()).as_deref(), expected);
+        assert!(frame.curves.is_ok());
+    }
+}
+
+#[test]
+fn a_data_file_is_periodic_unless_its_title_says_otherwise() {
+    let text = bonded(3, &[[1, 2], [2, 3], [3, 1]]);
+    let cell = |title: &str| {
+        let text = format!("{title}{}", &text[text.find('\n').unwrap()..]);
+        data_frame(&text, false)
+            .unwrap()
+            .cell
+            .map(|cell| cell.to_string())
+    };
+    let all = cell("title").unwrap();
+    let edges: Vec<&str> = all.split(',').collect();
+    assert_eq!(edges.len(), 3, "{all}");
+    assert_eq!(cell("t, boundary p p p").unwrap(), all);
+    let slab = format!("{},{},0", edges[0], edges[1]);
+    assert_eq!(cell("t, boundary p p f").unwrap(), slab);
+    assert_eq!(cell("boundary f s m"), None);
 }
 
 #[test]
@@ -180,7 +277,12 @@ fn compressed_files_are_refused_with_the_tool_that_decompresses() {
 }
 
 fn data(text: &str) -> Result<CurveSet> {
-    read_data(text.as_bytes(), text.len() as u64, "memory")
+    data_frame(text, false)?.curves
+}
+
+fn data_frame(text: &str, wrapped: bool) -> Result<ModelFrame> {
+    let mut source = read_data(text.as_bytes(), text.len() as u64, "memory", wrapped)?;
+    Ok(source.next_frame()?.expect("a frame"))
 }
 
 /// Returns a data file of `bonds` between the atoms 1 to `atoms` at `(id, 0, 0)`.
@@ -251,6 +353,9 @@ fn a_curve_that_closes_only_through_the_boundary_is_refused() {
         "the bond of atoms 3 and 1 is 0.667 of the periodic box",
     );
     assert_error_contains(data(text), "in spite of image flags");
+    let frame = data_frame(text, true).unwrap();
+    assert_eq!(frame.curves.unwrap().point(0, 2), [7.0, 0.0, 0.0]);
+    assert_eq!(frame.cell.unwrap().to_string(), "9,9,9");
     // Without flags it may be wrapped.
     let plain = text.replace(" 0 0 0 0 0\n", " 0 0\n");
     assert_error_contains(data(&plain), "the curve is wrapped at the boundary");
@@ -398,7 +503,11 @@ fn errors_of_data_files_name_the_line() {
 
 /// Returns the frames of a dump of the atoms 1, 2 and 3, a closed curve.
 fn dump(text: &str) -> Result<Vec<ModelFrame>> {
-    let mut source = read_dump(text.as_bytes(), &[[1, 2], [2, 3], [3, 1]])?;
+    dump_frames(text, false)
+}
+
+fn dump_frames(text: &str, wrapped: bool) -> Result<Vec<ModelFrame>> {
+    let mut source = read_dump(text.as_bytes(), &[[1, 2], [2, 3], [3, 1]], wrapped)?;
     let mut frames = Vec::new();
     while let Some(frame) = source.next_frame()? {
         frames.push(frame);
@@ -524,7 +633,14 @@ fn only_periodic_directions_tear_bonds() {
     assert!(dump(&old).unwrap()[0].curves.is_err());
     // A box without a volume proves nothing.
     let flat = DUMP.replacen("0 9\n", "0 0\n", 1);
-    assert!(dump(&flat).unwrap()[0].curves.is_err());
+    for wrapped in [false, true] {
+        let frame = dump_frames(&flat, wrapped).unwrap().remove(0);
+        let error = frame.curves.unwrap_err().to_string();
+        assert!(
+            error.contains("periodic in x, but has no length"),
+            "{error}"
+        );
+    }
 }
 
 proptest! {
@@ -534,7 +650,8 @@ proptest! {
         steps in prop::collection::vec([-2.0..2.0f64, -2.0..2.0, -2.0..2.0], 1..12),
     ) {
         // A closed curve: there and back.
-        let cell = cell::Cell::new([[1.0; 3], [11.0; 3]], tilt, [true; 3]);
+        let space = cell::SimulationBox::new([[1.0; 3], [11.0; 3]], tilt, [true; 3]);
+        let cell = space.cell().unwrap();
         let mut points = vec![[5.0; 3]];
         for step in &steps {
             let p = points[points.len() - 1];
@@ -558,23 +675,23 @@ proptest! {
                 let s = (wrapped[x] - 1.0) / 10.0;
                 edge[x] = s.floor();
                 flags[x] = edge[x];
-                let shift = cell.shift(edge);
+                let shift = space.shift(edge);
                 wrapped = [0, 1, 2].map(|x| wrapped[x] - shift[x]);
             }
             torn |= previous.is_some_and(|f| f != flags);
             previous = Some(flags);
-            let shift = cell.shift(flags);
+            let shift = space.shift(flags);
             with_flags.put(id, [0, 1, 2].map(|x| wrapped[x] + shift[x])).unwrap();
             without.put(id, wrapped).unwrap();
         }
-        let unwrapped = with_flags.finish(&cell, Unwrapped::ByFlags);
+        let unwrapped = with_flags.finish(cell.as_ref(), Unwrapped::ByFlags);
         // Steps of up to 2 in x can be longer than half of the tilted box in its own coordinates.
         if let Ok(set) = unwrapped {
             for (k, p) in points.iter().enumerate() {
                 let q = set.point(0, k);
                 prop_assert!((0..3).all(|x| (p[x] - q[x]).abs() < 1e-9));
             }
-            prop_assert_eq!(without.finish(&cell, Unwrapped::Unknown).is_err(), torn);
+            prop_assert_eq!(without.finish(cell.as_ref(), Unwrapped::Unknown).is_err(), torn);
         }
     }
 }

@@ -3,9 +3,13 @@
 //! Atoms have the ids 1, 2, .. in the order of the curves, and the number of their curve as
 //! molecule, so that reading gives the same curves. Numbers are the shortest decimals that are read
 //! back as the same double.
+//!
+//! The box is the cell of the frame, and reaches around all points along the other directions. In
+//! the bounds of a dump, the edges of a tilted box are rounded.
 
+use super::cell::overhang;
 use super::{DUMP, data, dump};
-use crate::curve::CurveSet;
+use crate::curve::{Cell, CurveSet};
 use crate::error::{Error, Result};
 use crate::model::frames::ModelFrame;
 use crate::model::write::{FrameSink, check_polylines, curves_of, same_curves, text_file};
@@ -41,14 +45,70 @@ fn check(format: &'static str, set: &CurveSet) -> Result<()> {
 }
 
 /// Writes a data file of atom style `bond`.
-pub(in crate::model) fn write_data(path: &Path, set: &CurveSet) -> Result<()> {
+pub(in crate::model) fn write_data(path: &Path, set: &CurveSet, cell: Option<&Cell>) -> Result<()> {
     check(data::FORMAT, set)?;
-    let bounds = roomy(set);
-    if bounds.as_flattened().iter().any(|x| !x.is_finite()) {
+    let space = Space::new(data::FORMAT, cell, roomy(set))?;
+    if space.bounds.as_flattened().iter().any(|x| !x.is_finite()) {
         let what = "coordinates too large for the bounds of a box";
         return Err(Error::unsupported(data::FORMAT, what));
     }
-    text_file(path, |out| data_file(out, set, bounds))
+    text_file(path, |out| data_file(out, set, &space))
+}
+
+/// The box of a file.
+struct Space {
+    /// Lower and upper corner, before tilting.
+    bounds: [[f64; 3]; 2],
+    /// Tilt factors xy, xz, yz.
+    tilt: [f64; 3],
+    periodic: [bool; 3],
+}
+
+impl Space {
+    /// Returns the box of a cell, with the given bounds along the directions without repetition.
+    ///
+    /// Errors: the vectors of the cell are not `(lx, 0, 0)`, `(xy, ly, 0)` and `(xz, yz, lz)`.
+    fn new(format: &'static str, cell: Option<&Cell>, mut bounds: [[f64; 3]; 2]) -> Result<Space> {
+        let (mut tilt, mut periodic) = ([0.0; 3], [false; 3]);
+        if let Some(cell) = cell {
+            let [a, b, c] = cell.vectors;
+            tilt = [b[0], c[0], c[1]];
+            periodic = cell.periodic();
+            let lengths = [a[0], b[1], c[2]];
+            let triangular = [a[1], a[2], b[2]] == [0.0; 3];
+            if !triangular || (0..3).any(|x| periodic[x] && !(lengths[x] > 0.0)) {
+                return Err(Error::unsupported(
+                    format,
+                    format_args!(
+                        "the cell {cell}: a box has the vectors lx,0,0 and xy,ly,0 and xz,yz,lz \
+                         with positive lengths; turn the coordinates, or write .npz or .xyz"
+                    ),
+                ));
+            }
+            for x in (0..3).filter(|&x| periodic[x]) {
+                let (low, length) = (cell.origin[x], lengths[x]);
+                // The corner is of no importance, but the length is.
+                let kept = (low + length) - low == length;
+                let low = if kept { low } else { 0.0 };
+                (bounds[0][x], bounds[1][x]) = (low, low + length);
+            }
+        }
+        Ok(Space {
+            bounds,
+            tilt,
+            periodic,
+        })
+    }
+
+    /// Returns a word for each direction.
+    fn boundary(&self, [periodic, free]: [&str; 2]) -> String {
+        let words = self.periodic.map(|p| if p { periodic } else { free });
+        words.join(" ")
+    }
+
+    fn is_tilted(&self) -> bool {
+        self.tilt != [0.0; 3]
+    }
 }
 
 /// Returns the longest bond, the lower and the upper bounds of the points in each direction.
@@ -88,17 +148,19 @@ fn roomy(set: &CurveSet) -> [[f64; 3]; 2] {
     ]
 }
 
-fn data_file(
-    out: &mut dyn Write,
-    set: &CurveSet,
-    [low, high]: [[f64; 3]; 2],
-) -> std::io::Result<()> {
+fn data_file(out: &mut dyn Write, set: &CurveSet, space: &Space) -> std::io::Result<()> {
     let bonds = set.segments();
-    writeln!(out, "LAMMPS data file of linkwatch\n")?;
+    let boundary = space.boundary(["p", "f"]);
+    writeln!(out, "LAMMPS data file of linkwatch, boundary {boundary}\n")?;
     writeln!(out, "{} atoms\n1 atom types", set.points())?;
     writeln!(out, "{bonds} bonds\n1 bond types\n")?;
+    let [low, high] = space.bounds;
     for (x, axis) in ['x', 'y', 'z'].into_iter().enumerate() {
         writeln!(out, "{:?} {:?} {axis}lo {axis}hi", low[x], high[x])?;
+    }
+    if space.is_tilted() {
+        let [xy, xz, yz] = space.tilt;
+        writeln!(out, "{xy:?} {xz:?} {yz:?} xy xz yz")?;
     }
     writeln!(out, "\nMasses\n\n1 1\n\nAtoms # bond\n")?;
     let mut id = 0;
@@ -145,13 +207,15 @@ impl FrameSink for DumpFile {
     fn frame(&mut self, frame: &ModelFrame) -> Result<()> {
         let set = curves_of(dump::FORMAT, frame)?;
         check(dump::FORMAT, set)?;
+        let [_, low, high] = extent(set);
+        let space = Space::new(dump::FORMAT, frame.cell.as_ref(), [low, high])?;
         let out = match &mut self.out {
             Some(out) => {
                 same_curves(dump::FORMAT, &self.counts, set)?;
                 out
             }
             none => {
-                write_data(&bonds_of(&self.path), set)?;
+                write_data(&bonds_of(&self.path), set, frame.cell.as_ref())?;
                 self.counts = set.counts().collect();
                 let file = File::create(&self.path).map_err(Error::file(&self.path))?;
                 none.insert(BufWriter::with_capacity(1 << 16, file))
@@ -165,7 +229,7 @@ impl FrameSink for DumpFile {
             let what = format!("frame {} after frame {last}", frame.seq);
             return Err(Error::unsupported(dump::FORMAT, what));
         }
-        snapshot(out, frame.seq, frame.time, set).map_err(Error::file(&self.path))
+        snapshot(out, frame, set, &space).map_err(Error::file(&self.path))
     }
 
     fn finish(self: Box<Self>) -> Result<()> {
@@ -176,16 +240,34 @@ impl FrameSink for DumpFile {
     }
 }
 
-fn snapshot(out: &mut impl Write, seq: u64, time: f64, set: &CurveSet) -> std::io::Result<()> {
-    if time != 0.0 {
-        writeln!(out, "ITEM: TIME\n{time:?}")?;
+fn snapshot(
+    out: &mut impl Write,
+    frame: &ModelFrame,
+    set: &CurveSet,
+    space: &Space,
+) -> std::io::Result<()> {
+    if frame.time != 0.0 {
+        writeln!(out, "ITEM: TIME\n{:?}", frame.time)?;
     }
-    writeln!(out, "ITEM: TIMESTEP\n{seq}")?;
+    writeln!(out, "ITEM: TIMESTEP\n{}", frame.seq)?;
     writeln!(out, "ITEM: NUMBER OF ATOMS\n{}", set.points())?;
-    writeln!(out, "ITEM: BOX BOUNDS ff ff ff")?;
-    let [_, low, high] = extent(set);
+    let boundary = space.boundary(["pp", "ff"]);
+    let [mut low, mut high] = space.bounds;
+    if space.is_tilted() {
+        writeln!(out, "ITEM: BOX BOUNDS xy xz yz {boundary}")?;
+        for (x, [below, above]) in overhang(space.tilt).into_iter().enumerate() {
+            low[x] += below;
+            high[x] += above;
+        }
+    } else {
+        writeln!(out, "ITEM: BOX BOUNDS {boundary}")?;
+    }
     for x in 0..3 {
-        writeln!(out, "{:?} {:?}", low[x], high[x])?;
+        write!(out, "{:?} {:?}", low[x], high[x])?;
+        match space.is_tilted() {
+            true => writeln!(out, " {:?}", space.tilt[x])?,
+            false => writeln!(out)?,
+        }
     }
     writeln!(out, "ITEM: ATOMS id mol type xu yu zu")?;
     let mut id = 0;

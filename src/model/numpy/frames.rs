@@ -1,10 +1,10 @@
 //! Frames of an array of positions.
 
 use super::array::{Array, Kind, Unread, fill};
-use super::{FORMAT, Others};
+use super::{Cells, FORMAT, Others};
 use crate::curve::{Basis, CurveLabels, CurveSet, CurveSetBuilder, Positions, Precision};
 use crate::error::{Error, Result};
-use crate::model::frames::{FrameSource, ModelFrame};
+use crate::model::frames::{FrameSource, ModelFrame, ReadOptions};
 use std::io::Read;
 use std::sync::Arc;
 
@@ -19,6 +19,8 @@ pub(super) struct ArrayFrames<R> {
     times: Option<Vec<f64>>,
     seq: Option<Vec<u64>>,
     labels: Arc<CurveLabels>,
+    cells: Cells,
+    options: ReadOptions,
     chunk: Chunk,
 }
 
@@ -145,7 +147,7 @@ impl Layout {
 }
 
 /// Fails if there is not one value for each frame.
-fn check_length<T>(name: &str, values: &Option<Vec<T>>, frames: u64) -> Result<()> {
+fn check_length<T>(name: &str, values: Option<&Vec<T>>, frames: u64) -> Result<()> {
     match values {
         Some(values) if values.len() as u64 != frames => {
             let what = format!("{} values for {frames} frames", values.len());
@@ -157,7 +159,13 @@ fn check_length<T>(name: &str, values: &Option<Vec<T>>, frames: u64) -> Result<(
 
 impl<R: Read> ArrayFrames<R> {
     /// Starts before the first frame. A frame may have at most `limit` bytes.
-    pub fn new(input: R, positions: &Array, others: Others, limit: u64) -> Result<Self> {
+    pub fn new(
+        input: R,
+        positions: &Array,
+        others: Others,
+        options: &ReadOptions,
+        limit: u64,
+    ) -> Result<Self> {
         if positions.kind != Kind::Float || !matches!(positions.size, 4 | 8) {
             let what = format!(
                 "positions of type {}; convert them with `.astype(np.float64)`",
@@ -167,8 +175,11 @@ impl<R: Read> ArrayFrames<R> {
         }
         let layout = Layout::new(positions, others.counts, limit)?;
         others.labels.check(layout.counts.len())?;
-        check_length("times", &others.times, layout.frames)?;
-        check_length("seq", &others.seq, layout.frames)?;
+        check_length("times", others.times.as_ref(), layout.frames)?;
+        check_length("seq", others.seq.as_ref(), layout.frames)?;
+        if let Cells::Each(cells) = &others.cells {
+            check_length("cell", Some(cells), layout.frames)?;
+        }
         Ok(ArrayFrames {
             input,
             precision: match positions.size {
@@ -182,6 +193,8 @@ impl<R: Read> ArrayFrames<R> {
             times: others.times,
             seq: others.seq,
             labels: Arc::new(others.labels),
+            cells: others.cells,
+            options: options.clone(),
             chunk: Chunk::default(),
         })
     }
@@ -226,10 +239,16 @@ impl<R: Read> FrameSource for ArrayFrames<R> {
         self.next += 1;
         let k = frame as usize;
         let seq = self.seq.as_ref().map_or(frame, |seq| seq[k]);
-        Ok(Some(ModelFrame {
+        let cell = match &self.cells {
+            Cells::None => None,
+            Cells::One(cell) => Some(*cell),
+            Cells::Each(cells) => Some(cells[k]),
+        };
+        let frame = ModelFrame {
             time: self.times.as_ref().map_or(0.0, |times| times[k]),
             labels: self.labels.clone(),
             ..ModelFrame::new(seq, curves)
-        }))
+        };
+        Ok(Some(frame.in_cell(cell, &self.options, FORMAT)))
     }
 }

@@ -1,9 +1,9 @@
-//! The small arrays of an `.npz` file: counts, basis, times, names and radii.
+//! The small arrays of an `.npz` file: counts, basis, times, names, radii and cells.
 
 use super::archive::Archive;
 use super::array::{Array, Kind};
-use super::{FORMAT, Others, basis_name};
-use crate::curve::Basis;
+use super::{Cells, FORMAT, Others, basis_name};
+use crate::curve::{Basis, Cell, Point};
 use crate::error::{Error, Result};
 use std::io::{BufRead, Seek};
 
@@ -38,10 +38,13 @@ pub(super) fn read(archive: &mut Archive<impl BufRead + Seek>) -> Result<Others>
     if let Some(radii) = Values::find(archive, "radii")? {
         others.labels.radii = radii.floats()?.into_iter().map(|r| r as f32).collect();
     }
+    if let Some(cell) = Values::find(archive, "cell")? {
+        others.cells = cell.cells()?;
+    }
     Ok(others)
 }
 
-/// Values of an array of one dimension, or of none.
+/// Values of an array of one dimension, or of none; of a cell, of up to three.
 struct Values {
     name: &'static str,
     array: Array,
@@ -66,9 +69,10 @@ impl Values {
         let header = bytes.len() - content.len();
         bytes.drain(..header);
         let values = Values { name, array, bytes };
+        let most = if name == "cell" { 3 } else { 1 };
         match values.array.shape.len() {
             // Without bytes a value would have any number of them.
-            0 | 1 if values.array.size > 0 => Ok(Some(values)),
+            dimensions if dimensions <= most && values.array.size > 0 => Ok(Some(values)),
             _ => Err(values.bad(format_args!("{} values", values.array.shape_text()))),
         }
     }
@@ -143,6 +147,45 @@ impl Values {
         match values.iter().position(|x| !x.is_finite()) {
             Some(k) => Err(self.bad(format_args!("value {k} is {}", values[k]))),
             None => Ok(values),
+        }
+    }
+
+    /// Returns a cell for all frames, or for each one.
+    fn cells(&self) -> Result<Cells> {
+        let numbers = self.floats()?;
+        let (rows, one) = match self.array.shape[..] {
+            [3] => (1, true),
+            [rows @ (3 | 4), 3] => (rows, true),
+            [_, 3] => (1, false),
+            [_, rows @ (3 | 4), 3] => (rows, false),
+            _ => {
+                let what = format!(
+                    "shape {}, expected 3 (edges along the axes), 3 x 3 (vectors), 4 x 3 (vectors \
+                     and the corner), or frames x one of these",
+                    self.array.shape_text()
+                );
+                return Err(self.bad(what));
+            }
+        };
+        let points: &[Point] = numbers.as_chunks().0;
+        let cells = points
+            .chunks_exact(rows as usize)
+            .enumerate()
+            .map(|(k, rows)| {
+                let cell = match *rows {
+                    [edges] => Cell::orthogonal([0.0; 3], edges),
+                    [a, b, c, ref corner @ ..] => Cell {
+                        origin: corner.first().copied().unwrap_or_default(),
+                        vectors: [a, b, c],
+                    },
+                    _ => unreachable!("one, three or four rows"),
+                };
+                let checked = cell.check().map(|()| cell);
+                checked.map_err(|e| self.bad(format_args!("cell {k}: {e}")))
+            });
+        match (cells.collect::<Result<Vec<_>>>()?, one) {
+            (cells, false) => Ok(Cells::Each(cells)),
+            (cells, true) => Ok(Cells::One(cells[0])),
         }
     }
 

@@ -21,6 +21,11 @@
 //! | `seq` | frames | numbers of the frames, increasing; otherwise they are counted from 0 |
 //! | `names` | curves | texts |
 //! | `radii` | curves | f4 or f8 |
+//! | `cell` | 3, 3 x 3 or 4 x 3, or frames x these | f4 or f8 |
+//!
+//! The cell is periodic: its edges along the axes, its vectors, or its vectors and its corner; zeros
+//! stand for a direction without repetition. The shapes 3 x 3 and 4 x 3 are those of one cell for all
+//! frames, also if there are 3 or 4 frames.
 //!
 //! Arrays in Fortran order, of other types than f4 and f8, and of pickled objects are refused.
 //!
@@ -38,7 +43,7 @@ pub(super) use self::write::{NpyFile, NpzFile};
 use self::array::Array;
 use self::frames::ArrayFrames;
 use super::frames::{FrameSource, ReadOptions};
-use crate::curve::{Basis, CurveLabels};
+use crate::curve::{Basis, Cell, CurveLabels};
 use crate::error::{Error, Result};
 use std::io::{BufRead, Seek};
 use std::path::Path;
@@ -72,7 +77,7 @@ pub(super) fn read_npy<R: BufRead>(
         counts: options.counts.clone(),
         ..Others::default()
     };
-    ArrayFrames::new(input, &positions, others, u64::MAX)
+    ArrayFrames::new(input, &positions, others, options, u64::MAX)
 }
 
 /// Reads the arrays of an `.npz` file of `len` bytes, up to the positions of the first frame.
@@ -94,7 +99,7 @@ pub(super) fn read_npz<R: BufRead + Seek>(
     let (len, limit) = (member.size, member.limit(FREE_FRAME));
     let mut input = archive.into_member(member)?;
     let positions = Array::parse(&mut input, len, "positions")?;
-    ArrayFrames::new(input, &positions, others, limit)
+    ArrayFrames::new(input, &positions, others, options, limit)
 }
 
 /// Returns the name of a basis in an array `basis`.
@@ -115,6 +120,17 @@ struct Others {
     times: Option<Vec<f64>>,
     seq: Option<Vec<u64>>,
     labels: CurveLabels,
+    cells: Cells,
+}
+
+/// Periodic cells of the frames.
+#[derive(Default)]
+enum Cells {
+    #[default]
+    None,
+    /// Of all frames.
+    One(Cell),
+    Each(Vec<Cell>),
 }
 
 #[cfg(test)]

@@ -359,29 +359,137 @@ fn errors_of_archives_say_what_is_wrong() {
     assert!(error.contains("no end of a directory"), "{error}");
 }
 
+/// Returns an archive of frames of a closed curve of two points, and of another array.
+fn with_array(frames: usize, name: &str, descr: &str, shape: &str, values: &[u8]) -> Vec<u8> {
+    let header = |descr: &str, shape: &str| {
+        format!("{{'descr': '{descr}', 'fortran_order': False, 'shape': {shape}}}")
+    };
+    let shape_of_all = format!("({frames}, 1, 2, 3)");
+    let positions = array(&header("<f4", &shape_of_all), &vec![0; 24 * frames]);
+    let (entry, first) = stored("positions", &positions);
+    let second = array(&header(descr, shape), values);
+    let (crc, size) = (crc32fast::hash(&second), second.len() as u64);
+    let local = Member::local_header(name, crc, size);
+    let at = first.len() as u64;
+    let members = [
+        (entry, first),
+        (Member::entry(name, crc, size, at), [local, second].concat()),
+    ];
+    archive(&members)
+}
+
+#[test]
+fn frames_have_the_cell_of_the_archive() {
+    let cells = |frames: usize, shape: &str, numbers: &[f64]| {
+        let values: Vec<u8> = numbers.iter().flat_map(|x| x.to_le_bytes()).collect();
+        let bytes = with_array(frames, "cell", "<f8", shape, &values);
+        let len = bytes.len() as u64;
+        let mut source = read_npz(Cursor::new(&bytes[..]), len, &options(None))?;
+        let mut found = Vec::new();
+        while let Some(frame) = source.next_frame()? {
+            frame.curves?;
+            found.push(frame.cell.unwrap().to_string());
+        }
+        Ok::<_, Error>(found)
+    };
+    let vectors = [9.0, 0.0, 0.0, 2.0, 8.0, 0.0, 0.0, 0.0, 0.0];
+    let corner = [&vectors[..], &[1.0, 2.0, 3.0]].concat();
+    let (one, cornered) = ("9,0,0,2,8,0,0,0,0", "9,0,0,2,8,0,0,0,0,1,2,3");
+    let twice = |numbers: &[f64]| [numbers, numbers].concat();
+    assert_eq!(cells(2, "(3,)", &[9.0, 8.0, 0.0]).unwrap(), ["9,8,0"; 2]);
+    assert_eq!(cells(3, "(3, 3)", &vectors).unwrap(), [one; 3]);
+    assert_eq!(cells(4, "(4, 3)", &corner).unwrap(), [cornered; 4]);
+    let edges = [9.0, 8.0, 7.0, 9.5, 8.0, 7.0];
+    assert_eq!(cells(2, "(2, 3)", &edges).unwrap(), ["9,8,7", "9.5,8,7"]);
+    assert_eq!(cells(2, "(2, 3, 3)", &twice(&vectors)).unwrap(), [one; 2]);
+    assert_eq!(
+        cells(2, "(2, 4, 3)", &twice(&corner)).unwrap(),
+        [cornered; 2]
+    );
+    for (frames, shape, numbers, says) in [
+        (
+            1,
+            "(2, 3)",
+            &edges[..],
+            "array cell): 2 values for 1 frames",
+        ),
+        (1, "(0, 3)", &[], "array cell): 0 values for 1 frames"),
+        (
+            1,
+            "(6,)",
+            &edges,
+            "array cell): shape 6, expected 3 (edges along the axes)",
+        ),
+        (
+            1,
+            "()",
+            &[9.0],
+            "array cell): shape 1 (no dimensions), expected 3",
+        ),
+        (1, "(3, 2)", &edges, "array cell): shape 3 x 2, expected 3"),
+        (
+            1,
+            "(1, 1, 2, 3)",
+            &edges,
+            "array cell): 1 x 1 x 2 x 3 values",
+        ),
+        (
+            1,
+            "(3,)",
+            &[0.0; 3],
+            "array cell): cell 0: cell 0,0,0: no vector",
+        ),
+        (
+            2,
+            "(2, 3)",
+            &[1.0, 1.0, 1.0, f64::NAN, 1.0, 1.0],
+            "array cell): value 3 is NaN",
+        ),
+        (1, "(3, 3)", &[1.0; 9], "one plane"),
+    ] {
+        let error = cells(frames, shape, numbers).unwrap_err().to_string();
+        assert!(error.contains(says), "{error:?} lacks {says:?}");
+    }
+}
+
+#[test]
+fn a_curve_that_the_cell_of_an_archive_tears_is_refused_unless_it_is_unwrapped() {
+    let positions = "{'descr': '<f8', 'fortran_order': False, 'shape': (1, 1, 3, 3), }";
+    let points = [[0.0_f64; 3], [8.0, 0.0, 0.0], [4.0, 1.0, 0.0]];
+    let points: Vec<u8> = points
+        .as_flattened()
+        .iter()
+        .flat_map(|x| x.to_le_bytes())
+        .collect();
+    for wrapped in [false, true] {
+        let options = ReadOptions {
+            wrapped,
+            ..options(None)
+        };
+        let bytes = array(positions, &points);
+        let positions = Array::parse(&mut &bytes[..], bytes.len() as u64, "positions");
+        let others = Others {
+            cells: Cells::One("9,0,0".parse().unwrap()),
+            ..Others::default()
+        };
+        let mut source =
+            ArrayFrames::new(&points[..], &positions.unwrap(), others, &options, 999).unwrap();
+        let frame = source.next_frame().unwrap().unwrap();
+        assert_eq!(frame.cell.unwrap().to_string(), "9,0,0");
+        match frame.curves {
+            Ok(set) => assert!(wrapped && set.point(0, 1)[0] == 8.0),
+            Err(e) => {
+                let says = "curve 0 is 0.889 of the first vector of the periodic cell long";
+                assert!(!wrapped && e.to_string().contains(says), "{e}");
+            }
+        }
+    }
+}
+
 #[test]
 fn small_arrays_of_wrong_types_and_lengths_are_refused() {
-    let positions = "{'descr': '<f4', 'fortran_order': False, 'shape': (1, 1, 2, 3), }";
     let with = |name: &str, descr: &str, shape: &str, values: &[u8]| {
-        let header = format!("{{'descr': '{descr}', 'fortran_order': False, 'shape': {shape}}}");
-        let (_, first) = stored("positions", &array(positions, &[0; 24]));
-        let (crc, size) = (
-            crc32fast::hash(&array(positions, &[0; 24])),
-            first.len() as u64,
-        );
-        let size = size - Member::local_header("positions", 0, 0).len() as u64;
-        let second = array(&header, values);
-        let (second_crc, second_size) = (crc32fast::hash(&second), second.len() as u64);
-        let local = Member::local_header(name, second_crc, second_size);
-        let at = first.len() as u64;
-        let members = [
-            (Member::entry("positions", crc, size, 0), first),
-            (
-                Member::entry(name, second_crc, second_size, at),
-                [local, second].concat(),
-            ),
-        ];
-        read_all(&archive(&members)).map_err(|e| e.to_string())
+        read_all(&with_array(1, name, descr, shape, values)).map_err(|e| e.to_string())
     };
     assert_eq!(with("counts", "|i1", "(1,)", &[0xFE]), Ok(1));
     assert_eq!(with("basis", "|u1", "()", &[0]), Ok(1));

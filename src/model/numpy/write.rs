@@ -6,7 +6,7 @@
 //! them.
 
 use super::{FORMAT, basis_name};
-use crate::curve::{Basis, CurveLabels, CurveSet, Precision};
+use crate::curve::{Basis, Cell, CurveLabels, CurveSet, Precision};
 use crate::error::{Error, Result};
 use crate::model::frames::ModelFrame;
 use crate::model::write::{FrameSink, check_polylines, curves_of, same_curves};
@@ -176,6 +176,8 @@ pub(in crate::model) struct NpzFile {
     labels: Arc<CurveLabels>,
     seq: Vec<u64>,
     times: Vec<f64>,
+    /// Of all frames, or of none.
+    cells: Vec<Cell>,
 }
 
 /// Name of the member with the positions, the first one.
@@ -189,6 +191,7 @@ impl NpzFile {
             labels: Arc::default(),
             seq: Vec::new(),
             times: Vec::new(),
+            cells: Vec::new(),
         }
     }
 }
@@ -208,10 +211,15 @@ impl FrameSink for NpzFile {
             let what = format!("frame {} after frame {last}", frame.seq);
             return Err(Error::unsupported(FORMAT, what));
         }
+        if !self.seq.is_empty() && frame.cell.is_some() == self.cells.is_empty() {
+            let what = "frames with a periodic cell and others without one";
+            return Err(Error::unsupported(FORMAT, what));
+        }
         let lead = Member::local_header(POSITIONS, 0, 0).len();
         stream(&mut self.stream, &self.path, set, lead)?.frame(set)?;
         self.seq.push(frame.seq);
         self.times.push(frame.time);
+        self.cells.extend(frame.cell);
         Ok(())
     }
 
@@ -234,6 +242,20 @@ impl FrameSink for NpzFile {
         let times = self.times.iter().flat_map(|t| t.to_le_bytes());
         let seq = self.seq.iter().flat_map(|n| n.to_le_bytes());
         let list = |len: usize| format!("{len},");
+        let one = self.cells.windows(2).all(|w| w[0] == w[1]);
+        let cells = &self.cells[..if one {
+            self.cells.len().min(1)
+        } else {
+            self.cells.len()
+        }];
+        let shape = match one {
+            true => "4, 3".into(),
+            false => format!("{}, 4, 3", cells.len()),
+        };
+        let rows = cells
+            .iter()
+            .flat_map(|cell| cell.vectors.into_iter().chain([cell.origin]));
+        let cell = rows.flatten().flat_map(f64::to_le_bytes);
         let arrays = [
             (
                 "counts",
@@ -255,6 +277,11 @@ impl FrameSink for NpzFile {
                 "times",
                 self.times.iter().any(|t| *t != 0.0),
                 array_of("<f8", &list(self.times.len()), times.collect()),
+            ),
+            (
+                "cell",
+                !cells.is_empty(),
+                array_of("<f8", &shape, cell.collect()),
             ),
             (
                 "seq",

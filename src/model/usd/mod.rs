@@ -6,6 +6,7 @@
 //! - Each time code at which points, counts, widths or a transform have a sample is a frame.
 //! - Layers are not composed: a file with references, payloads, sublayers, variants, inherits,
 //!   specializes or value clips is refused, with the command that flattens it.
+//! - A stage has no standard for a periodic cell, so none is read: the caller gives it.
 //! - Points are in single precision. They are transformed in double precision, unless all
 //!   transforms are the identity.
 //!

@@ -1,0 +1,132 @@
+//! Extended XYZ, as ASE, OVITO and others write it: frames one after the other.
+//!
+//! A frame has a line with the number of atoms, a comment, and a line for each atom. The comment has
+//! keys with values, of which these are read, in upper or lower case:
+//!
+//! | key | value |
+//! |---|---|
+//! | `Lattice` | nine numbers: the vectors of the cell, one after the other |
+//! | `pbc` | three of `T` and `F`: if the frame repeats along each vector; else along all |
+//! | `Origin` | the corner of the cell, as OVITO writes it; else 0 |
+//! | `Properties` | `name:type:columns:..`; else `species:S:1:pos:R:3`, and others after them |
+//! | `Time` | time in seconds |
+//! | `Timestep` | number of the frame, increasing; else they are counted from 0 |
+//!
+//! The columns `pos:R:3` are the coordinates. Atoms with the same number in a column of integers
+//! ([`GROUPS`]: the first that exists) are a curve, in the order of the file, or of their numbers
+//! in the column `id:I:1` if there is one. Curves have the order of their first atoms. They are
+//! closed, unless a column `closed:L:1` says `F`. [`ReadOptions::counts`] has precedence over these
+//! columns: then the first atoms are the first curve, and so on. A file without both is refused: taken
+//! as a single curve, many curves would look unlinked.
+//!
+//! Curves that the boundary of the cell tears are refused, unless [`ReadOptions::wrapped`].
+//!
+//! Written are closed and open polylines with all these keys; other columns are not kept.
+//!
+//! Cost: one pass, with the memory of a frame; sorting the atoms if they have ids.
+
+mod atoms;
+mod comment;
+mod write;
+
+pub(super) use self::write::XyzFile;
+
+use self::comment::Comment;
+use super::frames::{FrameSource, ModelFrame, ReadOptions};
+use super::lines::{Lines, integer};
+use crate::error::Result;
+use std::io::BufRead;
+use std::path::Path;
+
+const FORMAT: &str = "extended XYZ";
+
+/// Names of the columns of integers that say to which curve an atom belongs.
+const GROUPS: [&str; 6] = ["molecule", "mol", "mol-id", "molid", "resid", "chain"];
+
+/// Opens a file.
+pub(super) fn open(path: &Path, options: &ReadOptions) -> Result<Box<dyn FrameSource>> {
+    let (input, len) = super::open(path)?;
+    let source = read(input, len, options).map_err(|e| e.in_file(path))?;
+    Ok(Box::new(source))
+}
+
+/// Starts before the first frame of a file of `len` bytes.
+pub(super) fn read<R: BufRead>(
+    input: R,
+    len: u64,
+    options: &ReadOptions,
+) -> Result<impl FrameSource + use<R>> {
+    Ok(XyzFrames {
+        lines: Lines::new(FORMAT, input, len)?,
+        options: options.clone(),
+        frames: 0,
+        last: None,
+    })
+}
+
+/// Reader of the frames.
+struct XyzFrames<R> {
+    lines: Lines<R>,
+    options: ReadOptions,
+    /// Number of frames before the next one.
+    frames: u64,
+    /// Time step of the previous frame, if the file has them.
+    last: Option<u64>,
+}
+
+impl<R: BufRead> XyzFrames<R> {
+    /// Returns the number of the next frame.
+    fn number(&mut self, step: Option<u64>) -> Result<u64, String> {
+        let first = self.frames == 0;
+        let last = std::mem::replace(&mut self.last, step);
+        self.frames += 1;
+        match (step, last) {
+            (Some(step), Some(last)) if step <= last => Err(format!(
+                "Timestep {step} after Timestep {last}: remove frames that are there twice"
+            )),
+            (Some(_), None) if !first => Err("a Timestep, which the frames before lack".into()),
+            (None, Some(_)) => Err("no Timestep, which the frame before has".into()),
+            (Some(step), _) => Ok(step),
+            (None, None) => Ok(self.frames - 1),
+        }
+    }
+}
+
+impl<R: BufRead> FrameSource for XyzFrames<R> {
+    fn next_frame(&mut self) -> Result<Option<ModelFrame>> {
+        loop {
+            if !self.lines.advance()? {
+                return Ok(None);
+            }
+            if !self.lines.text().trim_ascii().is_empty() {
+                break;
+            }
+        }
+        let count = integer(
+            self.lines.text().trim_ascii(),
+            "the number of atoms of a frame",
+        );
+        let count: u64 = count.map_err(|what| self.lines.bad(what))?;
+        self.lines.expect("the comment of a frame")?;
+        let comment = Comment::parse(self.lines.text());
+        let comment = comment.map_err(|what| self.lines.bad(what))?;
+        let seq = self
+            .number(comment.step)
+            .map_err(|what| self.lines.bad(what))?;
+        let cell = comment.cell().map_err(|what| self.lines.bad(what))?;
+        let curves = atoms::read(
+            &mut self.lines,
+            count,
+            &comment,
+            self.options.counts.as_deref(),
+        )?;
+        let frame = ModelFrame {
+            time: comment.time,
+            ..ModelFrame::new(seq, curves)
+        };
+        Ok(Some(frame.in_cell(cell, &self.options, FORMAT)))
+    }
+}
+
+#[cfg(test)]
+mod tests;
