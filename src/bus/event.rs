@@ -124,7 +124,7 @@ impl Frame {
             cuts: self.header.cuts,
             layout: self.header.layout,
             time_step: self.header.time_step,
-            cell: None,
+            cell: self.header.cell()?,
             labels: Arc::clone(&last.labels),
         })
     }

@@ -98,6 +98,9 @@ impl Watcher {
     /// Verifies a frame like the sessions of the command.
     fn verify(&mut self, frame: &linkwatch::Frame) -> Result<(Report, Arc<CurveSet>), Error> {
         let info = frame.info(&mut self.labels)?;
+        if let Some(cell) = info.cell {
+            self.verifier.set_cell(cell)?;
+        }
         if std::mem::replace(&mut self.layout, info.layout) != info.layout {
             self.pool = FramePool::default();
         }
