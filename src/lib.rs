@@ -53,6 +53,7 @@
 //! | curves of a frame | [`CurveSet`], [`Basis`], [`Positions`]; from files: [`model`] |
 //! | frames in memory of others | [`RawFrame`], for [`Verifier::receive`] |
 //! | verification | [`Verifier`] with [`VerifierOptions`], [`Strategy`], [`Events`], [`AbortOn`] |
+//! | periodic scenes | [`Cell`], [`VerifierOptions::cell`], [`Unwrap`] |
 //! | findings | [`Report`] with [`Verdict`], [`Change`], [`PullThrough`], [`Defect`], [`Place`] |
 //! | expected topology | [`Certificate`], [`Comparison`], [`Link`] |
 //! | DNA, polymers | [`Ribbon`], [`GaussIntegrals`]: writhe, twist, linking of open curves |
@@ -203,6 +204,8 @@ pub use ingest::{FrameInfo, FramePool, RawFrame};
 #[cfg(feature = "verify")]
 pub use pairs::{Partition, Share};
 #[cfg(feature = "verify")]
+pub use periodic::Unwrap;
+#[cfg(feature = "verify")]
 pub use plan::Plan;
 #[cfg(feature = "mcap")]
 pub use report::{Conclusion, RunReport};
@@ -226,8 +229,7 @@ pub use thickness::{
 };
 pub use verdict::{
     AbortOn, Change, ChangeKind, Clearance, CloseStrands, Defect, DefectKind, ImageLink, Link,
-    LoopPair,
-    Place, PullThrough, Report, ReportDifference, Stats, Verdict,
+    LoopPair, Place, PullThrough, Report, ReportDifference, Stats, Verdict,
 };
 #[cfg(feature = "verify")]
 pub use verifier::{

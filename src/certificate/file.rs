@@ -35,8 +35,8 @@
 //! is the same whichever images the coordinates of the curves belong to.
 
 use super::Certificate;
-use crate::error::{Error, Result};
 use crate::curve::Image;
+use crate::error::{Error, Result};
 use crate::periodic::{Entry, ImagePair, canonical};
 use crate::verdict::{Defect, DefectKind, Link, Place};
 use std::fmt;
@@ -188,7 +188,10 @@ impl Certificate {
         }
         images.sort_unstable();
         if let Some([(pair, _), _]) = images.array_windows().find(|[a, b]| a.0 == b.0) {
-            let what = format!("pair {},{} {:?} is listed twice", pair.i, pair.j, pair.image);
+            let what = format!(
+                "pair {},{} {:?} is listed twice",
+                pair.i, pair.j, pair.image
+            );
             return Err(Error::format("certificate", "whole file", what));
         }
         images.retain(|e| e.1 != Some(0));

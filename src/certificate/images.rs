@@ -19,9 +19,14 @@ impl Certificate {
         let links = self.links.iter().map(|l| (home(l.i, l.j), Some(l.lambda)));
         let undefined = self.undefined.iter();
         let undefined = undefined.filter_map(|d| Some((home(d.i, d.j?), None)));
-        let images = images.iter().map(|&ImageLink { i, j, image, lambda }| {
-            (ImagePair { i, j, image }, lambda)
-        });
+        let images = images.iter().map(
+            |&ImageLink {
+                 i,
+                 j,
+                 image,
+                 lambda,
+             }| { (ImagePair { i, j, image }, lambda) },
+        );
         let mut all: Vec<Entry> = links.chain(undefined).chain(images).collect();
         all.sort_unstable();
         Some(all)
@@ -36,7 +41,12 @@ impl Certificate {
         let mut images = Vec::new();
         for &(ImagePair { i, j, image }, lambda) in entries {
             match (image == Image::default(), lambda) {
-                (false, _) => images.push(ImageLink { i, j, image, lambda }),
+                (false, _) => images.push(ImageLink {
+                    i,
+                    j,
+                    image,
+                    lambda,
+                }),
                 (true, Some(lambda)) => out.links.push(Link { i, j, lambda }),
                 (true, None) => {
                     let known = self.undefined.iter().find(|d| (d.i, d.j) == (i, Some(j)));
@@ -116,10 +126,11 @@ impl Certificate {
             }
         }
         let known = |d: &&Defect| d.j.is_none() && !self.lacks(d.i, None);
-        out.defects.extend(baseline.undefined.iter().filter(known).map(|d| Defect {
-            kind: DefectKind::NoBaseline,
-            ..*d
-        }));
+        out.defects
+            .extend(baseline.undefined.iter().filter(known).map(|d| Defect {
+                kind: DefectKind::NoBaseline,
+                ..*d
+            }));
         out.defects.sort_by_key(|d| (d.i, d.j, d.image));
         Ok(out)
     }

@@ -72,7 +72,10 @@ impl Certificate {
             ordered && l.image != Image::default() && (l.j as usize) < curves
         };
         if let Some(l) = images.iter().find(|l| !valid(l)) {
-            let what = format!("image {:?} of pair {},{} of {curves} curves", l.image, l.i, l.j);
+            let what = format!(
+                "image {:?} of pair {},{} of {curves} curves",
+                l.image, l.i, l.j
+            );
             return Err(Error::format("certificate", "entries", what));
         }
         let key = |l: &ImageLink| (l.i, l.j, l.image);

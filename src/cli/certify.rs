@@ -1,6 +1,7 @@
 //! `linkwatch certify`: computes the certificates of models.
 
 use super::braid_args::BraidArgs;
+use super::cell_args::{CellArgs, Cells};
 use super::files::{Content, Files, Overwrite, write_text, write_whole};
 use super::input::{self, FormatArgs, Pick};
 use super::kernel::KernelArgs;
@@ -14,7 +15,7 @@ use clap::ValueEnum;
 use linkwatch::kernels::{Method, Offload};
 use linkwatch::model::{Format, FrameWriter, ModelFrame};
 use linkwatch::{
-    BraidLoops, Braids, Certificate, CurveSet, Error, Ladder, Result, Stats, Verifier,
+    BraidLoops, Braids, Certificate, CurveSet, Error, ImageLink, Ladder, Result, Stats, Verifier,
     VerifierOptions, homotopic_polylines, picture,
 };
 use std::path::{Path, PathBuf};
@@ -39,6 +40,8 @@ pub struct Args {
     format: FormatArgs,
     #[command(flatten)]
     braid_args: BraidArgs,
+    #[command(flatten)]
+    cell_args: CellArgs,
     /// Write the ends of the braids that were found in this frame (one model only), for the option
     /// --braid of other commands
     #[arg(long, value_name = "FILE", help_heading = super::WRITE)]
@@ -129,8 +132,11 @@ struct Certified {
 /// Reads a model and computes its certificate.
 fn certify(path: &Path, args: &Args) -> Result<Certified> {
     let pick = args.frame.map_or(Pick::First, Pick::Number);
-    let picked = input::read_frame(path, &args.format, pick)?;
-    let set = picked.curves;
+    let format = args.format.wrapped(args.cell_args.wrapped());
+    let picked = input::read_frame(path, &format, pick)?;
+    let cell = args.cell_args.cell(picked.cell);
+    let unwrapped = Cells::new(args.cell_args).unwrap(&picked.curves, cell)?;
+    let set = unwrapped.unwrap_or(picked.curves);
     let mut name = path.display().to_string();
     if let Some(number) = picked.number {
         name += &format!(", frame {number}");
@@ -139,6 +145,7 @@ fn certify(path: &Path, args: &Args) -> Result<Certified> {
     let braids = args.braid_args.braids(None)?;
     let mut verifier = Verifier::new(VerifierOptions {
         braids: braids.clone(),
+        cell,
         ..args.kernel.options()?
     })?;
     let (certificate, stats) =
@@ -148,7 +155,7 @@ fn certify(path: &Path, args: &Args) -> Result<Certified> {
                     verifier.certify_noisy(&set, args.noise.unwrap_or(0.0))?;
                 Ok((certificate.clone(), stats))
             }
-            _ if braids.is_some() => {
+            _ if braids.is_some() || cell.is_some() => {
                 let stats = verifier.step(0, 0.0, &set)?.stats;
                 let certificate = verifier.baseline().cloned().unwrap_or_default();
                 Ok((certificate, stats))
@@ -174,7 +181,9 @@ fn certify(path: &Path, args: &Args) -> Result<Certified> {
         })?;
     let took = start.elapsed();
     output::warn_of_open_curves(&name, &stats, None);
-    output::warn_of_long_segment(&name, &set);
+    if cell.is_none() {
+        output::warn_of_long_segment(&name, &set);
+    }
     if stats.repeated_vertices > 0 {
         let vertices = plural_of(
             stats.repeated_vertices,
@@ -213,6 +222,13 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     let braids = args.braid_args.are_given();
     if braids && (args.noise.is_some() || args.discretize == Discretize::Algorithm3) {
         let what = "--braid excludes --noise and --discretize: loops are verified pair by pair";
+        return Err(Error::Usage(what.into()));
+    }
+    if args.cell_args.are_given()
+        && (args.noise.is_some() || args.open || args.discretize == Discretize::Algorithm3)
+    {
+        let what = "--cell and --wrapped exclude --noise, --open and --discretize: they do not \
+                    consider periodic images";
         return Err(Error::Usage(what.into()));
     }
     if args.write_loops.is_some() && (models.len() > 1 || !braids) {
@@ -339,9 +355,10 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
             None => {
                 output::line(format_args!("{}: {}", path.display(), summary(&c)));
                 let links = c.certificate.links.iter();
-                let links: Vec<String> = links
-                    .map(|l| format!("curves {} and {}: linking number {}", l.i, l.j, l.lambda))
-                    .collect();
+                let links = links
+                    .map(|l| format!("curves {} and {}: linking number {}", l.i, l.j, l.lambda));
+                let images = c.certificate.images.iter().flatten();
+                let links: Vec<String> = links.chain(images.map(ImageLink::to_string)).collect();
                 output::first_lines("  ", &links, LINKS);
             }
         }
@@ -414,12 +431,20 @@ fn summary(c: &Certified) -> String {
             plural_of(n as u64, "pair or curve", "pairs or curves")
         ),
     };
+    let own = plural(c.certificate.links.len() as u64, "link");
+    let links = match &c.certificate.images {
+        None => own,
+        Some(images) => {
+            let images = images.iter().filter(|l| l.lambda.is_some()).count();
+            format!("{own}, {} with periodic images", count(images as u64))
+        }
+    };
     format!(
         "{} of {}, {}, {}{undefined} ({})",
         plural(c.stats.curves, "curve"),
         plural(c.stats.segments, "segment"),
         plural(c.stats.potential_links, "potential link"),
-        plural(c.certificate.links.len() as u64, "link"),
+        links,
         millis(c.took),
     )
 }

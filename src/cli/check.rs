@@ -2,6 +2,7 @@
 
 use super::Outcome;
 use super::braid_args::BraidArgs;
+use super::cell_args::CellArgs;
 use super::clearance_args::ClearanceArgs;
 use super::event_args::EventArgs;
 use super::files::{Content, write_text};
@@ -38,6 +39,8 @@ pub struct Args {
     event_args: EventArgs,
     #[command(flatten)]
     braid_args: BraidArgs,
+    #[command(flatten)]
+    cell_args: CellArgs,
     /// Stop at the first change of a model, the most suspect pairs first
     #[arg(
         long, conflicts_with_all = ["events", "with_self", "method"],
@@ -76,6 +79,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         event_args: args.event_args,
         clearance_args: ClearanceArgs::default(),
         braid_args: args.braid_args.clone(),
+        cell_args: args.cell_args,
         kernel: args.kernel.clone(),
         paranoid: false,
         // The models are files of the user, and no simulator runs on.
@@ -116,7 +120,8 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     let mut tally = FrameCounts::default();
     let mut pairs = BTreeSet::new();
     let mut failed = None;
-    for frame in Sequence::new(models, &args.format) {
+    let format = args.format.wrapped(args.cell_args.wrapped());
+    for frame in Sequence::new(models, &format) {
         let judged = frame.and_then(|frame| {
             let Frame { name, path, .. } = &frame;
             let (name, path) = (name.clone(), path.clone());

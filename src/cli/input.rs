@@ -5,7 +5,7 @@ use super::order;
 use linkwatch::RecordingReader;
 use linkwatch::model::{Frames, ModelFrame, ReadOptions};
 use linkwatch::scenes::Scene;
-use linkwatch::{CurveLabels, CurveSet, Error, FrameInfo, Result, model};
+use linkwatch::{Cell, CurveLabels, CurveSet, Error, FrameInfo, Result, model};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -28,9 +28,20 @@ pub struct FormatArgs {
     /// Topic to read of an MCAP file of another program, if several have curves
     #[arg(long, value_name = "TOPIC", hide_short_help = true)]
     topic: Option<String>,
+    /// Set by the command: curves that are torn at a periodic boundary are not refused.
+    #[arg(skip)]
+    wrapped: bool,
 }
 
 impl FormatArgs {
+    /// Returns the arguments for frames whose coordinates are wrapped, or not.
+    pub fn wrapped(&self, wrapped: bool) -> FormatArgs {
+        FormatArgs {
+            wrapped,
+            ..self.clone()
+        }
+    }
+
     /// Returns the other files that are read.
     pub fn files(&self) -> impl Iterator<Item = &PathBuf> {
         self.bonds.iter()
@@ -41,6 +52,7 @@ impl FormatArgs {
         options.bonds.clone_from(&self.bonds);
         options.counts.clone_from(&self.counts);
         options.topic.clone_from(&self.topic);
+        options.wrapped = self.wrapped;
         options
     }
 }
@@ -67,6 +79,8 @@ pub struct Picked {
     pub radii: Vec<f32>,
     /// Number of the frame, if the file may have several.
     pub number: Option<u64>,
+    /// Periodic cell of the frame, if it has one.
+    pub cell: Option<Cell>,
 }
 
 /// Reads one frame of a model file or of a recording, or builds a scene as [`read`] does.
@@ -77,6 +91,7 @@ pub fn read_frame(argument: &Path, args: &FormatArgs, pick: Pick) -> Result<Pick
                 curves: scene(argument)?,
                 radii: Vec::new(),
                 number: None,
+                cell: None,
             });
         }
         frames => frames?,
@@ -103,6 +118,7 @@ pub fn read_frame(argument: &Path, args: &FormatArgs, pick: Pick) -> Result<Pick
     Ok(Picked {
         curves: frame.curves.map_err(|e| e.in_file(argument))?,
         radii: frame.labels.radii.clone(),
+        cell: frame.cell,
         number: holds_frames(argument).then_some(frame.seq),
     })
 }
@@ -391,7 +407,10 @@ impl Iterator for Sequence {
             path,
             seq,
             time: frame.time,
-            info: self.info.clone(),
+            info: FrameInfo {
+                cell: frame.cell,
+                ..self.info.clone()
+            },
             curves: frame.curves,
         }))
     }

@@ -2,6 +2,7 @@
 //! name `linkwatch`, although it is a module of it.
 
 mod braid_args;
+mod cell_args;
 mod certify;
 mod check;
 mod clearance_args;

@@ -195,7 +195,10 @@ mod tests {
             let cell: Cell = text.parse().unwrap();
             assert_eq!(cell.to_string().parse::<Cell>().unwrap(), cell, "{text}");
         }
-        assert_eq!("10, 10, 12".parse::<Cell>().unwrap().to_string(), "10,10,12");
+        assert_eq!(
+            "10, 10, 12".parse::<Cell>().unwrap().to_string(),
+            "10,10,12"
+        );
     }
 
     #[test]
@@ -219,7 +222,13 @@ mod tests {
 
     #[test]
     fn the_inverse_gives_multiples_of_the_vectors() {
-        for text in ["10,10,12", "7,0,0", "0,3,4", "10,0,0,2,10,0,-3,1,12", "1,2,3,-2,1,0,0,0,0"] {
+        for text in [
+            "10,10,12",
+            "7,0,0",
+            "0,3,4",
+            "10,0,0,2,10,0,-3,1,12",
+            "1,2,3,-2,1,0,0,0,0",
+        ] {
             let cell: Cell = text.parse().unwrap();
             let inverse = cell.inverse().unwrap();
             for (k, b) in inverse.iter().enumerate() {

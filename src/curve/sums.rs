@@ -88,7 +88,9 @@ impl CurveSet {
         cell: &Cell,
         out: &mut Option<CurveSet>,
     ) -> Result<()> {
-        let total = curves.iter().map(|&(i, _)| frame.curve(i as usize).points as usize);
+        let total = curves
+            .iter()
+            .map(|&(i, _)| frame.curve(i as usize).points as usize);
         let mut xyz: Vec<f64> = Vec::with_capacity(3 * total.sum::<usize>());
         let positions = frame.positions();
         let positions = positions.as_positions();
@@ -154,10 +156,7 @@ impl CurveSet {
 
     /// [`CurveSet::toward`] for translated curves: those of the frame at a fraction of the step, in
     /// the cell at this fraction.
-    pub(super) fn translated_toward(
-        [from, to]: [&Sums; 2],
-        fraction: f64,
-    ) -> Result<CurveSet> {
+    pub(super) fn translated_toward([from, to]: [&Sums; 2], fraction: f64) -> Result<CurveSet> {
         let frame = Arc::new(from.frame.toward(&to.frame, fraction)?);
         let mix = |a: Point, b: Point| [0, 1, 2].map(|x| a[x] + fraction * (b[x] - a[x]));
         let cell = Cell {
@@ -214,7 +213,11 @@ mod tests {
             let frame = Arc::new(frame.unwrap());
             let cell = Cell {
                 origin: [0.0; 3],
-                vectors: [[next(), next(), 20.0], [next(), 30.0, next()], [40.0, next(), next()]],
+                vectors: [
+                    [next(), next(), 20.0],
+                    [next(), 30.0, next()],
+                    [40.0, next(), next()],
+                ],
             };
             let image = [0; 3].map(|_| (next() / 2.0) as i32);
             let mut out = None;

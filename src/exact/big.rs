@@ -71,7 +71,10 @@ impl Orientation for BigPredicates {
     type Point = BigPoint;
 
     fn orient2d(&mut self, [a, b, c]: [&BigPoint; 3], (u, v): (usize, usize)) -> i32 {
-        let (left, right) = ((&a[u] - &c[u]) * (&b[v] - &c[v]), (&a[v] - &c[v]) * (&b[u] - &c[u]));
+        let (left, right) = (
+            (&a[u] - &c[u]) * (&b[v] - &c[v]),
+            (&a[v] - &c[v]) * (&b[u] - &c[u]),
+        );
         sign(&(left - right))
     }
 

@@ -116,7 +116,10 @@ fn crossing_by<O: Orientation>(
     // `after` is the sign of the cross product of the directions. The upper segment is above if the
     // ends of the lower one lie on the other side of the plane that the upper one spans with the
     // line of sight.
-    let all_are = |order| t.iter().all(|p| u.iter().all(|q| O::compare(p, q, w) == order));
+    let all_are = |order| {
+        t.iter()
+            .all(|p| u.iter().all(|q| O::compare(p, q, w) == order))
+    };
     if all_are(Ordering::Greater) {
         return Crossing::Over(after);
     }

@@ -34,7 +34,9 @@ impl FractionalBoxes {
     /// Errors: [`Error::Usage`] if the vectors of the cell do not span a lattice.
     pub fn new(set: &CurveSet, cell: &Cell) -> Result<FractionalBoxes> {
         let inverse = cell.inverse().ok_or_else(|| {
-            Error::Usage(format!("cell {cell}: the vectors lie in one plane or on one line"))
+            Error::Usage(format!(
+                "cell {cell}: the vectors lie in one plane or on one line"
+            ))
         })?;
         let positions = set.positions();
         let positions = positions.as_positions();
@@ -83,8 +85,16 @@ impl FractionalBoxes {
 
     /// Returns the size of the scene along a direction.
     pub fn extent(&self, x: usize) -> f64 {
-        let lo = self.bounds.iter().map(|b| b[0][x]).fold(f64::INFINITY, f64::min);
-        let hi = self.bounds.iter().map(|b| b[1][x]).fold(f64::NEG_INFINITY, f64::max);
+        let lo = self
+            .bounds
+            .iter()
+            .map(|b| b[0][x])
+            .fold(f64::INFINITY, f64::min);
+        let hi = self
+            .bounds
+            .iter()
+            .map(|b| b[1][x])
+            .fold(f64::NEG_INFINITY, f64::max);
         (hi - lo).max(0.0)
     }
 
@@ -105,9 +115,11 @@ impl FractionalBoxes {
     /// Returns true if each box contains the other one of its curve.
     pub fn contain(&self, other: &FractionalBoxes) -> bool {
         self.bounds.len() == other.bounds.len()
-            && self.bounds.iter().zip(&other.bounds).all(|(a, b)| {
-                (0..3).all(|x| a[0][x] <= b[0][x] && b[1][x] <= a[1][x])
-            })
+            && self
+                .bounds
+                .iter()
+                .zip(&other.bounds)
+                .all(|(a, b)| (0..3).all(|x| a[0][x] <= b[0][x] && b[1][x] <= a[1][x]))
     }
 }
 

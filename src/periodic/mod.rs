@@ -23,7 +23,9 @@
 mod boxes;
 mod names;
 mod pairs;
+mod unwrap;
 
 pub(crate) use boxes::FractionalBoxes;
 pub(crate) use names::{Entry, aligned, canonical};
 pub(crate) use pairs::{ImagePair, ImagePairs};
+pub use unwrap::Unwrap;

@@ -111,11 +111,7 @@ pub(crate) fn aligned(curves: usize, baseline: &[Entry], frame: &[Entry]) -> Vec
 
 /// Returns the motion of curve `j` of the baseline with which most of its entries with curves of
 /// known motion are those of the frame; `None` if there is no such entry.
-fn most_agreed(
-    j: u32,
-    [before, now]: [&Neighbours; 2],
-    shifts: &[Option<Image>],
-) -> Option<Image> {
+fn most_agreed(j: u32, [before, now]: [&Neighbours; 2], shifts: &[Option<Image>]) -> Option<Image> {
     let mut votes = BTreeMap::<Image, u32>::new();
     for &(i, was, lambda) in &before[j as usize] {
         let Some(shift) = shifts[i as usize] else {

@@ -106,7 +106,10 @@ impl ImagePairs {
             let found = self.curves.binary_search_by_key(&order(&key), order);
             found.ok().map(|k| k as u32)
         };
-        Some((number((pair.i, Image::default()))?, number((pair.j, pair.image))?))
+        Some((
+            number((pair.i, Image::default()))?,
+            number((pair.j, pair.image))?,
+        ))
     }
 }
 
@@ -163,7 +166,9 @@ fn search(
         let ranges = [0, 1, 2].map(range);
         let size = |r: &RangeInclusive<i32>| u64::from(r.end().abs_diff(*r.start())) + 1;
         let images = ranges.iter().map(size);
-        total = images.fold(1_u64, u64::saturating_mul).saturating_add(total);
+        total = images
+            .fold(1_u64, u64::saturating_mul)
+            .saturating_add(total);
         if total > MOST_IMAGES {
             return Err(too_far(i));
         }
@@ -201,7 +206,8 @@ fn images_in([a, b, c]: &[RangeInclusive<i32>; 3]) -> impl Iterator<Item = Image
     let [a, b, c] = [a, b, c].map(RangeInclusive::clone);
     a.flat_map(move |i| {
         let c = c.clone();
-        b.clone().flat_map(move |j| c.clone().map(move |k| [i, j, k]))
+        b.clone()
+            .flat_map(move |j| c.clone().map(move |k| [i, j, k]))
     })
 }
 
@@ -249,7 +255,9 @@ mod tests {
         let mut random = Random::new(11);
         let mut total = 0;
         for case in 0..300 {
-            let cell: Cell = ["1,1,1", "1,0,1", "0,0,1", "2,1,0.5"][case % 4].parse().unwrap();
+            let cell: Cell = ["1,1,1", "1,0,1", "0,0,1", "2,1,0.5"][case % 4]
+                .parse()
+                .unwrap();
             let size = [0.1, 0.6, 2.5][case % 3];
             let bounds = (0..1 + random.below(6)).map(|_| {
                 let lo = [0; 3].map(|_| 6.0 * random.unit() - 3.0);
@@ -280,7 +288,11 @@ mod tests {
             };
             let all = (&|_| true as _, usize::MAX);
             let e = search(&boxes, &cell, all, &mut BTreeSet::new()).unwrap_err();
-            assert!(e.to_string().contains("curve 0 spans too many periodic cells"), "{e}");
+            assert!(
+                e.to_string()
+                    .contains("curve 0 spans too many periodic cells"),
+                "{e}"
+            );
         }
     }
 }

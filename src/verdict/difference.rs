@@ -1,6 +1,7 @@
 //! Difference of two reports on the same frame, from two runs.
 
 use super::{Report, Verdict};
+use crate::curve::Image;
 use serde::Serialize;
 use std::collections::BTreeMap;
 
@@ -18,7 +19,7 @@ pub struct ReportDifference {
 }
 
 /// Identity of a finding: its kind, its curves, and a number or the code of a defect.
-type Key = (u8, u32, Option<u32>, [i64; 2]);
+type Key = (u8, u32, Option<u32>, Image, [i64; 2]);
 
 impl Report {
     /// Returns the difference from a report on the same frame; `None` if the verdicts and findings
@@ -49,12 +50,13 @@ impl Report {
     fn by_identity(&self, names: &[String]) -> BTreeMap<Key, Vec<String>> {
         // In the order of the sentences.
         let changes = self.changes.iter();
-        let changes = changes.map(|c| (0, c.i, Some(c.j), [c.expected, c.found]));
-        let pull_through =
-            |kind| move |p: &super::PullThrough| (kind, p.i, Some(p.j), [i64::from(p.sign), 0]);
+        let changes = changes.map(|c| (0, c.i, Some(c.j), c.image, [c.expected, c.found]));
+        let pull_through = |kind| {
+            move |p: &super::PullThrough| (kind, p.i, Some(p.j), p.image, [p.sign.into(), 0])
+        };
         let events = self.events.iter().map(pull_through(1));
         let defects = self.defects.iter();
-        let defects = defects.map(|d| (2, d.i, d.j, [i64::from(d.kind as u32), 0]));
+        let defects = defects.map(|d| (2, d.i, d.j, d.image, [i64::from(d.kind as u32), 0]));
         let unresolved = self.unresolved.iter().map(pull_through(3));
         let keys = changes.chain(events).chain(defects).chain(unresolved);
         let mut all = BTreeMap::<Key, Vec<String>>::new();

@@ -1,10 +1,10 @@
 //! Messages about verdicts, which the command, the log and the viewer print.
 
 use super::{
-    Change, ChangeKind, Clearance, CloseStrands, Defect, DefectKind, LoopPair, Place, PullThrough,
-    Report, Verdict,
+    Change, ChangeKind, Clearance, CloseStrands, Defect, DefectKind, ImageLink, LoopPair, Place,
+    PullThrough, Report, Verdict,
 };
-use crate::curve::{Notation, significant, words_of_change, words_of_curve};
+use crate::curve::{Image, Notation, is_home, significant, words_of_change, words_of_curve};
 use std::fmt;
 
 impl fmt::Display for Verdict {
@@ -29,6 +29,27 @@ impl fmt::Display for Place {
     }
 }
 
+/// Returns two curves in words: "curves 3 and 4", "curve 3 and the image 1,0,0 of curve 4".
+fn words_of_pair((i, j): (u32, u32), image: Image, names: &[String]) -> String {
+    let [first, second] = [i, j].map(|curve| words_of_curve(curve, names));
+    let [n1, n2, n3] = image;
+    match (is_home(&image), i == j) {
+        (true, _) => format!("curves {first} and {second}"),
+        (false, false) => format!("curve {first} and the image {n1},{n2},{n3} of curve {second}"),
+        (false, true) => format!("curve {first} and its image {n1},{n2},{n3}"),
+    }
+}
+
+impl fmt::Display for ImageLink {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let pair = words_of_pair((self.i, self.j), self.image, &[]);
+        match self.lambda {
+            Some(lambda) => write!(f, "{pair}: linking number {lambda}"),
+            None => write!(f, "{pair}: no linking number"),
+        }
+    }
+}
+
 impl Change {
     /// Returns a sentence. Coordinates have six significant digits of `extent`, the extent of the
     /// scene ([`CurveSet::extent`](crate::CurveSet::extent)); 0 if it is unknown.
@@ -46,9 +67,8 @@ impl Change {
 
     /// Returns the change in a few words: "curves 3 and 4 came apart".
     pub(crate) fn words(&self, names: &[String]) -> String {
-        let what = self.what();
-        let [i, j] = [self.i, self.j].map(|curve| words_of_curve(curve, names));
-        format!("curves {i} and {j} {what}")
+        let pair = words_of_pair((self.i, self.j), self.image, names);
+        format!("{pair} {}", self.what())
     }
 
     /// Same as [`sentence`](Self::sentence), with the names of all curves, or without if empty.
@@ -128,10 +148,15 @@ impl PullThrough {
 
     /// Returns the pull-through in a few words: "curves 3 and 4 passed through one another".
     pub(crate) fn words(&self, names: &[String]) -> String {
-        let [i, j] = [self.i, self.j].map(|curve| words_of_curve(curve, names));
-        match self.i == self.j {
-            true => format!("curve {i} passed through itself"),
-            false => format!("curves {i} and {j} passed through one another"),
+        match self.i == self.j && is_home(&self.image) {
+            true => format!(
+                "curve {} passed through itself",
+                words_of_curve(self.i, names)
+            ),
+            false => {
+                let pair = words_of_pair((self.i, self.j), self.image, names);
+                format!("{pair} passed through one another")
+            }
         }
     }
 
@@ -166,8 +191,10 @@ impl Defect {
     pub(crate) fn words(&self, names: &[String]) -> String {
         let (i, what) = (words_of_curve(self.i, names), self.kind.words());
         match self.j {
-            Some(j) if j == self.i => format!("parts of curve {i} {what}"),
-            Some(j) => format!("curves {i} and {} {what}", words_of_curve(j, names)),
+            Some(j) if j == self.i && is_home(&self.image) => {
+                format!("parts of curve {i} {what}")
+            }
+            Some(j) => format!("{} {what}", words_of_pair((self.i, j), self.image, names)),
             None => format!("curve {i} {what}"),
         }
     }

@@ -146,6 +146,8 @@ pub struct Verifier {
     with_braids: Option<Box<VerifierOptions>>,
     /// Loops of the braids, from the first frame on.
     braided: Option<Braided>,
+    /// Options, until the first frame, which may have a cell.
+    fresh: Option<Box<VerifierOptions>>,
     /// Verifies the periodic images of the curves, if there is a cell.
     periodic: Option<Box<Periodic>>,
     /// Expected linking numbers, those of loops or of images included, if there are any.
@@ -206,7 +208,10 @@ impl Verifier {
         let full = FullRun::new((options.kernel, options.accuracy), gpu);
         let with_braids = options.braids.is_some();
         let with_braids = with_braids.then(|| Box::new(options.clone()));
-        let periodic = options.cell.map(|cell| Box::new(Periodic::new(cell, &options)));
+        let periodic = options
+            .cell
+            .map(|cell| Box::new(Periodic::new(cell, &options)));
+        let fresh = periodic.is_none().then(|| Box::new(options.clone()));
         let limit = options
             .motion_limit
             .unwrap_or(VerifierOptions::MOTION_LIMIT);
@@ -232,6 +237,7 @@ impl Verifier {
             share: None,
             with_braids,
             braided: None,
+            fresh,
             periodic,
             joined: None,
             clearance: options.clearance.map(ClearanceMonitor::new),
@@ -677,6 +683,7 @@ impl Verifier {
                 available: set.len() as u64,
             });
         }
+        self.fresh = None;
         self.divide_baseline(set)?;
         if let Some(options) = &self.with_braids {
             let braided = Braided::new(set, options, self)?;

@@ -168,7 +168,10 @@ impl Periodic {
         if pairs.curves.is_empty() {
             return Ok(None);
         }
-        let baseline = self.expected.as_ref().map(|entries| of_pairs(entries, &pairs));
+        let baseline = self
+            .expected
+            .as_ref()
+            .map(|entries| of_pairs(entries, &pairs));
         let options = VerifierOptions {
             baseline,
             ..self.options.clone()
@@ -204,7 +207,9 @@ impl Periodic {
                 let curves = self.pool.receive(|out| {
                     CurveSet::translate(&before.frame, &inner.pairs.curves, &before.cell, out)
                 })?;
-                let report = inner.verifier.step_shared(before.seq, before.time, &curves)?;
+                let report = inner
+                    .verifier
+                    .step_shared(before.seq, before.time, &curves)?;
                 let touch = |d: &Defect| d.kind == DefectKind::Contact;
                 if self.options.events != Events::Off && report.defects.iter().any(touch) {
                     unknown = true;
@@ -317,13 +322,25 @@ impl Verifier {
     /// Sets the periodic cell of the frames from the next one on, in the units of the simulation. The
     /// frames of a scene have either all a cell or none.
     ///
-    /// Errors: [`Error::Usage`] if the vectors span no lattice, if the scene had no cell, or another
-    /// number of directions without repetition, or if an option excludes periodic cells
-    /// ([`VerifierOptions::cell`]).
+    /// Errors: [`Error::Usage`] if the vectors span no lattice, if the scene had no cell, or repeated
+    /// along other vectors, or if an option excludes periodic cells ([`VerifierOptions::cell`]).
     pub fn set_cell(&mut self, cell: Cell) -> Result<()> {
         cell.check()?;
+        if let Some(options) = self.fresh.take() {
+            let options = VerifierOptions {
+                cell: Some(cell),
+                ..*options
+            };
+            options.check()?;
+            if self.share.is_some() {
+                let what = "the pairs of periodic images cannot be shared among several verifiers";
+                return Err(Error::Usage(what.into()));
+            }
+            self.baseline = None;
+            self.periodic = Some(Box::new(Periodic::new(cell, &options)));
+        }
         let Some(periodic) = &mut self.periodic else {
-            let what = "a frame has a periodic cell, but the verifier was made for frames without";
+            let what = "this frame has a periodic cell, but the previous ones had none";
             return Err(Error::Usage(what.into()));
         };
         if periodic.cell.periodic() != cell.periodic() {
@@ -386,7 +403,9 @@ impl Verifier {
         };
         let aligned = given.aligned_with(&frame);
         let entries = aligned.entries().unwrap_or_default();
-        let of_images = entries.into_iter().filter(|e| e.0.image != Image::default());
+        let of_images = entries
+            .into_iter()
+            .filter(|e| e.0.image != Image::default());
         if let Some(periodic) = &mut self.periodic {
             periodic.expected = Some(of_images.collect());
         }

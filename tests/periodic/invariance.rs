@@ -131,13 +131,22 @@ fn doubling_the_cell_doubles_every_linking_number() {
             let numbers = images.iter().filter_map(|l| l.lambda);
             let touching = images.iter().filter(|l| l.lambda.is_none()).count();
             let all = c.links.iter().map(|l| l.lambda).chain(numbers);
-            (all.map(|l| [l, l.abs()]).fold([0; 2], |a, b| [a[0] + b[0], a[1] + b[1]]), touching)
+            (
+                all.map(|l| [l, l.abs()])
+                    .fold([0; 2], |a, b| [a[0] + b[0], a[1] + b[1]]),
+                touching,
+            )
         };
         let ([sum, size], touching) = total(&one);
         let (doubled, touch_twice) = total(&two);
         assert_eq!(doubled, [2 * sum, 2 * size], "seed {seed}");
-        let pairs = |c: &linkwatch::Certificate| c.undefined.iter().filter(|d| d.j.is_some()).count();
-        assert_eq!(touch_twice + pairs(&two), 2 * (touching + pairs(&one)), "seed {seed}");
+        let pairs =
+            |c: &linkwatch::Certificate| c.undefined.iter().filter(|d| d.j.is_some()).count();
+        assert_eq!(
+            touch_twice + pairs(&two),
+            2 * (touching + pairs(&one)),
+            "seed {seed}"
+        );
     }
 }
 
@@ -164,7 +173,11 @@ fn curves_that_drift_across_the_boundary_stay_intact() {
             assert!(!verifier.work().disagreed);
             if seq == 0 {
                 let images = verifier.baseline().unwrap().images.clone().unwrap();
-                assert_eq!(images.len(), 1, "the last ring is linked with an image of the first");
+                assert_eq!(
+                    images.len(),
+                    1,
+                    "the last ring is linked with an image of the first"
+                );
             }
         }
     }

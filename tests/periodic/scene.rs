@@ -96,7 +96,11 @@ impl Scene {
         for image in self.images() {
             let by = self.translation(image);
             let moved = |p: &Point| [0, 1, 2].map(|x| p[x] + by[x]);
-            curves.extend(self.curves.iter().map(|c| c.iter().map(moved).collect::<Vec<_>>()));
+            curves.extend(
+                self.curves
+                    .iter()
+                    .map(|c| c.iter().map(moved).collect::<Vec<_>>()),
+            );
         }
         Scene {
             curves,
@@ -147,7 +151,11 @@ fn ring(random: &mut Random, center: Point, size: f64, n: i32, grid: bool) -> Ve
         [0, 1, 2].map(|x| {
             let noise = 0.25 * size * (2.0 * random.unit() - 1.0);
             let exact = center[x] + c * axes[0][x] + s * axes[1][x] + noise;
-            if grid { (2.0 * exact).round() / 2.0 } else { exact }
+            if grid {
+                (2.0 * exact).round() / 2.0
+            } else {
+                exact
+            }
         })
     };
     (0..n).map(|k| point(k, random)).collect()

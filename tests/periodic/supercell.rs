@@ -33,9 +33,7 @@ fn of_supercell(scene: &Scene, certificate: &Certificate) -> Numbers {
     let links = links.map(|l| (l.i, Some(l.j), Some(l.lambda)));
     let undefined = certificate.undefined.iter().map(|d| (d.i, d.j, None));
     let all = links.chain(undefined);
-    let named = all.filter_map(|(a, b, lambda)| {
-        Some((pair_of(scene, &images, a, b?)?, lambda))
-    });
+    let named = all.filter_map(|(a, b, lambda)| Some((pair_of(scene, &images, a, b?)?, lambda)));
     named.collect()
 }
 
@@ -144,8 +142,16 @@ fn compare_step(seed: u64, strategy: Strategy, closed: bool) -> usize {
 fn pull_throughs_are_those_of_a_supercell() {
     for strategy in [Strategy::Full, Strategy::Incremental] {
         let found: usize = (0..60).map(|seed| compare_step(seed, strategy, true)).sum();
-        assert!(found > 50, "{found} pull-throughs of closed curves with images");
-        let found: usize = (0..60).map(|seed| compare_step(seed, strategy, false)).sum();
-        assert!(found > 50, "{found} pull-throughs of open curves with images");
+        assert!(
+            found > 50,
+            "{found} pull-throughs of closed curves with images"
+        );
+        let found: usize = (0..60)
+            .map(|seed| compare_step(seed, strategy, false))
+            .sum();
+        assert!(
+            found > 50,
+            "{found} pull-throughs of open curves with images"
+        );
     }
 }

@@ -68,6 +68,7 @@ pub fn run(args: &Args, mut source: Source, json: bool) -> Result<Outcome> {
         ),
         ("--baseline", judge.baseline.is_some()),
         ("--braid", braids != recorded_braids),
+        ("--cell or --wrapped", judge.cell_args.are_given()),
         (
             "--events or --self",
             judge.event_args.events(AbortOn::Never) > recorded_events,

@@ -29,6 +29,7 @@ use self::summary::Unresolved;
 use self::times::{RunTimes, to_json};
 use super::Outcome;
 use super::braid_args::{self, BraidArgs};
+use super::cell_args::{CellArgs, Cells};
 use super::clearance_args::{self, ClearanceArgs};
 use super::event_args::EventArgs;
 use super::files::{Files, Overwrite};
@@ -86,6 +87,8 @@ pub struct Judge {
     pub clearance_args: ClearanceArgs,
     #[command(flatten)]
     pub braid_args: BraidArgs,
+    #[command(flatten)]
+    pub cell_args: CellArgs,
     /// Reject frames in which the boxes of more pairs of curves overlap: the memory for them, up to
     /// 200 bytes each, may not be there [default: 33554432]
     #[arg(long, value_name = "N", hide_short_help = true)]
@@ -207,6 +210,7 @@ pub struct Session {
     verifier: Verifier,
     #[cfg(feature = "bus")]
     options: VerifierOptions,
+    cells: Cells,
     /// What the simulator told about the last verified frame, if there is one.
     last: Option<FrameInfo>,
     /// Origin of the baseline; `None` if it is the first frame.
@@ -323,6 +327,7 @@ impl Session {
             verifier: Verifier::new(options.clone())?,
             #[cfg(feature = "bus")]
             options,
+            cells: Cells::new(judge.cell_args),
             last: None,
             origin,
             events,
@@ -451,8 +456,23 @@ impl Session {
     /// the same curves fail in the same way; [`Error::Cancelled`] if the frame was not verified.
     pub fn judge(&mut self, seq: u64, time: f64, frame: Ingested) -> Result<Judged> {
         let start = Instant::now();
-        let Ingested { curves, info, took } = frame;
+        let Ingested {
+            curves,
+            mut info,
+            took,
+        } = frame;
+        self.cells.apply(&mut info);
         let outcome = curves.and_then(|set| {
+            let unwrapped = self.cells.unwrap(&set, info.cell)?;
+            let set = unwrapped.map_or(set, Arc::new);
+            match (info.cell, self.verifier.cell()) {
+                (Some(cell), _) => self.verifier.set_cell(cell)?,
+                (None, Some(_)) => {
+                    let what = "this frame has no periodic cell, but the previous ones had one";
+                    return Err(Error::Usage(what.into()));
+                }
+                (None, None) => {}
+            }
             self.continue_with(seq, &info)?;
             let report = self.step(seq, time, &info, &set)?;
             Ok((report, Some(set)))

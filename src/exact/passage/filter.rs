@@ -70,10 +70,7 @@ pub(super) fn apart(before: &Edges, after: &Edges, rounding: f64) -> bool {
     (0..3).any(|x| {
         let side = |edges: &Edges| {
             let [[a, b], [c, d]] = edges.map(|edge| edge.map(|p| p[x]));
-            (
-                more(a, b) + gap < less(c, d),
-                less(a, b) > more(c, d) + gap,
-            )
+            (more(a, b) + gap < less(c, d), less(a, b) > more(c, d) + gap)
         };
         let (s, t) = (side(before), side(after));
         (s.0 & t.0) | (s.1 & t.1)

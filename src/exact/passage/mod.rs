@@ -208,10 +208,14 @@ pub(crate) fn passages_of_sums(
     let sums = sums();
     let origin = sums[0][0][0];
     let local = sums.map(|edges| edges.map(|edge| edge.map(|p| difference(&p, &origin))));
-    report([&local[0], &local[1]], exact::events_of_sums(sums, ties), &mut |mut p| {
-        p.point = [0, 1, 2].map(|x| p.point[x] + before[0][0][x]);
-        out(p);
-    })
+    report(
+        [&local[0], &local[1]],
+        exact::events_of_sums(sums, ties),
+        &mut |mut p| {
+            p.point = [0, 1, 2].map(|x| p.point[x] + before[0][0][x]);
+            out(p);
+        },
+    )
 }
 
 /// Returns the vector from one point to another, rounded once or twice.

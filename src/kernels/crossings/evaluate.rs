@@ -5,7 +5,8 @@ use super::gather::Task;
 use crate::curve::{Knots, Point, ReadKnots};
 use crate::discretize::{Sieve, Splits, pieces_between};
 use crate::exact::{
-    Batch, BatchOutcome, Crossing, Predicates, crossing, crossing_of_sums, segments_touch, sums_touch,
+    Batch, BatchOutcome, Crossing, Predicates, crossing, crossing_of_sums, segments_touch,
+    sums_touch,
 };
 use crate::simd::dispatch_wide;
 use crate::verdict::Stats;

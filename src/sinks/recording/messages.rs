@@ -3,13 +3,13 @@
 use super::schema;
 use crate::certificate::Certificate;
 pub(super) use crate::container::invalid;
-use crate::curve::{Basis, Precision};
+use crate::curve::{Basis, Cell, Image, Precision};
 use crate::error::{Error, Result};
 use crate::incremental::{Route, Work};
 use crate::sinks::{BaselineRecord, FrameTimes, LiveTimes};
 use crate::verdict::{
-    Change, Clearance, CloseStrands, Defect, DefectKind, Link, Place, PullThrough, Report, Stats,
-    Verdict,
+    Change, Clearance, CloseStrands, Defect, DefectKind, ImageLink, Link, Place, PullThrough,
+    Report, Stats, Verdict,
 };
 use std::sync::Arc;
 use std::time::Duration;
@@ -125,6 +125,7 @@ impl From<&Defect> for schema::Defect {
             j: d.j,
             kind: code(&DefectKind::ALL, d.kind),
             place: Some(d.place.into()),
+            image: numbers_of(d.image),
         }
     }
 }
@@ -135,7 +136,7 @@ impl TryFrom<schema::Defect> for Defect {
         Ok(Defect {
             i: d.i,
             j: d.j,
-            image: Default::default(),
+            image: image_of(&d.image)?,
             kind: from_code(&DefectKind::ALL, d.kind, "kind of a defect")?,
             place: d
                 .place
@@ -159,23 +160,66 @@ impl From<&PullThrough> for schema::PullThrough {
             y,
             z,
             lengths: e.lengths,
+            image: numbers_of(e.image),
         }
     }
 }
 
-impl From<schema::PullThrough> for PullThrough {
-    fn from(e: schema::PullThrough) -> Self {
-        PullThrough {
+impl TryFrom<schema::PullThrough> for PullThrough {
+    type Error = Error;
+    fn try_from(e: schema::PullThrough) -> Result<Self> {
+        Ok(PullThrough {
             i: e.i,
             j: e.j,
-            image: Default::default(),
+            image: image_of(&e.image)?,
             segments: [e.segment_i, e.segment_j],
             fraction: e.fraction,
             sign: e.sign,
             point: [e.x, e.y, e.z],
             lengths: e.lengths,
-        }
+        })
     }
+}
+
+/// Returns a translation as it is recorded: nothing for 0.
+fn numbers_of(image: Image) -> Vec<i32> {
+    match image == Image::default() {
+        true => Vec::new(),
+        false => image.to_vec(),
+    }
+}
+
+fn image_of(numbers: &[i32]) -> Result<Image> {
+    match numbers {
+        [] => Ok(Image::default()),
+        &[n1, n2, n3] => Ok([n1, n2, n3]),
+        _ => Err(invalid("image", format!("{} numbers", numbers.len()))),
+    }
+}
+
+/// Returns a periodic cell as it is recorded.
+pub(super) fn numbers_of_cell(cell: Option<&Cell>) -> Vec<f64> {
+    let Some(cell) = cell else {
+        return Vec::new();
+    };
+    let vectors = cell.vectors.as_flattened();
+    vectors.iter().chain(&cell.origin).copied().collect()
+}
+
+/// Returns the periodic cell of a recorded frame.
+pub(super) fn cell_of(numbers: &[f64]) -> Result<Option<Cell>> {
+    if numbers.is_empty() {
+        return Ok(None);
+    }
+    let (&[a, b, c, origin], []) = numbers.as_chunks::<3>() else {
+        return Err(invalid("cell", format!("{} numbers", numbers.len())));
+    };
+    let cell = Cell {
+        origin,
+        vectors: [a, b, c],
+    };
+    cell.check()?;
+    Ok(Some(cell))
 }
 
 impl From<&FrameTimes> for schema::FrameTimes {
@@ -253,6 +297,7 @@ impl From<&Report> for schema::Report {
             expected: c.expected,
             found: c.found,
             place: c.place.map(Into::into),
+            image: numbers_of(c.image),
         };
         schema::Report {
             seq: r.seq,
@@ -279,22 +324,28 @@ impl From<&Report> for schema::Report {
 impl TryFrom<schema::Report> for Report {
     type Error = Error;
     fn try_from(r: schema::Report) -> Result<Self> {
-        let change = |c: schema::Change| Change {
-            i: c.i,
-            j: c.j,
-            image: Default::default(),
-            expected: c.expected,
-            found: c.found,
-            place: c.place.map(Into::into),
+        let change = |c: schema::Change| {
+            Ok(Change {
+                i: c.i,
+                j: c.j,
+                image: image_of(&c.image)?,
+                expected: c.expected,
+                found: c.found,
+                place: c.place.map(Into::into),
+            })
+        };
+        let changes: Result<Vec<Change>> = r.changes.into_iter().map(change).collect();
+        let pull_throughs = |all: Vec<schema::PullThrough>| -> Result<Vec<PullThrough>> {
+            all.into_iter().map(PullThrough::try_from).collect()
         };
         Ok(Report {
             seq: r.seq,
             time: r.time,
             verdict: from_code(&Verdict::ALL, r.verdict, "verdict of a report")?,
             abort: r.abort,
-            changes: r.changes.into_iter().map(change).collect(),
-            events: r.events.into_iter().map(Into::into).collect(),
-            unresolved: r.unresolved.into_iter().map(Into::into).collect(),
+            changes: changes?,
+            events: pull_throughs(r.events)?,
+            unresolved: pull_throughs(r.unresolved)?,
             defects: collect(r.defects)?,
             adopted: r.adopted.into_iter().map(Into::into).collect(),
             last_intact: r.last_intact,
@@ -362,11 +413,19 @@ impl From<schema::Clearance> for Clearance {
 impl From<&BaselineRecord> for schema::Baseline {
     fn from(b: &BaselineRecord) -> Self {
         let c = &b.certificate;
+        let image = |l: &ImageLink| schema::ImageLink {
+            i: l.i,
+            j: l.j,
+            image: l.image.to_vec(),
+            lambda: l.lambda,
+        };
         schema::Baseline {
             curves: c.curves as u64,
             links: c.links.iter().map(Into::into).collect(),
             undefined: c.undefined.iter().map(Into::into).collect(),
             origin: b.origin.clone(),
+            periodic: c.images.is_some(),
+            images: c.images.iter().flatten().map(image).collect(),
         }
     }
 }
@@ -400,6 +459,16 @@ impl TryFrom<schema::Baseline> for BaselineRecord {
             let what = format!("{d}, of {} curves", b.curves);
             return Err(invalid("defect of the baseline", what));
         }
+        let image = |l: schema::ImageLink| {
+            Ok(ImageLink {
+                i: l.i,
+                j: l.j,
+                image: image_of(&l.image)?,
+                lambda: l.lambda,
+            })
+        };
+        let images: Result<Vec<ImageLink>> = b.images.into_iter().map(image).collect();
+        let images = b.periodic.then_some(images?);
         let curves =
             usize::try_from(b.curves).map_err(|_| invalid("curves of the baseline", b.curves))?;
         Ok(BaselineRecord {
@@ -407,7 +476,7 @@ impl TryFrom<schema::Baseline> for BaselineRecord {
                 curves,
                 links,
                 undefined,
-                images: None,
+                images,
             }),
             origin: b.origin,
         })

@@ -4,7 +4,7 @@ mod outline;
 
 pub use outline::{FramePlace, Outline, OutlinedVerdict};
 
-use super::messages::{self, PACKAGE, invalid};
+use super::messages::{self, PACKAGE, cell_of, invalid};
 use super::schema;
 use super::{BASELINE, FRAMES, LABELS, METADATA, PROTOBUF, RecordingTool, VERDICTS};
 use crate::container::{self, Container, Ending, Record, op, string};
@@ -414,7 +414,7 @@ fn item(
                     cuts: m.cuts,
                     layout: m.layout,
                     time_step: m.time_step,
-                    cell: None,
+                    cell: cell_of(&m.cell)?,
                     labels: Arc::clone(labels),
                 },
                 received_ns,

@@ -30,6 +30,10 @@ pub struct CurveFrame {
     /// Time step of the simulator in seconds; 0 if it is unknown.
     #[prost(double, tag = "9")]
     pub time_step: f64,
+    /// Periodic cell: three vectors and the corner, x y z each; empty if the scene does not repeat. A
+    /// vector of zeros stands for a direction without repetition.
+    #[prost(double, repeated, tag = "10")]
+    pub cell: ::prost::alloc::vec::Vec<f64>,
 }
 /// Names and radii of the curves, from the next frame on.
 #[derive(Clone, PartialEq, ::prost::Message)]
@@ -216,7 +220,7 @@ pub struct Work {
     pub summed: u64,
 }
 /// A linking number that differs from the expected one. Curves count from 0; i < j.
-#[derive(Clone, Copy, PartialEq, ::prost::Message)]
+#[derive(Clone, PartialEq, ::prost::Message)]
 pub struct Change {
     #[prost(uint32, tag = "1")]
     pub i: u32,
@@ -228,9 +232,12 @@ pub struct Change {
     pub found: i64,
     #[prost(message, optional, tag = "5")]
     pub place: ::core::option::Option<Place>,
+    /// Translation of the second curve, in multiples of the vectors of the cell; empty for 0 0 0.
+    #[prost(sint32, repeated, tag = "6")]
+    pub image: ::prost::alloc::vec::Vec<i32>,
 }
 /// A curve was pulled through another one, or through itself (i = j), since the previous frame.
-#[derive(Clone, Copy, PartialEq, ::prost::Message)]
+#[derive(Clone, PartialEq, ::prost::Message)]
 pub struct PullThrough {
     #[prost(uint32, tag = "1")]
     pub i: u32,
@@ -256,9 +263,12 @@ pub struct PullThrough {
     /// recorded.
     #[prost(double, tag = "10")]
     pub lengths: f64,
+    /// Translation of the second curve, in multiples of the vectors of the cell; empty for 0 0 0.
+    #[prost(sint32, repeated, tag = "11")]
+    pub image: ::prost::alloc::vec::Vec<i32>,
 }
 /// A pair of curves, or a curve alone, without a linking number; or with an undecided step.
-#[derive(Clone, Copy, PartialEq, ::prost::Message)]
+#[derive(Clone, PartialEq, ::prost::Message)]
 pub struct Defect {
     #[prost(uint32, tag = "1")]
     pub i: u32,
@@ -268,6 +278,9 @@ pub struct Defect {
     pub kind: i32,
     #[prost(message, optional, tag = "4")]
     pub place: ::core::option::Option<Place>,
+    /// Translation of the second curve, in multiples of the vectors of the cell; empty for 0 0 0.
+    #[prost(sint32, repeated, tag = "5")]
+    pub image: ::prost::alloc::vec::Vec<i32>,
 }
 /// Place of the closest approach of two curves: a segment of each, the middle of the shortest
 /// connection, its length.
@@ -332,6 +345,26 @@ pub struct Baseline {
     /// Origin in words.
     #[prost(string, tag = "4")]
     pub origin: ::prost::alloc::string::String,
+    /// True for a periodic scene.
+    #[prost(bool, tag = "5")]
+    pub periodic: bool,
+    /// Entries with periodic images, sorted.
+    #[prost(message, repeated, tag = "6")]
+    pub images: ::prost::alloc::vec::Vec<ImageLink>,
+}
+/// A linking number of a curve and a periodic image of another curve, or of itself.
+#[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]
+pub struct ImageLink {
+    #[prost(uint32, tag = "1")]
+    pub i: u32,
+    #[prost(uint32, tag = "2")]
+    pub j: u32,
+    /// Translation of the second curve, in multiples of the vectors of the cell.
+    #[prost(sint32, repeated, tag = "3")]
+    pub image: ::prost::alloc::vec::Vec<i32>,
+    /// Absent if the pair has no linking number.
+    #[prost(sint64, optional, tag = "4")]
+    pub lambda: ::core::option::Option<i64>,
 }
 #[derive(Clone, Copy, PartialEq, Eq, Hash, ::prost::Message)]
 pub struct Link {

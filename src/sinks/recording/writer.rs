@@ -11,7 +11,7 @@
 //! nothing on coordinates and to cost 1.4 ms for a frame of 2.5 MB. Each chunk has a checksum, so
 //! damage is still detected.
 
-use super::messages::{self, DESCRIPTORS, PACKAGE, nanoseconds};
+use super::messages::{self, DESCRIPTORS, PACKAGE, nanoseconds, numbers_of_cell};
 use super::tools::{self, Points, RecordingTool, Scene};
 use super::{BASELINE, FRAMES, LABELS, METADATA, PROTOBUF, VERDICTS};
 use super::{file, schema};
@@ -277,6 +277,7 @@ impl RecordingSink {
             cuts: info.cuts,
             layout: info.layout,
             time_step: info.time_step,
+            cell: numbers_of_cell(info.cell.as_ref()),
         };
         let outcome = self.write(self.frames, &message, seq, time_ns);
         // The message was the only owner of the bytes, so this returns the buffer without a copy.

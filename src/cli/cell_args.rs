@@ -1,0 +1,96 @@
+//! The options `--cell` and `--wrapped` of every command that verifies frames.
+
+use linkwatch::{Cell, CurveSet, Error, FrameInfo, Result, Unwrap};
+use std::str::FromStr;
+
+/// Word for frames whose cell is ignored.
+const NONE: &str = "none";
+
+/// Periodic cell of the frames.
+#[derive(Clone, Copy, Debug, Default, clap::Args)]
+#[command(next_help_heading = super::INPUT)]
+pub struct CellArgs {
+    /// Periodic cell: edges along the axes (0: does not repeat), nine numbers (three vectors) or
+    /// twelve (and the corner); `none` ignores the cell of the frames [default: as the frames have
+    /// it]
+    #[arg(long, value_name = "10,10,10|..|none", allow_hyphen_values = true)]
+    cell: Option<GivenCell>,
+    /// Coordinates are wrapped into the periodic cell: unwrap the curves, and follow them from frame
+    /// to frame
+    #[arg(long)]
+    wrapped: bool,
+}
+
+/// Cell that the user gives.
+#[derive(Clone, Copy, Debug)]
+enum GivenCell {
+    Of(Cell),
+    None,
+}
+
+impl FromStr for GivenCell {
+    type Err = Error;
+
+    fn from_str(text: &str) -> Result<Self> {
+        match text {
+            NONE => Ok(GivenCell::None),
+            text => text.parse().map(GivenCell::Of),
+        }
+    }
+}
+
+impl CellArgs {
+    /// Returns true if the user gave an option.
+    pub fn are_given(&self) -> bool {
+        self.cell.is_some() || self.wrapped
+    }
+
+    /// Returns true if coordinates are wrapped.
+    pub fn wrapped(&self) -> bool {
+        self.wrapped
+    }
+
+    /// Returns the cell of a frame: that of the user, or that of the frame.
+    pub fn cell(&self, of_frame: Option<Cell>) -> Option<Cell> {
+        match self.cell {
+            Some(GivenCell::Of(cell)) => Some(cell),
+            Some(GivenCell::None) => None,
+            None => of_frame,
+        }
+    }
+}
+
+/// The cells of successive frames, and the unwrapping of their curves.
+#[derive(Debug, Default)]
+pub struct Cells {
+    args: CellArgs,
+    unwrap: Unwrap,
+}
+
+impl Cells {
+    pub fn new(args: CellArgs) -> Cells {
+        Cells {
+            args,
+            unwrap: Unwrap::default(),
+        }
+    }
+
+    /// Sets the cell of a frame to that with which it is verified.
+    pub fn apply(&self, info: &mut FrameInfo) {
+        info.cell = self.args.cell(info.cell);
+    }
+
+    /// Returns the curves of a frame, unwrapped; `None` if they are not wrapped.
+    ///
+    /// Errors: those of [`Unwrap::unwrap`], and [`Error::Usage`] if the frame has no cell.
+    pub fn unwrap(&mut self, set: &CurveSet, cell: Option<Cell>) -> Result<Option<CurveSet>> {
+        if !self.args.wrapped {
+            return Ok(None);
+        }
+        let none = || {
+            let what = "--wrapped needs a periodic cell, but the frame has none: give --cell";
+            Error::Usage(what.into())
+        };
+        self.unwrap.unwrap(set, &cell.ok_or_else(none)?).map(Some)
+    }
+}

@@ -1,0 +1,283 @@
+//! Unwrapping of coordinates that a simulation wrapped into its periodic cell.
+
+use crate::curve::{Basis, Cell, CurveSet, Image, Point, Positions};
+use crate::error::{Error, Result};
+
+/// Largest share of the cell that a segment may have along a vector. The nearest image of its end
+/// would be a guess if it were longer.
+const LONGEST: f64 = 1.0 / 3.0;
+
+/// Unwraps the curves of successive frames.
+///
+/// Each vertex becomes the image that is nearest to the previous vertex of its curve. The first
+/// vertex of a curve becomes the image that is nearest to its place in the previous frame, so that
+/// curves move continuously across the boundary. Coordinates become double precision.
+///
+/// A closed curve may close up to a lattice vector instead: a yarn that runs through the cell. It
+/// becomes an open curve from its first vertex to the image of that vertex.
+///
+/// ```
+/// use linkwatch::{Basis, Cell, CurveSet, Positions, Unwrap};
+///
+/// let cell: Cell = "10,10,10".parse()?;
+/// // A ring across the boundary, and a yarn along x.
+/// let wrapped = [
+///     9.0, 5.0, 5.0, 1.0, 5.0, 5.0, 1.0, 7.0, 5.0, 9.0, 7.0, 5.0,
+///     1.0, 0.0, 0.0, 4.0, 0.0, 0.0, 7.0, 0.0, 0.0, 9.0, 0.0, 0.0,
+/// ];
+/// let set = CurveSet::from_counts(Basis::Polyline, &[-4, -4], Positions::F64(&wrapped))?;
+/// let set = Unwrap::default().unwrap(&set, &cell)?;
+/// assert_eq!(set.point(0, 1), [11.0, 5.0, 5.0]);
+/// assert_eq!((set.curve(1).closed, set.point(1, 4)), (false, [11.0, 0.0, 0.0]));
+/// # Ok::<(), linkwatch::Error>(())
+/// ```
+#[derive(Clone, Debug, Default)]
+pub struct Unwrap {
+    /// First vertex of each curve in the previous frame, unwrapped.
+    before: Option<Vec<Point>>,
+}
+
+impl Unwrap {
+    /// Returns the curves of a frame, unwrapped.
+    ///
+    /// Errors: [`Error::Usage`] if a segment is longer than a third of the cell, or a curve moved
+    /// further than that since the previous frame, since the nearest image would be a guess; or if
+    /// the vectors of the cell span no lattice. The next frame is compared with this one all the
+    /// same.
+    pub fn unwrap(&mut self, set: &CurveSet, cell: &Cell) -> Result<CurveSet> {
+        cell.check()?;
+        let inverse = cell.inverse().unwrap_or_default();
+        let periodic = cell.periodic();
+        let positions = set.positions();
+        let positions = positions.as_positions();
+        // The translation that brings the second point nearest to the first one, and the share of
+        // the cell by which they are then apart.
+        let nearest = |from: Point, to: Point| -> (Image, (usize, f64)) {
+            let d = [0, 1, 2].map(|x| to[x] - from[x]);
+            let (mut image, mut most) = (Image::default(), (0, 0.0));
+            for x in (0..3).filter(|&x| periodic[x]) {
+                let b = inverse[x];
+                let u = b[0] * d[0] + b[1] * d[1] + b[2] * d[2];
+                image[x] = -u.round().clamp(-1e9, 1e9) as i32;
+                let apart = (u + f64::from(image[x])).abs();
+                if apart > most.1 {
+                    most = (x, apart);
+                }
+            }
+            (image, most)
+        };
+        let moved = |p: Point, image: Image| {
+            let by = cell.translation(image);
+            [0, 1, 2].map(|x| p[x] + by[x])
+        };
+        let known = self.before.take().filter(|b| b.len() == set.len());
+        let mut firsts = Vec::with_capacity(set.len());
+        let (mut counts, mut xyz) = (Vec::with_capacity(set.len()), Vec::new());
+        let mut guess = None;
+        for (i, curve) in set.curves().iter().enumerate() {
+            let points = set.points_of(i);
+            let raw = |k: usize| positions.point(points.start + k);
+            let mut image = match &known {
+                None => Image::default(),
+                Some(before) => {
+                    let (image, (x, share)) = nearest(before[i], raw(0));
+                    if share > LONGEST {
+                        guess.get_or_insert_with(|| moved_too_far(i, x, share));
+                    }
+                    image
+                }
+            };
+            firsts.push(moved(raw(0), image));
+            let mut unwrapped = Vec::with_capacity(points.len() + 3);
+            unwrapped.push(firsts[i]);
+            let count = points.len();
+            let closing = usize::from(curve.closed);
+            let start = image;
+            for k in 0..count - 1 + closing {
+                let (by, (x, share)) = nearest(raw(k), raw((k + 1) % count));
+                if share > LONGEST {
+                    guess.get_or_insert_with(|| too_long(i, k, x, share));
+                }
+                image = [0, 1, 2].map(|x| image[x] + by[x]);
+                if k + 1 < count {
+                    unwrapped.push(moved(raw(k + 1), image));
+                }
+            }
+            let period = [0, 1, 2].map(|x| image[x] - start[x]);
+            let through = curve.closed && period != Image::default();
+            if through {
+                lengthen(&mut unwrapped, set.basis(), |p, times: i32| {
+                    moved(p, period.map(|n| times * n))
+                });
+            }
+            let count = unwrapped.len() as i32;
+            counts.push(if curve.closed && !through {
+                -count
+            } else {
+                count
+            });
+            xyz.extend_from_slice(unwrapped.as_flattened());
+        }
+        self.before = Some(firsts);
+        match guess {
+            Some(e) => Err(e),
+            None => CurveSet::from_counts(set.basis(), &counts, Positions::F64(&xyz)),
+        }
+    }
+}
+
+/// Adds the control points that an open curve needs to run from the first point of a closed one to
+/// the image of that point.
+fn lengthen(points: &mut Vec<Point>, basis: Basis, moved: impl Fn(Point, i32) -> Point) {
+    let (first, last) = (points[0], points[points.len() - 1]);
+    let second = points.get(1).copied().unwrap_or(first);
+    points.push(moved(first, 1));
+    if let Basis::CatmullRom | Basis::BSpline = basis {
+        points.push(moved(second, 1));
+        points.insert(0, moved(last, -1));
+    }
+}
+
+fn percent(share: f64) -> String {
+    format!("{:.0} %", 100.0 * share)
+}
+
+fn too_long(curve: usize, vertex: usize, x: usize, share: f64) -> Error {
+    Error::Usage(format!(
+        "curve {curve}: the segment after vertex {vertex} has {} of the periodic cell along vector \
+         {}, so the image of its end is a guess (at most a third): write unwrapped coordinates, or \
+         finer curves",
+        percent(share),
+        x + 1,
+    ))
+}
+
+fn moved_too_far(curve: usize, x: usize, share: f64) -> Error {
+    Error::Usage(format!(
+        "curve {curve} moved by {} of the periodic cell along vector {} since the previous frame, so \
+         its image is a guess (at most a third): publish more frames, or unwrapped coordinates",
+        percent(share),
+        x + 1,
+    ))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::random::Random;
+
+    /// Random walks that close in space, or up to a lattice vector, wrapped into a sheared cell.
+    fn walk(random: &mut Random, n: usize, period: Point) -> Vec<Point> {
+        let start = [0; 3].map(|_| 20.0 * random.unit() - 10.0);
+        let phase = [0; 3].map(|_| std::f64::consts::TAU * random.unit());
+        let point = |k: usize| {
+            let t = k as f64 / n as f64;
+            [0, 1, 2].map(|x| {
+                let wave = 2.0 * (std::f64::consts::TAU * t + phase[x]).sin();
+                start[x] + wave + t * period[x]
+            })
+        };
+        (0..n).map(point).collect()
+    }
+
+    #[test]
+    fn wrapped_curves_are_unwrapped_frame_after_frame() {
+        let cell: Cell = "8,0,0,2,9,0,-1,1,10".parse().unwrap();
+        let inverse = cell.inverse().unwrap();
+        let mut random = Random::new(8);
+        for _ in 0..200 {
+            let image: Image = [0; 3].map(|_| random.below(3) - 1);
+            let n = 60;
+            let curve = walk(&mut random, n, cell.translation(image));
+            let mut unwrap = Unwrap::default();
+            let mut offset: Option<Image> = None;
+            for frame in 0..20 {
+                let drift = [0.7 * f64::from(frame), -0.9 * f64::from(frame), 0.3];
+                let at = |p: &Point| [0, 1, 2].map(|x| p[x] + drift[x]);
+                let wrapped: Vec<Point> = curve
+                    .iter()
+                    .map(|p| {
+                        let p = at(p);
+                        let home = [0, 1, 2].map(|x| {
+                            let b = inverse[x];
+                            -(b[0] * p[0] + b[1] * p[1] + b[2] * p[2]).floor() as i32
+                        });
+                        let by = cell.translation(home);
+                        [0, 1, 2].map(|x| p[x] + by[x])
+                    })
+                    .collect();
+                let positions = Positions::F64(wrapped.as_flattened());
+                let set = CurveSet::from_counts(Basis::Polyline, &[-(n as i32)], positions);
+                let out = unwrap.unwrap(&set.unwrap(), &cell).unwrap();
+                let through = image != Image::default();
+                assert_eq!(out.curve(0).closed, !through);
+                assert_eq!(out.points(), n + usize::from(through));
+                // The same image in all frames, for all vertices.
+                for (k, p) in curve.iter().enumerate() {
+                    let (found, expected) = (out.point(0, k), at(p));
+                    let by = [0, 1, 2].map(|x| {
+                        let b = inverse[x];
+                        let d = [0, 1, 2].map(|x| found[x] - expected[x]);
+                        b[0] * d[0] + b[1] * d[1] + b[2] * d[2]
+                    });
+                    let rounded = by.map(|u| u.round() as i32);
+                    assert!((0..3).all(|x| (by[x] - f64::from(rounded[x])).abs() < 1e-9));
+                    assert_eq!(*offset.get_or_insert(rounded), rounded, "frame {frame}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn refuses_segments_and_motions_that_would_be_a_guess() {
+        let cell: Cell = "9,9,0".parse().unwrap();
+        let ring = |x: f64, long: f64| {
+            let xyz = [x, 0.0, 0.0, x + long, 0.0, 50.0, x, 1.0, 99.0];
+            CurveSet::from_counts(Basis::Polyline, &[-3], Positions::F64(&xyz)).unwrap()
+        };
+        let mut unwrap = Unwrap::default();
+        // Along z, the scene does not repeat.
+        assert!(unwrap.unwrap(&ring(0.0, 2.9), &cell).is_ok());
+        let e = unwrap
+            .unwrap(&ring(4.4, 1.0), &cell)
+            .unwrap_err()
+            .to_string();
+        assert!(
+            e.contains("curve 0 moved by 49 % of the periodic cell along vector 1"),
+            "{e}"
+        );
+        // That frame counts as the previous one now.
+        assert!(unwrap.unwrap(&ring(5.0, 1.0), &cell).is_ok());
+        let e = unwrap
+            .unwrap(&ring(5.0, 3.1), &cell)
+            .unwrap_err()
+            .to_string();
+        assert!(
+            e.contains("curve 0: the segment after vertex 0 has 34 %"),
+            "{e}"
+        );
+    }
+
+    #[test]
+    fn a_spline_through_the_cell_keeps_its_shape() {
+        let cell: Cell = "6,0,0".parse().unwrap();
+        let xyz: Vec<f64> = (0..6)
+            .flat_map(|k| {
+                let k = f64::from(k);
+                [k, k.sin(), (2.0 * k).cos()]
+            })
+            .collect();
+        for basis in [Basis::CatmullRom, Basis::BSpline] {
+            let set = CurveSet::from_counts(basis, &[-6], Positions::F64(&xyz)).unwrap();
+            let out = Unwrap::default().unwrap(&set, &cell).unwrap();
+            assert_eq!(out.curve(0).segments, 6);
+            // A segment away from the ends of the list.
+            for t in [0.0, 0.3, 1.0] {
+                assert_eq!(out.eval(0, 2, t), set.eval(0, 2, t), "{basis:?}");
+            }
+            let (start, end) = (out.knot(0, 0), out.knot(0, 6));
+            assert!((end[0] - start[0] - 6.0).abs() < 1e-12);
+            assert!((end[1] - start[1]).abs() < 1e-12);
+        }
+    }
+}
