@@ -183,3 +183,60 @@ fn an_existing_file_is_replaced_completely_or_not_at_all() {
     );
     assert_eq!(files(&folder), ["a.bcc"]);
 }
+
+#[test]
+fn a_moving_scene_is_intact_until_its_pull_through() {
+    let folder = TempDir::new().unwrap();
+    let [model, certificate] = ["a.npz", "a.txt"].map(|n| folder.path().join(n));
+    let moving = ["--frames", "5", "--diameter", "0.2", "--pull", "3"];
+    let output = ["-o", text(&model), "--certificate", text(&certificate)];
+    let scene = ["generate", "chainmail:rows=4,columns=5"];
+    let run = linkwatch(&[&scene[..], &moving, &output].concat());
+    assert_eq!(run.code, 0, "{}", run.stderr);
+    assert!(
+        run.stderr.contains("wrote 5 frames of 60 curves"),
+        "{}",
+        run.stderr
+    );
+    let against = ["--against", text(&certificate)];
+    let run = linkwatch(&[&["check", text(&model), "--events", "-q"][..], &against].concat());
+    assert_eq!(run.code, 1, "{}", run.stderr);
+    let verdicts: Vec<&str> = run
+        .stdout
+        .lines()
+        .filter_map(|line| line.split_once(", frame ")?.1.split_once(": "))
+        .map(|(_, verdict)| verdict)
+        .collect();
+    assert_eq!(
+        verdicts,
+        ["intact", "intact", "intact", "changed", "changed"]
+    );
+    assert_eq!(files(&folder), ["a.npz", "a.txt"]);
+}
+
+#[test]
+fn bad_options_of_moving_scenes_exit_with_2() {
+    let folder = TempDir::new().unwrap();
+    let [bcc, npz] = ["a.bcc", "a.npz"].map(|n| folder.path().join(n));
+    let scene = "chainmail:rows=4,columns=5";
+    for (file, args, says) in [
+        (
+            &bcc,
+            &["--frames", "2", "--diameter", "0.2"][..],
+            "holds one frame",
+        ),
+        (&npz, &[], "scenes are written as .bcc"),
+        (&npz, &["--frames", "2"], "chainmail has no diameter"),
+        (&bcc, &["--motion", "iid"], "give --frames N"),
+        (
+            &npz,
+            &["--frames", "2", "--diameter", "0.2", "--pull", "2"],
+            "numbered from 0",
+        ),
+    ] {
+        let run = linkwatch(&[&["generate", scene, "-o", text(file)][..], args].concat());
+        assert_eq!(run.code, 2, "{args:?}: {}", run.stderr);
+        assert!(run.stderr.contains(says), "{args:?}: {}", run.stderr);
+    }
+    assert!(files(&folder).is_empty());
+}

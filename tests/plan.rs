@@ -82,6 +82,41 @@ fn scenes_are_certified_like_models() {
     );
 }
 
+/// Five frames of two rings, which are linked in the first three.
+const MOTION: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/recordings/others/scene.mcap");
+
+#[test]
+fn names_the_frame_that_is_used_of_a_file_with_several() {
+    let says = "scene.mcap: 5 frames; only the first one is used, frame 0";
+    let study = ["--diameter", "0.1", "--frames", "1", "--motions", "still"];
+    for args in [
+        vec!["plan", MOTION],
+        [&["study", "frames", MOTION], &study[..]].concat(),
+        vec!["study", "kernels", MOTION, "--repeat", "1", "--limit", "1"],
+    ] {
+        let run = linkwatch(&args);
+        assert_eq!(run.code, 0, "{run:?}");
+        assert_eq!(run.stderr.matches(says).count(), 1, "{run:?}");
+    }
+    let one = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/models/open.usdc");
+    let run = linkwatch(&["plan", one]);
+    assert_eq!((run.code, run.stderr.as_str()), (0, ""));
+}
+
+#[test]
+fn repeat_certifies_the_frame_that_was_requested() {
+    for (frame, links) in [("0", 1), ("4", 0)] {
+        let run = linkwatch(&[
+            "certify", MOTION, "--frame", frame, "--repeat", "1", "--json",
+        ]);
+        let found: serde_json::Value = serde_json::from_str(&run.stdout).unwrap();
+        assert_eq!((run.code, &found["links"]), (0, &links.into()), "{run:?}");
+    }
+    let run = linkwatch(&["certify", MOTION, "--frame", "5", "--repeat", "1"]);
+    assert_eq!(run.code, 2, "{run:?}");
+    assert!(run.stderr.contains("scene.mcap: no frame 5"), "{run:?}");
+}
+
 #[test]
 fn rejects_an_unknown_argument_in_one_line() {
     let folder = TempDir::new().unwrap();

@@ -366,10 +366,13 @@ fn prints_the_published_values_beside_the_measured_ones() {
         "{stdout}"
     );
     let text = std::fs::read_to_string(csv).unwrap();
-    assert!(text.starts_with("model,input,segments,curves,"), "{text}");
+    assert!(
+        text.starts_with("model,input,differs,segments,curves,"),
+        "{text}"
+    );
     // Five kernels of three models; lambda 10 is also the start of lambda 10^3 and of lambda 10^6.
     assert_eq!(text.lines().count(), 1 + 5 * 3);
-    assert!(text.contains("\"Double Helix Ribbon, lambda 10^3\",ribbon:lambda=1000,200000,2,1,"));
+    assert!(text.contains("\"Double Helix Ribbon, lambda 10^3\",ribbon:lambda=1000,,200000,2,1,"));
 
     let out = json_of(
         "table1",
@@ -390,6 +393,45 @@ fn prints_the_published_values_beside_the_measured_ones() {
         assert_eq!(kernel["equal"], true);
         assert!(kernel["s"].as_f64().unwrap() > 0.0);
     }
+}
+
+#[test]
+fn rows_without_their_published_model_have_others_that_say_what_differs() {
+    let folder = tempfile::tempdir().unwrap();
+    let quick = ["--kernels", "crossings", "--repeat", "1", "--only"];
+    let models = ["--models", folder.path().to_str().unwrap()];
+    let run = study(
+        "table1",
+        &[&quick[..], &["chevron,final"], &models].concat(),
+    );
+    assert_eq!((run.code, run.stderr.as_str()), (0, ""), "{}", run.stdout);
+    for says in [
+        "  knit:rows=32,stitches=46,segments=11776: a generated tube, plain stitches",
+        "  chainmail:crumple=1: a generated crumpled sheet",
+        "here: not generated; --models has no DIR/knittubebroken.bcc or \
+         DIR/tube-39x39-final.bcc of examples/table1.sh",
+    ] {
+        assert!(run.stdout.contains(says), "{says}: {}", run.stdout);
+    }
+
+    // A simulated file beside the generated scene, and then the published one alone.
+    let generate = |name: &str, scene: &str| {
+        let file = folder.path().join(name);
+        let run = linkwatch(&["generate", scene, "-o", file.to_str().unwrap()]);
+        assert_eq!(run.code, 0, "{}", run.stderr);
+    };
+    let inputs = || {
+        let args = [&quick[..], &["chevron", "--json"], &models].concat();
+        let out: Value = serde_json::from_str(&study("table1", &args).stdout).unwrap();
+        let models = out["models"].as_array().unwrap();
+        let input = |m: &Value| m["input"].as_str().unwrap().to_owned();
+        models.iter().map(input).collect::<Vec<_>>()
+    };
+    generate("tube-32x31.bcc", "knit:rows=3,stitches=16,segments=576");
+    let scene = "knit:rows=32,stitches=46,segments=11776";
+    assert_eq!(inputs(), ["tube-32x31.bcc", scene]);
+    generate("chevron.bcc", "knit:rows=3,stitches=16,segments=576");
+    assert_eq!(inputs(), ["chevron.bcc"]);
 }
 
 #[test]
@@ -452,4 +494,81 @@ fn a_recording_excludes_the_options_of_generated_motions() {
     assert_eq!(frames(&[]).code, 2);
     let run = frames(&["--recording", "README.md"]);
     assert_eq!(run.code, 2, "{}", run.stdout);
+}
+
+/// Options of a short study of sizes, with its files in a folder.
+fn sizes(folder: &std::path::Path, args: &[&str]) -> Run {
+    let scratch = folder.to_str().unwrap();
+    let short = ["chainmail", "--diameter", "0.2", "--scratch", scratch];
+    study("sizes", &[&short[..], args].concat())
+}
+
+#[test]
+fn sizes_have_time_memory_and_the_verdicts_of_shards() {
+    let folder = tempfile::tempdir().unwrap();
+    let [plots, csv] = ["plots", "sizes.csv"].map(|name| folder.path().join(name));
+    let args = [
+        "--sizes",
+        "3000,1000",
+        "--frames",
+        "3",
+        "--pull",
+        "1",
+        "--events",
+        "--shards",
+        "2",
+        "--plot",
+        plots.to_str().unwrap(),
+        "--csv",
+        csv.to_str().unwrap(),
+    ];
+    let run = sizes(folder.path(), &args);
+    assert_eq!((run.code, run.stderr.as_str()), (0, ""), "{}", run.stdout);
+    let results = run.stdout.matches("as expected, 2 changed").count();
+    assert_eq!(results, 2, "{}", run.stdout);
+    let text = std::fs::read_to_string(csv).unwrap();
+    assert_eq!(text.lines().count(), 3);
+    assert!(text.starts_with("scene,curves,segments,"), "{text}");
+    for plot in ["sizes-time.svg", "sizes-memory.png"] {
+        assert!(plots.join(plot).metadata().unwrap().len() > 1000, "{plot}");
+    }
+
+    let json = sizes(
+        folder.path(),
+        &["--sizes", "1000", "--frames", "1", "--json"],
+    );
+    let out: Value = serde_json::from_str(&json.stdout).unwrap();
+    let row = &out["rows"][0];
+    assert_eq!(
+        (&row["as_constructed"], &row["check"]),
+        (&true.into(), &Value::Null)
+    );
+    // No file of frames remains.
+    let entries = std::fs::read_dir(folder.path()).unwrap();
+    let mut names: Vec<_> = entries.map(|e| e.unwrap().file_name()).collect();
+    names.sort();
+    assert_eq!(names, ["plots", "sizes.csv"]);
+}
+
+#[test]
+fn bad_studies_of_sizes_exit_with_2() {
+    let folder = tempfile::tempdir().unwrap();
+    for (args, says) in [
+        (&["--shards", "0"][..], "--shards 0, expected 1 to 16"),
+        (
+            &["--pull", "6"],
+            "--pull 6: there are 6 frames, numbered from 0",
+        ),
+        (&["--sizes", "0"], "expected numbers of segments"),
+    ] {
+        let run = sizes(folder.path(), args);
+        assert_eq!((run.code, run.stdout.as_str()), (2, ""), "{args:?}");
+        assert!(run.stderr.contains(says), "{args:?}: {}", run.stderr);
+    }
+    let run = study("sizes", &["chainmail"]);
+    assert!(
+        run.stderr.contains("chainmail has no diameter"),
+        "{}",
+        run.stderr
+    );
 }

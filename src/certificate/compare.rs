@@ -181,6 +181,7 @@ mod tests {
                 .map(|&(i, j)| Defect {
                     i,
                     j,
+                    image: Default::default(),
                     kind: DefectKind::Contact,
                     place: Place {
                         segments: [0, 0],
@@ -189,6 +190,7 @@ mod tests {
                     },
                 })
                 .collect(),
+            images: None,
         }
     }
 

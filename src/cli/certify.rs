@@ -3,7 +3,7 @@
 use super::braid_args::BraidArgs;
 use super::cell_args::{CellArgs, Cells};
 use super::files::{Content, Files, Overwrite, write_text, write_whole};
-use super::input::{self, FormatArgs, Pick};
+use super::input::{self, FormatArgs, Pick, Picked};
 use super::kernel::KernelArgs;
 use super::number::{not_negative, positive};
 use super::open;
@@ -129,11 +129,16 @@ struct Certified {
     took: Duration,
 }
 
-/// Reads a model and computes its certificate.
-fn certify(path: &Path, args: &Args) -> Result<Certified> {
+/// Reads the requested frame of a model.
+fn read(path: &Path, args: &Args) -> Result<Picked> {
     let pick = args.frame.map_or(Pick::First, Pick::Number);
     let format = args.format.wrapped(args.cell_args.wrapped());
-    let picked = input::read_frame(path, &format, pick)?;
+    input::read_frame(path, &format, pick)
+}
+
+/// Reads a model and computes its certificate.
+fn certify(path: &Path, args: &Args) -> Result<Certified> {
+    let picked = read(path, args)?;
     let cell = args.cell_args.cell(picked.cell);
     let unwrapped = Cells::new(args.cell_args).unwrap(&picked.curves, cell)?;
     let set = unwrapped.unwrap_or(picked.curves);
@@ -266,12 +271,12 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     for (k, path) in models.iter().enumerate() {
         #[cfg(feature = "lab")]
         if let Some(n) = args.repeat {
-            outcome = outcome.max(repeat::run(path, n, &args.kernel.device, json)?);
+            let set = read(path, args)?.curves;
+            outcome = outcome.max(repeat::run(path, &set, n, &args.kernel.device, json)?);
             continue;
         }
         if args.open {
-            let pick = args.frame.map_or(Pick::First, Pick::Number);
-            let set = input::read_frame(path, &args.format, pick)?.curves;
+            let set = read(path, args)?.curves;
             let (tolerance, least) = (args.tolerance, args.at_least);
             outcome = outcome.max(open::print(path, &set, tolerance, least, json)?);
             continue;

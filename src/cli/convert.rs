@@ -1,7 +1,7 @@
 //! `linkwatch convert`: rewrites the frames of model files and recordings in another format.
 
 use super::Outcome;
-use super::files::{Content, Files, Overwrite, with_suffix, write_whole};
+use super::files::{Content, Files, Overwrite, with_suffix, write_pair, write_whole};
 use super::input::{self, FormatArgs, Frame, Sequence};
 use super::output::{self, count, plural};
 #[cfg(feature = "mcap")]
@@ -49,8 +49,8 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     let mut files = Files::new(args.overwrite);
     inputs.iter().for_each(|path| files.reads(path));
     args.format.files().for_each(|path| files.reads(path));
-    files.writes("OUT", &args.output, Content::Model)?;
     let target = Target::of(&args.output)?;
+    files.writes("OUT", &args.output, target.content())?;
     let mut frames = Sequence::new(inputs, &args.format).filter(|frame| match frame {
         Ok(frame) => args.frame.is_none_or(|seq| seq == frame.seq),
         Err(_) => true,
@@ -76,6 +76,9 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     if numbered {
         for frame in frames {
             let frame = frame?;
+            if !converter.is_valid(&frame) {
+                continue;
+            }
             let path = with_suffix(&args.output, &format!("{:05}", frame.seq));
             files.writes("OUT", &path, Content::Model)?;
             let mut one = std::iter::once(Ok(frame));
@@ -84,14 +87,16 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
             })?;
         }
     } else if let Some(companion) = target.companion(&args.output) {
-        // Two files whose names belong together cannot be written under temporary names.
         files.writes("the bonds of OUT,", &companion, Content::Model)?;
-        converter.write(&args.output, &mut frames)?;
+        write_pair([&args.output, &companion], args.overwrite, |part| {
+            converter.write(part, &mut frames)
+        })?;
     } else {
         write_whole(&args.output, args.overwrite, |part| {
             converter.write(part, &mut frames)
         })?;
     }
+    converter.check_frames()?;
     converter.print(&args.output, numbered, json);
     Ok(match converter.invalid > 0 || converter.undecided {
         true => Outcome::Undecided,
@@ -121,6 +126,14 @@ impl Target {
             Target::Model(format) => format.holds_frames(),
             #[cfg(feature = "mcap")]
             Target::Recording => true,
+        }
+    }
+
+    fn content(self) -> Content {
+        match self {
+            Target::Model(_) => Content::Model,
+            #[cfg(feature = "mcap")]
+            Target::Recording => Content::Recording,
         }
     }
 
@@ -192,14 +205,10 @@ impl Converter {
     ) -> Result<()> {
         for frame in frames {
             let frame = frame?;
-            let curves = match frame.curves {
-                Ok(curves) => curves,
-                Err(e) => {
-                    tracing::error!("{}: left out: {e}", frame.name);
-                    self.invalid += 1;
-                    continue;
-                }
-            };
+            if !self.is_valid(&frame) {
+                continue;
+            }
+            let curves = frame.curves?;
             let before = curves.points() as u64;
             let curves = match curves.basis() {
                 Basis::Polyline => curves,
@@ -214,7 +223,24 @@ impl Converter {
             converted.labels = Arc::clone(&frame.info.labels);
             write(converted, frame.info)?;
         }
-        Ok(())
+        self.check_frames()
+    }
+
+    /// Returns true if a frame is valid. Otherwise reports that it is left out.
+    fn is_valid(&mut self, frame: &Frame) -> bool {
+        if let Err(e) = &frame.curves {
+            tracing::error!("{}: left out: {e}", frame.name);
+            self.invalid += 1;
+        }
+        frame.curves.is_ok()
+    }
+
+    /// Fails if no frame was written.
+    fn check_frames(&self) -> Result<()> {
+        match self.frames {
+            0 => Err(Error::Usage("the input has no valid frame".into())),
+            _ => Ok(()),
+        }
     }
 
     /// Replaces splines by polylines with the same linking numbers.

@@ -174,23 +174,64 @@ pub fn write_whole(
     // A symbolic link is kept: the file that it names is replaced.
     let file = resolve(path);
     let part = part_of(&file);
-    let written = write(&part).and_then(|()| {
-        if file.exists() && !overwrite.force {
-            let kept = part.display();
-            let why =
-                format!("another process created the file meanwhile; the output is in {kept}");
-            return Err(Error::Usage(format!("{}: {why}", path.display())));
-        }
-        std::fs::rename(&part, &file).map_err(failed(path))
+    let written = write(&part).map_err(|e| of_output(e, &part, path));
+    let removed = || {
+        // The temporary file may not exist.
+        std::fs::remove_file(&part).ok();
+    };
+    written.inspect_err(|_| removed())?;
+    check_still_free(path, &file, &part, overwrite)?;
+    let renamed = std::fs::rename(&part, &file);
+    renamed.inspect_err(|_| removed()).map_err(failed(path))
+}
+
+/// [`write_whole`] for a file and a second one that is written beside it, under a name that
+/// follows from that of the first one: both are written to a temporary folder.
+pub fn write_pair(
+    paths: [&Path; 2],
+    overwrite: Overwrite,
+    write: impl FnOnce(&Path) -> Result<()>,
+) -> Result<()> {
+    let files = paths.map(resolve);
+    let folder = part_of(&files[0]);
+    let parts = paths.map(|path| folder.join(path.file_name().unwrap_or_default()));
+    std::fs::create_dir(&folder).map_err(failed(paths[0]))?;
+    let written = write(&parts[0]);
+    let written = written.map_err(|e| of_output(e, &parts[0], paths[0]));
+    let written = written.map_err(|e| of_output(e, &parts[1], paths[1]));
+    let removed = || {
+        std::fs::remove_dir_all(&folder).ok();
+    };
+    written.inspect_err(|_| removed())?;
+    for k in 0..2 {
+        check_still_free(paths[k], &files[k], &folder, overwrite)?;
+    }
+    let renamed = (0..2).try_for_each(|k| {
+        let renamed = std::fs::rename(&parts[k], &files[k]);
+        renamed.map_err(failed(paths[k]))
     });
-    written.map_err(|e| match e {
-        Error::File { source, .. } | Error::Io(source) => {
-            // The temporary file may not exist.
-            std::fs::remove_file(&part).ok();
-            failed(path)(source)
-        }
+    removed();
+    renamed
+}
+
+/// Names the output in an error that names the temporary file.
+fn of_output(e: Error, part: &Path, path: &Path) -> Error {
+    match e {
+        Error::Io(source) => failed(path)(source),
+        Error::File { path: of, source } if of == part => failed(path)(source),
+        Error::InFile { path: of, source } if of == part => source.in_file(path),
         other => other,
-    })
+    }
+}
+
+/// Fails if a file was created under the name of an output while that was written.
+fn check_still_free(path: &Path, file: &Path, part: &Path, overwrite: Overwrite) -> Result<()> {
+    if !file.exists() || overwrite.force {
+        return Ok(());
+    }
+    let kept = part.display();
+    let why = format!("another process created the file meanwhile; the output is in {kept}");
+    Err(Error::Usage(format!("{}: {why}", path.display())))
 }
 
 /// [`write_whole`] for a text.

@@ -2,10 +2,12 @@
 
 use super::order;
 #[cfg(feature = "mcap")]
-use linkwatch::RecordingReader;
+use super::output::count;
 use linkwatch::model::{Frames, ModelFrame, ReadOptions};
 use linkwatch::scenes::Scene;
 use linkwatch::{Cell, CurveLabels, CurveSet, Error, FrameInfo, Result, model};
+#[cfg(feature = "mcap")]
+use linkwatch::{Ending, RecordingReader};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -58,9 +60,22 @@ impl FormatArgs {
 }
 
 /// Reads a model file if the argument has the extension of one or names an existing file. Otherwise
-/// builds the scene that the argument describes.
+/// builds the scene that the argument describes. Warns if the file has several frames, of which
+/// the first one is read.
 pub fn read(argument: &Path) -> Result<CurveSet> {
-    Ok(read_frame(argument, &FormatArgs::default(), Pick::First)?.curves)
+    let args = FormatArgs::default();
+    let picked = read_frame(argument, &args, Pick::First)?;
+    if let Some(number) = picked.number {
+        let frames = frames_of(argument, &args)?.filter(Result::is_ok).count();
+        if frames > 1 {
+            tracing::warn!(
+                "{}: {frames} frames; only the first one is used, frame {number} (`linkwatch \
+                 convert --frame` writes another one to a file)",
+                argument.display(),
+            );
+        }
+    }
+    Ok(picked.curves)
 }
 
 /// The frame of a file with several.
@@ -98,7 +113,13 @@ pub fn read_frame(argument: &Path, args: &FormatArgs, pick: Pick) -> Result<Pick
     };
     let mut found = None;
     for frame in frames {
-        let frame = frame?;
+        let frame = match frame {
+            Err(e) if matches!(pick, Pick::Last) && found.is_some() => {
+                tracing::warn!("{e}; the last frame before that is used");
+                break;
+            }
+            frame => frame?,
+        };
         match pick {
             Pick::Number(seq) if seq != frame.seq => continue,
             Pick::Last => found = Some(frame),
@@ -284,7 +305,17 @@ impl Iterator for Recorded {
             let frame = match self.reader.as_mut()?.next_item() {
                 Ok(Some(RecordedItem::Frame(frame))) => frame,
                 Ok(Some(RecordedItem::Baseline(_) | RecordedItem::Verdict(_))) => continue,
-                Ok(None) => return None,
+                Ok(None) => {
+                    let cut = match self.reader.take()?.ending() {
+                        Some(Ending::Cut { at, what }) => Error::Usage(format!(
+                            "the recording was cut off at byte {}, in {what}; all complete frames \
+                             before that were read",
+                            count(*at)
+                        )),
+                        _ => return None,
+                    };
+                    return Some(Err(cut.in_file(&self.path)));
+                }
                 Err(e) => {
                     self.reader = None;
                     return Some(Err(e.in_file(&self.path)));

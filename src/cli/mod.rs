@@ -22,6 +22,7 @@ mod metrics;
 #[cfg(not(feature = "metrics"))]
 #[path = "no_metrics.rs"]
 mod metrics;
+mod motion_args;
 mod number;
 mod open;
 mod order;

@@ -11,6 +11,13 @@ pub fn positive(text: &str) -> Result<f64, String> {
     }
 }
 
+/// Parses an integer of at least 1.
+#[cfg(any(feature = "mcap", feature = "rerun"))]
+pub fn at_least_one(text: &str) -> Result<std::num::NonZeroU64, String> {
+    let parsed = text.parse();
+    parsed.map_err(|_| "expected an integer of at least 1".into())
+}
+
 /// Parses a number of at least 0.
 pub fn not_negative(text: &str) -> Result<f64, String> {
     match text.parse() {

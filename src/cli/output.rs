@@ -136,7 +136,6 @@ fn show_pairs(bar: &ProgressBar, (done, total): (u64, u64)) {
 
 /// Returns a progress bar for a number of frames, rows or the like, hidden if stderr is not a
 /// terminal. The caller draws it between two of them.
-#[cfg(feature = "lab")]
 pub fn bar(length: u64, of: &str) -> ProgressBar {
     ProgressBar::new(length).with_style(bar_of(of))
 }

@@ -2,6 +2,7 @@
 
 use super::Outcome;
 use super::files::{Content, Files, Overwrite, write_whole};
+use super::input;
 use super::output::{self, count, plural};
 use linkwatch::{
     Ending, Error, FrameInfo, FrameRecord, RecordedFrame, RecordedItem, RecordedVerdict,
@@ -48,6 +49,13 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     let mut files = Files::new(args.overwrite);
     files.reads(&args.input);
     files.writes("OUT.mcap", &args.output, Content::Recording)?;
+    if !input::is_recording(&args.input)? {
+        return Err(Error::Usage(format!(
+            "{}: not a recording of linkwatch: all messages are those of other programs \
+             (`linkwatch convert` reads their curves)",
+            args.input.display()
+        )));
+    }
     let mut copied = Copied::default();
     write_whole(&args.output, args.overwrite, |path| {
         copied = copy(&args.input, path)?;

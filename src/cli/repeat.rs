@@ -3,8 +3,8 @@
 //! Measures the work from control points in memory to the sorted linking numbers. "First" is a new
 //! verifier, which allocates its buffers. "Later" is the same verifier again.
 
+use super::Outcome;
 use super::output::{self, count, percent};
-use super::{Outcome, input};
 use linkwatch::kernels::Device;
 use linkwatch::lab::{Effort, Run, StageTimes, peak_mb};
 use linkwatch::{CurveSet, Result};
@@ -24,10 +24,9 @@ pub fn measure(set: &CurveSet, n: u32, device: &Device) -> Result<(Run, [StageTi
     Ok((last, times))
 }
 
-/// Certifies a model or a scene `n` times and prints medians.
-pub fn run(name: &Path, n: u32, device: &Device, as_json: bool) -> Result<Outcome> {
-    let set = input::read(name)?;
-    let (run, [first, later]) = measure(&set, n, device)?;
+/// Certifies the curves of a model or a scene `n` times and prints medians.
+pub fn run(name: &Path, set: &CurveSet, n: u32, device: &Device, as_json: bool) -> Result<Outcome> {
+    let (run, [first, later]) = measure(set, n, device)?;
     let (stats, threads) = (run.stats, rayon::current_num_threads());
     if as_json {
         output::json(&json!({

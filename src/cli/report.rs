@@ -7,7 +7,7 @@ use linkwatch::{Conclusion, Result, RunReport};
 use std::path::PathBuf;
 
 /// Write what happened in a recording to an HTML page: a sentence, a timeline, tables, plots, and
-/// pictures of the worst violations
+/// pictures of the worst violations and of the lowest clearance
 ///
 /// The page is one file without scripts and external resources. It reports the recorded verdicts;
 /// `linkwatch replay` verifies them again. A recording that was cut off is reported up to its end.

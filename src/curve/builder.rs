@@ -15,6 +15,19 @@ impl CurveSet {
         }
     }
 
+    /// Starts a set of curves with these numbers of control points, negative if a curve is closed,
+    /// with memory for all of them. Check the counts against the length of the data first.
+    pub(crate) fn builder_of(
+        basis: Basis,
+        precision: Precision,
+        counts: &[i32],
+    ) -> CurveSetBuilder {
+        let slots = counts
+            .iter()
+            .map(|&c| slots(basis, c.unsigned_abs() as usize, c < 0).unwrap_or(0));
+        CurveSet::builder(basis, precision, slots.sum())
+    }
+
     /// Returns the set of all curves of `positions`. Each count is the number of control points of
     /// a curve, negative if the curve is closed, as in a BCC file.
     pub fn from_counts(basis: Basis, counts: &[i32], positions: Positions<'_>) -> Result<CurveSet> {
@@ -26,11 +39,7 @@ impl CurveSet {
                 available: positions.len() as u64,
             });
         }
-        let slots: usize = counts
-            .iter()
-            .map(|&c| slots(basis, c.unsigned_abs() as usize, c < 0).unwrap_or(0))
-            .sum();
-        let mut builder = CurveSet::builder(basis, positions.precision(), slots);
+        let mut builder = CurveSet::builder_of(basis, positions.precision(), counts);
         let mut at = 0;
         for &c in counts {
             let n = c.unsigned_abs() as usize;

@@ -46,6 +46,11 @@ pub fn peak_mb() -> Option<f64> {
     Some(kb / 1024.0)
 }
 
+/// Forgets the peak memory of this process so far. Returns true if the system can do that.
+pub fn reset_peak() -> bool {
+    std::fs::write("/proc/self/clear_refs", "5").is_ok()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

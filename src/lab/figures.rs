@@ -1,7 +1,8 @@
-//! Plots of rows: error against time, error against beta, time against size.
+//! Plots of rows: error against time, error against beta, time and memory against size.
 
 use super::kernels::KernelRow;
 use super::plot::{Plot, Series};
+use super::scaling::{FramesCost, ScalingRow};
 use super::slopes;
 use crate::kernels::Method;
 
@@ -110,4 +111,88 @@ pub fn time_against_size<'a>(model: &str, rows: impl Iterator<Item = &'a KernelR
         y: "total time (ms)".into(),
         series,
     }
+}
+
+/// A value of a row, if it has it.
+type RowValue<'a> = &'a dyn Fn(&ScalingRow) -> Option<f64>;
+
+/// Returns a plot of one quantity of growing scenes against their size: series with a name and a
+/// value of each row that has one. A guide grows with the number of segments, from the first point
+/// of the first series.
+fn scaling_plot(
+    (title, y): (String, &str),
+    rows: &[ScalingRow],
+    all: &[(String, RowValue<'_>)],
+) -> Plot {
+    let mut series = Vec::new();
+    for (name, value) in all {
+        let point = |row: &ScalingRow| Some((row.segments as f64, value(row)?));
+        let points: Vec<_> = rows.iter().filter_map(point).collect();
+        if !points.is_empty() {
+            series.push(Series::marks(name.clone(), points));
+        }
+    }
+    let guide = series.first().and_then(|s| match s.points[..] {
+        [(first, least), .., (last, _)] => Some(vec![(first, least), (last, least * last / first)]),
+        _ => None,
+    });
+    series.extend(guide.map(|points| Series::guide("∝ segments".into(), points)));
+    Plot {
+        title,
+        x: "segments of a frame".into(),
+        y: y.into(),
+        series,
+    }
+}
+
+/// Returns the largest value of the shards.
+fn largest(row: &ScalingRow, value: impl Fn(&FramesCost) -> Option<f64>) -> Option<f64> {
+    row.shards.iter().filter_map(value).reduce(f64::max)
+}
+
+fn shards(rows: &[ScalingRow]) -> usize {
+    rows.iter().map(|row| row.shards.len()).max().unwrap_or(0)
+}
+
+/// Plots the CPU times of growing scenes against their size. Other programs on the machine change
+/// them less than the elapsed times.
+pub fn scaling_time(scene: &str, rows: &[ScalingRow]) -> Plot {
+    let title = format!("CPU time against size: {scene}");
+    let shards = shards(rows);
+    let certify = |row: &ScalingRow| Some(row.certificate_cpu_ms);
+    let first = |row: &ScalingRow| row.check.map(|c| c.cpu_ms[0]);
+    let later = |row: &ScalingRow| row.check.map(|c| c.cpu_ms[1]);
+    let share = |row: &ScalingRow| largest(row, |c| Some(c.cpu_ms[1]));
+    scaling_plot(
+        (title, "CPU time (ms), without reading the file"),
+        rows,
+        &[
+            ("certify".into(), &certify),
+            ("first frame".into(), &first),
+            ("later frames".into(), &later),
+            (format!("later, 1 of {shards} shards"), &share),
+        ],
+    )
+}
+
+/// Plots the peak memory of growing scenes against their size.
+pub fn scaling_memory(scene: &str, rows: &[ScalingRow]) -> Plot {
+    let title = format!("Peak memory against size: {scene}");
+    let shards = shards(rows);
+    let frame = |row: &ScalingRow| Some(row.frame_mb);
+    let generate = |row: &ScalingRow| row.generate.peak_mb;
+    let certify = |row: &ScalingRow| row.certify.peak_mb;
+    let check = |row: &ScalingRow| row.check.and_then(|c| c.all.peak_mb);
+    let share = |row: &ScalingRow| largest(row, |c| c.all.peak_mb);
+    scaling_plot(
+        (title, "peak memory of the process (MB)"),
+        rows,
+        &[
+            ("positions of a frame".into(), &frame),
+            ("generate".into(), &generate),
+            ("certify".into(), &certify),
+            ("check".into(), &check),
+            (format!("check, 1 of {shards}"), &share),
+        ],
+    )
 }

@@ -9,6 +9,7 @@
 //! | speed of a kernel against its error | [`KernelRow`], [`Slope`], [`Plot`] |
 //! | cost of moving frames | [`MotionRow`], of a [`FrameSource`] |
 //! | adapter or CPU | `AdapterTimes`, `calibrate` (feature `gpu`); [`GrowingScenes`] |
+//! | time and memory against size, frames on disk | [`ScalingStudy`] |
 //! | published times | [`TABLE_1`] |
 //!
 //! ```
@@ -30,12 +31,14 @@ mod certify;
 mod clock;
 mod figures;
 mod growing;
+mod inputs;
 mod kernels;
 mod motion;
 mod plot;
 mod published;
 #[cfg(feature = "mcap")]
 mod recorded;
+mod scaling;
 mod setting;
 mod sizes;
 mod slopes;
@@ -48,17 +51,21 @@ pub use adapter::{AdapterTimes, measure_adapter};
 #[cfg(feature = "gpu")]
 pub use calibrate::calibrate;
 pub use certify::{Run, StageTimes};
-pub use clock::{Elapsed, peak_mb, timed};
-pub use figures::{error_against_beta, error_against_time, time_against_size};
+pub use clock::{Elapsed, peak_mb, reset_peak, timed};
+pub use figures::{
+    error_against_beta, error_against_time, scaling_memory, scaling_time, time_against_size,
+};
 pub use growing::{GrowingScenes, faster_from};
+pub use inputs::Input;
 pub use kernels::{KernelEffort, KernelRow};
 pub use motion::{FrameSource, GeneratedMotion, MotionRow, MotionStudy, MovedFrame};
 pub use plot::{Plot, Series};
 pub use published::{MACHINE, Published, Source, TABLE_1};
 #[cfg(feature = "mcap")]
 pub use recorded::RecordedMotion;
+pub use scaling::{FramesCost, ScalingRow, ScalingStudy, StageCost};
 pub use setting::Setting;
-pub use sizes::at_sizes;
+pub use sizes::{at_sizes, resized};
 pub use slopes::Slope;
 pub use statistics::{Effort, median, percentile};
 pub use subject::Subject;

@@ -7,7 +7,7 @@ use crate::scenes::Scene;
 /// stitches and rings and have fewer or more of them; other curves get shorter or longer segments.
 ///
 /// Errors: the scene cannot have this size.
-fn resized(scene: &Scene, segments: u64) -> Result<Scene> {
+pub fn resized(scene: &Scene, segments: u64) -> Result<Scene> {
     let value = |name| scene.value(name).unwrap_or(0.0);
     let segments = segments as f64;
     let changes = match scene.kind().name {

@@ -93,9 +93,28 @@ pub(super) struct Layout {
     pub segments: u32,
     /// True if level 0, the boxes of single segments, is stored.
     pub leaves: bool,
+    /// False if the curve has no tree: it has no groups, and its boxes are the shared empty ones.
+    pub tree: bool,
 }
 
+/// Number of empty groups at the start that all curves without a tree share: as many as a small
+/// curve has leaves.
+pub(super) const SHARED: u32 = SMALL / LANES as u32;
+
 impl Layout {
+    /// Returns the layout of a curve without a tree.
+    pub fn without_tree(segments: u32) -> Layout {
+        Layout {
+            first: [0; LEVELS],
+            levels: 1,
+            start: 0,
+            groups: 0,
+            segments,
+            leaves: true,
+            tree: false,
+        }
+    }
+
     pub fn new(segments: u32, leaves: bool, mut at: u32) -> Layout {
         let start = at;
         let mut first = [0; LEVELS];
@@ -118,6 +137,7 @@ impl Layout {
             groups: at - start,
             segments,
             leaves,
+            tree: true,
         }
     }
 }

@@ -39,7 +39,7 @@ pub(super) fn refit_range<S: Leaves>(
     for (k, layout) in layouts.iter().enumerate() {
         let stored = &mut groups[at..at + layout.groups as usize];
         at += stored.len();
-        roots[k] = if source.has_tree(first + k) {
+        roots[k] = if layout.tree && source.has_tree(first + k) {
             refit_curve(source, first + k, layout, stored)
         } else {
             Box3::EMPTY

@@ -7,7 +7,7 @@
 //! time a leaf is visited, which costs no more than loading them. The boxes of spline segments are
 //! stored.
 
-use super::layout::{Layout, Leaves, Node, SMALL};
+use super::layout::{Layout, Leaves, Node, SHARED, SMALL};
 use super::refit::{refit_curve, refit_range};
 use crate::curve::{Box3, BoxGroup, Curve, CurveSet};
 use crate::simd::{LANES, prefetch};
@@ -21,34 +21,55 @@ pub(crate) struct Trees {
     layouts: Vec<Layout>,
     groups: Vec<BoxGroup>,
     roots: Vec<Box3>,
+    /// Number of empty groups at the start, for curves without a tree.
+    shared: u32,
 }
 
 impl Trees {
     /// Refits all boxes to those of the leaves. Allocates only if the sizes of the curves have
-    /// changed.
+    /// changed, or other curves have trees. Curves without a tree take no memory for boxes: a
+    /// verifier with a share of a large scene has trees of few curves.
     pub fn refit<S: Leaves>(&mut self, leaves: S) {
-        if !self.fit(leaves) {
-            let curves = leaves.curves();
-            self.layouts.clear();
-            let mut at = 0;
-            for c in curves {
-                let layout = Layout::new(c.segments, leaves.stored(c.segments), at);
-                at += layout.groups;
-                self.layouts.push(layout);
-            }
-            self.groups.clear();
-            self.groups.resize(at as usize, BoxGroup::EMPTY);
-            self.roots.clear();
-            self.roots.resize(curves.len(), Box3::EMPTY);
+        let has_tree = |(i, l): (usize, &Layout)| l.tree == leaves.has_tree(i);
+        if !self.fit(leaves) || !self.layouts.iter().enumerate().all(has_tree) {
+            self.lay_out(leaves);
         }
-        refit_range(leaves, 0, &self.layouts, &mut self.groups, &mut self.roots);
+        self.refit_all(leaves);
+    }
+
+    /// Computes the positions of all groups.
+    fn lay_out<S: Leaves>(&mut self, leaves: S) {
+        let curves = leaves.curves();
+        let all = (0..curves.len()).all(|i| leaves.has_tree(i));
+        self.shared = if all { 0 } else { SHARED };
+        self.layouts.clear();
+        self.layouts.reserve_exact(curves.len());
+        let mut at = self.shared;
+        for (i, c) in curves.iter().enumerate() {
+            let layout = match leaves.has_tree(i) {
+                true => Layout::new(c.segments, leaves.stored(c.segments), at),
+                false => Layout::without_tree(c.segments),
+            };
+            at += layout.groups;
+            self.layouts.push(layout);
+        }
+        // A new list, because a longer one would keep its memory.
+        self.groups = vec![BoxGroup::EMPTY; at as usize];
+        self.roots.clear();
+        self.roots.resize(curves.len(), Box3::EMPTY);
+    }
+
+    /// Refits the boxes of all curves with groups.
+    fn refit_all<S: Leaves>(&mut self, leaves: S) {
+        let groups = &mut self.groups[self.shared as usize..];
+        refit_range(leaves, 0, &self.layouts, groups, &mut self.roots);
     }
 
     /// Returns true if the stored groups belong to curves of the same sizes.
     fn fit<S: Leaves>(&self, leaves: S) -> bool {
         let curves = leaves.curves();
         let fits = |(l, c): (&Layout, &Curve)| {
-            l.segments == c.segments && l.leaves == leaves.stored(c.segments)
+            l.segments == c.segments && (!l.tree || l.leaves == leaves.stored(c.segments))
         };
         self.layouts.len() == curves.len() && self.layouts.iter().zip(curves).all(fits)
     }
@@ -56,20 +77,25 @@ impl Trees {
     /// Refits the boxes of some curves, sorted. The boxes of other curves are unchanged, and may be
     /// those of an earlier frame.
     pub fn refit_some<S: Leaves>(&mut self, leaves: S, curves: &[u32]) {
-        if !self.fit(leaves) || 4 * curves.len() > leaves.curves().len() {
+        let lacks = |&i: &u32| leaves.has_tree(i as usize) && !self.layouts[i as usize].tree;
+        if !self.fit(leaves) || curves.iter().any(lacks) {
             return self.refit(leaves);
+        }
+        if 4 * curves.len() > leaves.curves().len() {
+            return self.refit_all(leaves);
         }
         let Trees {
             layouts,
             groups,
             roots,
+            ..
         } = self;
         for &i in curves {
             let i = i as usize;
             let layout = &layouts[i];
             let first = layout.start as usize;
             let groups = &mut groups[first..first + layout.groups as usize];
-            roots[i] = match leaves.has_tree(i) {
+            roots[i] = match layout.tree && leaves.has_tree(i) {
                 true => refit_curve(leaves, i, layout, groups),
                 false => Box3::EMPTY,
             };
@@ -240,6 +266,69 @@ mod tests {
                 check(tree, n, node.child(k));
             }
         }
+    }
+
+    /// Boxes of the curves with an even number, or of all.
+    #[derive(Clone, Copy)]
+    struct Chosen<'a> {
+        set: &'a CurveSet,
+        all: bool,
+    }
+
+    impl Leaves for Chosen<'_> {
+        fn curves(&self) -> &[Curve] {
+            self.set.curves()
+        }
+
+        fn has_tree(&self, i: usize) -> bool {
+            self.all || i.is_multiple_of(2)
+        }
+
+        fn stored(&self, segments: u32) -> bool {
+            stores_leaves(self.set.basis(), segments)
+        }
+
+        fn boxes(&self, i: usize, g: usize) -> BoxGroup {
+            self.set.leaf_boxes(i, g)
+        }
+    }
+
+    #[test]
+    fn curves_without_a_tree_take_no_boxes_and_are_empty() {
+        let counts: Vec<i32> = (0..400).map(|i| [-15, -63, -15, -200][i % 4]).collect();
+        let points: i32 = counts.iter().map(|c| -c).sum();
+        let xyz: Vec<f32> = (0..3 * points).map(|k| (k as f32).sin()).collect();
+        let set = CurveSet::from_counts(Basis::Polyline, &counts, Positions::F32(&xyz)).unwrap();
+        let [all, some] = [true, false].map(|all| Chosen { set: &set, all });
+        let mut trees = Trees::default();
+        trees.refit(all);
+        let whole = trees.bytes();
+        trees.refit(some);
+        assert!(2 * trees.bytes() < whole, "{} of {whole}", trees.bytes());
+        for i in 0..set.len() {
+            let tree = trees.of(&set, i);
+            if i % 2 == 0 {
+                check(tree, set.curve(i).segments, tree.root());
+                continue;
+            }
+            assert_eq!(tree.bounds, Box3::EMPTY);
+            for leaf in 0..tree.few_leaves().unwrap_or(1) {
+                let mut buffer = BoxGroup::EMPTY;
+                let group = *tree.children(Node::new(0, leaf), &mut buffer);
+                assert_eq!(group.bounds(), Box3::EMPTY, "{i}");
+            }
+        }
+        // A curve that is needed, but has no tree yet, gets one.
+        trees.refit_some(all, &[1]);
+        assert_eq!(trees.bytes(), whole);
+        check(trees.of(&set, 1), 63, trees.of(&set, 1).root());
+        // The curves that have trees keep them, whoever asks for some of them.
+        trees.refit(some);
+        let few = trees.bytes();
+        let even: Vec<u32> = (0..400).step_by(2).collect();
+        trees.refit_some(all, &even);
+        assert_eq!(trees.bytes(), few);
+        assert_ne!(trees.roots()[0], Box3::EMPTY);
     }
 
     #[test]

@@ -286,8 +286,8 @@ mod tests {
             let boxes = FractionalBoxes {
                 bounds: vec![[[0.0; 3], [far; 3]]],
             };
-            let all = (&|_| true as _, usize::MAX);
-            let e = search(&boxes, &cell, all, &mut BTreeSet::new()).unwrap_err();
+            let e = search(&boxes, &cell, (&|_| true, usize::MAX), &mut BTreeSet::new());
+            let e = e.unwrap_err();
             assert!(
                 e.to_string()
                     .contains("curve 0 spans too many periodic cells"),

@@ -3,7 +3,8 @@
 use super::rows::{Moment, PullThroughRow, Remark, Rows};
 use super::series::{Sample, Series};
 use super::svg::plain;
-use super::violations::Violations;
+use super::violations::{Shot, Spot, Violations};
+use crate::curve::vector::mix;
 use crate::curve::{CurveLabels, Notation};
 use crate::error::Result;
 use crate::incremental::Events;
@@ -25,6 +26,10 @@ const ENTRIES: usize = 60;
 
 /// Key of the metadata of recordings that have the curves of some frames only, on purpose.
 pub(super) const RECORD_EVERY: &str = "record_every";
+
+/// Key of the metadata of recordings of runs that measured clearance: a radius, or a word if it is
+/// the one that the simulator publishes.
+const THICKNESS: &str = "thickness";
 
 /// Maximum number of pull-throughs, and of rejected and incomplete frames, that are listed.
 const PULL_THROUGHS: usize = 400;
@@ -120,6 +125,8 @@ pub(super) struct Facts {
     /// Rejected and incomplete frames, with the reason.
     pub remarks: Rows<Remark>,
     pub closest: Option<Closest>,
+    /// Lowest clearance below the limit in a frame whose curves are recorded, and its place.
+    pub low: Option<(f64, Shot)>,
     /// Number of frames whose clearance was measured, and of those in which it was low.
     pub clearances: [u64; 2],
     pub series: Series,
@@ -177,9 +184,14 @@ impl Facts {
         }
     }
 
+    /// Returns the radius for which clearance was measured, if it was that of all strands.
+    pub fn radius(&self) -> Option<f64> {
+        self.metadata.get(THICKNESS)?.parse().ok()
+    }
+
     /// Returns the number of verified frames whose clearance was to be measured, but was not.
     pub fn unmeasured(&self) -> u64 {
-        match self.metadata.contains_key("thickness") {
+        match self.metadata.contains_key(THICKNESS) {
             true => self.counts.verified - self.clearances[0].min(self.counts.verified),
             false => 0,
         }
@@ -315,17 +327,33 @@ impl Collector {
         };
         facts.clearances[0] += 1;
         facts.clearances[1] += u64::from(clearance.low);
-        if let Some(closest) = &clearance.closest
-            && facts
-                .closest
-                .as_ref()
-                .is_none_or(|c| closest.ratio < c.ratio)
-        {
+        let Some(closest) = &clearance.closest else {
+            return;
+        };
+        let (ratio, moment) = (closest.ratio, Moment::of(report));
+        let sentence = || closest.sentence_named(extent, names);
+        if facts.closest.as_ref().is_none_or(|c| ratio < c.ratio) {
             facts.closest = Some(Closest {
-                moment: Moment::of(report),
-                ratio: closest.ratio,
-                sentence: closest.sentence_named(extent, names),
+                moment,
+                ratio,
+                sentence: sentence(),
             });
+        }
+        let is_lowest = facts.low.as_ref().is_none_or(|(low, _)| ratio < *low);
+        if clearance.low && ordinal.is_some() && is_lowest {
+            let shot = Shot {
+                ordinal,
+                moment,
+                spot: Spot {
+                    curves: [closest.i, closest.j],
+                    segments: closest.segments,
+                    point: mix(closest.points[0], closest.points[1], 0.5),
+                },
+                sentence: sentence(),
+                passage: None,
+                changed: false,
+            };
+            facts.low = Some((ratio, shot));
         }
     }
 }

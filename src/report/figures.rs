@@ -1,15 +1,18 @@
-//! Pictures of the worst violations, each before, at and after its frame and from two sides.
+//! Pictures of the worst violations and of the lowest clearance, each before, at and after its
+//! frame and from two sides.
 //!
 //! The recording is read a second time, up to the last frame that a picture needs. Memory: three
 //! frames, and the finished pictures.
 
+use super::facts::Facts;
 use super::picture::{Named, Panel};
 use super::rows::Moment;
-use super::strands::{Part, Window, strands};
+use super::strands::{Part, Radii, Window, strands};
 use super::view::views;
 use super::violations::{Shot, Spot, Violation, Violations};
 use crate::curve::{CurveLabels, CurveSet};
 use crate::sinks::{RecordedFrame, RecordedItem, RecordingReader};
+use crate::words::plural;
 use std::collections::VecDeque;
 use std::io::{Read, Seek};
 use std::sync::Arc;
@@ -34,10 +37,13 @@ pub(super) struct Choice {
     pub reason: String,
 }
 
-/// Pictures of one violation.
+/// Pictures of one finding.
 pub(super) struct Figure {
+    /// Reason for the choice, as a sentence.
     pub reason: String,
     pub shot: Shot,
+    /// True if the radii of both strands are known.
+    pub thick: bool,
     /// What the frames before, at and after it are: "frame 27 at 0.9 s".
     pub captions: [String; 3],
     /// The pictures of the frames from both sides, as SVG; `None` if there is none.
@@ -145,18 +151,37 @@ struct Order {
     shot: Shot,
 }
 
-/// Draws the pictures of the worst violations, from a second pass over the recording.
+/// Draws the pictures of the worst violations, and of the lowest clearance if it is too low and no
+/// violation shows it, from a second pass over the recording.
 pub(super) fn draw<R: Read + Seek>(
     mut reader: RecordingReader<R>,
-    violations: &Violations,
-) -> Vec<Figure> {
-    let choices = choose(violations).into_iter().enumerate();
-    let orders = choices.filter_map(|(rank, choice)| {
-        let shot = violations.pairs[choice.pair].shot.clone()?;
+    facts: &Facts,
+) -> (Vec<Figure>, Option<Figure>) {
+    let pairs = &facts.violations.pairs;
+    let choices = choose(&facts.violations).into_iter().filter_map(|choice| {
+        let reason = format!("Chosen as: {}.", choice.reason);
+        Some((reason, pairs[choice.pair].shot.clone()?))
+    });
+    let mut choices: Vec<(String, Shot)> = choices.collect();
+    let violations = choices.len();
+    let shown = |low: &Shot| {
+        let mut shots = choices.iter().map(|(_, shot)| shot);
+        shots.any(|s| (s.moment, s.spot.curves) == (low.moment, low.spot.curves))
+    };
+    if let Some((_, low)) = facts.low.as_ref().filter(|(_, low)| !shown(low)) {
+        let frames = plural(facts.clearances[1], "frame");
+        let reason = format!(
+            "The clearance is below the limit in {frames}: the lowest one of those whose curves \
+             are recorded."
+        );
+        choices.push((reason, low.clone()));
+    }
+    let orders = choices.into_iter().enumerate();
+    let orders = orders.filter_map(|(rank, (reason, shot))| {
         Some(Order {
             rank,
             ordinal: shot.ordinal?,
-            reason: choice.reason,
+            reason,
             shot,
         })
     });
@@ -186,20 +211,36 @@ pub(super) fn draw<R: Read + Seek>(
             let at = order.ordinal;
             let find = |ordinal: Option<u64>| held.iter().find(|h| Some(h.ordinal) == ordinal);
             let frames = [at.checked_sub(1), Some(at), at.checked_add(1)].map(find);
-            figures.push((order.rank, figure(order.reason, order.shot, frames)));
+            let what = match order.rank < violations {
+                true => "at the violation",
+                false => "lowest clearance",
+            };
+            let figure = figure(order, what, frames, facts.radius());
+            figures.push(figure);
         }
         if ended {
             break;
         }
     }
     figures.sort_by_key(|(rank, _)| *rank);
-    figures.into_iter().map(|(_, figure)| figure).collect()
+    let low = figures.pop_if(|(rank, _)| *rank == violations);
+    let figures = figures.into_iter().map(|(_, figure)| figure).collect();
+    (figures, low.map(|(_, figure)| figure))
 }
 
-/// Draws the pictures of one violation.
-fn figure(reason: String, shot: Shot, frames: [Option<&Held>; 3]) -> Figure {
+/// Draws the pictures of one finding. `what` are words for its frame, `measured` is the radius of
+/// all strands if there is one.
+fn figure(
+    order: Order,
+    what: &str,
+    frames: [Option<&Held>; 3],
+    measured: Option<f64>,
+) -> (usize, Figure) {
+    let Order {
+        rank, reason, shot, ..
+    } = order;
     let mut rows: [[Option<String>; 3]; 2] = Default::default();
-    let mut captions = ["before", "at the violation", "after"].map(str::to_owned);
+    let mut captions = ["before", what, "after"].map(str::to_owned);
     let place = |held: &Held| frames[1].and_then(|at| held.spot(at, shot.spot));
     for (k, frame) in frames.iter().enumerate() {
         captions[k] += &match frame {
@@ -218,7 +259,12 @@ fn figure(reason: String, shot: Shot, frames: [Option<&Held>; 3]) -> Figure {
         let held = frame?;
         Some((&held.set, place(held)?))
     });
-    let windows = Window::around(placed);
+    let radii = frames.map(|frame| Radii {
+        published: frame.map_or(&[], |held| &held.labels.radii),
+        measured,
+    });
+    let both = shot.spot.curves.map(|i| radii[1].of(i));
+    let windows = Window::around(placed, both.iter().sum());
     let shown: [Option<_>; 3] = std::array::from_fn(|k| {
         let ((set, spot), window) = (placed[k]?, windows[k]?);
         Some((strands(set, spot, window), named(set, spot, window), window))
@@ -226,25 +272,28 @@ fn figure(reason: String, shot: Shot, frames: [Option<&Held>; 3]) -> Figure {
     // The views are those that suit the frame of the violation.
     let views = shown[1].as_ref().map(|(strands, ..)| views(strands));
     for (row, view) in rows.iter_mut().zip(views.into_iter().flatten()) {
-        for ((picture, shown), caption) in row.iter_mut().zip(&shown).zip(&captions) {
-            *picture = shown.as_ref().map(|(strands, named, window)| {
+        for (k, picture) in row.iter_mut().enumerate() {
+            *picture = shown[k].as_ref().map(|(strands, named, window)| {
                 let panel = Panel {
                     strands,
                     window: *window,
                     view,
                     named,
-                    label: caption.clone(),
+                    radii: radii[k],
+                    label: captions[k].clone(),
                 };
                 panel.svg()
             });
         }
     }
-    Figure {
+    let figure = Figure {
         reason,
         shot,
+        thick: both.iter().all(|r| *r > 0.0),
         captions,
         rows,
-    }
+    };
+    (rank, figure)
 }
 
 /// Returns the segments of a finding.

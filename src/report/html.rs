@@ -18,8 +18,8 @@ impl RunReport {
     /// light and dark screens and for print.
     ///
     /// Texts of the recording are escaped. The size is limited: tables have at most 400 rows,
-    /// there are pictures of at most six violations, and plots have at most 400 columns. Usual
-    /// pages have 20 to 100 kB; it stays below [`RunReport::MOST_BYTES`].
+    /// there are pictures of at most six violations and of the lowest clearance, and plots have at
+    /// most 400 columns. Usual pages have 20 to 100 kB; it stays below [`RunReport::MOST_BYTES`].
     pub fn html(&self) -> String {
         let facts = &self.facts;
         let conclusion = facts.conclusion();
@@ -58,6 +58,11 @@ impl RunReport {
             out += "</section>\n";
         }
         self.figures_section(&mut out);
+        if let Some(figure) = &self.low_clearance {
+            out += "<section>\n<h2>Lowest clearance</h2>\n";
+            draw(figure, &mut out);
+            out += "</section>\n";
+        }
         self.links_section(&mut out);
         self.pull_throughs_section(&mut out);
         self.defects_section(&mut out);
@@ -267,7 +272,7 @@ fn swatch(mark: &str) -> String {
     format!("<svg viewBox=\"0 0 16 11\" aria-hidden=\"true\">{mark}</svg>")
 }
 
-/// Draws the pictures of a violation.
+/// Draws the pictures of a finding.
 fn draw(figure: &Figure, out: &mut String) {
     let [i, j] = figure.shot.spot.curves;
     let [s, t] = figure.shot.spot.segments;
@@ -276,8 +281,8 @@ fn draw(figure: &Figure, out: &mut String) {
         format!("<span>{}curve {i}, segment {s}</span>", swatch(&mark))
     };
     *out += &format!(
-        "<figure>\n<figcaption><h3>{}</h3>\n<p class=\"dim\">{}Chosen as: {}.</p>\n\
-         <p class=\"legend\">{}{}<span>{}neighbours</span><span>{}the place</span></p>\
+        "<figure>\n<figcaption><h3>{}</h3>\n<p class=\"dim\">{}{}</p>\n\
+         <p class=\"legend\">{}{}{}<span>{}neighbours</span><span>{}the place</span></p>\
          </figcaption>\n<div class=\"pictures\">\n",
         escape(&format!("{}: {}", figure.shot.moment, figure.shot.sentence)),
         figure
@@ -291,6 +296,13 @@ fn draw(figure: &Figure, out: &mut String) {
             String::new()
         } else {
             curve("sb", j, t)
+        },
+        match figure.thick {
+            true => format!(
+                "<span>{}diameter of the strands</span>",
+                swatch("<path class=\"sa w\" d=\"M0 5.5H16\" style=\"stroke-width:11\"/>")
+            ),
+            false => String::new(),
         },
         swatch("<path class=\"o\" d=\"M0 6H16\"/>"),
         swatch("<circle class=\"m\" cx=\"8\" cy=\"5.5\" r=\"4.5\"/>"),

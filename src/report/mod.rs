@@ -1,5 +1,5 @@
 //! Report of a recorded run for people without a viewer: what happened in one sentence, a timeline,
-//! tables of the findings, plots, and pictures of the worst violations.
+//! tables of the findings, plots, and pictures of the worst violations and of the lowest clearance.
 //!
 //! ```text
 //! first pass: verdicts ─▶ facts ─┬─▶ sentence, notes ─┐
@@ -59,6 +59,8 @@ pub struct RunReport {
     recording: PathBuf,
     facts: Facts,
     figures: Vec<Figure>,
+    /// Pictures of the lowest clearance, if it is below the limit.
+    low_clearance: Option<Figure>,
 }
 
 impl RunReport {
@@ -74,9 +76,11 @@ impl RunReport {
         let mut reader = RecordingReader::open(path).map_err(in_file)?;
         let facts = Facts::collect(&mut reader).map_err(in_file)?;
         let reader = RecordingReader::open(path).map_err(in_file)?;
+        let (figures, low_clearance) = figures::draw(reader, &facts);
         Ok(RunReport {
             recording: path.to_owned(),
-            figures: figures::draw(reader, &facts.violations),
+            figures,
+            low_clearance,
             facts,
         })
     }

@@ -1,11 +1,12 @@
 //! Pictures of a place: a frame from two sides, as SVG.
 //!
 //! Both curves of the finding are thick and have a colour each; their neighbours are thin and grey.
-//! The lower strand of a crossing is interrupted. A ring marks the place, a bar shows the scale,
-//! and a small cross the axes of the simulation.
+//! The lower strand of a crossing is interrupted. Strands whose radius is known have a pale band of
+//! their diameter: bands that overlap from both sides show surfaces that overlap. A ring marks the
+//! place, a bar shows the scale, and a small cross the axes of the simulation.
 
 use super::gaps::{Line, visible};
-use super::strands::{Part, Strand, Window};
+use super::strands::{Part, Radii, Strand, Window};
 use super::svg::{escape, px, round_below};
 use super::view::View;
 use crate::curve::{Notation, Point};
@@ -22,6 +23,9 @@ const OTHER: f64 = 1.4;
 /// Radius of the mark of the place, and distance of the names of segments from it.
 const MARK: f64 = 20.0;
 const NAMES: f64 = 46.0;
+
+/// Groups of strands and their classes, from back to front.
+const GROUPS: [(Part, &str); 3] = [(Part::Other, "o"), (Part::First, "a"), (Part::Second, "b")];
 
 /// Smallest distance of successive points, and largest deviation of a point that is omitted.
 const SPACING: f64 = 0.5;
@@ -40,6 +44,7 @@ pub(super) struct Panel<'a> {
     pub window: Window,
     pub view: View,
     pub named: &'a [Named],
+    pub radii: Radii<'a>,
     /// Description for readers who do not see it.
     pub label: String,
 }
@@ -64,9 +69,11 @@ impl Panel<'_> {
             "<svg viewBox=\"0 0 {SIZE} {SIZE}\" role=\"img\" aria-label=\"{}\">\n",
             escape(&self.label)
         );
-        let groups = [(Part::Other, "o"), (Part::First, "a"), (Part::Second, "b")];
         let visible = visible(&lines);
-        for (part, class) in groups {
+        for (part, class) in GROUPS {
+            self.bands(part, class, &lines, &mut out);
+        }
+        for (part, class) in GROUPS {
             let own = self.strands.iter().zip(&visible).zip(&lines);
             let mut data = String::new();
             for ((_, pieces), line) in own.filter(|((strand, _), _)| strand.part == part) {
@@ -82,6 +89,22 @@ impl Panel<'_> {
         self.axes(&mut out);
         out += "</svg>\n";
         out
+    }
+
+    /// Draws the bands of a group, which are wider than the lines.
+    fn bands(&self, part: Part, class: &str, lines: &[Line], out: &mut String) {
+        let own = self.strands.iter().zip(lines);
+        for (strand, line) in own.filter(|(strand, _)| strand.part == part) {
+            let width = 2.0 * self.radii.of(strand.curve) / self.window.reach * HALF;
+            if width > line.width {
+                let mut data = String::new();
+                path(std::slice::from_ref(&line.points), line, &mut data);
+                let width = px(width.min(2.0 * SIZE));
+                *out += &format!(
+                    "<path class=\"{class} w\" style=\"stroke-width:{width}\" d=\"{data}\"/>\n"
+                );
+            }
+        }
     }
 
     /// Returns a point in pixels to the right and down, and its depth.

@@ -153,6 +153,7 @@ mod tests {
                 report.events = vec![PullThrough {
                     i: 0,
                     j: 1,
+                    image: Default::default(),
                     segments: [0, 0],
                     fraction: 0.5,
                     sign: 1,

@@ -30,17 +30,40 @@ pub(super) struct Window {
     pub reach: f64,
 }
 
+/// Radii of the strands of a frame, as far as the recording has them.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Radii<'a> {
+    /// Those that the simulator published: one per curve, or none.
+    pub published: &'a [f32],
+    /// The one of all strands for which clearance was measured.
+    pub measured: Option<f64>,
+}
+
+impl Radii<'_> {
+    /// Returns the radius of a curve; 0 if it is unknown.
+    pub fn of(&self, curve: u32) -> f64 {
+        let published = self.published.get(curve as usize).map(|r| f64::from(*r));
+        let radius = self.measured.or(published).unwrap_or(0.0);
+        if radius.is_finite() {
+            radius.max(0.0)
+        } else {
+            0.0
+        }
+    }
+}
+
 /// A frame, and the place of the finding in it.
 pub(super) type Placed<'a> = (&'a CurveSet, Spot);
 
 impl Window {
     /// Returns the windows of the frames before, at and after a finding. They have one reach, in
     /// which the passage of both strands and the shape of the curves are visible: enough for some
-    /// segments and for the motion, but not more than the feature of the curves that passes. Their
-    /// centres move with the points of the two strands that are closest to the place.
+    /// segments, for the motion, and for the surfaces of strands with this sum of radii, but not
+    /// more than the feature of the curves that passes. Their centres move with the points of the
+    /// two strands that are closest to the place.
     ///
     /// `None` for frames that are `None`; all are if the second one is.
-    pub fn around(frames: [Option<Placed<'_>>; 3]) -> [Option<Window>; 3] {
+    pub fn around(frames: [Option<Placed<'_>>; 3], radii: f64) -> [Option<Window>; 3] {
         let Some((set, spot)) = frames[1] else {
             return [None; 3];
         };
@@ -96,7 +119,7 @@ impl Window {
         };
         windows.map(|window| {
             let Window { centre, reach } = window?;
-            let reach = share * reach;
+            let reach = (share * reach).max((1.5 * radii).min(3.0 * size));
             Some(Window { centre, reach })
         })
     }
@@ -117,6 +140,7 @@ pub(super) enum Part {
 /// A connected part of a curve in a window.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Strand {
+    pub curve: u32,
     pub part: Part,
     /// True if the end is joined to the start, which is then repeated.
     pub closed: bool,
@@ -225,6 +249,7 @@ fn clip(
             match out.last_mut() {
                 Some(last) if open && from == 0.0 && last.part == part => last.points.push(q),
                 _ => out.push(Strand {
+                    curve: i as u32,
                     part,
                     closed: false,
                     points: vec![p, q],

@@ -1,5 +1,7 @@
 //! Tests of reports about recordings that are written here.
 
+mod clearance;
+
 use super::*;
 use crate::certificate::Certificate;
 use crate::curve::{Basis, CurveLabels, CurveSet, Positions};
@@ -39,6 +41,7 @@ fn change(i: u32, j: u32) -> Change {
     Change {
         i,
         j,
+        image: Default::default(),
         expected: 1,
         found: 0,
         place: Some(place()),
@@ -49,6 +52,7 @@ fn defect(kind: DefectKind) -> Defect {
     Defect {
         i: 0,
         j: Some(1),
+        image: Default::default(),
         kind,
         place: place(),
     }
@@ -58,6 +62,7 @@ fn pull_through(i: u32, j: u32) -> PullThrough {
     PullThrough {
         i,
         j,
+        image: Default::default(),
         segments: [1, 3],
         fraction: 0.5,
         sign: 1,
@@ -105,6 +110,7 @@ impl Recorded {
             curves: 2,
             links: Vec::new(),
             undefined: Vec::new(),
+            images: None,
         });
         let origin = "first frame".to_owned();
         sink.begin(&BaselineRecord {
@@ -449,6 +455,7 @@ fn impossible_findings_of_a_hostile_recording_are_reported_without_a_panic() {
             r.defects = vec![Defect {
                 i,
                 j: None,
+                image: Default::default(),
                 kind: DefectKind::Degenerate,
                 place,
             }];

@@ -170,6 +170,7 @@ mod tests {
             [0, 1, 2].map(|x| centre[x] + cos * a[x] + sin * b[x])
         };
         Strand {
+            curve: part as u32,
             part,
             closed: true,
             points: (0..=24).map(point).collect(),
@@ -209,6 +210,7 @@ mod tests {
         for strands in [
             vec![],
             vec![Strand {
+                curve: 0,
                 part: Part::First,
                 closed: false,
                 points: vec![[0.0; 3]; 2],

@@ -22,13 +22,15 @@
 //! the boundary of the disc runs counterclockwise. This is the sign of Arai's sum (see
 //! [`crate::kernels`]).
 //!
-//! [`Frames`] moves a scene, or any other set of curves; [`pull_throughs`] break it.
+//! [`Frames`] and [`MovingScene`] move a scene, or any other set of curves; [`pull_throughs`] break
+//! it.
 
 mod chainmail;
 mod frames;
 mod isotopy;
 mod knit;
 mod motion;
+mod moving;
 mod pen;
 mod pull_through;
 mod ribbon;
@@ -41,6 +43,7 @@ mod woundball;
 
 pub use frames::Frames;
 pub use motion::{Motion, MotionKind};
+pub use moving::MovingScene;
 pub use pull_through::{Pull, pull_throughs};
 
 use crate::certificate::Certificate;

@@ -79,6 +79,7 @@ mod tests {
             .map(|&(i, j, found)| Change {
                 i,
                 j,
+                image: Default::default(),
                 expected: 1,
                 found,
                 place: None,
@@ -89,6 +90,7 @@ mod tests {
             .map(|&sign| PullThrough {
                 i: 3,
                 j: 4,
+                image: Default::default(),
                 segments: [0, 1],
                 fraction: 0.5,
                 sign,

@@ -110,6 +110,7 @@ mod tests {
         let change = Change {
             i: 0,
             j: 1,
+            image: Default::default(),
             expected,
             found,
             place: None,
@@ -139,6 +140,7 @@ mod tests {
         let contact = Defect {
             i: 0,
             j: Some(1),
+            image: Default::default(),
             kind: DefectKind::Contact,
             place: Place {
                 segments: [0, 0],
@@ -153,6 +155,7 @@ mod tests {
         let event = PullThrough {
             i: 0,
             j: 1,
+            image: Default::default(),
             segments: [0, 0],
             fraction: 0.5,
             sign: 1,

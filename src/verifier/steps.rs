@@ -266,6 +266,7 @@ impl Steps {
             .push(crate::verdict::Change {
                 i: 0,
                 j: 1,
+                image: Default::default(),
                 expected: 1,
                 found: 0,
                 place: None,

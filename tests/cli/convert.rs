@@ -218,3 +218,132 @@ fn invalid_frames_are_left_out_and_make_the_conversion_incomplete() {
     );
     assert!(run.stderr.contains("f1.bcc: left out: "), "{}", run.stderr);
 }
+
+#[cfg(feature = "mcap")]
+#[test]
+fn a_recording_that_was_cut_off_is_incomplete_for_every_command() {
+    let cut = concat!(env!("CARGO_MANIFEST_DIR"), "/recordings/cut_off.mcap");
+    let says = "the recording was cut off at byte 210,728, in a record; all complete frames before \
+                that were read";
+    let folder = TempDir::new().unwrap();
+    let out = folder.path().join("out.npz");
+    let check = linkwatch(&["check", cut]);
+    assert_eq!(check.code, 3, "{}", check.stderr);
+    assert!(
+        check.stdout.contains("20 frames verified, 1 rejected"),
+        "{}",
+        check.stdout
+    );
+    assert!(check.stdout.contains(says), "{}", check.stdout);
+    let convert = linkwatch(&["convert", cut, text(&out)]);
+    assert_eq!(convert.code, 3, "{}", convert.stderr);
+    assert!(
+        convert.stdout.contains("out.npz: 20 frames"),
+        "{}",
+        convert.stdout
+    );
+    assert!(convert.stderr.contains(says), "{}", convert.stderr);
+    // The last frame is the last one that is left.
+    let writhe = linkwatch(&["writhe", cut]);
+    assert_eq!(writhe.code, 0, "{}", writhe.stderr);
+    assert!(writhe.stderr.contains(says), "{}", writhe.stderr);
+    assert_eq!(linkwatch(&["certify", cut, "--frame", "19"]).code, 0);
+}
+
+/// Returns the names of all files in a folder.
+fn files_in(folder: &Path) -> Vec<String> {
+    let entries = std::fs::read_dir(folder).unwrap().flatten();
+    let mut names: Vec<String> = entries
+        .map(|entry| entry.file_name().to_string_lossy().into_owned())
+        .collect();
+    names.sort();
+    names
+}
+
+#[test]
+fn a_conversion_that_fails_leaves_no_file_and_names_the_output() {
+    let folder = TempDir::new().unwrap();
+    let frames = squares(folder.path(), 2);
+    let ring = folder.path().join("ring.vect");
+    std::fs::write(&ring, "VECT\n1 3 0\n-3\n0\n0.1 0 0 1 0 0 0 1 0\n").unwrap();
+    let before = files_in(folder.path());
+    for (inputs, out, why) in [
+        // Other curves in the second frame.
+        ([&frames[0], &ring], "out.npy", "curve"),
+        ([&frames[0], &ring], "out.dump", "curve"),
+        // 0.1 has no single precision.
+        (
+            [&ring, &frames[0]],
+            "out.usda",
+            "single precision would round",
+        ),
+        (
+            [&ring, &frames[0]],
+            "out.usdc",
+            "single precision would round",
+        ),
+        (
+            [&ring, &frames[0]],
+            "out.bcc",
+            "single precision would round",
+        ),
+    ] {
+        let out = folder.path().join(out);
+        let [a, b] = inputs.map(|path| text(path));
+        let run = linkwatch(&["convert", "--keep-order", a, b, text(&out)]);
+        assert_eq!(run.code, 2, "{run:?}");
+        assert!(run.stderr.contains(why), "{run:?}");
+        assert!(!run.stderr.contains(".part"), "{run:?}");
+        assert!(run.stderr.contains("/out"), "{run:?}");
+        assert_eq!(files_in(folder.path()), before, "{run:?}");
+    }
+    // An existing file is kept.
+    let [dump, data] = ["out.dump", "out.data"].map(|name| folder.path().join(name));
+    for path in [&dump, &data] {
+        std::fs::write(path, "mine").unwrap();
+    }
+    let [a, b] = [&frames[0], &ring].map(|path| text(path));
+    let run = linkwatch(&["convert", "--force", "--keep-order", a, b, text(&dump)]);
+    assert_eq!(run.code, 2, "{run:?}");
+    for path in [&dump, &data] {
+        assert_eq!(std::fs::read(path).unwrap(), b"mine");
+    }
+    let run = linkwatch(&["convert", "--force", a, text(&frames[1]), text(&dump)]);
+    assert_eq!(run.code, 0, "{run:?}");
+    let run = linkwatch(&["check", text(&dump), "--bonds", text(&data)]);
+    assert!(
+        run.stdout.contains("2 frames verified, 0 rejected"),
+        "{run:?}"
+    );
+}
+
+#[test]
+fn an_invalid_frame_is_left_out_of_numbered_files_and_of_one_file() {
+    let folder = TempDir::new().unwrap();
+    let frames = squares(folder.path(), 3);
+    std::fs::write(&frames[1], "no model").unwrap();
+    let all = text(folder.path()).to_owned() + "/f*.bcc";
+    for (out, files) in [
+        ("out.obj", &["out-00000.obj", "out-00002.obj"][..]),
+        ("out.npz", &["out.npz"]),
+    ] {
+        let to = TempDir::new().unwrap();
+        let out = to.path().join(out);
+        let run = linkwatch(&["convert", &all, text(&out)]);
+        assert_eq!(run.code, 3, "{run:?}");
+        assert!(run.stdout.contains(": 2 frames"), "{run:?}");
+        assert!(run.stderr.contains("f1.bcc: left out"), "{run:?}");
+        assert_eq!(files_in(to.path()), files);
+    }
+    let to = TempDir::new().unwrap();
+    for out in ["out.obj", "out.npz", "out.dump", "out.usda"] {
+        let out = to.path().join(out);
+        let run = linkwatch(&["convert", text(&frames[1]), text(&out)]);
+        assert_eq!(run.code, 2, "{run:?}");
+        assert!(
+            run.stderr.contains("the input has no valid frame"),
+            "{run:?}"
+        );
+        assert!(files_in(to.path()).is_empty());
+    }
+}

@@ -213,6 +213,21 @@ fn refuses_what_cannot_be_searched() {
 }
 
 /// Measures a bisection and a seek, compared with a replay of all frames. Takes a minute:
+#[test]
+fn a_bisection_of_a_recording_that_was_cut_off_is_incomplete() {
+    let recording = recordings().join("cut_off.mcap");
+    for (args, code) in [
+        (&["--bisect"][..], 3),
+        (&["--bisect", "--to", "19"], 3),
+        (&["--bisect", "--to", "18"], 0),
+    ] {
+        let ended = replay_with(&recording, args);
+        assert_eq!(ended.code, Some(code), "{args:?}: {}", ended.stderr);
+        let says = "cut_off.mcap: the recording is truncated at byte 210,728";
+        assert_eq!(ended.stderr.contains(says), code == 3, "{}", ended.stderr);
+    }
+}
+
 /// `cargo test --release --test live two_thousand_frames -- --ignored --nocapture`
 #[test]
 #[ignore = "takes a minute; prints times"]

@@ -9,7 +9,7 @@ use linkwatch::{RecordedItem, RecordingReader};
 const PAIRS: usize = 2000;
 
 /// Pairs of linked squares in a grid, moving; one of them is apart if `apart` is true.
-fn many_squares(frame: u64, apart: bool) -> Vec<f32> {
+pub fn many_squares(frame: u64, apart: bool) -> Vec<f32> {
     let of_pair = |k: usize| {
         let shift = if apart && k == 7 { 2.5 } else { 0.0 };
         let drift = (frame % 50) as f32 * 1e-3;
@@ -23,7 +23,7 @@ fn many_squares(frame: u64, apart: bool) -> Vec<f32> {
     (0..PAIRS).flat_map(of_pair).collect()
 }
 
-fn describe_many(sim: &mut Client) {
+pub fn describe_many(sim: &mut Client) {
     sim.describe(Basis::Polyline, Precision::F32, &[-4; 2 * PAIRS])
         .unwrap();
 }
@@ -54,7 +54,7 @@ fn record(
 }
 
 /// Numbers of the frames with curves in a recording.
-fn frames_of(recording: &Path) -> Vec<u64> {
+pub fn frames_of(recording: &Path) -> Vec<u64> {
     let mut reader = RecordingReader::open(recording).unwrap();
     let mut frames = Vec::new();
     while let Some(item) = reader.next_item().unwrap() {
@@ -71,7 +71,7 @@ fn note(ended: &Ended) -> &str {
 
 /// Replays a recording, which must give the recorded verdicts and miss no frame. Returns the
 /// comparison.
-fn replay_all(recording: &Path, code: i32) -> Value {
+pub fn replay_all(recording: &Path, code: i32) -> Value {
     let replayed = replay(recording);
     assert_eq!(replayed.code, Some(code), "{}", replayed.stderr);
     assert!(!replayed.stderr.contains("missing"), "{}", replayed.stderr);
@@ -311,6 +311,13 @@ fn a_recording_that_is_read_or_written_is_not_overwritten() {
     };
     let reader = RecordingReader::open(&recording).unwrap();
     refused("read", "reads it right now");
+    let other = super::recordings().join("chainmail.mcap");
+    for subcommand in ["convert", "repair"] {
+        let [from, to] = [&other, &recording].map(|path| path.to_str().unwrap());
+        let (code, says) = printed(&[subcommand, from, to, "--force"]);
+        assert_eq!(code, Some(2), "{says}");
+        assert!(says.contains("reads it right now"), "{says}");
+    }
     drop(reader);
     let first = Watch::start(folder.path(), "first", &service("first"), &args[3..]).end();
     assert_eq!(first.code, Some(2), "{}", first.stderr);

@@ -526,6 +526,31 @@ fn files_without_verdicts_are_verified_with_a_note() {
 }
 
 #[test]
+fn a_range_behind_the_last_frame_verifies_nothing_and_names_that_frame() {
+    let recording = recordings().join("squares.mcap");
+    for range in [["--from", "20"], ["--from", "1.95s"]] {
+        let replayed = replay_with(&recording, &range);
+        assert_eq!(replayed.code, Some(3), "{}", replayed.stderr);
+        let says = "no frame in this range; the last one of the recording is frame 19";
+        assert!(replayed.stderr.contains(says), "{}", replayed.stderr);
+    }
+}
+
+#[test]
+fn a_file_of_another_program_is_not_repaired() {
+    let folder = TempDir::new().unwrap();
+    let out = folder.path().join("out.mcap");
+    let scene = recordings().join("others/scene.mcap");
+    let (code, says) = printed(&["repair", scene.to_str().unwrap(), out.to_str().unwrap()]);
+    assert_eq!(code, Some(2), "{says}");
+    assert!(
+        says.contains("scene.mcap: not a recording of linkwatch"),
+        "{says}"
+    );
+    assert!(!out.exists());
+}
+
+#[test]
 fn a_repaired_recording_has_all_complete_frames_of_one_that_was_cut_off() {
     let folder = TempDir::new().unwrap();
     let at = |name: &str| folder.path().join(name);

@@ -13,7 +13,7 @@ use crate::cli::Outcome;
 use crate::cli::output::with_progress;
 use crate::cli::session::{Baseline, Judge};
 use linkwatch::{
-    AbortOn, Cause, Certificate, CurveSet, Error, Events, FrameInfo, FramePlace, Outline,
+    AbortOn, Cause, Certificate, CurveSet, Ending, Error, Events, FrameInfo, FramePlace, Outline,
     RecordedItem, Report, Result, Strategy, Verdict, Verifier, VerifierOptions, bisect,
 };
 use std::path::Path;
@@ -100,14 +100,16 @@ pub fn run(args: &Args, mut source: Source, json: bool) -> Result<Outcome> {
         )),
         other => other.in_file(&path),
     };
+    let mut ending = None;
     let found = match source.recording() {
         Some(reader) => {
-            let search = Search::new(args, reader, &path).map_err(in_file)?;
+            let mut search = Search::new(args, reader, &path).map_err(in_file)?;
+            ending = search.ending.take();
             search.run().map_err(in_file)?
         }
         None => in_sequence(args, &mut source).map_err(in_file)?,
     };
-    let cut = warn_of_cut(&source);
+    let cut = warn_of_cut(&path, ending.as_ref());
     let outcome = found.outcome();
     found.print(&path, start.elapsed(), json);
     Ok(match outcome {
@@ -124,6 +126,8 @@ struct Search<'a> {
     path: &'a Path,
     frames: Vec<FramePlace>,
     outline: Outline,
+    /// End of the file, if no frame there is after the range.
+    ending: Option<Ending>,
     /// Layout of the curves of the first frame that was verified.
     layout: Option<FrameInfo>,
     /// Reports on the verified frames, by their index.
@@ -141,6 +145,8 @@ impl<'a> Search<'a> {
         let mut outline = reader.outline()?;
         let range = args.range;
         let mut frames = std::mem::take(&mut outline.frames);
+        let ends_before = frames.iter().any(|f| range.is_before(f.seq, f.time));
+        let ending = reader.ending().filter(|_| !ends_before).cloned();
         frames.retain(|frame| range.contains(frame.seq, frame.time));
         let verdicts = &mut outline.verdicts;
         verdicts.retain(|verdict| range.contains(verdict.at.seq, verdict.at.time));
@@ -157,6 +163,7 @@ impl<'a> Search<'a> {
             path,
             frames,
             outline,
+            ending,
             layout: None,
             reports: Vec::new(),
         };

@@ -323,7 +323,7 @@ impl Publisher {
     ) -> Result<Outcome> {
         self.live.clear();
         let took = start.elapsed();
-        let mut complete = !warn_of_cut(source);
+        let mut complete = !warn_of_cut(source.path(), source.ending());
         let mut wait = SILENCE;
         match &end {
             End::AllPublished => {}

@@ -191,6 +191,8 @@ impl Source {
             // At the end of the file. A last verdict may have no frame.
             let last = outline.frames.last();
             if let Some(last) = last {
+                let what = "no frame in this range; the last one of the recording is frame";
+                tracing::warn!("{}: {what} {}", self.path.display(), last.seq);
                 reader.go_to(last).map_err(in_file)?;
             }
             return Ok(last.map(|_| outline.frames.len() - 1));

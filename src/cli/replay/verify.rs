@@ -12,6 +12,7 @@ use linkwatch::{
     Report, Result, Retention, Verdict,
 };
 use std::collections::{BTreeMap, VecDeque};
+use std::path::Path;
 use std::sync::Arc;
 
 /// Runs the command.
@@ -154,7 +155,7 @@ pub fn run(args: &Args, mut source: Source, json: bool) -> Result<Outcome> {
         missing,
         ..
     } = replay;
-    if warn_of_cut(&source) {
+    if warn_of_cut(source.path(), source.ending()) {
         session.data_lost();
     }
     if missing > 0 {
@@ -219,15 +220,15 @@ pub fn recorded_events(metadata: &BTreeMap<String, String>) -> (Events, f64) {
     (events.unwrap_or_default(), limit.unwrap_or(f64::INFINITY))
 }
 
-/// Warns of a recording that was cut off, once its end is reached. Returns true if it was.
-pub fn warn_of_cut(source: &Source) -> bool {
-    let Some(Ending::Cut { at, what }) = source.ending() else {
+/// Warns of a recording that was cut off, with its end if that was reached. Returns true if it was.
+pub fn warn_of_cut(path: &Path, ending: Option<&Ending>) -> bool {
+    let Some(Ending::Cut { at, what }) = ending else {
         return false;
     };
     tracing::warn!(
         "{}: the recording is truncated at byte {}, in {what}: the recorder was stopped, or its \
          disk was full; the complete frames were replayed",
-        source.path().display(),
+        path.display(),
         count(*at),
     );
     true

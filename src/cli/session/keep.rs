@@ -1,6 +1,6 @@
 //! The options of `--record`: which frames are recorded, and in how many files.
 
-use crate::cli::number::{bytes, seconds};
+use crate::cli::number::{at_least_one, bytes, seconds};
 use linkwatch::{RecordingOptions, Retention};
 use std::num::NonZeroU64;
 use std::time::Duration;
@@ -16,6 +16,7 @@ pub struct KeepArgs {
         value_name = "N",
         requires = "record",
         conflicts_with = "record_window",
+        value_parser = at_least_one,
         hide_short_help = true
     )]
     record_every: Option<NonZeroU64>,
@@ -43,6 +44,7 @@ pub struct KeepArgs {
         long,
         value_name = "K",
         requires = "record_max",
+        value_parser = at_least_one,
         hide_short_help = true
     )]
     record_keep: Option<NonZeroU64>,

@@ -10,6 +10,8 @@ use crate::cli::files::claim;
 #[cfg(all(feature = "bus", any(feature = "mcap", feature = "rerun")))]
 use crate::cli::files::with_suffix;
 use crate::cli::files::{Files, Overwrite};
+#[cfg(feature = "rerun")]
+use crate::cli::number::at_least_one;
 #[cfg(feature = "mcap")]
 use linkwatch::RecordingTool;
 use linkwatch::{ClearanceOptions, Overflow, Result, SinkQueue};
@@ -115,7 +117,13 @@ pub struct Sinks {
     /// Show the curves of every N-th frame only, and those of each frame whose verdict is not
     /// intact or differs from the previous one; plots and log have all frames
     #[cfg(feature = "rerun")]
-    #[arg(long, value_name = "N", requires = "shown", hide_short_help = true)]
+    #[arg(
+        long,
+        value_name = "N",
+        requires = "shown",
+        value_parser = at_least_one,
+        hide_short_help = true
+    )]
     view_every: Option<NonZeroU64>,
     /// Curves to show [default: all]
     #[cfg(feature = "rerun")]

@@ -4,6 +4,7 @@
 mod csv;
 mod frames;
 mod kernels;
+mod sizes;
 mod table1;
 
 use super::Outcome;
@@ -21,6 +22,7 @@ pub struct Args {
 enum Study {
     Frames(frames::Args),
     Kernels(kernels::Args),
+    Sizes(sizes::Args),
     Table1(table1::Args),
 }
 
@@ -29,6 +31,7 @@ pub fn run(args: &Args, as_json: bool) -> Result<Outcome> {
     match &args.study {
         Study::Frames(args) => frames::run(args, as_json),
         Study::Kernels(args) => kernels::run(args, as_json),
+        Study::Sizes(args) => sizes::run(args, as_json),
         Study::Table1(args) => table1::run(args, as_json),
     }
 }

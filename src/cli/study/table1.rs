@@ -9,7 +9,7 @@ use crate::cli::number::{positive, segments};
 use crate::cli::output::{self, count, plural};
 use linkwatch::kernels::{Device, Method};
 use linkwatch::lab::{
-    KernelEffort, KernelRow, MACHINE, Published, Setting, Source, Subject, TABLE_1, Table,
+    Input, KernelEffort, KernelRow, MACHINE, Published, Setting, Source, Subject, TABLE_1, Table,
 };
 use linkwatch::{Error, Result, model};
 use serde_json::{Map, Value, json};
@@ -18,9 +18,11 @@ use std::path::PathBuf;
 /// Measure the models of a published table, next to the published values
 ///
 /// Table 1 of Qu & James 2021. Models that can be generated have the published sizes; the others
-/// are read from the folder of --models. Each model has two lines: measured here, and published, on
-/// another machine. Times are in seconds. The exit code is 1 if a certificate is not the one that
-/// follows from the construction.
+/// are read from the folder of --models. If the published model is not there, others of about its
+/// size are measured: files of that folder which `examples/table1.sh` makes, and generated scenes;
+/// a line says what differs. Each model has two lines: measured here, and published, on another
+/// machine. Times are in seconds. The exit code is 1 if a certificate is not the one that follows
+/// from the construction.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// Only models whose names contain one of these, separated by commas
@@ -34,7 +36,8 @@ pub struct Args {
         default_value = "angle-sum,barnes-hut,fmm"
     )]
     kernels: Vec<Method>,
-    /// Folder with files of the models that cannot be generated, such as glove.bcc
+    /// Folder with files of the models that cannot be generated, such as glove.bcc, and of those
+    /// that examples/table1.sh makes
     #[arg(long, value_name = "DIR")]
     models: Option<PathBuf>,
     /// Skip models of more segments: on some of them Barnes-Hut takes minutes, which --limit does
@@ -104,6 +107,7 @@ fn columns() -> Vec<Column> {
 const FIELDS: &[&str] = &[
     "model",
     "input",
+    "differs",
     "segments",
     "curves",
     "potential_links",
@@ -129,6 +133,7 @@ const FIELDS: &[&str] = &[
 /// Measurement of a model.
 struct Measurement<'a> {
     published: &'a Published,
+    input: &'a Input,
     subject: Subject,
     /// Rows in the order of the columns.
     rows: Vec<KernelRow>,
@@ -143,8 +148,8 @@ pub fn run(args: &Args, as_json: bool) -> Result<Outcome> {
         method == Method::Crossings || args.kernels.contains(&method)
     });
     let mut files = Files::new(args.overwrite);
-    for published in &chosen {
-        if let (Source::File(name), Some(folder)) = (published.source, &args.models) {
+    for input in chosen.iter().flat_map(|published| published.inputs) {
+        if let (Source::File(name), Some(folder)) = (input.source, &args.models) {
             files.reads(&folder.join(name));
         }
     }
@@ -173,54 +178,60 @@ pub fn run(args: &Args, as_json: bool) -> Result<Outcome> {
         repeat: args.repeat,
         limit_s: args.limit,
     };
-    let bar = output::bar((chosen.len() * columns.len()) as u64, "rows");
+    let rows: Vec<_> = chosen.iter().map(|p| (*p, inputs(p, args))).collect();
+    let measured = rows.iter().flat_map(|(_, inputs)| inputs).flatten().count();
+    let bar = output::bar((measured * columns.len()) as u64, "kernels");
     let mut outcome = Outcome::Fine;
     let mut models = Vec::new();
-    for published in chosen {
-        bar.set_message(published.model);
-        let (mut object, left_out) = match input(published, args) {
-            Ok((input, path)) => {
-                let subject = match path {
-                    Some(path) => Subject::new(&input, model::read(&path)?)?,
-                    None => Subject::scene(&input)?,
-                };
-                let mut m = Measurement {
-                    published,
-                    subject,
-                    rows: Vec::new(),
-                };
-                for column in &columns {
-                    bar.set_message(format!("{}, {}", published.model, column.title));
-                    let row = KernelRow::measure(column.setting, &m.subject, &effort)?;
-                    m.rows.push(row);
-                    bar.inc(1);
+    for (published, inputs) in rows {
+        let mut object = |mut object: Map<String, Value>, left_out: Option<String>| {
+            object.insert("model".into(), published.model.into());
+            object.insert("left_out".into(), json!(left_out));
+            object.insert("published".into(), json!(published));
+            models.push(Value::Object(object));
+        };
+        match inputs {
+            Ok(inputs) => {
+                for input in inputs {
+                    let mut m = Measurement {
+                        published,
+                        input,
+                        subject: subject(input, args)?,
+                        rows: Vec::new(),
+                    };
+                    for column in &columns {
+                        bar.set_message(format!("{}, {}", published.model, column.title));
+                        let row = KernelRow::measure(column.setting, &m.subject, &effort)?;
+                        m.rows.push(row);
+                        bar.inc(1);
+                    }
+                    bar.suspend(|| {
+                        say(&table.row(m.cells(&columns)));
+                        if let Some(differs) = input.differs {
+                            say(&format_args!("  {}: {differs}", m.subject.name));
+                        }
+                    });
+                    if !m.subject.as_expected || m.rows.iter().any(KernelRow::differs) {
+                        tracing::error!(
+                            "{}: a certificate differs from the exact one",
+                            published.model
+                        );
+                        outcome = Outcome::Changed;
+                    }
+                    let kernels = m.kernels(&columns);
+                    for kernel in &kernels {
+                        csv.row(kernel)?;
+                    }
+                    object(m.json(kernels), None);
                 }
-                bar.suspend(|| say(&table.row(m.cells(&columns))));
-                if !m.subject.as_expected || m.rows.iter().any(KernelRow::differs) {
-                    tracing::error!(
-                        "{}: a certificate differs from the exact one",
-                        published.model
-                    );
-                    outcome = Outcome::Changed;
-                }
-                let kernels = m.kernels(&columns);
-                for kernel in &kernels {
-                    csv.row(kernel)?;
-                }
-                (m.json(kernels), None)
             }
             Err(why) => {
-                bar.inc(columns.len() as u64);
                 let text = format!("{:38} here: {why}", published.model);
                 bar.suspend(|| say(&text));
-                (Map::new(), Some(why))
+                object(Map::new(), Some(why));
             }
-        };
+        }
         bar.suspend(|| say(&table.row(published_cells(published, &columns))));
-        object.insert("model".into(), published.model.into());
-        object.insert("left_out".into(), json!(left_out));
-        object.insert("published".into(), json!(published));
-        models.push(Value::Object(object));
     }
     bar.finish_and_clear();
     if as_json {
@@ -251,20 +262,46 @@ fn chosen(only: &[String]) -> Result<Vec<&'static Published>> {
     Ok(TABLE_1.iter().filter(fits).collect())
 }
 
-/// Returns the source of a model, as a scene or a file, with the path of the file, or the reason
-/// why it is skipped.
-fn input(p: &Published, args: &Args) -> Result<(String, Option<PathBuf>), String> {
+/// Returns the inputs of a row that are measured: the published model if it is there, and otherwise
+/// all others that are. If there are none, returns the reason why the row is skipped.
+fn inputs(p: &'static Published, args: &Args) -> Result<Vec<&'static Input>, String> {
     if p.segments > args.segments {
         let segments = count(p.segments);
         return Err(format!("skipped: {segments} segments are above --segments"));
     }
-    match (p.source, &args.models) {
-        (Source::Scene(scene), _) => Ok((scene.into(), None)),
-        (Source::File(name), Some(folder)) if folder.join(name).exists() => {
-            Ok((name.into(), Some(folder.join(name))))
-        }
-        (Source::File(name), Some(_)) => Err(format!("not generated; --models has no {name}")),
-        (Source::File(name), None) => Err(format!("not generated; --models DIR reads DIR/{name}")),
+    let is_there = |input: &&Input| match (input.source, &args.models) {
+        (Source::Scene(_), _) => true,
+        (Source::File(name), Some(folder)) => folder.join(name).exists(),
+        (Source::File(_), None) => false,
+    };
+    let there: Vec<&Input> = p.inputs.iter().filter(is_there).collect();
+    if there.is_empty() {
+        let files = p
+            .inputs
+            .iter()
+            .map(|input| match (input.source, input.differs) {
+                (Source::File(name), None) => format!("DIR/{name}"),
+                (Source::File(name) | Source::Scene(name), _) => {
+                    format!("DIR/{name} of examples/table1.sh")
+                }
+            });
+        let files = files.collect::<Vec<_>>().join(" or ");
+        return Err(match args.models {
+            Some(_) => format!("not generated; --models has no {files}"),
+            None => format!("not generated; --models DIR reads {files}"),
+        });
+    }
+    Ok(match there.iter().find(|input| input.differs.is_none()) {
+        Some(own) => vec![own],
+        None => there,
+    })
+}
+
+/// Reads or builds an input, and certifies it.
+fn subject(input: &Input, args: &Args) -> Result<Subject> {
+    match (input.source, &args.models) {
+        (Source::File(name), Some(folder)) => Subject::new(name, model::read(&folder.join(name))?),
+        (Source::File(name) | Source::Scene(name), _) => Subject::scene(name),
     }
 }
 
@@ -309,6 +346,7 @@ impl Measurement<'_> {
             let mut object = row_json(row);
             object["model"] = self.published.model.into();
             object["input"] = self.subject.name.as_str().into();
+            object["differs"] = json!(self.input.differs);
             object["curves"] = self.subject.curves.len().into();
             object["potential_links"] = self.subject.stats.potential_links.into();
             object["threads"] = rayon::current_num_threads().into();
@@ -326,6 +364,7 @@ impl Measurement<'_> {
     fn json(&self, kernels: Vec<Value>) -> Map<String, Value> {
         let fields = [
             ("input", self.subject.name.as_str().into()),
+            ("differs", json!(self.input.differs)),
             ("segments", self.subject.curves.segments().into()),
             ("curves", self.subject.curves.len().into()),
             ("potential_links", self.subject.stats.potential_links.into()),

@@ -30,6 +30,7 @@ use self::state::{State, Update};
 use super::frames::{FrameSource, ModelFrame, ReadOptions};
 use crate::container::{self, Channel, Container, Ending, Schema, invalid, op};
 use crate::error::{Error, Result};
+use crate::words::plural;
 use std::collections::{BTreeMap, HashMap};
 use std::io::{Read, Seek};
 use std::path::Path;
@@ -265,16 +266,22 @@ impl<R: Read + Seek> McapFrames<R> {
                 }));
             }
         }
-        match self.container.ending() {
-            Some(Ending::Cut { at, what }) => {
-                let what = format!(
-                    "the file was cut off in {what}; its last frame, which may lack messages, was \
-                     not read"
-                );
-                Err(Error::format(FORMAT, format_args!("byte {at}"), what))
-            }
-            _ => Ok(None),
-        }
+        Ok(None)
+    }
+
+    /// Returns an error if the file was cut off. `lost` is true if a frame at its end was not
+    /// returned, because messages of it may be missing.
+    fn check_end(&self, lost: bool) -> Result<()> {
+        let Some(Ending::Cut { at, what }) = self.container.ending() else {
+            return Ok(());
+        };
+        let frames = plural(self.seq, "frame");
+        let last = match lost {
+            true => ", but not the one at the end: messages of it may be missing",
+            false => "",
+        };
+        let what = format!("the file was cut off in {what}; {frames} before that were read{last}");
+        Err(Error::format(FORMAT, format_args!("byte {at}"), what))
     }
 
     /// Applies the messages of a frame, of which this is the first one. Returns the place of the
@@ -304,6 +311,9 @@ impl<R: Read + Seek> FrameSource for McapFrames<R> {
         while let Some(message) = self.next_message()? {
             let time = message.time();
             let place = self.apply(message)?;
+            if self.next.is_none() && !self.state.is_renewed() {
+                self.check_end(true)?;
+            }
             let curves = match self.state.is_empty() {
                 // Before the first curve there is nothing to verify.
                 true if self.seq == 0 => continue,
@@ -326,6 +336,7 @@ impl<R: Read + Seek> FrameSource for McapFrames<R> {
             self.seq += 1;
             return Ok(Some(frame));
         }
+        self.check_end(false)?;
         Ok(None)
     }
 }

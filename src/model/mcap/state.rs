@@ -63,6 +63,8 @@ pub(super) struct State {
     frame_id: Option<(String, String)>,
     /// Names that were changed since the frame began.
     changed: HashSet<String>,
+    /// Names of the previous frame.
+    before: HashSet<String>,
     log_time: u64,
 }
 
@@ -70,6 +72,7 @@ impl State {
     /// Begins a frame: removes everything whose lifetime is over.
     pub fn begin(&mut self, log_time: u64) {
         self.changed.clear();
+        self.before = self.entities.keys().cloned().collect();
         self.log_time = log_time;
         let is_alive = |e: &Entity| e.expires.is_none_or(|at| at >= log_time);
         self.entities.retain(|_, e| is_alive(e));
@@ -81,6 +84,12 @@ impl State {
             Change::Put { name, .. } | Change::Delete(name) => self.changed.contains(name),
             Change::DeleteAll(_) => !self.changed.is_empty(),
         })
+    }
+
+    /// Returns true if the frame has everything that the previous one had, and all of it changed.
+    pub fn is_renewed(&self) -> bool {
+        let is_new = |name| self.changed.contains(name) && self.entities.contains_key(name);
+        !self.before.is_empty() && self.before.iter().all(is_new)
     }
 
     pub fn apply(&mut self, update: Update) -> Result<(), String> {

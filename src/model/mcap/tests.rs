@@ -382,8 +382,52 @@ fn a_file_that_was_cut_off_gives_its_frames_and_then_an_error() {
         // Only the end of the file may be missing without an error.
         assert!(e.is_some() || found.len() == 3, "{n} bytes");
     }
-    let e = read(&whole[..whole.len() - 60]).1.unwrap();
-    assert!(e.contains("the file was cut off"), "{e}");
+}
+
+/// Bytes after the last message.
+const END: usize = 9 + 4 + 8;
+
+#[test]
+fn the_last_frame_before_a_cut_is_kept_if_it_moved_every_curve() {
+    let cut = |messages: &[(u64, Vec<u8>)]| {
+        let whole = file((SCENE_UPDATE, "json"), messages);
+        let (frames, e) = read(&whole[..whole.len() - END]);
+        (frames.len(), e.unwrap())
+    };
+    let message = |k: u64, ids: &[&str]| (k, scene_in_json(k, ids));
+    let mut messages = vec![message(1, &["a", "b"]), message(2, &["b", "a"])];
+    let (frames, e) = cut(&messages);
+    assert_eq!(frames, 2);
+    assert!(e.contains("the file was cut off in "), "{e}");
+    assert!(e.ends_with("; 2 frames before that were read"), "{e}");
+    // The new position of "b" may be missing.
+    messages.push(message(3, &["a"]));
+    let (frames, e) = cut(&messages);
+    assert_eq!(frames, 2);
+    let says = "; 2 frames before that were read, but not the one at the end: messages of it may \
+                be missing";
+    assert!(e.ends_with(says), "{e}");
+    messages.push(message(3, &["b", "c"]));
+    assert_eq!(cut(&messages).0, 3);
+    // Nothing says which curves the first frame has.
+    let (frames, e) = cut(&messages[..1]);
+    assert_eq!(frames, 0);
+    assert!(
+        e.contains("; 0 frames before that were read, but not"),
+        "{e}"
+    );
+}
+
+#[test]
+fn the_last_frame_before_a_cut_is_not_kept_if_a_curve_is_missing() {
+    let mut update: serde_json::Value = serde_json::from_slice(&scene_in_json(2, &["a"])).unwrap();
+    let time = serde_json::json!({"sec": 2, "nsec": 0});
+    update["deletions"] = serde_json::json!([{"type": 0, "id": "b", "timestamp": time}]);
+    let update = update.to_string().into_bytes();
+    let messages = [(1, scene_in_json(1, &["a", "b"])), (2, update)];
+    let whole = file((SCENE_UPDATE, "json"), &messages);
+    assert_eq!(read(&whole[..whole.len() - END]).0.len(), 1);
+    assert_eq!(read(&whole).0.len(), 2);
 }
 
 #[test]

@@ -1,8 +1,8 @@
 //! Frames of an array of positions.
 
-use super::array::{Array, Kind, fill};
+use super::array::{Array, Kind, Unread, fill};
 use super::{FORMAT, Others};
-use crate::curve::{Basis, CurveLabels, CurveSet, Positions};
+use crate::curve::{Basis, CurveLabels, CurveSet, CurveSetBuilder, Positions, Precision};
 use crate::error::{Error, Result};
 use crate::model::frames::{FrameSource, ModelFrame};
 use std::io::Read;
@@ -11,7 +11,7 @@ use std::sync::Arc;
 /// Reader of the frames.
 pub(super) struct ArrayFrames<R> {
     input: R,
-    double: bool,
+    precision: Precision,
     little: bool,
     layout: Layout,
     next: u64,
@@ -19,10 +19,45 @@ pub(super) struct ArrayFrames<R> {
     times: Option<Vec<f64>>,
     seq: Option<Vec<u64>>,
     labels: Arc<CurveLabels>,
-    /// Buffers of a frame.
+    chunk: Chunk,
+}
+
+/// Number of points that are read at once. A frame may have gigabytes, so only the set holds all of
+/// it.
+const CHUNK: usize = 4096;
+
+/// Buffers of some points of a curve.
+#[derive(Default)]
+struct Chunk {
     bytes: Vec<u8>,
     singles: Vec<f32>,
     doubles: Vec<f64>,
+}
+
+impl Chunk {
+    /// Returns the coordinates of the bytes.
+    fn decode(&mut self, precision: Precision, little: bool) -> Positions<'_> {
+        match precision {
+            Precision::F32 => {
+                let values = self.bytes.as_chunks().0.iter();
+                self.singles.clear();
+                match little {
+                    true => self.singles.extend(values.map(|&b| f32::from_le_bytes(b))),
+                    false => self.singles.extend(values.map(|&b| f32::from_be_bytes(b))),
+                }
+                Positions::F32(&self.singles)
+            }
+            Precision::F64 => {
+                let values = self.bytes.as_chunks().0.iter();
+                self.doubles.clear();
+                match little {
+                    true => self.doubles.extend(values.map(|&b| f64::from_le_bytes(b))),
+                    false => self.doubles.extend(values.map(|&b| f64::from_be_bytes(b))),
+                }
+                Positions::F64(&self.doubles)
+            }
+        }
+    }
 }
 
 /// Division of the positions into frames and curves.
@@ -136,7 +171,10 @@ impl<R: Read> ArrayFrames<R> {
         check_length("seq", &others.seq, layout.frames)?;
         Ok(ArrayFrames {
             input,
-            double: positions.size == 8,
+            precision: match positions.size {
+                8 => Precision::F64,
+                _ => Precision::F32,
+            },
             little: positions.little,
             layout,
             next: 0,
@@ -144,32 +182,35 @@ impl<R: Read> ArrayFrames<R> {
             times: others.times,
             seq: others.seq,
             labels: Arc::new(others.labels),
-            bytes: Vec::new(),
-            singles: Vec::new(),
-            doubles: Vec::new(),
+            chunk: Chunk::default(),
         })
     }
 
-    /// Converts the bytes of a frame.
-    fn curves(&mut self) -> Result<CurveSet> {
-        let positions = if self.double {
-            let values = self.bytes.as_chunks().0.iter();
-            self.doubles.clear();
-            match self.little {
-                true => self.doubles.extend(values.map(|&b| f64::from_le_bytes(b))),
-                false => self.doubles.extend(values.map(|&b| f64::from_be_bytes(b))),
+    /// Reads a frame to its end, also if its curves are invalid.
+    fn curves(&mut self) -> Result<Result<CurveSet>, Unread> {
+        let (precision, counts) = (self.precision, &self.layout.counts);
+        let mut built = Ok(CurveSet::builder_of(self.basis, precision, counts));
+        let mut left = self.layout.frame_bytes;
+        for &count in counts {
+            let points = count.unsigned_abs() as usize;
+            built = built.and_then(|mut builder| {
+                builder.start_curve(points, count < 0)?;
+                Ok(builder)
+            });
+            for first in (0..points).step_by(CHUNK) {
+                let bytes = 3 * CHUNK.min(points - first) * precision.bytes();
+                left -= bytes;
+                fill(&mut self.input, bytes, &mut self.chunk.bytes).map_err(|e| match e {
+                    Unread::End(missing) => Unread::End(missing + left as u64),
+                    e => e,
+                })?;
+                built = built.and_then(|mut builder| {
+                    builder.push(self.chunk.decode(precision, self.little))?;
+                    Ok(builder)
+                });
             }
-            Positions::F64(&self.doubles)
-        } else {
-            let values = self.bytes.as_chunks().0.iter();
-            self.singles.clear();
-            match self.little {
-                true => self.singles.extend(values.map(|&b| f32::from_le_bytes(b))),
-                false => self.singles.extend(values.map(|&b| f32::from_be_bytes(b))),
-            }
-            Positions::F32(&self.singles)
-        };
-        CurveSet::from_counts(self.basis, &self.layout.counts, positions)
+        }
+        Ok(built.and_then(CurveSetBuilder::finish))
     }
 }
 
@@ -179,10 +220,10 @@ impl<R: Read> FrameSource for ArrayFrames<R> {
         if frame == self.layout.frames {
             return Ok(None);
         }
-        fill(&mut self.input, self.layout.frame_bytes, &mut self.bytes)
+        let curves = self
+            .curves()
             .map_err(|e| e.at(format_args!("frame {frame}")))?;
         self.next += 1;
-        let curves = self.curves();
         let k = frame as usize;
         let seq = self.seq.as_ref().map_or(frame, |seq| seq[k]);
         Ok(Some(ModelFrame {

@@ -19,6 +19,9 @@ use std::sync::Arc;
 /// Bytes of a header: long enough for every shape.
 const HEADER_BYTES: usize = 128;
 
+/// Number of bytes that are converted at once.
+const PIECE: usize = 1 << 16;
+
 /// Returns the header of an array.
 fn header(descr: &str, shape: &str) -> [u8; HEADER_BYTES] {
     let mut bytes = [b' '; HEADER_BYTES];
@@ -69,12 +72,31 @@ impl Stream {
             let what = "a frame of another basis or precision than the first one";
             return Err(Error::unsupported(FORMAT, what));
         }
-        self.buffer.clear();
-        set.write_positions(&mut self.buffer);
-        self.hasher.update(&self.buffer);
+        // Piece by piece, because a frame may have gigabytes.
+        for (i, curve) in set.curves().iter().enumerate() {
+            for k in 0..curve.points as usize {
+                for x in set.point(i, k) {
+                    match self.precision {
+                        Precision::F32 => self.buffer.extend((x as f32).to_le_bytes()),
+                        Precision::F64 => self.buffer.extend(x.to_le_bytes()),
+                    }
+                }
+                if self.buffer.len() >= PIECE {
+                    self.write_buffer()?;
+                }
+            }
+        }
+        self.write_buffer()?;
         self.frames += 1;
+        Ok(())
+    }
+
+    fn write_buffer(&mut self) -> Result<()> {
+        self.hasher.update(&self.buffer);
         self.bytes += self.buffer.len() as u64;
-        Ok(self.out.write_all(&self.buffer)?)
+        self.out.write_all(&self.buffer)?;
+        self.buffer.clear();
+        Ok(())
     }
 
     fn header(&self) -> [u8; HEADER_BYTES] {

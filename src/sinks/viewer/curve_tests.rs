@@ -43,6 +43,7 @@ impl FrameRecord {
         let change = Change {
             i: 0,
             j: 1,
+            image: Default::default(),
             expected: 1,
             found: 0,
             place: Some(place),

@@ -19,6 +19,7 @@
 //!
 //! Only this module knows the crate `rerun`.
 
+mod cell;
 mod clearance;
 #[cfg(test)]
 mod curve_tests;
@@ -44,6 +45,7 @@ mod view;
 pub use options::ViewerOptions;
 pub use target::ViewerTarget;
 
+use self::cell::CellView;
 use self::clearance::ClearanceView;
 use self::curves::Curves;
 use self::log::{Log, line};
@@ -98,6 +100,7 @@ pub struct ViewerSink {
     /// True if a frame with times of a live run was logged.
     live: bool,
     first: Option<First>,
+    cell: CellView,
     clearance: Option<ClearanceView>,
 }
 
@@ -139,6 +142,7 @@ impl ViewerSink {
             scale: None,
             status: String::new(),
             first: None,
+            cell: CellView::default(),
             clearance: None,
         };
         sink.layout(FRAME, None)?;
@@ -309,7 +313,7 @@ impl Sink for ViewerSink {
             "baseline ({}): {} curves, {} linked pairs, {} without a number",
             baseline.origin,
             c.curves,
-            c.links.len(),
+            c.links.len() + c.images.as_ref().map_or(0, Vec::len),
             c.undefined.len()
         ));
         Ok(())
@@ -344,6 +348,8 @@ impl Sink for ViewerSink {
             }
             let all = std::mem::take(&mut self.redraws);
             self.curves.draw(&self.rec, set, report, all)?;
+            self.cell
+                .draw(&self.rec, record.info.cell.as_ref(), set, report)?;
             picture::draw_places(&self.rec, set, report)?;
             picture::draw_passed(&self.rec, &self.passed, set)?;
         }

@@ -19,6 +19,8 @@ pub(super) mod entity {
     pub const AT_REST: &str = "curves/intact/at_rest";
     pub const BROKEN: &str = "curves/broken";
     pub const UNDECIDED: &str = "curves/undecided";
+    pub const CELL: &str = "curves/cell";
+    pub const IMAGES: &str = "curves/images";
     pub const PLACES: &str = "curves/places";
     pub const LABELS: &str = "curves/labels";
     pub const LEADERS: &str = "curves/labels/lines";

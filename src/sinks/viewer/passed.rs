@@ -2,7 +2,7 @@
 //! show the place where strands passed through one another.
 
 use super::local;
-use crate::curve::{CurveSet, Point};
+use crate::curve::{CurveSet, Point, is_home};
 use crate::verdict::{PullThrough, Report};
 use std::collections::VecDeque;
 
@@ -63,7 +63,7 @@ impl Passed {
 
 /// Returns the name of an event for its mark and the status.
 pub(super) fn name(e: &PullThrough) -> String {
-    if e.i == e.j {
+    if e.i == e.j && is_home(&e.image) {
         format!("{} through itself", e.i)
     } else {
         format!("{} through {}", e.i, e.j)
@@ -88,6 +88,7 @@ mod tests {
         PullThrough {
             i,
             j: i,
+            image: Default::default(),
             segments: [segment, 0],
             fraction: 0.5,
             sign: 1,

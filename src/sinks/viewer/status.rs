@@ -119,6 +119,7 @@ mod tests {
         let change = |k| Change {
             i: k,
             j: k + 100,
+            image: Default::default(),
             expected: 1,
             found: 0,
             place: None,
@@ -164,6 +165,7 @@ mod tests {
         PullThrough {
             i,
             j,
+            image: Default::default(),
             segments: [3, 4],
             fraction: 0.25,
             sign: -1,
@@ -185,6 +187,7 @@ mod tests {
         report.defects.push(Defect {
             i: 5,
             j: None,
+            image: Default::default(),
             kind: DefectKind::Degenerate,
             place,
         });

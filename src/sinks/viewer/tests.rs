@@ -51,6 +51,7 @@ fn event(point: Point) -> PullThrough {
     PullThrough {
         i: 0,
         j: 0,
+        image: Default::default(),
         segments: [1, 2],
         fraction: 0.5,
         sign: -1,

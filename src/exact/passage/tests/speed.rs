@@ -12,7 +12,7 @@ fn speed() {
     use std::time::Instant;
     let mut r = Random::new(6);
     let n = 20_000;
-    let far = |(before, after): &(Edges, Edges)| filter::apart(before, after);
+    let far = |(before, after): &(Edges, Edges)| filter::apart(before, after, 0.0);
     let quiet = |m: &(Edges, Edges)| collect(&m.0, &m.1, Ties::Translate).1.is_empty();
     let mut scene = |gap: f64, motion: f64, keep: &dyn Fn(&(Edges, Edges)) -> bool| {
         let all = (0..n).map(|_| meeting(&mut r, gap, motion));

@@ -345,6 +345,7 @@ fn only_opposite_passages_at_one_time_and_place_cancel() {
         event: PullThrough {
             i: 0,
             j: 1,
+            image: Default::default(),
             segments: along.map(|x| x as u32),
             fraction,
             sign,

@@ -30,6 +30,7 @@ fn broken(seq: u64) -> Report {
         changes: vec![Change {
             i: 0,
             j: 2,
+            image: Default::default(),
             expected: -1,
             found: 0,
             place: Some(Place {
@@ -41,6 +42,7 @@ fn broken(seq: u64) -> Report {
         events: vec![PullThrough {
             i: 2,
             j: 2,
+            image: Default::default(),
             segments: [0, 2],
             fraction: 0.5,
             sign: 1,

@@ -29,6 +29,7 @@ fn frame(seq: u64, curves: usize, changed: Option<u32>) -> FrameRecord {
     report.changes.extend(changed.map(|j| Change {
         i: 0,
         j,
+        image: Default::default(),
         expected: 1,
         found: 0,
         place: None,

@@ -1,0 +1,291 @@
+//! `linkwatch study sizes`: time and memory of a moving scene against its size.
+
+use super::csv::{Csv, create_folder};
+use crate::cli::Outcome;
+use crate::cli::files::{Content, Files, Overwrite};
+use crate::cli::motion_args::MotionArgs;
+use crate::cli::number::segments;
+use crate::cli::output::{self, count, plural};
+use linkwatch::lab::{self, FramesCost, ScalingRow, ScalingStudy, StageCost, Table};
+use linkwatch::scenes::{MovingScene, Scene};
+use linkwatch::{Error, Events, Partition, Result};
+use serde_json::{Value, json};
+use std::path::PathBuf;
+
+/// Measure a moving scene in growing sizes: time and peak memory of each stage
+///
+/// The frames of each size are written to a file and read one at a time. The certificate of the
+/// first frame is compared with the one that follows from the construction. With --shards, the
+/// frames are verified again by several verifiers that share the pairs of curves, one after the
+/// other, each as a process with `linkwatch watch --shard` does it; together they must report what
+/// a single one reports. The exit code is 1 if a result is not as expected.
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// A scene as `linkwatch generate` takes it
+    #[arg(value_name = "SCENE")]
+    scene: Scene,
+    /// Numbers of segments, separated by commas [default: 1, 3 and 10 times that of the scene]
+    #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = segments)]
+    sizes: Vec<u64>,
+    /// Number of frames. With 1, only the certificate is measured
+    #[arg(
+        long, value_name = "N", default_value_t = 6,
+        value_parser = clap::value_parser!(u64).range(1..)
+    )]
+    frames: u64,
+    #[command(flatten)]
+    motion: MotionArgs,
+    /// From this frame on, two curves of each scene are pulled through one another
+    #[arg(long, value_name = "SEQ")]
+    pull: Option<u64>,
+    /// Search for pull-throughs between successive frames
+    #[arg(long)]
+    events: bool,
+    /// Number of verifiers that share the pairs of curves; 1: none do
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    shards: usize,
+    /// Folder for the file of the frames, which is removed after each size
+    #[arg(long, value_name = "DIR", default_value = ".")]
+    scratch: PathBuf,
+    /// Write the table to a file
+    #[arg(long, value_name = "FILE", help_heading = crate::cli::WRITE)]
+    csv: Option<PathBuf>,
+    /// Write plots to a folder, as PNG and SVG: time and memory against size
+    #[arg(long, value_name = "DIR", help_heading = crate::cli::WRITE)]
+    plot: Option<PathBuf>,
+    #[command(flatten)]
+    overwrite: Overwrite,
+}
+
+/// Plots in the folder of --plot, each as PNG and SVG.
+const PLOTS: [&str; 2] = ["sizes-time", "sizes-memory"];
+
+/// Fields of the file: names of [`row_json`].
+const FIELDS: &[&str] = &[
+    "scene",
+    "curves",
+    "segments",
+    "links",
+    "frame_mb",
+    "generate_s",
+    "generate_mb",
+    "read_s",
+    "certify_ms",
+    "certify_cpu_ms",
+    "certify_mb",
+    "first_ms",
+    "later_ms",
+    "later_cpu_ms",
+    "check_mb",
+    "shards",
+    "shard_first_ms",
+    "shard_later_ms",
+    "shard_later_cpu_ms",
+    "shard_mb",
+    "changed",
+    "as_constructed",
+    "as_one",
+];
+
+/// Runs the command.
+pub fn run(args: &Args, as_json: bool) -> Result<Outcome> {
+    if !(1..=Partition::MAX_SHARDS).contains(&args.shards) {
+        let most = Partition::MAX_SHARDS;
+        let what = format!("--shards {}, expected 1 to {most}", args.shards);
+        return Err(Error::Usage(what));
+    }
+    if let Some(pull) = args.pull.filter(|&pull| pull >= args.frames) {
+        let frames = plural(args.frames, "frame");
+        let what = format!("--pull {pull}: there are {frames}, numbered from 0");
+        return Err(Error::Usage(what));
+    }
+    let mut files = Files::new(args.overwrite);
+    if let Some(file) = &args.csv {
+        files.writes("--csv", file, Content::Text)?;
+    }
+    if let Some(folder) = &args.plot {
+        create_folder(folder)?;
+        for name in PLOTS {
+            for extension in ["png", "svg"] {
+                let file = folder.join(name).with_extension(extension);
+                files.writes("--plot", &file, Content::Plot)?;
+            }
+        }
+    }
+    let study = ScalingStudy {
+        moving: MovingScene {
+            pull: args.pull,
+            ..args.motion.moving(&args.scene, args.frames)?
+        },
+        events: match args.events {
+            true => Events::Between,
+            false => Events::Off,
+        },
+        shards: args.shards,
+        folder: args.scratch.clone(),
+    };
+    let scenes = scenes(args)?;
+    let mut csv = Csv::create(args.csv.as_deref(), FIELDS)?;
+    let say = |line: &dyn std::fmt::Display| match as_json {
+        true => {}
+        false => output::line(line),
+    };
+    say(&format_args!(
+        "{}: {}, {}, events {}; times in ms unless marked, memory is the peak of the process in MB",
+        args.scene,
+        plural(args.frames, "frame"),
+        plural(rayon::current_num_threads() as u64, "thread"),
+        study.events,
+    ));
+    let table = table(args.shards);
+    say(&table.header());
+    let bar = output::bar(scenes.len() as u64, "sizes");
+    let mut rows = Vec::new();
+    let mut outcome = Outcome::Fine;
+    for scene in &scenes {
+        bar.set_message(scene.to_string());
+        let row = study.measure(scene)?;
+        bar.inc(1);
+        bar.suspend(|| say(&table.row(cells(&row))));
+        csv.row(&row_json(&row))?;
+        if !row.as_constructed {
+            tracing::error!("{scene}: a result is not the one that follows from the construction");
+            outcome = Outcome::Changed;
+        }
+        if !row.as_one {
+            tracing::error!("{scene}: the shards report something else than a single verifier");
+            outcome = Outcome::Changed;
+        }
+        rows.push(row);
+    }
+    bar.finish_and_clear();
+    if as_json {
+        output::json(&json!({
+            "scene": args.scene.to_string(),
+            "threads": rayon::current_num_threads(),
+            "frames": args.frames,
+            "events": study.events.to_string(),
+            "rows": rows,
+        }));
+    }
+    if let Some(folder) = &args.plot {
+        let name = args.scene.kind().name;
+        let [time, memory] = PLOTS.map(|plot| folder.join(plot));
+        lab::scaling_time(name, &rows).write(&time)?;
+        lab::scaling_memory(name, &rows).write(&memory)?;
+    }
+    Ok(outcome)
+}
+
+/// Returns the scene in all sizes, the smallest first.
+fn scenes(args: &Args) -> Result<Vec<Scene>> {
+    let mut sizes = args.sizes.clone();
+    if sizes.is_empty() {
+        let own = args.scene.build()?.curves.segments() as u64;
+        sizes.extend([1, 3, 10].map(|factor| factor * own));
+    }
+    sizes.sort_unstable();
+    sizes.dedup();
+    let resized = |&size: &u64| lab::resized(&args.scene, size);
+    sizes.iter().map(resized).collect()
+}
+
+fn table(shards: usize) -> Table {
+    let mut columns = vec![
+        ("curves", 10),
+        ("segments", 12),
+        ("frame\nMB", 8),
+        ("generate\ns", 9),
+        ("\nMB", 7),
+        ("read\ns", 7),
+        ("certify\nms", 9),
+        ("\nMB", 7),
+        ("check:\nfirst", 9),
+        ("\nlater", 9),
+        ("\nMB", 7),
+    ];
+    if shards > 1 {
+        columns.extend([("a shard:\nfirst", 9), ("at most\nlater", 9), ("\nMB", 7)]);
+    }
+    columns.push((" results", -1));
+    Table::new(columns)
+}
+
+fn cells(row: &ScalingRow) -> Vec<String> {
+    let mb = |x: Option<f64>| x.map_or("-".into(), |x| count(x.round() as u64));
+    let ms = |x: Option<f64>| x.map_or("-".into(), |x| format!("{x:.1}"));
+    let check = row.check.as_ref();
+    let mut cells = vec![
+        count(row.curves as u64),
+        count(row.segments as u64),
+        format!("{:.1}", row.frame_mb),
+        format!("{:.2}", row.generate.s),
+        mb(row.generate.peak_mb),
+        format!("{:.2}", read_s(row)),
+        format!("{:.1}", row.certificate_ms),
+        mb(row.certify.peak_mb),
+        ms(check.map(|c| c.first_ms)),
+        ms(check.map(|c| c.later_ms)),
+        mb(check.and_then(|c| c.all.peak_mb)),
+    ];
+    if !row.shards.is_empty() {
+        let [first, later, memory] = largest(&row.shards);
+        cells.extend([ms(first), ms(later), mb(memory)]);
+    }
+    cells.push(match (row.as_constructed, row.as_one) {
+        (true, true) => format!(" as expected, {} changed", count(row.changed as u64)),
+        (false, _) => " NOT as constructed".into(),
+        (_, false) => " shards DIFFER".into(),
+    });
+    cells
+}
+
+/// Returns the time to read the first frame.
+fn read_s(row: &ScalingRow) -> f64 {
+    (row.certify.s - 1e-3 * row.certificate_ms).max(0.0)
+}
+
+/// Returns the largest times of the first frame and of later ones, and the largest memory.
+fn largest(shards: &[FramesCost]) -> [Option<f64>; 3] {
+    let most = |value: fn(&FramesCost) -> Option<f64>| {
+        let values = shards.iter().filter_map(value);
+        values.reduce(f64::max)
+    };
+    [
+        most(|c| Some(c.first_ms)),
+        most(|c| Some(c.later_ms)),
+        most(|c| c.all.peak_mb),
+    ]
+}
+
+/// Returns the fields of the file.
+fn row_json(row: &ScalingRow) -> Value {
+    let check = row.check.as_ref();
+    let [shard_first, shard_later, shard_mb] = largest(&row.shards);
+    let StageCost { s, peak_mb, .. } = row.generate;
+    json!({
+        "scene": row.scene,
+        "curves": row.curves,
+        "segments": row.segments,
+        "links": row.links,
+        "frame_mb": row.frame_mb,
+        "generate_s": s,
+        "generate_mb": peak_mb,
+        "read_s": read_s(row),
+        "certify_ms": row.certificate_ms,
+        "certify_cpu_ms": row.certificate_cpu_ms,
+        "certify_mb": row.certify.peak_mb,
+        "first_ms": check.map(|c| c.first_ms),
+        "later_ms": check.map(|c| c.later_ms),
+        "later_cpu_ms": check.map(|c| c.cpu_ms[1]),
+        "check_mb": check.and_then(|c| c.all.peak_mb),
+        "shards": row.shards.len(),
+        "shard_first_ms": shard_first,
+        "shard_later_ms": shard_later,
+        "shard_later_cpu_ms": row.shards.iter().map(|c| c.cpu_ms[1]).reduce(f64::max),
+        "shard_mb": shard_mb,
+        "changed": row.changed,
+        "as_constructed": row.as_constructed,
+        "as_one": row.as_one,
+    })
+}
