@@ -237,6 +237,11 @@ pub use verifier::{
     bisect,
 };
 
+/// Compiles the example of the page on periodic cells.
+#[cfg(all(doctest, feature = "client", feature = "verify"))]
+#[doc = include_str!("../docs/periodic.md")]
+struct Periodic;
+
 /// Compiles the examples of the README.
 #[cfg(all(doctest, feature = "client"))]
 #[doc = include_str!("../README.md")]

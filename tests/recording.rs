@@ -30,6 +30,7 @@ fn report(seq: u64) -> Report {
         Change {
             i: 1,
             j: 2,
+            image: Default::default(),
             expected: -1,
             found: 0,
             place: Some(place()),
@@ -37,6 +38,7 @@ fn report(seq: u64) -> Report {
         Change {
             i: 1,
             j: u32::MAX,
+            image: [i32::MIN, 0, i32::MAX],
             expected: i64::MIN,
             found: i64::MAX,
             place: None,
@@ -45,6 +47,7 @@ fn report(seq: u64) -> Report {
     report.events = vec![PullThrough {
         i: 3,
         j: 3,
+        image: Default::default(),
         segments: [4, 5],
         fraction: 0.1 * (seq % 10) as f64,
         sign: if seq.is_multiple_of(2) { 1 } else { -1 },
@@ -54,6 +57,7 @@ fn report(seq: u64) -> Report {
     report.unresolved = vec![PullThrough {
         i: 2,
         j: 5,
+        image: [1, 0, -2],
         segments: [1, 0],
         fraction: 0.75,
         sign: 1,
@@ -69,6 +73,7 @@ fn report(seq: u64) -> Report {
         .map(|(k, &kind)| Defect {
             i: k as u32,
             j: (k != 2).then_some(k as u32 + 7),
+            image: Default::default(),
             kind,
             place: place(),
         })
@@ -191,6 +196,7 @@ fn baseline() -> BaselineRecord {
     let undefined = vec![Defect {
         i: 1,
         j: Some(2),
+        image: Default::default(),
         kind: DefectKind::TooClose,
         place: place(),
     }];
@@ -199,6 +205,7 @@ fn baseline() -> BaselineRecord {
             curves: 4,
             links,
             undefined,
+            images: None,
         }),
         origin: "first frame".into(),
     }

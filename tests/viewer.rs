@@ -79,6 +79,7 @@ fn report(seq: u64, set: &CurveSet) -> Report {
         Change {
             i,
             j,
+            image: Default::default(),
             expected: 1,
             found: 0,
             place: Some(place(set, i, j)),
@@ -91,6 +92,7 @@ fn report(seq: u64, set: &CurveSet) -> Report {
         PullThrough {
             i,
             j,
+            image: Default::default(),
             segments: [3, 15],
             fraction: 0.25,
             sign: -1,
@@ -107,6 +109,7 @@ fn report(seq: u64, set: &CurveSet) -> Report {
     let contact = Defect {
         i,
         j: Some(j),
+        image: Default::default(),
         kind: DefectKind::Contact,
         place: place(set, i, j),
     };
@@ -178,6 +181,7 @@ fn baseline() -> Arc<BaselineRecord> {
         curves: SIDE * SIDE,
         links,
         undefined: Vec::new(),
+        images: None,
     };
     Arc::new(BaselineRecord {
         certificate: Arc::new(certificate),

@@ -44,7 +44,6 @@ pub struct Certificate {
     ///
     /// The coordinates of a curve may be those of any of its images, and the translations depend on
     /// that. [`Certificate::compare`] finds out which belong together.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub images: Option<Vec<ImageLink>>,
 }
 

@@ -75,6 +75,11 @@ impl Cells {
         }
     }
 
+    /// Returns true if coordinates are wrapped.
+    pub fn are_wrapped(&self) -> bool {
+        self.args.wrapped
+    }
+
     /// Sets the cell of a frame to that with which it is verified.
     pub fn apply(&self, info: &mut FrameInfo) {
         info.cell = self.args.cell(info.cell);

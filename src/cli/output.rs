@@ -3,7 +3,7 @@
 use super::stream::{self, Lost, Target};
 pub use crate::words::{count, millis, percent, plural, plural_of};
 use indicatif::{HumanDuration, ProgressBar, ProgressState, ProgressStyle};
-use linkwatch::{CurveSet, Events, Progress, Stats};
+use linkwatch::{Cell, CurveSet, Events, Progress, Stats, Unwrap};
 use std::fmt;
 use std::io::{self, Write};
 use std::sync::Arc;
@@ -192,9 +192,19 @@ pub fn warn_of_long_segment(name: &str, curves: &CurveSet) {
         n => format!(", and so do {}", plural_of(n as u64 - 1, "other", "others")),
     };
     tracing::warn!(
-        "{name}: {long}{others}; if the box is periodic, unwrap the coordinates: links across its \
-         boundary are not detected"
+        "{name}: {long}{others}; if the box is periodic and the coordinates are wrapped into it, links \
+         across its boundary are not detected: give --cell and --wrapped"
     );
+}
+
+/// Warns if curves with a periodic cell look as if their coordinates were wrapped into it.
+pub fn warn_of_wrapped(name: &str, curves: &CurveSet, cell: &Cell) {
+    if let Err(why) = Unwrap::default().unwrap(curves, cell) {
+        tracing::warn!(
+            "{name}: {why}; if the coordinates are wrapped into the cell, give --wrapped: otherwise \
+             the curves are taken as they are"
+        );
+    }
 }
 
 #[cfg(test)]

@@ -73,7 +73,7 @@ pub use set::{Curve, CurveSet};
 #[cfg(feature = "verify")]
 pub(crate) use set::{Hulls, Shape};
 #[cfg(feature = "verify")]
-pub(crate) use sums::{SumEdges, SumPoint, TERMS, Translated};
+pub(crate) use sums::{SumEdges, SumPoint, TERMS, Translated, single, sum_point};
 #[cfg(feature = "verify")]
 pub(crate) use tile::{Bad, largest_within};
 

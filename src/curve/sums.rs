@@ -34,6 +34,27 @@ pub(crate) struct Sums {
     rounding: f64,
 }
 
+/// Returns a point, translated by lattice vectors, as exact sums.
+pub(crate) fn sum_point(point: Point, cell: &Cell, image: Image) -> SumPoint {
+    let mut sums = point.map(single);
+    for (k, (vector, count)) in cell.vectors.iter().zip(image).enumerate() {
+        for (x, terms) in sums.iter_mut().enumerate() {
+            let count = f64::from(count);
+            let product = count * vector[x];
+            terms[1 + 2 * k] = product;
+            terms[2 + 2 * k] = count.mul_add(vector[x], -product);
+        }
+    }
+    sums
+}
+
+/// Returns a number as a sum.
+pub(crate) fn single(x: f64) -> [f64; TERMS] {
+    let mut terms = [0.0; TERMS];
+    terms[0] = x;
+    terms
+}
+
 impl Sums {
     pub(super) fn has_three_distinct_points(&self, i: usize) -> bool {
         let (curve, _) = self.curves[i];
@@ -51,11 +72,6 @@ impl CurveSet {
 
     /// Returns the start of segment `s` of curve `i`, a polyline, as exact sums.
     pub(crate) fn exact_knot(&self, i: usize, s: usize) -> SumPoint {
-        let single = |x: f64| {
-            let mut terms = [0.0; TERMS];
-            terms[0] = x;
-            terms
-        };
         let Some(Sums {
             frame,
             curves,
@@ -66,16 +82,7 @@ impl CurveSet {
             return self.knot(i, s).map(single);
         };
         let (curve, image) = curves[i];
-        let mut point = frame.knot(curve as usize, s).map(single);
-        for (k, (vector, count)) in cell.vectors.iter().zip(image).enumerate() {
-            for (x, terms) in point.iter_mut().enumerate() {
-                let count = f64::from(count);
-                let product = count * vector[x];
-                terms[1 + 2 * k] = product;
-                terms[2 + 2 * k] = count.mul_add(vector[x], -product);
-            }
-        }
-        point
+        sum_point(frame.knot(curve as usize, s), cell, image)
     }
 
     /// Writes some curves of a frame into `out`, each translated by lattice vectors, in double

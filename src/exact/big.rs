@@ -2,7 +2,7 @@
 //! Slow, and rarely needed.
 
 use super::predicates::Orientation;
-use crate::curve::{Point, SumPoint, TERMS};
+use crate::curve::{Point, SumPoint, TERMS, single};
 use num_bigint::{BigInt, Sign};
 use std::cmp::Ordering;
 
@@ -99,11 +99,4 @@ pub(super) fn orient2d(a: [f64; 2], b: [f64; 2], c: [f64; 2]) -> i32 {
 pub(super) fn orient3d(a: Point, b: Point, c: Point, d: Point) -> i32 {
     let [a, b, c, d] = points([a, b, c, d].map(|p| p.map(single)));
     BigPredicates.orient3d([&a, &b, &c, &d])
-}
-
-/// Returns a number as a sum.
-fn single(x: f64) -> [f64; TERMS] {
-    let mut terms = [0.0; TERMS];
-    terms[0] = x;
-    terms
 }

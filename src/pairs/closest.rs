@@ -121,7 +121,7 @@ fn chords<'a>(
 }
 
 /// Returns midpoint and length of the shortest connection of two straight segments.
-fn closest_place(p0: Point, p1: Point, q0: Point, q1: Point) -> (Point, f64) {
+pub(crate) fn closest_place(p0: Point, p1: Point, q0: Point, q1: Point) -> (Point, f64) {
     let [a, b] = closest_points(p0, p1, q0, q1);
     // Halves are added, because the sum may overflow.
     let middle = [0, 1, 2].map(|x| 0.5 * a[x] + 0.5 * b[x]);

@@ -14,6 +14,8 @@
 //! its own. So incremental verification and the search for pull-throughs work as they do without a
 //! cell.
 //!
+//! Curves that run through the cell have numbers with closed curves only ([`through`]).
+//!
 //! # Names of the images
 //!
 //! The coordinates of a curve may be those of any of its images. Moving curve `j` by a lattice vector
@@ -23,9 +25,11 @@
 mod boxes;
 mod names;
 mod pairs;
+mod through;
 mod unwrap;
 
 pub(crate) use boxes::FractionalBoxes;
 pub(crate) use names::{Entry, aligned, canonical};
-pub(crate) use pairs::{ImagePair, ImagePairs};
+pub(crate) use pairs::{ImagePair, ImagePairs, Searched};
+pub(crate) use through::{Number, RingAndYarn, linking_numbers, period, reduced};
 pub use unwrap::Unwrap;

@@ -9,7 +9,8 @@
 //! Translations are integers in fractional coordinates, so only the boxes are rounded, outward.
 
 use super::boxes::{FractionalBoxes, single};
-use crate::curve::{Box3, Cell, Image, Point, Translated};
+use super::through::{RingAndYarn, is_multiple};
+use crate::curve::{Box3, Cell, Curve, Image, Point, Translated};
 use crate::error::{Error, Result};
 use crate::pairs::{LinkSearch, Share};
 use std::collections::BTreeSet;
@@ -46,6 +47,28 @@ impl ImagePair {
     }
 }
 
+/// The curves of a search.
+#[derive(Clone, Copy)]
+pub(crate) struct Searched<'a> {
+    pub curves: &'a [Curve],
+    /// Period of each curve, if it runs through the cell.
+    pub periods: &'a [Option<Image>],
+    /// True if open curves are searched, too.
+    pub open_too: bool,
+    /// Maximum number of pairs.
+    pub most: usize,
+}
+
+impl Searched<'_> {
+    fn is_closed(&self, i: u32) -> bool {
+        self.curves[i as usize].closed
+    }
+
+    fn is_used(&self, i: usize) -> bool {
+        self.open_too || self.curves[i].closed || self.periods[i].is_some()
+    }
+}
+
 /// Pairs of a curve and an image that may meet, and the curves and images that they need.
 #[derive(Debug)]
 pub(crate) struct ImagePairs {
@@ -53,6 +76,8 @@ pub(crate) struct ImagePairs {
     pub curves: Translated,
     /// The pairs, among all pairs of the translated curves.
     pub share: Share,
+    /// Pairs of a closed curve and one that runs through the cell that may be linked.
+    pub yarns: Vec<RingAndYarn>,
     /// The search remains complete as long as the curves stay within these boxes.
     within: FractionalBoxes,
 }
@@ -62,7 +87,8 @@ impl ImagePairs {
     /// adds some pairs. `margin` is a share of the cell, or a length along directions without
     /// repetition.
     ///
-    /// `used` is true for the curves that are searched.
+    /// Images of a curve that runs through the cell by multiples of its period are parts of the same
+    /// infinite curve, so they are no pairs.
     ///
     /// Errors: [`Error::Usage`] if a curve spans too many cells, or is too far away from the first
     /// one; [`Error::TooManyPairs`] if there are more than `most`.
@@ -70,13 +96,17 @@ impl ImagePairs {
         boxes: &FractionalBoxes,
         cell: &Cell,
         margin: Point,
-        used: impl Fn(usize) -> bool,
-        most: usize,
+        searched: &Searched<'_>,
         others: impl IntoIterator<Item = ImagePair>,
     ) -> Result<ImagePairs> {
         let within = boxes.dilated(margin);
         let mut pairs: BTreeSet<ImagePair> = others.into_iter().collect();
-        search(&within, cell, (&used, most), &mut pairs)?;
+        let mut yarns = BTreeSet::new();
+        search(&within, cell, searched, (&mut pairs, &mut yarns))?;
+        if !searched.open_too {
+            let closed = |p: &ImagePair| [p.i, p.j].iter().all(|&i| searched.is_closed(i));
+            pairs.retain(closed);
+        }
         let ends = |p: &ImagePair| [(p.i, Image::default()), (p.j, p.image)];
         let mut curves: Vec<(u32, Image)> = pairs.iter().flat_map(ends).collect();
         curves.sort_unstable_by_key(order);
@@ -84,6 +114,7 @@ impl ImagePairs {
         let curves: Translated = curves.into();
         Ok(ImagePairs {
             share: Share::of_images(curves.clone()),
+            yarns: yarns.into_iter().collect(),
             curves,
             within,
         })
@@ -122,8 +153,8 @@ fn order(&(curve, image): &(u32, Image)) -> (bool, Image, u32) {
 fn search(
     boxes: &FractionalBoxes,
     cell: &Cell,
-    (used, most): (&dyn Fn(usize) -> bool, usize),
-    pairs: &mut BTreeSet<ImagePair>,
+    searched: &Searched<'_>,
+    (pairs, yarns): (&mut BTreeSet<ImagePair>, &mut BTreeSet<RingAndYarn>),
 ) -> Result<()> {
     let periodic = cell.periodic();
     // Translation that brings the center of each box into the first cell.
@@ -139,7 +170,7 @@ fn search(
             by[x] = -cells as i32;
         }
         home.push(by);
-        if !used(i) {
+        if !searched.is_used(i) {
             continue;
         }
         for x in 0..3 {
@@ -150,7 +181,12 @@ fn search(
     let mut found: Vec<(u32, Image)> = Vec::new();
     let mut singles: Vec<Box3> = Vec::new();
     let mut total = 0_u64;
-    for (i, bounds) in boxes.bounds.iter().enumerate().filter(|&(i, _)| used(i)) {
+    for (i, bounds) in boxes
+        .bounds
+        .iter()
+        .enumerate()
+        .filter(|&(i, _)| searched.is_used(i))
+    {
         let by = home[i].map(f64::from);
         // `lo + by + n <= around.hi` and `hi + by + n >= around.lo`.
         let range = |x: usize| -> RangeInclusive<i32> {
@@ -191,11 +227,23 @@ fn search(
             let [from, to] = [(i, m), (j, n)].map(|(i, n)| home[i as usize][x] + n[x]);
             to - from
         });
-        if image != Image::default() {
+        let [first, second] = [i, j].map(|i| searched.periods[i as usize]);
+        match (first, second) {
+            (None, Some(period)) if searched.is_closed(i) => {
+                yarns.insert(RingAndYarn::new(i, j, image, period));
+            }
+            (Some(period), None) if searched.is_closed(j) => {
+                yarns.insert(RingAndYarn::new(j, i, image.map(|n| -n), period));
+            }
+            _ => {}
+        }
+        let of_one_curve = i == j && first.is_some_and(|period| is_multiple(image, period));
+        if image != Image::default() && !of_one_curve {
             pairs.insert(ImagePair::new(i, j, image));
         }
-        if pairs.len() > most {
-            return Err(Error::TooManyPairs { limit: most as u64 });
+        if pairs.len() + yarns.len() > searched.most {
+            let limit = searched.most as u64;
+            return Err(Error::TooManyPairs { limit });
         }
     }
     Ok(())
@@ -248,6 +296,26 @@ mod tests {
         pairs
     }
 
+    fn find_in(
+        boxes: &FractionalBoxes,
+        cell: &Cell,
+        pairs: &mut BTreeSet<ImagePair>,
+    ) -> Result<()> {
+        let count = boxes.bounds.len();
+        let xyz = vec![0.0; 9 * count];
+        let positions = crate::curve::Positions::F64(&xyz);
+        let counts = vec![-3; count];
+        let basis = crate::curve::Basis::Polyline;
+        let set = crate::curve::CurveSet::from_counts(basis, &counts, positions)?;
+        let searched = Searched {
+            curves: set.curves(),
+            periods: &vec![None; count],
+            open_too: true,
+            most: usize::MAX,
+        };
+        search(boxes, cell, &searched, (pairs, &mut BTreeSet::new()))
+    }
+
     /// All pairs are found: in cells with one to three periods, for curves smaller and larger than
     /// the cell, near and far from the origin.
     #[test]
@@ -268,7 +336,7 @@ mod tests {
                 bounds: bounds.collect(),
             };
             let mut found = BTreeSet::new();
-            search(&boxes, &cell, (&|_| true, usize::MAX), &mut found).unwrap();
+            find_in(&boxes, &cell, &mut found).unwrap();
             // Single precision makes boxes larger, so a few more pairs may be found.
             let expected = by_brute_force(&boxes, &cell, 10);
             let generous = by_brute_force(&boxes.dilated([1e-6; 3]), &cell, 10);
@@ -286,7 +354,7 @@ mod tests {
             let boxes = FractionalBoxes {
                 bounds: vec![[[0.0; 3], [far; 3]]],
             };
-            let e = search(&boxes, &cell, (&|_| true, usize::MAX), &mut BTreeSet::new());
+            let e = find_in(&boxes, &cell, &mut BTreeSet::new());
             let e = e.unwrap_err();
             assert!(
                 e.to_string()

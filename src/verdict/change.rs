@@ -77,7 +77,6 @@ pub struct Change {
     pub j: u32,
     /// Translation of the second curve, in multiples of the lattice vectors of the
     /// [`Cell`](crate::Cell). 0 without a cell.
-    #[serde(default, skip_serializing_if = "crate::curve::is_home")]
     pub image: Image,
     /// Linking number in the baseline.
     pub expected: i64,

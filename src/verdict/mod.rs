@@ -163,7 +163,6 @@ pub struct Defect {
     pub j: Option<u32>,
     /// Translation of the second curve, in multiples of the lattice vectors of the
     /// [`Cell`](crate::Cell). 0 without a cell.
-    #[serde(default, skip_serializing_if = "crate::curve::is_home")]
     pub image: Image,
     /// Reason.
     pub kind: DefectKind,

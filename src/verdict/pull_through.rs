@@ -11,7 +11,6 @@ pub struct PullThrough {
     pub j: u32,
     /// Translation of the second curve, in multiples of the lattice vectors of the
     /// [`Cell`](crate::Cell). 0 without a cell.
-    #[serde(default, skip_serializing_if = "crate::curve::is_home")]
     pub image: Image,
     /// Segment of each curve.
     pub segments: [u32; 2],

@@ -15,10 +15,12 @@ use crate::error::{Error, Result};
 use crate::incremental::{Events, sort_by_time};
 use crate::ingest::FramePool;
 use crate::kernels::{GpuUse, Method};
-use crate::periodic::{Entry, FractionalBoxes, ImagePair, ImagePairs};
-use crate::verdict::{
-    AbortOn, Change, Defect, DefectKind, ImageLink, Link, Place, PullThrough, Report,
+use crate::periodic::{
+    Entry, FractionalBoxes, ImagePair, ImagePairs, Number, RingAndYarn, Searched, linking_numbers,
+    period, reduced,
 };
+use crate::pool;
+use crate::verdict::{AbortOn, Change, Defect, DefectKind, Link, Place, PullThrough, Report};
 use std::sync::Arc;
 
 /// Distance that curves may move before the images are searched for again, in shares of the cell;
@@ -36,7 +38,13 @@ pub(super) struct Periodic {
     given: Option<Certificate>,
     /// Expected linking numbers with images, sorted, once they are known.
     expected: Option<Vec<Entry>>,
-    /// Verifier of the images, if there are any that may meet.
+    /// Period of each curve, if it runs through the cell, once they are known.
+    periods: Option<Vec<Option<Image>>>,
+    /// Expected linking numbers of closed curves and those that run through the cell, sorted.
+    of_yarns: Option<Vec<Entry>>,
+    /// Pairs of these that may be linked.
+    yarns: Vec<RingAndYarn>,
+    /// Images that may meet, once they are known.
     inner: Option<Inner>,
     /// Curves of the current frame.
     frame: Option<Arc<CurveSet>>,
@@ -47,7 +55,8 @@ pub(super) struct Periodic {
 #[derive(Debug)]
 struct Inner {
     pairs: ImagePairs,
-    verifier: Verifier,
+    /// `None` if no images may meet.
+    verifier: Option<Box<Verifier>>,
 }
 
 /// Previous frame.
@@ -64,6 +73,8 @@ struct Before {
 pub(super) struct Found {
     /// Report of the inner verifier, with the curves of the scene.
     report: Option<Report>,
+    /// Changes and defects of closed curves and those that run through the cell.
+    of_yarns: (Vec<Change>, Vec<Defect>),
     /// True if the images changed while curves touched, so that a passage may be missing.
     pub unknown: bool,
 }
@@ -84,11 +95,18 @@ impl Periodic {
             cell,
             given: options.baseline.clone(),
             expected: None,
+            periods: None,
+            of_yarns: None,
+            yarns: Vec::new(),
             inner: None,
             frame: None,
             before: None,
             pool: FramePool::default(),
         }
+    }
+
+    fn inner_verifier(&mut self) -> Option<&mut Verifier> {
+        self.inner.as_mut()?.verifier.as_deref_mut()
     }
 
     /// Takes the curves of the next frame.
@@ -99,8 +117,8 @@ impl Periodic {
     /// The next frame does not continue the previous one.
     pub fn cut(&mut self) {
         self.before = None;
-        if let Some(inner) = &mut self.inner {
-            inner.verifier.cut();
+        if let Some(verifier) = self.inner_verifier() {
+            verifier.cut();
         }
     }
 
@@ -108,6 +126,8 @@ impl Periodic {
     pub fn restart(&mut self, baseline: Certificate) {
         self.given = Some(baseline);
         self.expected = None;
+        self.periods = None;
+        self.of_yarns = None;
         self.inner = None;
         self.before = None;
     }
@@ -123,33 +143,91 @@ impl Periodic {
             image: defect.image,
         };
         let expected = self.expected.as_deref().unwrap_or_default();
-        let lacks = expected.binary_search(&(pair, None)).is_ok();
+        let of_yarns = self.of_yarns.as_deref().unwrap_or_default();
+        let lacks = [expected, of_yarns]
+            .iter()
+            .any(|e| e.contains(&(pair, None)));
         let touch = self.inner.as_ref().is_some_and(|inner| {
             let found = inner.pairs.find_pair(pair);
-            found.is_some_and(|(a, b)| inner.verifier.steps.touch_from_the_start(a, Some(b)))
+            let verifier = inner.verifier.as_ref();
+            let both = found.zip(verifier);
+            both.is_some_and(|((a, b), verifier)| verifier.steps.touch_from_the_start(a, Some(b)))
         });
         lacks || touch
     }
 
     /// Returns all expected linking numbers; `outer` has those of the curves themselves.
     fn joined(&self, outer: &Certificate) -> Certificate {
-        let images = self.expected.iter().flatten();
-        let images = images.map(|&(ImagePair { i, j, image }, lambda)| ImageLink {
-            i,
-            j,
-            image,
-            lambda,
-        });
-        Certificate {
-            images: Some(images.collect()),
+        let periodic = Certificate {
+            images: Some(Vec::new()),
             ..outer.clone()
-        }
+        };
+        let mut entries = periodic.entries().unwrap_or_default();
+        entries.extend(self.expected.iter().flatten());
+        entries.extend(self.of_yarns.iter().flatten());
+        entries.sort_unstable();
+        periodic.with_entries(&entries)
     }
 
-    /// Returns a verifier of the images that may meet in a frame, or in the step to it; `None` if
-    /// there are none.
-    fn search(&self, boxes: &FractionalBoxes, progress: &super::Progress) -> Result<Option<Inner>> {
-        let frame = self.frame()?;
+    /// Finds the curves that run through the cell, in the first frame. Returns those that no longer
+    /// do, in words.
+    fn find_periods(&mut self, set: &CurveSet) -> Option<String> {
+        let find = |i: usize| period(set, i, &self.cell);
+        let Some(known) = &self.periods else {
+            self.periods = Some((0..set.len()).map(find).collect());
+            return None;
+        };
+        let differs = |&i: &usize| known[i].is_some() && find(i) != known[i];
+        let mut others = (0..known.len()).filter(differs);
+        let first = others.next()?;
+        Some(format!(
+            "curve {first} no longer ends at the image of its start{}: it does not run through the \
+             cell as before",
+            match others.count() {
+                0 => String::new(),
+                n => format!(" (nor do {n} others)"),
+            }
+        ))
+    }
+
+    /// Compares the linking numbers with curves that run through the cell with the expected ones.
+    fn compare_yarns(&mut self, set: &CurveSet) -> (Vec<Change>, Vec<Defect>) {
+        // Those of splines are not computed.
+        if !set.basis().is_polyline() {
+            self.of_yarns.get_or_insert_default();
+            return Default::default();
+        }
+        let numbers = linking_numbers(set, &self.cell, &self.yarns);
+        let Some(expected) = &self.of_yarns else {
+            self.of_yarns = Some(entries_of_yarns(&numbers));
+            return (Vec::new(), defects_of_yarns(&numbers));
+        };
+        let mut changes = Vec::new();
+        let mut seen = Vec::new();
+        for (pair, number) in &numbers {
+            let pair = pair.pair();
+            seen.push(pair);
+            let known = expected.iter().find(|e| e.0 == pair);
+            let (Some(expected), Ok(found)) = (known.map_or(Some(0), |e| e.1), number) else {
+                continue;
+            };
+            if expected != *found {
+                changes.push(change_of(pair, expected, *found));
+            }
+        }
+        // Pairs that are far apart now.
+        for &(pair, lambda) in expected {
+            if let Some(expected) = lambda
+                && !seen.contains(&pair)
+            {
+                changes.push(change_of(pair, expected, 0));
+            }
+        }
+        (changes, defects_of_yarns(&numbers))
+    }
+
+    /// Finds the images that may meet in a frame, or in the step to it.
+    fn search(&mut self, boxes: &FractionalBoxes, progress: &super::Progress) -> Result<Inner> {
         let mut swept = boxes.clone();
         if let Some(before) = &self.before {
             swept = swept.union(&before.boxes);
@@ -159,14 +237,19 @@ impl Periodic {
             true => MARGIN,
             false => MARGIN * swept.extent(x),
         });
-        // Open curves have no linking numbers.
-        let open_too = self.options.events != Events::Off;
-        let used = |i: usize| open_too || frame.curve(i).closed;
+        let searched = Searched {
+            curves: self.frame()?.curves(),
+            periods: self.periods.as_deref().unwrap_or_default(),
+            // Open curves have no linking numbers.
+            open_too: self.options.events != Events::Off,
+            most: progress.limit.most(),
+        };
         let expected = self.expected.iter().flatten().map(|entry| entry.0);
-        let limit = progress.limit.most();
-        let pairs = ImagePairs::find(&swept, &self.cell, margin, used, limit, expected)?;
+        let pairs = ImagePairs::find(&swept, &self.cell, margin, &searched, expected)?;
+        self.yarns.clone_from(&pairs.yarns);
         if pairs.curves.is_empty() {
-            return Ok(None);
+            let verifier = None;
+            return Ok(Inner { pairs, verifier });
         }
         let baseline = self
             .expected
@@ -178,7 +261,10 @@ impl Periodic {
         };
         let mut verifier = Verifier::with_gpu(options, GpuUse::default());
         verifier.set_share(Some(pairs.share.clone()));
-        Ok(Some(Inner { pairs, verifier }))
+        Ok(Inner {
+            pairs,
+            verifier: Some(Box::new(verifier)),
+        })
     }
 
     fn frame(&self) -> Result<&Arc<CurveSet>> {
@@ -196,20 +282,22 @@ impl Periodic {
         let frame = Arc::clone(self.frame()?);
         let boxes = FractionalBoxes::new(&frame, &self.cell)?;
         let mut unknown = false;
+        if let Some(why) = self.find_periods(&frame) {
+            unknown = true;
+            missing.push(why);
+        }
         let complete = |inner: &Inner| inner.pairs.are_complete(&boxes);
         if !self.inner.as_ref().is_some_and(complete) {
             let mut inner = self.search(&boxes, progress)?;
             self.pool = FramePool::default();
-            if let (Some(inner), Some(before)) = (&mut inner, &self.before) {
+            if let (Some(verifier), Some(before)) = (&mut inner.verifier, &self.before) {
                 // One signal ends both.
-                inner.verifier.full.share_progress(Arc::clone(progress));
+                verifier.full.share_progress(Arc::clone(progress));
                 // Starts where the last one ended.
                 let curves = self.pool.receive(|out| {
                     CurveSet::translate(&before.frame, &inner.pairs.curves, &before.cell, out)
                 })?;
-                let report = inner
-                    .verifier
-                    .step_shared(before.seq, before.time, &curves)?;
+                let report = verifier.step_shared(before.seq, before.time, &curves)?;
                 let touch = |d: &Defect| d.kind == DefectKind::Contact;
                 if self.options.events != Events::Off && report.defects.iter().any(touch) {
                     unknown = true;
@@ -220,10 +308,14 @@ impl Periodic {
                     );
                 }
             }
-            self.inner = inner;
+            self.inner = Some(inner);
         }
         let mut out = None;
-        if let Some(Inner { pairs, verifier }) = &mut self.inner {
+        if let Some(Inner {
+            pairs,
+            verifier: Some(verifier),
+        }) = &mut self.inner
+        {
             verifier.full.share_progress(Arc::clone(progress));
             let cell = &self.cell;
             let curves = self
@@ -238,6 +330,7 @@ impl Periodic {
             }
         }
         self.expected.get_or_insert_default();
+        let of_yarns = self.compare_yarns(&frame);
         self.before = Some(Before {
             frame,
             cell: self.cell,
@@ -247,9 +340,44 @@ impl Periodic {
         });
         Ok(Found {
             report: out,
+            of_yarns,
             unknown,
         })
     }
+}
+
+fn change_of(ImagePair { i, j, image }: ImagePair, expected: i64, found: i64) -> Change {
+    Change {
+        i,
+        j,
+        image,
+        expected,
+        found,
+        place: None,
+    }
+}
+
+/// Returns the entries that are not 0, sorted.
+fn entries_of_yarns(numbers: &[Number]) -> Vec<Entry> {
+    let entries = numbers.iter().map(|(pair, n)| (pair.pair(), n.ok()));
+    let mut entries: Vec<Entry> = entries.filter(|e| e.1 != Some(0)).collect();
+    entries.sort_unstable();
+    entries
+}
+
+/// Returns the pairs that touch.
+fn defects_of_yarns(numbers: &[Number]) -> Vec<Defect> {
+    let touching = numbers.iter().filter_map(|(pair, n)| {
+        let ImagePair { i, j, image } = pair.pair();
+        Some(Defect {
+            i,
+            j: Some(j),
+            image,
+            kind: DefectKind::Contact,
+            place: n.err()?,
+        })
+    });
+    touching.collect()
 }
 
 /// Returns a certificate of the translated curves with the entries of these pairs.
@@ -382,36 +510,46 @@ impl Verifier {
             });
         }
         // The numbers of this frame, of the curves themselves and of the images.
-        let mut frame = periodic.joined(&Certificate::default());
+        periodic.find_periods(set);
         let boxes = FractionalBoxes::new(set, &periodic.cell)?;
         self.full.progress.limit.begin(self.max_pairs);
-        if let Some(mut inner) = periodic.search(&boxes, &self.full.progress)? {
+        let inner = periodic.search(&boxes, &self.full.progress)?;
+        if let Some(mut verifier) = inner.verifier {
             let mut curves = None;
             let current = periodic.frame()?;
             CurveSet::translate(current, &inner.pairs.curves, &periodic.cell, &mut curves)?;
             if let Some(curves) = curves {
-                let (certificate, _) = inner.verifier.certify(&curves);
+                let (certificate, _) = verifier.certify(&curves);
                 periodic.expected = Some(entries_of(certificate, &inner.pairs));
-                frame = periodic.joined(&Certificate::default());
             }
         }
-        let (certificate, _) = self.certify(set);
-        let images = frame.images;
-        let frame = Certificate {
-            images,
-            ..certificate.clone()
-        };
-        let aligned = given.aligned_with(&frame);
-        let entries = aligned.entries().unwrap_or_default();
-        let of_images = entries
-            .into_iter()
-            .filter(|e| e.0.image != Image::default());
-        if let Some(periodic) = &mut self.periodic {
-            periodic.expected = Some(of_images.collect());
+        periodic.of_yarns = None;
+        let _ = periodic.compare_yarns(set);
+        let periods = periodic.periods.clone().unwrap_or_default();
+        self.full.heed_cancel(false);
+        let stats = pool::run(set.segments(), || self.full.certify(set));
+        debug_assert_eq!(stats.curves, set.len() as u64);
+        let frame = periodic.joined(&self.full.certificate);
+        let mut entries = given.aligned_with(&frame).entries().unwrap_or_default();
+        // The images of infinite curves by multiples of their periods are the same.
+        let period = |i: u32| periods[i as usize];
+        let is_of_yarn = |e: &Entry| period(e.0.i).is_some() != period(e.0.j).is_some();
+        for (pair, _) in entries.iter_mut().filter(|e| is_of_yarn(e)) {
+            if let Some(period) = period(pair.i).or(period(pair.j)) {
+                pair.image = reduced(pair.image, period);
+            }
         }
+        let (mut of_yarns, others): (Vec<Entry>, Vec<Entry>) =
+            entries.into_iter().partition(is_of_yarn);
+        of_yarns.sort_unstable();
+        let (of_images, own): (Vec<Entry>, Vec<Entry>) = others
+            .into_iter()
+            .partition(|e| e.0.image != Image::default());
+        periodic.expected = Some(of_images);
+        periodic.of_yarns = Some(of_yarns);
         self.baseline = Some(Certificate {
             images: None,
-            ..aligned
+            ..given.with_entries(&own)
         });
         Ok(())
     }
@@ -427,7 +565,7 @@ impl Verifier {
         };
         let first = self.joined.is_none();
         let found = periodic.step(frame, &self.full.progress, missing)?;
-        let inner = periodic.inner.as_mut().map(|inner| &mut inner.verifier);
+        let inner = periodic.inner_verifier();
         let inner_changed = inner.is_some_and(|v| std::mem::take(&mut v.baseline_changed));
         if first || inner_changed || self.baseline_changed {
             self.baseline_changed = true;
@@ -439,6 +577,11 @@ impl Verifier {
 
     /// Adds the findings about images to a report.
     pub(super) fn add_images(&mut self, report: &mut Report, found: Found) {
+        let (changes, defects) = found.of_yarns;
+        report.changes.extend(changes);
+        report.defects.extend(defects);
+        report.changes.sort_by_key(|c| (c.i, c.j, c.image));
+        report.defects.sort_by_key(|d| (d.i, d.j, d.image));
         let Some(of_images) = found.report else {
             return;
         };
@@ -454,8 +597,8 @@ impl Verifier {
         let fractions = report.safe_fraction.zip(of_images.safe_fraction);
         report.safe_fraction = fractions.map(|(a, b)| a.min(b));
         add_work(&mut report.stats, &of_images.stats);
-        if let Some(Inner { verifier, .. }) = self.periodic.as_ref().and_then(|p| p.inner.as_ref())
-        {
+        let inner = self.periodic.as_mut();
+        if let Some(verifier) = inner.and_then(|periodic| periodic.inner_verifier()) {
             self.full.timings.add(&verifier.timings());
             self.work.add(&verifier.work());
         }

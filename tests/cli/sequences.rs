@@ -362,7 +362,7 @@ fn warns_once_of_a_segment_longer_than_half_the_scene() {
         let checked = check(&models, &["--events"]);
         let certified = linkwatch(&["certify", &models[0]]);
         for run in [checked, certified] {
-            let warnings = run.stderr.matches("unwrap the coordinates").count();
+            let warnings = run.stderr.matches("give --cell and --wrapped").count();
             assert_eq!(warnings, usize::from(wrapped), "{}", run.stderr);
         }
     }

@@ -138,6 +138,7 @@ fn last_of(frames: [&CurveSet; 3], events: Events) -> Certificate {
             curves,
             links: report.changes.iter().map(link).collect(),
             undefined: lasting.collect(),
+            images: None,
         };
         verifier.settle();
     }

@@ -10,8 +10,7 @@ use crate::scene::{Point, Scene};
 use crate::support::random::Random;
 use linkwatch::kernels::oracle;
 use linkwatch::{
-    Basis, Cell, CurveSet, Events, Positions, PullThrough, Strategy, Verdict, Verifier,
-    VerifierOptions,
+    Basis, Cell, CurveSet, Events, Positions, PullThrough, Verdict, Verifier, VerifierOptions,
 };
 use std::sync::Arc;
 

@@ -16,3 +16,4 @@ mod scene;
 mod supercell;
 #[path = "../support/mod.rs"]
 mod support;
+mod through;

@@ -649,7 +649,11 @@ impl Session {
         let name = judged.model.as_deref().unwrap_or("the frames");
         output::warn_of_open_curves(name, &judged.report.stats, Some(self.events));
         if let Some(curves) = &judged.curves {
-            output::warn_of_long_segment(name, curves);
+            match judged.info.cell {
+                None => output::warn_of_long_segment(name, curves),
+                Some(_) if self.cells.are_wrapped() => {}
+                Some(cell) => output::warn_of_wrapped(name, curves, &cell),
+            }
         }
     }
 

@@ -66,7 +66,8 @@ fn images_of(report: &Report) -> BTreeSet<(u32, Image)> {
     let defects = report.defects.iter();
     let defects = defects.filter_map(|d| Some((d.j?, d.image)));
     let all = changes.chain(passages).chain(defects);
-    all.filter(|(_, image)| *image != Image::default()).collect()
+    all.filter(|(_, image)| *image != Image::default())
+        .collect()
 }
 
 /// Returns the edges of a cell. Directions without repetition have none.

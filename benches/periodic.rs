@@ -1,0 +1,109 @@
+//! Cost of a periodic cell: a sheet of chainmail that ends, and the same sheet in a cell whose images
+//! continue it, frame by frame.
+//!
+//! `cargo bench --bench periodic` measures; with `--smoke` (or under `cargo test`) it measures a
+//! small sheet only. The runs with and without a cell alternate; all times are medians. The expected
+//! numbers of links are asserted: each ring at the edge has one more link in the cell.
+
+use linkwatch::lab::median;
+use linkwatch::scenes::Scene;
+use linkwatch::{
+    Cell, CurveSet, Events, Positions, Result, Route, Strategy, Verdict, Verifier, VerifierOptions,
+};
+use std::sync::Arc;
+use std::time::Instant;
+
+/// Distance of neighbouring flat rings of the scene.
+const PITCH: f64 = 2.6;
+
+fn main() -> Result<()> {
+    let args: Vec<String> = std::env::args().collect();
+    let has = |word: &str| args.iter().any(|a| a == word);
+    let smoke = !has("--bench") || has("--smoke");
+    println!("times of a frame in ms, medians; factor: with a cell / without");
+    println!(
+        "{:>8} {:>9} {:>9} {:>8} {:>9} {:>9} {:>7}",
+        "rings", "frames", "links", "images", "without", "with", "factor"
+    );
+    let sizes: &[(u32, u32)] = match smoke {
+        true => &[(8, 10)],
+        false => &[(8, 10), (20, 30), (56, 84)],
+    };
+    for &(rows, columns) in sizes {
+        for (name, strategy, amplitude) in [
+            ("full", Strategy::Full, 0.0),
+            ("quiet", Strategy::Incremental, 1e-3),
+            ("partial", Strategy::Incremental, 0.3),
+        ] {
+            measure((rows, columns), (name, strategy, amplitude), smoke)?;
+        }
+    }
+    Ok(())
+}
+
+fn measure(
+    (rows, columns): (u32, u32),
+    (name, strategy, amplitude): (&str, Strategy, f64),
+    smoke: bool,
+) -> Result<()> {
+    let scene: Scene = format!("chainmail:rows={rows},columns={columns}").parse()?;
+    let set = scene.build()?.curves;
+    let edges = [columns, rows].map(|n| f64::from(n) * PITCH);
+    let cell = Cell::orthogonal([0.0; 3], [edges[0], edges[1], 0.0]);
+    let mut verifiers = Vec::new();
+    for cell in [None, Some(cell)] {
+        let mut options = VerifierOptions::default();
+        (options.strategy, options.events) = (strategy, Events::Between);
+        options.cell = cell;
+        verifiers.push(Verifier::new(options)?);
+    }
+    let mut times = [Vec::new(), Vec::new()];
+    let frames = if smoke { 6 } else { 60 };
+    for seq in 0..frames {
+        let frame = Arc::new(moved(&set, amplitude, seq)?);
+        for (verifier, times) in verifiers.iter_mut().zip(&mut times) {
+            let start = Instant::now();
+            let report = verifier.step_shared(seq, 0.0, &frame)?;
+            assert_eq!(report.verdict, Verdict::Intact);
+            // The first frames make the baseline and the reference frame.
+            if seq > 3 {
+                times.push(start.elapsed().as_secs_f64() * 1e3);
+                if name == "quiet" {
+                    assert_eq!(verifier.work().route, Route::Quiet);
+                }
+            }
+            verifier.settle();
+        }
+    }
+    let count = |k: usize| verifiers[k].baseline().map_or(0, |b| b.links.len());
+    let images = verifiers[1]
+        .baseline()
+        .and_then(|b| b.images.as_ref())
+        .map_or(0, Vec::len);
+    assert_eq!(count(0), count(1));
+    assert_eq!(images, (rows + columns) as usize);
+    let [without, with] = times.map(median);
+    println!(
+        "{:>8} {name:>9} {:>9} {images:>8} {without:>9.3} {with:>9.3} {:>7.2}",
+        set.len(),
+        count(1),
+        with / without
+    );
+    Ok(())
+}
+
+/// Returns the curves, each moved by at most an amplitude.
+fn moved(set: &CurveSet, amplitude: f64, seq: u64) -> Result<CurveSet> {
+    let mut xyz = Vec::with_capacity(3 * set.points());
+    for (i, curve) in set.curves().iter().enumerate() {
+        // Rings move against one another, less than their distance.
+        let phase = seq as f64 + i as f64;
+        let by = [phase.sin(), (1.7 * phase).cos(), (2.3 * phase).sin()];
+        for k in 0..curve.points as usize {
+            let p = set.point(i, k);
+            xyz.extend((0..3).map(|x| p[x] + 0.5 * amplitude * by[x]));
+        }
+    }
+    let counts: Vec<i32> = set.counts().collect();
+    CurveSet::from_counts(set.basis(), &counts, Positions::F64(&xyz))
+}

@@ -1,0 +1,315 @@
+//! Curves that run through the cell.
+
+use crate::scene::{Point, Scene};
+use crate::support::random::Random;
+use linkwatch::{
+    Basis, Cell, CurveSet, Events, Image, Positions, Strategy, Unwrap, Verdict, Verifier,
+};
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+/// A yarn that runs through the cell, and a ring.
+struct RingAndYarn {
+    cell: Cell,
+    period: Image,
+    /// Vertices of one period.
+    yarn: Vec<Point>,
+    ring: Vec<Point>,
+}
+
+impl RingAndYarn {
+    fn random(seed: u64) -> RingAndYarn {
+        let mut random = Random::from_key([seed, 41]);
+        let cells = [
+            "4,4,4",
+            "4,3,5",
+            "4,0,0,1,4,0,-1,0.5,4",
+            "3.3,0,0,0.7,4.1,0,0.4,0.2,3.9",
+        ];
+        let cell: Cell = random.pick(&cells).parse().unwrap();
+        let periods = [
+            [1, 0, 0],
+            [0, 1, 0],
+            [0, 0, 1],
+            [1, 1, 0],
+            [1, -1, 1],
+            [2, 0, 1],
+        ];
+        let period = random.pick(&periods);
+        let grid = seed % 2 == 0;
+        let snap = |p: Point| match grid {
+            true => p.map(|x| (2.0 * x).round() / 2.0),
+            false => p,
+        };
+        let along = translation(&cell, period);
+        let n = 6 + random.below(6);
+        let yarn = (0..n).map(|k| {
+            let t = f64::from(k) / f64::from(n);
+            snap([0, 1, 2].map(|x| t * along[x] + 1.2 * (2.0 * random.unit() - 1.0)))
+        });
+        let yarn: Vec<Point> = yarn.collect();
+        let m = 5 + random.below(5);
+        let center = [0; 3].map(|_| 4.0 * random.unit());
+        let size = 0.8 + 2.0 * random.unit();
+        let ring =
+            (0..m).map(|_| snap([0, 1, 2].map(|x| center[x] + size * (2.0 * random.unit() - 1.0))));
+        let ring = ring.collect();
+        RingAndYarn {
+            cell,
+            period,
+            yarn,
+            ring,
+        }
+    }
+
+    /// Returns the curves, with the ring first or last.
+    fn set(&self, ring_first: bool) -> CurveSet {
+        let mut yarn = self.yarn.clone();
+        let along = translation(&self.cell, self.period);
+        yarn.push([0, 1, 2].map(|x| yarn[0][x] + along[x]));
+        let (ring_count, yarn_count) = (-(self.ring.len() as i32), yarn.len() as i32);
+        let (counts, points) = match ring_first {
+            true => ([ring_count, yarn_count], [self.ring.clone(), yarn].concat()),
+            false => ([yarn_count, ring_count], [yarn, self.ring.clone()].concat()),
+        };
+        let positions = Positions::F64(points.as_flattened());
+        CurveSet::from_counts(Basis::Polyline, &counts, positions).unwrap()
+    }
+
+    /// Returns the linking number with the yarn translated by an image, closed by hand: many
+    /// periods, and a long way around. `None` if they touch.
+    fn closed_by_hand(&self, image: Image) -> Option<i64> {
+        let along = translation(&self.cell, self.period);
+        let by = translation(&self.cell, image);
+        let mut loops: Vec<Point> = Vec::new();
+        for times in -12..=12 {
+            let at = |p: &Point| [0, 1, 2].map(|x| p[x] + by[x] + f64::from(times) * along[x]);
+            loops.extend(self.yarn.iter().map(at));
+        }
+        // Around, at a distance, orthogonally to the period.
+        let [ends_at, starts_at] = [loops[loops.len() - 1], loops[0]];
+        let away = [
+            -along[1] - along[2],
+            along[0] - along[2],
+            along[0] + along[1],
+        ];
+        let away = match away == [0.0; 3] {
+            true => [1.0, 0.0, 0.0],
+            false => away,
+        };
+        let far = |p: Point, a: f64, b: f64| {
+            [0, 1, 2].map(|x| p[x] + 40.0 * a * away[x] + 20.0 * b * along[x])
+        };
+        loops.push(far(ends_at, 0.0, 1.0));
+        loops.push(far(ends_at, 1.0, 1.0));
+        loops.push(far(starts_at, 1.0, -1.0));
+        loops.push(far(starts_at, 0.0, -1.0));
+        let counts = [-(self.ring.len() as i32), -(loops.len() as i32)];
+        let points = [self.ring.clone(), loops].concat();
+        let positions = Positions::F64(points.as_flattened());
+        let set = CurveSet::from_counts(Basis::Polyline, &counts, positions).unwrap();
+        let mut verifier = Verifier::default();
+        let (certificate, _) = verifier.certify(&set);
+        match certificate.undefined.is_empty() {
+            true => Some(certificate.links.first().map_or(0, |l| l.lambda)),
+            false => None,
+        }
+    }
+}
+
+fn translation(cell: &Cell, image: Image) -> Point {
+    [0, 1, 2].map(|x| {
+        let part = |k: usize| f64::from(image[k]) * cell.vectors[k][x];
+        part(0) + part(1) + part(2)
+    })
+}
+
+/// Returns a translation that is the same for all that differ by multiples of the period.
+fn reduced(image: Image, period: Image) -> Image {
+    let x = (0..3).find(|&x| period[x] != 0).unwrap();
+    let times = image[x].div_euclid(period[x]);
+    [0, 1, 2].map(|k| image[k] - times * period[k])
+}
+
+#[test]
+fn linking_numbers_of_rings_and_yarns_are_those_of_yarns_closed_by_hand() {
+    let (mut linked, mut touching) = (0, 0);
+    for seed in 0..300 {
+        let scene = RingAndYarn::random(seed);
+        for ring_first in [true, false] {
+            let set = scene.set(ring_first);
+            let mut options = linkwatch::VerifierOptions::default();
+            options.cell = Some(scene.cell);
+            let mut verifier = Verifier::new(options).unwrap();
+            let report = verifier.step_shared(0, 0.0, &Arc::new(set)).unwrap();
+            assert_eq!(report.stats.open_curves, 1);
+            let certificate = verifier.baseline().unwrap();
+            let mut found = BTreeMap::new();
+            for l in &certificate.links {
+                found.insert(Image::default(), Some(l.lambda));
+            }
+            for d in certificate.undefined.iter().filter(|d| d.j == Some(1)) {
+                found.insert(d.image, None);
+            }
+            for l in certificate.images.iter().flatten().filter(|l| l.i != l.j) {
+                // The translation is that of the second curve.
+                let of_yarn = match ring_first {
+                    true => l.image,
+                    false => l.image.map(|n| -n),
+                };
+                found.insert(reduced(of_yarn, scene.period), l.lambda);
+            }
+            let mut expected = BTreeMap::new();
+            for n in 0..9 * 9 * 9 {
+                let image = [n % 9 - 4, n / 9 % 9 - 4, n / 81 - 4];
+                if reduced(image, scene.period) == image {
+                    let number = scene.closed_by_hand(image);
+                    if number != Some(0) {
+                        expected.insert(image, number);
+                    }
+                }
+            }
+            assert_eq!(found, expected, "seed {seed}, ring first: {ring_first}");
+            linked += expected.values().filter(|l| l.is_some()).count();
+            touching += expected.values().filter(|l| l.is_none()).count();
+        }
+    }
+    println!("{linked} linked, {touching} touching");
+    assert!(linked > 200 && touching > 20, "{linked} {touching}");
+}
+
+/// Two warp and two weft yarns of a plain weave, one cell of length 2.
+fn weave() -> Scene {
+    let wave = |along: usize, at: f64, sign: f64| -> Vec<Point> {
+        let point = |k: i32| {
+            let t = f64::from(k) / 16.0;
+            let mut p = [0.0; 3];
+            p[along] = 2.0 * t;
+            p[1 - along] = at;
+            p[2] = sign * 0.3 * (std::f64::consts::TAU * (t - 0.25)).cos();
+            p
+        };
+        // The yarn starts between two crossings.
+        (0..=16).map(point).collect()
+    };
+    let curves = vec![
+        wave(0, 0.5, 1.0),
+        wave(0, 1.5, -1.0),
+        wave(1, 0.5, -1.0),
+        wave(1, 1.5, 1.0),
+    ];
+    Scene {
+        cell: "2,2,0".parse().unwrap(),
+        curves,
+        closed: false,
+        reach: 2,
+    }
+}
+
+#[test]
+fn a_weave_at_rest_is_intact_and_has_no_linking_numbers() {
+    for strategy in [Strategy::Full, Strategy::Incremental] {
+        let scene = weave();
+        let mut verifier = Verifier::new(scene.options(strategy, Events::Between)).unwrap();
+        for seq in 0..4 {
+            let report = verifier
+                .step_shared(seq, 0.0, &Arc::new(scene.set()))
+                .unwrap();
+            assert_eq!(report.verdict, Verdict::Intact, "{report:?}");
+        }
+        let baseline = verifier.baseline().unwrap();
+        assert!(baseline.links.is_empty());
+        assert_eq!(baseline.images.as_deref(), Some(&[][..]));
+    }
+}
+
+/// A weft yarn is lifted through all warp yarns: it passes the two that were above it, and no
+/// linking number shows that.
+#[test]
+fn a_yarn_that_is_lifted_out_of_a_weave_passes_through_others() {
+    for strategy in [Strategy::Full, Strategy::Incremental] {
+        let scene = weave();
+        let mut verifier = Verifier::new(scene.options(strategy, Events::Between)).unwrap();
+        let _ = verifier
+            .step_shared(0, 0.0, &Arc::new(scene.set()))
+            .unwrap();
+        let mut lifted = scene.clone();
+        lifted.curves[2].iter_mut().for_each(|p| p[2] += 1.0);
+        let report = verifier
+            .step_shared(1, 0.1, &Arc::new(lifted.set()))
+            .unwrap();
+        assert_eq!(report.verdict, Verdict::Changed);
+        // It crosses two warp yarns per cell, and was below one of them.
+        assert_eq!(report.events.len(), 1, "{:?}", report.events);
+        let event = &report.events[0];
+        assert!(event.i < 2 && event.j == 2, "{event:?}");
+    }
+}
+
+/// The yarns are shifted so that each crossing is at the boundary of the cell, where a yarn starts
+/// and ends: the passage is found once, between the image of a yarn and another one.
+#[test]
+fn a_passage_at_the_boundary_is_found_once() {
+    for shift in [0.45, 0.5, 0.51] {
+        let mut scene = weave();
+        scene.curves.truncate(3);
+        scene.curves.remove(1);
+        let mut lifted = scene.clone();
+        lifted.curves[1].iter_mut().for_each(|p| p[2] += 1.0);
+        // One yarn starts and ends near the crossing.
+        let mut set = scene.clone();
+        for scene in [&mut set, &mut lifted] {
+            for p in &mut scene.curves[0] {
+                p[0] += shift;
+                let t = (p[0] - 0.0) / 2.0 - 0.25;
+                p[2] = 0.3 * (std::f64::consts::TAU * t).cos();
+            }
+        }
+        let below = |scene: &Scene| scene.curves[0][0][2];
+        let mut verifier = Verifier::new(scene.options(Strategy::Full, Events::Between)).unwrap();
+        let _ = verifier.step_shared(0, 0.0, &Arc::new(set.set())).unwrap();
+        let report = verifier
+            .step_shared(1, 0.1, &Arc::new(lifted.set()))
+            .unwrap();
+        let crossing_is_above = below(&set) > -1.0;
+        assert!(crossing_is_above);
+        assert_eq!(report.events.len(), 1, "shift {shift}: {:?}", report.events);
+    }
+}
+
+#[test]
+fn a_wrapped_yarn_becomes_one_that_runs_through_the_cell() {
+    let scene = weave();
+    let wrapped: Vec<Point> = scene.curves[0][..16]
+        .iter()
+        .map(|p| [(p[0] + 1.3).rem_euclid(2.0), p[1], p[2]])
+        .collect();
+    let positions = Positions::F64(wrapped.as_flattened());
+    let set = CurveSet::from_counts(Basis::Polyline, &[-16], positions).unwrap();
+    let set = Unwrap::default().unwrap(&set, &scene.cell).unwrap();
+    assert_eq!((set.curve(0).closed, set.points()), (false, 17));
+    let mut verifier = Verifier::new(scene.options(Strategy::Full, Events::Between)).unwrap();
+    for seq in 0..3 {
+        let report = verifier
+            .step_shared(seq, 0.0, &Arc::new(set.clone()))
+            .unwrap();
+        assert_eq!(report.verdict, Verdict::Intact, "{report:?}");
+    }
+}
+
+#[test]
+fn a_yarn_that_no_longer_closes_up_is_not_intact() {
+    let scene = weave();
+    let mut verifier = Verifier::new(scene.options(Strategy::Full, Events::Between)).unwrap();
+    let _ = verifier
+        .step_shared(0, 0.0, &Arc::new(scene.set()))
+        .unwrap();
+    let mut torn = scene.clone();
+    torn.curves[1][16][0] += 0.1;
+    let report = verifier.step_shared(1, 0.1, &Arc::new(torn.set())).unwrap();
+    assert_eq!(report.verdict, Verdict::Undecided);
+    assert!(
+        report.missing[0].contains("curve 1 no longer ends at the image"),
+        "{report:?}"
+    );
+}
