@@ -21,7 +21,7 @@ import numpy as np
 import openmm as mm
 from openmm import unit
 
-VERSION = 6
+VERSION = 7
 FRAME_MAGIC = int.from_bytes(b"LWFRAME\0", "little")
 VERDICT_MAGIC = int.from_bytes(b"LWVERDI\0", "little")
 LOCKSTEP, END, ANNOUNCE, UNFINISHED = 1, 2, 4, 8
@@ -37,6 +37,7 @@ def fields(text):
         "u8": ctypes.c_uint8,
         "u32": ctypes.c_uint32,
         "u64": ctypes.c_uint64,
+        "i32": ctypes.c_int32,
         "i64": ctypes.c_int64,
         "f64": ctypes.c_double,
     }
@@ -89,7 +90,8 @@ class Verdict(Wire):
         f64 distance lengths extent
         u64 verified skipped rejected check_ns last_intact
         f64 safe_fraction
-        u8*192 reason
+        i32*3 image
+        u8*180 reason
         """
     )
 

@@ -7,7 +7,7 @@ use super::services::services;
 use super::wait_mode::WaitMode;
 use super::watcher::{Departure, Watcher};
 use super::wire::{FLAG_ANNOUNCE, FLAG_END, FLAG_UNFINISHED};
-use crate::curve::{Basis, CurveLabels, Positions, Precision};
+use crate::curve::{Basis, Cell, CurveLabels, Positions, Precision};
 use crate::error::{Error, Result};
 use std::fmt;
 use std::time::{Duration, Instant};
@@ -199,6 +199,29 @@ impl Client {
             return Err(Error::Usage(what));
         }
         self.frames.time_step = seconds;
+        Ok(())
+    }
+
+    /// Sets the periodic cell of later frames; `None`, as at first, if space is open. The cell may
+    /// differ from frame to frame: set it before [`publish`](FrameLoan::publish). All frames of a
+    /// session repeat along the same vectors, or along none.
+    ///
+    /// ```no_run
+    /// # fn main() -> linkwatch::Result<()> {
+    /// # let mut client = linkwatch::Client::open("linkwatch", &Default::default())?;
+    /// # let (positions, shear) = ([0.0_f32; 24], 0.1);
+    /// let mut cell: linkwatch::Cell = "10,10,12".parse()?;
+    /// cell.vectors[1][0] = shear; // the second vector leans along x
+    /// client.set_cell(Some(cell))?;
+    /// client.publish(0.0, linkwatch::Positions::F32(&positions))?;
+    /// # Ok(())
+    /// # }
+    /// ```
+    ///
+    /// Errors: those of [`Cell::check`]; the cell stays as it was.
+    pub fn set_cell(&mut self, cell: Option<Cell>) -> Result<()> {
+        cell.as_ref().map_or(Ok(()), Cell::check)?;
+        self.frames.cell = cell;
         Ok(())
     }
 

@@ -124,7 +124,7 @@ impl Frame {
             cuts: self.header.cuts,
             layout: self.header.layout,
             time_step: self.header.time_step,
-            cell: None,
+            cell: self.header.cell()?,
             labels: Arc::clone(&last.labels),
         })
     }
@@ -134,6 +134,9 @@ impl Frame {
     ///
     /// [`Frame::read`] with [`Verifier::receive`](crate::Verifier::receive) does the same, and
     /// saves time if the frame is then verified.
+    ///
+    /// The periodic cell of the frame is that of [`Frame::info`]: without a call of
+    /// [`Verifier::set_cell`](crate::Verifier::set_cell), curves would be verified as in open space.
     ///
     /// Errors: the frame breaks its contract. Answer it with
     /// [`Verdict::Rejected`](crate::Verdict::Rejected). The next valid frame makes an existing set

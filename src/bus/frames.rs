@@ -7,7 +7,7 @@ use super::wire::{
     FLAG_LOCKSTEP, FLAG_RADII, FRAME_MAGIC, FrameHeader, LAYOUT_VERSION, VerdictWire, cast_mut,
     table_of,
 };
-use crate::curve::{Basis, CurveLabels, Precision};
+use crate::curve::{Basis, Cell, CurveLabels, Precision};
 use crate::error::{Error, Result};
 use iceoryx2::port::publisher::Publisher;
 use iceoryx2::port::subscriber::Subscriber;
@@ -47,6 +47,8 @@ pub(super) struct Frames {
     layouts: u32,
     /// Time step of the simulator in seconds; 0 if it is unknown.
     pub time_step: f64,
+    /// Periodic cell of the next frames, if the scene is periodic.
+    pub cell: Option<Cell>,
     /// Number of the next frame.
     pub next: u64,
     /// Number of cuts so far. Frames with different numbers do not belong to one motion.
@@ -76,6 +78,7 @@ impl Frames {
             layout: None,
             layouts: 0,
             time_step: 0.0,
+            cell: None,
             next: 0,
             cuts: 0,
         }
@@ -273,6 +276,7 @@ impl Frames {
         }
         (header.seq, header.cuts) = (self.next, self.cuts);
         header.time_step = self.time_step;
+        header.set_cell(self.cell.as_ref());
         connection.connect()?;
         sample.send().map_err(bus("send"))?;
         let seq = self.next;

@@ -218,7 +218,8 @@ impl VerdictWire {
             check_ns: 0,
             last_intact: NO_FRAME,
             safe_fraction: f64::NAN,
-            reason: [0; 192],
+            image: [0; 3],
+            reason: [0; 180],
         }
     }
 
@@ -251,12 +252,12 @@ impl VerdictWire {
         };
         if let Some(change) = report.changes.first() {
             wire.finding = FINDING_CHANGE;
-            (wire.i, wire.j) = (change.i, change.j);
+            (wire.i, wire.j, wire.image) = (change.i, change.j, change.image);
             (wire.expected, wire.found) = (change.expected, change.found);
             wire.set_place(change.place);
         } else if let Some(event) = report.events.first() {
             wire.finding = FINDING_EVENT;
-            (wire.i, wire.j) = (event.i, event.j);
+            (wire.i, wire.j, wire.image) = (event.i, event.j, event.image);
             wire.found = event.sign.into();
             wire.lengths = event.lengths;
             wire.set_place(Some(Place {
@@ -267,6 +268,7 @@ impl VerdictWire {
         } else if let Some(defect) = report.defects.first() {
             wire.finding = FINDING_DEFECT;
             (wire.i, wire.j) = (defect.i, defect.j.unwrap_or(NO_CURVE));
+            wire.image = defect.image;
             wire.defect_kind = defect.kind as u32;
             wire.set_place(Some(defect.place));
         }
@@ -327,7 +329,7 @@ impl VerdictWire {
             FINDING_CHANGE => Some(Finding::Change(Change {
                 i: self.i,
                 j: self.j,
-                image: Default::default(),
+                image: self.image,
                 expected: self.expected,
                 found: self.found,
                 place: (self.has_place != 0).then_some(place),
@@ -335,7 +337,7 @@ impl VerdictWire {
             FINDING_EVENT => Some(Finding::Event(PullThrough {
                 i: self.i,
                 j: self.j,
-                image: Default::default(),
+                image: self.image,
                 segments: self.segments,
                 fraction: self.distance,
                 sign: if self.found < 0 { -1 } else { 1 },
@@ -345,7 +347,7 @@ impl VerdictWire {
             FINDING_DEFECT => Some(Finding::Defect(Defect {
                 i: self.i,
                 j: (self.j != NO_CURVE).then_some(self.j),
-                image: Default::default(),
+                image: self.image,
                 kind: *DefectKind::ALL
                     .get(self.defect_kind as usize)
                     .ok_or_else(|| bad("defect code", self.defect_kind.into()))?,
@@ -412,7 +414,7 @@ mod tests {
         let change = Change {
             i: 3,
             j: 4,
-            image: Default::default(),
+            image: [0; 3],
             expected: 1,
             found: 0,
             place: Some(PLACE),
@@ -452,7 +454,7 @@ mod tests {
         let event = PullThrough {
             i: 3,
             j: 3,
-            image: Default::default(),
+            image: [0; 3],
             segments: [7, 9],
             fraction: 0.25,
             sign: -1,
@@ -475,7 +477,7 @@ mod tests {
         let defect = Defect {
             i: 2,
             j: None,
-            image: Default::default(),
+            image: [0; 3],
             kind: DefectKind::Degenerate,
             place: PLACE,
         };
@@ -486,8 +488,45 @@ mod tests {
         let mut r = report(Verdict::Rejected);
         r.rejected = Some("ä".repeat(200));
         let m = sent(&r);
-        assert_eq!(m.reason.as_deref(), Some("ä".repeat(96).as_str()));
+        assert_eq!(m.reason.as_deref(), Some("ä".repeat(90).as_str()));
         assert!(m.to_string().starts_with("frame 12: rejected: ää"));
+    }
+
+    #[test]
+    fn the_image_of_a_finding_is_transmitted() {
+        let (i, j, image) = (3, 4, [1, -2, i32::MIN]);
+        let change = Change {
+            i,
+            j,
+            image,
+            expected: 1,
+            found: 0,
+            place: None,
+        };
+        let mut r = report(Verdict::Changed);
+        r.changes = vec![change];
+        assert_eq!(sent(&r).first, Some(Finding::Change(change)));
+        let event = PullThrough {
+            i,
+            j: i,
+            image,
+            segments: [7, 9],
+            fraction: 0.25,
+            sign: 1,
+            point: [1.0, 2.0, 3.0],
+            lengths: 0.25,
+        };
+        (r.changes, r.events) = (vec![], vec![event]);
+        assert_eq!(sent(&r).first, Some(Finding::Event(event)));
+        let defect = Defect {
+            i,
+            j: Some(j),
+            image,
+            kind: DefectKind::Contact,
+            place: PLACE,
+        };
+        (r.events, r.defects) = (vec![], vec![defect]);
+        assert_eq!(sent(&r).first, Some(Finding::Defect(defect)));
     }
 
     #[test]
@@ -514,7 +553,7 @@ mod tests {
             |w| w.verdict = 6,
             |w| w.finding = 4,
             |w| (w.finding, w.defect_kind) = (FINDING_DEFECT, 6),
-            |w| w.reason_len = 201,
+            |w| w.reason_len = 181,
         ];
         for change in bad {
             let mut wire = good;

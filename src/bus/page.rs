@@ -137,6 +137,7 @@ fn the_page_has_every_field_of_a_verdict() {
             check_ns,
             last_intact,
             safe_fraction,
+            image,
             reason,
         }
     );

@@ -12,7 +12,7 @@
 
 #[cfg(feature = "bus")]
 use crate::curve::{Basis, Positions};
-use crate::curve::{CurveLabels, Precision};
+use crate::curve::{Cell, CurveLabels, Precision};
 use crate::error::{Error, Result};
 #[cfg(feature = "bus")]
 use crate::ingest::RawFrame;
@@ -20,7 +20,7 @@ use iceoryx2::prelude::ZeroCopySend;
 use std::mem::size_of;
 
 /// Version of the layout. Increment it with every change of either struct or of the payload.
-pub(super) const LAYOUT_VERSION: u32 = 6;
+pub(super) const LAYOUT_VERSION: u32 = 7;
 
 /// Alignment of the payload and of the positions in it: a cache line, and the widest vector load.
 pub(super) const ALIGNMENT: usize = 64;
@@ -76,14 +76,14 @@ pub(super) struct FrameHeader {
     pub names_bytes: u32,
     /// Time step of the simulator in seconds; 0 if it is unknown.
     pub time_step: f64,
-    /// Number of vectors of the periodic cell. Must be 0, because periodic cells are not supported
-    /// yet.
+    /// Number of vectors of the periodic cell that are not zero; 0 if the scene is not periodic.
     pub cell_vectors: u32,
     /// Must be 0.
     pub reserved: u32,
-    /// Origin of the periodic cell.
+    /// Corner of the periodic cell.
     pub cell_origin: [f64; 3],
-    /// Vectors of the periodic cell.
+    /// Vectors of the periodic cell, one after the other. Zeros stand for a vector without
+    /// repetition.
     pub cell: [f64; 9],
 }
 
@@ -151,9 +151,11 @@ pub(super) struct VerdictWire {
     pub last_intact: u64,
     /// NaN if it is unknown.
     pub safe_fraction: f64,
+    /// Translation of the curve `j` of the finding, in vectors of the periodic cell.
+    pub image: [i32; 3],
     /// Why a frame was rejected or pairs were not verified, or which curves appeared and are gone:
     /// UTF-8, cut at a character.
-    pub reason: [u8; 192],
+    pub reason: [u8; 180],
 }
 
 // The sizes are the sums of the fields, so there is no implicit padding.
@@ -248,16 +250,7 @@ impl FrameHeader {
         if !(self.time_step >= 0.0 && self.time_step.is_finite()) {
             return field("time step", format_args!("{} seconds", self.time_step));
         }
-        if self.cell_vectors != 0 {
-            return Err(Error::unsupported(
-                "frame",
-                format_args!(
-                    "a periodic cell of {} vectors: this build verifies curves in open space only; \
-                     publish unwrapped positions without a cell",
-                    self.cell_vectors
-                ),
-            ));
-        }
+        self.cell()?;
         let Some(&basis) = Basis::ALL.get(self.basis as usize) else {
             let last = Basis::ALL.len() - 1;
             return field(
@@ -313,6 +306,37 @@ impl FrameHeader {
         })
     }
 
+    /// Writes the periodic cell.
+    pub fn set_cell(&mut self, cell: Option<&Cell>) {
+        let vectors = cell.map_or_else(Default::default, |cell| cell.vectors);
+        self.cell_vectors = not_zero(&vectors);
+        self.cell.copy_from_slice(vectors.as_flattened());
+        self.cell_origin = cell.map_or_else(Default::default, |cell| cell.origin);
+    }
+
+    /// Returns the periodic cell, if there is one. Fails if it is no lattice, or if the number of
+    /// its vectors is another one than the header says: the scene could be taken for another one.
+    #[cfg(feature = "bus")]
+    pub fn cell(&self) -> Result<Option<Cell>> {
+        let field = |what| Error::format("frame", "periodic cell", what);
+        let (vectors, _) = self.cell.as_chunks::<3>();
+        let cell = Cell {
+            origin: self.cell_origin,
+            vectors: [vectors[0], vectors[1], vectors[2]],
+        };
+        let found = not_zero(&cell.vectors);
+        if self.cell_vectors != found {
+            let what = format!("{} vectors, but {found} are not zero", self.cell_vectors);
+            return Err(field(what));
+        }
+        if self.cell_vectors == 0 && self.cell_origin == [0.0; 3] {
+            return Ok(None);
+        }
+        // Says "no vector" if there is a corner only.
+        cell.check().map_err(|why| field(why.to_string()))?;
+        Ok(Some(cell))
+    }
+
     #[cfg(feature = "bus")]
     fn table(&self) -> Option<Table> {
         let radii = self.flags & FLAG_RADII != 0;
@@ -356,6 +380,11 @@ impl FrameHeader {
         labels.check(curves)?;
         Ok(labels)
     }
+}
+
+/// Returns the number of vectors that are not zero.
+fn not_zero(vectors: &[[f64; 3]; 3]) -> u32 {
+    vectors.iter().map(|v| u32::from(*v != [0.0; 3])).sum()
 }
 
 /// Returns the parts before the positions of a payload, and the number of bytes of the names.
@@ -523,15 +552,10 @@ mod tests {
             };
             assert!(fails(h).contains("(time step)"));
         }
-        assert_eq!(
-            fails(with(|h| h.cell_vectors = 3)),
-            "unsupported frame: a periodic cell of 3 vectors: this build verifies curves in open \
-             space only; publish unwrapped positions without a cell"
-        );
         let e = with(|h| h.version = 9).check_layout().unwrap_err();
         assert_eq!(
             e.to_string(),
-            "the frame has version 9; this build reads version 6"
+            "the frame has version 9; this build reads version 7"
         );
         assert!(with(|h| h.magic = 0).check_layout().is_err());
         let e = with(|h| h.session = 0).check_layout().unwrap_err();
@@ -539,5 +563,47 @@ mod tests {
             e.to_string(),
             "not a valid frame (session): 0, expected a random number"
         );
+    }
+    #[test]
+    fn a_periodic_cell_is_transmitted() {
+        let mut h = header(1, 4);
+        assert_eq!(h.cell().unwrap(), None);
+        for text in ["10,10,12", "0,3.5,0", "10,0,0,2,10,0,0,0,12,-5,1,0"] {
+            let cell: Cell = text.parse().unwrap();
+            h.set_cell(Some(&cell));
+            assert_eq!(h.cell().unwrap(), Some(cell), "{text}");
+        }
+        h.set_cell(None);
+        assert_eq!(h, header(1, 4));
+    }
+
+    #[test]
+    fn rejects_a_cell_that_is_no_lattice() {
+        let bytes = Aligned([0; 256]);
+        let fails = |change: fn(&mut FrameHeader)| {
+            let mut h = header(1, 4);
+            h.set_cell(Some(&"10,10,12".parse().unwrap()));
+            change(&mut h);
+            let e = error(h, &bytes.0[..112], 256);
+            let e = e.strip_prefix("not a valid frame (periodic cell): ");
+            e.expect("the place of the error").to_owned()
+        };
+        for vectors in [0, 2, 4, u32::MAX] {
+            let mut h = header(1, 4);
+            h.set_cell(Some(&"10,10,12".parse().unwrap()));
+            h.cell_vectors = vectors;
+            let e = error(h, &bytes.0[..112], 256);
+            assert!(e.ends_with(&format!("{vectors} vectors, but 3 are not zero")));
+        }
+        assert!(fails(|h| h.cell[4] = 0.0).ends_with("3 vectors, but 2 are not zero"));
+        assert!(fails(|h| h.cell[8] = f64::NAN).contains("not finite"));
+        assert!(fails(|h| h.cell_origin[0] = f64::INFINITY).contains("not finite"));
+        assert!(fails(|h| h.cell[0] = 1e-300).contains("1e-60 to 1e60"));
+        assert!(fails(|h| h.cell[3..6].copy_from_slice(&[1.0, 0.0, 0.0])).contains("one plane"));
+        let corner_alone = |h: &mut FrameHeader| {
+            h.set_cell(None);
+            h.cell_origin[1] = 1.0;
+        };
+        assert!(fails(corner_alone).contains("no vector"));
     }
 }

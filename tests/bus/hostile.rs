@@ -51,7 +51,7 @@ impl HostilePublisher {
 #[test]
 fn an_invalid_frame_affects_only_itself() {
     type Lie = fn(&mut Header, &mut Vec<u8>);
-    let lies: [(Lie, &str); 21] = [
+    let lies: [(Lie, &str); 25] = [
         (
             |h, _| h.n_points = 9,
             "bytes of a frame: 172 promised, 160 available",
@@ -87,7 +87,20 @@ fn an_invalid_frame_affects_only_itself() {
         (|h, _| h.names_bytes = u32::MAX, "bytes of a frame"),
         (|h, _| h.flags = 16, "bytes of a frame: 224 promised"),
         (|h, _| h.time_step = f64::NAN, "time step"),
-        (|h, _| h.cell_vectors = 3, "a periodic cell of 3 vectors"),
+        (|h, _| h.cell_vectors = 3, "3 vectors, but 0 are not zero"),
+        (|h, _| h.cell[4] = 1.0, "0 vectors, but 1 are not zero"),
+        (|h, _| h.cell_origin[2] = 1.0, "no vector"),
+        (
+            |h, _| (h.cell_vectors, h.cell[0]) = (1, f64::NAN),
+            "(periodic cell): cell NaN,0,0",
+        ),
+        (
+            |h, _| {
+                h.cell_vectors = 2;
+                h.cell[..6].copy_from_slice(&[1.0, 2.0, 3.0, 2.0, 4.0, 6.0]);
+            },
+            "one plane or on one line",
+        ),
     ];
     let name = service();
     let mut sidecar = sidecar(&name);
@@ -111,7 +124,7 @@ fn an_invalid_frame_affects_only_itself() {
         frame.ingest(&mut set).unwrap();
         assert!(holds(set.as_ref().unwrap(), seq));
     }
-    assert_eq!(sidecar.counters().rejected, 21);
+    assert_eq!(sidecar.counters().rejected, 25);
     assert_eq!(sidecar.counters().skipped, 0);
 }
 
@@ -190,7 +203,13 @@ fn an_unreadable_message_has_no_number() {
     assert!(e.contains("magic number"), "{e}");
     publisher.send(|h, _| h.version += 1);
     let e = unreadable(&mut sidecar);
-    assert!(matches!(e, Error::Version { found: 7, .. }), "{e}");
+    assert!(matches!(e, Error::Version { found: 8, .. }), "{e}");
+    // A client of the layout before images in findings.
+    publisher.send(|h, _| h.version = 6);
+    assert_eq!(
+        unreadable(&mut sidecar).to_string(),
+        "the frame has version 6; this build reads version 7"
+    );
     let seq = publisher.honest();
     new_session(&mut sidecar);
     assert_eq!(next_frame(&mut sidecar).seq(), seq);

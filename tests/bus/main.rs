@@ -1,6 +1,7 @@
 //! The bus between a simulator and the watcher: in one process, across processes, and with killed
 //! processes.
 
+mod cells;
 mod death;
 mod hostile;
 mod lockstep;

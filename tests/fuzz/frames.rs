@@ -98,6 +98,10 @@ impl Watcher {
     /// Verifies a frame like the sessions of the command.
     fn verify(&mut self, frame: &linkwatch::Frame) -> Result<(Report, Arc<CurveSet>), Error> {
         let info = frame.info(&mut self.labels)?;
+        if info.cell.is_some() {
+            let what = "a periodic cell in a scene without one";
+            return Err(Error::Usage(what.into()));
+        }
         if std::mem::replace(&mut self.layout, info.layout) != info.layout {
             self.pool = FramePool::default();
         }

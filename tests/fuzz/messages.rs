@@ -46,7 +46,8 @@ fn valid(session: u64, seq: u64) -> Message {
         check_ns: 1,
         last_intact: seq,
         safe_fraction: 1.0,
-        reason: [0; 192],
+        image: [0; 3],
+        reason: [0; 180],
     }
 }
 

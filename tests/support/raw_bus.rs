@@ -33,7 +33,7 @@ impl Header {
     /// Value of `magic`.
     pub const MAGIC: u64 = u64::from_le_bytes(*b"LWFRAME\0");
     /// Value of `version`.
-    pub const VERSION: u32 = 6;
+    pub const VERSION: u32 = 7;
     pub const END: u32 = 2;
     pub const ANNOUNCE: u32 = 4;
     pub const RADII: u32 = 16;
@@ -79,7 +79,8 @@ pub struct Message {
     pub check_ns: u64,
     pub last_intact: u64,
     pub safe_fraction: f64,
-    pub reason: [u8; 192],
+    pub image: [i32; 3],
+    pub reason: [u8; 180],
 }
 
 impl Message {

@@ -154,6 +154,9 @@ typedef struct lw_verdict {
   uint32_t i;
   // See `i`.
   uint32_t j;
+  // Translation of the curve `j` of the first finding, in vectors of the periodic cell; zeros
+  // without a cell.
+  int32_t image[3];
   // True if the place of the first finding is known.
   bool has_place;
   // Segments of the curves `i` and `j` at the place of the first finding, from 0.
@@ -350,6 +353,17 @@ lw_status lw_describe_labelled(struct lw_client *client,
 // `client` comes from lw_open.
 lw_status lw_set_time_step(struct lw_client *client, double seconds);
 
+// Sets the periodic cell of later frames: three vectors, `x y z` one after the other, and a corner,
+// which may be null. A vector of zeros stands for a direction without repetition. If `vectors` is
+// null, as at first, space is open. The cell may differ from frame to frame: set it before
+// lw_publish. All frames of a session repeat along the same vectors, or along none.
+//
+// # Safety
+//
+// `client` comes from lw_open. `vectors` is null, or points to nine numbers; `corner` is null, or
+// points to three.
+lw_status lw_set_cell(struct lw_client *client, const double *vectors, const double *corner);
+
 // Returns shared memory for the positions of the next frame, at `time` seconds of simulation:
 // `x y z x y z ..` curve after curve, 64-byte aligned. Write all of it, then call lw_publish. The
 // watcher reads the same memory; nothing is copied.
@@ -522,6 +536,19 @@ lw_status lw_verifier_step(struct lw_verifier *verifier,
                            const struct lw_frame *frame,
                            double time,
                            struct lw_verdict *verdict);
+
+// Sets the periodic cell of the frames from the next one on: three vectors, `x y z` one after the
+// other, and a corner, which may be null. A vector of zeros stands for a direction without
+// repetition. The frames of a verifier have either all a cell or none, and all repeat along the
+// same vectors.
+//
+// # Safety
+//
+// `verifier` comes from lw_verifier_new. `vectors` points to nine numbers; `corner` is null, or
+// points to three.
+lw_status lw_verifier_set_cell(struct lw_verifier *verifier,
+                               const double *vectors,
+                               const double *corner);
 
 // Marks the next frame as not continuing the previous one: after a roll back or a jump.
 //

@@ -8,6 +8,7 @@
 
 #include "linkwatch.h"
 
+#include <array>
 #include <cmath>
 #include <cstdint>
 #include <memory>
@@ -117,6 +118,12 @@ public:
 
   // Sets the time step of the simulator in seconds, for the recording; 0 if it is unknown.
   void set_time_step(double seconds) { detail::check(lw_set_time_step(open(), seconds)); }
+
+  // Sets the periodic cell of later frames: three vectors, one after the other, and a corner. A
+  // vector of zeros stands for a direction without repetition.
+  void set_cell(const std::array<double, 9> &vectors, const std::array<double, 3> &corner = {}) {
+    detail::check(lw_set_cell(open(), vectors.data(), corner.data()));
+  }
 
   // Number of coordinates of a frame: three for each control point.
   std::size_t size() const { return coordinates; }
@@ -287,6 +294,11 @@ public:
     Verdict verdict;
     detail::check(lw_verifier_step(verifier.get(), &frame, time, &verdict));
     return verdict;
+  }
+
+  // Sets the periodic cell of the frames from the next one on, as Client::set_cell does.
+  void set_cell(const std::array<double, 9> &vectors, const std::array<double, 3> &corner = {}) {
+    detail::check(lw_verifier_set_cell(verifier.get(), vectors.data(), corner.data()));
   }
 
   // Returns the clearance of the last verified frame, if it is measured.

@@ -1,6 +1,6 @@
 //! The live client.
 
-use crate::curves::{basis, precision, values};
+use crate::curves::{basis, cell, precision, values};
 use crate::error::{
     LW_ERROR, LW_NO_WATCHER, LW_NOTHING, LW_OK, LW_STALE, describe, free, give, given, guard,
     lw_status, string, words,
@@ -193,6 +193,28 @@ pub unsafe extern "C" fn lw_set_time_step(client: *mut lw_client, seconds: f64) 
         let this = unsafe { given(client, "client") }?;
         let set = this.client.set_time_step(seconds);
         set.map(|()| LW_OK).map_err(words)
+    })
+}
+
+/// Sets the periodic cell of later frames: three vectors, `x y z` one after the other, and a corner,
+/// which may be null. A vector of zeros stands for a direction without repetition. If `vectors` is
+/// null, as at first, space is open. The cell may differ from frame to frame: set it before
+/// lw_publish. All frames of a session repeat along the same vectors, or along none.
+///
+/// # Safety
+///
+/// `client` comes from lw_open. `vectors` is null, or points to nine numbers; `corner` is null, or
+/// points to three.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn lw_set_cell(
+    client: *mut lw_client,
+    vectors: *const f64,
+    corner: *const f64,
+) -> lw_status {
+    guard(LW_ERROR, || {
+        // SAFETY: as promised by the caller.
+        let (this, cell) = unsafe { (given(client, "client")?, cell(vectors, corner)?) };
+        this.client.set_cell(cell).map(|()| LW_OK).map_err(words)
     })
 }
 

@@ -1,6 +1,6 @@
 //! Curves of a frame, as the caller describes them.
 
-use linkwatch::{Basis, Positions, Precision, RawFrame};
+use linkwatch::{Basis, Cell, Positions, Precision, RawFrame};
 use std::ffi::c_void;
 use std::slice;
 
@@ -33,6 +33,28 @@ pub struct lw_frame {
     /// Coordinates of all control points, `x y z x y z ..` curve after curve, aligned for their
     /// type.
     pub positions: *const c_void,
+}
+
+/// Returns the periodic cell of the caller; `None` if `vectors` is null.
+///
+/// # Safety
+///
+/// `vectors` is null, or points to nine numbers; `corner` is null, or points to three.
+pub(crate) unsafe fn cell(vectors: *const f64, corner: *const f64) -> Result<Option<Cell>, String> {
+    if vectors.is_null() {
+        return Ok(None);
+    }
+    // SAFETY: as promised by the caller.
+    let (points, _) = unsafe { values(vectors, 9, "vectors") }?.as_chunks::<3>();
+    let origin = match corner.is_null() {
+        true => [0.0; 3],
+        // SAFETY: as promised by the caller.
+        false => unsafe { values(corner, 3, "corner") }?.as_chunks::<3>().0[0],
+    };
+    Ok(Some(Cell {
+        origin,
+        vectors: [points[0], points[1], points[2]],
+    }))
 }
 
 /// Returns the basis of a code.

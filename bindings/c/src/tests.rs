@@ -319,6 +319,64 @@ fn named_curves_are_described_again() {
 }
 
 #[test]
+fn a_periodic_cell_that_is_no_lattice_is_refused() {
+    let (client, _) = open("cell");
+    let refused = |vectors: [f64; 9], corner: *const f64, words: &str| {
+        // SAFETY: the client is valid until lw_finish, and so are the arrays during the call.
+        unsafe { assert_eq!(lw_set_cell(client, vectors.as_ptr(), corner), LW_ERROR) };
+        assert!(last_error().contains(words), "{}", last_error());
+    };
+    refused([0.0; 9], null(), "no vector");
+    refused([1.0; 9], null(), "one plane");
+    refused(CELL, [0.0, f64::NAN, 0.0].as_ptr(), "not finite");
+    // SAFETY: as above.
+    unsafe {
+        let corner = [-5.0, -5.0, 0.0];
+        assert_eq!(lw_set_cell(client, CELL.as_ptr(), corner.as_ptr()), LW_OK);
+        assert_eq!(lw_set_cell(client, null(), null()), LW_OK);
+        assert_eq!(lw_set_cell(null_mut(), CELL.as_ptr(), null()), LW_ERROR);
+        assert_eq!(last_error(), "client is null");
+        assert_eq!(lw_finish(client, 0.01, null_mut()), LW_NOTHING);
+    }
+}
+
+/// Repeats along x and y.
+const CELL: [f64; 9] = [10.0, 0.0, 0.0, 0.0, 10.0, 0.0, 0.0, 0.0, 0.0];
+
+#[test]
+fn a_link_across_the_boundary_is_lost_with_its_image() {
+    let mut verdict = empty_verdict();
+    // SAFETY: all pointers are valid.
+    unsafe {
+        let verifier = lw_verifier_new(null());
+        assert_eq!(lw_verifier_set_cell(verifier, null(), null()), LW_ERROR);
+        assert_eq!(last_error(), "vectors is null");
+        for (distance, edge) in [(9.0, 10.0), (9.5, 10.5), (8.0, 10.5)] {
+            let mut cell = CELL;
+            cell[0] = edge;
+            let set = lw_verifier_set_cell(verifier, cell.as_ptr(), null());
+            assert_eq!(set, LW_OK, "{}", last_error());
+            let positions = rings(distance);
+            let status = lw_verifier_step(verifier, &frame(&positions), 0.0, &mut verdict);
+            assert_eq!(status, LW_OK, "{}", last_error());
+            let want = if distance > 8.0 {
+                LW_INTACT
+            } else {
+                LW_CHANGED
+            };
+            assert_eq!(verdict.verdict, want, "{}", text(&verdict));
+        }
+        assert_eq!((verdict.lost, verdict.pull_throughs), (1, 1));
+        assert_eq!((verdict.i, verdict.j, verdict.image), (0, 1, [-1, 0, 0]));
+        let along_x = [10.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
+        let set = lw_verifier_set_cell(verifier, along_x.as_ptr(), null());
+        assert_eq!(set, LW_ERROR);
+        assert!(last_error().contains("other vectors"), "{}", last_error());
+        lw_verifier_free(verifier);
+    }
+}
+
+#[test]
 fn a_second_simulator_on_one_name_is_refused() {
     let (client, name) = open("second");
     // SAFETY: the string ends with a zero byte, and the client is closed once.

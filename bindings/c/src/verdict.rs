@@ -83,6 +83,9 @@ pub struct lw_verdict {
     pub i: u32,
     /// See `i`.
     pub j: u32,
+    /// Translation of the curve `j` of the first finding, in vectors of the periodic cell; zeros
+    /// without a cell.
+    pub image: [i32; 3],
     /// True if the place of the first finding is known.
     pub has_place: bool,
     /// Segments of the curves `i` and `j` at the place of the first finding, from 0.
@@ -133,6 +136,7 @@ impl lw_verdict {
         finding: LW_FINDING_NONE,
         i: LW_NO_CURVE,
         j: LW_NO_CURVE,
+        image: [0; 3],
         has_place: false,
         segments: [0; 2],
         point: [0.0; 3],
@@ -147,7 +151,7 @@ impl lw_verdict {
         match finding {
             Finding::Change(c) => {
                 self.finding = LW_FINDING_CHANGE;
-                (self.i, self.j) = (c.i, c.j);
+                (self.i, self.j, self.image) = (c.i, c.j, c.image);
                 if let Some(place) = &c.place {
                     self.has_place = true;
                     (self.segments, self.point) = (place.segments, place.point);
@@ -155,7 +159,7 @@ impl lw_verdict {
             }
             Finding::Event(p) => {
                 self.finding = LW_FINDING_PULL_THROUGH;
-                (self.i, self.j) = (p.i, p.j);
+                (self.i, self.j, self.image) = (p.i, p.j, p.image);
                 self.has_place = true;
                 (self.segments, self.point) = (p.segments, p.point);
                 self.fraction = p.fraction;
@@ -163,6 +167,7 @@ impl lw_verdict {
             Finding::Defect(d) => {
                 self.finding = LW_FINDING_DEFECT;
                 (self.i, self.j) = (d.i, d.j.unwrap_or(LW_NO_CURVE));
+                self.image = d.image;
                 self.has_place = true;
                 (self.segments, self.point) = (d.place.segments, d.place.point);
             }

@@ -1,6 +1,6 @@
 //! Verification in process.
 
-use crate::curves::{lw_frame, raw, values};
+use crate::curves::{cell, lw_frame, raw, values};
 use crate::error::{LW_ERROR, LW_OK, free, give, given, guard, lw_status, string, words};
 use crate::verdict::lw_verdict;
 use linkwatch::{
@@ -306,6 +306,30 @@ pub unsafe extern "C" fn lw_verifier_step(
         let frame = unsafe { raw(frame, "frame") }?;
         *to = (&this.step(frame, time)?).into();
         Ok(LW_OK)
+    })
+}
+
+/// Sets the periodic cell of the frames from the next one on: three vectors, `x y z` one after the
+/// other, and a corner, which may be null. A vector of zeros stands for a direction without
+/// repetition. The frames of a verifier have either all a cell or none, and all repeat along the
+/// same vectors.
+///
+/// # Safety
+///
+/// `verifier` comes from lw_verifier_new. `vectors` points to nine numbers; `corner` is null, or
+/// points to three.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn lw_verifier_set_cell(
+    verifier: *mut lw_verifier,
+    vectors: *const f64,
+    corner: *const f64,
+) -> lw_status {
+    guard(LW_ERROR, || {
+        // SAFETY: as promised by the caller.
+        let (this, cell) = unsafe { (given(verifier, "verifier")?, cell(vectors, corner)?) };
+        let cell = cell.ok_or("vectors is null")?;
+        let set = this.verifier.set_cell(cell);
+        set.map(|()| LW_OK).map_err(words)
     })
 }
 

@@ -276,6 +276,27 @@ static void a_pull_through_is_aborted_once_if_the_simulator_rolls_back(void) {
   CHECK_TEXT(output(), "first violation: frame 3");
 }
 
+static void a_link_across_the_boundary_of_a_cell_is_lost_with_its_image(void) {
+  watch("cell", "--events");
+  lw_client *client = watched_simulator();
+  double vectors[9] = {10, 0, 0, 0, 10, 0, 0, 0, 0};
+  const double corner[3] = {-5, -5, 0};
+  CHECK(lw_set_cell(client, vectors, corner) == LW_OK);
+  CHECK(step(client, 9.5).verdict == LW_INTACT);
+  vectors[0] = 10.5;
+  CHECK(lw_set_cell(client, vectors, corner) == LW_OK);
+  CHECK(step(client, 10).verdict == LW_INTACT);
+  const lw_verdict verdict = step(client, 5);
+  CHECK(verdict.verdict == LW_CHANGED && verdict.lost == 1);
+  CHECK(verdict.i == 0 && verdict.j == 1);
+  CHECK(verdict.image[0] == -1 && verdict.image[1] == 0 && verdict.image[2] == 0);
+  CHECK_TEXT(verdict.text, "curve 0 and the image -1,0,0 of curve 1 came apart");
+  // All frames of a session have a cell.
+  CHECK(lw_set_cell(client, NULL, NULL) == LW_OK);
+  CHECK(step(client, 9.5).verdict == LW_REJECTED);
+  finish(client, 1);
+}
+
 int main(int argc, char **argv) {
   if (argc == 3 && strcmp(argv[1], "--simulate") == 0) return simulate(argv[2]);
   if (argc != 3) return fprintf(stderr, "usage: %s LINKWATCH FOLDER\n", argv[0]), 1;
@@ -287,6 +308,7 @@ int main(int argc, char **argv) {
   a_killed_simulator_ends_the_watch_and_frees_the_name();
   a_frame_with_nan_is_rejected_with_its_curve_and_point();
   a_pull_through_is_aborted_once_if_the_simulator_rolls_back();
-  puts("5 tests passed");
+  a_link_across_the_boundary_of_a_cell_is_lost_with_its_image();
+  puts("6 tests passed");
   return 0;
 }

@@ -2,7 +2,7 @@
 
 use crate::exception;
 use crate::findings::{Change, Defect, PullThrough};
-use crate::frame::basis;
+use crate::frame::{basis, cell};
 use linkwatch::{
     Basis, ClientOptions, CurveLabels, Finding, FrameMemory, MessageKind, Outcome, Precision,
     VerdictMessage,
@@ -203,6 +203,12 @@ impl Client {
     /// Sets the time step of the simulator in seconds.
     fn set_time_step(&mut self, seconds: f64) -> PyResult<()> {
         self.open()?.set_time_step(seconds).map_err(exception)
+    }
+
+    /// Sets the periodic cell of later frames: three vectors and the corner.
+    fn set_cell(&mut self, numbers: [f64; 12]) -> PyResult<()> {
+        let set = self.open()?.set_cell(Some(cell(numbers)));
+        set.map_err(exception)
     }
 
     /// Returns a view of the shared memory of the next frame.

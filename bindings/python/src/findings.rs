@@ -44,6 +44,8 @@ Change {
     i: u32,
     /// Second curve.
     j: u32,
+    /// Translation of the second curve, in vectors of the periodic cell; zeros without a cell.
+    image: (i32, i32, i32),
     /// Linking number of the baseline.
     expected: i64,
     /// Linking number of the frame.
@@ -59,6 +61,8 @@ PullThrough {
     i: u32,
     /// Second curve; equal to the first one if the curve passes through itself.
     j: u32,
+    /// Translation of the second curve, in vectors of the periodic cell; zeros without a cell.
+    image: (i32, i32, i32),
     /// Segment of each curve, from 0.
     segments: [u32; 2],
     /// Time as a fraction of the step between the frames.
@@ -78,6 +82,8 @@ Defect {
     i: u32,
     /// Second curve; None if the defect concerns one curve.
     j: Option<u32>,
+    /// Translation of the second curve, in vectors of the periodic cell; zeros without a cell.
+    image: (i32, i32, i32),
     /// Reason: contact, too-close, degenerate, no-baseline, undecided-step or unaccounted.
     kind: String,
     /// Place.
@@ -101,6 +107,7 @@ impl Change {
         Change {
             i: c.i,
             j: c.j,
+            image: c.image.into(),
             expected: c.expected,
             found: c.found,
             place: c.place.as_ref().map(Into::into),
@@ -115,6 +122,7 @@ impl PullThrough {
         PullThrough {
             i: p.i,
             j: p.j,
+            image: p.image.into(),
             segments: p.segments,
             fraction: p.fraction,
             sign: p.sign,
@@ -131,6 +139,7 @@ impl Defect {
         Defect {
             i: d.i,
             j: d.j,
+            image: d.image.into(),
             kind: d.kind.word().to_owned(),
             place: (&d.place).into(),
             text: d.sentence(extent),

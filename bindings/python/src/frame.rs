@@ -1,7 +1,7 @@
 //! Frames as the Python package passes them: one array of points, and the number of points of each
 //! curve.
 
-use linkwatch::{Basis, Positions};
+use linkwatch::{Basis, Cell, Positions};
 use numpy::{PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
@@ -28,6 +28,15 @@ impl Points<'_> {
             Points::Single(array) => Positions::F32(array.as_slice()?),
             Points::Double(array) => Positions::F64(array.as_slice()?),
         })
+    }
+}
+
+/// Returns the periodic cell of these numbers: three vectors and the corner.
+pub fn cell(numbers: [f64; 12]) -> Cell {
+    let (points, _) = numbers.as_chunks::<3>();
+    Cell {
+        origin: points[3],
+        vectors: [points[0], points[1], points[2]],
     }
 }
 

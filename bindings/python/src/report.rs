@@ -7,6 +7,9 @@ use numpy::PyArray2;
 use pyo3::prelude::*;
 use std::path::PathBuf;
 
+/// Curves, translation of the second one, and linking number.
+type ImageLink = (u32, u32, (i32, i32, i32), Option<i64>);
+
 /// The verdict on a frame.
 #[pyclass(frozen, eq, module = "linkwatch")]
 #[derive(Clone, PartialEq)]
@@ -152,6 +155,19 @@ impl Certificate {
         links.map(|l| (l.i, l.j, l.lambda)).collect()
     }
 
+    /// Of a periodic scene: linking numbers with images of other curves and of the curve itself, as
+    /// tuples (i, j, image, lambda), sorted. lambda is None if the pair has no linking number. None
+    /// if the scene is not periodic.
+    #[getter]
+    fn images(&self) -> Option<Vec<ImageLink>> {
+        let images = self.0.images.as_deref()?.iter();
+        Some(
+            images
+                .map(|l| (l.i, l.j, l.image.into(), l.lambda))
+                .collect(),
+        )
+    }
+
     /// Pairs and curves without a linking number.
     #[getter]
     fn undefined(&self) -> Vec<Defect> {
@@ -159,7 +175,8 @@ impl Certificate {
         undefined.map(|d| Defect::new(d, 0.0)).collect()
     }
 
-    /// The symmetric matrix of all linking numbers, as an array of the shape (curves, curves).
+    /// The symmetric matrix of all linking numbers, as an array of the shape (curves, curves);
+    /// without those of periodic images.
     fn matrix<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<i64>>> {
         let n = self.0.curves;
         let mut rows = vec![vec![0; n]; n];
@@ -185,6 +202,10 @@ impl Certificate {
 
     fn __repr__(&self) -> String {
         let (curves, links) = (self.0.curves, self.0.links.len());
-        format!("<Certificate: {curves} curves, {links} links>")
+        let images = self.0.images.as_ref();
+        let images = images.map_or_else(String::new, |all| {
+            format!(", {} pairs with periodic images", all.len())
+        });
+        format!("<Certificate: {curves} curves, {links} links{images}>")
     }
 }

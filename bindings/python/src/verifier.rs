@@ -1,7 +1,7 @@
 //! The verifier, as a Python object.
 
 use crate::exception;
-use crate::frame::{Points, basis};
+use crate::frame::{Points, basis, cell};
 use crate::report::{Certificate, Report};
 use linkwatch::{
     Basis, ClearanceOptions, CurveSet, Error, FramePool, RawFrame, Strategy, VerifierOptions,
@@ -32,7 +32,7 @@ struct State {
 impl Verifier {
     #[new]
     #[pyo3(signature = (
-        *, basis_name, baseline, events, abort_on, incremental, motion_limit, strands
+        *, basis_name, baseline, events, abort_on, incremental, motion_limit, strands, numbers
     ))]
     fn new(
         basis_name: &str,
@@ -42,12 +42,14 @@ impl Verifier {
         incremental: bool,
         motion_limit: Option<f64>,
         strands: Option<Strands>,
+        numbers: Option<[f64; 12]>,
     ) -> PyResult<Verifier> {
         let options = VerifierOptions {
             baseline: baseline.map(|b| b.0),
             events: events.parse().map_err(option("events"))?,
             abort_on: abort_on.parse().map_err(option("abort_on"))?,
             motion_limit,
+            cell: numbers.map(cell),
             clearance: strands.as_ref().map(|(radius, low, _)| {
                 let mut options = ClearanceOptions::new(*radius);
                 options.low = *low;
@@ -70,6 +72,12 @@ impl Verifier {
                 pool: FramePool::default(),
             }),
         })
+    }
+
+    /// Sets the periodic cell of the next frames: three vectors and the corner.
+    fn set_cell(&self, py: Python<'_>, numbers: [f64; 12]) -> PyResult<()> {
+        let set = py.detach(|| self.with(|state| state.verifier.set_cell(cell(numbers))));
+        set?.map_err(exception)
     }
 
     /// Verifies a frame, without the interpreter lock.

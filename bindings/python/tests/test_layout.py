@@ -15,6 +15,7 @@ TYPES = {
     "u8": ctypes.c_uint8,
     "u32": ctypes.c_uint32,
     "u64": ctypes.c_uint64,
+    "i32": ctypes.c_int32,
     "i64": ctypes.c_int64,
     "f64": ctypes.c_double,
 }

@@ -222,7 +222,7 @@ impl ShardLeader {
             true => 0,
             false => FLAG_RADII,
         };
-        let header = FrameHeader {
+        let mut header = FrameHeader {
             seq,
             time,
             names_bytes,
@@ -235,6 +235,7 @@ impl ShardLeader {
             time_step: info.time_step,
             ..self.header(radii)
         };
+        header.set_cell(info.cell.as_ref());
         let payload = std::mem::take(&mut self.payload);
         let sent = self.send(header, &payload);
         self.payload = payload;

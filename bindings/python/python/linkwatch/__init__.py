@@ -11,6 +11,12 @@ Coordinates are ``float32`` or ``float64``, and are verified in the precision th
 closed curve does not repeat its first point. ``basis`` is ``"polyline"``, ``"catmull-rom"``,
 ``"b-spline"`` or ``"bezier"``.
 
+``cell`` is the periodic cell of a scene that repeats, such as a melt in a box or a unit cell of a
+fabric: the three edges along the axes (0 for a direction without repetition), three vectors (an
+array of the shape ``(3, 3)``), or these and a corner (``(4, 3)``); also as 9 or 12 numbers. Each
+curve then stands for all its images, and its points may lie outside the cell; they are not wrapped
+into it. Findings have the ``image`` of the second curve: its translation, in vectors of the cell.
+
 >>> import linkwatch
 >>> ring = [[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]
 >>> other = [[0, 0, -1], [2, 0, -1], [2, 0, 1], [0, 0, 1]]
@@ -41,6 +47,7 @@ if TYPE_CHECKING:
     Frame = Sequence[npt.ArrayLike] | npt.NDArray[Any]
     Counts = Sequence[int] | npt.NDArray[Any]
     Closed = bool | Sequence[bool]
+    Cell = npt.ArrayLike
 
 __all__ = [
     "Certificate",
@@ -114,6 +121,22 @@ def _curves(
     return _integers(counts), list(names), [float(radius) for radius in radii]
 
 
+def _cell(cell: Cell) -> list[float]:
+    """Returns twelve numbers: the vectors of a periodic cell and its corner."""
+    import numpy as np
+
+    given = np.asarray(cell, np.float64)
+    if given.shape == (3,):
+        given = np.diag(given)
+    if given.shape not in ((9,), (12,), (3, 3), (4, 3)):
+        raise ValueError(
+            f"cell has the shape {given.shape}, expected 3 edges, 3 vectors (3, 3), or these and a "
+            "corner (4, 3)"
+        )
+    numbers: list[float] = given.ravel().tolist()
+    return numbers + [0.0] * (12 - len(numbers))
+
+
 class Verifier:
     """Verifies successive frames of the same curves.
 
@@ -135,6 +158,7 @@ class Verifier:
             come.
         min_clearance: distance of center lines, as a share of the sum of the radii, below which
             ``Report.clearance.low`` is set.
+        cell: periodic cell, or that of the first frame (:meth:`step`).
 
     Raises:
         ValueError: an option has an invalid value, or has no effect.
@@ -153,6 +177,7 @@ class Verifier:
         motion_limit: float | None = None,
         thickness: float | Sequence[float] | npt.NDArray[Any] | None = None,
         min_clearance: float = 0.5,
+        cell: Cell | None = None,
     ) -> None:
         strands: tuple[float | None, float, list[float]] | None = None
         if thickness is not None:
@@ -171,19 +196,25 @@ class Verifier:
             incremental=incremental,
             motion_limit=motion_limit,
             strands=strands,
+            numbers=None if cell is None else _cell(cell),
         )
         self._clearance = strands is not None
 
-    def step(self, curves: Frame, time: float = 0.0) -> Report:
+    def step(self, curves: Frame, time: float = 0.0, *, cell: Cell | None = None) -> Report:
         """Verifies the next frame, and returns its :class:`Report`.
+
+        ``cell`` is the periodic cell from this frame on, if it is another one than before.
 
         Other threads of Python run meanwhile. A frame that breaks its contract (NaN, other curves
         than before) has the verdict ``"rejected"``.
 
         Raises:
             ValueError: the frame does not have one of the two forms, does not fit the baseline, or
-                its clearance cannot be measured.
+                its clearance cannot be measured; the cell is no lattice, repeats along other
+                directions than before, or comes after frames without one.
         """
+        if cell is not None:
+            self._verifier.set_cell(_cell(cell))
         report = self._verifier.step(*_frame(curves, self._counts, self._closed), time)
         if self._clearance and (why := self._verifier.unmeasured_clearance()) is not None:
             raise ValueError(why)
@@ -225,6 +256,7 @@ class Client:
         radii: radius of each curve, in the units of the points, for the recording and for
             ``linkwatch watch --thickness published``.
         time_step: time step of the simulator in seconds, for the recording; 0 if unknown.
+        cell: periodic cell of the frames; :meth:`publish` changes it.
         dtype: ``float32`` or ``float64``.
         basis: rule that turns points into curves.
         lockstep: the simulator waits for the verdict on every frame; the watcher is informed.
@@ -243,6 +275,7 @@ class Client:
         names: Sequence[str] = (),
         radii: Sequence[float] | npt.NDArray[Any] = (),
         time_step: float = 0.0,
+        cell: Cell | None = None,
         dtype: npt.DTypeLike = "float32",
         basis: str = "polyline",
         lockstep: bool = False,
@@ -257,6 +290,8 @@ class Client:
         curves = _curves(counts, names, radii)
         self._client = _Client(service, curves, basis, single, lockstep, wait_mode)
         self._client.set_time_step(time_step)
+        if cell is not None:
+            self._client.set_cell(_cell(cell))
 
     def describe(
         self,
@@ -292,12 +327,18 @@ class Client:
         """
         return self._client.begin(time)
 
-    def publish(self) -> int:
+    def publish(self, *, cell: Cell | None = None) -> int:
         """Publishes the frame that was begun, and returns its number. Never waits.
 
+        ``cell`` is the periodic cell from this frame on, if it is another one than before. All
+        frames of a session repeat along the same directions, or along none.
+
         Raises:
+            ValueError: the cell is no lattice. The frame is not published.
             RuntimeError: no frame was begun, or the session has ended.
         """
+        if cell is not None:
+            self._client.set_cell(_cell(cell))
         return self._client.publish()
 
     def poll(self) -> Message | None:
@@ -384,24 +425,46 @@ def certify(
     *,
     closed: Closed = True,
     basis: str = "polyline",
+    cell: Cell | None = None,
 ) -> Certificate:
     """Computes the linking numbers of all pairs of closed curves, exactly.
+
+    >>> import linkwatch
+    >>> ring = [[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]
+    >>> other = [[8, 0, -1], [10, 0, -1], [10, 0, 1], [8, 0, 1]]
+    >>> linkwatch.certify([ring, other], cell=[10, 10, 10]).images  # across the boundary
+    [(0, 1, (-1, 0, 0), 1)]
 
     Returns:
         Certificate: all linking numbers that are not 0, and the pairs that touch.
 
     Raises:
-        ValueError: a coordinate is not finite, or a curve has too few points.
+        ValueError: a coordinate is not finite, a curve has too few points, or the cell is no
+            lattice.
     """
-    verifier = Verifier(counts, closed=closed, basis=basis, events="off")
-    return verifier._verifier.certify(*_frame(curves, counts, closed))
+    verifier = Verifier(counts, closed=closed, basis=basis, events="off", cell=cell)
+    if cell is None:
+        return verifier._verifier.certify(*_frame(curves, counts, closed))
+    report = verifier.step(curves)
+    baseline = verifier.baseline
+    if report.rejected is not None or baseline is None:
+        raise ValueError(report.rejected)
+    return baseline
 
 
 def _step(
-    x0: Frame, x1: Frame, counts: Counts | None, closed: Closed, basis: str, events: str
+    x0: Frame,
+    x1: Frame,
+    counts: Counts | None,
+    closed: Closed,
+    basis: str,
+    events: str,
+    cell: Cell | None,
 ) -> list[Report]:
     """Returns the reports on two successive frames."""
-    verifier = Verifier(counts, closed=closed, basis=basis, events=events, incremental=False)
+    verifier = Verifier(
+        counts, closed=closed, basis=basis, events=events, incremental=False, cell=cell
+    )
     reports = [verifier.step(x) for x in (x0, x1)]
     for k, report in enumerate(reports):
         if report.verdict == "rejected":
@@ -417,6 +480,7 @@ def pull_throughs(
     closed: Closed = True,
     basis: str = "polyline",
     events: str = "all",
+    cell: Cell | None = None,
 ) -> list[PullThrough]:
     """Finds every passage of a curve through another one, or through itself, between two frames.
 
@@ -429,7 +493,7 @@ def pull_throughs(
         UndecidedError: curves touch in a frame, or are too close to decide.
         ValueError: a coordinate is not finite, or a curve has too few points.
     """
-    reports = _step(x0, x1, counts, closed, basis, events)
+    reports = _step(x0, x1, counts, closed, basis, events, cell)
     undecided = [d for r in reports for d in r.defects if d.kind != "no-baseline"]
     if undecided:
         raise UndecidedError("; ".join(str(d) for d in undecided))
@@ -445,6 +509,7 @@ def safe_fraction(
     closed: Closed = True,
     basis: str = "polyline",
     events: str = "all",
+    cell: Cell | None = None,
 ) -> float:
     """Returns the largest proven share of the step from ``x0`` to ``x1`` without a pull-through.
 
@@ -456,7 +521,7 @@ def safe_fraction(
     Raises:
         ValueError: a coordinate is not finite, or a curve has too few points.
     """
-    share = _step(x0, x1, counts, closed, basis, events)[1].safe_fraction
+    share = _step(x0, x1, counts, closed, basis, events, cell)[1].safe_fraction
     return 0.0 if share is None else share
 
 

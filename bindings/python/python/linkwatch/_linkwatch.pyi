@@ -17,6 +17,7 @@ class Place:
 class Change:
     i: int
     j: int
+    image: tuple[int, int, int]
     expected: int
     found: int
     place: Place | None
@@ -24,6 +25,7 @@ class Change:
 class PullThrough:
     i: int
     j: int
+    image: tuple[int, int, int]
     segments: tuple[int, int]
     fraction: float
     sign: int
@@ -33,6 +35,7 @@ class PullThrough:
 class Defect:
     i: int
     j: int | None
+    image: tuple[int, int, int]
     kind: str
     place: Place
 
@@ -88,6 +91,7 @@ class Report:
 class Certificate:
     curves: int
     links: list[tuple[int, int, int]]
+    images: list[tuple[int, int, tuple[int, int, int], int | None]] | None
     undefined: list[Defect]
     @staticmethod
     def read(path: str | PathLike[str]) -> Certificate: ...
@@ -122,6 +126,7 @@ class Client:
     ) -> None: ...
     def describe(self, curves: tuple[list[int], list[str], list[float]]) -> None: ...
     def set_time_step(self, seconds: float) -> None: ...
+    def set_cell(self, numbers: list[float]) -> None: ...
     def begin(self, time: float) -> npt.NDArray[Any]: ...
     def publish(self) -> int: ...
     def poll(self) -> Message | None: ...
@@ -147,7 +152,9 @@ class Verifier:
         incremental: bool,
         motion_limit: float | None,
         strands: tuple[float | None, float, list[float]] | None,
+        numbers: list[float] | None,
     ) -> None: ...
+    def set_cell(self, numbers: list[float]) -> None: ...
     def unmeasured_clearance(self) -> str | None: ...
     def step(self, points: npt.NDArray[Any], counts: list[int], time: float) -> Report: ...
     def certify(self, points: npt.NDArray[Any], counts: list[int]) -> Certificate: ...
