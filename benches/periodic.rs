@@ -1,9 +1,9 @@
-//! Cost of a periodic cell: a sheet of chainmail that ends, and the same sheet in a cell whose images
-//! continue it, frame by frame.
+//! Cost of a periodic cell: a sheet of chainmail that ends, and the same sheet in a cell whose
+//! images continue it, frame by frame.
 //!
 //! `cargo bench --bench periodic` measures; with `--smoke` (or under `cargo test`) it measures a
-//! small sheet only. The runs with and without a cell alternate; all times are medians. The expected
-//! numbers of links are asserted: each ring at the edge has one more link in the cell.
+//! small sheet only. The runs with and without a cell alternate; all times are medians. The
+//! expected numbers of links are asserted: each ring at the edge has one more link in the cell.
 
 use linkwatch::lab::median;
 use linkwatch::scenes::Scene;

@@ -122,8 +122,8 @@ impl Certificate {
                 let valid = i < j || i == j && image > Image::default();
                 if !valid || j as usize >= curves {
                     let what = format!(
-                        "pair {i},{j} of {curves} curves; expected i < j < {curves}, or i = j and a \
-                         positive translation"
+                        "pair {i},{j} of {curves} curves; expected i < j < {curves}, or i = j and \
+                         a positive translation"
                     );
                     return Err(bad(at, what));
                 }

@@ -39,8 +39,8 @@ pub struct Certificate {
     /// [`Defect`].
     pub undefined: Vec<Defect>,
     /// For periodic scenes ([`Cell`](crate::Cell)): the linking numbers of curves with images of
-    /// other curves and of themselves that are not 0, and the pairs without one, sorted. `None`: the
-    /// scene is not periodic.
+    /// other curves and of themselves that are not 0, and the pairs without one, sorted. `None`:
+    /// the scene is not periodic.
     ///
     /// The coordinates of a curve may be those of any of its images, and the translations depend on
     /// that. [`Certificate::compare`] finds out which belong together.

@@ -15,8 +15,8 @@ pub struct CellArgs {
     /// it]
     #[arg(long, value_name = "10,10,10|..|none", allow_hyphen_values = true)]
     cell: Option<GivenCell>,
-    /// Coordinates are wrapped into the periodic cell: unwrap the curves, and follow them from frame
-    /// to frame
+    /// Coordinates are wrapped into the periodic cell: unwrap the curves, and follow them from
+    /// frame to frame
     #[arg(long)]
     wrapped: bool,
 }

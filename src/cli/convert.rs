@@ -220,6 +220,7 @@ impl Converter {
             self.frames += 1;
             let mut converted = ModelFrame::new(frame.seq, Ok(curves));
             converted.time = frame.time;
+            converted.cell = frame.info.cell;
             converted.labels = Arc::clone(&frame.info.labels);
             write(converted, frame.info)?;
         }

@@ -192,8 +192,8 @@ pub fn warn_of_long_segment(name: &str, curves: &CurveSet) {
         n => format!(", and so do {}", plural_of(n as u64 - 1, "other", "others")),
     };
     tracing::warn!(
-        "{name}: {long}{others}; if the box is periodic and the coordinates are wrapped into it, links \
-         across its boundary are not detected: give --cell and --wrapped"
+        "{name}: {long}{others}; if the box is periodic and the coordinates are wrapped into it, \
+         links across its boundary are not detected: give --cell and --wrapped"
     );
 }
 
@@ -201,8 +201,8 @@ pub fn warn_of_long_segment(name: &str, curves: &CurveSet) {
 pub fn warn_of_wrapped(name: &str, curves: &CurveSet, cell: &Cell) {
     if let Err(why) = Unwrap::default().unwrap(curves, cell) {
         tracing::warn!(
-            "{name}: {why}; if the coordinates are wrapped into the cell, give --wrapped: otherwise \
-             the curves are taken as they are"
+            "{name}: {why}; if the coordinates are wrapped into the cell, give --wrapped: \
+             otherwise the curves are taken as they are"
         );
     }
 }

@@ -56,8 +56,8 @@ impl Cell {
 
     /// Checks that the vectors span a lattice.
     ///
-    /// Errors: [`Error::Usage`] if a number is not finite, or too large or small to compute with, if
-    /// the scene does not repeat along any vector, or if the vectors are (almost) linearly
+    /// Errors: [`Error::Usage`] if a number is not finite, or too large or small to compute with,
+    /// if the scene does not repeat along any vector, or if the vectors are (almost) linearly
     /// dependent.
     pub fn check(&self) -> Result<()> {
         let refuse = |why: &str| Err(Error::Usage(format!("cell {self}: {why}")));
@@ -95,8 +95,8 @@ impl Cell {
         spans.then(|| normals.map(|n| n.map(|x| x / volume)))
     }
 
-    /// Returns the lattice vectors, with a unit vector orthogonal to the others for each one without
-    /// repetition. `None` if there are too few.
+    /// Returns the lattice vectors, with a unit vector orthogonal to the others for each one
+    /// without repetition. `None` if there are too few.
     pub(crate) fn basis(&self) -> Option<[Point; 3]> {
         use super::vector::{cross, dot};
         let length = |v: Point| dot(v, v).sqrt();

@@ -45,8 +45,8 @@ impl CurveSet {
     /// rounded once, by at most `2^-53` of the result in double precision, which [`below`] and
     /// [`above`] cover. In single precision it is `2^-24`, and the result is first moved outward by
     /// `2^-22` of itself. A sum that overflows is replaced by the largest finite number. No overlap
-    /// is lost by that, because bounds are only ever compared, and clamping is monotone. Coordinates
-    /// that are rounded sums add twice their error.
+    /// is lost by that, because bounds are only ever compared, and clamping is monotone.
+    /// Coordinates that are rounded sums add twice their error.
     #[inline(always)]
     pub(crate) fn diagonals<L: Lanes>(&self, simd: L, i: usize) -> Diagonals {
         let c = &self.curves[i];

@@ -16,8 +16,8 @@ impl CurveSet {
     /// `M` is the largest coordinate and `u = 2^-53`. Bezier control points have coordinates of at
     /// most `5/3 M` (B-spline and Bezier: `M`; Catmull-Rom: `4/3 M`), with an error of at most
     /// `4 M u` ([`Basis::hull`]). Sub-segments add at most `15 * 5/3 M u` ([`sub_segment`]).
-    /// Together that is `29 M u`. The tiny constant covers underflow. Hull points move at most `5/3`
-    /// times as far as control points, which are rounded.
+    /// Together that is `29 M u`. The tiny constant covers underflow. Hull points move at most
+    /// `5/3` times as far as control points, which are rounded.
     ///
     /// [`sub_segment`]: super::sub_segment
     pub(crate) fn pad(&self) -> f64 {

@@ -63,8 +63,8 @@ impl Sums {
 }
 
 impl CurveSet {
-    /// Returns a bound of the difference of the coordinates from those that they stand for. 0 except
-    /// for sets of translated curves ([`CurveSet::translate`]).
+    /// Returns a bound of the difference of the coordinates from those that they stand for. 0
+    /// except for sets of translated curves ([`CurveSet::translate`]).
     #[inline]
     pub(crate) fn rounding(&self) -> f64 {
         self.sums.as_ref().map_or(0.0, |sums| sums.rounding)

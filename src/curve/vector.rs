@@ -98,8 +98,8 @@ mod tests {
     }
 }
 
-/// Returns a rounded sum and its error, which is a floating-point number (Knuth). The error is NaN if
-/// the sum overflows.
+/// Returns a rounded sum and its error, which is a floating-point number (Knuth). The error is NaN
+/// if the sum overflows.
 #[inline(always)]
 pub(crate) fn two_sum(a: f64, b: f64) -> (f64, f64) {
     let sum = a + b;

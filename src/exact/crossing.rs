@@ -178,11 +178,11 @@ impl<T: Copy + Into<f64> + From<u8>> Batch<T> {
     ///
     /// A difference of two coordinates is off by at most `d = 2 rounding`. Let all computed
     /// differences of a determinant have a magnitude of at most `L`. A product of two is then off
-    /// by `2 d L + d^2`, and the determinant of the plane, with two of them, by `4 d L + 2 d^2`. The
-    /// determinant in space has three products of a difference and such a determinant: `3 (L (4 d L
-    /// + 2 d^2) + d (2 L^2 + 4 d L + 2 d^2)) <= 18 d L^2 + 18 d^2 L + 6 d^3`. Both are at most `4 d
-    /// (L + d)` and `18 d (L + d)^2`. The constants below are larger, because the bounds themselves
-    /// are rounded.
+    /// by `2 d L + d^2`, and the determinant of the plane, with two of them, by `4 d L + 2 d^2`.
+    /// The determinant in space has three products of a difference and such a determinant: `3 (L (4
+    /// d L + 2 d^2) + d (2 L^2 + 4 d L + 2 d^2)) <= 18 d L^2 + 18 d^2 L + 6 d^3`. Both are at most
+    /// `4 d (L + d)` and `18 d (L + d)^2`. The constants below are larger, because the bounds
+    /// themselves are rounded.
     #[inline(always)]
     pub fn evaluate_rounded<const ROUNDED: bool>(&self, rounding: f64) -> BatchOutcome {
         let d = 2.0 * rounding;

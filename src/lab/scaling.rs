@@ -2,9 +2,9 @@
 //! time.
 //!
 //! Each size has four stages, each with its own peak memory of this process: the frames are
-//! generated and written; the first one is read and certified; all frames are read and compared with
-//! the first one, by one verifier; and the same by verifiers that share the pairs of curves, one
-//! after the other, as processes with `linkwatch watch --shard` share them. The certificate is
+//! generated and written; the first one is read and certified; all frames are read and compared
+//! with the first one, by one verifier; and the same by verifiers that share the pairs of curves,
+//! one after the other, as processes with `linkwatch watch --shard` share them. The certificate is
 //! compared with the one that follows from the construction, and the joined results of the shards
 //! with those of the single verifier.
 //!

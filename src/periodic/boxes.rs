@@ -1,8 +1,8 @@
 //! Boxes of curves in fractional coordinates, in which images are translated by integers.
 //!
 //! The fractional coordinates of a point are its multiples of the lattice vectors. They change
-//! neither if the cell is sheared nor if it grows, as long as the curves follow. A direction without
-//! repetition has a length as its coordinate.
+//! neither if the cell is sheared nor if it grows, as long as the curves follow. A direction
+//! without repetition has a length as its coordinate.
 //!
 //! # Derivation of the padding
 //!
@@ -11,8 +11,8 @@
 //! 1e-8`: [`Cell::check`] refuses cells whose vectors are nearly dependent, with a determinant of
 //! less than `1e-6` of the product of their lengths, so that a rounding error of `2^-50` of that
 //! product is less than `1e-9` of the determinant. An image by `n` is then off by less than `e |n|`
-//! from the integers. Boxes are padded by `1e-7` of all integers that the search may use, and of the
-//! coordinates.
+//! from the integers. Boxes are padded by `1e-7` of all integers that the search may use, and of
+//! the coordinates.
 
 use crate::curve::{Basis, Box3, Cell, CurveSet, Point, above, below};
 use crate::error::{Error, Result};
@@ -75,10 +75,10 @@ impl FractionalBoxes {
     /// # Derivation: the motion in fractional coordinates
     ///
     /// Let `A` be the cell of the first frame, `A + D` that of the second one, and `u` the
-    /// coordinates of a vertex. At the share `t` of the step, `(A + t D) u(t) = x(t)`. The difference
-    /// of `u(t)` from the straight line between both frames is `t (1 - t) (A + t D)^-1 D (u(1) -
-    /// u(0))`. With `e` the norm of `A^-1 D` (the largest sum of a row), it is at most `e / (4 (1 -
-    /// e))` of the largest component of `u(1) - u(0)`, which the box of both frames bounds.
+    /// coordinates of a vertex. At the share `t` of the step, `(A + t D) u(t) = x(t)`. The
+    /// difference of `u(t)` from the straight line between both frames is `t (1 - t) (A + t D)^-1 D
+    /// (u(1) - u(0))`. With `e` the norm of `A^-1 D` (the largest sum of a row), it is at most `e /
+    /// (4 (1 - e))` of the largest component of `u(1) - u(0)`, which the box of both frames bounds.
     ///
     /// Errors: [`Error::Usage`] if the cell changes by more than half.
     pub fn swept_from(
@@ -146,8 +146,8 @@ impl FractionalBoxes {
     }
 }
 
-/// Returns the norm of the change of a cell, relative to the cell: the largest sum of the magnitudes
-/// of a row. NaN if there is none.
+/// Returns the norm of the change of a cell, relative to the cell: the largest sum of the
+/// magnitudes of a row. NaN if there is none.
 fn change_of(from: &Cell, to: &Cell) -> f64 {
     if from.vectors == to.vectors {
         return 0.0;

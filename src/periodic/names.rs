@@ -1,14 +1,15 @@
 //! Names of the images: each curve may be given by the coordinates of any of its images.
 //!
-//! If curve `i` is moved by the lattice vector `s[i]`, its entry `i, j, n` becomes `i, j, n + s[i] -
-//! s[j]`. Two lists of entries describe the same periodic topology if some `s` maps one to the other.
+//! If curve `i` is moved by the lattice vector `s[i]`, its entry `i, j, n` becomes `i, j, n + s[i]
+//! - s[j]`. Two lists of entries describe the same periodic topology if some `s` maps one to the
+//!   other.
 
 use super::ImagePair;
 use crate::curve::Image;
 use std::collections::{BTreeMap, VecDeque};
 
-/// An entry of a list of linking numbers; `None`: the pair has no linking number. The translation may
-/// be 0.
+/// An entry of a list of linking numbers; `None`: the pair has no linking number. The translation
+/// may be 0.
 pub(crate) type Entry = (ImagePair, Option<i64>);
 
 /// Entries of each curve: the other curve, its translation, and the linking number.

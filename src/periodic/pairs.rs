@@ -23,8 +23,8 @@ const MOST_IMAGES: u64 = 1 << 24;
 /// Largest number of cells that a curve may be away from the first one.
 const FARTHEST: f64 = (1_u32 << 30) as f64;
 
-/// A curve `i`, and curve `j` translated by a lattice vector: `i < j`, or `i = j` and the translation
-/// is positive in lexicographic order.
+/// A curve `i`, and curve `j` translated by a lattice vector: `i < j`, or `i = j` and the
+/// translation is positive in lexicographic order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub(crate) struct ImagePair {
     pub i: u32,
@@ -87,8 +87,8 @@ impl ImagePairs {
     /// adds some pairs. `margin` is a share of the cell, or a length along directions without
     /// repetition.
     ///
-    /// Images of a curve that runs through the cell by multiples of its period are parts of the same
-    /// infinite curve, so they are no pairs.
+    /// Images of a curve that runs through the cell by multiples of its period are parts of the
+    /// same infinite curve, so they are no pairs.
     ///
     /// Errors: [`Error::Usage`] if a curve spans too many cells, or is too far away from the first
     /// one; [`Error::TooManyPairs`] if there are more than `most`.
@@ -261,8 +261,8 @@ fn images_in([a, b, c]: &[RangeInclusive<i32>; 3]) -> impl Iterator<Item = Image
 
 fn too_far(curve: usize) -> Error {
     Error::Usage(format!(
-        "curve {curve} spans too many periodic cells, or is too far away from the first one: is the \
-         cell in the units of the coordinates?"
+        "curve {curve} spans too many periodic cells, or is too far away from the first one: is \
+         the cell in the units of the coordinates?"
     ))
 }
 

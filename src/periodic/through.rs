@@ -1,18 +1,18 @@
 //! Curves that run through the cell: yarns that close up to a lattice vector, their period.
 //!
-//! Such a curve is given as an open curve from a vertex to an image of that vertex. Together with its
-//! images by the multiples of its period it is an infinite curve without ends. Two of them have no
-//! linking number, but the linking number of a closed curve and an infinite one exists: the closed
-//! curve lies in a box, and all ways to close the infinite one outside of this box give the same
-//! number.
+//! Such a curve is given as an open curve from a vertex to an image of that vertex. Together with
+//! its images by the multiples of its period it is an infinite curve without ends. Two of them have
+//! no linking number, but the linking number of a closed curve and an infinite one exists: the
+//! closed curve lies in a box, and all ways to close the infinite one outside of this box give the
+//! same number.
 //!
 //! # Method
 //!
 //! The number is the sum of the signs of all crossings at which the infinite curve passes over the
 //! closed one, seen along an axis that is not parallel to the period. Only finitely many images of
-//! one period are above or below the closed curve then. The infinite curve is closed far away, where
-//! its projection no longer meets that of the closed curve. Cost: the number of segments of the
-//! infinite curve above the closed one, and of the pairs of segments whose projections have
+//! one period are above or below the closed curve then. The infinite curve is closed far away,
+//! where its projection no longer meets that of the closed curve. Cost: the number of segments of
+//! the infinite curve above the closed one, and of the pairs of segments whose projections have
 //! overlapping boxes. The result is exact for polylines; vertices of images are exact sums.
 
 use super::ImagePair;

@@ -154,8 +154,8 @@ fn too_long(curve: usize, vertex: usize, x: usize, share: f64) -> Error {
 
 fn moved_too_far(curve: usize, x: usize, share: f64) -> Error {
     Error::Usage(format!(
-        "curve {curve} moved by {} of the periodic cell along vector {} since the previous frame, so \
-         its image is a guess (at most a third): publish more frames, or unwrapped coordinates",
+        "curve {curve} moved by {} of the periodic cell along vector {} since the previous frame, \
+         so its image is a guess (at most a third): publish more frames, or unwrapped coordinates",
         percent(share),
         x + 1,
     ))

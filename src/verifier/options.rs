@@ -194,8 +194,8 @@ impl VerifierOptions {
             ];
             if let Some((what, _)) = excluded.iter().find(|(_, given)| *given) {
                 return refuse(format!(
-                    "a periodic cell excludes {what} (--cell none verifies the curves without their \
-                     images)"
+                    "a periodic cell excludes {what} (--cell none verifies the curves without \
+                     their images)"
                 ));
             }
         }

@@ -1,11 +1,11 @@
 //! Verification of periodic scenes: an inner verifier has the pairs of a curve and an image of
 //! another one, or of itself, and its findings join those of the frame.
 //!
-//! The outer verifier has the curves as they are given. The inner one has a set of translated curves
-//! ([`CurveSet::translate`]), which is the same from frame to frame, so that it is incremental. If
-//! other images come near, another set replaces it: the new inner verifier starts with the previous
-//! frame, so that no step is left out. All pairs that it adds had boxes apart from one another
-//! throughout the earlier frames.
+//! The outer verifier has the curves as they are given. The inner one has a set of translated
+//! curves ([`CurveSet::translate`]), which is the same from frame to frame, so that it is
+//! incremental. If other images come near, another set replaces it: the new inner verifier starts
+//! with the previous frame, so that no step is left out. All pairs that it adds had boxes apart
+//! from one another throughout the earlier frames.
 
 use super::braided::add_work;
 use super::{Verifier, VerifierOptions};
@@ -447,11 +447,12 @@ fn name_curves(report: &mut Report, pairs: &ImagePairs) {
 }
 
 impl Verifier {
-    /// Sets the periodic cell of the frames from the next one on, in the units of the simulation. The
-    /// frames of a scene have either all a cell or none.
+    /// Sets the periodic cell of the frames from the next one on, in the units of the simulation.
+    /// The frames of a scene have either all a cell or none.
     ///
-    /// Errors: [`Error::Usage`] if the vectors span no lattice, if the scene had no cell, or repeated
-    /// along other vectors, or if an option excludes periodic cells ([`VerifierOptions::cell`]).
+    /// Errors: [`Error::Usage`] if the vectors span no lattice, if the scene had no cell, or
+    /// repeated along other vectors, or if an option excludes periodic cells
+    /// ([`VerifierOptions::cell`]).
     pub fn set_cell(&mut self, cell: Cell) -> Result<()> {
         cell.check()?;
         if let Some(options) = self.fresh.take() {
@@ -484,8 +485,8 @@ impl Verifier {
         self.periodic.as_ref().map(|periodic| periodic.cell)
     }
 
-    /// Divides a given baseline, before the first frame, into that of the curves themselves and that
-    /// of the images, under the names that this frame has for them.
+    /// Divides a given baseline, before the first frame, into that of the curves themselves and
+    /// that of the images, under the names that this frame has for them.
     pub(super) fn divide_baseline(&mut self, set: &CurveSet) -> Result<()> {
         let Some(periodic) = &mut self.periodic else {
             return match &self.baseline {
@@ -499,8 +500,8 @@ impl Verifier {
             return Ok(());
         };
         if given.images.is_none() {
-            let what = "the baseline is not of a periodic scene, but the frame has a cell: make one \
-                        with the cell";
+            let what = "the baseline is not of a periodic scene, but the frame has a cell: make \
+                        one with the cell";
             return Err(Error::Usage(what.into()));
         }
         if given.curves != set.len() {

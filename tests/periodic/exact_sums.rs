@@ -1,10 +1,10 @@
 //! Images whose coordinates are no floating-point numbers: the sums need one digit more.
 //!
 //! One curve has even coordinates near `2^53`, the other one small integers, and the cell has the
-//! length `2^53 - 1`. The image of the second curve is near the first one, at integers, half of which
-//! are odd and have no floating-point number. Relative to `2^53`, all coordinates are small integers,
-//! of which the oracle and a plain verifier have exact results. The shapes are degenerate: they touch,
-//! have common planes, and projections that coincide.
+//! length `2^53 - 1`. The image of the second curve is near the first one, at integers, half of
+//! which are odd and have no floating-point number. Relative to `2^53`, all coordinates are small
+//! integers, of which the oracle and a plain verifier have exact results. The shapes are
+//! degenerate: they touch, have common planes, and projections that coincide.
 
 use crate::scene::{Point, Scene};
 use crate::support::random::Random;

@@ -208,8 +208,8 @@ pub(super) fn events_of_sums(frames: [SumEdges; 2], ties: Ties) -> Option<Vec<Ev
     events_of(contact, at_rest, || MovingEdges::of_points(&all), ties)
 }
 
-/// `contact` is true for the frames in which the edges touch, `at_rest` if the edges do not move, or
-/// one of them is a point in both frames.
+/// `contact` is true for the frames in which the edges touch, `at_rest` if the edges do not move,
+/// or one of them is a point in both frames.
 fn events_of(
     contact: [bool; 2],
     at_rest: bool,

@@ -59,8 +59,8 @@ const WIDEST: f64 = 1e-9;
 /// Returns true if one edge stays on one side of the other along a coordinate axis during the step.
 ///
 /// If all ends of one edge are left of all ends of the other in both frames, they are at all times
-/// between, because every difference of coordinates is linear in time. Coordinates may be rounded by
-/// at most `rounding`.
+/// between, because every difference of coordinates is linear in time. Coordinates may be rounded
+/// by at most `rounding`.
 #[inline]
 pub(super) fn apart(before: &Edges, after: &Edges, rounding: f64) -> bool {
     // Three times, because the sums below are rounded.
@@ -80,16 +80,16 @@ pub(super) fn apart(before: &Edges, after: &Edges, rounding: f64) -> bool {
 /// Passages of a pair of edges in chronological order. There are at most three.
 pub(super) type Found = [Option<Passage>; 3];
 
-/// Returns all passages, or `None` if floating point cannot decide. Coordinates may be rounded by at
-/// most `rounding`; the result is then that of the exact ones.
+/// Returns all passages, or `None` if floating point cannot decide. Coordinates may be rounded by
+/// at most `rounding`; the result is then that of the exact ones.
 ///
 /// # Derivation of the error bounds for rounded coordinates
 ///
 /// The components of `p, q, r` are off by at most `d = 2 rounding`. A volume has six products of
 /// three of them, each off by less than `(P + d)(Q + d)(R + d) - P Q R`, and every Bernstein
 /// coefficient is a mean of such volumes. Sides are sums of at most four products of two, each off
-/// by less than `d (P + Q + R + d)`; their derivatives are at most twice as far off. The bounds have
-/// these errors four times.
+/// by less than `d (P + Q + R + d)`; their derivatives are at most twice as far off. The bounds
+/// have these errors four times.
 pub(super) fn passages(before: &Edges, after: &Edges, rounding: f64) -> Option<Found> {
     let differences = |[[a, b], [c, d]]: &Edges| [sub(*b, *a), sub(*d, *c), sub(*c, *a)];
     let ([p0, q0, r0], [p1, q1, r1]) = (differences(before), differences(after));

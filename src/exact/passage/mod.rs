@@ -188,8 +188,8 @@ pub(crate) fn passages(
     exactly(before, after, ties, out)
 }
 
-/// Same as [`passages`], for edges whose coordinates are rounded by at most `rounding`: the result is
-/// that of the exact coordinates in both frames, which `sums` returns.
+/// Same as [`passages`], for edges whose coordinates are rounded by at most `rounding`: the result
+/// is that of the exact coordinates in both frames, which `sums` returns.
 pub(crate) fn passages_of_sums(
     [before, after]: [&Edges; 2],
     rounding: f64,
