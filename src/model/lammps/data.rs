@@ -5,8 +5,8 @@
 //!
 //! A data file does not say in which directions its box is periodic. All are taken as periodic, as
 //! is the default of LAMMPS. (If they are not, all atoms are in the box, so no curve is linked with
-//! an image, and nothing is wrong.) Files that linkwatch writes have the command `boundary` in their
-//! title, which is understood in the title of any file: `boundary p p f`.
+//! an image, and nothing is wrong.) Files that linkwatch writes have the command `boundary` in
+//! their title, which is understood in the title of any file: `boundary p p f`.
 
 use super::cell::SimulationBox;
 use crate::curve::Point;

@@ -23,9 +23,9 @@
 //! | `radii` | curves | f4 or f8 |
 //! | `cell` | 3, 3 x 3 or 4 x 3, or frames x these | f4 or f8 |
 //!
-//! The cell is periodic: its edges along the axes, its vectors, or its vectors and its corner; zeros
-//! stand for a direction without repetition. The shapes 3 x 3 and 4 x 3 are those of one cell for all
-//! frames, also if there are 3 or 4 frames.
+//! The cell is periodic: its edges along the axes, its vectors, or its vectors and its corner;
+//! zeros stand for a direction without repetition. The shapes 3 x 3 and 4 x 3 are those of one cell
+//! for all frames, also if there are 3 or 4 frames.
 //!
 //! Arrays in Fortran order, of other types than f4 and f8, and of pickled objects are refused.
 //!

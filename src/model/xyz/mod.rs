@@ -1,7 +1,7 @@
 //! Extended XYZ, as ASE, OVITO and others write it: frames one after the other.
 //!
-//! A frame has a line with the number of atoms, a comment, and a line for each atom. The comment has
-//! keys with values, of which these are read, in upper or lower case:
+//! A frame has a line with the number of atoms, a comment, and a line for each atom. The comment
+//! has keys with values, of which these are read, in upper or lower case:
 //!
 //! | key | value |
 //! |---|---|
@@ -16,8 +16,8 @@
 //! ([`GROUPS`]: the first that exists) are a curve, in the order of the file, or of their numbers
 //! in the column `id:I:1` if there is one. Curves have the order of their first atoms. They are
 //! closed, unless a column `closed:L:1` says `F`. [`ReadOptions::counts`] has precedence over these
-//! columns: then the first atoms are the first curve, and so on. A file without both is refused: taken
-//! as a single curve, many curves would look unlinked.
+//! columns: then the first atoms are the first curve, and so on. A file without both is refused:
+//! taken as a single curve, many curves would look unlinked.
 //!
 //! Curves that the boundary of the cell tears are refused, unless [`ReadOptions::wrapped`].
 //!
