@@ -39,8 +39,9 @@ pub(super) fn find(set: &CurveSet, cell: &Cell) -> Result<Option<Torn>> {
             let shares = inverse.map(|b| dot(sub(q, p), b).abs());
             for direction in (0..3).filter(|&k| periodic[k]) {
                 let share = shares[direction];
-                // Also true if the share is not a number.
-                if !(share <= 0.5) {
+                // False if the share is not a number.
+                let whole = share <= 0.5;
+                if !whole {
                     return Ok(Some(Torn {
                         curve,
                         ends,

@@ -13,10 +13,10 @@
 //!
 //! The cell of a frame is its box, along the directions that are periodic. Simulations wrap atoms
 //! that leave such a box to its other side. A curve that crosses the boundary is then torn, and
-//! must be unwrapped before its topology can be computed: by coordinates that are not wrapped (`xu
-//! yu zu`), by image flags, or by the caller ([`ReadOptions::wrapped`]). Otherwise some bond of the
-//! curve is longer than half of the box, which no simulation allows, because the image of the atom
-//! on the other side is closer. Such frames are refused.
+//! must be unwrapped before its topology can be computed: by coordinates that are not wrapped
+//! (`xu yu zu`), by image flags, or by the caller ([`ReadOptions::wrapped`]). Otherwise some bond
+//! of the curve is longer than half of the box, which no simulation allows, because the image of
+//! the atom on the other side is closer. Such frames are refused.
 //!
 //! Cost: one pass over the file, with the memory of the bonds and of one frame.
 

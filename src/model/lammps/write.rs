@@ -76,7 +76,8 @@ impl Space {
             periodic = cell.periodic();
             let lengths = [a[0], b[1], c[2]];
             let triangular = [a[1], a[2], b[2]] == [0.0; 3];
-            if !triangular || (0..3).any(|x| periodic[x] && !(lengths[x] > 0.0)) {
+            let positive = lengths.map(|length| length > 0.0);
+            if !triangular || positive != periodic {
                 return Err(Error::unsupported(
                     format,
                     format_args!(

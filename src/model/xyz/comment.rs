@@ -203,12 +203,15 @@ impl Columns {
     }
 }
 
+/// A key, and its value if it has one.
+type Pair<'a> = (&'a [u8], Option<&'a [u8]>);
+
 /// Text of a comment that is not parsed yet.
 struct Text<'a>(&'a [u8]);
 
 impl<'a> Text<'a> {
-    /// Returns the next key, and its value if it has one.
-    fn pair(&mut self) -> Result<Option<(&'a [u8], Option<&'a [u8]>)>, String> {
+    /// Returns the next key and its value.
+    fn pair(&mut self) -> Result<Option<Pair<'a>>, String> {
         self.0 = self.0.trim_ascii_start();
         if self.0.is_empty() {
             return Ok(None);
