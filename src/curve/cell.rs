@@ -116,6 +116,44 @@ impl Cell {
         Some(a)
     }
 
+    /// Returns this cell with the basis of its lattice that is nearest to another cell: a
+    /// simulation that shears its cell takes another basis from time to time. Sums of vectors are
+    /// rounded.
+    pub(crate) fn in_basis_of(&self, before: &Cell) -> Cell {
+        let Some(inverse) = before.inverse() else {
+            return *self;
+        };
+        let periodic = self.periodic();
+        // `vectors[l]` is the sum of `m[k][l]` times the vector `k` of the other cell.
+        let multiple = |k: usize, l: usize| {
+            let (b, v) = (inverse[k], self.vectors[l]);
+            let u = b[0] * v[0] + b[1] * v[1] + b[2] * v[2];
+            match periodic[l] {
+                true => u.round(),
+                false => f64::from(u8::from(k == l)),
+            }
+        };
+        let m = [0, 1, 2].map(|k| [0, 1, 2].map(|l| multiple(k, l)));
+        let minor = |r: usize, c: usize| {
+            let [r1, r2, c1, c2] = [(r + 1) % 3, (r + 2) % 3, (c + 1) % 3, (c + 2) % 3];
+            m[r1][c1] * m[r2][c2] - m[r1][c2] * m[r2][c1]
+        };
+        let determinant: f64 = (0..3).map(|c| m[0][c] * minor(0, c)).sum();
+        let is_same = (0..3).all(|k| (0..3).all(|l| m[k][l] == f64::from(u8::from(k == l))));
+        if is_same || determinant.abs() != 1.0 {
+            return *self;
+        }
+        // The inverse of `m` has the entries `minor(k, l) * determinant` in row `l`, column `k`.
+        let vectors = [0, 1, 2].map(|k| match periodic[k] {
+            false => self.vectors[k],
+            true => [0, 1, 2].map(|x| {
+                let term = |l: usize| determinant * minor(k, l) * self.vectors[l][x];
+                term(0) + term(1) + term(2)
+            }),
+        });
+        Cell { vectors, ..*self }
+    }
+
     /// Returns the translation of an image, up to rounding.
     pub(crate) fn translation(&self, image: Image) -> Point {
         [0, 1, 2].map(|x| {
@@ -225,6 +263,44 @@ mod tests {
         ] {
             let e = text.parse::<Cell>().unwrap_err().to_string();
             assert!(e.contains(says), "{text}: {e}");
+        }
+    }
+
+    #[test]
+    fn another_basis_is_replaced_by_the_known_one() {
+        for (before, now, expected) in [
+            ("10,10,12", "10,10,12", "10,10,12"),
+            // The second vector minus the first one, and some shear.
+            (
+                "10,0,0,4.9,10,0,0,0,12",
+                "10,0,0,-4.9,10,0,0,0,12",
+                "10,0,0,5.1,10,0,0,0,12",
+            ),
+            (
+                "8,0,0,0,8,0,0,0,8",
+                "0,8,0,0,0,8,8.25,0,0",
+                "8.25,0,0,0,8,0,0,0,8",
+            ),
+            (
+                "8,0,0,1,8,0,0,0,0",
+                "8,0,0,-7,8,0,0,0,0",
+                "8,0,0,1,8,0,0,0,0",
+            ),
+            // Not the same lattice.
+            ("10,10,12", "20,10,12", "20,10,12"),
+        ] {
+            let [before, now, expected] =
+                [before, now, expected].map(|t| t.parse::<Cell>().unwrap());
+            let found = now.in_basis_of(&before);
+            let both = found
+                .vectors
+                .as_flattened()
+                .iter()
+                .zip(expected.vectors.as_flattened());
+            assert!(
+                both.clone().all(|(a, b)| (a - b).abs() < 1e-12),
+                "{found} {expected}"
+            );
         }
     }
 

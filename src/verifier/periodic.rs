@@ -450,6 +450,9 @@ impl Verifier {
     /// Sets the periodic cell of the frames from the next one on, in the units of the simulation.
     /// The frames of a scene have either all a cell or none.
     ///
+    /// Another basis of the same lattice, as simulations take it that shear their cell, is replaced
+    /// by that of the previous frame, in which all images have their names.
+    ///
     /// Errors: [`Error::Usage`] if the vectors span no lattice, if the scene had no cell, or
     /// repeated along other vectors, or if an option excludes periodic cells
     /// ([`VerifierOptions::cell`]).
@@ -476,7 +479,7 @@ impl Verifier {
             let what = "the cell repeats along other vectors than before";
             return Err(Error::Usage(what.into()));
         }
-        periodic.cell = cell;
+        periodic.cell = cell.in_basis_of(&periodic.cell);
         Ok(())
     }
 
