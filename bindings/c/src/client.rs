@@ -196,10 +196,10 @@ pub unsafe extern "C" fn lw_set_time_step(client: *mut lw_client, seconds: f64) 
     })
 }
 
-/// Sets the periodic cell of later frames: three vectors, `x y z` one after the other, and a corner,
-/// which may be null. A vector of zeros stands for a direction without repetition. If `vectors` is
-/// null, as at first, space is open. The cell may differ from frame to frame: set it before
-/// lw_publish. All frames of a session repeat along the same vectors, or along none.
+/// Sets the periodic cell of later frames: three vectors, `x y z` one after the other, and a
+/// corner, which may be null. A vector of zeros stands for a direction without repetition. If
+/// `vectors` is null, as at first, space is open. The cell may differ from frame to frame: set it
+/// before lw_publish. All frames of a session repeat along the same vectors, or along none.
 ///
 /// # Safety
 ///
