@@ -136,8 +136,8 @@ impl Frame {
     /// saves time if the frame is then verified.
     ///
     /// The periodic cell of the frame is that of [`Frame::info`]: without a call of
-    /// [`Verifier::set_cell`](crate::Verifier::set_cell), curves would be verified as in open
-    /// space.
+    /// [`Verifier::set_cell`](crate::Verifier::set_cell), the curves would be verified as if space
+    /// were open.
     ///
     /// Errors: the frame breaks its contract. Answer it with
     /// [`Verdict::Rejected`](crate::Verdict::Rejected). The next valid frame makes an existing set

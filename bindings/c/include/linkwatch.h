@@ -353,10 +353,10 @@ lw_status lw_describe_labelled(struct lw_client *client,
 // `client` comes from lw_open.
 lw_status lw_set_time_step(struct lw_client *client, double seconds);
 
-// Sets the periodic cell of later frames: three vectors, `x y z` one after the other, and a corner,
-// which may be null. A vector of zeros stands for a direction without repetition. If `vectors` is
-// null, as at first, space is open. The cell may differ from frame to frame: set it before
-// lw_publish. All frames of a session repeat along the same vectors, or along none.
+// Sets the periodic cell of later frames: three vectors, `x y z` one after the other, and a
+// corner, which may be null. A vector of zeros stands for a direction without repetition. If
+// `vectors` is null, as at first, space is open. The cell may differ from frame to frame: set it
+// before lw_publish. All frames of a session repeat along the same vectors, or along none.
 //
 // # Safety
 //

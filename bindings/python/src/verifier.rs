@@ -32,7 +32,7 @@ struct State {
 impl Verifier {
     #[new]
     #[pyo3(signature = (
-        *, basis_name, baseline, events, abort_on, incremental, motion_limit, strands, numbers
+        *, basis_name, baseline, events, abort_on, incremental, motion_limit, strands
     ))]
     fn new(
         basis_name: &str,
@@ -42,14 +42,12 @@ impl Verifier {
         incremental: bool,
         motion_limit: Option<f64>,
         strands: Option<Strands>,
-        numbers: Option<[f64; 12]>,
     ) -> PyResult<Verifier> {
         let options = VerifierOptions {
             baseline: baseline.map(|b| b.0),
             events: events.parse().map_err(option("events"))?,
             abort_on: abort_on.parse().map_err(option("abort_on"))?,
             motion_limit,
-            cell: numbers.map(cell),
             clearance: strands.as_ref().map(|(radius, low, _)| {
                 let mut options = ClearanceOptions::new(*radius);
                 options.low = *low;

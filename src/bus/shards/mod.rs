@@ -191,3 +191,42 @@ fn open_topic(node: &Node<Ipc>, name: &str, part: &str) -> Result<Topic> {
 fn shard_name(shard: u32, shards: u32) -> String {
     format!("shard {shard} of {shards}")
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Certificate;
+    use crate::verdict::{Change, ImageLink, Link};
+
+    /// The messages have no names of fields: a field that is left out would be read from the bytes
+    /// of the next one.
+    #[test]
+    fn certificates_and_findings_with_and_without_images_are_decoded() {
+        let (i, j) = (0, 1);
+        for image in [[0; 3], [1, -2, 3]] {
+            let change = Change {
+                i,
+                j,
+                image,
+                expected: 1,
+                found: 0,
+                place: None,
+            };
+            let link = ImageLink {
+                i,
+                j,
+                image,
+                lambda: Some(2),
+            };
+            let certificate = Certificate {
+                curves: 2,
+                links: vec![Link { i, j, lambda: -1 }],
+                undefined: vec![],
+                images: (image != [0; 3]).then(|| vec![link]),
+            };
+            let message = (change, certificate, "end".to_owned());
+            let decoded: (Change, Certificate, String) = decode(&encode(&message)).unwrap();
+            assert_eq!(decoded, message);
+        }
+    }
+}

@@ -237,6 +237,7 @@ impl Publisher {
             self.client.cut();
         }
         self.client.set_time_step(ready.info.time_step)?;
+        self.client.set_cell(ready.info.cell)?;
         if self.numbered {
             self.client.number_next(ready.seq)?;
             self.gaps += self.last.map_or(0, |last| ready.seq - last - 1);

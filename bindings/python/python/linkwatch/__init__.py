@@ -196,8 +196,9 @@ class Verifier:
             incremental=incremental,
             motion_limit=motion_limit,
             strands=strands,
-            numbers=None if cell is None else _cell(cell),
         )
+        if cell is not None:
+            self._verifier.set_cell(_cell(cell))
         self._clearance = strands is not None
 
     def step(self, curves: Frame, time: float = 0.0, *, cell: Cell | None = None) -> Report:
