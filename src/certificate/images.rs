@@ -159,7 +159,7 @@ mod tests {
 
     #[test]
     fn a_periodic_and_a_plain_certificate_are_not_compared() {
-        let [periodic, plain] = ["periodic 3\n", "3\n"].map(|text| Certificate::parse(text));
+        let [periodic, plain] = ["periodic 3\n", "3\n"].map(Certificate::parse);
         let (periodic, plain) = (periodic.unwrap(), plain.unwrap());
         for (a, b) in [(&periodic, &plain), (&plain, &periodic)] {
             let e = a.compare(b).unwrap_err().to_string();

@@ -72,6 +72,15 @@ pub(crate) fn distance(a: Point, b: Point) -> f64 {
     norm(sub(a, b))
 }
 
+/// Returns a rounded sum and its error, which is a floating-point number (Knuth). The error is NaN
+/// if the sum overflows.
+#[inline(always)]
+pub(crate) fn two_sum(a: f64, b: f64) -> (f64, f64) {
+    let sum = a + b;
+    let part = sum - a;
+    (sum, (a - (sum - part)) + (b - part))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -96,13 +105,4 @@ mod tests {
         let most = [f64::MAX; 3];
         assert_eq!(half_difference(most, most.map(|x| -x)), most);
     }
-}
-
-/// Returns a rounded sum and its error, which is a floating-point number (Knuth). The error is NaN
-/// if the sum overflows.
-#[inline(always)]
-pub(crate) fn two_sum(a: f64, b: f64) -> (f64, f64) {
-    let sum = a + b;
-    let part = sum - a;
-    (sum, (a - (sum - part)) + (b - part))
 }

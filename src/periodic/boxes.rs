@@ -55,13 +55,15 @@ impl FractionalBoxes {
                     bounds[1][x] = bounds[1][x].max(u);
                 }
             }
-            for x in 0..3 {
-                let [lo, hi] = [bounds[0][x], bounds[1][x]];
-                let pad = spline * (hi - lo) + PAD * lo.abs().max(hi.abs()).max(1.0);
-                bounds[0][x] = lo - pad;
-                bounds[1][x] = hi + pad;
-            }
-            bounds
+            let [lo, hi] = bounds;
+            let pad = [0, 1, 2].map(|x| {
+                let size = lo[x].abs().max(hi[x].abs()).max(1.0);
+                spline * (hi[x] - lo[x]) + PAD * size
+            });
+            [
+                [0, 1, 2].map(|x| lo[x] - pad[x]),
+                [0, 1, 2].map(|x| hi[x] + pad[x]),
+            ]
         };
         let bounds = (0..set.len()).into_par_iter().with_min_len(64).map(curve);
         Ok(FractionalBoxes {

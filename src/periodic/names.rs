@@ -183,7 +183,6 @@ mod tests {
                 .collect();
             let baseline = renamed(&entries, &shifts);
             let aligned = aligned(curves, &baseline, &entries);
-            let mut entries = entries;
             entries.sort_unstable();
             assert_eq!(aligned, entries);
         }

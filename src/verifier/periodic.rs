@@ -458,16 +458,17 @@ impl Verifier {
     /// ([`VerifierOptions::cell`]).
     pub fn set_cell(&mut self, cell: Cell) -> Result<()> {
         cell.check()?;
-        if let Some(options) = self.fresh.take() {
+        if let Some(options) = &self.fresh {
             let options = VerifierOptions {
                 cell: Some(cell),
-                ..*options
+                ..VerifierOptions::clone(options)
             };
             options.check()?;
             if self.share.is_some() {
                 let what = "the pairs of periodic images cannot be shared among several verifiers";
                 return Err(Error::Usage(what.into()));
             }
+            self.fresh = None;
             self.baseline = None;
             self.periodic = Some(Box::new(Periodic::new(cell, &options)));
         }

@@ -113,9 +113,11 @@ fn pull_throughs_of_rounded_images_are_exact() {
             let positions = Positions::F64(points.as_flattened());
             CurveSet::from_counts(Basis::Polyline, &counts, positions).unwrap()
         };
-        let mut plain = VerifierOptions::default();
-        plain.events = Events::Between;
-        plain.motion_limit = Some(f64::INFINITY);
+        let plain = VerifierOptions {
+            events: Events::Between,
+            motion_limit: Some(f64::INFINITY),
+            ..VerifierOptions::default()
+        };
         let mut periodic = plain.clone();
         periodic.cell = Some(far(&shapes[0]).cell);
         let (expected, verdict) = step(shapes.each_ref().map(near), plain);

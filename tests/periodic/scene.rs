@@ -38,7 +38,7 @@ impl Scene {
     pub fn random(seed: u64) -> Scene {
         let mut random = Random::from_key([seed, 22]);
         let cell: Cell = CELLS[seed as usize % CELLS.len()].parse().unwrap();
-        let grid = seed % 2 == 0;
+        let grid = seed.is_multiple_of(2);
         let count = 1 + random.below(4);
         let largest = random.pick(&[1.6, 2.6, 3.4]);
         let mut curves = Vec::new();

@@ -4,6 +4,7 @@ use crate::scene::{Point, Scene};
 use crate::support::random::Random;
 use linkwatch::{
     Basis, Cell, CurveSet, Events, Image, Positions, Strategy, Unwrap, Verdict, Verifier,
+    VerifierOptions,
 };
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -36,7 +37,7 @@ impl RingAndYarn {
             [2, 0, 1],
         ];
         let period = random.pick(&periods);
-        let grid = seed % 2 == 0;
+        let grid = seed.is_multiple_of(2);
         let snap = |p: Point| match grid {
             true => p.map(|x| (2.0 * x).round() / 2.0),
             false => p,
@@ -138,8 +139,10 @@ fn linking_numbers_of_rings_and_yarns_are_those_of_yarns_closed_by_hand() {
         let scene = RingAndYarn::random(seed);
         for ring_first in [true, false] {
             let set = scene.set(ring_first);
-            let mut options = linkwatch::VerifierOptions::default();
-            options.cell = Some(scene.cell);
+            let options = VerifierOptions {
+                cell: Some(scene.cell),
+                ..VerifierOptions::default()
+            };
             let mut verifier = Verifier::new(options).unwrap();
             let report = verifier.step_shared(0, 0.0, &Arc::new(set)).unwrap();
             assert_eq!(report.stats.open_curves, 1);

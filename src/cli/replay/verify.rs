@@ -239,7 +239,7 @@ enum Waiting {
     Frame {
         seq: u64,
         time: f64,
-        frame: Ingested,
+        frame: Box<Ingested>,
     },
     Verdict(Box<RecordedVerdict>),
 }
@@ -310,6 +310,7 @@ impl Replay {
                 let frame = self.session.ingest(info, |receive| frame.read(receive));
                 self.session.announce(&frame);
                 self.finish_waiting()?;
+                let frame = Box::new(frame);
                 self.waiting.push_back(Waiting::Frame { seq, time, frame });
             }
             Item::Verdict(recorded) => {
@@ -327,7 +328,7 @@ impl Replay {
         while let Some(next) = self.waiting.pop_front() {
             match next {
                 Waiting::Frame { seq, time, frame } => {
-                    let judged = self.session.judge(seq, time, frame)?;
+                    let judged = self.session.judge(seq, time, *frame)?;
                     self.count(judged.report.verdict);
                     self.last = Some(Arc::clone(&judged.report));
                     self.session.publish(judged, self.tally);
