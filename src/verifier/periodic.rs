@@ -500,7 +500,8 @@ impl Verifier {
                 _ => Ok(()),
             };
         };
-        let Some(given) = periodic.given.take() else {
+        // Kept until it is divided: the first frame may be rejected.
+        let Some(given) = periodic.given.clone() else {
             return Ok(());
         };
         if given.images.is_none() {
@@ -552,6 +553,7 @@ impl Verifier {
             .partition(|e| e.0.image != Image::default());
         periodic.expected = Some(of_images);
         periodic.of_yarns = Some(of_yarns);
+        periodic.given = None;
         self.baseline = Some(Certificate {
             images: None,
             ..given.with_entries(&own)

@@ -2,7 +2,7 @@
 
 use crate::scene::{Point, Scene};
 use crate::support::random::Random;
-use linkwatch::{Events, Image, Strategy, Verdict, Verifier};
+use linkwatch::{Certificate, Events, Image, Strategy, Verdict, Verifier};
 use std::sync::Arc;
 
 /// Moves each curve by a lattice vector.
@@ -56,6 +56,32 @@ fn a_baseline_of_other_images_is_intact() {
             let report = verifier.step_shared(seq, 0.0, &moved).unwrap();
             assert_eq!(report.verdict, Verdict::Intact, "seed {seed}: {report:?}");
         }
+    }
+}
+
+/// Regression test: after a first frame that is refused, the given baseline still holds.
+#[test]
+fn a_refused_first_frame_does_not_replace_the_baseline() {
+    let scene = chain();
+    let mut options = scene.options(Strategy::Full, Events::Off);
+    options.baseline = Some(scene.certificate());
+    options.max_pairs = 1;
+    let mut verifier = Verifier::new(options).unwrap();
+    for seq in 0..2 {
+        let refused = verifier.step_shared(seq, 0.0, &Arc::new(scene.set()));
+        assert!(refused.is_err());
+    }
+    let mut options = scene.options(Strategy::Full, Events::Off);
+    options.baseline = Some(Certificate::parse("4\n0,1,1\n").unwrap());
+    let mut verifier = Verifier::new(options).unwrap();
+    for seq in 0..2 {
+        let e = verifier
+            .step_shared(seq, 0.0, &Arc::new(scene.set()))
+            .unwrap_err();
+        assert!(
+            e.to_string().contains("not of a periodic scene"),
+            "frame {seq}: {e}"
+        );
     }
 }
 
