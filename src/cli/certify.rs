@@ -129,10 +129,26 @@ struct Certified {
     took: Duration,
 }
 
+impl Args {
+    /// Returns true if periodic images are not considered.
+    fn is_alone(&self) -> bool {
+        #[cfg(feature = "lab")]
+        if self.repeat.is_some() {
+            return true;
+        }
+        self.noise.is_some() || self.open || self.discretize == Discretize::Algorithm3
+    }
+}
+
 /// Reads the requested frame of a model.
 fn read(path: &Path, args: &Args) -> Result<Picked> {
     let pick = args.frame.map_or(Pick::First, Pick::Number);
     let format = args.format.wrapped(args.cell_args.wrapped());
+    if args.is_alone() {
+        let mut picked = input::read_frame_alone(path, &format, pick)?;
+        picked.cell = None;
+        return Ok(picked);
+    }
     input::read_frame(path, &format, pick)
 }
 
@@ -231,11 +247,9 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         let what = "--braid excludes --noise and --discretize: loops are verified pair by pair";
         return Err(Error::Usage(what.into()));
     }
-    if args.cell_args.are_given()
-        && (args.noise.is_some() || args.open || args.discretize == Discretize::Algorithm3)
-    {
-        let what = "--cell and --wrapped exclude --noise, --open and --discretize: they do not \
-                    consider periodic images";
+    if args.cell_args.are_given() && args.is_alone() {
+        let what = "--cell and --wrapped exclude --noise, --open, --discretize and --repeat, which \
+                    do not consider periodic images";
         return Err(Error::Usage(what.into()));
     }
     if args.write_loops.is_some() && (models.len() > 1 || !braids) {

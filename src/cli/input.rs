@@ -64,7 +64,7 @@ impl FormatArgs {
 /// the first one is read.
 pub fn read(argument: &Path) -> Result<CurveSet> {
     let args = FormatArgs::default();
-    let picked = read_frame(argument, &args, Pick::First)?;
+    let picked = read_frame_alone(argument, &args, Pick::First)?;
     if let Some(number) = picked.number {
         let frames = frames_of(argument, &args)?.filter(Result::is_ok).count();
         if frames > 1 {
@@ -96,6 +96,20 @@ pub struct Picked {
     pub number: Option<u64>,
     /// Periodic cell of the frame, if it has one.
     pub cell: Option<Cell>,
+}
+
+/// Same as [`read_frame`], for commands that do not consider periodic images: warns if the frame has
+/// a cell.
+pub fn read_frame_alone(argument: &Path, args: &FormatArgs, pick: Pick) -> Result<Picked> {
+    let picked = read_frame(argument, args, pick)?;
+    if let Some(cell) = picked.cell {
+        tracing::warn!(
+            "{}: the frame has a periodic cell ({cell}), but this command considers the curves \
+             alone, without their images",
+            argument.display()
+        );
+    }
+    Ok(picked)
 }
 
 /// Reads one frame of a model file or of a recording, or builds a scene as [`read`] does.

@@ -153,7 +153,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     }
     let reductions = reductions(args)?;
     let pick = args.frame.map_or(Pick::First, Pick::Number);
-    let set = input::read_frame(&args.model, &args.format, pick)?.curves;
+    let set = input::read_frame_alone(&args.model, &args.format, pick)?.curves;
     let name = args.model.display().to_string();
     let mut options = VerifierOptions::default();
     options.events = match args.with_self {

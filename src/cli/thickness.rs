@@ -67,7 +67,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
 
 fn measure(path: &Path, args: &Args) -> Result<Measured> {
     let pick = args.frame.map_or(Pick::Last, Pick::Number);
-    let picked = input::read_frame(path, &args.format, pick)?;
+    let picked = input::read_frame_alone(path, &args.format, pick)?;
     let (set, published) = (picked.curves, picked.radii);
     let published: Vec<f64> = published.into_iter().map(f64::from).collect();
     let radii = match args.radius {

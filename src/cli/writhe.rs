@@ -69,7 +69,7 @@ pub fn run(args: &Args, as_json: bool) -> Result<Outcome> {
     let mut outcome = Outcome::Fine;
     for path in &input::expand(&args.models, true)? {
         let pick = args.frame.map_or(Pick::Last, Pick::Number);
-        let set = input::read_frame(path, &args.format, pick)?.curves;
+        let set = input::read_frame_alone(path, &args.format, pick)?.curves;
         outcome = outcome.max(if args.ribbon.is_empty() {
             curves(path, &set, args, as_json)?
         } else {
