@@ -120,7 +120,7 @@ fn an_output_is_not_overwritten_and_is_no_input() {
     );
     let run = linkwatch(&["convert", text(&models[0]), text(&models[1]), "--force"]);
     assert_eq!(run.code, 0, "{}", run.stderr);
-    let unknown = folder.path().join("f.xyz");
+    let unknown = folder.path().join("f.stl");
     let run = linkwatch(&["convert", text(&models[0]), text(&unknown)]);
     assert_eq!(run.code, 2);
     assert!(
