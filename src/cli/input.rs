@@ -98,8 +98,8 @@ pub struct Picked {
     pub cell: Option<Cell>,
 }
 
-/// Same as [`read_frame`], for commands that do not consider periodic images: warns if the frame has
-/// a cell.
+/// Same as [`read_frame`], for commands that do not consider periodic images: warns if the frame
+/// has a cell.
 pub fn read_frame_alone(argument: &Path, args: &FormatArgs, pick: Pick) -> Result<Picked> {
     let picked = read_frame(argument, args, pick)?;
     if let Some(cell) = picked.cell {
