@@ -108,6 +108,12 @@ impl FractionalBoxes {
         })
     }
 
+    /// Returns the mean size of the curves along a direction.
+    pub fn mean_size(&self, x: usize) -> f64 {
+        let total: f64 = self.bounds.iter().map(|b| b[1][x] - b[0][x]).sum();
+        total / self.bounds.len().max(1) as f64
+    }
+
     /// Returns the size of the scene along a direction.
     pub fn extent(&self, x: usize) -> f64 {
         let lo = self

@@ -23,9 +23,16 @@ use crate::pool;
 use crate::verdict::{AbortOn, Change, Defect, DefectKind, Link, Place, PullThrough, Report};
 use std::sync::Arc;
 
-/// Distance that curves may move before the images are searched for again, in shares of the cell;
-/// along directions without repetition, in shares of the extent of the scene.
+/// Largest distance that curves may move before the images are searched for again, as a share of
+/// the cell. A larger one needs more images.
 const MARGIN: f64 = 0.05;
+
+/// The same as a share of the mean size of the curves.
+const OF_SIZE: f64 = 0.5;
+
+/// The same along directions without repetition, as a share of the extent of the scene. It adds no
+/// image.
+const ACROSS: f64 = 0.5;
 
 /// Images of the curves of a periodic scene, and their verifier.
 #[derive(Debug)]
@@ -230,8 +237,8 @@ impl Periodic {
     fn search(&mut self, boxes: &FractionalBoxes, progress: &super::Progress) -> Result<Inner> {
         let periodic = self.cell.periodic();
         let margin = [0, 1, 2].map(|x| match periodic[x] {
-            true => MARGIN,
-            false => MARGIN * boxes.extent(x),
+            true => MARGIN.min(OF_SIZE * boxes.mean_size(x)),
+            false => ACROSS * boxes.extent(x),
         });
         let searched = Searched {
             curves: self.frame()?.curves(),
