@@ -64,6 +64,11 @@ impl Searched<'_> {
         self.curves[i as usize].closed
     }
 
+    /// Returns true if an image continues its curve, which runs through the cell.
+    fn continues(&self, i: u32, image: Image) -> bool {
+        self.periods[i as usize].is_some_and(|period| is_multiple(image, period))
+    }
+
     fn is_used(&self, i: usize) -> bool {
         self.open_too || self.curves[i].closed || self.periods[i].is_some()
     }
@@ -111,9 +116,11 @@ impl ImagePairs {
         let mut curves: Vec<(u32, Image)> = pairs.iter().flat_map(ends).collect();
         curves.sort_unstable_by_key(order);
         curves.dedup();
+        let continues = |&(i, image): &(u32, Image)| searched.continues(i, image);
+        let continues = curves.iter().map(continues).collect();
         let curves: Translated = curves.into();
         Ok(ImagePairs {
-            share: Share::of_images(curves.clone()),
+            share: Share::of_images(curves.clone(), continues),
             yarns: yarns.into_iter().collect(),
             curves,
             within,
@@ -237,7 +244,7 @@ fn search(
             }
             _ => {}
         }
-        let of_one_curve = i == j && first.is_some_and(|period| is_multiple(image, period));
+        let of_one_curve = i == j && searched.continues(i, image);
         if image != Image::default() && !of_one_curve {
             pairs.insert(ImagePair::new(i, j, image));
         }

@@ -69,10 +69,7 @@ impl Scene {
 
     /// Returns the translation of an image.
     pub fn translation(&self, image: Image) -> Point {
-        [0, 1, 2].map(|x| {
-            let part = |k: usize| f64::from(image[k]) * self.cell.vectors[k][x];
-            part(0) + part(1) + part(2)
-        })
+        translation(&self.cell, image)
     }
 
     /// Returns all images within reach, the curve itself first.
@@ -159,4 +156,12 @@ fn ring(random: &mut Random, center: Point, size: f64, n: i32, grid: bool) -> Ve
         })
     };
     (0..n).map(|k| point(k, random)).collect()
+}
+
+/// Returns the translation of an image.
+pub fn translation(cell: &Cell, image: Image) -> Point {
+    [0, 1, 2].map(|x| {
+        let part = |k: usize| f64::from(image[k]) * cell.vectors[k][x];
+        part(0) + part(1) + part(2)
+    })
 }

@@ -1,6 +1,6 @@
 //! Curves that run through the cell.
 
-use crate::scene::{Point, Scene};
+use crate::scene::{Point, Scene, translation};
 use crate::support::random::Random;
 use linkwatch::{
     Basis, Cell, CurveSet, Events, Image, Positions, Strategy, Unwrap, Verdict, Verifier,
@@ -116,13 +116,6 @@ impl RingAndYarn {
             false => None,
         }
     }
-}
-
-fn translation(cell: &Cell, image: Image) -> Point {
-    [0, 1, 2].map(|x| {
-        let part = |k: usize| f64::from(image[k]) * cell.vectors[k][x];
-        part(0) + part(1) + part(2)
-    })
 }
 
 /// Returns a translation that is the same for all that differ by multiples of the period.
@@ -246,6 +239,44 @@ fn a_yarn_that_is_lifted_out_of_a_weave_passes_through_others() {
         assert_eq!(report.events.len(), 1, "{:?}", report.events);
         let event = &report.events[0];
         assert!(event.i < 2 && event.j == 2, "{event:?}");
+    }
+}
+
+/// Regression test: an image that continues a yarn touches that yarn at its end. If a third curve
+/// needed this image, and some sums were rounded, the two counted as curves in contact.
+#[test]
+fn a_yarn_does_not_touch_the_image_that_continues_it() {
+    for strategy in [Strategy::Full, Strategy::Incremental] {
+        let weave = weave();
+        // Numbers whose sums are rounded.
+        let scaled = |x: f64| 1.037 * x;
+        let moved = |c: &[Point], by: Point| -> Vec<Point> {
+            let moved = |p: &Point| [0, 1, 2].map(|x| scaled(p[x] + by[x]));
+            c.iter().map(moved).collect()
+        };
+        // The first warp yarn crosses the next period of the weft yarn, the second one the weft
+        // yarn itself, by an image.
+        let mut scene = Scene {
+            curves: vec![
+                moved(&weave.curves[0], [0.0, 2.0, 0.0]),
+                moved(&weave.curves[2], [0.0; 3]),
+                moved(&weave.curves[1], [2.0, 0.0, 0.0]),
+            ],
+            ..weave
+        };
+        scene.cell.vectors = scene.cell.vectors.map(|v| v.map(scaled));
+        for yarn in &mut scene.curves {
+            // Ends exactly at the image of the start.
+            yarn[0][2] = 0.0;
+            yarn[16][2] = 0.0;
+        }
+        let mut verifier = Verifier::new(scene.options(strategy, Events::Between)).unwrap();
+        for seq in 0..3 {
+            let report = verifier
+                .step_shared(seq, 0.0, &Arc::new(scene.set()))
+                .unwrap();
+            assert_eq!(report.verdict, Verdict::Intact, "{report:?}");
+        }
     }
 }
 
