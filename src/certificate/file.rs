@@ -262,7 +262,7 @@ fn image_entry(line: &str) -> Option<Entry> {
 }
 
 /// Returns a defect of a pair, or of all pairs of a curve, for an unknown reason.
-pub(super) fn undefined_entry(i: u32, j: Option<u32>) -> Defect {
+pub(crate) fn undefined_entry(i: u32, j: Option<u32>) -> Defect {
     let kind = match j {
         Some(_) => DefectKind::TooClose,
         None => DefectKind::Degenerate,

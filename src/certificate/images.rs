@@ -105,7 +105,7 @@ impl Certificate {
             };
             match numbers {
                 _ if without(i) || without(j) => {}
-                // Those of curves themselves are in the list already.
+                // The list has the pairs of two curves that are not translated already.
                 [_, None] if home => {}
                 [_, None] => out.defects.push(defect(DefectKind::TooClose)),
                 [None, Some(lambda)] => {

@@ -6,6 +6,7 @@ mod file;
 mod images;
 
 pub use compare::Comparison;
+pub(crate) use file::undefined_entry;
 
 use crate::curve::Image;
 use crate::error::{Error, Result};

@@ -1,5 +1,6 @@
 //! The options `--cell` and `--wrapped` of every command that verifies frames.
 
+use super::output;
 use linkwatch::{Cell, CurveSet, Error, FrameInfo, Result, Unwrap};
 use std::str::FromStr;
 
@@ -50,6 +51,15 @@ impl CellArgs {
         self.wrapped
     }
 
+    /// Warns of segments that are too long for the scene or for the cell of a frame.
+    pub fn warn_of_segments(&self, name: &str, curves: &CurveSet, cell: Option<Cell>) {
+        match cell {
+            None => output::warn_of_long_segment(name, curves),
+            Some(_) if self.wrapped => {}
+            Some(cell) => output::warn_of_wrapped(name, curves, &cell),
+        }
+    }
+
     /// Returns the cell of a frame: that of the user, or that of the frame.
     pub fn cell(&self, of_frame: Option<Cell>) -> Option<Cell> {
         match self.cell {
@@ -63,7 +73,7 @@ impl CellArgs {
 /// The cells of successive frames, and the unwrapping of their curves.
 #[derive(Debug, Default)]
 pub struct Cells {
-    args: CellArgs,
+    pub args: CellArgs,
     unwrap: Unwrap,
 }
 
@@ -73,11 +83,6 @@ impl Cells {
             args,
             unwrap: Unwrap::default(),
         }
-    }
-
-    /// Returns true if coordinates are wrapped.
-    pub fn are_wrapped(&self) -> bool {
-        self.args.wrapped
     }
 
     /// Sets the cell of a frame to that with which it is verified.

@@ -202,11 +202,7 @@ fn certify(path: &Path, args: &Args) -> Result<Certified> {
         })?;
     let took = start.elapsed();
     output::warn_of_open_curves(&name, &stats, None);
-    match cell {
-        None => output::warn_of_long_segment(&name, &set),
-        Some(_) if args.cell_args.wrapped() => {}
-        Some(cell) => output::warn_of_wrapped(&name, &set, &cell),
-    }
+    args.cell_args.warn_of_segments(&name, &set, cell);
     if stats.repeated_vertices > 0 {
         let vertices = plural_of(
             stats.repeated_vertices,

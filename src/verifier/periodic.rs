@@ -9,8 +9,8 @@
 
 use super::braided::add_work;
 use super::{Verifier, VerifierOptions};
-use crate::certificate::Certificate;
-use crate::curve::{Cell, CurveSet, Image, Point};
+use crate::certificate::{Certificate, undefined_entry};
+use crate::curve::{Cell, CurveSet, Image};
 use crate::error::{Error, Result};
 use crate::incremental::{Events, sort_by_time};
 use crate::ingest::FramePool;
@@ -20,7 +20,7 @@ use crate::periodic::{
     period, reduced,
 };
 use crate::pool;
-use crate::verdict::{AbortOn, Change, Defect, DefectKind, Link, Place, PullThrough, Report};
+use crate::verdict::{AbortOn, Change, Defect, DefectKind, Link, PullThrough, Report};
 use std::sync::Arc;
 
 /// Largest distance that curves may move before the images are searched for again, as a share of
@@ -131,12 +131,8 @@ impl Periodic {
 
     /// Begins again with another baseline.
     pub fn restart(&mut self, baseline: Certificate) {
-        self.given = Some(baseline);
-        self.expected = None;
-        self.periods = None;
-        self.of_yarns = None;
-        self.inner = None;
-        self.before = None;
+        self.options.baseline = Some(baseline);
+        *self = Periodic::new(self.cell, &self.options);
     }
 
     /// Returns true if a defect of a pair with an image is one of the baseline.
@@ -199,7 +195,7 @@ impl Periodic {
 
     /// Compares the linking numbers with curves that run through the cell with the expected ones.
     fn compare_yarns(&mut self, set: &CurveSet) -> (Vec<Change>, Vec<Defect>) {
-        // Those of splines are not computed.
+        // Linking numbers of splines with yarns are not computed.
         if !set.basis().is_polyline() {
             self.of_yarns.get_or_insert_default();
             return Default::default();
@@ -400,17 +396,7 @@ fn of_pairs(entries: &[Entry], pairs: &ImagePairs) -> Certificate {
         };
         match lambda {
             Some(lambda) => out.links.push(Link { i, j, lambda }),
-            None => out.undefined.push(Defect {
-                i,
-                j: Some(j),
-                image: Image::default(),
-                kind: DefectKind::TooClose,
-                place: Place {
-                    segments: [0, 0],
-                    point: Point::default(),
-                    distance: 0.0,
-                },
-            }),
+            None => out.undefined.push(undefined_entry(i, Some(j))),
         }
     }
     out.links.sort_unstable();
@@ -594,23 +580,20 @@ impl Verifier {
         let (changes, defects) = found.of_yarns;
         report.changes.extend(changes);
         report.defects.extend(defects);
+        if let Some(of_images) = found.report {
+            report.changes.extend(of_images.changes);
+            report.events.extend(of_images.events);
+            report.unresolved.extend(of_images.unresolved);
+            report.defects.extend(of_images.defects);
+            report.missing.extend(of_images.missing);
+            let fractions = report.safe_fraction.zip(of_images.safe_fraction);
+            report.safe_fraction = fractions.map(|(a, b)| a.min(b));
+            add_work(&mut report.stats, &of_images.stats);
+        }
         report.changes.sort_by_key(|c| (c.i, c.j, c.image));
         report.defects.sort_by_key(|d| (d.i, d.j, d.image));
-        let Some(of_images) = found.report else {
-            return;
-        };
-        report.changes.extend(of_images.changes);
-        report.changes.sort_by_key(|c| (c.i, c.j, c.image));
-        report.events.extend(of_images.events);
         sort_by_time(&mut report.events);
-        report.unresolved.extend(of_images.unresolved);
         sort_by_time(&mut report.unresolved);
-        report.defects.extend(of_images.defects);
-        report.defects.sort_by_key(|d| (d.i, d.j, d.image));
-        report.missing.extend(of_images.missing);
-        let fractions = report.safe_fraction.zip(of_images.safe_fraction);
-        report.safe_fraction = fractions.map(|(a, b)| a.min(b));
-        add_work(&mut report.stats, &of_images.stats);
         let inner = self.periodic.as_mut();
         if let Some(verifier) = inner.and_then(|periodic| periodic.inner_verifier()) {
             self.full.timings.add(&verifier.timings());

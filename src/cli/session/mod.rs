@@ -649,11 +649,8 @@ impl Session {
         let name = judged.model.as_deref().unwrap_or("the frames");
         output::warn_of_open_curves(name, &judged.report.stats, Some(self.events));
         if let Some(curves) = &judged.curves {
-            match judged.info.cell {
-                None => output::warn_of_long_segment(name, curves),
-                Some(_) if self.cells.are_wrapped() => {}
-                Some(cell) => output::warn_of_wrapped(name, curves, &cell),
-            }
+            let args = &self.cells.args;
+            args.warn_of_segments(name, curves, judged.info.cell);
         }
     }
 

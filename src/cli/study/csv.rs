@@ -1,5 +1,6 @@
 //! Tables as files of comma-separated values. A row is written as soon as it is measured.
 
+use crate::cli::files::{Content, Files};
 use linkwatch::{Error, Result};
 use serde_json::Value;
 use std::fs::File;
@@ -43,9 +44,28 @@ impl Csv {
     }
 }
 
-/// Creates a folder unless it exists.
-pub fn create_folder(path: &Path) -> Result<()> {
-    std::fs::create_dir_all(path).map_err(|e| failed(path, e))
+/// Checks the outputs of a study: a table, and plots of these names in a folder, each as PNG and
+/// SVG. Creates the folder unless it exists.
+pub fn check_outputs(
+    files: &mut Files,
+    csv: Option<&Path>,
+    plot: Option<&Path>,
+    plots: &[&str],
+) -> Result<()> {
+    if let Some(file) = csv {
+        files.writes("--csv", file, Content::Text)?;
+    }
+    let Some(folder) = plot else {
+        return Ok(());
+    };
+    std::fs::create_dir_all(folder).map_err(|e| failed(folder, e))?;
+    for name in plots {
+        for extension in ["png", "svg"] {
+            let file = folder.join(name).with_extension(extension);
+            files.writes("--plot", &file, Content::Plot)?;
+        }
+    }
+    Ok(())
 }
 
 fn failed(path: &Path, source: std::io::Error) -> Error {

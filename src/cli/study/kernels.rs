@@ -4,8 +4,8 @@
 //! must be the exact one whatever the error of its sums, because only sums that their proven bound
 //! decides are used.
 
-use super::csv::{Csv, create_folder};
-use crate::cli::files::{Content, Files, Overwrite};
+use super::csv::{Csv, check_outputs};
+use crate::cli::files::{Files, Overwrite};
 use crate::cli::kernel::beta;
 use crate::cli::number::{positive, segments};
 use crate::cli::output::{self, count, plural, plural_of};
@@ -80,18 +80,12 @@ const PLOTS: [&str; 3] = ["error-time", "error-beta", "time-size"];
 pub fn run(args: &Args, as_json: bool) -> Result<Outcome> {
     let mut files = Files::new(args.overwrite);
     files.reads(Path::new(&args.input));
-    if let Some(file) = &args.csv {
-        files.writes("--csv", file, Content::Text)?;
-    }
-    if let Some(folder) = &args.plot {
-        create_folder(folder)?;
-        for name in PLOTS {
-            for extension in ["png", "svg"] {
-                let file = folder.join(name).with_extension(extension);
-                files.writes("--plot", &file, Content::Plot)?;
-            }
-        }
-    }
+    check_outputs(
+        &mut files,
+        args.csv.as_deref(),
+        args.plot.as_deref(),
+        &PLOTS,
+    )?;
     // Opened before the measurements, so that no run includes it.
     let on_device = Verifier::new(VerifierOptions {
         device: args.device.clone(),

@@ -1,8 +1,8 @@
 //! `linkwatch study sizes`: time and memory of a moving scene against its size.
 
-use super::csv::{Csv, create_folder};
+use super::csv::{Csv, check_outputs};
 use crate::cli::Outcome;
-use crate::cli::files::{Content, Files, Overwrite};
+use crate::cli::files::{Files, Overwrite};
 use crate::cli::motion_args::MotionArgs;
 use crate::cli::number::segments;
 use crate::cli::output::{self, count, plural};
@@ -100,18 +100,12 @@ pub fn run(args: &Args, as_json: bool) -> Result<Outcome> {
         return Err(Error::Usage(what));
     }
     let mut files = Files::new(args.overwrite);
-    if let Some(file) = &args.csv {
-        files.writes("--csv", file, Content::Text)?;
-    }
-    if let Some(folder) = &args.plot {
-        create_folder(folder)?;
-        for name in PLOTS {
-            for extension in ["png", "svg"] {
-                let file = folder.join(name).with_extension(extension);
-                files.writes("--plot", &file, Content::Plot)?;
-            }
-        }
-    }
+    check_outputs(
+        &mut files,
+        args.csv.as_deref(),
+        args.plot.as_deref(),
+        &PLOTS,
+    )?;
     let study = ScalingStudy {
         moving: MovingScene {
             pull: args.pull,
