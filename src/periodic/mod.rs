@@ -3,9 +3,8 @@
 //! In a periodic scene, each curve stands for all its images: the curve translated by every lattice
 //! vector of the [`Cell`](crate::Cell). A curve that closes in space has a linking number with
 //! every image of every other such curve, and with its own images, nearly all of which are 0. The
-//! entry
-//! `i, j, n` is that of curve `i` and of curve `j` translated by the lattice vector `n`; it equals
-//! the entry `j, i, -n`, so `i <= j`, and `n` is positive in lexicographic order if `i = j`.
+//! entry `i, j, n` is that of curve `i` and of curve `j` translated by the lattice vector `n`; it
+//! equals the entry `j, i, -n`, so `i <= j`, and `n` is positive in lexicographic order if `i = j`.
 //!
 //! # Which images may matter
 //!
@@ -20,9 +19,8 @@
 //! # Names of the images
 //!
 //! The coordinates of a curve may be those of any of its images. Moving curve `j` by a lattice
-//! vector
-//! `s` subtracts `s` from the `n` of its entries. The text of a certificate does not depend on such
-//! choices ([`canonical`]).
+//! vector `s` subtracts `s` from the `n` of its entries. The text of a certificate does not depend
+//! on such choices ([`canonical`]).
 
 mod boxes;
 mod names;

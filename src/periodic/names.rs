@@ -1,8 +1,8 @@
 //! Names of the images: each curve may be given by the coordinates of any of its images.
 //!
-//! If curve `i` is moved by the lattice vector `s[i]`, its entry `i, j, n` becomes `i, j, n + s[i]
-//! - s[j]`. Two lists of entries describe the same periodic topology if some `s` maps one to the
-//!   other.
+//! If each curve `i` is moved by a lattice vector `s[i]`, the entry `i, j, n` becomes
+//! `i, j, n + s[i] - s[j]`. Two lists of entries describe the same periodic topology if some `s`
+//! maps one to the other.
 
 use super::ImagePair;
 use crate::curve::Image;

@@ -33,7 +33,7 @@ pub(super) struct Window {
 /// Radii of the strands of a frame, as far as the recording has them.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Radii<'a> {
-    /// Those that the simulator published: one per curve, or none.
+    /// Radii that the simulator published: one per curve, or none.
     pub published: &'a [f32],
     /// The one of all strands for which clearance was measured.
     pub measured: Option<f64>,

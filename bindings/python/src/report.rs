@@ -155,8 +155,8 @@ impl Certificate {
         links.map(|l| (l.i, l.j, l.lambda)).collect()
     }
 
-    /// Of a periodic scene: linking numbers with images of other curves and of the curve itself, as
-    /// tuples (i, j, image, lambda), sorted. lambda is None if the pair has no linking number. None
+    /// Linking numbers with periodic images of other curves and of the curve itself, as tuples
+    /// (i, j, image, lambda), sorted. lambda is None if the pair has no linking number. None
     /// if the scene is not periodic.
     #[getter]
     fn images(&self) -> Option<Vec<ImageLink>> {

@@ -128,8 +128,9 @@ struct Others {
 enum Cells {
     #[default]
     None,
-    /// Of all frames.
+    /// One cell for all frames.
     One(Cell),
+    /// A cell for each frame.
     Each(Vec<Cell>),
 }
 

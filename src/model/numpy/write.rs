@@ -176,7 +176,7 @@ pub(in crate::model) struct NpzFile {
     labels: Arc<CurveLabels>,
     seq: Vec<u64>,
     times: Vec<f64>,
-    /// Of all frames, or of none.
+    /// Cells of all frames so far; empty if the frames have none.
     cells: Vec<Cell>,
 }
 

@@ -5,7 +5,7 @@ use crate::curve::{Cell, Point};
 use crate::model::lines::integer;
 use crate::model::{number, quote};
 
-/// What the comment of a frame says.
+/// Content of the comment of a frame.
 #[derive(Debug, Default, PartialEq)]
 pub(super) struct Comment {
     lattice: Option<[Point; 3]>,

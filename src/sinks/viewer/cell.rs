@@ -17,7 +17,7 @@ const MOST: usize = 200;
 /// Number of points per spline segment.
 const POINTS: usize = 6;
 
-/// What is drawn of the cell.
+/// Last cell that was drawn, and whether images are drawn.
 #[derive(Debug, Default)]
 pub(super) struct CellView {
     cell: Option<Cell>,

@@ -8,7 +8,7 @@ use re_sdk_types::components::Radius;
 pub(super) const QUIET: u32 = 0x6f809cff;
 /// Of the curves beside a violation. Viewers draw no transparent lines.
 pub(super) const DIMMED: u32 = 0x394352ff;
-/// Of the periodic images of violated curves.
+/// Color of the periodic images of violated curves.
 pub(super) const FAINT_RED: u32 = 0x8f4a46ff;
 pub(super) const RED: u32 = 0xff3b30ff;
 pub(super) const ORANGE: u32 = 0xff9f0aff;
