@@ -2,15 +2,16 @@
 //! images continue it, frame by frame.
 //!
 //! `cargo bench --bench periodic` measures; with `--smoke` (or under `cargo test`) it measures a
-//! small sheet only. The runs with and without a cell alternate; all times are medians. The
+//! small sheet only. Frames are received as from a simulator: a time is that of the copy and of the
+//! verdict. The runs with and without a cell alternate; all times are medians. The
 //! expected numbers of links are asserted: each ring at the edge has one more link in the cell.
 
 use linkwatch::lab::median;
 use linkwatch::scenes::Scene;
 use linkwatch::{
-    Cell, CurveSet, Events, Positions, Result, Route, Strategy, Verdict, Verifier, VerifierOptions,
+    Cell, CurveSet, Events, FramePool, Positions, RawFrame, Result, Route, Strategy, Verdict,
+    Verifier, VerifierOptions,
 };
-use std::sync::Arc;
 use std::time::Instant;
 
 /// Distance of neighbouring flat rings of the scene.
@@ -61,11 +62,20 @@ fn measure(
         verifiers.push(Verifier::new(options)?);
     }
     let mut times = [Vec::new(), Vec::new()];
+    let mut pools = [FramePool::default(), FramePool::default()];
     let frames = if smoke { WARM_UP + 6 } else { WARM_UP + 60 };
+    let counts: Vec<i32> = set.counts().collect();
     for seq in 0..frames {
-        let frame = Arc::new(moved(&set, amplitude, seq)?);
-        for (verifier, times) in verifiers.iter_mut().zip(&mut times) {
+        let xyz = moved(&set, amplitude, seq);
+        let raw = RawFrame {
+            basis: set.basis(),
+            counts: &counts,
+            positions: Positions::F64(&xyz),
+        };
+        let both = verifiers.iter_mut().zip(&mut pools).zip(&mut times);
+        for ((verifier, pool), times) in both {
             let start = Instant::now();
+            let frame = pool.receive(|out| verifier.receive(raw, out))?;
             let report = verifier.step_shared(seq, 0.0, &frame)?;
             assert_eq!(report.verdict, Verdict::Intact);
             // The first frames make the baseline and the reference frame. Frames that are expected
@@ -101,8 +111,8 @@ fn measure(
     Ok(())
 }
 
-/// Returns the curves, each moved by at most an amplitude.
-fn moved(set: &CurveSet, amplitude: f64, seq: u64) -> Result<CurveSet> {
+/// Returns the coordinates of the curves, each moved by at most an amplitude.
+fn moved(set: &CurveSet, amplitude: f64, seq: u64) -> Vec<f64> {
     let mut xyz = Vec::with_capacity(3 * set.points());
     for (i, curve) in set.curves().iter().enumerate() {
         // Rings move against one another, less than their distance.
@@ -113,6 +123,5 @@ fn moved(set: &CurveSet, amplitude: f64, seq: u64) -> Result<CurveSet> {
             xyz.extend((0..3).map(|x| p[x] + 0.5 * amplitude * by[x]));
         }
     }
-    let counts: Vec<i32> = set.counts().collect();
-    CurveSet::from_counts(set.basis(), &counts, Positions::F64(&xyz))
+    xyz
 }

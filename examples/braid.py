@@ -1,12 +1,15 @@
 """Rows of knitting between two rigid bars that are pulled apart: a braid of open curves.
 
-    python examples/braid.py knit.npz              # small steps: intact
-    python examples/braid.py torn.npz --step 0.12  # large steps: rows are pulled through others
+    linkwatch watch --service braid --braid auto --events &
+    python examples/braid.py --live braid              # small steps: intact
+    python examples/braid.py --live braid --step 0.12  # large: rows are pulled through others
+    python examples/braid.py knit.npz                  # as a file, without the bus
     linkwatch check knit.npz --braid auto
 
 Each row of stitches is an open yarn whose ends are fixed to the bars. Yarns are chains of beads
 (position-based dynamics): bonds of fixed length, and beads that keep a distance from others.
-With large steps, the yarns move too far in one step for the distances to hold. Needs numpy.
+With large steps, the yarns move too far in one step for the distances to hold. Needs numpy, and
+with --live the Python package linkwatch.
 """
 
 import argparse
@@ -44,11 +47,8 @@ def contacts(x):
     return i[~near], j[~near]
 
 
-def main():
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("file")
-    parser.add_argument("--step", type=float, default=0.005)
-    args = parser.parse_args()
+def simulate(step):
+    """Returns the beads of all frames, one after the other."""
     x = knit()
     lengths = np.linalg.norm(np.diff(x, axis=1), axis=2)
     # The bars pull the stitches tight.
@@ -56,9 +56,10 @@ def main():
     pull[:, 0, 0], pull[:, -1, 0] = -SPEED, SPEED
     fixed = np.ones(x.shape[:2])
     fixed[:, [0, -1]] = 0
-    previous, frames = x.copy(), [x.copy()]
-    for _ in range(round(END_TIME / args.step)):
-        x, previous = x + 0.9 * (x - previous) * fixed[..., None] + pull * args.step, x
+    previous = x.copy()
+    yield x
+    for _ in range(round(END_TIME / step)):
+        x, previous = x + 0.9 * (x - previous) * fixed[..., None] + pull * step, x
         i, j = contacts(x)
         for _ in range(SWEEPS):
             # Bonds, even and odd ones in turn.
@@ -76,11 +77,48 @@ def main():
             push = 0.4 * (THICKNESS - length).clip(0) / length
             np.add.at(p, i, -(push * f[i])[:, None] * d)
             np.add.at(p, j, (push * f[j])[:, None] * d)
-        frames.append(x.copy())
-    frames = np.array(frames).reshape(len(frames), -1, 3)
+        yield x.copy()
+
+
+def publish(service, counts, names, frames, step):
+    """Publishes frames to a watcher until it asks to stop. Returns the verdict on the last one."""
+    import linkwatch
+
+    curves = {"counts": counts, "names": names, "dtype": "float64"}
+    with linkwatch.Client(service, lockstep=True, **curves) as sim:
+        if not sim.wait_for_watcher():
+            raise SystemExit("no watcher came in time")
+        for k, x in enumerate(frames):
+            sim.begin(k * step)[:] = x.reshape(-1, 3)
+            sim.publish()
+            verdict = sim.wait()
+            if verdict is None:
+                raise SystemExit(sim.no_verdict)
+            if verdict.abort:
+                break
+    return verdict
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("file", nargs="?", help="file of all frames (.npz)")
+    parser.add_argument("--live", metavar="SERVICE", help="publish to linkwatch watch")
+    parser.add_argument("--step", type=float, default=0.005, help="time step")
+    args = parser.parse_args()
+    if not (args.file or args.live):
+        parser.error("give a file, or --live")
+    counts = [knit().shape[1]] * ROWS
     names = [f"row {k + 1}" for k in range(ROWS)]
-    times = args.step * np.arange(len(frames))
-    np.savez(args.file, positions=frames, counts=[x.shape[1]] * ROWS, times=times, names=names)
+    frames = simulate(args.step)
+    if args.file:
+        frames = np.array(list(frames))
+        times = args.step * np.arange(len(frames))
+        positions = frames.reshape(len(frames), -1, 3)
+        np.savez(args.file, positions=positions, counts=counts, times=times, names=names)
+    if args.live:
+        verdict = publish(args.live, counts, names, frames, args.step)
+        print(verdict)
+        raise SystemExit(0 if verdict.intact else 1)
 
 
 if __name__ == "__main__":

@@ -6,6 +6,8 @@
 )]
 mod basis;
 #[cfg(feature = "verify")]
+mod bounds;
+#[cfg(feature = "verify")]
 mod boxes;
 #[cfg(feature = "verify")]
 mod builder;
@@ -48,6 +50,8 @@ pub(crate) mod vector;
 pub use basis::Basis;
 #[cfg(feature = "verify")]
 pub(crate) use basis::{Bezier, Bounds, point_at, sub_segment};
+#[cfg(feature = "verify")]
+pub(crate) use bounds::AXES;
 #[cfg(feature = "verify")]
 pub(crate) use boxes::{Box3, BoxGroup, above, below, larger, smaller};
 #[cfg(feature = "verify")]

@@ -32,6 +32,7 @@ mod reference;
 mod stream;
 #[cfg(test)]
 mod tests;
+mod whereabouts;
 mod work;
 
 pub use cause::Cause;
@@ -39,4 +40,5 @@ pub(crate) use coverage::Coverage;
 pub use events::Events;
 pub(crate) use ledger::{Contacts, Ledger, MOTION_LIMIT, Outcome, Touching, sort_by_time};
 pub(crate) use monitor::Monitor;
+pub(crate) use whereabouts::Whereabouts;
 pub use work::{Route, Work};

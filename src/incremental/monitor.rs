@@ -5,6 +5,7 @@ use super::coverage::Coverage;
 use super::motion::MovedBlocks;
 use super::reference::Reference;
 use super::stream::compare;
+use super::whereabouts::Whereabouts;
 use super::work::{Route, Work};
 use crate::certificate::{Certificate, Comparison};
 use crate::curve::{Bad, CurveSet, Positions, Received};
@@ -251,6 +252,14 @@ impl Monitor {
     pub fn reference_result(&self) -> Option<(&Arc<Certificate>, &Comparison)> {
         let known = self.reference.as_ref()?;
         Some((&known.reference.certificate, &known.comparison))
+    }
+
+    /// Returns where the curves of the current frame are, if it is quiet and the reference frame
+    /// covers all curves.
+    pub fn whereabouts(&self) -> Option<Whereabouts<'_>> {
+        let reference = &self.reference.as_ref()?.reference;
+        let affine = self.current.affine.filter(|_| self.current.moved() == 0)?;
+        reference.whereabouts(affine)
     }
 
     /// Returns true if the current frame would make a better reference.

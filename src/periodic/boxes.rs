@@ -16,16 +16,73 @@
 
 use crate::curve::{Basis, Box3, Cell, CurveSet, Point, above, below};
 use crate::error::{Error, Result};
+use crate::incremental::Whereabouts;
+use crate::pool;
 use rayon::prelude::*;
 
 /// Padding of the boxes, relative to the largest coordinate, and at least to 1.
 const PAD: f64 = 1e-7;
 
+/// Box of a curve in fractional coordinates: minimum and maximum.
+pub(super) type Bounds = [Point; 2];
+
+/// Maker of boxes of the curves of a frame, open or closed.
+pub(crate) struct Boxer<'a> {
+    set: &'a CurveSet,
+    inverse: [Point; 3],
+    /// Share of its size by which a curve may leave the box of its control points.
+    spline: f64,
+}
+
+impl<'a> Boxer<'a> {
+    /// Errors: [`Error::Usage`] if the vectors of the cell do not span a lattice.
+    pub fn new(set: &'a CurveSet, cell: &Cell) -> Result<Boxer<'a>> {
+        let inverse = cell.inverse().ok_or_else(|| {
+            Error::Usage(format!(
+                "cell {cell}: the vectors lie in one plane or on one line"
+            ))
+        })?;
+        let spline = match set.basis() {
+            // Segments are a sixth of the difference of two control points away from one.
+            Basis::CatmullRom => 0.2,
+            _ => 0.0,
+        };
+        Ok(Boxer {
+            set,
+            inverse,
+            spline,
+        })
+    }
+
+    /// Returns the box of a curve, from the bounds of its control points.
+    fn padded(&self, [lo, hi]: Bounds) -> Bounds {
+        let pad = [0, 1, 2].map(|x| {
+            let size = lo[x].abs().max(hi[x].abs()).max(1.0);
+            self.spline * (hi[x] - lo[x]) + PAD * size
+        });
+        [
+            [0, 1, 2].map(|x| lo[x] - pad[x]),
+            [0, 1, 2].map(|x| hi[x] + pad[x]),
+        ]
+    }
+
+    /// Returns the boxes of all curves, from their points.
+    pub fn boxes(&self) -> impl IndexedParallelIterator<Item = Bounds> {
+        let of = |i: usize| self.padded(self.set.bounds_along(i, &self.inverse));
+        (0..self.set.len()).into_par_iter().with_min_len(64).map(of)
+    }
+
+    /// Returns boxes of all curves of a quiet frame, without its points.
+    pub fn quiet_boxes(&self, at: &Whereabouts<'_>) -> impl Iterator<Item = Bounds> {
+        at.bounds_along(self.inverse).map(|b| self.padded(b))
+    }
+}
+
 /// Boxes of all curves of a frame.
 #[derive(Clone, Debug)]
 pub(crate) struct FractionalBoxes {
     /// Minimum and maximum of each curve.
-    pub bounds: Vec<[Point; 2]>,
+    pub bounds: Vec<Bounds>,
 }
 
 impl FractionalBoxes {
@@ -33,79 +90,24 @@ impl FractionalBoxes {
     ///
     /// Errors: [`Error::Usage`] if the vectors of the cell do not span a lattice.
     pub fn new(set: &CurveSet, cell: &Cell) -> Result<FractionalBoxes> {
-        let inverse = cell.inverse().ok_or_else(|| {
-            Error::Usage(format!(
-                "cell {cell}: the vectors lie in one plane or on one line"
-            ))
-        })?;
-        let positions = set.positions();
-        let positions = positions.as_positions();
-        let spline = match set.basis() {
-            // Segments are a sixth of the difference of two control points away from one.
-            Basis::CatmullRom => 0.2,
-            _ => 0.0,
-        };
-        let curve = |i: usize| {
-            let mut bounds = [[f64::INFINITY; 3], [f64::NEG_INFINITY; 3]];
-            for k in set.points_of(i) {
-                let p = positions.point(k);
-                for (x, b) in inverse.iter().enumerate() {
-                    let u = b[0] * p[0] + b[1] * p[1] + b[2] * p[2];
-                    bounds[0][x] = bounds[0][x].min(u);
-                    bounds[1][x] = bounds[1][x].max(u);
-                }
-            }
-            let [lo, hi] = bounds;
-            let pad = [0, 1, 2].map(|x| {
-                let size = lo[x].abs().max(hi[x].abs()).max(1.0);
-                spline * (hi[x] - lo[x]) + PAD * size
-            });
-            [
-                [0, 1, 2].map(|x| lo[x] - pad[x]),
-                [0, 1, 2].map(|x| hi[x] + pad[x]),
-            ]
-        };
-        let bounds = (0..set.len()).into_par_iter().with_min_len(64).map(curve);
-        Ok(FractionalBoxes {
-            bounds: bounds.collect(),
-        })
+        let boxer = Boxer::new(set, cell)?;
+        let bounds = pool::run(set.segments(), || boxer.boxes().collect());
+        Ok(FractionalBoxes { bounds })
     }
 
     /// Returns boxes that contain the curves at all times of the step from another frame, in which
-    /// vertices move on straight lines, and the vectors of the cell change at constant speed.
-    ///
-    /// # Derivation: the motion in fractional coordinates
-    ///
-    /// Let `A` be the cell of the first frame, `A + D` that of the second one, and `u` the
-    /// coordinates of a vertex. At the share `t` of the step, `(A + t D) u(t) = x(t)`. The
-    /// difference of `u(t)` from the straight line between both frames is `t (1 - t) (A + t D)^-1 D
-    /// (u(1) - u(0))`. With `e` the norm of `A^-1 D` (the largest sum of a row), it is at most `e /
-    /// (4 (1 - e))` of the largest component of `u(1) - u(0)`, which the box of both frames bounds.
-    ///
-    /// Errors: [`Error::Usage`] if the cell changes by more than half.
-    pub fn swept_from(
-        &self,
-        before: &FractionalBoxes,
-        [from, to]: [&Cell; 2],
-    ) -> Result<FractionalBoxes> {
-        let change = change_of(from, to);
-        if change.is_nan() || change > 0.5 {
-            return Err(Error::Usage(format!(
-                "the cell changed from {from} to {to} in one step: more than half of its size"
-            )));
-        }
-        // Twice the bound, which covers rounding.
-        let bend = 0.5 * change / (1.0 - change);
+    /// a path may [bend](bend) by a share of its length.
+    pub fn swept_from(&self, before: &FractionalBoxes, bend: f64) -> FractionalBoxes {
         let both = before.bounds.iter().zip(&self.bounds);
         let swept = both.map(|(a, b)| {
             let lo = [0, 1, 2].map(|x| a[0][x].min(b[0][x]));
             let hi = [0, 1, 2].map(|x| a[1][x].max(b[1][x]));
-            let size = (0..3).map(|x| hi[x] - lo[x]).fold(0.0, f64::max);
+            let size = largest_side(&[lo, hi]);
             [lo.map(|x| x - bend * size), hi.map(|x| x + bend * size)]
         });
-        Ok(FractionalBoxes {
+        FractionalBoxes {
             bounds: swept.collect(),
-        })
+        }
     }
 
     /// Returns the mean size of the curves along a direction.
@@ -143,15 +145,49 @@ impl FractionalBoxes {
         }
     }
 
-    /// Returns true if each box contains the other one of its curve.
-    pub fn contain(&self, other: &FractionalBoxes) -> bool {
-        self.bounds.len() == other.bounds.len()
-            && self
-                .bounds
-                .iter()
-                .zip(&other.bounds)
-                .all(|(a, b)| (0..3).all(|x| a[0][x] <= b[0][x] && b[1][x] <= a[1][x]))
+    /// Returns the smallest distance of other boxes of the curves from the faces of these, as a
+    /// share of the largest side of the box around: negative or NaN if one is not inside.
+    ///
+    /// If it is at least the [bend] of a step, in the frames at both ends, the curves stay within
+    /// these boxes during the step: a path bends by at most that share of its length.
+    pub fn room_for(&self, curve: usize, [lo, hi]: &Bounds) -> f64 {
+        let around = &self.bounds[curve];
+        let sides = (0..3).flat_map(|x| [lo[x] - around[0][x], around[1][x] - hi[x]]);
+        sides.fold(f64::INFINITY, smaller_or_nan) / largest_side(around)
     }
+}
+
+/// Returns the smaller number, or NaN if one of both is NaN.
+pub(super) fn smaller_or_nan(a: f64, b: f64) -> f64 {
+    if a <= b || a.is_nan() { a } else { b }
+}
+
+fn largest_side([lo, hi]: &Bounds) -> f64 {
+    (0..3).map(|x| hi[x] - lo[x]).fold(0.0, f64::max)
+}
+
+/// Returns a bound of the deviation from a straight line, as a share of its length, of the path of
+/// a vertex in fractional coordinates during a step, in which vertices move on straight lines, and
+/// the vectors of the cell change at constant speed.
+///
+/// # Derivation
+///
+/// Let `A` be the cell of the first frame, `A + D` that of the second one, and `u` the coordinates
+/// of a vertex. At the share `t` of the step, `(A + t D) u(t) = x(t)`. The difference of `u(t)`
+/// from the straight line between both frames is `t (1 - t) (A + t D)^-1 D (u(1) - u(0))`. With `e`
+/// the norm of `A^-1 D` (the largest sum of a row), it is at most `e / (4 (1 - e))` of the largest
+/// component of `u(1) - u(0)`, which the box of both frames bounds.
+///
+/// Errors: [`Error::Usage`] if the cell changes by more than half.
+pub(crate) fn bend([from, to]: [&Cell; 2]) -> Result<f64> {
+    let change = change_of(from, to);
+    if change.is_nan() || change > 0.5 {
+        return Err(Error::Usage(format!(
+            "the cell changed from {from} to {to} in one step: more than half of its size"
+        )));
+    }
+    // Twice the bound, which covers rounding.
+    Ok(0.5 * change / (1.0 - change))
 }
 
 /// Returns the norm of the change of a cell, relative to the cell: the largest sum of the

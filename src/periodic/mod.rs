@@ -28,7 +28,7 @@ mod pairs;
 mod through;
 mod unwrap;
 
-pub(crate) use boxes::FractionalBoxes;
+pub(crate) use boxes::{Boxer, FractionalBoxes, bend};
 pub(crate) use names::{Entry, aligned, canonical};
 pub(crate) use pairs::{ImagePair, ImagePairs, Searched};
 pub(crate) use through::{Number, RingAndYarn, linking_numbers, period, reduced};

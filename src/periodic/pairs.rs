@@ -8,11 +8,13 @@
 //! such boxes. The search enumerates all images that overlap that box, and compares all pairs.
 //! Translations are integers in fractional coordinates, so only the boxes are rounded, outward.
 
-use super::boxes::{FractionalBoxes, single};
+use super::boxes::{Boxer, FractionalBoxes, single, smaller_or_nan};
 use super::through::{RingAndYarn, is_multiple};
 use crate::curve::{Box3, Cell, Curve, Image, Point, Translated};
 use crate::error::{Error, Result};
+use crate::incremental::Whereabouts;
 use crate::pairs::{LinkSearch, Share};
+use rayon::prelude::*;
 use std::collections::BTreeSet;
 use std::ops::RangeInclusive;
 
@@ -127,9 +129,20 @@ impl ImagePairs {
         })
     }
 
-    /// Returns true if no other pairs can have come within reach of one another.
-    pub fn are_complete(&self, boxes: &FractionalBoxes) -> bool {
-        self.within.contain(boxes)
+    /// Returns the room that is left for the curves of a frame. No other pairs can have come within
+    /// reach of one another in a step if the room in the frames at both ends is at least 0, and at
+    /// least the [bend](super::bend) of the step. It is NaN or negative if there is none.
+    pub fn room(&self, boxer: &Boxer<'_>) -> f64 {
+        let rooms = boxer.boxes().enumerate();
+        let rooms = rooms.map(|(i, b)| self.within.room_for(i, &b));
+        rooms.reduce(|| f64::INFINITY, smaller_or_nan)
+    }
+
+    /// Returns a lower bound of the room in a quiet frame, without reading its points.
+    pub fn quiet_room(&self, boxer: &Boxer<'_>, at: &Whereabouts<'_>) -> f64 {
+        let rooms = boxer.quiet_boxes(at).enumerate();
+        let rooms = rooms.map(|(i, b)| self.within.room_for(i, &b));
+        rooms.fold(f64::INFINITY, smaller_or_nan)
     }
 
     /// Returns a pair of the share: the first curve is not translated.

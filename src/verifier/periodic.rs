@@ -8,16 +8,16 @@
 //! from one another throughout the earlier frames.
 
 use super::braided::add_work;
-use super::{Verifier, VerifierOptions};
+use super::{Strategy, Verifier, VerifierOptions};
 use crate::certificate::{Certificate, undefined_entry};
 use crate::curve::{Cell, CurveSet, Image};
 use crate::error::{Error, Result};
-use crate::incremental::{Events, sort_by_time};
+use crate::incremental::{Events, Whereabouts, sort_by_time};
 use crate::ingest::FramePool;
 use crate::kernels::{GpuUse, Method};
 use crate::periodic::{
-    Entry, FractionalBoxes, ImagePair, ImagePairs, Number, RingAndYarn, Searched, linking_numbers,
-    period, reduced,
+    Boxer, Entry, FractionalBoxes, ImagePair, ImagePairs, Number, RingAndYarn, Searched, bend,
+    linking_numbers, period, reduced,
 };
 use crate::pool;
 use crate::verdict::{AbortOn, Change, Defect, DefectKind, Link, PullThrough, Report};
@@ -57,6 +57,8 @@ pub(super) struct Periodic {
     frame: Option<Arc<CurveSet>>,
     before: Option<Before>,
     pool: FramePool,
+    /// True if the room of a quiet frame was found to be wrong ([`Strategy::Paranoid`]).
+    disagreed: bool,
 }
 
 #[derive(Debug)]
@@ -71,7 +73,8 @@ struct Inner {
 struct Before {
     frame: Arc<CurveSet>,
     cell: Cell,
-    boxes: FractionalBoxes,
+    /// Room that the curves had ([`ImagePairs::room`]).
+    room: f64,
     seq: u64,
     time: f64,
 }
@@ -109,6 +112,7 @@ impl Periodic {
             frame: None,
             before: None,
             pool: FramePool::default(),
+            disagreed: false,
         }
     }
 
@@ -271,29 +275,73 @@ impl Periodic {
         self.frame.as_ref().ok_or_else(none)
     }
 
-    /// Verifies the images of the current frame. `progress` is that of the outer verifier.
+    /// Finds the images that may meet in the step to the current frame, unless they are known.
+    /// Returns the room of the curves, and true if a new search found them.
+    fn follow(
+        &mut self,
+        frame: &CurveSet,
+        quiet: Option<&Whereabouts<'_>>,
+        progress: &super::Progress,
+    ) -> Result<(f64, bool)> {
+        let boxer = Boxer::new(frame, &self.cell)?;
+        let before = self.before.as_ref();
+        let bend = before.map_or(Ok(0.0), |before| bend([&before.cell, &self.cell]))?;
+        let room = |pairs: &ImagePairs, boxer: &Boxer<'_>| {
+            pool::run(frame.segments(), || pairs.room(boxer))
+        };
+        if let Some(Inner { pairs, .. }) = &self.inner {
+            let was_inside = match before {
+                Some(before) if before.room >= bend => true,
+                // The room of a quiet frame is a lower bound.
+                Some(before) => room(pairs, &Boxer::new(&before.frame, &before.cell)?) >= bend,
+                None => true,
+            };
+            let at_least = quiet.map(|at| pairs.quiet_room(&boxer, at));
+            let known = at_least.filter(|&room| room >= bend);
+            let room = match known {
+                Some(known) if self.options.strategy != Strategy::Paranoid => known,
+                _ => room(pairs, &boxer),
+            };
+            self.disagreed |= known.is_some_and(|known| known > room);
+            if was_inside && room >= bend {
+                return Ok((room, false));
+            }
+        }
+        let boxes = FractionalBoxes::new(frame, &self.cell)?;
+        let swept = match before {
+            None => boxes,
+            Some(before) => {
+                let at_first = FractionalBoxes::new(&before.frame, &before.cell)?;
+                boxes.swept_from(&at_first, bend)
+            }
+        };
+        let inner = self.search(&swept, progress)?;
+        let room = room(&inner.pairs, &boxer);
+        self.inner = Some(inner);
+        Ok((room, true))
+    }
+
+    /// Verifies the images of the current frame. `progress` is that of the outer verifier, and
+    /// `quiet` says where the curves are if it found the frame to be quiet.
     fn step(
         &mut self,
         (seq, time): (u64, f64),
+        quiet: Option<&Whereabouts<'_>>,
         progress: &Arc<super::Progress>,
         missing: &mut Vec<String>,
     ) -> Result<Found> {
         let frame = Arc::clone(self.frame()?);
-        let boxes = FractionalBoxes::new(&frame, &self.cell)?;
         let mut unknown = false;
         if let Some(why) = self.find_periods(&frame) {
             unknown = true;
             missing.push(why);
         }
-        let swept = match &self.before {
-            Some(before) => boxes.swept_from(&before.boxes, [&before.cell, &self.cell])?,
-            None => boxes.clone(),
-        };
-        let complete = |inner: &Inner| inner.pairs.are_complete(&swept);
-        if !self.inner.as_ref().is_some_and(complete) {
-            let mut inner = self.search(&swept, progress)?;
+        let (room, new) = self.follow(&frame, quiet, progress)?;
+        if new {
             self.pool = FramePool::default();
-            if let (Some(verifier), Some(before)) = (&mut inner.verifier, &self.before) {
+            if let (Some(inner), Some(before)) = (&mut self.inner, &self.before)
+                && let Some(verifier) = &mut inner.verifier
+            {
                 // One signal ends both.
                 verifier.full.share_progress(Arc::clone(progress));
                 // Starts where the last one ended.
@@ -311,7 +359,6 @@ impl Periodic {
                     );
                 }
             }
-            self.inner = Some(inner);
         }
         let mut out = None;
         if let Some(Inner {
@@ -337,7 +384,7 @@ impl Periodic {
         self.before = Some(Before {
             frame,
             cell: self.cell,
-            boxes,
+            room,
             seq,
             time,
         });
@@ -564,13 +611,18 @@ impl Verifier {
             return Ok(None);
         };
         let first = self.joined.is_none();
-        let found = periodic.step(frame, &self.full.progress, missing)?;
+        let quiet = self.monitor.whereabouts();
+        let found = periodic.step(frame, quiet.as_ref(), &self.full.progress, missing)?;
+        let disagreed = std::mem::take(&mut periodic.disagreed);
         let inner = periodic.inner_verifier();
         let inner_changed = inner.is_some_and(|v| std::mem::take(&mut v.baseline_changed));
         if first || inner_changed || self.baseline_changed {
             self.baseline_changed = true;
             let outer = self.baseline.as_ref();
             self.joined = outer.map(|outer| periodic.joined(outer));
+        }
+        if disagreed {
+            self.disagree();
         }
         Ok(Some(found))
     }

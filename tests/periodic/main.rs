@@ -12,6 +12,7 @@
 
 mod exact_sums;
 mod invariance;
+mod quiet;
 mod scene;
 mod supercell;
 #[path = "../support/mod.rs"]

@@ -10,13 +10,14 @@ mod tests;
 
 use self::allowances::{Allowances, MOST_NEAR};
 pub(super) use self::neighbours::{Block, Neighbours};
-use super::affine::Sample;
+use super::affine::{Affine, Sample};
 use super::blocks::CHUNK;
 use super::coverage::Coverage;
 use super::covered::Covered;
 use super::packed::Packed;
+use super::whereabouts::Whereabouts;
 use crate::certificate::Certificate;
-use crate::curve::{CurveSet, Received};
+use crate::curve::{AXES, CurveSet, Point, Received};
 use crate::pairs::{Share, Trees};
 use std::sync::Arc;
 
@@ -31,10 +32,14 @@ pub(super) struct Reference {
     pub certificate: Arc<Certificate>,
     /// Number of the frame, counted by the monitor.
     pub frame: u64,
+    /// Bounds of the control points of each curve.
+    pub bounds: Vec<[Point; 2]>,
     /// Points to which affine frames are fitted.
     pub sample: Sample,
     /// Distance that each control point may move. Infinite for curves that are not covered.
     pub allowances: Vec<f32>,
+    /// The largest finite allowance.
+    pub largest_allowance: f64,
     /// Compressed points and allowances.
     pub packed: Vec<Packed>,
     /// Near blocks of segments. The hulls of segments move by less than half their range while all
@@ -75,7 +80,10 @@ impl Reference {
         let (allowances, neighbours) = allowances.fill(&certificate)?;
         let points = set.positions().into_copy();
         let packed = Packed::blocks(points.positions(), set.max_abs(), &allowances);
+        let finite = allowances.iter().filter(|a| a.is_finite());
         Some(Reference {
+            largest_allowance: finite.fold(0.0, |most, &a| most.max(a.into())),
+            bounds: (0..set.len()).map(|i| set.bounds_along(i, &AXES)).collect(),
             set,
             points,
             coverage,
@@ -85,6 +93,18 @@ impl Reference {
             allowances,
             packed,
             neighbours,
+        })
+    }
+
+    /// Returns where the curves of a frame are in which all points are within their allowances,
+    /// after this map. `None` if some curves are not covered.
+    pub fn whereabouts(&self, affine: Affine) -> Option<Whereabouts<'_>> {
+        let all = self.coverage.open_curves || self.set.open_curves() == 0;
+        all.then_some(Whereabouts {
+            bounds: &self.bounds,
+            affine,
+            // The condition is `|p - (M q + t)| <= sigma a`.
+            distance: affine.sigma * self.largest_allowance * (1.0 + 1e-6),
         })
     }
 

@@ -183,6 +183,49 @@ proptest! {
     }
 }
 
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(1000))]
+
+    /// All control points of a frame whose points stay within their allowances, after any affine
+    /// map, are within the bounds that need not read them.
+    #[test]
+    fn frames_within_the_allowances_are_within_their_whereabouts(
+        curves in random_curves(),
+        seed in any::<u64>(),
+        direction in prop::sample::select(vec![Direction::Each, Direction::Together]),
+        map in prop::array::uniform9(-0.3..0.3f64),
+        shift in prop::array::uniform3(-20.0..20.0f64),
+        rows in prop::array::uniform3(prop::array::uniform3(-2.0..2.0f64)),
+    ) {
+        let set = curves.set(&curves.xyz);
+        let certificate = Arc::new(Verifier::default().certify(&set).0.clone());
+        let coverage = Coverage { self_crossings: false, open_curves: true };
+        let reference = Reference::build(set.clone(), certificate, 0, coverage, None).unwrap();
+        let m = nalgebra::Matrix3::identity() + nalgebra::Matrix3::from_row_slice(&map);
+        let affine = Affine::new(m, shift.into());
+        prop_assume!(affine.is_some());
+        let affine = affine.unwrap();
+        let near = moved(&curves, &reference, seed, direction);
+        let mut xyz = Vec::new();
+        for (q, p) in (0..set.len()).flat_map(|i| {
+            let points = 0..set.curve(i).points as usize;
+            points.map(move |k| (i, k))
+        }).map(|(i, k)| (set.point(i, k), near.point(i, k))) {
+            let mapped = m * nalgebra::Vector3::from(q) + affine.t;
+            xyz.extend((0..3).map(|x| mapped[x] + affine.sigma * (p[x] - q[x])));
+        }
+        let frame = Curves { double: true, ..curves }.set(&xyz);
+        let at = reference.whereabouts(affine).unwrap();
+        for (i, [lo, hi]) in at.bounds_along(rows).enumerate() {
+            let [least, most] = frame.bounds_along(i, &rows);
+            for x in 0..3 {
+                let inside = lo[x] - 1e-9 <= least[x] && most[x] <= hi[x] + 1e-9;
+                prop_assert!(inside, "{lo:?} {least:?} {most:?} {hi:?}");
+            }
+        }
+    }
+}
+
 /// Regression test: the list of near segments of a wound ball grew until the memory was exhausted.
 #[test]
 fn a_reference_frame_with_too_many_near_segments_is_given_up() {
