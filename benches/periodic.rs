@@ -1,10 +1,11 @@
 //! Cost of a periodic cell: a sheet of chainmail that ends, and the same sheet in a cell whose
 //! images continue it, frame by frame.
 //!
-//! `cargo bench --bench periodic` measures; with `--smoke` (or under `cargo test`) it measures a
-//! small sheet only. Frames are received as from a simulator: a time is that of the copy and of the
-//! verdict. The runs with and without a cell alternate; all times are medians. The
-//! expected numbers of links are asserted: each ring at the edge has one more link in the cell.
+//! `cargo bench --bench periodic` measures, or with `-- quiet` only quiet frames; with `--smoke` (or
+//! under `cargo test`) it measures a small sheet only. Frames are received as from a simulator: a
+//! time is that of the copy and of the verdict. The runs with and without a cell alternate; all
+//! times are medians. The expected numbers of links are asserted: each ring at the edge has one more
+//! link in the cell.
 
 use linkwatch::lab::median;
 use linkwatch::scenes::Scene;
@@ -24,10 +25,11 @@ fn main() -> Result<()> {
     let args: Vec<String> = std::env::args().collect();
     let has = |word: &str| args.iter().any(|a| a == word);
     let smoke = !has("--bench") || has("--smoke");
-    println!("times of a frame in ms, medians; factor: with a cell / without");
+    println!("times of a frame in ms, medians; factor: with a cell / without; potential: the same");
+    println!("ratio of the numbers of potential links, which full frames have");
     println!(
-        "{:>8} {:>9} {:>9} {:>8} {:>9} {:>9} {:>7}",
-        "rings", "frames", "links", "images", "without", "with", "factor"
+        "{:>8} {:>9} {:>9} {:>8} {:>9} {:>9} {:>7} {:>9}",
+        "rings", "frames", "links", "images", "without", "with", "factor", "potential"
     );
     let sizes: &[(u32, u32)] = match smoke {
         true => &[(8, 10)],
@@ -39,7 +41,9 @@ fn main() -> Result<()> {
             ("quiet", Strategy::Incremental, 1e-3),
             ("partial", Strategy::Incremental, 0.3),
         ] {
-            measure((rows, columns), (name, strategy, amplitude), smoke)?;
+            if !["full", "quiet", "partial"].iter().any(|n| has(n)) || has(name) {
+                measure((rows, columns), (name, strategy, amplitude), smoke)?;
+            }
         }
     }
     Ok(())
@@ -63,6 +67,7 @@ fn measure(
     }
     let mut times = [Vec::new(), Vec::new()];
     let mut pools = [FramePool::default(), FramePool::default()];
+    let mut potential = [0; 2];
     let frames = if smoke { WARM_UP + 6 } else { WARM_UP + 60 };
     let counts: Vec<i32> = set.counts().collect();
     for seq in 0..frames {
@@ -72,12 +77,13 @@ fn measure(
             counts: &counts,
             positions: Positions::F64(&xyz),
         };
-        let both = verifiers.iter_mut().zip(&mut pools).zip(&mut times);
-        for ((verifier, pool), times) in both {
+        for k in 0..2 {
+            let (verifier, pool, times) = (&mut verifiers[k], &mut pools[k], &mut times[k]);
             let start = Instant::now();
             let frame = pool.receive(|out| verifier.receive(raw, out))?;
             let report = verifier.step_shared(seq, 0.0, &frame)?;
             assert_eq!(report.verdict, Verdict::Intact);
+            potential[k] = potential[k].max(report.stats.potential_links);
             // The first frames make the baseline and the reference frame. Frames that are expected
             // to be quiet count only if they are.
             let quiet = name != "quiet" || verifier.work().route == Route::Quiet;
@@ -101,10 +107,12 @@ fn measure(
     );
     let [without, with] = times.map(median);
     println!(
-        "{:>8} {name:>9} {:>9} {images:>8} {without:>9.3} {with:>9.3} {:>7.2}  ({} and {} frames)",
+        "{:>8} {name:>9} {:>9} {images:>8} {without:>9.3} {with:>9.3} {:>7.2} {:>9.2}  ({} and {} \
+         frames)",
         set.len(),
         count(1),
         with / without,
+        potential[1] as f64 / potential[0] as f64,
         counted[0],
         counted[1],
     );

@@ -19,6 +19,18 @@ fn bounds_of(points: impl Iterator<Item = Point>, rows: &[Point; 3]) -> [Point; 
     bounds
 }
 
+/// Returns bounds around all of these.
+pub(crate) fn union(all: &[[Point; 2]]) -> [Point; 2] {
+    let mut around = [[f64::INFINITY; 3], [f64::NEG_INFINITY; 3]];
+    for [lo, hi] in all {
+        for x in 0..3 {
+            around[0][x] = around[0][x].min(lo[x]);
+            around[1][x] = around[1][x].max(hi[x]);
+        }
+    }
+    around
+}
+
 impl CurveSet {
     /// Returns the bounds of the control points of curve `i` in the coordinates `row . x`, up to
     /// rounding. Reads the positions as they were received, if the arrays are not built.

@@ -51,7 +51,7 @@ pub use basis::Basis;
 #[cfg(feature = "verify")]
 pub(crate) use basis::{Bezier, Bounds, point_at, sub_segment};
 #[cfg(feature = "verify")]
-pub(crate) use bounds::AXES;
+pub(crate) use bounds::{AXES, union};
 #[cfg(feature = "verify")]
 pub(crate) use boxes::{Box3, BoxGroup, above, below, larger, smaller};
 #[cfg(feature = "verify")]

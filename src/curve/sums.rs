@@ -86,14 +86,16 @@ impl CurveSet {
     }
 
     /// Writes some curves of a frame into `out`, each translated by lattice vectors, in double
-    /// precision. `out` has these curves of an earlier frame, or nothing.
+    /// precision. `out` has these curves of an earlier frame, which are updated by `update`, or
+    /// nothing.
     ///
-    /// Errors: those of [`CurveSet::from_counts`]; a sum may overflow.
+    /// Errors: those of [`CurveSet::from_counts`] and of `update`; a sum may overflow.
     pub(crate) fn translate(
         frame: &Arc<CurveSet>,
         curves: &Translated,
         cell: &Cell,
         out: &mut Option<CurveSet>,
+        update: impl FnOnce(&mut CurveSet, Positions<'_>) -> Result<()>,
     ) -> Result<()> {
         let total = curves
             .iter()
@@ -139,7 +141,7 @@ impl CurveSet {
             false => (largest + longest) * pow2(-50) + 1e-300,
         };
         match out {
-            Some(set) => set.update(Positions::F64(&xyz))?,
+            Some(set) => update(set, Positions::F64(&xyz))?,
             None => {
                 let of_frame: Vec<i32> = frame.counts().collect();
                 let counts: Vec<i32> = curves.iter().map(|c| of_frame[c.0 as usize]).collect();
@@ -171,7 +173,7 @@ impl CurveSet {
             vectors: [0, 1, 2].map(|k| mix(from.cell.vectors[k], to.cell.vectors[k])),
         };
         let mut out = None;
-        CurveSet::translate(&frame, &from.curves, &cell, &mut out)?;
+        CurveSet::translate(&frame, &from.curves, &cell, &mut out, CurveSet::update)?;
         out.ok_or_else(|| crate::error::Error::Usage("no curves".into()))
     }
 }
@@ -190,7 +192,8 @@ mod tests {
     fn translated(frame: &Arc<CurveSet>, image: Image, cell: &str) -> CurveSet {
         let mut out = None;
         let cell = cell.parse().unwrap();
-        CurveSet::translate(frame, &Arc::from([(0, image)]), &cell, &mut out).unwrap();
+        let curves = Arc::from([(0, image)]);
+        CurveSet::translate(frame, &curves, &cell, &mut out, CurveSet::update).unwrap();
         out.unwrap()
     }
 
@@ -228,7 +231,8 @@ mod tests {
             };
             let image = [0; 3].map(|_| (next() / 2.0) as i32);
             let mut out = None;
-            CurveSet::translate(&frame, &Arc::from([(0, image)]), &cell, &mut out).unwrap();
+            let curves = Arc::from([(0, image)]);
+            CurveSet::translate(&frame, &curves, &cell, &mut out, CurveSet::update).unwrap();
             let set = out.unwrap();
             for s in 0..3 {
                 let (exact, rounded) = (set.exact_knot(0, s), set.knot(0, s));

@@ -40,5 +40,5 @@ pub(crate) use coverage::Coverage;
 pub use events::Events;
 pub(crate) use ledger::{Contacts, Ledger, MOTION_LIMIT, Outcome, Touching, sort_by_time};
 pub(crate) use monitor::Monitor;
-pub(crate) use whereabouts::Whereabouts;
+pub(crate) use whereabouts::{PointMap, Whereabouts};
 pub use work::{Route, Work};

@@ -2,47 +2,72 @@
 
 use super::affine::Affine;
 use crate::curve::Point;
+use nalgebra::{Matrix3, Vector3};
 
 /// Where the curves of a quiet frame are: each control point is at most a distance away from its
 /// place in the reference frame, moved by an affine map.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Whereabouts<'a> {
-    /// Bounds of the control points of each curve in the reference frame.
+    /// Number of the reference frame.
+    pub(super) reference: u64,
+    /// Bounds of the control points of each curve in the reference frame, and of all.
     pub(super) bounds: &'a [[Point; 2]],
+    pub(super) all: [Point; 2],
     pub(super) affine: Affine,
     pub(super) distance: f64,
 }
 
+/// Map from a reference frame to coordinates of a quiet frame: `q -> N q + s`, and the largest
+/// distance of a point from its image along each axis.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct PointMap {
+    n: Matrix3<f64>,
+    s: Vector3<f64>,
+    distance: Vector3<f64>,
+    reference: u64,
+}
+
 impl Whereabouts<'_> {
-    /// Returns bounds of the control points of each curve in the coordinates `row . x`, up to
+    /// Returns the map to the coordinates `row . x`.
+    ///
+    /// With the affine map `q -> M q + t`, a coordinate of a point is `(row M) . q + row . t`, plus
+    /// at most the length of the row times the distance.
+    pub fn map(&self, rows: [Point; 3]) -> PointMap {
+        let rows = Matrix3::from_rows(&rows.map(|row| Vector3::from(row).transpose()));
+        PointMap {
+            n: rows * self.affine.m,
+            s: rows * self.affine.t,
+            distance: Vector3::from_fn(|x, _| rows.row(x).norm() * self.distance),
+            reference: self.reference,
+        }
+    }
+
+    /// Returns bounds of the control points of each curve in the coordinates of the map, up to
     /// rounding.
     ///
-    /// # Derivation
-    ///
-    /// With the map `q -> M q + t`, a coordinate of a point is `(row M) . q + row . t`, plus at most
-    /// the length of the row times the distance. A linear function of the points of a box has the
-    /// range of its value at the center, plus and minus the sum of the magnitudes of its components
-    /// times half the sides.
-    pub fn bounds_along(&self, rows: [Point; 3]) -> impl Iterator<Item = [Point; 2]> {
-        let Affine { m, t, .. } = &self.affine;
-        let axis = |row: Point| {
-            let row = nalgebra::Vector3::from(row);
-            let through = m.transpose() * row;
-            let by = row.dot(t);
-            (through, by, row.norm() * self.distance)
-        };
-        let axes = rows.map(axis);
+    /// A linear function of the points of a box has the range of its value at the center, plus and
+    /// minus the sum of the magnitudes of its components times half the sides.
+    pub fn bounds(&self, map: &PointMap) -> impl Iterator<Item = [Point; 2]> {
+        let (PointMap { n, s, distance, .. }, sizes) = (*map, map.n.abs());
         self.bounds.iter().map(move |[lo, hi]| {
-            let mut out = [[0.0; 3]; 2];
-            for (x, (row, by, distance)) in axes.iter().enumerate() {
-                let (mut center, mut half) = (*by, *distance);
-                for k in 0..3 {
-                    center += row[k] * (0.5 * lo[k] + 0.5 * hi[k]);
-                    half += row[k].abs() * (0.5 * hi[k] - 0.5 * lo[k]);
-                }
-                (out[0][x], out[1][x]) = (center - half, center + half);
-            }
-            out
+            let [lo, hi] = [lo, hi].map(|p| Vector3::from(*p) * 0.5);
+            let (center, half) = (n * (lo + hi) + s, sizes * (hi - lo) + distance);
+            [(center - half).into(), (center + half).into()]
         })
+    }
+
+    /// Returns an upper bound of the difference of the bounds of any curve from those by an earlier
+    /// map, up to rounding. `None` if that was a map from another reference frame.
+    ///
+    /// The difference of the images of a point is linear in the point, so that it is largest at a
+    /// corner of the box around all curves.
+    pub fn difference(&self, map: &PointMap, earlier: &PointMap) -> Option<f64> {
+        if map.reference != earlier.reference {
+            return None;
+        }
+        let (n, s) = (map.n - earlier.n, map.s - earlier.s);
+        let [lo, hi] = self.all.map(|p| Vector3::from(p) * 0.5);
+        let largest = (n * (lo + hi) + s).abs() + n.abs() * (hi - lo);
+        Some((largest + (map.distance - earlier.distance).abs()).max())
     }
 }

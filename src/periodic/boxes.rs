@@ -16,7 +16,7 @@
 
 use crate::curve::{Basis, Box3, Cell, CurveSet, Point, above, below};
 use crate::error::{Error, Result};
-use crate::incremental::Whereabouts;
+use crate::incremental::{PointMap, Whereabouts};
 use crate::pool;
 use rayon::prelude::*;
 
@@ -72,9 +72,18 @@ impl<'a> Boxer<'a> {
         (0..self.set.len()).into_par_iter().with_min_len(64).map(of)
     }
 
+    /// Returns the map to fractional coordinates of a quiet frame.
+    pub fn map(&self, at: &Whereabouts<'_>) -> PointMap {
+        at.map(self.inverse)
+    }
+
     /// Returns boxes of all curves of a quiet frame, without its points.
-    pub fn quiet_boxes(&self, at: &Whereabouts<'_>) -> impl Iterator<Item = Bounds> {
-        at.bounds_along(self.inverse).map(|b| self.padded(b))
+    pub fn quiet_boxes(
+        &self,
+        at: &Whereabouts<'_>,
+        map: &PointMap,
+    ) -> impl Iterator<Item = Bounds> {
+        at.bounds(map).map(|b| self.padded(b))
     }
 }
 
@@ -152,8 +161,20 @@ impl FractionalBoxes {
     /// these boxes during the step: a path bends by at most that share of its length.
     pub fn room_for(&self, curve: usize, [lo, hi]: &Bounds) -> f64 {
         let around = &self.bounds[curve];
-        let sides = (0..3).flat_map(|x| [lo[x] - around[0][x], around[1][x] - hi[x]]);
-        sides.fold(f64::INFINITY, smaller_or_nan) / largest_side(around)
+        let mut least = f64::INFINITY;
+        for x in 0..3 {
+            least = smaller_or_nan(least, lo[x] - around[0][x]);
+            least = smaller_or_nan(least, around[1][x] - hi[x]);
+        }
+        least / largest_side(around)
+    }
+
+    /// Returns the smallest of the largest sides of all boxes.
+    pub fn smallest(&self) -> f64 {
+        self.bounds
+            .iter()
+            .map(largest_side)
+            .fold(f64::INFINITY, f64::min)
     }
 }
 

@@ -12,7 +12,7 @@ use super::boxes::{Boxer, FractionalBoxes, single, smaller_or_nan};
 use super::through::{RingAndYarn, is_multiple};
 use crate::curve::{Box3, Cell, Curve, Image, Point, Translated};
 use crate::error::{Error, Result};
-use crate::incremental::Whereabouts;
+use crate::incremental::{PointMap, Whereabouts};
 use crate::pairs::{LinkSearch, Share};
 use rayon::prelude::*;
 use std::collections::BTreeSet;
@@ -87,6 +87,10 @@ pub(crate) struct ImagePairs {
     pub yarns: Vec<RingAndYarn>,
     /// The search remains complete as long as the curves stay within these boxes.
     within: FractionalBoxes,
+    /// The smallest of their largest sides.
+    smallest: f64,
+    /// Map to an earlier quiet frame, and the room there.
+    quiet: Option<(PointMap, f64)>,
 }
 
 impl ImagePairs {
@@ -125,7 +129,9 @@ impl ImagePairs {
             share: Share::of_images(curves.clone(), continues),
             yarns: yarns.into_iter().collect(),
             curves,
+            smallest: within.smallest(),
             within,
+            quiet: None,
         })
     }
 
@@ -138,11 +144,30 @@ impl ImagePairs {
         rooms.reduce(|| f64::INFINITY, smaller_or_nan)
     }
 
-    /// Returns a lower bound of the room in a quiet frame, without reading its points.
-    pub fn quiet_room(&self, boxer: &Boxer<'_>, at: &Whereabouts<'_>) -> f64 {
-        let rooms = boxer.quiet_boxes(at).enumerate();
+    /// Returns a lower bound of the room in a quiet frame, without reading its points: that of an
+    /// earlier frame, less what the maps of both differ by, or if that is less than `enough`, by the
+    /// boxes of all curves.
+    ///
+    /// # Derivation: room in another frame
+    ///
+    /// If the bounds of the control points differ by `d`, the boxes around the curves differ by less
+    /// than `2 d`: the padding of splines grows with the size, by less than half of `d`. The room is
+    /// relative to the side of a box, the smallest of which is known.
+    pub fn quiet_room(&mut self, boxer: &Boxer<'_>, at: &Whereabouts<'_>, enough: f64) -> f64 {
+        let map = boxer.map(at);
+        if let Some((earlier, room)) = &self.quiet
+            && let Some(difference) = at.difference(&map, earlier)
+        {
+            let room = room - 2.0 * difference / self.smallest;
+            if room >= enough {
+                return room;
+            }
+        }
+        let rooms = boxer.quiet_boxes(at, &map).enumerate();
         let rooms = rooms.map(|(i, b)| self.within.room_for(i, &b));
-        rooms.fold(f64::INFINITY, smaller_or_nan)
+        let room = rooms.fold(f64::INFINITY, smaller_or_nan);
+        self.quiet = Some((map, room));
+        room
     }
 
     /// Returns a pair of the share: the first curve is not translated.

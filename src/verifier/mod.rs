@@ -29,7 +29,7 @@ use self::routing::Routing;
 use self::steps::{LinkingNumbers, Steps};
 use crate::cancel::{Cancel, PairLimit};
 use crate::certificate::{Certificate, Comparison};
-use crate::curve::{CurveChange, CurveSet, Image};
+use crate::curve::{CurveChange, CurveSet, Image, Positions};
 use crate::error::{Error, Result};
 use crate::incremental::{Events, Monitor, Outcome, Route, Work};
 use crate::ingest::{RawFrame, ingest};
@@ -479,11 +479,15 @@ impl Verifier {
     /// # Ok::<(), linkwatch::Error>(())
     /// ```
     pub fn receive(&mut self, frame: RawFrame<'_>, set: &mut Option<CurveSet>) -> Result<()> {
-        let incremental = self.strategy.is_incremental();
-        ingest(frame, set, |set, positions| match incremental {
+        ingest(frame, set, |set, positions| self.update(set, positions))
+    }
+
+    /// Replaces the positions of a set by those of the next frame, for [`Verifier::receive`].
+    fn update(&mut self, set: &mut CurveSet, positions: Positions<'_>) -> Result<()> {
+        match self.strategy.is_incremental() {
             true => self.monitor.receive(set, positions),
             false => set.update(positions),
-        })
+        }
     }
 
     /// Verifies one frame. Without a baseline, the first frame becomes the baseline.
@@ -704,11 +708,19 @@ impl Verifier {
         self.full.timings = Timings::default();
         // Needed here, because a partial run does not start the frame.
         self.full.gpu.start_frame();
+        let untold = std::mem::take(&mut self.baseline_changed);
+        let compared = self.compare(set);
+        if self.baseline_changed
+            && let Some(periodic) = &mut self.periodic
+        {
+            periodic.outdate();
+        }
+        self.baseline_changed |= untold;
         let Compared {
             mut linking,
             stats,
             step,
-        } = self.compare(set)?;
+        } = compared?;
         let comparison = &mut linking.comparison;
         self.add_places(set, comparison);
         let mut defects = comparison.defects.clone();

@@ -59,6 +59,8 @@ pub(super) struct Periodic {
     pool: FramePool,
     /// True if the room of a quiet frame was found to be wrong ([`Strategy::Paranoid`]).
     disagreed: bool,
+    /// True if the baseline of the curves themselves is not that of the joined one.
+    outdated: bool,
 }
 
 #[derive(Debug)]
@@ -113,6 +115,7 @@ impl Periodic {
             before: None,
             pool: FramePool::default(),
             disagreed: false,
+            outdated: true,
         }
     }
 
@@ -123,6 +126,11 @@ impl Periodic {
     /// Takes the curves of the next frame.
     pub fn receive(&mut self, set: &Arc<CurveSet>) {
         self.frame = Some(Arc::clone(set));
+    }
+
+    /// The curves themselves have another baseline than before.
+    pub fn outdate(&mut self) {
+        self.outdated = true;
     }
 
     /// The next frame does not continue the previous one.
@@ -289,20 +297,21 @@ impl Periodic {
         let room = |pairs: &ImagePairs, boxer: &Boxer<'_>| {
             pool::run(frame.segments(), || pairs.room(boxer))
         };
-        if let Some(Inner { pairs, .. }) = &self.inner {
+        if let Some(Inner { pairs, .. }) = &mut self.inner {
             let was_inside = match before {
                 Some(before) if before.room >= bend => true,
                 // The room of a quiet frame is a lower bound.
                 Some(before) => room(pairs, &Boxer::new(&before.frame, &before.cell)?) >= bend,
                 None => true,
             };
-            let at_least = quiet.map(|at| pairs.quiet_room(&boxer, at));
+            let at_least = quiet.map(|at| pairs.quiet_room(&boxer, at, bend));
             let known = at_least.filter(|&room| room >= bend);
             let room = match known {
                 Some(known) if self.options.strategy != Strategy::Paranoid => known,
                 _ => room(pairs, &boxer),
             };
-            self.disagreed |= known.is_some_and(|known| known > room);
+            // Both are rounded.
+            self.disagreed |= known.is_some_and(|known| known > room + 1e-9);
             if was_inside && room >= bend {
                 return Ok((room, false));
             }
@@ -346,7 +355,8 @@ impl Periodic {
                 verifier.full.share_progress(Arc::clone(progress));
                 // Starts where the last one ended.
                 let curves = self.pool.receive(|out| {
-                    CurveSet::translate(&before.frame, &inner.pairs.curves, &before.cell, out)
+                    let (curves, cell) = (&inner.pairs.curves, &before.cell);
+                    CurveSet::translate(&before.frame, curves, cell, out, CurveSet::update)
                 })?;
                 let report = verifier.step_shared(before.seq, before.time, &curves)?;
                 let touch = |d: &Defect| d.kind == DefectKind::Contact;
@@ -368,9 +378,11 @@ impl Periodic {
         {
             verifier.full.share_progress(Arc::clone(progress));
             let cell = &self.cell;
-            let curves = self
-                .pool
-                .receive(|out| CurveSet::translate(&frame, &pairs.curves, cell, out))?;
+            let curves = self.pool.receive(|out| {
+                CurveSet::translate(&frame, &pairs.curves, cell, out, |set, positions| {
+                    verifier.update(set, positions)
+                })
+            })?;
             let mut report = verifier.step_shared(seq, time, &curves)?;
             name_curves(&mut report, pairs);
             out = Some(report);
@@ -562,8 +574,9 @@ impl Verifier {
         let inner = periodic.search(&boxes, &self.full.progress)?;
         if let Some(mut verifier) = inner.verifier {
             let mut curves = None;
-            let current = periodic.frame()?;
-            CurveSet::translate(current, &inner.pairs.curves, &periodic.cell, &mut curves)?;
+            let (current, translated) = (periodic.frame()?, &inner.pairs.curves);
+            let cell = &periodic.cell;
+            CurveSet::translate(current, translated, cell, &mut curves, CurveSet::update)?;
             if let Some(curves) = curves {
                 let (certificate, _) = verifier.certify(&curves);
                 periodic.expected = Some(entries_of(certificate, &inner.pairs));
@@ -610,13 +623,12 @@ impl Verifier {
         let Some(periodic) = &mut self.periodic else {
             return Ok(None);
         };
-        let first = self.joined.is_none();
         let quiet = self.monitor.whereabouts();
         let found = periodic.step(frame, quiet.as_ref(), &self.full.progress, missing)?;
         let disagreed = std::mem::take(&mut periodic.disagreed);
         let inner = periodic.inner_verifier();
         let inner_changed = inner.is_some_and(|v| std::mem::take(&mut v.baseline_changed));
-        if first || inner_changed || self.baseline_changed {
+        if inner_changed || std::mem::take(&mut periodic.outdated) {
             self.baseline_changed = true;
             let outer = self.baseline.as_ref();
             self.joined = outer.map(|outer| periodic.joined(outer));

@@ -17,7 +17,7 @@ use super::covered::Covered;
 use super::packed::Packed;
 use super::whereabouts::Whereabouts;
 use crate::certificate::Certificate;
-use crate::curve::{AXES, CurveSet, Point, Received};
+use crate::curve::{AXES, CurveSet, Point, Received, union};
 use crate::pairs::{Share, Trees};
 use std::sync::Arc;
 
@@ -32,8 +32,9 @@ pub(super) struct Reference {
     pub certificate: Arc<Certificate>,
     /// Number of the frame, counted by the monitor.
     pub frame: u64,
-    /// Bounds of the control points of each curve.
+    /// Bounds of the control points of each curve, and of all.
     pub bounds: Vec<[Point; 2]>,
+    pub around: [Point; 2],
     /// Points to which affine frames are fitted.
     pub sample: Sample,
     /// Distance that each control point may move. Infinite for curves that are not covered.
@@ -81,9 +82,11 @@ impl Reference {
         let points = set.positions().into_copy();
         let packed = Packed::blocks(points.positions(), set.max_abs(), &allowances);
         let finite = allowances.iter().filter(|a| a.is_finite());
+        let bounds: Vec<[Point; 2]> = (0..set.len()).map(|i| set.bounds_along(i, &AXES)).collect();
         Some(Reference {
+            around: union(&bounds),
             largest_allowance: finite.fold(0.0, |most, &a| most.max(a.into())),
-            bounds: (0..set.len()).map(|i| set.bounds_along(i, &AXES)).collect(),
+            bounds,
             set,
             points,
             coverage,
@@ -101,7 +104,9 @@ impl Reference {
     pub fn whereabouts(&self, affine: Affine) -> Option<Whereabouts<'_>> {
         let all = self.coverage.open_curves || self.set.open_curves() == 0;
         all.then_some(Whereabouts {
+            reference: self.frame,
             bounds: &self.bounds,
+            all: self.around,
             affine,
             // The condition is `|p - (M q + t)| <= sigma a`.
             distance: affine.sigma * self.largest_allowance * (1.0 + 1e-6),

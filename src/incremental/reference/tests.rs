@@ -216,7 +216,7 @@ proptest! {
         }
         let frame = Curves { double: true, ..curves }.set(&xyz);
         let at = reference.whereabouts(affine).unwrap();
-        for (i, [lo, hi]) in at.bounds_along(rows).enumerate() {
+        for (i, [lo, hi]) in at.bounds(&at.map(rows)).enumerate() {
             let [least, most] = frame.bounds_along(i, &rows);
             for x in 0..3 {
                 let inside = lo[x] - 1e-9 <= least[x] && most[x] <= hi[x] + 1e-9;
