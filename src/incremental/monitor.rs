@@ -61,6 +61,8 @@ pub(crate) struct Monitor {
     /// The previous frame and the current frame.
     previous: Survey,
     current: Survey,
+    /// Number of the positions of the current frame ([`CurveSet::contents`]).
+    contents: Option<u64>,
     /// Surveys of the frames that were received last, oldest first.
     received: VecDeque<ReceivedSurvey>,
 }
@@ -188,6 +190,7 @@ impl Monitor {
         work: &mut Work,
     ) -> bool {
         self.frame += 1;
+        self.contents = Some(set.contents());
         std::mem::swap(&mut self.previous, &mut self.current);
         *work = Work::default();
         self.reference
@@ -254,10 +257,11 @@ impl Monitor {
         Some((&known.reference.certificate, &known.comparison))
     }
 
-    /// Returns where the curves of the current frame are, if it is quiet and the reference frame
-    /// covers all curves.
-    pub fn whereabouts(&self) -> Option<Whereabouts<'_>> {
-        let reference = &self.reference.as_ref()?.reference;
+    /// Returns where the curves of a frame are, if it is the current one, it is quiet, and the
+    /// reference frame covers all curves.
+    pub fn whereabouts(&self, set: &CurveSet) -> Option<Whereabouts<'_>> {
+        let current = self.contents == Some(set.contents());
+        let reference = &self.reference.as_ref().filter(|_| current)?.reference;
         let affine = self.current.affine.filter(|_| self.current.moved() == 0)?;
         reference.whereabouts(affine)
     }

@@ -623,7 +623,8 @@ impl Verifier {
         let Some(periodic) = &mut self.periodic else {
             return Ok(None);
         };
-        let quiet = self.monitor.whereabouts();
+        let quiet = periodic.frame().ok();
+        let quiet = quiet.and_then(|frame| self.monitor.whereabouts(frame));
         let found = periodic.step(frame, quiet.as_ref(), &self.full.progress, missing)?;
         let disagreed = std::mem::take(&mut periodic.disagreed);
         let inner = periodic.inner_verifier();
