@@ -31,7 +31,7 @@ const WAIT: Duration = Duration::from_secs(60);
 struct Args {
     /// Depth of the ball, in shares of the thickness of the cage: 0.25 keeps the topology, 1.5
     /// breaks it
-    #[arg(long, default_value_t = 0.25)]
+    #[arg(long, default_value_t = 0.25, value_parser = depth)]
     depth: f64,
     /// Model of the yarn [default: a generated knit]
     #[arg(long, value_name = "FILE")]
@@ -41,6 +41,12 @@ struct Args {
     go_on: bool,
     #[command(flatten)]
     sidecar: SidecarArgs,
+}
+
+/// Parses a depth. Rejects NaN and infinite numbers.
+fn depth(text: &str) -> Result<f64, &'static str> {
+    let depth = text.parse().ok().filter(|depth: &f64| depth.is_finite());
+    depth.ok_or("expected a finite number")
 }
 
 fn main() -> ExitCode {
@@ -92,7 +98,7 @@ fn simulate(args: &Args, client: &mut Client, model: &CurveSet) -> Result<bool> 
         }
         let inverted = cage.inverted();
         if inverted > 0 && !turned {
-            println!("simulator: frame {frame}: {inverted} tetrahedra are turned inside out");
+            println!("simulator: frame {frame}: tetrahedra that are turned inside out: {inverted}");
             turned = true;
         }
         let verdict = publish(client, &cage, frame as f64 / RATE)?;
