@@ -32,6 +32,8 @@ mod leaf_boxes;
 #[cfg(any(feature = "mcap", feature = "rerun"))]
 mod local;
 mod notation;
+#[cfg(feature = "verify")]
+mod parts;
 mod positions;
 #[cfg(feature = "verify")]
 mod set;
@@ -71,13 +73,15 @@ pub(crate) use lazy::Received;
 #[cfg(any(feature = "mcap", feature = "rerun"))]
 pub(crate) use local::{feature, nearest};
 pub(crate) use notation::{Notation, significant};
+#[cfg(feature = "verify")]
+pub(crate) use parts::Parts;
 pub use positions::{Positions, Precision};
 #[cfg(feature = "verify")]
 pub use set::{Curve, CurveSet};
 #[cfg(feature = "verify")]
 pub(crate) use set::{Hulls, Shape};
 #[cfg(feature = "verify")]
-pub(crate) use sums::{SumEdges, SumPoint, TERMS, Translated, single, sum_point};
+pub(crate) use sums::{SumEdges, SumPoint, TERMS, Translated, single};
 #[cfg(feature = "verify")]
 pub(crate) use tile::{Bad, largest_within};
 

@@ -29,6 +29,12 @@ pub struct Curve {
 }
 
 impl Curve {
+    /// Returns the number of control points, negative for a closed curve.
+    pub(super) fn count(&self) -> i32 {
+        let n = self.points as i32;
+        if self.closed { -n } else { n }
+    }
+
     /// Returns true if two segments of the curve are equal or consecutive.
     #[inline]
     pub(crate) fn adjacent(&self, s: u32, t: u32) -> bool {
@@ -409,10 +415,7 @@ impl CurveSet {
     /// Returns the number of control points of each curve, negative for closed curves: the layout
     /// on the bus and in recordings.
     pub fn counts(&self) -> impl Iterator<Item = i32> + '_ {
-        self.curves.iter().map(|c| {
-            let n = c.points as i32;
-            if c.closed { -n } else { n }
-        })
+        self.curves.iter().map(Curve::count)
     }
 
     /// Returns the largest magnitude of any coordinate.

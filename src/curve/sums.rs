@@ -5,9 +5,12 @@
 //! ([`CurveSet::rounding`]), and what they are made of. Boxes and bounds of floating-point tests
 //! include the error. Tests that they do not decide use the exact sums.
 
+use super::parts::multiple;
 use super::vector::two_sum;
-use super::{Cell, CurveSet, Image, Point, Positions, pow2};
+use super::{Cell, CurveSet, Image, Point, Positions, is_home, pow2};
 use crate::error::Result;
+use std::collections::BTreeMap;
+use std::ops::{Deref, Range};
 use std::sync::Arc;
 
 /// Number of terms of a sum: a coordinate, and for each lattice vector a rounded product and its
@@ -22,7 +25,64 @@ pub(crate) type SumEdges = [[SumPoint; 2]; 2];
 
 /// Curves of a frame that are translated, for each curve of a set: its number in the frame, and its
 /// translation.
-pub(crate) type Translated = Arc<[(u32, Image)]>;
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct Translated {
+    curves: Arc<[(u32, Image)]>,
+    /// Period of each curve of the frame, if it is a yarn that runs through the cell.
+    periods: Arc<[Option<Image>]>,
+    /// Pairs of curves of the set, one of which is not translated: the second one continues the
+    /// first one, a yarn.
+    pub(super) joints: Arc<[(u32, u32)]>,
+}
+
+impl Translated {
+    /// Returns these curves. `periods` has one of each curve of the frame, if it is a yarn that
+    /// runs through the cell.
+    pub fn new(curves: Vec<(u32, Image)>, periods: &Arc<[Option<Image>]>) -> Translated {
+        let yarns = (0..).zip(&curves);
+        let yarns = yarns.filter_map(|(k, &(i, image))| Some((k, i, image, periods[i as usize]?)));
+        let numbers: BTreeMap<_, u32> = yarns.clone().map(|(k, i, n, _)| ((i, n), k)).collect();
+        let joint = |(k, i, image, period): (u32, u32, Image, Image)| {
+            let next = sum(image, period);
+            let joined = is_home(&image) || is_home(&next);
+            Some((k, *numbers.get(&(i, next))?)).filter(|_| joined)
+        };
+        Translated {
+            joints: yarns.filter_map(joint).collect(),
+            curves: curves.into(),
+            periods: Arc::clone(periods),
+        }
+    }
+
+    /// Returns the translation of the next period of a curve, if it is a yarn.
+    fn next(&self, i: usize) -> Option<Image> {
+        let (curve, image) = self.curves[i];
+        Some(sum(image, self.periods[curve as usize]?))
+    }
+
+    /// Returns the number of periods from a curve to another one, if both are images of one yarn by
+    /// multiples of its period.
+    pub fn periods_between(&self, i: usize, j: usize) -> Option<i32> {
+        let [(yarn, from), (other, to)] = [i, j].map(|i| self.curves[i]);
+        let image = [0, 1, 2].map(|x| to[x].wrapping_sub(from[x]));
+        match yarn == other {
+            true => multiple(image, self.periods[yarn as usize]?),
+            false => None,
+        }
+    }
+}
+
+fn sum(a: Image, b: Image) -> Image {
+    [0, 1, 2].map(|x| a[x].wrapping_add(b[x]))
+}
+
+impl Deref for Translated {
+    type Target = [(u32, Image)];
+
+    fn deref(&self) -> &[(u32, Image)] {
+        &self.curves
+    }
+}
 
 /// Origin of the coordinates of a set.
 #[derive(Clone, Debug)]
@@ -35,7 +95,7 @@ pub(crate) struct Sums {
 }
 
 /// Returns a point, translated by lattice vectors, as exact sums.
-pub(crate) fn sum_point(point: Point, cell: &Cell, image: Image) -> SumPoint {
+fn sum_point(point: Point, cell: &Cell, image: Image) -> SumPoint {
     let mut sums = point.map(single);
     for (k, (vector, count)) in cell.vectors.iter().zip(image).enumerate() {
         for (x, terms) in sums.iter_mut().enumerate() {
@@ -63,6 +123,11 @@ impl Sums {
 }
 
 impl CurveSet {
+    /// Returns the curves of a frame that these are, translated.
+    pub(super) fn translated(&self) -> Option<&Translated> {
+        self.sums.as_deref().map(|sums| &sums.curves)
+    }
+
     /// Returns a bound of the difference of the coordinates from those that they stand for. 0
     /// except for sets of translated curves ([`CurveSet::translate`]).
     #[inline]
@@ -70,7 +135,8 @@ impl CurveSet {
         self.sums.as_ref().map_or(0.0, |sums| sums.rounding)
     }
 
-    /// Returns the start of segment `s` of curve `i`, a polyline, as exact sums.
+    /// Returns the start of segment `s` of curve `i`, a polyline, as exact sums. The end of a yarn is
+    /// the image of its start.
     pub(crate) fn exact_knot(&self, i: usize, s: usize) -> SumPoint {
         let Some(Sums {
             frame,
@@ -82,12 +148,25 @@ impl CurveSet {
             return self.knot(i, s).map(single);
         };
         let (curve, image) = curves[i];
-        sum_point(frame.knot(curve as usize, s), cell, image)
+        let last = frame.curve(curve as usize).segments as usize;
+        match curves.next(i).filter(|_| s == last) {
+            Some(next) => sum_point(frame.knot(curve as usize, 0), cell, next),
+            None => sum_point(frame.knot(curve as usize, s), cell, image),
+        }
+    }
+
+    /// Returns two edges of polylines, each of a curve, as exact sums.
+    pub(crate) fn exact_edges(&self, curves: [usize; 2], segments: [u32; 2]) -> SumEdges {
+        [0, 1].map(|side| {
+            let (i, s) = (curves[side], segments[side] as usize);
+            [self.exact_knot(i, s), self.exact_knot(i, s + 1)]
+        })
     }
 
     /// Writes some curves of a frame into `out`, each translated by lattice vectors, in double
-    /// precision. `out` has these curves of an earlier frame, which are updated by `update`, or
-    /// nothing.
+    /// precision. A polyline that is a yarn ends at the exact image of its start, so that its periods
+    /// are one curve without gaps. `out` has these curves of an earlier frame, which are updated by
+    /// `update`, or nothing.
     ///
     /// Errors: those of [`CurveSet::from_counts`] and of `update`; a sum may overflow.
     pub(crate) fn translate(
@@ -105,7 +184,10 @@ impl CurveSet {
         let positions = positions.as_positions();
         let mut exact = true;
         let (mut longest, mut largest) = (0.0_f64, 0.0_f64);
-        for &(i, image) in curves.iter() {
+        let mut add = |points: Range<usize>, image: Image| {
+            if image == Image::default() {
+                return xyz.extend(points.flat_map(|k| positions.point(k)));
+            }
             let by = cell.translation(image);
             // Products and sums of the translation are exact, or all of its sums count as rounded.
             let terms = [0, 1, 2].map(|x| {
@@ -118,17 +200,22 @@ impl CurveSet {
                 errors == [0.0; 3] && sums_up
             });
             exact &= terms == [true; 3];
-            let points = frame.points_of(i as usize);
-            if image == Image::default() {
-                xyz.extend(points.flat_map(|k| positions.point(k)));
-                continue;
-            }
             for k in points {
                 for (x, by) in positions.point(k).into_iter().zip(by) {
                     largest = largest.max(x.abs());
                     let (sum, error) = two_sum(x, by);
                     exact &= error == 0.0;
                     xyz.push(sum);
+                }
+            }
+        };
+        for (k, &(i, image)) in curves.iter().enumerate() {
+            let points = frame.points_of(i as usize);
+            match curves.next(k).filter(|_| frame.basis().is_polyline()) {
+                None => add(points, image),
+                Some(next) => {
+                    add(points.start..points.end - 1, image);
+                    add(points.start..points.start + 1, next);
                 }
             }
         }
@@ -143,8 +230,8 @@ impl CurveSet {
         match out {
             Some(set) => update(set, Positions::F64(&xyz))?,
             None => {
-                let of_frame: Vec<i32> = frame.counts().collect();
-                let counts: Vec<i32> = curves.iter().map(|c| of_frame[c.0 as usize]).collect();
+                let count = |&(i, _): &(u32, Image)| frame.curve(i as usize).count();
+                let counts: Vec<i32> = curves.iter().map(count).collect();
                 *out = Some(CurveSet::from_counts(
                     frame.basis(),
                     &counts,
@@ -155,7 +242,7 @@ impl CurveSet {
         if let Some(set) = out {
             set.sums = Some(Arc::new(Sums {
                 frame: Arc::clone(frame),
-                curves: Arc::clone(curves),
+                curves: curves.clone(),
                 cell: *cell,
                 rounding,
             }));
@@ -192,7 +279,7 @@ mod tests {
     fn translated(frame: &Arc<CurveSet>, image: Image, cell: &str) -> CurveSet {
         let mut out = None;
         let cell = cell.parse().unwrap();
-        let curves = Arc::from([(0, image)]);
+        let curves = Translated::new(vec![(0, image)], &Arc::from([None]));
         CurveSet::translate(frame, &curves, &cell, &mut out, CurveSet::update).unwrap();
         out.unwrap()
     }
@@ -231,7 +318,7 @@ mod tests {
             };
             let image = [0; 3].map(|_| (next() / 2.0) as i32);
             let mut out = None;
-            let curves = Arc::from([(0, image)]);
+            let curves = Translated::new(vec![(0, image)], &Arc::from([None]));
             CurveSet::translate(&frame, &curves, &cell, &mut out, CurveSet::update).unwrap();
             let set = out.unwrap();
             for s in 0..3 {

@@ -32,6 +32,19 @@ pub(crate) fn mix(a: Point, b: Point, t: f64) -> Point {
     [0, 1, 2].map(|x| (1.0 - t) * a[x] + t * b[x])
 }
 
+/// Returns the smallest and the largest coordinates of points.
+#[inline(always)]
+pub(crate) fn bounds(points: impl IntoIterator<Item = Point>) -> [Point; 2] {
+    let mut bounds = [[f64::INFINITY; 3], [f64::NEG_INFINITY; 3]];
+    for p in points {
+        for x in 0..3 {
+            bounds[0][x] = bounds[0][x].min(p[x]);
+            bounds[1][x] = bounds[1][x].max(p[x]);
+        }
+    }
+    bounds
+}
+
 /// Returns `a / 2 - b / 2`. The difference of two finite numbers may overflow, half of it does not.
 #[inline(always)]
 pub(crate) fn half_difference(a: Point, b: Point) -> Point {

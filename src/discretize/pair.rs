@@ -24,6 +24,12 @@ impl<'a> Separation<'a> {
         }
     }
 
+    /// Returns a test for hulls that are dilated by a larger margin.
+    pub fn with_margin(self, more: f64) -> Self {
+        let margin = self.margin + more;
+        Separation { margin, ..self }
+    }
+
     /// Adds the segment pairs whose hulls are not proven apart to `close`.
     #[inline(always)]
     pub fn add_close(&self, pairs: &[(u32, u32)], close: &mut Vec<(u32, u32)>) {
@@ -76,6 +82,14 @@ impl<'a> MovingSeparation<'a> {
         let [first, second] = [self.hulls(self.curves[0], s), self.hulls(self.curves[1], t)];
         let frames = [[&first[0], &second[0]], [&first[1], &second[1]]];
         Hull::separated_throughout(frames, self.margin)
+    }
+
+    /// Returns true if two consecutive segments, one of each curve, are not proven monotonic
+    /// together at all times ([`MovingSeparation::add_turns`]).
+    pub fn may_turn(&self, s: u32, t: u32) -> bool {
+        let [first, second] = [self.hulls(self.curves[0], s), self.hulls(self.curves[1], t)];
+        let frames = [[first[0], second[0]], [first[1], second[1]]];
+        !Hull::are_monotonic(&frames, self.margin)
     }
 
     /// Adds the pairs of segments of the first curve with themselves and with their successors

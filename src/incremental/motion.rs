@@ -29,7 +29,7 @@ use super::ledger::Observer;
 use super::reference::{Block, Reference};
 use crate::curve::{Axes, Basis, CurveSet, larger, smaller};
 use crate::discretize::MovingSeparation;
-use crate::exact::{Decided, Ties, passages};
+use crate::exact::{Decided, Ties, passages, passages_of_sums};
 use crate::pairs::{Pair, overlapping};
 use crate::simd::{LANES, Portable, dispatch};
 use rayon::prelude::*;
@@ -162,6 +162,7 @@ impl<'a> MovedBlocks<'a> {
             pairs: self.folded(),
             apart: 0,
         };
+        affected.pairs.extend(self.folded_at_joints());
         let mut near: Vec<[Block; 2]> = Vec::new();
         for (k, &a) in self.marked.iter().enumerate() {
             for b in neighbours.of(a) {
@@ -212,13 +213,13 @@ impl<'a> MovedBlocks<'a> {
         let observer = Observer::of_leaves([before, after], &boxes);
         let [first, second] = boxes.map(|boxes| observer.swept_leaf(&boxes));
         let separation = MovingSeparation::new([before, after], [i, j]);
-        let curve = before.curve(i);
+        let parts = before.parts(i, j);
         let may_meet = |s: u32, t: u32| {
-            if i == j && (s >= t || curve.adjacent(s, t)) {
+            if i == j && s >= t || parts.is_some_and(|parts| parts.adjacent(s, t)) {
                 return false;
             }
             match before.basis().is_polyline() {
-                true => edges_may_meet([before, after], [(i, s), (j, t)]),
+                true => edges_may_meet([before, after], [i, j], [s, t]),
                 false => !separation.apart(s, t),
             }
         };
@@ -303,16 +304,47 @@ impl<'a> MovedBlocks<'a> {
         });
         folded.collect()
     }
+
+    /// Same as [`MovedBlocks::folded`], for yarns and the images that continue them.
+    fn folded_at_joints(&self) -> impl Iterator<Item = Pair> {
+        let Reference { set, coverage, .. } = self.reference;
+        let frames = self.ends.map(|(_, set)| set);
+        // The images of the reference frame are those of all frames.
+        let covered = coverage.open_curves && !set.basis().is_polyline();
+        let joints = frames[0].joints().iter().filter(move |_| covered);
+        joints.filter_map(move |&(i, j)| {
+            let last = set.curve(i as usize).segments - 1;
+            let marked = |end: (u32, u32)| self.segments.binary_search(&end).is_ok();
+            let turns = || {
+                let separation = MovingSeparation::new(frames, [i, j].map(|i| i as usize));
+                separation.may_turn(last, 0)
+            };
+            let folded = (marked((i, last)) || marked((j, 0))) && turns();
+            folded.then_some((i.min(j), i.max(j)))
+        })
+    }
 }
 
-/// Returns false if two edges, each given by curve and segment, are proven not to meet during the
-/// step.
-fn edges_may_meet(frames: [&CurveSet; 2], edges: [(usize, u32); 2]) -> bool {
-    let ends =
-        |set: &CurveSet| edges.map(|(i, s)| [set.knot(i, s as usize), set.knot(i, s as usize + 1)]);
-    let [before, after] = frames.map(ends);
-    let mut met = false;
-    let decided = passages(&before, &after, Ties::Report, &mut |_| met = true);
+/// Returns false if two edges of two curves are proven not to meet during the step.
+fn edges_may_meet(frames: [&CurveSet; 2], curves: [usize; 2], segments: [u32; 2]) -> bool {
+    let ends = |set: &CurveSet| {
+        [0, 1].map(|side| {
+            let (i, s) = (curves[side], segments[side] as usize);
+            [set.knot(i, s), set.knot(i, s + 1)]
+        })
+    };
+    let [before, after] = &frames.map(ends);
+    let rounding = frames.map(CurveSet::rounding);
+    let rounding = rounding[0].max(rounding[1]);
+    let (ties, mut met) = (Ties::Report, false);
+    let mut meet = |_| met = true;
+    let decided = match rounding == 0.0 {
+        true => passages(before, after, ties, &mut meet),
+        false => {
+            let sums = || frames.map(|set| set.exact_edges(curves, segments));
+            passages_of_sums([before, after], rounding, sums, ties, &mut meet)
+        }
+    };
     met || decided == Decided::Tie
 }
 

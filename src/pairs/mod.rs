@@ -20,7 +20,7 @@ mod trees;
 #[cfg(test)]
 pub(crate) use brute::potential_links_brute;
 pub(crate) use closest::{
-    Nearest, Scale, closest_approach, closest_of_segments, closest_place, closest_points, nearest,
+    Nearest, Scale, closest_approach, closest_of_segments, closest_points, nearest,
 };
 pub(crate) use descent::{Agenda, Query, SegmentPairs, descend, overlapping};
 pub(crate) use layout::{Leaves, Node, SMALL};

@@ -229,13 +229,8 @@ enum Special {
     /// pairs with a loop are verified, except loops that share a curve.
     Loops(Arc<[u32]>),
     /// For each curve the curve of a frame, and its translation. Each pair of a curve and an image
-    /// of another one, or of itself, is verified once ([`owns_image`]). `continues` is true for
-    /// images that continue their own curve, which runs through the periodic cell: these two are
-    /// parts of one infinite curve.
-    Images {
-        curves: Translated,
-        continues: Arc<[bool]>,
-    },
+    /// of another one, or of itself, is verified once ([`owns_image`]).
+    Images(Translated),
 }
 
 /// Returns true if a set of translated curves has this pair: one of them is not translated, and
@@ -258,9 +253,9 @@ impl Share {
     }
 
     /// Returns the share of the pairs of a curve and an image, in a set of translated curves, each
-    /// once, except those of a curve and an image that continues it.
-    pub(crate) fn of_images(curves: Translated, continues: Arc<[bool]>) -> Share {
-        Share::special(curves.len(), Special::Images { curves, continues })
+    /// once.
+    pub(crate) fn of_images(curves: Translated) -> Share {
+        Share::special(curves.len(), Special::Images(curves))
     }
 
     fn special(curves: usize, special: Special) -> Share {
@@ -276,7 +271,7 @@ impl Share {
 
     /// Returns true if the share needs all curves, wherever they are.
     fn needs_all(&self) -> bool {
-        matches!(self.special, Some(Special::Images { .. }))
+        matches!(self.special, Some(Special::Images(_)))
     }
 
     /// Returns true if a curve stands for a virtual loop.
@@ -305,11 +300,7 @@ impl Share {
                 let with_loop = after_i != u32::MAX || after_j != u32::MAX;
                 with_loop && after_i != j && after_j != i
             }
-            Some(Special::Images { curves, continues }) => {
-                let [i, j] = [i, j].map(|i| i as usize);
-                let same = curves[i].0 == curves[j].0 && continues[i] && continues[j];
-                !same && owns_image(curves[i], curves[j])
-            }
+            Some(Special::Images(curves)) => owns_image(curves[i as usize], curves[j as usize]),
             None => self.partition.owner(i, j) == self.shard,
         }
     }

@@ -23,13 +23,15 @@
 //! on such choices ([`canonical`]).
 
 mod boxes;
+mod linking;
 mod names;
 mod pairs;
 mod through;
 mod unwrap;
 
 pub(crate) use boxes::{Boxer, FractionalBoxes, bend};
+pub(crate) use linking::{Number, linking_numbers};
 pub(crate) use names::{Entry, aligned, canonical};
 pub(crate) use pairs::{ImagePair, ImagePairs, Searched};
-pub(crate) use through::{Number, RingAndYarn, linking_numbers, period, reduced};
+pub(crate) use through::{RingAndYarn, period, reduced};
 pub use unwrap::Unwrap;

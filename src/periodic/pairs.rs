@@ -9,7 +9,7 @@
 //! Translations are integers in fractional coordinates, so only the boxes are rounded, outward.
 
 use super::boxes::{Boxer, FractionalBoxes, single, smaller_or_nan};
-use super::through::{RingAndYarn, is_multiple};
+use super::through::RingAndYarn;
 use crate::curve::{Box3, Cell, Curve, Image, Point, Translated};
 use crate::error::{Error, Result};
 use crate::incremental::{PointMap, Whereabouts};
@@ -17,6 +17,7 @@ use crate::pairs::{LinkSearch, Share};
 use rayon::prelude::*;
 use std::collections::BTreeSet;
 use std::ops::RangeInclusive;
+use std::sync::Arc;
 
 /// Maximum number of images that are compared. More need more memory than the frame: about 40 bytes
 /// each.
@@ -54,7 +55,7 @@ impl ImagePair {
 pub(crate) struct Searched<'a> {
     pub curves: &'a [Curve],
     /// Period of each curve, if it runs through the cell.
-    pub periods: &'a [Option<Image>],
+    pub periods: &'a Arc<[Option<Image>]>,
     /// True if open curves are searched, too.
     pub open_too: bool,
     /// Maximum number of pairs.
@@ -64,11 +65,6 @@ pub(crate) struct Searched<'a> {
 impl Searched<'_> {
     fn is_closed(&self, i: u32) -> bool {
         self.curves[i as usize].closed
-    }
-
-    /// Returns true if an image continues its curve, which runs through the cell.
-    fn continues(&self, i: u32, image: Image) -> bool {
-        self.periods[i as usize].is_some_and(|period| is_multiple(image, period))
     }
 
     fn is_used(&self, i: usize) -> bool {
@@ -98,9 +94,6 @@ impl ImagePairs {
     /// adds some pairs. `margin` is a share of the cell, or a length along directions without
     /// repetition.
     ///
-    /// Images of a curve that runs through the cell by multiples of its period are parts of the
-    /// same infinite curve, so they are no pairs.
-    ///
     /// Errors: [`Error::Usage`] if a curve spans too many cells, or is too far away from the first
     /// one; [`Error::TooManyPairs`] if there are more than `most`.
     pub fn find(
@@ -122,11 +115,9 @@ impl ImagePairs {
         let mut curves: Vec<(u32, Image)> = pairs.iter().flat_map(ends).collect();
         curves.sort_unstable_by_key(order);
         curves.dedup();
-        let continues = |&(i, image): &(u32, Image)| searched.continues(i, image);
-        let continues = curves.iter().map(continues).collect();
-        let curves: Translated = curves.into();
+        let curves = Translated::new(curves, searched.periods);
         Ok(ImagePairs {
-            share: Share::of_images(curves.clone(), continues),
+            share: Share::of_images(curves.clone()),
             yarns: yarns.into_iter().collect(),
             curves,
             smallest: within.smallest(),
@@ -272,18 +263,10 @@ fn search(
             let [from, to] = [(i, m), (j, n)].map(|(i, n)| home[i as usize][x] + n[x]);
             to - from
         });
-        let [first, second] = [i, j].map(|i| searched.periods[i as usize]);
-        match (first, second) {
-            (None, Some(period)) if searched.is_closed(i) => {
-                yarns.insert(RingAndYarn::new(i, j, image, period));
-            }
-            (Some(period), None) if searched.is_closed(j) => {
-                yarns.insert(RingAndYarn::new(j, i, image.map(|n| -n), period));
-            }
-            _ => {}
-        }
-        let of_one_curve = i == j && searched.continues(i, image);
-        if image != Image::default() && !of_one_curve {
+        let both = [i, j].map(|i| searched.periods[i as usize]);
+        let pair = RingAndYarn::between((i, j), image, both);
+        yarns.extend(pair.filter(|pair| searched.is_closed(pair.ring)));
+        if image != Image::default() {
             pairs.insert(ImagePair::new(i, j, image));
         }
         if pairs.len() + yarns.len() > searched.most {
@@ -354,7 +337,7 @@ mod tests {
         let set = crate::curve::CurveSet::from_counts(basis, &counts, positions)?;
         let searched = Searched {
             curves: set.curves(),
-            periods: &vec![None; count],
+            periods: &vec![None; count].into(),
             open_too: true,
             most: usize::MAX,
         };

@@ -15,6 +15,7 @@ mod shards;
 mod steps;
 #[cfg(test)]
 mod tests;
+mod yarns;
 
 pub use bisect::bisect;
 pub use intactness::Intactness;
@@ -447,6 +448,13 @@ impl Verifier {
     /// measurements.
     pub fn settle(&mut self) {
         self.monitor.wait_for_reference();
+        if let Some(inner) = self
+            .periodic
+            .as_mut()
+            .and_then(|images| images.inner_verifier())
+        {
+            inner.settle();
+        }
     }
 
     /// Copies a frame that will be verified into `set`: the first frame creates the set, and every

@@ -8,6 +8,7 @@
 //! from one another throughout the earlier frames.
 
 use super::braided::add_work;
+use super::yarns::{Compared, Yarns};
 use super::{Strategy, Verifier, VerifierOptions};
 use crate::certificate::{Certificate, undefined_entry};
 use crate::curve::{Cell, CurveSet, Image};
@@ -15,12 +16,13 @@ use crate::error::{Error, Result};
 use crate::incremental::{Events, Whereabouts, sort_by_time};
 use crate::ingest::FramePool;
 use crate::kernels::{GpuUse, Method};
+use crate::pairs::Pair;
 use crate::periodic::{
-    Boxer, Entry, FractionalBoxes, ImagePair, ImagePairs, Number, RingAndYarn, Searched, bend,
-    linking_numbers, period, reduced,
+    Boxer, Entry, FractionalBoxes, ImagePair, ImagePairs, RingAndYarn, Searched, bend, reduced,
 };
 use crate::pool;
 use crate::verdict::{AbortOn, Change, Defect, DefectKind, Link, PullThrough, Report};
+use std::collections::BTreeSet;
 use std::sync::Arc;
 
 /// Largest distance that curves may move before the images are searched for again, as a share of
@@ -45,12 +47,8 @@ pub(super) struct Periodic {
     given: Option<Certificate>,
     /// Expected linking numbers with images, sorted, once they are known.
     expected: Option<Vec<Entry>>,
-    /// Period of each curve, if it runs through the cell, once they are known.
-    periods: Option<Vec<Option<Image>>>,
-    /// Expected linking numbers of closed curves and those that run through the cell, sorted.
-    of_yarns: Option<Vec<Entry>>,
-    /// Pairs of these that may be linked.
-    yarns: Vec<RingAndYarn>,
+    /// Linking numbers of closed curves and those that run through the cell.
+    yarns: Yarns,
     /// Images that may meet, once they are known.
     inner: Option<Inner>,
     /// Curves of the current frame.
@@ -85,8 +83,8 @@ struct Before {
 pub(super) struct Found {
     /// Report of the inner verifier, with the curves of the scene.
     report: Option<Report>,
-    /// Changes and defects of closed curves and those that run through the cell.
-    of_yarns: (Vec<Change>, Vec<Defect>),
+    /// Findings about closed curves and those that run through the cell.
+    of_yarns: Compared,
     /// True if the images changed while curves touched, so that a passage may be missing.
     pub unknown: bool,
 }
@@ -107,9 +105,7 @@ impl Periodic {
             cell,
             given: options.baseline.clone(),
             expected: None,
-            periods: None,
-            of_yarns: None,
-            yarns: Vec::new(),
+            yarns: Yarns::default(),
             inner: None,
             frame: None,
             before: None,
@@ -119,7 +115,7 @@ impl Periodic {
         }
     }
 
-    fn inner_verifier(&mut self) -> Option<&mut Verifier> {
+    pub fn inner_verifier(&mut self) -> Option<&mut Verifier> {
         self.inner.as_mut()?.verifier.as_deref_mut()
     }
 
@@ -136,6 +132,7 @@ impl Periodic {
     /// The next frame does not continue the previous one.
     pub fn cut(&mut self) {
         self.before = None;
+        self.yarns.cut();
         if let Some(verifier) = self.inner_verifier() {
             verifier.cut();
         }
@@ -158,7 +155,7 @@ impl Periodic {
             image: defect.image,
         };
         let expected = self.expected.as_deref().unwrap_or_default();
-        let of_yarns = self.of_yarns.as_deref().unwrap_or_default();
+        let of_yarns = self.yarns.expected.as_deref().unwrap_or_default();
         let lacks = [expected, of_yarns]
             .iter()
             .any(|e| e.contains(&(pair, None)));
@@ -179,66 +176,9 @@ impl Periodic {
         };
         let mut entries = periodic.entries().unwrap_or_default();
         entries.extend(self.expected.iter().flatten());
-        entries.extend(self.of_yarns.iter().flatten());
+        entries.extend(self.yarns.expected.iter().flatten());
         entries.sort_unstable();
         periodic.with_entries(&entries)
-    }
-
-    /// Finds the curves that run through the cell, in the first frame. Returns those that no longer
-    /// do, in words.
-    fn find_periods(&mut self, set: &CurveSet) -> Option<String> {
-        let find = |i: usize| period(set, i, &self.cell);
-        let Some(known) = &self.periods else {
-            self.periods = Some((0..set.len()).map(find).collect());
-            return None;
-        };
-        let differs = |&i: &usize| known[i].is_some() && find(i) != known[i];
-        let mut others = (0..known.len()).filter(differs);
-        let first = others.next()?;
-        Some(format!(
-            "curve {first} no longer ends at the image of its start{}: it does not run through the \
-             cell as before",
-            match others.count() {
-                0 => String::new(),
-                n => format!(" (nor do {n} others)"),
-            }
-        ))
-    }
-
-    /// Compares the linking numbers with curves that run through the cell with the expected ones.
-    fn compare_yarns(&mut self, set: &CurveSet) -> (Vec<Change>, Vec<Defect>) {
-        // Linking numbers of splines with yarns are not computed.
-        if !set.basis().is_polyline() {
-            self.of_yarns.get_or_insert_default();
-            return Default::default();
-        }
-        let numbers = linking_numbers(set, &self.cell, &self.yarns);
-        let Some(expected) = &self.of_yarns else {
-            self.of_yarns = Some(entries_of_yarns(&numbers));
-            return (Vec::new(), defects_of_yarns(&numbers));
-        };
-        let mut changes = Vec::new();
-        let mut seen = Vec::new();
-        for (pair, number) in &numbers {
-            let pair = pair.pair();
-            seen.push(pair);
-            let known = expected.iter().find(|e| e.0 == pair);
-            let (Some(expected), Ok(found)) = (known.map_or(Some(0), |e| e.1), number) else {
-                continue;
-            };
-            if expected != *found {
-                changes.push(change_of(pair, expected, *found));
-            }
-        }
-        // Pairs that are far apart now.
-        for &(pair, lambda) in expected {
-            if let Some(expected) = lambda
-                && !seen.contains(&pair)
-            {
-                changes.push(change_of(pair, expected, 0));
-            }
-        }
-        (changes, defects_of_yarns(&numbers))
     }
 
     /// Finds the images that may meet while the curves are within these boxes.
@@ -250,14 +190,14 @@ impl Periodic {
         });
         let searched = Searched {
             curves: self.frame()?.curves(),
-            periods: self.periods.as_deref().unwrap_or_default(),
+            periods: &self.yarns.periods(),
             // Open curves have no linking numbers.
             open_too: self.options.events != Events::Off,
             most: progress.limit.most(),
         };
         let expected = self.expected.iter().flatten().map(|entry| entry.0);
         let pairs = ImagePairs::find(boxes, &self.cell, margin, &searched, expected)?;
-        self.yarns.clone_from(&pairs.yarns);
+        self.yarns.pairs.clone_from(&pairs.yarns);
         if pairs.curves.is_empty() {
             let verifier = None;
             return Ok(Inner { pairs, verifier });
@@ -330,18 +270,48 @@ impl Periodic {
         Ok((room, true))
     }
 
-    /// Verifies the images of the current frame. `progress` is that of the outer verifier, and
-    /// `quiet` says where the curves are if it found the frame to be quiet.
+    /// Returns the pairs of a closed curve and a yarn whose linking numbers may differ from those of
+    /// the previous frame; `None`: all. `met` has the pairs of the curves themselves that may have
+    /// met, if they are known.
+    fn unsettled(
+        &self,
+        frame: &Arc<CurveSet>,
+        met: Option<&[Pair]>,
+    ) -> Option<BTreeSet<RingAndYarn>> {
+        if !self.options.strategy.is_incremental() {
+            return None;
+        }
+        let (before, Inner { pairs, verifier }) = self.before.as_ref().zip(self.inner.as_ref())?;
+        let of_images = match verifier {
+            Some(verifier) => verifier.steps.met()?,
+            None => &[],
+        };
+        let of_curves = met?.iter().map(|&(i, j)| (i, j, Image::default()));
+        let of_images = of_images.iter().map(|&(a, b)| {
+            let ImagePair { i, j, image } = pairs.pair(a, b);
+            (i, j, image)
+        });
+        let met = of_curves.chain(of_images);
+        let met = met.filter_map(|(i, j, image)| self.yarns.pair(i, j, image));
+        let step = [(&before.frame, &before.cell), (frame, &self.cell)];
+        Some(met.chain(self.yarns.past_joints(step)).collect())
+    }
+
+    /// Verifies the images of the current frame. `progress` is that of the outer verifier. `quiet`
+    /// says where the curves are if it found the frame to be quiet, and `met` has the pairs of curves
+    /// that may have met in the step to it ([`Steps::met`]).
+    ///
+    /// [`Steps::met`]: super::steps::Steps::met
     fn step(
         &mut self,
         (seq, time): (u64, f64),
-        quiet: Option<&Whereabouts<'_>>,
+        (quiet, met): (Option<&Whereabouts<'_>>, Option<&[Pair]>),
         progress: &Arc<super::Progress>,
         missing: &mut Vec<String>,
     ) -> Result<Found> {
         let frame = Arc::clone(self.frame()?);
         let mut unknown = false;
-        if let Some(why) = self.find_periods(&frame) {
+        if let Some(why) = self.yarns.find_periods(&frame, &self.cell) {
             unknown = true;
             missing.push(why);
         }
@@ -392,7 +362,12 @@ impl Periodic {
             }
         }
         self.expected.get_or_insert_default();
-        let of_yarns = self.compare_yarns(&frame);
+        let unsettled = self.unsettled(&frame, met);
+        let check = self.options.strategy == Strategy::Paranoid;
+        let of_yarns = self
+            .yarns
+            .compare(&frame, &self.cell, unsettled.as_ref(), check)?;
+        self.disagreed |= of_yarns.disagreed;
         self.before = Some(Before {
             frame,
             cell: self.cell,
@@ -406,40 +381,6 @@ impl Periodic {
             unknown,
         })
     }
-}
-
-fn change_of(ImagePair { i, j, image }: ImagePair, expected: i64, found: i64) -> Change {
-    Change {
-        i,
-        j,
-        image,
-        expected,
-        found,
-        place: None,
-    }
-}
-
-/// Returns the entries that are not 0, sorted.
-fn entries_of_yarns(numbers: &[Number]) -> Vec<Entry> {
-    let entries = numbers.iter().map(|(pair, n)| (pair.pair(), n.ok()));
-    let mut entries: Vec<Entry> = entries.filter(|e| e.1 != Some(0)).collect();
-    entries.sort_unstable();
-    entries
-}
-
-/// Returns the pairs that touch.
-fn defects_of_yarns(numbers: &[Number]) -> Vec<Defect> {
-    let touching = numbers.iter().filter_map(|(pair, n)| {
-        let ImagePair { i, j, image } = pair.pair();
-        Some(Defect {
-            i,
-            j: Some(j),
-            image,
-            kind: DefectKind::Contact,
-            place: n.err()?,
-        })
-    });
-    touching.collect()
 }
 
 /// Returns a certificate of the translated curves with the entries of these pairs.
@@ -568,7 +509,7 @@ impl Verifier {
             });
         }
         // The numbers of this frame, of the curves themselves and of the images.
-        periodic.find_periods(set);
+        periodic.yarns.find_periods(set, &periodic.cell);
         let boxes = FractionalBoxes::new(set, &periodic.cell)?;
         self.full.progress.limit.begin(self.max_pairs);
         let inner = periodic.search(&boxes, &self.full.progress)?;
@@ -582,9 +523,12 @@ impl Verifier {
                 periodic.expected = Some(entries_of(certificate, &inner.pairs));
             }
         }
-        periodic.of_yarns = None;
-        let _ = periodic.compare_yarns(set);
-        let periods = periodic.periods.clone().unwrap_or_default();
+        periodic.yarns.expected = None;
+        let frame = Arc::clone(periodic.frame()?);
+        periodic
+            .yarns
+            .compare(&frame, &periodic.cell, None, false)?;
+        let periods = periodic.yarns.periods();
         self.full.heed_cancel(false);
         let stats = pool::run(set.segments(), || self.full.certify(set));
         debug_assert_eq!(stats.curves, set.len() as u64);
@@ -605,7 +549,7 @@ impl Verifier {
             .into_iter()
             .partition(|e| e.0.image != Image::default());
         periodic.expected = Some(of_images);
-        periodic.of_yarns = Some(of_yarns);
+        periodic.yarns.expected = Some(of_yarns);
         periodic.given = None;
         self.baseline = Some(Certificate {
             images: None,
@@ -625,7 +569,8 @@ impl Verifier {
         };
         let quiet = periodic.frame().ok();
         let quiet = quiet.and_then(|frame| self.monitor.whereabouts(frame));
-        let found = periodic.step(frame, quiet.as_ref(), &self.full.progress, missing)?;
+        let outer = (quiet.as_ref(), self.steps.met());
+        let found = periodic.step(frame, outer, &self.full.progress, missing)?;
         let disagreed = std::mem::take(&mut periodic.disagreed);
         let inner = periodic.inner_verifier();
         let inner_changed = inner.is_some_and(|v| std::mem::take(&mut v.baseline_changed));
@@ -642,9 +587,8 @@ impl Verifier {
 
     /// Adds the findings about images to a report.
     pub(super) fn add_images(&mut self, report: &mut Report, found: Found) {
-        let (changes, defects) = found.of_yarns;
-        report.changes.extend(changes);
-        report.defects.extend(defects);
+        report.changes.extend(found.of_yarns.changes);
+        report.defects.extend(found.of_yarns.defects);
         if let Some(of_images) = found.report {
             report.changes.extend(of_images.changes);
             report.events.extend(of_images.events);
@@ -664,5 +608,6 @@ impl Verifier {
             self.full.timings.add(&verifier.timings());
             self.work.add(&verifier.work());
         }
+        self.work.recomputed += found.of_yarns.computed;
     }
 }

@@ -30,6 +30,8 @@ pub(super) struct Steps {
     intactness: Intactness,
     /// True if a search found pairs that are undecided, which a report may omit.
     undecided: bool,
+    /// Pairs that may have met in the step to the current frame; `None` if it was not searched.
+    met: Option<Vec<Pair>>,
 }
 
 #[derive(Debug)]
@@ -80,6 +82,12 @@ impl Steps {
     /// Searches only the pairs of a share from now on.
     pub fn set_share(&mut self, share: Option<Share>) {
         self.ledger.set_share(share);
+    }
+
+    /// Returns the pairs of curves, open ones included, that may have met in the step to the current
+    /// frame. `None` if pull-throughs are not searched for, or if there was no step.
+    pub fn met(&self) -> Option<&[Pair]> {
+        self.met.as_deref()
     }
 
     /// Returns the kinds of pull-throughs that the ledger finds.
@@ -228,6 +236,7 @@ impl Steps {
     /// is no motion between different curves. If pull-throughs are not searched for, forgets that
     /// frame instead.
     pub fn begin(&mut self, set: &CurveSet) -> Result<()> {
+        self.met = None;
         if self.events == Events::Off {
             self.last.take_if(|last| !last.set.same_layout(set));
             return Ok(());
@@ -330,6 +339,7 @@ impl Steps {
         let outcome = self.ledger.step(frames, &last.contacts, coverage, pairs);
         // Noted here, because a report omits such a defect if the pair has another one.
         self.undecided |= self.events != Events::Off && !outcome.undecided.is_empty();
+        self.met = (self.events != Events::Off).then(|| outcome.met_pairs().collect());
         self.contacts.clone_from(&outcome.contacts);
         self.note_touching(&outcome);
         outcome

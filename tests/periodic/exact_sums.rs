@@ -136,3 +136,110 @@ fn pull_throughs_of_rounded_images_are_exact() {
     }
     assert!(total > 300, "{total} pull-throughs");
 }
+
+/// A yarn from small integers to even ones near `2^53`. Its next period begins where it ends, at
+/// coordinates half of which are no floating-point numbers.
+struct FarYarn {
+    /// Its first vertices, relative to `2^53` in the next period. The first one is even.
+    head: Vec<[i64; 3]>,
+    /// Its last vertices but one, relative to `2^53`: even, the first one is 0.
+    tail: Vec<[i64; 3]>,
+}
+
+impl FarYarn {
+    fn random(random: &mut Random, sizes: [usize; 2], largest: i32) -> FarYarn {
+        let mut any = |k: usize| match k {
+            0 => [0; 3].map(|_| 2 * i64::from(random.below(largest / 2))),
+            _ => [0; 3].map(|_| i64::from(random.below(largest))),
+        };
+        let head = (0..sizes[0]).map(&mut any).collect();
+        let mut tail: Vec<[i64; 3]> = (0..sizes[1]).map(|_| any(0)).collect();
+        tail[0] = [0; 3];
+        FarYarn { head, tail }
+    }
+
+    /// Returns the yarn as it is given.
+    fn set(&self) -> CurveSet {
+        let head = self.head.iter().map(|p| p.map(|x| (x + 1) as f64));
+        let tail = self.tail.iter().chain(&self.head[..1]);
+        let points = head.chain(tail.map(|p| p.map(|x| FAR + x as f64)));
+        open(points.collect())
+    }
+
+    /// Returns the end of a period and the start of the next one, in small integers.
+    fn near(&self) -> CurveSet {
+        let first = self.head[self.head.len() - 1].map(|x| (x + 1) as f64 - FAR);
+        let near = self.tail.iter().chain(&self.head);
+        let near = near.map(|p| p.map(|x| x as f64));
+        let points = [first].into_iter().chain(near).chain([[FAR - 1.0; 3]]);
+        open(points.collect())
+    }
+
+    /// Returns two segments of the yarn and of its next period, if two segments of
+    /// [`FarYarn::near`] are on both sides of the joint.
+    fn segments(&self, [s, t]: [u32; 2]) -> Option<[u32; 2]> {
+        let [m, l] = [self.head.len(), self.tail.len()].map(|n| n as u32);
+        (s <= l && t > l).then(|| [s + m - 1, t - l - 1])
+    }
+}
+
+fn open(points: Vec<Point>) -> CurveSet {
+    let positions = Positions::F64(points.as_flattened());
+    CurveSet::from_counts(Basis::Polyline, &[points.len() as i32], positions).unwrap()
+}
+
+/// A yarn and its next period, whose coordinates are no floating-point numbers: the pull-throughs
+/// are those of the same curve in small integers.
+#[test]
+fn pull_throughs_of_rounded_periods_of_a_yarn_are_exact() {
+    let mut random = Random::new(33);
+    let (mut total, mut decided, mut undecided) = (0, 0, 0);
+    for case in 0..900 {
+        let sizes = [2 + random.below(4) as usize, 1 + random.below(4) as usize];
+        let largest = random.pick(&[8, 30, 200]);
+        let frames = [0; 2].map(|_| FarYarn::random(&mut random, sizes, largest));
+        let plain = VerifierOptions {
+            events: Events::All,
+            motion_limit: Some(f64::INFINITY),
+            ..VerifierOptions::default()
+        };
+        let mut periodic = plain.clone();
+        periodic.cell = Some(Cell::orthogonal([0.0; 3], [FAR - 1.0; 3]));
+        periodic.events = Events::Between;
+        let report = |frames: [CurveSet; 2], options: VerifierOptions| {
+            let mut verifier = Verifier::new(options).unwrap();
+            let [first, second] = frames.map(Arc::new);
+            let _ = verifier.step_shared(0, 0.0, &first).unwrap();
+            verifier.step_shared(1, 1.0, &second).unwrap()
+        };
+        let near = report(frames.each_ref().map(FarYarn::near), plain);
+        let found = report(frames.each_ref().map(FarYarn::set), periodic);
+        let yarn = &frames[0];
+        let across = |segments: [u32; 2]| yarn.segments(segments);
+        if near
+            .defects
+            .iter()
+            .any(|d| across(d.place.segments).is_some())
+        {
+            assert_ne!(found.verdict, Verdict::Intact, "case {case}");
+            assert!(!found.defects.is_empty(), "case {case}: {near:?}");
+        }
+        if !found.defects.is_empty() {
+            undecided += 1;
+            continue;
+        }
+        let key = |segments, e: &PullThrough| (segments, e.sign, (e.fraction * 1e6).round() as i64);
+        let expected = near.events.iter();
+        let expected = expected.filter_map(|e| Some(key(across(e.segments)?, e)));
+        let mut expected: Vec<_> = expected.collect();
+        let found = found.events.iter().filter(|e| e.image == [1; 3]);
+        let mut found: Vec<_> = found.map(|e| key(e.segments, e)).collect();
+        expected.sort_unstable();
+        found.sort_unstable();
+        assert_eq!(found, expected, "case {case}");
+        total += expected.len();
+        decided += 1;
+    }
+    println!("{total} pull-throughs, {decided} decided, {undecided} undecided");
+    assert!(total > 100 && decided > 300 && undecided > 50);
+}

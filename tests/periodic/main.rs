@@ -12,9 +12,11 @@
 
 mod exact_sums;
 mod invariance;
+mod periods;
 mod quiet;
 mod scene;
 mod supercell;
 #[path = "../support/mod.rs"]
 mod support;
 mod through;
+mod yarn;

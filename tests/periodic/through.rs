@@ -2,8 +2,9 @@
 
 use crate::scene::{Point, Scene, translation};
 use crate::support::random::Random;
+use crate::yarn::Yarn;
 use linkwatch::{
-    Basis, Cell, CurveSet, Events, Image, Positions, Strategy, Unwrap, Verdict, Verifier,
+    Basis, Cell, CurveSet, Events, Image, Positions, Report, Strategy, Unwrap, Verdict, Verifier,
     VerifierOptions,
 };
 use std::collections::BTreeMap;
@@ -11,15 +12,12 @@ use std::sync::Arc;
 
 /// A yarn that runs through the cell, and a ring.
 struct RingAndYarn {
-    cell: Cell,
-    period: Image,
-    /// Vertices of one period.
-    yarn: Vec<Point>,
+    yarn: Yarn,
     ring: Vec<Point>,
 }
 
 impl RingAndYarn {
-    fn random(seed: u64) -> RingAndYarn {
+    fn random(seed: u64, basis: Basis) -> RingAndYarn {
         let mut random = Random::from_key([seed, 41]);
         let cells = [
             "4,4,4",
@@ -43,50 +41,50 @@ impl RingAndYarn {
             false => p,
         };
         let along = translation(&cell, period);
-        let n = 6 + random.below(6);
-        let yarn = (0..n).map(|k| {
+        let controls = if basis == Basis::Bezier { 3 } else { 1 };
+        let n = controls * (6 + random.below(6));
+        let points = (0..n).map(|k| {
             let t = f64::from(k) / f64::from(n);
             snap([0, 1, 2].map(|x| t * along[x] + 1.2 * (2.0 * random.unit() - 1.0)))
         });
-        let yarn: Vec<Point> = yarn.collect();
-        let m = 5 + random.below(5);
+        let points: Vec<Point> = points.collect();
+        let m = controls * (5 + random.below(5));
         let center = [0; 3].map(|_| 4.0 * random.unit());
         let size = 0.8 + 2.0 * random.unit();
         let ring =
             (0..m).map(|_| snap([0, 1, 2].map(|x| center[x] + size * (2.0 * random.unit() - 1.0))));
         let ring = ring.collect();
         RingAndYarn {
-            cell,
-            period,
-            yarn,
+            yarn: Yarn {
+                cell,
+                period,
+                basis,
+                points,
+            },
             ring,
         }
     }
 
     /// Returns the curves, with the ring first or last.
     fn set(&self, ring_first: bool) -> CurveSet {
-        let mut yarn = self.yarn.clone();
-        let along = translation(&self.cell, self.period);
-        yarn.push([0, 1, 2].map(|x| yarn[0][x] + along[x]));
+        let yarn = self.yarn.in_a_row(1);
         let (ring_count, yarn_count) = (-(self.ring.len() as i32), yarn.len() as i32);
         let (counts, points) = match ring_first {
             true => ([ring_count, yarn_count], [self.ring.clone(), yarn].concat()),
             false => ([yarn_count, ring_count], [yarn, self.ring.clone()].concat()),
         };
         let positions = Positions::F64(points.as_flattened());
-        CurveSet::from_counts(Basis::Polyline, &counts, positions).unwrap()
+        CurveSet::from_counts(self.yarn.basis, &counts, positions).unwrap()
     }
 
     /// Returns the linking number with the yarn translated by an image, closed by hand: many
     /// periods, and a long way around. `None` if they touch.
     fn closed_by_hand(&self, image: Image) -> Option<i64> {
-        let along = translation(&self.cell, self.period);
-        let by = translation(&self.cell, image);
-        let mut loops: Vec<Point> = Vec::new();
-        for times in -12..=12 {
-            let at = |p: &Point| [0, 1, 2].map(|x| p[x] + by[x] + f64::from(times) * along[x]);
-            loops.extend(self.yarn.iter().map(at));
-        }
+        let along = translation(&self.yarn.cell, self.yarn.period);
+        let by = translation(&self.yarn.cell, image);
+        let n = self.yarn.points.len() as i32;
+        let points = (-12 * n..=12 * n).map(|k| self.yarn.point(k));
+        let mut loops: Vec<Point> = points.map(|p| [0, 1, 2].map(|x| p[x] + by[x])).collect();
         // Around, at a distance, orthogonally to the period.
         let [ends_at, starts_at] = [loops[loops.len() - 1], loops[0]];
         let away = [
@@ -101,14 +99,26 @@ impl RingAndYarn {
         let far = |p: Point, a: f64, b: f64| {
             [0, 1, 2].map(|x| p[x] + 40.0 * a * away[x] + 20.0 * b * along[x])
         };
-        loops.push(far(ends_at, 0.0, 1.0));
-        loops.push(far(ends_at, 1.0, 1.0));
-        loops.push(far(starts_at, 1.0, -1.0));
-        loops.push(far(starts_at, 0.0, -1.0));
+        let corners = [
+            far(ends_at, 0.0, 1.0),
+            far(ends_at, 1.0, 1.0),
+            far(starts_at, 1.0, -1.0),
+            far(starts_at, 0.0, -1.0),
+        ];
+        for corner in corners {
+            if self.yarn.basis == Basis::Bezier {
+                // A straight segment.
+                loops.extend([loops[loops.len() - 1], corner]);
+            }
+            loops.push(corner);
+        }
+        if self.yarn.basis == Basis::Bezier {
+            loops.extend([corners[3], starts_at]);
+        }
         let counts = [-(self.ring.len() as i32), -(loops.len() as i32)];
         let points = [self.ring.clone(), loops].concat();
         let positions = Positions::F64(points.as_flattened());
-        let set = CurveSet::from_counts(Basis::Polyline, &counts, positions).unwrap();
+        let set = CurveSet::from_counts(self.yarn.basis, &counts, positions).unwrap();
         let mut verifier = Verifier::default();
         let (certificate, _) = verifier.certify(&set);
         match certificate.undefined.is_empty() {
@@ -125,15 +135,27 @@ fn reduced(image: Image, period: Image) -> Image {
     [0, 1, 2].map(|k| image[k] - times * period[k])
 }
 
-#[test]
-fn linking_numbers_of_rings_and_yarns_are_those_of_yarns_closed_by_hand() {
+/// Compares the linking numbers of rings and yarns. Returns how many pairs are linked, and how many
+/// touch.
+fn compare(basis: Basis, seeds: u64) -> [usize; 2] {
     let (mut linked, mut touching) = (0, 0);
-    for seed in 0..300 {
-        let scene = RingAndYarn::random(seed);
+    for seed in 0..seeds {
+        let scene = RingAndYarn::random(seed, basis);
+        let (cell, period) = (scene.yarn.cell, scene.yarn.period);
+        let mut expected = BTreeMap::new();
+        for n in 0..9 * 9 * 9 {
+            let image = [n % 9 - 4, n / 9 % 9 - 4, n / 81 - 4];
+            if reduced(image, period) == image {
+                let number = scene.closed_by_hand(image);
+                if number != Some(0) {
+                    expected.insert(image, number);
+                }
+            }
+        }
         for ring_first in [true, false] {
             let set = scene.set(ring_first);
             let options = VerifierOptions {
-                cell: Some(scene.cell),
+                cell: Some(cell),
                 ..VerifierOptions::default()
             };
             let mut verifier = Verifier::new(options).unwrap();
@@ -153,25 +175,120 @@ fn linking_numbers_of_rings_and_yarns_are_those_of_yarns_closed_by_hand() {
                     true => l.image,
                     false => l.image.map(|n| -n),
                 };
-                found.insert(reduced(of_yarn, scene.period), l.lambda);
+                found.insert(reduced(of_yarn, period), l.lambda);
             }
-            let mut expected = BTreeMap::new();
-            for n in 0..9 * 9 * 9 {
-                let image = [n % 9 - 4, n / 9 % 9 - 4, n / 81 - 4];
-                if reduced(image, scene.period) == image {
-                    let number = scene.closed_by_hand(image);
-                    if number != Some(0) {
-                        expected.insert(image, number);
-                    }
+            assert_eq!(
+                found, expected,
+                "{basis:?}, seed {seed}, ring first: {ring_first}"
+            );
+        }
+        linked += expected.values().filter(|l| l.is_some()).count();
+        touching += expected.values().filter(|l| l.is_none()).count();
+    }
+    println!("{basis:?}: {linked} linked, {touching} touching");
+    [linked, touching]
+}
+
+#[test]
+fn linking_numbers_of_rings_and_yarns_are_those_of_yarns_closed_by_hand() {
+    let [linked, touching] = compare(Basis::Polyline, 300);
+    assert!(linked > 50 && touching > 10, "{linked} {touching}");
+}
+
+#[test]
+fn linking_numbers_of_splines_and_yarns_are_those_of_yarns_closed_by_hand() {
+    for basis in [Basis::CatmullRom, Basis::BSpline, Basis::Bezier] {
+        let [linked, _] = compare(basis, 100);
+        assert!(linked > 12, "{basis:?}: {linked}");
+    }
+}
+
+/// A yarn and three rings that move a little, or much.
+fn moving(seed: u64, basis: Basis) -> (Cell, Vec<CurveSet>) {
+    let mut random = Random::from_key([seed, 42]);
+    let scenes = [0, 1, 2].map(|k| RingAndYarn::random(3 * seed + k, basis));
+    let yarn = &scenes[0].yarn;
+    let mut curves = vec![yarn.points.clone()];
+    curves.extend(scenes.iter().map(|scene| scene.ring.clone()));
+    let frames = (0..24).map(|_| {
+        let amplitude = random.pick(&[0.0, 1e-6, 1e-4, 1e-3, 0.01, 0.1, 0.6]);
+        for curve in &mut curves {
+            let drift = [0; 3].map(|_| 2.0 * random.unit() - 1.0);
+            for p in curve {
+                for x in 0..3 {
+                    p[x] += amplitude * (drift[x] + 0.3 * (2.0 * random.unit() - 1.0));
                 }
             }
-            assert_eq!(found, expected, "seed {seed}, ring first: {ring_first}");
-            linked += expected.values().filter(|l| l.is_some()).count();
-            touching += expected.values().filter(|l| l.is_none()).count();
         }
+        let points = curves[0].clone();
+        let mut given = vec![
+            Yarn {
+                points,
+                ..yarn.clone()
+            }
+            .in_a_row(1),
+        ];
+        given.extend_from_slice(&curves[1..]);
+        let counts = given.iter().enumerate().map(|(k, c)| {
+            let n = c.len() as i32;
+            if k == 0 { n } else { -n }
+        });
+        let counts: Vec<i32> = counts.collect();
+        let points = given.concat();
+        CurveSet::from_counts(basis, &counts, Positions::F64(points.as_flattened())).unwrap()
+    });
+    (yarn.cell, frames.collect())
+}
+
+/// Linking numbers that the step from the previous frame proves are not computed again. The
+/// findings are those of a computation in full.
+#[test]
+fn kept_linking_numbers_of_rings_and_yarns_are_those_of_a_full_computation() {
+    for basis in Basis::ALL {
+        let (mut changes, mut frames, mut computed) = (0, 0, [0; 2]);
+        for seed in 0..24 {
+            let (cell, sets) = moving(seed, basis);
+            let strategies = [Strategy::Full, Strategy::Incremental, Strategy::Paranoid];
+            let mut verifiers = strategies.map(|strategy| {
+                let options = VerifierOptions {
+                    cell: Some(cell),
+                    strategy,
+                    events: [Events::Between, Events::Off][usize::from(seed % 6 == 5)],
+                    ..VerifierOptions::default()
+                };
+                Verifier::new(options).unwrap()
+            });
+            for (seq, set) in sets.into_iter().enumerate() {
+                let set = Arc::new(set);
+                if seq == 15 {
+                    verifiers.iter_mut().for_each(Verifier::cut);
+                }
+                let reports = verifiers.each_mut().map(|verifier| {
+                    verifier.settle();
+                    verifier.step_shared(seq as u64, seq as f64, &set).unwrap()
+                });
+                let findings = |r: &Report| {
+                    let passages = (r.events.clone(), r.unresolved.clone());
+                    (r.verdict, r.changes.clone(), passages, r.defects.clone())
+                };
+                let [full, incremental, paranoid] = reports.each_ref().map(findings);
+                assert_eq!(incremental, full, "{basis:?}, seed {seed}, frame {seq}");
+                assert_eq!(paranoid, full, "{basis:?}, seed {seed}, frame {seq}");
+                assert!(
+                    !verifiers[2].work().disagreed,
+                    "{basis:?}, seed {seed}, frame {seq}"
+                );
+                let of_yarn = |c: &&linkwatch::Change| c.i == 0 || c.j == 0;
+                changes += full.1.iter().filter(of_yarn).count();
+                frames += 1;
+                computed[0] += verifiers[0].work().recomputed;
+                computed[1] += verifiers[1].work().recomputed;
+            }
+        }
+        println!("{basis:?}: {frames} frames, {changes} changes, numbers computed: {computed:?}");
+        assert!(changes > 100, "{basis:?}: {changes}");
+        assert!(2 * computed[1] < computed[0], "{basis:?}: {computed:?}");
     }
-    println!("{linked} linked, {touching} touching");
-    assert!(linked > 100 && touching > 20, "{linked} {touching}");
 }
 
 /// Two warp and two weft yarns of a plain weave, one cell of length 2.

@@ -218,6 +218,12 @@ pub(crate) fn passages_of_sums(
     )
 }
 
+/// Returns true if two points are equal.
+pub(crate) fn equal_sums(p: &SumPoint, q: &SumPoint) -> bool {
+    // The parts of a difference do not overlap, so their sum is 0 only if all of them are.
+    difference(p, q) == [0.0; 3]
+}
+
 /// Returns the vector from one point to another, rounded once or twice.
 fn difference(to: &SumPoint, from: &SumPoint) -> Point {
     [0, 1, 2].map(|x| {

@@ -52,6 +52,12 @@ impl Task<'_> {
         gathered.found.clear();
         gathered.found.counts.pairs = 1;
         gathered.agenda.clear();
+        if let Some([s, t]) = self.parts.and_then(|parts| parts.joint())
+            && self.splines()
+            && self.separation.may_turn(s, t)
+        {
+            gathered.near.push((s, t));
+        }
         let (first, second) = (self.tree(0), self.tree(1));
         if self.is_self() {
             self.visit(Visit::Blocks(0..self.segments().div_ceil(BLOCK)), gathered);
@@ -217,9 +223,8 @@ impl Task<'_> {
         self.candidates
             .fetch_add(candidates.len() as u64, Ordering::Relaxed);
         found.counts.candidates += candidates.len() as u64;
-        let same = self.is_self();
         for &(s, t) in candidates.iter() {
-            if same && self.adjacent(s, t) {
+            if self.adjacent(s, t) {
                 continue;
             }
             if !self.splines() {

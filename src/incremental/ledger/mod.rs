@@ -284,6 +284,7 @@ impl Ledger {
             outcome.unresolved.extend_from_slice(&part.unresolved);
             outcome.undecided.extend_from_slice(&part.undecided);
             outcome.sums.extend_from_slice(&part.sums);
+            outcome.near.extend_from_slice(&part.near);
             outcome.counts.add(&part.counts);
         }
         contacts.sort_by_key(|c: &Contact| (c.event.i, c.event.j));

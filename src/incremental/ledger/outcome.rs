@@ -25,6 +25,9 @@ pub(crate) struct Outcome {
     /// Pairs of curves that touch in the last frame, at least one of them open, and curves that
     /// touch themselves. The certificate reports two closed curves that touch.
     pub touching: Vec<Touching>,
+    /// Pairs of splines, at least one of them open, whose segments are not proven apart at all
+    /// times.
+    pub near: Vec<Pair>,
     /// The contacts in the last frame, which the next step continues.
     pub contacts: Contacts,
     /// Work counters.
@@ -33,7 +36,7 @@ pub(crate) struct Outcome {
 
 impl Outcome {
     /// Returns the outcome with other indices: curve `i` becomes `curves[i]`. They are ascending.
-    /// The contacts in the last frame are discarded.
+    /// The contacts in the last frame, and the pairs of near splines, are discarded.
     pub fn with_curves(mut self, curves: &[u32]) -> Outcome {
         let index = |i: &mut u32| *i = curves[*i as usize];
         for e in self.events.iter_mut().chain(&mut self.unresolved) {
@@ -50,6 +53,7 @@ impl Outcome {
             index(&mut l.j);
         }
         self.contacts = Contacts::default();
+        self.near.clear();
         self
     }
 }
@@ -89,6 +93,19 @@ impl Outcome {
         let sums = self.sums.iter().map(|link| (link.i, link.j));
         let undecided = self.undecided.iter().filter_map(|d| Some((d.i, d.j?)));
         sums.chain(undecided).chain(self.contacts.pairs())
+    }
+
+    /// Returns all pairs that may have met in the step: those with a passage, undecided, in contact,
+    /// or with an open spline that is near. Not sorted.
+    pub fn met_pairs(&self) -> impl Iterator<Item = Pair> {
+        let passages = self.events.iter().chain(&self.unresolved);
+        let undecided = self.undecided.iter().map(|d| (d.i, d.j.unwrap_or(d.i)));
+        let passages = passages.map(|e| (e.i, e.j));
+        let near = self.near.iter().copied();
+        passages
+            .chain(undecided)
+            .chain(near)
+            .chain(self.contacts.pairs())
     }
 
     /// Returns the pairs of closed curves for which the change of the linking number differs from

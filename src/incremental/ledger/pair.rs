@@ -19,12 +19,15 @@ pub(super) struct Part {
     pub undecided: Vec<Defect>,
     pub sums: Vec<Link>,
     pub contacts: Vec<Contact>,
+    /// Pairs of splines, at least one of them open, that are not proven apart.
+    pub near: Vec<Pair>,
     pub counts: Counts,
 }
 
 impl Part {
     pub fn clear(&mut self) {
         self.contacts.clear();
+        self.near.clear();
         self.events.clear();
         self.unresolved.clear();
         self.undecided.clear();
@@ -47,6 +50,10 @@ impl Step<'_> {
         let Workspace { gathered, cuts } = workspace;
         task.gather(gathered);
         let Gathered { near, found, .. } = gathered;
+        let open = |i: usize| !self.frames[0].curve(i).closed;
+        if !near.is_empty() && task.curves.into_iter().any(open) {
+            part.near.push(pair);
+        }
         let done = if task.exceeds_limits() {
             Err([0, 0])
         } else if near.is_empty() {
@@ -90,8 +97,7 @@ impl Step<'_> {
             let split = cuts.fill(&task, near);
             split.map(|()| task.add_all_pieces(&cuts, &all, found))
         } else {
-            let joined = |s: u32, t: u32| task.is_self() && task.adjacent(s, t);
-            let different = all.iter().filter(|&&(s, t)| !joined(s, t));
+            let different = all.iter().filter(|&&(s, t)| !task.adjacent(s, t));
             different.for_each(|&(s, t)| task.add_edges(s, t, found));
             Ok(())
         };

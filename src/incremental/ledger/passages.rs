@@ -6,10 +6,11 @@ use super::outcome::Counts;
 use super::pieces::{Cuts, MovingBoxes, PIECES, Vertex};
 use super::task::Task;
 use super::unresolved::relative_motion;
-use crate::curve::{CurveSet, Point, SumEdges};
+use crate::curve::{CurveSet, Parts, Point, SumEdges};
 use crate::discretize::{pieces_between, pieces_within};
 use crate::exact::{
-    Decided, Edges, Moment, Passage, Predicates, Ties, passages, passages_of_sums, segments_touch,
+    Decided, Edges, Moment, Passage, Predicates, Ties, equal_sums, passages, passages_of_sums,
+    segments_touch, sums_touch,
 };
 use crate::verdict::PullThrough;
 use std::ops::ControlFlow;
@@ -63,12 +64,8 @@ impl Task<'_> {
     /// Returns two edges of polylines in both frames, as exact sums.
     #[cold]
     fn exact_edges(&self, segments: [u32; 2]) -> [SumEdges; 2] {
-        self.step.frames.map(|set| {
-            [0, 1].map(|side| {
-                let (i, s) = (self.curves[side], segments[side] as usize);
-                [set.exact_knot(i, s), set.exact_knot(i, s + 1)]
-            })
-        })
+        let frames = self.step.frames;
+        frames.map(|set| set.exact_edges(self.curves, segments))
     }
 
     /// Adds the passages of near spline segments. Splits many of them into parallel tasks.
@@ -145,6 +142,9 @@ impl Task<'_> {
 
     /// Adds the passages of two pieces of spline segments.
     fn add_pieces(&self, [s, t]: [u32; 2], pieces: [&[Vertex]; 2], found: &mut Findings) {
+        if self.are_joined([s, t], pieces) {
+            return;
+        }
         let edges = |f: usize| pieces.map(|piece| [0, 1].map(|k| piece[k].points[f]));
         let along = |at: [f64; 2]| {
             let mix = |k: usize| {
@@ -154,6 +154,16 @@ impl Task<'_> {
             [f64::from(s) + mix(0), f64::from(t) + mix(1)]
         };
         self.add_passages(&edges(0), &edges(1), [s, t], along, found);
+    }
+
+    /// Returns true if two pieces are on both sides of the joint of a yarn and the image that
+    /// continues it. Their common end is rounded differently in both.
+    fn are_joined(&self, segments: [u32; 2], pieces: [&[Vertex]; 2]) -> bool {
+        self.parts.and_then(|parts| parts.joint()) == Some(segments)
+            && match segments[0] == 0 {
+                true => pieces[0][0].at == 0.0 && pieces[1][1].at == 1.0,
+                false => pieces[0][1].at == 1.0 && pieces[1][0].at == 0.0,
+            }
     }
 
     /// Adds the passages of two pieces of these segments. `along` maps positions on the pieces to
@@ -185,9 +195,7 @@ impl Task<'_> {
                 _ => 0.0,
             },
         };
-        // Rounded coordinates may be equal although the exact ones are not.
-        let joined = joint(before, after).filter(|_| self.rounding == 0.0);
-        if let Some(points) = joined {
+        if let Some(Joint { points, rests }) = self.joint([before, after], segments) {
             // A common end of pieces of one spline is no joint.
             if !self.splines() {
                 let contact = |f: usize| Contact {
@@ -202,16 +210,15 @@ impl Task<'_> {
                         lengths: 0.0,
                     },
                     joint: true,
-                    counted: f == 1 || before == after,
+                    counted: f == 1 || rests,
                 };
                 found.contacts.extend([0, 1].map(contact));
             }
             return;
         }
-        let ties = if self.is_self() {
-            Ties::Report
-        } else {
-            Ties::Translate
+        let ties = match self.parts {
+            Some(_) => Ties::Report,
+            None => Ties::Translate,
         };
         let Findings {
             passages: list,
@@ -239,9 +246,13 @@ impl Task<'_> {
         };
         if in_frames.iter().any(Option::is_some) {
             let frames = [before, after];
-            let beyond =
-                |f: usize| in_frames[f].is_some() && self.reaches_neighbours(frames[f], segments);
-            if self.is_self() && (0..2).any(beyond) {
+            let reaches =
+                |parts: &Parts, f: usize| self.reaches_neighbours(parts, f, frames[f], segments);
+            let beyond = |f: usize| {
+                let parts = self.parts.filter(|_| in_frames[f].is_some());
+                parts.is_some_and(|parts| reaches(&parts, f))
+            };
+            if (0..2).any(beyond) {
                 decided = Decided::Tie;
             } else {
                 if let [Some(start), Some(end)] = &mut in_frames {
@@ -267,30 +278,79 @@ impl Task<'_> {
     }
 
     /// Returns true if the contact of two edges of one curve in a frame may be connected with pairs
-    /// of edges that are not tested, or that are tested with the strands in the other order. That
-    /// is so if the contact is at a vertex next to the other edge, or at the first vertex of a
-    /// closed curve.
-    fn reaches_neighbours(&self, [[a, b], [c, d]]: &Edges, [s, t]: [u32; 2]) -> bool {
-        let curve = self.step.frames[0].curve(self.curves[0]);
-        let on = |p: &Point, [q, r]: [&Point; 2]| {
-            segments_touch(*p, *p, *q, *r, &mut Predicates::default())
+    /// of edges that are not tested, that belong to another pair of parts, or that are tested with
+    /// the strands in the other order. That is so if the contact is at a vertex next to the other
+    /// edge, at the first vertex of a closed curve, or at the joint of two periods of a yarn.
+    fn reaches_neighbours(&self, parts: &Parts, f: usize, edges: &Edges, [s, t]: [u32; 2]) -> bool {
+        let exact = (self.rounding != 0.0).then(|| self.exact_edges([s, t])[f]);
+        // Ends: of the first edge, then of the second one.
+        let on_other = |side: usize, end: usize| match &exact {
+            Some(sums) => sums_touch([[sums[side][end]; 2], sums[1 - side]]),
+            None => {
+                let (p, [q, r]) = (edges[side][end], edges[1 - side]);
+                segments_touch(p, p, q, r, &mut Predicates::default())
+            }
         };
-        let (first, second) = ([a, b], [c, d]);
+        let curve = self.step.frames[0].curve(self.curves[0]);
         let last = curve.segments - 1;
+        let (start, end) = (0, 1);
         self.splines()
-            || (curve.after(curve.after(s)) == t && (on(b, second) || on(c, first)))
-            || (curve.after(curve.after(t)) == s && (on(d, first) || on(a, second)))
-            || (curve.closed && s == 0 && on(a, second))
-            || (curve.closed && t == last && on(d, first))
+            || (parts.follows_after_one(s, t) && (on_other(0, end) || on_other(1, start)))
+            || (parts.precedes_before_one(s, t) && (on_other(0, start) || on_other(1, end)))
+            || match (parts.is_self(), curve.closed) {
+                (true, false) => false,
+                (true, true) => (s == 0 && on_other(0, start)) || (t == last && on_other(1, end)),
+                (false, _) => [s, t].into_iter().enumerate().any(|(side, s)| {
+                    (s == 0 && on_other(side, start)) || (s == last && on_other(side, end))
+                }),
+            }
+    }
+
+    /// Returns an end that two edges share in both frames. Rounded coordinates may be equal
+    /// although the exact ones are not, so these are compared if there are any.
+    #[inline(always)]
+    fn joint(&self, frames: [&Edges; 2], segments: [u32; 2]) -> Option<Joint> {
+        let ends = [(0, 0), (0, 1), (1, 0), (1, 1)];
+        let near = |[p, q]: [&Point; 2]| (0..3).all(|x| (p[x] - q[x]).abs() <= 2.0 * self.rounding);
+        let shared = |&(k, l): &(usize, usize)| frames.iter().all(|f| near([&f[0][k], &f[1][l]]));
+        let mut found = ends.into_iter().filter(shared);
+        let (k, _) = match self.rounding == 0.0 {
+            true => found.next()?,
+            false => {
+                let first = found.next()?;
+                return self.joint_of_sums(frames, segments, [first].into_iter().chain(found));
+            }
+        };
+        Some(Joint {
+            points: frames.map(|edges| edges[0][k]),
+            rests: frames[0] == frames[1],
+        })
+    }
+
+    /// [`Task::joint`] of exact sums: one of some pairs of ends.
+    #[cold]
+    fn joint_of_sums(
+        &self,
+        frames: [&Edges; 2],
+        segments: [u32; 2],
+        mut ends: impl Iterator<Item = (usize, usize)>,
+    ) -> Option<Joint> {
+        let sums = self.exact_edges(segments);
+        let (k, _) = ends.find(|&(k, l)| sums.iter().all(|f| equal_sums(&f[0][k], &f[1][l])))?;
+        let all = [(0, 0), (0, 1), (1, 0), (1, 1)];
+        Some(Joint {
+            points: frames.map(|edges| edges[0][k]),
+            rests: all
+                .into_iter()
+                .all(|(side, end)| equal_sums(&sums[0][side][end], &sums[1][side][end])),
+        })
     }
 }
 
-/// Returns an end that two pieces share in both frames.
-#[inline(always)]
-fn joint(before: &Edges, after: &Edges) -> Option<[Point; 2]> {
-    let ends = [(0, 0), (0, 1), (1, 0), (1, 1)];
-    let shared =
-        |&(k, l): &(usize, usize)| before[0][k] == before[1][l] && after[0][k] == after[1][l];
-    let (k, _) = ends.into_iter().find(shared)?;
-    Some([before[0][k], after[0][k]])
+/// An end that two edges share in both frames.
+struct Joint {
+    /// Its position in both frames.
+    points: [Point; 2],
+    /// True if the edges are the same in both frames.
+    rests: bool,
 }

@@ -66,10 +66,8 @@ impl Cuts {
             let separation = Separation::new(set, task.curves);
             close.clear();
             separation.add_close(near, close);
-            if task.is_self() {
-                // Adjacent segments are joined, so no split separates them.
-                close.retain(|&(s, t)| !task.adjacent(s, t));
-            }
+            // Adjacent segments are joined, so no split separates them.
+            close.retain(|&(s, t)| !task.adjacent(s, t));
             if close.is_empty() {
                 continue;
             }

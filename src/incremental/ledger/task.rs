@@ -2,7 +2,7 @@
 
 use super::swept::{Observer, SweptTree, SweptTrees};
 use crate::cancel::Cancel;
-use crate::curve::CurveSet;
+use crate::curve::{CurveSet, Parts};
 use crate::discretize::MovingSeparation;
 use crate::pairs::Pair;
 use std::ops::ControlFlow;
@@ -36,6 +36,8 @@ pub(super) struct Step<'a> {
 pub(super) struct Task<'a> {
     pub step: Step<'a>,
     pub curves: [usize; 2],
+    /// Relation of the curves, if they are parts of one.
+    pub parts: Option<Parts>,
     pub separation: MovingSeparation<'a>,
     /// Bound of the rounding of the coordinates of polylines ([`CurveSet::rounding`]).
     pub rounding: f64,
@@ -53,6 +55,7 @@ impl<'a> Task<'a> {
         Task {
             step,
             curves,
+            parts: step.frames[0].parts(curves[0], curves[1]),
             separation: MovingSeparation::new(step.frames, curves),
             // The discretization of splines covers it.
             rounding: match step.frames[0].basis().is_polyline() {
@@ -80,9 +83,9 @@ impl<'a> Task<'a> {
         self.step.frames[0].curve(self.curves[0]).segments
     }
 
-    /// Returns true if two segments of one curve are equal or consecutive.
+    /// Returns true if two segments are equal or consecutive in one curve.
     pub fn adjacent(&self, s: u32, t: u32) -> bool {
-        self.step.frames[0].curve(self.curves[0]).adjacent(s, t)
+        self.parts.is_some_and(|parts| parts.adjacent(s, t))
     }
 
     /// Returns the tree of swept boxes of one of the curves.

@@ -140,13 +140,20 @@ impl<'a> Allowances<'a> {
     /// if there are too many of them.
     pub fn fill(self, certificate: &Certificate) -> Option<(Vec<f32>, Neighbours)> {
         let curves: Vec<usize> = self.covered.indices().collect();
+        let set = self.covered.set;
+        let splines = !set.basis().is_polyline();
         curves.par_iter().for_each(|&i| {
             self.bound(i, certificate);
-            if self.covered.coverage.self_crossings && !self.covered.set.basis().is_polyline() {
+            if self.covered.coverage.self_crossings && splines {
                 self.bound_turns(i);
             }
         });
-        let set = self.covered.set;
+        if self.covered.coverage.open_curves && splines {
+            set.joints().par_iter().for_each(|&(i, j)| {
+                let [i, j] = [i, j].map(|i| i as usize);
+                self.bound_turn([(i, set.curve(i).segments - 1), (j, 0)]);
+            });
+        }
         // Rounding of single-precision boxes.
         let rounding = set.max_abs() * pow2(-22);
         // Pairs that are further apart bound no allowance below the reach.
@@ -290,11 +297,12 @@ impl<'a> Allowances<'a> {
     ) {
         let (set, slack, share) = (self.covered.set, self.slack(), self.stiffness() * SHARE);
         let allowance = |slot: usize| self.slots[slot].load(Ordering::Relaxed);
+        let parts = set.parts(i, j);
         for pairs in pairs.chunk_by(|a, b| a.0 == b.0) {
             let s = pairs[0].0;
             let a = Hull::new(set.hull(i, s as usize));
             for &(_, t) in pairs {
-                if i == j && (s >= t || set.curve(i).adjacent(s, t)) {
+                if i == j && s >= t || parts.is_some_and(|parts| parts.adjacent(s, t)) {
                     continue;
                 }
                 let support = || set.support(i, s).chain(set.support(j, t));
@@ -320,19 +328,24 @@ impl<'a> Allowances<'a> {
     /// Applies the bounds that keep a curve monotonic along each segment together with the next
     /// one.
     fn bound_turns(&self, i: usize) {
-        let (set, n) = (self.covered.set, self.covered.set.curve(i).segments);
+        let curve = self.covered.set.curve(i);
+        (0..curve.segments).for_each(|s| self.bound_turn([(i, s), (i, curve.after(s))]));
+    }
+
+    /// Applies the bounds that keep a curve monotonic along two consecutive segments, each given by
+    /// its curve and its number.
+    fn bound_turn(&self, ends: [(usize, u32); 2]) {
+        let set = self.covered.set;
         let weights = weights(set.basis());
-        let steps = |s: u32| -> [Point; 3] {
+        let steps = |(i, s): (usize, u32)| -> [Point; 3] {
             let b = set.segment(i, s as usize);
             [0, 1, 2].map(|k| [0, 1, 2].map(|x| (b[k + 1][x] - b[k][x]) / weights[k]))
         };
-        for s in 0..n {
-            let next = set.curve(i).after(s);
-            let both = [steps(s), steps(next)];
-            // No weight is less than a third.
-            let most = 2.0 * SHARE * (least_component(both.as_flattened()) - 3.0 * self.slack());
-            self.lower(set.support(i, s).chain(set.support(i, next)), most);
-        }
+        let both = ends.map(steps);
+        // No weight is less than a third.
+        let most = 2.0 * SHARE * (least_component(both.as_flattened()) - 3.0 * self.slack());
+        let support = ends.into_iter().flat_map(|(i, s)| set.support(i, s));
+        self.lower(support, most);
     }
 }
 

@@ -50,6 +50,7 @@ fn clearance(covered: Covered<'_>, trees: &Trees, i: usize, block: usize) -> f64
     let hull = |i: usize, s: u32| Hull::new(set.hull(i, s as usize));
     let segments = (0..LANES as u32).map(|k| (block * LANES) as u32 + k);
     let n = set.curve(i).segments;
+    let parts = |j: usize| set.parts(i, j);
     let block: Vec<_> = segments
         .filter(|&s| s < n)
         .map(|s| (s, hull(i, s)))
@@ -79,7 +80,7 @@ fn clearance(covered: Covered<'_>, trees: &Trees, i: usize, block: usize) -> f64
         let Some(level) = level else {
             let other = hull(j, at);
             for (s, hull) in &block {
-                if j != i || !set.curve(i).adjacent(*s, at) {
+                if !parts(j).is_some_and(|parts| parts.adjacent(*s, at)) {
                     let [p, q] = near_points(hull, &other);
                     best = best.min(distance(p, q));
                 }

@@ -1,0 +1,230 @@
+//! Linking numbers of closed curves and yarns that run through the periodic cell.
+//!
+//! # Proof: which numbers of the previous frame still hold
+//!
+//! The yarn is an infinite curve: each of its periods ends where the next one starts. The ledgers
+//! of the curves and of their images search all periods that may come near the closed curve, and
+//! translate the same one of both curves to decide ties. So the sum of the signs of the passages of
+//! all periods is the change of the number, as for two closed curves. A pair that had a number, and
+//! none of whose periods has a passage or a contact or is undecided, has the same number.
+//!
+//! Two cases need more:
+//! - The polylines by which a ledger replaces a closed spline differ from period to period. So
+//!   splines that a ledger could not prove apart count as undecided.
+//! - The end of a period that is not translated is the given one, not the exact image of its start.
+//!   If a closed curve may have passed between the two, the pair counts as undecided, too.
+
+use crate::curve::vector::bounds;
+use crate::curve::{Cell, CurveSet, Image, Point, pow2};
+use crate::error::Result;
+use crate::periodic::{Entry, ImagePair, Number, RingAndYarn, linking_numbers, period};
+use crate::verdict::{Change, Defect};
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
+
+/// Closed curves and yarns that run through the cell.
+#[derive(Debug, Default)]
+pub(super) struct Yarns {
+    /// Period of each curve, if it is a yarn, once they are known.
+    periods: Option<Arc<[Option<Image>]>>,
+    /// Pairs that may be linked, sorted.
+    pub pairs: Vec<RingAndYarn>,
+    /// Expected linking numbers, sorted, once they are known.
+    pub expected: Option<Vec<Entry>>,
+    /// Numbers of the previous frame, sorted; `None` if it does not help.
+    known: Option<Vec<Number>>,
+}
+
+/// Findings about closed curves and yarns in a frame.
+#[derive(Debug, Default)]
+pub(super) struct Compared {
+    pub changes: Vec<Change>,
+    pub defects: Vec<Defect>,
+    /// Number of pairs whose numbers were computed.
+    pub computed: u64,
+    /// True if the numbers of the previous frame that should hold do not.
+    pub disagreed: bool,
+}
+
+/// Previous and current frame, with their cells.
+pub(super) type Step<'a> = [(&'a Arc<CurveSet>, &'a Cell); 2];
+
+impl Yarns {
+    /// Returns the period of each curve. [`Yarns::find_periods`] comes first.
+    pub fn periods(&self) -> Arc<[Option<Image>]> {
+        self.periods.clone().unwrap_or_default()
+    }
+
+    /// Finds the curves that run through the cell, in the first frame. Returns those that no longer
+    /// do, in words.
+    pub fn find_periods(&mut self, set: &CurveSet, cell: &Cell) -> Option<String> {
+        let find = |i: usize| period(set, i, cell);
+        let Some(known) = &self.periods else {
+            self.periods = Some((0..set.len()).map(find).collect());
+            return None;
+        };
+        let differs = |&i: &usize| known[i].is_some() && find(i) != known[i];
+        let mut others = (0..known.len()).filter(differs);
+        let first = others.next()?;
+        // The sums of passages mean nothing for it.
+        self.known = None;
+        Some(format!(
+            "curve {first} no longer ends at the image of its start{}: it does not run through the \
+             cell as before",
+            match others.count() {
+                0 => String::new(),
+                n => format!(" (nor do {n} others)"),
+            }
+        ))
+    }
+
+    /// The next frame does not continue the previous one.
+    pub fn cut(&mut self) {
+        self.known = None;
+    }
+
+    /// Returns the pair of a closed curve and a yarn that these curves are, the second one
+    /// translated.
+    pub fn pair(&self, i: u32, j: u32, image: Image) -> Option<RingAndYarn> {
+        let periods = self.periods.as_ref()?;
+        RingAndYarn::between((i, j), image, [i, j].map(|i| periods[i as usize]))
+    }
+
+    /// Compares the linking numbers of a frame with the expected ones, which are those of the first
+    /// frame if none are given.
+    ///
+    /// `unsettled` has the pairs whose numbers may differ from those of the previous frame; `None`:
+    /// all. If `check`, all numbers are computed.
+    ///
+    /// Errors: those of [`CurveSet::translate`].
+    pub fn compare(
+        &mut self,
+        frame: &Arc<CurveSet>,
+        cell: &Cell,
+        unsettled: Option<&BTreeSet<RingAndYarn>>,
+        check: bool,
+    ) -> Result<Compared> {
+        let known = self.known.take().unwrap_or_default();
+        let kept = |pair: &RingAndYarn| -> Option<Number> {
+            let k = known.binary_search_by_key(pair, |n| n.0).ok()?;
+            let settled = known[k].1.is_ok() && unsettled.is_some_and(|u| !u.contains(pair));
+            settled.then_some(known[k])
+        };
+        let computed: Vec<RingAndYarn> = match check {
+            true => self.pairs.clone(),
+            false => {
+                let pairs = self.pairs.iter().copied();
+                pairs.filter(|pair| kept(pair).is_none()).collect()
+            }
+        };
+        let mut numbers = linking_numbers(frame, cell, &self.periods(), &computed)?;
+        let differ = |n: &Number| kept(&n.0).is_some_and(|known| known.1.ok() != n.1.ok());
+        let disagreed = numbers.iter().any(differ);
+        if !check {
+            numbers.extend(self.pairs.iter().filter_map(kept));
+            numbers.sort_unstable_by_key(|n| n.0);
+        }
+        let compared = Compared {
+            changes: self.changes(&numbers),
+            defects: defects(&numbers),
+            computed: computed.len() as u64,
+            disagreed,
+        };
+        self.known = Some(numbers);
+        Ok(compared)
+    }
+
+    /// Returns the numbers that differ from the expected ones.
+    fn changes(&mut self, numbers: &[Number]) -> Vec<Change> {
+        let Some(expected) = &self.expected else {
+            self.expected = Some(entries(numbers));
+            return Vec::new();
+        };
+        // Pairs that are not in a list have the number 0; those that touch have none.
+        let mut both = BTreeMap::<ImagePair, [Option<i64>; 2]>::new();
+        for (side, entries) in [expected, &entries(numbers)].into_iter().enumerate() {
+            for &(pair, lambda) in entries {
+                both.entry(pair).or_insert([Some(0); 2])[side] = lambda;
+            }
+        }
+        let changes = both.into_iter().filter_map(|(pair, [expected, found])| {
+            let ImagePair { i, j, image } = pair;
+            let (expected, found) = (expected?, found?);
+            (expected != found).then_some(Change {
+                i,
+                j,
+                image,
+                expected,
+                found,
+                place: None,
+            })
+        });
+        changes.collect()
+    }
+
+    /// Returns the pairs whose closed curve may have passed between the end of a period and the
+    /// start of the next one, which are equal up to rounding or a tolerance.
+    pub fn past_joints<'a>(&'a self, step: Step<'a>) -> impl Iterator<Item = RingAndYarn> + 'a {
+        let pairs = self.pairs.iter().copied();
+        pairs.filter(move |pair| {
+            let joints = step.map(|(set, cell)| joint(set, cell, pair));
+            if !step[0].0.basis().is_polyline() {
+                // The margins of the separation of splines cover a gap of this size.
+                let covered = |(set, [p, q]): (&CurveSet, [Point; 2])| {
+                    let most = set.max_abs() * pow2(-47);
+                    (0..3).all(|x| (p[x] - q[x]).abs() <= most)
+                };
+                return !step
+                    .into_iter()
+                    .zip(joints)
+                    .all(|((set, _), j)| covered((set, j)));
+            }
+            // Periods that are translated end exactly where the next one starts.
+            if pair.image != Image::default() {
+                return false;
+            }
+            let ring = pair.ring as usize;
+            let knots = step.iter().flat_map(|(set, _)| {
+                let segments = set.curve(ring).segments as usize;
+                (0..segments).map(|s| set.knot(ring, s))
+            });
+            let [a, b] = [bounds(joints.into_iter().flatten()), bounds(knots)];
+            let rounding = step.map(|(set, _)| set.max_abs());
+            let slack = 1e-12 * rounding[0].max(rounding[1]);
+            let apart = |x: usize| a[1][x] + slack < b[0][x] || b[1][x] + slack < a[0][x];
+            !(0..3).any(apart)
+        })
+    }
+}
+
+/// Returns the end of a yarn, and the image of its start, up to rounding.
+fn joint(set: &CurveSet, cell: &Cell, pair: &RingAndYarn) -> [Point; 2] {
+    let yarn = pair.yarn as usize;
+    let by = cell.translation(pair.period);
+    let [start, end] = [0, set.curve(yarn).segments as usize].map(|s| set.knot(yarn, s));
+    [end, [0, 1, 2].map(|x| start[x] + by[x])]
+}
+
+/// Returns the entries that are not 0, sorted.
+fn entries(numbers: &[Number]) -> Vec<Entry> {
+    let entries = numbers.iter().map(|(pair, n)| (pair.pair(), n.ok()));
+    let mut entries: Vec<Entry> = entries.filter(|e| e.1 != Some(0)).collect();
+    entries.sort_unstable();
+    entries
+}
+
+/// Returns the pairs that have no number.
+fn defects(numbers: &[Number]) -> Vec<Defect> {
+    let without = numbers.iter().filter_map(|(pair, n)| {
+        let ImagePair { i, j, image } = pair.pair();
+        let (kind, place) = n.err()?;
+        Some(Defect {
+            i,
+            j: Some(j),
+            image,
+            kind,
+            place,
+        })
+    });
+    without.collect()
+}
