@@ -206,6 +206,7 @@ fn baseline() -> BaselineRecord {
             links,
             undefined,
             images: None,
+            periods: Vec::new(),
         }),
         origin: "first frame".into(),
     }

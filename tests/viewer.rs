@@ -182,6 +182,7 @@ fn baseline() -> Arc<BaselineRecord> {
         links,
         undefined: Vec::new(),
         images: None,
+        periods: Vec::new(),
     };
     Arc::new(BaselineRecord {
         certificate: Arc::new(certificate),

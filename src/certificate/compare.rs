@@ -191,6 +191,7 @@ mod tests {
                 })
                 .collect(),
             images: None,
+            periods: Vec::new(),
         }
     }
 

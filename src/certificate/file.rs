@@ -31,19 +31,26 @@
 //! lexicographic order. `undefined` stands for a number, and `i,,undefined` for a curve, as in the
 //! plain form.
 //!
+//! `i,,n1,n2,n3,period` states that curve `i` is a yarn that runs through the cell: it ends at the
+//! image of its start by this translation. The translations of entries with it count up to multiples
+//! of that.
+//!
 //! The translations are those of [`canonical`] names, which depend on the topology alone: the text
 //! is the same whichever images the coordinates of the curves belong to.
 
 use super::Certificate;
 use crate::curve::Image;
 use crate::error::{Error, Result};
-use crate::periodic::{Entry, ImagePair, canonical};
+use crate::periodic::{Entry, ImagePair, YarnPeriod, canonical};
 use crate::verdict::{Defect, DefectKind, Link, Place};
 use std::fmt;
 use std::path::Path;
 
 /// The entry of a pair without a linking number.
 const UNDEFINED: &str = "undefined";
+
+/// Last word of the line of a yarn.
+const PERIOD: &str = "period";
 
 /// First word of the certificate of a periodic scene.
 const PERIODIC: &str = "periodic";
@@ -65,9 +72,14 @@ impl fmt::Display for Certificate {
             return Ok(());
         };
         let curves = self.undefined.iter().filter(|d| d.j.is_none());
-        let lines = line_count(entries.len() + curves.clone().count());
+        let lines = entries.len() + curves.clone().count() + self.periods.len();
+        let lines = line_count(lines);
         writeln!(f, "{PERIODIC} {} {lines}", self.curves)?;
-        for (ImagePair { i, j, image }, lambda) in canonical(self.curves, &entries) {
+        for (i, [n1, n2, n3]) in &self.periods {
+            writeln!(f, "{i},,{n1},{n2},{n3},{PERIOD}")?;
+        }
+        let entries = canonical(self.curves, &entries, &self.periods);
+        for (ImagePair { i, j, image }, lambda) in entries {
             let [n1, n2, n3] = image;
             let lambda = lambda.map_or(UNDEFINED.to_owned(), |lambda| lambda.to_string());
             writeln!(f, "{i},{j},{n1},{n2},{n3},{lambda}")?;
@@ -113,7 +125,7 @@ impl Certificate {
         })?;
         let mut links = Vec::new();
         let mut undefined = Vec::new();
-        let mut images = Vec::new();
+        let (mut images, mut periods) = (Vec::new(), Vec::new());
         let mut found = 0;
         for (at, line) in lines {
             found += 1;
@@ -130,10 +142,21 @@ impl Certificate {
                 images.push((pair, lambda));
                 continue;
             }
+            if periodic && let Some((i, period)) = period_entry(line) {
+                if i as usize >= curves || period == Image::default() {
+                    let what = format!("period {period:?} of curve {i} of {curves} curves");
+                    return Err(bad(at, what));
+                }
+                periods.push((i, period));
+                continue;
+            }
             let entry = entry(line).filter(|e| !periodic || e.1.is_none());
             let Some((i, j, lambda)) = entry else {
                 let expected = match periodic {
-                    true => "expected i,j,n1,n2,n3,lambda or i,j,n1,n2,n3,undefined",
+                    true => {
+                        "expected i,j,n1,n2,n3,lambda or i,j,n1,n2,n3,undefined or \
+                         i,,n1,n2,n3,period"
+                    }
                     false => "expected i,j,lambda or i,j,undefined",
                 };
                 return Err(bad(at, format!("'{}', {expected}", clip(line))));
@@ -182,11 +205,17 @@ impl Certificate {
             links,
             undefined,
             images: None,
+            periods: Vec::new(),
         };
         if !periodic {
             return Ok(certificate);
         }
         images.sort_unstable();
+        periods.sort_unstable();
+        if let Some([(i, _), _]) = periods.array_windows().find(|[a, b]| a.0 == b.0) {
+            let what = format!("the period of curve {i} is listed twice");
+            return Err(Error::format("certificate", "whole file", what));
+        }
         if let Some([(pair, _), _]) = images.array_windows().find(|[a, b]| a.0 == b.0) {
             let what = format!(
                 "pair {},{} {:?} is listed twice",
@@ -195,7 +224,10 @@ impl Certificate {
             return Err(Error::format("certificate", "whole file", what));
         }
         images.retain(|e| e.1 != Some(0));
-        Ok(certificate.with_entries(&images))
+        Ok(Certificate {
+            periods,
+            ..certificate.with_entries(&images)
+        })
     }
 
     /// Reads a certificate file.
@@ -244,6 +276,16 @@ fn entry(line: &str) -> Option<(u32, Option<u32>, Option<i64>)> {
         (j, lambda) => (i, Some(j.parse().ok()?), Some(lambda.parse().ok()?)),
     };
     fields.next().is_none().then_some(entry)
+}
+
+/// Parses the line of a yarn, or returns `None` if it is malformed.
+fn period_entry(line: &str) -> Option<YarnPeriod> {
+    let fields: Vec<&str> = line.split(',').map(str::trim).collect();
+    let [i, "", n1, n2, n3, PERIOD] = fields[..] else {
+        return None;
+    };
+    let period = [n1.parse().ok()?, n2.parse().ok()?, n3.parse().ok()?];
+    Some((i.parse().ok()?, period))
 }
 
 /// Parses a line of a periodic scene, or returns `None` if it is malformed.

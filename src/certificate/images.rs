@@ -3,7 +3,7 @@
 use super::{Certificate, Comparison};
 use crate::curve::Image;
 use crate::error::{Error, Result};
-use crate::periodic::{Entry, ImagePair, aligned};
+use crate::periodic::{Entry, ImagePair, aligned, reduced_all};
 use crate::verdict::{Change, Defect, DefectKind, ImageLink, Link, Place};
 use std::collections::BTreeMap;
 
@@ -36,6 +36,7 @@ impl Certificate {
     pub(crate) fn with_entries(&self, entries: &[Entry]) -> Certificate {
         let mut out = Certificate {
             curves: self.curves,
+            periods: self.periods.clone(),
             ..Certificate::default()
         };
         let mut images = Vec::new();
@@ -63,18 +64,38 @@ impl Certificate {
     }
 
     /// Returns this baseline under the names that a frame has for the images of the curves.
-    pub(crate) fn aligned_with(&self, frame: &Certificate) -> Certificate {
-        match (self.entries(), frame.entries()) {
-            (Some(baseline), Some(frame)) => {
-                self.with_entries(&aligned(self.curves, &baseline, &frame))
-            }
-            _ => self.clone(),
+    ///
+    /// Errors: [`Error::Usage`] if the baseline has periods of yarns, but those of the frame differ.
+    pub(crate) fn aligned_with(&self, frame: &Certificate) -> Result<Certificate> {
+        let (Some(baseline), Some(now)) = (self.entries(), frame.entries()) else {
+            return Ok(self.clone());
+        };
+        let known = &self.periods;
+        if !known.is_empty() && *known != frame.periods {
+            let both = known.iter().chain(&frame.periods);
+            let of = |c: &Certificate, i: u32| c.periods.iter().find(|p| p.0 == i).map(|p| p.1);
+            let mut curves = both.map(|&(i, _)| (i, of(self, i), of(frame, i)));
+            let words = |period: Option<Image>| match period {
+                Some([n1, n2, n3]) => {
+                    format!("runs through the cell with the period {n1},{n2},{n3}")
+                }
+                None => "does not run through the cell".to_owned(),
+            };
+            let other = curves.find(|(_, before, now)| before != now);
+            let (i, before, now) = other.unwrap_or_default();
+            return Err(Error::Usage(format!(
+                "curve {i} {} in the baseline, but it {}",
+                words(before),
+                words(now)
+            )));
         }
+        let entries = aligned(self.curves, &baseline, &now, &frame.periods);
+        Ok(self.with_entries(&entries))
     }
 
     /// [`Certificate::compare`] of periodic scenes.
     pub(super) fn compare_periodic(&self, baseline: &Certificate) -> Result<Comparison> {
-        let baseline = baseline.aligned_with(self);
+        let baseline = baseline.aligned_with(self)?;
         let (Some(before), Some(now)) = (baseline.entries(), self.entries()) else {
             let what = match baseline.images {
                 Some(_) => "the baseline is of a periodic scene, but the frame has no cell",
@@ -82,6 +103,7 @@ impl Certificate {
             };
             return Err(Error::Usage(what.into()));
         };
+        let now = reduced_all(&now, &self.periods);
         let mut both = BTreeMap::<ImagePair, [Option<i64>; 2]>::new();
         for (side, entries) in [before, now].into_iter().enumerate() {
             for (pair, lambda) in entries {

@@ -46,6 +46,10 @@ pub struct Certificate {
     /// The coordinates of a curve may be those of any of its images, and the translations depend on
     /// that. [`Certificate::compare`] finds out which belong together.
     pub images: Option<Vec<ImageLink>>,
+    /// For periodic scenes: the curves that run through the cell, sorted, and the period of each.
+    /// The translations of their entries count up to multiples of it.
+    #[serde(default)]
+    pub periods: Vec<(u32, Image)>,
 }
 
 impl Certificate {
@@ -78,9 +82,18 @@ impl Certificate {
             );
             return Err(Error::format("certificate", "entries", what));
         }
+        if let Some((i, period)) = self
+            .periods
+            .iter()
+            .find(|(i, period)| *i as usize >= curves || *period == Image::default())
+        {
+            let what = format!("period {period:?} of curve {i} of {curves} curves");
+            return Err(Error::format("certificate", "entries", what));
+        }
         let key = |l: &ImageLink| (l.i, l.j, l.image);
         let images_sorted = images.is_sorted_by(|a, b| key(a) < key(b));
-        if !sorted || !images_sorted || !links.is_sorted_by(|a, b| a < b) {
+        let periods_sorted = self.periods.is_sorted_by(|a, b| a.0 < b.0);
+        if !sorted || !images_sorted || !periods_sorted || !links.is_sorted_by(|a, b| a < b) {
             return Err(Error::format("certificate", "entries", "not sorted"));
         }
         Ok(())
@@ -141,7 +154,7 @@ impl Certificate {
             curves: origins.len(),
             links: links.collect(),
             undefined: undefined.collect(),
-            images: None,
+            ..Certificate::default()
         };
         out.sort();
         out
@@ -199,7 +212,7 @@ impl Certificate {
             curves: self.curves,
             links: links.copied().collect(),
             undefined: undefined.copied().collect(),
-            images: None,
+            ..Certificate::default()
         }
     }
 

@@ -23,6 +23,7 @@
 //! on such choices ([`canonical`]).
 
 mod boxes;
+mod gauge;
 mod linking;
 mod names;
 mod pairs;
@@ -30,8 +31,9 @@ mod through;
 mod unwrap;
 
 pub(crate) use boxes::{Boxer, FractionalBoxes, bend};
+pub(crate) use gauge::canonical;
 pub(crate) use linking::{Number, linking_numbers};
-pub(crate) use names::{Entry, aligned, canonical};
+pub(crate) use names::{Entry, aligned, reduced_all};
 pub(crate) use pairs::{ImagePair, ImagePairs, Searched};
-pub(crate) use through::{RingAndYarn, period, reduced};
+pub(crate) use through::{RingAndYarn, YarnPeriod, period, period_of_pair};
 pub use unwrap::Unwrap;

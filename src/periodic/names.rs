@@ -5,6 +5,8 @@
 //! maps one to the other.
 
 use super::ImagePair;
+use super::gauge::canonical;
+use super::through::{YarnPeriod, period_of_pair, reduced};
 use crate::curve::Image;
 use std::collections::{BTreeMap, VecDeque};
 
@@ -15,11 +17,11 @@ pub(crate) type Entry = (ImagePair, Option<i64>);
 /// Entries of each curve: the other curve, its translation, and the linking number.
 type Neighbours = Vec<Vec<(u32, Image, Option<i64>)>>;
 
-fn plus(a: Image, b: Image) -> Image {
+pub(super) fn plus(a: Image, b: Image) -> Image {
     [0, 1, 2].map(|k| a[k].wrapping_add(b[k]))
 }
 
-fn minus(a: Image, b: Image) -> Image {
+pub(super) fn minus(a: Image, b: Image) -> Image {
     [0, 1, 2].map(|k| a[k].wrapping_sub(b[k]))
 }
 
@@ -38,53 +40,44 @@ fn neighbours(curves: usize, entries: &[Entry]) -> Neighbours {
     of
 }
 
-/// Returns entries under the names after curves were moved by `shifts`, sorted.
+/// Returns entries under the names after curves were moved by `shifts`.
 fn renamed(entries: &[Entry], shifts: &[Image]) -> Vec<Entry> {
     let rename = |&(pair, lambda): &Entry| {
         let ImagePair { i, j, image } = pair;
         let image = minus(plus(image, shifts[i as usize]), shifts[j as usize]);
         (ImagePair { i, j, image }, lambda)
     };
-    let mut out: Vec<Entry> = entries.iter().map(rename).collect();
+    entries.iter().map(rename).collect()
+}
+
+/// Returns entries with the translations of rings and yarns reduced by the periods of the yarns,
+/// sorted.
+pub(crate) fn reduced_all(entries: &[Entry], periods: &[YarnPeriod]) -> Vec<Entry> {
+    let reduce = |&(ImagePair { i, j, image }, lambda): &Entry| {
+        let period = period_of_pair(periods, i, j);
+        let image = period.map_or(image, |period| reduced(image, period));
+        (ImagePair { i, j, image }, lambda)
+    };
+    let mut out: Vec<Entry> = entries.iter().map(reduce).collect();
     out.sort_unstable();
     out
 }
 
-/// Returns the entries under names that follow from the entries alone, sorted: they are the same
-/// whichever images the coordinates belong to.
+/// Returns the entries of a baseline under the names that a frame has for the images, reduced and
+/// sorted, such that many entries are equal. If the topology is the same, all are.
 ///
-/// Curves are visited breadth first along the entries, from the smallest of each connected part. An
-/// entry by which a curve is reached first gets the translation 0: of several, the one with the
-/// smallest translation in lexicographic order, which moving a curve does not change.
-pub(crate) fn canonical(curves: usize, entries: &[Entry]) -> Vec<Entry> {
-    let of = neighbours(curves, entries);
-    let mut shifts: Vec<Option<Image>> = vec![None; curves];
-    let mut queue = VecDeque::new();
-    for root in 0..curves {
-        if shifts[root].is_none() {
-            shifts[root] = Some(Image::default());
-            queue.push_back((root, Image::default()));
-        }
-        while let Some((i, shift)) = queue.pop_front() {
-            for &(j, image, _) in &of[i] {
-                if shifts[j as usize].is_none() {
-                    let moved = plus(image, shift);
-                    shifts[j as usize] = Some(moved);
-                    queue.push_back((j as usize, moved));
-                }
-            }
-        }
+/// If it is not, curves are visited breadth first along the pairs that are linked in both. The first
+/// names that most of the pairs with known names agree on are taken.
+pub(crate) fn aligned(
+    curves: usize,
+    baseline: &[Entry],
+    frame: &[Entry],
+    periods: &[YarnPeriod],
+) -> Vec<Entry> {
+    let [known, found] = [baseline, frame].map(|entries| canonical(curves, entries, periods));
+    if known == found {
+        return reduced_all(frame, periods);
     }
-    let shifts: Vec<Image> = shifts.into_iter().map(Option::unwrap_or_default).collect();
-    renamed(entries, &shifts)
-}
-
-/// Returns the entries of a baseline under the names that a frame has for the images, sorted, such
-/// that as many entries as possible are equal. If the topology is the same, all are.
-///
-/// Curves are visited breadth first along the pairs that are linked in both. The first names that
-/// most of the pairs with known names agree on are taken.
-pub(crate) fn aligned(curves: usize, baseline: &[Entry], frame: &[Entry]) -> Vec<Entry> {
     let [before, now] = [baseline, frame].map(|entries| neighbours(curves, entries));
     let mut shifts: Vec<Option<Image>> = vec![None; curves];
     let mut queue = VecDeque::new();
@@ -107,7 +100,7 @@ pub(crate) fn aligned(curves: usize, baseline: &[Entry], frame: &[Entry]) -> Vec
         }
     }
     let shifts: Vec<Image> = shifts.into_iter().map(Option::unwrap_or_default).collect();
-    renamed(baseline, &shifts)
+    reduced_all(&renamed(baseline, &shifts), periods)
 }
 
 /// Returns the motion of curve `j` of the baseline with which most of its entries with curves of
@@ -163,9 +156,9 @@ mod tests {
                 .map(|_| [0; 3].map(|_| random.below(9) - 4))
                 .collect();
             let moved = renamed(&entries, &shifts);
-            let all = [&entries, &moved].map(|entries| canonical(curves, entries));
+            let all = [&entries, &moved].map(|entries| canonical(curves, entries, &[]));
             assert_eq!(all[0], all[1]);
-            assert_eq!(canonical(curves, &all[0]), all[0]);
+            assert_eq!(canonical(curves, &all[0], &[]), all[0]);
         }
     }
 
@@ -182,7 +175,7 @@ mod tests {
                 .map(|_| [0; 3].map(|_| random.below(9) - 4))
                 .collect();
             let baseline = renamed(&entries, &shifts);
-            let aligned = aligned(curves, &baseline, &entries);
+            let aligned = aligned(curves, &baseline, &entries, &[]);
             entries.sort_unstable();
             assert_eq!(aligned, entries);
         }
@@ -197,15 +190,88 @@ mod tests {
             entry(1, 2, [0, 0, 0], 1),
             entry(0, 2, [-1, 0, 0], 1),
         ];
-        assert_eq!(canonical(3, &ladder)[1], entry(0, 2, [0, 0, 0], 1));
+        assert_eq!(canonical(3, &ladder, &[])[1], entry(0, 2, [0, 0, 0], 1));
         let total = |entries: &[Entry]| {
             let x = |k: usize| entries[k].0.image[0];
             x(0) + x(2) - x(1)
         };
-        assert_eq!(total(&canonical(3, &ladder)).abs(), 1);
+        assert_eq!(total(&canonical(3, &ladder, &[])).abs(), 1);
         let mut broken = ladder;
         broken[2].0.image = [0, 0, 0];
-        assert_ne!(canonical(3, &ladder), canonical(3, &broken));
-        assert_ne!(aligned(3, &ladder, &broken), broken.to_vec());
+        assert_ne!(canonical(3, &ladder, &[]), canonical(3, &broken, &[]));
+        assert_ne!(aligned(3, &ladder, &broken, &[]), broken.to_vec());
+    }
+
+    /// Rings and yarns: the translations of their entries count up to multiples of the periods.
+    #[test]
+    fn names_of_rings_and_yarns_do_not_depend_on_the_images() {
+        let mut random = Random::new(6);
+        let (mut several, mut total) = (0, 0);
+        for case in 0..4000 {
+            let curves = 2 + random.below(9) as usize;
+            let any = [
+                [1, 0, 0],
+                [0, -1, 0],
+                [0, 0, 1],
+                [1, 1, 0],
+                [-1, 2, 0],
+                [2, -1, 3],
+            ];
+            let yarns = (0..curves as u32).filter(|_| random.one_in(2));
+            let yarns: Vec<u32> = yarns.collect();
+            let periods: Vec<YarnPeriod> = yarns.iter().map(|&i| (i, random.pick(&any))).collect();
+            let entries = random_entries(&mut random, curves as u32);
+            let is_yarn = |i: u32| yarns.contains(&i);
+            // Two yarns have no number.
+            let entries: Vec<Entry> = entries
+                .into_iter()
+                .filter(|(pair, _)| !(is_yarn(pair.i) && is_yarn(pair.j)))
+                .collect();
+            let mut entries = reduced_all(&entries, &periods);
+            entries.dedup_by_key(|e| e.0);
+            let shifts: Vec<Image> = (0..curves)
+                .map(|_| [0; 3].map(|_| random.below(9) - 4))
+                .collect();
+            let moved = renamed(&entries, &shifts);
+            // Any multiple of the period.
+            let moved = moved.into_iter().map(|(pair, lambda)| {
+                let ImagePair { i, j, image } = pair;
+                let times = random.below(7) - 3;
+                let period = period_of_pair(&periods, i, j).unwrap_or_default();
+                let image = plus(image, period.map(|n| times * n));
+                (ImagePair { i, j, image }, lambda)
+            });
+            let moved: Vec<Entry> = moved.collect();
+            let all = [&entries, &moved].map(|entries| canonical(curves, entries, &periods));
+            assert_eq!(all[0], all[1], "case {case}: {periods:?} {entries:?}");
+            assert_eq!(canonical(curves, &all[0], &periods), all[0], "case {case}");
+            assert_eq!(
+                aligned(curves, &moved, &entries, &periods),
+                entries,
+                "case {case}"
+            );
+            several += usize::from(all[0].iter().any(|e| e.0.image != Image::default()));
+            total += entries.len();
+            // The names tell different structures apart: one entry has another translation.
+            if let Some(k) = (0..entries.len()).find(|&k| is_in_a_loop(&entries, k, &periods)) {
+                let mut other = entries.clone();
+                other[k].0.image = plus(other[k].0.image, [0, 0, 7]);
+                let other = canonical(curves, &other, &periods);
+                assert_ne!(other, all[0], "case {case}: {periods:?} {entries:?}");
+            }
+        }
+        assert!(several > 1000 && total > 10_000, "{several} {total}");
+    }
+
+    /// Returns true if the same ring and yarn have another entry, with another linking number, so
+    /// that the difference of both translations means something: no period has the direction of the
+    /// third vector.
+    fn is_in_a_loop(entries: &[Entry], k: usize, periods: &[YarnPeriod]) -> bool {
+        let (ImagePair { i, j, .. }, lambda) = entries[k];
+        let Some(period) = period_of_pair(periods, i, j) else {
+            return false;
+        };
+        let same = entries.iter().filter(|e| (e.0.i, e.0.j) == (i, j));
+        period[2] == 0 && same.clone().count() == 2 && same.clone().any(|e| e.1 != lambda)
     }
 }

@@ -63,6 +63,18 @@ impl RingAndYarn {
     }
 }
 
+/// A yarn that runs through the cell, and its period.
+pub(crate) type YarnPeriod = (u32, Image);
+
+/// Returns the period of the yarn if one of two curves is a yarn. `periods` is sorted.
+pub(crate) fn period_of_pair(periods: &[YarnPeriod], i: u32, j: u32) -> Option<Image> {
+    let period = |i: u32| {
+        let k = periods.binary_search_by_key(&i, |p| p.0).ok()?;
+        Some(periods[k].1)
+    };
+    period(i).xor(period(j))
+}
+
 /// Returns a translation that differs by a multiple of a period, the same one for all that do.
 pub(crate) fn reduced(image: Image, period: Image) -> Image {
     let Some(x) = (0..3).find(|&x| period[x] != 0) else {

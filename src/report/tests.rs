@@ -111,6 +111,7 @@ impl Recorded {
             links: Vec::new(),
             undefined: Vec::new(),
             images: None,
+            periods: Vec::new(),
         });
         let origin = "first frame".to_owned();
         sink.begin(&BaselineRecord {

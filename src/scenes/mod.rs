@@ -182,6 +182,7 @@ impl Generated {
             links,
             undefined: Vec::new(),
             images: None,
+            periods: Vec::new(),
         };
         Generated {
             curves,

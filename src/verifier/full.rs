@@ -257,6 +257,7 @@ impl FullRun {
             links,
             undefined,
             images: _,
+            periods: _,
         } = &mut self.certificate;
         *curves = set.len();
         links.clear();

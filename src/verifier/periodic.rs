@@ -18,7 +18,8 @@ use crate::ingest::FramePool;
 use crate::kernels::{GpuUse, Method};
 use crate::pairs::Pair;
 use crate::periodic::{
-    Boxer, Entry, FractionalBoxes, ImagePair, ImagePairs, RingAndYarn, Searched, bend, reduced,
+    Boxer, Entry, FractionalBoxes, ImagePair, ImagePairs, RingAndYarn, Searched, bend,
+    period_of_pair,
 };
 use crate::pool;
 use crate::verdict::{AbortOn, Change, Defect, DefectKind, Link, PullThrough, Report};
@@ -172,6 +173,7 @@ impl Periodic {
     fn joined(&self, outer: &Certificate) -> Certificate {
         let periodic = Certificate {
             images: Some(Vec::new()),
+            periods: self.yarns.list(),
             ..outer.clone()
         };
         let mut entries = periodic.entries().unwrap_or_default();
@@ -528,20 +530,14 @@ impl Verifier {
         periodic
             .yarns
             .compare(&frame, &periodic.cell, None, false)?;
-        let periods = periodic.yarns.periods();
+        let periods = periodic.yarns.list();
         self.full.heed_cancel(false);
         let stats = pool::run(set.segments(), || self.full.certify(set));
         debug_assert_eq!(stats.curves, set.len() as u64);
         let frame = periodic.joined(&self.full.certificate);
-        let mut entries = given.aligned_with(&frame).entries().unwrap_or_default();
-        // The images of infinite curves by multiples of their periods are the same.
-        let period = |i: u32| periods[i as usize];
-        let is_of_yarn = |e: &Entry| period(e.0.i).is_some() != period(e.0.j).is_some();
-        for (pair, _) in entries.iter_mut().filter(|e| is_of_yarn(e)) {
-            if let Some(period) = period(pair.i).or(period(pair.j)) {
-                pair.image = reduced(pair.image, period);
-            }
-        }
+        let aligned = given.aligned_with(&frame)?;
+        let entries = aligned.entries().unwrap_or_default();
+        let is_of_yarn = |e: &Entry| period_of_pair(&periods, e.0.i, e.0.j).is_some();
         let (mut of_yarns, others): (Vec<Entry>, Vec<Entry>) =
             entries.into_iter().partition(is_of_yarn);
         of_yarns.sort_unstable();
@@ -553,6 +549,7 @@ impl Verifier {
         periodic.given = None;
         self.baseline = Some(Certificate {
             images: None,
+            periods: Vec::new(),
             ..given.with_entries(&own)
         });
         Ok(())

@@ -15,9 +15,9 @@
 //!   If a closed curve may have passed between the two, the pair counts as undecided, too.
 
 use crate::curve::vector::bounds;
-use crate::curve::{Cell, CurveSet, Image, Point, pow2};
+use crate::curve::{AXES, Cell, CurveSet, Image, Point, pow2, union};
 use crate::error::Result;
-use crate::periodic::{Entry, ImagePair, Number, RingAndYarn, linking_numbers, period};
+use crate::periodic::{Entry, ImagePair, Number, RingAndYarn, YarnPeriod, linking_numbers, period};
 use crate::verdict::{Change, Defect};
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
@@ -53,6 +53,15 @@ impl Yarns {
     /// Returns the period of each curve. [`Yarns::find_periods`] comes first.
     pub fn periods(&self) -> Arc<[Option<Image>]> {
         self.periods.clone().unwrap_or_default()
+    }
+
+    /// Returns the curves that run through the cell, sorted, and their periods.
+    pub fn list(&self) -> Vec<YarnPeriod> {
+        let all = self.periods.iter().flat_map(|periods| periods.iter());
+        let yarns = (0..)
+            .zip(all)
+            .filter_map(|(i, period)| Some((i, (*period)?)));
+        yarns.collect()
     }
 
     /// Finds the curves that run through the cell, in the first frame. Returns those that no longer
@@ -183,12 +192,8 @@ impl Yarns {
             if pair.image != Image::default() {
                 return false;
             }
-            let ring = pair.ring as usize;
-            let knots = step.iter().flat_map(|(set, _)| {
-                let segments = set.curve(ring).segments as usize;
-                (0..segments).map(|s| set.knot(ring, s))
-            });
-            let [a, b] = [bounds(joints.into_iter().flatten()), bounds(knots)];
+            let rings = step.map(|(set, _)| set.bounds_along(pair.ring as usize, &AXES));
+            let [a, b] = [bounds(joints.into_iter().flatten()), union(&rings)];
             let rounding = step.map(|(set, _)| set.max_abs());
             let slack = 1e-12 * rounding[0].max(rounding[1]);
             let apart = |x: usize| a[1][x] + slack < b[0][x] || b[1][x] + slack < a[0][x];

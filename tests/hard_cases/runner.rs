@@ -139,6 +139,7 @@ fn last_of(frames: [&CurveSet; 3], events: Events) -> Certificate {
             links: report.changes.iter().map(link).collect(),
             undefined: lasting.collect(),
             images: None,
+            periods: Vec::new(),
         };
         verifier.settle();
     }

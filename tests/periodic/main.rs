@@ -12,6 +12,7 @@
 
 mod exact_sums;
 mod invariance;
+mod jersey;
 mod periods;
 mod quiet;
 mod scene;

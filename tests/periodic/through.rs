@@ -4,8 +4,8 @@ use crate::scene::{Point, Scene, translation};
 use crate::support::random::Random;
 use crate::yarn::Yarn;
 use linkwatch::{
-    Basis, Cell, CurveSet, Events, Image, Positions, Report, Strategy, Unwrap, Verdict, Verifier,
-    VerifierOptions,
+    Basis, Cell, Certificate, CurveSet, Events, Image, Positions, Report, Strategy, Unwrap,
+    Verdict, Verifier, VerifierOptions,
 };
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -289,6 +289,139 @@ fn kept_linking_numbers_of_rings_and_yarns_are_those_of_a_full_computation() {
         assert!(changes > 100, "{basis:?}: {changes}");
         assert!(2 * computed[1] < computed[0], "{basis:?}: {computed:?}");
     }
+}
+
+/// Two yarns and three rings on a grid: yarns, and their vertices, then rings.
+fn bundle(seed: u64) -> (Vec<Yarn>, Vec<Vec<Point>>) {
+    let scenes = [0, 1, 2].map(|k| RingAndYarn::random(6 * seed + 2 * k, Basis::Polyline));
+    let cell: Cell = ["4,4,4", "4,3,5", "4,0,0,1,4,0,-1,0.5,4"][seed as usize % 3]
+        .parse()
+        .unwrap();
+    let yarns = [0, 1].map(|k| Yarn {
+        cell,
+        period: [[1, 0, 0], [0, 1, 0], [1, -1, 1]][(seed as usize + k) % 3],
+        ..scenes[k].yarn.clone()
+    });
+    (yarns.into(), scenes.map(|scene| scene.ring).into())
+}
+
+/// Returns the certificate of yarns and rings, one after the other.
+fn certificate(yarns: &[Yarn], rings: &[Vec<Point>]) -> (Certificate, CurveSet) {
+    let yarns_in_a_row = yarns.iter().map(|yarn| yarn.in_a_row(1));
+    let counts = yarns_in_a_row.clone().map(|yarn| yarn.len() as i32);
+    let counts: Vec<i32> = counts
+        .chain(rings.iter().map(|ring| -(ring.len() as i32)))
+        .collect();
+    let points: Vec<Point> = yarns_in_a_row
+        .chain(rings.iter().cloned())
+        .flatten()
+        .collect();
+    let positions = Positions::F64(points.as_flattened());
+    let set = CurveSet::from_counts(Basis::Polyline, &counts, positions).unwrap();
+    let options = VerifierOptions {
+        cell: Some(yarns[0].cell),
+        ..VerifierOptions::default()
+    };
+    let mut verifier = Verifier::new(options).unwrap();
+    let _ = verifier
+        .step_shared(0, 0.0, &Arc::new(set.clone()))
+        .unwrap();
+    (verifier.baseline().unwrap().clone(), set)
+}
+
+/// The text of the certificate, and the verdict on a baseline of other images, depend neither on the
+/// images that the coordinates of rings and yarns belong to, nor on the vertices at which yarns
+/// start.
+#[test]
+fn certificates_of_rings_and_yarns_do_not_depend_on_their_images() {
+    let (mut linked, mut loops) = (0, 0);
+    for seed in 0..120 {
+        let (yarns, rings) = bundle(seed);
+        let (before, _) = certificate(&yarns, &rings);
+        let mut random = Random::from_key([seed, 43]);
+        let cell = yarns[0].cell;
+        let mut by = || translation(&cell, [0; 3].map(|_| random.below(7) - 3));
+        let (mut moved, mut moved_rings) = (yarns, rings);
+        let curves = moved.iter_mut().map(|yarn| &mut yarn.points);
+        for curve in curves.chain(&mut moved_rings) {
+            let by = by();
+            curve
+                .iter_mut()
+                .for_each(|p| *p = [0, 1, 2].map(|x| p[x] + by[x]));
+        }
+        for yarn in &mut moved {
+            let start = random.below(yarn.points.len() as i32);
+            let points = start..start + yarn.points.len() as i32;
+            yarn.points = points.map(|k| yarn.point(k)).collect();
+        }
+        let (after, set) = certificate(&moved, &moved_rings);
+        assert_eq!(after.to_string(), before.to_string(), "seed {seed}");
+        let read = Certificate::parse(&before.to_string()).unwrap();
+        assert_eq!(read.to_string(), before.to_string(), "seed {seed}");
+        assert!(
+            after.compare(&read).unwrap().changes.is_empty(),
+            "seed {seed}"
+        );
+        let undefined = before.to_string().contains("undefined");
+        let options = VerifierOptions {
+            cell: Some(cell),
+            baseline: Some(read),
+            ..VerifierOptions::default()
+        };
+        let mut verifier = Verifier::new(options).unwrap();
+        for seq in 0..2 {
+            let report = verifier
+                .step_shared(seq, 0.0, &Arc::new(set.clone()))
+                .unwrap();
+            assert!(report.changes.is_empty(), "seed {seed}: {report:?}");
+            assert!(
+                undefined || report.verdict == Verdict::Intact,
+                "seed {seed}: {report:?}"
+            );
+        }
+        let of_yarns = before
+            .images
+            .iter()
+            .flatten()
+            .filter(|l| l.i < 2 && l.j >= 2);
+        linked += of_yarns.count() + before.links.iter().filter(|l| l.i < 2).count();
+        let texts = before.to_string();
+        let named = texts.lines().filter(|line| !line.ends_with("period"));
+        loops += usize::from(named.skip(1).any(|line| !line.contains(",0,0,0,")));
+    }
+    println!("{linked} linked, {loops} with translations");
+    assert!(linked > 100 && loops > 20, "{linked} {loops}");
+}
+
+/// A baseline of yarns with other periods is refused.
+#[test]
+fn a_baseline_with_other_periods_is_refused() {
+    let (yarns, rings) = bundle(1);
+    let (baseline, set) = certificate(&yarns, &rings);
+    let text = baseline.to_string();
+    let line = |period: &str| format!("0,,{period},period");
+    let other = text.replacen(&line("0,1,0"), &line("1,0,0"), 1);
+    assert_ne!(other, text);
+    let options = VerifierOptions {
+        cell: Some(yarns[0].cell),
+        baseline: Some(Certificate::parse(&other).unwrap()),
+        ..VerifierOptions::default()
+    };
+    let mut verifier = Verifier::new(options).unwrap();
+    let e = verifier
+        .step_shared(0, 0.0, &Arc::new(set))
+        .unwrap_err()
+        .to_string();
+    assert!(
+        e.contains("curve 0 runs through the cell with the period 1,0,0 in the baseline, but it"),
+        "{e}"
+    );
+    let twice = text.replacen(&line("0,1,0"), &format!("{0}\n{0}", line("0,1,0")), 1);
+    let twice = twice
+        .split_once('#')
+        .map(|(a, b)| format!("{a}\n{}", &b[b.find('\n').unwrap()..]));
+    let e = Certificate::parse(&twice.unwrap()).unwrap_err().to_string();
+    assert!(e.contains("the period of curve 0 is listed twice"), "{e}");
 }
 
 /// Two warp and two weft yarns of a plain weave, one cell of length 2.

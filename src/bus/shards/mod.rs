@@ -223,6 +223,7 @@ mod tests {
                 links: vec![Link { i, j, lambda: -1 }],
                 undefined: vec![],
                 images: (image != [0; 3]).then(|| vec![link]),
+                periods: Vec::new(),
             };
             let message = (change, certificate, "end".to_owned());
             let decoded: (Change, Certificate, String) = decode(&encode(&message)).unwrap();

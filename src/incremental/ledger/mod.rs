@@ -44,6 +44,11 @@
 //! itself. There is no linking number to preserve, and no translation that could break ties, so
 //! ties are reported.
 //!
+//! A yarn that runs through a periodic cell and one of its later periods ([`Parts`]) are parts of one
+//! curve as well. They are two curves of the set, but segments are joined where one continues the
+//! other, and ties are reported. A contact at the joint of two periods belongs to several pairs of
+//! parts, so it is a tie, too.
+//!
 //! # Ties between pairs of pieces
 //!
 //! If a curve touches the joint of two pieces of another curve and turns back, one piece may count
@@ -84,7 +89,7 @@ use crate::verdict::PullThrough;
 use rayon::prelude::*;
 
 #[cfg(doc)]
-use crate::discretize::MovingSeparation;
+use crate::{curve::Parts, discretize::MovingSeparation};
 
 /// Default limit of the motion in a step, in segment lengths, up to which pull-throughs that cancel
 /// are events.

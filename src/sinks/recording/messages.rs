@@ -419,6 +419,10 @@ impl From<&BaselineRecord> for schema::Baseline {
             image: l.image.to_vec(),
             lambda: l.lambda,
         };
+        let period = |(i, period): &(u32, Image)| schema::YarnPeriod {
+            curve: *i,
+            period: period.to_vec(),
+        };
         schema::Baseline {
             curves: c.curves as u64,
             links: c.links.iter().map(Into::into).collect(),
@@ -426,6 +430,7 @@ impl From<&BaselineRecord> for schema::Baseline {
             origin: b.origin.clone(),
             periodic: c.images.is_some(),
             images: c.images.iter().flatten().map(image).collect(),
+            periods: c.periods.iter().map(period).collect(),
         }
     }
 }
@@ -469,6 +474,9 @@ impl TryFrom<schema::Baseline> for BaselineRecord {
         };
         let images: Result<Vec<ImageLink>> = b.images.into_iter().map(image).collect();
         let images = b.periodic.then_some(images?);
+        let periods = b.periods.into_iter();
+        let periods = periods.map(|p| Ok((p.curve, image_of(&p.period)?)));
+        let periods: Result<Vec<(u32, Image)>> = periods.collect();
         let curves =
             usize::try_from(b.curves).map_err(|_| invalid("curves of the baseline", b.curves))?;
         Ok(BaselineRecord {
@@ -477,6 +485,7 @@ impl TryFrom<schema::Baseline> for BaselineRecord {
                 links,
                 undefined,
                 images,
+                periods: periods?,
             }),
             origin: b.origin,
         })

@@ -351,6 +351,18 @@ pub struct Baseline {
     /// Entries with periodic images, sorted.
     #[prost(message, repeated, tag = "6")]
     pub images: ::prost::alloc::vec::Vec<ImageLink>,
+    /// Curves that run through the cell, sorted.
+    #[prost(message, repeated, tag = "7")]
+    pub periods: ::prost::alloc::vec::Vec<YarnPeriod>,
+}
+/// A curve that runs through the cell: it ends at an image of its start.
+#[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]
+pub struct YarnPeriod {
+    #[prost(uint32, tag = "1")]
+    pub curve: u32,
+    /// Translation of that image, in multiples of the vectors of the cell.
+    #[prost(sint32, repeated, tag = "2")]
+    pub period: ::prost::alloc::vec::Vec<i32>,
 }
 /// A linking number of a curve and a periodic image of another curve, or of itself.
 #[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]
