@@ -1,9 +1,9 @@
 //! Single jersey: rows of stitches, each hooked through the row below.
 //!
 //! A row is `x = t + 1.2 sin 2t`, `y = 2 cos t`, `z = 0.6 cos 2t`, a stitch for each turn of `t`.
-//! The next row is the same, moved by 1.5 along y. Seen along z, two rows cross four times in each
-//! stitch: the head of the lower row, at `t = 0.58` and `-0.58`, passes over the legs of the upper
-//! row, at `t = 1.49` and `-1.49`; and at the mirrored places, the legs of the lower row pass under
+//! The next row is the same, moved by 2 along y. Seen along z, two rows cross four times in each
+//! stitch: the head of the lower row, at `t = 0.46` and `-0.46`, passes over the legs of the upper
+//! row, at `t = 1.68` and `-1.68`; and at the mirrored places, the legs of the lower row pass under
 //! the feet of the upper one.
 
 use crate::scene::{Point, Scene, translation};
@@ -13,13 +13,13 @@ use std::f64::consts::{PI, TAU};
 use std::sync::Arc;
 
 /// Distance of two rows.
-const ROW: f64 = 1.5;
+const ROW: f64 = 2.0;
 
 /// Number of segments of a stitch.
 const SEGMENTS: i32 = 64;
 
 /// Parameters of a crossing of a head and a leg: of the lower and of the upper row.
-const CROSSING: [f64; 2] = [0.58, 1.49];
+const CROSSING: [f64; 2] = [0.46, 1.68];
 
 /// Returns a point of a row. `lowered` is the distance by which the head is moved down along z,
 /// where it crosses the next row; the legs stay.
@@ -84,7 +84,7 @@ fn each_row_is_hooked_through_the_row_below() {
     assert_eq!(closed_by_hand([-PI, PI], 0.0), 0);
     for half in [right, left] {
         assert_eq!(
-            closed_by_hand(half, 2.0),
+            closed_by_hand(half, 1.5),
             0,
             "the head was lowered below the legs"
         );
@@ -126,7 +126,7 @@ fn loops_pulled_out_of_the_row_below_are_found_at_their_places() {
     for (start, other) in starts.into_iter().flat_map(|a| starts.map(|b| (a, b))) {
         for strategy in [Strategy::Full, Strategy::Incremental] {
             let name = format!("starts {start} and {other}, {strategy:?}");
-            let frames = (0..50).map(|k| jersey([start, other], 0.04 * f64::from(k)));
+            let frames = (0..50).map(|k| jersey([start, other], 0.03 * f64::from(k)));
             let scene = jersey([start, other], 0.0);
             let options = scene.options(strategy, Events::Between);
             let mut verifier = Verifier::new(options).unwrap();
