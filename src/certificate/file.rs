@@ -32,8 +32,8 @@
 //! plain form.
 //!
 //! `i,,n1,n2,n3,period` states that curve `i` is a yarn that runs through the cell: it ends at the
-//! image of its start by this translation. The translations of entries with it count up to multiples
-//! of that.
+//! image of its start by this translation. The translations of entries with it count up to
+//! multiples of that.
 //!
 //! The translations are those of [`canonical`] names, which depend on the topology alone: the text
 //! is the same whichever images the coordinates of the curves belong to.

@@ -65,7 +65,7 @@ impl Certificate {
 
     /// Returns this baseline under the names that a frame has for the images of the curves.
     ///
-    /// Errors: [`Error::Usage`] if the baseline has periods of yarns, but those of the frame differ.
+    /// Errors: [`Error::Usage`] if the baseline has periods of yarns, and the frame has others.
     pub(crate) fn aligned_with(&self, frame: &Certificate) -> Result<Certificate> {
         let (Some(baseline), Some(now)) = (self.entries(), frame.entries()) else {
             return Ok(self.clone());

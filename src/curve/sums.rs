@@ -135,8 +135,8 @@ impl CurveSet {
         self.sums.as_ref().map_or(0.0, |sums| sums.rounding)
     }
 
-    /// Returns the start of segment `s` of curve `i`, a polyline, as exact sums. The end of a yarn is
-    /// the image of its start.
+    /// Returns the start of segment `s` of curve `i`, a polyline, as exact sums. The end of a yarn
+    /// is the image of its start.
     pub(crate) fn exact_knot(&self, i: usize, s: usize) -> SumPoint {
         let Some(Sums {
             frame,
@@ -164,9 +164,9 @@ impl CurveSet {
     }
 
     /// Writes some curves of a frame into `out`, each translated by lattice vectors, in double
-    /// precision. A polyline that is a yarn ends at the exact image of its start, so that its periods
-    /// are one curve without gaps. `out` has these curves of an earlier frame, which are updated by
-    /// `update`, or nothing.
+    /// precision. A polyline that is a yarn ends at the exact image of its start, so that its
+    /// periods are one curve without gaps. `out` has these curves of an earlier frame, which are
+    /// updated by `update`, or nothing.
     ///
     /// Errors: those of [`CurveSet::from_counts`] and of `update`; a sum may overflow.
     pub(crate) fn translate(

@@ -184,8 +184,8 @@ impl<'a> Gauge<'a> {
         sum
     }
 
-    /// Returns the translation of an entry, which counts up to multiples of a period, and keeps only
-    /// the motions that do not change it.
+    /// Returns the translation of an entry, which counts up to multiples of a period, and keeps
+    /// only the motions that do not change it.
     fn fix(&mut self, ImagePair { i, j, image }: ImagePair, period: Option<Image>) -> Image {
         let [from, to] = [i, j].map(|i| self.tree.shifts[i as usize]);
         let made = self.effect(&self.made, (i, j));

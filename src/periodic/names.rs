@@ -66,8 +66,8 @@ pub(crate) fn reduced_all(entries: &[Entry], periods: &[YarnPeriod]) -> Vec<Entr
 /// Returns the entries of a baseline under the names that a frame has for the images, reduced and
 /// sorted, such that many entries are equal. If the topology is the same, all are.
 ///
-/// If it is not, curves are visited breadth first along the pairs that are linked in both. The first
-/// names that most of the pairs with known names agree on are taken.
+/// If it is not, curves are visited breadth first along the pairs that are linked in both. The
+/// first names that most of the pairs with known names agree on are taken.
 pub(crate) fn aligned(
     curves: usize,
     baseline: &[Entry],

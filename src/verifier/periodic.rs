@@ -272,9 +272,9 @@ impl Periodic {
         Ok((room, true))
     }
 
-    /// Returns the pairs of a closed curve and a yarn whose linking numbers may differ from those of
-    /// the previous frame; `None`: all. `met` has the pairs of the curves themselves that may have
-    /// met, if they are known.
+    /// Returns the pairs of a closed curve and a yarn whose linking numbers may differ from those
+    /// of the previous frame; `None`: all. `met` has the pairs of the curves themselves that may
+    /// have met, if they are known.
     fn unsettled(
         &self,
         frame: &Arc<CurveSet>,
@@ -300,8 +300,8 @@ impl Periodic {
     }
 
     /// Verifies the images of the current frame. `progress` is that of the outer verifier. `quiet`
-    /// says where the curves are if it found the frame to be quiet, and `met` has the pairs of curves
-    /// that may have met in the step to it ([`Steps::met`]).
+    /// says where the curves are if it found the frame to be quiet, and `met` has the pairs of
+    /// curves that may have met in the step to it ([`Steps::met`]).
     ///
     /// [`Steps::met`]: super::steps::Steps::met
     fn step(

@@ -84,8 +84,8 @@ impl Steps {
         self.ledger.set_share(share);
     }
 
-    /// Returns the pairs of curves, open ones included, that may have met in the step to the current
-    /// frame. `None` if pull-throughs are not searched for, or if there was no step.
+    /// Returns the pairs of curves, open ones included, that may have met in the step to the
+    /// current frame. `None` if pull-throughs are not searched for, or if there was no step.
     pub fn met(&self) -> Option<&[Pair]> {
         self.met.as_deref()
     }

@@ -65,8 +65,8 @@ fn linking_number(loops: [Vec<Point>; 2]) -> i64 {
     certificate.links.first().map_or(0, |l| l.lambda)
 }
 
-/// Returns the linking number of the head of the lower row, closed below, and of a part of the upper
-/// row, closed far above along z.
+/// Returns the linking number of the head of the lower row, closed below, and of a part of the
+/// upper row, closed far above along z.
 fn closed_by_hand(upper: [f64; 2], lowered: f64) -> i64 {
     let head = part([-2.2, 2.2], |t| stitch(0, t, lowered));
     let mut leg = part(upper, |t| stitch(1, t, 0.0));
@@ -116,9 +116,9 @@ fn a_jersey_that_moves_a_little_is_intact() {
     }
 }
 
-/// The heads of the lower row are lowered through the legs of the upper row, step by step: both legs
-/// are pulled out. Rows start anywhere, also in the middle of the head, so that legs and heads are
-/// at the boundary of the cell.
+/// The heads of the lower row are lowered through the legs of the upper row, step by step: both
+/// legs are pulled out. Rows start anywhere, also in the middle of the head, so that legs and heads
+/// are at the boundary of the cell.
 #[test]
 fn loops_pulled_out_of_the_row_below_are_found_at_their_places() {
     let [head, leg] = CROSSING;

@@ -110,8 +110,8 @@ struct Agreement {
 }
 
 /// Compares pull-throughs. Splines are replaced by polylines that depend on what is near, so their
-/// times differ a little, and two that cancel, where splines hardly touch or fold, may be missing in
-/// one of both. So these are only counted.
+/// times differ a little, and two that cancel, where splines hardly touch or fold, may be missing
+/// in one of both. So these are only counted.
 fn assert_equal(yarn: &Yarn, both: [&[Found]; 2], agreement: &mut Agreement, name: &str) {
     let [found, expected] = both;
     if yarn.basis == Basis::Polyline {

@@ -329,8 +329,8 @@ fn certificate(yarns: &[Yarn], rings: &[Vec<Point>]) -> (Certificate, CurveSet) 
     (verifier.baseline().unwrap().clone(), set)
 }
 
-/// The text of the certificate, and the verdict on a baseline of other images, depend neither on the
-/// images that the coordinates of rings and yarns belong to, nor on the vertices at which yarns
+/// The text of the certificate, and the verdict on a baseline of other images, depend neither on
+/// the images that the coordinates of rings and yarns belong to, nor on the vertices at which yarns
 /// start.
 #[test]
 fn certificates_of_rings_and_yarns_do_not_depend_on_their_images() {

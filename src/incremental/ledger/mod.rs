@@ -44,10 +44,10 @@
 //! itself. There is no linking number to preserve, and no translation that could break ties, so
 //! ties are reported.
 //!
-//! A yarn that runs through a periodic cell and one of its later periods ([`Parts`]) are parts of one
-//! curve as well. They are two curves of the set, but segments are joined where one continues the
-//! other, and ties are reported. A contact at the joint of two periods belongs to several pairs of
-//! parts, so it is a tie, too.
+//! A yarn that runs through a periodic cell and one of its later periods ([`Parts`]) are parts of
+//! one curve as well. They are two curves of the set, but segments are joined where one continues
+//! the other, and ties are reported. A contact at the joint of two periods belongs to several pairs
+//! of parts, so it is a tie, too.
 //!
 //! # Ties between pairs of pieces
 //!

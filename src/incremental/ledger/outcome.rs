@@ -95,8 +95,8 @@ impl Outcome {
         sums.chain(undecided).chain(self.contacts.pairs())
     }
 
-    /// Returns all pairs that may have met in the step: those with a passage, undecided, in contact,
-    /// or with an open spline that is near. Not sorted.
+    /// Returns all pairs that may have met in the step: those with a passage, undecided, in
+    /// contact, or with an open spline that is near. Not sorted.
     pub fn met_pairs(&self) -> impl Iterator<Item = Pair> {
         let passages = self.events.iter().chain(&self.unresolved);
         let undecided = self.undecided.iter().map(|d| (d.i, d.j.unwrap_or(d.i)));
