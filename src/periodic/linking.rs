@@ -43,6 +43,9 @@ pub(crate) fn linking_numbers(
     periods: &Arc<[Option<Image>]>,
     pairs: &[RingAndYarn],
 ) -> Result<Vec<Number>> {
+    if pairs.is_empty() {
+        return Ok(Vec::new());
+    }
     let views: Vec<View> = pairs
         .par_iter()
         .map(|pair| View::new(frame, cell, pair))
