@@ -226,6 +226,7 @@ pub use sinks::{ViewerOptions, ViewerSink, ViewerTarget};
 #[cfg(feature = "verify")]
 pub use thickness::{
     ClearanceOptions, CloseBlock, CurvePoint, MinRad, Strut, Thickness, close_blocks, struts,
+    struts_in_cell,
 };
 pub use verdict::{
     AbortOn, Change, ChangeKind, Clearance, CloseStrands, Defect, DefectKind, ImageLink, Link,

@@ -1,7 +1,9 @@
-//! The options `--cell` and `--wrapped` of every command that verifies frames.
+//! The options `--cell` and `--wrapped` of every command that verifies or measures frames.
 
+use super::input::{self, FormatArgs, Pick, Picked};
 use super::output;
 use linkwatch::{Cell, CurveSet, Error, FrameInfo, Result, Unwrap};
+use std::path::Path;
 use std::str::FromStr;
 
 /// Word for frames whose cell is ignored.
@@ -58,6 +60,19 @@ impl CellArgs {
             Some(_) if self.wrapped => {}
             Some(cell) => output::warn_of_wrapped(name, curves, &cell),
         }
+    }
+
+    /// Reads one frame of a model file or of a recording, or builds a scene, with the cell and the
+    /// curves that these options choose.
+    pub fn read_frame(self, argument: &Path, format: &FormatArgs, pick: Pick) -> Result<Picked> {
+        let picked = input::read_frame(argument, &format.wrapped(self.wrapped), pick)?;
+        let cell = self.cell(picked.cell);
+        let unwrapped = Cells::new(self).unwrap(&picked.curves, cell)?;
+        Ok(Picked {
+            curves: unwrapped.unwrap_or(picked.curves),
+            cell,
+            ..picked
+        })
     }
 
     /// Returns the cell of a frame: that of the user, or that of the frame.

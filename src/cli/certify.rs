@@ -1,7 +1,7 @@
 //! `linkwatch certify`: computes the certificates of models.
 
 use super::braid_args::BraidArgs;
-use super::cell_args::{CellArgs, Cells};
+use super::cell_args::CellArgs;
 use super::files::{Content, Files, Overwrite, write_text, write_whole};
 use super::input::{self, FormatArgs, Pick, Picked};
 use super::kernel::KernelArgs;
@@ -143,21 +143,18 @@ impl Args {
 /// Reads the requested frame of a model.
 fn read(path: &Path, args: &Args) -> Result<Picked> {
     let pick = args.frame.map_or(Pick::First, Pick::Number);
-    let format = args.format.wrapped(args.cell_args.wrapped());
     if args.is_alone() {
-        let mut picked = input::read_frame_alone(path, &format, pick)?;
+        let mut picked = input::read_frame_alone(path, &args.format, pick)?;
         picked.cell = None;
         return Ok(picked);
     }
-    input::read_frame(path, &format, pick)
+    args.cell_args.read_frame(path, &args.format, pick)
 }
 
 /// Reads a model and computes its certificate.
 fn certify(path: &Path, args: &Args) -> Result<Certified> {
     let picked = read(path, args)?;
-    let cell = args.cell_args.cell(picked.cell);
-    let unwrapped = Cells::new(args.cell_args).unwrap(&picked.curves, cell)?;
-    let set = unwrapped.unwrap_or(picked.curves);
+    let (set, cell) = (picked.curves, picked.cell);
     let mut name = path.display().to_string();
     if let Some(number) = picked.number {
         name += &format!(", frame {number}");

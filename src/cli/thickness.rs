@@ -1,11 +1,12 @@
 //! `linkwatch thickness`: measures how sharply curves bend and how close they come.
 
 use super::Outcome;
+use super::cell_args::CellArgs;
 use super::clearance_args::StrandRadius;
 use super::input::{self, FormatArgs, Pick};
 use super::number::positive;
 use super::output::{self, percent, plural};
-use linkwatch::{Error, MinRad, Result, Strut, Thickness, struts};
+use linkwatch::{Error, MinRad, Result, Strut, Thickness, struts_in_cell};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 
@@ -18,6 +19,9 @@ const SENTENCES: usize = 20;
 /// sharply nor overlaps: min{2 minRad, POCA}, as in Ashton and Cantarella 2005. liboctrope returns
 /// its radius, half of that. The ropelength is the length divided by the thickness. Values of
 /// splines have bounds of their errors.
+///
+/// With a periodic cell (`--cell`, or that of the frame), the tube is around all images of the
+/// curves, too.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// Models, folders of them, recordings, or scenes as `linkwatch generate` takes them
@@ -36,6 +40,8 @@ pub struct Args {
     frame: Option<u64>,
     #[command(flatten)]
     format: FormatArgs,
+    #[command(flatten)]
+    cell_args: CellArgs,
     /// Stiffness of the tube: 2 minRad is divided by it
     #[arg(long, value_name = "LAMBDA", default_value_t = 1.0, value_parser = positive)]
     stiffness: f64,
@@ -67,8 +73,12 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
 
 fn measure(path: &Path, args: &Args) -> Result<Measured> {
     let pick = args.frame.map_or(Pick::Last, Pick::Number);
-    let picked = input::read_frame_alone(path, &args.format, pick)?;
-    let (set, published) = (picked.curves, picked.radii);
+    let picked = args.cell_args.read_frame(path, &args.format, pick)?;
+    let (set, cell, published) = (picked.curves, picked.cell.as_ref(), picked.radii);
+    if let Some(cell) = picked.cell {
+        let name = path.display().to_string();
+        args.cell_args.warn_of_segments(&name, &set, Some(cell));
+    }
     let published: Vec<f64> = published.into_iter().map(f64::from).collect();
     let radii = match args.radius {
         None => Vec::new(),
@@ -79,17 +89,18 @@ fn measure(path: &Path, args: &Args) -> Result<Measured> {
             return Err(Error::Usage(what));
         }
     };
-    let found = Thickness::of(&set)?;
+    let found = Thickness::in_cell(&set, cell)?;
     let shortest = found.poca.map(|strut| strut.length);
     let listed = args.struts.zip(shortest);
-    let listed = listed.map(|(share, shortest)| struts(&set, (1.0 + share) * shortest));
+    let listed =
+        listed.map(|(share, shortest)| struts_in_cell(&set, cell, (1.0 + share) * shortest));
     let largest = radii.iter().copied().reduce(f64::max);
     let overlaps = largest.map(|radius| {
         let reach = |strut: &Strut| {
             let [a, b] = strut.ends.map(|end| radii[end.curve as usize]);
             a + b
         };
-        let all = struts(&set, 2.0 * radius)?.into_iter();
+        let all = struts_in_cell(&set, cell, 2.0 * radius)?.into_iter();
         let all = all.map(|strut| (strut, reach(&strut)));
         let mut all: Vec<(Strut, f64)> = all.filter(|(s, sum)| s.length < *sum).collect();
         all.sort_by(|(a, p), (b, q)| (a.length / p).total_cmp(&(b.length / q)));

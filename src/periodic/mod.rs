@@ -34,6 +34,9 @@ pub(crate) use boxes::{Boxer, FractionalBoxes, bend};
 pub(crate) use gauge::canonical;
 pub(crate) use linking::{Number, linking_numbers};
 pub(crate) use names::{Entry, aligned, reduced_all};
-pub(crate) use pairs::{ImagePair, ImagePairs, Searched};
-pub(crate) use through::{RingAndYarn, YarnPeriod, period, period_of_pair};
+pub(crate) use pairs::{ImagePair, ImagePairs, Searched, images_in, overlapping, too_far};
+pub use through::period;
+#[cfg(test)]
+pub(crate) use through::reduced;
+pub(crate) use through::{RingAndYarn, YarnPeriod, is_multiple, period_of_pair};
 pub use unwrap::Unwrap;

@@ -26,6 +26,17 @@ const MOST_IMAGES: u64 = 1 << 24;
 /// Largest number of cells that a curve may be away from the first one.
 const FARTHEST: f64 = (1_u32 << 30) as f64;
 
+/// Largest distance that curves may move before the images are searched for again, as a share of
+/// the cell. A larger one needs more images.
+const MARGIN: f64 = 0.05;
+
+/// The same as a share of the mean size of the curves.
+const OF_SIZE: f64 = 0.5;
+
+/// The same along directions without repetition, as a share of the extent of the scene. It adds no
+/// image.
+const ACROSS: f64 = 0.5;
+
 /// A curve `i`, and curve `j` translated by a lattice vector: `i < j`, or `i = j` and the
 /// translation is positive in lexicographic order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -90,6 +101,16 @@ pub(crate) struct ImagePairs {
 }
 
 impl ImagePairs {
+    /// Returns the margin of a search that is repeated when curves have moved by it: a share of the
+    /// cell, or a length along directions without repetition.
+    pub fn margin(boxes: &FractionalBoxes, cell: &Cell) -> Point {
+        let periodic = cell.periodic();
+        [0, 1, 2].map(|x| match periodic[x] {
+            true => MARGIN.min(OF_SIZE * boxes.mean_size(x)),
+            false => ACROSS * boxes.extent(x),
+        })
+    }
+
     /// Finds all pairs of curves with boxes that overlap, or come closer than twice the margin, and
     /// adds some pairs. `margin` is a share of the cell, or a length along directions without
     /// repetition.
@@ -192,77 +213,10 @@ fn search(
     searched: &Searched<'_>,
     (pairs, yarns): (&mut BTreeSet<ImagePair>, &mut BTreeSet<RingAndYarn>),
 ) -> Result<()> {
-    let periodic = cell.periodic();
-    // Translation that brings the center of each box into the first cell.
-    let mut home: Vec<Image> = Vec::with_capacity(boxes.bounds.len());
-    let mut around = [[f64::INFINITY; 3], [f64::NEG_INFINITY; 3]];
-    for (i, [lo, hi]) in boxes.bounds.iter().enumerate() {
-        let mut by = Image::default();
-        for x in (0..3).filter(|&x| periodic[x]) {
-            let cells = (0.5 * (lo[x] + hi[x])).floor();
-            if cells.is_nan() || cells.abs() > FARTHEST || hi[x] - lo[x] > FARTHEST {
-                return Err(too_far(i));
-            }
-            by[x] = -cells as i32;
-        }
-        home.push(by);
-        if !searched.is_used(i) {
-            continue;
-        }
-        for x in 0..3 {
-            around[0][x] = around[0][x].min(lo[x] + f64::from(by[x]));
-            around[1][x] = around[1][x].max(hi[x] + f64::from(by[x]));
-        }
-    }
-    let mut found: Vec<(u32, Image)> = Vec::new();
-    let mut singles: Vec<Box3> = Vec::new();
-    let mut total = 0_u64;
-    for (i, bounds) in boxes
-        .bounds
-        .iter()
-        .enumerate()
-        .filter(|&(i, _)| searched.is_used(i))
-    {
-        let by = home[i].map(f64::from);
-        // `lo + by + n <= around.hi` and `hi + by + n >= around.lo`.
-        let range = |x: usize| -> RangeInclusive<i32> {
-            match periodic[x] {
-                true => {
-                    let first = (around[0][x] - bounds[1][x] - by[x]).floor();
-                    let last = (around[1][x] - bounds[0][x] - by[x]).ceil();
-                    first as i32..=last as i32
-                }
-                false => 0..=0,
-            }
-        };
-        let ranges = [0, 1, 2].map(range);
-        let size = |r: &RangeInclusive<i32>| u64::from(r.end().abs_diff(*r.start())) + 1;
-        let images = ranges.iter().map(size);
-        total = images
-            .fold(1_u64, u64::saturating_mul)
-            .saturating_add(total);
-        if total > MOST_IMAGES {
-            return Err(too_far(i));
-        }
-        let outer = single(&around, [0.0; 3]);
-        for n in images_in(&ranges) {
-            let translated = single(bounds, [0, 1, 2].map(|x| by[x] + f64::from(n[x])));
-            if translated.overlaps(&outer) {
-                found.push((i as u32, n));
-                singles.push(translated);
-            }
-        }
-    }
-    for &mut (a, b) in LinkSearch::default().find(&singles).iter_mut() {
-        let [(i, m), (j, n)] = [a, b].map(|k| found[k as usize]);
-        // One of both has its center in the first cell.
-        if m != Image::default() && n != Image::default() {
-            continue;
-        }
-        let image = [0, 1, 2].map(|x| {
-            let [from, to] = [(i, m), (j, n)].map(|(i, n)| home[i as usize][x] + n[x]);
-            to - from
-        });
+    let mut links = LinkSearch::default();
+    let is_used = |i: usize| searched.is_used(i);
+    let found = overlapping(&boxes.bounds, cell, is_used, &mut links).map_err(too_far)?;
+    for (i, j, image) in found {
         let both = [i, j].map(|i| searched.periods[i as usize]);
         let pair = RingAndYarn::between((i, j), image, both);
         yarns.extend(pair.filter(|pair| searched.is_closed(pair.ring)));
@@ -277,9 +231,88 @@ fn search(
     Ok(())
 }
 
+/// Returns all pairs of a box and an image of another one, or of itself, that overlap: both boxes,
+/// and the translation of the second one. Boxes are in fractional coordinates. A pair may come
+/// twice, in both orders. `links` may have a limit; if it is exceeded, pairs are missing.
+///
+/// Errors: the number of a box that spans too many cells, or is too far away from the first one.
+pub(crate) fn overlapping<'a, F: Fn(usize) -> bool>(
+    bounds: &[[Point; 2]],
+    cell: &Cell,
+    is_used: F,
+    links: &'a mut LinkSearch,
+) -> Result<impl Iterator<Item = (u32, u32, Image)> + use<'a, F>, usize> {
+    let periodic = cell.periodic();
+    // Translation that brings the center of each box into the first cell.
+    let mut home: Vec<Image> = Vec::with_capacity(bounds.len());
+    let mut around = [[f64::INFINITY; 3], [f64::NEG_INFINITY; 3]];
+    for (i, [lo, hi]) in bounds.iter().enumerate() {
+        let mut by = Image::default();
+        for x in (0..3).filter(|&x| periodic[x]) {
+            let cells = (0.5 * (lo[x] + hi[x])).floor();
+            if cells.is_nan() || cells.abs() > FARTHEST || hi[x] - lo[x] > FARTHEST {
+                return Err(i);
+            }
+            by[x] = -cells as i32;
+        }
+        home.push(by);
+        if !is_used(i) {
+            continue;
+        }
+        for x in 0..3 {
+            around[0][x] = around[0][x].min(lo[x] + f64::from(by[x]));
+            around[1][x] = around[1][x].max(hi[x] + f64::from(by[x]));
+        }
+    }
+    let outer = single(&around, [0.0; 3]);
+    let mut images: Vec<(u32, Image)> = Vec::new();
+    let mut singles: Vec<Box3> = Vec::new();
+    let mut total = 0_u64;
+    for (i, bounds) in bounds.iter().enumerate().filter(|&(i, _)| is_used(i)) {
+        let by = home[i].map(f64::from);
+        // `lo + by + n <= around.hi` and `hi + by + n >= around.lo`.
+        let range = |x: usize| -> RangeInclusive<i32> {
+            match periodic[x] {
+                true => {
+                    let first = (around[0][x] - bounds[1][x] - by[x]).floor();
+                    let last = (around[1][x] - bounds[0][x] - by[x]).ceil();
+                    first as i32..=last as i32
+                }
+                false => 0..=0,
+            }
+        };
+        let ranges = [0, 1, 2].map(range);
+        let size = |r: &RangeInclusive<i32>| u64::from(r.end().abs_diff(*r.start())) + 1;
+        let sizes = ranges.iter().map(size);
+        total = sizes.fold(1_u64, u64::saturating_mul).saturating_add(total);
+        if total > MOST_IMAGES {
+            return Err(i);
+        }
+        for n in images_in(ranges) {
+            let translated = single(bounds, [0, 1, 2].map(|x| by[x] + f64::from(n[x])));
+            if translated.overlaps(&outer) {
+                images.push((i as u32, n));
+                singles.push(translated);
+            }
+        }
+    }
+    let pairs = links.find(&singles).iter();
+    Ok(pairs.filter_map(move |&(a, b)| {
+        let [(i, m), (j, n)] = [a, b].map(|k| images[k as usize]);
+        // One of both has its center in the first cell.
+        if m != Image::default() && n != Image::default() {
+            return None;
+        }
+        let image = [0, 1, 2].map(|x| {
+            let [from, to] = [(i, m), (j, n)].map(|(i, n)| home[i as usize][x] + n[x]);
+            to - from
+        });
+        Some((i, j, image))
+    }))
+}
+
 /// Returns all triples of numbers in these ranges.
-fn images_in([a, b, c]: &[RangeInclusive<i32>; 3]) -> impl Iterator<Item = Image> {
-    let [a, b, c] = [a, b, c].map(RangeInclusive::clone);
+pub(crate) fn images_in([a, b, c]: [RangeInclusive<i32>; 3]) -> impl Iterator<Item = Image> {
     a.flat_map(move |i| {
         let c = c.clone();
         b.clone()
@@ -287,7 +320,7 @@ fn images_in([a, b, c]: &[RangeInclusive<i32>; 3]) -> impl Iterator<Item = Image
     })
 }
 
-fn too_far(curve: usize) -> Error {
+pub(crate) fn too_far(curve: usize) -> Error {
     Error::Usage(format!(
         "curve {curve} spans too many periodic cells, or is too far away from the first one: is \
          the cell in the units of the coordinates?"
@@ -310,7 +343,7 @@ mod tests {
         let all = boxes.bounds.iter().enumerate();
         for (i, a) in all.clone() {
             for (j, b) in all.clone().skip(i) {
-                for n in images_in(&ranges) {
+                for n in images_in(ranges.clone()) {
                     let apart = |x: usize| {
                         let by = f64::from(n[x]);
                         a[1][x] < b[0][x] + by || b[1][x] + by < a[0][x]

@@ -1,9 +1,12 @@
 //! Edges of polylines with their neighbours, and the test for a strut between two of them.
 
+use super::lattice::Lattice;
 use super::{CurvePoint, MinRad, Strut};
-use crate::curve::vector::{add_scaled, dot, norm, sub};
-use crate::curve::{CurveSet, Point};
+use crate::curve::vector::{add, add_scaled, dot, norm, sub};
+use crate::curve::{Cell, CurveSet, Image, Point, is_home};
+use crate::error::Result;
 use crate::pairs::{Nearest, Scale, nearest};
+use crate::periodic::period;
 
 /// No neighbour: the end of an open curve.
 const NONE: u32 = u32::MAX;
@@ -19,9 +22,10 @@ pub(super) struct Edge {
     pub start: Point,
     /// Vector to the end.
     pub along: Point,
-    curve: u32,
+    pub curve: u32,
     segment: u32,
-    /// Edges before and after it on its curve.
+    /// Edges before and after it on its curve. Those of a curve that runs through the cell belong
+    /// to its images at both ends.
     before: u32,
     after: u32,
 }
@@ -38,12 +42,16 @@ impl Edge {
 pub(super) struct Edges {
     edges: Vec<Edge>,
     scale: Scale,
+    /// Lattice of a periodic scene, whose curves are in the first cell.
+    pub lattice: Option<Lattice>,
 }
 
 /// Two edges and the nearest points on them: a strut. The first edge comes first in the scene.
+/// `image` is the translation of the second one.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Found {
     pub pair: [u32; 2],
+    pub image: Image,
     pub at: [f64; 2],
     pub distance_sq: f64,
 }
@@ -52,17 +60,22 @@ impl Found {
     /// Orders struts by length; equal ones by their edges.
     pub fn order(&self, other: &Found) -> std::cmp::Ordering {
         let length = self.distance_sq.total_cmp(&other.distance_sq);
-        length.then(self.pair.cmp(&other.pair))
+        let edges = |found: &Found| (found.pair, found.image);
+        length.then(edges(self).cmp(&edges(other)))
     }
 }
 
 impl Edges {
-    pub fn of(set: &CurveSet) -> Edges {
+    /// Returns the edges of all curves, which are periodic if there is a cell.
+    ///
+    /// Errors: those of [`Lattice::new`].
+    pub fn of(set: &CurveSet, cell: Option<&Cell>) -> Result<Edges> {
         let points = (0..set.len()).flat_map(|i| {
             let last = set.curve(i).segments as usize;
             (0..=last).map(move |s| set.knot(i, s))
         });
-        let scale = Scale::of(points);
+        let vectors = cell.into_iter().flat_map(|cell| cell.vectors);
+        let scale = Scale::of(points.chain(vectors));
         let mut edges = Vec::with_capacity(set.segments());
         for (i, curve) in set.curves().iter().enumerate() {
             let first = edges.len() as u32;
@@ -87,7 +100,8 @@ impl Edges {
             let count = edges.len() as u32 - first;
             if count > 0 {
                 let last = first + count - 1;
-                let (before, after) = if curve.closed {
+                let continues = curve.closed || cell.is_some_and(|c| period(set, i, c).is_some());
+                let (before, after) = if continues {
                     (last, first)
                 } else {
                     (NONE, NONE)
@@ -96,7 +110,13 @@ impl Edges {
                 edges[last as usize].after = after;
             }
         }
-        Edges { edges, scale }
+        let lattice = cell.map(|cell| Lattice::new(&mut edges, set, cell, scale));
+        let lattice = lattice.transpose()?;
+        Ok(Edges {
+            edges,
+            scale,
+            lattice,
+        })
     }
 
     pub fn len(&self) -> usize {
@@ -143,17 +163,34 @@ impl Edges {
             curve: edge.curve,
             vertex: edge.segment,
             t: 0.0,
-            point: self.unscaled(edge.start),
+            point: self.given(edge, 0.0),
         })
     }
 
-    /// Returns the strut between two edges, if there is one of at most this squared length.
-    pub fn strut_between(&self, i: u32, j: u32, limit_sq: f64) -> Option<Found> {
-        let pair @ [i, j] = if i < j { [i, j] } else { [j, i] };
-        let (a, b) = (self.get(i), self.get(j));
-        if i == j || a.after == j || a.before == j {
+    /// Returns true if an image of an edge begins where an edge ends.
+    fn follows(&self, edge: u32, next: u32, image: Image) -> bool {
+        let Edge { after, curve, .. } = *self.get(edge);
+        let joint = |lattice: &Lattice| lattice.periods[curve as usize];
+        let expected = match next > edge {
+            true => Image::default(),
+            false => self.lattice.as_ref().map_or_else(Image::default, joint),
+        };
+        after == next && image == expected
+    }
+
+    /// Returns the strut between an edge and an image of another one or of itself, if there is one
+    /// of at most this squared length.
+    pub fn strut_between(&self, i: u32, j: u32, image: Image, limit_sq: f64) -> Option<Found> {
+        let backward = image.map(|n| -n);
+        let (pair @ [i, j], image, backward) = match i <= j {
+            true => ([i, j], image, backward),
+            false => ([j, i], backward, image),
+        };
+        let is_same = i == j && is_home(&image);
+        if is_same || self.follows(i, j, image) || self.follows(j, i, backward) {
             return None;
         }
+        let (a, b) = (self.get(i), &self.moved(self.get(j), image));
         let mut near = nearest([a.start, a.along], [b.start, b.along]);
         if near.distance_sq > limit_sq {
             return None;
@@ -176,6 +213,7 @@ impl Edges {
             && self.is_critical(b, near.t, between.map(|x| -x), length);
         critical.then_some(Found {
             pair,
+            image,
             at: [near.s, near.t],
             distance_sq: near.distance_sq,
         })
@@ -192,26 +230,67 @@ impl Edges {
         before.is_none_or(|before| dot(before, toward) >= -TOLERANCE * norm(before) * length)
     }
 
-    /// Returns a strut in the units of the scene.
+    /// Returns an image of an edge.
+    fn moved(&self, edge: &Edge, image: Image) -> Edge {
+        match &self.lattice {
+            Some(lattice) if !is_home(&image) => Edge {
+                start: add(edge.start, lattice.translation(image)),
+                ..*edge
+            },
+            _ => *edge,
+        }
+    }
+
+    /// Returns the translation of an image, and a bound of the rounding errors of translated edges.
+    pub fn shift(&self, image: Image) -> (Point, f64) {
+        match &self.lattice {
+            Some(lattice) if !is_home(&image) => {
+                let by = lattice.translation(image);
+                (by, TOLERANCE * (norm(by) + lattice.size))
+            }
+            _ => ([0.0; 3], 0.0),
+        }
+    }
+
+    /// Returns a strut in the units and the coordinates of the scene.
     pub fn strut(&self, found: &Found) -> Strut {
-        let end = |k: usize| {
-            let edge = self.get(found.pair[k]);
+        let backward = found.image.map(|n| -n);
+        let edges = found.pair.map(|k| self.get(k));
+        // Of two parts of one curve, the second one has the translation that is positive.
+        let (edges, at, image) = match edges[0].curve == edges[1].curve && backward > found.image {
+            true => ([edges[1], edges[0]], [found.at[1], found.at[0]], backward),
+            false => (edges, found.at, found.image),
+        };
+        let [first, second] = edges.map(|edge| self.home(edge.curve));
+        let image = [0, 1, 2].map(|x| image[x] + second[x] - first[x]);
+        let end = |k: usize, image: Image| {
+            let edge = edges[k];
             CurvePoint {
                 curve: edge.curve,
                 segment: edge.segment,
-                t: found.at[k],
-                point: self.unscaled(add_scaled(edge.start, found.at[k], edge.along)),
+                t: at[k],
+                point: self.given(&self.moved(edge, image), at[k]),
             }
         };
         Strut {
-            ends: [end(0), end(1)],
+            ends: [end(0, Image::default()), end(1, image)],
+            image,
             length: self.scale.undo(found.distance_sq.sqrt()),
             error: 0.0,
         }
     }
 
-    fn unscaled(&self, point: Point) -> Point {
-        point.map(|x| self.scale.undo(x))
+    /// Returns the translation of a curve into the first cell.
+    fn home(&self, curve: u32) -> Image {
+        let home = |lattice: &Lattice| lattice.home(curve);
+        self.lattice.as_ref().map_or_else(Image::default, home)
+    }
+
+    /// Returns the given position of a point of an edge.
+    fn given(&self, edge: &Edge, at: f64) -> Point {
+        let back = self.home(edge.curve).map(|n| -n);
+        let edge = self.moved(edge, back);
+        add_scaled(edge.start, at, edge.along).map(|x| self.scale.undo(x))
     }
 }
 

@@ -4,10 +4,17 @@
 //! The thickness of a curve is the diameter of the largest tube around it that neither bends too
 //! sharply nor overlaps itself. [`MinRad`] bounds the bend at each vertex, and a [`Strut`] is a
 //! place where two parts of the curves approach one another.
+//!
+//! In a periodic cell, these are the bends and struts of the infinite structure: of each curve with
+//! every image of every other one and with its own images. A curve that runs through the cell goes
+//! on in its next period. Each strut stands for its images.
 
 mod brute;
+#[cfg(test)]
+mod cell_tests;
 mod clearance;
 mod edges;
+mod lattice;
 mod octree;
 mod splines;
 #[cfg(test)]
@@ -21,7 +28,7 @@ pub(crate) use self::clearance::{REACH, close_blocks_within};
 use self::edges::{Edges, Found};
 use self::octree::Octree;
 use self::splines::Chords;
-use crate::curve::{CurveSet, Point};
+use crate::curve::{Cell, CurveSet, Image, Point};
 use crate::error::Result;
 use serde::Serialize;
 
@@ -48,8 +55,10 @@ pub struct CurvePoint {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct Strut {
-    /// The two points.
+    /// The two points. The position of the second one is translated by `image`.
     pub ends: [CurvePoint; 2],
+    /// Translation of the second curve, in vectors of the periodic cell: zeros without a cell.
+    pub image: Image,
     /// Their distance.
     pub length: f64,
     /// Upper bound of the error of `length`: 0 for polylines, whose error is that of rounding. For
@@ -150,7 +159,33 @@ impl Thickness {
     /// Errors: [`Error::Unsupported`](crate::Error::Unsupported) for splines with too many
     /// segments.
     pub fn of(set: &CurveSet) -> Result<Thickness> {
-        Thickness::measure(set, |edges| match edges.len() < MANY_EDGES {
+        Thickness::in_cell(set, None)
+    }
+
+    /// [`Thickness::of`] in a periodic cell, if there is one. All images that may be closer than
+    /// the shortest strut are considered. The length is that of the given curves.
+    ///
+    /// Positions of images are rounded sums of coordinates and lattice vectors.
+    ///
+    /// Cost: each edge is compared with the images of the scene within the length of the shortest
+    /// strut, which are few unless curves are larger than the cell.
+    ///
+    /// Errors: as those of [`Thickness::of`], and [`Error::Usage`](crate::Error::Usage) if the
+    /// vectors of the cell do not span a lattice, or curves span too many cells.
+    ///
+    /// ```
+    /// use linkwatch::{Basis, Cell, CurveSet, Positions, Thickness};
+    ///
+    /// // A straight yarn that runs through the cell along x, and its images.
+    /// let yarn = [0.0, 0.0, 0.0, 2.0, 0.0, 0.0];
+    /// let set = CurveSet::from_counts(Basis::Polyline, &[2], Positions::F64(&yarn))?;
+    /// let cell: Cell = "2,0.5,3".parse()?;
+    /// let strut = Thickness::in_cell(&set, Some(&cell))?.poca.unwrap();
+    /// assert_eq!((strut.length, strut.image), (0.5, [0, 1, 0]));
+    /// # Ok::<(), linkwatch::Error>(())
+    /// ```
+    pub fn in_cell(set: &CurveSet, cell: Option<&Cell>) -> Result<Thickness> {
+        Thickness::measure(set, cell, |edges| match edges.len() < MANY_EDGES {
             true => brute::shortest(edges),
             false => Octree::new(edges).shortest(edges),
         })
@@ -162,28 +197,34 @@ impl Thickness {
     /// Errors: [`Error::Unsupported`](crate::Error::Unsupported) for splines with too many
     /// segments.
     pub fn by_all_pairs(set: &CurveSet) -> Result<Thickness> {
-        Thickness::measure(set, brute::shortest)
+        Thickness::measure(set, None, brute::shortest)
     }
 
-    fn measure(set: &CurveSet, shortest: impl Fn(&Edges) -> Option<Found>) -> Result<Thickness> {
-        let poca = |edges: &Edges| shortest(edges).map(|found| edges.strut(&found));
+    fn measure(
+        set: &CurveSet,
+        cell: Option<&Cell>,
+        shortest: impl Fn(&Edges) -> Result<Option<Found>>,
+    ) -> Result<Thickness> {
+        let poca = |edges: &Edges| -> Result<Option<Strut>> {
+            Ok(shortest(edges)?.map(|found| edges.strut(&found)))
+        };
         if set.basis().is_polyline() {
-            let edges = Edges::of(set);
+            let edges = Edges::of(set, cell)?;
             return Ok(Thickness {
                 length: edges.length(),
                 min_rad: edges.min_rad(),
-                poca: poca(&edges),
+                poca: poca(&edges)?,
             });
         }
         // Few chords tell how many are needed.
-        let rough = Edges::of(&Chords::new(set, None)?.polylines);
-        let distance = poca(&rough).map(|strut| strut.length);
+        let rough = Edges::of(&Chords::new(set, None)?.polylines, cell)?;
+        let distance = poca(&rough)?.map(|strut| strut.length);
         let chords = Chords::new(set, distance)?;
-        let edges = Edges::of(&chords.polylines);
+        let edges = Edges::of(&chords.polylines, cell)?;
         Ok(Thickness {
             length: edges.length(),
-            min_rad: splines::min_rad(set),
-            poca: poca(&edges).map(|strut| chords.on_splines(set, &strut)),
+            min_rad: splines::min_rad(set, cell),
+            poca: poca(&edges)?.map(|strut| chords.on_splines(set, cell, &strut)),
         })
     }
 
@@ -211,16 +252,38 @@ impl Thickness {
 ///
 /// Errors: [`Error::Unsupported`](crate::Error::Unsupported) for splines with too many segments.
 pub fn struts(set: &CurveSet, longest: f64) -> Result<Vec<Strut>> {
+    struts_in_cell(set, None, longest)
+}
+
+/// [`struts`] in a periodic cell, if there is one: of all images of a strut, one.
+///
+/// Errors: as those of [`struts`], and [`Error::Usage`](crate::Error::Usage) if the vectors of the
+/// cell do not span a lattice, or if too many cells are within this length.
+///
+/// ```
+/// use linkwatch::{Basis, Cell, CurveSet, Positions, struts_in_cell};
+///
+/// let yarn = [0.0, 0.0, 0.0, 2.0, 0.0, 0.0];
+/// let set = CurveSet::from_counts(Basis::Polyline, &[2], Positions::F64(&yarn))?;
+/// let cell: Cell = "2,0.5,3".parse()?;
+/// let found = struts_in_cell(&set, Some(&cell), 0.6)?;
+/// // The yarn has two neighbours: a period of it is at this distance on either side.
+/// assert!(found.iter().all(|strut| strut.length == 0.5));
+/// # Ok::<(), linkwatch::Error>(())
+/// ```
+pub fn struts_in_cell(set: &CurveSet, cell: Option<&Cell>, longest: f64) -> Result<Vec<Strut>> {
     if !set.basis().is_polyline() {
         let chords = Chords::new(set, Some(longest))?;
-        let found = struts(&chords.polylines, longest)?;
-        let on_splines = found.iter().map(|strut| chords.on_splines(set, strut));
+        let found = struts_in_cell(&chords.polylines, cell, longest)?;
+        let on_splines = found
+            .iter()
+            .map(|strut| chords.on_splines(set, cell, strut));
         return Ok(on_splines.collect());
     }
-    let edges = Edges::of(set);
+    let edges = Edges::of(set, cell)?;
     let mut found = match edges.len() < MANY_EDGES {
-        true => brute::up_to(&edges, longest),
-        false => Octree::new(&edges).up_to(&edges, longest),
+        true => brute::up_to(&edges, longest)?,
+        false => Octree::new(&edges).up_to(&edges, longest)?,
     };
     found.sort_by(Found::order);
     Ok(found.iter().map(|found| edges.strut(found)).collect())

@@ -2,8 +2,9 @@
 //! (section 4, Algorithm 4).
 
 use super::edges::{Edge, Edges, Found, TOLERANCE};
-use crate::curve::Point;
 use crate::curve::vector::{add, dot};
+use crate::curve::{Image, Point, is_home};
+use crate::error::Result;
 use rayon::prelude::*;
 use std::ops::Range;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -39,6 +40,14 @@ impl Bounds {
         Bounds {
             lo: [0, 1, 2].map(|x| self.lo[x].min(other.lo[x])),
             hi: [0, 1, 2].map(|x| self.hi[x].max(other.hi[x])),
+        }
+    }
+
+    /// Returns the box, translated and padded.
+    fn moved(&self, by: Point, pad: f64) -> Bounds {
+        Bounds {
+            lo: add(self.lo, by).map(|x| x - pad),
+            hi: add(self.hi, by).map(|x| x + pad),
         }
     }
 
@@ -194,14 +203,16 @@ impl Octree {
     }
 
     /// Returns the shortest strut.
-    pub fn shortest(&self, edges: &Edges) -> Option<Found> {
+    ///
+    /// Errors: those of [`Edges::check_images`].
+    pub fn shortest(&self, edges: &Edges) -> Result<Option<Found>> {
         // Squared length of the shortest strut so far: as bits, which have the same order.
         let shortest = AtomicU64::new(f64::INFINITY.to_bits());
         let limit = || f64::from_bits(shortest.load(Ordering::Relaxed));
-        let search = |chunk: usize| {
+        let search = |chunk: usize, images: bool| {
             let mut best: Option<Found> = None;
             for k in self.chunk(chunk) {
-                self.search(edges, k, limit, |found| {
+                self.search(edges, (k, images), limit, |found| {
                     shortest.fetch_min(found.distance_sq.to_bits(), Ordering::Relaxed);
                     if best.is_none_or(|best| found.order(&best).is_lt()) {
                         best = Some(found);
@@ -210,22 +221,38 @@ impl Octree {
             }
             best
         };
-        let best = (0..self.chunks()).into_par_iter().filter_map(search);
-        best.min_by(Found::order)
+        let all = |images: bool| {
+            let chunks = (0..self.chunks()).into_par_iter();
+            let best = chunks.filter_map(|chunk| search(chunk, images));
+            best.min_by(Found::order)
+        };
+        let home = all(false);
+        if edges.lattice.is_none() {
+            return Ok(home);
+        }
+        shortest.fetch_min(edges.bound_sq().to_bits(), Ordering::Relaxed);
+        edges.check_images(limit())?;
+        let both = home.into_iter().chain(all(true));
+        Ok(both.min_by(Found::order))
     }
 
     /// Returns all struts up to a length.
-    pub fn up_to(&self, edges: &Edges, longest: f64) -> Vec<Found> {
-        let longest = edges.scaled(longest);
+    ///
+    /// Errors: those of [`Edges::check_images`].
+    pub fn up_to(&self, edges: &Edges, longest: f64) -> Result<Vec<Found>> {
+        let limit_sq = edges.scaled(longest).powi(2);
+        edges.check_images(limit_sq)?;
         let search = |chunk: usize| {
             let mut all = Vec::new();
             for k in self.chunk(chunk) {
-                self.search(edges, k, || longest * longest, |found| all.push(found));
+                for images in [false, true] {
+                    self.search(edges, (k, images), || limit_sq, |found| all.push(found));
+                }
             }
             all
         };
         let all = (0..self.chunks()).into_par_iter();
-        all.flat_map_iter(search).collect()
+        Ok(all.flat_map_iter(search).collect())
     }
 
     fn chunks(&self) -> usize {
@@ -237,11 +264,12 @@ impl Octree {
     }
 
     /// Passes the struts between the edge at place `k` and earlier ones to `found`, as far as their
-    /// squared length is at most `limit`. So each pair of edges is compared once.
+    /// squared length is at most `limit`. So each pair of edges is compared once. With `images`,
+    /// passes those between this edge and all images of edges, of each pair of opposite images one.
     fn search(
         &self,
         edges: &Edges,
-        k: usize,
+        (k, images): (usize, bool),
         limit: impl Fn() -> f64,
         mut found: impl FnMut(Found),
     ) {
@@ -252,13 +280,39 @@ impl Octree {
             before: edges.before(edge),
             bounds: self.bounds[k],
         };
+        if !images {
+            self.descend(edges, (&ramp, k, Image::default()), &limit, &mut found);
+            return;
+        }
+        for image in edges.images(self.order[k], limit()) {
+            self.descend(edges, (&ramp, k, image), &limit, &mut found);
+        }
+    }
+
+    /// Passes the struts between an edge and an image of the others to `found`.
+    fn descend(
+        &self,
+        edges: &Edges,
+        (ramp, k, image): (&Ramp<'_>, usize, Image),
+        limit: &impl Fn() -> f64,
+        found: &mut impl FnMut(Found),
+    ) {
+        // Later nodes have later edges, which are not compared with this one.
+        let end = match is_home(&image) {
+            true => k,
+            false => self.order.len(),
+        };
+        let (by, pad) = edges.shift(image);
+        let may_be_near = |bounds: &Bounds, limit: f64| {
+            let moved = bounds.moved(by, pad);
+            ramp.bounds.distance_sq(&moved) <= limit && ramp.meets(&moved)
+        };
         let mut at = 0;
         while let Some(node) = self.nodes.get(at) {
-            // Later nodes have later edges.
-            if node.first as usize >= k {
+            if node.first as usize >= end {
                 break;
             }
-            if ramp.bounds.distance_sq(&node.bounds) > limit() || !ramp.meets(&node.bounds) {
+            if !may_be_near(&node.bounds, limit()) {
                 at = node.skip as usize;
                 continue;
             }
@@ -266,12 +320,12 @@ impl Octree {
             if !node.is_leaf {
                 continue;
             }
-            for other in node.first as usize..(node.end as usize).min(k) {
+            for other in node.first as usize..(node.end as usize).min(end) {
                 let limit = limit();
-                let bounds = &self.bounds[other];
-                if ramp.bounds.distance_sq(bounds) <= limit && ramp.meets(bounds) {
-                    let strut = edges.strut_between(self.order[k], self.order[other], limit);
-                    strut.into_iter().for_each(&mut found);
+                if may_be_near(&self.bounds[other], limit) {
+                    let pair = (self.order[k], self.order[other]);
+                    let strut = edges.strut_between(pair.0, pair.1, image, limit);
+                    strut.into_iter().for_each(&mut *found);
                 }
             }
         }

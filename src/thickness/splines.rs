@@ -1,10 +1,11 @@
 //! Splines: bends by their curvature, and chords for their distances.
 
 use super::{CurvePoint, MinRad, Strut};
-use crate::curve::vector::{cross, distance, dot, norm, sub};
-use crate::curve::{Basis, Bezier, CurveSet, Point, Positions, point_at, sub_segment};
+use crate::curve::vector::{add, cross, distance, dot, norm, sub};
+use crate::curve::{Basis, Bezier, Cell, CurveSet, Point, Positions, point_at, sub_segment};
 use crate::error::{Error, Result};
 use crate::pairs::Scale;
+use crate::periodic::period;
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
@@ -76,9 +77,9 @@ impl Chords {
     }
 
     /// Returns a strut between chords as one between splines, with its points on them.
-    pub fn on_splines(&self, set: &CurveSet, strut: &Strut) -> Strut {
+    pub fn on_splines(&self, set: &CurveSet, cell: Option<&Cell>, strut: &Strut) -> Strut {
         let n = self.per_segment;
-        let ends = strut.ends.map(|end| {
+        let mut ends = strut.ends.map(|end| {
             let t = (f64::from(end.segment % n) + end.t) / f64::from(n);
             let segment = end.segment / n;
             CurvePoint {
@@ -88,9 +89,13 @@ impl Chords {
                 ..end
             }
         });
+        if let Some(cell) = cell {
+            ends[1].point = add(ends[1].point, cell.translation(strut.image));
+        }
         let length = distance(ends[0].point, ends[1].point);
         Strut {
             ends,
+            image: strut.image,
             length,
             error: (length - strut.length + self.error).max(self.error),
         }
@@ -138,8 +143,8 @@ impl Ord for Part {
 /// Returns the sharpest bend: 0 at a corner between two segments, else the smallest radius of
 /// curvature. Parts of segments are divided, those with the smallest lower bound first, until it is
 /// close to the radius at a point.
-pub(super) fn min_rad(set: &CurveSet) -> Option<MinRad> {
-    if let Some(corner) = corner(set) {
+pub(super) fn min_rad(set: &CurveSet, cell: Option<&Cell>) -> Option<MinRad> {
+    if let Some(corner) = corner(set, cell) {
         return Some(corner);
     }
     let knots = (0..set.len()).flat_map(|i| {
@@ -260,16 +265,16 @@ fn radii(hull: &Bezier) -> [f64; 2] {
 }
 
 /// Returns a joint of two segments with different directions, if there is one.
-fn corner(set: &CurveSet) -> Option<MinRad> {
-    // Other splines are smooth.
-    if set.basis() != Basis::Bezier {
-        return None;
-    }
+fn corner(set: &CurveSet, cell: Option<&Cell>) -> Option<MinRad> {
     for (i, curve) in set.curves().iter().enumerate() {
+        let runs_through = cell.is_some_and(|cell| period(set, i, cell).is_some());
         for s in 0..curve.segments {
+            // Splines of other bases are smooth, but need not go on as they began.
+            let is_smooth = set.basis() != Basis::Bezier;
             let next = match s + 1 {
-                next if next < curve.segments => next,
-                _ if curve.closed => 0,
+                next if next < curve.segments && !is_smooth => next,
+                next if next < curve.segments => continue,
+                _ if curve.closed && !is_smooth || runs_through => 0,
                 _ => continue,
             };
             let [before, after] = [s, next].map(|s| set.segment(i, s as usize));

@@ -121,10 +121,10 @@ fn the_octree_finds_what_all_pairs_find() {
     for seed in 0..400 {
         let mut random = Random::new(seed);
         let scene = random_scene(&mut random);
-        let edges = Edges::of(&scene);
+        let edges = Edges::of(&scene, None).unwrap();
         let tree = Octree::new(&edges);
-        let wanted = brute::shortest(&edges);
-        assert_eq!(tree.shortest(&edges), wanted, "seed {seed}");
+        let wanted = brute::shortest(&edges).unwrap();
+        assert_eq!(tree.shortest(&edges).unwrap(), wanted, "seed {seed}");
         let Some(shortest) = wanted else {
             none += 1;
             continue;
@@ -132,7 +132,8 @@ fn the_octree_finds_what_all_pairs_find() {
         let length = edges.strut(&shortest).length;
         for factor in [0.5, 1.0 + 1e-9, 1.5, 4.0] {
             let longest = factor * length.max(1e-300);
-            let [mut slow, mut fast] = [brute::up_to(&edges, longest), tree.up_to(&edges, longest)];
+            let [mut slow, mut fast] =
+                [brute::up_to(&edges, longest), tree.up_to(&edges, longest)].map(Result::unwrap);
             slow.sort_by(Found::order);
             fast.sort_by(Found::order);
             assert_eq!(fast, slow, "seed {seed}, factor {factor}");
@@ -401,8 +402,10 @@ fn bends_and_distances_of_random_splines_are_within_their_bounds() {
         assert!(bend.radius - bend.error <= 1.001 * least, "{context}");
         // No strut is shorter than the shortest one of much finer chords, less the error.
         let fine = Chords::new(&set, Some(1e-9)).unwrap();
-        let fine = Edges::of(&fine.polylines);
-        let shortest = brute::shortest(&fine).map(|found| fine.strut(&found).length);
+        let fine = Edges::of(&fine.polylines, None).unwrap();
+        let shortest = brute::shortest(&fine)
+            .unwrap()
+            .map(|found| fine.strut(&found).length);
         if let (Some(strut), Some(shortest)) = (found.poca, shortest) {
             assert!(
                 strut.length >= shortest - strut.error,

@@ -1,7 +1,8 @@
 //! Struts and bends in words.
 
 use super::{MinRad, Strut};
-use crate::curve::Notation;
+use crate::curve::{Notation, is_home};
+use crate::verdict::words_of_pair;
 use std::fmt;
 
 /// Returns the bound of an error in words, if there is one.
@@ -19,13 +20,13 @@ impl Strut {
         let [a, b] = &self.ends;
         let notation = Notation::of_scene(extent, a.point);
         let [from, to] = [a, b].map(|end| notation.point(end.point));
-        let curves = match a.curve == b.curve {
-            true => format!("curve {} and itself are", a.curve),
-            false => format!("curves {} and {} are", a.curve, b.curve),
+        let curves = match a.curve == b.curve && is_home(&self.image) {
+            true => format!("curve {} and itself", a.curve),
+            false => words_of_pair((a.curve, b.curve), self.image, &[]),
         };
         let length = notation.length(self.length);
         format!(
-            "{curves} {length} apart{}, from {from} to {to}, segments {} and {}",
+            "{curves} are {length} apart{}, from {from} to {to}, segments {} and {}",
             error(self.error),
             a.segment,
             b.segment

@@ -30,7 +30,7 @@ impl fmt::Display for Place {
 }
 
 /// Returns two curves in words: "curves 3 and 4", "curve 3 and the image 1,0,0 of curve 4".
-fn words_of_pair((i, j): (u32, u32), image: Image, names: &[String]) -> String {
+pub(crate) fn words_of_pair((i, j): (u32, u32), image: Image, names: &[String]) -> String {
     let [first, second] = [i, j].map(|curve| words_of_curve(curve, names));
     let [n1, n2, n3] = image;
     match (is_home(&image), i == j) {

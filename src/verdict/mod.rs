@@ -12,6 +12,8 @@ pub use clearance::{Clearance, CloseStrands};
 pub use difference::ReportDifference;
 #[cfg(feature = "mcap")]
 pub(crate) use message::words_of_frame;
+#[cfg(feature = "verify")]
+pub(crate) use message::words_of_pair;
 #[cfg(feature = "client")]
 pub(crate) use message::words_of_roll_back;
 pub use policy::AbortOn;

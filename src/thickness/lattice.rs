@@ -1,0 +1,236 @@
+//! Images of the edges of a periodic scene.
+//!
+//! # Which images may be near
+//!
+//! Fractional coordinates are scalar products with the vectors `b` of the inverse of the cell, in
+//! which a lattice vector has integer coordinates. Two points at a distance `d` differ by at most
+//! `|b| d` in a coordinate. So an edge is within `d` of an image `n` of some edge only if, in each
+//! direction, the range of its coordinates, grown by `|b| d`, meets that of all edges, moved by
+//! `n`. The ranges are padded by `1e-7` of all numbers involved, which covers the rounding of the
+//! inverse ([`crate::periodic`] derives it).
+//!
+//! Each curve is moved by the lattice vector that brings it closest to the first cell, so that few
+//! images are near.
+
+use super::edges::{Edge, Edges};
+use crate::curve::vector::{add, norm};
+use crate::curve::{Cell, CurveSet, Image, Point, is_home};
+use crate::error::{Error, Result};
+use crate::pairs::Scale;
+use crate::periodic::{images_in, is_multiple, period, too_far};
+
+/// Padding of fractional coordinates, relative to the largest number involved, and at least to 1.
+const PAD: f64 = 1e-7;
+
+/// Largest number of cells that a curve may be away from the first one.
+const FARTHEST: f64 = (1_u32 << 30) as f64;
+
+/// Maximum number of images that are compared with an edge.
+const MOST_IMAGES: f64 = (1_u32 << 24) as f64;
+
+/// The lattice of a periodic scene, scaled as its edges are.
+#[derive(Debug)]
+pub(super) struct Lattice {
+    cell: Cell,
+    inverse: [Point; 3],
+    /// Translation of each curve into the first cell.
+    homes: Vec<Image>,
+    /// Period of each curve; zeros if it does not run through the cell.
+    pub periods: Vec<Image>,
+    /// Smallest and largest fractional coordinates of all edges.
+    around: [Point; 2],
+    /// If there is a strut, there is one that is at most as long.
+    bound: f64,
+    /// Largest magnitude of the coordinates of all edges.
+    pub size: f64,
+}
+
+impl Lattice {
+    /// Moves the edges of all curves to the first cell.
+    ///
+    /// Errors: [`Error::Usage`] if the cell is no lattice, or a curve spans too many cells.
+    pub fn new(edges: &mut [Edge], set: &CurveSet, cell: &Cell, scale: Scale) -> Result<Lattice> {
+        cell.check()?;
+        let periods = (0..set.len()).map(|i| period(set, i, cell).unwrap_or_default());
+        let cell = Cell {
+            origin: [0.0; 3],
+            vectors: cell.vectors.map(|v| scale.apply(v)),
+        };
+        let inverse = cell.inverse().ok_or_else(|| {
+            let what = format!("cell {cell}: beyond the range of the coordinates");
+            Error::Usage(what)
+        })?;
+        let mut lattice = Lattice {
+            cell,
+            inverse,
+            homes: vec![Image::default(); set.len()],
+            periods: periods.collect(),
+            around: [[f64::INFINITY; 3], [f64::NEG_INFINITY; 3]],
+            bound: f64::INFINITY,
+            size: 0.0,
+        };
+        for edges in edges.chunk_by_mut(|a, b| a.curve == b.curve) {
+            lattice.bring_home(edges)?;
+        }
+        let ends = |e: &Edge| [e.start, add(e.start, e.along)];
+        let bounds = edges.iter().flat_map(ends).map(|p| [p, p]);
+        let bounds = bounds.reduce(union).unwrap_or_default();
+        let extent = norm([0, 1, 2].map(|x| bounds[1][x] - bounds[0][x]));
+        lattice.bound = lattice.bound_of(edges, extent);
+        let numbers = bounds.as_flattened().iter();
+        lattice.size = numbers.fold(0.0, |most, x| most.max(x.abs()));
+        Ok(lattice)
+    }
+
+    /// Returns the fractional coordinates of both ends of an edge: the smaller and the larger ones.
+    fn range(&self, edge: &Edge) -> [Point; 2] {
+        let fractional = |p: Point| {
+            self.inverse
+                .map(|b| b[0] * p[0] + b[1] * p[1] + b[2] * p[2])
+        };
+        let [p, q] = [edge.start, add(edge.start, edge.along)].map(fractional);
+        [
+            [0, 1, 2].map(|x| p[x].min(q[x])),
+            [0, 1, 2].map(|x| p[x].max(q[x])),
+        ]
+    }
+
+    /// Moves the edges of a curve.
+    fn bring_home(&mut self, edges: &mut [Edge]) -> Result<()> {
+        let curve = edges[0].curve as usize;
+        let ranges = edges.iter().map(|edge| self.range(edge));
+        let [lo, hi] = ranges.reduce(union).expect("a curve has edges");
+        let periodic = self.cell.periodic();
+        let mut home = Image::default();
+        for x in (0..3).filter(|&x| periodic[x]) {
+            let cells = (0.5 * (lo[x] + hi[x])).floor();
+            if cells.is_nan() || cells.abs() > FARTHEST || hi[x] - lo[x] > FARTHEST {
+                return Err(too_far(curve));
+            }
+            home[x] = -cells as i32;
+        }
+        if !is_home(&home) {
+            let by = self.cell.translation(home);
+            edges.iter_mut().for_each(|e| e.start = add(e.start, by));
+        }
+        self.homes[curve] = home;
+        let by = home.map(f64::from);
+        self.around = union(self.around, [add(lo, by), add(hi, by)]);
+        Ok(())
+    }
+
+    /// Returns a length such that, if there is a strut, there is one that is at most as long.
+    ///
+    /// # Derivation
+    ///
+    /// A curve and its image by a lattice vector that does not continue it are two strands at a
+    /// distance of at most the length of the vector, and their nearest points are a strut. If no
+    /// lattice vector leads from one strand to another one, the scene repeats in one direction
+    /// only, and all curves run along it with this period. If there are several, the same bound
+    /// follows from two of their points. Of one such yarn alone, struts are searched up to two
+    /// periods and the extent of one; no shorter one may exist.
+    fn bound_of(&self, edges: &[Edge], extent: f64) -> f64 {
+        let curves = edges.chunk_by(|a, b| a.curve == b.curve);
+        let curves = curves.map(|edges| self.periods[edges[0].curve as usize]);
+        let periodic = self.cell.periodic();
+        let vectors = curves.clone().flat_map(|period| {
+            let leads_away = move |&k: &usize| {
+                let mut image = Image::default();
+                image[k] = 1;
+                periodic[k] && !is_multiple(image, period)
+            };
+            (0..3)
+                .filter(leads_away)
+                .map(|k| norm(self.cell.vectors[k]))
+        });
+        let shortest = vectors.fold(f64::INFINITY, f64::min);
+        let bound = if shortest.is_finite() {
+            shortest
+        } else {
+            let longest = curves.map(|period| norm(self.cell.translation(period)));
+            2.0 * (longest.fold(0.0, f64::max) + extent)
+        };
+        bound * (1.0 + 1e-9)
+    }
+
+    /// Returns the translation of an image.
+    pub fn translation(&self, image: Image) -> Point {
+        self.cell.translation(image)
+    }
+
+    /// Returns the translation that brings a curve from its given coordinates to the first cell.
+    pub fn home(&self, curve: u32) -> Image {
+        self.homes[curve as usize]
+    }
+
+    /// Returns how far fractional coordinates of points at a distance may differ.
+    fn reach(&self, distance: f64) -> Point {
+        self.inverse.map(|b| norm(b) * distance)
+    }
+
+    /// Returns an upper bound of the number of images within a distance of an edge.
+    fn count(&self, distance: f64) -> f64 {
+        let (reach, periodic) = (self.reach(distance), self.cell.periodic());
+        let images = (0..3).filter(|&x| periodic[x]).map(|x| {
+            let extent = (self.around[1][x] - self.around[0][x]).max(0.0);
+            2.0 * (extent + reach[x]) + 3.0
+        });
+        images.product()
+    }
+
+    /// Returns all images, of each pair of opposite ones one, in which some edge may be within a
+    /// distance of this one.
+    pub fn images(&self, edge: &Edge, distance: f64) -> impl Iterator<Item = Image> {
+        let ([lo, hi], reach) = (self.range(edge), self.reach(distance));
+        let periodic = self.cell.periodic();
+        let ranges = [0, 1, 2].map(|x| {
+            if !periodic[x] {
+                return 0..=0;
+            }
+            let (first, last) = (self.around[0][x], self.around[1][x]);
+            let numbers = [1.0, lo[x], hi[x], first, last, reach[x]];
+            let pad = PAD * numbers.iter().map(|x| x.abs()).sum::<f64>();
+            let from = (lo[x] - reach[x] - pad - last).ceil();
+            let to = (hi[x] + reach[x] + pad - first).floor();
+            from as i32..=to as i32
+        });
+        images_in(ranges).filter(|&image| image > Image::default())
+    }
+}
+
+fn union(a: [Point; 2], b: [Point; 2]) -> [Point; 2] {
+    [
+        [0, 1, 2].map(|x| a[0][x].min(b[0][x])),
+        [0, 1, 2].map(|x| a[1][x].max(b[1][x])),
+    ]
+}
+
+impl Edges {
+    /// Returns the images in which some edge may be within a distance of this edge: see
+    /// [`Lattice::images`].
+    pub fn images(&self, k: u32, distance_sq: f64) -> impl Iterator<Item = Image> {
+        let lattice = self.lattice.iter();
+        lattice.flat_map(move |lattice| lattice.images(self.get(k), distance_sq.sqrt()))
+    }
+
+    /// Returns the square of a length: if there is a strut, there is one that is at most as long.
+    pub fn bound_sq(&self) -> f64 {
+        let bound = self.lattice.as_ref().map_or(f64::INFINITY, |l| l.bound);
+        bound * bound
+    }
+
+    /// Checks that each edge has not too many images within a distance.
+    ///
+    /// Errors: [`Error::Usage`] if there are too many.
+    pub fn check_images(&self, distance_sq: f64) -> Result<()> {
+        let few = |lattice: &Lattice| lattice.count(distance_sq.sqrt()) <= MOST_IMAGES;
+        match self.lattice.as_ref().is_none_or(few) {
+            true => Ok(()),
+            false => Err(Error::Usage(
+                "the curves span too many periodic cells, or struts of too many cells are searched \
+                 for: is the cell in the units of the coordinates?"
+                    .into(),
+            )),
+        }
+    }
+}
