@@ -10,13 +10,16 @@
 use linkwatch::lab::median;
 use linkwatch::scenes::Scene;
 use linkwatch::{
-    Cell, CurveSet, Events, FramePool, Positions, RawFrame, Result, Route, Strategy, Verdict,
-    Verifier, VerifierOptions,
+    Cell, ClearanceOptions, CurveSet, Events, FramePool, Positions, RawFrame, Result, Route,
+    Strategy, Verdict, Verifier, VerifierOptions,
 };
 use std::time::Instant;
 
 /// Distance of neighbouring flat rings of the scene.
 const PITCH: f64 = 2.6;
+
+/// Radius of the strands whose clearance is measured.
+const RADIUS: f64 = 0.2;
 
 /// Number of frames before the measurement.
 const WARM_UP: u64 = 12;
@@ -31,6 +34,7 @@ fn main() -> Result<()> {
         "{:>8} {:>9} {:>9} {:>8} {:>9} {:>9} {:>7} {:>9}",
         "rings", "frames", "links", "images", "without", "with", "factor", "potential"
     );
+    println!("and the time of the clearance, without and with a cell, which is not contained");
     let sizes: &[(u32, u32)] = match smoke {
         true => &[(8, 10)],
         false => &[(8, 10), (20, 30), (56, 84)],
@@ -63,11 +67,13 @@ fn measure(
         let mut options = VerifierOptions::default();
         (options.strategy, options.events) = (strategy, Events::Between);
         options.cell = cell;
+        options.clearance = Some(ClearanceOptions::new(Some(RADIUS)));
         verifiers.push(Verifier::new(options)?);
     }
     let mut times = [Vec::new(), Vec::new()];
     let mut pools = [FramePool::default(), FramePool::default()];
     let mut potential = [0; 2];
+    let mut clearances = [Vec::new(), Vec::new()];
     let frames = if smoke { WARM_UP + 6 } else { WARM_UP + 60 };
     let counts: Vec<i32> = set.counts().collect();
     for seq in 0..frames {
@@ -88,7 +94,9 @@ fn measure(
             // to be quiet count only if they are.
             let quiet = name != "quiet" || verifier.work().route == Route::Quiet;
             if seq >= WARM_UP && quiet {
-                times.push(start.elapsed().as_secs_f64() * 1e3);
+                let clearance = verifier.timings().clearance.as_secs_f64() * 1e3;
+                times.push(start.elapsed().as_secs_f64() * 1e3 - clearance);
+                clearances[k].push(clearance);
             }
             verifier.settle();
         }
@@ -106,15 +114,18 @@ fn measure(
         "no frame is {name}: {counted:?}"
     );
     let [without, with] = times.map(median);
+    let clearances = clearances.map(median);
     println!(
         "{:>8} {name:>9} {:>9} {images:>8} {without:>9.3} {with:>9.3} {:>7.2} {:>9.2}  ({} and {} \
-         frames)",
+         frames; clearance {:.3} and {:.3})",
         set.len(),
         count(1),
         with / without,
         potential[1] as f64 / potential[0] as f64,
         counted[0],
         counted[1],
+        clearances[0],
+        clearances[1],
     );
     Ok(())
 }

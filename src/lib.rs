@@ -53,11 +53,11 @@
 //! | curves of a frame | [`CurveSet`], [`Basis`], [`Positions`]; from files: [`model`] |
 //! | frames in memory of others | [`RawFrame`], for [`Verifier::receive`] |
 //! | verification | [`Verifier`] with [`VerifierOptions`], [`Strategy`], [`Events`], [`AbortOn`] |
-//! | periodic scenes | [`Cell`], [`VerifierOptions::cell`], [`Unwrap`] |
+//! | periodic scenes | [`Cell`], [`VerifierOptions::cell`], [`Unwrap`], [`period`] |
 //! | findings | [`Report`] with [`Verdict`], [`Change`], [`PullThrough`], [`Defect`], [`Place`] |
 //! | expected topology | [`Certificate`], [`Comparison`], [`Link`] |
 //! | DNA, polymers | [`Ribbon`], [`GaussIntegrals`]: writhe, twist, linking of open curves |
-//! | thickness | [`Thickness`], [`struts`], [`Strut`], [`MinRad`] |
+//! | thickness | [`Thickness`], [`struts`], [`struts_in_cell`], [`Strut`], [`MinRad`] |
 //! | cost of a frame | [`Stats`], [`Work`], [`Timings`], [`Progress`]; before the run: [`plan`] |
 //! | kernels and devices | [`kernels::Method`], [`kernels::Device`], [`homotopic_polylines`] |
 //! | outputs | [`Sink`] behind a [`SinkQueue`]; the recording and the viewer; `RunReport` |
@@ -204,7 +204,7 @@ pub use ingest::{FrameInfo, FramePool, RawFrame};
 #[cfg(feature = "verify")]
 pub use pairs::{Partition, Share};
 #[cfg(feature = "verify")]
-pub use periodic::Unwrap;
+pub use periodic::{Unwrap, period};
 #[cfg(feature = "verify")]
 pub use plan::Plan;
 #[cfg(feature = "mcap")]
@@ -225,8 +225,8 @@ pub use sinks::{
 pub use sinks::{ViewerOptions, ViewerSink, ViewerTarget};
 #[cfg(feature = "verify")]
 pub use thickness::{
-    ClearanceOptions, CloseBlock, CurvePoint, MinRad, Strut, Thickness, close_blocks, struts,
-    struts_in_cell,
+    ClearanceOptions, CloseBlock, CurvePoint, MinRad, Strut, Thickness, close_blocks,
+    close_blocks_in_cell, struts, struts_in_cell,
 };
 pub use verdict::{
     AbortOn, Change, ChangeKind, Clearance, CloseStrands, Defect, DefectKind, ImageLink, Link,

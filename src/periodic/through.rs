@@ -84,8 +84,14 @@ pub(crate) fn reduced(image: Image, period: Image) -> Image {
     [0, 1, 2].map(|x| image[x].wrapping_sub(times.wrapping_mul(period[x])))
 }
 
-/// Returns the period of a curve, if it is open and ends at an image of its start.
-pub(crate) fn period(set: &CurveSet, i: usize, cell: &Cell) -> Option<Image> {
+/// Returns true if a translation is a multiple of a period.
+pub(crate) fn is_multiple(image: Image, period: Image) -> bool {
+    reduced(image, period) == Image::default()
+}
+
+/// Returns the period of a curve, if it is open and ends at an image of its start: the translation
+/// from its start to its end, in vectors of the cell.
+pub fn period(set: &CurveSet, i: usize, cell: &Cell) -> Option<Image> {
     let curve = set.curve(i);
     if curve.closed {
         return None;

@@ -22,7 +22,7 @@ mod tests;
 mod words;
 
 pub(crate) use self::clearance::ClearanceMonitor;
-pub use self::clearance::{ClearanceOptions, CloseBlock, close_blocks};
+pub use self::clearance::{ClearanceOptions, CloseBlock, close_blocks, close_blocks_in_cell};
 #[cfg(feature = "rerun")]
 pub(crate) use self::clearance::{REACH, close_blocks_within};
 use self::edges::{Edges, Found};

@@ -1,12 +1,13 @@
 //! Clearance: how far strands of a given radius are from one another.
 
-use crate::curve::Point;
+use crate::curve::{Image, Point};
 
 /// Clearance of a frame: the distance between the center lines of two strands, as a share of the
 /// sum of their radii. At 1 their surfaces touch, at 0 their center lines meet.
 ///
 /// The strands are different curves, or parts of one curve that are at least `pi` radii apart along
-/// it: a curve that bends with the radius of its tube has that distance.
+/// it: a curve that bends with the radius of its tube has that distance. In a periodic cell they are
+/// also images of curves; a curve that runs through the cell goes on in its next period.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 #[non_exhaustive]
 pub struct Clearance {
@@ -36,11 +37,16 @@ pub struct CloseStrands {
     pub error: f64,
     /// First curve, from 0.
     pub i: u32,
-    /// Second curve: greater than `i`, or equal for two parts of one curve.
+    /// Second curve: greater than `i`, or equal for two parts of one curve, or for a curve and its
+    /// image.
     pub j: u32,
+    /// Translation of the second strand, in vectors of the periodic cell: zeros without a cell.
+    #[serde(default)]
+    pub image: Image,
     /// Segment of the first curve and segment of the second, from 0.
     pub segments: [u32; 2],
-    /// Nearest points of the center lines, in the units of the simulation.
+    /// Nearest points of the center lines, in the units of the simulation. That of the second strand
+    /// is translated by `image`.
     pub points: [Point; 2],
     /// Distance of these points.
     pub distance: f64,

@@ -219,6 +219,14 @@ impl fmt::Display for Defect {
 }
 
 impl CloseStrands {
+    /// Returns the strands in words: "curves 3 and 4", "parts of curve 3".
+    fn words(&self, names: &[String]) -> String {
+        match self.i == self.j && is_home(&self.image) {
+            true => format!("parts of curve {}", words_of_curve(self.i, names)),
+            false => words_of_pair((self.i, self.j), self.image, names),
+        }
+    }
+
     /// Returns a sentence. Coordinates have six significant digits of `extent`, the extent of the
     /// scene ([`CurveSet::extent`](crate::CurveSet::extent)); 0 if it is unknown. `names` are those
     /// of all curves, or empty.
@@ -230,11 +238,7 @@ impl CloseStrands {
             distance,
             ..
         } = *self;
-        let [i, j] = [self.i, self.j].map(|curve| words_of_curve(curve, names));
-        let strands = match self.i == self.j {
-            true => format!("parts of curve {i}"),
-            false => format!("curves {i} and {j}"),
-        };
+        let strands = self.words(names);
         let middle = [0, 1, 2].map(|x| p[x] + 0.5 * (q[x] - p[x]));
         let notation = Notation::of_scene(extent, middle);
         let (point, distance) = (notation.point(middle), notation.length(distance));
@@ -257,12 +261,9 @@ impl Clearance {
     /// Returns the curves of a low clearance and their trend in a few words.
     #[cfg(feature = "client")]
     pub(crate) fn reason(&self) -> Option<String> {
-        let CloseStrands { i, j, ratio, .. } = self.closest.filter(|_| self.low)?;
-        let (share, trend) = (100.0 * ratio, self.trend(ratio));
-        let strands = match i == j {
-            true => format!("parts of curve {i}"),
-            false => format!("curves {i} and {j}"),
-        };
+        let closest = self.closest.filter(|_| self.low)?;
+        let (share, trend) = (100.0 * closest.ratio, self.trend(closest.ratio));
+        let strands = closest.words(&[]);
         Some(format!(
             "low clearance of {strands}, {share:.1} % of their diameter{trend}"
         ))

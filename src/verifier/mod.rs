@@ -791,9 +791,10 @@ impl Verifier {
 
     /// Measures the clearance of a frame. If that fails, no later frame is measured.
     fn measure_clearance(&mut self, seq: u64, set: &CurveSet) -> Option<Clearance> {
+        let cell = self.cell();
         let monitor = self.clearance.as_mut()?;
         let start = Instant::now();
-        let measured = monitor.measure(set, seq);
+        let measured = monitor.measure(set, cell.as_ref(), seq);
         self.full.timings.clearance = start.elapsed();
         match measured {
             Ok(clearance) => Some(clearance),

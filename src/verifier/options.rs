@@ -74,7 +74,7 @@ pub struct VerifierOptions {
     /// Each curve then stands for all its images, and linking numbers with images of other curves
     /// and with its own are verified, and pull-throughs between them. Coordinates must not be
     /// wrapped into the cell. The curves must be the same in all frames.
-    /// Excludes braids, clearance, kernels that sum, and GPUs.
+    /// Excludes braids, kernels that sum, and GPUs.
     ///
     /// [`Verifier::set_cell`]: crate::Verifier::set_cell
     pub cell: Option<Cell>,
@@ -188,7 +188,6 @@ impl VerifierOptions {
             cell.check()?;
             let excluded = [
                 ("braids", self.braids.is_some()),
-                ("clearance", self.clearance.is_some()),
                 ("kernels that sum", sums),
                 ("a GPU", !matches!(self.device, Device::Auto | Device::Cpu)),
             ];

@@ -1,7 +1,7 @@
 //! Clearance of a live simulation: the warning before a pull-through.
 
 use super::*;
-use linkwatch::CurveLabels;
+use linkwatch::{Cell, CurveLabels};
 
 /// Radius of the squares. The closest edges of two of them are `1 - shift` apart.
 const RADIUS: f32 = 0.1;
@@ -102,6 +102,71 @@ fn a_low_clearance_stops_a_simulator_before_the_pull_through() {
     ] {
         assert!(text.contains(words), "{words}: {text}");
     }
+}
+
+/// Two squares, and a cell that shrinks until an image touches the tube of the first one.
+#[test]
+fn a_low_clearance_in_a_cell_names_the_image() {
+    let folder = TempDir::new().unwrap();
+    let service = service("clearance-cell");
+    let recording = folder.path().join("run.mcap");
+    let args = [
+        "--thickness",
+        "published",
+        "--record",
+        recording.to_str().unwrap(),
+    ];
+    let watch = Watch::start(folder.path(), "watch", &service, &args);
+    let mut sim = thick_client(&service, &[RADIUS; 2]);
+    let square = |x: f32| {
+        [
+            x,
+            0.0,
+            0.0,
+            x + 1.0,
+            0.0,
+            0.0,
+            x + 1.0,
+            1.0,
+            0.0,
+            x,
+            1.0,
+            0.0,
+        ]
+    };
+    let xyz = [square(0.0), square(5.0)];
+    let gap = |frame: u64| 0.52 - 0.05 * frame as f64;
+    for frame in 0..10 {
+        let cell = Cell::orthogonal([0.0; 3], [6.0 + gap(frame), 0.0, 0.0]);
+        sim.set_cell(Some(cell)).unwrap();
+        let positions = Positions::F32(xyz.as_flattened());
+        let seq = sim.publish(frame as f64, positions).unwrap();
+        let answer = sim.wait(seq, PATIENCE).unwrap();
+        assert!(
+            matches!(&answer, Outcome::Verdict(m) if m.verdict == Verdict::Intact),
+            "{answer:?}"
+        );
+    }
+    sim.finish().unwrap();
+    let live = watch.end();
+    assert_eq!(live.code, Some(0), "{}", live.stderr);
+    for (frame, report) in (0..).zip(live.reports()) {
+        let ratio = gap(frame) / f64::from(2.0 * RADIUS);
+        let closest = &report["clearance"]["closest"];
+        let low = report["clearance"]["low"].as_bool().unwrap();
+        assert_eq!(low, ratio < 0.5, "{report}");
+        if low {
+            assert_eq!(closest["image"], serde_json::json!([-1, 0, 0]));
+            let found = closest["ratio"].as_f64().unwrap();
+            assert!((found - ratio).abs() < 1e-6, "{frame}: {closest}");
+        }
+    }
+    let replayed = replay(&recording);
+    assert_eq!(replayed.reports(), live.reports());
+    replayed.assert_recorded_verdicts();
+    let (_, text) = printed(&["replay", recording.to_str().unwrap()]);
+    let words = "low clearance: the center lines of curve 0 and the image -1,0,0 of curve 1 are ";
+    assert!(text.contains(words), "{text}");
 }
 
 #[test]

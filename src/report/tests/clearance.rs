@@ -11,6 +11,7 @@ fn low(i: u32, j: u32, ratio: f64) -> Clearance {
             error: 0.0,
             i,
             j,
+            image: Default::default(),
             segments: [1, 3],
             points: [[1.0, 0.0, 0.0], [1.0 - ratio, 0.0, 0.0]],
             distance: ratio,

@@ -350,7 +350,7 @@ impl TryFrom<schema::Report> for Report {
             adopted: r.adopted.into_iter().map(Into::into).collect(),
             last_intact: r.last_intact,
             safe_fraction: r.safe_fraction,
-            clearance: r.clearance.map(Into::into),
+            clearance: r.clearance.map(TryInto::try_into).transpose()?,
             appeared: r.appeared,
             gone: r.gone,
             missing: r.missing,
@@ -379,6 +379,7 @@ impl From<&Clearance> for schema::Clearance {
                 distance: c.distance,
                 ratio: c.ratio,
                 error: c.error,
+                image: numbers_of(c.image),
             }
         };
         schema::Clearance {
@@ -390,23 +391,28 @@ impl From<&Clearance> for schema::Clearance {
     }
 }
 
-impl From<schema::Clearance> for Clearance {
-    fn from(c: schema::Clearance) -> Self {
-        let closest = c.closest.map(|c| CloseStrands {
-            i: c.i,
-            j: c.j,
-            segments: [c.segment_i, c.segment_j],
-            points: [[c.x_i, c.y_i, c.z_i], [c.x_j, c.y_j, c.z_j]],
-            distance: c.distance,
-            ratio: c.ratio,
-            error: c.error,
-        });
-        Clearance {
+impl TryFrom<schema::Clearance> for Clearance {
+    type Error = Error;
+
+    fn try_from(c: schema::Clearance) -> Result<Self> {
+        let strands = |c: schema::CloseStrands| -> Result<CloseStrands> {
+            Ok(CloseStrands {
+                i: c.i,
+                j: c.j,
+                image: image_of(&c.image)?,
+                segments: [c.segment_i, c.segment_j],
+                points: [[c.x_i, c.y_i, c.z_i], [c.x_j, c.y_j, c.z_j]],
+                distance: c.distance,
+                ratio: c.ratio,
+                error: c.error,
+            })
+        };
+        Ok(Clearance {
             at_least: c.at_least,
-            closest,
+            closest: c.closest.map(strands).transpose()?,
             low: c.low,
             frames_left: c.frames_left,
-        }
+        })
     }
 }
 

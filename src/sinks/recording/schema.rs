@@ -103,7 +103,7 @@ pub struct Report {
     pub clearance: ::core::option::Option<Clearance>,
 }
 /// See linkwatch::Clearance.
-#[derive(Clone, Copy, PartialEq, ::prost::Message)]
+#[derive(Clone, PartialEq, ::prost::Message)]
 pub struct Clearance {
     /// Lower bound for all strands: a distance as a share of the sum of the radii.
     #[prost(double, tag = "1")]
@@ -119,7 +119,7 @@ pub struct Clearance {
     pub frames_left: ::core::option::Option<f64>,
 }
 /// See linkwatch::CloseStrands.
-#[derive(Clone, Copy, PartialEq, ::prost::Message)]
+#[derive(Clone, PartialEq, ::prost::Message)]
 pub struct CloseStrands {
     #[prost(uint32, tag = "1")]
     pub i: u32,
@@ -149,6 +149,9 @@ pub struct CloseStrands {
     pub ratio: f64,
     #[prost(double, tag = "13")]
     pub error: f64,
+    /// Translation of the second strand, in vectors of the periodic cell; empty: 0.
+    #[prost(sint32, repeated, tag = "14")]
+    pub image: ::prost::alloc::vec::Vec<i32>,
 }
 #[derive(Clone, Copy, PartialEq, Eq, Hash, ::prost::Message)]
 pub struct Progress {

@@ -2,10 +2,11 @@
 //! places, and a plot.
 
 use super::names::entity;
+use super::passed::pair;
 use super::stream::{log, log_static};
 use super::style::{ORANGE, RED, YELLOW, lines, narrow, points};
 use crate::curve::vector::distance;
-use crate::curve::{CurveSet, Point};
+use crate::curve::{Cell, CurveSet, Point};
 use crate::error::Result;
 use crate::simd::LANES;
 use crate::thickness::{ClearanceOptions, CloseBlock, REACH, close_blocks_within};
@@ -73,7 +74,7 @@ impl ClearanceView {
     pub fn draw(
         &mut self,
         rec: &RecordingStream,
-        set: &CurveSet,
+        (set, cell): (&CurveSet, Option<&Cell>),
         radii: &[f32],
         clearance: &Clearance,
     ) -> Result<()> {
@@ -81,7 +82,7 @@ impl ClearanceView {
             Some(radius) => vec![radius; set.len()],
             None => radii.iter().map(|&radius| radius.into()).collect(),
         };
-        let blocks = self.close_blocks(set, &radii);
+        let blocks = self.close_blocks(set, cell, &radii);
         let low = self.options.low;
         draw_strands(rec, set, &blocks, low)?;
         draw_marks(rec, clearance, &blocks, low)
@@ -89,9 +90,14 @@ impl ClearanceView {
 
     /// Returns the parts of curves that are close. If there are too many, only closer ones are
     /// drawn in this frame and all later ones, and none if that does not suffice.
-    fn close_blocks(&mut self, set: &CurveSet, radii: &[f64]) -> Vec<CloseBlock> {
+    fn close_blocks(
+        &mut self,
+        set: &CurveSet,
+        cell: Option<&Cell>,
+        radii: &[f64],
+    ) -> Vec<CloseBlock> {
         while self.reach >= LEAST_REACH {
-            match close_blocks_within(set, radii, self.reach) {
+            match close_blocks_within(set, cell, radii, self.reach) {
                 Ok(blocks) => return blocks,
                 Err(e) => {
                     tracing::warn!(
@@ -180,9 +186,8 @@ fn draw_marks(
     log(rec, entity::CLOSEST, &dots)?;
     let label = clearance.closest.map(|c| {
         let share = format!(
-            "{} & {}: {:.0} % of the diameter",
-            c.i,
-            c.j,
+            "{}: {:.0} % of the diameter",
+            pair(c.i, c.j, c.image),
             100.0 * c.ratio
         );
         points([narrow(middle(&c))], 0.0)
@@ -237,7 +242,7 @@ mod tests {
         let set = CurveSet::from_counts(Basis::Polyline, &counts, Positions::F64(&xyz)).unwrap();
         let mut view = ClearanceView::new(ClearanceOptions::new(Some(10.0)));
         // The limit is exceeded at every distance.
-        assert!(view.close_blocks(&set, &vec![10.0; count]).is_empty());
+        assert!(view.close_blocks(&set, None, &vec![10.0; count]).is_empty());
         assert!(view.reach < LEAST_REACH);
     }
 

@@ -192,7 +192,7 @@ impl Curves {
         for (curves, segments, point) in local::places(report) {
             let is_new = |&i: &u32| violated.get(i as usize) == Some(&false);
             if places.len() < SEARCHED && curves.iter().any(is_new) {
-                let size = local::spot(set, curves, segments, point).size;
+                let size = local::spot(set, curves, (segments, [0.0; 3]), point).size;
                 places.push((point, NEIGHBOURHOOD * size));
             }
         }

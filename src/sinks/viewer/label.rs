@@ -6,7 +6,7 @@
 
 use super::local::Spot;
 use super::view::View;
-use crate::curve::vector::add_scaled;
+use crate::curve::vector::{add, add_scaled};
 use crate::curve::{CurveSet, Point};
 
 /// Size of a letter, and the margin around the text, in sizes of the feature (see
@@ -74,7 +74,8 @@ pub(super) fn place(set: &CurveSet, spots: &[&Spot], size: f64, text: &str, view
 /// Returns points of both curves of a spot.
 fn curve_points<'a>(set: &'a CurveSet, spot: &Spot) -> impl Iterator<Item = Point> + 'a {
     let strands = spot.curves.into_iter().zip(spot.segments);
-    strands.flat_map(move |(i, s)| {
+    let moved = strands.zip([[0.0; 3], spot.by]);
+    moved.flat_map(move |((i, s), by)| {
         let (i, s) = (i as usize, s as usize);
         let segments = set.curves().get(i).map_or(0, |c| c.segments as usize);
         let closed = set.curves().get(i).is_some_and(|c| c.closed);
@@ -84,7 +85,7 @@ fn curve_points<'a>(set: &'a CurveSet, spot: &Spot) -> impl Iterator<Item = Poin
         let near = if all { 0..segments } else { first };
         near.flat_map(move |s| {
             let at = |k| k as f64 / POINTS_PER_SEGMENT as f64;
-            (0..POINTS_PER_SEGMENT).map(move |k| set.eval(i, s, at(k)))
+            (0..POINTS_PER_SEGMENT).map(move |k| add(set.eval(i, s, at(k)), by))
         })
     })
 }
@@ -123,7 +124,12 @@ mod tests {
     fn placed(centers: &[[f64; 2]], text: &str) -> ([f64; 2], usize) {
         let (set, view) = rings(centers);
         let place = set.knot(0, 3);
-        let spot = local::spot(&set, [0, centers.len() as u32 - 1], [3, 3], place);
+        let spot = local::spot(
+            &set,
+            [0, centers.len() as u32 - 1],
+            ([3, 3], [0.0; 3]),
+            place,
+        );
         let size = view.unit(spot.size);
         let label = super::place(&set, &[&spot], size, text, &view);
         let at = |p: Point| view.on_screen(p, spot.marks[0], size).unwrap();

@@ -1,6 +1,7 @@
 //! Places of findings: points to mark, and the size of their surroundings, which the size of marks
 //! and the distance of the eye follow.
 
+use crate::curve::vector::{add, sub};
 use crate::curve::{CurveSet, Point};
 pub(super) use crate::curve::{feature, nearest};
 use crate::verdict::Report;
@@ -10,20 +11,29 @@ pub(super) struct Spot {
     /// The curves, and a segment of each.
     pub curves: [u32; 2],
     pub segments: [u32; 2],
+    /// Translation of the second curve, of which an image takes part.
+    pub by: Point,
     /// Points to mark, one on each curve; the place itself if there is no curve to mark.
     pub marks: Vec<Point>,
     /// Size of the smaller feature of the two curves; 0 if there is none.
     pub size: f64,
 }
 
-/// Returns the marks and the size of a place between segments of curves `i` and `j`.
-pub(super) fn spot(set: &CurveSet, curves: [u32; 2], segments: [u32; 2], point: Point) -> Spot {
+/// Returns the marks and the size of a place between segments of curves `i` and `j`, the second one
+/// translated by `by`.
+pub(super) fn spot(
+    set: &CurveSet,
+    curves: [u32; 2],
+    (segments, by): ([u32; 2], Point),
+    point: Point,
+) -> Spot {
     let strands = || curves.into_iter().zip(segments);
-    let mark = |(i, s): (u32, u32)| {
-        let t = nearest(set, i, s, point)?;
-        Some(set.eval(i as usize, s as usize, t))
+    let mark = |((i, s), by): ((u32, u32), Point)| {
+        let t = nearest(set, i, s, sub(point, by))?;
+        Some(add(set.eval(i as usize, s as usize, t), by))
     };
-    let mut marks: Vec<Point> = strands().filter_map(mark).collect();
+    let moved = strands().zip([[0.0; 3], by]);
+    let mut marks: Vec<Point> = moved.filter_map(mark).collect();
     if marks.is_empty() {
         marks.push(point);
     }
@@ -32,6 +42,7 @@ pub(super) fn spot(set: &CurveSet, curves: [u32; 2], segments: [u32; 2], point: 
     Spot {
         curves,
         segments,
+        by,
         marks,
         size,
     }
@@ -56,7 +67,7 @@ pub(super) fn places(report: &Report) -> impl Iterator<Item = ([u32; 2], [u32; 2
 /// Returns the place of the first finding of a report, and the size of its surroundings.
 pub(super) fn first(set: &CurveSet, report: &Report) -> Option<(Point, f64)> {
     let (curves, segments, point) = places(report).next()?;
-    Some((point, spot(set, curves, segments, point).size))
+    Some((point, spot(set, curves, (segments, [0.0; 3]), point).size))
 }
 
 #[cfg(test)]
@@ -72,8 +83,11 @@ mod tests {
         ];
         let xyz = xyz.as_flattened();
         let set = CurveSet::from_counts(Basis::Polyline, &[-3, -3], Positions::F64(xyz)).unwrap();
-        let spot = spot(&set, [0, 1], [0, 0], [0.5, 0.0, 25.0]);
-        assert_eq!(spot.marks, [[0.5, 0.0, 0.0], [0.5, 0.0, 50.0]]);
-        assert!(spot.size < 3.0, "{}", spot.size);
+        let found = spot(&set, [0, 1], ([0, 0], [0.0; 3]), [0.5, 0.0, 25.0]);
+        assert_eq!(found.marks, [[0.5, 0.0, 0.0], [0.5, 0.0, 50.0]]);
+        assert!(found.size < 3.0, "{}", found.size);
+        // An image of the second one.
+        let found = spot(&set, [0, 1], ([0, 0], [9.0, 0.0, -50.0]), [9.5, 0.0, 0.0]);
+        assert_eq!(found.marks[1], [9.5, 0.0, 0.0]);
     }
 }

@@ -180,7 +180,8 @@ impl ViewerSink {
         view.plot(&self.rec, found)?;
         let labels = &record.info.labels;
         if let Some(set) = record.curves.as_deref().filter(|_| draws) {
-            view.draw(&self.rec, set, &labels.radii, found)?;
+            let cell = record.info.cell.as_ref();
+            view.draw(&self.rec, (set, cell), &labels.radii, found)?;
         }
         let becomes_low = view.becomes_low(found);
         match found.sentence_named(record.report.stats.extent, &labels.names) {
@@ -348,9 +349,9 @@ impl Sink for ViewerSink {
             }
             let all = std::mem::take(&mut self.redraws);
             self.curves.draw(&self.rec, set, report, all)?;
-            self.cell
-                .draw(&self.rec, record.info.cell.as_ref(), set, report)?;
-            picture::draw_places(&self.rec, set, report)?;
+            let cell = record.info.cell.as_ref();
+            self.cell.draw(&self.rec, cell, set, report)?;
+            picture::draw_places(&self.rec, set, cell, report)?;
             picture::draw_passed(&self.rec, &self.passed, set)?;
         }
         if self.passed.words().is_none() && !report.events.is_empty() {

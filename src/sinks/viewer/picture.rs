@@ -7,7 +7,7 @@ use super::passed::{self, Passed};
 use super::stream::log;
 use super::style::{CYAN, PALE_ORANGE, PALE_RED, lines, narrow, points};
 use super::view::View;
-use crate::curve::CurveSet;
+use crate::curve::{Cell, CurveSet, Image, is_home};
 use crate::error::Result;
 use crate::verdict::Report;
 use re_sdk::RecordingStream;
@@ -29,38 +29,48 @@ const DOT: f64 = 0.05;
 /// Logs a dot on each curve of a finding, a star at each pull-through of this frame, and a label
 /// beside each place, broken pairs first. Findings close together share a label, because labels
 /// would cover one another.
-pub(super) fn draw_places(rec: &RecordingStream, set: &CurveSet, report: &Report) -> Result<()> {
+pub(super) fn draw_places(
+    rec: &RecordingStream,
+    set: &CurveSet,
+    cell: Option<&Cell>,
+    report: &Report,
+) -> Result<()> {
+    let by = |image: Image| cell.map_or([0.0; 3], |cell| cell.translation(image));
     let changes = report.changes.iter().filter_map(|c| {
         let (numbers, place) = ((c.expected, c.found), c.place?);
         let text = format!(
-            "{} & {}: linking number was {}, is {}",
-            c.i, c.j, numbers.0, numbers.1
+            "{}: linking number was {}, is {}",
+            passed::pair(c.i, c.j, c.image),
+            numbers.0,
+            numbers.1
         );
-        let spot = local::spot(set, [c.i, c.j], place.segments, place.point);
+        let segments = (place.segments, by(c.image));
+        let spot = local::spot(set, [c.i, c.j], segments, place.point);
         Some((spot, text, PALE_RED))
     });
     let defects = report.defects.iter().map(|d| {
         let text = match d.j {
-            Some(j) => format!("{} & {j} {}", d.i, d.kind.words()),
+            Some(j) => format!("{} {}", passed::pair(d.i, j, d.image), d.kind.words()),
             None => format!("{} {}", d.i, d.kind.words()),
         };
         let curves = [d.i, d.j.unwrap_or(d.i)];
-        let spot = local::spot(set, curves, d.place.segments, d.place.point);
+        let segments = (d.place.segments, by(d.image));
+        let spot = local::spot(set, curves, segments, d.place.point);
         (spot, text, PALE_ORANGE)
     });
     let unresolved = report.unresolved.iter().map(|e| {
         let text = format!("{}: unresolved", passed::name(e));
-        let spot = local::spot(set, [e.i, e.j], e.segments, e.point);
+        let spot = local::spot(set, [e.i, e.j], (e.segments, by(e.image)), e.point);
         (spot, text, PALE_ORANGE)
     });
     let undecided = defects.take(SHOWN).chain(unresolved.take(SHOWN));
     let marked: Vec<(Spot, String, u32)> = changes.take(SHOWN).chain(undecided).collect();
     let events = report.events.iter().take(passed::KEPT).map(|e| {
-        let text = match e.i == e.j {
+        let text = match e.i == e.j && is_home(&e.image) {
             true => passed::name(e),
             false => format!("{}, {:+}", passed::name(e), e.sign),
         };
-        let mut spot = local::spot(set, [e.i, e.j], e.segments, e.point);
+        let mut spot = local::spot(set, [e.i, e.j], (e.segments, by(e.image)), e.point);
         spot.marks = vec![e.point];
         (spot, text, CYAN)
     });

@@ -1,12 +1,13 @@
 //! Status of a run in words, and the findings that last over several frames.
 
-use super::passed::{Passed, name};
+use super::passed::{Passed, name, pair};
+use crate::curve::Image;
 use crate::verdict::{Defect, Report, Verdict};
 use std::collections::BTreeMap;
 
-/// Identity of a finding that lasts over several frames: the curves, and the number found or the
-/// kind of the defect.
-pub(super) type Key = (u32, Option<u32>, i64);
+/// Identity of a finding that lasts over several frames: the curves and the image of the second
+/// one, and the number found or the kind of the defect.
+pub(super) type Key = (u32, Option<u32>, Image, i64);
 
 /// Findings that last, each with the frame since which it has persisted.
 pub(super) type Findings = BTreeMap<Key, u64>;
@@ -14,11 +15,13 @@ pub(super) type Findings = BTreeMap<Key, u64>;
 /// Returns the key of each finding, in the order of [`Report::findings`]. Events have the key
 /// `None`, because they do not last: each one is new.
 pub(super) fn keys(report: &Report) -> impl Iterator<Item = Option<Key>> + '_ {
-    let changes = report.changes.iter().map(|c| (c.i, Some(c.j), c.found));
+    let changes = report.changes.iter();
+    let changes = changes.map(|c| (c.i, Some(c.j), c.image, c.found));
     let events = report.events.iter().map(|_| None);
     // Larger than every linking number of a frame.
     let kind = |d: &Defect| i64::MAX - d.kind as i64;
-    let defects = report.defects.iter().map(move |d| (d.i, d.j, kind(d)));
+    let defects = report.defects.iter();
+    let defects = defects.map(move |d| (d.i, d.j, d.image, kind(d)));
     let unresolved = report.unresolved.iter().map(|_| None);
     let lasting = defects.map(Some);
     changes
@@ -72,18 +75,17 @@ pub(super) fn status(
     }
     let changes = report.changes.iter().map(|c| {
         let words = format!("was {}, is {}", c.expected, c.found);
-        (c.i, Some(c.j), words)
+        (pair(c.i, c.j, c.image), words)
     });
     let defects = report.defects.iter().map(|d| {
-        let words = d.kind.words().to_owned();
-        (d.i, d.j, words)
+        let curves = d.j.map_or(format!("{}", d.i), |j| pair(d.i, j, d.image));
+        (curves, d.kind.words().to_owned())
     });
     let rows = changes.chain(defects).zip(keys(report).flatten());
     let frame = |key| seen.get(&key).copied().unwrap_or(since);
     let mut rows: Vec<_> = rows.map(|(row, key)| (frame(key), row)).collect();
     rows.sort_by_key(|(frame, _)| *frame);
-    for (frame, (i, j, words)) in rows.into_iter().take(shown) {
-        let curves = j.map_or(format!("{i}"), |j| format!("{i} & {j}"));
+    for (frame, (curves, words)) in rows.into_iter().take(shown) {
         text.push_str(&format!("| **{curves}** | {words} | {frame} |\n"));
     }
     let more = |count: usize| {
@@ -142,6 +144,29 @@ mod tests {
         );
         assert!(text.contains("| **1 & 101** | was 1, is 0 | 4 |"), "{text}");
         assert!(text.ends_with("\nand 1 more\n"), "{text}");
+    }
+
+    #[test]
+    fn findings_with_different_images_have_rows_and_keys_of_their_own() {
+        let mut report = report(2);
+        for (change, n) in report.changes.iter_mut().zip([-1, 2]) {
+            (change.i, change.j, change.image) = (4, 7, [n, 0, 0]);
+        }
+        report.events = vec![PullThrough {
+            image: [-1, 0, 0],
+            ..event(4, 7)
+        }];
+        let known: Vec<Key> = keys(&report).flatten().collect();
+        assert_ne!(known[0], known[1]);
+        let seen = keys(&report).flatten().zip(3..).collect();
+        let text = status(&report, 2, &seen, &Passed::default(), 4);
+        for row in [
+            "| **curve 4 and the image -1,0,0 of curve 7** | was 1, is 0 | 3 |",
+            "| **curve 4 and the image 2,0,0 of curve 7** | was 1, is 0 | 4 |",
+            "| **4 through the image -1,0,0 of 7** | -1 | 0.250 |",
+        ] {
+            assert!(text.contains(row), "{row}: {text}");
+        }
     }
 
     #[test]

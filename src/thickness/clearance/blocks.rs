@@ -1,12 +1,21 @@
 //! Blocks of eight segments, and chunks of blocks: what moves together.
 
 use super::motion::Ranges;
-use crate::curve::{Basis, CurveSet};
+use crate::curve::{Basis, CurveSet, Image, is_home};
 use crate::simd::LANES;
 use std::ops::Range;
 
 /// Number of blocks in a chunk.
 pub(super) const CHUNK: usize = 64;
+
+/// A block and an image of another one, or of itself. Of both orders, that is listed in which the
+/// first curve comes first, or the image of the same curve is positive in lexicographic order.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) struct BlockPair {
+    pub blocks: [u32; 2],
+    /// Translation of the second block.
+    pub image: Image,
+}
 
 /// The blocks of all curves, counted over all of them.
 #[derive(Debug)]
@@ -64,6 +73,26 @@ impl Blocks {
     pub fn place(&self, block: u32) -> (u32, u32) {
         let curve = self.curves[block as usize];
         (curve, block - self.first[curve as usize])
+    }
+
+    /// Returns the pair of a block and an image of another one, or of itself.
+    pub fn pair(&self, a: u32, b: u32, image: Image) -> BlockPair {
+        let backward = image.map(|n| -n);
+        let [i, j] = [a, b].map(|k| self.curves[k as usize]);
+        let forward = match is_home(&image) || i != j {
+            true => a <= b,
+            false => image > backward,
+        };
+        match forward {
+            true => BlockPair {
+                blocks: [a, b],
+                image,
+            },
+            false => BlockPair {
+                blocks: [b, a],
+                image: backward,
+            },
+        }
     }
 
     /// Returns the number of blocks.

@@ -13,6 +13,10 @@
 //! are further apart than the reach, until a block has moved half of what the range has beyond it:
 //! then the pairs are listed anew.
 //!
+//! In a periodic cell, pairs of a block and an image of a block are listed as well
+//! ([`lattice`]). If the cell changes, the motion of the lattice vector between both blocks of a
+//! pair counts as well.
+//!
 //! # Level
 //!
 //! All strands below the level are measured in each frame, so that a clearance below it is that of
@@ -23,6 +27,7 @@
 //! each frame is searched for the closest strands alone.
 
 mod blocks;
+mod lattice;
 mod motion;
 mod near;
 mod strands;
@@ -30,13 +35,14 @@ mod strands;
 mod tests;
 mod trend;
 
-use self::blocks::Blocks;
+use self::blocks::{BlockPair, Blocks};
 use self::near::{Moved, NearList, Reach};
 use self::strands::{Arcs, Measured, Strands};
 use self::trend::Trend;
-use crate::curve::{CurveSet, Positions, Shape};
+use crate::curve::{Cell, CurveSet, Image, Positions, Shape};
 use crate::error::{Error, Result};
 use crate::pairs::LinkSearch;
+use crate::periodic::period;
 use crate::simd::LANES;
 use crate::verdict::{Clearance, CloseStrands};
 
@@ -153,37 +159,54 @@ pub struct CloseBlock {
 /// # Ok::<(), linkwatch::Error>(())
 /// ```
 pub fn close_blocks(set: &CurveSet, radii: &[f64]) -> Result<Vec<CloseBlock>> {
-    close_blocks_within(set, radii, REACH)
+    close_blocks_within(set, None, radii, REACH)
 }
 
-/// [`close_blocks`] for another distance, in sums of the radii, at most [`REACH`].
+/// [`close_blocks`] in a periodic cell, if there is one: all parts of the curves that are close to
+/// another strand or to an image.
+///
+/// Errors: as those of [`close_blocks`], and [`Error::Usage`] if the vectors of the cell do not span
+/// a lattice, or curves span too many cells.
+pub fn close_blocks_in_cell(
+    set: &CurveSet,
+    cell: Option<&Cell>,
+    radii: &[f64],
+) -> Result<Vec<CloseBlock>> {
+    close_blocks_within(set, cell, radii, REACH)
+}
+
+/// [`close_blocks_in_cell`] for another distance, in sums of the radii, at most [`REACH`].
 pub(crate) fn close_blocks_within(
     set: &CurveSet,
+    cell: Option<&Cell>,
     radii: &[f64],
     within: f64,
 ) -> Result<Vec<CloseBlock>> {
+    if let Some(cell) = cell {
+        cell.check()?;
+    }
     if radii.len() != set.len() {
         let what = format!("{} radii for {} curves", radii.len(), set.len());
         return Err(Error::Usage(what));
     }
     check_radii(radii.iter().copied())?;
-    let layout = Layout::new(set);
+    let layout = Layout::new(set, cell);
     let positions = set.positions();
-    let strands = layout.strands(set, positions.as_positions(), radii);
+    let strands = layout.strands((set, cell), positions.as_positions(), radii);
     let reach = Reach {
         ratio: within,
         skin: 0.0,
     };
     let list = list_pairs(&strands, reach, &mut LinkSearch::default())?;
     let pairs = list.below(within).into_iter().map(|k| list.blocks_of(k));
-    let pairs: Vec<[u32; 2]> = pairs.collect();
+    let pairs: Vec<BlockPair> = pairs.collect();
     let mut closest: Vec<Option<CloseStrands>> = vec![None; layout.blocks.len()];
     for (pair, measured) in pairs.iter().zip(strands.measure(&pairs, within)) {
         let Some(found) = measured.closest.filter(|found| found.ratio < within) else {
             continue;
         };
-        for number in pair {
-            let block = &mut closest[*number as usize];
+        for number in pair.blocks {
+            let block = &mut closest[number as usize];
             if block.is_none_or(|known| found.ratio < known.ratio) {
                 *block = Some(found);
             }
@@ -212,19 +235,13 @@ fn check_radii(mut radii: impl Iterator<Item = f64>) -> Result<()> {
 
 /// Lists the near pairs of a frame.
 fn list_pairs(strands: &Strands<'_>, reach: Reach, search: &mut LinkSearch) -> Result<NearList> {
-    let refuse = |what: String| Error::Unsupported {
-        format: "clearance",
-        what,
-    };
     if strands.set.max_abs() > LARGEST {
-        return Err(refuse(format!("of coordinates above {LARGEST:e}")));
+        return Err(Error::Unsupported {
+            format: "clearance",
+            what: format!("of coordinates above {LARGEST:e}"),
+        });
     }
-    NearList::build(strands, reach, search).ok_or_else(|| {
-        refuse(format!(
-            "of more than {} pairs of close strands; is the radius too large?",
-            near::MOST_NEAR
-        ))
-    })
+    NearList::build(strands, reach, search)
 }
 
 /// Measures the clearance of successive frames.
@@ -244,7 +261,7 @@ pub(crate) struct ClearanceMonitor {
     /// Doublings of the work after which the current frame becomes the reference frame.
     patience: u32,
     /// Pairs that are measured in every frame.
-    closest: Vec<[u32; 2]>,
+    closest: Vec<BlockPair>,
     trend: Trend,
 }
 
@@ -254,16 +271,18 @@ struct Layout {
     shape: Shape,
     arcs: Arcs,
     blocks: Blocks,
+    /// Period of each curve; zeros if it does not run through the cell.
+    periods: Vec<Image>,
 }
 
 /// What was measured in a frame.
 struct Found {
-    pairs: Vec<([u32; 2], Measured)>,
+    pairs: Vec<(BlockPair, Measured)>,
     closest: Option<CloseStrands>,
 }
 
 impl Found {
-    fn add(&mut self, pairs: Vec<[u32; 2]>, measured: Vec<Measured>) {
+    fn add(&mut self, pairs: Vec<BlockPair>, measured: Vec<Measured>) {
         let close = measured
             .iter()
             .filter_map(|m| m.closest)
@@ -279,8 +298,8 @@ impl Found {
     }
 
     /// Returns the closest pairs.
-    fn closest_pairs(mut self) -> Vec<[u32; 2]> {
-        let order = |(a, p): &([u32; 2], Measured), (b, q): &([u32; 2], Measured)| {
+    fn closest_pairs(mut self) -> Vec<BlockPair> {
+        let order = |(a, p): &(BlockPair, Measured), (b, q): &(BlockPair, Measured)| {
             p.ratio().total_cmp(&q.ratio()).then(a.cmp(b))
         };
         self.pairs.retain(|(_, measured)| measured.ratio() < REACH);
@@ -338,23 +357,23 @@ impl ClearanceMonitor {
         };
     }
 
-    /// Measures a frame.
+    /// Measures a frame in its periodic cell, if there is one.
     ///
-    /// Errors: [`Error::Usage`] if the radii of the curves are unknown; [`Error::Unsupported`] if
-    /// coordinates are too large, or too many strands are close.
-    pub fn measure(&mut self, set: &CurveSet, seq: u64) -> Result<Clearance> {
+    /// Errors: [`Error::Usage`] if the radii of the curves are unknown, or curves span too many
+    /// cells; [`Error::Unsupported`] if coordinates are too large, or too many strands are close.
+    pub fn measure(&mut self, set: &CurveSet, cell: Option<&Cell>, seq: u64) -> Result<Clearance> {
         match set.segments() {
-            ..LARGE => self.measure_here(set, seq),
+            ..LARGE => self.measure_here(set, cell, seq),
             // Once, so that the parallel parts need not each wake a thread.
-            _ => rayon::scope(|_| self.measure_here(set, seq)),
+            _ => rayon::scope(|_| self.measure_here(set, cell, seq)),
         }
     }
 
-    fn measure_here(&mut self, set: &CurveSet, seq: u64) -> Result<Clearance> {
-        let layout = self.prepare(set)?;
+    fn measure_here(&mut self, set: &CurveSet, cell: Option<&Cell>, seq: u64) -> Result<Clearance> {
+        let layout = self.prepare(set, cell)?;
         let radii = std::mem::take(&mut self.radii);
         let positions = set.positions();
-        let strands = layout.strands(set, positions.as_positions(), &radii);
+        let strands = layout.strands((set, cell), positions.as_positions(), &radii);
         let measured = self.measure_strands(&strands);
         self.layout = Some(layout);
         self.radii = radii;
@@ -369,7 +388,7 @@ impl ClearanceMonitor {
     }
 
     /// Returns what depends on the curves only, and checks their radii.
-    fn prepare(&mut self, set: &CurveSet) -> Result<Layout> {
+    fn prepare(&mut self, set: &CurveSet, cell: Option<&Cell>) -> Result<Layout> {
         let shape = set.shape();
         if self.layout.as_ref().is_some_and(|l| l.shape != shape) {
             self.forget();
@@ -381,7 +400,7 @@ impl ClearanceMonitor {
             let what = "clearance needs the radii of the curves: the frames have none";
             return Err(Error::Usage(what.into()));
         }
-        Ok(self.layout.take().unwrap_or_else(|| Layout::new(set)))
+        Ok(self.layout.take().unwrap_or_else(|| Layout::new(set, cell)))
     }
 
     /// Measures a frame. Returns a lower bound of the clearance of all strands, and the closest
@@ -398,7 +417,7 @@ impl ClearanceMonitor {
         let smallest = strands.radii.iter().fold(f64::INFINITY, |a, &b| a.min(b));
         let small = SMALL * smallest;
         let old = self.list.take().map(|list| {
-            let moved = list.moved(blocks, positions, small);
+            let moved = list.moved(strands, small);
             (list, moved)
         });
         self.ages = self.ages.map(|age| age + 1);
@@ -417,7 +436,7 @@ impl ClearanceMonitor {
                     self.adapt();
                 }
                 if costly || found.ratio() - list.level > MOST_SLACK {
-                    list.rebase(moved, (blocks, positions), small);
+                    list.rebase(moved, strands, small);
                     self.settle(&mut list, strands, &mut found);
                     (self.ages[1], self.work) = (0, 0);
                     at_least = list.least;
@@ -476,7 +495,7 @@ impl ClearanceMonitor {
         };
         let mut list = list_pairs(strands, reach, &mut self.search)?;
         if let Some((mut old, moved)) = old.filter(|_| skin > 0.0) {
-            old.rebase(moved, (strands.blocks, strands.positions), 0.0);
+            old.rebase(moved, strands, 0.0);
             list.inherit(&old);
         }
         self.ages = [0; 2];
@@ -489,7 +508,7 @@ impl ClearanceMonitor {
     fn settle(&mut self, list: &mut NearList, strands: &Strands<'_>, found: &mut Found) {
         let [tolerance, level] = self.level(list.reach.skin, found.ratio());
         let due = list.below((level + tolerance).min(list.reach.ratio));
-        let pairs: Vec<[u32; 2]> = due.iter().map(|&k| list.blocks_of(k)).collect();
+        let pairs: Vec<BlockPair> = due.iter().map(|&k| list.blocks_of(k)).collect();
         let limit = (level + 2.0 * tolerance).min(REACH);
         let measured = strands.measure(&pairs, limit);
         list.improve(due.into_iter().zip(&measured));
@@ -516,17 +535,21 @@ impl ClearanceMonitor {
 }
 
 impl Layout {
-    fn new(set: &CurveSet) -> Layout {
+    fn new(set: &CurveSet, cell: Option<&Cell>) -> Layout {
+        let period = |i: usize| cell.and_then(|cell| period(set, i, cell));
         Layout {
             shape: set.shape(),
             arcs: Arcs::new(set),
             blocks: Blocks::new(set),
+            periods: (0..set.len())
+                .map(|i| period(i).unwrap_or_default())
+                .collect(),
         }
     }
 
     fn strands<'a>(
         &'a self,
-        set: &'a CurveSet,
+        (set, cell): (&'a CurveSet, Option<&'a Cell>),
         positions: Positions<'a>,
         radii: &'a [f64],
     ) -> Strands<'a> {
@@ -536,6 +559,8 @@ impl Layout {
             radii,
             arcs: &self.arcs,
             blocks: &self.blocks,
+            cell,
+            periods: &self.periods,
         }
     }
 }

@@ -19,7 +19,8 @@ pub(super) struct Rigid {
 impl Rigid {
     /// Fits a motion to some of the points of two frames. The rotation is that of Kabsch (1976). It
     /// is looked for if some points differ by more than `small` without it, and kept if that halves
-    /// the difference. A poor fit only makes points travel further.
+    /// the difference. A poor fit only makes points travel further. An infinite `small` excludes
+    /// rotations.
     pub fn fit([before, after]: [Positions<'_>; 2], small: f64) -> Rigid {
         let count = before.len() / 3;
         let step = (count / SAMPLES).max(1);
@@ -96,6 +97,16 @@ pub(super) struct Displacements {
 }
 
 impl Displacements {
+    /// Returns the displacements of an image whose lattice vector moved by `by`, rounded by at most
+    /// `rounding`.
+    #[inline(always)]
+    pub fn shifted(&self, by: Point, rounding: f64) -> Displacements {
+        Displacements {
+            lo: [0, 1, 2].map(|x| self.lo[x] + by[x] - rounding),
+            hi: [0, 1, 2].map(|x| self.hi[x] + by[x] + rounding),
+        }
+    }
+
     /// Returns an upper bound of the distance by which points of two parts moved relative to one
     /// another.
     #[inline(always)]

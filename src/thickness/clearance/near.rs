@@ -1,11 +1,14 @@
 //! Pairs of near blocks, and how far they may move before they must be measured again.
 
-use super::blocks::{Blocks, CHUNK};
+use super::blocks::{BlockPair, Blocks, CHUNK};
+use super::lattice::{Lattice, LatticeMotion};
 use super::motion::{Displacements, Rigid, Step};
 use super::strands::{Measured, Strands};
 use crate::cancel::PairLimit;
-use crate::curve::{Box3, Positions, Received, above, below, larger, pow2};
+use crate::curve::{Box3, Image, Positions, Received, above, below, larger, pow2};
+use crate::error::{Error, Result};
 use crate::pairs::LinkSearch;
+use crate::periodic::too_far;
 use crate::simd::dispatch;
 use rayon::prelude::*;
 
@@ -18,7 +21,7 @@ const CHUNKS_PER_TASK: usize = 32;
 /// Margin of a bound, in diameters, that covers all rounding to single precision.
 const MARGIN: f64 = 1e-6;
 
-/// Maximum number of near pairs of blocks, of which each needs up to 60 bytes. Yarn has about ten
+/// Maximum number of near pairs of blocks, of which each needs up to 72 bytes. Yarn has about ten
 /// per block.
 pub(super) const MOST_NEAR: usize = 1 << 24;
 
@@ -34,7 +37,7 @@ pub(super) struct Reach {
 /// A pair of near blocks.
 #[derive(Clone, Copy, Debug)]
 struct NearPair {
-    blocks: [u32; 2],
+    pair: BlockPair,
     /// Sum of the radii.
     radii: f32,
     /// Lower bound of the clearance in the reference frame.
@@ -51,6 +54,8 @@ pub(super) struct NearList {
     of: Vec<u32>,
     /// Positions of the reference frame.
     reference: Received,
+    /// Lattice of the reference frame, if the scene is periodic.
+    lattice: Option<Lattice>,
     pub reach: Reach,
     /// Largest distance that a block moved from the frame of the list to the reference frame.
     traveled: f64,
@@ -67,8 +72,12 @@ pub(super) struct NearList {
 pub(super) struct Moved {
     rigid: Rigid,
     chunks: Vec<Displacements>,
-    /// Upper bound of the largest motion of a block.
+    /// Upper bound of the largest motion of a block, and half of that of a lattice vector.
     pub farthest: f64,
+    /// Half of the upper bound of the motion of lattice vectors between near strands.
+    drift: f64,
+    /// Motion of the lattice, if its cell changed.
+    lattice: Option<LatticeMotion>,
     /// First of the blocks of a chunk in `blocks`, if they are distinguished.
     starts: Vec<Option<u32>>,
     blocks: Vec<Displacements>,
@@ -113,15 +122,32 @@ impl Moved {
     /// Returns a lower bound of the current clearance of a pair.
     #[inline(always)]
     fn bound(&self, pair: &NearPair) -> f64 {
-        let [a, b] = pair.blocks.map(|block| self.of(block));
-        f64::from(pair.bound) - a.largest_between(b) / f64::from(pair.radii)
+        let BlockPair { blocks, image } = pair.pair;
+        let [a, b] = blocks.map(|block| self.of(block));
+        let moved = match &self.lattice {
+            Some(lattice) => {
+                let (by, rounding) = lattice.of(image);
+                a.largest_between(&b.shifted(by, rounding))
+            }
+            None => a.largest_between(b),
+        };
+        f64::from(pair.bound) - moved / f64::from(pair.radii)
+    }
+
+    /// Returns an upper bound of the motion of a block, or of the blocks of a chunk, and half of that
+    /// of a lattice vector.
+    #[inline(always)]
+    fn largest(&self, moved: &Displacements) -> f64 {
+        self.rigid.largest_from(moved) + self.drift
     }
 }
 
 impl NearList {
-    /// Lists the near pairs of a frame, which becomes the reference frame. Returns `None` if there
-    /// are too many.
-    pub fn build(strands: &Strands<'_>, reach: Reach, search: &mut LinkSearch) -> Option<NearList> {
+    /// Lists the near pairs of a frame, which becomes the reference frame.
+    ///
+    /// Errors: [`Error::Unsupported`] if there are too many; [`Error::Usage`] if curves span too
+    /// many cells.
+    pub fn build(strands: &Strands<'_>, reach: Reach, search: &mut LinkSearch) -> Result<NearList> {
         let Strands {
             set, radii, blocks, ..
         } = *strands;
@@ -140,30 +166,61 @@ impl NearList {
                 .map(bounds)
                 .collect(),
         };
-        let dilated = boxes.iter().zip(&blocks.curves).map(|(b, &curve)| {
-            b.dilated(above(
-                reach.ratio * radii[curve as usize] + reach.skin + rounding,
-            ))
-        });
-        let dilated: Vec<Box3> = dilated.collect();
+        let dilation = |curve: u32| reach.ratio * radii[curve as usize] + reach.skin + rounding;
+        let dilated = boxes.iter().zip(&blocks.curves);
+        let dilated: Vec<Box3> = dilated
+            .map(|(b, &curve)| b.dilated(above(dilation(curve))))
+            .collect();
         let limit = PairLimit::default();
         limit.begin(MOST_NEAR);
         search.limit_to(limit.clone());
-        let found = search.find(&dilated);
+        let lattice = strands.cell.map(|cell| {
+            let largest = radii.iter().fold(0.0, |a: f64, &b| a.max(b));
+            Lattice::new(cell, &boxes, 2.0 * (reach.ratio * largest + reach.skin))
+        });
+        let lattice = lattice.transpose()?;
+        let mut found: Vec<BlockPair> = match &lattice {
+            None => {
+                let home = search.find(&dilated).iter();
+                home.map(|&(a, b)| blocks.pair(a, b, Image::default()))
+                    .collect()
+            }
+            Some(lattice) => {
+                let near = lattice.near(&dilated, search);
+                let near = near.map_err(|block| too_far(blocks.curves[block] as usize))?;
+                near.map(|(a, b, image)| blocks.pair(a, b, image)).collect()
+            }
+        };
         if limit.is_exceeded() {
-            return None;
+            return Err(Error::Unsupported {
+                format: "clearance",
+                what: format!(
+                    "of more than {MOST_NEAR} pairs of close strands; is the radius too large?"
+                ),
+            });
         }
-        found.extend((0..count).map(|block| (block, block)));
+        found.extend((0..count).map(|block| blocks.pair(block, block, Image::default())));
         found.sort_unstable();
-        let listed = |&(a, b): &(u32, u32)| {
-            let [i, j] = [a, b].map(|k| blocks.curves[k as usize] as usize);
-            if i == j && !strands.are_apart(i, [a, b].map(|k| k - blocks.first[i])) {
+        found.dedup();
+        let listed = |pair: &BlockPair| {
+            if !strands.are_apart(pair) {
                 return None;
             }
-            let sum = radii[i] + radii[j];
-            let gap = boxes[a as usize].dist_sq_below(&boxes[b as usize]).sqrt();
+            let [a, b] = pair.blocks.map(|k| k as usize);
+            let sum = [a, b]
+                .map(|k| radii[blocks.curves[k] as usize])
+                .iter()
+                .sum::<f64>();
+            let (other, rounding) = match &lattice {
+                None => (boxes[b], rounding),
+                Some(lattice) => {
+                    let (other, more) = lattice.translated(&boxes[b], pair.image);
+                    (other, rounding + more)
+                }
+            };
+            let gap = boxes[a].dist_sq_below(&other).sqrt();
             Some(NearPair {
-                blocks: [a, b],
+                pair: *pair,
                 radii: below(sum),
                 bound: below((gap - 2.0 * rounding).max(0.0) / sum - MARGIN),
             })
@@ -176,11 +233,12 @@ impl NearList {
                 .filter_map(listed)
                 .collect(),
         };
-        Some(NearList {
+        Ok(NearList {
             pairs,
             starts: Vec::new(),
             of: Vec::new(),
             reference: Received::from(strands.positions),
+            lattice,
             reach,
             traveled: 0.0,
             level: 0.0,
@@ -195,8 +253,8 @@ impl NearList {
     pub fn inherit(&mut self, old: &NearList) {
         let mut known = old.pairs.iter().peekable();
         for pair in &mut self.pairs {
-            while known.next_if(|k| k.blocks < pair.blocks).is_some() {}
-            if let Some(same) = known.next_if(|k| k.blocks == pair.blocks) {
+            while known.next_if(|k| k.pair < pair.pair).is_some() {}
+            if let Some(same) = known.next_if(|k| k.pair == pair.pair) {
                 pair.bound = larger(pair.bound, same.bound);
             }
         }
@@ -210,9 +268,16 @@ impl NearList {
         }
     }
 
-    /// Returns how the blocks moved from the reference frame to one with these positions. A motion
-    /// of less than `small` is as good as none.
-    pub fn moved(&self, blocks: &Blocks, positions: Positions<'_>, small: f64) -> Moved {
+    /// Returns how the blocks moved from the reference frame to this one. A motion of less than
+    /// `small` is as good as none.
+    pub fn moved(&self, strands: &Strands<'_>, small: f64) -> Moved {
+        let (blocks, positions) = (strands.blocks, strands.positions);
+        // A rotation would turn the lattice, too.
+        let small = if self.lattice.is_some() {
+            f64::INFINITY
+        } else {
+            small
+        };
         let rigid = Rigid::fit([self.reference.positions(), positions], small);
         let step = self.step(blocks, rigid, positions);
         let mut chunks = vec![Displacements::default(); blocks.chunks.len()];
@@ -231,16 +296,25 @@ impl NearList {
             }
         }
         let far = chunks.iter().map(|moved| rigid.largest_from(moved));
+        let far = far.fold(0.0, f64::max);
+        let lattice = self.lattice.as_ref().zip(strands.cell);
+        let lattice = lattice.and_then(|(lattice, cell)| lattice.motion_to(cell));
+        let drift = lattice
+            .as_ref()
+            .map_or(0.0, |motion| 0.5 * motion.largest(far));
         Moved {
             rigid,
-            farthest: far.fold(0.0, f64::max),
+            farthest: far + drift,
+            drift,
+            lattice,
             starts: vec![None; chunks.len()],
             chunks,
             blocks: Vec::new(),
         }
     }
 
-    /// Returns an upper bound of the distance that a block moved since the list was made.
+    /// Returns an upper bound of the distance that a block moved since the list was made, and half
+    /// of that of a lattice vector.
     pub fn traveled(&self, moved: &Moved) -> f64 {
         self.traveled + moved.farthest
     }
@@ -262,33 +336,34 @@ impl NearList {
         moved: &mut Moved,
         (blocks, positions): (&Blocks, Positions<'_>),
         limit: f64,
-    ) -> (Vec<[u32; 2]>, usize) {
-        let rigid = moved.rigid;
-        let beyond = |moved: &Displacements, most: f32| rigid.largest_from(moved) > f64::from(most);
-        let far = (0..moved.chunks.len())
-            .filter(|&chunk| beyond(&moved.chunks[chunk], self.chunk_allowances[chunk]));
+    ) -> (Vec<BlockPair>, usize) {
+        let far = (0..moved.chunks.len()).filter(|&chunk| {
+            let largest = moved.largest(&moved.chunks[chunk]);
+            largest > f64::from(self.chunk_allowances[chunk])
+        });
         let far: Vec<usize> = far.collect();
         if far.is_empty() {
             return Default::default();
         }
-        moved.divide(&self.step(blocks, rigid, positions), blocks, &far);
+        moved.divide(&self.step(blocks, moved.rigid, positions), blocks, &far);
         let moved = &*moved;
         let look = |&chunk: &usize| {
             let (mut due, mut compared) = (Vec::new(), 0);
             for block in chunk * CHUNK..blocks.len().min((chunk + 1) * CHUNK) {
-                if !beyond(moved.of(block as u32), self.allowances[block]) {
+                let largest = moved.largest(moved.of(block as u32));
+                if largest <= f64::from(self.allowances[block]) {
                     continue;
                 }
                 let of = self.starts[block] as usize..self.starts[block + 1] as usize;
                 compared += of.len();
                 let pairs = self.of[of].iter().map(|&k| &self.pairs[k as usize]);
                 let close = pairs.filter(|pair| moved.bound(pair) <= limit);
-                due.extend(close.map(|pair| pair.blocks));
+                due.extend(close.map(|pair| pair.pair));
             }
             (due, compared)
         };
-        let join = |(mut due, count): (Vec<[u32; 2]>, usize), (more, compared)| {
-            due.extend::<Vec<[u32; 2]>>(more);
+        let join = |(mut due, count): (Vec<BlockPair>, usize), (more, compared)| {
+            due.extend::<Vec<BlockPair>>(more);
             (due, count + compared)
         };
         let (mut due, compared) = match far.len() {
@@ -300,13 +375,9 @@ impl NearList {
         (due, compared)
     }
 
-    /// Makes a frame with these positions the reference frame.
-    pub fn rebase(
-        &mut self,
-        mut moved: Moved,
-        (blocks, positions): (&Blocks, Positions<'_>),
-        small: f64,
-    ) {
+    /// Makes a frame the reference frame.
+    pub fn rebase(&mut self, mut moved: Moved, strands: &Strands<'_>, small: f64) {
+        let (blocks, positions) = (strands.blocks, strands.positions);
         let far = (0..moved.chunks.len()).filter(|&chunk| {
             let whole = moved.starts[chunk].is_none();
             whole && moved.rigid.largest_from(&moved.chunks[chunk]) > small
@@ -324,6 +395,9 @@ impl NearList {
         }
         self.traveled = self.traveled(&moved);
         self.reference.copy_from(positions);
+        if let Some((lattice, cell)) = self.lattice.as_mut().zip(strands.cell) {
+            lattice.rebase(cell, moved.farthest);
+        }
     }
 
     /// Returns the pairs whose bound in the reference frame is at most this clearance.
@@ -334,8 +408,8 @@ impl NearList {
     }
 
     /// Returns the blocks of a pair.
-    pub fn blocks_of(&self, pair: u32) -> [u32; 2] {
-        self.pairs[pair as usize].blocks
+    pub fn blocks_of(&self, pair: u32) -> BlockPair {
+        self.pairs[pair as usize].pair
     }
 
     /// Records lower bounds of the clearance in the reference frame.
@@ -363,7 +437,7 @@ impl NearList {
         for pair in &self.pairs {
             let slack = (f64::from(pair.bound) - level) * f64::from(pair.radii);
             let allowance = below(0.5 * slack);
-            for block in pair.blocks {
+            for block in pair.pair.blocks {
                 let least = &mut self.allowances[block as usize];
                 *least = least.min(allowance);
             }
@@ -376,7 +450,7 @@ impl NearList {
     /// Sorts the pairs by their blocks.
     fn index(&mut self, blocks: usize) {
         let sides = |pair: &NearPair| {
-            let [a, b] = pair.blocks;
+            let [a, b] = pair.pair.blocks;
             [a, b].into_iter().take(if a == b { 1 } else { 2 })
         };
         self.starts = vec![0; blocks + 1];

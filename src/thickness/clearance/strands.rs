@@ -1,8 +1,8 @@
 //! Blocks of eight segments, and the distance between two of them.
 
-use super::blocks::Blocks;
-use crate::curve::vector::{add_scaled, distance, sub};
-use crate::curve::{Curve, CurveSet, Point, Positions, point_at};
+use super::blocks::{BlockPair, Blocks};
+use crate::curve::vector::{add, add_scaled, distance, sub};
+use crate::curve::{Cell, Curve, CurveSet, Image, Point, Positions, is_home, point_at};
 use crate::pairs::nearest;
 use crate::simd::{LANES, dispatch};
 use crate::thickness::splines::deviation;
@@ -63,9 +63,14 @@ impl Arcs {
         [self.starts[at], end].map(f64::from)
     }
 
-    /// Returns the length along curve `i` between two segments, `s` before `t`.
-    fn between(&self, i: usize, curve: &Curve, s: u32, t: u32) -> f64 {
+    /// Returns the length along curve `i` between two segments, `s` before `t` in the same period;
+    /// `t` is so many periods later.
+    fn between(&self, i: usize, curve: &Curve, [s, t]: [u32; 2], later: i32) -> f64 {
         let [s, t] = [s, t].map(|s| self.of(i, curve, s));
+        if later != 0 {
+            let by = f64::from(later) * f64::from(self.lengths[i]);
+            return (t[0] + by - s[1]).max(s[0] - t[1] - by);
+        }
         let forward = t[0] - s[1];
         let around = s[0] + f64::from(self.lengths[i]) - t[1];
         if curve.closed {
@@ -76,13 +81,20 @@ impl Arcs {
     }
 
     /// Returns the smallest and the largest length along curve `i` between segments of two blocks,
-    /// `a` not after `b`.
-    fn between_blocks(&self, i: usize, curve: &Curve, [a, b]: [u32; 2]) -> [f64; 2] {
+    /// `a` not after `b` in the same period; `b` is so many periods later.
+    fn between_blocks(&self, i: usize, curve: &Curve, [a, b]: [u32; 2], later: i32) -> [f64; 2] {
         let ends = |block: u32| {
             let first = block * LANES as u32;
             [first, (first + LANES as u32).min(curve.segments) - 1]
         };
         let ([s, last_s], [t, last_t]) = (ends(a), ends(b));
+        if later != 0 {
+            let near = [[last_s, t], [s, last_t]].map(|pair| self.between(i, curve, pair, later));
+            let far = [[s, last_t], [last_s, t]].map(|pair| self.between(i, curve, pair, later));
+            // A later block is further forward, an earlier one further backward.
+            let k = usize::from(later < 0);
+            return [near[k], far[k]];
+        }
         let lengths = |s: u32, t: u32| {
             let [s, t] = [s, t].map(|s| self.of(i, curve, s));
             [t[0] - s[1], s[0] + f64::from(self.lengths[i]) - t[1]]
@@ -125,6 +137,18 @@ struct Block {
     hulls: [[Point; 4]; LANES],
 }
 
+impl Block {
+    /// Moves the block.
+    fn translate(&mut self, by: Point) {
+        for (middles, by) in self.middles.iter_mut().zip(by) {
+            middles.iter_mut().for_each(|x| *x += by);
+        }
+        for point in self.hulls.as_flattened_mut() {
+            *point = add(*point, by);
+        }
+    }
+}
+
 /// All strands of a frame.
 pub(super) struct Strands<'a> {
     /// Only asked for its curves, so that a frame that was only compared stays as received.
@@ -134,20 +158,49 @@ pub(super) struct Strands<'a> {
     pub radii: &'a [f64],
     pub arcs: &'a Arcs,
     pub blocks: &'a Blocks,
+    /// Periodic cell, if there is one.
+    pub cell: Option<&'a Cell>,
+    /// Period of each curve; zeros if it does not run through the cell.
+    pub periods: &'a [Image],
 }
 
 impl Strands<'_> {
-    /// Returns true if some segments of two blocks of curve `i` may be far enough from one another
-    /// along it to be two strands.
-    pub fn are_apart(&self, i: usize, blocks: [u32; 2]) -> bool {
-        let [_, most] = self.arcs.between_blocks(i, &self.set.curve(i), blocks);
+    /// Returns by how many periods the second block of a pair is later on the same curve. `None` if
+    /// they are blocks of different curves, or of a curve and an image that does not continue it.
+    fn later(&self, pair: &BlockPair) -> Option<i32> {
+        let [i, j] = pair.blocks.map(|k| self.blocks.curves[k as usize] as usize);
+        if i != j {
+            return None;
+        }
+        let (image, period) = (pair.image, self.periods[i]);
+        let x = (0..3).find(|&x| period[x] != 0);
+        let later = x.map_or(0, |x| image[x] / period[x]);
+        (image == period.map(|n| n.wrapping_mul(later))).then_some(later)
+    }
+
+    /// Returns the numbers of two blocks on their curves.
+    fn numbers(&self, pair: &BlockPair) -> [u32; 2] {
+        pair.blocks.map(|k| self.blocks.place(k).1)
+    }
+
+    /// Returns true if some segments of two blocks may be two strands: on one curve, if they are far
+    /// enough from one another along it.
+    pub fn are_apart(&self, pair: &BlockPair) -> bool {
+        let Some(later) = self.later(pair) else {
+            return true;
+        };
+        let i = self.blocks.curves[pair.blocks[0] as usize] as usize;
+        let curve = self.set.curve(i);
+        let [_, most] = self
+            .arcs
+            .between_blocks(i, &curve, self.numbers(pair), later);
         most >= PI * self.radii[i]
     }
 
     /// Measures the distances of pairs of blocks: precisely up to `limit`, a share of the sum of
     /// the radii.
-    pub fn measure(&self, pairs: &[[u32; 2]], limit: f64) -> Vec<Measured> {
-        let run = |pairs: &[[u32; 2]]| dispatch!(Strands::measure_run(self, pairs, limit));
+    pub fn measure(&self, pairs: &[BlockPair], limit: f64) -> Vec<Measured> {
+        let run = |pairs: &[BlockPair]| dispatch!(Strands::measure_run(self, pairs, limit));
         match pairs.len() {
             ..MANY => run(pairs),
             _ => {
@@ -158,14 +211,19 @@ impl Strands<'_> {
     }
 
     #[inline(always)]
-    fn measure_run(&self, pairs: &[[u32; 2]], limit: f64) -> Vec<Measured> {
+    fn measure_run(&self, pairs: &[BlockPair], limit: f64) -> Vec<Measured> {
         let mut last = None;
-        let measure = |&[a, b]: &[u32; 2]| {
+        let measure = |pair: &BlockPair| {
+            let [a, b] = pair.blocks;
             let one = match last.take() {
                 Some((known, block)) if known == a => block,
                 _ => self.block(a),
             };
-            let measured = self.measure_pair([a, b], [&one, &self.block(b)], limit);
+            let mut other = self.block(b);
+            if let Some(cell) = self.cell.filter(|_| !is_home(&pair.image)) {
+                other.translate(cell.translation(pair.image));
+            }
+            let measured = self.measure_pair(pair, [&one, &other], limit);
             last = Some((a, one));
             measured
         };
@@ -173,7 +231,7 @@ impl Strands<'_> {
     }
 
     #[inline(always)]
-    fn measure_pair(&self, numbers: [u32; 2], [a, b]: [&Block; 2], limit: f64) -> Measured {
+    fn measure_pair(&self, pair: &BlockPair, [a, b]: [&Block; 2], limit: f64) -> Measured {
         let (i, j) = (a.curve, b.curve);
         let radii = self.radii[i] + self.radii[j];
         let mut squares = [[f64::INFINITY; LANES]; LANES];
@@ -184,8 +242,8 @@ impl Strands<'_> {
                 *square = (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]) * (1.0 - 1e-12);
             }
         }
-        if i == j {
-            self.exclude(numbers, [a, b], &mut squares);
+        if let Some(later) = self.later(pair) {
+            self.exclude((pair, later), [a, b], &mut squares);
         }
         let mut found = [(0, 0); LANES * LANES];
         let (mut count, mut least) = (0, f64::INFINITY);
@@ -221,7 +279,7 @@ impl Strands<'_> {
                 *rough = f64::INFINITY;
                 continue;
             }
-            let strands = self.closest([a, b], [k, l], radii, false);
+            let strands = self.closest((pair, [a, b]), [k, l], radii, false);
             *rough = strands.distance - strands.error * radii;
             bound = bound.min(strands.ratio - strands.error);
             if strands.distance < best {
@@ -241,7 +299,7 @@ impl Strands<'_> {
                 if rough >= closest.distance {
                     continue;
                 }
-                let strands = self.closest([a, b], [k, l], radii, true);
+                let strands = self.closest((pair, [a, b]), [k, l], radii, true);
                 bound = bound.min(strands.ratio - strands.error);
                 if strands.distance < closest.distance {
                     closest = strands;
@@ -254,21 +312,27 @@ impl Strands<'_> {
         }
     }
 
-    /// Excludes pairs of segments of one curve that are near one another along it.
-    fn exclude(&self, numbers: [u32; 2], [a, b]: [&Block; 2], squares: &mut [[f64; LANES]; LANES]) {
+    /// Excludes pairs of segments of one curve that are near one another along it. The second block
+    /// is so many periods later.
+    fn exclude(
+        &self,
+        (pair, later): (&BlockPair, i32),
+        [a, b]: [&Block; 2],
+        squares: &mut [[f64; LANES]; LANES],
+    ) {
         let i = a.curve;
         let curve = self.set.curve(i);
         let apart = PI * self.radii[i];
-        let [least, _] =
-            self.arcs
-                .between_blocks(i, &curve, numbers.map(|k| self.blocks.place(k).1));
+        let numbers = self.numbers(pair);
+        let [least, _] = self.arcs.between_blocks(i, &curve, numbers, later);
         if least >= apart {
             return;
         }
-        for (s, squares) in (a.first..).zip(squares) {
+        let is_one = |s: u32, t: u32| later == 0 && (s >= t || curve.adjacent(s, t));
+        for (s, squares) in (a.first..).zip(squares).take(a.count) {
             for (t, square) in (b.first..).zip(squares) {
-                let near = || self.arcs.between(i, &curve, s, t) < apart;
-                if t >= curve.segments || s >= t || curve.adjacent(s, t) || near() {
+                let near = || self.arcs.between(i, &curve, [s, t], later) < apart;
+                if t >= curve.segments || is_one(s, t) || near() {
                     *square = f64::INFINITY;
                 }
             }
@@ -280,7 +344,7 @@ impl Strands<'_> {
     #[inline(always)]
     fn closest(
         &self,
-        [a, b]: [&Block; 2],
+        (pair, [a, b]): (&BlockPair, [&Block; 2]),
         [k, l]: [usize; 2],
         radii: f64,
         precise: bool,
@@ -299,6 +363,7 @@ impl Strands<'_> {
             error: error / radii,
             i: a.curve as u32,
             j: b.curve as u32,
+            image: pair.image,
             segments: [a.first + k as u32, b.first + l as u32],
             points,
             distance,

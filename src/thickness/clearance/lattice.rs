@@ -1,0 +1,165 @@
+//! Images of the blocks of a periodic scene, and how they move if the cell changes.
+//!
+//! # Proof: images that are not listed are beyond the reach
+//!
+//! Two strands within a distance `R` have a lattice vector between them of less than `R` and the
+//! extent `E` of the scene together, so its multiple of the lattice vector `k` is at most `|b[k]| (R
+//! + E)`, with the vectors `b` of the inverse of the cell. If the vectors move by `d[k]`, that
+//! lattice vector moves by at most the sum of all `|b[k]| (R + E) |d[k]|`, the *drift*.
+//!
+//! A list is complete up to a clearance as long as no two blocks moved, together with the lattice
+//! vector between them, by more than twice its skin. Let a pair be within this clearance now, and
+//! `R` the distance that the clearance and twice the skin make. The current motion of its lattice
+//! vector is at most the drift. So the pair was within `R` in the reference frame before, too, and
+//! the same holds for the motion before that, and so on: if it was not listed, all motions together
+//! exceed twice the skin.
+
+use crate::curve::vector::norm;
+use crate::curve::{Box3, Cell, Image, Point, above, below, is_home, pow2};
+use crate::error::{Error, Result};
+use crate::pairs::LinkSearch;
+use crate::periodic::overlapping;
+
+/// Padding of fractional coordinates, relative to the largest one, and at least to 1.
+const PAD: f64 = 1e-7;
+
+/// Relative rounding error of the motion of a lattice vector.
+const ROUNDING: f64 = 1e-15;
+
+/// The lattice of a reference frame.
+#[derive(Debug)]
+pub(super) struct Lattice {
+    cell: Cell,
+    inverse: [Point; 3],
+    /// Upper bound of the distance of two points of the scene.
+    extent: f64,
+    /// Distance of strands up to which images are listed, with the motion that is allowed.
+    reach: f64,
+}
+
+/// Motion of the lattice from a reference frame to another one.
+#[derive(Debug)]
+pub(super) struct LatticeMotion {
+    /// Motion of each vector.
+    moved: Cell,
+    /// Lengths of the vectors, the longer ones of both frames.
+    lengths: [f64; 3],
+    /// Lengths of the vectors of the inverse of the current cell.
+    inverse: [f64; 3],
+    /// Distance of two points of the reference frame, and of strands, at most.
+    within: f64,
+}
+
+impl Lattice {
+    /// Returns the lattice of a scene with these boxes, for strands up to a distance.
+    ///
+    /// Errors: [`Error::Usage`] if the vectors of the cell do not span a lattice.
+    pub fn new(cell: &Cell, boxes: &[Box3], reach: f64) -> Result<Lattice> {
+        let inverse = cell.inverse().ok_or_else(|| {
+            let what = format!("cell {cell}: the vectors lie in one plane or on one line");
+            Error::Usage(what)
+        })?;
+        let all = boxes.iter().copied().reduce(|a, b| a.union(&b));
+        let size = |b: Box3| {
+            let (lo, hi) = (b.lo.map(f64::from), b.hi.map(f64::from));
+            let largest = lo.iter().chain(&hi).fold(0.0, |m: f64, x| m.max(x.abs()));
+            // Boxes are rounded to single precision.
+            norm([0, 1, 2].map(|x| hi[x] - lo[x])) + largest * pow2(-20)
+        };
+        Ok(Lattice {
+            cell: *cell,
+            inverse,
+            extent: all.map_or(0.0, size) * (1.0 + 1e-9),
+            reach,
+        })
+    }
+
+    /// Returns all pairs of a box and an image of another one, or of itself, that may overlap. See
+    /// [`overlapping`].
+    ///
+    /// Errors: the number of a box that spans too many cells.
+    pub fn near<'a>(
+        &self,
+        boxes: &[Box3],
+        search: &'a mut LinkSearch,
+    ) -> Result<impl Iterator<Item = (u32, u32, Image)> + use<'a>, usize> {
+        let bounds = boxes.iter().map(|b| {
+            let (lo, hi) = (b.lo.map(f64::from), b.hi.map(f64::from));
+            let middle = [0, 1, 2].map(|x| 0.5 * (lo[x] + hi[x]));
+            let half = [0, 1, 2].map(|x| 0.5 * (hi[x] - lo[x]));
+            let range = self.inverse.map(|b| {
+                let term = |x: usize| b[x] * middle[x];
+                let size: f64 = (0..3).map(|x| b[x].abs() * half[x]).sum();
+                let largest: f64 = (0..3).map(|x| term(x).abs()).sum();
+                let half = size + PAD * (largest + size + 1.0);
+                let middle = term(0) + term(1) + term(2);
+                [middle - half, middle + half]
+            });
+            [range.map(|r| r[0]), range.map(|r| r[1])]
+        });
+        let bounds: Vec<[Point; 2]> = bounds.collect();
+        overlapping(&bounds, &self.cell, |_| true, search)
+    }
+
+    /// Returns an image of a box, rounded outward, and a bound of its error.
+    pub fn translated(&self, bounds: &Box3, image: Image) -> (Box3, f64) {
+        if is_home(&image) {
+            return (*bounds, 0.0);
+        }
+        let by = self.cell.translation(image);
+        let moved = Box3 {
+            lo: [0, 1, 2].map(|x| below(f64::from(bounds.lo[x]) + by[x])),
+            hi: [0, 1, 2].map(|x| above(f64::from(bounds.hi[x]) + by[x])),
+        };
+        (moved, norm(by) * pow2(-22))
+    }
+
+    /// Returns the motion to another cell, `None` if it is the same.
+    pub fn motion_to(&self, cell: &Cell) -> Option<LatticeMotion> {
+        if cell.vectors == self.cell.vectors {
+            return None;
+        }
+        let vector = |k: usize| [0, 1, 2].map(|x| cell.vectors[k][x] - self.cell.vectors[k][x]);
+        // No cell without an inverse is measured: then nothing is known about this one.
+        let inverse = cell.inverse().map(|b| b.map(norm));
+        Some(LatticeMotion {
+            moved: Cell {
+                origin: [0.0; 3],
+                vectors: [0, 1, 2].map(vector),
+            },
+            lengths: [0, 1, 2].map(|k| norm(cell.vectors[k]).max(norm(self.cell.vectors[k]))),
+            inverse: inverse.unwrap_or([f64::INFINITY; 3]),
+            within: self.reach + self.extent,
+        })
+    }
+
+    /// Makes a frame the reference frame. `farthest` is an upper bound of the motion of its blocks.
+    pub fn rebase(&mut self, cell: &Cell, farthest: f64) {
+        self.cell = *cell;
+        self.inverse = cell.inverse().unwrap_or(self.inverse);
+        self.extent += 2.0 * farthest;
+    }
+}
+
+impl LatticeMotion {
+    /// Returns an upper bound of the motion of lattice vectors between near strands. `farthest` is
+    /// that of the motion of blocks.
+    pub fn largest(&self, farthest: f64) -> f64 {
+        let vectors = (0..3).map(|k| {
+            let motion = norm(self.moved.vectors[k]) + ROUNDING * self.lengths[k];
+            match motion > 0.0 {
+                true => self.inverse[k] * motion,
+                false => 0.0,
+            }
+        });
+        vectors.sum::<f64>() * (self.within + 2.0 * farthest) * (1.0 + 1e-7)
+    }
+
+    /// Returns the motion of a lattice vector, and a bound of its rounding error.
+    #[inline(always)]
+    pub fn of(&self, image: Image) -> (Point, f64) {
+        let sizes = (0..3).map(|k| f64::from(image[k]).abs() * self.lengths[k]);
+        let rounding = 4.0 * ROUNDING * sizes.sum::<f64>();
+        (self.moved.translation(image), rounding)
+    }
+}
