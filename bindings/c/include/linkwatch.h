@@ -201,6 +201,18 @@ typedef struct lw_link {
   int64_t lambda;
 } lw_link;
 
+// A curve that is linked with a periodic image, of another curve or of itself.
+typedef struct lw_image_link {
+  // First curve, from 0.
+  uint32_t i;
+  // Second curve, at least `i`.
+  uint32_t j;
+  // Translation of the second curve, in vectors of the periodic cell.
+  int32_t image[3];
+  // Linking number, not 0.
+  int64_t lambda;
+} lw_image_link;
+
 // Options of lw_verifier_new. All zero are the defaults.
 typedef struct lw_verifier_options {
   // Expected linking numbers, which are copied. Null: those of the first frame.
@@ -247,7 +259,7 @@ typedef struct lw_strut {
   uint32_t segments[2];
   // Place of each end on its segment, from 0 to 1.
   double t[2];
-  // Both ends.
+  // Both ends: that of the second curve is translated by `image`.
   double points[2][3];
   // Distance of the ends.
   double length;
@@ -256,6 +268,8 @@ typedef struct lw_strut {
   // Derivatives of the length with respect to the start and the end of the first segment, and of
   // the second one. NaN for splines, and if the length is 0.
   double gradient[2][2][3];
+  // Translation of the second curve, in vectors of the periodic cell; zeros without a cell.
+  int32_t image[3];
 } lw_strut;
 
 // Clearance of a frame.
@@ -271,13 +285,15 @@ typedef struct lw_clearance {
   uint32_t curves[2];
   // Their segments.
   uint32_t segments[2];
-  // Their nearest points.
+  // Their nearest points: that of the second strand is translated by `image`.
   double points[2][3];
   // True if the clearance is below the level of the warning.
   bool low;
   // Frames until the surfaces touch, or, if they do, until the center lines meet. NaN if the
   // clearance does not shrink.
   double frames_left;
+  // Translation of the second strand, in vectors of the periodic cell; zeros without a cell.
+  int32_t image[3];
 } lw_clearance;
 
 // The function succeeded.
@@ -482,6 +498,16 @@ void lw_close(struct lw_client *client);
 // `frame` and its arrays are valid.
 struct lw_certificate *lw_certify(const struct lw_frame *frame);
 
+// Same as lw_certify for a periodic scene, with all images of the curves. `vectors` are those of
+// the cell, `x y z` one after the other; a vector of zeros stands for a direction without
+// repetition. A curve that runs through the cell is open, and ends at an image of its start; it has
+// linking numbers with closed curves.
+//
+// # Safety
+//
+// `frame` and its arrays are valid. `vectors` has nine numbers.
+struct lw_certificate *lw_certify_in_cell(const struct lw_frame *frame, const double *vectors);
+
 // Reads a certificate from a file. Returns null after an error.
 //
 // # Safety
@@ -503,6 +529,15 @@ lw_status lw_certificate_write(struct lw_certificate *certificate, const char *p
 //
 // `certificate` comes from this library. `count` is valid.
 const struct lw_link *lw_certificate_links(struct lw_certificate *certificate, size_t *count);
+
+// Returns the linking numbers with periodic images that are not 0, sorted, and writes their number
+// to `count`. They are valid until the certificate is freed. Returns null if there are none.
+//
+// # Safety
+//
+// `certificate` comes from this library. `count` is valid.
+const struct lw_image_link *lw_certificate_images(struct lw_certificate *certificate,
+                                                  size_t *count);
 
 // Returns the number of pairs and curves without a linking number, because curves touch, are too
 // close, or are degenerate.
@@ -583,6 +618,18 @@ lw_status lw_thickness(const struct lw_frame *frame,
                        double stiffness,
                        struct lw_thickness_values *values);
 
+// Same as lw_thickness for a periodic scene, with all images of the curves. `vectors` are those of
+// the cell, `x y z` one after the other; a vector of zeros stands for a direction without
+// repetition. A curve that runs through the cell is open, and ends at an image of its start.
+//
+// # Safety
+//
+// `frame` and its arrays are valid. `vectors` has nine numbers. `values` is valid.
+lw_status lw_thickness_in_cell(const struct lw_frame *frame,
+                               const double *vectors,
+                               double stiffness,
+                               struct lw_thickness_values *values);
+
 // Finds all struts up to a length, the shortest first. Free the result with lw_struts_free.
 // Returns null after an error.
 //
@@ -590,6 +637,16 @@ lw_status lw_thickness(const struct lw_frame *frame,
 //
 // `frame` and its arrays are valid.
 struct lw_struts *lw_struts_up_to(const struct lw_frame *frame, double longest);
+
+// Same as lw_struts_up_to for a periodic scene: of all images of a strut, one. For `vectors` see
+// lw_thickness_in_cell.
+//
+// # Safety
+//
+// `frame` and its arrays are valid. `vectors` has nine numbers.
+struct lw_struts *lw_struts_in_cell(const struct lw_frame *frame,
+                                    const double *vectors,
+                                    double longest);
 
 // Returns the struts, and writes their number to `count`. They are valid until they are freed.
 // Returns null if there are none.

@@ -85,6 +85,14 @@ template <class T, void (*FREE)(T *)> struct Free {
 };
 template <class T, void (*FREE)(T *)> using Owned = std::unique_ptr<T, Free<T, FREE>>;
 
+// Returns the struts of an object of the C interface, which is freed.
+inline std::vector<lw_strut> list(lw_struts *made) {
+  const Owned<lw_struts, lw_struts_free> found(check(made));
+  std::size_t count = 0;
+  const lw_strut *first = lw_struts_list(found.get(), &count);
+  return std::vector<lw_strut>(first, first + count);
+}
+
 } // namespace detail
 
 // Simulator's end of the bus: frames of coordinates of the type T, float or double.
@@ -225,6 +233,13 @@ public:
     return std::vector<lw_link>(first, first + count);
   }
 
+  // Returns the linking numbers with periodic images that are not 0, sorted.
+  std::vector<lw_image_link> images() const {
+    std::size_t count = 0;
+    const lw_image_link *first = lw_certificate_images(get(), &count);
+    return std::vector<lw_image_link>(first, first + count);
+  }
+
   // Returns the number of pairs and curves without a linking number.
   std::size_t undefined() const { return lw_certificate_undefined(get()); }
 
@@ -243,6 +258,15 @@ Certificate certify(const std::vector<std::int32_t> &counts, const std::vector<T
                     Basis basis = Basis::Polyline) {
   const lw_frame frame = detail::frame(basis, counts, positions);
   return Certificate(lw_certify(&frame));
+}
+
+// Computes the linking numbers of a periodic scene, with all images of the curves. For the vectors
+// of the cell see lw_certify_in_cell.
+template <class T>
+Certificate certify(const std::vector<std::int32_t> &counts, const std::vector<T> &positions,
+                    const std::array<double, 9> &cell, Basis basis = Basis::Polyline) {
+  const lw_frame frame = detail::frame(basis, counts, positions);
+  return Certificate(lw_certify_in_cell(&frame, cell.data()));
 }
 
 // Returns the largest proven share of the step between two frames without a pull-through.
@@ -267,17 +291,33 @@ lw_thickness_values thickness(const std::vector<std::int32_t> &counts,
   return values;
 }
 
+// Same as above for a periodic scene, with all images of the curves.
+template <class T>
+lw_thickness_values thickness(const std::vector<std::int32_t> &counts,
+                              const std::vector<T> &positions, const std::array<double, 9> &cell,
+                              Basis basis = Basis::Polyline, double stiffness = 1) {
+  const lw_frame frame = detail::frame(basis, counts, positions);
+  lw_thickness_values values{};
+  detail::check(lw_thickness_in_cell(&frame, cell.data(), stiffness, &values));
+  return values;
+}
+
 // Returns all struts up to a length, the shortest first.
 template <class T>
 std::vector<lw_strut> struts(const std::vector<std::int32_t> &counts,
                              const std::vector<T> &positions, double longest,
                              Basis basis = Basis::Polyline) {
   const lw_frame frame = detail::frame(basis, counts, positions);
-  const detail::Owned<lw_struts, lw_struts_free> found(
-      detail::check(lw_struts_up_to(&frame, longest)));
-  std::size_t count = 0;
-  const lw_strut *first = lw_struts_list(found.get(), &count);
-  return std::vector<lw_strut>(first, first + count);
+  return detail::list(lw_struts_up_to(&frame, longest));
+}
+
+// Same as above for a periodic scene: of all images of a strut, one.
+template <class T>
+std::vector<lw_strut> struts(const std::vector<std::int32_t> &counts,
+                             const std::vector<T> &positions, const std::array<double, 9> &cell,
+                             double longest, Basis basis = Basis::Polyline) {
+  const lw_frame frame = detail::frame(basis, counts, positions);
+  return detail::list(lw_struts_in_cell(&frame, cell.data(), longest));
 }
 
 // Verifies successive frames in process, against the first one or against a baseline.

@@ -2,7 +2,7 @@
 
 use linkwatch::{Basis, Cell, Positions, Precision, RawFrame};
 use std::ffi::c_void;
-use std::slice;
+use std::{ptr, slice};
 
 /// Polyline through its points.
 pub const LW_POLYLINE: u32 = 0;
@@ -55,6 +55,17 @@ pub(crate) unsafe fn cell(vectors: *const f64, corner: *const f64) -> Result<Opt
         origin,
         vectors: [points[0], points[1], points[2]],
     }))
+}
+
+/// Returns the periodic cell of the caller, whose corner does not matter.
+///
+/// # Safety
+///
+/// `vectors` is null, or points to nine numbers.
+pub(crate) unsafe fn given_cell(vectors: *const f64) -> Result<Cell, String> {
+    // SAFETY: as promised by the caller.
+    let cell = unsafe { cell(vectors, ptr::null()) }?;
+    cell.ok_or_else(|| "vectors is null".into())
 }
 
 /// Returns the basis of a code.

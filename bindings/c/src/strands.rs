@@ -1,9 +1,9 @@
 //! Thickness, struts and clearance.
 
-use crate::curves::{lw_frame, raw};
+use crate::curves::{given_cell, lw_frame, raw};
 use crate::error::{LW_ERROR, LW_NOTHING, LW_OK, free, give, given, guard, lw_status, words};
 use crate::verifier::lw_verifier;
-use linkwatch::{CurveSet, RawFrame, Thickness, struts};
+use linkwatch::{Cell, CurveSet, RawFrame, Thickness, struts_in_cell};
 use std::ptr;
 
 /// How sharply curves bend, and how close they come.
@@ -32,7 +32,7 @@ pub struct lw_strut {
     pub segments: [u32; 2],
     /// Place of each end on its segment, from 0 to 1.
     pub t: [f64; 2],
-    /// Both ends.
+    /// Both ends: that of the second curve is translated by `image`.
     pub points: [[f64; 3]; 2],
     /// Distance of the ends.
     pub length: f64,
@@ -41,6 +41,8 @@ pub struct lw_strut {
     /// Derivatives of the length with respect to the start and the end of the first segment, and of
     /// the second one. NaN for splines, and if the length is 0.
     pub gradient: [[[f64; 3]; 2]; 2],
+    /// Translation of the second curve, in vectors of the periodic cell; zeros without a cell.
+    pub image: [i32; 3],
 }
 
 /// Struts of a frame.
@@ -63,13 +65,15 @@ pub struct lw_clearance {
     pub curves: [u32; 2],
     /// Their segments.
     pub segments: [u32; 2],
-    /// Their nearest points.
+    /// Their nearest points: that of the second strand is translated by `image`.
     pub points: [[f64; 3]; 2],
     /// True if the clearance is below the level of the warning.
     pub low: bool,
     /// Frames until the surfaces touch, or, if they do, until the center lines meet. NaN if the
     /// clearance does not shrink.
     pub frames_left: f64,
+    /// Translation of the second strand, in vectors of the periodic cell; zeros without a cell.
+    pub image: [i32; 3],
 }
 
 /// Returns the curves of a frame.
@@ -99,24 +103,58 @@ pub unsafe extern "C" fn lw_thickness(
     stiffness: f64,
     values: *mut lw_thickness_values,
 ) -> lw_status {
-    guard(LW_ERROR, || {
-        // SAFETY: as promised by the caller.
-        let (to, set) = unsafe { (given(values, "values")?, curves(frame)?) };
-        if !(stiffness > 0.0 && stiffness.is_finite()) {
-            return Err(format!(
-                "a stiffness of {stiffness}, expected a number above 0"
-            ));
-        }
-        let found = Thickness::of(&set).map_err(words)?;
-        *to = lw_thickness_values {
-            length: found.length,
-            min_rad: found.min_rad.map_or(f64::INFINITY, |bend| bend.radius),
-            poca: found.poca.map_or(f64::INFINITY, |strut| strut.length),
-            thickness: found.thickness(stiffness),
-            ropelength: found.ropelength(stiffness),
-        };
-        Ok(LW_OK)
+    // SAFETY: as promised by the caller.
+    guard(LW_ERROR, || unsafe {
+        thickness((frame, None), stiffness, values)
     })
+}
+
+/// Same as lw_thickness for a periodic scene, with all images of the curves. `vectors` are those of
+/// the cell, `x y z` one after the other; a vector of zeros stands for a direction without
+/// repetition. A curve that runs through the cell is open, and ends at an image of its start.
+///
+/// # Safety
+///
+/// `frame` and its arrays are valid. `vectors` has nine numbers. `values` is valid.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn lw_thickness_in_cell(
+    frame: *const lw_frame,
+    vectors: *const f64,
+    stiffness: f64,
+    values: *mut lw_thickness_values,
+) -> lw_status {
+    // SAFETY: as promised by the caller.
+    guard(LW_ERROR, || unsafe {
+        thickness((frame, Some(given_cell(vectors)?)), stiffness, values)
+    })
+}
+
+/// Measures the thickness of a frame in its cell.
+///
+/// # Safety
+///
+/// `frame` and its arrays are valid. `values` is valid.
+unsafe fn thickness(
+    (frame, cell): (*const lw_frame, Option<Cell>),
+    stiffness: f64,
+    values: *mut lw_thickness_values,
+) -> Result<lw_status, String> {
+    // SAFETY: as promised by the caller.
+    let (to, set) = unsafe { (given(values, "values")?, curves(frame)?) };
+    if !(stiffness > 0.0 && stiffness.is_finite()) {
+        return Err(format!(
+            "a stiffness of {stiffness}, expected a number above 0"
+        ));
+    }
+    let found = Thickness::in_cell(&set, cell.as_ref()).map_err(words)?;
+    *to = lw_thickness_values {
+        length: found.length,
+        min_rad: found.min_rad.map_or(f64::INFINITY, |bend| bend.radius),
+        poca: found.poca.map_or(f64::INFINITY, |strut| strut.length),
+        thickness: found.thickness(stiffness),
+        ropelength: found.ropelength(stiffness),
+    };
+    Ok(LW_OK)
 }
 
 /// Finds all struts up to a length, the shortest first. Free the result with lw_struts_free.
@@ -127,27 +165,55 @@ pub unsafe extern "C" fn lw_thickness(
 /// `frame` and its arrays are valid.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn lw_struts_up_to(frame: *const lw_frame, longest: f64) -> *mut lw_struts {
-    give(|| {
-        // SAFETY: as promised by the caller.
-        let set = unsafe { curves(frame) }?;
-        let exact = set.basis().is_polyline();
-        let found = struts(&set, longest).map_err(words)?;
-        let converted = found.iter().map(|strut| {
-            let [a, b] = strut.ends;
-            let gradient = strut.gradient().filter(|_| exact);
-            lw_strut {
-                curves: [a.curve, b.curve],
-                segments: [a.segment, b.segment],
-                t: [a.t, b.t],
-                points: [a.point, b.point],
-                length: strut.length,
-                error: strut.error,
-                gradient: gradient.unwrap_or([[[f64::NAN; 3]; 2]; 2]),
-            }
-        });
-        Ok(lw_struts {
-            struts: converted.collect(),
-        })
+    // SAFETY: as promised by the caller.
+    give(|| unsafe { struts_up_to((frame, None), longest) })
+}
+
+/// Same as lw_struts_up_to for a periodic scene: of all images of a strut, one. For `vectors` see
+/// lw_thickness_in_cell.
+///
+/// # Safety
+///
+/// `frame` and its arrays are valid. `vectors` has nine numbers.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn lw_struts_in_cell(
+    frame: *const lw_frame,
+    vectors: *const f64,
+    longest: f64,
+) -> *mut lw_struts {
+    // SAFETY: as promised by the caller.
+    give(|| unsafe { struts_up_to((frame, Some(given_cell(vectors)?)), longest) })
+}
+
+/// Finds the struts of a frame in its cell.
+///
+/// # Safety
+///
+/// `frame` and its arrays are valid.
+unsafe fn struts_up_to(
+    (frame, cell): (*const lw_frame, Option<Cell>),
+    longest: f64,
+) -> Result<lw_struts, String> {
+    // SAFETY: as promised by the caller.
+    let set = unsafe { curves(frame) }?;
+    let exact = set.basis().is_polyline();
+    let found = struts_in_cell(&set, cell.as_ref(), longest).map_err(words)?;
+    let converted = found.iter().map(|strut| {
+        let [a, b] = strut.ends;
+        let gradient = strut.gradient().filter(|_| exact);
+        lw_strut {
+            curves: [a.curve, b.curve],
+            segments: [a.segment, b.segment],
+            t: [a.t, b.t],
+            points: [a.point, b.point],
+            length: strut.length,
+            error: strut.error,
+            gradient: gradient.unwrap_or([[[f64::NAN; 3]; 2]; 2]),
+            image: strut.image,
+        }
+    });
+    Ok(lw_struts {
+        struts: converted.collect(),
     })
 }
 
@@ -211,6 +277,7 @@ pub unsafe extern "C" fn lw_verifier_clearance(
             points: [[0.0; 3]; 2],
             low: found.low,
             frames_left: found.frames_left.unwrap_or(f64::NAN),
+            image: [0; 3],
         };
         if let Some(closest) = found.closest {
             to.ratio = closest.ratio;
@@ -218,6 +285,7 @@ pub unsafe extern "C" fn lw_verifier_clearance(
             to.curves = [closest.i, closest.j];
             to.segments = closest.segments;
             to.points = closest.points;
+            to.image = closest.image;
         }
         Ok(LW_OK)
     })

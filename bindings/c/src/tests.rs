@@ -377,6 +377,80 @@ fn a_link_across_the_boundary_is_lost_with_its_image() {
 }
 
 #[test]
+fn a_certificate_in_a_cell_lists_the_links_with_images() {
+    let positions = rings(9.0);
+    let mut count = 9;
+    // SAFETY: all pointers are valid.
+    unsafe {
+        let certificate = lw_certify_in_cell(&frame(&positions), CELL.as_ptr());
+        assert!(!certificate.is_null(), "{}", last_error());
+        assert!(lw_certificate_links(certificate, &mut count).is_null());
+        assert_eq!(lw_certificate_undefined(certificate), 0);
+        let images = lw_certificate_images(certificate, &mut count);
+        assert_eq!((count, (*images).i, (*images).j), (1, 0, 1));
+        assert_eq!((*images).image, [-1, 0, 0]);
+        assert_eq!((*images).lambda.abs(), 1);
+        lw_certificate_free(certificate);
+
+        // Without a cell, there are none.
+        let certificate = lw_certify(&frame(&positions));
+        assert!(lw_certificate_images(certificate, &mut count).is_null());
+        assert_eq!(count, 0);
+        lw_certificate_free(certificate);
+
+        // Rings beside the images of one another are not linked with them.
+        let apart = rings(7.5);
+        let certificate = lw_certify_in_cell(&frame(&apart), CELL.as_ptr());
+        assert!(lw_certificate_images(certificate, &mut count).is_null());
+        assert_eq!(count, 0);
+        lw_certificate_free(certificate);
+
+        assert!(lw_certify_in_cell(&frame(&positions), null()).is_null());
+        assert_eq!(last_error(), "vectors is null");
+        let flat = [1.0; 9];
+        assert!(lw_certify_in_cell(&frame(&positions), flat.as_ptr()).is_null());
+        assert!(last_error().contains("one plane"), "{}", last_error());
+        let mut bad = rings(9.0);
+        bad[7] = f64::NAN;
+        assert!(lw_certify_in_cell(&frame(&bad), CELL.as_ptr()).is_null());
+        assert!(last_error().contains("NaN"), "{}", last_error());
+    }
+}
+
+#[test]
+fn struts_and_clearance_in_a_cell_name_the_image() {
+    // The second ring is 0.5 away from the image of the first one.
+    let positions = rings(7.5);
+    let mut verdict = empty_verdict();
+    // SAFETY: all pointers are valid, and zeros are valid values of the structures.
+    unsafe {
+        let (mut values, mut clearance) = std::mem::zeroed::<(lw_thickness_values, lw_clearance)>();
+        let mut options: lw_verifier_options = std::mem::zeroed();
+        options.thickness = 0.5;
+        let found = lw_thickness_in_cell(&frame(&positions), CELL.as_ptr(), 1.0, &mut values);
+        assert_eq!(found, LW_OK, "{}", last_error());
+        assert!(values.poca > 0.4 && values.poca < 0.6, "{values:?}");
+        let struts = lw_struts_in_cell(&frame(&positions), CELL.as_ptr(), 1.0);
+        let mut count = 0;
+        let shortest = *lw_struts_list(struts, &mut count);
+        assert_eq!((shortest.curves, shortest.image), ([0, 1], [-1, 0, 0]));
+        assert_eq!(shortest.length, values.poca);
+        lw_struts_free(struts);
+        assert!(lw_struts_in_cell(&frame(&positions), null(), 1.0).is_null());
+        assert_eq!(last_error(), "vectors is null");
+
+        let verifier = lw_verifier_new(&options);
+        let set = lw_verifier_set_cell(verifier, CELL.as_ptr(), null());
+        assert_eq!(set, LW_OK, "{}", last_error());
+        lw_verifier_step(verifier, &frame(&positions), 0.0, &mut verdict);
+        assert_eq!(lw_verifier_clearance(verifier, &mut clearance), LW_OK);
+        assert!((clearance.ratio - values.poca).abs() < 1e-9);
+        assert_eq!((clearance.curves, clearance.image), ([0, 1], [-1, 0, 0]));
+        lw_verifier_free(verifier);
+    }
+}
+
+#[test]
 fn a_second_simulator_on_one_name_is_refused() {
     let (client, name) = open("second");
     // SAFETY: the string ends with a zero byte, and the client is closed once.
@@ -409,6 +483,7 @@ fn struts_have_their_gradient_and_clearance_warns_before_a_pull_through() {
         points: [[0.0; 3]; 2],
         low: false,
         frames_left: 0.0,
+        image: [0; 3],
     };
     let mut verdict = empty_verdict();
     let radii = [0.1_f32; 2];

@@ -1,6 +1,6 @@
 //! Verification in process.
 
-use crate::curves::{cell, lw_frame, raw, values};
+use crate::curves::{cell, given_cell, lw_frame, raw, values};
 use crate::error::{LW_ERROR, LW_OK, free, give, given, guard, lw_status, string, words};
 use crate::verdict::lw_verdict;
 use linkwatch::{
@@ -15,6 +15,7 @@ use std::ptr;
 pub struct lw_certificate {
     certificate: Certificate,
     links: Vec<lw_link>,
+    images: Vec<lw_image_link>,
 }
 
 /// A pair of curves that are linked.
@@ -29,6 +30,20 @@ pub struct lw_link {
     pub lambda: i64,
 }
 
+/// A curve that is linked with a periodic image, of another curve or of itself.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct lw_image_link {
+    /// First curve, from 0.
+    pub i: u32,
+    /// Second curve, at least `i`.
+    pub j: u32,
+    /// Translation of the second curve, in vectors of the periodic cell.
+    pub image: [i32; 3],
+    /// Linking number, not 0.
+    pub lambda: i64,
+}
+
 impl From<Certificate> for lw_certificate {
     fn from(certificate: Certificate) -> lw_certificate {
         let links = certificate.links.iter();
@@ -37,8 +52,18 @@ impl From<Certificate> for lw_certificate {
             j: l.j,
             lambda: l.lambda,
         });
+        let images = certificate.images.iter().flatten();
+        let images = images.filter_map(|l| {
+            Some(lw_image_link {
+                i: l.i,
+                j: l.j,
+                image: l.image,
+                lambda: l.lambda?,
+            })
+        });
         lw_certificate {
             links: links.collect(),
+            images: images.collect(),
             certificate,
         }
     }
@@ -62,6 +87,37 @@ pub unsafe extern "C" fn lw_certify(frame: *const lw_frame) -> *mut lw_certifica
         let set = CurveSet::from_counts(basis, counts, positions).map_err(words)?;
         let mut verifier = Verifier::default();
         Ok(verifier.certify(&set).0.clone().into())
+    })
+}
+
+/// Same as lw_certify for a periodic scene, with all images of the curves. `vectors` are those of
+/// the cell, `x y z` one after the other; a vector of zeros stands for a direction without
+/// repetition. A curve that runs through the cell is open, and ends at an image of its start; it has
+/// linking numbers with closed curves.
+///
+/// # Safety
+///
+/// `frame` and its arrays are valid. `vectors` has nine numbers.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn lw_certify_in_cell(
+    frame: *const lw_frame,
+    vectors: *const f64,
+) -> *mut lw_certificate {
+    give(|| {
+        // SAFETY: as promised by the caller.
+        let (frame, cell) = unsafe { (raw(frame, "frame")?, given_cell(vectors)?) };
+        let options = VerifierOptions {
+            cell: Some(cell),
+            events: Events::Off,
+            ..VerifierOptions::default()
+        };
+        let mut verifier = lw_verifier::new(options)?;
+        let report = verifier.step(frame, 0.0)?;
+        let certificate = verifier.verifier.baseline().cloned();
+        match (report.rejected, certificate) {
+            (None, Some(certificate)) => Ok(certificate.into()),
+            (why, _) => Err(why.unwrap_or_else(|| "no linking numbers".into())),
+        }
     })
 }
 
@@ -125,6 +181,28 @@ pub unsafe extern "C" fn lw_certificate_links(
     })
 }
 
+/// Returns the linking numbers with periodic images that are not 0, sorted, and writes their number
+/// to `count`. They are valid until the certificate is freed. Returns null if there are none.
+///
+/// # Safety
+///
+/// `certificate` comes from this library. `count` is valid.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn lw_certificate_images(
+    certificate: *mut lw_certificate,
+    count: *mut usize,
+) -> *const lw_image_link {
+    guard(ptr::null(), || {
+        // SAFETY: as promised by the caller.
+        let (this, count) = unsafe { (given(certificate, "certificate")?, given(count, "count")?) };
+        *count = this.images.len();
+        Ok(match this.images.is_empty() {
+            true => ptr::null(),
+            false => this.images.as_ptr(),
+        })
+    })
+}
+
 /// Returns the number of pairs and curves without a linking number, because curves touch, are too
 /// close, or are degenerate.
 ///
@@ -136,7 +214,9 @@ pub unsafe extern "C" fn lw_certificate_undefined(certificate: *mut lw_certifica
     guard(usize::MAX, || {
         // SAFETY: as promised by the caller.
         let this = unsafe { given(certificate, "certificate") }?;
-        Ok(this.certificate.undefined.len())
+        let images = this.certificate.images.iter().flatten();
+        let without = images.filter(|link| link.lambda.is_none()).count();
+        Ok(this.certificate.undefined.len() + without)
     })
 }
 

@@ -1,8 +1,8 @@
 //! Thickness, struts and clearance, as Python objects.
 
 use crate::exception;
-use crate::frame::{Points, basis};
-use linkwatch::{CurveSet, Error};
+use crate::frame::{Points, basis, cell};
+use linkwatch::{Cell, CurveSet, Error};
 use pyo3::prelude::*;
 
 type Point = [f64; 3];
@@ -35,7 +35,13 @@ impl Strut {
         (a.t, b.t)
     }
 
-    /// Both ends.
+    /// Translation of the second curve, in vectors of the periodic cell; zeros without a cell.
+    #[getter]
+    fn image(&self) -> (i32, i32, i32) {
+        self.0.image.into()
+    }
+
+    /// Both ends: that of the second curve is translated by its image.
     #[getter]
     fn points(&self) -> (Point, Point) {
         let [a, b] = self.0.ends;
@@ -150,7 +156,13 @@ impl Clearance {
         self.0.closest.map(|c| c.segments)
     }
 
-    /// Their nearest points.
+    /// Translation of the second strand, in vectors of the periodic cell; zeros without a cell.
+    #[getter]
+    fn image(&self) -> Option<(i32, i32, i32)> {
+        self.0.closest.map(|c| c.image.into())
+    }
+
+    /// Their nearest points: that of the second strand is translated by its image.
     #[getter]
     fn points(&self) -> Option<[Point; 2]> {
         self.0.closest.map(|c| c.points)
@@ -182,12 +194,16 @@ impl Clearance {
 /// Runs a measurement of the curves of a frame, without the interpreter lock.
 fn measure<T: Send>(
     py: Python<'_>,
-    (points, counts): (&Points<'_>, &[i32]),
+    (points, counts, numbers): (&Points<'_>, &[i32], Option<[f64; 12]>),
     basis_name: &str,
-    run: impl FnOnce(&CurveSet) -> Result<T, Error> + Send,
+    run: impl FnOnce(&CurveSet, Option<&Cell>) -> Result<T, Error> + Send,
 ) -> PyResult<T> {
     let (basis, positions) = (basis(basis_name)?, points.positions()?);
-    let measured = py.detach(|| run(&CurveSet::from_counts(basis, counts, positions)?));
+    let cell = numbers.map(cell);
+    let measured = py.detach(|| {
+        let set = CurveSet::from_counts(basis, counts, positions)?;
+        run(&set, cell.as_ref())
+    });
     measured.map_err(exception)
 }
 
@@ -198,8 +214,10 @@ pub fn thickness(
     points: Points<'_>,
     counts: Vec<i32>,
     basis_name: &str,
+    cell: Option<[f64; 12]>,
 ) -> PyResult<Thickness> {
-    let measured = measure(py, (&points, &counts), basis_name, linkwatch::Thickness::of)?;
+    let frame = (&points, &counts[..], cell);
+    let measured = measure(py, frame, basis_name, linkwatch::Thickness::in_cell)?;
     Ok(Thickness(measured, basis_name == "polyline"))
 }
 
@@ -210,10 +228,12 @@ pub fn struts(
     points: Points<'_>,
     counts: Vec<i32>,
     basis_name: &str,
+    cell: Option<[f64; 12]>,
     longest: f64,
 ) -> PyResult<Vec<Strut>> {
-    let found = measure(py, (&points, &counts), basis_name, |set| {
-        linkwatch::struts(set, longest)
+    let frame = (&points, &counts[..], cell);
+    let found = measure(py, frame, basis_name, |set, cell| {
+        linkwatch::struts_in_cell(set, cell, longest)
     })?;
     let exact = basis_name == "polyline";
     Ok(found.into_iter().map(|strut| Strut(strut, exact)).collect())

@@ -124,3 +124,25 @@ def test_a_live_cell_that_changes_is_verified_with_its_frames(service, start):
     code, out, err = watch.end()
     assert code == 1, err
     assert "image -1,0,0" in out
+
+
+def test_thickness_and_struts_count_the_images():
+    yarn = np.array([[0, 0, 0], [2, 0, 0]], float)
+    cell = [2, 0.5, 3]
+    found = linkwatch.thickness([yarn], closed=False, cell=cell)
+    assert (found.poca.length, found.poca.image) == (0.5, (0, 1, 0))
+    assert linkwatch.thickness([yarn], closed=False).poca is None
+    shortest = linkwatch.struts([yarn], 0.6, closed=False, cell=cell)[0]
+    assert shortest == found.poca and shortest.points[1][1] == 0.5
+    with pytest.raises(ValueError, match="one plane"):
+        linkwatch.thickness([yarn], closed=False, cell=np.ones((3, 3)))
+    with pytest.raises(ValueError, match="too many periodic cells"):
+        linkwatch.struts([yarn], np.inf, closed=False, cell=cell)
+
+
+def test_clearance_counts_the_images():
+    verifier = linkwatch.Verifier(thickness=0.5, cell=[10, 10, 10])
+    report = verifier.step([RING, RING + [7.5, 0, 0]])
+    assert report.clearance.ratio == pytest.approx(0.5)
+    assert (report.clearance.curves, report.clearance.image) == ((0, 1), (-1, 0, 0))
+    assert "the image -1,0,0 of curve 1" in str(report.clearance)

@@ -532,8 +532,11 @@ def thickness(
     *,
     closed: Closed = True,
     basis: str = "polyline",
+    cell: Cell | None = None,
 ) -> Thickness:
     """Measures how sharply curves bend and how close they come (Ashton and Cantarella 2005).
+
+    With a ``cell``, the curves are measured with all their images.
 
     >>> import linkwatch
     >>> square = [[0, 0, 0], [2, 0, 0], [2, 2, 0], [0, 2, 0]]
@@ -542,9 +545,11 @@ def thickness(
     (2.0, 4.0)
 
     Raises:
-        ValueError: a coordinate is not finite, or a curve has too few points.
+        ValueError: a coordinate is not finite, a curve has too few points, or the cell is no
+            lattice.
     """
-    return _thickness(*_frame(curves, counts, closed), basis)
+    numbers = None if cell is None else _cell(cell)
+    return _thickness(*_frame(curves, counts, closed), basis, numbers)
 
 
 def struts(
@@ -554,16 +559,21 @@ def struts(
     *,
     closed: Closed = True,
     basis: str = "polyline",
+    cell: Cell | None = None,
 ) -> list[Strut]:
     """Finds all pairs of points whose distance is a local minimum of at most ``longest``.
+
+    With a ``cell``, those between images are found, too: of all images of a strut, one.
 
     Returns:
         list[Strut]: the shortest first, those of polylines with the gradient of their length.
 
     Raises:
-        ValueError: a coordinate is not finite, or a curve has too few points.
+        ValueError: a coordinate is not finite, a curve has too few points, or the cell is no
+            lattice, or much smaller than ``longest``.
     """
-    return _struts(*_frame(curves, counts, closed), basis, longest)
+    numbers = None if cell is None else _cell(cell)
+    return _struts(*_frame(curves, counts, closed), basis, numbers, longest)
 
 
 def assert_intact(

@@ -45,6 +45,7 @@ class Strut:
     curves: tuple[int, int]
     segments: tuple[int, int]
     t: tuple[float, float]
+    image: tuple[int, int, int]
     points: tuple[Point, Point]
     length: float
     error: float
@@ -63,13 +64,20 @@ class Clearance:
     error: float | None
     curves: tuple[int, int] | None
     segments: list[int] | None
+    image: tuple[int, int, int] | None
     points: list[list[float]] | None
     low: bool
     frames_left: float | None
 
-def thickness(points: npt.NDArray[Any], counts: list[int], basis_name: str) -> Thickness: ...
+def thickness(
+    points: npt.NDArray[Any], counts: list[int], basis_name: str, cell: list[float] | None
+) -> Thickness: ...
 def struts(
-    points: npt.NDArray[Any], counts: list[int], basis_name: str, longest: float
+    points: npt.NDArray[Any],
+    counts: list[int],
+    basis_name: str,
+    cell: list[float] | None,
+    longest: float,
 ) -> list[Strut]: ...
 
 class Report:
