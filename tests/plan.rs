@@ -185,3 +185,34 @@ fn ignores_the_calibration_of_a_missing_adapter() {
         assert_eq!(run.stderr.contains("Some Card"), is_said, "{}", run.stderr);
     }
 }
+
+#[test]
+fn periodic_images_are_part_of_the_plan() {
+    let scene = "chainmail:rows=4,columns=4";
+    let alone = linkwatch(&["plan", scene]).stdout;
+    assert!(!alone.contains("periodic images"), "{alone}");
+    let run = linkwatch(&["plan", scene, "--cell", "4,0,0"]);
+    assert_eq!(run.code, 0, "{}", run.stderr);
+    assert!(run.stdout.contains("  periodic images: "), "{}", run.stdout);
+    let json = |args: &[&str]| -> serde_json::Value {
+        let run = linkwatch(&[&["plan", "--json", scene], args].concat());
+        assert_eq!(run.code, 0, "{}", run.stderr);
+        serde_json::from_str(&run.stdout).unwrap()
+    };
+    let [alone, plan] = [json(&[]), json(&["--cell", "4,0,0"])];
+    let images = &plan["plan"]["images"];
+    assert!(alone["plan"]["images"].is_null());
+    assert!(images["links"].as_u64().unwrap() > 0, "{images}");
+    for value in ["bytes", "predicted"] {
+        let number = |plan: &serde_json::Value| match value {
+            "bytes" => plan["bytes"].as_f64().unwrap(),
+            _ => plan["predicted"]["one_thread_ms"].as_f64().unwrap(),
+        };
+        let [sum, own] = [number(&plan["plan"]), number(&alone["plan"])];
+        let error = sum - own - number(images);
+        assert!(error.abs() < 1e-9 * sum, "{value}: {sum} {own}");
+    }
+    let run = linkwatch(&["plan", scene, "--cell", "4,0,0", "--repeat", "1"]);
+    assert_eq!(run.code, 2);
+    assert!(run.stderr.contains("--cell none"), "{}", run.stderr);
+}

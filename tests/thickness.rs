@@ -75,6 +75,30 @@ fn stiffness_divides_the_bend() -> Result<(), Failed> {
     Ok(())
 }
 
+/// A ring that is 0.5 away from its image along x, and a yarn that runs through the cell along y.
+const PERIODIC: &str = "v 0 0 0\nv 3.5 0 0\nv 3.5 0 1\nv 0 0 1\nv 1 0 5\nv 1 4 5\n\
+     l 1 2 3 4 1\nl 5 6\n";
+
+fn images_are_counted_in_a_cell() -> Result<(), Failed> {
+    let folder = tempfile::tempdir()?;
+    let model = write(folder.path(), "periodic.obj", PERIODIC);
+    let cell = ["--cell", "4,4,0"];
+    let found = &measure(&[&[text(&model)], &cell[..], &["--struts", "0.1"]].concat())[0];
+    assert_eq!(found["thickness"], 0.5);
+    assert_eq!(found["poca_at"]["image"], serde_json::json!([1, 0, 0]));
+    assert!(!found["struts"].as_array().expect("struts").is_empty());
+    let run = linkwatch(&[&["thickness", text(&model)], &cell[..]].concat());
+    let words = "curve 0 and its image 1,0,0 are 0.5 apart, from (3.5";
+    assert!(run.stdout.contains(words), "{}", run.stdout);
+    // Of the curves alone.
+    let found = &measure(&[text(&model)])[0];
+    assert_eq!(found["poca"], 1.0);
+    let e = linkwatch(&["thickness", text(&model), "--cell", "1e-9,0,0"]);
+    assert_eq!(e.code, 2);
+    assert!(e.stderr.contains("too many periodic cells"), "{}", e.stderr);
+    Ok(())
+}
+
 fn bad_arguments_are_refused() -> Result<(), Failed> {
     for (args, words) in [
         (vec!["thickness"], "MODEL|SCENE"),
@@ -147,6 +171,11 @@ fn main() {
             "stiffness_divides_the_bend",
             true,
             stiffness_divides_the_bend,
+        ),
+        trial(
+            "images_are_counted_in_a_cell",
+            true,
+            images_are_counted_in_a_cell,
         ),
         trial("bad_arguments_are_refused", true, bad_arguments_are_refused),
         trial(

@@ -143,12 +143,15 @@ impl Args {
 /// Reads the requested frame of a model.
 fn read(path: &Path, args: &Args) -> Result<Picked> {
     let pick = args.frame.map_or(Pick::First, Pick::Number);
-    if args.is_alone() {
-        let mut picked = input::read_frame_alone(path, &args.format, pick)?;
-        picked.cell = None;
-        return Ok(picked);
+    let picked = args.cell_args.read_frame(path, &args.format, pick)?;
+    match picked.cell {
+        Some(cell) if args.is_alone() => Err(Error::Usage(format!(
+            "{}: the frame has a periodic cell ({cell}), but --noise, --open, --discretize and \
+             --repeat do not consider periodic images: --cell none ignores it",
+            path.display()
+        ))),
+        _ => Ok(picked),
     }
-    args.cell_args.read_frame(path, &args.format, pick)
 }
 
 /// Reads a model and computes its certificate.
@@ -238,11 +241,6 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     let braids = args.braid_args.are_given();
     if braids && (args.noise.is_some() || args.discretize == Discretize::Algorithm3) {
         let what = "--braid excludes --noise and --discretize: loops are verified pair by pair";
-        return Err(Error::Usage(what.into()));
-    }
-    if args.cell_args.are_given() && args.is_alone() {
-        let what = "--cell and --wrapped exclude --noise, --open, --discretize and --repeat, which \
-                    do not consider periodic images";
         return Err(Error::Usage(what.into()));
     }
     if args.write_loops.is_some() && (models.len() > 1 || !braids) {

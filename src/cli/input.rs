@@ -62,20 +62,29 @@ impl FormatArgs {
 /// Reads a model file if the argument has the extension of one or names an existing file. Otherwise
 /// builds the scene that the argument describes. Warns if the file has several frames, of which
 /// the first one is read.
+///
+/// Errors: [`Error::Usage`] if the frame has a periodic cell, besides those of reading.
 pub fn read(argument: &Path) -> Result<CurveSet> {
     let args = FormatArgs::default();
     let picked = read_frame_alone(argument, &args, Pick::First)?;
-    if let Some(number) = picked.number {
-        let frames = frames_of(argument, &args)?.filter(Result::is_ok).count();
-        if frames > 1 {
-            tracing::warn!(
-                "{}: {frames} frames; only the first one is used, frame {number} (`linkwatch \
-                 convert --frame` writes another one to a file)",
-                argument.display(),
-            );
-        }
-    }
+    warn_of_frames(argument, &args, &picked)?;
     Ok(picked.curves)
+}
+
+/// Warns if a file has several frames, of which only one was read.
+pub fn warn_of_frames(argument: &Path, args: &FormatArgs, picked: &Picked) -> Result<()> {
+    let Some(number) = picked.number else {
+        return Ok(());
+    };
+    let frames = frames_of(argument, args)?.filter(Result::is_ok).count();
+    if frames > 1 {
+        tracing::warn!(
+            "{}: {frames} frames; only the first one is used, frame {number} (`linkwatch convert \
+             --frame` writes another one to a file)",
+            argument.display(),
+        );
+    }
+    Ok(())
 }
 
 /// The frame of a file with several.
@@ -98,18 +107,20 @@ pub struct Picked {
     pub cell: Option<Cell>,
 }
 
-/// Same as [`read_frame`], for commands that do not consider periodic images: warns if the frame
-/// has a cell.
+/// Same as [`read_frame`], for commands that do not consider periodic images.
+///
+/// Errors: [`Error::Usage`] if the frame has a cell, besides those of reading.
 pub fn read_frame_alone(argument: &Path, args: &FormatArgs, pick: Pick) -> Result<Picked> {
     let picked = read_frame(argument, args, pick)?;
-    if let Some(cell) = picked.cell {
-        tracing::warn!(
+    match picked.cell {
+        None => Ok(picked),
+        Some(cell) => Err(Error::Usage(format!(
             "{}: the frame has a periodic cell ({cell}), but this command considers the curves \
-             alone, without their images",
+             alone, without their images: `linkwatch convert` writes them to a format without a \
+             cell, .bcc for example",
             argument.display()
-        );
+        ))),
     }
-    Ok(picked)
 }
 
 /// Reads one frame of a model file or of a recording, or builds a scene as [`read`] does.

@@ -1,8 +1,9 @@
 //! `linkwatch sweep`: reduces a model step by step until its topology breaks.
 
 use super::Outcome;
+use super::cell_args::CellArgs;
 use super::files::{Content, Files, Overwrite, write_text};
-use super::input::{self, FormatArgs, Pick};
+use super::input::{FormatArgs, Pick};
 use super::output::{self, count, plural, with_progress};
 use linkwatch::sweep::{MOST_BITS, Reduction, Sweep, SweepStep, plot};
 use linkwatch::{Events, Report, Result, Verdict, VerifierOptions};
@@ -47,6 +48,8 @@ pub struct Args {
     frame: Option<u64>,
     #[command(flatten)]
     format: FormatArgs,
+    #[command(flatten)]
+    cell_args: CellArgs,
     /// Also search for curves that are pulled through themselves
     #[arg(long = "self", help_heading = super::COMPARE)]
     with_self: bool,
@@ -153,9 +156,14 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     }
     let reductions = reductions(args)?;
     let pick = args.frame.map_or(Pick::First, Pick::Number);
-    let set = input::read_frame_alone(&args.model, &args.format, pick)?.curves;
+    let picked = args.cell_args.read_frame(&args.model, &args.format, pick)?;
+    let (set, cell) = (picked.curves, picked.cell);
     let name = args.model.display().to_string();
+    if cell.is_some() {
+        args.cell_args.warn_of_segments(&name, &set, cell);
+    }
     let mut options = VerifierOptions::default();
+    options.cell = cell;
     options.events = match args.with_self {
         true => Events::All,
         false => Events::Between,

@@ -6,7 +6,7 @@ use super::input::{self, FormatArgs, Pick};
 use super::number::positive;
 use super::output::{self, millis};
 use linkwatch::kernels::Estimate;
-use linkwatch::{Axis, CurveSet, Error, GaussIntegrals, Result, Ribbon};
+use linkwatch::{Axis, Cell, CurveSet, Error, GaussIntegrals, Result, Ribbon, period};
 use serde_json::json;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
@@ -69,7 +69,11 @@ pub fn run(args: &Args, as_json: bool) -> Result<Outcome> {
     let mut outcome = Outcome::Fine;
     for path in &input::expand(&args.models, true)? {
         let pick = args.frame.map_or(Pick::Last, Pick::Number);
-        let set = input::read_frame_alone(path, &args.format, pick)?.curves;
+        let picked = input::read_frame(path, &args.format, pick)?;
+        let set = picked.curves;
+        if let Some(cell) = &picked.cell {
+            refuse_yarns(path, &set, cell)?;
+        }
         outcome = outcome.max(if args.ribbon.is_empty() {
             curves(path, &set, args, as_json)?
         } else {
@@ -77,6 +81,20 @@ pub fn run(args: &Args, as_json: bool) -> Result<Outcome> {
         });
     }
     Ok(outcome)
+}
+
+/// Refuses curves that run through a periodic cell. The writhe of other curves does not depend on
+/// their images.
+fn refuse_yarns(path: &Path, set: &CurveSet, cell: &Cell) -> Result<()> {
+    let mut curves = 0..set.len();
+    match curves.find(|&i| period(set, i, cell).is_some()) {
+        None => Ok(()),
+        Some(i) => Err(Error::Usage(format!(
+            "{}: curve {i} runs through the periodic cell: it stands for an infinite curve, and \
+             the writhe of one period would depend on where it begins",
+            path.display()
+        ))),
+    }
 }
 
 /// Prints the writhe of every curve.

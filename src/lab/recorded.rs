@@ -31,12 +31,17 @@ impl fmt::Debug for RecordedMotion {
 impl RecordedMotion {
     /// Opens a recording, and reads its first valid frame.
     ///
-    /// Errors: a file that is no recording, is damaged, or has no valid frame.
+    /// Errors: a file that is no recording, is damaged, has no valid frame, or is of a periodic
+    /// scene.
     pub fn open(path: &Path) -> Result<RecordedMotion> {
         let mut reader = RecordingReader::open(path)?;
         while let Some(frame) = next_frame(&mut reader)? {
             let mut curves = None;
             if let (Ok(()), Some(curves)) = (frame.ingest(&mut curves), curves) {
+                if let Some(cell) = frame.info.cell {
+                    let why = format!("of a periodic scene (cell {cell}), without its images");
+                    return Err(Error::unsupported("motion", why).in_file(path));
+                }
                 return Ok(RecordedMotion {
                     reader,
                     positions: curves.positions().into_copy(),

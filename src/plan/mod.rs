@@ -53,18 +53,21 @@ mod tests;
 
 pub use crate::kernels::crossings::Parallelism;
 
-use crate::curve::CurveSet;
+use crate::curve::{Cell, CurveSet};
 use crate::error::Result;
 use crate::kernels::choice::costs::{self, Time};
 use crate::kernels::choice::{Choice, Forecast, Predictions};
 use crate::kernels::crossings::{Input, Workspaces, by_formula, parallelism};
 use crate::kernels::{Calibration, Device, GpuUse, KernelWork, Method, Offer, SumCost};
 use crate::pairs::{
-    CurveTree, LinkSearch, Pair, SMALL, Trees, degenerate_curves, potential_links,
+    CurveTree, LinkSearch, Pair, SMALL, Share, Trees, degenerate_curves, potential_links,
     refits_in_parallel,
 };
+use crate::periodic::{FractionalBoxes, ImagePairs, Searched, period};
+use crate::verifier::VerifierOptions;
 use rayon::prelude::*;
 use serde::Serialize;
+use std::sync::Arc;
 
 /// Plan of a verification, stage by stage.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -81,6 +84,8 @@ pub struct Plan {
     pub direction: Directions,
     /// Computation of the linking numbers.
     pub kernel: KernelPlan,
+    /// Linking numbers with periodic images, if there is a cell.
+    pub images: Option<Images>,
     /// Memory in addition to the curves, in bytes: boxes, search, and pending candidates.
     pub bytes: usize,
     /// Cost of all stages together.
@@ -199,6 +204,22 @@ pub struct Directions {
     pub predicted: Prediction,
 }
 
+/// Verification of the pairs of a curve and a periodic image, of another curve or of itself.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Images {
+    /// Number of curves and images that take part.
+    pub curves: usize,
+    /// Number of pairs whose boxes overlap. All others are unlinked.
+    pub links: usize,
+    /// Number of pairs of a closed curve and one that runs through the cell. Their linking numbers
+    /// are not among the predicted cost.
+    pub yarns: usize,
+    /// Bytes of the translated curves, and of the boxes and the search.
+    pub bytes: usize,
+    /// Predicted cost of all stages of these pairs.
+    pub predicted: Prediction,
+}
+
 /// Computation of the linking numbers.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct KernelPlan {
@@ -296,11 +317,43 @@ impl Plan {
         Ok(Plan::with(set, gpu.tested_offer()))
     }
 
+    /// Plans a frame of a periodic scene, with the images of the curves. It runs on the CPU.
+    ///
+    /// Cost: as for [`Plan::of`], for the curves and for the images that may meet.
+    ///
+    /// Errors: [`Error::Usage`](crate::Error::Usage) if the cell is no lattice, or curves span too
+    /// many cells; [`Error::TooManyPairs`](crate::Error::TooManyPairs) if more than
+    /// [`VerifierOptions::MAX_PAIRS`](crate::VerifierOptions::MAX_PAIRS) may meet.
+    ///
+    /// ```
+    /// use linkwatch::{Cell, Plan, scenes::Scene};
+    ///
+    /// let sheet: Scene = "chainmail:rows=4,columns=4".parse()?;
+    /// let cell: Cell = "4,0,0".parse()?;
+    /// let plan = Plan::in_cell(&sheet.build()?.curves, &cell)?;
+    /// assert!(plan.images.unwrap().links > 0);
+    /// # Ok::<(), linkwatch::Error>(())
+    /// ```
+    pub fn in_cell(set: &CurveSet, cell: &Cell) -> Result<Plan> {
+        let mut plan = Plan::of(set);
+        let images = Images::of(set, cell)?;
+        plan.bytes += images.bytes;
+        plan.predicted.one_thread_ms += images.predicted.one_thread_ms;
+        plan.predicted.ms += images.predicted.ms;
+        plan.images = Some(images);
+        Ok(plan)
+    }
+
     fn with(set: &CurveSet, offer: Option<Offer<'_>>) -> Plan {
+        Plan::of_share(set, offer, None)
+    }
+
+    /// Plans a frame of which only a share of the pairs is verified, or all.
+    fn of_share(set: &CurveSet, offer: Option<Offer<'_>>, share: Option<Share>) -> Plan {
         let threads = rayon::current_num_threads();
         let mut trees = Trees::default();
         trees.refit(set);
-        let mut search = LinkSearch::default();
+        let mut search = LinkSearch::new(share);
         let degenerate: Vec<_> = degenerate_curves(set).collect();
         potential_links(set, &trees, &mut search, &degenerate);
         let links = search.pairs();
@@ -378,6 +431,7 @@ impl Plan {
             potential_links,
             direction,
             kernel,
+            images: None,
             predicted: Prediction {
                 one_thread_ms: stages.iter().map(|p| p.one_thread_ms).sum(),
                 ms: stages.iter().map(|p| p.ms).sum(),
@@ -394,6 +448,47 @@ fn closed(set: &CurveSet) -> impl Iterator<Item = usize> {
 /// Returns the number of segments of all closed curves.
 fn closed_segments(set: &CurveSet) -> usize {
     closed(set).map(|i| set.curve(i).segments as usize).sum()
+}
+
+impl Images {
+    fn of(set: &CurveSet, cell: &Cell) -> Result<Images> {
+        cell.check()?;
+        let boxes = FractionalBoxes::new(set, cell)?;
+        let periods = (0..set.len()).map(|i| period(set, i, cell));
+        let periods: Arc<[_]> = periods.collect();
+        let searched = Searched {
+            curves: set.curves(),
+            periods: &periods,
+            open_too: false,
+            most: VerifierOptions::MAX_PAIRS,
+        };
+        let margin = ImagePairs::margin(&boxes, cell);
+        let pairs = ImagePairs::find(&boxes, cell, margin, &searched, [])?;
+        let mut images = Images {
+            curves: pairs.curves.len(),
+            links: 0,
+            yarns: pairs.yarns.len(),
+            bytes: 0,
+            predicted: Prediction::default(),
+        };
+        let mut translated = None;
+        if !pairs.curves.is_empty() {
+            let set = Arc::new(set.clone());
+            CurveSet::translate(&set, &pairs.curves, cell, &mut translated, CurveSet::update)?;
+        }
+        if let Some(curves) = &translated {
+            let plan = Plan::of_share(curves, None, Some(pairs.share));
+            images.links = plan.potential_links.links;
+            images.bytes = plan.bytes + 3 * curves.points() * curves.precision().bytes();
+            images.predicted = plan.predicted;
+        }
+        let points = translated.map_or(0, |curves| curves.points());
+        let threads = rayon::current_num_threads();
+        let prepared = Prediction::of(costs::images(set.points(), points), threads);
+        images.predicted.one_thread_ms += prepared.one_thread_ms;
+        images.predicted.ms += prepared.ms;
+        Ok(images)
+    }
 }
 
 impl Boxes {

@@ -38,6 +38,7 @@ use self::refine::{By, refine};
 use crate::curve::CurveSet;
 use crate::error::{Error, Result};
 use crate::incremental::Events;
+use crate::periodic::period;
 use crate::verdict::{Report, Verdict};
 use crate::verifier::{Progress, Strategy, Verifier, VerifierOptions};
 use std::fmt;
@@ -145,8 +146,10 @@ impl Sweep {
     /// Verifies the original and prepares its reductions. If the options report no events,
     /// pull-throughs of each two curves are searched for ([`Events::Between`]).
     ///
+    /// With a periodic cell ([`VerifierOptions::cell`]), all images take part.
+    ///
     /// Errors: [`Error::Usage`] if there is no reduction, if they are of both kinds, or if one of
-    /// them is impossible; errors of [`Verifier::new`] and [`Verifier::step`].
+    /// them is impossible, as quantization is of a curve that runs through the cell; errors of [`Verifier::new`] and [`Verifier::step`].
     pub fn new(
         original: CurveSet,
         reductions: Vec<Reduction>,
@@ -161,6 +164,15 @@ impl Sweep {
             return Err(Error::Usage(what.into()));
         }
         reductions.iter().try_for_each(|r| r.check(&original))?;
+        if let Some(cell) = options.cell.filter(|_| shares == 0) {
+            let mut curves = 0..original.len();
+            if let Some(i) = curves.find(|&i| period(&original, i, &cell).is_some()) {
+                return Err(Error::Usage(format!(
+                    "curve {i} runs through the periodic cell: quantized, it would no longer end \
+                     at the image of its start"
+                )));
+            }
+        }
         if options.events == Events::Off {
             options.events = Events::Between;
         }
@@ -200,9 +212,9 @@ impl Sweep {
 
     /// Returns the number of links of the original.
     pub fn links(&self) -> usize {
-        self.verifier
-            .baseline()
-            .map_or(0, |baseline| baseline.links.len())
+        self.verifier.baseline().map_or(0, |baseline| {
+            baseline.links.len() + baseline.images.as_ref().map_or(0, Vec::len)
+        })
     }
 
     /// Returns a view of the progress of the comparison with the original.

@@ -26,17 +26,6 @@ use crate::verdict::{AbortOn, Change, Defect, DefectKind, Link, PullThrough, Rep
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
-/// Largest distance that curves may move before the images are searched for again, as a share of
-/// the cell. A larger one needs more images.
-const MARGIN: f64 = 0.05;
-
-/// The same as a share of the mean size of the curves.
-const OF_SIZE: f64 = 0.5;
-
-/// The same along directions without repetition, as a share of the extent of the scene. It adds no
-/// image.
-const ACROSS: f64 = 0.5;
-
 /// Images of the curves of a periodic scene, and their verifier.
 #[derive(Debug)]
 pub(super) struct Periodic {
@@ -185,11 +174,7 @@ impl Periodic {
 
     /// Finds the images that may meet while the curves are within these boxes.
     fn search(&mut self, boxes: &FractionalBoxes, progress: &super::Progress) -> Result<Inner> {
-        let periodic = self.cell.periodic();
-        let margin = [0, 1, 2].map(|x| match periodic[x] {
-            true => MARGIN.min(OF_SIZE * boxes.mean_size(x)),
-            false => ACROSS * boxes.extent(x),
-        });
+        let margin = ImagePairs::margin(boxes, &self.cell);
         let searched = Searched {
             curves: self.frame()?.curves(),
             periods: &self.yarns.periods(),

@@ -104,3 +104,36 @@ fn bad_ranges_are_refused_with_a_reason() {
         assert!(run.stderr.contains(words), "{more:?}: {}", run.stderr);
     }
 }
+
+/// A ring that is linked with the image of another one, and a yarn that runs through the cell.
+#[test]
+fn a_sweep_in_a_cell_verifies_the_images() {
+    let folder = TempDir::new().unwrap();
+    let write = |name: &str, yarn: &str| {
+        let rings = "v 0 0 0\nv 3 0 0\nv 3 3 0\nv 0 3 0\nv 9.5 1 -1\nv 12 1 -1\nv 12 1 1\n\
+                     v 9.5 1 1\nl 1 2 3 4 1\nl 5 6 7 8 5\n";
+        let path = folder.path().join(name);
+        std::fs::write(&path, format!("{rings}{yarn}")).unwrap();
+        path
+    };
+    let model = write("rings.obj", "");
+    let args = ["sweep", text(&model), "--quantize", "16..2"];
+    let links = |args: &[&str]| -> (i32, String) {
+        let run = linkwatch(args);
+        (run.code, format!("{}{}", run.stdout, run.stderr))
+    };
+    let (_, alone) = links(&args);
+    assert!(alone.contains("0 links"), "{alone}");
+    let (code, found) = links(&[&args[..], &["--cell", "10,10,10"]].concat());
+    assert!(found.contains("1 link"), "{found}");
+    assert!(
+        code == 1 && found.contains("image -1,0,0"),
+        "{code}: {found}"
+    );
+    let yarn = write("yarn.obj", "v 0 0 5\nv 5 1 5\nv 10 0 5\nl 9 10 11\n");
+    let args = ["sweep", text(&yarn), "--cell", "10,10,10"];
+    let (code, why) = links(&[&args[..], &["--quantize", "16..8"]].concat());
+    assert!(code == 2 && why.contains("curve 2 runs through"), "{why}");
+    let (code, found) = links(&[&args[..], &["--resample", "1.0..0.9"]].concat());
+    assert_eq!(code, 0, "{found}");
+}

@@ -1,6 +1,8 @@
 //! `linkwatch writhe` and `linkwatch certify --open`.
 
 use crate::support::command::{linkwatch, text};
+use linkwatch::model::{Format, FrameWriter, ModelFrame};
+use linkwatch::{Basis, CurveSet, Positions};
 use std::path::{Path, PathBuf};
 
 fn write(folder: &Path, name: &str, content: &str) -> PathBuf {
@@ -78,5 +80,58 @@ fn curves_that_are_no_ribbon_are_refused() {
         let run = linkwatch(&["writhe", text(&model), args[0], args[1]]);
         assert_eq!(run.code, 2, "{args:?}");
         assert!(run.stderr.contains(reason), "{args:?}: {}", run.stderr);
+    }
+}
+
+/// A frame of two rings with a periodic cell.
+const PERIODIC: &str = "7\nLattice=\"9 0 0 0 9 0 0 0 9\" Properties=species:S:1:pos:R:3:molecule:I:1\n\
+     C 1 1 0 1\nC 2 1 0 1\nC 2 2 1 1\nC 1 2 2 1\nC 5 5 5 2\nC 6 5 5 2\nC 6 6 5 2\n";
+
+#[test]
+fn commands_that_consider_curves_alone_refuse_a_periodic_cell() {
+    let folder = tempfile::tempdir().unwrap();
+    let model = write(folder.path(), "rings.xyz", PERIODIC);
+    for (args, words) in [
+        (vec!["certify", "--open"], "--cell none"),
+        (vec!["certify", "--noise", "0.01"], "--cell none"),
+        (
+            vec!["study", "frames", "--diameter", "1"],
+            "linkwatch convert",
+        ),
+    ] {
+        let run = linkwatch(&[&args[..], &[text(&model)]].concat());
+        assert_eq!(run.code, 2, "{args:?}: {}", run.stderr);
+        assert!(run.stderr.contains("periodic cell"), "{}", run.stderr);
+        assert!(run.stderr.contains(words), "{}", run.stderr);
+    }
+    let run = linkwatch(&["certify", "--open", "--cell", "none", text(&model)]);
+    assert_eq!(run.code, 0, "{}", run.stderr);
+    // The writhe of closed curves does not depend on images.
+    let found = json(&["writhe", text(&model)], 0);
+    assert_eq!(found.len(), 2);
+}
+
+#[test]
+fn the_writhe_of_a_yarn_through_the_cell_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("yarn.npz");
+    for (end, code) in [(9.0, 2), (8.0, 0)] {
+        let xyz = [
+            [0.0, 5.0, 5.0, 3.0, 6.0, 5.0],
+            [6.0, 5.0, 5.0, end, 5.0, 5.0],
+        ];
+        let xyz = Positions::F64(xyz.as_flattened());
+        let set = CurveSet::from_counts(Basis::Polyline, &[4], xyz).unwrap();
+        let mut frame = ModelFrame::new(0, Ok(set));
+        frame.cell = Some("9,9,9".parse().unwrap());
+        let mut writer = FrameWriter::create(&path, Format::of(&path).unwrap()).unwrap();
+        writer.frame(&frame).unwrap();
+        writer.finish().unwrap();
+        let run = linkwatch(&["writhe", text(&path)]);
+        assert_eq!(run.code, code, "{}", run.stderr);
+        let refused = run
+            .stderr
+            .contains("curve 0 runs through the periodic cell");
+        assert_eq!(refused, code == 2, "{}", run.stderr);
     }
 }

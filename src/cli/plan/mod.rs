@@ -2,12 +2,14 @@
 
 mod report;
 
+use super::cell_args::CellArgs;
+use super::input::{self, FormatArgs, Pick};
 #[cfg(feature = "lab")]
 use super::repeat;
-use super::{Outcome, input, output};
+use super::{Outcome, output};
 use linkwatch::kernels::Device;
 use linkwatch::model::MODEL_FILES;
-use linkwatch::{Plan, Result};
+use linkwatch::{Error, Plan, Result};
 use serde_json::json;
 use std::path::PathBuf;
 
@@ -27,15 +29,32 @@ pub struct Args {
     /// (`linkwatch devices`)
     #[arg(long, value_name = "DEVICE", default_value_t, help_heading = super::KERNELS)]
     device: Device,
+    #[command(flatten)]
+    cell_args: CellArgs,
 }
 
 /// Runs the command.
 pub fn run(args: &Args, as_json: bool) -> Result<Outcome> {
     for name in &args.inputs {
-        let set = input::read(name)?;
-        let plan = Plan::on(&set, &args.device)?;
+        let format = FormatArgs::default();
+        let picked = args.cell_args.read_frame(name, &format, Pick::First)?;
+        input::warn_of_frames(name, &format, &picked)?;
+        let (set, cell) = (picked.curves, picked.cell);
+        let plan = match &cell {
+            None => Plan::on(&set, &args.device)?,
+            Some(_) if !matches!(args.device, Device::Auto | Device::Cpu) => {
+                let what = "a periodic cell excludes a GPU: give --device cpu, or --cell none";
+                return Err(Error::Usage(what.into()));
+            }
+            Some(cell) => Plan::in_cell(&set, cell)?,
+        };
         #[cfg(feature = "lab")]
         let measured = match args.repeat {
+            Some(_) if cell.is_some() => {
+                let what = "--repeat measures the curves alone, without periodic images: give \
+                            --cell none";
+                return Err(Error::Usage(what.into()));
+            }
             Some(n) => Some(repeat::measure(&set, n, &args.device)?.1[1]),
             None => None,
         };

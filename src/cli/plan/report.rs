@@ -3,8 +3,8 @@
 use crate::cli::output::{count, plural};
 use linkwatch::Plan;
 use linkwatch::plan::{
-    Boxes, DevicePlan, Directions, DiscretizationChoice, Parallelism, PotentialLinks, Prediction,
-    Search,
+    Boxes, DevicePlan, Directions, DiscretizationChoice, Images, Parallelism, PotentialLinks,
+    Prediction, Search,
 };
 
 /// Returns the lines of a plan.
@@ -18,6 +18,7 @@ pub fn lines(plan: &Plan) -> Vec<String> {
     ];
     let device = plan.kernel.device.as_ref();
     lines.extend(device.map(|plan| format!("device: {}", device_words(plan))));
+    lines.extend(plan.images.as_ref().map(images));
     lines.push(format!(
         "total: {} in addition to the curves: {}",
         megabytes(plan.bytes),
@@ -83,6 +84,23 @@ fn potential_links(links: &PotentialLinks) -> String {
         number(links.curves, "curve"),
         megabytes(links.bytes),
         time(links.predicted),
+    )
+}
+
+fn images(images: &Images) -> String {
+    let yarns = match images.yarns {
+        0 => String::new(),
+        n => format!(
+            ", and {} of rings and yarns that run through the cell (not predicted)",
+            number(n, "pair")
+        ),
+    };
+    format!(
+        "periodic images: {} translated, finds {} with them{yarns}, {}: {}",
+        number(images.curves, "curve"),
+        number(images.links, "potential link"),
+        megabytes(images.bytes),
+        time(images.predicted),
     )
 }
 

@@ -43,6 +43,10 @@ struct Nanoseconds {
     multipole: f64,
     /// Check of a segment for repeated vertices.
     repeat: f64,
+    /// A point of a periodic scene: its fractional coordinates, for the box of its curve.
+    fractional: f64,
+    /// A point of a translated curve.
+    translated: f64,
 }
 
 /// Size of the last-level cache.
@@ -66,6 +70,8 @@ const NS: Nanoseconds = Nanoseconds {
     refined: 140.0,
     multipole: 1300.0,
     repeat: 0.5,
+    fractional: 6.0,
+    translated: 4.0,
 };
 
 /// Time on one thread.
@@ -114,6 +120,14 @@ pub(crate) fn boxes(basis: Basis, curves: usize, segments: usize) -> Time {
 pub(crate) fn potential_links(curves: usize, steps: u64, links: usize) -> Time {
     Time {
         ns: curves as f64 * NS.sorted + steps as f64 * NS.sweep_step + links as f64 * NS.found,
+    }
+}
+
+/// Returns the time to prepare the periodic images of a frame: the boxes of all curves in
+/// fractional coordinates, and the translated curves.
+pub(crate) fn images(points: usize, translated: usize) -> Time {
+    Time {
+        ns: points as f64 * NS.fractional + translated as f64 * NS.translated,
     }
 }
 
