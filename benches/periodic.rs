@@ -1,11 +1,11 @@
 //! Cost of a periodic cell: a sheet of chainmail that ends, and the same sheet in a cell whose
 //! images continue it, frame by frame.
 //!
-//! `cargo bench --bench periodic` measures, or with `-- quiet` only quiet frames; with `--smoke` (or
-//! under `cargo test`) it measures a small sheet only. Frames are received as from a simulator: a
-//! time is that of the copy and of the verdict. The runs with and without a cell alternate; all
-//! times are medians. The expected numbers of links are asserted: each ring at the edge has one more
-//! link in the cell.
+//! `cargo bench --bench periodic` measures, or with `-- quiet` only quiet frames; with `--smoke`
+//! (or under `cargo test`) it measures a small sheet only. Frames are received as from a simulator:
+//! a time is that of the copy and of the verdict. The runs with and without a cell alternate; all
+//! times are medians. The expected numbers of links are asserted: each ring at the edge has one
+//! more link in the cell.
 
 use linkwatch::lab::median;
 use linkwatch::scenes::Scene;

@@ -157,14 +157,14 @@ impl ImagePairs {
     }
 
     /// Returns a lower bound of the room in a quiet frame, without reading its points: that of an
-    /// earlier frame, less what the maps of both differ by, or if that is less than `enough`, by the
-    /// boxes of all curves.
+    /// earlier frame, less what the maps of both differ by, or if that is less than `enough`, by
+    /// the boxes of all curves.
     ///
     /// # Derivation: room in another frame
     ///
-    /// If the bounds of the control points differ by `d`, the boxes around the curves differ by less
-    /// than `2 d`: the padding of splines grows with the size, by less than half of `d`. The room is
-    /// relative to the side of a box, the smallest of which is known.
+    /// If the bounds of the control points differ by `d`, the boxes around the curves differ by
+    /// less than `2 d`: the padding of splines grows with the size, by less than half of `d`. The
+    /// room is relative to the side of a box, the smallest of which is known.
     pub fn quiet_room(&mut self, boxer: &Boxer<'_>, at: &Whereabouts<'_>, enough: f64) -> f64 {
         let map = boxer.map(at);
         if let Some((earlier, room)) = &self.quiet

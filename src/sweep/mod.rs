@@ -149,7 +149,8 @@ impl Sweep {
     /// With a periodic cell ([`VerifierOptions::cell`]), all images take part.
     ///
     /// Errors: [`Error::Usage`] if there is no reduction, if they are of both kinds, or if one of
-    /// them is impossible, as quantization is of a curve that runs through the cell; errors of [`Verifier::new`] and [`Verifier::step`].
+    /// them is impossible, as quantization is of a curve that runs through the cell; errors of
+    /// [`Verifier::new`] and [`Verifier::step`].
     pub fn new(
         original: CurveSet,
         reductions: Vec<Reduction>,

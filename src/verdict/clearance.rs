@@ -6,8 +6,8 @@ use crate::curve::{Image, Point};
 /// sum of their radii. At 1 their surfaces touch, at 0 their center lines meet.
 ///
 /// The strands are different curves, or parts of one curve that are at least `pi` radii apart along
-/// it: a curve that bends with the radius of its tube has that distance. In a periodic cell they are
-/// also images of curves; a curve that runs through the cell goes on in its next period.
+/// it: a curve that bends with the radius of its tube has that distance. In a periodic cell they
+/// are also images of curves; a curve that runs through the cell goes on in its next period.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 #[non_exhaustive]
 pub struct Clearance {
@@ -45,8 +45,8 @@ pub struct CloseStrands {
     pub image: Image,
     /// Segment of the first curve and segment of the second, from 0.
     pub segments: [u32; 2],
-    /// Nearest points of the center lines, in the units of the simulation. That of the second strand
-    /// is translated by `image`.
+    /// Nearest points of the center lines, in the units of the simulation. That of the second
+    /// strand is translated by `image`.
     pub points: [Point; 2],
     /// Distance of these points.
     pub distance: f64,

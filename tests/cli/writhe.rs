@@ -84,7 +84,8 @@ fn curves_that_are_no_ribbon_are_refused() {
 }
 
 /// A frame of two rings with a periodic cell.
-const PERIODIC: &str = "7\nLattice=\"9 0 0 0 9 0 0 0 9\" Properties=species:S:1:pos:R:3:molecule:I:1\n\
+const PERIODIC: &str = "7\nLattice=\"9 0 0 0 9 0 0 0 9\" \
+     Properties=species:S:1:pos:R:3:molecule:I:1\n\
      C 1 1 0 1\nC 2 1 0 1\nC 2 2 1 1\nC 1 2 2 1\nC 5 5 5 2\nC 6 5 5 2\nC 6 6 5 2\n";
 
 #[test]

@@ -3,8 +3,8 @@
 //! # Proof: images that are not listed are beyond the reach
 //!
 //! Two strands within a distance `R` have a lattice vector between them of less than `R` and the
-//! extent `E` of the scene together, so its multiple of the lattice vector `k` is at most `|b[k]| (R
-//! + E)`, with the vectors `b` of the inverse of the cell. If the vectors move by `d[k]`, that
+//! extent `E` of the scene together, so its multiple of the lattice vector `k` is at most `|b[k]|
+//! (R + E)`, with the vectors `b` of the inverse of the cell. If the vectors move by `d[k]`, that
 //! lattice vector moves by at most the sum of all `|b[k]| (R + E) |d[k]|`, the *drift*.
 //!
 //! A list is complete up to a clearance as long as no two blocks moved, together with the lattice

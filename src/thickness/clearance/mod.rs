@@ -165,8 +165,8 @@ pub fn close_blocks(set: &CurveSet, radii: &[f64]) -> Result<Vec<CloseBlock>> {
 /// [`close_blocks`] in a periodic cell, if there is one: all parts of the curves that are close to
 /// another strand or to an image.
 ///
-/// Errors: as those of [`close_blocks`], and [`Error::Usage`] if the vectors of the cell do not span
-/// a lattice, or curves span too many cells.
+/// Errors: as those of [`close_blocks`], and [`Error::Usage`] if the vectors of the cell do not
+/// span a lattice, or curves span too many cells.
 pub fn close_blocks_in_cell(
     set: &CurveSet,
     cell: Option<&Cell>,

@@ -134,8 +134,8 @@ impl Moved {
         f64::from(pair.bound) - moved / f64::from(pair.radii)
     }
 
-    /// Returns an upper bound of the motion of a block, or of the blocks of a chunk, and half of that
-    /// of a lattice vector.
+    /// Returns an upper bound of the motion of a block, or of the blocks of a chunk, and half of
+    /// that of a lattice vector.
     #[inline(always)]
     fn largest(&self, moved: &Displacements) -> f64 {
         self.rigid.largest_from(moved) + self.drift

@@ -183,8 +183,8 @@ impl Strands<'_> {
         pair.blocks.map(|k| self.blocks.place(k).1)
     }
 
-    /// Returns true if some segments of two blocks may be two strands: on one curve, if they are far
-    /// enough from one another along it.
+    /// Returns true if some segments of two blocks may be two strands: on one curve, if they are
+    /// far enough from one another along it.
     pub fn are_apart(&self, pair: &BlockPair) -> bool {
         let Some(later) = self.later(pair) else {
             return true;
