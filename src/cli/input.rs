@@ -61,12 +61,21 @@ impl FormatArgs {
 
 /// Reads a model file if the argument has the extension of one or names an existing file. Otherwise
 /// builds the scene that the argument describes. Warns if the file has several frames, of which
-/// the first one is read.
+/// the first one is read. For commands that do not consider periodic images.
 ///
 /// Errors: [`Error::Usage`] if the frame has a periodic cell, besides those of reading.
+#[cfg(feature = "lab")]
 pub fn read(argument: &Path) -> Result<CurveSet> {
     let args = FormatArgs::default();
-    let picked = read_frame_alone(argument, &args, Pick::First)?;
+    let picked = read_frame(argument, &args, Pick::First)?;
+    if let Some(cell) = picked.cell {
+        return Err(Error::Usage(format!(
+            "{}: the frame has a periodic cell ({cell}), but this command considers the curves \
+             alone, without their images: `linkwatch convert` writes them to a format without a \
+             cell, .bcc for example",
+            argument.display()
+        )));
+    }
     warn_of_frames(argument, &args, &picked)?;
     Ok(picked.curves)
 }
@@ -105,22 +114,6 @@ pub struct Picked {
     pub number: Option<u64>,
     /// Periodic cell of the frame, if it has one.
     pub cell: Option<Cell>,
-}
-
-/// Same as [`read_frame`], for commands that do not consider periodic images.
-///
-/// Errors: [`Error::Usage`] if the frame has a cell, besides those of reading.
-pub fn read_frame_alone(argument: &Path, args: &FormatArgs, pick: Pick) -> Result<Picked> {
-    let picked = read_frame(argument, args, pick)?;
-    match picked.cell {
-        None => Ok(picked),
-        Some(cell) => Err(Error::Usage(format!(
-            "{}: the frame has a periodic cell ({cell}), but this command considers the curves \
-             alone, without their images: `linkwatch convert` writes them to a format without a \
-             cell, .bcc for example",
-            argument.display()
-        ))),
-    }
 }
 
 /// Reads one frame of a model file or of a recording, or builds a scene as [`read`] does.

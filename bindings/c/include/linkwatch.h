@@ -500,8 +500,8 @@ struct lw_certificate *lw_certify(const struct lw_frame *frame);
 
 // Same as lw_certify for a periodic scene, with all images of the curves. `vectors` are those of
 // the cell, `x y z` one after the other; a vector of zeros stands for a direction without
-// repetition. A curve that runs through the cell is open, and ends at an image of its start; it has
-// linking numbers with closed curves.
+// repetition. A curve that runs through the cell is open, and ends at an image of its start; it
+// has linking numbers with closed curves.
 //
 // # Safety
 //

@@ -92,8 +92,8 @@ pub unsafe extern "C" fn lw_certify(frame: *const lw_frame) -> *mut lw_certifica
 
 /// Same as lw_certify for a periodic scene, with all images of the curves. `vectors` are those of
 /// the cell, `x y z` one after the other; a vector of zeros stands for a direction without
-/// repetition. A curve that runs through the cell is open, and ends at an image of its start; it has
-/// linking numbers with closed curves.
+/// repetition. A curve that runs through the cell is open, and ends at an image of its start; it
+/// has linking numbers with closed curves.
 ///
 /// # Safety
 ///
