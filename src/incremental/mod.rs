@@ -28,11 +28,11 @@ mod ledger;
 mod monitor;
 mod motion;
 mod packed;
+mod quiet_bounds;
 mod reference;
 mod stream;
 #[cfg(test)]
 mod tests;
-mod whereabouts;
 mod work;
 
 pub use cause::Cause;
@@ -40,5 +40,5 @@ pub(crate) use coverage::Coverage;
 pub use events::Events;
 pub(crate) use ledger::{Contacts, Ledger, MOTION_LIMIT, Outcome, Touching, sort_by_time};
 pub(crate) use monitor::Monitor;
-pub(crate) use whereabouts::{PointMap, Whereabouts};
+pub(crate) use quiet_bounds::{PointMap, QuietBounds};
 pub use work::{Route, Work};

@@ -3,9 +3,9 @@
 use super::affine::Affine;
 use super::coverage::Coverage;
 use super::motion::MovedBlocks;
+use super::quiet_bounds::QuietBounds;
 use super::reference::Reference;
 use super::stream::compare;
-use super::whereabouts::Whereabouts;
 use super::work::{Route, Work};
 use crate::certificate::{Certificate, Comparison};
 use crate::curve::{Bad, CurveSet, Positions, Received};
@@ -61,8 +61,6 @@ pub(crate) struct Monitor {
     /// The previous frame and the current frame.
     previous: Survey,
     current: Survey,
-    /// Number of the positions of the current frame ([`CurveSet::contents`]).
-    contents: Option<u64>,
     /// Surveys of the frames that were received last, oldest first.
     received: VecDeque<ReceivedSurvey>,
 }
@@ -87,6 +85,8 @@ struct Known {
 /// Result of comparing the points of a frame with the reference frame.
 #[derive(Debug, Default)]
 struct Survey {
+    /// Number of the positions ([`CurveSet::contents`]).
+    contents: Option<u64>,
     /// Affine frame of the scene. `None` if there is none, or if too many chunks moved.
     affine: Option<Affine>,
     /// Chunks of points with a point that moved further than its allowance.
@@ -98,8 +98,11 @@ impl Survey {
     fn of(reference: &Reference, set: &CurveSet) -> Survey {
         let positions = set.positions();
         let survey = Survey::read(reference, positions.as_positions(), None, f64::INFINITY);
-        // The coordinates of a set are finite.
-        survey.unwrap_or_default()
+        Survey {
+            contents: Some(set.contents()),
+            // The coordinates of a set are finite.
+            ..survey.unwrap_or_default()
+        }
     }
 
     /// Compares positions with a reference frame, and copies them to `copy`. Fails with the first
@@ -111,6 +114,7 @@ impl Survey {
         range: f64,
     ) -> Result<Survey, Bad> {
         let mut survey = Survey {
+            contents: None,
             affine: Affine::fit(&reference.sample, positions),
             chunks: Vec::new(),
         };
@@ -139,7 +143,10 @@ fn take_survey(
 ) -> Option<Survey> {
     let is_it = |r: &ReceivedSurvey| (r.contents, r.reference) == (set.contents(), reference.frame);
     let k = received.iter().position(is_it)?;
-    received.drain(..=k).next_back().map(|r| r.survey)
+    received.drain(..=k).next_back().map(|r| Survey {
+        contents: Some(r.contents),
+        ..r.survey
+    })
 }
 
 impl Monitor {
@@ -190,7 +197,6 @@ impl Monitor {
         work: &mut Work,
     ) -> bool {
         self.frame += 1;
-        self.contents = Some(set.contents());
         std::mem::swap(&mut self.previous, &mut self.current);
         *work = Work::default();
         self.reference
@@ -204,6 +210,15 @@ impl Monitor {
         };
         if let Some(built) = self.take_built(set, baseline) {
             self.adopt_if_better(built, before, set);
+        }
+        // A frame between the two was rejected.
+        if let (Some(known), Some(before)) = (&self.reference, before)
+            && self.previous.contents != Some(before.contents())
+        {
+            self.previous = match before.same_layout(set) {
+                true => Survey::of(&known.reference, before),
+                false => Survey::default(),
+            };
         }
         let Some(known) = &self.reference else {
             return false;
@@ -257,13 +272,13 @@ impl Monitor {
         Some((&known.reference.certificate, &known.comparison))
     }
 
-    /// Returns where the curves of a frame are, if it is the current one, it is quiet, and the
+    /// Returns bounds of the curves of a frame, if it is the current one, it is quiet, and the
     /// reference frame covers all curves.
-    pub fn whereabouts(&self, set: &CurveSet) -> Option<Whereabouts<'_>> {
-        let current = self.contents == Some(set.contents());
+    pub fn quiet_bounds(&self, set: &CurveSet) -> Option<QuietBounds<'_>> {
+        let current = self.current.contents == Some(set.contents());
         let reference = &self.reference.as_ref().filter(|_| current)?.reference;
         let affine = self.current.affine.filter(|_| self.current.moved() == 0)?;
-        reference.whereabouts(affine)
+        reference.quiet_bounds(affine)
     }
 
     /// Returns true if the current frame would make a better reference.

@@ -159,11 +159,11 @@ impl Task<'_> {
     /// Returns true if two pieces are on both sides of the joint of a yarn and the image that
     /// continues it. Their common end is rounded differently in both.
     fn are_joined(&self, segments: [u32; 2], pieces: [&[Vertex]; 2]) -> bool {
-        self.parts.and_then(|parts| parts.joint()) == Some(segments)
-            && match segments[0] == 0 {
-                true => pieces[0][0].at == 0.0 && pieces[1][1].at == 1.0,
-                false => pieces[0][1].at == 1.0 && pieces[1][0].at == 0.0,
-            }
+        let joined = self.parts.filter(|parts| parts.joint() == Some(segments));
+        joined.is_some_and(|parts| match parts.is_continued() {
+            true => pieces[0][1].at == 1.0 && pieces[1][0].at == 0.0,
+            false => pieces[0][0].at == 0.0 && pieces[1][1].at == 1.0,
+        })
     }
 
     /// Adds the passages of two pieces of these segments. `along` maps positions on the pieces to

@@ -15,7 +15,7 @@ use super::blocks::CHUNK;
 use super::coverage::Coverage;
 use super::covered::Covered;
 use super::packed::Packed;
-use super::whereabouts::Whereabouts;
+use super::quiet_bounds::QuietBounds;
 use crate::certificate::Certificate;
 use crate::curve::{AXES, CurveSet, Point, Received, union};
 use crate::pairs::{Share, Trees};
@@ -99,11 +99,11 @@ impl Reference {
         })
     }
 
-    /// Returns where the curves of a frame are in which all points are within their allowances,
+    /// Returns bounds of the curves of a frame in which all points are within their allowances,
     /// after this map. `None` if some curves are not covered.
-    pub fn whereabouts(&self, affine: Affine) -> Option<Whereabouts<'_>> {
+    pub fn quiet_bounds(&self, affine: Affine) -> Option<QuietBounds<'_>> {
         let all = self.coverage.open_curves || self.set.open_curves() == 0;
-        all.then_some(Whereabouts {
+        all.then_some(QuietBounds {
             reference: self.frame,
             bounds: &self.bounds,
             all: self.around,

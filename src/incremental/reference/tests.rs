@@ -189,7 +189,7 @@ proptest! {
     /// All control points of a frame whose points stay within their allowances, after any affine
     /// map, are within the bounds that need not read them.
     #[test]
-    fn frames_within_the_allowances_are_within_their_whereabouts(
+    fn frames_within_the_allowances_are_within_their_quiet_bounds(
         curves in random_curves(),
         seed in any::<u64>(),
         direction in prop::sample::select(vec![Direction::Each, Direction::Together]),
@@ -215,7 +215,7 @@ proptest! {
             xyz.extend((0..3).map(|x| mapped[x] + affine.sigma * (p[x] - q[x])));
         }
         let frame = Curves { double: true, ..curves }.set(&xyz);
-        let at = reference.whereabouts(affine).unwrap();
+        let at = reference.quiet_bounds(affine).unwrap();
         for (i, [lo, hi]) in at.bounds(&at.map(rows)).enumerate() {
             let [least, most] = frame.bounds_along(i, &rows);
             for x in 0..3 {

@@ -1,13 +1,13 @@
-//! Where the curves of a quiet frame are, known without reading it.
+//! Bounds of the curves of a quiet frame, known without reading its points.
 
 use super::affine::Affine;
 use crate::curve::Point;
 use nalgebra::{Matrix3, Vector3};
 
-/// Where the curves of a quiet frame are: each control point is at most a distance away from its
+/// Bounds of the curves of a quiet frame: each control point is at most a distance away from its
 /// place in the reference frame, moved by an affine map.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Whereabouts<'a> {
+pub(crate) struct QuietBounds<'a> {
     /// Number of the reference frame.
     pub(super) reference: u64,
     /// Bounds of the control points of each curve in the reference frame, and of all.
@@ -27,7 +27,7 @@ pub(crate) struct PointMap {
     reference: u64,
 }
 
-impl Whereabouts<'_> {
+impl QuietBounds<'_> {
     /// Returns the map to the coordinates `row . x`.
     ///
     /// With the affine map `q -> M q + t`, a coordinate of a point is `(row M) . q + row . t`, plus
