@@ -39,6 +39,7 @@
 //! is the same whichever images the coordinates of the curves belong to.
 
 use super::Certificate;
+use super::is_near;
 use crate::curve::Image;
 use crate::error::{Error, Result};
 use crate::periodic::{Entry, ImagePair, YarnPeriod, canonical};
@@ -284,8 +285,13 @@ fn period_entry(line: &str) -> Option<YarnPeriod> {
     let [i, "", n1, n2, n3, PERIOD] = fields[..] else {
         return None;
     };
-    let period = [n1.parse().ok()?, n2.parse().ok()?, n3.parse().ok()?];
-    Some((i.parse().ok()?, period))
+    Some((i.parse().ok()?, translation([n1, n2, n3])?))
+}
+
+/// Parses the translation of an image, or returns `None` if it is malformed or too large.
+fn translation([a, b, c]: [&str; 3]) -> Option<Image> {
+    let image = [a.parse().ok()?, b.parse().ok()?, c.parse().ok()?];
+    is_near(image).then_some(image)
 }
 
 /// Parses a line of a periodic scene, or returns `None` if it is malformed.
@@ -294,7 +300,7 @@ fn image_entry(line: &str) -> Option<Entry> {
     let [i, j, n1, n2, n3, lambda] = fields[..] else {
         return None;
     };
-    let image = [n1.parse().ok()?, n2.parse().ok()?, n3.parse().ok()?];
+    let image = translation([n1, n2, n3])?;
     let lambda = match lambda {
         UNDEFINED => None,
         number => Some(number.parse().ok()?),

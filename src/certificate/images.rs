@@ -163,6 +163,14 @@ mod tests {
     use super::*;
 
     #[test]
+    fn rejects_translations_whose_sums_would_overflow() {
+        for line in ["0,1,-2147483648,0,0,1", "0,,2000000,0,0,period"] {
+            let text = format!("periodic 2\n{line}\n");
+            assert!(Certificate::parse(&text).is_err(), "{line}");
+        }
+    }
+
+    #[test]
     fn certificates_of_the_same_periodic_topology_are_equal_under_other_names() {
         let text = "periodic 3\n0,1,0,0,0,1\n1,2,0,0,0,1\n0,2,1,0,0,1\n";
         let baseline = Certificate::parse(text).unwrap();

@@ -52,6 +52,11 @@ pub struct Certificate {
     pub periods: Vec<(u32, Image)>,
 }
 
+/// Returns true if sums and multiples of a translation do not overflow.
+fn is_near(image: Image) -> bool {
+    image.iter().all(|n| n.unsigned_abs() <= 1 << 20)
+}
+
 impl Certificate {
     /// Checks a certificate of another process: a search or an index would rely on what it checks.
     ///
@@ -73,7 +78,8 @@ impl Certificate {
         let images = self.images.as_deref().unwrap_or_default();
         let valid = |l: &ImageLink| {
             let ordered = l.i < l.j || l.i == l.j && l.image > Image::default();
-            ordered && l.image != Image::default() && (l.j as usize) < curves
+            let translated = l.image != Image::default() && is_near(l.image);
+            ordered && translated && (l.j as usize) < curves
         };
         if let Some(l) = images.iter().find(|l| !valid(l)) {
             let what = format!(
@@ -85,7 +91,7 @@ impl Certificate {
         if let Some((i, period)) = self
             .periods
             .iter()
-            .find(|(i, period)| *i as usize >= curves || *period == Image::default())
+            .find(|(i, p)| *i as usize >= curves || *p == Image::default() || !is_near(*p))
         {
             let what = format!("period {period:?} of curve {i} of {curves} curves");
             return Err(Error::format("certificate", "entries", what));
