@@ -44,6 +44,7 @@ impl FromStr for GivenCell {
 
 impl CellArgs {
     /// Returns true if the user gave an option.
+    #[cfg(feature = "mcap")]
     pub fn are_given(&self) -> bool {
         self.cell.is_some() || self.wrapped
     }

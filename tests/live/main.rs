@@ -2,6 +2,7 @@
 //! are killed.
 
 mod bisect;
+mod cells;
 mod clearance;
 mod curves;
 mod diff;

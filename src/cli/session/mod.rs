@@ -466,7 +466,11 @@ impl Session {
             let unwrapped = self.cells.unwrap(&set, info.cell)?;
             let set = unwrapped.map_or(set, Arc::new);
             match (info.cell, self.verifier.cell()) {
-                (Some(cell), _) => self.verifier.set_cell(cell)?,
+                (Some(cell), _) => {
+                    self.verifier.set_cell(cell)?;
+                    // In the basis in which findings name images.
+                    info.cell = self.verifier.cell();
+                }
                 (None, Some(_)) => {
                     let what = "this frame has no periodic cell, but the previous ones had one";
                     return Err(Error::Usage(what.into()));
