@@ -81,7 +81,7 @@ def simulate(step):
 
 
 def publish(service, counts, names, frames, step):
-    """Publishes frames to a watcher until it asks to stop. Returns the verdict on the last one."""
+    """Publishes frames up to the first one that is not intact. Returns the last verdict."""
     import linkwatch
 
     curves = {"counts": counts, "names": names, "dtype": "float64"}
@@ -94,7 +94,7 @@ def publish(service, counts, names, frames, step):
             verdict = sim.wait()
             if verdict is None:
                 raise SystemExit(sim.no_verdict)
-            if verdict.abort:
+            if not verdict.intact:
                 break
     return verdict
 

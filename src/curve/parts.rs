@@ -48,6 +48,11 @@ impl Parts {
         steps == 2 || self.curve.closed && steps + i64::from(self.curve.segments) == 2
     }
 
+    /// Returns true if the second part continues the first one, at the end of that.
+    pub fn is_continued(&self) -> bool {
+        self.periods == 1
+    }
+
     /// Returns the segments at which the parts are joined, if one continues the other: of the first
     /// and of the second part.
     pub fn joint(&self) -> Option<[u32; 2]> {
@@ -130,6 +135,7 @@ mod tests {
                     assert_eq!(parts.precedes_before_one(s, t), p - q == 2);
                     let joined = (q - p).abs() == 1 && i != j;
                     assert_eq!(parts.joint() == Some([s, t]), joined);
+                    assert_eq!(parts.is_continued(), j == i + 1);
                 }
             }
         }

@@ -16,7 +16,7 @@
 
 use crate::curve::{Basis, Box3, Cell, CurveSet, Point, above, below};
 use crate::error::{Error, Result};
-use crate::incremental::{PointMap, Whereabouts};
+use crate::incremental::{PointMap, QuietBounds};
 use crate::pool;
 use rayon::prelude::*;
 
@@ -73,14 +73,14 @@ impl<'a> Boxer<'a> {
     }
 
     /// Returns the map to fractional coordinates of a quiet frame.
-    pub fn map(&self, at: &Whereabouts<'_>) -> PointMap {
+    pub fn map(&self, at: &QuietBounds<'_>) -> PointMap {
         at.map(self.inverse)
     }
 
     /// Returns boxes of all curves of a quiet frame, without its points.
     pub fn quiet_boxes(
         &self,
-        at: &Whereabouts<'_>,
+        at: &QuietBounds<'_>,
         map: &PointMap,
     ) -> impl Iterator<Item = Bounds> {
         at.bounds(map).map(|b| self.padded(b))
@@ -167,6 +167,13 @@ impl FractionalBoxes {
             least = smaller_or_nan(least, around[1][x] - hi[x]);
         }
         least / largest_side(around)
+    }
+
+    /// Returns the curve with the largest box.
+    pub fn widest(&self) -> usize {
+        let sides = self.bounds.iter().map(largest_side).enumerate();
+        let widest = sides.max_by(|a, b| a.1.total_cmp(&b.1));
+        widest.map_or(0, |(curve, _)| curve)
     }
 
     /// Returns the smallest of the largest sides of all boxes.

@@ -24,7 +24,7 @@ use super::through::RingAndYarn;
 use crate::curve::vector::bounds;
 use crate::curve::{Cell, CurveSet, Image, Point, SumEdges, Translated, point_at, single};
 use crate::discretize::{Halving, Separation};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::exact::{Batch, Crossing, crossing_of_sums, sums_touch};
 use crate::pairs::closest_of_segments;
 use crate::verdict::{DefectKind, Place};
@@ -55,12 +55,8 @@ pub(crate) fn linking_numbers(
     curves.dedup();
     let curves = Translated::new(curves, periods);
     let mut set = None;
-    if !pairs.is_empty() {
-        CurveSet::translate(frame, &curves, cell, &mut set, CurveSet::update)?;
-    }
-    let Some(set) = set else {
-        return Ok(Vec::new());
-    };
+    CurveSet::translate(frame, &curves, cell, &mut set, CurveSet::update)?;
+    let set = set.ok_or_else(|| Error::Usage("no curves".into()))?;
     let number = |view: &View| (view.pair, view.linking_number(&set, &curves, cell));
     Ok(views.par_iter().map(number).collect())
 }

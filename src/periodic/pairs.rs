@@ -10,9 +10,10 @@
 
 use super::boxes::{Boxer, FractionalBoxes, single, smaller_or_nan};
 use super::through::RingAndYarn;
+use crate::cancel::PairLimit;
 use crate::curve::{Box3, Cell, Curve, Image, Point, Translated};
 use crate::error::{Error, Result};
-use crate::incremental::{PointMap, Whereabouts};
+use crate::incremental::{PointMap, QuietBounds};
 use crate::pairs::{LinkSearch, Share};
 use rayon::prelude::*;
 use std::collections::BTreeSet;
@@ -22,6 +23,9 @@ use std::sync::Arc;
 /// Maximum number of images that are compared. More need more memory than the frame: about 40 bytes
 /// each.
 const MOST_IMAGES: u64 = 1 << 24;
+
+/// Maximum number of pairs of overlapping images, of which each takes 8 bytes during the search.
+const MOST_PAIRS: usize = 1 << 26;
 
 /// Largest number of cells that a curve may be away from the first one.
 const FARTHEST: f64 = (1_u32 << 30) as f64;
@@ -165,7 +169,7 @@ impl ImagePairs {
     /// If the bounds of the control points differ by `d`, the boxes around the curves differ by
     /// less than `2 d`: the padding of splines grows with the size, by less than half of `d`. The
     /// room is relative to the side of a box, the smallest of which is known.
-    pub fn quiet_room(&mut self, boxer: &Boxer<'_>, at: &Whereabouts<'_>, enough: f64) -> f64 {
+    pub fn quiet_room(&mut self, boxer: &Boxer<'_>, at: &QuietBounds<'_>, enough: f64) -> f64 {
         let map = boxer.map(at);
         if let Some((earlier, room)) = &self.quiet
             && let Some(difference) = at.difference(&map, earlier)
@@ -213,9 +217,14 @@ fn search(
     searched: &Searched<'_>,
     (pairs, yarns): (&mut BTreeSet<ImagePair>, &mut BTreeSet<RingAndYarn>),
 ) -> Result<()> {
-    let mut links = LinkSearch::default();
+    let (mut links, limit) = (LinkSearch::default(), PairLimit::default());
+    limit.begin(MOST_PAIRS);
+    links.limit_to(limit.clone());
     let is_used = |i: usize| searched.is_used(i);
     let found = overlapping(&boxes.bounds, cell, is_used, &mut links).map_err(too_far)?;
+    if limit.is_exceeded() {
+        return Err(too_far(boxes.widest()));
+    }
     for (i, j, image) in found {
         let both = [i, j].map(|i| searched.periods[i as usize]);
         let pair = RingAndYarn::between((i, j), image, both);
@@ -411,7 +420,7 @@ mod tests {
     #[test]
     fn rejects_curves_that_span_too_many_cells() {
         let cell: Cell = "1,1,1".parse().unwrap();
-        for far in [1e3, 1e30] {
+        for far in [30.0, 1e3, 1e30] {
             let boxes = FractionalBoxes {
                 bounds: vec![[[0.0; 3], [far; 3]]],
             };

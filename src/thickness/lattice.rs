@@ -178,7 +178,7 @@ impl Lattice {
         images.product()
     }
 
-    /// Returns all images, of each pair of opposite ones one, in which some edge may be within a
+    /// Returns all images, one of each two opposite ones, in which some edge may be within a
     /// distance of this one.
     pub fn images(&self, edge: &Edge, distance: f64) -> impl Iterator<Item = Image> {
         let ([lo, hi], reach) = (self.range(edge), self.reach(distance));

@@ -255,7 +255,7 @@ pub fn struts(set: &CurveSet, longest: f64) -> Result<Vec<Strut>> {
     struts_in_cell(set, None, longest)
 }
 
-/// [`struts`] in a periodic cell, if there is one: of all images of a strut, one.
+/// [`struts`] in a periodic cell, if there is one: each strut once, without its images.
 ///
 /// Errors: as those of [`struts`], and [`Error::Usage`](crate::Error::Usage) if the vectors of the
 /// cell do not span a lattice, or if too many cells are within this length.

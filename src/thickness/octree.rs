@@ -265,7 +265,7 @@ impl Octree {
 
     /// Passes the struts between the edge at place `k` and earlier ones to `found`, as far as their
     /// squared length is at most `limit`. So each pair of edges is compared once. With `images`,
-    /// passes those between this edge and all images of edges, of each pair of opposite images one.
+    /// passes those between this edge and all images of edges, one of each two opposite ones.
     fn search(
         &self,
         edges: &Edges,

@@ -559,19 +559,18 @@ impl Verifier {
     pub fn restart(&mut self, baseline: Certificate) {
         self.cut();
         self.steps.restart();
-        if let Some(periodic) = &mut self.periodic {
-            periodic.restart(baseline);
-            (self.baseline, self.joined) = (None, None);
-            self.baseline_changed = true;
-            return;
-        }
-        match &mut self.braided {
-            Some(braided) => {
+        match (&mut self.periodic, &mut self.braided) {
+            (Some(periodic), _) => {
+                // Divided in the next frame.
+                periodic.restart(baseline);
+                (self.baseline, self.joined) = (None, None);
+            }
+            (None, Some(braided)) => {
                 braided.restart(&baseline);
                 self.baseline = Some(braided.without_loops(&baseline));
                 self.joined = Some(baseline);
             }
-            None => {
+            (None, None) => {
                 if let Some(options) = &mut self.with_braids {
                     options.baseline = Some(baseline.clone());
                 }
@@ -716,14 +715,15 @@ impl Verifier {
         self.full.timings = Timings::default();
         // Needed here, because a partial run does not start the frame.
         self.full.gpu.start_frame();
-        let untold = std::mem::take(&mut self.baseline_changed);
+        let given = self.baseline.is_some();
+        let not_taken = std::mem::take(&mut self.baseline_changed);
         let compared = self.compare(set);
         if self.baseline_changed
             && let Some(periodic) = &mut self.periodic
         {
             periodic.outdate();
         }
-        self.baseline_changed |= untold;
+        self.baseline_changed |= not_taken;
         let Compared {
             mut linking,
             stats,
@@ -746,7 +746,16 @@ impl Verifier {
         let loops = self.verify_loops((seq, time), set, &mut missing)?;
         // A curve may have passed a virtual connection.
         let unknown = unknown || self.braided.is_some() && loops.is_none();
-        let images = self.verify_images((seq, time), &mut missing)?;
+        let images = match self.verify_images((seq, time), &mut missing) {
+            Ok(images) => images,
+            Err(e) => {
+                // A frame that is rejected is no baseline.
+                if self.joined.is_none() && !given {
+                    self.baseline = None;
+                }
+                return Err(e);
+            }
+        };
         // A step across a change of the images may be unknown.
         let unknown = unknown || images.as_ref().is_some_and(|images| images.unknown);
         let mut report = Report {

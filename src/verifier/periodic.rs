@@ -13,7 +13,7 @@ use super::{Strategy, Verifier, VerifierOptions};
 use crate::certificate::{Certificate, undefined_entry};
 use crate::curve::{Cell, CurveSet, Image};
 use crate::error::{Error, Result};
-use crate::incremental::{Events, Whereabouts, sort_by_time};
+use crate::incremental::{Events, QuietBounds, sort_by_time};
 use crate::ingest::FramePool;
 use crate::kernels::{GpuUse, Method};
 use crate::pairs::Pair;
@@ -215,7 +215,7 @@ impl Periodic {
     fn follow(
         &mut self,
         frame: &CurveSet,
-        quiet: Option<&Whereabouts<'_>>,
+        quiet: Option<&QuietBounds<'_>>,
         progress: &super::Progress,
     ) -> Result<(f64, bool)> {
         let boxer = Boxer::new(frame, &self.cell)?;
@@ -237,8 +237,8 @@ impl Periodic {
                 Some(known) if self.options.strategy != Strategy::Paranoid => known,
                 _ => room(pairs, &boxer),
             };
-            // Both are rounded.
-            self.disagreed |= known.is_some_and(|known| known > room + 1e-9);
+            // The two differ by rounding.
+            self.disagreed |= known.is_some_and(|known| known > room + 1e-9 || room.is_nan());
             if was_inside && room >= bend {
                 return Ok((room, false));
             }
@@ -284,15 +284,36 @@ impl Periodic {
         Some(met.chain(self.yarns.past_joints(step)).collect())
     }
 
+    /// [`Periodic::try_step`]. After an error, the images are searched for again: the inner
+    /// verifier may have verified a frame that is rejected.
+    fn step(
+        &mut self,
+        frame: (u64, f64),
+        outer: (Option<&QuietBounds<'_>>, Option<&[Pair]>),
+        progress: &Arc<super::Progress>,
+        missing: &mut Vec<String>,
+    ) -> Result<Found> {
+        let first = self.expected.is_none();
+        let found = self.try_step(frame, outer, progress, missing);
+        if found.is_err() {
+            self.inner = None;
+            self.yarns.cut();
+            if first {
+                self.yarns.forget_periods();
+            }
+        }
+        found
+    }
+
     /// Verifies the images of the current frame. `progress` is that of the outer verifier. `quiet`
     /// says where the curves are if it found the frame to be quiet, and `met` has the pairs of
     /// curves that may have met in the step to it ([`Steps::met`]).
     ///
     /// [`Steps::met`]: super::steps::Steps::met
-    fn step(
+    fn try_step(
         &mut self,
         (seq, time): (u64, f64),
-        (quiet, met): (Option<&Whereabouts<'_>>, Option<&[Pair]>),
+        (quiet, met): (Option<&QuietBounds<'_>>, Option<&[Pair]>),
         progress: &Arc<super::Progress>,
         missing: &mut Vec<String>,
     ) -> Result<Found> {
@@ -308,9 +329,9 @@ impl Periodic {
             if let (Some(inner), Some(before)) = (&mut self.inner, &self.before)
                 && let Some(verifier) = &mut inner.verifier
             {
-                // One signal ends both.
+                // A signal that cancels the frame cancels both verifiers.
                 verifier.full.share_progress(Arc::clone(progress));
-                // Starts where the last one ended.
+                // The new verifier starts with the previous frame.
                 let curves = self.pool.receive(|out| {
                     let (curves, cell) = (&inner.pairs.curves, &before.cell);
                     CurveSet::translate(&before.frame, curves, cell, out, CurveSet::update)
@@ -355,6 +376,7 @@ impl Periodic {
             .yarns
             .compare(&frame, &self.cell, unsettled.as_ref(), check)?;
         self.disagreed |= of_yarns.disagreed;
+        self.outdated |= of_yarns.adopted;
         self.before = Some(Before {
             frame,
             cell: self.cell,
@@ -472,6 +494,14 @@ impl Verifier {
     /// Divides a given baseline, before the first frame, into that of the curves themselves and
     /// that of the images, under the names that this frame has for them.
     pub(super) fn divide_baseline(&mut self, set: &CurveSet) -> Result<()> {
+        let divided = self.try_to_divide_baseline(set);
+        if let (Err(_), Some(periodic)) = (&divided, &mut self.periodic) {
+            periodic.yarns.forget_periods();
+        }
+        divided
+    }
+
+    fn try_to_divide_baseline(&mut self, set: &CurveSet) -> Result<()> {
         let Some(periodic) = &mut self.periodic else {
             return match &self.baseline {
                 Some(b) if b.images.is_some() => Err(Error::Usage(
@@ -550,7 +580,7 @@ impl Verifier {
             return Ok(None);
         };
         let quiet = periodic.frame().ok();
-        let quiet = quiet.and_then(|frame| self.monitor.whereabouts(frame));
+        let quiet = quiet.and_then(|frame| self.monitor.quiet_bounds(frame));
         let outer = (quiet.as_ref(), self.steps.met());
         let found = periodic.step(frame, outer, &self.full.progress, missing)?;
         let disagreed = std::mem::take(&mut periodic.disagreed);
@@ -582,7 +612,10 @@ impl Verifier {
             add_work(&mut report.stats, &of_images.stats);
         }
         report.changes.sort_by_key(|c| (c.i, c.j, c.image));
-        report.defects.sort_by_key(|d| (d.i, d.j, d.image));
+        // The search for pull-throughs finds contacts with yarns, too.
+        let key = |d: &Defect| (d.i, d.j, d.image, d.kind as u8);
+        report.defects.sort_by_key(key);
+        report.defects.dedup_by_key(|d| key(d));
         sort_by_time(&mut report.events);
         sort_by_time(&mut report.unresolved);
         let inner = self.periodic.as_mut();

@@ -14,11 +14,12 @@
 //! - The end of a period that is not translated is the given one, not the exact image of its start.
 //!   If a closed curve may have passed between the two, the pair counts as undecided, too.
 
+use crate::certificate::undefined_entry;
 use crate::curve::vector::bounds;
 use crate::curve::{AXES, Cell, CurveSet, Image, Point, pow2, union};
 use crate::error::Result;
 use crate::periodic::{Entry, ImagePair, Number, RingAndYarn, YarnPeriod, linking_numbers, period};
-use crate::verdict::{Change, Defect};
+use crate::verdict::{Change, Defect, DefectKind};
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
@@ -40,6 +41,8 @@ pub(super) struct Yarns {
 pub(super) struct Compared {
     pub changes: Vec<Change>,
     pub defects: Vec<Defect>,
+    /// True if pairs that had no number to compare with have one now.
+    pub adopted: bool,
     /// Number of pairs whose numbers were computed.
     pub computed: u64,
     /// True if the numbers of the previous frame that should hold do not.
@@ -92,6 +95,11 @@ impl Yarns {
         self.known = None;
     }
 
+    /// The first frame was rejected, so that the periods are those of the next one.
+    pub fn forget_periods(&mut self) {
+        self.periods = None;
+    }
+
     /// Returns the pair of a closed curve and a yarn that these curves are, the second one
     /// translated.
     pub fn pair(&self, i: u32, j: u32, image: Image) -> Option<RingAndYarn> {
@@ -133,42 +141,59 @@ impl Yarns {
             numbers.extend(self.pairs.iter().filter_map(kept));
             numbers.sort_unstable_by_key(|n| n.0);
         }
-        let compared = Compared {
-            changes: self.changes(&numbers),
+        let mut compared = Compared {
             defects: defects(&numbers),
             computed: computed.len() as u64,
             disagreed,
+            ..Compared::default()
         };
+        self.add_differences(&numbers, &mut compared);
         self.known = Some(numbers);
         Ok(compared)
     }
 
-    /// Returns the numbers that differ from the expected ones.
-    fn changes(&mut self, numbers: &[Number]) -> Vec<Change> {
-        let Some(expected) = &self.expected else {
-            self.expected = Some(entries(numbers));
-            return Vec::new();
+    /// Adds the numbers that differ from the expected ones, and the pairs that had none to compare
+    /// with: the expected number of those is the one of this frame from now on.
+    fn add_differences(&mut self, numbers: &[Number], out: &mut Compared) {
+        let found = entries(numbers);
+        let Some(expected) = &mut self.expected else {
+            self.expected = Some(found);
+            return;
         };
         // Pairs that are not in a list have the number 0; those that touch have none.
         let mut both = BTreeMap::<ImagePair, [Option<i64>; 2]>::new();
-        for (side, entries) in [expected, &entries(numbers)].into_iter().enumerate() {
+        for (side, entries) in [expected, &found].into_iter().enumerate() {
             for &(pair, lambda) in entries {
                 both.entry(pair).or_insert([Some(0); 2])[side] = lambda;
             }
         }
-        let changes = both.into_iter().filter_map(|(pair, [expected, found])| {
+        for (pair, numbers) in both {
             let ImagePair { i, j, image } = pair;
-            let (expected, found) = (expected?, found?);
-            (expected != found).then_some(Change {
-                i,
-                j,
-                image,
-                expected,
-                found,
-                place: None,
-            })
-        });
-        changes.collect()
+            match numbers {
+                [None, Some(lambda)] => {
+                    out.defects.push(Defect {
+                        image,
+                        kind: DefectKind::NoBaseline,
+                        ..undefined_entry(i, Some(j))
+                    });
+                    expected.retain(|e| e.0 != pair);
+                    if lambda != 0 {
+                        expected.push((pair, Some(lambda)));
+                    }
+                    out.adopted = true;
+                }
+                [Some(expected), Some(found)] if expected != found => out.changes.push(Change {
+                    i,
+                    j,
+                    image,
+                    expected,
+                    found,
+                    place: None,
+                }),
+                _ => {}
+            }
+        }
+        expected.sort_unstable();
     }
 
     /// Returns the pairs whose closed curve may have passed between the end of a period and the

@@ -15,6 +15,7 @@ mod invariance;
 mod jersey;
 mod periods;
 mod quiet;
+mod rejected;
 mod scene;
 mod supercell;
 #[path = "../support/mod.rs"]

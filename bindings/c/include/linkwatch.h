@@ -638,7 +638,7 @@ lw_status lw_thickness_in_cell(const struct lw_frame *frame,
 // `frame` and its arrays are valid.
 struct lw_struts *lw_struts_up_to(const struct lw_frame *frame, double longest);
 
-// Same as lw_struts_up_to for a periodic scene: of all images of a strut, one. For `vectors` see
+// Same as lw_struts_up_to for a periodic scene, with each strut once. For `vectors` see
 // lw_thickness_in_cell.
 //
 // # Safety

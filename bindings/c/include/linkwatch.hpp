@@ -311,7 +311,7 @@ std::vector<lw_strut> struts(const std::vector<std::int32_t> &counts,
   return detail::list(lw_struts_up_to(&frame, longest));
 }
 
-// Same as above for a periodic scene: of all images of a strut, one.
+// Same as above for a periodic scene, with each strut once.
 template <class T>
 std::vector<lw_strut> struts(const std::vector<std::int32_t> &counts,
                              const std::vector<T> &positions, const std::array<double, 9> &cell,

@@ -169,7 +169,7 @@ pub unsafe extern "C" fn lw_struts_up_to(frame: *const lw_frame, longest: f64) -
     give(|| unsafe { struts_up_to((frame, None), longest) })
 }
 
-/// Same as lw_struts_up_to for a periodic scene: of all images of a strut, one. For `vectors` see
+/// Same as lw_struts_up_to for a periodic scene, with each strut once. For `vectors` see
 /// lw_thickness_in_cell.
 ///
 /// # Safety

@@ -13,7 +13,7 @@ use std::f64::consts::{PI, TAU};
 /// Number of chords of a spline segment in the oracle.
 const CHORDS: usize = 16;
 
-/// Returns all images, of each pair of opposite ones one, in which strands may be within a
+/// Returns all images, one of each two opposite ones, in which strands may be within a
 /// distance.
 fn images(set: &CurveSet, cell: Option<&Cell>, distance: f64) -> Vec<Image> {
     let Some(cell) = cell else {

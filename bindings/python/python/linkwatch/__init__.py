@@ -563,7 +563,7 @@ def struts(
 ) -> list[Strut]:
     """Finds all pairs of points whose distance is a local minimum of at most ``longest``.
 
-    With a ``cell``, those between images are found, too: of all images of a strut, one.
+    With a ``cell``, those between images are found, too, each once.
 
     Returns:
         list[Strut]: the shortest first, those of polylines with the gradient of their length.
