@@ -115,13 +115,16 @@ fn measure(
     );
     let [without, with] = times.map(median);
     let clearances = clearances.map(median);
+    let potential = match potential {
+        [0, _] => "-".to_owned(),
+        [without, with] => format!("{:.2}", with as f64 / without as f64),
+    };
     println!(
-        "{:>8} {name:>9} {:>9} {images:>8} {without:>9.3} {with:>9.3} {:>7.2} {:>9.2}  ({} and {} \
-         frames; clearance {:.3} and {:.3})",
+        "{:>8} {name:>9} {:>9} {images:>8} {without:>9.3} {with:>9.3} {:>7.2} {potential:>9}  ({} \
+         and {} frames; clearance {:.3} and {:.3})",
         set.len(),
         count(1),
         with / without,
-        potential[1] as f64 / potential[0] as f64,
         counted[0],
         counted[1],
         clearances[0],
