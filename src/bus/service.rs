@@ -374,8 +374,10 @@ pub(super) fn lock(
 pub(super) fn retry_transient<T, E: Debug>(mut open: impl FnMut() -> Result<T, E>) -> Result<T, E> {
     // Matched by their Debug form, because each messaging pattern has its own enum for the same
     // errors.
-    const TRANSIENT: [&str; 6] = [
+    const TRANSIENT: [&str; 7] = [
         "SystemInFlux",
+        // Also of a service that another process has created in part.
+        "ServiceInCorruptedState",
         "IsMarkedForDestruction",
         "DoesNotExist",
         "AlreadyExists",

@@ -284,6 +284,28 @@ fn an_observer_counts_the_frames_that_it_skips_in_lockstep() {
     assert_eq!(watch.end().summary()["verified"], 10);
 }
 
+/// Regression test: a watcher ended with an error if another one created the service at the same
+/// moment.
+#[test]
+fn a_watcher_and_an_observer_can_start_at_once() {
+    let folder = TempDir::new().unwrap();
+    for k in 0..20 {
+        let service = service(&format!("at-once-{k}"));
+        let roles: [&[&str]; 2] = [&[], &["--observe"]];
+        let names = [format!("watch-{k}"), format!("observer-{k}")];
+        let both = [0, 1].map(|r| Watch::start(folder.path(), &names[r], &service, roles[r]));
+        stderr_with(&both[1], &["nothing is sent to it"]);
+        let mut sim = client(&service);
+        assert!(sim.wait_for_watcher(PATIENCE).unwrap());
+        observed_step(&mut sim, &[&both[1]], 0, 0.0);
+        sim.finish_within(PATIENCE).unwrap().expect("a goodbye");
+        for watch in both {
+            let ended = watch.end();
+            assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+        }
+    }
+}
+
 #[test]
 fn an_observer_has_no_policy() {
     let run = linkwatch(&["watch", "--observe", "--abort-on", "lost"]);
