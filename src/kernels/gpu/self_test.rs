@@ -40,6 +40,11 @@ fn operands<R: Real>() -> Vec<[R; 2]> {
         R::nearest(sign * mantissa * 2f64.powi(-exponent))
     };
     let mut out: Vec<[R; 2]> = (0..4096).map(|k| [next(20), next(1 + k % 40)]).collect();
+    // Sums of fixed-point numbers reach a magnitude of 2^10.
+    out.extend((0..1024).map(|k| {
+        let large = next(1).into() * f64::from(1 << (k % 9));
+        [R::nearest(large), next(20)]
+    }));
     // Neighbouring numbers: their differences are exact on every usable adapter.
     let x = R::nearest(1.0 / 3.0);
     for k in 0..64 {

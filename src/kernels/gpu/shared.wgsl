@@ -40,10 +40,12 @@ fn widened(x: i32) -> vec2<u32> {
 
 // Converts a number of magnitude at most 2^10 to units of 2^-44, rounded towards 0: the error is
 // less than one unit. The whole part and the rest are exact.
+//
+// On CPUs without AVX-512, `trunc` of the software adapter takes doubles above 2^24 for integers.
+// The compiler makes a `trunc` of a conversion to an integer and back, unless it is hidden.
 fn fixed64(x: real) -> vec2<u32> {
     let scaled = x * 1048576.0;
-    let whole = trunc(scaled);
-    let rest = i32((scaled - whole) * 16777216.0);
-    let millionths = i32(whole);
+    let millionths = bitcast<i32>(bitcast<u32>(i32(scaled)) ^ parameters.zero);
+    let rest = i32((scaled - real(millionths)) * 16777216.0);
     return add64(vec2<u32>(u32(millionths) << 24u, u32(millionths >> 8u)), widened(rest));
 }
