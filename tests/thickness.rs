@@ -90,7 +90,7 @@ fn images_are_counted_in_a_cell() -> Result<(), Failed> {
     let run = linkwatch(&[&["thickness", text(&model)], &cell[..]].concat());
     let words = "curve 0 and its image 1,0,0 are 0.5 apart, from (3.5";
     assert!(run.stdout.contains(words), "{}", run.stdout);
-    // Of the curves alone.
+    // Without a cell, the images do not count.
     let found = &measure(&[text(&model)])[0];
     assert_eq!(found["poca"], 1.0);
     let e = linkwatch(&["thickness", text(&model), "--cell", "1e-9,0,0"]);

@@ -14,6 +14,18 @@ pub(crate) fn is_home(image: &Image) -> bool {
     *image == Image::default()
 }
 
+/// Returns the sum of two translations.
+#[cfg(feature = "verify")]
+pub(crate) fn plus(a: Image, b: Image) -> Image {
+    [0, 1, 2].map(|k| a[k].wrapping_add(b[k]))
+}
+
+/// Returns the difference of two translations.
+#[cfg(feature = "verify")]
+pub(crate) fn minus(a: Image, b: Image) -> Image {
+    [0, 1, 2].map(|k| a[k].wrapping_sub(b[k]))
+}
+
 /// Periodic cell: the lattice along which a scene repeats.
 ///
 /// A scene is periodic along one, two or three vectors, which need not be orthogonal. A vector of

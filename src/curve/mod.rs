@@ -61,6 +61,8 @@ pub use builder::CurveSetBuilder;
 pub(crate) use cell::is_home;
 pub use cell::{Cell, Image};
 #[cfg(feature = "verify")]
+pub(crate) use cell::{minus, plus};
+#[cfg(feature = "verify")]
 pub(crate) use coordinates::{Axes, Knots, ReadKnots, Scalar};
 #[cfg(feature = "verify")]
 pub(crate) use diagonals::Diagonals;
@@ -74,7 +76,7 @@ pub(crate) use lazy::Received;
 pub(crate) use local::{feature, nearest};
 pub(crate) use notation::{Notation, significant};
 #[cfg(feature = "verify")]
-pub(crate) use parts::Parts;
+pub(crate) use parts::{Parts, multiple};
 pub use positions::{Positions, Precision};
 #[cfg(feature = "verify")]
 pub use set::{Curve, CurveSet};

@@ -66,7 +66,7 @@ impl Parts {
 }
 
 /// Returns how many times a translation is a period, if it is a multiple.
-pub(super) fn multiple(image: Image, period: Image) -> Option<i32> {
+pub(crate) fn multiple(image: Image, period: Image) -> Option<i32> {
     let x = (0..3).find(|&x| period[x] != 0)?;
     let times = image[x] / period[x];
     (image == period.map(|n| n.wrapping_mul(times))).then_some(times)

@@ -7,7 +7,7 @@
 
 use super::parts::multiple;
 use super::vector::two_sum;
-use super::{Cell, CurveSet, Image, Point, Positions, is_home, pow2};
+use super::{Cell, CurveSet, Image, Point, Positions, is_home, minus, plus, pow2};
 use crate::error::Result;
 use std::collections::BTreeMap;
 use std::ops::{Deref, Range};
@@ -43,7 +43,7 @@ impl Translated {
         let yarns = yarns.filter_map(|(k, &(i, image))| Some((k, i, image, periods[i as usize]?)));
         let numbers: BTreeMap<_, u32> = yarns.clone().map(|(k, i, n, _)| ((i, n), k)).collect();
         let joint = |(k, i, image, period): (u32, u32, Image, Image)| {
-            let next = sum(image, period);
+            let next = plus(image, period);
             let joined = is_home(&image) || is_home(&next);
             Some((k, *numbers.get(&(i, next))?)).filter(|_| joined)
         };
@@ -57,23 +57,18 @@ impl Translated {
     /// Returns the translation of the next period of a curve, if it is a yarn.
     fn next(&self, i: usize) -> Option<Image> {
         let (curve, image) = self.curves[i];
-        Some(sum(image, self.periods[curve as usize]?))
+        Some(plus(image, self.periods[curve as usize]?))
     }
 
     /// Returns the number of periods from a curve to another one, if both are images of one yarn by
     /// multiples of its period.
     pub fn periods_between(&self, i: usize, j: usize) -> Option<i32> {
         let [(yarn, from), (other, to)] = [i, j].map(|i| self.curves[i]);
-        let image = [0, 1, 2].map(|x| to[x].wrapping_sub(from[x]));
         match yarn == other {
-            true => multiple(image, self.periods[yarn as usize]?),
+            true => multiple(minus(to, from), self.periods[yarn as usize]?),
             false => None,
         }
     }
-}
-
-fn sum(a: Image, b: Image) -> Image {
-    [0, 1, 2].map(|x| a[x].wrapping_add(b[x]))
 }
 
 impl Deref for Translated {

@@ -96,12 +96,10 @@ pub(crate) struct FractionalBoxes {
 
 impl FractionalBoxes {
     /// Returns the boxes of the curves, open or closed. Each contains the curve.
-    ///
-    /// Errors: [`Error::Usage`] if the vectors of the cell do not span a lattice.
-    pub fn new(set: &CurveSet, cell: &Cell) -> Result<FractionalBoxes> {
-        let boxer = Boxer::new(set, cell)?;
-        let bounds = pool::run(set.segments(), || boxer.boxes().collect());
-        Ok(FractionalBoxes { bounds })
+    pub fn new(boxer: &Boxer<'_>) -> FractionalBoxes {
+        let segments = boxer.set.segments();
+        let bounds = pool::run(segments, || boxer.boxes().collect());
+        FractionalBoxes { bounds }
     }
 
     /// Returns boxes that contain the curves at all times of the step from another frame, in which

@@ -20,9 +20,9 @@
 //! motions do not change. If several entries of one ring and such a yarn differ by a fraction of
 //! the period, the names may then depend on the coordinates.
 
-use super::names::{Entry, minus, plus};
+use super::names::Entry;
 use super::{ImagePair, YarnPeriod, period_of_pair};
-use crate::curve::Image;
+use crate::curve::{Image, minus, plus};
 use std::collections::{BTreeMap, VecDeque};
 
 /// Returns the entries under names that follow from the entries and the periods alone, sorted: they

@@ -7,7 +7,7 @@
 use super::ImagePair;
 use super::gauge::canonical;
 use super::through::{YarnPeriod, period_of_pair, reduced};
-use crate::curve::Image;
+use crate::curve::{Image, minus, plus};
 use std::collections::{BTreeMap, VecDeque};
 
 /// An entry of a list of linking numbers; `None`: the pair has no linking number. The translation
@@ -16,14 +16,6 @@ pub(crate) type Entry = (ImagePair, Option<i64>);
 
 /// Entries of each curve: the other curve, its translation, and the linking number.
 type Neighbours = Vec<Vec<(u32, Image, Option<i64>)>>;
-
-pub(super) fn plus(a: Image, b: Image) -> Image {
-    [0, 1, 2].map(|k| a[k].wrapping_add(b[k]))
-}
-
-pub(super) fn minus(a: Image, b: Image) -> Image {
-    [0, 1, 2].map(|k| a[k].wrapping_sub(b[k]))
-}
 
 fn neighbours(curves: usize, entries: &[Entry]) -> Neighbours {
     let mut of = vec![Vec::new(); curves];

@@ -63,7 +63,7 @@ use crate::pairs::{
     CurveTree, LinkSearch, Pair, SMALL, Share, Trees, degenerate_curves, potential_links,
     refits_in_parallel,
 };
-use crate::periodic::{FractionalBoxes, ImagePairs, Searched, period};
+use crate::periodic::{Boxer, FractionalBoxes, ImagePairs, Searched, period};
 use crate::verifier::VerifierOptions;
 use rayon::prelude::*;
 use serde::Serialize;
@@ -453,7 +453,7 @@ fn closed_segments(set: &CurveSet) -> usize {
 impl Images {
     fn of(set: &CurveSet, cell: &Cell) -> Result<Images> {
         cell.check()?;
-        let boxes = FractionalBoxes::new(set, cell)?;
+        let boxes = FractionalBoxes::new(&Boxer::new(set, cell)?);
         let periods = (0..set.len()).map(|i| period(set, i, cell));
         let periods: Arc<[_]> = periods.collect();
         let searched = Searched {

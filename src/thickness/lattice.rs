@@ -13,8 +13,8 @@
 //! images are near.
 
 use super::edges::{Edge, Edges};
-use crate::curve::vector::{add, norm};
-use crate::curve::{Cell, CurveSet, Image, Point, is_home};
+use crate::curve::vector::{add, bounds, dot, norm};
+use crate::curve::{Cell, CurveSet, Image, Point, is_home, union};
 use crate::error::{Error, Result};
 use crate::pairs::Scale;
 use crate::periodic::{images_in, is_multiple, period, too_far};
@@ -84,15 +84,8 @@ impl Lattice {
 
     /// Returns the fractional coordinates of both ends of an edge: the smaller and the larger ones.
     fn range(&self, edge: &Edge) -> [Point; 2] {
-        let fractional = |p: Point| {
-            self.inverse
-                .map(|b| b[0] * p[0] + b[1] * p[1] + b[2] * p[2])
-        };
-        let [p, q] = [edge.start, add(edge.start, edge.along)].map(fractional);
-        [
-            [0, 1, 2].map(|x| p[x].min(q[x])),
-            [0, 1, 2].map(|x| p[x].max(q[x])),
-        ]
+        let fractional = |p: Point| self.inverse.map(|b| dot(b, p));
+        bounds([edge.start, add(edge.start, edge.along)].map(fractional))
     }
 
     /// Moves the edges of a curve.
@@ -196,13 +189,6 @@ impl Lattice {
         });
         images_in(ranges).filter(|&image| image > Image::default())
     }
-}
-
-fn union(a: [Point; 2], b: [Point; 2]) -> [Point; 2] {
-    [
-        [0, 1, 2].map(|x| a[0][x].min(b[0][x])),
-        [0, 1, 2].map(|x| a[1][x].max(b[1][x])),
-    ]
 }
 
 impl Edges {

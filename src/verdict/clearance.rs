@@ -7,7 +7,7 @@ use crate::curve::{Image, Point};
 ///
 /// The strands are different curves, or parts of one curve that are at least `pi` radii apart along
 /// it: a curve that bends with the radius of its tube has that distance. In a periodic cell they
-/// are also images of curves; a curve that runs through the cell goes on in its next period.
+/// are also images of curves; the next period of a curve that runs through the cell continues it.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 #[non_exhaustive]
 pub struct Clearance {

@@ -243,12 +243,12 @@ impl Periodic {
                 return Ok((room, false));
             }
         }
-        let boxes = FractionalBoxes::new(frame, &self.cell)?;
+        let boxes = FractionalBoxes::new(&boxer);
         let swept = match before {
             None => boxes,
             Some(before) => {
-                let at_first = FractionalBoxes::new(&before.frame, &before.cell)?;
-                boxes.swept_from(&at_first, bend)
+                let at_first = Boxer::new(&before.frame, &before.cell)?;
+                boxes.swept_from(&FractionalBoxes::new(&at_first), bend)
             }
         };
         let inner = self.search(&swept, progress)?;
@@ -527,7 +527,7 @@ impl Verifier {
         }
         // The numbers of this frame, of the curves themselves and of the images.
         periodic.yarns.find_periods(set, &periodic.cell);
-        let boxes = FractionalBoxes::new(set, &periodic.cell)?;
+        let boxes = FractionalBoxes::new(&Boxer::new(set, &periodic.cell)?);
         self.full.progress.limit.begin(self.max_pairs);
         let inner = periodic.search(&boxes, &self.full.progress)?;
         if let Some(mut verifier) = inner.verifier {

@@ -217,8 +217,8 @@ impl Yarns {
             if pair.image != Image::default() {
                 return false;
             }
-            let rings = step.map(|(set, _)| set.bounds_along(pair.ring as usize, &AXES));
-            let [a, b] = [bounds(joints.into_iter().flatten()), union(&rings)];
+            let [before, now] = step.map(|(set, _)| set.bounds_along(pair.ring as usize, &AXES));
+            let [a, b] = [bounds(joints.into_iter().flatten()), union(before, now)];
             let rounding = step.map(|(set, _)| set.max_abs());
             let slack = 1e-12 * rounding[0].max(rounding[1]);
             let apart = |x: usize| a[1][x] + slack < b[0][x] || b[1][x] + slack < a[0][x];

@@ -20,14 +20,7 @@ fn recorded_cells_have_the_basis_in_which_findings_name_images() {
         let mut cell = Cell::orthogonal([0.0; 3], [10.0; 3]);
         cell.vectors[1][0] = tilt;
         sim.set_cell(Some(cell)).unwrap();
-        let seq = sim
-            .publish(frame as f64, Positions::F32(&squares(0.0)))
-            .unwrap();
-        let answer = sim.wait(seq, PATIENCE).unwrap();
-        assert!(
-            matches!(&answer, Outcome::Verdict(m) if m.verdict == Verdict::Intact),
-            "{answer:?}"
-        );
+        assert_eq!(step(&mut sim, frame as u64, 0.0), Verdict::Intact);
     }
     sim.finish().unwrap();
     let live = watch.end();

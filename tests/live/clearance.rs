@@ -139,13 +139,8 @@ fn a_low_clearance_in_a_cell_names_the_image() {
     for frame in 0..10 {
         let cell = Cell::orthogonal([0.0; 3], [6.0 + gap(frame), 0.0, 0.0]);
         sim.set_cell(Some(cell)).unwrap();
-        let positions = Positions::F32(xyz.as_flattened());
-        let seq = sim.publish(frame as f64, positions).unwrap();
-        let answer = sim.wait(seq, PATIENCE).unwrap();
-        assert!(
-            matches!(&answer, Outcome::Verdict(m) if m.verdict == Verdict::Intact),
-            "{answer:?}"
-        );
+        let verdict = verdict_on(&mut sim, frame as f64, xyz.as_flattened());
+        assert_eq!(verdict, Verdict::Intact);
     }
     sim.finish().unwrap();
     let live = watch.end();

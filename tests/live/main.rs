@@ -192,9 +192,12 @@ fn client(service: &str) -> Client {
 
 /// Publishes a frame and waits for its verdict.
 fn step(client: &mut Client, frame: u64, shift: f32) -> Verdict {
-    let seq = client
-        .publish(frame as f64 * 0.1, Positions::F32(&squares(shift)))
-        .unwrap();
+    verdict_on(client, frame as f64 * 0.1, &squares(shift))
+}
+
+/// Publishes positions and waits for the verdict on them.
+fn verdict_on(client: &mut Client, time: f64, positions: &[f32]) -> Verdict {
+    let seq = client.publish(time, Positions::F32(positions)).unwrap();
     match client.wait(seq, PATIENCE).unwrap() {
         Outcome::Verdict(m) => m.verdict,
         other => panic!("frame {seq}: {other:?}"),

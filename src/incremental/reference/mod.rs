@@ -84,7 +84,7 @@ impl Reference {
         let finite = allowances.iter().filter(|a| a.is_finite());
         let bounds: Vec<[Point; 2]> = (0..set.len()).map(|i| set.bounds_along(i, &AXES)).collect();
         Some(Reference {
-            around: union(&bounds),
+            around: bounds.iter().copied().reduce(union).unwrap_or_default(),
             largest_allowance: finite.fold(0.0, |most, &a| most.max(a.into())),
             bounds,
             set,

@@ -2,7 +2,7 @@
 
 use super::blocks::{BlockPair, Blocks};
 use crate::curve::vector::{add, add_scaled, distance, sub};
-use crate::curve::{Cell, Curve, CurveSet, Image, Point, Positions, is_home, point_at};
+use crate::curve::{Cell, Curve, CurveSet, Image, Point, Positions, is_home, multiple, point_at};
 use crate::pairs::nearest;
 use crate::simd::{LANES, dispatch};
 use crate::thickness::splines::deviation;
@@ -63,8 +63,8 @@ impl Arcs {
         [self.starts[at], end].map(f64::from)
     }
 
-    /// Returns the length along curve `i` between two segments, `s` before `t` in the same period;
-    /// `t` is so many periods later.
+    /// Returns the length along curve `i` between two segments. If both are in the same period, `s`
+    /// is before `t`; otherwise `later` is the number of periods from `s` to `t`.
     fn between(&self, i: usize, curve: &Curve, [s, t]: [u32; 2], later: i32) -> f64 {
         let [s, t] = [s, t].map(|s| self.of(i, curve, s));
         if later != 0 {
@@ -80,8 +80,9 @@ impl Arcs {
         }
     }
 
-    /// Returns the smallest and the largest length along curve `i` between segments of two blocks,
-    /// `a` not after `b` in the same period; `b` is so many periods later.
+    /// Returns the smallest and the largest length along curve `i` between segments of two blocks.
+    /// If both are in the same period, `a` is not after `b`; otherwise `later` is the number of
+    /// periods from `a` to `b`.
     fn between_blocks(&self, i: usize, curve: &Curve, [a, b]: [u32; 2], later: i32) -> [f64; 2] {
         let ends = |block: u32| {
             let first = block * LANES as u32;
@@ -172,10 +173,10 @@ impl Strands<'_> {
         if i != j {
             return None;
         }
-        let (image, period) = (pair.image, self.periods[i]);
-        let x = (0..3).find(|&x| period[x] != 0);
-        let later = x.map_or(0, |x| image[x] / period[x]);
-        (image == period.map(|n| n.wrapping_mul(later))).then_some(later)
+        match is_home(&pair.image) {
+            true => Some(0),
+            false => multiple(pair.image, self.periods[i]),
+        }
     }
 
     /// Returns the numbers of two blocks on their curves.
@@ -312,8 +313,8 @@ impl Strands<'_> {
         }
     }
 
-    /// Excludes pairs of segments of one curve that are near one another along it. The second block
-    /// is so many periods later.
+    /// Excludes pairs of segments of one curve that are near one another along it. `later` is the
+    /// number of periods from the first block to the second one.
     fn exclude(
         &self,
         (pair, later): (&BlockPair, i32),

@@ -371,7 +371,7 @@ fn lattice_of_rings(shift: f64) -> CurveSet {
 
 /// Frames in which little moves, the cell included, need no new list of pairs.
 #[test]
-fn quiet_frames_in_a_cell_list_no_pairs_anew() {
+fn quiet_frames_in_a_cell_keep_the_list_of_pairs() {
     for shear in [0.0, 1e-4] {
         let mut monitor = ClearanceMonitor::new(ClearanceOptions::new(Some(0.1)));
         for seq in 0..40_u32 {
