@@ -7,6 +7,7 @@
 use super::Format;
 use crate::curve::{Cell, CurveLabels, CurveSet};
 use crate::error::Result;
+use std::fmt;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -25,6 +26,31 @@ pub struct ReadOptions {
     pub wrapped: bool,
 }
 
+/// Elements of one kind that a reader did not read, although they may be curves.
+///
+/// A verdict on a frame that lacks curves of its file is incomplete (exit code 3).
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct LeftOut {
+    /// Number of the elements.
+    pub count: u64,
+    /// Their kind, singular and plural: `surface`, `surfaces`.
+    pub kind: [&'static str; 2],
+    /// Place of the first one in the file, with its name if it has one: `line 12`.
+    pub first: String,
+}
+
+impl fmt::Display for LeftOut {
+    /// Names the count, the kind and the first place: `2 surfaces (the first one: line 12)`.
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        let [one, many] = self.kind;
+        let LeftOut { count, first, .. } = self;
+        match count {
+            1 => write!(f, "1 {one} ({first})"),
+            _ => write!(f, "{count} {many} (the first one: {first})"),
+        }
+    }
+}
+
 /// One frame of a model file.
 #[derive(Debug)]
 #[non_exhaustive]
@@ -38,6 +64,8 @@ pub struct ModelFrame {
     pub cell: Option<Cell>,
     /// Names and radii of the curves, as far as the file has them.
     pub labels: Arc<CurveLabels>,
+    /// Elements of the file that may be curves of this frame and are not in `curves`, by kind.
+    pub left_out: Vec<LeftOut>,
     /// The curves, or the reason why this frame is invalid although later ones can be read.
     pub curves: Result<CurveSet>,
 }
@@ -50,6 +78,7 @@ impl ModelFrame {
             time: 0.0,
             cell: None,
             labels: Arc::default(),
+            left_out: Vec::new(),
             curves,
         }
     }
