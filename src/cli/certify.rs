@@ -13,7 +13,7 @@ use super::repeat;
 use super::{Outcome, output::with_progress};
 use clap::ValueEnum;
 use linkwatch::kernels::{Method, Offload};
-use linkwatch::model::{Format, FrameWriter, ModelFrame};
+use linkwatch::model::{Format, FrameWriter, LeftOut, ModelFrame};
 use linkwatch::{
     BraidLoops, Braids, Certificate, CurveSet, Error, ImageLink, Ladder, Result, Stats, Verifier,
     VerifierOptions, homotopic_polylines, picture,
@@ -119,6 +119,8 @@ struct Certified {
     braids: Option<Braids>,
     /// Number of the frame, if the file may have several.
     frame: Option<u64>,
+    /// Elements of the file that were not read.
+    left_out: Vec<LeftOut>,
     set: CurveSet,
     certificate: Certificate,
     stats: Stats,
@@ -220,6 +222,7 @@ fn certify(path: &Path, args: &Args) -> Result<Certified> {
     Ok(Certified {
         braids: verifier.braids(),
         frame: picked.number,
+        left_out: picked.left_out,
         set,
         certificate,
         stats,
@@ -278,12 +281,16 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     for (k, path) in models.iter().enumerate() {
         #[cfg(feature = "lab")]
         if let Some(n) = args.repeat {
-            let set = read(path, args)?.curves;
-            outcome = outcome.max(repeat::run(path, &set, n, &args.kernel.device, json)?);
+            let picked = read(path, args)?;
+            outcome = outcome.max(picked.outcome());
+            let (set, device) = (picked.curves, &args.kernel.device);
+            outcome = outcome.max(repeat::run(path, &set, n, device, json)?);
             continue;
         }
         if args.open {
-            let set = read(path, args)?.curves;
+            let picked = read(path, args)?;
+            outcome = outcome.max(picked.outcome());
+            let set = picked.curves;
             let (tolerance, least) = (args.tolerance, args.at_least);
             outcome = outcome.max(open::print(path, &set, tolerance, least, json)?);
             continue;
@@ -303,6 +310,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         if !c.certificate.undefined.is_empty() {
             outcome = Outcome::Undecided;
         }
+        outcome = outcome.max(input::outcome_without(&c.left_out));
         tracing::info!("{}: {}", path.display(), summary(&c));
         if c.stats.exact > 0 {
             tracing::info!(
@@ -339,6 +347,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
             output::json(&serde_json::json!({
                 "model": path,
                 "frame": c.frame,
+                "left_out": c.left_out,
                 "offload": c.offload,
                 "basis": c.set.basis(),
                 "certificate": c.certificate,

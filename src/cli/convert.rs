@@ -8,7 +8,7 @@ use super::output::{self, count, plural};
 use super::session::MOTION_LIMIT;
 #[cfg(feature = "mcap")]
 use linkwatch::VerifierOptions;
-use linkwatch::model::{Format, FrameWriter, ModelFrame};
+use linkwatch::model::{Format, FrameWriter, LeftOut, ModelFrame};
 use linkwatch::{Basis, CurveSet, Error, FrameInfo, Result, Verifier, chords, homotopic_polylines};
 #[cfg(feature = "mcap")]
 use std::collections::BTreeMap;
@@ -70,6 +70,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         verifier: Verifier::default(),
         frames: 0,
         invalid: 0,
+        left_out: Vec::new(),
         points: [0, 0],
         undecided: false,
     };
@@ -98,10 +99,11 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     }
     converter.check_frames()?;
     converter.print(&args.output, numbered, json);
-    Ok(match converter.invalid > 0 || converter.undecided {
+    let outcome = match converter.invalid > 0 || converter.undecided {
         true => Outcome::Undecided,
         false => Outcome::Fine,
-    })
+    };
+    Ok(outcome.max(input::outcome_without(&converter.left_out)))
 }
 
 /// Kind of the output.
@@ -163,6 +165,8 @@ struct Converter {
     verifier: Verifier,
     frames: u64,
     invalid: u64,
+    /// Elements of the files that were not read.
+    left_out: Vec<LeftOut>,
     /// Number of points of all frames before and after the conversion.
     points: [u64; 2],
     /// True if splines are so close that their linking numbers could not be kept for certain.
@@ -208,6 +212,7 @@ impl Converter {
             if !self.is_valid(&frame) {
                 continue;
             }
+            LeftOut::merge(&mut self.left_out, &frame.left_out);
             let curves = frame.curves?;
             let before = curves.points() as u64;
             let curves = match curves.basis() {
@@ -275,7 +280,8 @@ impl Converter {
                 "output": path,
                 "numbered": numbered,
                 "frames": self.frames,
-                "left_out": self.invalid,
+                "invalid": self.invalid,
+                "left_out": self.left_out,
                 "points": after,
                 "points_before": before,
             }));
@@ -294,6 +300,9 @@ impl Converter {
         if self.invalid > 0 {
             let invalid = plural(self.invalid, "invalid frame");
             output::line(format_args!("  left out: {invalid}"));
+        }
+        if !self.left_out.is_empty() {
+            output::line(format_args!("  {}", LeftOut::sentence(&self.left_out)));
         }
     }
 }

@@ -1,9 +1,7 @@
 //! Curves of arguments: model files, folders and patterns of them, recordings, generated scenes.
 
-use super::order;
-#[cfg(feature = "mcap")]
-use super::output::count;
-use linkwatch::model::{Frames, ModelFrame, ReadOptions};
+use super::{Outcome, order, output};
+use linkwatch::model::{Frames, LeftOut, ModelFrame, ReadOptions};
 use linkwatch::scenes::Scene;
 use linkwatch::{Cell, CurveLabels, CurveSet, Error, FrameInfo, Result, model};
 #[cfg(feature = "mcap")]
@@ -114,6 +112,23 @@ pub struct Picked {
     pub number: Option<u64>,
     /// Periodic cell of the frame, if it has one.
     pub cell: Option<Cell>,
+    /// Elements of the file that may be curves of this frame, and were not read.
+    pub left_out: Vec<LeftOut>,
+}
+
+impl Picked {
+    /// Returns the best possible outcome of a command that considers this frame.
+    pub fn outcome(&self) -> Outcome {
+        outcome_without(&self.left_out)
+    }
+}
+
+/// Returns the best possible outcome for curves without these elements of their file.
+pub fn outcome_without(left_out: &[LeftOut]) -> Outcome {
+    match left_out.is_empty() {
+        true => Outcome::Fine,
+        false => Outcome::Undecided,
+    }
 }
 
 /// Reads one frame of a model file or of a recording, or builds a scene as [`read`] does.
@@ -125,6 +140,7 @@ pub fn read_frame(argument: &Path, args: &FormatArgs, pick: Pick) -> Result<Pick
                 radii: Vec::new(),
                 number: None,
                 cell: None,
+                left_out: Vec::new(),
             });
         }
         frames => frames?,
@@ -154,10 +170,12 @@ pub fn read_frame(argument: &Path, args: &FormatArgs, pick: Pick) -> Result<Pick
         };
         Error::Usage(format!("{}: {what}", argument.display()))
     })?;
+    output::warn_of_left_out(argument, &frame.left_out);
     Ok(Picked {
         curves: frame.curves.map_err(|e| e.in_file(argument))?,
         radii: frame.labels.radii.clone(),
         cell: frame.cell,
+        left_out: frame.left_out,
         number: holds_frames(argument).then_some(frame.seq),
     })
 }
@@ -328,7 +346,7 @@ impl Iterator for Recorded {
                         Some(Ending::Cut { at, what }) => Error::Usage(format!(
                             "the recording was cut off at byte {}, in {what}; all complete frames \
                              before that were read",
-                            count(*at)
+                            output::count(*at)
                         )),
                         _ => return None,
                     };
@@ -357,6 +375,8 @@ pub struct Sequence {
     /// True if frames have numbers of their own: there is one file.
     numbered: bool,
     current: Option<(PathBuf, FileFrames)>,
+    /// Elements that were not read of the current file.
+    left_out: Vec<LeftOut>,
     /// Number of the last frame.
     last: Option<u64>,
     /// Names and radii of the last valid frame, and the number of points of each of its curves.
@@ -374,6 +394,8 @@ pub struct Frame {
     /// Simulation time in seconds; 0 if it is unknown.
     pub time: f64,
     pub info: FrameInfo,
+    /// Elements of the file that may be curves of this frame, and were not read.
+    pub left_out: Vec<LeftOut>,
     /// The curves, or the reason why the frame is invalid.
     pub curves: Result<CurveSet>,
 }
@@ -386,6 +408,7 @@ impl Sequence {
             numbered: files.len() == 1,
             files: files.into_iter(),
             current: None,
+            left_out: Vec::new(),
             last: None,
             info: FrameInfo::default(),
             counts: Vec::new(),
@@ -416,7 +439,10 @@ impl Sequence {
             }
             let path = self.files.next()?;
             match frames_of(&path, &self.args) {
-                Ok(frames) => self.current = Some((path, frames)),
+                Ok(frames) => {
+                    self.current = Some((path, frames));
+                    self.left_out.clear();
+                }
                 Err(e) => return Some(Err(e)),
             }
         }
@@ -447,6 +473,11 @@ impl Iterator for Sequence {
         if let Ok(curves) = &frame.curves {
             self.note(curves, &frame.labels);
         }
+        // Once for each kind of a file.
+        let mut new = frame.left_out.clone();
+        new.retain(|found| self.left_out.iter().all(|known| known.kind != found.kind));
+        LeftOut::merge(&mut self.left_out, &new);
+        output::warn_of_left_out(&path, &new);
         let name = match holds_frames(&path) {
             true => format!("{}, frame {}", path.display(), frame.seq),
             false => path.display().to_string(),
@@ -460,6 +491,7 @@ impl Iterator for Sequence {
                 cell: frame.cell,
                 ..self.info.clone()
             },
+            left_out: frame.left_out,
             curves: frame.curves,
         }))
     }

@@ -3,9 +3,11 @@
 use super::stream::{self, Lost, Target};
 pub use crate::words::{count, millis, percent, plural, plural_of};
 use indicatif::{HumanDuration, ProgressBar, ProgressState, ProgressStyle};
+use linkwatch::model::LeftOut;
 use linkwatch::{Cell, CurveSet, Events, Progress, Stats, Unwrap};
 use std::fmt;
 use std::io::{self, Write};
+use std::path::Path;
 use std::sync::Arc;
 use std::sync::mpsc;
 use std::time::Duration;
@@ -157,6 +159,13 @@ fn style(template: &str) -> ProgressStyle {
 /// Returns true if stderr is a terminal.
 pub fn console_on_stderr() -> bool {
     stream::is_terminal()
+}
+
+/// Warns of elements of a file that were not read, if there are any.
+pub fn warn_of_left_out(file: &Path, left_out: &[LeftOut]) {
+    if !left_out.is_empty() {
+        tracing::warn!("{}: {}", file.display(), LeftOut::sentence(left_out));
+    }
 }
 
 /// Warns of open curves. `events` is the setting for pull-throughs, if the command sees several

@@ -157,6 +157,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     let reductions = reductions(args)?;
     let pick = args.frame.map_or(Pick::First, Pick::Number);
     let picked = args.cell_args.read_frame(&args.model, &args.format, pick)?;
+    let complete = picked.outcome();
     let (set, cell) = (picked.curves, picked.cell);
     let name = args.model.display().to_string();
     if cell.is_some() {
@@ -202,7 +203,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     Ok(match broken {
         Some(_) => Outcome::Changed,
         None if undecided => Outcome::Undecided,
-        None => Outcome::Fine,
+        None => complete,
     })
 }
 

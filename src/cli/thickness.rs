@@ -49,6 +49,8 @@ pub struct Args {
 
 /// Results of one model.
 struct Measured {
+    /// Best possible outcome: the file may have more curves.
+    outcome: Outcome,
     found: Thickness,
     extent: f64,
     /// Struts of --struts.
@@ -61,19 +63,22 @@ struct Measured {
 
 /// Runs the command.
 pub fn run(args: &Args, json: bool) -> Result<Outcome> {
+    let mut outcome = Outcome::Fine;
     for path in &input::expand_models(&args.models)? {
         let measured = measure(path, args)?;
+        outcome = outcome.max(measured.outcome);
         match json {
             true => output::json(&to_json(path, &measured, args)),
             false => print(path, &measured, args),
         }
     }
-    Ok(Outcome::Fine)
+    Ok(outcome)
 }
 
 fn measure(path: &Path, args: &Args) -> Result<Measured> {
     let pick = args.frame.map_or(Pick::Last, Pick::Number);
     let picked = args.cell_args.read_frame(path, &args.format, pick)?;
+    let outcome = picked.outcome();
     let (set, cell, published) = (picked.curves, picked.cell.as_ref(), picked.radii);
     if let Some(cell) = picked.cell {
         let name = path.display().to_string();
@@ -107,6 +112,7 @@ fn measure(path: &Path, args: &Args) -> Result<Measured> {
         Ok::<_, Error>(all)
     });
     Ok(Measured {
+        outcome,
         found,
         extent: set.extent(),
         struts: listed.transpose()?,

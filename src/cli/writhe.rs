@@ -70,6 +70,7 @@ pub fn run(args: &Args, as_json: bool) -> Result<Outcome> {
     for path in &input::expand(&args.models, true)? {
         let pick = args.frame.map_or(Pick::Last, Pick::Number);
         let picked = input::read_frame(path, &args.format, pick)?;
+        outcome = outcome.max(picked.outcome());
         let set = picked.curves;
         if let Some(cell) = &picked.cell {
             refuse_yarns(path, &set, cell)?;

@@ -29,14 +29,42 @@ pub struct ReadOptions {
 /// Elements of one kind that a reader did not read, although they may be curves.
 ///
 /// A verdict on a frame that lacks curves of its file is incomplete (exit code 3).
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, serde::Serialize)]
 pub struct LeftOut {
     /// Number of the elements.
     pub count: u64,
-    /// Their kind, singular and plural: `surface`, `surfaces`.
+    /// Their kind, singular and plural: `surface`, `surfaces`. JSON has the plural.
+    #[serde(serialize_with = "plural")]
     pub kind: [&'static str; 2],
     /// Place of the first one in the file, with its name if it has one: `line 12`.
     pub first: String,
+}
+
+fn plural<S: serde::Serializer>(kind: &[&str; 2], to: S) -> Result<S::Ok, S::Error> {
+    to.serialize_str(kind[1])
+}
+
+impl LeftOut {
+    /// Adds the elements of another frame of the same run: for each kind, the frame with most of
+    /// them counts. Returns true if a kind is new.
+    pub fn merge(known: &mut Vec<LeftOut>, found: &[LeftOut]) -> bool {
+        let before = known.len();
+        for new in found {
+            match known.iter_mut().find(|k| k.kind == new.kind) {
+                Some(known) if known.count < new.count => *known = new.clone(),
+                Some(_) => {}
+                None => known.push(new.clone()),
+            }
+        }
+        known.len() > before
+    }
+
+    /// Returns all kinds in words: `not read, so not verified: 2 surfaces (the first one: line
+    /// 12)`.
+    pub fn sentence(all: &[LeftOut]) -> String {
+        let all: Vec<String> = all.iter().map(LeftOut::to_string).collect();
+        format!("not read, so not verified: {}", all.join(", "))
+    }
 }
 
 impl fmt::Display for LeftOut {
@@ -156,5 +184,32 @@ impl Single {
 impl FrameSource for Single {
     fn next_frame(&mut self) -> Result<Option<ModelFrame>> {
         Ok(self.0.take())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn elements_that_were_not_read_are_counted_once_a_run() {
+        let left_out = |count, kind, line: u32| LeftOut {
+            count,
+            kind,
+            first: format!("line {line}"),
+        };
+        let (surface, patch) = (["surface", "surfaces"], ["patch", "patches"]);
+        let mut known = Vec::new();
+        assert!(LeftOut::merge(&mut known, &[left_out(1, surface, 12)]));
+        assert!(!LeftOut::merge(&mut known, &[left_out(3, surface, 7)]));
+        assert!(!LeftOut::merge(&mut known, &[left_out(2, surface, 9)]));
+        assert!(LeftOut::merge(&mut known, &[left_out(1, patch, 5)]));
+        assert_eq!(
+            LeftOut::sentence(&known),
+            "not read, so not verified: 3 surfaces (the first one: line 7), 1 patch (line 5)"
+        );
+        let json = serde_json::to_value(&known[0]).unwrap();
+        let expected = serde_json::json!({ "count": 3, "kind": "surfaces", "first": "line 7" });
+        assert_eq!(json, expected);
     }
 }

@@ -35,10 +35,12 @@ pub struct Args {
 
 /// Runs the command.
 pub fn run(args: &Args, as_json: bool) -> Result<Outcome> {
+    let mut outcome = Outcome::Fine;
     for name in &args.inputs {
         let format = FormatArgs::default();
         let picked = args.cell_args.read_frame(name, &format, Pick::First)?;
         input::warn_of_frames(name, &format, &picked)?;
+        outcome = outcome.max(picked.outcome());
         let (set, cell) = (picked.curves, picked.cell);
         let plan = match &cell {
             None => Plan::on(&set, &args.device)?,
@@ -72,5 +74,5 @@ pub fn run(args: &Args, as_json: bool) -> Result<Outcome> {
             output::line(format_args!("  measured: {later}"));
         }
     }
-    Ok(Outcome::Fine)
+    Ok(outcome)
 }

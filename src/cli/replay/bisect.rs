@@ -113,7 +113,7 @@ pub fn run(args: &Args, mut source: Source, json: bool) -> Result<Outcome> {
     let outcome = found.outcome();
     found.print(&path, start.elapsed(), json);
     Ok(match outcome {
-        Outcome::Fine if cut => Outcome::Undecided,
+        Outcome::Fine if cut || source.lacks_curves() => Outcome::Undecided,
         outcome => outcome,
     })
 }

@@ -324,7 +324,8 @@ impl Publisher {
     ) -> Result<Outcome> {
         self.live.clear();
         let took = start.elapsed();
-        let mut complete = !warn_of_cut(source.path(), source.ending());
+        let cut = warn_of_cut(source.path(), source.ending());
+        let mut complete = !cut && !source.lacks_curves();
         let mut wait = SILENCE;
         match &end {
             End::AllPublished => {}

@@ -2,6 +2,7 @@
 
 use super::range::Range;
 use crate::cli::input::{self, FormatArgs, Sequence};
+use linkwatch::model::LeftOut;
 use linkwatch::{
     BaselineRecord, CurveSet, Ending, Error, FrameInfo, Positions, Precision, RawFrame,
     RecordedFrame, RecordedItem, RecordedVerdict, RecordingReader, Result,
@@ -26,6 +27,8 @@ pub struct Frame {
         expect(dead_code, reason = "the pace of frames that are published")
     )]
     pub received_ns: Option<u64>,
+    /// Elements of a model file that were not read.
+    pub left_out: Vec<LeftOut>,
     curves: Curves,
 }
 
@@ -83,6 +86,7 @@ impl From<RecordedFrame> for Frame {
             time: frame.time,
             info: frame.info.clone(),
             received_ns: Some(frame.received_ns),
+            left_out: Vec::new(),
             curves: Curves::Recorded(frame),
         }
     }
@@ -95,6 +99,7 @@ impl From<input::Frame> for Frame {
             time: frame.time,
             info: frame.info,
             received_ns: None,
+            left_out: frame.left_out,
             curves: Curves::Model(frame.curves),
         }
     }
@@ -115,6 +120,8 @@ pub enum Item {
 pub struct Source {
     path: PathBuf,
     input: Input,
+    /// True if a frame lacks elements of its file.
+    lacks_curves: bool,
 }
 
 enum Input {
@@ -138,6 +145,7 @@ impl Source {
         Ok(Source {
             path: path.into(),
             input,
+            lacks_curves: false,
         })
     }
 
@@ -166,6 +174,8 @@ impl Source {
         let item = match &mut self.input {
             Input::Models(models) => {
                 let frame = models.next().transpose()?;
+                let left_out = frame.iter().flat_map(|frame| &frame.left_out);
+                self.lacks_curves |= left_out.count() > 0;
                 return Ok(frame.map(|frame| Item::Frame(Box::new(frame.into()))));
             }
             Input::Recording(reader) => reader.next_item().map_err(|e| e.in_file(&self.path))?,
@@ -215,6 +225,11 @@ impl Source {
             Input::Recording(reader) => reader.metadata().clone(),
             Input::Models(_) => BTreeMap::new(),
         }
+    }
+
+    /// Returns true if a frame that was read lacks elements of its file.
+    pub fn lacks_curves(&self) -> bool {
+        self.lacks_curves
     }
 
     /// Returns the end of a recording, once it is reached.

@@ -305,9 +305,11 @@ impl Replay {
                 self.answered = Some(progress.verified + progress.rejected);
                 self.comparison.left_out = progress.left_out;
             }
-            Item::Frame(frame) => {
+            Item::Frame(mut frame) => {
                 let (seq, time, info) = (frame.seq, frame.time, Ok(frame.info.clone()));
+                let left_out = std::mem::take(&mut frame.left_out);
                 let frame = self.session.ingest(info, |receive| frame.read(receive));
+                let frame = frame.without(left_out);
                 self.session.announce(&frame);
                 self.finish_waiting()?;
                 let frame = Box::new(frame);
@@ -409,6 +411,7 @@ impl Replay {
                     curves: None,
                     info: FrameInfo::default(),
                     model: None,
+                    left_out: Vec::new(),
                 };
                 self.session.publish(judged, self.tally);
             }

@@ -40,6 +40,7 @@ use super::live::Live;
 use super::metrics::SessionMetrics;
 use super::output::{self, count, millis, plural};
 use linkwatch::kernels::Offload;
+use linkwatch::model::LeftOut;
 use linkwatch::{
     AbortOn, Braids, Certificate, ClearanceOptions, CurveSet, Error, Events, FrameInfo,
     FrameRecord, FrameTimes, Overflow, Progress, Report, Result, Route, SinkQueue, SinkSummary,
@@ -145,6 +146,8 @@ impl FromStr for Baseline {
 pub struct Ingested {
     curves: Result<Arc<CurveSet>>,
     info: FrameInfo,
+    /// Elements of a file that may be curves of the frame, and were not read.
+    left_out: Vec<LeftOut>,
     took: Duration,
 }
 
@@ -154,8 +157,17 @@ impl From<input::Frame> for Ingested {
         Ingested {
             curves: frame.curves.map(Arc::new),
             info: frame.info,
+            left_out: frame.left_out,
             took: Duration::ZERO,
         }
+    }
+}
+
+#[cfg(feature = "mcap")]
+impl Ingested {
+    /// Returns the frame of a file of which these elements were not read.
+    pub fn without(self, left_out: Vec<LeftOut>) -> Ingested {
+        Ingested { left_out, ..self }
     }
 }
 
@@ -171,6 +183,8 @@ pub struct Judged {
     pub info: FrameInfo,
     /// Model file of the frame, if it comes from one.
     pub model: Option<String>,
+    /// Elements of its file that were not read.
+    pub left_out: Vec<LeftOut>,
     /// Time from the receipt of the frame until its verdict was sent, if it is live.
     pub latency: Option<Duration>,
     /// Part of the time of the verification in which the clearance was measured, if it was.
@@ -247,6 +261,8 @@ pub struct Session {
     routes: [u64; 3],
     /// Number of open curves of the frames, once a frame was verified.
     open_curves: Option<u64>,
+    /// Elements of the files that were not read, over all frames.
+    left_out: Vec<LeftOut>,
     /// True if frames are model files.
     models: bool,
     /// Comparison with the recorded verdicts, in words and as JSON, if this is a replay.
@@ -356,6 +372,7 @@ impl Session {
             metrics: SessionMetrics::default(),
             routes: [0; 3],
             open_curves: None,
+            left_out: Vec::new(),
             models: run.models,
             comparison: None,
             junit,
@@ -437,6 +454,7 @@ impl Session {
         Ingested {
             curves,
             info,
+            left_out: Vec::new(),
             took: start.elapsed(),
         }
     }
@@ -459,6 +477,7 @@ impl Session {
         let Ingested {
             curves,
             mut info,
+            left_out,
             took,
         } = frame;
         self.cells.apply(&mut info);
@@ -533,6 +552,7 @@ impl Session {
             curves,
             info,
             model: None,
+            left_out,
             latency: None,
             clearance: measured.then_some(stages.clearance),
         })
@@ -667,8 +687,13 @@ impl Session {
             offload,
             model,
             info,
+            left_out,
             ..
         } = judged;
+        let new_kind = LeftOut::merge(&mut self.left_out, left_out);
+        if !left_out.is_empty() {
+            self.data_lost();
+        }
         let names = &info.labels.names;
         if self.json {
             let mut line = serde_json::json!({
@@ -683,6 +708,7 @@ impl Session {
             });
             if let Some(model) = model {
                 line["model"] = model.as_str().into();
+                line["left_out"] = serde_json::json!(left_out);
             }
             self.label.json(line);
         }
@@ -698,7 +724,12 @@ impl Session {
         };
         match model {
             _ if self.json => {}
-            Some(model) => print_model(model, report, &news),
+            Some(model) => {
+                print_model(model, report, &news);
+                if new_kind {
+                    output::line(format_args!("  {}", LeftOut::sentence(left_out)));
+                }
+            }
             None if news.notable => print_frame(&self.label, report, times.check(), &news),
             None => {}
         }
@@ -818,6 +849,7 @@ impl Session {
                     "routes": { "full": full, "quiet": quiet, "partial": partial },
                     "open_curves": self.open_curves,
                     "open_curves_verified": checked,
+                    "left_out": self.left_out,
                     "sinks": sinks,
                     "recorded_verdicts": self.comparison.as_ref().map(|(_, json)| json),
                     "unresolved": self.unresolved,
@@ -863,6 +895,9 @@ impl Session {
                 true => format!("\n{curves} verified for pull-throughs, without linking numbers"),
                 false => format!("\nnot verified: {curves} (--events verifies pull-throughs)"),
             };
+        }
+        if !self.left_out.is_empty() {
+            line += &format!("\n{}", LeftOut::sentence(&self.left_out));
         }
         if let Some((words, _)) = &self.comparison {
             line += &format!("\n{words}");

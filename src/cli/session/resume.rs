@@ -73,6 +73,7 @@ impl Session {
             curves: None,
             info: FrameInfo::default(),
             model: None,
+            left_out: Vec::new(),
             latency: None,
             clearance: None,
         }
