@@ -210,7 +210,7 @@ pub use plan::Plan;
 #[cfg(feature = "mcap")]
 pub use report::{Conclusion, RunReport};
 #[cfg(feature = "verify")]
-pub use ribbon::{Axis, GaussIntegrals, Ribbon};
+pub use ribbon::{Axis, GaussIntegrals, Pairing, PairingReason, Ribbon, RibbonOptions};
 #[cfg(feature = "mcap")]
 pub use sinks::{
     Alignment, CurveDiff, Ending, FrameDiff, FramePlace, OnlyIn, Outline, OutlinedVerdict,

@@ -6,7 +6,10 @@ use super::input::{self, FormatArgs, Pick};
 use super::number::positive;
 use super::output::{self, millis};
 use linkwatch::kernels::Estimate;
-use linkwatch::{Axis, Cell, CurveSet, Error, GaussIntegrals, Result, Ribbon, period};
+use linkwatch::{
+    Axis, Cell, CurveSet, Error, GaussIntegrals, Pairing, PairingReason, Result, Ribbon,
+    RibbonOptions, period,
+};
 use serde_json::json;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
@@ -27,6 +30,12 @@ pub struct Args {
     /// from 0 (may be repeated); or `pairs`: curves 0 and 1, 2 and 3, and so on
     #[arg(long, value_name = "I,J|pairs")]
     ribbon: Vec<Strands>,
+    /// Vertices of the strands that belong together: `parallel` (k with k), `antiparallel` (k with
+    /// n - 1 - k, as in files of DNA), or one of these with a shift (`antiparallel:1`); or `auto`:
+    /// the order of the vertices if paired vertices are close, else the pairing with the most
+    /// constant distances
+    #[arg(long, requires = "ribbon", default_value = "auto", value_parser = pairing)]
+    pairing: Choice,
     /// The first curve of each ribbon is its axis, the second one an edge. Otherwise the axis is
     /// the centre line of both
     #[arg(long, requires = "ribbon")]
@@ -39,6 +48,16 @@ pub struct Args {
     frame: Option<u64>,
     #[command(flatten)]
     format: FormatArgs,
+}
+
+/// Pairing that was asked for; `None`: auto.
+type Choice = Option<Pairing>;
+
+fn pairing(text: &str) -> Result<Choice> {
+    match text {
+        "auto" => Ok(None),
+        other => other.parse().map(Some),
+    }
 }
 
 /// Curves that are the strands of ribbons.
@@ -137,7 +156,12 @@ fn ribbons(path: &Path, set: &CurveSet, args: &Args, as_json: bool) -> Result<Ou
         } else {
             Axis::Centre
         };
-        let ribbon = Ribbon::of(set, [i, j], axis, args.tolerance)?;
+        let options = RibbonOptions {
+            axis,
+            pairing: args.pairing,
+            tolerance: args.tolerance,
+        };
+        let ribbon = Ribbon::of(set, [i, j], options)?;
         let residual = ribbon.residual();
         let passages = ribbon.passages();
         let name = format!("{}: ribbon {i},{j}", path.display());
@@ -146,7 +170,8 @@ fn ribbons(path: &Path, set: &CurveSet, args: &Args, as_json: bool) -> Result<Ou
                 "model": path,
                 "strands": [i, j],
                 "axis": axis,
-                "reversed": ribbon.reversed,
+                "pairing": ribbon.pairing.to_string(),
+                "pairing_by": ribbon.reason,
                 "linking": ribbon.linking,
                 "twist": ribbon.twist,
                 "writhe": ribbon.writhe,
@@ -158,12 +183,23 @@ fn ribbons(path: &Path, set: &CurveSet, args: &Args, as_json: bool) -> Result<Ou
             let linking = ribbon.linking.map_or("undefined".into(), |n| n.to_string());
             let [lk, tw, wr] = ribbon.times.map(millis);
             output::line(format_args!(
-                "{name}: Lk {linking} ({lk}), Tw {} ({tw}), Wr {} ({wr}), Lk - Tw - Wr {residual}",
-                ribbon.twist, ribbon.writhe,
+                "{name}: Lk {linking} ({lk}), Tw {} ({tw}), Wr {} ({wr}), Lk - Tw - Wr {residual}; \
+                 {}",
+                ribbon.twist,
+                ribbon.writhe,
+                pairing_words(&ribbon),
             ));
         }
-        if ribbon.reversed {
-            tracing::info!("{name}: curve {j} runs against curve {i} and was reversed");
+        if !ribbon.rivals.is_empty() {
+            let rivals = ribbon.rivals.iter();
+            let rivals: Vec<String> = rivals
+                .map(|(rival, twist)| format!("--pairing {rival} gives Tw {twist}"))
+                .collect();
+            tracing::warn!(
+                "{name}: another pairing of the vertices fits nearly as well, and has another \
+                 twist: {}",
+                rivals.join(", ")
+            );
         }
         if let Some((_, place)) = ribbon.contact {
             let [s, t] = place.segments;
@@ -185,6 +221,16 @@ fn ribbons(path: &Path, set: &CurveSet, args: &Args, as_json: bool) -> Result<Ou
         }
     }
     Ok(outcome)
+}
+
+/// Returns the pairing of the vertices and its reason in words.
+fn pairing_words(ribbon: &Ribbon) -> String {
+    let why = match ribbon.reason {
+        PairingReason::Given => "given",
+        PairingReason::Order => "by the order of the vertices",
+        PairingReason::Distances => "by the most constant distances",
+    };
+    format!("{} ({why})", ribbon.pairing.words())
 }
 
 /// Returns the strands of all ribbons of a set.

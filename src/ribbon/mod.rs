@@ -36,11 +36,13 @@
 //! Polylines only: the writhe of a spline changes when it is replaced by a polyline.
 
 mod gauss;
+mod pairing;
 #[cfg(test)]
 mod tests;
 mod twist;
 
 pub use gauss::GaussIntegrals;
+pub use pairing::{Pairing, PairingReason};
 
 use crate::curve::{CurveSet, Point};
 use crate::error::{Error, Result};
@@ -55,11 +57,33 @@ use std::time::{Duration, Instant};
 #[serde(rename_all = "kebab-case")]
 pub enum Axis {
     /// The centre line of both strands, as for DNA: its vertices are halfway between theirs,
-    /// rounded to double precision.
+    /// rounded to double precision. It winds around the axis of the helix if the vertices of a
+    /// pair are not on opposite sides of it.
     #[default]
     Centre,
     /// The first curve; the second one is an edge of the ribbon.
     First,
+}
+
+/// Options of [`Ribbon::of`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RibbonOptions {
+    /// Axis of the ribbon.
+    pub axis: Axis,
+    /// Pairing of the vertices; `None`: found by the order and the distances of the vertices.
+    pub pairing: Option<Pairing>,
+    /// Error bound of the writhe to reach, if possible.
+    pub tolerance: f64,
+}
+
+impl Default for RibbonOptions {
+    fn default() -> Self {
+        RibbonOptions {
+            axis: Axis::Centre,
+            pairing: None,
+            tolerance: 1e-4,
+        }
+    }
 }
 
 /// Linking number, twist and writhe of a closed ribbon between two curves.
@@ -73,22 +97,34 @@ pub struct Ribbon {
     pub twist: Estimate,
     /// Writhe of the axis.
     pub writhe: Estimate,
-    /// True if the second curve was reversed, because it runs against the first one, as the second
-    /// strand of DNA usually does.
-    pub reversed: bool,
+    /// Pairing of the vertices. If it is antiparallel, the second curve was reversed.
+    pub pairing: Pairing,
+    /// Reason why this pairing was taken.
+    pub reason: PairingReason,
+    /// Pairings that fit nearly as well and have another twist, with that twist. Empty if the
+    /// pairing was given.
+    pub rivals: Vec<(Pairing, Estimate)>,
     /// Times to compute linking number, twist and writhe.
     pub times: [Duration; 3],
 }
 
 impl Ribbon {
-    /// Computes linking number, twist and writhe of the ribbon between two curves of a set. The
-    /// bound of the writhe is at most `tolerance` if possible.
+    /// Computes linking number, twist and writhe of the ribbon between two curves of a set, which
+    /// must be closed polylines with the same number of vertices.
     ///
-    /// The curves must be closed polylines with the same number of vertices. Vertex `k` of the
-    /// first one belongs to vertex `k` of the second one; or to vertex `n - 1 - k` or `n - k`, if
-    /// the sum of the squared distances is smaller then, because the strands run in opposite
-    /// directions.
-    pub fn of(set: &CurveSet, [i, j]: [usize; 2], axis: Axis, tolerance: f64) -> Result<Ribbon> {
+    /// ```
+    /// use linkwatch::scenes::Scene;
+    /// use linkwatch::{Pairing, Ribbon, RibbonOptions};
+    ///
+    /// let curves = "ribbon:segments=400,lambda=3".parse::<Scene>()?.build()?.curves;
+    /// let ribbon = Ribbon::of(&curves, [0, 1], RibbonOptions::default())?;
+    /// assert_eq!((ribbon.linking, ribbon.pairing), (Some(3), Pairing::PARALLEL));
+    /// assert!((ribbon.twist.value - 3.0).abs() < 0.01);
+    /// # Ok::<(), linkwatch::Error>(())
+    /// ```
+    ///
+    /// Errors: [`Error::Usage`] if the curves cannot be the strands of a ribbon.
+    pub fn of(set: &CurveSet, [i, j]: [usize; 2], options: RibbonOptions) -> Result<Ribbon> {
         check(set, [i, j])?;
         let scale = Scale::new(set.max_abs());
         let points = |i: usize| -> Vec<Point> {
@@ -97,29 +133,32 @@ impl Ribbon {
                 .map(|k| set.point(i, k).map(|x| scale.apply(x)))
                 .collect()
         };
-        let first = points(i);
-        let (second, reversed) = align(&first, &points(j));
-        let axis = match axis {
-            Axis::First => first.clone(),
-            Axis::Centre => {
-                let both = first.iter().zip(&second);
-                let halfway = |(a, b): (&Point, &Point)| [0, 1, 2].map(|x| 0.5 * (a[x] + b[x]));
-                both.map(halfway).collect()
+        let (first, second) = (points(i), points(j));
+        let (pairing, reason, rivals) = match options.pairing {
+            Some(pairing) => (pairing, PairingReason::Given, Vec::new()),
+            None => {
+                let found = pairing::find([&first, &second]);
+                (found.pairing, found.reason, found.rivals)
             }
         };
         let start = Instant::now();
         let linking = count(&set.subset(&[i as u32, j as u32]));
         let counted = start.elapsed();
-        // The first strand is half as far from the centre line as from the second strand.
-        let edge = match axis == first {
-            true => &second,
-            false => &first,
-        };
-        let twist = twist::twist(&axis, edge).estimate();
+        let (axis, twist) = twist_about(options.axis, &first, &pairing.apply(&second));
         let twisted = start.elapsed();
-        let writhe = Chain::new(axis, true).writhe(tolerance);
+        let writhe = Chain::new(axis, true).writhe(options.tolerance);
+        let times = [counted, twisted - counted, start.elapsed() - twisted];
+        let rivals = rivals.into_iter().map(|rival| {
+            let (_, twist) = twist_about(options.axis, &first, &rival.apply(&second));
+            (rival, twist)
+        });
+        let differs = |other: &Estimate| {
+            let apart = (other.value - twist.value).abs();
+            apart > other.bound + twist.bound + TWIST_DIFFERS
+        };
         let (linking, contact) = match linking {
-            Linking::Number(n) => (Some(if reversed { -n } else { n }), None),
+            Linking::Number(n) if pairing.antiparallel => (Some(-n), None),
+            Linking::Number(n) => (Some(n), None),
             Linking::Undefined(kind, place) => (None, Some((kind, place))),
         };
         Ok(Ribbon {
@@ -127,8 +166,10 @@ impl Ribbon {
             contact,
             twist,
             writhe,
-            reversed,
-            times: [counted, twisted - counted, start.elapsed() - twisted],
+            pairing,
+            reason,
+            rivals: rivals.filter(|(_, twist)| differs(twist)).collect(),
+            times,
         })
     }
 
@@ -150,6 +191,25 @@ impl Ribbon {
     pub fn passages(&self) -> Option<i64> {
         self.residual().integer()
     }
+}
+
+/// Difference of twists, in turns, up to which two pairings agree.
+const TWIST_DIFFERS: f64 = 0.01;
+
+/// Returns the axis of a ribbon between two strands whose vertices belong together, and the twist
+/// about it.
+fn twist_about(axis: Axis, first: &[Point], second: &[Point]) -> (Vec<Point>, Estimate) {
+    // The first strand is half as far from the centre line as from the second strand.
+    let (axis, edge) = match axis {
+        Axis::First => (first.to_vec(), second),
+        Axis::Centre => {
+            let both = first.iter().zip(second);
+            let halfway = |(a, b): (&Point, &Point)| [0, 1, 2].map(|x| 0.5 * (a[x] + b[x]));
+            (both.map(halfway).collect(), first)
+        }
+    };
+    let twist = twist::twist(&axis, edge).estimate();
+    (axis, twist)
 }
 
 /// Checks that two curves may be the strands of a ribbon.
@@ -190,25 +250,4 @@ fn count(pair: &CurveSet) -> Linking {
         workspaces: &workspaces,
     };
     linking_number(input, (0, 1), None, &mut workspaces.take())
-}
-
-/// Returns the second strand in the order of the first one, and whether it was reversed.
-///
-/// Strands are not shifted along each other: the nearest point of the other strand of DNA is not
-/// the opposite one.
-fn align(first: &[Point], second: &[Point]) -> (Vec<Point>, bool) {
-    let n = first.len();
-    let square = |a: &Point, b: &Point| (0..3).map(|x| (a[x] - b[x]).powi(2)).sum::<f64>();
-    let last = n.saturating_sub(1);
-    // Vertex k, or n - 1 - k, or n - k of the second strand belongs to vertex k of the first one.
-    let ways = [(0, false), (last, true), (0, true)];
-    let at = |(start, reversed): (usize, bool), k: usize| match reversed {
-        false => second[k],
-        true => second[(start + n - k) % n],
-    };
-    let distance = |way| -> f64 { (0..n).map(|k| square(&first[k], &at(way, k))).sum() };
-    let ways = ways.map(|way| (way, distance(way)));
-    let best = ways.into_iter().min_by(|a, b| a.1.total_cmp(&b.1));
-    let way = best.map_or((0, false), |(way, _)| way);
-    ((0..n).map(|k| at(way, k)).collect(), way.1)
 }

@@ -6,12 +6,20 @@ use crate::curve::{Basis, Positions};
 use crate::random::Random;
 use crate::scenes::Scene;
 use crate::{Events, Verdict, Verifier, VerifierOptions};
-use std::f64::consts::TAU;
+use std::f64::consts::{PI, TAU};
 
 fn set(strands: &[Vec<Point>]) -> CurveSet {
     let counts: Vec<i32> = strands.iter().map(|s| -(s.len() as i32)).collect();
     let points: Vec<f64> = strands.iter().flatten().flatten().copied().collect();
     CurveSet::from_counts(Basis::Polyline, &counts, Positions::F64(&points)).unwrap()
+}
+
+fn about(axis: Axis, tolerance: f64) -> RibbonOptions {
+    RibbonOptions {
+        axis,
+        tolerance,
+        ..RibbonOptions::default()
+    }
 }
 
 /// Returns a smooth random closed axis: a Fourier series with a few terms.
@@ -99,8 +107,8 @@ fn random_ribbons(seed: u64, count: usize) -> (f64, f64, usize) {
         let width = 0.02 * clearance(&axis);
         let turns = random.below(13) as f64 - 6.0;
         let edge = edge(&axis, width, turns, &mut random);
-        let about = random.pick(&[Axis::Centre, Axis::First]);
-        let ribbon = Ribbon::of(&set(&[axis, edge]), [0, 1], about, 1e-9).unwrap();
+        let axis_of = random.pick(&[Axis::Centre, Axis::First]);
+        let ribbon = Ribbon::of(&set(&[axis, edge]), [0, 1], about(axis_of, 1e-9)).unwrap();
         let found = ribbon.residual();
         assert!(found.bound < 1e-6, "{done}: {ribbon:?}");
         assert!(
@@ -108,7 +116,7 @@ fn random_ribbons(seed: u64, count: usize) -> (f64, f64, usize) {
             "{done}: {found:?} {ribbon:?}"
         );
         assert_eq!(ribbon.passages(), Some(0));
-        assert!(!ribbon.reversed);
+        assert_eq!(ribbon.pairing, Pairing::PARALLEL);
         linkings.insert(ribbon.linking);
         residual = residual.max(found.value.abs());
         bound = bound.max(found.bound);
@@ -131,7 +139,7 @@ fn a_wide_strip_that_passes_through_its_axis_has_an_integer_residual() {
     for _ in 0..100 {
         let axis = axis(&mut random, 80);
         let edge = edge(&axis, 0.8, 3.0, &mut random);
-        let found = Ribbon::of(&set(&[axis, edge]), [0, 1], Axis::First, 1e-9).unwrap();
+        let found = Ribbon::of(&set(&[axis, edge]), [0, 1], about(Axis::First, 1e-9)).unwrap();
         let Some(k) = found.passages() else {
             assert!(found.residual().bound > 0.3, "{found:?}");
             continue;
@@ -154,13 +162,13 @@ fn generated_ribbons_have_their_linking_number_as_twist() {
             .unwrap();
         let curves = scene.build().unwrap().curves;
         for axis in [Axis::Centre, Axis::First] {
-            let ribbon = Ribbon::of(&curves, [0, 1], axis, 1e-3).unwrap();
+            let ribbon = Ribbon::of(&curves, [0, 1], about(axis, 1e-3)).unwrap();
             assert_eq!(ribbon.linking, Some(lambda));
             assert_eq!(ribbon.passages(), Some(0), "{ribbon:?}");
             assert!(ribbon.residual().bound < 2e-3, "{ribbon:?}");
         }
         // The centre line is nearly a circle; a strand winds around it.
-        let centre = Ribbon::of(&curves, [0, 1], Axis::Centre, 1e-3).unwrap();
+        let centre = Ribbon::of(&curves, [0, 1], about(Axis::Centre, 1e-3)).unwrap();
         assert!(centre.writhe.value.abs() < 0.01, "{centre:?}");
     }
 }
@@ -172,7 +180,7 @@ fn a_strand_in_the_opposite_direction_is_reversed() {
     let edge = edge(&axis, 0.01, 4.0, &mut random);
     let of = |edge: &Vec<Point>| {
         let both = set(&[axis.clone(), edge.clone()]);
-        Ribbon::of(&both, [0, 1], Axis::First, 1e-9).unwrap()
+        Ribbon::of(&both, [0, 1], about(Axis::First, 1e-9)).unwrap()
     };
     let expected = of(&edge);
     let mut back = edge.clone();
@@ -181,7 +189,10 @@ fn a_strand_in_the_opposite_direction_is_reversed() {
     same_start.rotate_right(1);
     for strand in [back, same_start] {
         let found = of(&strand);
-        assert_eq!((found.linking, found.reversed), (expected.linking, true));
+        assert_eq!(
+            (found.linking, found.pairing.antiparallel),
+            (expected.linking, true)
+        );
         assert_eq!(found.twist, expected.twist);
     }
 }
@@ -192,7 +203,7 @@ fn curves_that_are_no_strands_are_refused_with_a_reason() {
     let mut five = square.clone();
     five.push([-1., 0.5, 0.]);
     let both = set(&[square.clone(), five]);
-    let reason = |set: &CurveSet, pair| match Ribbon::of(set, pair, Axis::Centre, 1e-6) {
+    let reason = |set: &CurveSet, pair| match Ribbon::of(set, pair, about(Axis::Centre, 1e-6)) {
         Err(e) => e.to_string(),
         Ok(found) => panic!("{found:?}"),
     };
@@ -204,7 +215,7 @@ fn curves_that_are_no_strands_are_refused_with_a_reason() {
     assert!(reason(&open, [0, 1]).contains("curve 0 is open"));
     // Two strands that are the same curve touch everywhere.
     let same = set(&[square.clone(), square]);
-    let ribbon = Ribbon::of(&same, [0, 1], Axis::First, 1e-6).unwrap();
+    let ribbon = Ribbon::of(&same, [0, 1], about(Axis::First, 1e-6)).unwrap();
     assert_eq!((ribbon.linking, ribbon.passages()), (None, None));
     assert!(ribbon.contact.is_some());
 }
@@ -244,7 +255,7 @@ fn a_strand_passage_changes_lk_by_two_in_the_ledger() {
     assert_eq!((passages(0, 0), passages(1, 1)), (vec![sign], vec![sign]));
 
     let [before, after] =
-        frames.map(|frame| Ribbon::of(&frame, [0, 1], Axis::Centre, 1e-9).unwrap());
+        frames.map(|frame| Ribbon::of(&frame, [0, 1], about(Axis::Centre, 1e-9)).unwrap());
     for ribbon in [&before, &after] {
         assert_eq!(ribbon.passages(), Some(0), "{ribbon:?}");
     }
@@ -253,4 +264,178 @@ fn a_strand_passage_changes_lk_by_two_in_the_ledger() {
     // The writhe jumps by 2, and the twist, which is continuous, nearly stays.
     let jump = after.writhe.value - before.writhe.value;
     assert!((jump - change as f64).abs() < 0.5, "{before:?} {after:?}");
+}
+
+/// Double helix around a circle, as DNA is.
+#[derive(Clone, Copy)]
+struct Helix {
+    pairs: usize,
+    turns: f64,
+    /// Angle between the vertices of a pair, seen along the axis: less than half a turn if one
+    /// groove is narrower than the other one.
+    groove: f64,
+    /// Deviation of each coordinate, as from thermal motion.
+    noise: f64,
+}
+
+/// Relaxed minicircle of 210 base pairs, in units of the radius of the helix.
+const DNA: Helix = Helix {
+    pairs: 210,
+    turns: 20.0,
+    groove: PI,
+    noise: 0.0,
+};
+
+impl Helix {
+    /// Returns both strands: the second one in the direction of the first, pair by pair.
+    fn strands(self) -> [Vec<Point>; 2] {
+        let mut random = Random::new(11);
+        let n = self.pairs as f64;
+        let radius = 0.34 * n / TAU;
+        [0.5 * self.groove, -0.5 * self.groove].map(|phase| {
+            let vertex = |k: usize| {
+                let (s, c) = (TAU * k as f64 / n).sin_cos();
+                let (z, out) = (TAU * self.turns * k as f64 / n + phase).sin_cos();
+                let exact = [(radius + out) * c, (radius + out) * s, z];
+                let deviation = random.point(self.noise);
+                [0, 1, 2].map(|x| exact[x] + deviation[x])
+            };
+            (0..self.pairs).map(vertex).collect()
+        })
+    }
+
+    /// Returns the ribbon if the second strand is stored in another order.
+    fn stored(self, order: impl Fn(&mut Vec<Point>), pairing: Option<Pairing>) -> Ribbon {
+        let [first, mut second] = self.strands();
+        order(&mut second);
+        let options = RibbonOptions {
+            pairing,
+            ..RibbonOptions::default()
+        };
+        Ribbon::of(&set(&[first, second]), [0, 1], options).unwrap()
+    }
+}
+
+fn antiparallel(shift: usize) -> Pairing {
+    Pairing {
+        antiparallel: true,
+        shift,
+    }
+}
+
+#[test]
+fn strands_of_dna_that_are_stored_from_5_to_3_are_paired_by_base() {
+    let narrow = Helix { groove: 2.4, ..DNA };
+    let large = Helix {
+        pairs: 5250,
+        turns: 500.0,
+        ..narrow
+    };
+    for helix in [DNA, narrow, large] {
+        let found = helix.stored(|strand| strand.reverse(), None);
+        assert_eq!(found.pairing, Pairing::ANTIPARALLEL);
+        assert_eq!(found.reason, PairingReason::Order);
+        let turns = helix.turns;
+        assert_eq!(found.linking.map(i64::abs), Some(turns as i64));
+        if helix.groove == PI {
+            // The centre line is the axis of the helix, a flat circle.
+            assert!((found.twist.value.abs() - turns).abs() < 1e-6, "{found:?}");
+            assert!(found.writhe.value.abs() < 1e-3, "{found:?}");
+        }
+        let parallel = helix.stored(|_| {}, None);
+        assert_eq!(parallel.pairing, Pairing::PARALLEL);
+        assert_eq!(parallel.linking, found.linking);
+        assert!((parallel.twist.value - found.twist.value).abs() < 1e-9);
+        assert!(found.rivals.is_empty() && parallel.rivals.is_empty());
+    }
+}
+
+#[test]
+fn strands_that_start_at_other_bases_are_paired_by_constant_distances() {
+    let narrow = Helix { groove: 2.4, ..DNA };
+    for helix in [DNA, narrow] {
+        let [expected, ahead] = [0, 1].map(|shift| {
+            let rotated = helix.stored(|s| s.rotate_left(shift), Some(Pairing::PARALLEL));
+            rotated.twist.value
+        });
+        assert!((expected - ahead).abs() > 0.5);
+        for shift in [1, 2, 5, 100, 209] {
+            let reversed = |strand: &mut Vec<Point>| {
+                strand.reverse();
+                strand.rotate_right(shift);
+            };
+            let found = helix.stored(reversed, None);
+            assert_eq!(found.pairing, antiparallel(shift));
+            assert_eq!(found.reason, PairingReason::Distances);
+            assert!((found.twist.value - expected).abs() < 1e-9, "{found:?}");
+            let found = helix.stored(|strand| strand.rotate_right(shift), None);
+            let parallel = Pairing {
+                antiparallel: false,
+                shift,
+            };
+            assert_eq!(found.pairing, parallel);
+            assert!((found.twist.value - expected).abs() < 1e-9, "{found:?}");
+        }
+    }
+}
+
+#[test]
+fn thermal_motion_does_not_change_the_pairing_and_is_reported() {
+    let noisy = Helix { noise: 0.15, ..DNA };
+    let found = noisy.stored(|strand| strand.reverse(), None);
+    assert_eq!(found.pairing, Pairing::ANTIPARALLEL);
+    assert!((found.twist.value.abs() - 20.0).abs() < 0.2, "{found:?}");
+    // The distances of other bases vary as much, and their twist differs by one turn or more.
+    assert!(!found.rivals.is_empty());
+    let moved = |strand: &mut Vec<Point>| {
+        strand.reverse();
+        strand.rotate_right(70);
+    };
+    let found = noisy.stored(moved, None);
+    assert_eq!(found.pairing, antiparallel(70));
+    let given = noisy.stored(moved, Some(antiparallel(69)));
+    assert_eq!(
+        (given.reason, given.rivals.len()),
+        (PairingReason::Given, 0)
+    );
+    assert!((given.twist.value - found.twist.value).abs() > 0.5);
+}
+
+#[test]
+fn the_edge_of_a_strip_is_paired_with_the_nearest_vertices() {
+    // Two circles. Their vertices have constant distances for every shift.
+    let circle = |radius: f64| -> Vec<Point> {
+        let at = |k: usize| {
+            let (s, c) = (TAU * k as f64 / 100.0).sin_cos();
+            [radius * c, radius * s, 0.0]
+        };
+        (0..100).map(at).collect()
+    };
+    for (width, shift) in [(0.001, 7), (0.05, 0), (0.3, 0)] {
+        let (first, mut second) = (circle(1.0), circle(1.0 + width));
+        second.rotate_right(shift);
+        let both = set(&[first, second]);
+        let found = Ribbon::of(&both, [0, 1], RibbonOptions::default()).unwrap();
+        let Pairing { antiparallel, .. } = found.pairing;
+        assert_eq!((antiparallel, found.pairing.shift), (false, shift));
+        assert_eq!((found.linking, found.rivals.len()), (Some(0), 0));
+        assert!(found.twist.value.abs() < 1e-9);
+    }
+}
+
+#[test]
+fn pairings_are_written_as_they_are_read() {
+    for text in ["parallel", "antiparallel", "parallel:3", "antiparallel:1"] {
+        assert_eq!(text.parse::<Pairing>().unwrap().to_string(), text);
+    }
+    for wrong in ["", "anti", "parallel:", "parallel:-1", "antiparallel:x"] {
+        let error = wrong.parse::<Pairing>().unwrap_err().to_string();
+        assert!(
+            error.contains("expected auto, parallel, antiparallel"),
+            "{error}"
+        );
+    }
+    let partners = |pairing: Pairing| [0, 1, 4].map(|k| pairing.partner(k, 5));
+    assert_eq!(partners(Pairing::ANTIPARALLEL), [4, 3, 0]);
+    assert_eq!(partners(antiparallel(1)), [0, 4, 1]);
 }

@@ -67,6 +67,80 @@ fn ribbons_have_linking_number_twist_and_writhe() {
     assert_eq!((each.len(), &each[1]["curve"]), (2, &1.into()));
 }
 
+/// Writes a circle of DNA of 105 base pairs and 10 turns, its second strand reversed and shifted.
+fn dna(folder: &Path, shift: usize) -> PathBuf {
+    use std::f64::consts::{PI, TAU};
+    let n = 105;
+    let vertex = |strand: usize, k: usize| {
+        let angle = TAU * k as f64 / n as f64;
+        let (z, out) = (10.0 * angle + PI * strand as f64).sin_cos();
+        let radius = 0.34 * n as f64 / TAU + out;
+        [radius * angle.cos(), radius * angle.sin(), z]
+    };
+    let second = (0..n).map(|k| vertex(1, (2 * n - 1 - k + shift) % n));
+    let points = (0..n).map(|k| vertex(0, k)).chain(second);
+    let vertices = points.map(|[x, y, z]| format!("v {x} {y} {z}\n"));
+    let line = |from: usize| {
+        let ids = (from + 1..=from + n).map(|k| k.to_string());
+        format!("l {} {}\n", ids.collect::<Vec<_>>().join(" "), from + 1)
+    };
+    let text: String = vertices.chain([line(0), line(n)]).collect();
+    write(folder, &format!("dna{shift}.obj"), &text)
+}
+
+#[test]
+fn the_pairing_of_dna_is_right_printed_and_an_option() {
+    let folder = tempfile::tempdir().unwrap();
+    for (shift, pairing, by) in [
+        (0, "antiparallel", "order"),
+        (1, "antiparallel:1", "distances"),
+    ] {
+        let model = dna(folder.path(), shift);
+        let found = json(&["writhe", text(&model), "--ribbon", "0,1"], 0);
+        assert_eq!(
+            (&found[0]["pairing"], &found[0]["pairing_by"]),
+            (&pairing.into(), &by.into())
+        );
+        let twist = found[0]["twist"]["value"].as_f64().unwrap();
+        assert!((twist.abs() - 10.0).abs() < 1e-6, "{twist}");
+        let run = linkwatch(&["writhe", text(&model), "--ribbon", "0,1"]);
+        assert!(
+            run.stdout
+                .contains("; antiparallel, vertex k with n - 1 - k"),
+            "{}",
+            run.stdout
+        );
+    }
+    let model = dna(folder.path(), 0);
+    let run = |pairing| {
+        let args = [
+            "writhe",
+            text(&model),
+            "--ribbon",
+            "0,1",
+            "--pairing",
+            pairing,
+        ];
+        linkwatch(&args)
+    };
+    let shifted = run("antiparallel:1");
+    assert!(
+        shifted.stdout.contains("n - 1 - k + 1 (given)"),
+        "{}",
+        shifted.stdout
+    );
+    assert_eq!(shifted.code, 0, "{}", shifted.stderr);
+    let wrong = run("opposite");
+    assert_eq!(wrong.code, 2);
+    assert!(
+        wrong
+            .stderr
+            .contains("expected auto, parallel, antiparallel"),
+        "{}",
+        wrong.stderr
+    );
+}
+
 #[test]
 fn curves_that_are_no_ribbon_are_refused() {
     let folder = tempfile::tempdir().unwrap();
