@@ -181,6 +181,17 @@ pub enum Error {
     /// The work was cancelled ([`crate::Progress::cancel`]). The frame was not verified.
     #[error("cancelled")]
     Cancelled,
+    /// This process was forked from one that used the library: it has none of its threads, and must
+    /// not use its shared memory.
+    #[error(
+        "this process was forked from process {parent}, which used linkwatch: its threads and its \
+         shared memory are not usable here. Start processes by `spawn` or `forkserver`, or use \
+         linkwatch only after the fork"
+    )]
+    Forked {
+        /// The process that used the library.
+        parent: u32,
+    },
     /// A worker process ended unexpectedly, or cannot go on in the place of one that did.
     #[error("{0}")]
     Worker(String),

@@ -128,6 +128,8 @@ mod discretize;
 mod error;
 #[cfg(feature = "verify")]
 mod exact;
+#[cfg(any(feature = "client", feature = "verify"))]
+mod fork;
 #[cfg(feature = "verify")]
 mod incremental;
 #[cfg(feature = "verify")]

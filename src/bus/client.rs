@@ -9,6 +9,7 @@ use super::watcher::{Departure, Watcher};
 use super::wire::{FLAG_ANNOUNCE, FLAG_END, FLAG_UNFINISHED};
 use crate::curve::{Basis, Cell, CurveLabels, Positions, Precision};
 use crate::error::{Error, Result};
+use crate::fork::Owned;
 use std::fmt;
 use std::time::{Duration, Instant};
 
@@ -89,6 +90,9 @@ impl FrameLoan<'_> {
 /// without [`finish`](Client::finish), by an error or a panic, the watcher is informed that the
 /// session ended early.
 ///
+/// A client belongs to the process that opened it. In a child that was forked from it, calls fail
+/// with [`Error::Forked`], and dropping the client does nothing.
+///
 /// Programs in other languages use [attaching a simulator](crate::attaching).
 ///
 /// ```no_run
@@ -126,7 +130,7 @@ pub struct Client {
     /// True if the hint about services with a watcher was logged.
     hinted: bool,
     service: String,
-    connection: Connection,
+    connection: Owned<Connection>,
 }
 
 impl fmt::Debug for Client {
@@ -155,10 +159,10 @@ impl Client {
             finished: false,
             hinted: false,
             service: service.to_owned(),
-            connection: Connection {
+            connection: Owned::new(Connection {
                 subscriber: subscriber.map_err(bus("subscriber of verdicts"))?,
                 endpoint,
-            },
+            }),
         })
     }
 
@@ -351,6 +355,7 @@ impl Client {
     /// Call this about once a step: 64 verdicts are kept, then the oldest are dropped. An abort is
     /// not lost, because the watcher repeats it.
     pub fn poll(&mut self) -> Result<Option<VerdictMessage>> {
+        self.connection.check()?;
         while let Some(sample) = self
             .connection
             .subscriber

@@ -9,6 +9,7 @@ use super::wire::{
 };
 use crate::curve::{Basis, Cell, CurveLabels, Precision};
 use crate::error::{Error, Result};
+use crate::fork::Owned;
 use iceoryx2::port::publisher::Publisher;
 use iceoryx2::port::subscriber::Subscriber;
 use iceoryx2::port::update_connections::UpdateConnections;
@@ -39,7 +40,7 @@ impl Connection {
 
 /// Frames of a session: their layout and their numbers.
 pub(super) struct Frames {
-    publisher: Option<Publisher<Ipc, [u8], FrameHeader>>,
+    publisher: Option<Owned<Publisher<Ipc, [u8], FrameHeader>>>,
     pub session: u64,
     lockstep: bool,
     layout: Option<Layout>,
@@ -112,11 +113,12 @@ impl Frames {
     /// [`Client::describe_labelled`](crate::Client::describe_labelled).
     pub fn describe(
         &mut self,
-        connection: &Connection,
+        connection: &Owned<Connection>,
         (basis, precision): (Basis, Precision),
         counts: &[i32],
         labels: CurveLabels,
     ) -> Result<()> {
+        connection.check()?;
         labels.check(counts.len())?;
         let unnamed = |labels: &CurveLabels| labels.names.is_empty();
         let before = self.layout.as_ref().map(|layout| &layout.labels);
@@ -173,7 +175,7 @@ impl Frames {
         &mut self,
         connection: &Connection,
         bytes: usize,
-    ) -> Result<&Publisher<Ipc, [u8], FrameHeader>> {
+    ) -> Result<&Owned<Publisher<Ipc, [u8], FrameHeader>>> {
         if self.publisher.is_none() {
             let builder = connection.endpoint.frames.publisher_builder();
             let publisher = builder
@@ -182,7 +184,7 @@ impl Frames {
                 .max_loaned_samples(LOANS)
                 .backpressure_strategy(BackpressureStrategy::DiscardData)
                 .create();
-            self.publisher = Some(publisher.map_err(bus("publisher of frames"))?);
+            self.publisher = Some(Owned::new(publisher.map_err(bus("publisher of frames"))?));
         }
         Ok(self.publisher.as_ref().expect("created above"))
     }
@@ -204,7 +206,8 @@ impl Frames {
     }
 
     /// Sends a header without curves.
-    pub fn signal(&mut self, connection: &Connection, flags: u32) -> Result<()> {
+    pub fn signal(&mut self, connection: &Owned<Connection>, flags: u32) -> Result<()> {
+        connection.check()?;
         connection.connect()?;
         let header = self.header(flags);
         let publisher = self.publisher(connection, 1)?;
@@ -239,6 +242,7 @@ impl Frames {
         let table = layout.table.len();
         let bytes = table + 3 * layout.points * precision.bytes();
         let publisher = self.publisher.as_ref().expect("`describe` created it");
+        publisher.check()?;
         let sample = publisher.loan_slice_uninit(bytes).map_err(bus("loan"))?;
         #[expect(unsafe_code, reason = "shared memory is lent as uninitialised")]
         // SAFETY: the memory is a shared mapping. Each of its bytes was written by the system
@@ -255,7 +259,7 @@ impl Frames {
             payload[table..].fill(0xff);
         }
         Ok(FrameMemory {
-            sample,
+            sample: Owned::new(sample),
             table,
             precision,
             layout: self.layouts,
@@ -264,9 +268,8 @@ impl Frames {
 
     /// Sends a frame. Returns its sequence number.
     pub fn send(&mut self, connection: &Connection, memory: FrameMemory) -> Result<u64> {
-        let FrameMemory {
-            mut sample, layout, ..
-        } = memory;
+        let FrameMemory { sample, layout, .. } = memory;
+        let mut sample = sample.into_inner()?;
         let header = sample.user_header_mut();
         if header.session != self.session || layout != self.layouts {
             return Err(Error::Bus(
@@ -289,7 +292,7 @@ impl Frames {
 /// Shared memory of a frame that is being written ([`Client::begin`](crate::Client::begin)).
 /// Nothing is sent if it is dropped.
 pub struct FrameMemory {
-    sample: SampleMut<Ipc, [u8], FrameHeader>,
+    sample: Owned<SampleMut<Ipc, [u8], FrameHeader>>,
     /// Bytes before the positions.
     table: usize,
     precision: Precision,

@@ -2,6 +2,7 @@
 
 use crate::curve::CurveSet;
 use crate::error::{Error, Result};
+use crate::fork;
 use crate::kernels::{Chain, Estimate, sums::direct::Scale};
 use rayon::prelude::*;
 
@@ -30,6 +31,7 @@ pub struct GaussIntegrals {
 impl GaussIntegrals {
     /// Copies all curves, which must be polylines.
     pub fn new(set: &CurveSet) -> Result<GaussIntegrals> {
+        fork::check_pool()?;
         check_polylines(set)?;
         let scale = Scale::new(set.max_abs());
         let chains = (0..set.len()).into_par_iter();

@@ -1,0 +1,76 @@
+//! Processes that were forked from one that used the library.
+//!
+//! A fork copies the memory of a process, but only the thread that called it. In the child the
+//! thread pool has no threads, so that parallel work would wait for ever; and ports and samples of
+//! shared memory are those of the parent, so that dropping them would release them under it.
+
+use crate::error::{Error, Result};
+use std::ops::{Deref, DerefMut};
+use std::process;
+use std::sync::atomic::{AtomicU32, Ordering};
+
+/// Returns an error if another process, from which this one was forked, has used the thread pool.
+/// Otherwise records that this process uses it.
+pub(crate) fn check_pool() -> Result<()> {
+    static USED_BY: AtomicU32 = AtomicU32::new(0);
+    let this = process::id();
+    match USED_BY.compare_exchange(0, this, Ordering::Relaxed, Ordering::Relaxed) {
+        Err(parent) if parent != this => Err(Error::Forked { parent }),
+        _ => Ok(()),
+    }
+}
+
+/// A value that only the process that made it uses and drops. A forked child forgets it.
+#[derive(Debug)]
+pub(crate) struct Owned<T> {
+    /// Is `None` only while it is dropped.
+    value: Option<T>,
+    process: u32,
+}
+
+impl<T> Owned<T> {
+    pub fn new(value: T) -> Self {
+        Owned {
+            value: Some(value),
+            process: process::id(),
+        }
+    }
+
+    /// Returns an error in a child of the process that made the value.
+    pub fn check(&self) -> Result<()> {
+        match self.process == process::id() {
+            true => Ok(()),
+            false => Err(Error::Forked {
+                parent: self.process,
+            }),
+        }
+    }
+
+    /// Returns the value, or an error in a child of the process that made it.
+    pub fn into_inner(mut self) -> Result<T> {
+        self.check()?;
+        Ok(self.value.take().expect("only taken here and by drop"))
+    }
+}
+
+impl<T> Deref for Owned<T> {
+    type Target = T;
+
+    fn deref(&self) -> &T {
+        self.value.as_ref().expect("present until it is dropped")
+    }
+}
+
+impl<T> DerefMut for Owned<T> {
+    fn deref_mut(&mut self) -> &mut T {
+        self.value.as_mut().expect("present until it is dropped")
+    }
+}
+
+impl<T> Drop for Owned<T> {
+    fn drop(&mut self) {
+        if self.check().is_err() {
+            std::mem::forget(self.value.take());
+        }
+    }
+}
