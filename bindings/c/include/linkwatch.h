@@ -296,6 +296,29 @@ typedef struct lw_clearance {
   int32_t image[3];
 } lw_clearance;
 
+// Linking number, twist and writhe of a closed ribbon between two curves, such as DNA.
+typedef struct lw_ribbon_values {
+  // Linking number of the two curves, in the same direction; 0 if they touch.
+  int64_t linking;
+  // Twist about the axis, in turns.
+  double twist;
+  // Upper bound of the error of the twist.
+  double twist_error;
+  // Writhe of the axis.
+  double writhe;
+  // Upper bound of the error of the writhe.
+  double writhe_error;
+  // True if the strands run in opposite directions.
+  bool antiparallel;
+  // Vertex `k` of the first strand belongs to vertex `k + shift` of the second one, or to
+  // `n - 1 - k + shift` if the strands are antiparallel, modulo `n` vertices.
+  size_t shift;
+  // Number of other pairings that fit nearly as well and have another twist.
+  size_t rivals;
+  // Twist of one of them; NaN if there is none.
+  double rival_twist;
+} lw_ribbon_values;
+
 // The function succeeded.
 #define LW_OK 0
 
@@ -671,6 +694,29 @@ void lw_struts_free(struct lw_struts *struts);
 //
 // `verifier` comes from lw_verifier_new. `clearance` is valid.
 lw_status lw_verifier_clearance(struct lw_verifier *verifier, struct lw_clearance *clearance);
+
+// Computes linking number, twist and writhe of the ribbon between two closed polylines of a frame
+// with the same number of vertices.
+//
+// `pairing` says which vertices belong together: "parallel" (k with k), "antiparallel" (k with
+// n - 1 - k), one of these with a shift ("antiparallel:1"), or "auto"; null is "auto". The axis is
+// the centre line of both curves, or the first one if `axis_first` is true. `tolerance` is the
+// error of the writhe to reach, if possible; 0 is 1e-4.
+//
+// Returns LW_OK; LW_NOTHING if the curves touch, so that there is no linking number, but `values`
+// has twist and writhe; or LW_ERROR.
+//
+// # Safety
+//
+// `frame` and its arrays are valid. `pairing` is null, or a string that ends with a zero byte.
+// `values` is valid.
+lw_status lw_ribbon(const struct lw_frame *frame,
+                    size_t first,
+                    size_t second,
+                    const char *pairing,
+                    bool axis_first,
+                    double tolerance,
+                    struct lw_ribbon_values *values);
 
 #ifdef __cplusplus
 }  // extern "C"

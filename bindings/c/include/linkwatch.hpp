@@ -102,17 +102,19 @@ public:
   // curve, negative if the curve is closed.
   Client(const std::string &service, const std::vector<std::int32_t> &counts,
          Basis basis = Basis::Polyline, lw_options options = {})
-      : client(detail::check(lw_open(service.c_str(), &options))) {
-    describe(counts, {}, {}, basis);
+      : client(detail::check(lw_open(service.c_str(), &options))), basis(basis) {
+    describe(counts, {});
   }
 
   // Declares other curves from the next frame on. They need names, as those before: the watcher
   // compares curves by name. `radii` may be empty. Without an earlier frame, names may be empty too.
+  // The basis stays as it is unless another one is given.
   void describe(const std::vector<std::int32_t> &counts, const std::vector<std::string> &names,
-                const std::vector<float> &radii = {}, Basis basis = Basis::Polyline) {
+                const std::vector<float> &radii = {}, std::optional<Basis> other = std::nullopt) {
     if ((!names.empty() && names.size() != counts.size()) ||
         (!radii.empty() && radii.size() != counts.size()))
       throw Error("expected a name and a radius for each curve, or none");
+    basis = other.value_or(basis);
     std::vector<const char *> pointers;
     for (const std::string &name : names) pointers.push_back(name.c_str());
     detail::check(lw_describe_labelled(open(), static_cast<std::uint32_t>(basis),
@@ -208,6 +210,7 @@ private:
   }
 
   detail::Owned<lw_client, lw_close> client;
+  Basis basis;
   std::size_t coordinates = 0;
 };
 
@@ -318,6 +321,20 @@ std::vector<lw_strut> struts(const std::vector<std::int32_t> &counts,
                              double longest, Basis basis = Basis::Polyline) {
   const lw_frame frame = detail::frame(basis, counts, positions);
   return detail::list(lw_struts_in_cell(&frame, cell.data(), longest));
+}
+
+// Computes linking number, twist and writhe of the ribbon between two curves, such as the strands of
+// DNA. For the pairing of their vertices see lw_ribbon.
+template <class T>
+lw_ribbon_values ribbon(const std::vector<std::int32_t> &counts, const std::vector<T> &positions,
+                        std::size_t first = 0, std::size_t second = 1,
+                        const std::string &pairing = "auto", bool axis_first = false,
+                        double tolerance = 1e-4) {
+  const lw_frame frame = detail::frame(Basis::Polyline, counts, positions);
+  lw_ribbon_values values{};
+  detail::check(
+      lw_ribbon(&frame, first, second, pairing.c_str(), axis_first, tolerance, &values));
+  return values;
 }
 
 // Verifies successive frames in process, against the first one or against a baseline.

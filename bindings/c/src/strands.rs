@@ -1,9 +1,12 @@
-//! Thickness, struts and clearance.
+//! Thickness, struts, clearance and ribbons.
 
 use crate::curves::{given_cell, lw_frame, raw};
-use crate::error::{LW_ERROR, LW_NOTHING, LW_OK, free, give, given, guard, lw_status, words};
+use crate::error::{
+    LW_ERROR, LW_NOTHING, LW_OK, describe, free, give, given, guard, lw_status, string, words,
+};
 use crate::verifier::lw_verifier;
-use linkwatch::{Cell, CurveSet, RawFrame, Thickness, struts_in_cell};
+use linkwatch::{Axis, Cell, CurveSet, RawFrame, Ribbon, RibbonOptions, Thickness, struts_in_cell};
+use std::ffi::c_char;
 use std::ptr;
 
 /// How sharply curves bend, and how close they come.
@@ -288,5 +291,100 @@ pub unsafe extern "C" fn lw_verifier_clearance(
             to.image = closest.image;
         }
         Ok(LW_OK)
+    })
+}
+
+/// Linking number, twist and writhe of a closed ribbon between two curves, such as DNA.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct lw_ribbon_values {
+    /// Linking number of the two curves, in the same direction; 0 if they touch.
+    pub linking: i64,
+    /// Twist about the axis, in turns.
+    pub twist: f64,
+    /// Upper bound of the error of the twist.
+    pub twist_error: f64,
+    /// Writhe of the axis.
+    pub writhe: f64,
+    /// Upper bound of the error of the writhe.
+    pub writhe_error: f64,
+    /// True if the strands run in opposite directions.
+    pub antiparallel: bool,
+    /// Vertex `k` of the first strand belongs to vertex `k + shift` of the second one, or to
+    /// `n - 1 - k + shift` if the strands are antiparallel, modulo `n` vertices.
+    pub shift: usize,
+    /// Number of other pairings that fit nearly as well and have another twist.
+    pub rivals: usize,
+    /// Twist of one of them; NaN if there is none.
+    pub rival_twist: f64,
+}
+
+/// Computes linking number, twist and writhe of the ribbon between two closed polylines of a frame
+/// with the same number of vertices.
+///
+/// `pairing` says which vertices belong together: "parallel" (k with k), "antiparallel" (k with
+/// n - 1 - k), one of these with a shift ("antiparallel:1"), or "auto"; null is "auto". The axis is
+/// the centre line of both curves, or the first one if `axis_first` is true. `tolerance` is the
+/// error of the writhe to reach, if possible; 0 is 1e-4.
+///
+/// Returns LW_OK; LW_NOTHING if the curves touch, so that there is no linking number, but `values`
+/// has twist and writhe; or LW_ERROR.
+///
+/// # Safety
+///
+/// `frame` and its arrays are valid. `pairing` is null, or a string that ends with a zero byte.
+/// `values` is valid.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn lw_ribbon(
+    frame: *const lw_frame,
+    first: usize,
+    second: usize,
+    pairing: *const c_char,
+    axis_first: bool,
+    tolerance: f64,
+    values: *mut lw_ribbon_values,
+) -> lw_status {
+    guard(LW_ERROR, || {
+        let mut options = RibbonOptions::default();
+        if !pairing.is_null() {
+            // SAFETY: as promised by the caller.
+            let text = unsafe { string(pairing, "pairing") }?;
+            if text != "auto" {
+                options.pairing = Some(text.parse().map_err(words)?);
+            }
+        }
+        if axis_first {
+            options.axis = Axis::First;
+        }
+        if !(tolerance >= 0.0 && tolerance.is_finite()) {
+            return Err(format!("a tolerance of {tolerance}, expected at least 0"));
+        }
+        if tolerance > 0.0 {
+            options.tolerance = tolerance;
+        }
+        // SAFETY: as promised by the caller.
+        let (to, set) = unsafe { (given(values, "values")?, curves(frame)?) };
+        let found = Ribbon::of(&set, [first, second], options).map_err(words)?;
+        *to = lw_ribbon_values {
+            linking: found.linking.unwrap_or(0),
+            twist: found.twist.value,
+            twist_error: found.twist.bound,
+            writhe: found.writhe.value,
+            writhe_error: found.writhe.bound,
+            antiparallel: found.pairing.antiparallel,
+            shift: found.pairing.shift,
+            rivals: found.rivals.len(),
+            rival_twist: found
+                .rivals
+                .first()
+                .map_or(f64::NAN, |(_, twist)| twist.value),
+        };
+        match found.linking {
+            Some(_) => Ok(LW_OK),
+            None => {
+                describe("the curves touch, so they have no linking number");
+                Ok(LW_NOTHING)
+            }
+        }
     })
 }

@@ -4,8 +4,8 @@ use crate::curves::{cell, given_cell, lw_frame, raw, values};
 use crate::error::{LW_ERROR, LW_OK, free, give, given, guard, lw_status, string, words};
 use crate::verdict::lw_verdict;
 use linkwatch::{
-    AbortOn, Certificate, Clearance, ClearanceOptions, CurveSet, Events, FramePool, RawFrame,
-    Strategy, Verdict, Verifier, VerifierOptions,
+    AbortOn, Certificate, Clearance, ClearanceOptions, CurveSet, Error, Events, FramePool,
+    RawFrame, Strategy, Verdict, Verifier, VerifierOptions,
 };
 use std::ffi::c_char;
 use std::path::Path;
@@ -85,7 +85,7 @@ pub unsafe extern "C" fn lw_certify(frame: *const lw_frame) -> *mut lw_certifica
             positions,
         } = unsafe { raw(frame, "frame") }?;
         let set = CurveSet::from_counts(basis, counts, positions).map_err(words)?;
-        let mut verifier = Verifier::default();
+        let mut verifier = Verifier::new(VerifierOptions::default()).map_err(words)?;
         Ok(verifier.certify(&set).0.clone().into())
     })
 }
@@ -294,6 +294,8 @@ impl lw_verifier {
         let lw_verifier { verifier, pool, .. } = self;
         let report = match pool.receive(|set| verifier.receive(frame, set)) {
             Ok(set) => verifier.step_shared(self.seq, time, &set).map_err(words),
+            // It concerns the process, not the frame.
+            Err(forked @ Error::Forked { .. }) => Err(words(forked)),
             Err(why) => Ok(verifier.reject(self.seq, time, &why)),
         };
         self.seq += 1;

@@ -115,10 +115,11 @@ static lw_client *watched_simulator(void) {
   return client;
 }
 
+static const float SQUARES[] = {-1, -1, 0,  1, -1, 0,  1, 1, 0, -1, 1, 0,
+                                0,  0,  -1, 2, 0,  -1, 2, 0, 1, 0,  0, 1};
+
 // Publishes two squares, linked up to a shift of 1, and returns the number of the frame.
 static uint64_t publish(lw_client *client, double shift) {
-  static const float SQUARES[] = {-1, -1, 0,  1, -1, 0,  1, 1, 0, -1, 1, 0,
-                                  0,  0,  -1, 2, 0,  -1, 2, 0, 1, 0,  0, 1};
   float *points = lw_begin_float(client, 0);
   CHECK(points);
   memcpy(points, SQUARES, sizeof SQUARES);
@@ -297,6 +298,35 @@ static void a_link_across_the_boundary_of_a_cell_is_lost_with_its_image(void) {
   finish(client, 1);
 }
 
+static void a_forked_child_gets_errors_and_leaves_the_session_of_its_parent_alone(void) {
+  watch("fork", NULL);
+  lw_client *client = watched_simulator();
+  CHECK(step(client, 0).verdict == LW_INTACT);
+  const int32_t counts[] = {-4, -4};
+  const lw_frame frame = {LW_POLYLINE, LW_FLOAT, 2, counts, SQUARES};
+  lw_verifier *verifier = lw_verifier_new(NULL);
+  lw_verdict verdict;
+  CHECK(lw_verifier_step(verifier, &frame, 0, &verdict) == LW_OK);
+  other = fork();
+  CHECK(other >= 0);
+  if (other == 0) {
+    watcher = 0; // is that of the parent
+    CHECK(!lw_begin_float(client, 0));
+    CHECK_ERROR("this process was forked");
+    CHECK(lw_verifier_step(verifier, &frame, 0, &verdict) == LW_ERROR);
+    CHECK_ERROR("this process was forked");
+    CHECK(!lw_certify(&frame));
+    CHECK_ERROR("this process was forked");
+    lw_close(client);
+    lw_verifier_free(verifier);
+    exit(0);
+  }
+  CHECK(end(&other) == 0);
+  CHECK(step(client, 0).verdict == LW_INTACT);
+  lw_verifier_free(verifier);
+  finish(client, 0);
+}
+
 int main(int argc, char **argv) {
   if (argc == 3 && strcmp(argv[1], "--simulate") == 0) return simulate(argv[2]);
   if (argc != 3) return fprintf(stderr, "usage: %s LINKWATCH FOLDER\n", argv[0]), 1;
@@ -309,6 +339,7 @@ int main(int argc, char **argv) {
   a_frame_with_nan_is_rejected_with_its_curve_and_point();
   a_pull_through_is_aborted_once_if_the_simulator_rolls_back();
   a_link_across_the_boundary_of_a_cell_is_lost_with_its_image();
-  puts("6 tests passed");
+  a_forked_child_gets_errors_and_leaves_the_session_of_its_parent_alone();
+  puts("7 tests passed");
   return 0;
 }
