@@ -1,5 +1,6 @@
 //! The live client, as a Python object.
 
+use crate::call::{Shared, guarded};
 use crate::exception;
 use crate::findings::{Change, Defect, PullThrough};
 use crate::frame::{basis, cell};
@@ -18,8 +19,10 @@ use std::time::{Duration, Instant};
 const SLICE: Duration = Duration::from_millis(50);
 
 /// Simulator's end of the bus.
-#[pyclass(unsendable, module = "linkwatch")]
-pub struct Client {
+#[pyclass(frozen, module = "linkwatch")]
+pub struct Client(Shared<State>);
+
+struct State {
     /// None once the session has ended.
     client: Option<linkwatch::Client>,
     kind: (Basis, Precision),
@@ -168,183 +171,229 @@ impl Client {
         } else {
             Precision::F64
         };
-        let mut client = linkwatch::Client::open(service, &options).map_err(exception)?;
-        let kind = (basis, precision);
-        let points = declare(&mut client, kind, curves)?;
-        let mapping = keep_mapped(&client)?;
-        Ok(Client {
-            client: Some(client),
-            kind,
-            points,
-            frame: None,
-            mapping: Some(mapping),
-            last: None,
-            no_verdict: None,
-            goodbye: None,
+        guarded(|| {
+            let mut client = linkwatch::Client::open(service, &options).map_err(exception)?;
+            let kind = (basis, precision);
+            let points = declare(&mut client, kind, curves)?;
+            let mapping = keep_mapped(&client)?;
+            Ok(Client(Shared::new(State {
+                client: Some(client),
+                kind,
+                points,
+                frame: None,
+                mapping: Some(mapping),
+                last: None,
+                no_verdict: None,
+                goodbye: None,
+            })))
         })
     }
 
     /// Declares other curves from the next frame on: counts, names and radii.
-    fn describe(
-        &mut self,
-        py: Python<'_>,
-        curves: (Vec<i32>, Vec<String>, Vec<f32>),
-    ) -> PyResult<()> {
-        self.discard(py)?;
-        let kind = self.kind;
-        let points = declare(self.open()?, kind, curves)?;
-        // Without it, no frame of these curves can be begun.
-        self.mapping = None;
-        self.points = points;
-        self.mapping = Some(keep_mapped(self.open()?)?);
-        Ok(())
+    fn describe(&self, py: Python<'_>, curves: (Vec<i32>, Vec<String>, Vec<f32>)) -> PyResult<()> {
+        self.0.with(py, |state| {
+            state.discard(py)?;
+            let kind = state.kind;
+            let points = declare(state.open()?, kind, curves)?;
+            // Without it, no frame of these curves can be begun.
+            state.mapping = None;
+            state.points = points;
+            state.mapping = Some(keep_mapped(state.open()?)?);
+            Ok(())
+        })
     }
 
     /// Sets the time step of the simulator in seconds.
-    fn set_time_step(&mut self, seconds: f64) -> PyResult<()> {
-        self.open()?.set_time_step(seconds).map_err(exception)
+    fn set_time_step(&self, py: Python<'_>, seconds: f64) -> PyResult<()> {
+        self.open(py, |client| client.set_time_step(seconds))
     }
 
     /// Sets the periodic cell of later frames: three vectors and the corner.
-    fn set_cell(&mut self, numbers: [f64; 12]) -> PyResult<()> {
-        let set = self.open()?.set_cell(Some(cell(numbers)));
-        set.map_err(exception)
+    fn set_cell(&self, py: Python<'_>, numbers: [f64; 12]) -> PyResult<()> {
+        self.open(py, |client| client.set_cell(Some(cell(numbers))))
     }
 
     /// Returns a view of the shared memory of the next frame.
-    fn begin(&mut self, py: Python<'_>, time: f64) -> PyResult<Py<PyAny>> {
-        self.discard(py)?;
-        if self.mapping.is_none() {
-            let what = "the last description of the curves failed: describe them again";
-            return Err(PyRuntimeError::new_err(what));
-        }
-        let mut memory = self.open()?.begin(time).map_err(exception)?;
-        let view = match self.kind.1 {
-            Precision::F32 => self.view(py, memory.positions_f32().map_err(exception)?),
-            Precision::F64 => self.view(py, memory.positions_f64().map_err(exception)?),
-        }?;
-        self.frame = Some(Begun {
-            memory,
-            view: view.clone_ref(py),
-        });
-        Ok(view)
+    fn begin(&self, py: Python<'_>, time: f64) -> PyResult<Py<PyAny>> {
+        self.0.with(py, |state| {
+            state.discard(py)?;
+            if state.mapping.is_none() {
+                let what = "the last description of the curves failed: describe them again";
+                return Err(PyRuntimeError::new_err(what));
+            }
+            let mut memory = state.open()?.begin(time).map_err(exception)?;
+            let view = match state.kind.1 {
+                Precision::F32 => state.view(py, memory.positions_f32().map_err(exception)?),
+                Precision::F64 => state.view(py, memory.positions_f64().map_err(exception)?),
+            }?;
+            state.frame = Some(Begun {
+                memory,
+                view: view.clone_ref(py),
+            });
+            Ok(view)
+        })
     }
 
     /// Publishes the frame that was begun. Its view can be read afterwards, but not written.
-    fn publish(&mut self, py: Python<'_>) -> PyResult<u64> {
-        self.open()?;
-        let begun = self.frame.take();
-        let Begun { memory, view } = begun.ok_or_else(|| {
-            PyRuntimeError::new_err("no frame was begun: call begin(time) and write the points")
-        })?;
-        // Readers hold the memory from now on.
-        view.call_method1(py, "setflags", (false,))?;
-        let seq = self.open()?.send(memory).map_err(exception)?;
-        self.last = Some(seq);
-        Ok(seq)
+    fn publish(&self, py: Python<'_>) -> PyResult<u64> {
+        self.0.with(py, |state| {
+            state.open()?;
+            let begun = state.frame.take();
+            let Begun { memory, view } = begun.ok_or_else(|| {
+                PyRuntimeError::new_err("no frame was begun: call begin(time) and write the points")
+            })?;
+            // Readers hold the memory from now on.
+            view.call_method1(py, "setflags", (false,))?;
+            let seq = state.open()?.send(memory).map_err(exception)?;
+            state.last = Some(seq);
+            Ok(seq)
+        })
     }
 
     /// Returns the next verdict; None if there is none.
-    fn poll(&mut self) -> PyResult<Option<Message>> {
-        let message = self.open()?.poll().map_err(exception)?;
+    fn poll(&self, py: Python<'_>) -> PyResult<Option<Message>> {
+        let message = self.open(py, linkwatch::Client::poll)?;
         Ok(message.map(Message))
     }
 
     /// Waits for the verdict on the last published frame, at most for so many seconds.
-    fn wait(&mut self, py: Python<'_>, seconds: f64) -> PyResult<Option<Message>> {
-        let seq = self
-            .last
-            .ok_or_else(|| PyRuntimeError::new_err("no frame was published"))?;
-        let client = self.open()?;
-        let found = waiting(py, seconds, |slice| match client.wait(seq, slice)? {
-            Outcome::Verdict(message) => Ok(Some(Ok(Message(*message)))),
-            Outcome::NoWatcher(how) => Ok(Some(Err(how))),
-            Outcome::Stale => Ok(None),
+    fn wait(&self, py: Python<'_>, seconds: f64) -> PyResult<Option<Message>> {
+        let none = || PyRuntimeError::new_err("no frame was published");
+        let seq = self.0.with(py, |state| state.last.ok_or_else(none))?;
+        let found = self.waiting(py, seconds, |client, slice| {
+            Ok(match client.wait(seq, slice)? {
+                Outcome::Verdict(message) => Some(Ok(*message)),
+                Outcome::NoWatcher(how) => Some(Err(how)),
+                Outcome::Stale => None,
+            })
         })?;
-        let why = match found {
-            Some(Ok(message)) => {
-                self.no_verdict = None;
-                return Ok(Some(message));
+        let (message, why) = match found {
+            Some(Ok(message)) => (Some(Message(message)), None),
+            Some(Err(how)) => (None, Some(format!("no verdict on frame {seq}: {how}"))),
+            None => {
+                let what = format!("no verdict on frame {seq} within {seconds} seconds");
+                (None, Some(format!("{what}, or the watcher skipped it")))
             }
-            Some(Err(how)) => format!("no verdict on frame {seq}: {how}"),
-            None => format!(
-                "no verdict on frame {seq} within {seconds} seconds, or the watcher skipped it"
-            ),
         };
-        self.no_verdict = Some(why);
-        Ok(None)
+        self.0.with(py, |state| {
+            state.no_verdict = why;
+            Ok(message)
+        })
     }
 
     #[getter]
-    fn no_verdict(&self) -> Option<&str> {
-        self.no_verdict.as_deref()
+    fn no_verdict(&self, py: Python<'_>) -> PyResult<Option<String>> {
+        self.0.with(py, |state| Ok(state.no_verdict.clone()))
     }
 
     /// Waits until a watcher has seen this session. Returns False if none came in time.
-    fn wait_for_watcher(&mut self, py: Python<'_>, seconds: f64) -> PyResult<bool> {
-        let client = self.open()?;
-        let came = waiting(py, seconds, |slice| {
+    fn wait_for_watcher(&self, py: Python<'_>, seconds: f64) -> PyResult<bool> {
+        let came = self.waiting(py, seconds, |client, slice| {
             Ok(client.wait_for_watcher(slice)?.then_some(()))
         });
         Ok(came?.is_some())
     }
 
     /// Returns the first message that asks the simulator to stop; after the session the last one.
-    fn aborted(&mut self) -> PyResult<Option<Message>> {
-        let Some(client) = &mut self.client else {
-            let last = self.goodbye.clone();
-            return Ok(last.filter(|message| message.abort).map(Message));
-        };
-        while client.poll().map_err(exception)?.is_some() {}
-        Ok(client.aborted().cloned().map(Message))
+    fn aborted(&self, py: Python<'_>) -> PyResult<Option<Message>> {
+        self.0.with(py, |state| {
+            let Some(client) = &mut state.client else {
+                let last = state.goodbye.clone();
+                return Ok(last.filter(|message| message.abort).map(Message));
+            };
+            while client.poll().map_err(exception)?.is_some() {}
+            Ok(client.aborted().cloned().map(Message))
+        })
     }
 
-    fn resume(&mut self) -> PyResult<()> {
-        self.open()?.resume();
-        Ok(())
+    fn resume(&self, py: Python<'_>) -> PyResult<()> {
+        self.open(py, |client| {
+            client.resume();
+            Ok(())
+        })
     }
 
-    fn cut(&mut self) -> PyResult<()> {
-        self.open()?.cut();
-        Ok(())
+    fn cut(&self, py: Python<'_>) -> PyResult<()> {
+        self.open(py, |client| {
+            client.cut();
+            Ok(())
+        })
     }
 
     /// Returns the seconds since the last message of the watcher; None if there is no watcher.
-    fn silent_for(&mut self) -> PyResult<Option<f64>> {
-        Ok(self.open()?.silent_for().map(|t| t.as_secs_f64()))
+    fn silent_for(&self, py: Python<'_>) -> PyResult<Option<f64>> {
+        self.open(py, |client| {
+            Ok(client.silent_for().map(|t| t.as_secs_f64()))
+        })
     }
 
     /// Ends the session, and waits for the last message of the watcher.
-    fn finish(&mut self, py: Python<'_>, seconds: f64) -> PyResult<Option<Message>> {
+    fn finish(&self, py: Python<'_>, seconds: f64) -> PyResult<Option<Message>> {
         let limit = duration(seconds)?;
-        self.open()?;
-        self.discard(py)?;
-        let client = self.client.take();
-        self.goodbye = client.as_ref().and_then(|client| client.aborted().cloned());
-        let last = same_thread(py, || client.map(|client| client.finish_within(limit)));
-        let last = last.transpose().map_err(exception)?.flatten();
-        if last.is_some() {
-            self.goodbye.clone_from(&last);
-        }
-        Ok(last.map(Message))
+        self.0.with(py, |state| {
+            state.open()?;
+            state.discard(py)?;
+            let client = state.client.take();
+            state.goodbye = client.as_ref().and_then(|client| client.aborted().cloned());
+            let last = py.detach(|| client.map(|client| client.finish_within(limit)));
+            let last = last.transpose().map_err(exception)?.flatten();
+            if last.is_some() {
+                state.goodbye.clone_from(&last);
+            }
+            Ok(last.map(Message))
+        })
     }
 
     #[getter]
-    fn is_open(&self) -> bool {
-        self.client.is_some()
+    fn is_open(&self, py: Python<'_>) -> PyResult<bool> {
+        self.0.with(py, |state| Ok(state.client.is_some()))
     }
 
     /// Ends the session early. Does nothing if it has ended.
-    fn close(&mut self, py: Python<'_>) -> PyResult<()> {
-        self.discard(py)?;
-        if let Some(client) = self.client.take() {
-            self.goodbye = client.aborted().cloned();
-        }
-        Ok(())
+    fn close(&self, py: Python<'_>) -> PyResult<()> {
+        self.0.with(py, |state| {
+            state.discard(py)?;
+            if let Some(client) = state.client.take() {
+                state.goodbye = client.aborted().cloned();
+            }
+            Ok(())
+        })
     }
 }
 
 impl Client {
+    /// Calls a function of the client, which must be open.
+    fn open<R>(
+        &self,
+        py: Python<'_>,
+        call: impl FnOnce(&mut linkwatch::Client) -> linkwatch::Result<R>,
+    ) -> PyResult<R> {
+        self.0
+            .with(py, |state| call(state.open()?).map_err(exception))
+    }
+
+    /// Calls `wait` for slices of time until it returns something or the time is over. Other
+    /// threads of Python run meanwhile, also with this client, and Ctrl-C ends the wait.
+    fn waiting<R: Send>(
+        &self,
+        py: Python<'_>,
+        seconds: f64,
+        wait: impl Fn(&mut linkwatch::Client, Duration) -> linkwatch::Result<Option<R>> + Sync,
+    ) -> PyResult<Option<R>> {
+        let (start, limit) = (Instant::now(), duration(seconds)?);
+        loop {
+            let left = limit.saturating_sub(start.elapsed());
+            let found = self.open(py, |client| py.detach(|| wait(client, left.min(SLICE))))?;
+            if found.is_some() || left <= SLICE {
+                return Ok(found);
+            }
+            self.0.take_turns(py);
+            py.check_signals()?;
+        }
+    }
+}
+
+impl State {
     /// Discards the frame that was begun. Its view is read-only from now on, because the memory may
     /// become that of a later frame.
     fn discard(&mut self, py: Python<'_>) -> PyResult<()> {
@@ -417,40 +466,4 @@ fn duration(seconds: f64) -> PyResult<Duration> {
     }
     Duration::try_from_secs_f64(seconds)
         .map_err(|why| PyValueError::new_err(format!("a wait of {seconds} seconds: {why}")))
-}
-
-/// Calls `wait` for slices of time until it returns something or the time is over. Other threads of
-/// Python run meanwhile, and Ctrl-C ends the wait.
-fn waiting<T>(
-    py: Python<'_>,
-    seconds: f64,
-    mut wait: impl FnMut(Duration) -> linkwatch::Result<Option<T>>,
-) -> PyResult<Option<T>> {
-    let (start, limit) = (Instant::now(), duration(seconds)?);
-    loop {
-        let left = limit.saturating_sub(start.elapsed());
-        let found = same_thread(py, || wait(left.min(SLICE))).map_err(exception)?;
-        if found.is_some() || left <= SLICE {
-            return Ok(found);
-        }
-        py.check_signals()?;
-    }
-}
-
-/// Runs a function of this thread without the interpreter lock.
-fn same_thread<R>(py: Python<'_>, run: impl FnOnce() -> R) -> R {
-    struct Here<T>(T);
-    #[expect(
-        unsafe_code,
-        reason = "`detach` asks for values that may change threads"
-    )]
-    // SAFETY: `detach` runs the function in the calling thread, and `Here` is private to it.
-    unsafe impl<T> Send for Here<T> {}
-    impl<F: FnOnce() -> R, R> Here<F> {
-        fn run(self) -> Here<R> {
-            Here((self.0)())
-        }
-    }
-    let here = Here(run);
-    py.detach(move || here.run()).0
 }

@@ -1,6 +1,7 @@
 //! The extension module of the Python package `linkwatch`. The package brings the curves of a frame
 //! into one array first; see `python/linkwatch/__init__.py`.
 
+mod call;
 mod client;
 mod findings;
 mod frame;
@@ -24,11 +25,13 @@ fn _linkwatch(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<strands::Strut>()?;
     module.add_class::<strands::Thickness>()?;
     module.add_class::<strands::Clearance>()?;
+    module.add_class::<strands::Ribbon>()?;
     module.add_class::<verifier::Verifier>()?;
     module.add_class::<client::Client>()?;
     module.add_class::<client::Message>()?;
     module.add_function(wrap_pyfunction!(strands::thickness, module)?)?;
     module.add_function(wrap_pyfunction!(strands::struts, module)?)?;
+    module.add_function(wrap_pyfunction!(strands::ribbon, module)?)?;
     module.add_function(wrap_pyfunction!(command, module)?)?;
     Ok(())
 }
@@ -41,15 +44,29 @@ fn command(py: Python<'_>, args: Vec<OsString>) -> u8 {
     py.detach(|| catch_unwind(|| linkwatch::run_command(args)).unwrap_or(101))
 }
 
-/// Returns the exception of an error: `OSError` if a file cannot be read or written,
-/// `ConnectionError` for the bus, else `ValueError`.
+/// Returns the exception of an error: `OSError` if a file cannot be read or written (a subclass
+/// that says why, such as `FileNotFoundError`), `ConnectionError` for the bus, `RuntimeError` in a
+/// forked process, else `ValueError`.
 fn exception(error: linkwatch::Error) -> PyErr {
     use linkwatch::Error;
-    use pyo3::exceptions::{PyConnectionError, PyOSError, PyValueError};
+    use pyo3::exceptions::{PyConnectionError, PyOSError, PyRuntimeError, PyValueError};
     let words = error.to_string();
     match error {
-        Error::File { .. } | Error::Io(_) => PyOSError::new_err(words),
+        Error::File { path, source } => match source.raw_os_error() {
+            Some(code) => {
+                let reason = source.to_string();
+                let reason = reason
+                    .split(" (os error")
+                    .next()
+                    .unwrap_or_default()
+                    .to_owned();
+                PyOSError::new_err((code, reason, path))
+            }
+            None => PyOSError::new_err(words),
+        },
+        Error::Io(_) => PyOSError::new_err(words),
         Error::Bus(_) => PyConnectionError::new_err(words),
+        Error::Forked { .. } => PyRuntimeError::new_err(words),
         _ => PyValueError::new_err(words),
     }
 }

@@ -1,11 +1,16 @@
 //! Reports and certificates, as Python objects.
 
+use crate::call::argument;
 use crate::exception;
 use crate::findings::{Change, Defect, PullThrough};
 use crate::strands::Clearance;
-use numpy::PyArray2;
+use numpy::{Element, PyArray2, PyArrayMethods};
+use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use std::path::PathBuf;
+
+/// What is expected of the argument `path`.
+const PATH: &str = "a path: str, bytes or os.PathLike";
 
 /// Curves, translation of the second one, and linking number.
 type ImageLink = (u32, u32, (i32, i32, i32), Option<i64>);
@@ -106,6 +111,11 @@ impl Report {
         self.0.findings().collect()
     }
 
+    /// True if the frame is intact.
+    fn __bool__(&self) -> bool {
+        self.intact()
+    }
+
     fn __str__(&self) -> String {
         let lines = [self.0.headline()].into_iter().chain(self.0.findings());
         lines.collect::<Vec<_>>().join("\n  ")
@@ -125,33 +135,95 @@ impl Report {
 
 /// All linking numbers of a frame.
 #[pyclass(frozen, eq, module = "linkwatch", from_py_object)]
-#[derive(Clone, PartialEq)]
-pub struct Certificate(pub linkwatch::Certificate);
+#[derive(Clone)]
+pub struct Certificate {
+    pub numbers: linkwatch::Certificate,
+    /// Open curves, sorted. Unknown, and empty, if the certificate was read from a file.
+    open: Vec<u32>,
+}
+
+impl PartialEq for Certificate {
+    fn eq(&self, other: &Certificate) -> bool {
+        self.numbers == other.numbers
+    }
+}
+
+impl Certificate {
+    /// Creates a certificate of curves of which some are open.
+    pub fn new(numbers: linkwatch::Certificate, open: Vec<u32>) -> Certificate {
+        Certificate { numbers, open }
+    }
+
+    /// Returns an error if a pair has no linking number.
+    fn check_defined(&self) -> PyResult<()> {
+        let first = match (self.numbers.undefined.first(), self.open.first()) {
+            (Some(defect), _) => defect.sentence(0.0),
+            (None, Some(curve)) => format!("curve {curve} is open"),
+            (None, None) => return Ok(()),
+        };
+        Err(PyValueError::new_err(format!(
+            "{}: some pairs have no linking number ({first}). Pass a value for them: \
+             matrix(undefined=numpy.nan)",
+            self.__repr__()
+        )))
+    }
+
+    /// Returns the symmetric matrix of the linking numbers, with 0 for all other pairs.
+    fn filled<'py, T: Element + Copy>(
+        &self,
+        py: Python<'py>,
+        convert: impl Fn(i64) -> T,
+    ) -> PyResult<Bound<'py, PyArray2<T>>> {
+        let n = self.numbers.curves;
+        // Raises MemoryError if the matrix is too large.
+        let zeros = py.import("numpy")?.getattr("zeros")?;
+        let matrix = zeros.call1(((n, n), T::get_dtype(py)))?;
+        let matrix = matrix.cast_into::<PyArray2<T>>()?;
+        let mut write = matrix.try_readwrite()?;
+        let mut cells = write.as_array_mut();
+        for l in &self.numbers.links {
+            let (i, j, lambda) = (l.i as usize, l.j as usize, convert(l.lambda));
+            (cells[[i, j]], cells[[j, i]]) = (lambda, lambda);
+        }
+        drop(write);
+        Ok(matrix)
+    }
+}
 
 #[pymethods]
 impl Certificate {
     /// Reads a certificate from a file.
     #[staticmethod]
-    fn read(path: PathBuf) -> PyResult<Certificate> {
+    fn read(path: &Bound<'_, PyAny>) -> PyResult<Certificate> {
+        let path: PathBuf = argument("path", path, PATH)?;
         let read = linkwatch::Certificate::read(&path);
-        read.map(Certificate).map_err(exception)
+        let read = read.map_err(exception)?;
+        Ok(Certificate::new(read, Vec::new()))
     }
 
     /// Writes the certificate to a file.
-    fn write(&self, path: PathBuf) -> PyResult<()> {
-        self.0.write(&path).map_err(exception)
+    fn write(&self, path: &Bound<'_, PyAny>) -> PyResult<()> {
+        let path: PathBuf = argument("path", path, PATH)?;
+        self.numbers.write(&path).map_err(exception)
     }
 
     /// Number of curves.
     #[getter]
     fn curves(&self) -> usize {
-        self.0.curves
+        self.numbers.curves
+    }
+
+    /// Open curves, which have no linking numbers, sorted. A certificate that was read from a file
+    /// does not know them.
+    #[getter]
+    fn open(&self) -> Vec<u32> {
+        self.open.clone()
     }
 
     /// Linking numbers that are not 0, as tuples (i, j, lambda) with i < j, sorted.
     #[getter]
     fn links(&self) -> Vec<(u32, u32, i64)> {
-        let links = self.0.links.iter();
+        let links = self.numbers.links.iter();
         links.map(|l| (l.i, l.j, l.lambda)).collect()
     }
 
@@ -160,7 +232,7 @@ impl Certificate {
     /// if the scene is not periodic.
     #[getter]
     fn images(&self) -> Option<Vec<ImageLink>> {
-        let images = self.0.images.as_deref()?.iter();
+        let images = self.numbers.images.as_deref()?.iter();
         Some(
             images
                 .map(|l| (l.i, l.j, l.image.into(), l.lambda))
@@ -171,41 +243,86 @@ impl Certificate {
     /// Pairs and curves without a linking number.
     #[getter]
     fn undefined(&self) -> Vec<Defect> {
-        let undefined = self.0.undefined.iter();
+        let undefined = self.numbers.undefined.iter();
         undefined.map(|d| Defect::new(d, 0.0)).collect()
     }
 
     /// The symmetric matrix of all linking numbers, as an array of the shape (curves, curves);
     /// without those of periodic images.
-    fn matrix<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<i64>>> {
-        let n = self.0.curves;
-        let mut rows = vec![vec![0; n]; n];
-        for l in &self.0.links {
-            let (i, j) = (l.i as usize, l.j as usize);
-            (rows[i][j], rows[j][i]) = (l.lambda, l.lambda);
+    ///
+    /// Raises ValueError if a pair has no linking number, unless `undefined` is given: then such
+    /// pairs have this value, and the array has the type float64.
+    #[pyo3(signature = (*, undefined = None))]
+    fn matrix<'py>(
+        &self,
+        py: Python<'py>,
+        undefined: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let Some(value) = undefined else {
+            self.check_defined()?;
+            return Ok(self.filled(py, |lambda| lambda)?.into_any());
+        };
+        let value: f64 = argument("undefined", value, "a number")?;
+        let matrix = self.filled(py, |lambda| lambda as f64)?;
+        let mut write = matrix.try_readwrite()?;
+        let mut cells = write.as_array_mut();
+        let mut fill = |i: u32, j: u32| {
+            let (i, j) = (i as usize, j as usize);
+            (cells[[i, j]], cells[[j, i]]) = (value, value);
+        };
+        for defect in &self.numbers.undefined {
+            if let Some(j) = defect.j {
+                fill(defect.i, j);
+            }
         }
-        Ok(PyArray2::from_vec2(py, &rows)?)
+        let alone = self.numbers.undefined.iter().filter(|d| d.j.is_none());
+        let alone = alone.map(|d| d.i).chain(self.open.iter().copied());
+        for i in alone {
+            let others = (0..self.numbers.curves as u32).filter(|&j| j != i);
+            others.for_each(|j| fill(i, j));
+        }
+        drop(write);
+        Ok(matrix.into_any())
     }
 
     /// Linking numbers that differ from those of a baseline.
     ///
     /// Raises ValueError if the numbers of curves differ.
-    fn compare(&self, baseline: &Certificate) -> PyResult<Vec<Change>> {
-        let compared = self.0.compare(&baseline.0).map_err(exception)?;
+    fn compare(&self, baseline: &Bound<'_, PyAny>) -> PyResult<Vec<Change>> {
+        let expected = "a Certificate: that of certify, or Certificate.read(path)";
+        let baseline: Certificate = argument("baseline", baseline, expected)?;
+        let compared = self.numbers.compare(&baseline.numbers);
+        let compared = compared.map_err(exception)?;
         let changes = compared.changes.iter();
         Ok(changes.map(|c| Change::new(c, 0.0)).collect())
     }
 
     fn __str__(&self) -> String {
-        self.0.to_string()
+        self.numbers.to_string()
     }
 
     fn __repr__(&self) -> String {
-        let (curves, links) = (self.0.curves, self.0.links.len());
-        let images = self.0.images.as_ref();
-        let images = images.map_or_else(String::new, |all| {
-            format!(", {} pairs with periodic images", all.len())
-        });
-        format!("<Certificate: {curves} curves, {links} links{images}>")
+        let linkwatch::Certificate {
+            curves,
+            links,
+            undefined,
+            images,
+            ..
+        } = &self.numbers;
+        let mut text = format!("{curves} curves, {} links", links.len());
+        if let Some(images) = images {
+            let without = images.iter().filter(|l| l.lambda.is_none()).count();
+            text += &format!(", {} pairs with periodic images", images.len() - without);
+            if without > 0 {
+                text += &format!(", {without} undefined images");
+            }
+        }
+        if !undefined.is_empty() {
+            text += &format!(", {} undefined", undefined.len());
+        }
+        if !self.open.is_empty() {
+            text += &format!(", {} open", self.open.len());
+        }
+        format!("<Certificate: {text}>")
     }
 }

@@ -1,8 +1,9 @@
-//! Thickness, struts and clearance, as Python objects.
+//! Thickness, struts, clearance and ribbons, as Python objects.
 
+use crate::call::guarded;
 use crate::exception;
 use crate::frame::{Points, basis, cell};
-use linkwatch::{Cell, CurveSet, Error};
+use linkwatch::{Axis, Cell, CurveSet, Error, PairingReason, RibbonOptions};
 use pyo3::prelude::*;
 
 type Point = [f64; 3];
@@ -200,11 +201,13 @@ fn measure<T: Send>(
 ) -> PyResult<T> {
     let (basis, positions) = (basis(basis_name)?, points.positions()?);
     let cell = numbers.map(cell);
-    let measured = py.detach(|| {
-        let set = CurveSet::from_counts(basis, counts, positions)?;
-        run(&set, cell.as_ref())
-    });
-    measured.map_err(exception)
+    guarded(|| {
+        let measured = py.detach(|| {
+            let set = CurveSet::from_counts(basis, counts, positions)?;
+            run(&set, cell.as_ref())
+        });
+        measured.map_err(exception)
+    })
 }
 
 /// Measures bends and the shortest strut.
@@ -237,4 +240,111 @@ pub fn struts(
     })?;
     let exact = basis_name == "polyline";
     Ok(found.into_iter().map(|strut| Strut(strut, exact)).collect())
+}
+
+/// Linking number, twist and writhe of a closed ribbon between two curves.
+#[pyclass(frozen, module = "linkwatch")]
+pub struct Ribbon(linkwatch::Ribbon);
+
+#[pymethods]
+impl Ribbon {
+    /// Linking number of the two curves, in the same direction; None if they touch.
+    #[getter]
+    fn linking(&self) -> Option<i64> {
+        self.0.linking
+    }
+
+    /// Twist about the axis, in turns.
+    #[getter]
+    fn twist(&self) -> f64 {
+        self.0.twist.value
+    }
+
+    /// Upper bound of the error of the twist.
+    #[getter]
+    fn twist_error(&self) -> f64 {
+        self.0.twist.bound
+    }
+
+    /// Writhe of the axis.
+    #[getter]
+    fn writhe(&self) -> f64 {
+        self.0.writhe.value
+    }
+
+    /// Upper bound of the error of the writhe.
+    #[getter]
+    fn writhe_error(&self) -> f64 {
+        self.0.writhe.bound
+    }
+
+    /// Signed number of passages of the ribbon through itself, linking - twist - writhe: 0 for a
+    /// ribbon; None if the errors admit several numbers.
+    #[getter]
+    fn passages(&self) -> Option<i64> {
+        self.0.passages()
+    }
+
+    /// Vertices that belong together: parallel, antiparallel, or one of these with a shift.
+    #[getter]
+    fn pairing(&self) -> String {
+        self.0.pairing.to_string()
+    }
+
+    /// Reason for the pairing: given, order (of the vertices) or distances (that are the most
+    /// constant).
+    #[getter]
+    fn pairing_by(&self) -> &'static str {
+        match self.0.reason {
+            PairingReason::Given => "given",
+            PairingReason::Order => "order",
+            PairingReason::Distances => "distances",
+        }
+    }
+
+    /// Pairings that fit nearly as well and have another twist, as tuples (pairing, twist).
+    #[getter]
+    fn rivals(&self) -> Vec<(String, f64)> {
+        let rivals = self.0.rivals.iter();
+        rivals
+            .map(|(pairing, twist)| (pairing.to_string(), twist.value))
+            .collect()
+    }
+
+    fn __repr__(&self) -> String {
+        let linking = self.0.linking.map_or("undefined".into(), |n| n.to_string());
+        let linkwatch::Ribbon {
+            twist,
+            writhe,
+            pairing,
+            ..
+        } = &self.0;
+        format!("<Ribbon: Lk {linking}, Tw {twist}, Wr {writhe}, {pairing}>")
+    }
+}
+
+/// Computes linking number, twist and writhe of the ribbon between two curves.
+#[pyfunction]
+pub fn ribbon(
+    py: Python<'_>,
+    points: Points<'_>,
+    counts: Vec<i32>,
+    strands: [usize; 2],
+    pairing: &str,
+    axis_first: bool,
+    tolerance: f64,
+) -> PyResult<Ribbon> {
+    let mut options = RibbonOptions::default();
+    if pairing != "auto" {
+        options.pairing = Some(pairing.parse().map_err(exception)?);
+    }
+    if axis_first {
+        options.axis = Axis::First;
+    }
+    options.tolerance = tolerance;
+    let frame = (&points, &counts[..], None);
+    let found = measure(py, frame, "polyline", |set, _| {
+        linkwatch::Ribbon::of(set, strands, options)
+    });
+    found.map(Ribbon)
 }

@@ -1,14 +1,15 @@
 //! The verifier, as a Python object.
 
+use crate::call::{Shared, guarded};
 use crate::exception;
 use crate::frame::{Points, basis, cell};
 use crate::report::{Certificate, Report};
 use linkwatch::{
-    Basis, ClearanceOptions, CurveSet, Error, FramePool, RawFrame, Strategy, VerifierOptions,
+    Basis, Cell, ClearanceOptions, CurveSet, Error, FramePool, RawFrame, Strategy, VerifierOptions,
+    period,
 };
-use pyo3::exceptions::{PyRuntimeError, PyValueError};
+use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
-use std::sync::Mutex;
 
 /// Radius of all strands, or `None` if each curve has its own; the level of the warning; and the
 /// radii of all curves.
@@ -18,13 +19,17 @@ type Strands = (Option<f64>, f64, Vec<f32>);
 #[pyclass(frozen, module = "linkwatch")]
 pub struct Verifier {
     basis: Basis,
-    state: Mutex<State>,
+    state: Shared<State>,
 }
 
 struct State {
     verifier: linkwatch::Verifier,
     /// Number of the next frame.
     seq: u64,
+    /// Periodic cell of the next frames.
+    cell: Option<Cell>,
+    /// Open curves of the first frame; `None` before it.
+    open: Option<Vec<u32>>,
     pool: FramePool,
 }
 
@@ -44,7 +49,7 @@ impl Verifier {
         strands: Option<Strands>,
     ) -> PyResult<Verifier> {
         let options = VerifierOptions {
-            baseline: baseline.map(|b| b.0),
+            baseline: baseline.map(|b| b.numbers),
             events: events.parse().map_err(option("events"))?,
             abort_on: abort_on.parse().map_err(option("abort_on"))?,
             motion_limit,
@@ -59,14 +64,19 @@ impl Verifier {
             },
             ..VerifierOptions::default()
         };
-        let mut verifier = linkwatch::Verifier::new(options).map_err(exception)?;
         let (.., radii) = strands.unwrap_or_default();
-        verifier.set_radii(&radii).map_err(exception)?;
+        let verifier = guarded(|| {
+            let mut verifier = linkwatch::Verifier::new(options).map_err(exception)?;
+            verifier.set_radii(&radii).map_err(exception)?;
+            Ok(verifier)
+        })?;
         Ok(Verifier {
             basis: basis(basis_name)?,
-            state: Mutex::new(State {
+            state: Shared::new(State {
                 verifier,
                 seq: 0,
+                cell: None,
+                open: None,
                 pool: FramePool::default(),
             }),
         })
@@ -74,8 +84,12 @@ impl Verifier {
 
     /// Sets the periodic cell of the next frames: three vectors and the corner.
     fn set_cell(&self, py: Python<'_>, numbers: [f64; 12]) -> PyResult<()> {
-        let set = py.detach(|| self.with(|state| state.verifier.set_cell(cell(numbers))));
-        set?.map_err(exception)
+        self.run(py, |state| {
+            let cell = cell(numbers);
+            state.verifier.set_cell(cell)?;
+            state.cell = Some(cell);
+            Ok(())
+        })
     }
 
     /// Verifies a frame, without the interpreter lock.
@@ -91,11 +105,10 @@ impl Verifier {
             counts: &counts,
             positions: points.positions()?,
         };
-        let report = py.detach(|| self.with(|state| state.step(frame, time)));
-        report?.map(Report).map_err(exception)
+        self.run(py, |state| state.step(frame, time)).map(Report)
     }
 
-    /// Computes all linking numbers of a frame, without the interpreter lock.
+    /// Computes all linking numbers of a frame, the first one, without the interpreter lock.
     fn certify(
         &self,
         py: Python<'_>,
@@ -103,34 +116,62 @@ impl Verifier {
         counts: Vec<i32>,
     ) -> PyResult<Certificate> {
         let positions = points.positions()?;
-        let certificate = py.detach(|| {
+        self.run(py, |state| {
             let set = CurveSet::from_counts(self.basis, &counts, positions)?;
-            Ok(self.with(|state| state.verifier.certify(&set).0.clone()))
-        });
-        certificate.map_err(exception)?.map(Certificate)
+            let State { verifier, cell, .. } = state;
+            let open = open_curves(&set, cell.as_ref());
+            if open.len() == set.len() {
+                return Err(Error::NothingClosed { curves: set.len() });
+            }
+            let numbers = match cell {
+                None => verifier.certify(&set).0.clone(),
+                Some(_) => {
+                    let report = verifier.step(0, 0.0, &set)?;
+                    let why = report.rejected;
+                    let why = || Error::Usage(why.unwrap_or_else(|| "no linking numbers".into()));
+                    verifier.baseline().cloned().ok_or_else(why)?
+                }
+            };
+            Ok(Certificate::new(numbers, open))
+        })
     }
 
     fn cut(&self, py: Python<'_>) -> PyResult<()> {
-        py.detach(|| self.with(|state| state.verifier.cut()))
+        self.run(py, |state| {
+            state.verifier.cut();
+            Ok(())
+        })
     }
 
     fn unmeasured_clearance(&self, py: Python<'_>) -> PyResult<Option<String>> {
-        py.detach(|| self.with(|s| s.verifier.unmeasured_clearance().map(str::to_owned)))
+        self.run(py, |s| {
+            Ok(s.verifier.unmeasured_clearance().map(str::to_owned))
+        })
+    }
+
+    /// Returns the open curves of the first frame.
+    fn open(&self, py: Python<'_>) -> PyResult<Vec<u32>> {
+        self.run(py, |state| Ok(state.open.clone().unwrap_or_default()))
     }
 
     fn baseline(&self, py: Python<'_>) -> PyResult<Option<Certificate>> {
-        let baseline = py.detach(|| self.with(|state| state.verifier.baseline().cloned()));
-        Ok(baseline?.map(Certificate))
+        self.run(py, |state| {
+            let baseline = state.verifier.baseline().cloned();
+            let open = state.open.clone().unwrap_or_default();
+            Ok(baseline.map(|numbers| Certificate::new(numbers, open)))
+        })
     }
 }
 
 impl Verifier {
-    /// Fails after a panic: the baseline may be lost then, and later verdicts would be wrong.
-    fn with<R>(&self, run: impl FnOnce(&mut State) -> R) -> PyResult<R> {
-        let failed = "an earlier call of this verifier failed; create a new one";
-        let state = self.state.lock();
-        let mut state = state.map_err(|_| PyRuntimeError::new_err(failed))?;
-        Ok(run(&mut state))
+    /// Runs a function on the state, without the interpreter lock.
+    fn run<R: Send>(
+        &self,
+        py: Python<'_>,
+        run: impl FnOnce(&mut State) -> Result<R, Error> + Send,
+    ) -> PyResult<R> {
+        let run = |state: &mut State| py.detach(|| run(state)).map_err(exception);
+        self.state.with(py, run)
     }
 }
 
@@ -138,12 +179,31 @@ impl State {
     fn step(&mut self, frame: RawFrame<'_>, time: f64) -> Result<linkwatch::Report, Error> {
         let seq = self.seq;
         self.seq += 1;
-        let State { verifier, pool, .. } = self;
+        let State {
+            verifier,
+            pool,
+            cell,
+            open,
+            ..
+        } = self;
         match pool.receive(|set| verifier.receive(frame, set)) {
-            Ok(set) => verifier.step_shared(seq, time, &set),
+            Ok(set) => {
+                open.get_or_insert_with(|| open_curves(&set, cell.as_ref()));
+                verifier.step_shared(seq, time, &set)
+            }
+            // It concerns the process, not the frame.
+            Err(forked @ Error::Forked { .. }) => Err(forked),
             Err(why) => Ok(verifier.reject(seq, time, &why)),
         }
     }
+}
+
+/// Returns the curves of a frame that have no linking numbers, because they are open and do not run
+/// through the cell.
+fn open_curves(set: &CurveSet, cell: Option<&Cell>) -> Vec<u32> {
+    let runs = |i: usize| cell.is_some_and(|cell| period(set, i, cell).is_some());
+    let open = (0..set.len()).filter(|&i| !set.curve(i).closed && !runs(i));
+    open.map(|i| i as u32).collect()
 }
 
 /// Returns the exception of an invalid value of an option.

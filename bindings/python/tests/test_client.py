@@ -1,5 +1,6 @@
 """The live client without a watcher. `test_processes.py` has one."""
 
+import asyncio
 import gc
 import threading
 import time
@@ -7,6 +8,7 @@ import time
 import linkwatch
 import numpy as np
 import pytest
+from conftest import PATIENCE
 
 
 @pytest.mark.parametrize("dtype", ["float32", "float64"])
@@ -137,3 +139,70 @@ def test_waiting_ends_in_time_and_lets_other_threads_run(service):
         thread.join()
         assert 0.4 < took < 2
         assert len(counted) > 20
+
+
+def test_other_threads_use_a_client_in_turns(service):
+    with linkwatch.Client(service, counts=[-4]) as sim:
+        failed = []
+
+        def publish():
+            try:
+                for _ in range(50):
+                    sim.poll()
+                    assert sim.aborted is None and sim.silent_for is None
+                    try:
+                        sim.begin()[:] = 0
+                        sim.publish()
+                    except (RuntimeError, ValueError) as error:
+                        # Another thread began a frame meanwhile.
+                        assert "no frame was begun" in str(error) or "read-only" in str(error)
+            except BaseException as error:
+                failed.append(error)
+
+        threads = [threading.Thread(target=publish) for _ in range(4)]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join()
+        assert not failed
+        # A thread that waits lets the others take their turns.
+        waiting = threading.Thread(target=sim.wait, args=(1.0,))
+        waiting.start()
+        start = time.monotonic()
+        for _ in range(5):
+            sim.begin()[:] = 0
+            sim.publish()
+        assert time.monotonic() - start < 0.9 and waiting.is_alive()
+        waiting.join()
+
+
+def test_another_thread_may_open_use_and_drop_a_client(service, recwarn):
+    made = []
+    thread = threading.Thread(target=lambda: made.append(linkwatch.Client(service, counts=[-4])))
+    thread.start()
+    thread.join()
+    made[0].begin()[:] = 1
+    assert made[0].publish() == 0
+    thread = threading.Thread(target=made.clear)
+    thread.start()
+    thread.join()
+    gc.collect()
+    assert not recwarn.list
+    with linkwatch.Client(service, counts=[-4]):
+        pass
+
+
+def test_asyncio_waits_for_a_verdict_in_a_thread(service, start):
+    watch = start("watch", "--service", service)
+
+    async def simulate():
+        with linkwatch.Client(service, counts=[-4], lockstep=True) as sim:
+            assert await asyncio.to_thread(sim.wait_for_watcher, PATIENCE)
+            sim.begin()[:] = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]
+            sim.publish()
+            verdict = await asyncio.to_thread(sim.wait, PATIENCE)
+            assert verdict.intact
+            return await asyncio.to_thread(sim.finish, PATIENCE)
+
+    assert "1 frames verified" in str(asyncio.run(simulate()))
+    assert watch.end()[0] == 0

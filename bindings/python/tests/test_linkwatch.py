@@ -43,7 +43,6 @@ def test_certify_takes_both_forms_of_a_frame(dtype):
     assert linkwatch.certify([curve.tolist() for curve in curves]) == certificate
     matrix = certificate.matrix()
     assert matrix.tolist() == [[0, number], [number, 0]]
-    assert linkwatch.certify(curves, closed=[True, False]).links == []
 
 
 def test_slices_that_are_not_contiguous_are_verified_as_they_are():
@@ -275,3 +274,37 @@ def test_the_gradient_of_a_strut_is_the_derivative_of_its_length():
             assert strut.gradient[1][vertex][axis] == pytest.approx(derivative, abs=1e-4)
     spline = linkwatch.struts(curves, 1.0, basis="catmull-rom")[0]
     assert spline.gradient is None and spline.error > 0
+
+
+def helix(order, turns=20, pairs=210):
+    """Two strands of a relaxed DNA minicircle, the second one in another order."""
+    angle = 2 * np.pi * np.arange(pairs) / pairs
+    radius = 0.34 * pairs / (2 * np.pi)
+    strands = []
+    for phase in (0, np.pi):
+        out, z = np.cos(turns * angle + phase), np.sin(turns * angle + phase)
+        strands.append(np.stack([(radius + out) * np.cos(angle), (radius + out) * np.sin(angle), z], 1))
+    return [strands[0], order(strands[1])]
+
+
+@pytest.mark.parametrize(
+    "order, pairing, by",
+    [
+        (lambda strand: strand, "parallel", "order"),
+        (lambda strand: strand[::-1], "antiparallel", "order"),
+        (lambda strand: np.roll(strand[::-1], 1, axis=0), "antiparallel:1", "distances"),
+        (lambda strand: np.roll(strand, 50, axis=0), "parallel:50", "distances"),
+    ],
+)
+def test_strands_of_dna_are_paired_by_base(order, pairing, by):
+    strands = helix(order)
+    for dtype in (np.float32, np.float64):
+        ribbon = linkwatch.ribbon([strand.astype(dtype) for strand in strands])
+        assert (ribbon.pairing, ribbon.pairing_by) == (pairing, by)
+        assert (abs(ribbon.linking), ribbon.passages) == (20, 0)
+        assert abs(ribbon.twist) == pytest.approx(20, abs=1e-5)
+        assert ribbon.writhe == pytest.approx(0, abs=2e-4)
+    given = linkwatch.ribbon(np.concatenate(strands), [-210, -210], pairing=pairing)
+    assert (given.pairing_by, given.rivals) == ("given", [])
+    assert given.linking == ribbon.linking
+    assert abs(linkwatch.ribbon(strands, axis="first").twist) < abs(given.twist)

@@ -3,7 +3,7 @@
 A *frame* is a list of curves. All functions take frames in one of two forms:
 
 - a sequence of arrays of the shape ``(n, 3)``, one for each curve, and ``closed``: one boolean, or
-  one for each curve;
+  one for each curve (by default, all are closed);
 - one array of the shape ``(N, 3)`` and ``counts``, the number of points of each curve, negative if
   the curve is closed. This form is not copied if it is contiguous.
 
@@ -26,14 +26,16 @@ into it. Findings have the ``image`` of the second curve: its translation, in ve
 
 from __future__ import annotations
 
-import operator
+import warnings
 from typing import TYPE_CHECKING
 
+from . import _arguments as arguments
 from ._linkwatch import Certificate, Change, Clearance, Defect, Message, Place, PullThrough, Report
-from ._linkwatch import Strut, Thickness
+from ._linkwatch import Ribbon, Strut, Thickness
 from ._linkwatch import Client as _Client
 from ._linkwatch import Verifier as _Verifier
 from ._linkwatch import __version__
+from ._linkwatch import ribbon as _ribbon
 from ._linkwatch import struts as _struts
 from ._linkwatch import thickness as _thickness
 
@@ -44,10 +46,7 @@ if TYPE_CHECKING:
 
     import numpy.typing as npt
 
-    Frame = Sequence[npt.ArrayLike] | npt.NDArray[Any]
-    Counts = Sequence[int] | npt.NDArray[Any]
-    Closed = bool | Sequence[bool]
-    Cell = npt.ArrayLike
+    from ._arguments import Cell, Closed, Counts, Frame
 
 __all__ = [
     "Certificate",
@@ -59,13 +58,16 @@ __all__ = [
     "Place",
     "PullThrough",
     "Report",
+    "Ribbon",
     "Strut",
     "Thickness",
     "UndecidedError",
+    "UnverifiedWarning",
     "Verifier",
     "assert_intact",
     "certify",
     "pull_throughs",
+    "ribbon",
     "safe_fraction",
     "struts",
     "thickness",
@@ -76,65 +78,17 @@ class UndecidedError(Exception):
     """It cannot be decided what happened: curves touch, or are too close."""
 
 
-def _frame(
-    curves: Frame, counts: Counts | None, closed: Closed
-) -> tuple[npt.NDArray[Any], list[int]]:
-    """Returns the points of all curves as one array, and the counts."""
-    # Here, so that importing the package takes no time.
-    import numpy as np
-
-    if counts is None:
-        if isinstance(curves, np.ndarray) and curves.ndim == 2:
-            raise ValueError("one array of points needs counts, the number of points of each curve")
-        arrays = [np.asarray(curve) for curve in curves]
-        if not arrays:
-            raise ValueError("the frame holds no curves")
-        for i, array in enumerate(arrays):
-            if array.ndim != 2 or array.shape[1] != 3:
-                raise ValueError(f"curve {i} has the shape {array.shape}, expected (n, 3)")
-        flags = [closed] * len(arrays) if isinstance(closed, bool) else list(closed)
-        if len(flags) != len(arrays):
-            raise ValueError(f"closed has {len(flags)} values for {len(arrays)} curves")
-        counts = [-len(a) if flag else len(a) for a, flag in zip(arrays, flags)]
-        types = {str(array.dtype) for array in arrays if array.dtype.kind == "f"}
-        if len(types) > 1:
-            raise ValueError(f"curves have different types: {', '.join(sorted(types))}")
-        points = np.concatenate(arrays)
-    else:
-        points = np.asarray(curves)
-        counts = _integers(counts)
-    if points.dtype.kind == "f" and points.dtype.itemsize not in (4, 8):
-        raise ValueError(f"points have the type {points.dtype}, expected float32 or float64")
-    single = points.dtype.type is np.float32
-    return np.ascontiguousarray(points, np.float32 if single else np.float64), counts
+class UnverifiedWarning(UserWarning):
+    """Some curves are not verified, because they are open."""
 
 
-def _integers(counts: Counts) -> list[int]:
-    """Returns the counts as a list, which a verifier does once."""
-    return counts if isinstance(counts, list) else [operator.index(n) for n in counts]
-
-
-def _curves(
-    counts: Counts, names: Sequence[str], radii: Sequence[float] | npt.NDArray[Any]
-) -> tuple[list[int], list[str], list[float]]:
-    """Returns the description of curves for a client."""
-    return _integers(counts), list(names), [float(radius) for radius in radii]
-
-
-def _cell(cell: Cell) -> list[float]:
-    """Returns twelve numbers: the vectors of a periodic cell and its corner."""
-    import numpy as np
-
-    given = np.asarray(cell, np.float64)
-    if given.shape == (3,):
-        given = np.diag(given)
-    if given.shape not in ((9,), (12,), (3, 3), (4, 3)):
-        raise ValueError(
-            f"cell has the shape {given.shape}, expected 3 edges, 3 vectors (3, 3), or these and a "
-            "corner (4, 3)"
-        )
-    numbers: list[float] = given.ravel().tolist()
-    return numbers + [0.0] * (12 - len(numbers))
+def _warn_of_open(open: list[int], curves: int) -> None:
+    """Warns of open curves, in the name of the caller of the function that calls this one."""
+    if open:
+        some = ", ".join(map(str, open[:5])) + (", .." if len(open) > 5 else "")
+        are = "is open and has" if len(open) == 1 else "are open and have"
+        what = f"{len(open)} of {curves} curves {are} no linking numbers: {some}"
+        warnings.warn(what, UnverifiedWarning, stacklevel=3)
 
 
 class Verifier:
@@ -143,7 +97,7 @@ class Verifier:
     Args:
         counts: number of points of each curve, negative if the curve is closed, if frames are
             single arrays.
-        closed: whether curves are closed, if frames are sequences of arrays.
+        closed: whether curves are closed, if frames are sequences of arrays; by default, all are.
         basis: rule that turns points into curves.
         baseline: expected linking numbers; by default those of the first frame.
         events: pull-throughs to search for from frame to frame: ``"between"`` different curves,
@@ -157,18 +111,21 @@ class Verifier:
         thickness: radius of the strands, or of each curve: ``Report.clearance`` says how close they
             come.
         min_clearance: distance of center lines, as a share of the sum of the radii, below which
-            ``Report.clearance.low`` is set.
+            ``Report.clearance.low`` is set; by default 0.5. Needs ``thickness``.
         cell: periodic cell, or that of the first frame (:meth:`step`).
 
     Raises:
+        TypeError: an argument has the wrong type.
         ValueError: an option has an invalid value, or has no effect.
+        RuntimeError: this process was forked from one that used linkwatch, whose threads it does
+            not have.
     """
 
     def __init__(
         self,
         counts: Counts | None = None,
         *,
-        closed: Closed = True,
+        closed: Closed | None = None,
         basis: str = "polyline",
         baseline: Certificate | None = None,
         events: str = "between",
@@ -176,30 +133,42 @@ class Verifier:
         incremental: bool = True,
         motion_limit: float | None = None,
         thickness: float | Sequence[float] | npt.NDArray[Any] | None = None,
-        min_clearance: float = 0.5,
+        min_clearance: float | None = None,
         cell: Cell | None = None,
     ) -> None:
         strands: tuple[float | None, float, list[float]] | None = None
         if thickness is not None:
             import numpy as np
 
-            given = np.asarray(thickness, np.float64)
-            radius = float(given) if given.ndim == 0 else None
-            strands = (radius, min_clearance, given.ravel().tolist())
-        self._counts = None if counts is None else _integers(counts)
+            low = 0.5 if min_clearance is None else arguments.number("min_clearance", min_clearance)
+            if np.ndim(thickness) == 0:
+                radius = arguments.number("thickness", thickness, "a radius, or one for each curve")
+                strands = (radius, low, [radius])
+            else:
+                strands = (None, low, arguments.numbers("thickness", thickness))
+        elif min_clearance is not None:
+            raise ValueError("min_clearance has no effect without thickness")
+        if baseline is not None and not isinstance(baseline, Certificate):
+            raise TypeError(
+                f"baseline is a {type(baseline).__name__}, expected a Certificate: that of certify, "
+                "or Certificate.read(path)"
+            )
+        self._counts = None if counts is None else arguments.integers(counts)
         self._closed = closed
         self._verifier = _Verifier(
-            basis_name=basis,
+            basis_name=arguments.word("basis", basis, BASES),
             baseline=baseline,
-            events=events,
-            abort_on=abort_on,
-            incremental=incremental,
-            motion_limit=motion_limit,
+            events=arguments.word("events", events, "'between', 'all' or 'off'"),
+            abort_on=arguments.word("abort_on", abort_on, "'any', 'lost', .. or 'never'"),
+            incremental=arguments.flag("incremental", incremental),
+            motion_limit=None if motion_limit is None else arguments.number("motion_limit", motion_limit),
             strands=strands,
         )
         if cell is not None:
-            self._verifier.set_cell(_cell(cell))
+            self._verifier.set_cell(arguments.twelve(cell))
         self._clearance = strands is not None
+        # Without a search for pull-throughs, open curves are not verified at all.
+        self._warn_of_open = events == "off"
 
     def step(self, curves: Frame, time: float = 0.0, *, cell: Cell | None = None) -> Report:
         """Verifies the next frame, and returns its :class:`Report`.
@@ -209,14 +178,23 @@ class Verifier:
         Other threads of Python run meanwhile. A frame that breaks its contract (NaN, other curves
         than before) has the verdict ``"rejected"``.
 
+        The report is true if the frame is intact: ``if not verifier.step(x): break``. Open curves
+        are not verified without ``events``, which is an :class:`UnverifiedWarning`.
+
         Raises:
+            TypeError: an argument has the wrong type.
             ValueError: the frame does not have one of the two forms, does not fit the baseline, or
                 its clearance cannot be measured; the cell is no lattice, repeats along other
                 directions than before, or comes after frames without one.
         """
+        points, counts = arguments.frame(curves, self._counts, self._closed)
+        time = arguments.number("time", time)
         if cell is not None:
-            self._verifier.set_cell(_cell(cell))
-        report = self._verifier.step(*_frame(curves, self._counts, self._closed), time)
+            self._verifier.set_cell(arguments.twelve(cell))
+        report = self._verifier.step(points, counts, time)
+        if self._warn_of_open and report.rejected is None:
+            self._warn_of_open = False
+            _warn_of_open(self._verifier.open(), len(counts))
         if self._clearance and (why := self._verifier.unmeasured_clearance()) is not None:
             raise ValueError(why)
         return report
@@ -229,6 +207,9 @@ class Verifier:
     def baseline(self) -> Certificate | None:
         """Expected linking numbers (:class:`Certificate`), or ``None`` before the first frame."""
         return self._verifier.baseline()
+
+
+BASES = "'polyline', 'catmull-rom', 'b-spline' or 'bezier'"
 
 
 class Client:
@@ -248,7 +229,8 @@ class Client:
     Only :meth:`wait`, :meth:`wait_for_watcher` and :meth:`finish` wait for the watcher. A watcher
     that is slow, stopped, killed or absent costs the simulator nothing. At the end of the ``with``
     block the session ends: regularly, with :meth:`finish`, or early if the block raised an
-    exception. A client is used in the thread that opened it.
+    exception. Threads may share a client: their calls take turns, also during a wait. A process that
+    was forked from the one that opened the client cannot use it.
 
     Args:
         service: the name given to ``linkwatch watch --service``.
@@ -258,13 +240,16 @@ class Client:
             ``linkwatch watch --thickness published``.
         time_step: time step of the simulator in seconds, for the recording; 0 if unknown.
         cell: periodic cell of the frames; :meth:`publish` changes it.
-        dtype: ``float32`` or ``float64``.
+        dtype: type of the points: ``float64``, or ``float32``, which halves the memory; what is
+            written to the array of :meth:`begin` is rounded to it.
         basis: rule that turns points into curves.
         lockstep: the simulator waits for the verdict on every frame; the watcher is informed.
         wait_mode: ``"sleep"``, or ``"spin"``: 10 to 50 microseconds faster, and keeps a core busy.
 
     Raises:
+        TypeError: an argument has the wrong type.
         ValueError: an argument is invalid.
+        RuntimeError: this process was forked from the one that opened the client (all calls).
         ConnectionError: another living simulator publishes on the same name.
     """
 
@@ -277,22 +262,32 @@ class Client:
         radii: Sequence[float] | npt.NDArray[Any] = (),
         time_step: float = 0.0,
         cell: Cell | None = None,
-        dtype: npt.DTypeLike = "float32",
+        dtype: npt.DTypeLike = "float64",
         basis: str = "polyline",
         lockstep: bool = False,
         wait_mode: str = "sleep",
     ) -> None:
         import numpy as np
 
-        kind = np.dtype(dtype)
+        try:
+            kind = np.dtype(dtype)
+        except TypeError as why:
+            raise TypeError(f"dtype: {why}; expected float32 or float64") from None
         if kind not in (np.float32, np.float64):
             raise ValueError(f"dtype is {kind}, expected float32 or float64")
-        single = kind == np.float32
-        curves = _curves(counts, names, radii)
-        self._client = _Client(service, curves, basis, single, lockstep, wait_mode)
+        vectors = None if cell is None else arguments.twelve(cell)
+        time_step = arguments.number("time_step", time_step, "a number of seconds")
+        self._client = _Client(
+            arguments.word("service", service, "the name of a service"),
+            _curves(counts, names, radii),
+            arguments.word("basis", basis, BASES),
+            kind == np.float32,
+            arguments.flag("lockstep", lockstep),
+            arguments.word("wait_mode", wait_mode, "'sleep' or 'spin'"),
+        )
         self._client.set_time_step(time_step)
-        if cell is not None:
-            self._client.set_cell(_cell(cell))
+        if vectors is not None:
+            self._client.set_cell(vectors)
 
     def describe(
         self,
@@ -317,7 +312,7 @@ class Client:
 
     def set_time_step(self, seconds: float) -> None:
         """Sets the time step of the simulator, which later frames carry to the recording."""
-        self._client.set_time_step(seconds)
+        self._client.set_time_step(arguments.number("seconds", seconds))
 
     def begin(self, time: float = 0.0) -> npt.NDArray[Any]:
         """Returns the points of the next frame, at ``time`` seconds: an array ``(N, 3)``.
@@ -326,7 +321,7 @@ class Client:
         copied. Afterwards it is read-only, and later frames overwrite it. Do not write through
         slices or reshapes of it either, which would change a frame while it is verified.
         """
-        return self._client.begin(time)
+        return self._client.begin(arguments.number("time", time))
 
     def publish(self, *, cell: Cell | None = None) -> int:
         """Publishes the frame that was begun, and returns its number. Never waits.
@@ -339,7 +334,7 @@ class Client:
             RuntimeError: no frame was begun, or the session has ended.
         """
         if cell is not None:
-            self._client.set_cell(_cell(cell))
+            self._client.set_cell(arguments.twelve(cell))
         return self._client.publish()
 
     def poll(self) -> Message | None:
@@ -354,7 +349,7 @@ class Client:
             the watcher left or died (:attr:`no_verdict` says which). The frame is not known to be
             intact then.
         """
-        return self._client.wait(seconds)
+        return self._client.wait(arguments.number("seconds", seconds))
 
     @property
     def no_verdict(self) -> str | None:
@@ -366,7 +361,7 @@ class Client:
 
         Needed only if the watcher must not miss the first frames.
         """
-        return self._client.wait_for_watcher(seconds)
+        return self._client.wait_for_watcher(arguments.number("seconds", seconds))
 
     @property
     def aborted(self) -> Message | None:
@@ -402,7 +397,7 @@ class Client:
             Message | None: the last message, which repeats the last abort; ``None`` if there is no
             watcher, or if it sent nothing in time.
         """
-        return self._client.finish(seconds)
+        return self._client.finish(arguments.number("seconds", seconds))
 
     def __enter__(self) -> Client:
         return self
@@ -420,11 +415,19 @@ class Client:
         self._client.close()
 
 
+def _curves(
+    counts: Counts, names: Sequence[str], radii: Sequence[float] | npt.NDArray[Any]
+) -> tuple[list[int], list[str], list[float]]:
+    """Returns the description of curves for a client."""
+    described = arguments.integers(counts), arguments.words("names", names)
+    return *described, arguments.numbers("radii", radii)
+
+
 def certify(
     curves: Frame,
     counts: Counts | None = None,
     *,
-    closed: Closed = True,
+    closed: Closed | None = None,
     basis: str = "polyline",
     cell: Cell | None = None,
 ) -> Certificate:
@@ -437,27 +440,26 @@ def certify(
     [(0, 1, (-1, 0, 0), 1)]
 
     Returns:
-        Certificate: all linking numbers that are not 0, and the pairs that touch.
+        Certificate: all linking numbers that are not 0, and the pairs that touch. Open curves have
+        none, which is an :class:`UnverifiedWarning`; ``Certificate.open`` lists them.
 
     Raises:
-        ValueError: a coordinate is not finite, a curve has too few points, or the cell is no
-            lattice.
+        TypeError: an argument has the wrong type.
+        ValueError: a coordinate is not finite, a curve has too few points, no curve is closed, or
+            the cell is no lattice.
     """
     verifier = Verifier(counts, closed=closed, basis=basis, events="off", cell=cell)
-    if cell is None:
-        return verifier._verifier.certify(*_frame(curves, counts, closed))
-    report = verifier.step(curves)
-    baseline = verifier.baseline
-    if report.rejected is not None or baseline is None:
-        raise ValueError(report.rejected)
-    return baseline
+    points, counts = arguments.frame(curves, verifier._counts, closed)
+    certificate = verifier._verifier.certify(points, counts)
+    _warn_of_open(certificate.open, certificate.curves)
+    return certificate
 
 
 def _step(
     x0: Frame,
     x1: Frame,
     counts: Counts | None,
-    closed: Closed,
+    closed: Closed | None,
     basis: str,
     events: str,
     cell: Cell | None,
@@ -466,10 +468,12 @@ def _step(
     verifier = Verifier(
         counts, closed=closed, basis=basis, events=events, incremental=False, cell=cell
     )
-    reports = [verifier.step(x) for x in (x0, x1)]
-    for k, report in enumerate(reports):
-        if report.verdict == "rejected":
-            raise ValueError(f"x{k}: {report.rejected}")
+    reports = []
+    for name, x in (("x0", x0), ("x1", x1)):
+        points, numbers = arguments.frame(x, verifier._counts, closed, name)
+        reports.append(verifier._verifier.step(points, numbers, 0.0))
+        if reports[-1].rejected is not None:
+            raise ValueError(f"{name}: {reports[-1].rejected}")
     return reports
 
 
@@ -478,7 +482,7 @@ def pull_throughs(
     x1: Frame,
     counts: Counts | None = None,
     *,
-    closed: Closed = True,
+    closed: Closed | None = None,
     basis: str = "polyline",
     events: str = "all",
     cell: Cell | None = None,
@@ -507,7 +511,7 @@ def safe_fraction(
     x1: Frame,
     counts: Counts | None = None,
     *,
-    closed: Closed = True,
+    closed: Closed | None = None,
     basis: str = "polyline",
     events: str = "all",
     cell: Cell | None = None,
@@ -526,11 +530,19 @@ def safe_fraction(
     return 0.0 if share is None else share
 
 
+def _frame(
+    curves: Frame, counts: Counts | None, closed: Closed | None
+) -> tuple[npt.NDArray[Any], list[int]]:
+    """Returns the points of all curves as one array, and the counts."""
+    given = None if counts is None else arguments.integers(counts)
+    return arguments.frame(curves, given, closed)
+
+
 def thickness(
     curves: Frame,
     counts: Counts | None = None,
     *,
-    closed: Closed = True,
+    closed: Closed | None = None,
     basis: str = "polyline",
     cell: Cell | None = None,
 ) -> Thickness:
@@ -548,8 +560,9 @@ def thickness(
         ValueError: a coordinate is not finite, a curve has too few points, or the cell is no
             lattice.
     """
-    numbers = None if cell is None else _cell(cell)
-    return _thickness(*_frame(curves, counts, closed), basis, numbers)
+    points, counts = _frame(curves, counts, closed)
+    vectors = None if cell is None else arguments.twelve(cell)
+    return _thickness(points, counts, arguments.word("basis", basis, BASES), vectors)
 
 
 def struts(
@@ -557,7 +570,7 @@ def struts(
     longest: float,
     counts: Counts | None = None,
     *,
-    closed: Closed = True,
+    closed: Closed | None = None,
     basis: str = "polyline",
     cell: Cell | None = None,
 ) -> list[Strut]:
@@ -572,8 +585,49 @@ def struts(
         ValueError: a coordinate is not finite, a curve has too few points, or the cell is no
             lattice, or much smaller than ``longest``.
     """
-    numbers = None if cell is None else _cell(cell)
-    return _struts(*_frame(curves, counts, closed), basis, numbers, longest)
+    points, counts = _frame(curves, counts, closed)
+    vectors = None if cell is None else arguments.twelve(cell)
+    longest = arguments.number("longest", longest, "a length")
+    return _struts(points, counts, arguments.word("basis", basis, BASES), vectors, longest)
+
+
+def ribbon(
+    curves: Frame,
+    counts: Counts | None = None,
+    *,
+    strands: tuple[int, int] = (0, 1),
+    pairing: str = "auto",
+    axis: str = "centre",
+    tolerance: float = 1e-4,
+) -> Ribbon:
+    """Computes linking number, twist and writhe of the ribbon between two closed polylines.
+
+    The strands of DNA, for example. Both have the same number ``n`` of vertices.
+
+    Args:
+        curves, counts: a frame.
+        strands: the two curves, counted from 0.
+        pairing: vertices that belong together: ``"parallel"`` (``k`` with ``k``),
+            ``"antiparallel"`` (``k`` with ``n - 1 - k``, as in files of DNA), or one of these with
+            a shift (``"antiparallel:1"``). ``"auto"`` takes the order of the vertices if paired
+            vertices are close, else the pairing with the most constant distances;
+            ``Ribbon.pairing`` says which, and ``Ribbon.rivals`` which others fit nearly as well.
+        axis: ``"centre"``, the centre line of both, or ``"first"``, the first curve.
+        tolerance: error of the writhe to reach, if possible.
+
+    Raises:
+        TypeError: an argument has the wrong type.
+        ValueError: the curves cannot be the strands of a ribbon, or an argument is invalid.
+    """
+    points, counts = _frame(curves, counts, None)
+    if arguments.word("axis", axis, "'centre' or 'first'") not in ("centre", "first"):
+        raise ValueError(f"axis is {axis!r}, expected 'centre' or 'first'")
+    both = arguments.indices("strands", strands, len(counts))
+    pairing = arguments.word("pairing", pairing, "'auto', 'parallel' or 'antiparallel'")
+    tolerance = arguments.number("tolerance", tolerance, "a number above 0")
+    if not tolerance > 0:
+        raise ValueError(f"tolerance is {tolerance}, expected a number above 0")
+    return _ribbon(points, counts, both, pairing, axis == "first", tolerance)
 
 
 def assert_intact(

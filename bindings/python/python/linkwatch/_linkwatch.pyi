@@ -1,6 +1,6 @@
 from os import PathLike
 
-from typing import Any
+from typing import Any, overload
 
 import numpy as np
 import numpy.typing as npt
@@ -69,6 +69,25 @@ class Clearance:
     low: bool
     frames_left: float | None
 
+class Ribbon:
+    linking: int | None
+    twist: float
+    twist_error: float
+    writhe: float
+    writhe_error: float
+    passages: int | None
+    pairing: str
+    pairing_by: str
+    rivals: list[tuple[str, float]]
+
+def ribbon(
+    points: npt.NDArray[Any],
+    counts: list[int],
+    strands: tuple[int, int],
+    pairing: str,
+    axis_first: bool,
+    tolerance: float,
+) -> Ribbon: ...
 def thickness(
     points: npt.NDArray[Any], counts: list[int], basis_name: str, cell: list[float] | None
 ) -> Thickness: ...
@@ -95,16 +114,21 @@ class Report:
     clearance: Clearance | None
     rejected: str | None
     findings: list[str]
+    def __bool__(self) -> bool: ...
 
 class Certificate:
     curves: int
+    open: list[int]
     links: list[tuple[int, int, int]]
     images: list[tuple[int, int, tuple[int, int, int], int | None]] | None
     undefined: list[Defect]
     @staticmethod
     def read(path: str | PathLike[str]) -> Certificate: ...
     def write(self, path: str | PathLike[str]) -> None: ...
+    @overload
     def matrix(self) -> npt.NDArray[np.int64]: ...
+    @overload
+    def matrix(self, *, undefined: float) -> npt.NDArray[np.float64]: ...
     def compare(self, baseline: Certificate) -> list[Change]: ...
 
 class Message:
@@ -166,4 +190,5 @@ class Verifier:
     def step(self, points: npt.NDArray[Any], counts: list[int], time: float) -> Report: ...
     def certify(self, points: npt.NDArray[Any], counts: list[int]) -> Certificate: ...
     def cut(self) -> None: ...
+    def open(self) -> list[int]: ...
     def baseline(self) -> Certificate | None: ...
