@@ -74,3 +74,22 @@ impl<T> Drop for Owned<T> {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::sync::Arc;
+
+    #[test]
+    fn a_value_of_another_process_is_refused_and_forgotten() {
+        let value = Arc::new(());
+        let mut owned = Owned::new(Arc::clone(&value));
+        assert!(owned.check().is_ok());
+        drop(Owned::new(Arc::clone(&value)));
+        assert_eq!(Arc::strong_count(&value), 2);
+        owned.process = process::id() + 1;
+        assert!(matches!(owned.check(), Err(Error::Forked { .. })));
+        assert!(owned.into_inner().is_err());
+        assert_eq!(Arc::strong_count(&value), 2);
+    }
+}

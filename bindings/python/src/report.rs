@@ -310,15 +310,14 @@ impl Certificate {
             ..
         } = &self.numbers;
         let mut text = format!("{curves} curves, {} links", links.len());
+        let mut without = undefined.len();
         if let Some(images) = images {
-            let without = images.iter().filter(|l| l.lambda.is_none()).count();
-            text += &format!(", {} pairs with periodic images", images.len() - without);
-            if without > 0 {
-                text += &format!(", {without} undefined images");
-            }
+            let undecided = images.iter().filter(|l| l.lambda.is_none()).count();
+            text += &format!(", {} pairs with periodic images", images.len() - undecided);
+            without += undecided;
         }
-        if !undefined.is_empty() {
-            text += &format!(", {} undefined", undefined.len());
+        if without > 0 {
+            text += &format!(", {without} undefined");
         }
         if !self.open.is_empty() {
             text += &format!(", {} open", self.open.len());

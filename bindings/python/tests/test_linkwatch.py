@@ -283,7 +283,8 @@ def helix(order, turns=20, pairs=210):
     strands = []
     for phase in (0, np.pi):
         out, z = np.cos(turns * angle + phase), np.sin(turns * angle + phase)
-        strands.append(np.stack([(radius + out) * np.cos(angle), (radius + out) * np.sin(angle), z], 1))
+        far = radius + out
+        strands.append(np.stack([far * np.cos(angle), far * np.sin(angle), z], axis=1))
     return [strands[0], order(strands[1])]
 
 

@@ -149,10 +149,11 @@ class Verifier:
         elif min_clearance is not None:
             raise ValueError("min_clearance has no effect without thickness")
         if baseline is not None and not isinstance(baseline, Certificate):
-            raise TypeError(
-                f"baseline is a {type(baseline).__name__}, expected a Certificate: that of certify, "
-                "or Certificate.read(path)"
-            )
+            kind = type(baseline).__name__
+            expected = "expected a Certificate: that of certify, or Certificate.read(path)"
+            raise TypeError(f"baseline is a {kind}, {expected}")
+        if motion_limit is not None:
+            motion_limit = arguments.number("motion_limit", motion_limit)
         self._counts = None if counts is None else arguments.integers(counts)
         self._closed = closed
         self._verifier = _Verifier(
@@ -161,7 +162,7 @@ class Verifier:
             events=arguments.word("events", events, "'between', 'all' or 'off'"),
             abort_on=arguments.word("abort_on", abort_on, "'any', 'lost', .. or 'never'"),
             incremental=arguments.flag("incremental", incremental),
-            motion_limit=None if motion_limit is None else arguments.number("motion_limit", motion_limit),
+            motion_limit=motion_limit,
             strands=strands,
         )
         if cell is not None:
@@ -229,8 +230,8 @@ class Client:
     Only :meth:`wait`, :meth:`wait_for_watcher` and :meth:`finish` wait for the watcher. A watcher
     that is slow, stopped, killed or absent costs the simulator nothing. At the end of the ``with``
     block the session ends: regularly, with :meth:`finish`, or early if the block raised an
-    exception. Threads may share a client: their calls take turns, also during a wait. A process that
-    was forked from the one that opened the client cannot use it.
+    exception. Threads may share a client: their calls take turns, also during a wait. A process
+    that was forked from the one that opened the client cannot use it.
 
     Args:
         service: the name given to ``linkwatch watch --service``.

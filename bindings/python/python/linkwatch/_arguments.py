@@ -100,7 +100,7 @@ def indices(name: str, value: Any, curves: int) -> tuple[int, int]:
 def integers(counts: Any) -> list[int]:
     """Returns the counts of curves as a list."""
     found = []
-    expected = "a sequence of integers: the number of points of each curve, negative if it is closed"
+    expected = "a sequence of integers: the number of points of each curve, negative if closed"
     for i, count in enumerate(_items("counts", counts, expected)):
         try:
             if isinstance(count, bool):
