@@ -231,8 +231,8 @@ pub use thickness::{
     close_blocks_in_cell, struts, struts_in_cell,
 };
 pub use verdict::{
-    AbortOn, Change, ChangeKind, Clearance, CloseStrands, Defect, DefectKind, ImageLink, Link,
-    LoopPair, Place, PullThrough, Report, ReportDifference, Stats, Verdict,
+    AbortOn, Change, ChangeKind, Clearance, CloseStrands, Defect, DefectKind, ImageLink, Lasting,
+    Link, LoopPair, Place, PullThrough, Report, ReportDifference, Stats, Verdict,
 };
 #[cfg(feature = "verify")]
 pub use verifier::{

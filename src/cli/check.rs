@@ -47,7 +47,8 @@ pub struct Args {
         help_heading = super::COMPARE
     )]
     early_exit: bool,
-    /// Write the pairs that differ, a line `i,j,expected,found` each
+    /// Write the pairs that differ, a line `i,j,expected,found` each; with a periodic cell,
+    /// `i,j,n1,n2,n3,expected,found`: the image of the second curve follows
     #[arg(long, value_name = "FILE", help_heading = super::WRITE)]
     diff_pairs: Option<PathBuf>,
     /// Write the curves that take part in a difference, a line each
@@ -152,8 +153,9 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
             Verdict::Rejected => tally.rejected += 1,
             _ => tally.verified += 1,
         }
+        let cell = judged.info.cell;
         let changes = judged.report.changes.iter();
-        pairs.extend(changes.map(|c| (c.i, c.j, c.expected, c.found)));
+        pairs.extend(changes.map(|c| (c.i, c.j, cell.map(|_| c.image), c.expected, c.found)));
         session.publish(judged, tally);
     }
     if failed.is_none() && from_first_frame && tally.verified + tally.rejected == 1 {
@@ -164,9 +166,10 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     }
     let outcome = session.finish(tally);
     if let Some(file) = &args.diff_pairs {
-        let lines = pairs
-            .iter()
-            .map(|(i, j, expected, found)| format!("{i},{j},{expected},{found}"));
+        let lines = pairs.iter().map(|(i, j, image, expected, found)| {
+            let image = image.map_or(String::new(), |[n1, n2, n3]| format!("{n1},{n2},{n3},"));
+            format!("{i},{j},{image}{expected},{found}")
+        });
         write_text(file, args.sinks.overwrite, &text(lines))?;
     }
     if let Some(file) = &args.diff_curves {

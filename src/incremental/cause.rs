@@ -19,8 +19,8 @@
 //! by the same assumption. If that is more than one, its step was not too long to see the strands
 //! before they met.
 
-use crate::curve::vector::{distance, dot, half_difference, hypot, mix, sub};
-use crate::curve::{CurveSet, Point, significant};
+use crate::curve::vector::{add, distance, dot, half_difference, hypot, mix, sub};
+use crate::curve::{Cell, CurveSet, Point, significant};
 use crate::verdict::PullThrough;
 use serde::Serialize;
 
@@ -56,7 +56,8 @@ pub struct Cause {
 
 impl Cause {
     /// Returns the motion of a pull-through between two frames of the same curves, `interval`
-    /// seconds apart. `time_step` is that of the simulator. Both are 0 if they are unknown.
+    /// seconds apart. `cells` are their periodic cells, if they have some. `time_step` is that of
+    /// the simulator. Both times are 0 if they are unknown.
     ///
     /// # Panics
     ///
@@ -64,15 +65,18 @@ impl Cause {
     pub fn of(
         passage: &PullThrough,
         frames: [&CurveSet; 2],
+        cells: [Option<Cell>; 2],
         (interval, time_step): (f64, f64),
     ) -> Cause {
         let known = |seconds: f64| (seconds > 0.0 && seconds.is_finite()).then_some(seconds);
         let (interval, time_step) = (known(interval), known(time_step));
-        let ends = [
-            (passage.i, passage.segments[0]),
-            (passage.j, passage.segments[1]),
-        ];
-        let ends = ends.map(|(curve, segment)| meeting_points(passage, frames, curve, segment));
+        let by = cells.map(|cell| cell.map_or([0.0; 3], |c| c.translation(passage.image)));
+        let [s, t] = passage.segments;
+        let ends = [(passage.i, s, [[0.0; 3]; 2]), (passage.j, t, by)];
+        let ends = ends.map(|(curve, segment, by)| {
+            let frames = [(frames[0], by[0]), (frames[1], by[1])];
+            meeting_points(passage, frames, curve, segment)
+        });
         let apart = |frame: usize| half_difference(ends[1][frame], ends[0][frame]);
         let distance = 2.0 * hypot(sub(apart(1), apart(0)));
         Cause {
@@ -150,25 +154,29 @@ impl Cause {
     }
 }
 
-/// Returns the point of a segment that meets the other strand, in both frames.
+/// Returns the point of a segment that meets the other strand, in both frames. The curves of each
+/// are translated.
 fn meeting_points(
     passage: &PullThrough,
-    frames: [&CurveSet; 2],
+    frames: [(&CurveSet, Point); 2],
     curve: u32,
     segment: u32,
 ) -> [Point; 2] {
     let (i, s) = (curve as usize, segment as usize);
     let at = |t: f64| {
-        frames.map(|set| match set.basis().is_polyline() {
-            true => mix(set.knot(i, s), set.knot(i, s + 1), t),
-            false => set.eval(i, s, t),
+        frames.map(|(set, by)| {
+            let point = match set.basis().is_polyline() {
+                true => mix(set.knot(i, s), set.knot(i, s + 1), t),
+                false => set.eval(i, s, t),
+            };
+            add(point, by)
         })
     };
     let then = |t: f64| {
         let [before, after] = at(t);
         mix(before, after, passage.fraction)
     };
-    if frames[0].basis().is_polyline() {
+    if frames[0].0.basis().is_polyline() {
         let (a, b) = (then(0.0), then(1.0));
         let (way, to) = (sub(b, a), sub(passage.point, a));
         let t = dot(way, to) / dot(way, way);
@@ -243,7 +251,7 @@ mod tests {
                     };
                     let [s, t] = event.segments;
                     let expected = distance(moved(event.i, s), moved(event.j, t));
-                    let cause = Cause::of(event, [before, after], (0.25, 0.0));
+                    let cause = Cause::of(event, [before, after], [None; 2], (0.25, 0.0));
                     let error = (cause.distance - expected).abs();
                     assert!(error < 1e-6 * expected, "{cause:?}, expected {expected}");
                     assert_eq!(cause.speed, Some(cause.distance / 0.25));
@@ -278,7 +286,7 @@ mod tests {
             };
             done += 1;
             let interval = 0.004;
-            let until = Cause::of(first, [before, after], (interval, interval))
+            let until = Cause::of(first, [before, after], [None; 2], (interval, interval))
                 .until
                 .unwrap();
             for (step, passes) in [(0.9999 * until, false), (1.0001 * until, true)] {
@@ -307,7 +315,7 @@ mod tests {
     #[test]
     fn names_the_time_step_that_would_have_kept_the_strands_apart() {
         let ([before, after], event) = crossed(0.006);
-        let cause = |times| Cause::of(&event, [&before, &after], times);
+        let cause = |times| Cause::of(&event, [&before, &after], [None; 2], times);
         let every_step = cause((0.004, 0.004));
         assert!((every_step.distance - 0.012).abs() < 1e-15);
         assert_eq!(
@@ -339,7 +347,7 @@ mod tests {
     fn motions_do_not_overflow() {
         for scale in [1e150, 1e-150] {
             let ([before, after], event) = crossed(scale);
-            let cause = Cause::of(&event, [&before, &after], (1.0, 1.0));
+            let cause = Cause::of(&event, [&before, &after], [None; 2], (1.0, 1.0));
             assert!(
                 (cause.distance / (2.0 * scale) - 1.0).abs() < 1e-12,
                 "{cause:?}"

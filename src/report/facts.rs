@@ -5,7 +5,7 @@ use super::series::{Sample, Series};
 use super::svg::plain;
 use super::violations::{Shot, Spot, Violations};
 use crate::curve::vector::mix;
-use crate::curve::{CurveLabels, Notation};
+use crate::curve::{CurveLabels, Image, Notation};
 use crate::error::Result;
 use crate::incremental::Events;
 use crate::sinks::{Ending, RecordedItem, RecordedVerdict, RecordingReader};
@@ -228,11 +228,13 @@ impl Collector {
     fn add(&mut self, item: RecordedItem) {
         match item {
             RecordedItem::Baseline(b) => {
+                let images = b.certificate.images.as_deref().unwrap_or_default();
+                let linked = images.iter().filter(|l| l.lambda.is_some()).count();
                 self.facts.baseline = Some(Baseline {
                     origin: plain(&b.origin, TEXT),
                     curves: b.certificate.curves,
-                    links: b.certificate.links.len(),
-                    undefined: b.certificate.undefined.len(),
+                    links: b.certificate.links.len() + linked,
+                    undefined: b.certificate.undefined.len() + images.len() - linked,
                 });
             }
             RecordedItem::Frame(frame) => {
@@ -309,7 +311,6 @@ impl Collector {
         for (event, unresolved) in resolved.chain(unresolved) {
             facts.pull_throughs.push(|| PullThroughRow {
                 moment: Moment::of(report),
-                curves: [event.i, event.j],
                 names: super::rows::names_of([event.i, event.j], names),
                 event: *event,
                 unresolved,
@@ -346,6 +347,7 @@ impl Collector {
                 moment,
                 spot: Spot {
                     curves: [closest.i, closest.j],
+                    image: closest.image,
                     segments: closest.segments,
                     point: mix(closest.points[0], closest.points[1], 0.5),
                 },
@@ -364,8 +366,8 @@ fn found(report: &Report, names: &[String]) -> Found {
     let extent = report.stats.extent;
     let at = |point| Some(Notation::of_scene(extent, point).point(point));
     let event = report.events.first().or(report.unresolved.first());
-    let pulled = |i, j| event.is_some_and(|e| (e.i, e.j) == (i, j));
-    let change = report.changes.iter().find(|c| pulled(c.i, c.j));
+    let pulled = |i, j, image: Image| event.is_some_and(|e| (e.i, e.j, e.image) == (i, j, image));
+    let change = report.changes.iter().find(|c| pulled(c.i, c.j, c.image));
     let change = change.or(report.changes.first());
     // An undecided step says less than a contact.
     let defect = report.defects.iter().min_by_key(|d| match d.kind {

@@ -10,7 +10,7 @@ use super::rows::Moment;
 use super::strands::{Part, Radii, Window, strands};
 use super::view::views;
 use super::violations::{Shot, Spot, Violation, Violations};
-use crate::curve::{CurveLabels, CurveSet};
+use crate::curve::{Cell, CurveLabels, CurveSet, Image, Translated, is_home};
 use crate::sinks::{RecordedFrame, RecordedItem, RecordingReader};
 use crate::words::plural;
 use std::collections::VecDeque;
@@ -100,7 +100,8 @@ pub(super) fn choose(violations: &Violations) -> Vec<Choice> {
 struct Held {
     ordinal: u64,
     moment: Moment,
-    set: CurveSet,
+    set: Arc<CurveSet>,
+    cell: Option<Cell>,
     labels: Arc<CurveLabels>,
     /// Number of cuts before it.
     cuts: u32,
@@ -117,7 +118,8 @@ impl Held {
                 frame: frame.seq,
                 time: frame.time,
             },
-            set: set?,
+            set: Arc::new(set?),
+            cell: frame.info.cell,
             labels: Arc::clone(&frame.info.labels),
             cuts: frame.info.cuts,
         })
@@ -141,7 +143,28 @@ impl Held {
         };
         (same(0) && same(1)).then_some(Spot { curves, ..spot })
     }
+
+    /// Returns the curves with a place. An image that takes part is added as a curve, with its
+    /// radius, which then is the second curve of the place.
+    fn with_image(&self, spot: Spot) -> Option<Drawn> {
+        let mut radii = self.labels.radii.clone();
+        let Some(cell) = self.cell.filter(|_| !is_home(&spot.image)) else {
+            return Some((Arc::clone(&self.set), spot, radii));
+        };
+        let (second, curves) = (spot.curves[1], self.set.len());
+        radii.extend(radii.get(second as usize).copied());
+        let all = (0..curves as u32).map(|i| (i, Image::default()));
+        let all = all.chain([(second, spot.image)]).collect();
+        let all = Translated::new(all, &vec![None; curves].into());
+        let mut set = None;
+        CurveSet::translate(&self.set, &all, &cell, &mut set, CurveSet::update).ok()?;
+        let curves = [spot.curves[0], curves as u32];
+        Some((Arc::new(set?), Spot { curves, ..spot }, radii))
+    }
 }
+
+/// Curves of a frame, a place in them, and the radii of the curves, or none.
+type Drawn = (Arc<CurveSet>, Spot, Vec<f32>);
 
 /// A picture to draw: its position on the page, that of its frame, and the rest.
 struct Order {
@@ -166,7 +189,9 @@ pub(super) fn draw<R: Read + Seek>(
     let violations = choices.len();
     let shown = |low: &Shot| {
         let mut shots = choices.iter().map(|(_, shot)| shot);
-        shots.any(|s| (s.moment, s.spot.curves) == (low.moment, low.spot.curves))
+        shots.any(|s| {
+            (s.moment, s.spot.curves, s.spot.image) == (low.moment, low.spot.curves, low.spot.image)
+        })
     };
     if let Some((_, low)) = facts.low.as_ref().filter(|(_, low)| !shown(low)) {
         let frames = plural(facts.clearances[1], "frame");
@@ -255,12 +280,14 @@ fn figure(
             }
         };
     }
-    let placed = frames.map(|frame| {
+    let drawn = frames.map(|frame| {
         let held = frame?;
-        Some((&held.set, place(held)?))
+        held.with_image(place(held)?)
     });
-    let radii = frames.map(|frame| Radii {
-        published: frame.map_or(&[], |held| &held.labels.radii),
+    let drawn = drawn.each_ref().map(Option::as_ref);
+    let placed = drawn.map(|drawn| drawn.map(|(set, spot, _)| (&**set, *spot)));
+    let radii = drawn.map(|drawn| Radii {
+        published: drawn.map_or(&[], |(.., radii)| radii),
         measured,
     });
     let both = shot.spot.curves.map(|i| radii[1].of(i));

@@ -6,6 +6,7 @@ use super::sentence::Conclusion;
 use super::svg::escape;
 use super::violations::{LinkRow, Violation};
 use super::{RunReport, words_of_curves};
+use crate::curve::{Image, is_home};
 use crate::words::{count, plural};
 
 /// Number of rows of a table that are always visible. The others can be opened.
@@ -126,7 +127,7 @@ impl RunReport {
             let [place, distance] = link.words.clone().unwrap_or_default();
             let segments = link.segments.map(|[s, t]| format!("{s} and {t}"));
             [
-                words_of_curves(v.curves, &v.names),
+                words_of_curves(v.curves, v.image, &v.names),
                 link.kind.word().into(),
                 link.expected.to_string(),
                 link.found.to_string(),
@@ -180,7 +181,7 @@ impl RunReport {
             let note = if row.unresolved { "unresolved" } else { "" };
             [
                 row.moment.to_string(),
-                words_of_curves(row.curves, &row.names),
+                words_of_curves([row.event.i, row.event.j], row.event.image, &row.names),
                 format!("{:.3}", row.event.fraction),
                 format!("{:+}", row.event.sign),
                 row.place.clone(),
@@ -275,10 +276,18 @@ fn swatch(mark: &str) -> String {
 /// Draws the pictures of a finding.
 fn draw(figure: &Figure, out: &mut String) {
     let [i, j] = figure.shot.spot.curves;
+    let image = figure.shot.spot.image;
     let [s, t] = figure.shot.spot.segments;
-    let curve = |class: &str, i: u32, s: u32| {
+    let curve = |class: &str, i: u32, image: Image, s: u32| {
         let mark = format!("<path class=\"{class}\" d=\"M0 6H16\"/>");
-        format!("<span>{}curve {i}, segment {s}</span>", swatch(&mark))
+        let image = match (is_home(&image), image) {
+            (true, _) => String::new(),
+            (false, [n1, n2, n3]) => format!("image {n1},{n2},{n3} of "),
+        };
+        format!(
+            "<span>{}{image}curve {i}, segment {s}</span>",
+            swatch(&mark)
+        )
     };
     *out += &format!(
         "<figure>\n<figcaption><h3>{}</h3>\n<p class=\"dim\">{}{}</p>\n\
@@ -291,11 +300,11 @@ fn draw(figure: &Figure, out: &mut String) {
             .as_ref()
             .map_or(String::new(), |p| format!("{}. ", escape(p))),
         escape(&figure.reason),
-        curve("sa", i, s),
-        if (i, s) == (j, t) {
+        curve("sa", i, Image::default(), s),
+        if (i, s) == (j, t) && is_home(&image) {
             String::new()
         } else {
-            curve("sb", j, t)
+            curve("sb", j, image, t)
         },
         match figure.thick {
             true => format!(

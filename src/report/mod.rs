@@ -37,6 +37,7 @@ pub use sentence::Conclusion;
 
 use self::facts::Facts;
 use self::figures::Figure;
+use crate::curve::{Image, is_home};
 use crate::error::{Error, Result};
 use crate::sinks::RecordingReader;
 use crate::svg;
@@ -101,14 +102,18 @@ impl RunReport {
     }
 }
 
-/// Returns two curves with their names, if they have some: "3 (sleeve) and 4 (cuff)".
-fn words_of_curves([i, j]: [u32; 2], names: &Option<[String; 2]>) -> String {
+/// Returns two curves with their names, if they have some: "3 (sleeve) and 4 (cuff)", "3 and the
+/// image 1,0,0 of curve 4".
+fn words_of_curves([i, j]: [u32; 2], image: Image, names: &Option<[String; 2]>) -> String {
     let words = |i: u32, k: usize| match names {
         Some(names) => format!("{i} ({})", names[k]),
         None => i.to_string(),
     };
-    match i == j {
-        true => words(i, 0),
-        false => format!("{} and {}", words(i, 0), words(j, 1)),
+    let (first, second, [n1, n2, n3]) = (words(i, 0), words(j, 1), image);
+    match (is_home(&image), i == j) {
+        (true, true) => first,
+        (true, false) => format!("{first} and {second}"),
+        (false, true) => format!("{first} and its image {n1},{n2},{n3}"),
+        (false, false) => format!("{first} and the image {n1},{n2},{n3} of curve {second}"),
     }
 }

@@ -68,8 +68,6 @@ impl<T> Rows<T> {
 pub(super) struct PullThroughRow {
     #[serde(flatten)]
     pub moment: Moment,
-    #[serde(skip)]
-    pub curves: [u32; 2],
     /// Names of both curves, if they have some.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub names: Option<[String; 2]>,

@@ -339,6 +339,7 @@ mod tests {
     fn spot(segments: [u32; 2]) -> Spot {
         Spot {
             curves: [0, 0],
+            image: Default::default(),
             segments,
             point: [0.0; 3],
         }
@@ -347,6 +348,7 @@ mod tests {
     fn shown(set: &CurveSet, centre: Point, reach: f64) -> Vec<Strand> {
         let other = Spot {
             curves: [7, 8],
+            image: Default::default(),
             ..spot([0, 0])
         };
         strands(set, other, Window { centre, reach })

@@ -4,7 +4,7 @@ mod clearance;
 
 use super::*;
 use crate::certificate::Certificate;
-use crate::curve::{Basis, CurveLabels, CurveSet, Positions};
+use crate::curve::{Basis, Cell, CurveLabels, CurveSet, Positions};
 use crate::incremental::Work;
 use crate::ingest::FrameInfo;
 use crate::sinks::{BaselineRecord, FrameRecord, FrameTimes, RecordingSink, Sink};
@@ -76,6 +76,7 @@ fn pull_through(i: u32, j: u32) -> PullThrough {
 struct Recorded {
     reports: Vec<(Report, Option<CurveSet>)>,
     labels: CurveLabels,
+    cell: Option<Cell>,
     metadata: BTreeMap<String, String>,
     /// Number of skipped frames before the last one, and of verified frames that are not recorded.
     skipped: u64,
@@ -121,6 +122,7 @@ impl Recorded {
         .unwrap();
         let info = FrameInfo {
             labels: Arc::new(self.labels),
+            cell: self.cell,
             ..FrameInfo::default()
         };
         let (mut verified, mut rejected, last) = (0, 0, self.reports.len());
@@ -598,4 +600,43 @@ fn the_timeline_of_a_million_frames_is_small_and_shows_one_violation() {
     assert!(svg.matches("class=\"t c\"").count() <= 12, "{svg}");
     let (plots, _) = facts.plots();
     assert!(plots.iter().all(|plot| plot.svg.len() < 40_000));
+}
+
+/// Curve 0 is linked with two images of curve 1, and with its own image.
+#[test]
+fn images_of_one_pair_have_rows_pictures_and_names_of_their_own() {
+    let of = |image| Change {
+        image,
+        ..change(0, 1)
+    };
+    let broken = |r: &mut Report| {
+        r.changes = vec![of([0, 0, 0]), of([1, 0, 0])];
+        r.events = vec![PullThrough {
+            image: [0, -1, 0],
+            ..pull_through(0, 0)
+        }];
+    };
+    let mut run = Recorded::default().intact().frame(Verdict::Changed, broken);
+    run.cell = Some("9,9,9".parse().unwrap());
+    let report = run.report();
+    let text = report.to_string();
+    for row in [
+        ": curves 0 and 1: link lost: expected 1, found 0",
+        ": curve 0 and the image 1,0,0 of curve 1: link lost: expected 1, found 0",
+        ": curve 0 and its image 0,-1,0 at 0.500 of the step",
+    ] {
+        assert_eq!(text.matches(row).count(), 1, "{row}: {text}");
+    }
+    let pairs = &report.facts.violations.pairs;
+    let images: Vec<_> = pairs.iter().map(|pair| pair.image).collect();
+    assert_eq!(images, [[0, -1, 0], [0, 0, 0], [1, 0, 0]]);
+    assert_eq!(report.figures(), 3);
+    let page = report.html();
+    for words in [
+        "<td>0 and the image 1,0,0 of curve 1</td>",
+        "<td>0 and its image 0,-1,0</td>",
+        "image 1,0,0 of curve 1, segment 3</span>",
+    ] {
+        assert!(page.contains(words), "{words}");
+    }
 }

@@ -2,6 +2,7 @@
 
 use super::facts::End;
 use super::{RunReport, words_of_curves};
+use crate::curve::{Image, is_home};
 use crate::words::count;
 use std::fmt;
 
@@ -23,6 +24,13 @@ impl fmt::Display for RunReport {
             write!(f, "\n  {name:width$}  {value}", width = width.unwrap_or(0))?;
         }
         let pairs = &facts.violations.pairs;
+        let strands = |[i, j]: [u32; 2], image: Image, names: &Option<[String; 2]>| {
+            let noun = match i != j && is_home(&image) {
+                true => "curves",
+                false => "curve",
+            };
+            format!("{noun} {}", words_of_curves([i, j], image, names))
+        };
         let links = pairs.iter().filter_map(|pair| {
             let link = pair.link.as_ref()?;
             let place = match (&link.words, link.segments) {
@@ -36,9 +44,9 @@ impl fmt::Display for RunReport {
                 n => format!("{} frames, to {}", count(n), link.last.frame),
             };
             Some(format!(
-                "{}: curves {}: link {}: expected {}, found {}{place}; {lasted}",
+                "{}: {}: link {}: expected {}, found {}{place}; {lasted}",
                 link.first,
-                words_of_curves(pair.curves, &pair.names),
+                strands(pair.curves, pair.image, &pair.names),
                 link.kind.word(),
                 link.expected,
                 link.found,
@@ -49,10 +57,9 @@ impl fmt::Display for RunReport {
             let unresolved = if row.unresolved { "unresolved: " } else { "" };
             let [s, t] = row.event.segments;
             format!(
-                "{}: {unresolved}curves {} at {:.3} of the step ({:+}), at {}, segments {s} and \
-                 {t}",
+                "{}: {unresolved}{} at {:.3} of the step ({:+}), at {}, segments {s} and {t}",
                 row.moment,
-                words_of_curves(row.curves, &row.names),
+                strands([row.event.i, row.event.j], row.event.image, &row.names),
                 row.event.fraction,
                 row.event.sign,
                 row.place,

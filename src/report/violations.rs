@@ -1,7 +1,7 @@
 //! Violations: what happened to each pair of curves, over all frames.
 
 use super::rows::{Moment, names_of};
-use crate::curve::{Notation, Point};
+use crate::curve::{Image, Notation, Point};
 use crate::verdict::{Change, ChangeKind, DefectKind, Report};
 use std::collections::HashMap;
 
@@ -13,6 +13,8 @@ const MOST: usize = 400;
 pub(super) struct Spot {
     /// Both curves; the same one twice if it meets itself, or if there is only one.
     pub curves: [u32; 2],
+    /// Translation of the second curve, in vectors of the cell.
+    pub image: Image,
     pub segments: [u32; 2],
     pub point: Point,
 }
@@ -62,10 +64,12 @@ pub(super) struct DefectRow {
     pub sentence: String,
 }
 
-/// What happened to a pair of curves.
+/// What happened to a pair of curves, or to a curve and an image of another one or of itself.
 #[derive(Clone, Debug, serde::Serialize)]
 pub(super) struct Violation {
     pub curves: [u32; 2],
+    /// Translation of the second curve, in vectors of the cell.
+    pub image: Image,
     /// Names of both curves, if they have some.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub names: Option<[String; 2]>,
@@ -97,8 +101,8 @@ pub(super) struct Violations {
     pub pairs: Vec<Violation>,
     /// True if there are more.
     pub more: bool,
-    /// Position of each pair, by its current curves.
-    index: HashMap<[u32; 2], usize>,
+    /// Position of each pair, by its current curves and the image of the second one.
+    index: HashMap<([u32; 2], Image), usize>,
 }
 
 impl Violations {
@@ -116,7 +120,7 @@ impl Violations {
         let resolved = report.events.iter().map(|event| (event, true));
         let unresolved = report.unresolved.iter().map(|event| (event, false));
         for (event, resolved) in resolved.chain(unresolved) {
-            let Some(pair) = self.pair([event.i, event.j], names) else {
+            let Some(pair) = self.pair([event.i, event.j], event.image, names) else {
                 continue;
             };
             match resolved {
@@ -125,6 +129,7 @@ impl Violations {
             }
             let spot = Spot {
                 curves: [event.i, event.j],
+                image: event.image,
                 segments: event.segments,
                 point: event.point,
             };
@@ -132,7 +137,7 @@ impl Violations {
             pair.shoot(|| shot(spot, sentence(), resolved), resolved);
         }
         for change in &report.changes {
-            let Some(pair) = self.pair([change.i, change.j], names) else {
+            let Some(pair) = self.pair([change.i, change.j], change.image, names) else {
                 continue;
             };
             match &mut pair.link {
@@ -153,6 +158,7 @@ impl Violations {
             if let Some(place) = &change.place {
                 let spot = Spot {
                     curves: [change.i, change.j],
+                    image: change.image,
                     segments: place.segments,
                     point: place.point,
                 };
@@ -162,7 +168,7 @@ impl Violations {
         for defect in &report.defects {
             let sentence = || report.defect(defect, names);
             let curves = [defect.i, defect.j.unwrap_or(defect.i)];
-            let Some(pair) = self.pair(curves, names) else {
+            let Some(pair) = self.pair(curves, defect.image, names) else {
                 continue;
             };
             match &mut pair.defect {
@@ -178,6 +184,7 @@ impl Violations {
             }
             let spot = Spot {
                 curves,
+                image: defect.image,
                 segments: defect.place.segments,
                 point: defect.place.point,
             };
@@ -200,23 +207,29 @@ impl Violations {
                 Some([i?, j?])
             });
             if let Some([i, j]) = now {
-                self.index.insert([i.min(j), i.max(j)], k);
+                // The image is that of the second curve.
+                let image = match i <= j {
+                    true => pair.image,
+                    false => pair.image.map(|n| -n),
+                };
+                self.index.insert(([i.min(j), i.max(j)], image), k);
             }
         }
     }
 
-    fn pair(&mut self, curves: [u32; 2], names: &[String]) -> Option<&mut Violation> {
+    fn pair(&mut self, curves: [u32; 2], image: Image, names: &[String]) -> Option<&mut Violation> {
         let next = self.pairs.len();
-        let k = match self.index.get(&curves) {
+        let k = match self.index.get(&(curves, image)) {
             Some(&k) => k,
             None if next == MOST => {
                 self.more = true;
                 return None;
             }
             None => {
-                self.index.insert(curves, next);
+                self.index.insert((curves, image), next);
                 self.pairs.push(Violation {
                     curves,
+                    image,
                     names: names_of(curves, names),
                     link: None,
                     defect: None,

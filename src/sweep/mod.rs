@@ -269,7 +269,7 @@ impl Sweep {
             defect.place.segments = [to.segment(defect.i, s), to.segment(j, t)];
             report.defects.push(defect);
         }
-        report.defects.sort_by_key(|d| (d.i, d.j));
+        report.defects.sort_by_key(|d| (d.i, d.j, d.image));
         report.events = motion.events;
         report.unresolved = motion.unresolved;
         report.verdict = report.verdict_of_findings();

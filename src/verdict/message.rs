@@ -40,6 +40,16 @@ pub(crate) fn words_of_pair((i, j): (u32, u32), image: Image, names: &[String]) 
     }
 }
 
+/// Returns two curves for a label: "3 & 4", or as [`words_of_pair`] if one is an image.
+#[cfg(any(feature = "mcap", feature = "rerun"))]
+pub(crate) fn label_of_pair((i, j): (u32, u32), image: Image, names: &[String]) -> String {
+    let [first, second] = [i, j].map(|curve| words_of_curve(curve, names));
+    match is_home(&image) {
+        true => format!("{first} & {second}"),
+        false => words_of_pair((i, j), image, names),
+    }
+}
+
 impl fmt::Display for ImageLink {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let pair = words_of_pair((self.i, self.j), self.image, &[]);
@@ -157,6 +167,19 @@ impl PullThrough {
                 let pair = words_of_pair((self.i, self.j), self.image, names);
                 format!("{pair} passed through one another")
             }
+        }
+    }
+
+    /// Returns the pull-through for a label: "3 through 4".
+    #[cfg(any(feature = "mcap", feature = "rerun"))]
+    pub(crate) fn label(&self, names: &[String]) -> String {
+        let [i, j] = [self.i, self.j].map(|curve| words_of_curve(curve, names));
+        let [n1, n2, n3] = self.image;
+        match (is_home(&self.image), self.i == self.j) {
+            (true, true) => format!("{i} through itself"),
+            (true, false) => format!("{i} through {j}"),
+            (false, true) => format!("{i} through its image {n1},{n2},{n3}"),
+            (false, false) => format!("{i} through the image {n1},{n2},{n3} of {j}"),
         }
     }
 
@@ -423,6 +446,9 @@ impl Report {
             return sentence;
         }
         match defect.j {
+            Some(_) if !is_home(&defect.image) => {
+                format!("{sentence}; its linking number in this frame is expected from here on")
+            }
             Some(j) => {
                 let adopted = self.adopted.iter().find(|l| (l.i, l.j) == (defect.i, j));
                 let lambda = adopted.map_or(0, |l| l.lambda);

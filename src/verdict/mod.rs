@@ -3,6 +3,7 @@
 mod change;
 mod clearance;
 mod difference;
+mod lasting;
 mod message;
 mod policy;
 mod pull_through;
@@ -10,6 +11,9 @@ mod pull_through;
 pub use change::{Change, ChangeKind, ImageLink, Link, LoopPair};
 pub use clearance::{Clearance, CloseStrands};
 pub use difference::ReportDifference;
+pub use lasting::Lasting;
+#[cfg(any(feature = "mcap", feature = "rerun"))]
+pub(crate) use message::label_of_pair;
 #[cfg(feature = "mcap")]
 pub(crate) use message::words_of_frame;
 #[cfg(feature = "verify")]

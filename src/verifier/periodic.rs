@@ -11,7 +11,7 @@ use super::braided::add_work;
 use super::yarns::{Compared, Yarns};
 use super::{Strategy, Verifier, VerifierOptions};
 use crate::certificate::{Certificate, undefined_entry};
-use crate::curve::{Cell, CurveSet, Image};
+use crate::curve::{Cell, CurveSet, Image, is_home};
 use crate::error::{Error, Result};
 use crate::incremental::{Events, QuietBounds, sort_by_time};
 use crate::ingest::FramePool;
@@ -376,7 +376,7 @@ impl Periodic {
             .yarns
             .compare(&frame, &self.cell, unsettled.as_ref(), check)?;
         self.disagreed |= of_yarns.disagreed;
-        self.outdated |= of_yarns.adopted;
+        self.outdated |= !of_yarns.adopted.is_empty();
         self.before = Some(Before {
             frame,
             cell: self.cell,
@@ -444,8 +444,12 @@ fn name_curves(report: &mut Report, pairs: &ImagePairs) {
             rename(i, j, image);
         }
     }
-    // They have no place for an image; the defects name the pairs.
-    report.adopted.clear();
+    // They have no place for an image; the defects name the pairs with one.
+    report.adopted.retain_mut(|link| {
+        let pair = pairs.pair(link.i, link.j);
+        (link.i, link.j) = (pair.i, pair.j);
+        is_home(&pair.image)
+    });
 }
 
 impl Verifier {
@@ -600,6 +604,12 @@ impl Verifier {
     /// Adds the findings about images to a report.
     pub(super) fn add_images(&mut self, report: &mut Report, found: Found) {
         report.changes.extend(found.of_yarns.changes);
+        for (ImagePair { i, j, image }, lambda) in found.of_yarns.adopted {
+            if let Some(lambda) = lambda.filter(|&lambda| lambda != 0 && is_home(&image)) {
+                report.adopted.push(Link { i, j, lambda });
+            }
+        }
+        report.adopted.sort_unstable();
         report.defects.extend(found.of_yarns.defects);
         if let Some(of_images) = found.report {
             report.changes.extend(of_images.changes);

@@ -41,8 +41,8 @@ pub(super) struct Yarns {
 pub(super) struct Compared {
     pub changes: Vec<Change>,
     pub defects: Vec<Defect>,
-    /// True if pairs that had no number to compare with have one now.
-    pub adopted: bool,
+    /// Pairs that had no number to compare with, and have one now.
+    pub adopted: Vec<Entry>,
     /// Number of pairs whose numbers were computed.
     pub computed: u64,
     /// True if the numbers of the previous frame that should hold do not.
@@ -180,7 +180,7 @@ impl Yarns {
                     if lambda != 0 {
                         expected.push((pair, Some(lambda)));
                     }
-                    out.adopted = true;
+                    out.adopted.push((pair, Some(lambda)));
                 }
                 [Some(expected), Some(found)] if expected != found => out.changes.push(Change {
                     i,

@@ -1,6 +1,7 @@
 //! Tests of the command as a process: its output, its streams and its exit codes.
 
 mod arguments;
+mod cells;
 mod certify;
 mod check;
 mod convert;

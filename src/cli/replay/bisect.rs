@@ -428,10 +428,11 @@ impl Step {
     fn new(report: Report, [before, after]: &[Loaded; 2]) -> Step {
         let times = (after.time - before.time, after.info.time_step);
         let frames = [&before.curves, &after.curves];
+        let cells = [before.info.cell, after.info.cell];
         let events = report.events.iter();
         Step {
             causes: events
-                .map(|event| Cause::of(event, frames, times))
+                .map(|event| Cause::of(event, frames, cells, times))
                 .collect(),
             frames: [before.seq, after.seq],
             cut: before.info.cuts != after.info.cuts,

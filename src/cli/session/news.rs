@@ -1,31 +1,10 @@
 //! New findings of a frame: a finding that lasts over several frames is printed once.
 
-use linkwatch::{Change, Defect, DefectKind, Point, Report, Verdict};
+use linkwatch::{Lasting, Point, Report, Verdict};
 use std::collections::BTreeSet;
-
-/// A finding that may last over several frames: a change, identified by its curves and number, or a
-/// defect, identified by its curves and kind.
-#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-enum Lasting {
-    Change(u32, u32, i64),
-    Defect(u32, Option<u32>, DefectKind),
-}
-
-impl From<&Change> for Lasting {
-    fn from(c: &Change) -> Lasting {
-        Lasting::Change(c.i, c.j, c.found)
-    }
-}
-
-impl From<&Defect> for Lasting {
-    fn from(d: &Defect) -> Lasting {
-        Lasting::Defect(d.i, d.j, d.kind)
-    }
-}
 
 /// Location of a finding.
 struct Located {
-    lasting: Option<Lasting>,
     curves: Vec<u32>,
     point: Option<Point>,
 }
@@ -33,17 +12,14 @@ struct Located {
 /// Returns the locations of all findings, in the order of [`Report::findings`].
 fn located(report: &Report) -> impl Iterator<Item = Located> + '_ {
     let changes = report.changes.iter().map(|c| Located {
-        lasting: Some(c.into()),
         curves: vec![c.i, c.j],
         point: c.place.map(|place| place.point),
     });
     let pull_through = |p: &linkwatch::PullThrough| Located {
-        lasting: None,
         curves: vec![p.i, p.j],
         point: Some(p.point),
     };
     let defects = report.defects.iter().map(|d| Located {
-        lasting: Some(d.into()),
         curves: std::iter::once(d.i).chain(d.j).collect(),
         point: Some(d.place.point),
     });
@@ -117,9 +93,10 @@ impl News {
         };
         let mut first: Option<Located> = None;
         let mut lasting = BTreeSet::new();
-        for (finding, sentence) in located(report).zip(report.findings_named(names)) {
-            lasting.extend(finding.lasting);
-            if finding.lasting.is_some_and(|l| self.known.contains(&l)) {
+        let findings = located(report).zip(report.lasting());
+        for ((finding, last), sentence) in findings.zip(report.findings_named(names)) {
+            lasting.extend(last);
+            if last.is_some_and(|l| self.known.contains(&l)) {
                 new.known += 1;
                 continue;
             }

@@ -2,9 +2,9 @@
 
 use super::passed::Passed;
 use super::picture::SHOWN;
-use super::status::{Findings, Key, keys, status};
+use super::status::{Findings, status};
 use super::style::{CYAN, ORANGE, QUIET, RED};
-use crate::verdict::{Report, Verdict};
+use crate::verdict::{Lasting, Report, Verdict};
 use re_sdk_types::archetypes::TextLog;
 use re_sdk_types::components::{Color, TextLogLevel};
 
@@ -48,7 +48,8 @@ impl Log {
         let last = before.as_ref().map_or(report.seq, |t| t.at);
         let had_events = before.as_ref().is_some_and(|t| t.events);
         let known = before.map(|t| t.findings).unwrap_or_default();
-        let findings: Findings = keys(report)
+        let findings: Findings = report
+            .lasting()
             .flatten()
             .map(|key| (key, known.get(&key).copied().unwrap_or(report.seq)))
             .collect();
@@ -62,8 +63,8 @@ impl Log {
             lines.push(line(report.verdict, report.headline()));
         }
         if news {
-            let sentences = keys(report).zip(report.findings_named(names));
-            let is_new = |key: &Option<Key>| key.is_none_or(|k| !known.contains_key(&k));
+            let sentences = report.lasting().zip(report.findings_named(names));
+            let is_new = |key: &Option<Lasting>| key.is_none_or(|k| !known.contains_key(&k));
             let mut new = sentences.filter(|(key, _)| is_new(key));
             for (key, text) in new.by_ref().take(SHOWN) {
                 let line = line(report.verdict, text);

@@ -2,8 +2,8 @@
 //! show the place where strands passed through one another.
 
 use super::local;
-use crate::curve::{CurveSet, Image, Point, is_home};
-use crate::verdict::{PullThrough, Report, words_of_pair};
+use crate::curve::{CurveSet, Image, Point};
+use crate::verdict::{PullThrough, Report, label_of_pair};
 use std::collections::VecDeque;
 
 /// Maximum number of marks, the newest; more would hide the curves.
@@ -63,23 +63,13 @@ impl Passed {
 
 /// Returns the name of an event for its mark and the status.
 pub(super) fn name(e: &PullThrough) -> String {
-    let PullThrough { i, j, image, .. } = e;
-    let [n1, n2, n3] = image;
-    match (is_home(image), i == j) {
-        (true, true) => format!("{i} through itself"),
-        (true, false) => format!("{i} through {j}"),
-        (false, true) => format!("{i} through its image {n1},{n2},{n3}"),
-        (false, false) => format!("{i} through the image {n1},{n2},{n3} of {j}"),
-    }
+    e.label(&[])
 }
 
 /// Returns two curves in words, as the log has them if one is an image: "3 & 4", "curve 3 and the
 /// image 1,0,0 of curve 4".
 pub(super) fn pair(i: u32, j: u32, image: Image) -> String {
-    match is_home(&image) {
-        true => format!("{i} & {j}"),
-        false => words_of_pair((i, j), image, &[]),
-    }
+    label_of_pair((i, j), image, &[])
 }
 
 #[cfg(test)]

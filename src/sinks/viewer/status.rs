@@ -1,35 +1,11 @@
 //! Status of a run in words, and the findings that last over several frames.
 
 use super::passed::{Passed, name, pair};
-use crate::curve::Image;
-use crate::verdict::{Defect, Report, Verdict};
+use crate::verdict::{Lasting, Report, Verdict};
 use std::collections::BTreeMap;
 
-/// Identity of a finding that lasts over several frames: the curves and the image of the second
-/// one, and the number found or the kind of the defect.
-pub(super) type Key = (u32, Option<u32>, Image, i64);
-
 /// Findings that last, each with the frame since which it has persisted.
-pub(super) type Findings = BTreeMap<Key, u64>;
-
-/// Returns the key of each finding, in the order of [`Report::findings`]. Events have the key
-/// `None`, because they do not last: each one is new.
-pub(super) fn keys(report: &Report) -> impl Iterator<Item = Option<Key>> + '_ {
-    let changes = report.changes.iter();
-    let changes = changes.map(|c| (c.i, Some(c.j), c.image, c.found));
-    let events = report.events.iter().map(|_| None);
-    // Larger than every linking number of a frame.
-    let kind = |d: &Defect| i64::MAX - d.kind as i64;
-    let defects = report.defects.iter();
-    let defects = defects.map(move |d| (d.i, d.j, d.image, kind(d)));
-    let unresolved = report.unresolved.iter().map(|_| None);
-    let lasting = defects.map(Some);
-    changes
-        .map(Some)
-        .chain(events)
-        .chain(lasting)
-        .chain(unresolved)
-}
+pub(super) type Findings = BTreeMap<Lasting, u64>;
 
 /// Returns the status as markdown: the verdict, its first frame, the pairs, and the pull-throughs
 /// in this frame and so far.
@@ -81,7 +57,7 @@ pub(super) fn status(
         let curves = d.j.map_or(format!("{}", d.i), |j| pair(d.i, j, d.image));
         (curves, d.kind.words().to_owned())
     });
-    let rows = changes.chain(defects).zip(keys(report).flatten());
+    let rows = changes.chain(defects).zip(report.lasting().flatten());
     let frame = |key| seen.get(&key).copied().unwrap_or(since);
     let mut rows: Vec<_> = rows.map(|(row, key)| (frame(key), row)).collect();
     rows.sort_by_key(|(frame, _)| *frame);
@@ -115,7 +91,7 @@ pub(super) fn status(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::verdict::{Change, DefectKind, Place, PullThrough};
+    use crate::verdict::{Change, Defect, DefectKind, Place, PullThrough};
 
     fn report(changes: u32) -> Report {
         let change = |k| Change {
@@ -136,7 +112,7 @@ mod tests {
     #[test]
     fn the_status_names_the_broken_pairs_and_the_first_frame() {
         let report = report(5);
-        let seen = keys(&report).flatten().zip(3..).collect();
+        let seen = report.lasting().flatten().zip(3..).collect();
         let text = status(&report, 2, &seen, &Passed::default(), 4);
         assert!(
             text.starts_with("# TOPOLOGY CHANGED\n## since frame 2\n"),
@@ -156,9 +132,9 @@ mod tests {
             image: [-1, 0, 0],
             ..event(4, 7)
         }];
-        let known: Vec<Key> = keys(&report).flatten().collect();
+        let known: Vec<Lasting> = report.lasting().flatten().collect();
         assert_ne!(known[0], known[1]);
-        let seen = keys(&report).flatten().zip(3..).collect();
+        let seen = report.lasting().flatten().zip(3..).collect();
         let text = status(&report, 2, &seen, &Passed::default(), 4);
         for row in [
             "| **curve 4 and the image -1,0,0 of curve 7** | was 1, is 0 | 3 |",
@@ -172,7 +148,7 @@ mod tests {
     #[test]
     fn the_table_is_sorted_by_the_frame_of_the_break() {
         let report = report(3);
-        let seen = keys(&report).flatten().zip([30, 10, 20]).collect();
+        let seen = report.lasting().flatten().zip([30, 10, 20]).collect();
         let text = status(&report, 2, &seen, &Passed::default(), 2);
         let rows: Vec<&str> = text.lines().filter(|l| l.starts_with("| **")).collect();
         assert_eq!(
@@ -216,10 +192,10 @@ mod tests {
             kind: DefectKind::Degenerate,
             place,
         });
-        assert_eq!(keys(&report).count(), report.findings().count());
-        for (key, sentence) in keys(&report).zip(report.findings()) {
+        assert_eq!(report.lasting().count(), report.findings().count());
+        for (key, sentence) in report.lasting().zip(report.findings()) {
             assert_eq!(key.is_none(), sentence.contains("through"), "{sentence}");
-            if let Some((i, ..)) = key {
+            if let Some(Lasting { i, .. }) = key {
                 assert!(sentence.contains(&format!(" {i} ")), "{sentence}");
             }
         }

@@ -15,7 +15,7 @@ use super::packed::{Packed, Packer};
 use super::{InForce, NAME, Start};
 use crate::error::Result;
 use crate::sinks::{BaselineRecord, FrameRecord, Sink};
-use crate::verdict::{Change, Defect, DefectKind, Report, Verdict};
+use crate::verdict::{Lasting, Report, Verdict};
 use std::collections::{BTreeSet, VecDeque};
 use std::time::{Duration, Instant};
 
@@ -287,29 +287,18 @@ impl Sink for Window {
     }
 }
 
-/// A finding that may last over several frames.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-enum Finding {
-    Change(u32, u32, i64),
-    Defect(u32, Option<u32>, DefectKind),
-}
-
 /// Findings of the previous frame.
 #[derive(Default)]
 struct Known {
     verdict: Option<Verdict>,
-    findings: BTreeSet<Finding>,
+    findings: BTreeSet<Lasting>,
 }
 
 impl Known {
     /// Returns true if a frame is not intact, and has another verdict than the previous frame or a
     /// finding that the previous one did not have.
     fn is_new(&mut self, report: &Report) -> bool {
-        let change = |c: &Change| Finding::Change(c.i, c.j, c.found);
-        let defect = |d: &Defect| Finding::Defect(d.i, d.j, d.kind);
-        let changes = report.changes.iter().map(change);
-        let findings: BTreeSet<Finding> =
-            changes.chain(report.defects.iter().map(defect)).collect();
+        let findings: BTreeSet<Lasting> = report.lasting().flatten().collect();
         let verdict = self.verdict.replace(report.verdict);
         let new = verdict != Some(report.verdict)
             || !findings.is_subset(&self.findings)

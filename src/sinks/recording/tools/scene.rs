@@ -21,6 +21,7 @@ use super::sample::{Limits, Sample};
 use super::{FRAME_ID, State, Time, states};
 use crate::curve::{CurveSet, Point, words_of_curve};
 use crate::sinks::FrameRecord;
+use crate::verdict::label_of_pair;
 use std::collections::BTreeSet;
 
 /// A point of the list of lines takes 37 bytes.
@@ -149,31 +150,29 @@ fn rest(set: &CurveSet, states: &[State]) -> LinePrimitive {
 fn findings(set: &CurveSet, record: &FrameRecord) -> (Option<LinePrimitive>, Vec<TextPrimitive>) {
     let report = &record.report;
     let names = &record.info.labels.names;
-    let name = |i| words_of_curve(i, names);
     let broken = State::Broken.color();
     let changes = report.changes.iter().filter_map(|c| {
         let numbers = format!("linking number was {}, is {}", c.expected, c.found);
-        let text = format!("{} & {}: {numbers}", name(c.i), name(c.j));
+        let text = format!("{}: {numbers}", label_of_pair((c.i, c.j), c.image, names));
         Some(label(c.place?.point, text, broken))
     });
     let undecided = State::Undecided.color();
     let defects = report.defects.iter().map(|d| {
         let text = match d.j {
-            Some(j) => format!("{} & {} {}", name(d.i), name(j), d.kind.words()),
-            None => format!("{} {}", name(d.i), d.kind.words()),
+            Some(j) => {
+                let pair = label_of_pair((d.i, j), d.image, names);
+                format!("{pair} {}", d.kind.words())
+            }
+            None => format!("{} {}", words_of_curve(d.i, names), d.kind.words()),
         };
         label(d.place.point, text, undecided)
     });
-    let passed = |i: u32, j: u32| match i == j {
-        true => format!("{} through itself", name(i)),
-        false => format!("{} through {}", name(i), name(j)),
-    };
     let unresolved = report.unresolved.iter().map(|e| {
-        let text = format!("{}: unresolved", passed(e.i, e.j));
+        let text = format!("{}: unresolved", e.label(names));
         label(e.point, text, undecided)
     });
     let events = report.events.iter().map(|e| {
-        let text = format!("{}, {:+}", passed(e.i, e.j), e.sign);
+        let text = format!("{}, {:+}", e.label(names), e.sign);
         label(e.point, text, CYAN)
     });
     let texts = changes.take(SHOWN).chain(defects.take(SHOWN));

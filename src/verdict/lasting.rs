@@ -1,0 +1,84 @@
+//! Findings that last over several frames.
+
+use super::{DefectKind, Report};
+use crate::curve::Image;
+
+/// Identity of a finding that may last over several frames: a changed linking number or a defect.
+///
+/// The images of a pair of curves are pairs of their own.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct Lasting {
+    /// First curve.
+    pub i: u32,
+    /// Second curve; `None` if the finding concerns a single curve.
+    pub j: Option<u32>,
+    /// Translation of the second curve, in vectors of the cell.
+    pub image: Image,
+    /// Linking number that was found; `None` for a defect.
+    pub found: Option<i64>,
+    /// Kind of the defect; `None` for a changed linking number.
+    pub kind: Option<DefectKind>,
+}
+
+impl Report {
+    /// Returns the identity of each finding, in the order of [`Report::findings`]. Pull-throughs
+    /// have none: they do not last, each one is new.
+    pub fn lasting(&self) -> impl Iterator<Item = Option<Lasting>> + '_ {
+        let changes = self.changes.iter().map(|c| {
+            Some(Lasting {
+                i: c.i,
+                j: Some(c.j),
+                image: c.image,
+                found: Some(c.found),
+                kind: None,
+            })
+        });
+        let defects = self.defects.iter().map(|d| {
+            Some(Lasting {
+                i: d.i,
+                j: d.j,
+                image: d.image,
+                found: None,
+                kind: Some(d.kind),
+            })
+        });
+        let events = self.events.iter().map(|_| None);
+        let unresolved = self.unresolved.iter().map(|_| None);
+        changes.chain(events).chain(defects).chain(unresolved)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::verdict::{Change, Defect, Place, Verdict};
+
+    #[test]
+    fn images_of_one_pair_are_findings_of_their_own() {
+        let mut report = Report::new(0, 0.0, Verdict::Changed);
+        let place = Place {
+            segments: [0, 0],
+            point: [0.0; 3],
+            distance: 0.0,
+        };
+        for image in [[0, 0, 0], [1, 0, 0]] {
+            report.changes.push(Change {
+                i: 0,
+                j: 1,
+                image,
+                expected: 1,
+                found: 0,
+                place: None,
+            });
+            report.defects.push(Defect {
+                i: 0,
+                j: Some(1),
+                image,
+                kind: DefectKind::Contact,
+                place,
+            });
+        }
+        let all: std::collections::BTreeSet<Lasting> = report.lasting().flatten().collect();
+        assert_eq!(all.len(), 4);
+    }
+}
