@@ -206,7 +206,7 @@ pub use ingest::{FrameInfo, FramePool, RawFrame};
 #[cfg(feature = "verify")]
 pub use pairs::{Partition, Share};
 #[cfg(feature = "verify")]
-pub use periodic::{Unwrap, period};
+pub use periodic::{Unwrap, beside, period};
 #[cfg(feature = "verify")]
 pub use plan::Plan;
 #[cfg(feature = "mcap")]

@@ -87,7 +87,7 @@ const MOTION: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/recordings/others/sce
 
 #[test]
 fn names_the_frame_that_is_used_of_a_file_with_several() {
-    let says = "scene.mcap: 5 frames; only the first one is used, frame 0";
+    let says = "scene.mcap: the file has several frames; only the first one is used, frame 0";
     let study = ["--diameter", "0.1", "--frames", "1", "--motions", "still"];
     for args in [
         vec!["plan", MOTION],

@@ -1,9 +1,7 @@
 //! The options `--cell` and `--wrapped` of every command that verifies or measures frames.
 
-use super::input::{self, FormatArgs, Pick, Picked};
 use super::output;
 use linkwatch::{Cell, CurveSet, Error, FrameInfo, Result, Unwrap};
-use std::path::Path;
 use std::str::FromStr;
 
 /// Word for frames whose cell is ignored.
@@ -15,7 +13,7 @@ const NONE: &str = "none";
 pub struct CellArgs {
     /// Periodic cell: edges along the axes (0: does not repeat), nine numbers (three vectors) or
     /// twelve (and the corner); `none` ignores the cell of the frames [default: as the frames have
-    /// it]
+    /// it]. It may be given for files without one
     #[arg(long, value_name = "10,10,10|..|none", allow_hyphen_values = true)]
     cell: Option<GivenCell>,
     /// Coordinates are wrapped into the periodic cell: unwrap the curves, and follow them from
@@ -63,19 +61,6 @@ impl CellArgs {
         }
     }
 
-    /// Reads one frame of a model file or of a recording, or builds a scene, with the cell and the
-    /// curves that these options choose.
-    pub fn read_frame(self, argument: &Path, format: &FormatArgs, pick: Pick) -> Result<Picked> {
-        let picked = input::read_frame(argument, &format.wrapped(self.wrapped), pick)?;
-        let cell = self.cell(picked.cell);
-        let unwrapped = Cells::new(self).unwrap(&picked.curves, cell)?;
-        Ok(Picked {
-            curves: unwrapped.unwrap_or(picked.curves),
-            cell,
-            ..picked
-        })
-    }
-
     /// Returns the cell of a frame: that of the user, or that of the frame.
     pub fn cell(&self, of_frame: Option<Cell>) -> Option<Cell> {
         match self.cell {
@@ -106,17 +91,20 @@ impl Cells {
         info.cell = self.args.cell(info.cell);
     }
 
-    /// Returns the curves of a frame, unwrapped; `None` if they are not wrapped.
+    /// Returns the curves of a frame, unwrapped; `None` if they are not wrapped. They are unwrapped
+    /// with the cell of the frame also if that is ignored otherwise (`--cell none`).
     ///
     /// Errors: those of [`Unwrap::unwrap`], and [`Error::Usage`] if the frame has no cell.
-    pub fn unwrap(&mut self, set: &CurveSet, cell: Option<Cell>) -> Result<Option<CurveSet>> {
+    pub fn unwrap(&mut self, set: &CurveSet, of_frame: Option<Cell>) -> Result<Option<CurveSet>> {
         if !self.args.wrapped {
             return Ok(None);
         }
         let none = || {
-            let what = "--wrapped needs a periodic cell, but the frame has none: give --cell";
+            let what = "--wrapped needs a periodic cell, but the frame has none: give it, \
+                        `--cell 10,10,10` for example";
             Error::Usage(what.into())
         };
+        let cell = self.args.cell(of_frame).or(of_frame);
         self.unwrap.unwrap(set, &cell.ok_or_else(none)?).map(Some)
     }
 }

@@ -3,7 +3,8 @@
 use super::braid_args::BraidArgs;
 use super::cell_args::CellArgs;
 use super::files::{Content, Files, Overwrite, write_text, write_whole};
-use super::input::{self, FormatArgs, Pick, Picked};
+use super::frames::{self, FrameArgs, Picked};
+use super::input::{self, FormatArgs};
 use super::kernel::KernelArgs;
 use super::number::{not_negative, positive};
 use super::open;
@@ -13,11 +14,12 @@ use super::repeat;
 use super::{Outcome, output::with_progress};
 use clap::ValueEnum;
 use linkwatch::kernels::{Method, Offload};
-use linkwatch::model::{Format, FrameWriter, LeftOut, ModelFrame};
+use linkwatch::model::{Format, FrameWriter, ModelFrame};
 use linkwatch::{
     BraidLoops, Braids, Certificate, CurveSet, Error, ImageLink, Ladder, Result, Stats, Verifier,
     VerifierOptions, homotopic_polylines, picture,
 };
+use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
@@ -33,9 +35,8 @@ pub struct Args {
     /// Models, folders of them, recordings, or scenes as `linkwatch generate` takes them
     #[arg(required = true, value_name = "MODEL|SCENE")]
     models: Vec<PathBuf>,
-    /// Frame to certify, by its number, of files with several frames [default: the first one]
-    #[arg(long, value_name = "SEQ")]
-    frame: Option<u64>,
+    #[command(flatten)]
+    frames: FrameArgs,
     #[command(flatten)]
     format: FormatArgs,
     #[command(flatten)]
@@ -115,13 +116,10 @@ enum Discretize {
 
 /// A model with its certificate.
 struct Certified {
+    /// The frame. Its curves are those that were certified.
+    frame: Picked,
     /// Braids with their ends.
     braids: Option<Braids>,
-    /// Number of the frame, if the file may have several.
-    frame: Option<u64>,
-    /// Elements of the file that were not read.
-    left_out: Vec<LeftOut>,
-    set: CurveSet,
     certificate: Certificate,
     stats: Stats,
     /// Decisions of sums and of counting; `None` with noise.
@@ -142,28 +140,21 @@ impl Args {
     }
 }
 
-/// Reads the requested frame of a model.
-fn read(path: &Path, args: &Args) -> Result<Picked> {
-    let pick = args.frame.map_or(Pick::First, Pick::Number);
-    let picked = args.cell_args.read_frame(path, &args.format, pick)?;
-    match picked.cell {
+/// Fails if a frame has a cell that the options do not consider.
+fn check_cell(frame: &Picked, args: &Args) -> Result<()> {
+    match frame.cell {
         Some(cell) if args.is_alone() => Err(Error::Usage(format!(
             "{}: the frame has a periodic cell ({cell}), but --noise, --open, --discretize and \
              --repeat do not consider periodic images: --cell none ignores it",
-            path.display()
+            frame.name
         ))),
-        _ => Ok(picked),
+        _ => Ok(()),
     }
 }
 
-/// Reads a model and computes its certificate.
-fn certify(path: &Path, args: &Args) -> Result<Certified> {
-    let picked = read(path, args)?;
-    let (set, cell) = (picked.curves, picked.cell);
-    let mut name = path.display().to_string();
-    if let Some(number) = picked.number {
-        name += &format!(", frame {number}");
-    }
+/// Computes the certificate of a frame.
+fn certify(frame: Picked, args: &Args) -> Result<Certified> {
+    let (name, set, cell) = (&frame.name, &frame.curves, frame.cell);
     let start = std::time::Instant::now();
     let braids = args.braid_args.braids(None)?;
     let mut verifier = Verifier::new(VerifierOptions {
@@ -172,23 +163,23 @@ fn certify(path: &Path, args: &Args) -> Result<Certified> {
         ..args.kernel.options()?
     })?;
     let (certificate, stats) =
-        with_progress(&name, verifier.progress(), || match args.discretize {
+        with_progress(name, verifier.progress(), || match args.discretize {
             _ if args.noise.is_some() => {
                 let (certificate, stats) =
-                    verifier.certify_noisy(&set, args.noise.unwrap_or(0.0))?;
+                    verifier.certify_noisy(set, args.noise.unwrap_or(0.0))?;
                 Ok((certificate.clone(), stats))
             }
             _ if braids.is_some() || cell.is_some() => {
-                let stats = verifier.step(0, 0.0, &set)?.stats;
+                let stats = verifier.step(0, 0.0, set)?.stats;
                 let certificate = verifier.baseline().cloned().unwrap_or_default();
                 Ok((certificate, stats))
             }
             Discretize::Pair => {
-                let (certificate, stats) = verifier.certify(&set);
+                let (certificate, stats) = verifier.certify(set);
                 Ok((certificate.clone(), stats))
             }
             Discretize::Algorithm3 => {
-                let polylines = homotopic_polylines(&set)?;
+                let polylines = homotopic_polylines(set)?;
                 tracing::info!(
                     "{name}: Algorithm 3 made {} segments of {} ({} overlaps, {} passes)",
                     count(polylines.curves.segments() as u64),
@@ -203,8 +194,10 @@ fn certify(path: &Path, args: &Args) -> Result<Certified> {
             }
         })?;
     let took = start.elapsed();
-    output::warn_of_open_curves(&name, &stats, None);
-    args.cell_args.warn_of_segments(&name, &set, cell);
+    if frame.is_first {
+        output::warn_of_open_curves(name, &stats, None);
+        args.cell_args.warn_of_segments(name, set, cell);
+    }
     if stats.repeated_vertices > 0 {
         let vertices = plural_of(
             stats.repeated_vertices,
@@ -221,9 +214,7 @@ fn certify(path: &Path, args: &Args) -> Result<Certified> {
     }
     Ok(Certified {
         braids: verifier.braids(),
-        frame: picked.number,
-        left_out: picked.left_out,
-        set,
+        frame,
         certificate,
         stats,
         ladder: args.noise.is_none().then(|| verifier.ladder()),
@@ -275,126 +266,173 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         files.writes("--write-loops", file, Content::Model)?;
     }
     let pictures = pictures(args, &models, &mut files)?;
-    let asked_to_sum = !matches!(args.kernel.method, Method::Auto | Method::Crossings);
-    let mut outcome = Outcome::Fine;
-    let mut failed = None;
-    for (k, path) in models.iter().enumerate() {
+    let pictures: HashMap<&PathBuf, PathBuf> = models.iter().zip(pictures).collect();
+    frames::for_each(&models, |path| {
+        let frames = args.frames.open(path, &args.format, args.cell_args)?;
+        for (option, is_given) in [
+            ("-o", args.output.is_some()),
+            ("--svg", args.svg.is_some()),
+            ("--write-braid", args.write_braid.is_some()),
+            ("--write-loops", args.write_loops.is_some()),
+        ] {
+            if is_given {
+                frames.check_one(option)?;
+            }
+        }
         #[cfg(feature = "lab")]
-        if let Some(n) = args.repeat {
-            let picked = read(path, args)?;
-            outcome = outcome.max(picked.outcome());
-            let (set, device) = (picked.curves, &args.kernel.device);
-            outcome = outcome.max(repeat::run(path, &set, n, device, json)?);
-            continue;
+        if args.repeat.is_some() {
+            frames.check_one("--repeat")?;
         }
-        if args.open {
-            let picked = read(path, args)?;
-            outcome = outcome.max(picked.outcome());
-            let set = picked.curves;
-            let (tolerance, least) = (args.tolerance, args.at_least);
-            outcome = outcome.max(open::print(path, &set, tolerance, least, json)?);
-            continue;
-        }
-        let c = match certify(path, args) {
-            Ok(certified) => certified,
-            Err(e) if models.len() == 1 => return Err(e),
-            // The other models still get their certificates.
-            Err(e) => {
-                match &failed {
-                    None => failed = Some(e),
-                    Some(_) => tracing::error!("{e}"),
-                }
-                continue;
-            }
+        let several = frames.are_several();
+        let style = match (models.len(), several) {
+            (1, false) => Style::Certificate,
+            (_, false) => Style::List,
+            (_, true) => Style::Line,
         };
-        if !c.certificate.undefined.is_empty() {
-            outcome = Outcome::Undecided;
-        }
-        outcome = outcome.max(input::outcome_without(&c.left_out));
-        tracing::info!("{}: {}", path.display(), summary(&c));
-        if c.stats.exact > 0 {
-            tracing::info!(
-                "{}: {} decided exactly ({}), because floating-point numbers were not precise \
-                 enough: slower, but equally certain",
-                path.display(),
-                plural(c.stats.exact, "orientation test"),
-                percent(c.stats.exact_share()),
-            );
-        }
-        if let Some(l) = c.ladder.as_ref().filter(|l| l.summed > 0 || asked_to_sum) {
-            tracing::info!(
-                "{}: {} decided {} (error at most {}, proven bound {}), counting {}; \
-                 the sums took {}",
-                path.display(),
-                args.kernel.method,
-                plural(l.summed, "pair"),
-                brief(l.largest_error),
-                brief(l.largest_bound),
-                count(l.counted),
-                millis(l.summing),
-            );
-        }
-        if c.offload.tests > 0 {
-            tracing::info!(
-                "{}: {} on the GPU, {} of them repeated on the CPU ({})",
-                path.display(),
-                plural(c.offload.tests, "test"),
-                count(c.offload.undecided),
-                percent(c.offload.undecided as f64 / c.offload.tests as f64),
-            );
-        }
-        if json {
-            output::json(&serde_json::json!({
-                "model": path,
-                "frame": c.frame,
-                "left_out": c.left_out,
-                "offload": c.offload,
-                "basis": c.set.basis(),
-                "certificate": c.certificate,
-                "stats": c.stats,
-                "exact_share": c.stats.exact_share(),
-                "kernel": args.kernel.method,
-                "ladder": c.ladder,
-                "ms": c.took.as_secs_f64() * 1e3,
-            }));
-        }
-        if let (Some(file), Some(braids)) = (&args.write_braid, &c.braids) {
-            write_text(file, args.overwrite, &(braids.to_json() + "\n"))?;
-            tracing::info!("{}: written", file.display());
-        }
-        if let (Some(file), Some(braids)) = (&args.write_loops, &c.braids) {
-            write_loops(file, args.overwrite, braids, &c.set)?;
-            tracing::info!("{}: written", file.display());
-        }
-        match &args.output {
-            Some(file) => {
-                write_text(file, args.overwrite, &c.certificate.to_string())?;
-                tracing::info!("{}: written", file.display());
+        let picture = pictures.get(&path.to_owned());
+        frames.each(|frame| {
+            check_cell(&frame, args)?;
+            #[cfg(feature = "lab")]
+            if let Some(n) = args.repeat {
+                return repeat::run(path, &frame.curves, n, &args.kernel.device, json);
             }
-            None if json => {}
-            None if models.len() == 1 => output::line(c.certificate.to_string().trim_end()),
-            None => {
-                output::line(format_args!("{}: {}", path.display(), summary(&c)));
-                let links = c.certificate.links.iter();
-                let links = links
-                    .map(|l| format!("curves {} and {}: linking number {}", l.i, l.j, l.lambda));
-                let images = c.certificate.images.iter().flatten();
-                let links: Vec<String> = links.chain(images.map(ImageLink::to_string)).collect();
-                output::first_lines("  ", &links, LINKS);
+            if args.open {
+                let (tolerance, least) = (args.tolerance, args.at_least);
+                let titled = style != Style::Certificate;
+                return open::print(path, &frame, (tolerance, least), titled, json);
             }
+            let certified = certify(frame, args)?;
+            print(path, &certified, args, style, json);
+            write(path, &certified, args, picture)?;
+            Ok(match certified.certificate.undefined.is_empty() {
+                true => Outcome::Fine,
+                false => Outcome::Undecided,
+            })
+        })
+    })
+}
+
+/// Output of a certificate on stdout.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Style {
+    /// The certificate as in a file, for one frame of one model.
+    Certificate,
+    /// A summary and the links, for one of several models.
+    List,
+    /// One line, for one of several frames.
+    Line,
+}
+
+/// Prints a certificate.
+fn print(path: &Path, c: &Certified, args: &Args, style: Style, json: bool) {
+    let name = &c.frame.name;
+    if style != Style::Line {
+        tracing::info!("{name}: {}", summary(c));
+        log_work(c, args);
+    }
+    if json {
+        output::json(&serde_json::json!({
+            "model": path,
+            "frame": c.frame.number,
+            "time": c.frame.time,
+            "left_out": c.frame.left_out,
+            "offload": c.offload,
+            "basis": c.frame.curves.basis(),
+            "certificate": c.certificate,
+            "stats": c.stats,
+            "exact_share": c.stats.exact_share(),
+            "kernel": args.kernel.method,
+            "ladder": c.ladder,
+            "ms": c.took.as_secs_f64() * 1e3,
+        }));
+        return;
+    }
+    match style {
+        Style::Certificate if args.output.is_some() => {}
+        Style::Certificate => output::line(c.certificate.to_string().trim_end()),
+        Style::List => {
+            output::line(format_args!("{name}: {}", summary(c)));
+            let links = c.certificate.links.iter();
+            let links =
+                links.map(|l| format!("curves {} and {}: linking number {}", l.i, l.j, l.lambda));
+            let images = c.certificate.images.iter().flatten();
+            let links: Vec<String> = links.chain(images.map(ImageLink::to_string)).collect();
+            output::first_lines("  ", &links, LINKS);
         }
-        if let Some(file) = pictures.get(k) {
-            let linked = picture::links(&c.set, &c.certificate, PLACES);
-            let title = path
-                .file_name()
-                .unwrap_or(path.as_os_str())
-                .to_string_lossy();
-            let svg = picture::draw(&c.set, &title, &summary(&c), &linked);
-            write_text(file, args.overwrite, &svg)?;
-            tracing::info!("{}: written", file.display());
+        // The lines of the certificate, after that with the number of curves.
+        Style::Line => {
+            let certificate = c.certificate.to_string();
+            let links: Vec<&str> = certificate.lines().skip(1).collect();
+            let mut listed = links[..links.len().min(LINKS)].join(" ");
+            if links.len() > LINKS {
+                listed += &format!(" and {} more", links.len() - LINKS);
+            }
+            let separator = if links.is_empty() { "" } else { ": " };
+            output::line(format_args!("{name}: {}{separator}{listed}", summary(c)));
         }
     }
-    failed.map_or(Ok(outcome), Err)
+}
+
+/// Logs the work of a certificate that was not usual.
+fn log_work(c: &Certified, args: &Args) {
+    let name = &c.frame.name;
+    let asked_to_sum = !matches!(args.kernel.method, Method::Auto | Method::Crossings);
+    if c.stats.exact > 0 {
+        tracing::info!(
+            "{name}: {} decided exactly ({}), because floating-point numbers were not precise \
+             enough: slower, but equally certain",
+            plural(c.stats.exact, "orientation test"),
+            percent(c.stats.exact_share()),
+        );
+    }
+    if let Some(l) = c.ladder.as_ref().filter(|l| l.summed > 0 || asked_to_sum) {
+        tracing::info!(
+            "{name}: {} decided {} (error at most {}, proven bound {}), counting {}; the sums took \
+             {}",
+            args.kernel.method,
+            plural(l.summed, "pair"),
+            brief(l.largest_error),
+            brief(l.largest_bound),
+            count(l.counted),
+            millis(l.summing),
+        );
+    }
+    if c.offload.tests > 0 {
+        tracing::info!(
+            "{name}: {} on the GPU, {} of them repeated on the CPU ({})",
+            plural(c.offload.tests, "test"),
+            count(c.offload.undecided),
+            percent(c.offload.undecided as f64 / c.offload.tests as f64),
+        );
+    }
+}
+
+/// Writes the files of a certificate.
+fn write(path: &Path, c: &Certified, args: &Args, picture: Option<&PathBuf>) -> Result<()> {
+    let (set, overwrite) = (&c.frame.curves, args.overwrite);
+    if let (Some(file), Some(braids)) = (&args.write_braid, &c.braids) {
+        write_text(file, overwrite, &(braids.to_json() + "\n"))?;
+        tracing::info!("{}: written", file.display());
+    }
+    if let (Some(file), Some(braids)) = (&args.write_loops, &c.braids) {
+        write_loops(file, overwrite, braids, set)?;
+        tracing::info!("{}: written", file.display());
+    }
+    if let Some(file) = &args.output {
+        write_text(file, overwrite, &c.certificate.to_string())?;
+        tracing::info!("{}: written", file.display());
+    }
+    if let Some(file) = picture {
+        let linked = picture::links(set, &c.certificate, PLACES);
+        let title = path
+            .file_name()
+            .unwrap_or(path.as_os_str())
+            .to_string_lossy();
+        let svg = picture::draw(set, &title, &summary(c), &linked);
+        write_text(file, overwrite, &svg)?;
+        tracing::info!("{}: written", file.display());
+    }
+    Ok(())
 }
 
 /// Returns the names of the pictures, one per model, or none. Creates their folder.

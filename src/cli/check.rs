@@ -6,9 +6,10 @@ use super::cell_args::CellArgs;
 use super::clearance_args::ClearanceArgs;
 use super::event_args::EventArgs;
 use super::files::{Content, write_text};
-use super::input::{self, FormatArgs, Frame, Sequence};
+use super::input::{self, FormatArgs};
 use super::kernel::KernelArgs;
 use super::output::with_progress;
+use super::sequence::{Frame, Sequence};
 use super::session::{Baseline, FrameCounts, Judge, JunitArgs, Run, Session, Sinks};
 use linkwatch::kernels::Device;
 use linkwatch::{AbortOn, Error, Overflow, Result, Strategy, Verdict};
@@ -22,13 +23,16 @@ const PATIENCE: Duration = Duration::from_secs(60);
 /// Compare the topology of models with a certificate, or with the first model
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// Models, folders of them, or files with several frames; all are frames of one motion, and
-    /// files are sorted by number if their names differ in numbers only
+    /// Models or folders of them: the frames of one motion, sorted by number if their names differ
+    /// in numbers only. Or files with several frames each: each is a run of its own
     #[arg(required = true, value_name = "MODEL")]
     models: Vec<PathBuf>,
     /// Keep the order in which the models are given
     #[arg(long)]
     keep_order: bool,
+    /// Files with several frames each continue one another: all are frames of one motion
+    #[arg(long)]
+    one_motion: bool,
     #[command(flatten)]
     format: FormatArgs,
     /// Expected linking numbers: those of the first model, or a certificate as `linkwatch certify
@@ -67,7 +71,12 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     let models = input::expand(&args.models, args.keep_order)?;
     let from_first_frame = !matches!(args.against, Some(Baseline::File(_)));
     let single = models.len() == 1 && !input::holds_frames(&models[0]);
+    let format = args.format.wrapped(args.cell_args.wrapped());
     if from_first_frame && single {
+        // If the file cannot be read, that is the reason.
+        for frame in Sequence::new(models, &format, false) {
+            frame?.curves.map_err(|e| e.in_file(&args.models[0]))?;
+        }
         return Err(nothing_to_compare());
     }
     if args.early_exit && !matches!(args.kernel.device, Device::Auto | Device::Cpu) {
@@ -121,12 +130,14 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     let mut tally = FrameCounts::default();
     let mut pairs = BTreeSet::new();
     let mut failed = None;
-    let format = args.format.wrapped(args.cell_args.wrapped());
-    for frame in Sequence::new(models, &format) {
+    for frame in Sequence::new(models, &format, args.one_motion) {
         let judged = frame.and_then(|frame| {
             let Frame { name, path, .. } = &frame;
             let (name, path) = (name.clone(), path.clone());
             let (seq, time) = (frame.seq, frame.time);
+            if frame.begins_run {
+                session.begin_run()?;
+            }
             let progress = session.progress();
             let judged = with_progress(&name, progress, || session.judge(seq, time, frame.into()));
             let mut judged = judged.map_err(|e| e.in_file(&path))?;
@@ -158,7 +169,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         pairs.extend(changes.map(|c| (c.i, c.j, cell.map(|_| c.image), c.expected, c.found)));
         session.publish(judged, tally);
     }
-    if failed.is_none() && from_first_frame && tally.verified + tally.rejected == 1 {
+    if failed.is_none() && from_first_frame && (tally.verified, tally.rejected) == (1, 0) {
         return Err(nothing_to_compare());
     }
     if failed.is_some() {

@@ -1,9 +1,11 @@
 //! `linkwatch convert`: rewrites the frames of model files and recordings in another format.
 
 use super::Outcome;
+use super::cell_args::{CellArgs, Cells};
 use super::files::{Content, Files, Overwrite, with_suffix, write_pair, write_whole};
-use super::input::{self, FormatArgs, Frame, Sequence};
+use super::input::{self, FormatArgs};
 use super::output::{self, count, plural};
+use super::sequence::{Frame, Sequence};
 #[cfg(feature = "mcap")]
 use super::session::MOTION_LIMIT;
 #[cfg(feature = "mcap")]
@@ -37,8 +39,13 @@ pub struct Args {
     /// Keep the order in which the files are given
     #[arg(long)]
     keep_order: bool,
+    /// Files with several frames each continue one another: write them as one motion
+    #[arg(long)]
+    one_motion: bool,
     #[command(flatten)]
     format: FormatArgs,
+    #[command(flatten)]
+    cell_args: CellArgs,
     #[command(flatten)]
     overwrite: Overwrite,
 }
@@ -51,9 +58,17 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     args.format.files().for_each(|path| files.reads(path));
     let target = Target::of(&args.output)?;
     files.writes("OUT", &args.output, target.content())?;
-    let mut frames = Sequence::new(inputs, &args.format).filter(|frame| match frame {
-        Ok(frame) => args.frame.is_none_or(|seq| seq == frame.seq),
-        Err(_) => true,
+    let format = args.format.wrapped(args.cell_args.wrapped());
+    let mut cells = Cells::new(args.cell_args);
+    let frames = Sequence::new(inputs, &format, args.one_motion);
+    let mut frames = frames.filter_map(|frame| match frame {
+        Ok(frame) if frame.begins_run => Some(Err(Error::Usage(format!(
+            "{}: this file and one before it have several frames each, so they may be runs of \
+             their own: convert each alone, or give --one-motion",
+            frame.path.display()
+        )))),
+        Ok(frame) if args.frame.is_some_and(|seq| seq != frame.seq) => None,
+        frame => Some(frame.map(|frame| settle(frame, &mut cells))),
     });
     let Some(first) = frames.next().transpose()? else {
         return Err(Error::Usage(match args.frame {
@@ -104,6 +119,17 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         false => Outcome::Fine,
     };
     Ok(outcome.max(input::outcome_without(&converter.left_out)))
+}
+
+/// Returns a frame with the cell that the user chose, and unwrapped curves.
+fn settle(mut frame: Frame, cells: &mut Cells) -> Frame {
+    let of_frame = frame.info.cell;
+    frame.curves = frame.curves.and_then(|set| {
+        let unwrapped = cells.unwrap(&set, of_frame)?;
+        Ok(unwrapped.unwrap_or(set))
+    });
+    cells.apply(&mut frame.info);
+    frame
 }
 
 /// Kind of the output.

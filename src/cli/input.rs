@@ -1,13 +1,18 @@
 //! Curves of arguments: model files, folders and patterns of them, recordings, generated scenes.
 
+#[cfg(feature = "lab")]
+use super::cell_args::CellArgs;
+#[cfg(feature = "lab")]
+use super::frames::{Selected, Selection};
+#[cfg(feature = "mcap")]
+use super::recorded::Recorded;
 use super::{Outcome, order, output};
+#[cfg(feature = "mcap")]
+use linkwatch::RecordingReader;
 use linkwatch::model::{Frames, LeftOut, ModelFrame, ReadOptions};
 use linkwatch::scenes::Scene;
-use linkwatch::{Cell, CurveLabels, CurveSet, Error, FrameInfo, Result, model};
-#[cfg(feature = "mcap")]
-use linkwatch::{Ending, RecordingReader};
+use linkwatch::{CurveSet, Error, FrameInfo, Result, model};
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 
 /// Information on curves that some formats lack.
 #[derive(Clone, Debug, Default, clap::Args)]
@@ -64,62 +69,16 @@ impl FormatArgs {
 /// Errors: [`Error::Usage`] if the frame has a periodic cell, besides those of reading.
 #[cfg(feature = "lab")]
 pub fn read(argument: &Path) -> Result<CurveSet> {
-    let args = FormatArgs::default();
-    let picked = read_frame(argument, &args, Pick::First)?;
-    if let Some(cell) = picked.cell {
-        return Err(Error::Usage(format!(
+    let (format, cells) = (FormatArgs::default(), CellArgs::default());
+    let picked = Selected::open(argument, &format, cells, Selection::First)?.one()?;
+    match picked.cell {
+        None => Ok(picked.curves),
+        Some(cell) => Err(Error::Usage(format!(
             "{}: the frame has a periodic cell ({cell}), but this command considers the curves \
              alone, without their images: `linkwatch convert` writes them to a format without a \
              cell, .bcc for example",
             argument.display()
-        )));
-    }
-    warn_of_frames(argument, &args, &picked)?;
-    Ok(picked.curves)
-}
-
-/// Warns if a file has several frames, of which only one was read.
-pub fn warn_of_frames(argument: &Path, args: &FormatArgs, picked: &Picked) -> Result<()> {
-    let Some(number) = picked.number else {
-        return Ok(());
-    };
-    let frames = frames_of(argument, args)?.filter(Result::is_ok).count();
-    if frames > 1 {
-        tracing::warn!(
-            "{}: {frames} frames; only the first one is used, frame {number} (`linkwatch convert \
-             --frame` writes another one to a file)",
-            argument.display(),
-        );
-    }
-    Ok(())
-}
-
-/// The frame of a file with several.
-#[derive(Clone, Copy, Debug)]
-pub enum Pick {
-    First,
-    Last,
-    /// The one with this number.
-    Number(u64),
-}
-
-/// One frame of an argument.
-pub struct Picked {
-    pub curves: CurveSet,
-    /// Radii of the curves, or none.
-    pub radii: Vec<f32>,
-    /// Number of the frame, if the file may have several.
-    pub number: Option<u64>,
-    /// Periodic cell of the frame, if it has one.
-    pub cell: Option<Cell>,
-    /// Elements of the file that may be curves of this frame, and were not read.
-    pub left_out: Vec<LeftOut>,
-}
-
-impl Picked {
-    /// Returns the best possible outcome of a command that considers this frame.
-    pub fn outcome(&self) -> Outcome {
-        outcome_without(&self.left_out)
+        ))),
     }
 }
 
@@ -131,53 +90,13 @@ pub fn outcome_without(left_out: &[LeftOut]) -> Outcome {
     }
 }
 
-/// Reads one frame of a model file or of a recording, or builds a scene as [`read`] does.
-pub fn read_frame(argument: &Path, args: &FormatArgs, pick: Pick) -> Result<Picked> {
-    let frames = match frames_of(argument, args) {
-        Err(Error::UnknownModel { .. }) if !argument.exists() => {
-            return Ok(Picked {
-                curves: scene(argument)?,
-                radii: Vec::new(),
-                number: None,
-                cell: None,
-                left_out: Vec::new(),
-            });
-        }
-        frames => frames?,
-    };
-    let mut found = None;
-    for frame in frames {
-        let frame = match frame {
-            Err(e) if matches!(pick, Pick::Last) && found.is_some() => {
-                tracing::warn!("{e}; the last frame before that is used");
-                break;
-            }
-            frame => frame?,
-        };
-        match pick {
-            Pick::Number(seq) if seq != frame.seq => continue,
-            Pick::Last => found = Some(frame),
-            _ => {
-                found = Some(frame);
-                break;
-            }
-        }
-    }
-    let frame = found.ok_or_else(|| {
-        let what = match pick {
-            Pick::Number(seq) => format!("no frame {seq}"),
-            _ => "no frame".into(),
-        };
-        Error::Usage(format!("{}: {what}", argument.display()))
-    })?;
-    output::warn_of_left_out(argument, &frame.left_out);
-    Ok(Picked {
-        curves: frame.curves.map_err(|e| e.in_file(argument))?,
-        radii: frame.labels.radii.clone(),
-        cell: frame.cell,
-        left_out: frame.left_out,
-        number: holds_frames(argument).then_some(frame.seq),
-    })
+/// Warns of elements of a file that were not read, once for each kind. `known` has the kinds that
+/// the user knows already.
+pub fn warn_of_new(file: &Path, known: &mut Vec<LeftOut>, found: &[LeftOut]) {
+    let mut new = found.to_vec();
+    new.retain(|found| known.iter().all(|known| known.kind != found.kind));
+    LeftOut::merge(known, &new);
+    output::warn_of_left_out(file, &new);
 }
 
 /// Builds the scene that an argument describes.
@@ -308,91 +227,12 @@ pub fn is_recording(path: &Path) -> Result<bool> {
     Ok(!matches!(first, Ok(None)) || !reader.metadata().is_empty() || reader.skipped() == 0)
 }
 
-/// Frames of a file, in the order of the file.
-type FileFrames = Box<dyn Iterator<Item = Result<ModelFrame>>>;
-
-/// Opens a model file or a recording.
-fn frames_of(path: &Path, args: &FormatArgs) -> Result<FileFrames> {
-    #[cfg(feature = "mcap")]
-    if is_mcap(path) && is_recording(path)? {
-        return Ok(Box::new(Recorded {
-            reader: Some(RecordingReader::open(path).map_err(|e| e.in_file(path))?),
-            path: path.to_owned(),
-        }));
-    }
-    Ok(Box::new(Frames::open(path, &args.options())?))
-}
-
-/// Frames of a recording.
-#[cfg(feature = "mcap")]
-struct Recorded {
-    path: PathBuf,
-    /// `None` after an error.
-    reader: Option<RecordingReader<std::io::BufReader<std::fs::File>>>,
-}
-
-#[cfg(feature = "mcap")]
-impl Iterator for Recorded {
-    type Item = Result<ModelFrame>;
-
-    fn next(&mut self) -> Option<Result<ModelFrame>> {
-        use linkwatch::RecordedItem;
-        loop {
-            let frame = match self.reader.as_mut()?.next_item() {
-                Ok(Some(RecordedItem::Frame(frame))) => frame,
-                Ok(Some(RecordedItem::Baseline(_) | RecordedItem::Verdict(_))) => continue,
-                Ok(None) => {
-                    let cut = match self.reader.take()?.ending() {
-                        Some(Ending::Cut { at, what }) => Error::Usage(format!(
-                            "the recording was cut off at byte {}, in {what}; all complete frames \
-                             before that were read",
-                            output::count(*at)
-                        )),
-                        _ => return None,
-                    };
-                    return Some(Err(cut.in_file(&self.path)));
-                }
-                Err(e) => {
-                    self.reader = None;
-                    return Some(Err(e.in_file(&self.path)));
-                }
-            };
-            let mut set = None;
-            let curves = frame.ingest(&mut set);
-            let curves = curves.map(|()| set.expect("set by a frame without errors"));
-            let mut read = ModelFrame::new(frame.seq, curves);
-            read.time = frame.time;
-            read.labels = frame.info.labels;
-            return Some(Ok(read));
-        }
-    }
-}
-
-/// Frames of several files, one after the other.
-pub struct Sequence {
-    args: FormatArgs,
-    files: std::vec::IntoIter<PathBuf>,
-    /// True if frames have numbers of their own: there is one file.
-    numbered: bool,
-    current: Option<(PathBuf, FileFrames)>,
-    /// Elements that were not read of the current file.
-    left_out: Vec<LeftOut>,
-    /// Number of the last frame.
-    last: Option<u64>,
-    /// Names and radii of the last valid frame, and the number of points of each of its curves.
-    info: FrameInfo,
-    counts: Vec<i32>,
-}
-
-/// A frame of a [`Sequence`].
-pub struct Frame {
-    /// Name of the file, with the number of the frame if the file may hold several.
-    pub name: String,
-    pub path: PathBuf,
-    /// Number of the frame in its file; or counted from 0 if there are several files.
+/// A frame of a file.
+pub struct Read {
     pub seq: u64,
     /// Simulation time in seconds; 0 if it is unknown.
     pub time: f64,
+    /// Cell, names and radii; for a recording, all that the simulator told about the frame.
     pub info: FrameInfo,
     /// Elements of the file that may be curves of this frame, and were not read.
     pub left_out: Vec<LeftOut>,
@@ -400,99 +240,59 @@ pub struct Frame {
     pub curves: Result<CurveSet>,
 }
 
-impl Sequence {
-    /// Prepares to read files, which [`expand`] returned.
-    pub fn new(files: Vec<PathBuf>, args: &FormatArgs) -> Sequence {
-        Sequence {
-            args: args.clone(),
-            numbered: files.len() == 1,
-            files: files.into_iter(),
-            current: None,
-            left_out: Vec::new(),
-            last: None,
-            info: FrameInfo::default(),
-            counts: Vec::new(),
-        }
+impl Read {
+    /// Returns a frame without valid curves.
+    pub fn invalid(seq: u64, why: Error) -> Read {
+        ModelFrame::new(seq, Err(why)).into()
     }
+}
 
-    /// Notes the labels of a frame. Named curves may change from frame to frame; radii alone do
-    /// not: the first ones are kept.
-    fn note(&mut self, curves: &CurveSet, labels: &Arc<CurveLabels>) {
-        let same_counts = curves.counts().eq(self.counts.iter().copied());
-        if same_counts && labels.names == self.info.labels.names {
-            return;
-        }
-        if !self.counts.is_empty() && !labels.names.is_empty() {
-            self.info.layout += 1;
-        }
-        self.info.labels = Arc::clone(labels);
-        self.counts = curves.counts().collect();
-    }
-
-    fn next_of_file(&mut self) -> Option<Result<(PathBuf, ModelFrame)>> {
-        loop {
-            if let Some((path, frames)) = &mut self.current {
-                match frames.next() {
-                    Some(frame) => return Some(frame.map(|frame| (path.clone(), frame))),
-                    None => self.current = None,
-                }
-            }
-            let path = self.files.next()?;
-            match frames_of(&path, &self.args) {
-                Ok(frames) => {
-                    self.current = Some((path, frames));
-                    self.left_out.clear();
-                }
-                Err(e) => return Some(Err(e)),
-            }
+impl From<ModelFrame> for Read {
+    fn from(frame: ModelFrame) -> Read {
+        let ModelFrame {
+            seq,
+            time,
+            cell,
+            labels,
+            left_out,
+            curves,
+            ..
+        } = frame;
+        let info = FrameInfo {
+            cell,
+            labels,
+            ..FrameInfo::default()
+        };
+        Read {
+            seq,
+            time,
+            info,
+            left_out,
+            curves,
         }
     }
 }
 
-impl Iterator for Sequence {
-    type Item = Result<Frame>;
+/// Frames of a file, in the order of the file.
+pub type FileFrames = Box<dyn Iterator<Item = Result<Read>>>;
 
-    /// Returns the next frame. A file whose content is invalid gives an invalid frame.
-    ///
-    /// Errors: a file that cannot be read, or is no model. The next call goes on with the next
-    /// file.
-    fn next(&mut self) -> Option<Result<Frame>> {
-        let (path, frame) = match self.next_of_file()? {
-            Ok(read) => read,
-            Err(Error::InFile { path, source }) => {
-                let seq = self.last.map_or(0, |seq| seq + 1);
-                (path, ModelFrame::new(seq, Err(*source)))
-            }
-            Err(e) => return Some(Err(e)),
-        };
-        let seq = match self.numbered {
-            true => frame.seq,
-            false => self.last.map_or(0, |seq| seq + 1),
-        };
-        self.last = Some(seq);
-        if let Ok(curves) = &frame.curves {
-            self.note(curves, &frame.labels);
+/// Opens a model file or a recording.
+pub fn open(path: &Path, args: &FormatArgs) -> Result<FileFrames> {
+    #[cfg(feature = "mcap")]
+    if is_mcap(path) && is_recording(path)? {
+        return Ok(Box::new(Recorded::open(path)?));
+    }
+    let frames = Frames::open(path, &args.options())?;
+    Ok(Box::new(frames.map(|frame| frame.map(Read::from))))
+}
+
+/// Same as [`open`]; an argument that is no file is a scene of one frame.
+pub fn open_or_build(argument: &Path, args: &FormatArgs) -> Result<FileFrames> {
+    match open(argument, args) {
+        Err(Error::UnknownModel { .. }) if !argument.exists() => {
+            let frame = ModelFrame::new(0, Ok(scene(argument)?));
+            Ok(Box::new(std::iter::once(Ok(frame.into()))))
         }
-        // Once for each kind of a file.
-        let mut new = frame.left_out.clone();
-        new.retain(|found| self.left_out.iter().all(|known| known.kind != found.kind));
-        LeftOut::merge(&mut self.left_out, &new);
-        output::warn_of_left_out(&path, &new);
-        let name = match holds_frames(&path) {
-            true => format!("{}, frame {}", path.display(), frame.seq),
-            false => path.display().to_string(),
-        };
-        Some(Ok(Frame {
-            name,
-            path,
-            seq,
-            time: frame.time,
-            info: FrameInfo {
-                cell: frame.cell,
-                ..self.info.clone()
-            },
-            left_out: frame.left_out,
-            curves: frame.curves,
-        }))
+        frames => frames,
     }
 }

@@ -11,6 +11,7 @@ mod convert;
 mod devices;
 mod event_args;
 mod files;
+mod frames;
 mod generate;
 mod input;
 mod kernel;
@@ -29,6 +30,8 @@ mod order;
 mod output;
 mod plan;
 #[cfg(feature = "mcap")]
+mod recorded;
+#[cfg(feature = "mcap")]
 mod repair;
 #[cfg(feature = "lab")]
 mod repeat;
@@ -36,6 +39,7 @@ mod repeat;
 mod replay;
 #[cfg(feature = "mcap")]
 mod report;
+mod sequence;
 #[cfg(feature = "bus")]
 mod services;
 mod session;

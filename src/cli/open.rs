@@ -1,9 +1,10 @@
 //! `linkwatch certify --open`: prints the Gauss linking integrals of all pairs of curves.
 
 use super::Outcome;
+use super::frames::Picked;
 use super::output::{self, millis, plural};
 use super::writhe::warn_of_bound;
-use linkwatch::{CurveSet, GaussIntegrals, Result};
+use linkwatch::{GaussIntegrals, Result};
 use serde_json::json;
 use std::path::Path;
 use std::time::Instant;
@@ -11,13 +12,18 @@ use std::time::Instant;
 /// Prints `i,j,integral,bound` for every pair of curves of a set. None is rounded to an integer.
 ///
 /// Pairs whose integral is below `least` in size, even with its bound, are skipped.
+/// A line with the name of the frame comes first if it is `titled`.
 pub fn print(
     path: &Path,
-    set: &CurveSet,
-    tolerance: f64,
-    least: f64,
+    frame: &Picked,
+    (tolerance, least): (f64, f64),
+    titled: bool,
     as_json: bool,
 ) -> Result<Outcome> {
+    let (name, set) = (&frame.name, &frame.curves);
+    if titled && !as_json {
+        output::line(format_args!("# {name}"));
+    }
     let integrals = GaussIntegrals::new(set)?;
     let start = Instant::now();
     let (mut printed, mut undecided) = (0, 0);
@@ -35,7 +41,7 @@ pub fn print(
             printed += 1;
             if as_json {
                 output::json(&json!({
-                    "model": path, "i": i, "j": j, "integral": found.value, "bound": found.bound,
+                    "model": path, "frame": frame.number, "time": frame.time, "i": i, "j": j, "integral": found.value, "bound": found.bound,
                 }));
             } else {
                 let (value, bound) = (found.value, found.bound);
@@ -45,8 +51,7 @@ pub fn print(
     }
     let pairs = set.len() * set.len().saturating_sub(1) / 2;
     tracing::info!(
-        "{}: {}, {} of them printed ({})",
-        path.display(),
+        "{name}: {}, {} of them printed ({})",
         plural(pairs as u64, "linking integral"),
         output::count(printed),
         millis(start.elapsed()),
@@ -54,14 +59,10 @@ pub fn print(
     let Some((i, j, found)) = worst else {
         return Ok(Outcome::Fine);
     };
-    warn_of_bound(
-        &format!("{}: curves {i} and {j}", path.display()),
-        found,
-        tolerance,
-    );
+    warn_of_bound(&format!("{name}: curves {i} and {j}"), found, tolerance);
     if undecided > 1 {
         let others = plural(undecided - 1, "other pair");
-        tracing::warn!("{}: and {others}", path.display());
+        tracing::warn!("{name}: and {others}");
     }
     Ok(Outcome::Undecided)
 }

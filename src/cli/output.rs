@@ -67,6 +67,15 @@ pub fn json(value: &serde_json::Value) {
     line(value);
 }
 
+/// Returns a JSON object with the fields of two.
+pub fn joined(first: &serde_json::Value, second: serde_json::Value) -> serde_json::Value {
+    let mut all = first.clone();
+    if let (Some(all), serde_json::Value::Object(second)) = (all.as_object_mut(), second) {
+        all.extend(second);
+    }
+    all
+}
+
 /// Writes the error that ends the command to stderr.
 pub fn error(e: impl std::fmt::Display) {
     stream::put(Target::Err, format!("error: {e}\n").into_bytes());

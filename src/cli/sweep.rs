@@ -3,7 +3,8 @@
 use super::Outcome;
 use super::cell_args::CellArgs;
 use super::files::{Content, Files, Overwrite, write_text};
-use super::input::{FormatArgs, Pick};
+use super::frames::{Selected, Selection};
+use super::input::FormatArgs;
 use super::output::{self, count, plural, with_progress};
 use linkwatch::sweep::{MOST_BITS, Reduction, Sweep, SweepStep, plot};
 use linkwatch::{Events, Report, Result, Verdict, VerifierOptions};
@@ -155,8 +156,10 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         files.writes("--plot", file, Content::Text)?;
     }
     let reductions = reductions(args)?;
-    let pick = args.frame.map_or(Pick::First, Pick::Number);
-    let picked = args.cell_args.read_frame(&args.model, &args.format, pick)?;
+    let selection = args
+        .frame
+        .map_or(Selection::First, |n| Selection::Numbers(n, n));
+    let picked = Selected::open(&args.model, &args.format, args.cell_args, selection)?.one()?;
     let complete = picked.outcome();
     let (set, cell) = (picked.curves, picked.cell);
     let name = args.model.display().to_string();

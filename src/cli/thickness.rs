@@ -3,12 +3,13 @@
 use super::Outcome;
 use super::cell_args::CellArgs;
 use super::clearance_args::StrandRadius;
-use super::input::{self, FormatArgs, Pick};
+use super::frames::{self, FrameArgs, Picked};
+use super::input::{self, FormatArgs};
 use super::number::positive;
 use super::output::{self, percent, plural};
 use linkwatch::{Error, MinRad, Result, Strut, Thickness, struts_in_cell};
 use serde_json::{Value, json};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 /// Maximum number of struts or overlaps that are printed; the rest is counted.
 const SENTENCES: usize = 20;
@@ -35,9 +36,8 @@ pub struct Args {
     /// where two strands, or one and itself, overlap
     #[arg(long, value_name = "R|published")]
     radius: Option<StrandRadius>,
-    /// Frame to measure, by its number, of files with several frames [default: the last one]
-    #[arg(long, value_name = "SEQ")]
-    frame: Option<u64>,
+    #[command(flatten)]
+    frames: FrameArgs,
     #[command(flatten)]
     format: FormatArgs,
     #[command(flatten)]
@@ -49,8 +49,6 @@ pub struct Args {
 
 /// Results of one model.
 struct Measured {
-    /// Best possible outcome: the file may have more curves.
-    outcome: Outcome,
     found: Thickness,
     extent: f64,
     /// Struts of --struts.
@@ -63,56 +61,57 @@ struct Measured {
 
 /// Runs the command.
 pub fn run(args: &Args, json: bool) -> Result<Outcome> {
-    let mut outcome = Outcome::Fine;
-    for path in &input::expand_models(&args.models)? {
-        let measured = measure(path, args)?;
-        outcome = outcome.max(measured.outcome);
-        match json {
-            true => output::json(&to_json(path, &measured, args)),
-            false => print(path, &measured, args),
-        }
-    }
-    Ok(outcome)
+    frames::for_each(&input::expand_models(&args.models)?, |path| {
+        let frames = args.frames.open(path, &args.format, args.cell_args)?;
+        let several = frames.are_several();
+        frames.each(|frame| {
+            let measured = measure(&frame, args)?;
+            let head = json!({
+                "model": path.display().to_string(), "frame": frame.number, "time": frame.time,
+            });
+            match json {
+                true => output::json(&output::joined(&head, to_json(&measured, args))),
+                false => print(&frame.name, &measured, several, args),
+            }
+            Ok(Outcome::Fine)
+        })
+    })
 }
 
-fn measure(path: &Path, args: &Args) -> Result<Measured> {
-    let pick = args.frame.map_or(Pick::Last, Pick::Number);
-    let picked = args.cell_args.read_frame(path, &args.format, pick)?;
-    let outcome = picked.outcome();
-    let (set, cell, published) = (picked.curves, picked.cell.as_ref(), picked.radii);
-    if let Some(cell) = picked.cell {
-        let name = path.display().to_string();
-        args.cell_args.warn_of_segments(&name, &set, Some(cell));
+fn measure(frame: &Picked, args: &Args) -> Result<Measured> {
+    let (set, cell) = (&frame.curves, frame.cell.as_ref());
+    if cell.is_some() && frame.is_first {
+        args.cell_args
+            .warn_of_segments(&frame.name, set, frame.cell);
     }
-    let published: Vec<f64> = published.into_iter().map(f64::from).collect();
+    let published: Vec<f64> = frame.radii.iter().copied().map(f64::from).collect();
     let radii = match args.radius {
         None => Vec::new(),
         Some(StrandRadius::Of(radius)) => vec![radius; set.len()],
         Some(StrandRadius::Published) if published.len() == set.len() => published,
         Some(StrandRadius::Published) => {
-            let what = format!("{}: the curves have no radii", path.display());
+            let what = format!("{}: the curves have no radii", frame.name);
             return Err(Error::Usage(what));
         }
     };
-    let found = Thickness::in_cell(&set, cell)?;
+    let found = Thickness::in_cell(set, cell)?;
     let shortest = found.poca.map(|strut| strut.length);
     let listed = args.struts.zip(shortest);
     let listed =
-        listed.map(|(share, shortest)| struts_in_cell(&set, cell, (1.0 + share) * shortest));
+        listed.map(|(share, shortest)| struts_in_cell(set, cell, (1.0 + share) * shortest));
     let largest = radii.iter().copied().reduce(f64::max);
     let overlaps = largest.map(|radius| {
         let reach = |strut: &Strut| {
             let [a, b] = strut.ends.map(|end| radii[end.curve as usize]);
             a + b
         };
-        let all = struts_in_cell(&set, cell, 2.0 * radius)?.into_iter();
+        let all = struts_in_cell(set, cell, 2.0 * radius)?.into_iter();
         let all = all.map(|strut| (strut, reach(&strut)));
         let mut all: Vec<(Strut, f64)> = all.filter(|(s, sum)| s.length < *sum).collect();
         all.sort_by(|(a, p), (b, q)| (a.length / p).total_cmp(&(b.length / q)));
         Ok::<_, Error>(all)
     });
     Ok(Measured {
-        outcome,
         found,
         extent: set.extent(),
         struts: listed.transpose()?,
@@ -121,22 +120,24 @@ fn measure(path: &Path, args: &Args) -> Result<Measured> {
     })
 }
 
-fn print(path: &Path, measured: &Measured, args: &Args) {
+/// Prints the results of a frame: one line for each of several frames, and what was asked for.
+fn print(name: &str, measured: &Measured, several: bool, args: &Args) {
     let Measured { found, extent, .. } = measured;
     let stiffness = args.stiffness;
     output::line(format_args!(
-        "{}: thickness {}, ropelength {}, length {}",
-        path.display(),
+        "{name}: thickness {}, ropelength {}, length {}",
         found.thickness(stiffness),
         found.ropelength(stiffness),
         found.length
     ));
-    let none = || "no curve bends".to_owned();
-    let bend = found.min_rad.map_or_else(none, |m| m.sentence(*extent));
-    output::line(format_args!("  {bend}"));
-    let none = || "no two places are closer than those around them".to_owned();
-    let strut = found.poca.map_or_else(none, |s| s.sentence(*extent));
-    output::line(format_args!("  {strut}"));
+    if !several {
+        let none = || "no curve bends".to_owned();
+        let bend = found.min_rad.map_or_else(none, |m| m.sentence(*extent));
+        output::line(format_args!("  {bend}"));
+        let none = || "no two places are closer than those around them".to_owned();
+        let strut = found.poca.map_or_else(none, |s| s.sentence(*extent));
+        output::line(format_args!("  {strut}"));
+    }
     if let Some(struts) = &measured.struts {
         output::line(format_args!("  {}", plural(struts.len() as u64, "strut")));
         list(struts, |strut| strut.sentence(*extent));
@@ -176,7 +177,7 @@ fn list<T>(struts: &[T], sentence: impl Fn(&T) -> String) {
     }
 }
 
-fn to_json(path: &Path, measured: &Measured, args: &Args) -> Value {
+fn to_json(measured: &Measured, args: &Args) -> Value {
     let Measured {
         found,
         struts,
@@ -184,7 +185,6 @@ fn to_json(path: &Path, measured: &Measured, args: &Args) -> Value {
         ..
     } = measured;
     let mut line = json!({
-        "model": path.display().to_string(),
         "length": found.length,
         // Infinite values are null.
         "min_rad": found.min_rad.map(|m| m.radius),

@@ -2,16 +2,18 @@
 //! ribbons.
 
 use super::Outcome;
-use super::input::{self, FormatArgs, Pick};
+use super::cell_args::CellArgs;
+use super::frames::{self, FrameArgs, Picked};
+use super::input::{self, FormatArgs};
 use super::number::positive;
 use super::output::{self, millis};
 use linkwatch::kernels::Estimate;
 use linkwatch::{
-    Axis, Cell, CurveSet, Error, GaussIntegrals, Pairing, PairingReason, Result, Ribbon,
-    RibbonOptions, period,
+    Axis, Cell, CurveSet, Error, GaussIntegrals, Image, Pairing, PairingReason, Result, Ribbon,
+    RibbonOptions, beside, period,
 };
-use serde_json::json;
-use std::path::{Path, PathBuf};
+use serde_json::{Value, json};
+use std::path::PathBuf;
 use std::str::FromStr;
 use std::time::Instant;
 
@@ -43,11 +45,12 @@ pub struct Args {
     /// Error bound to reach, if possible. A smaller one takes longer
     #[arg(long, value_name = "BOUND", default_value_t = 1e-4, value_parser = positive)]
     tolerance: f64,
-    /// Frame to measure, by its number, of files with several frames [default: the last one]
-    #[arg(long, value_name = "SEQ")]
-    frame: Option<u64>,
+    #[command(flatten)]
+    frames: FrameArgs,
     #[command(flatten)]
     format: FormatArgs,
+    #[command(flatten)]
+    cell_args: CellArgs,
 }
 
 /// Pairing that was asked for; `None`: auto.
@@ -85,72 +88,74 @@ impl FromStr for Strands {
 
 /// Runs the command.
 pub fn run(args: &Args, as_json: bool) -> Result<Outcome> {
-    let mut outcome = Outcome::Fine;
-    for path in &input::expand(&args.models, true)? {
-        let pick = args.frame.map_or(Pick::Last, Pick::Number);
-        let picked = input::read_frame(path, &args.format, pick)?;
-        outcome = outcome.max(picked.outcome());
-        let set = picked.curves;
-        if let Some(cell) = &picked.cell {
-            refuse_yarns(path, &set, cell)?;
-        }
-        outcome = outcome.max(if args.ribbon.is_empty() {
-            curves(path, &set, args, as_json)?
-        } else {
-            ribbons(path, &set, args, as_json)?
-        });
-    }
-    Ok(outcome)
+    frames::for_each(&input::expand_models(&args.models)?, |path| {
+        let frames = args.frames.open(path, &args.format, args.cell_args)?;
+        frames.each(|frame| {
+            if let Some(cell) = frame.cell {
+                if frame.is_first {
+                    args.cell_args
+                        .warn_of_segments(&frame.name, &frame.curves, Some(cell));
+                }
+                refuse_yarns(&frame.name, &frame.curves, &cell)?;
+            }
+            let head = json!({ "model": path, "frame": frame.number, "time": frame.time });
+            match args.ribbon.is_empty() {
+                true => curves(&frame, args, as_json.then_some(head)),
+                false => ribbons(&frame, args, as_json.then_some(head)),
+            }
+        })
+    })
 }
 
 /// Refuses curves that run through a periodic cell. The writhe of other curves does not depend on
 /// their images.
-fn refuse_yarns(path: &Path, set: &CurveSet, cell: &Cell) -> Result<()> {
+fn refuse_yarns(name: &str, set: &CurveSet, cell: &Cell) -> Result<()> {
     let mut curves = 0..set.len();
     match curves.find(|&i| period(set, i, cell).is_some()) {
         None => Ok(()),
         Some(i) => Err(Error::Usage(format!(
-            "{}: curve {i} runs through the periodic cell: it stands for an infinite curve, and \
-             the writhe of one period would depend on where it begins",
-            path.display()
+            "{name}: curve {i} runs through the periodic cell: it stands for an infinite curve, \
+             and the writhe of one period would depend on where it begins"
         ))),
     }
 }
 
-/// Prints the writhe of every curve.
-fn curves(path: &Path, set: &CurveSet, args: &Args, as_json: bool) -> Result<Outcome> {
+/// Prints the writhe of every curve. `head` has the first fields of each JSON object, if results are
+/// printed as JSON.
+fn curves(frame: &Picked, args: &Args, head: Option<Value>) -> Result<Outcome> {
+    let set = &frame.curves;
     let integrals = GaussIntegrals::new(set)?;
     let mut outcome = Outcome::Fine;
     for i in 0..set.len() {
         let start = Instant::now();
         let writhe = integrals.writhe(i, args.tolerance);
         let took = start.elapsed();
-        if as_json {
-            output::json(&json!({
-                "model": path,
+        let name = format!("{}: curve {i}", frame.name);
+        if let Some(head) = &head {
+            let found = json!({
                 "curve": i,
                 "closed": set.curve(i).closed,
                 "segments": set.curve(i).segments,
                 "writhe": writhe,
                 "ms": took.as_secs_f64() * 1e3,
-            }));
+            });
+            output::json(&output::joined(head, found));
         } else {
-            let name = format!("{}: curve {i}", path.display());
             output::line(format_args!("{name}: writhe {writhe} ({})", millis(took)));
         }
         if writhe.bound > args.tolerance {
             outcome = Outcome::Undecided;
-            let name = format!("{}: curve {i}", path.display());
             warn_of_bound(&name, writhe, args.tolerance);
         }
     }
     Ok(outcome)
 }
 
-/// Prints linking number, twist and writhe of every ribbon.
-fn ribbons(path: &Path, set: &CurveSet, args: &Args, as_json: bool) -> Result<Outcome> {
+/// Prints linking number, twist and writhe of every ribbon. See [`curves`].
+fn ribbons(frame: &Picked, args: &Args, head: Option<Value>) -> Result<Outcome> {
+    let set = &frame.curves;
     let mut outcome = Outcome::Fine;
-    for [i, j] in strands(path, set, &args.ribbon)? {
+    for [i, j] in strands(&frame.name, set, &args.ribbon)? {
         let axis = if args.axis_first {
             Axis::First
         } else {
@@ -161,14 +166,21 @@ fn ribbons(path: &Path, set: &CurveSet, args: &Args, as_json: bool) -> Result<Ou
             pairing: args.pairing,
             tolerance: args.tolerance,
         };
-        let ribbon = Ribbon::of(set, [i, j], options)?;
+        let of_image = match frame.cell {
+            Some(cell) if i.max(j) < set.len() => Some(beside(set, [i, j], &cell)?),
+            _ => None,
+        };
+        let ribbon = match &of_image {
+            Some((strands, _)) => Ribbon::of(strands, [0, 1], options)?,
+            None => Ribbon::of(set, [i, j], options)?,
+        };
         let residual = ribbon.residual();
         let passages = ribbon.passages();
-        let name = format!("{}: ribbon {i},{j}", path.display());
-        if as_json {
-            output::json(&json!({
-                "model": path,
+        let name = format!("{}: ribbon {i},{j}", frame.name);
+        if let Some(head) = &head {
+            let found = json!({
                 "strands": [i, j],
+                "image": of_image.as_ref().map(|(_, image)| image),
                 "axis": axis,
                 "pairing": ribbon.pairing.to_string(),
                 "pairing_by": ribbon.reason,
@@ -178,7 +190,8 @@ fn ribbons(path: &Path, set: &CurveSet, args: &Args, as_json: bool) -> Result<Ou
                 "residual": residual,
                 "passages": passages,
                 "ms": ribbon.times.map(|t| t.as_secs_f64() * 1e3),
-            }));
+            });
+            output::json(&output::joined(head, found));
         } else {
             let linking = ribbon.linking.map_or("undefined".into(), |n| n.to_string());
             let [lk, tw, wr] = ribbon.times.map(millis);
@@ -199,6 +212,14 @@ fn ribbons(path: &Path, set: &CurveSet, args: &Args, as_json: bool) -> Result<Ou
                 "{name}: another pairing of the vertices fits nearly as well, and has another \
                  twist: {}",
                 rivals.join(", ")
+            );
+        }
+        if let Some((_, image)) = &of_image
+            && *image != Image::default()
+        {
+            let [n1, n2, n3] = image;
+            tracing::info!(
+                "{name}: with the image {n1},{n2},{n3} of curve {j}, nearest to curve {i}"
             );
         }
         if let Some((_, place)) = ribbon.contact {
@@ -234,15 +255,14 @@ fn pairing_words(ribbon: &Ribbon) -> String {
 }
 
 /// Returns the strands of all ribbons of a set.
-fn strands(path: &Path, set: &CurveSet, asked: &[Strands]) -> Result<Vec<[usize; 2]>> {
+fn strands(name: &str, set: &CurveSet, asked: &[Strands]) -> Result<Vec<[usize; 2]>> {
     let mut all = Vec::new();
     for strands in asked {
         match *strands {
             Strands::Of(i, j) => all.push([i, j]),
             Strands::Pairs if set.len() % 2 == 1 => {
                 return Err(Error::Usage(format!(
-                    "{}: --ribbon pairs needs an even number of curves, not {}",
-                    path.display(),
+                    "{name}: --ribbon pairs needs an even number of curves, not {}",
                     set.len()
                 )));
             }

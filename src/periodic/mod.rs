@@ -22,6 +22,7 @@
 //! vector `s` subtracts `s` from the `n` of its entries. The text of a certificate does not depend
 //! on such choices ([`canonical`]).
 
+mod beside;
 mod boxes;
 mod gauge;
 mod linking;
@@ -30,6 +31,7 @@ mod pairs;
 mod through;
 mod unwrap;
 
+pub use beside::beside;
 pub(crate) use boxes::{Boxer, FractionalBoxes, bend};
 pub(crate) use gauge::canonical;
 pub(crate) use linking::{Number, linking_numbers};

@@ -14,7 +14,7 @@ pub use difference::ReportDifference;
 pub use lasting::Lasting;
 #[cfg(any(feature = "mcap", feature = "rerun"))]
 pub(crate) use message::label_of_pair;
-#[cfg(feature = "mcap")]
+#[cfg(any(feature = "mcap", feature = "cli"))]
 pub(crate) use message::words_of_frame;
 #[cfg(feature = "verify")]
 pub(crate) use message::words_of_pair;

@@ -6,10 +6,10 @@ use linkwatch::{Basis, CurveSet, Positions};
 use std::path::{Path, PathBuf};
 use tempfile::TempDir;
 
-type Point = [f64; 3];
+pub type Point = [f64; 3];
 
 /// Returns a closed polygon with `parts` points on each side.
-fn polygon<const N: usize>(corners: [Point; N], parts: usize) -> Vec<Point> {
+pub fn polygon<const N: usize>(corners: [Point; N], parts: usize) -> Vec<Point> {
     let side = |k: usize| {
         let [p, q] = [k, (k + 1) % N].map(|k| corners[k]);
         (0..parts).map(move |n| {
@@ -20,9 +20,9 @@ fn polygon<const N: usize>(corners: [Point; N], parts: usize) -> Vec<Point> {
     (0..N).flat_map(side).collect()
 }
 
-/// Writes frames of two closed curves in a cell. Frame `k` has the number `k` and the time
+/// Writes frames of two closed curves, in a cell or not. Frame `k` has the number `k` and the time
 /// `0.5 k`.
-fn write(folder: &Path, name: &str, cell: &str, frames: &[[Vec<Point>; 2]]) -> PathBuf {
+pub fn write(folder: &Path, name: &str, cell: Option<&str>, frames: &[[Vec<Point>; 2]]) -> PathBuf {
     let path = folder.join(name);
     let mut writer = FrameWriter::create(&path, Format::of(&path).unwrap()).unwrap();
     for (k, curves) in frames.iter().enumerate() {
@@ -31,7 +31,7 @@ fn write(folder: &Path, name: &str, cell: &str, frames: &[[Vec<Point>; 2]]) -> P
         let set = CurveSet::from_counts(Basis::Polyline, &counts, Positions::F64(&xyz)).unwrap();
         let mut frame = ModelFrame::new(k as u64, Ok(set));
         frame.time = 0.5 * k as f64;
-        frame.cell = Some(cell.parse().unwrap());
+        frame.cell = cell.map(|cell| cell.parse().unwrap());
         writer.frame(&frame).unwrap();
     }
     writer.finish().unwrap();
@@ -53,7 +53,7 @@ fn two_images(folder: &Path) -> PathBuf {
         [polygon(long, 6), polygon(ring.map(|[x, z]| [x, 0.0, z]), 6)]
     };
     let shifts = [0.0, 0.0, -0.6, -0.6, -0.6, -1.7, -1.7];
-    write(folder, "two.npz", "4,10,10", &shifts.map(frame))
+    write(folder, "two.npz", Some("4,10,10"), &shifts.map(frame))
 }
 
 #[test]
@@ -85,4 +85,163 @@ fn images_of_one_pair_are_findings_of_their_own() {
     let images = report["pairs"].as_array().unwrap().iter();
     let images: Vec<_> = images.map(|pair| pair["image"].to_string()).collect();
     assert_eq!(images, ["[-1,0,0]", "[0,0,0]"]);
+}
+
+/// Writes two rings that are linked across the boundary of the cell. In frame 2 they are not.
+fn across(folder: &Path, name: &str) -> PathBuf {
+    let frame = |shift: f64| {
+        let ring = [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]];
+        let other = [[8.0, -1.0], [10.0, -1.0], [10.0, 1.0], [8.0, 1.0]];
+        let other = other.map(|[x, z]| [x + shift, 0.0, z]);
+        [
+            polygon(ring.map(|[x, y]| [x, y, 0.0]), 1),
+            polygon(other, 1),
+        ]
+    };
+    write(folder, name, Some("10,10,10"), &[0.0, 0.1, -5.0].map(frame))
+}
+
+/// Returns the lines of a run.
+fn lines(run: &Run) -> Vec<&str> {
+    run.stdout.lines().collect()
+}
+
+#[test]
+fn every_command_reads_the_cells_of_a_recording() {
+    let folder = TempDir::new().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let (model, recording) = (across(folder.path(), "in.npz"), at("run.mcap"));
+    assert_eq!(
+        linkwatch(&["check", text(&model), "--record", text(&recording)]).code,
+        1
+    );
+    let both = |command: &[&str]| {
+        [&model, &recording].map(|path| {
+            let run = linkwatch(&[command, &[text(path)]].concat());
+            (run.code, run.stdout.replace(text(path), "FILE"))
+        })
+    };
+    for command in [
+        &["certify", "--frame", "0"][..],
+        &["thickness", "--frame", "2"],
+        &["plan"],
+        &["sweep", "--quantize", "20..19"],
+        &["writhe"],
+    ] {
+        let [of_model, of_recording] = both(command);
+        let of = |(code, out): (i32, String)| {
+            // Without times.
+            let out: Vec<String> = out
+                .lines()
+                .map(|l| l.split(" (").next().unwrap().into())
+                .collect();
+            (code, out)
+        };
+        assert_eq!(of(of_model), of(of_recording), "{command:?}");
+    }
+    let [of_model, of_recording] = both(&["check"]);
+    assert_eq!((of_model.0, of_recording.0), (1, 1));
+    let lost = "curve 0 and the image -1,0,0 of curve 1 came apart";
+    assert!(of_model.1.contains(lost) && of_recording.1.contains(lost));
+    let bisected = linkwatch(&["replay", text(&recording), "--bisect"]);
+    assert_eq!(bisected.code, 1, "{}", bisected.stderr);
+    assert!(
+        bisected
+            .stdout
+            .contains("first changed frame: frame 2 at 1 s")
+    );
+    assert!(bisected.stdout.contains(lost), "{}", bisected.stdout);
+    for name in ["out.npz", "out.xyz", "again.mcap"] {
+        let out = at(name);
+        assert_eq!(
+            linkwatch(&["convert", text(&recording), text(&out)]).code,
+            0
+        );
+        let run = linkwatch(&["check", text(&out)]);
+        assert!(
+            run.code == 1 && run.stdout.contains(lost),
+            "{name}: {}",
+            run.stdout
+        );
+    }
+}
+
+#[test]
+fn a_cell_that_a_format_cannot_hold_is_named_once() {
+    let folder = TempDir::new().unwrap();
+    let model = across(folder.path(), "in.npz");
+    let run = linkwatch(&[
+        "convert",
+        text(&model),
+        text(&folder.path().join("out.obj")),
+    ]);
+    assert_eq!(run.code, 0, "{}", run.stderr);
+    let lost = "the format has no periodic cell";
+    assert_eq!(run.stderr.matches(lost).count(), 1, "{}", run.stderr);
+}
+
+#[test]
+fn recordings_of_other_cells_differ() {
+    let folder = TempDir::new().unwrap();
+    let model = across(folder.path(), "in.npz");
+    let [a, b] = ["10,10,10", "20,20,20"].map(|cell| {
+        let path = folder.path().join(format!("{}.mcap", &cell[..2]));
+        linkwatch(&["convert", text(&model), text(&path), "--cell", cell]);
+        path
+    });
+    let run = linkwatch(&["replay", text(&a), "--diff", text(&b)]);
+    let diverge = "curves: the runs diverge at frame 0; 0 of 3 frames have the same bits";
+    assert!(run.stdout.contains(diverge), "{}", run.stdout);
+}
+
+#[test]
+fn a_cell_is_given_to_every_command_that_reads_files() {
+    let folder = TempDir::new().unwrap();
+    let model = across(folder.path(), "in.npz");
+    // Without the cell nothing is linked.
+    let run = linkwatch(&["certify", text(&model), "--frame", "0", "--cell", "none"]);
+    assert_eq!(lines(&run), ["2 # lines: 0"]);
+    let out = folder.path().join("out.npz");
+    let run = linkwatch(&["convert", text(&model), text(&out), "--cell", "none"]);
+    assert_eq!(run.code, 0, "{}", run.stderr);
+    assert_eq!(linkwatch(&["check", text(&out)]).code, 0);
+    let run = linkwatch(&["check", text(&out), "--cell", "10,10,10"]);
+    assert_eq!(run.code, 1);
+}
+
+/// A ring of a wrapped dump, torn at the boundary of its cell.
+const TORN: &str = "3\nLattice=\"10 0 0 0 10 0 0 0 10\" Properties=species:S:1:pos:R:3\n\
+                    C 9.5 5 5\nC 0.5 5 5\nC 0.2 6 5\n";
+
+#[test]
+fn the_advice_on_wrapped_coordinates_leads_to_a_result() {
+    let folder = TempDir::new().unwrap();
+    let model = folder.path().join("torn.xyz");
+    std::fs::write(&model, format!("{TORN}{TORN}")).unwrap();
+    let out = folder.path().join("out.npz");
+    for (command, more) in [
+        ("writhe", &[][..]),
+        ("thickness", &[]),
+        ("certify", &[]),
+        ("certify", &["--open", "--cell", "none"]),
+        ("plan", &[]),
+        ("sweep", &["--quantize", "20"]),
+        ("check", &[]),
+        ("replay", &[]),
+        ("convert", &[text(&out)]),
+    ] {
+        let run = linkwatch(&[&[command, text(&model)], more].concat());
+        let said = [run.stdout, run.stderr].concat();
+        assert!(
+            run.code != 0 && said.contains("--wrapped"),
+            "{command}: {said}"
+        );
+        assert!(!said.contains("nothing to compare"), "{command}: {said}");
+        let run = linkwatch(&[&[command, text(&model), "--wrapped"], more].concat());
+        assert_eq!(
+            run.code, 0,
+            "{command} {more:?}: {}{}",
+            run.stdout, run.stderr
+        );
+    }
 }

@@ -155,7 +155,8 @@ fn a_recording_keeps_the_frames_of_models() {
         let run = linkwatch(&[&["certify", text(&recording)], options].concat());
         (run.code, run.stdout)
     };
-    assert_eq!(certificate(&[]), (0, "2 # lines: 1\n0,1,-1\n".into()));
+    let linked = (0, "2 # lines: 1\n0,1,-1\n".into());
+    assert_eq!(certificate(&["--frame", "0"]), linked);
     assert_eq!(certificate(&["--frame", "4"]), (0, "2 # lines: 0\n".into()));
     let run = linkwatch(&["certify", text(&recording), "--frame", "5"]);
     assert_eq!(run.code, 2);
@@ -243,8 +244,11 @@ fn a_recording_that_was_cut_off_is_incomplete_for_every_command() {
         convert.stdout
     );
     assert!(convert.stderr.contains(says), "{}", convert.stderr);
-    // The last frame is the last one that is left.
     let writhe = linkwatch(&["writhe", cut]);
+    assert_eq!(writhe.code, 3, "{}", writhe.stderr);
+    assert!(writhe.stderr.contains(says), "{}", writhe.stderr);
+    // The last frame is the last one that is left.
+    let writhe = linkwatch(&["writhe", cut, "--frame", "last"]);
     assert_eq!(writhe.code, 0, "{}", writhe.stderr);
     assert!(writhe.stderr.contains(says), "{}", writhe.stderr);
     assert_eq!(linkwatch(&["certify", cut, "--frame", "19"]).code, 0);

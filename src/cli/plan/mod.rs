@@ -3,7 +3,8 @@
 mod report;
 
 use super::cell_args::CellArgs;
-use super::input::{self, FormatArgs, Pick};
+use super::frames::{Selected, Selection};
+use super::input::FormatArgs;
 #[cfg(feature = "lab")]
 use super::repeat;
 use super::{Outcome, output};
@@ -30,6 +31,8 @@ pub struct Args {
     #[arg(long, value_name = "DEVICE", default_value_t, help_heading = super::KERNELS)]
     device: Device,
     #[command(flatten)]
+    format: FormatArgs,
+    #[command(flatten)]
     cell_args: CellArgs,
 }
 
@@ -37,9 +40,8 @@ pub struct Args {
 pub fn run(args: &Args, as_json: bool) -> Result<Outcome> {
     let mut outcome = Outcome::Fine;
     for name in &args.inputs {
-        let format = FormatArgs::default();
-        let picked = args.cell_args.read_frame(name, &format, Pick::First)?;
-        input::warn_of_frames(name, &format, &picked)?;
+        let frames = Selected::open(name, &args.format, args.cell_args, Selection::First)?;
+        let picked = frames.one()?;
         outcome = outcome.max(picked.outcome());
         let (set, cell) = (picked.curves, picked.cell);
         let plan = match &cell {

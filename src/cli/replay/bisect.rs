@@ -10,11 +10,13 @@ use super::Args;
 use super::source::{Frame, Recording, Source};
 use super::verify::{recorded_events, warn_of_cut};
 use crate::cli::Outcome;
+use crate::cli::cell_args::{CellArgs, Cells};
 use crate::cli::output::with_progress;
 use crate::cli::session::{Baseline, Judge};
 use linkwatch::{
-    AbortOn, Cause, Certificate, CurveSet, Ending, Error, Events, FrameInfo, FramePlace, Outline,
-    RecordedItem, Report, Result, Strategy, Verdict, Verifier, VerifierOptions, bisect,
+    AbortOn, Cause, Certificate, CurveSet, Defect, DefectKind, Ending, Error, Events, FrameInfo,
+    FramePlace, Outline, RecordedItem, Report, Result, Strategy, Verdict, Verifier,
+    VerifierOptions, bisect,
 };
 use std::path::Path;
 use std::sync::Arc;
@@ -41,11 +43,27 @@ impl Loaded {
             curves: frame.curves()?,
         })
     }
+
+    /// Verifies the frame, with the cell and the curves that the user chose.
+    fn step(&mut self, verifier: &mut Verifier, cells: &mut Cells) -> Result<Report> {
+        let of_frame = self.info.cell;
+        cells.apply(&mut self.info);
+        if let Some(curves) = cells.unwrap(&self.curves, of_frame)? {
+            self.curves = curves;
+        }
+        if let Some(cell) = self.info.cell {
+            verifier.set_cell(cell)?;
+            // In the basis in which findings name images.
+            self.info.cell = verifier.cell();
+        }
+        verifier.step(self.seq, self.time, &self.curves)
+    }
 }
 
 /// Settings of the verification.
 struct Settings {
     options: VerifierOptions,
+    cells: CellArgs,
     /// Pull-throughs to search for in the step to the changed frame.
     events: Events,
     /// Motion limit of that search.
@@ -67,6 +85,7 @@ impl Settings {
                 max_pairs: judge.max_pairs.unwrap_or(VerifierOptions::MAX_PAIRS),
                 ..args.kernel.options()?
             },
+            cells: judge.cell_args,
             events: judge.event_args.events(AbortOn::Never).max(recorded),
             limit: judge.event_args.motion_limit.unwrap_or(limit),
         })
@@ -228,14 +247,15 @@ impl<'a> Search<'a> {
             start -= 1;
         }
         let mut verifier = self.settings.searching(Strategy::Full)?;
+        let mut cells = Cells::new(self.settings.cells);
         let mut before = self.load(start)?;
-        let _ = verifier.step(before.seq, before.time, &before.curves)?;
+        let _ = before.step(&mut verifier, &mut cells)?;
         for k in start + 1..=frame {
-            let next = self.load(k)?;
+            let mut next = self.load(k)?;
             if next.info.cuts != before.info.cuts {
                 verifier.cut();
             }
-            let report = verifier.step(next.seq, next.time, &next.curves)?;
+            let report = next.step(&mut verifier, &mut cells)?;
             if k == frame {
                 return Ok(Step::new(report, &[before, next]));
             }
@@ -263,7 +283,7 @@ impl<'a> Search<'a> {
 
     /// Verifies a frame alone.
     fn verify(&mut self, frame: usize) -> Result<Report> {
-        let loaded = self.load(frame)?;
+        let mut loaded = self.load(frame)?;
         let first = self.layout.get_or_insert_with(|| loaded.info.clone());
         if first.layout != loaded.info.layout {
             return Err(Error::Usage(format!(
@@ -276,10 +296,14 @@ impl<'a> Search<'a> {
         }
         let title = format!("frame {}", loaded.seq);
         let report = with_progress(&title, self.verifier.progress(), || {
-            self.verifier.step(loaded.seq, loaded.time, &loaded.curves)
+            let mut cells = Cells::new(self.settings.cells);
+            loaded.step(&mut self.verifier, &mut cells)
         })?;
-        if !report.adopted.is_empty() {
-            // Each frame is compared with the same baseline.
+        let is_fresh = |d: &Defect| d.kind == DefectKind::NoBaseline;
+        let adopted = report.defects.iter().any(is_fresh);
+        if self.settings.options.baseline.is_some() && (adopted || loaded.info.cell.is_some()) {
+            // Each frame is compared with the same baseline. A cell would be followed from frame to
+            // frame.
             self.verifier = Verifier::new(self.settings.options.clone())?;
         }
         self.reports.push((frame, report.clone()));
@@ -359,6 +383,7 @@ fn read_baseline(reader: &mut Recording) -> Result<Option<Certificate>> {
 fn in_sequence(args: &Args, source: &mut Source) -> Result<Found> {
     let settings = Settings::new(args, None)?;
     let mut verifier = settings.searching(Strategy::Incremental)?;
+    let mut cells = Cells::new(settings.cells);
     let mut found = Found {
         in_sequence: true,
         ..Found::default()
@@ -379,7 +404,8 @@ fn in_sequence(args: &Args, source: &mut Source) -> Result<Found> {
             e @ Error::NothingClosed { .. } => e,
             e => Error::Usage(format!("frame {seq}: {e}")),
         };
-        let frame = Loaded::new(*frame).map_err(at_frame)?;
+        frame.check_one_run()?;
+        let mut frame = Loaded::new(*frame).map_err(at_frame)?;
         if before
             .as_ref()
             .is_some_and(|b| b.info.layout != frame.info.layout)
@@ -389,9 +415,7 @@ fn in_sequence(args: &Args, source: &mut Source) -> Result<Found> {
                  of the same curves with --from and --to, or verify all frames without it"
             )));
         }
-        let report = verifier
-            .step(seq, frame.time, &frame.curves)
-            .map_err(at_frame)?;
+        let report = frame.step(&mut verifier, &mut cells).map_err(at_frame)?;
         found.frames += 1;
         found.verified += 1;
         if report.verdict == Verdict::Changed {

@@ -59,6 +59,9 @@ pub struct Args {
     file: PathBuf,
     #[command(flatten)]
     format: FormatArgs,
+    /// Model files with several frames each continue one another: all are frames of one motion
+    #[arg(long)]
+    one_motion: bool,
     #[command(flatten)]
     range: Range,
     #[cfg(feature = "bus")]
@@ -91,7 +94,8 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     if let Some(other) = &args.diff.diff {
         return diff::run(args, other, json);
     }
-    let source = Source::open(&args.file, &args.format)?;
+    let format = args.format.wrapped(args.judge.cell_args.wrapped());
+    let source = Source::open(&args.file, &format, args.one_motion)?;
     #[cfg(feature = "bus")]
     if let Some(service) = &args.publish.publish {
         return publish::run(args, source, service, json);

@@ -217,6 +217,7 @@ impl Publisher {
     /// Returns the next frame with curves.
     fn next(&mut self, frames: &mut Frames) -> Result<Option<Ready>> {
         while let Some(frame) = frames.next(&mut self.answers)? {
+            frame.check_one_run()?;
             let seq = frame.seq;
             match Ready::new(frame) {
                 Ok(ready) => return Ok(Some(ready)),

@@ -1,7 +1,8 @@
 //! Source of a replay: a recording, or a model file with one or several frames.
 
 use super::range::Range;
-use crate::cli::input::{self, FormatArgs, Sequence};
+use crate::cli::input::{self, FormatArgs};
+use crate::cli::sequence::{self, Sequence};
 use linkwatch::model::LeftOut;
 use linkwatch::{
     BaselineRecord, CurveSet, Ending, Error, FrameInfo, Positions, Precision, RawFrame,
@@ -27,6 +28,8 @@ pub struct Frame {
         expect(dead_code, reason = "the pace of frames that are published")
     )]
     pub received_ns: Option<u64>,
+    /// True if the frame does not belong to the motion of the frames before it.
+    pub begins_run: bool,
     /// Elements of a model file that were not read.
     pub left_out: Vec<LeftOut>,
     curves: Curves,
@@ -66,6 +69,18 @@ impl Frame {
         }
     }
 
+    /// Fails if the frame begins another run, for options that follow one.
+    pub fn check_one_run(&self) -> Result<()> {
+        match self.begins_run {
+            false => Ok(()),
+            true => Err(Error::Usage(format!(
+                "frame {} is the first one of another file with several frames: give one file, or \
+                 --one-motion if the files continue one another",
+                self.seq
+            ))),
+        }
+    }
+
     /// Returns the curves.
     pub fn curves(self) -> Result<CurveSet> {
         match self.curves {
@@ -86,19 +101,21 @@ impl From<RecordedFrame> for Frame {
             time: frame.time,
             info: frame.info.clone(),
             received_ns: Some(frame.received_ns),
+            begins_run: false,
             left_out: Vec::new(),
             curves: Curves::Recorded(frame),
         }
     }
 }
 
-impl From<input::Frame> for Frame {
-    fn from(frame: input::Frame) -> Frame {
+impl From<sequence::Frame> for Frame {
+    fn from(frame: sequence::Frame) -> Frame {
         Frame {
             seq: frame.seq,
             time: frame.time,
             info: frame.info,
             received_ns: None,
+            begins_run: frame.begins_run,
             left_out: frame.left_out,
             curves: Curves::Model(frame.curves),
         }
@@ -131,7 +148,7 @@ enum Input {
 
 impl Source {
     /// Opens a recording, a model file, a folder or a pattern of model files.
-    pub fn open(path: &Path, args: &FormatArgs) -> Result<Source> {
+    pub fn open(path: &Path, args: &FormatArgs, one_motion: bool) -> Result<Source> {
         let input = match input::is_recording(path)? {
             true => {
                 let reader = RecordingReader::open(path).map_err(|e| e.in_file(path))?;
@@ -139,7 +156,7 @@ impl Source {
             }
             false => {
                 let files = input::expand(&[path.to_owned()], false)?;
-                Input::Models(Box::new(Sequence::new(files, args)))
+                Input::Models(Box::new(Sequence::new(files, args, one_motion)))
             }
         };
         Ok(Source {

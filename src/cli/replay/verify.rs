@@ -306,6 +306,10 @@ impl Replay {
                 self.comparison.left_out = progress.left_out;
             }
             Item::Frame(mut frame) => {
+                if frame.begins_run {
+                    self.finish_waiting()?;
+                    self.session.begin_run()?;
+                }
                 let (seq, time, info) = (frame.seq, frame.time, Ok(frame.info.clone()));
                 let left_out = std::mem::take(&mut frame.left_out);
                 let frame = self.session.ingest(info, |receive| frame.read(receive));

@@ -1,8 +1,8 @@
 //! Baseline of a session, as its sinks need it: a file that begins with any frame can then be
 //! replayed by itself.
 
-use super::{Judged, Session};
-use linkwatch::{BaselineRecord, Defect, DefectKind};
+use super::{Cells, Judged, Session};
+use linkwatch::{BaselineRecord, Defect, DefectKind, Result, Verifier};
 use std::sync::Arc;
 
 impl Session {
@@ -21,6 +21,18 @@ impl Session {
             None => self.verifier.cut(),
         }
         self.begun = false;
+    }
+
+    /// Begins another run: the next frame does not belong to the motion of those before it.
+    pub fn begin_run(&mut self) -> Result<()> {
+        self.verifier = Verifier::new(self.options.clone())?;
+        self.cells = Cells::new(self.cells.args);
+        self.last = None;
+        self.news.forget();
+        self.begun = false;
+        self.is_new_run = true;
+        self.runs += 1;
+        Ok(())
     }
 
     /// Passes the baseline to the sinks, if it is known: before the first frame, and if it changes.

@@ -33,12 +33,12 @@ use super::cell_args::{CellArgs, Cells};
 use super::clearance_args::{self, ClearanceArgs};
 use super::event_args::EventArgs;
 use super::files::{Files, Overwrite};
-use super::input;
 use super::kernel::KernelArgs;
 use super::label::Label;
 use super::live::Live;
 use super::metrics::SessionMetrics;
 use super::output::{self, count, millis, plural};
+use super::sequence::Frame;
 use linkwatch::kernels::Offload;
 use linkwatch::model::LeftOut;
 use linkwatch::{
@@ -151,9 +151,9 @@ pub struct Ingested {
     took: Duration,
 }
 
-impl From<input::Frame> for Ingested {
+impl From<Frame> for Ingested {
     /// Wraps a frame that was read already.
-    fn from(frame: input::Frame) -> Ingested {
+    fn from(frame: Frame) -> Ingested {
         Ingested {
             curves: frame.curves.map(Arc::new),
             info: frame.info,
@@ -222,7 +222,6 @@ pub struct Run<'a> {
 /// One run over frames.
 pub struct Session {
     verifier: Verifier,
-    #[cfg(feature = "bus")]
     options: VerifierOptions,
     cells: Cells,
     /// What the simulator told about the last verified frame, if there is one.
@@ -259,8 +258,12 @@ pub struct Session {
     metrics: SessionMetrics,
     /// Frames on the full, the quiet and the partial route.
     routes: [u64; 3],
-    /// Number of open curves of the frames, once a frame was verified.
+    /// Number of open curves of the frames of all runs, once a frame was verified.
     open_curves: Option<u64>,
+    /// True until the first frame of a run was verified.
+    is_new_run: bool,
+    /// Number of runs so far.
+    runs: u64,
     /// Elements of the files that were not read, over all frames.
     left_out: Vec<LeftOut>,
     /// True if frames are model files.
@@ -341,7 +344,6 @@ impl Session {
         };
         Ok(Session {
             verifier: Verifier::new(options.clone())?,
-            #[cfg(feature = "bus")]
             options,
             cells: Cells::new(judge.cell_args),
             last: None,
@@ -372,6 +374,8 @@ impl Session {
             metrics: SessionMetrics::default(),
             routes: [0; 3],
             open_curves: None,
+            is_new_run: true,
+            runs: 1,
             left_out: Vec::new(),
             models: run.models,
             comparison: None,
@@ -480,9 +484,10 @@ impl Session {
             left_out,
             took,
         } = frame;
+        let of_frame = info.cell;
         self.cells.apply(&mut info);
         let outcome = curves.and_then(|set| {
-            let unwrapped = self.cells.unwrap(&set, info.cell)?;
+            let unwrapped = self.cells.unwrap(&set, of_frame)?;
             let set = unwrapped.map_or(set, Arc::new);
             match (info.cell, self.verifier.cell()) {
                 (Some(cell), _) => {
@@ -640,9 +645,9 @@ impl Session {
         self.outcome = self.outcome.max(Outcome::of(judged.report.verdict));
         self.pass_baseline(&judged);
         if judged.report.verdict != Verdict::Rejected {
-            if self.open_curves.is_none() {
+            if std::mem::take(&mut self.is_new_run) {
                 self.warn_of_scene(&judged);
-                self.open_curves = Some(judged.report.stats.open_curves);
+                *self.open_curves.get_or_insert(0) += judged.report.stats.open_curves;
             }
             self.times.add(&judged.times);
             self.routes[judged.work.route as usize] += 1;
@@ -847,6 +852,7 @@ impl Session {
                     "times_ms": self.times.to_json(),
                     "first_violation": first,
                     "routes": { "full": full, "quiet": quiet, "partial": partial },
+                    "runs": self.runs,
                     "open_curves": self.open_curves,
                     "open_curves_verified": checked,
                     "left_out": self.left_out,
@@ -862,6 +868,13 @@ impl Session {
         let mut line = format!("{word}: {}", tally.words(self.models));
         if tally.verified > 0 {
             line += &format!("; {}", self.times.checks.words());
+        }
+        if self.runs > 1 {
+            let runs = plural(self.runs, "run");
+            line += &format!(
+                "\n{runs}, each compared with its own first frame (--one-motion: all files are \
+                 one motion)"
+            );
         }
         if quiet + partial > 0 {
             let [quiet, partial, full] = [quiet, partial, full].map(count);

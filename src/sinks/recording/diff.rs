@@ -61,9 +61,9 @@ impl OnlyIn {
 pub struct CurveDiff {
     /// Number of frames whose curves were recorded in both runs.
     pub compared: u64,
-    /// Number of these frames with the same bits in both.
+    /// Number of these frames with the same bits and the same cell in both.
     pub equal: u64,
-    /// First of these frames with other bits: its numbers in the runs.
+    /// First of these frames with other bits or another cell: its numbers in the runs.
     pub first: Option<[u64; 2]>,
 }
 

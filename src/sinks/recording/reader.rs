@@ -130,10 +130,11 @@ impl RecordedFrame {
         self.positions.into()
     }
 
-    /// Returns true if both frames have the same curves with the same bits.
+    /// Returns true if both frames have the same curves with the same bits, in the same cell.
     pub fn same_curves(&self, other: &RecordedFrame) -> bool {
         (self.basis, self.precision) == (other.basis, other.precision)
             && self.counts == other.counts
+            && self.info.cell == other.info.cell
             && self.positions == other.positions
     }
 

@@ -1,0 +1,317 @@
+//! Frames of files for commands that consider each frame alone: the option `--frame`.
+
+use super::Outcome;
+use super::cell_args::{CellArgs, Cells};
+use super::input::{self, FileFrames, FormatArgs, Read};
+use crate::verdict::words_of_frame;
+use linkwatch::model::LeftOut;
+use linkwatch::{Cell, CurveSet, Error, Result};
+use std::collections::VecDeque;
+use std::path::{Path, PathBuf};
+use std::str::FromStr;
+
+/// Frames of files with several.
+#[derive(Clone, Copy, Debug, Default, clap::Args)]
+#[command(next_help_heading = super::INPUT)]
+pub struct FrameArgs {
+    /// Frames of files with several: one by its number, those of a range of numbers (`3..9`, with
+    /// both ends), `last` or `all` [default: all]
+    #[arg(long, value_name = "SEQ|FROM..TO|last|all")]
+    frame: Option<Selection>,
+}
+
+/// Frames to take of a file with several.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Selection {
+    #[default]
+    All,
+    /// The first one, with a warning if there are more.
+    First,
+    Last,
+    /// Those with the numbers from the first one to the second one.
+    Numbers(u64, u64),
+}
+
+impl FromStr for Selection {
+    type Err = &'static str;
+
+    fn from_str(text: &str) -> Result<Selection, Self::Err> {
+        const EXPECTED: &str = "expected the number of a frame (28), a range of numbers from low \
+                                to high (3..9), `last` or `all`";
+        match text {
+            "all" => return Ok(Selection::All),
+            "last" => return Ok(Selection::Last),
+            _ => {}
+        }
+        let (from, to) = text.split_once("..").unwrap_or((text, text));
+        match (from.trim().parse(), to.trim().parse()) {
+            (Ok(from), Ok(to)) if from <= to => Ok(Selection::Numbers(from, to)),
+            _ => Err(EXPECTED),
+        }
+    }
+}
+
+impl FrameArgs {
+    /// Opens an argument, for the frames that this option chooses.
+    pub fn open(self, argument: &Path, format: &FormatArgs, cells: CellArgs) -> Result<Selected> {
+        Selected::open(argument, format, cells, self.frame.unwrap_or_default())
+    }
+}
+
+/// Calls `run` for each argument, and returns the worst outcome. An argument that fails does not
+/// keep the others from their results: the first error is returned, and others are logged.
+pub fn for_each(
+    arguments: &[PathBuf],
+    mut run: impl FnMut(&Path) -> Result<Outcome>,
+) -> Result<Outcome> {
+    let mut outcome = Outcome::Fine;
+    let mut failed = None;
+    for argument in arguments {
+        match run(argument) {
+            Ok(of_argument) => outcome = outcome.max(of_argument),
+            Err(e) if failed.is_none() => failed = Some(e),
+            Err(e) => tracing::error!("{e}"),
+        }
+    }
+    failed.map_or(Ok(outcome), Err)
+}
+
+/// A frame of an argument, with the curves and the cell that the user chose.
+pub struct Picked {
+    /// The argument; with the number and the time of the frame, if several frames are read or this
+    /// one was chosen.
+    pub name: String,
+    pub curves: CurveSet,
+    /// Radii of the curves, or none.
+    pub radii: Vec<f32>,
+    /// Number of the frame, if the file may have several.
+    pub number: Option<u64>,
+    /// Simulation time of the frame in seconds, if the file may have several.
+    pub time: Option<f64>,
+    /// Periodic cell of the frame, if it has one.
+    pub cell: Option<Cell>,
+    /// Elements of the file that may be curves of this frame, and were not read.
+    pub left_out: Vec<LeftOut>,
+    /// True for the first frame of the argument, with which the user is warned of the scene.
+    pub is_first: bool,
+}
+
+impl Picked {
+    /// Returns the best possible outcome of a command that considers this frame.
+    pub fn outcome(&self) -> Outcome {
+        input::outcome_without(&self.left_out)
+    }
+}
+
+/// The chosen frames of an argument: a model file, a recording, or a scene. They are read one by
+/// one; memory holds two of them.
+pub struct Selected {
+    path: PathBuf,
+    cells: CellArgs,
+    selection: Selection,
+    frames: FileFrames,
+    /// Frames that were read ahead.
+    ahead: VecDeque<Result<Read>>,
+    /// True if all chosen frames were read.
+    ended: bool,
+    /// True if the file may have several frames.
+    numbered: bool,
+    /// True if several frames are chosen.
+    several: bool,
+    /// Elements that were not read, of which the user knows.
+    left_out: Vec<LeftOut>,
+}
+
+impl Selected {
+    /// Opens a model file if the argument has the extension of one or names an existing file.
+    /// Otherwise builds the scene that the argument describes.
+    pub fn open(
+        argument: &Path,
+        format: &FormatArgs,
+        cells: CellArgs,
+        selection: Selection,
+    ) -> Result<Selected> {
+        let mut selected = Selected {
+            path: argument.to_owned(),
+            cells,
+            selection,
+            frames: input::open_or_build(argument, &format.wrapped(cells.wrapped()))?,
+            ahead: VecDeque::new(),
+            ended: false,
+            numbered: input::holds_frames(argument),
+            several: false,
+            left_out: Vec::new(),
+        };
+        if selection == Selection::Last {
+            selected.go_to_last()?;
+        }
+        while selected.ahead.len() < 2
+            && let Some(frame) = selected.read()
+        {
+            selected.ahead.push_back(frame);
+        }
+        if selected.ahead.is_empty() {
+            let what = match selection {
+                Selection::Numbers(n, to) if n == to => format!("no frame {n}"),
+                Selection::Numbers(from, to) => format!("no frame from {from} to {to}"),
+                _ => "no frame".into(),
+            };
+            return Err(Error::Usage(format!("{}: {what}", argument.display())));
+        }
+        selected.several = selected.ahead.len() > 1;
+        Ok(selected)
+    }
+
+    /// Fails if several frames are chosen. `what` names the option that takes one.
+    pub fn check_one(&self, what: &str) -> Result<()> {
+        match self.several {
+            false => Ok(()),
+            true => Err(Error::Usage(format!(
+                "{}: the file has several frames, and {what} takes one: choose it with --frame",
+                self.path.display()
+            ))),
+        }
+    }
+
+    /// Returns true if several frames are chosen.
+    pub fn are_several(&self) -> bool {
+        self.several
+    }
+
+    /// Returns the first chosen frame. Warns if there are others that the user may expect.
+    pub fn one(mut self) -> Result<Picked> {
+        let first = self.ahead.pop_front().expect("not empty")?;
+        if let Some(Ok(_)) = self.ahead.pop_front() {
+            tracing::warn!(
+                "{}: the file has several frames; only the first one is used, frame {} (`linkwatch \
+                 convert --frame` writes another one to a file)",
+                self.path.display(),
+                first.seq,
+            );
+            self.several = false;
+        }
+        self.pick(first, true).map_err(|e| e.in_file(&self.path))
+    }
+
+    /// Calls `run` for each chosen frame, and returns the worst outcome. Frames that are invalid,
+    /// and a file that cannot be read to its end, are logged; they are no success.
+    ///
+    /// Errors: no chosen frame is valid, and those of `run`.
+    pub fn each(mut self, mut run: impl FnMut(Picked) -> Result<Outcome>) -> Result<Outcome> {
+        let (mut outcome, mut valid, mut is_first) = (Outcome::Fine, false, true);
+        while let Some(frame) = self.ahead.pop_front().or_else(|| self.read()) {
+            let frame = match frame {
+                Ok(frame) => frame,
+                // The frames before it were read: the file was cut off, for example.
+                Err(e) if valid => {
+                    tracing::error!("{e}");
+                    outcome = outcome.max(Outcome::Undecided);
+                    continue;
+                }
+                Err(e) => return Err(e),
+            };
+            let name = self.name(&frame);
+            match self.pick(frame, is_first) {
+                Ok(picked) => {
+                    (valid, is_first) = (true, false);
+                    outcome = outcome.max(picked.outcome()).max(run(picked)?);
+                }
+                Err(e) if !self.several => return Err(e.in_file(&self.path)),
+                Err(e) => {
+                    tracing::error!("{name}: {e}");
+                    outcome = outcome.max(Outcome::Undecided);
+                }
+            }
+        }
+        match valid {
+            true => Ok(outcome),
+            false => Err(Error::Usage(format!(
+                "{}: no valid frame",
+                self.path.display()
+            ))),
+        }
+    }
+
+    /// Reads the next chosen frame.
+    fn read(&mut self) -> Option<Result<Read>> {
+        while !self.ended {
+            let Some(frame) = self.frames.next() else {
+                break;
+            };
+            let (Selection::Numbers(from, to), Ok(read)) = (self.selection, &frame) else {
+                return Some(frame);
+            };
+            // Numbers increase.
+            self.ended = read.seq >= to;
+            if (from..=to).contains(&read.seq) {
+                return Some(frame);
+            }
+        }
+        self.ended = true;
+        None
+    }
+
+    /// Reads all frames, and keeps the last one.
+    fn go_to_last(&mut self) -> Result<()> {
+        let mut last = None;
+        for frame in &mut self.frames {
+            match frame {
+                Ok(frame) => last = Some(frame),
+                Err(e) if last.is_none() => return Err(e),
+                Err(e) => {
+                    tracing::warn!("{e}; the last frame before that is used");
+                    break;
+                }
+            }
+        }
+        self.ended = true;
+        self.ahead.extend(last.map(Ok));
+        Ok(())
+    }
+
+    fn name(&self, frame: &Read) -> String {
+        let path = self.path.display();
+        match self.several || self.numbered && matches!(self.selection, Selection::Numbers(..)) {
+            true => format!("{path}, {}", words_of_frame(frame.seq, frame.time)),
+            false => path.to_string(),
+        }
+    }
+
+    /// Returns a frame with the cell that the user chose, and unwrapped curves.
+    fn pick(&mut self, frame: Read, is_first: bool) -> Result<Picked> {
+        let name = self.name(&frame);
+        let (set, of_frame) = (frame.curves?, frame.info.cell);
+        input::warn_of_new(&self.path, &mut self.left_out, &frame.left_out);
+        let unwrapped = Cells::new(self.cells).unwrap(&set, of_frame)?;
+        Ok(Picked {
+            name,
+            curves: unwrapped.unwrap_or(set),
+            radii: frame.info.labels.radii.clone(),
+            number: self.numbered.then_some(frame.seq),
+            time: self.numbered.then_some(frame.time),
+            cell: self.cells.cell(of_frame),
+            left_out: frame.left_out,
+            is_first,
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_selection_is_a_number_a_range_the_last_frame_or_all() {
+        for (text, expected) in [
+            ("all", Selection::All),
+            ("last", Selection::Last),
+            ("28", Selection::Numbers(28, 28)),
+            ("3..9", Selection::Numbers(3, 9)),
+        ] {
+            assert_eq!(text.parse(), Ok(expected));
+        }
+        for bad in ["", "first", "9..3", "1..", "-1", "1.5"] {
+            assert!(bad.parse::<Selection>().is_err(), "{bad}");
+        }
+    }
+}

@@ -1,0 +1,141 @@
+//! Frames of a recording of linkwatch, for all commands that read files.
+
+use super::input::Read;
+use super::output::{count, plural};
+use linkwatch::{
+    Ending, Error, RecordedFrame, RecordedItem, RecordedVerdict, RecordingReader, Result, Verdict,
+};
+use std::fs::File;
+use std::io::BufReader;
+use std::path::{Path, PathBuf};
+
+/// Frames of a recording with what the simulator told about them: cell, cuts, layout, names, radii
+/// and time step.
+///
+/// A frame that was rejected when it was recorded is an invalid frame. A frame after others without
+/// curves does not continue the previous one, as after a cut.
+pub struct Recorded {
+    path: PathBuf,
+    /// `None` after the end, and after an error.
+    reader: Option<RecordingReader<BufReader<File>>>,
+    /// True if a frame was read.
+    begun: bool,
+    /// Number of the last frame with curves, until its verdict is read.
+    frame: Option<u64>,
+    /// Number of frames that had a verdict when the last one was written.
+    answered: u64,
+    /// Number of places so far at which frames are missing, which count as cuts.
+    gaps: u32,
+    /// Number of frames without curves, and of those that the recorder dropped.
+    absent: u64,
+}
+
+impl Recorded {
+    /// Opens a recording. Errors name the file.
+    pub fn open(path: &Path) -> Result<Recorded> {
+        Ok(Recorded {
+            reader: Some(RecordingReader::open(path).map_err(|e| e.in_file(path))?),
+            path: path.to_owned(),
+            begun: false,
+            frame: None,
+            answered: 0,
+            gaps: 0,
+            absent: 0,
+        })
+    }
+
+    fn frame(&mut self, frame: RecordedFrame) -> Read {
+        self.begun = true;
+        self.frame = Some(frame.seq);
+        let mut set = None;
+        let curves = frame.ingest(&mut set);
+        let mut info = frame.info;
+        info.cuts = info.cuts.wrapping_add(self.gaps);
+        Read {
+            seq: frame.seq,
+            time: frame.time,
+            info,
+            left_out: Vec::new(),
+            curves: curves.map(|()| set.expect("set by a frame without errors")),
+        }
+    }
+
+    /// Returns the frame of a verdict if that was rejected. Counts frames that are missing.
+    fn verdict(&mut self, recorded: RecordedVerdict) -> Option<Read> {
+        let RecordedVerdict { report, progress } = recorded;
+        let has_curves = self.frame.take() == Some(report.seq);
+        let answered = progress.verified.saturating_add(progress.rejected);
+        let before = std::mem::replace(&mut self.answered, answered);
+        if self.begun {
+            self.miss(answered.saturating_sub(before.saturating_add(1)));
+        }
+        self.begun = true;
+        if report.verdict == Verdict::Rejected && !has_curves {
+            let why = report.rejected.unwrap_or_else(|| "invalid".into());
+            let why = Error::Usage(format!("rejected when it was recorded: {why}"));
+            return Some(Read {
+                time: report.time,
+                ..Read::invalid(report.seq, why)
+            });
+        }
+        self.miss(u64::from(!has_curves));
+        None
+    }
+
+    fn miss(&mut self, frames: u64) {
+        if frames > 0 {
+            self.absent += frames;
+            self.gaps = self.gaps.wrapping_add(1);
+        }
+    }
+
+    /// Returns the end of the recording, which is an error if it was cut off.
+    fn end(&mut self) -> Option<Result<Read>> {
+        let reader = self.reader.take()?;
+        if self.absent > 0 {
+            tracing::warn!(
+                "{}: the curves of {} are not in the recording; frames after them are read as \
+                 after a cut",
+                self.path.display(),
+                plural(self.absent, "frame"),
+            );
+        }
+        match reader.ending() {
+            Some(Ending::Cut { at, what }) => {
+                let what = format!(
+                    "the recording was cut off at byte {}, in {what}; all complete frames before \
+                     that were read",
+                    count(*at)
+                );
+                Some(Err(Error::Usage(what).in_file(&self.path)))
+            }
+            _ => None,
+        }
+    }
+}
+
+impl Iterator for Recorded {
+    type Item = Result<Read>;
+
+    fn next(&mut self) -> Option<Result<Read>> {
+        loop {
+            match self.reader.as_mut()?.next_item() {
+                Ok(Some(RecordedItem::Frame(frame))) => return Some(Ok(self.frame(frame))),
+                Ok(Some(RecordedItem::Verdict(recorded))) => {
+                    if let Some(rejected) = self.verdict(*recorded) {
+                        return Some(Ok(rejected));
+                    }
+                }
+                // Not the first one: frames were left out.
+                Ok(Some(RecordedItem::Baseline(_))) => {
+                    self.gaps = self.gaps.wrapping_add(u32::from(self.begun));
+                }
+                Ok(None) => return self.end(),
+                Err(e) => {
+                    self.reader = None;
+                    return Some(Err(e.in_file(&self.path)));
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,203 @@
+//! Frames of several files, one after the other: those of one motion, or of several runs.
+
+use super::input::{self, FileFrames, FormatArgs, Read};
+use linkwatch::model::LeftOut;
+use linkwatch::{CurveSet, Error, FrameInfo, Result};
+use std::collections::VecDeque;
+use std::path::PathBuf;
+use std::sync::Arc;
+
+/// Frames of several files, one after the other.
+///
+/// Files of one frame each are the frames of one motion. Files of several frames each are runs of
+/// their own: each begins a run, unless all files are one motion. (A file of one frame continues
+/// the files before it. The first file of several frames continues those of one frame before it.)
+pub struct Sequence {
+    args: FormatArgs,
+    files: std::vec::IntoIter<PathBuf>,
+    /// True if there is one file, whose frames keep their numbers.
+    single: bool,
+    /// True if all files are one motion.
+    one_motion: bool,
+    /// True if a file so far had several frames.
+    had_several: bool,
+    current: Option<File>,
+    /// Elements that were not read of the current file.
+    left_out: Vec<LeftOut>,
+    /// Number of the last frame.
+    last: Option<u64>,
+    /// What is known about the last valid frame, and the number of points of each of its curves.
+    info: FrameInfo,
+    counts: Vec<i32>,
+}
+
+/// A file that is being read.
+struct File {
+    path: PathBuf,
+    frames: FileFrames,
+    /// Frames that were read ahead.
+    ahead: VecDeque<Result<Read>>,
+    /// True until its first frame was taken, if that begins a run.
+    begins_run: bool,
+    /// Cuts and layout of its last valid frame.
+    told: Option<(u32, u32)>,
+}
+
+/// A frame of a [`Sequence`].
+pub struct Frame {
+    /// Name of the file, with the number of the frame if the file may hold several.
+    pub name: String,
+    pub path: PathBuf,
+    /// Number of the frame in its file; or counted from 0 if there are several files.
+    pub seq: u64,
+    /// Simulation time in seconds; 0 if it is unknown.
+    pub time: f64,
+    pub info: FrameInfo,
+    /// True if the frame does not belong to the motion of the frames before it.
+    pub begins_run: bool,
+    /// Elements of the file that may be curves of this frame, and were not read.
+    pub left_out: Vec<LeftOut>,
+    /// The curves, or the reason why the frame is invalid.
+    pub curves: Result<CurveSet>,
+}
+
+impl Sequence {
+    /// Prepares to read files, which [`input::expand`] returned. `one_motion` is true if files of
+    /// several frames continue one another.
+    pub fn new(files: Vec<PathBuf>, args: &FormatArgs, one_motion: bool) -> Sequence {
+        Sequence {
+            args: args.clone(),
+            single: files.len() == 1,
+            one_motion,
+            had_several: false,
+            files: files.into_iter(),
+            current: None,
+            left_out: Vec::new(),
+            last: None,
+            info: FrameInfo::default(),
+            counts: Vec::new(),
+        }
+    }
+
+    /// Opens the next file. Its first two frames show if it has several.
+    fn open(&mut self, path: PathBuf) -> Result<File> {
+        let mut frames = input::open(&path, &self.args)?;
+        let ahead: VecDeque<_> = match self.single {
+            true => VecDeque::new(),
+            false => frames.by_ref().take(2).collect(),
+        };
+        let has_several = ahead.len() > 1;
+        let begins_run = has_several && self.had_several && !self.one_motion;
+        self.had_several |= has_several;
+        Ok(File {
+            path,
+            frames,
+            ahead,
+            begins_run,
+            told: None,
+        })
+    }
+
+    /// Returns the next frame, with its file and true if it begins a run.
+    fn read(&mut self) -> Option<Result<(PathBuf, Read, bool)>> {
+        loop {
+            if let Some(file) = &mut self.current {
+                let begins_run = std::mem::take(&mut file.begins_run);
+                if let Some(frame) = file.ahead.pop_front().or_else(|| file.frames.next()) {
+                    return Some(match frame {
+                        Ok(frame) => Ok((file.path.clone(), frame, begins_run)),
+                        // The content is invalid.
+                        Err(Error::InFile { path, source }) => {
+                            let seq = self.last.map_or(0, |seq| seq + 1);
+                            Ok((path, Read::invalid(seq, *source), begins_run))
+                        }
+                        Err(e) => Err(e),
+                    });
+                }
+                self.current = None;
+            }
+            let path = self.files.next()?;
+            match self.open(path) {
+                Ok(file) => {
+                    self.current = Some(file);
+                    self.left_out.clear();
+                }
+                Err(Error::InFile { path, source }) => {
+                    let seq = self.last.map_or(0, |seq| seq + 1);
+                    return Some(Ok((path, Read::invalid(seq, *source), false)));
+                }
+                Err(e) => return Some(Err(e)),
+            }
+        }
+    }
+
+    /// Notes what is known about a valid frame. Named curves may change from frame to frame; radii
+    /// alone do not, unless the simulator described its curves again: the first ones are kept.
+    fn note(&mut self, curves: &CurveSet, info: &FrameInfo) {
+        let told = self
+            .current
+            .as_mut()
+            .and_then(|file| file.told.replace((info.cuts, info.layout)));
+        let (cut, described) = told.map_or((false, false), |(cuts, layout)| {
+            (cuts != info.cuts, layout != info.layout)
+        });
+        self.info.cuts = self.info.cuts.wrapping_add(u32::from(cut));
+        self.info.time_step = info.time_step;
+        let same_counts = curves.counts().eq(self.counts.iter().copied());
+        if !described && same_counts && info.labels.names == self.info.labels.names {
+            return;
+        }
+        if described || !self.counts.is_empty() && !info.labels.names.is_empty() {
+            self.info.layout = self.info.layout.wrapping_add(1);
+        }
+        self.info.labels = Arc::clone(&info.labels);
+        self.counts = curves.counts().collect();
+    }
+}
+
+impl Iterator for Sequence {
+    type Item = Result<Frame>;
+
+    /// Returns the next frame. A file whose content is invalid gives an invalid frame.
+    ///
+    /// Errors: a file that cannot be read, or is no model. The next call goes on with the next
+    /// file.
+    fn next(&mut self) -> Option<Result<Frame>> {
+        let (path, frame, begins_run) = match self.read()? {
+            Ok(read) => read,
+            Err(e) => return Some(Err(e)),
+        };
+        let seq = match self.single {
+            true => frame.seq,
+            false => self.last.map_or(0, |seq| seq + 1),
+        };
+        self.last = Some(seq);
+        if begins_run {
+            // Its curves have nothing to do with those before.
+            self.info.layout = self.info.layout.wrapping_add(1);
+            self.info.labels = Arc::default();
+            self.counts.clear();
+        }
+        if let Ok(curves) = &frame.curves {
+            self.note(curves, &frame.info);
+        }
+        input::warn_of_new(&path, &mut self.left_out, &frame.left_out);
+        let name = match input::holds_frames(&path) {
+            true => format!("{}, frame {}", path.display(), frame.seq),
+            false => path.display().to_string(),
+        };
+        Some(Ok(Frame {
+            name,
+            path,
+            seq,
+            time: frame.time,
+            info: FrameInfo {
+                cell: frame.info.cell,
+                ..self.info.clone()
+            },
+            begins_run,
+            left_out: frame.left_out,
+            curves: frame.curves,
+        }))
+    }
+}

@@ -1,0 +1,227 @@
+//! Files of several frames: one result a frame, and several runs.
+
+use super::cells::{polygon, write};
+use crate::support::command::{linkwatch, text};
+use serde_json::Value;
+use std::path::{Path, PathBuf};
+use tempfile::TempDir;
+
+/// Writes two squares. The second one is linked with the first one in frames of a shift of 0, and
+/// not in those of a shift of 5.
+fn squares(folder: &Path, name: &str, shifts: &[f64]) -> PathBuf {
+    let frame = |&shift: &f64| {
+        let ring = [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]];
+        let other = ring.map(|[x, z]| [x + 1.0 + shift, 0.0, z]);
+        [
+            polygon(ring.map(|[x, y]| [x, y, 0.0]), 1),
+            polygon(other, 1),
+        ]
+    };
+    let frames: Vec<_> = shifts.iter().map(frame).collect();
+    write(folder, name, None, &frames)
+}
+
+fn json_lines(stdout: &str) -> Vec<Value> {
+    let lines = stdout.lines();
+    lines
+        .map(|line| serde_json::from_str(line).unwrap())
+        .collect()
+}
+
+#[test]
+fn each_frame_is_a_line_with_its_number_and_time() {
+    let folder = TempDir::new().unwrap();
+    let model = squares(folder.path(), "run.npz", &[0.0, 0.1, 5.0]);
+    let name = text(&model);
+    let run = linkwatch(&["certify", name]);
+    assert_eq!(run.code, 0, "{}", run.stderr);
+    let lines: Vec<&str> = run.stdout.lines().collect();
+    assert_eq!(lines.len(), 3, "{}", run.stdout);
+    assert!(lines[0].starts_with(&format!("{name}, frame 0: 2 curves of 8 segments")));
+    assert!(lines[1].starts_with(&format!("{name}, frame 1 at 0.5 s: ")));
+    assert!(
+        lines[1].ends_with(": 0,1,-1") || lines[1].ends_with(": 0,1,1"),
+        "{}",
+        lines[1]
+    );
+    assert!(lines[2].starts_with(&format!("{name}, frame 2 at 1 s: ")));
+    assert!(lines[2].contains(" 0 links "), "{}", lines[2]);
+    let run = linkwatch(&["thickness", name]);
+    assert_eq!(
+        (run.code, run.stdout.lines().count()),
+        (0, 3),
+        "{}",
+        run.stdout
+    );
+    assert!(run.stdout.contains(", frame 2 at 1 s: thickness "));
+    // A line a curve.
+    let run = linkwatch(&["writhe", name]);
+    assert_eq!(
+        (run.code, run.stdout.lines().count()),
+        (0, 6),
+        "{}",
+        run.stdout
+    );
+    assert!(run.stdout.contains(", frame 2 at 1 s: curve 1: writhe "));
+    for (command, objects) in [("certify", 3), ("thickness", 3), ("writhe", 6)] {
+        let run = linkwatch(&[command, name, "--json"]);
+        let all = json_lines(&run.stdout);
+        assert_eq!(all.len(), objects, "{command}");
+        let last = all.last().unwrap();
+        assert_eq!(
+            (&last["frame"], &last["time"]),
+            (&2.into(), &1.0.into()),
+            "{command}"
+        );
+    }
+    let run = linkwatch(&["writhe", name, "--ribbon", "0,1", "--json", "-q"]);
+    assert_eq!(json_lines(&run.stdout).len(), 3);
+}
+
+#[test]
+fn frames_are_chosen_by_number_by_range_and_from_the_end() {
+    let folder = TempDir::new().unwrap();
+    let model = squares(folder.path(), "run.npz", &[0.0, 0.1, 5.0, 6.0]);
+    let name = text(&model);
+    // One frame is printed as that of a file with one.
+    let one = linkwatch(&["certify", name, "--frame", "2"]);
+    assert_eq!((one.code, one.stdout.as_str()), (0, "2 # lines: 0\n"));
+    let frames = |selection: &str| {
+        let run = linkwatch(&["thickness", name, "--frame", selection, "--json"]);
+        let all = json_lines(&run.stdout);
+        all.iter()
+            .map(|line| line["frame"].as_u64().unwrap())
+            .collect::<Vec<_>>()
+    };
+    assert_eq!(frames("1"), [1]);
+    assert_eq!(frames("last"), [3]);
+    assert_eq!(frames("1..2"), [1, 2]);
+    assert_eq!(frames("2..99"), [2, 3]);
+    assert_eq!(frames("all"), [0, 1, 2, 3]);
+    let none = linkwatch(&["writhe", name, "--frame", "7"]);
+    assert_eq!(none.code, 2);
+    assert!(none.stderr.contains("no frame 7"), "{}", none.stderr);
+}
+
+#[test]
+fn a_file_of_one_result_takes_one_frame() {
+    let folder = TempDir::new().unwrap();
+    let model = squares(folder.path(), "run.npz", &[0.0, 5.0]);
+    let certificate = folder.path().join("c.txt");
+    let pictures = folder.path().join("pictures");
+    for (option, file) in [("-o", &certificate), ("--svg", &pictures)] {
+        let run = linkwatch(&["certify", text(&model), option, text(file)]);
+        assert_eq!(run.code, 2);
+        let expected = format!("the file has several frames, and {option} takes one");
+        assert!(run.stderr.contains(&expected), "{}", run.stderr);
+        let run = linkwatch(&["certify", text(&model), option, text(file), "--frame", "1"]);
+        assert_eq!(run.code, 0, "{}", run.stderr);
+    }
+    assert_eq!(
+        std::fs::read_to_string(&certificate).unwrap(),
+        "2 # lines: 0\n"
+    );
+}
+
+#[test]
+fn a_frame_that_was_rejected_when_it_was_recorded_is_no_success() {
+    let folder = TempDir::new().unwrap();
+    let frame = "3\nProperties=species:S:1:pos:R:3\nC 0 0 0\nC 1 0 0\nC 0 1 0\n";
+    let invalid = frame.replace("C 1 0 0", "C 1e400 0 0");
+    let (model, recording) = (
+        folder.path().join("run.xyz"),
+        folder.path().join("run.mcap"),
+    );
+    std::fs::write(&model, [frame, frame, &invalid].concat()).unwrap();
+    let run = linkwatch(&["check", text(&model), "--record", text(&recording)]);
+    assert_eq!(run.code, 3, "{}{}", run.stdout, run.stderr);
+    for command in ["check", "thickness", "writhe"] {
+        let run = linkwatch(&[command, text(&recording)]);
+        assert_eq!(run.code, 3, "{command}: {}{}", run.stdout, run.stderr);
+        let said = [run.stdout, run.stderr].concat();
+        assert!(
+            said.contains("rejected when it was recorded"),
+            "{command}: {said}"
+        );
+    }
+}
+
+#[test]
+fn files_with_several_frames_are_runs_of_their_own() {
+    let folder = TempDir::new().unwrap();
+    let linked = squares(folder.path(), "a.npz", &[0.0, 0.1]);
+    let apart = squares(folder.path(), "b.npz", &[5.0, 5.1]);
+    let both = [text(&linked), text(&apart)];
+    let run = linkwatch(&[&["check", "--events"], &both[..]].concat());
+    assert_eq!(run.code, 0, "{}", run.stdout);
+    assert!(
+        run.stdout.contains("intact: 4 frames verified"),
+        "{}",
+        run.stdout
+    );
+    assert!(
+        run.stdout
+            .contains("\n2 runs, each compared with its own first frame")
+    );
+    let run = linkwatch(&[&["check", "--one-motion"], &both[..]].concat());
+    assert_eq!(run.code, 1, "{}", run.stdout);
+    assert!(!run.stdout.contains("2 runs"));
+    // Each is still compared with a certificate.
+    let certificate = folder.path().join("c.txt");
+    linkwatch(&["certify", both[0], "--frame", "0", "-o", text(&certificate)]);
+    let run = linkwatch(&[&["check", "--against", text(&certificate)], &both[..]].concat());
+    assert_eq!(run.code, 1);
+    // A file of one frame is the baseline of the file after it.
+    let first = squares(folder.path(), "first.npz", &[0.0]);
+    let run = linkwatch(&["check", "--keep-order", text(&first), both[1]]);
+    assert_eq!(run.code, 1, "{}", run.stdout);
+    // Runs may have other curves, and are recorded one after the other.
+    let other = folder.path().join("other.npz");
+    let ring = polygon([[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], 2);
+    let frames = [[ring.clone(), ring.clone()], [ring.clone(), ring]]
+        .map(|[a, b]| [a, b.into_iter().map(|[x, y, z]| [x + 9.0, y, z]).collect()]);
+    write(folder.path(), "other.npz", None, &frames);
+    let recording = folder.path().join("both.mcap");
+    let run = linkwatch(&["check", both[0], text(&other), "--record", text(&recording)]);
+    assert_eq!(run.code, 0, "{}{}", run.stdout, run.stderr);
+    let run = linkwatch(&["replay", text(&recording)]);
+    assert_eq!(run.code, 0, "{}{}", run.stdout, run.stderr);
+    assert!(
+        run.stdout
+            .contains("verdicts: 4 equal to the recorded ones"),
+        "{}",
+        run.stdout
+    );
+    // One file would be one motion.
+    let out = folder.path().join("out.npz");
+    let convert = |options: &[&str]| {
+        linkwatch(&[&["convert", both[0], both[1], text(&out)], options].concat())
+    };
+    let run = convert(&[]);
+    assert_eq!(run.code, 2);
+    assert!(
+        run.stderr.contains("or give --one-motion"),
+        "{}",
+        run.stderr
+    );
+    assert_eq!(convert(&["--one-motion"]).code, 0);
+}
+
+#[test]
+fn a_file_that_cannot_be_read_is_the_only_error() {
+    let folder = TempDir::new().unwrap();
+    let unknown = folder.path().join("model.foo");
+    std::fs::write(&unknown, "curves").unwrap();
+    let truncated = folder.path().join("model.npz");
+    std::fs::write(&truncated, "PK").unwrap();
+    let invalid = folder.path().join("model.obj");
+    std::fs::write(&invalid, "v 0 0 x\n").unwrap();
+    let missing = folder.path().join("missing.bcc");
+    for file in [&unknown, &truncated, &invalid, &missing] {
+        let run = linkwatch(&["check", text(file)]);
+        assert_ne!(run.code, 0);
+        let said = [run.stdout, run.stderr].concat();
+        assert!(!said.contains("nothing to compare"), "{said}");
+        assert!(said.contains(text(file)), "{said}");
+    }
+}
