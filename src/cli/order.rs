@@ -35,8 +35,26 @@ fn parts(name: &str) -> Vec<Part<'_>> {
     parts
 }
 
-/// Compares two names by their parts: texts as texts, numbers by value.
+/// Compares two paths folder by folder, and the names of files before their extensions: `out.obj`
+/// comes before `out1.obj`.
 fn compare(a: &str, b: &str) -> Ordering {
+    let [a, b] = [a, b].map(|path| path.split(['/', '\\']).flat_map(name_and_extension));
+    let both = a.zip(b).map(|(a, b)| compare_names(a, b));
+    both.reduce(Ordering::then).unwrap_or(Ordering::Equal)
+}
+
+/// Splits a name before its extension, which does not begin with a digit: `t0.25` has none.
+fn name_and_extension(name: &str) -> [&str; 2] {
+    match name.rsplit_once('.') {
+        Some((stem, extension)) if !extension.starts_with(|c: char| c.is_ascii_digit()) => {
+            [stem, extension]
+        }
+        _ => [name, ""],
+    }
+}
+
+/// Compares two names by their parts: texts as texts, numbers by value.
+fn compare_names(a: &str, b: &str) -> Ordering {
     let (a, b) = (parts(a), parts(b));
     for pair in a.iter().zip(&b) {
         let order = match pair {
@@ -118,6 +136,26 @@ mod tests {
                 _ => assert_eq!(names, expected),
             }
             assert!(!sorted(expected).1);
+        }
+    }
+
+    #[test]
+    fn a_file_without_a_number_comes_before_those_with_one() {
+        for (shell, expected) in [
+            (
+                ["out.obj", "out1.obj", "out10.obj", "out2.obj"],
+                ["out.obj", "out1.obj", "out2.obj", "out10.obj"],
+            ),
+            (
+                ["out-1.obj", "out-10.obj", "out-2.obj", "out.obj"],
+                ["out.obj", "out-1.obj", "out-2.obj", "out-10.obj"],
+            ),
+            (
+                ["run/F.bcc", "run/F1.bcc", "run10/F.bcc", "run2/F.bcc"],
+                ["run/F.bcc", "run/F1.bcc", "run2/F.bcc", "run10/F.bcc"],
+            ),
+        ] {
+            assert_eq!(sorted(&shell), (expected.map(String::from).to_vec(), true));
         }
     }
 
