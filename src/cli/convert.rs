@@ -86,6 +86,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         frames: 0,
         invalid: 0,
         left_out: Vec::new(),
+        lost_cells: 0,
         points: [0, 0],
         undecided: false,
     };
@@ -174,6 +175,14 @@ impl Target {
         }
     }
 
+    fn holds_cells(self) -> bool {
+        match self {
+            Target::Model(format) => format.holds_cells(),
+            #[cfg(feature = "mcap")]
+            Target::Recording => true,
+        }
+    }
+
     fn holds_splines(self) -> bool {
         match self {
             Target::Model(format) => format.holds_splines(),
@@ -193,6 +202,8 @@ struct Converter {
     invalid: u64,
     /// Elements of the files that were not read.
     left_out: Vec<LeftOut>,
+    /// Number of frames whose cell the output cannot hold.
+    lost_cells: u64,
     /// Number of points of all frames before and after the conversion.
     points: [u64; 2],
     /// True if splines are so close that their linking numbers could not be kept for certain.
@@ -239,6 +250,16 @@ impl Converter {
                 continue;
             }
             LeftOut::merge(&mut self.left_out, &frame.left_out);
+            if let Some(cell) = frame.info.cell.filter(|_| !self.target.holds_cells()) {
+                if self.lost_cells == 0 {
+                    tracing::warn!(
+                        "{}: the output cannot hold its periodic cell, which is lost; give it with \
+                         the curves (`--cell {cell}`), or write .npz, .xyz, .mcap or a LAMMPS file",
+                        frame.name
+                    );
+                }
+                self.lost_cells += 1;
+            }
             let curves = frame.curves?;
             let before = curves.points() as u64;
             let curves = match curves.basis() {
@@ -308,6 +329,7 @@ impl Converter {
                 "frames": self.frames,
                 "invalid": self.invalid,
                 "left_out": self.left_out,
+                "lost_cells": self.lost_cells,
                 "points": after,
                 "points_before": before,
             }));
@@ -323,6 +345,10 @@ impl Converter {
             "{}{files}: {frames}, {points}",
             path.display()
         ));
+        if self.lost_cells > 0 {
+            let cells = plural(self.lost_cells, "frame");
+            output::line(format_args!("  lost: the periodic cell of {cells}"));
+        }
         if self.invalid > 0 {
             let invalid = plural(self.invalid, "invalid frame");
             output::line(format_args!("  left out: {invalid}"));

@@ -23,8 +23,6 @@ pub(super) trait FrameSink {
 /// Writes the frames of a motion to one model file.
 pub struct FrameWriter {
     path: PathBuf,
-    /// True until a cell was lost, if the format cannot hold it.
-    warns_of_cells: bool,
     sink: Box<dyn FrameSink>,
 }
 
@@ -36,7 +34,6 @@ impl FrameWriter {
     pub fn create(path: &Path, format: Format) -> Result<FrameWriter> {
         Ok(FrameWriter {
             path: path.into(),
-            warns_of_cells: !format.holds_cells(),
             sink: format.create(path)?,
         })
     }
@@ -47,19 +44,11 @@ impl FrameWriter {
         (format == Format::LammpsDump).then(|| lammps::bonds_of(path))
     }
 
-    /// Writes a frame. If the format cannot hold its cell, the log has a warning.
+    /// Writes a frame. Its cell is lost if the format cannot hold one ([`Format::holds_cells`]).
     ///
     /// Errors: that of the curves, if they are invalid; [`Error::Unsupported`] if the format cannot
     /// hold them, or no second frame; [`Error::File`].
     pub fn frame(&mut self, frame: &ModelFrame) -> Result<()> {
-        if let Some(cell) = frame.cell.filter(|_| self.warns_of_cells) {
-            self.warns_of_cells = false;
-            tracing::warn!(
-                "{}: the format has no periodic cell; give that of the first frame with the curves \
-                 (`--cell {cell}`), or write .npz, .xyz or a LAMMPS file",
-                self.path.display()
-            );
-        }
         self.sink.frame(frame).map_err(|e| e.in_file(&self.path))
     }
 

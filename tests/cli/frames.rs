@@ -126,8 +126,8 @@ fn a_file_of_one_result_takes_one_frame() {
 #[test]
 fn a_frame_that_was_rejected_when_it_was_recorded_is_no_success() {
     let folder = TempDir::new().unwrap();
-    let frame = "3\nProperties=species:S:1:pos:R:3\nC 0 0 0\nC 1 0 0\nC 0 1 0\n";
-    let invalid = frame.replace("C 1 0 0", "C 1e400 0 0");
+    let frame = "3\nProperties=species:S:1:pos:R:3:mol:I:1\nC 0 0 0 1\nC 1 0 0 1\nC 0 1 0 1\n";
+    let invalid = frame.replace("C 1 0 0 1", "C nan 0 0 1");
     let (model, recording) = (
         folder.path().join("run.xyz"),
         folder.path().join("run.mcap"),

@@ -13,7 +13,7 @@ use super::{Args, OUTPUTS, SETTINGS};
 use crate::cli::number::seconds;
 use crate::cli::output::{self, count, plural};
 use crate::cli::signals::{TICK, stop_on_signals};
-use crate::cli::{Outcome, WATCH, live::Live};
+use crate::cli::{Outcome, WATCH, cell_args::CellArgs, live::Live};
 use linkwatch::{
     Client, ClientOptions, CurveLabels, Error, Outcome as Waited, Overflow, Positions, Result,
     VerdictMessage,
@@ -90,6 +90,7 @@ pub fn run(args: &Args, source: Source, service: &str, json: bool) -> Result<Out
     let mut publisher = Publisher {
         client: Client::open(service, &options)?,
         described: None,
+        cell_args: args.judge.cell_args,
         last_cuts: None,
         numbered: frames.has_verdicts,
         answers: Answers::new(json),
@@ -141,6 +142,7 @@ fn wait_for_watcher(
 struct Publisher {
     client: Client,
     described: Option<Described>,
+    cell_args: CellArgs,
     /// Number of cuts before the last published frame, as recorded.
     last_cuts: Option<u32>,
     /// True if frames keep their numbers.
@@ -238,7 +240,7 @@ impl Publisher {
             self.client.cut();
         }
         self.client.set_time_step(ready.info.time_step)?;
-        self.client.set_cell(ready.info.cell)?;
+        self.client.set_cell(self.cell_args.cell(ready.info.cell))?;
         if self.numbered {
             self.client.number_next(ready.seq)?;
             self.gaps += self.last.map_or(0, |last| ready.seq - last - 1);
