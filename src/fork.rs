@@ -1,24 +1,11 @@
 //! Processes that were forked from one that used the library.
 //!
-//! A fork copies the memory of a process, but only the thread that called it. In the child the
-//! thread pool has no threads, so that parallel work would wait for ever; and ports and samples of
-//! shared memory are those of the parent, so that dropping them would release them under it.
+//! A fork copies the memory of a process. In the child, ports and samples of shared memory are still
+//! those of the parent, so that dropping them would release them under it.
 
 use crate::error::{Error, Result};
 use std::ops::{Deref, DerefMut};
 use std::process;
-use std::sync::atomic::{AtomicU32, Ordering};
-
-/// Returns an error if another process, from which this one was forked, has used the thread pool.
-/// Otherwise records that this process uses it.
-pub(crate) fn check_pool() -> Result<()> {
-    static USED_BY: AtomicU32 = AtomicU32::new(0);
-    let this = process::id();
-    match USED_BY.compare_exchange(0, this, Ordering::Relaxed, Ordering::Relaxed) {
-        Err(parent) if parent != this => Err(Error::Forked { parent }),
-        _ => Ok(()),
-    }
-}
 
 /// A value that only the process that made it uses and drops. A forked child forgets it.
 #[derive(Debug)]

@@ -128,7 +128,7 @@ mod discretize;
 mod error;
 #[cfg(feature = "verify")]
 mod exact;
-#[cfg(any(feature = "client", feature = "verify"))]
+#[cfg(feature = "client")]
 mod fork;
 #[cfg(feature = "verify")]
 mod incremental;

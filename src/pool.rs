@@ -4,6 +4,10 @@
 //! operating system has to wake a thread twice. A frame with few segments is verified in less time,
 //! so the calling thread computes it alone.
 
+use crate::error::{Error, Result};
+use std::process;
+use std::sync::atomic::{AtomicU32, Ordering};
+
 /// Number of segments up to which the calling thread computes a frame alone.
 const SMALL: usize = 1024;
 
@@ -25,5 +29,19 @@ pub(crate) fn pairs_per_task(pairs: usize, segments: usize) -> usize {
         pairs.max(1)
     } else {
         (pairs / (32 * rayon::current_num_threads())).clamp(1, 256)
+    }
+}
+
+/// Returns an error if another process, from which this one was forked, has used the thread pool.
+/// Otherwise records that this process uses it.
+///
+/// A fork copies only the thread that called it. The pool of the child has no threads, so parallel
+/// work would wait for ever.
+pub(crate) fn check_process() -> Result<()> {
+    static USED_BY: AtomicU32 = AtomicU32::new(0);
+    let this = process::id();
+    match USED_BY.compare_exchange(0, this, Ordering::Relaxed, Ordering::Relaxed) {
+        Err(parent) if parent != this => Err(Error::Forked { parent }),
+        _ => Ok(()),
     }
 }

@@ -2,8 +2,8 @@
 
 use crate::curve::CurveSet;
 use crate::error::{Error, Result};
-use crate::fork;
 use crate::kernels::{Chain, Estimate, sums::direct::Scale};
+use crate::pool;
 use rayon::prelude::*;
 
 /// Writhes and linking integrals of the polylines of a set, open or closed.
@@ -31,7 +31,7 @@ pub struct GaussIntegrals {
 impl GaussIntegrals {
     /// Copies all curves, which must be polylines.
     pub fn new(set: &CurveSet) -> Result<GaussIntegrals> {
-        fork::check_pool()?;
+        pool::check_process()?;
         check_polylines(set)?;
         let scale = Scale::new(set.max_abs());
         let chains = (0..set.len()).into_par_iter();

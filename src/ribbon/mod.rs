@@ -46,10 +46,10 @@ pub use pairing::{Pairing, PairingReason};
 
 use crate::curve::{CurveSet, Point};
 use crate::error::{Error, Result};
-use crate::fork;
 use crate::kernels::crossings::{Input, Workspaces, linking_number};
 use crate::kernels::{Chain, Estimate, Linking, sums::direct::Scale};
 use crate::pairs::Trees;
+use crate::pool;
 use crate::verdict::{DefectKind, Place};
 use std::time::{Duration, Instant};
 
@@ -126,7 +126,7 @@ impl Ribbon {
     ///
     /// Errors: [`Error::Usage`] if the curves cannot be the strands of a ribbon.
     pub fn of(set: &CurveSet, [i, j]: [usize; 2], options: RibbonOptions) -> Result<Ribbon> {
-        fork::check_pool()?;
+        pool::check_process()?;
         check(set, [i, j])?;
         let scale = Scale::new(set.max_abs());
         let points = |i: usize| -> Vec<Point> {

@@ -30,7 +30,7 @@ use self::octree::Octree;
 use self::splines::Chords;
 use crate::curve::{Cell, CurveSet, Image, Point};
 use crate::error::Result;
-use crate::fork;
+use crate::pool;
 use serde::Serialize;
 
 /// Number of edges from which the octree is faster than comparing all pairs.
@@ -206,7 +206,7 @@ impl Thickness {
         cell: Option<&Cell>,
         shortest: impl Fn(&Edges) -> Result<Option<Found>>,
     ) -> Result<Thickness> {
-        fork::check_pool()?;
+        pool::check_process()?;
         let poca = |edges: &Edges| -> Result<Option<Strut>> {
             Ok(shortest(edges)?.map(|found| edges.strut(&found)))
         };
@@ -274,7 +274,7 @@ pub fn struts(set: &CurveSet, longest: f64) -> Result<Vec<Strut>> {
 /// # Ok::<(), linkwatch::Error>(())
 /// ```
 pub fn struts_in_cell(set: &CurveSet, cell: Option<&Cell>, longest: f64) -> Result<Vec<Strut>> {
-    fork::check_pool()?;
+    pool::check_process()?;
     if !set.basis().is_polyline() {
         let chords = Chords::new(set, Some(longest))?;
         let found = struts_in_cell(&chords.polylines, cell, longest)?;

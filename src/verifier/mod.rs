@@ -32,7 +32,6 @@ use crate::cancel::{Cancel, PairLimit};
 use crate::certificate::{Certificate, Comparison};
 use crate::curve::{CurveChange, CurveSet, Image, Positions};
 use crate::error::{Error, Result};
-use crate::fork;
 use crate::incremental::{Events, Monitor, Outcome, Route, Work};
 use crate::ingest::{RawFrame, ingest};
 use crate::kernels::{DeviceInfo, GpuUse, Method, Offload, segment_pairs};
@@ -200,7 +199,7 @@ impl Verifier {
     /// Errors: [`Error::Usage`] if an option has an invalid value, or excludes another one;
     /// [`Error::Device`] if no adapter matches, or it cannot be used.
     pub fn new(options: VerifierOptions) -> Result<Self> {
-        fork::check_pool()?;
+        pool::check_process()?;
         options.check()?;
         let gpu = GpuUse::open(&options.device)?;
         Ok(Verifier::with_gpu(options, gpu))
@@ -414,7 +413,7 @@ impl Verifier {
     /// In a process that was forked from one that used the library ([`Error::Forked`]), because the
     /// call would never return.
     pub fn certify(&mut self, set: &CurveSet) -> (&Certificate, Stats) {
-        fork::check_pool().unwrap_or_else(|forked| panic!("{forked}"));
+        pool::check_process().unwrap_or_else(|forked| panic!("{forked}"));
         let start = Instant::now();
         self.full.heed_cancel(false);
         self.full.progress.limit.begin(usize::MAX);
@@ -494,7 +493,7 @@ impl Verifier {
     /// # Ok::<(), linkwatch::Error>(())
     /// ```
     pub fn receive(&mut self, frame: RawFrame<'_>, set: &mut Option<CurveSet>) -> Result<()> {
-        fork::check_pool()?;
+        pool::check_process()?;
         ingest(frame, set, |set, positions| self.update(set, positions))
     }
 
@@ -686,7 +685,7 @@ impl Verifier {
 
     /// Returns the report on a frame, and its linking numbers.
     fn verify(&mut self, seq: u64, time: f64, set: &CurveSet) -> Result<(Report, LinkingNumbers)> {
-        fork::check_pool()?;
+        pool::check_process()?;
         self.apply_change(set)?;
         if let Some(b) = self.baseline.as_ref().filter(|b| b.curves != set.len()) {
             return Err(Error::CertificateMismatch {
