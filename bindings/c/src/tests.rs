@@ -70,6 +70,57 @@ fn a_certificate_lists_the_links() {
 }
 
 #[test]
+fn a_ribbon_of_strands_in_opposite_directions_is_paired_by_base() {
+    // A circle of DNA of 105 base pairs and 10 turns. The second strand is stored backwards.
+    let n = 105;
+    let vertex = |strand: usize, k: usize| {
+        let angle = std::f64::consts::TAU * k as f64 / n as f64;
+        let (z, out) = (10.0 * angle + std::f64::consts::PI * strand as f64).sin_cos();
+        let radius = 5.7 + out;
+        [radius * angle.cos(), radius * angle.sin(), z]
+    };
+    let strands = (0..n).map(|k| vertex(0, k));
+    let strands = strands.chain((0..n).rev().map(|k| vertex(1, k)));
+    let positions: Vec<f64> = strands.flatten().collect();
+    let frame = lw_frame {
+        counts: [-105, -105].as_ptr(),
+        ..frame(&positions)
+    };
+    // SAFETY: all members are numbers and booleans, for which zeros are valid.
+    let mut found: lw_ribbon_values = unsafe { std::mem::zeroed() };
+    // SAFETY: all pointers are valid.
+    let mut ribbon = |second, pairing: *const c_char, tolerance| unsafe {
+        let status = lw_ribbon(&frame, 0, second, pairing, false, tolerance, &mut found);
+        (status, found)
+    };
+    for pairing in [null(), c"auto".as_ptr(), c"antiparallel".as_ptr()] {
+        let (status, found) = ribbon(1, pairing, 0.0);
+        assert_eq!((status, found.linking.abs()), (LW_OK, 10));
+        assert!((found.twist.abs() - 10.0).abs() < 1e-6, "{found:?}");
+        assert_eq!(
+            (found.antiparallel, found.shift, found.rivals),
+            (true, 0, 0)
+        );
+    }
+    let (status, shifted) = ribbon(1, c"antiparallel:1".as_ptr(), 0.0);
+    assert_eq!((status, shifted.shift), (LW_OK, 1));
+    assert!((shifted.twist.abs() - 10.0).abs() > 0.5, "{shifted:?}");
+    for (second, pairing, tolerance, words) in [
+        (2, null(), 0.0, "two different curves of 0 to 1"),
+        (
+            1,
+            c"near".as_ptr(),
+            0.0,
+            "expected auto, parallel, antiparallel",
+        ),
+        (1, null(), -1.0, "a tolerance of -1"),
+    ] {
+        assert_eq!(ribbon(second, pairing, tolerance).0, LW_ERROR);
+        assert!(last_error().contains(words), "{}", last_error());
+    }
+}
+
+#[test]
 fn a_pull_through_is_reported_with_the_state_to_roll_back_to() {
     let mut verdict = empty_verdict();
     // SAFETY: all pointers are valid.
