@@ -38,7 +38,11 @@ pub enum Error {
         what: String,
     },
     /// linkwatch has no reader for this kind of file.
-    #[error("{path}: unknown kind of file (known: {MODEL_FILES})")]
+    #[error(
+        "{path}: unknown kind of file (known: {MODEL_FILES}, and text with lines x y z); bring the \
+         points of other formats in as such text (--closed, --counts), or from Python as an .npz \
+         with the arrays positions and counts"
+    )]
     UnknownModel {
         /// The file.
         path: PathBuf,

@@ -21,7 +21,7 @@ pub struct FormatArgs {
     /// LAMMPS data file with the bonds of a dump
     #[arg(long, value_name = "FILE", hide_short_help = true)]
     bonds: Option<PathBuf>,
-    /// Number of points of each curve of a .npy file, below 0 if the curve is closed
+    /// Number of points of each curve of a .npy or text file, below 0 if the curve is closed
     #[arg(
         long,
         value_name = "N,..",
@@ -30,6 +30,16 @@ pub struct FormatArgs {
         hide_short_help = true
     )]
     counts: Option<Vec<i32>>,
+    /// All curves of a text file, or of a LAMMPS dump without bonds, are closed (=false: open)
+    #[arg(
+        long,
+        value_name = "true|false",
+        num_args = 0..=1,
+        require_equals = true,
+        default_missing_value = "true",
+        hide_short_help = true
+    )]
+    closed: Option<bool>,
     /// Topic to read of an MCAP file of another program, if several have curves
     #[arg(long, value_name = "TOPIC", hide_short_help = true)]
     topic: Option<String>,
@@ -56,6 +66,7 @@ impl FormatArgs {
         let mut options = ReadOptions::default();
         options.bonds.clone_from(&self.bonds);
         options.counts.clone_from(&self.counts);
+        options.closed = self.closed;
         options.topic.clone_from(&self.topic);
         options.wrapped = self.wrapped;
         options
@@ -158,9 +169,12 @@ fn models_in(folder: &Path) -> Result<Vec<PathBuf>> {
     let refuse = |why: String| Error::Usage(format!("{}: {why}", folder.display()));
     let entries = std::fs::read_dir(folder).map_err(|e| refuse(e.to_string()))?;
     let files = entries.flatten().map(|entry| entry.path());
-    let mut models: Vec<PathBuf> = files
-        .filter(|file| file.is_file() && model::Format::of(file).is_ok())
-        .collect();
+    // A folder may have tables of numbers, which are no points.
+    let is_model = |file: &PathBuf| {
+        let format = model::Format::of(file);
+        file.is_file() && format.is_ok_and(|format| format != model::Format::Points)
+    };
+    let mut models: Vec<PathBuf> = files.filter(is_model).collect();
     models.sort();
     if models.is_empty() {
         let known = model::MODEL_FILES;
@@ -204,21 +218,29 @@ pub fn is_mcap(path: &Path) -> bool {
     extension.is_some_and(|e| e.eq_ignore_ascii_case("mcap"))
 }
 
+/// Returns true if a file begins as an MCAP file, whatever its name.
+#[cfg(feature = "mcap")]
+fn begins_as_mcap(path: &Path) -> bool {
+    use std::io::Read;
+    let mut start = [0; 8];
+    let read = std::fs::File::open(path).and_then(|mut file| file.read_exact(&mut start));
+    read.is_ok() && start == *b"\x89MCAP0\r\n"
+}
+
 /// Returns true if a file of this name may hold several frames.
 pub fn holds_frames(path: &Path) -> bool {
     is_mcap(path) || model::Format::of(path).is_ok_and(model::Format::holds_frames)
 }
 
-/// Returns true if a file is to be read as a recording of linkwatch: it is one, or no model by its
-/// name.
+/// Returns true if a file is to be read as a recording of linkwatch: it is one by its content, or
+/// does not exist and has its extension.
 #[cfg(feature = "mcap")]
 pub fn is_recording(path: &Path) -> Result<bool> {
     if !path.is_file() {
         return Ok(is_mcap(path));
     }
-    if !is_mcap(path) {
-        let format = model::Format::of(path);
-        return Ok(matches!(format, Err(Error::UnknownModel { .. })));
+    if !is_mcap(path) && !begins_as_mcap(path) {
+        return Ok(false);
     }
     let mut reader = RecordingReader::open(path).map_err(|e| e.in_file(path))?;
     // The metadata is complete once the first item was read. An error is that of a recording.

@@ -19,6 +19,9 @@ pub struct ReadOptions {
     pub bonds: Option<PathBuf>,
     /// Number of points of each curve of a NumPy array, negative if the curve is closed.
     pub counts: Option<Vec<i32>>,
+    /// True if curves are closed whose file does not say it, and false if they are open: those of
+    /// plain text, and the molecules of a LAMMPS dump without bonds.
+    pub closed: Option<bool>,
     /// Topic of an MCAP file, if several have curves.
     pub topic: Option<String>,
     /// True if coordinates may be wrapped into the periodic cell: the caller unwraps the curves, so
@@ -64,6 +67,33 @@ impl LeftOut {
     pub fn sentence(all: &[LeftOut]) -> String {
         let all: Vec<String> = all.iter().map(LeftOut::to_string).collect();
         format!("not read, so not verified: {}", all.join(", "))
+    }
+
+    /// Counts an element, whose place is needed if it is the first one of its kind.
+    pub(super) fn add(
+        list: &mut Vec<LeftOut>,
+        kind: [&'static str; 2],
+        first: impl FnOnce() -> String,
+    ) {
+        LeftOut::add_all(list, kind, 1, first);
+    }
+
+    /// Counts elements of a kind.
+    pub(super) fn add_all(
+        list: &mut Vec<LeftOut>,
+        kind: [&'static str; 2],
+        count: u64,
+        first: impl FnOnce() -> String,
+    ) {
+        match list.iter_mut().find(|found| found.kind == kind) {
+            Some(found) => found.count += count,
+            None if count == 0 => {}
+            None => list.push(LeftOut {
+                count,
+                kind,
+                first: first(),
+            }),
+        }
     }
 }
 
@@ -173,6 +203,11 @@ pub(super) struct Single(Option<ModelFrame>);
 impl Single {
     pub(super) fn new(curves: CurveSet) -> Single {
         Single(Some(ModelFrame::new(0, Ok(curves))))
+    }
+
+    /// Adds the elements that are left out.
+    pub(super) fn leaving_out(self, left_out: Vec<LeftOut>) -> Single {
+        Single(self.0.map(|frame| ModelFrame { left_out, ..frame }))
     }
 
     /// Adds the periodic cell of the frame.

@@ -13,6 +13,11 @@
 //! | `.xyz`, `.extxyz` | frames of polylines, with times and cells | double |
 //! | `.mcap` | polylines: `foxglove.SceneUpdate`, ROS 2 markers | double |
 //! | `.usda`, `.usdc`, `.usd`, `.usdz` | all of these, with time samples | single |
+//! | `.txt`, `.csv`, `.dat`, `.raw` and others | frames of polylines, as columns `x y z` | double |
+//!
+//! LAMMPS files, extended XYZ and plain text of any other name are recognized by their content.
+//!
+//! Elements of a file that may be curves and are not read are counted: [`ModelFrame::left_out`].
 //!
 //! A file is not trusted: every count is compared with the length of the file before anything is
 //! allocated, so that memory is linear in that length for any counts. (A compressed array may take
@@ -29,6 +34,7 @@ mod lines;
 mod mcap;
 mod numpy;
 mod obj;
+mod points;
 mod torn;
 #[cfg(feature = "usd")]
 mod usd;
@@ -47,7 +53,7 @@ use self::write::{FrameSink, OneFrame};
 use crate::curve::CurveSet;
 use crate::error::{Error, Result};
 use std::fs::File;
-use std::io::{BufReader, ErrorKind, Read, Take};
+use std::io::{BufRead, BufReader, ErrorKind, Read, Take};
 use std::path::Path;
 
 /// Reads the curves of a model file: those of the first frame, if it has several. The extension (in
@@ -116,6 +122,8 @@ pub enum Format {
     Mcap,
     /// Curves of a USD stage, with time samples.
     Usd,
+    /// Plain text: columns `x y z`.
+    Points,
 }
 
 /// Extensions of the formats; [`MODEL_FILES`] lists them for messages.
@@ -160,7 +168,7 @@ fn advice_on(folder: &Path) -> String {
 }
 
 impl Format {
-    /// Returns the format of a file by its name. (Dumps of other names are known by their start.)
+    /// Returns the format of a file by its name, or by its content if the name is not known.
     ///
     /// Errors: [`Error::Folder`], [`Error::UnknownModel`], and [`Error::Unsupported`] for a
     /// recording.
@@ -171,8 +179,21 @@ impl Format {
             return Err(Error::Folder { path, advice });
         }
         Format::named(path)
-            .or_else(|| lammps::begins_as_dump(path).then_some(Format::LammpsDump))
+            .or_else(|| Format::of_content(path))
             .ok_or_else(|| Error::UnknownModel { path: path.into() })
+    }
+
+    /// Returns the format of a text file by its first lines.
+    fn of_content(path: &Path) -> Option<Format> {
+        let (mut input, len) = open(path).ok()?;
+        let start = input.fill_buf().ok()?;
+        // A line that is cut off is not considered.
+        let whole = start.len() as u64 == len;
+        let lines = start.rsplitn(2, |&b| b == b'\n').last().filter(|_| !whole);
+        let start = lines.unwrap_or(start);
+        lammps::format_of(start)
+            .or_else(|| xyz::begins(start).then_some(Format::Xyz))
+            .or_else(|| points::begins(start).then_some(Format::Points))
     }
 
     /// Returns the format of the extension of a file.
@@ -202,7 +223,12 @@ impl Format {
             Format::LammpsDump => return lammps::open_dump(path, options),
             Format::Npy => return numpy::open_npy(path, options),
             Format::Npz => return numpy::open_npz(path, options),
+            // Some programs call columns of coordinates so.
+            Format::Xyz if Format::of_content(path) == Some(Format::Points) => {
+                return points::open(path, options);
+            }
             Format::Xyz => return xyz::open(path, options),
+            Format::Points => return points::open(path, options),
             #[cfg(feature = "mcap")]
             Format::Mcap => return mcap::open(path, options),
             #[cfg(not(feature = "mcap"))]
@@ -219,7 +245,11 @@ impl Format {
             #[cfg(not(feature = "usd"))]
             Format::Usd => Err(no_usd()),
             Format::Bcc => open(path).and_then(|(input, len)| bcc::read(input, len)),
-            Format::Obj => open(path).and_then(|(input, _)| obj::read(input)),
+            Format::Obj => {
+                let read = || obj::read(open(path)?.0);
+                let (curves, left_out) = read().map_err(|e| e.in_file(path))?;
+                return Ok(Box::new(Single::new(curves).leaving_out(left_out)));
+            }
             Format::Vect => open(path).and_then(|(input, len)| vect::read(input, len)),
         };
         let curves = curves.map_err(|e| e.in_file(path))?;
@@ -249,6 +279,10 @@ impl Format {
             Format::Usd => return usd::create(path),
             #[cfg(not(feature = "usd"))]
             Format::Usd => return Err(no_usd().in_file(path)),
+            Format::Points => {
+                let what = "columns of plain text are not written; .vect, .obj and .xyz are text";
+                return Err(Error::unsupported("model", what).in_file(path));
+            }
             Format::Mcap => {
                 let why = "MCAP is not written from models; `linkwatch check --record` records";
                 return Err(Error::unsupported("model", why));
@@ -261,7 +295,7 @@ impl Format {
         match self {
             Format::Bcc | Format::Obj | Format::Vect | Format::LammpsData => false,
             Format::LammpsDump | Format::Npy | Format::Npz | Format::Xyz => true,
-            Format::Mcap | Format::Usd => true,
+            Format::Mcap | Format::Usd | Format::Points => true,
         }
     }
 
@@ -270,7 +304,7 @@ impl Format {
         match self {
             Format::LammpsData | Format::LammpsDump | Format::Npz | Format::Xyz => true,
             Format::Bcc | Format::Obj | Format::Vect | Format::Npy => false,
-            Format::Mcap | Format::Usd => false,
+            Format::Mcap | Format::Usd | Format::Points => false,
         }
     }
 
@@ -280,7 +314,7 @@ impl Format {
             Format::Bcc | Format::Npz | Format::Usd => true,
             Format::Obj | Format::Vect | Format::LammpsData | Format::LammpsDump => false,
             // The positions would be read as those of polylines.
-            Format::Npy | Format::Xyz | Format::Mcap => false,
+            Format::Npy | Format::Xyz | Format::Mcap | Format::Points => false,
         }
     }
 }
@@ -348,9 +382,13 @@ mod tests {
             ..ReadOptions::default()
         };
         let npz = ReadOptions::default();
+        let text = ReadOptions {
+            closed: Some(true),
+            ..ReadOptions::default()
+        };
         let mut frames: Box<dyn FrameSource + '_> = match format {
             Format::Bcc => Box::new(Single::new(bcc::read(bytes, len)?)),
-            Format::Obj => Box::new(Single::new(obj::read(bytes)?)),
+            Format::Obj => Box::new(Single::new(obj::read(bytes)?.0)),
             Format::Vect => Box::new(Single::new(vect::read(bytes, len)?)),
             Format::LammpsData => Box::new(lammps::read_data(bytes, len, "a.data", false)?),
             Format::LammpsDump => {
@@ -363,6 +401,7 @@ mod tests {
             Format::Usd => usd::open(Cursor::new(bytes.to_vec()), len)?,
             #[cfg(not(feature = "usd"))]
             Format::Usd => return Err(no_usd()),
+            Format::Points => Box::new(points::read(bytes, len, &text, "memory")?),
             Format::Mcap => unreachable!("its tests are in mcap"),
         };
         let mut curves = Vec::new();
@@ -428,6 +467,10 @@ mod tests {
             samples.insert(4, (Format::Usd, usd.into()));
         }
         samples.insert(4, (Format::Xyz, xyz.into()));
+        let points = "x, y, z\n0, 0, 0\n1, .5, 0\n1e1, 1, 0\n\nComponent 2:\n0 1 -2\n3 4 5\n";
+        samples.insert(4, (Format::Points, points.into()));
+        let counted = "# frames\n3\n0 0 0\n1 .5 0\n1e1 1 0\n3\n0 1 -2\n3 4 5\n7 7 7\n";
+        samples.insert(4, (Format::Points, counted.into()));
         samples
     }
 
@@ -494,7 +537,7 @@ mod tests {
     proptest! {
         #[test]
         fn no_panic_on_garbage(
-            k in 0..9usize,
+            k in 0..11usize,
             keep in 0..800usize,
             tail in prop::collection::vec(any::<u8>(), 0..200),
         ) {
@@ -508,7 +551,7 @@ mod tests {
 
         #[test]
         fn no_panic_on_garbage_of_likely_characters(
-            k in 1..6usize,
+            k in 1..8usize,
             keep in 0..500usize,
             tail in "[-0-9lv./# \n\\\\eEItemsT:+]{0,200}",
         ) {

@@ -5,6 +5,7 @@ mod cells;
 mod certify;
 mod check;
 mod convert;
+mod formats;
 mod frames;
 mod output;
 mod sequences;

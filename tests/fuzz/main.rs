@@ -9,14 +9,17 @@
 //! | `messages_of_a_member`, `messages_of_a_leader` | messages between shards ([`shards`]) |
 //! | `recordings` | MCAP files ([`recordings`]) |
 //! | `model_files_and_certificates` | files ([`models`]) |
+//! | `every_curve_of_a_file_is_read_or_counted` | files of known curves ([`left_out`]) |
 //!
 //! A target runs units. A unit depends on its seed alone; the message of a failure has the seed and
 //! the command that repeats it. The numbers of units are those of a check in seconds;
-//! `ten_million_frames` is ignored and takes half an hour.
+//! `ten_million_frames` is ignored and takes half an hour, and `ten_thousand_files_of_each_format`
+//! some minutes.
 
 mod bytes;
 mod frame;
 mod frames;
+mod left_out;
 mod memory;
 mod messages;
 mod models;

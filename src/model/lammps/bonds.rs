@@ -6,6 +6,7 @@
 use super::cell::Unwrapped;
 use crate::curve::{Basis, Cell, CurveSet, Positions};
 use crate::error::{Error, Result};
+use crate::model::frames::LeftOut;
 use crate::model::torn::{self, Torn};
 use std::ops::Range;
 
@@ -23,6 +24,8 @@ pub(super) struct Curves {
     /// Points of each curve, negative if it is closed.
     counts: Vec<i32>,
     points: usize,
+    /// Molecules that are no curves.
+    pub left_out: Vec<LeftOut>,
 }
 
 /// Neighbours of each atom, by their indices among the sorted ids.
@@ -101,21 +104,34 @@ fn find(ids: &[u64], id: u64) -> Option<usize> {
     }
 }
 
+/// Fails if there are more things than `most`.
+fn check_number(what: &'static str, found: usize, most: u64) -> Result<()> {
+    match found as u64 {
+        promised if promised > most => Err(Error::Count {
+            what,
+            promised,
+            available: most,
+        }),
+        _ => Ok(()),
+    }
+}
+
+/// Returns the number of points of a curve, negative if it is closed.
+fn count_of(points: usize, closed: bool) -> Result<i32> {
+    check_number("points of a curve", points, i32::MAX as u64)?;
+    let count = points as i32;
+    Ok(if closed { -count } else { count })
+}
+
 impl Curves {
-    /// Joins the bonds of the file `name`.
+    /// Joins bonds.
     ///
     /// Errors: no molecule is a curve.
-    pub fn of_bonds(bonds: Vec<[u64; 2]>, format: &'static str, name: &str) -> Result<Curves> {
+    pub fn of_bonds(bonds: Vec<[u64; 2]>, format: &'static str) -> Result<Curves> {
         let mut ids: Vec<u64> = bonds.as_flattened().to_vec();
         ids.sort_unstable();
         ids.dedup();
-        if u32::try_from(ids.len()).is_err() {
-            return Err(Error::Count {
-                what: "atoms with bonds",
-                promised: ids.len() as u64,
-                available: u64::from(u32::MAX),
-            });
-        }
+        check_number("atoms with bonds", ids.len(), u64::from(u32::MAX))?;
         let neighbours = Neighbours::new(&bonds, &ids);
         drop(bonds);
         let mut places = vec![NONE; ids.len()];
@@ -139,12 +155,7 @@ impl Curves {
                 places[atom as usize] = points;
                 points += 1;
             });
-            let count = i32::try_from(molecule.len()).map_err(|_| Error::Count {
-                what: "points of a curve",
-                promised: molecule.len() as u64,
-                available: i32::MAX as u64,
-            })?;
-            counts.push(if end.is_none() { -count } else { count });
+            counts.push(count_of(molecule.len(), end.is_none())?);
         }
         let reason = branch.map(|(atom, bonds)| {
             format!(
@@ -159,19 +170,64 @@ impl Curves {
                 "no bonds, which define the curves",
             )),
             Some(reason) if counts.is_empty() => Err(Error::unsupported(format, reason)),
-            reason => {
-                if let Some(reason) = reason {
-                    tracing::warn!("{name}: {reason}; they are skipped");
-                }
-                Ok(Curves {
-                    format,
-                    ids,
-                    places,
-                    counts,
-                    points: points as usize,
-                })
-            }
+            _ => Ok(Curves {
+                format,
+                ids,
+                places,
+                counts,
+                points: points as usize,
+                left_out: Vec::from_iter(branch.map(|(atom, bonds)| LeftOut {
+                    count: branched as u64,
+                    kind: ["molecule with branches", "molecules with branches"],
+                    first: format!("atom {atom} has {bonds} bonds"),
+                })),
+            }),
         }
+    }
+
+    /// Returns the curves of atoms, given by molecule and id: the atoms of a molecule in the order
+    /// of their ids. Molecule 0 and those of one atom are no curves.
+    ///
+    /// Errors: no molecule is a curve.
+    pub fn of_molecules(
+        mut members: Vec<(i64, u64)>,
+        closed: bool,
+        format: &'static str,
+    ) -> Result<Curves> {
+        members.retain(|member| member.0 != 0);
+        members.sort_unstable();
+        members.dedup();
+        check_number("atoms of molecules", members.len(), u64::from(u32::MAX))?;
+        let mut chains: Vec<&[(i64, u64)]> = members.chunk_by(|a, b| a.0 == b.0).collect();
+        chains.retain(|chain| chain.len() > 1);
+        chains.sort_unstable_by_key(|chain| chain[0].1);
+        if chains.is_empty() {
+            let what = "no molecule (column mol) of two or more atoms";
+            return Err(Error::unsupported(format, what));
+        }
+        let counts = chains.iter().map(|chain| count_of(chain.len(), closed));
+        let counts = counts.collect::<Result<_>>()?;
+        let ids = chains.iter().flat_map(|chain| chain.iter().map(|m| m.1));
+        let mut places: Vec<(u64, u32)> = ids.zip(0..).collect();
+        places.sort_unstable();
+        if let Some(pair) = places.windows(2).find(|pair| pair[0].0 == pair[1].0) {
+            let what = format!("atom {} is in two molecules", pair[0].0);
+            return Err(Error::format(format, "atoms", what));
+        }
+        let (ids, places): (Vec<_>, Vec<_>) = places.into_iter().unzip();
+        Ok(Curves {
+            format,
+            points: ids.len(),
+            ids,
+            places,
+            counts,
+            left_out: Vec::new(),
+        })
+    }
+
+    /// Returns the number of curves.
+    pub fn len(&self) -> usize {
+        self.counts.len()
     }
 
     /// Reports how many of all atoms are ignored.

@@ -3,7 +3,8 @@
 use crate::curve::{Cell, Point};
 use crate::error::Result;
 
-/// The box: edges `(lx, 0, 0)`, `(xy, ly, 0)` and `(xz, yz, lz)` from its lower corner.
+/// The box: three edges from its lower corner. Unless it is general, they are `(lx, 0, 0)`,
+/// `(xy, ly, 0)` and `(xz, yz, lz)`.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct SimulationBox {
     pub low: Point,
@@ -35,6 +36,16 @@ impl SimulationBox {
         }
     }
 
+    /// Returns a general triclinic box (`triclinic/general`, and the default of OVITO). The
+    /// coordinates of its file are in the same system as its edges.
+    pub fn general(low: Point, edges: [Point; 3], periodic: [bool; 3]) -> SimulationBox {
+        SimulationBox {
+            low,
+            edges,
+            periodic,
+        }
+    }
+
     /// Returns a box from the bounds of a dump, which are those of the axis-parallel box around a
     /// tilted one.
     pub fn of_dump(mut bounds: [Point; 2], tilt: [f64; 3], periodic: [bool; 3]) -> SimulationBox {
@@ -49,8 +60,8 @@ impl SimulationBox {
 
     /// Returns a multiple of each edge, added.
     pub fn shift(&self, [a, b, c]: [f64; 3]) -> Point {
-        let [[lx, ..], [xy, ly, _], [xz, yz, lz]] = self.edges;
-        [a * lx + b * xy + c * xz, b * ly + c * yz, c * lz]
+        let [u, v, w] = &self.edges;
+        [0, 1, 2].map(|x| a * u[x] + b * v[x] + c * w[x])
     }
 
     /// Returns the cell along which the scene repeats, if it does.
@@ -67,7 +78,7 @@ impl SimulationBox {
         for k in 0..3 {
             if !self.periodic[k] {
                 cell.vectors[k] = [0.0; 3];
-            } else if cell.vectors[k][k] == 0.0 {
+            } else if cell.vectors[k] == [0.0; 3] {
                 let axis = ["x", "y", "z"][k];
                 return Err(crate::Error::Usage(format!(
                     "the box is periodic in {axis}, but has no length in {axis}"

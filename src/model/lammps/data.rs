@@ -11,6 +11,7 @@
 use super::cell::SimulationBox;
 use crate::curve::Point;
 use crate::error::{Error, Result};
+use crate::model::frames::LeftOut;
 use crate::model::lines::{Lines, integer, words};
 use crate::model::{number, quote};
 use std::io::BufRead;
@@ -38,6 +39,7 @@ pub(super) struct Data {
     pub flags: bool,
     /// Ids of the atoms of each bond.
     pub bonds: Vec<[u64; 2]>,
+    pub left_out: Vec<LeftOut>,
 }
 
 /// Counts and box.
@@ -49,6 +51,24 @@ struct Header {
     periodic: [bool; 3],
     bounds: [Option<[f64; 2]>; 3],
     tilt: [f64; 3],
+    /// Edges of a general triclinic box, and its corner.
+    edges: [Option<Point>; 3],
+    origin: Point,
+    left_out: Vec<LeftOut>,
+}
+
+/// Returns true if a text begins as a data file does: after the title, a header that counts atoms.
+pub(super) fn begins(text: &[u8]) -> bool {
+    /// Maximum number of lines that are searched.
+    const LINES: usize = 40;
+    let header = text.split(|&b| b == b'\n').skip(1).take(LINES);
+    header.map(without_comment).any(|line| {
+        let mut words = words(line);
+        let count = words
+            .next()
+            .is_some_and(|word| word.iter().all(u8::is_ascii_digit));
+        count && words.eq([b"atoms".as_slice()])
+    })
 }
 
 /// Reads a file to its end.
@@ -63,6 +83,7 @@ pub(super) fn read(mut lines: Lines<impl BufRead>, wanted: Wanted) -> Result<Dat
         atoms: Vec::new(),
         flags: false,
         bonds: Vec::new(),
+        left_out: Vec::new(),
     };
     let mut found = [false; 2];
     let mut in_header = true;
@@ -81,6 +102,9 @@ pub(super) fn read(mut lines: Lines<impl BufRead>, wanted: Wanted) -> Result<Dat
         }
         if in_header && wanted == Wanted::Everything {
             data.space = header.space().map_err(|what| lines.bad(what))?;
+        }
+        if in_header {
+            data.left_out = std::mem::take(&mut header.left_out);
         }
         in_header = false;
         let section = ["Atoms", "Bonds"].map(|name| text == name.as_bytes());
@@ -127,10 +151,21 @@ impl Header {
             [b"atoms"] => self.atoms = count()?,
             [b"bonds"] => self.bonds = count()?,
             [b"atom", b"types"] => self.types = count()?,
-            [.., b"avec"] => {
-                let what = "a general triclinic box (avec, bvec, cvec), which is not read: write \
-                            the file without `triclinic/general`";
-                return Err(what.into());
+            [y, z, name @ (b"avec" | b"bvec" | b"cvec")] => {
+                let edge = [number(all[0])?, number(y)?, number(z)?];
+                self.edges[usize::from(name[0] - b'a')] = Some(edge);
+            }
+            [y, z, b"abc", b"origin"] => {
+                self.origin = [number(all[0])?, number(y)?, number(z)?];
+            }
+            // Particles that are segments or chains of them.
+            [b"lines"] => {
+                let kind = ["line particle", "line particles"];
+                LeftOut::add_all(&mut self.left_out, kind, count()?, || "header".into());
+            }
+            [b"bodies"] => {
+                let kind = ["body particle", "body particles"];
+                LeftOut::add_all(&mut self.left_out, kind, count()?, || "header".into());
             }
             [high, low_name, high_name] => {
                 for (axis, bounds) in [b'x', b'y', b'z'].into_iter().zip(&mut self.bounds) {
@@ -149,6 +184,14 @@ impl Header {
     }
 
     fn space(&self) -> Result<SimulationBox, String> {
+        match self.edges {
+            [Some(a), Some(b), Some(c)] => {
+                let periodic = self.periodic;
+                return Ok(SimulationBox::general(self.origin, [a, b, c], periodic));
+            }
+            [None, None, None] => {}
+            _ => return Err("the header ends without one of `avec`, `bvec` and `cvec`".into()),
+        }
         let mut bounds = [[0.0; 3]; 2];
         for ((x, axis), given) in ['x', 'y', 'z'].into_iter().enumerate().zip(self.bounds) {
             let what = || format!("the header ends without the bounds `{axis}lo {axis}hi`");

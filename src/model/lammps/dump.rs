@@ -16,6 +16,35 @@ pub(super) const FORMAT: &str = "LAMMPS dump";
 /// Shortest line of an atom, `1 0 0 0`, with the line break.
 const ATOM_BYTES: u64 = 8;
 
+/// Chains of the first frame: the atoms of each molecule (column `mol`) in the order of their ids.
+/// `None` if there is no such column, or no frame.
+pub(super) fn chains(mut lines: Lines<impl BufRead>, closed: bool) -> Result<Option<Curves>> {
+    let Some((head, columns)) = header(&mut lines)? else {
+        return Ok(None);
+    };
+    let (Some(mol), Some(atoms)) = (columns.mol, head.atoms) else {
+        return Ok(None);
+    };
+    lines.check_room(atoms, ATOM_BYTES, "atoms")?;
+    let mut members = Vec::with_capacity(atoms as usize);
+    for k in 0..atoms {
+        lines.expect(format_args!("{atoms} atoms, found {k}"))?;
+        let member = member(lines.text(), mol, columns.used[0]);
+        members.push(member.map_err(|what| lines.bad(what))?);
+    }
+    Curves::of_molecules(members, closed, FORMAT).map(Some)
+}
+
+/// Parses the molecule and the id of an atom.
+fn member(line: &[u8], mol: usize, id: usize) -> Result<(i64, u64), String> {
+    let word = |column: usize, expected| {
+        let word = words(line).nth(column);
+        word.ok_or_else(|| format!("too few columns, expected {expected}"))
+    };
+    let molecule = integer(word(mol, "a molecule")?, "the number of a molecule")?;
+    Ok((molecule, integer(word(id, "an id")?, "the id of an atom")?))
+}
+
 /// Reader of a dump.
 pub(super) struct Dump<R> {
     lines: Lines<R>,
@@ -48,53 +77,6 @@ impl<R: BufRead> Dump<R> {
         }
     }
 
-    /// Reads up to the atoms of a frame. `None` at the end of the file.
-    fn header(&mut self) -> Result<Option<(Header, Columns)>> {
-        let lines = &mut self.lines;
-        let mut header = Header::default();
-        let mut begun = false;
-        loop {
-            if !begun {
-                if !lines.advance()? {
-                    return Ok(None);
-                }
-                if lines.text().trim_ascii().is_empty() {
-                    continue;
-                }
-            } else {
-                lines.expect("an ITEM of the frame")?;
-            }
-            begun = true;
-            let Some(item) = lines.text().strip_prefix(b"ITEM: ") else {
-                let what = format!("{}, expected an ITEM", quote(lines.text()));
-                return Err(lines.bad(what));
-            };
-            let item = item.trim_ascii();
-            if let Some(columns) = item.strip_prefix(b"ATOMS") {
-                let columns = Columns::new(columns).map_err(|what| lines.bad(what))?;
-                return Ok(Some((header, columns)));
-            }
-            if let Some(kind) = item.strip_prefix(b"BOX BOUNDS") {
-                let (tilted, periodic) = boundaries(kind).map_err(|what| lines.bad(what))?;
-                header.space = Some(bounds(lines, tilted, periodic)?);
-                continue;
-            }
-            let item = item.to_vec();
-            lines.expect(format_args!("the value of {}", quote(&item)))?;
-            let value = lines.text().trim_ascii();
-            let read = match &item[..] {
-                b"TIMESTEP" => integer(value, "a time step").map(|n| header.step = Some(n)),
-                b"NUMBER OF ATOMS" => {
-                    integer(value, "the number of atoms").map(|n| header.atoms = Some(n))
-                }
-                b"TIME" => number(value).map(|t| header.time = t),
-                b"UNITS" => Ok(()),
-                other => Err(format!("item {}, which is not known", quote(other))),
-            };
-            read.map_err(|what| lines.bad(what))?;
-        }
-    }
-
     /// Reads the atoms of a frame. The inner result is that of this frame alone.
     fn atoms(
         &mut self,
@@ -124,9 +106,55 @@ impl<R: BufRead> Dump<R> {
     }
 }
 
+/// Reads up to the atoms of a frame. `None` at the end of the file.
+fn header(lines: &mut Lines<impl BufRead>) -> Result<Option<(Header, Columns)>> {
+    let mut header = Header::default();
+    let mut begun = false;
+    loop {
+        if !begun {
+            if !lines.advance()? {
+                return Ok(None);
+            }
+            if lines.text().trim_ascii().is_empty() {
+                continue;
+            }
+        } else {
+            lines.expect("an ITEM of the frame")?;
+        }
+        begun = true;
+        let Some(item) = lines.text().strip_prefix(b"ITEM: ") else {
+            let what = format!("{}, expected an ITEM", quote(lines.text()));
+            return Err(lines.bad(what));
+        };
+        let item = item.trim_ascii();
+        if let Some(columns) = item.strip_prefix(b"ATOMS") {
+            let columns = Columns::new(columns).map_err(|what| lines.bad(what))?;
+            return Ok(Some((header, columns)));
+        }
+        if let Some(kind) = item.strip_prefix(b"BOX BOUNDS") {
+            let (form, periodic) = boundaries(kind).map_err(|what| lines.bad(what))?;
+            header.space = Some(bounds(lines, form, periodic)?);
+            continue;
+        }
+        let item = item.to_vec();
+        lines.expect(format_args!("the value of {}", quote(&item)))?;
+        let value = lines.text().trim_ascii();
+        let read = match &item[..] {
+            b"TIMESTEP" => integer(value, "a time step").map(|n| header.step = Some(n)),
+            b"NUMBER OF ATOMS" => {
+                integer(value, "the number of atoms").map(|n| header.atoms = Some(n))
+            }
+            b"TIME" => number(value).map(|t| header.time = t),
+            b"UNITS" => Ok(()),
+            other => Err(format!("item {}, which is not known", quote(other))),
+        };
+        read.map_err(|what| lines.bad(what))?;
+    }
+}
+
 impl<R: BufRead> FrameSource for Dump<R> {
     fn next_frame(&mut self) -> Result<Option<ModelFrame>> {
-        let Some((header, columns)) = self.header()? else {
+        let Some((header, columns)) = header(&mut self.lines)? else {
             return Ok(None);
         };
         let lacks = |item| self.lines.bad(format_args!("atoms without ITEM: {item}"));
@@ -153,28 +181,35 @@ impl<R: BufRead> FrameSource for Dump<R> {
         Ok(Some(ModelFrame {
             time: header.time,
             cell,
+            left_out: self.curves.left_out.clone(),
             ..ModelFrame::new(step, no_lattice.map_or(curves, Err))
         }))
     }
 }
 
-/// Parses what follows `ITEM: BOX BOUNDS`: true if there are tilt factors, and the periodic
-/// directions.
-fn boundaries(kind: &[u8]) -> Result<(bool, [bool; 3]), String> {
+/// Forms of a box.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Form {
+    /// Two bounds along each axis.
+    Orthogonal,
+    /// Two bounds and a tilt factor.
+    Tilted,
+    /// The three coordinates of an edge and one of the corner.
+    General,
+}
+
+/// Parses what follows `ITEM: BOX BOUNDS`: the form of the box, and the periodic directions.
+fn boundaries(kind: &[u8]) -> Result<(Form, [bool; 3]), String> {
     let kind: Vec<&[u8]> = words(kind).take(8).collect();
-    let (tilted, kinds) = match kind[..] {
-        [b"xy", b"xz", b"yz", ref kinds @ ..] => (true, kinds),
-        [b"abc", ..] => {
-            let what = "a general triclinic box (abc origin), which is not read: write the dump \
-                        without `triclinic/general`";
-            return Err(what.into());
-        }
-        ref kinds => (false, kinds),
+    let (form, kinds) = match kind[..] {
+        [b"xy", b"xz", b"yz", ref kinds @ ..] => (Form::Tilted, kinds),
+        [b"abc", b"origin", ref kinds @ ..] => (Form::General, kinds),
+        ref kinds => (Form::Orthogonal, kinds),
     };
     match *kinds {
         // Dumps of old versions do not say it.
-        [] => Ok((tilted, [true; 3])),
-        [x, y, z] => Ok((tilted, [x, y, z].map(|kind| kind.starts_with(b"p")))),
+        [] => Ok((form, [true; 3])),
+        [x, y, z] => Ok((form, [x, y, z].map(|kind| kind.starts_with(b"p")))),
         _ => Err("expected three kinds of boundaries (`pp pp pp`)".into()),
     }
 }
@@ -182,28 +217,32 @@ fn boundaries(kind: &[u8]) -> Result<(bool, [bool; 3]), String> {
 /// Reads the three lines of a box.
 fn bounds(
     lines: &mut Lines<impl BufRead>,
-    tilted: bool,
+    form: Form,
     periodic: [bool; 3],
 ) -> Result<SimulationBox> {
-    let (mut bounds, mut tilt) = ([[0.0; 3]; 2], [0.0; 3]);
+    let (mut bounds, mut tilt, mut edges) = ([[0.0; 3]; 2], [0.0; 3], [[0.0; 3]; 3]);
     for x in 0..3 {
         lines.expect("the bounds of the box")?;
         let values = words(lines.text())
             .map(number)
             .collect::<Result<Vec<_>, _>>();
-        match values.map_err(|what| lines.bad(what))?[..] {
-            [low, high] if !tilted => (bounds[0][x], bounds[1][x]) = (low, high),
-            [low, high, factor] if tilted => {
+        match (values.map_err(|what| lines.bad(what))?.as_slice(), form) {
+            (&[low, high], Form::Orthogonal) => (bounds[0][x], bounds[1][x]) = (low, high),
+            (&[low, high, factor], Form::Tilted) => {
                 (bounds[0][x], bounds[1][x], tilt[x]) = (low, high, factor);
             }
-            ref other => {
-                let (found, expected) = (other.len(), 2 + usize::from(tilted));
+            (&[a, b, c, low], Form::General) => (edges[x], bounds[0][x]) = ([a, b, c], low),
+            (other, form) => {
+                let (found, expected) = (other.len(), 2 + form as usize);
                 let what = format!("{found} bounds of the box, expected {expected}");
                 return Err(lines.bad(what));
             }
         }
     }
-    Ok(SimulationBox::of_dump(bounds, tilt, periodic))
+    Ok(match form {
+        Form::General => SimulationBox::general(bounds[0], edges, periodic),
+        _ => SimulationBox::of_dump(bounds, tilt, periodic),
+    })
 }
 
 /// Columns of the atoms.
@@ -214,6 +253,8 @@ struct Columns {
     /// Columns of the id, of the coordinates, and of the image flags (those of the coordinates
     /// again if there are none).
     used: [usize; 7],
+    /// Column of the molecule.
+    mol: Option<usize>,
     /// True if the coordinates are multiples of the edges of the box.
     scaled: bool,
     unwrapped: Unwrapped,
@@ -251,6 +292,7 @@ impl Columns {
         Ok(Columns {
             all: names.len(),
             used: [id, x, y, z, ix, iy, iz],
+            mol: column("mol"),
             scaled,
             unwrapped,
         })

@@ -4,7 +4,7 @@ use super::*;
 use crate::Verifier;
 use crate::curve::CurveSet;
 use crate::model::tests::{assert_error_contains, curves};
-use crate::model::{Frames, ModelFrame, read};
+use crate::model::{Format, Frames, LeftOut, ModelFrame, read};
 use proptest::prelude::*;
 
 /// Linking numbers of the rings: the middle one is linked with both others. (The Gauss integrals in
@@ -232,9 +232,9 @@ fn a_frame_without_an_atom_is_invalid_and_the_next_one_is_read() {
 fn the_bonds_of_a_dump_come_from_the_option_or_the_file_beside_it() {
     let beside = frames("triclinic.dump", None);
     assert_eq!(beside.len(), 3);
-    let error = read(&file("flags.dump")).unwrap_err().to_string();
+    let error = read(&file("unwrapped.dump")).unwrap_err().to_string();
     assert!(
-        error.contains("flags.dump: unsupported LAMMPS dump: a dump has no bonds"),
+        error.contains("unwrapped.dump: unsupported LAMMPS dump: a dump has no bonds"),
         "{error}"
     );
     assert!(error.contains("--bonds"), "{error}");
@@ -256,7 +256,7 @@ fn the_bonds_of_a_dump_come_from_the_option_or_the_file_beside_it() {
 #[test]
 fn a_dump_of_any_name_is_known_by_its_start() {
     let folder = tempfile::tempdir().unwrap();
-    for (start, name) in [("flags.dump", "run.txt"), ("unwrapped.dump", "run")] {
+    for (start, name) in [("scaled.dump", "run.txt"), ("unwrapped.dump", "run")] {
         let path = folder.path().join(name);
         std::fs::copy(file(start), &path).unwrap();
         let error = read(&path).unwrap_err().to_string();
@@ -331,11 +331,30 @@ fn rings_start_with_their_smallest_atom_and_chains_at_their_smaller_end() {
 }
 
 #[test]
-fn molecules_with_branches_and_atoms_without_bonds_are_skipped() {
+fn molecules_with_branches_are_counted_and_atoms_without_bonds_are_no_curves() {
     let branched = [[1, 2], [1, 3], [1, 4], [4, 5]];
     let bonds = [&branched[..], &[[7, 8], [8, 9], [9, 7]]].concat();
-    let set = data(&bonded(12, &bonds)).unwrap();
-    assert_eq!(ids(&set), [(true, vec![7, 8, 9])]);
+    let frame = data_frame(&bonded(12, &bonds), false).unwrap();
+    assert_eq!(ids(&frame.curves.unwrap()), [(true, vec![7, 8, 9])]);
+    let said = |left_out: &[LeftOut]| LeftOut::sentence(left_out);
+    let expected = "not read, so not verified: 1 molecule with branches (atom 1 has 3 bonds)";
+    assert_eq!(said(&frame.left_out), expected);
+    let lines = bonded(12, &bonds[4..]).replacen("atoms\n", "atoms\n7 lines\n0 bodies\n", 1);
+    let frame = data_frame(&lines, false).unwrap();
+    let expected = "not read, so not verified: 7 line particles (the first one: header)";
+    assert_eq!(said(&frame.left_out), expected);
+    // The frames of a dump lack the molecules of its bonds.
+    let mut source = read_dump(
+        DUMP.as_bytes(),
+        &[[1, 2], [2, 3], [3, 1], [4, 5], [4, 6], [4, 7]],
+        false,
+    )
+    .unwrap();
+    let frame = source.next_frame().unwrap().unwrap();
+    assert_eq!(
+        (frame.curves.unwrap().len(), frame.left_out[0].count),
+        (1, 1)
+    );
     let expected = "1 of 1 molecules (5 atoms) have branches, so that they are no curves: atom 1 \
                     has 3 bonds";
     assert_error_contains(data(&bonded(6, &branched)), expected);
@@ -450,7 +469,11 @@ fn errors_of_data_files_name_the_line() {
             "0 nan ylo yhi",
             "'nan' is not a finite number",
         ),
-        ("0 99 ylo yhi", "1 0 0 avec", "a general triclinic box"),
+        (
+            "0 99 ylo yhi",
+            "1 0 0 avec",
+            "the header ends without one of `avec`, `bvec` and `cvec`",
+        ),
         (
             "2 1 1 2 0 0",
             "2 1 1 2 0 x",
@@ -549,7 +572,7 @@ fn errors_of_dumps_name_the_line() {
         (
             "BOUNDS pp pp ff",
             "BOUNDS abc origin pp pp ff",
-            "a general triclinic box",
+            "2 bounds of the box, expected 4",
         ),
         (
             "BOUNDS pp pp ff",
@@ -619,6 +642,144 @@ fn a_frame_with_a_wrong_atom_is_invalid_and_the_next_one_is_read() {
     }
 }
 
+/// Rotation by 120 degrees about (1, 1, 1), and then about x.
+fn turned(p: [f64; 3]) -> [f64; 3] {
+    let [x, y, z] = [p[2], p[0], p[1]];
+    [x, 0.8 * y - 0.6 * z, 0.6 * y + 0.8 * z]
+}
+
+#[test]
+fn a_general_box_gives_the_turned_curves() {
+    let near = |a: [f64; 3], b: [f64; 3]| (0..3).all(|x| (a[x] - b[x]).abs() < 1e-9);
+    let folder = tempfile::tempdir().unwrap();
+    for (name, moved) in [("triclinic.dump", true), ("triclinic-scaled.dump", false)] {
+        let straight = frames(name, Some("triclinic.data"));
+        let text = std::fs::read_to_string(file(name)).unwrap();
+        let mut given = text.lines();
+        let mut general = String::new();
+        let (mut atoms, mut seen) = (None, 0);
+        while let Some(line) = given.next() {
+            if line.starts_with("ITEM: BOX") {
+                general += "ITEM: BOX BOUNDS abc origin pp pp pp\n";
+                let cell = straight[seen].as_ref().unwrap().cell.unwrap();
+                let origin = turned(cell.origin);
+                seen += 1;
+                for (vector, low) in cell.vectors.into_iter().zip(origin) {
+                    let [a, b, c] = turned(vector);
+                    general += &format!("{a:?} {b:?} {c:?} {low:?}\n");
+                    given.next();
+                }
+                continue;
+            }
+            if line.starts_with("ITEM:") {
+                let columns = line.split(' ').skip(2).position(|c| c == "x");
+                atoms = columns.filter(|_| moved && line.starts_with("ITEM: ATOMS"));
+            } else if let Some(x) = atoms {
+                let mut words: Vec<String> = line.split(' ').map(str::to_owned).collect();
+                let point = [0, 1, 2].map(|k| words[x + k].parse().unwrap());
+                for (word, value) in words[x..].iter_mut().zip(turned(point)) {
+                    *word = format!("{value:?}");
+                }
+                general += &(words.join(" ") + "\n");
+                continue;
+            }
+            general += &(line.to_owned() + "\n");
+        }
+        let path = folder.path().join(name);
+        std::fs::write(&path, general).unwrap();
+        let options = ReadOptions {
+            bonds: Some(file("triclinic.data")),
+            ..ReadOptions::default()
+        };
+        let found = Frames::open(&path, &options).unwrap();
+        for (frame, straight) in found.zip(&straight) {
+            let (frame, straight) = (frame.unwrap(), straight.as_ref().unwrap());
+            let (set, expected) = (frame.curves.unwrap(), straight.curves.as_ref().unwrap());
+            for ((_, a), (_, b)) in curves(&set).iter().zip(&curves(expected)) {
+                assert!(a.iter().zip(b).all(|(a, b)| near(*a, turned(*b))), "{name}");
+            }
+            assert_eq!(certificate(&set), CERTIFICATE);
+        }
+    }
+    // A data file, as OVITO writes it.
+    let text = bonded(3, &[[1, 2], [2, 3], [3, 1]]);
+    let general = text.replace(
+        "0 99 xlo xhi\n0 99 ylo yhi\n0 99 zlo zhi\n",
+        "0.0 50 0 avec\n-50 0 1 bvec\n0 0 50 cvec\n-5 -6 -7 abc origin\n",
+    );
+    let frame = data_frame(&general, false).unwrap();
+    let expected = "0,50,0,-50,0,1,0,0,50,-5,-6,-7";
+    assert_eq!(frame.cell.unwrap().to_string(), expected);
+    assert_eq!(
+        curves(&frame.curves.unwrap()),
+        curves(&data(&text).unwrap())
+    );
+    let flat = general.replace("-50 0 1 bvec", "0 5 0 bvec");
+    assert!(data_frame(&flat, false).is_err());
+}
+
+#[test]
+fn molecules_of_a_dump_without_bonds_are_chains_in_the_order_of_the_ids() {
+    let text = "ITEM: TIMESTEP\n5\nITEM: NUMBER OF ATOMS\n8\nITEM: BOX BOUNDS ff ff ff\n0 9\n0 9\n\
+                0 9\nITEM: ATOMS mol id x y z\n7 9 9 0 0\n2 3 3 0 0\n7 1 1 0 0\n2 8 8 0 0\n\
+                0 4 4 0 0\n5 6 6 0 0\n2 5 5 0 0\n0 7 7 0 0\n";
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("melt.dump");
+    let second = text.replace("\n5\nITEM", "\n6\nITEM");
+    std::fs::write(&path, format!("{text}{second}")).unwrap();
+    let open = |closed| {
+        let options = ReadOptions {
+            closed,
+            ..ReadOptions::default()
+        };
+        let frames: Result<Vec<ModelFrame>> = Frames::open(&path, &options)?.collect();
+        frames.map(|frames| {
+            frames
+                .into_iter()
+                .map(|f| ids(&f.curves.unwrap()))
+                .collect::<Vec<_>>()
+        })
+    };
+    // Molecule 0 stands for atoms of none, and one atom is no curve.
+    for (given, closed) in [(None, false), (Some(false), false), (Some(true), true)] {
+        let expected = vec![(closed, vec![1, 9]), (closed, vec![3, 5, 8])];
+        assert_eq!(open(given).unwrap(), [expected.clone(), expected]);
+    }
+    std::fs::write(&path, text.replace("2 8 8", "2 9 8")).unwrap();
+    let error = open(None).unwrap_err().to_string();
+    assert!(
+        error.contains("melt.dump: ") && error.contains("atom 9 is in two molecules"),
+        "{error}"
+    );
+    let none = text.replace("\n7 1 ", "\n1 1 ").replace("\n2 ", "\n0 ");
+    std::fs::write(&path, none).unwrap();
+    let error = open(None).unwrap_err().to_string();
+    assert!(
+        error.contains("no molecule (column mol) of two or more atoms"),
+        "{error}"
+    );
+}
+
+#[test]
+fn files_of_any_name_are_recognized_by_their_content() {
+    let folder = tempfile::tempdir().unwrap();
+    for (name, from) in [
+        ("rings.dat", "rings.data"),
+        ("initial_conditions.txt", "triclinic.data"),
+        ("system", "rings.data"),
+    ] {
+        let path = folder.path().join(name);
+        std::fs::copy(file(from), &path).unwrap();
+        assert_eq!(Format::of(&path).unwrap(), Format::LammpsData);
+        assert_eq!(certificate(&read(&path).unwrap()), CERTIFICATE, "{name}");
+    }
+    for text in ["", "title\n\natoms 3\n", "title\n12 atomic\n", "12 atoms\n"] {
+        let path = folder.path().join("no-model.txt");
+        std::fs::write(&path, text).unwrap();
+        assert!(Format::of(&path).is_err(), "{text:?}");
+    }
+}
+
 #[test]
 fn only_periodic_directions_tear_bonds() {
     // The bond of atoms 1 and 2 is as long as the box in z, which is not periodic.
@@ -662,7 +823,7 @@ proptest! {
         }
         let n = points.len() as u64;
         let bonds: Vec<[u64; 2]> = (1..n).map(|k| [k, k + 1]).collect();
-        let curve = Curves::of_bonds(bonds, dump::FORMAT, "memory").unwrap();
+        let curve = Curves::of_bonds(bonds, dump::FORMAT).unwrap();
         // Wraps every point into the box, from the last direction to the first one.
         let (mut with_flags, mut without) = (curve.frame(), curve.frame());
         let mut torn = false;

@@ -3,12 +3,27 @@
 
 use super::cdr::Cdr;
 use super::curves::{self, Kind, Pose};
-use super::state::{Change, Update};
+use super::state::{self, ARROW_STRIP, CYLINDER, Change, UNKNOWN, Update};
 use crate::curve::Point;
 
 /// Types of markers with lines.
 const LINE_STRIP: i32 = 4;
 const LINE_LIST: i32 = 5;
+
+/// Names of the other types.
+const OTHERS: [(i32, state::Kind); 11] = [
+    (0, ["arrow", "arrows"]),
+    (1, ["cube", "cubes"]),
+    (2, ["sphere", "spheres"]),
+    (3, CYLINDER),
+    (6, ["list of cubes", "lists of cubes"]),
+    (7, ["list of spheres", "lists of spheres"]),
+    (8, ["list of points", "lists of points"]),
+    (9, ["text", "texts"]),
+    (10, ["mesh", "meshes"]),
+    (11, ["list of triangles", "lists of triangles"]),
+    (12, ARROW_STRIP),
+];
 
 /// Fields of a marker that not all versions of ROS 2 have.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -123,8 +138,16 @@ fn marker(cdr: &mut Cdr, layout: Layout) -> Result<(Option<u64>, Change), String
                 LINE_LIST => curves::strips(Kind::List, points, &[], &pose),
                 _ => Ok(Vec::new()),
             };
+            let others = match kind {
+                LINE_STRIP | LINE_LIST => Vec::new(),
+                other => {
+                    let known = OTHERS.iter().find(|(number, _)| *number == other);
+                    vec![(known.map_or(UNKNOWN, |(_, kind)| *kind), 1)]
+                }
+            };
             Change::Put {
                 strips: strips.map_err(|what| format!("{name:?}: {what}"))?,
+                others,
                 name,
                 namespace,
                 frame_id,

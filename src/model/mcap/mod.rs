@@ -12,7 +12,9 @@
 //! frame, whatever its time.
 //!
 //! All curves of a file must have the same `frame_id`, because transforms between coordinate
-//! systems are not read. Widths, colours and all other primitives are ignored.
+//! systems are not read. Widths and colours are ignored, as are cubes, spheres, points, texts and
+//! meshes, which are no curves. Cylinders, strips of arrows, and topics with lines of other types
+//! are counted as left out ([`LeftOut`]). A file without any line is an error.
 //!
 //! Cost: the file is read twice, first for its topics. Memory: that of the scene, of the largest
 //! chunk, and of the values of a message, which has at most 60 times its size (if it is a list of
@@ -27,7 +29,7 @@ mod state;
 
 use self::markers::Layout;
 use self::state::{State, Update};
-use super::frames::{FrameSource, ModelFrame, ReadOptions};
+use super::frames::{FrameSource, LeftOut, ModelFrame, ReadOptions};
 use crate::container::{self, Channel, Container, Ending, Schema, invalid, op};
 use crate::error::{Error, Result};
 use crate::words::plural;
@@ -41,6 +43,20 @@ const FORMAT: &str = "MCAP file";
 const SCENE_UPDATE: &str = "foxglove.SceneUpdate";
 const MARKER_ARRAY: &str = "visualization_msgs/msg/MarkerArray";
 const MARKER: &str = "visualization_msgs/msg/Marker";
+
+/// Types of messages with lines that are not read.
+const UNREAD: [&str; 10] = [
+    "foxglove.PosesInFrame",
+    "geometry_msgs/Polygon",
+    "geometry_msgs/PolygonStamped",
+    "geometry_msgs/PoseArray",
+    "nav_msgs/Path",
+    "visualization_msgs/InteractiveMarker",
+    "visualization_msgs/InteractiveMarkerInit",
+    "visualization_msgs/InteractiveMarkerUpdate",
+    "visualization_msgs/Marker",
+    "visualization_msgs/MarkerArray",
+];
 
 /// Messages of a channel that are read.
 #[derive(Clone, Copy, Debug)]
@@ -127,6 +143,25 @@ impl Channels {
         };
         self.channels.insert(id, (channel.topic.clone(), content));
         self.topics.insert(channel.topic, (name, why));
+    }
+
+    /// Returns the topics with lines that are not read.
+    fn left_out(&self) -> Vec<LeftOut> {
+        let mut list = Vec::new();
+        for (topic, (name, why)) in &self.topics {
+            if why.is_some()
+                || UNREAD.contains(&name.replace("/msg/", "/").as_str()) && !self.reads(topic)
+            {
+                let kind = ["topic that may have lines", "topics that may have lines"];
+                LeftOut::add(&mut list, kind, || format!("{topic} ({name})"));
+            }
+        }
+        list
+    }
+
+    fn reads(&self, topic: &str) -> bool {
+        let mut channels = self.channels.values();
+        channels.any(|(name, content)| name == topic && content.is_some())
     }
 
     /// Returns the topic that is read.
@@ -218,6 +253,10 @@ struct McapFrames<R> {
     /// All channels: those of the chosen topic with their content.
     channels: HashMap<u16, Option<Content>>,
     state: State,
+    /// The chosen topic.
+    topic: String,
+    /// Topics with lines that are not read, unless the caller chose the topic.
+    left_out: Vec<LeftOut>,
     /// First message of the next frame.
     next: Option<Message>,
     /// Number of the next frame.
@@ -228,6 +267,10 @@ impl<R: Read + Seek> McapFrames<R> {
     fn new(open: impl Fn() -> Result<Container<R>>, topic: Option<&str>) -> Result<Self> {
         let found = Channels::find(&mut open()?)?;
         let chosen = found.choose(topic)?;
+        let left_out = match topic {
+            Some(_) => Vec::new(),
+            None => found.left_out(),
+        };
         let channels = found.channels.into_iter().map(|(id, (topic, content))| {
             let content = content.filter(|_| topic == chosen);
             (id, content)
@@ -236,6 +279,8 @@ impl<R: Read + Seek> McapFrames<R> {
             container: open()?,
             channels: channels.collect(),
             state: State::default(),
+            topic: chosen,
+            left_out,
             next: None,
             seq: 0,
         })
@@ -284,6 +329,23 @@ impl<R: Read + Seek> McapFrames<R> {
         Err(Error::format(FORMAT, format_args!("byte {at}"), what))
     }
 
+    /// Returns the error of a file without lines, which names what it has.
+    fn no_lines(&self) -> Error {
+        let seen: Vec<&str> = self.state.seen().collect();
+        let has = match seen.is_empty() {
+            true => "its messages are empty, or it has none".into(),
+            false => format!("only {}, which are not read", seen.join(", ")),
+        };
+        Error::unsupported(
+            FORMAT,
+            format_args!(
+                "no lines on topic {}: {has}; publish each curve as a marker of type LINE_STRIP \
+                 ({MARKER_ARRAY}), or as a line of {SCENE_UPDATE}",
+                self.topic
+            ),
+        )
+    }
+
     /// Applies the messages of a frame, of which this is the first one. Returns the place of the
     /// last one.
     fn apply(&mut self, mut message: Message) -> Result<String> {
@@ -328,16 +390,22 @@ impl<R: Read + Seek> FrameSource for McapFrames<R> {
                 Ok((curves, labels)) => (Ok(curves), labels),
                 Err(e) => (Err(e), Default::default()),
             };
+            let mut left_out = self.left_out.clone();
+            left_out.extend(self.state.left_out());
             let frame = ModelFrame {
                 time: time as f64 * 1e-9,
                 labels,
+                left_out,
                 ..ModelFrame::new(self.seq, curves)
             };
             self.seq += 1;
             return Ok(Some(frame));
         }
         self.check_end(false)?;
-        Ok(None)
+        match self.seq {
+            0 => Err(self.no_lines()),
+            _ => Ok(None),
+        }
     }
 }
 

@@ -3,9 +3,10 @@
 
 use super::curves::{self, Kind, Pose};
 use super::protobuf::{Message, Value, merge};
-use super::state::{Change, Update};
+use super::state::{self, CYLINDER, Change, Update};
 use crate::curve::Point;
-use serde::Deserialize;
+use serde::de::IgnoredAny;
+use serde::{Deserialize, Deserializer};
 
 #[derive(Default, Deserialize)]
 #[serde(default)]
@@ -30,6 +31,26 @@ struct Entity {
     id: String,
     lifetime: Time,
     lines: Vec<Line>,
+    #[serde(deserialize_with = "count")]
+    arrows: u64,
+    #[serde(deserialize_with = "count")]
+    cubes: u64,
+    #[serde(deserialize_with = "count")]
+    spheres: u64,
+    #[serde(deserialize_with = "count")]
+    cylinders: u64,
+    #[serde(deserialize_with = "count")]
+    triangles: u64,
+    #[serde(deserialize_with = "count")]
+    texts: u64,
+    #[serde(deserialize_with = "count")]
+    models: u64,
+}
+
+/// Returns the number of elements of a list.
+fn count<'de, D: Deserializer<'de>>(list: D) -> Result<u64, D::Error> {
+    let list = Option::<Vec<IgnoredAny>>::deserialize(list)?;
+    Ok(list.map_or(0, |list| list.len() as u64))
 }
 
 #[derive(Default, Deserialize)]
@@ -113,12 +134,25 @@ fn changes(update: SceneUpdate) -> Result<Update, String> {
             let found = curves::strips(kind, points, &line.indices, &line.pose.pose());
             strips.extend(found.map_err(|what| format!("{name:?}: {what}"))?);
         }
+        let others: [(state::Kind, u64); 7] = [
+            (["arrow", "arrows"], entity.arrows),
+            (["cube", "cubes"], entity.cubes),
+            (["sphere", "spheres"], entity.spheres),
+            (CYLINDER, entity.cylinders),
+            (
+                ["list of triangles", "lists of triangles"],
+                entity.triangles,
+            ),
+            (["text", "texts"], entity.texts),
+            (["model", "models"], entity.models),
+        ];
         changes.push(Change::Put {
             name,
             namespace: String::new(),
             frame_id: entity.frame_id,
             lifetime: entity.lifetime.nanoseconds(),
             strips,
+            others: others.into_iter().filter(|other| other.1 > 0).collect(),
         });
     }
     Ok(Update { stamp, changes })
@@ -192,7 +226,14 @@ impl Message for Entity {
             2 => self.frame_id = value.string()?,
             3 => self.id = value.string()?,
             4 => merge(&mut self.lifetime, value.bytes()?)?,
+            7 => self.arrows += 1,
+            8 => self.cubes += 1,
+            9 => self.spheres += 1,
+            10 => self.cylinders += 1,
             11 => push(&mut self.lines, value)?,
+            12 => self.triangles += 1,
+            13 => self.texts += 1,
+            14 => self.models += 1,
             _ => {}
         }
         Ok(())

@@ -8,7 +8,8 @@
 
 use crate::curve::{Basis, CurveLabels, CurveSet, Point, Positions, Precision};
 use crate::error::Result;
-use std::collections::{HashMap, HashSet};
+use crate::model::frames::LeftOut;
+use std::collections::{BTreeSet, HashMap, HashSet};
 use std::sync::Arc;
 
 /// A polyline.
@@ -18,6 +19,16 @@ pub(super) struct Strip {
     /// Without a copy of the first point at the end of a closed one.
     pub points: Vec<Point>,
 }
+
+/// An element of a scene that is no line, by its name in the singular and in the plural.
+pub(super) type Kind = [&'static str; 2];
+
+/// Elements that may be parts of curves. (Cubes, spheres, points, texts and meshes are not.)
+pub(super) const CYLINDER: Kind = ["cylinder", "cylinders"];
+pub(super) const ARROW_STRIP: Kind = ["strip of arrows", "strips of arrows"];
+/// A type of marker that is not known.
+pub(super) const UNKNOWN: Kind = ["marker of unknown type", "markers of unknown types"];
+const MAYBE_CURVES: [Kind; 3] = [CYLINDER, ARROW_STRIP, UNKNOWN];
 
 /// Change of the scene by a message.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -39,6 +50,8 @@ pub(super) enum Change {
         /// Nanoseconds; 0 without a limit.
         lifetime: u64,
         strips: Vec<Strip>,
+        /// Elements that are no lines.
+        others: Vec<(Kind, u64)>,
     },
     Delete(String),
     /// Deletes everything, or everything in a namespace.
@@ -52,6 +65,7 @@ struct Entity {
     /// Time in the log after which it is gone.
     expires: Option<u64>,
     strips: Vec<Strip>,
+    others: Vec<(Kind, u64)>,
 }
 
 #[derive(Default)]
@@ -66,6 +80,8 @@ pub(super) struct State {
     /// Names of the previous frame.
     before: HashSet<String>,
     log_time: u64,
+    /// Names of all elements so far that are no lines, in the plural.
+    seen: BTreeSet<&'static str>,
 }
 
 impl State {
@@ -109,7 +125,9 @@ impl State {
                     frame_id,
                     lifetime,
                     strips,
+                    others,
                 } => {
+                    self.seen.extend(others.iter().map(|(kind, _)| kind[1]));
                     if !strips.is_empty() {
                         self.check_frame_id(&name, frame_id)?;
                     }
@@ -126,6 +144,7 @@ impl State {
                         namespace,
                         expires,
                         strips,
+                        others,
                     };
                     self.entities.insert(name.clone(), entity);
                     self.changed.insert(name);
@@ -154,10 +173,31 @@ impl State {
         self.entities.values().all(|e| e.strips.is_empty())
     }
 
-    /// Returns all curves and their names.
-    pub fn curves(&self) -> Result<(CurveSet, Arc<CurveLabels>)> {
+    /// Returns the names of all elements so far that are no lines, in the plural.
+    pub fn seen(&self) -> impl Iterator<Item = &'static str> {
+        self.seen.iter().copied()
+    }
+
+    /// Returns the elements of the frame that may be curves, and are not read.
+    pub fn left_out(&self) -> Vec<LeftOut> {
+        let mut list = Vec::new();
+        for (name, entity) in self.in_order() {
+            for &(kind, count) in entity.others.iter().filter(|o| MAYBE_CURVES.contains(&o.0)) {
+                LeftOut::add_all(&mut list, kind, count, || format!("{name:?}"));
+            }
+        }
+        list
+    }
+
+    fn in_order(&self) -> Vec<(&String, &Entity)> {
         let mut entities: Vec<(&String, &Entity)> = self.entities.iter().collect();
         entities.sort_unstable_by_key(|(_, e)| e.order);
+        entities
+    }
+
+    /// Returns all curves and their names.
+    pub fn curves(&self) -> Result<(CurveSet, Arc<CurveLabels>)> {
+        let entities = self.in_order();
         let strips = || entities.iter().flat_map(|(_, e)| &e.strips);
         let points = strips().map(|s| s.points.len()).sum();
         let mut set = CurveSet::builder(Basis::Polyline, Precision::F64, points);

@@ -180,6 +180,7 @@ fn put(name: &str, lifetime: u64, x: f64) -> Change {
             closed: false,
             points: vec![[x, 0.0, 0.0], [x, 1.0, 0.0]],
         }],
+        others: Vec::new(),
     }
 }
 
@@ -243,6 +244,7 @@ fn rejects_two_coordinate_systems_and_names_that_are_not_unique() {
         namespace,
         lifetime,
         strips,
+        others,
         ..
     } = put("b", 0, 1.0)
     else {
@@ -255,6 +257,7 @@ fn rejects_two_coordinate_systems_and_names_that_are_not_unique() {
         frame_id,
         lifetime,
         strips,
+        others,
     };
     let e = state.apply(update(vec![moved])).unwrap_err();
     assert!(
@@ -356,6 +359,77 @@ fn messages_of_one_time_are_one_frame_unless_they_change_a_curve_again() {
     );
     // Nothing to verify before the first curve.
     assert_eq!(count(&[(1, 0, &[]), (2, 0, &["a"])]).len(), 1);
+}
+
+/// Returns a scene update whose entity has a line, if it is to have one, and other elements.
+fn with_others(line: bool, others: serde_json::Value) -> Vec<u8> {
+    let mut scene: serde_json::Value = serde_json::from_slice(&scene_in_json(1, &["a"])).unwrap();
+    let entity = &mut scene["entities"][0];
+    if !line {
+        entity["lines"] = serde_json::json!([]);
+    }
+    for (key, value) in others.as_object().unwrap() {
+        entity[key] = value.clone();
+    }
+    scene.to_string().into()
+}
+
+#[test]
+fn cylinders_beside_lines_are_counted_and_other_shapes_are_no_curves() {
+    let others = serde_json::json!({"cylinders": [{}, {}], "spheres": [{}], "cubes": null});
+    let scene = with_others(true, others);
+    let (frames, e) = read(&file((SCENE_UPDATE, "json"), &[(1, scene)]));
+    assert_eq!((frames.len(), e), (1, None));
+    assert_eq!(frames[0].curves.as_ref().unwrap().len(), 1);
+    let says = "not read, so not verified: 2 cylinders (the first one: \"a\")";
+    assert_eq!(LeftOut::sentence(&frames[0].left_out), says);
+    let shapes = with_others(true, serde_json::json!({"spheres": [{}], "texts": [{}]}));
+    let (frames, _) = read(&file((SCENE_UPDATE, "json"), &[(1, shapes)]));
+    assert_eq!(frames[0].left_out, []);
+    // In protobuf: an entity (field 2) with an empty cylinder (field 10) and a sphere (field 9).
+    let update = scene::protobuf(&[0x12, 4, 0x52, 0, 0x4a, 0]).unwrap();
+    let Change::Put { others, .. } = &update.changes[0] else {
+        panic!();
+    };
+    assert_eq!(
+        others[..],
+        [(["sphere", "spheres"], 1), (state::CYLINDER, 1)]
+    );
+}
+
+#[test]
+fn a_file_without_lines_says_what_it_has_and_how_to_publish_lines() {
+    let scene = with_others(
+        false,
+        serde_json::json!({"cylinders": [{}], "spheres": [{}]}),
+    );
+    let (frames, e) = read(&file((SCENE_UPDATE, "json"), &[(1, scene)]));
+    let e = e.unwrap();
+    assert_eq!(frames.len(), 0);
+    let says = "no lines on topic /a: only cylinders, spheres, which are not read; publish each";
+    assert!(e.contains(says) && e.contains("LINE_STRIP"), "{e}");
+    let (_, e) = read(&file((SCENE_UPDATE, "json"), &[]));
+    assert!(
+        e.unwrap()
+            .contains("its messages are empty, or it has none")
+    );
+}
+
+#[test]
+fn topics_with_lines_of_other_types_are_counted() {
+    let left_out = |list: &[(&str, &str, &str)]| channels(list).left_out();
+    let paths = [
+        ("/a", MARKER_ARRAY, "cdr"),
+        ("/path", "nav_msgs/msg/Path", "cdr"),
+        ("/old", "visualization_msgs/Marker", "ros1"),
+        ("/scene", SCENE_UPDATE, "flatbuffer"),
+        ("/tf", "tf2_msgs/msg/TFMessage", "cdr"),
+    ];
+    let says = "3 topics that may have lines (the first one: /old (visualization_msgs/Marker))";
+    let found = left_out(&paths);
+    assert_eq!(found.len(), 1);
+    assert_eq!(found[0].to_string(), says);
+    assert_eq!(left_out(&[paths[0], paths[4]]), []);
 }
 
 #[test]

@@ -4,7 +4,7 @@
 //! to own one. Format: PKWARE's APPNOTE.TXT.
 
 use super::FORMAT;
-use super::array::{Unread, fill};
+use super::array::{Array, Unread, fill};
 use crate::error::{Error, Result};
 use crate::model::quote;
 use crc32fast::Hasher;
@@ -33,6 +33,11 @@ pub(super) struct Member {
 }
 
 impl Member {
+    /// Returns its name, without the extension `.npy`.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
     /// Returns the maximum number of bytes that may be decompressed to memory at once: `free`
     /// bytes, or 100 times the compressed size. It protects from archives of little more than
     /// zeros, which take a thousandth of their content.
@@ -126,6 +131,20 @@ impl<R: BufRead + Seek> Archive<R> {
     /// Returns the array of this name.
     pub fn find(&self, name: &str) -> Option<Member> {
         self.members.iter().find(|m| m.name == name).cloned()
+    }
+
+    /// Returns the arrays of other names.
+    pub fn others(&self, names: &[&str]) -> Vec<Member> {
+        let is_other = |m: &&Member| !names.contains(&m.name.as_str());
+        self.members.iter().filter(is_other).cloned().collect()
+    }
+
+    /// Reads the header of a member. The inner error is that of a member that is no array, or of a
+    /// kind that is not read.
+    pub fn header(&mut self, member: &Member) -> Result<Result<Array>> {
+        self.seek(member)?;
+        let mut content = Content::new(&mut self.input, member);
+        Ok(Array::parse(&mut content, member.size, &member.name))
     }
 
     /// Moves to the content of a member.

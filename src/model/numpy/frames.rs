@@ -4,7 +4,7 @@ use super::array::{Array, Kind, Unread, fill};
 use super::{Cells, FORMAT, Others};
 use crate::curve::{Basis, CurveLabels, CurveSet, CurveSetBuilder, Positions, Precision};
 use crate::error::{Error, Result};
-use crate::model::frames::{FrameSource, ModelFrame, ReadOptions};
+use crate::model::frames::{FrameSource, LeftOut, ModelFrame, ReadOptions};
 use std::io::Read;
 use std::sync::Arc;
 
@@ -20,6 +20,7 @@ pub(super) struct ArrayFrames<R> {
     seq: Option<Vec<u64>>,
     labels: Arc<CurveLabels>,
     cells: Cells,
+    left_out: Vec<LeftOut>,
     options: ReadOptions,
     chunk: Chunk,
 }
@@ -194,6 +195,7 @@ impl<R: Read> ArrayFrames<R> {
             seq: others.seq,
             labels: Arc::new(others.labels),
             cells: others.cells,
+            left_out: others.left_out,
             options: options.clone(),
             chunk: Chunk::default(),
         })
@@ -247,6 +249,7 @@ impl<R: Read> FrameSource for ArrayFrames<R> {
         let frame = ModelFrame {
             time: self.times.as_ref().map_or(0.0, |times| times[k]),
             labels: self.labels.clone(),
+            left_out: self.left_out.clone(),
             ..ModelFrame::new(seq, curves)
         };
         Ok(Some(frame.in_cell(cell, &self.options, FORMAT)))

@@ -5,12 +5,80 @@ use super::array::{Array, Kind};
 use super::{Cells, FORMAT, Others, basis_name};
 use crate::curve::{Basis, Cell, Point};
 use crate::error::{Error, Result};
+use crate::model::frames::LeftOut;
 use std::io::{BufRead, Seek};
 
 /// Bytes that an array of numbers, and one of texts, may have at any compression. A text takes many
 /// times its bytes.
 const FREE_NUMBERS: u64 = 16 << 20;
 const FREE_TEXTS: u64 = 1 << 20;
+
+/// Names of the arrays that are read.
+const READ: [&str; 8] = [
+    "positions",
+    "counts",
+    "basis",
+    "times",
+    "seq",
+    "names",
+    "radii",
+    "cell",
+];
+
+/// Names of arrays of vectors that are no points.
+const VECTORS: [&str; 20] = [
+    "acceleration",
+    "accelerations",
+    "angular_velocities",
+    "angular_velocity",
+    "box",
+    "boxes",
+    "color",
+    "colors",
+    "colours",
+    "directors",
+    "force",
+    "forces",
+    "lattice",
+    "normals",
+    "origin",
+    "tangents",
+    "torques",
+    "velocities",
+    "velocity",
+    "vel",
+];
+
+/// Counts the arrays of other names that may hold points of curves.
+pub(super) fn left_out(archive: &mut Archive<impl BufRead + Seek>) -> Result<Vec<LeftOut>> {
+    let mut list = Vec::new();
+    for member in archive.others(&[&READ[..], &VECTORS].concat()) {
+        let array = archive.header(&member)?;
+        let name = member.name();
+        let what = match array {
+            Ok(array) if may_hold_points(&array) => {
+                format!("{name}, {} of type {}", array.shape_text(), array.descr)
+            }
+            // Pickled objects may be lists of curves.
+            Err(e @ Error::Unsupported { .. }) => e.to_string(),
+            _ => continue,
+        };
+        let kind = [
+            "array of an unknown name that may hold points",
+            "arrays of unknown names that may hold points",
+        ];
+        LeftOut::add(&mut list, kind, || what);
+    }
+    Ok(list)
+}
+
+/// Returns true if an array has the shape of two or more points.
+fn may_hold_points(array: &Array) -> bool {
+    match array.shape.split_last() {
+        Some((3, sizes)) => array.kind == Kind::Float && sizes.iter().product::<u64>() > 1,
+        _ => false,
+    }
+}
 
 /// Reads the arrays of these names that a file has.
 pub(super) fn read(archive: &mut Archive<impl BufRead + Seek>) -> Result<Others> {

@@ -10,7 +10,7 @@
 //! ([`ReadOptions::counts`], which has precedence) or the array `counts`. Without them the first
 //! two shapes are refused: taken as a single curve, many curves would look unlinked.
 //!
-//! Arrays of an `.npz` file; all but `positions` are optional, and others are ignored:
+//! Arrays of an `.npz` file; all but `positions` are optional:
 //!
 //! | name | shape | content |
 //! |---|---|---|
@@ -27,6 +27,10 @@
 //! zeros stand for a direction without repetition. The shapes 3 x 3 and 4 x 3 are those of one cell
 //! for all frames, also if there are 3 or 4 frames.
 //!
+//! Arrays of other names are ignored, unless they may hold points (two or more rows of three
+//! floats, or pickled objects), and no vectors by their names:
+//! then they are counted as left out.
+//!
 //! Arrays in Fortran order, of other types than f4 and f8, and of pickled objects are refused.
 //!
 //! Cost: one pass, with the memory of a frame. The checksum of a compressed or stored array is
@@ -42,7 +46,7 @@ pub(super) use self::write::{NpyFile, NpzFile};
 
 use self::array::Array;
 use self::frames::ArrayFrames;
-use super::frames::{FrameSource, ReadOptions};
+use super::frames::{FrameSource, LeftOut, ReadOptions};
 use crate::curve::{Basis, Cell, CurveLabels};
 use crate::error::{Error, Result};
 use std::io::{BufRead, Seek};
@@ -88,6 +92,7 @@ pub(super) fn read_npz<R: BufRead + Seek>(
 ) -> Result<impl FrameSource + use<R>> {
     let mut archive = archive::Archive::open(input, len)?;
     let mut others = labels::read(&mut archive)?;
+    others.left_out = labels::left_out(&mut archive)?;
     if options.counts.is_some() {
         others.counts.clone_from(&options.counts);
     }
@@ -121,6 +126,7 @@ struct Others {
     seq: Option<Vec<u64>>,
     labels: CurveLabels,
     cells: Cells,
+    left_out: Vec<LeftOut>,
 }
 
 /// Periodic cells of the frames.

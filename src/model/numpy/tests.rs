@@ -379,6 +379,44 @@ fn with_array(frames: usize, name: &str, descr: &str, shape: &str, values: &[u8]
 }
 
 #[test]
+fn arrays_of_other_names_that_may_hold_points_are_counted() {
+    let left_out = |name: &str, descr: &str, shape: &str, values: usize| {
+        let bytes = with_array(2, name, descr, shape, &vec![0; values]);
+        let mut source = read_npz(Cursor::new(&bytes[..]), bytes.len() as u64, &options(None));
+        let frame = source.as_mut().unwrap().next_frame().unwrap().unwrap();
+        assert!(frame.curves.is_ok());
+        frame.left_out
+    };
+    for (name, shape) in [
+        ("positions_b", "(2, 5, 3)"),
+        ("a", "(10, 3)"),
+        ("curve", "(2, 1, 5, 3)"),
+    ] {
+        let found = left_out(name, "<f8", shape, 240);
+        let says = format!("1 array of an unknown name that may hold points ({name}, ");
+        assert!(
+            found.len() == 1 && found[0].to_string().starts_with(&says),
+            "{found:?}"
+        );
+    }
+    let found = left_out("curves", "|O", "(2,)", 0);
+    assert!(
+        found[0].to_string().contains("pickled Python objects"),
+        "{found:?}"
+    );
+    for (name, descr, shape, values) in [
+        ("velocities", "<f8", "(10, 3)", 240),
+        ("energies", "<f8", "(30,)", 240),
+        ("matrix", "<f8", "(5, 6)", 240),
+        ("faces", "<i8", "(10, 3)", 240),
+        ("corner", "<f8", "(1, 3)", 24),
+        ("axis", "<f8", "(3,)", 24),
+    ] {
+        assert_eq!(left_out(name, descr, shape, values), [], "{name}");
+    }
+}
+
+#[test]
 fn frames_have_the_cell_of_the_archive() {
     let cells = |frames: usize, shape: &str, numbers: &[f64]| {
         let values: Vec<u8> = numbers.iter().flat_map(|x| x.to_le_bytes()).collect();

@@ -2,7 +2,8 @@
 //! (`.usd`) and packages (`.usdz`) are read; text is written.
 //!
 //! - Curves are those of all prims `BasisCurves` that are defined and active, in the order of the
-//!   file. Prims with the purpose `proxy` or `guide` are skipped; `visibility` is ignored.
+//!   file. Prims with the purpose `proxy` or `guide` are counted as left out; `visibility` is
+//!   ignored. Meshes, points and shapes (`Capsule`, `Cylinder`) are no curves.
 //! - Each time code at which points, counts, widths or a transform have a sample is a frame.
 //! - Layers are not composed: a file with references, payloads, sublayers, variants, inherits,
 //!   specializes or value clips is refused, with the command that flattens it.
@@ -42,7 +43,7 @@ use self::stage::{Batch, Wrap};
 use self::text::Text;
 use self::track::{Track, Values};
 use self::write::UsdFile;
-use super::frames::{FrameSource, ModelFrame};
+use super::frames::{FrameSource, LeftOut, ModelFrame};
 use super::write::FrameSink;
 use crate::curve::Precision;
 use crate::error::{Error, Result};
@@ -63,6 +64,8 @@ struct Motion<R> {
     /// Size of the file.
     bytes: u64,
     batches: Vec<Batch>,
+    /// Prims with curves that are not read.
+    left_out: Vec<LeftOut>,
     /// Transforms of all prims, with the index of the prim above.
     transforms: Vec<(Ops, Option<usize>)>,
     precision: Precision,
@@ -103,7 +106,7 @@ pub(super) fn create(path: &Path) -> Result<Box<dyn FrameSink>> {
 impl<R: Read + Seek> Motion<R> {
     fn open(source: R, len: u64) -> Result<Motion<R>> {
         let (mut values, layer) = open_layer(Input::new(source, len))?;
-        let batches = stage::batches(&layer, &mut values)?;
+        let (batches, left_out) = stage::batches(&layer, &mut values)?;
         let ops = stage::transforms(&layer, &batches, &mut values)?;
         let parents = layer.prims.iter().map(|prim| prim.parent);
         let transforms: Vec<_> = ops.into_iter().zip(parents).collect();
@@ -124,6 +127,7 @@ impl<R: Read + Seek> Motion<R> {
             values,
             bytes: len,
             batches,
+            left_out,
             transforms,
             precision,
             times,
@@ -182,6 +186,7 @@ impl<R: Read + Seek> FrameSource for Motion<R> {
             frame.time = self.seconds(code);
         }
         frame.labels = self.labels.current();
+        frame.left_out.clone_from(&self.left_out);
         Ok(Some(frame))
     }
 }

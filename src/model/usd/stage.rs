@@ -6,6 +6,7 @@ use super::layer::{Layer, Prim, Value, WORD_BYTES};
 use super::track::{Track, Values};
 use crate::curve::Basis;
 use crate::error::{Error, Result};
+use crate::model::frames::LeftOut;
 use std::io::{Read, Seek};
 
 /// How the ends of curves are treated (`wrap`).
@@ -32,10 +33,13 @@ pub(super) struct Batch {
     pub names: Option<Vec<String>>,
 }
 
-/// Returns the prims with curves.
+/// Returns the prims with curves, and those that are left out by their purpose.
 ///
 /// Errors: composition that may add or change curves; no curves; curves in forms that are not read.
-pub(super) fn batches<R: Read + Seek>(layer: &Layer, values: &mut Values<R>) -> Result<Vec<Batch>> {
+pub(super) fn batches<R: Read + Seek>(
+    layer: &Layer,
+    values: &mut Values<R>,
+) -> Result<(Vec<Batch>, Vec<LeftOut>)> {
     let flatten = |what: String| {
         let advice = "write all into one file with `usdcat --flatten IN --out OUT`, or in Python \
                       with Usd.Stage.Open(IN).Export(OUT)";
@@ -48,7 +52,7 @@ pub(super) fn batches<R: Read + Seek>(layer: &Layer, values: &mut Values<R>) -> 
     let mut places: Vec<(bool, Option<String>, Option<&str>)> =
         Vec::with_capacity(layer.prims.len());
     let mut batches = Vec::new();
-    let mut skipped = 0;
+    let mut left_out = Vec::new();
     for (k, prim) in layer.prims.iter().enumerate() {
         let (above, mut purpose, mut moved) = match prim.parent {
             Some(parent) => places[parent].clone(),
@@ -67,7 +71,13 @@ pub(super) fn batches<R: Read + Seek>(layer: &Layer, values: &mut Values<R>) -> 
             }
             let hidden = matches!(purpose.as_deref(), Some("proxy" | "guide"));
             match prim.kind.as_str() {
-                "BasisCurves" | "NurbsCurves" | "HermiteCurves" if hidden => skipped += 1,
+                "BasisCurves" | "NurbsCurves" | "HermiteCurves" if hidden => {
+                    let kind = [
+                        "prim with curves of purpose proxy or guide",
+                        "prims with curves of purpose proxy or guide",
+                    ];
+                    LeftOut::add(&mut left_out, kind, || layer.path(k));
+                }
                 "BasisCurves" if let Some(moved) = moved => {
                     let what = format!("curves that are {moved}: {}", layer.path(k));
                     return Err(Error::unsupported(FORMAT, what));
@@ -75,8 +85,8 @@ pub(super) fn batches<R: Read + Seek>(layer: &Layer, values: &mut Values<R>) -> 
                 "BasisCurves" => batches.push(batch(layer, k, values)?),
                 kind @ ("NurbsCurves" | "HermiteCurves") => {
                     let what = format!(
-                        "{} of type {kind}: BasisCurves are read; to skip it, give it the \
-                         purpose guide",
+                        "{} of type {kind}: BasisCurves are read; to exclude it, deactivate \
+                         it (`active = false`)",
                         layer.path(k)
                     );
                     return Err(Error::unsupported(FORMAT, what));
@@ -87,14 +97,14 @@ pub(super) fn batches<R: Read + Seek>(layer: &Layer, values: &mut Values<R>) -> 
         places.push((in_scene, purpose, moved));
     }
     if batches.is_empty() {
-        let what = match skipped {
-            0 => "no curves: the file has no BasisCurves that are defined and active".into(),
-            n => format!("no curves: the {n} prims with curves have the purpose proxy or guide"),
+        let what = match &left_out[..] {
+            [] => "no curves: the file has no BasisCurves that are defined and active".into(),
+            found => format!("no curves; {}", LeftOut::sentence(found)),
         };
         return Err(Error::format(FORMAT, "whole file", what));
     }
     check_basis(&batches)?;
-    Ok(batches)
+    Ok((batches, left_out))
 }
 
 /// Fails if the curves do not have one basis. Converted curves would not be exactly the given ones.

@@ -50,6 +50,15 @@ pub(super) fn open(path: &Path, options: &ReadOptions) -> Result<Box<dyn FrameSo
     Ok(Box::new(source))
 }
 
+/// Returns true if a text begins as extended XYZ does: with a count, and a comment of keys.
+pub(super) fn begins(text: &[u8]) -> bool {
+    let mut lines = text.split(|&b| b == b'\n');
+    let [count, comment] = [(); 2].map(|()| lines.next().unwrap_or_default().trim_ascii());
+    let keys = comment.to_ascii_lowercase();
+    let names = |key: &[u8]| keys.windows(key.len()).any(|w| w == key);
+    integer::<u64>(count, "a count").is_ok() && (names(b"properties=") || names(b"lattice="))
+}
+
 /// Starts before the first frame of a file of `len` bytes.
 pub(super) fn read<R: BufRead>(
     input: R,

@@ -1,7 +1,8 @@
-//! Lines of a Wavefront OBJ file, read as polylines in double precision.
+//! Lines and free-form curves of a Wavefront OBJ file, read in double precision.
 //!
-//! Only the statements `v` and `l` are used. Other statements are ignored, as are the weight or
-//! colours of a vertex and the texture index in `a/b`. Exporters write curves in two forms:
+//! The statements `v`, `l` and `curv` (with `cstype`, `deg`, `parm`, `end`) are used. The weight or
+//! colours of a vertex and the texture index in `a/b` are ignored in an `l`. Exporters write
+//! polylines in two forms:
 //!
 //! - One `l` of many vertices per curve (Houdini, often continued over lines by `\`): each is a
 //!   separate curve, closed if it ends at its first vertex.
@@ -12,8 +13,24 @@
 //!
 //! Vertices are equal if their indices are; coordinates are not compared. Curves have the order of
 //! their first lines. An index may precede its vertex; a negative index counts back from the line.
+//!
+//! # Basis
+//!
+//! A set has one basis. If all curves are polylines (also `curv` of degree 1), it is that; if all
+//! are uniform cubic B-splines, B-splines; and otherwise Bezier, to which all others are converted
+//! ([`free_form`]). A polyline becomes pieces `p p q q`, which are its segments exactly.
+//!
+//! # Elements that are left out
+//!
+//! Free-form curves that no basis represents, curves on surfaces (`curv2`), and statements with an
+//! unknown name are counted ([`LeftOut`]). Faces, points and surfaces are no curves: they are
+//! ignored, like everything that concerns the display.
 
+mod free_form;
+
+use self::free_form::{Element, Form, Spline, State};
 use super::chains::{Chains, Edge, ThirdEdge};
+use super::frames::LeftOut;
 use super::write::{check_polylines, text_file};
 use super::{number, quote};
 use crate::curve::{Basis, CurveSet, CurveSetBuilder, Point, Positions, Precision};
@@ -25,27 +42,78 @@ const FORMAT: &str = "OBJ";
 /// Number of points that are stored at once.
 const CHUNK: usize = 1024;
 
-/// A line of more than two vertices, as a range of the indices.
-struct LongLine {
+/// Statements that are no curves.
+const IGNORED: [&[u8]; 36] = [
+    b"bevel",
+    b"bmat",
+    b"bsp",
+    b"bzp",
+    b"c_interp",
+    b"cdp",
+    b"con",
+    b"csh",
+    b"ctech",
+    b"d_interp",
+    b"f",
+    b"fo",
+    b"g",
+    b"hole",
+    b"lod",
+    b"maplib",
+    b"mg",
+    b"mtllib",
+    b"o",
+    b"p",
+    b"res",
+    b"s",
+    b"scrv",
+    b"shadow_obj",
+    b"sp",
+    b"stech",
+    b"step",
+    b"surf",
+    b"trace_obj",
+    b"trim",
+    b"usemap",
+    b"usemtl",
+    b"vc",
+    b"vn",
+    b"vp",
+    b"vt",
+];
+
+/// Kind of the free-form curves that are left out.
+const FREE_FORM: [&str; 2] = ["free-form curve", "free-form curves"];
+
+/// A polyline of more than two vertices or a spline, as a range of the indices.
+struct Curve {
     start: usize,
     end: usize,
     closed: bool,
     line: u64,
+    form: Form,
 }
 
 /// Statements of a file.
 #[derive(Default)]
 struct Statements {
     vertices: Vec<Point>,
+    /// Weights of vertices that are not 1, in the order of the vertices.
+    weights: Vec<(u32, f64)>,
     indices: Vec<u32>,
-    long: Vec<LongLine>,
+    curves: Vec<Curve>,
     edges: Vec<Edge>,
     /// Largest index, and its line.
     furthest: (u32, u64),
+    state: State,
+    elements: Vec<Element>,
+    /// True up to the end of the last element.
+    in_element: bool,
+    left_out: Vec<LeftOut>,
 }
 
 /// Reads a file to its end.
-pub(super) fn read(input: impl BufRead) -> Result<CurveSet> {
+pub(super) fn read(input: impl BufRead) -> Result<(CurveSet, Vec<LeftOut>)> {
     let mut lines = Lines {
         input,
         statement: Vec::new(),
@@ -53,23 +121,16 @@ pub(super) fn read(input: impl BufRead) -> Result<CurveSet> {
     };
     let mut found = Statements::default();
     while let Some(line) = lines.advance()? {
-        let mut tokens = lines
+        let tokens = lines
             .statement
             .split(u8::is_ascii_whitespace)
             .filter(|t| !t.is_empty());
-        match tokens.next() {
-            Some(b"v") => found.vertex(tokens),
-            Some(b"l") => found.line(tokens, line),
-            _ => continue,
-        }
-        .map_err(|what| bad(line, what))?;
-    }
-    if found.edges.is_empty() && found.long.is_empty() {
-        let what = "no curves: the file has no l statement";
-        return Err(Error::format(FORMAT, "whole file", what));
+        found
+            .statement(tokens, line)
+            .map_err(|what| bad(line, what))?;
     }
     let (index, line) = found.furthest;
-    if index as usize >= found.vertices.len() {
+    if index as usize >= found.vertices.len() && line > 0 {
         let what = format!(
             "vertex {}, but the file has {}",
             u64::from(index) + 1,
@@ -77,7 +138,16 @@ pub(super) fn read(input: impl BufRead) -> Result<CurveSet> {
         );
         return Err(bad(line, what));
     }
-    found.build()
+    found.finish_elements();
+    let left_out = std::mem::take(&mut found.left_out);
+    if found.edges.is_empty() && found.curves.is_empty() {
+        let what = match left_out.is_empty() {
+            true => "no curves: the file has no statement l or curv".into(),
+            false => format!("no curves; {}", LeftOut::sentence(&left_out)),
+        };
+        return Err(Error::format(FORMAT, "whole file", what));
+    }
+    Ok((found.build()?, left_out))
 }
 
 fn bad(line: u64, what: impl std::fmt::Display) -> Error {
@@ -121,15 +191,55 @@ impl<R: BufRead> Lines<R> {
 }
 
 impl Statements {
+    fn statement<'a>(
+        &mut self,
+        mut tokens: impl Iterator<Item = &'a [u8]>,
+        line: u64,
+    ) -> Result<(), String> {
+        let Some(name) = tokens.next() else {
+            return Ok(());
+        };
+        match name {
+            b"v" => self.vertex(tokens)?,
+            b"l" => self.line(tokens, line)?,
+            b"cstype" => self.state.set_type(tokens),
+            b"deg" => self.state.set_degree(tokens),
+            b"curv" => self.element(tokens, line)?,
+            b"parm" if self.in_element => {
+                let element = self.elements.last_mut().expect("an element was begun");
+                element.parameters(tokens)?;
+            }
+            b"surf" | b"curv2" | b"end" => self.in_element = false,
+            _ => {}
+        }
+        let kind = match name {
+            b"v" | b"l" | b"cstype" | b"deg" | b"curv" | b"parm" | b"end" => return Ok(()),
+            b"curv2" => ["curve on a surface (curv2)", "curves on surfaces (curv2)"],
+            b"cdc" => FREE_FORM,
+            name if IGNORED.contains(&name) => return Ok(()),
+            _ => ["unknown statement", "unknown statements"],
+        };
+        LeftOut::add(&mut self.left_out, kind, || {
+            format!("line {line}: {}", quote(name))
+        });
+        Ok(())
+    }
+
     fn vertex<'a>(&mut self, tokens: impl Iterator<Item = &'a [u8]>) -> Result<(), String> {
         let mut xyz = [0.0; 3];
-        let mut n = 0;
+        let (mut n, mut weight) = (0, 1.0);
         for token in tokens {
             let x = number(token)?;
             if let Some(slot) = xyz.get_mut(n) {
                 *slot = x;
+            } else if n == 3 {
+                weight = x;
             }
             n += 1;
+        }
+        // More numbers are a colour.
+        if n == 4 && weight != 1.0 {
+            self.weights.push((self.vertices.len() as u32, weight));
         }
         if n < 3 {
             return Err(format!("a vertex with {n} coordinates, expected x y z"));
@@ -143,14 +253,7 @@ impl Statements {
         tokens: impl Iterator<Item = &'a [u8]>,
         line: u64,
     ) -> Result<(), String> {
-        let start = self.indices.len();
-        for token in tokens {
-            let index = self.index(token)?;
-            if index >= self.furthest.0 {
-                self.furthest = (index, line);
-            }
-            self.indices.push(index);
-        }
+        let start = self.read_indices(tokens, line)?;
         match self.indices[start..] {
             [] | [_] => return Err("a line with fewer than two vertices".into()),
             [a, b] if a == b => {
@@ -164,15 +267,81 @@ impl Statements {
                 if a == b {
                     self.indices.pop();
                 }
-                self.long.push(LongLine {
+                self.curves.push(Curve {
                     start,
                     end: self.indices.len(),
                     closed: a == b,
                     line,
+                    form: Form::Polyline,
                 });
             }
         }
         Ok(())
+    }
+
+    /// Appends the indices of a statement. Returns the place of the first one.
+    fn read_indices<'a>(
+        &mut self,
+        tokens: impl Iterator<Item = &'a [u8]>,
+        line: u64,
+    ) -> Result<usize, String> {
+        let start = self.indices.len();
+        for token in tokens {
+            let index = self.index(token)?;
+            if index >= self.furthest.0 {
+                self.furthest = (index, line);
+            }
+            self.indices.push(index);
+        }
+        Ok(start)
+    }
+
+    /// Reads `curv u0 u1 v1 v2 ..`.
+    fn element<'a>(
+        &mut self,
+        mut tokens: impl Iterator<Item = &'a [u8]>,
+        line: u64,
+    ) -> Result<(), String> {
+        let mut end = || {
+            tokens
+                .next()
+                .map_or(Err("a curv without a range".into()), number)
+        };
+        let range = [end()?, end()?];
+        let start = self.read_indices(tokens, line)?;
+        let indices = start..self.indices.len();
+        if indices.len() < 2 {
+            return Err("a curv with fewer than two vertices".into());
+        }
+        self.elements
+            .push(Element::new(line, &self.state, range, indices));
+        self.in_element = true;
+        Ok(())
+    }
+
+    /// Turns free-form curves into curves, or counts them as left out.
+    fn finish_elements(&mut self) {
+        let weight = |vertex: u32| match self.weights.binary_search_by_key(&vertex, |w| w.0) {
+            Ok(k) => self.weights[k].1,
+            Err(_) => 1.0,
+        };
+        for element in std::mem::take(&mut self.elements) {
+            let (line, range) = (element.line, element.indices.clone());
+            let mut indices = self.indices[range.clone()].to_vec();
+            match element.finish(&mut indices, weight) {
+                Ok((form, closed)) => self.curves.push(Curve {
+                    start: range.start,
+                    end: range.start + indices.len(),
+                    closed,
+                    line,
+                    form,
+                }),
+                Err(why) => LeftOut::add(&mut self.left_out, FREE_FORM, || {
+                    format!("curv in line {line}, {why}")
+                }),
+            }
+        }
+        self.curves.sort_by_key(|curve| curve.line);
     }
 
     /// Returns the index, from 0, of `7`, `-1` or `7/3`.
@@ -205,27 +374,36 @@ impl Statements {
             );
             bad(lines[2], what)
         })?;
-        let points = self.indices.len() + self.edges.len();
+        let forms = || self.curves.iter().map(|curve| &curve.form);
+        let is_spline = |form: &Form| matches!(form, Form::Spline(_));
+        let is_uniform = |form: &Form| matches!(form, Form::Spline(s) if s.uniform);
+        let basis = match () {
+            () if !forms().any(is_spline) => Basis::Polyline,
+            () if self.edges.is_empty() && forms().all(is_uniform) => Basis::BSpline,
+            () => Basis::Bezier,
+        };
+        let points = (self.indices.len() + self.edges.len()) * basis.stride();
         let mut out = Output {
-            builder: CurveSet::builder(Basis::Polyline, Precision::F64, points),
+            builder: CurveSet::builder(basis, Precision::F64, points),
+            basis,
             vertices: &self.vertices,
             xyz: Vec::with_capacity(3 * CHUNK),
         };
-        let mut long = self.long.iter().peekable();
+        let mut curves = self.curves.iter().peekable();
         let mut chain = Vec::new();
         let mut used = vec![false; self.edges.len()];
         for (e, edge) in self.edges.iter().enumerate() {
             if used[e] {
                 continue;
             }
-            while let Some(l) = long.next_if(|l| l.line < edge.line) {
-                out.curve(&self.indices[l.start..l.end], l.closed)?;
+            while let Some(curve) = curves.next_if(|curve| curve.line < edge.line) {
+                out.add(curve, &self.indices)?;
             }
             let closed = chains.follow(e, &mut chain, &mut used);
-            out.curve(&chain, closed)?;
+            out.polyline(&chain, closed)?;
         }
-        for l in long {
-            out.curve(&self.indices[l.start..l.end], l.closed)?;
+        for curve in curves {
+            out.add(curve, &self.indices)?;
         }
         out.builder.finish()
     }
@@ -234,12 +412,27 @@ impl Statements {
 /// Curves by their vertex indices, on their way into a set.
 struct Output<'a> {
     builder: CurveSetBuilder,
+    basis: Basis,
     vertices: &'a [Point],
     xyz: Vec<f64>,
 }
 
 impl Output<'_> {
-    fn curve(&mut self, indices: &[u32], closed: bool) -> Result<()> {
+    fn add(&mut self, curve: &Curve, indices: &[u32]) -> Result<()> {
+        let indices = &indices[curve.start..curve.end];
+        match &curve.form {
+            Form::Spline(spline) if self.basis == Basis::Bezier => {
+                self.spline(spline, indices, curve.closed)
+            }
+            _ => self.polyline(indices, curve.closed),
+        }
+    }
+
+    /// Adds a polyline, or the control points of a curve of the basis of the set.
+    fn polyline(&mut self, indices: &[u32], closed: bool) -> Result<()> {
+        if self.basis == Basis::Bezier {
+            return self.straight(indices, closed);
+        }
         self.builder.start_curve(indices.len(), closed)?;
         for chunk in indices.chunks(CHUNK) {
             self.xyz.clear();
@@ -249,6 +442,39 @@ impl Output<'_> {
             self.builder.push(Positions::F64(&self.xyz))?;
         }
         Ok(())
+    }
+
+    /// Adds a polyline as Bezier pieces `p p q q`.
+    fn straight(&mut self, indices: &[u32], closed: bool) -> Result<()> {
+        let at = |k: usize| self.vertices[indices[k % indices.len()] as usize];
+        let pieces = indices.len() - usize::from(!closed);
+        self.xyz.clear();
+        for k in 0..pieces {
+            for point in [at(k), at(k), at(k + 1)] {
+                self.xyz.extend(point);
+            }
+        }
+        if !closed {
+            self.xyz.extend(at(pieces));
+        }
+        self.pieces(closed)
+    }
+
+    fn spline(&mut self, spline: &Spline, indices: &[u32], closed: bool) -> Result<()> {
+        let mut points: Vec<Point> = indices.iter().map(|&v| self.vertices[v as usize]).collect();
+        if closed && spline.uniform {
+            // The control points that closing removed.
+            points.extend_from_within(..3);
+        }
+        self.xyz.clear();
+        spline.pieces(&points, closed, &mut self.xyz);
+        self.pieces(closed)
+    }
+
+    /// Adds the Bezier curve of the coordinates in `xyz`.
+    fn pieces(&mut self, closed: bool) -> Result<()> {
+        self.builder.start_curve(self.xyz.len() / 3, closed)?;
+        self.builder.push(Positions::F64(&self.xyz))
     }
 }
 
@@ -291,7 +517,7 @@ mod tests {
     use crate::model::tests::{assert_error_contains, curves};
 
     fn parse(text: &str) -> Result<CurveSet> {
-        read(text.as_bytes())
+        read(text.as_bytes()).map(|(set, _)| set)
     }
 
     /// Returns vertex `n` of [`with_vertices`], from 1.
@@ -388,10 +614,11 @@ mod tests {
     #[test]
     fn ignores_other_statements() {
         let text = "mtllib \u{e4}.mtl\n\no name\nvt 0 0\nvn x y z\nf 1 2 99\n g\n\
-                    v 1 2 3 0.5\n\tv 4 5 6 0.1 0.2 0.3 # red\nusemtl #\nl 1 2#3\ncurv 0 1 7 8\n";
+                    v 1 2 3 0.5\n\tv 4 5 6 0.1 0.2 0.3 # red\nusemtl #\nl 1 2#3\n";
         // A Latin-1 byte, as old exporters write it.
         let bytes: Vec<u8> = text.chars().map(|c| c as u8).collect();
-        let set = read(&bytes[..]).unwrap();
+        let (set, left_out) = read(&bytes[..]).unwrap();
+        assert_eq!(left_out, []);
         assert_eq!(curves(&set), [(false, vec![[1., 2., 3.], [4., 5., 6.]])]);
     }
 
@@ -399,7 +626,7 @@ mod tests {
     fn errors_name_the_line() {
         for (lines, expected) in [
             ("", "whole file): no curves"),
-            ("f 1 2 3\n", "no l statement"),
+            ("f 1 2 3\n", "no statement l or curv"),
             ("l\n", "line 11): a line with fewer than two"),
             ("l 1\n", "fewer than two"),
             ("l 4 4\n", "vertex 4 to itself"),
