@@ -69,6 +69,8 @@ fn frames(count: u64) -> Vec<FrameRecord> {
             verified: seq + 1,
             skipped: 0,
             rejected: 0,
+            recovered: 0,
+            accepted: 0,
             times: Default::default(),
             work: Work::default(),
             received: SystemTime::now(),

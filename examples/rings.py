@@ -21,7 +21,7 @@ import numpy as np
 import openmm as mm
 from openmm import unit
 
-VERSION = 7
+VERSION = 8
 FRAME_MAGIC = int.from_bytes(b"LWFRAME\0", "little")
 VERDICT_MAGIC = int.from_bytes(b"LWVERDI\0", "little")
 LOCKSTEP, END, ANNOUNCE, UNFINISHED = 1, 2, 4, 8
@@ -63,7 +63,7 @@ class FrameHeader(Wire):
         """
         u64 magic
         u32 version flags
-        u64 session seq
+        u64 session seq baseline
         f64 time
         u64 n_points
         u32 n_curves basis coordinate_bytes cuts layout names_bytes
@@ -84,7 +84,7 @@ class Verdict(Wire):
         f64 time
         u32 verdict abort lost gained changed defects events finding i j defect_kind
         u32*2 segments
-        u32 has_place reason_len unresolved appeared gone
+        u32 has_place reason_len unresolved appeared gone findings recovered
         i64 expected found
         f64*3 point
         f64 distance lengths extent
@@ -134,11 +134,11 @@ class Client:
             .publish_subscribe(iox2.Slice[ctypes.c_uint8])
             .user_header(FrameHeader)
             .payload_alignment(iox2.Alignment.new(64))
-            .max_publishers(2)
+            .max_publishers(3)
             .max_subscribers(4)
             .subscriber_max_buffer_size(2)
             .subscriber_max_borrowed_samples(4)
-            .history_size(1)
+            .history_size(2)
             .enable_safe_overflow(True)
             .open_or_create()
         )

@@ -20,6 +20,9 @@ typedef struct linkwatch_frame_header {
   uint64_t session;
   // Number of the frame in its session, from 0.
   uint64_t seq;
+  // Number of the frame whose linking numbers are expected: the first one of the session, or the
+  // last one that the simulator accepted as a new baseline. `seq` if it is this frame.
+  uint64_t baseline;
   // Simulation time in seconds.
   double time;
   uint64_t n_points;
@@ -79,6 +82,10 @@ typedef struct linkwatch_verdict {
   // Number of curves that appeared, and of those that are gone, since the last verified frame.
   uint32_t appeared;
   uint32_t gone;
+  // Number of all findings of the frame.
+  uint32_t findings;
+  // Number of violations in the session that the simulator rolled back.
+  uint32_t recovered;
   int64_t expected;
   int64_t found;
   double point[3];
@@ -97,8 +104,8 @@ typedef struct linkwatch_verdict {
   double safe_fraction;
   // Translation of the curve `j` of the finding, in vectors of the periodic cell.
   int32_t image[3];
-  // Why a frame was rejected or pairs were not verified, or which curves appeared and are gone:
-  // UTF-8, cut at a character.
+  // Why a frame was rejected or pairs were not verified, which curves appeared and are gone, or
+  // why the watcher left: UTF-8, cut at a character.
   uint8_t reason[180];
 } linkwatch_verdict;
 

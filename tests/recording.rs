@@ -165,6 +165,8 @@ fn record(seq: u64, curves: Option<CurveSet>) -> FrameRecord {
         verified: seq,
         skipped: 2 * seq,
         rejected: 3,
+        recovered: 0,
+        accepted: 0,
         times: FrameTimes {
             ingest: Duration::from_nanos(123_456_789 + seq),
             verification: Duration::from_nanos(987_654_321),
@@ -209,6 +211,8 @@ fn baseline() -> BaselineRecord {
             periods: Vec::new(),
         }),
         origin: "first frame".into(),
+        frame: Some(0),
+        unverified: 0,
     }
 }
 

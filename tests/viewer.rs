@@ -142,6 +142,8 @@ fn verified(set: Arc<CurveSet>, report: Report, work: Work) -> FrameRecord {
         verified: seq,
         skipped: seq / 10,
         rejected: 0,
+        recovered: 0,
+        accepted: 0,
         times: FrameTimes {
             ingest: Duration::from_micros(400 + 50 * (seq * 3 % 7)),
             verification: Duration::from_micros(1400 + 300 * (seq * 7 % 5)),
@@ -187,6 +189,8 @@ fn baseline() -> Arc<BaselineRecord> {
     Arc::new(BaselineRecord {
         certificate: Arc::new(certificate),
         origin: "first frame".into(),
+        frame: Some(0),
+        unverified: 0,
     })
 }
 

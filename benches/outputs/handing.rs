@@ -163,6 +163,8 @@ fn run(raw: RawFrame<'_>, queue: Option<SinkQueue>, (frames, pause): (usize, Dur
                 queue.begin(Arc::new(BaselineRecord {
                     certificate: Arc::default(),
                     origin: "first frame".into(),
+                    frame: Some(0),
+                    unverified: 0,
                 }));
             }
             queue.frame(Arc::new(FrameRecord {
@@ -172,6 +174,8 @@ fn run(raw: RawFrame<'_>, queue: Option<SinkQueue>, (frames, pause): (usize, Dur
                 verified: seq + 1,
                 skipped: 0,
                 rejected: 0,
+                recovered: 0,
+                accepted: 0,
                 times: Default::default(),
                 work: Default::default(),
                 received: SystemTime::now(),

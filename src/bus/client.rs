@@ -290,10 +290,12 @@ impl Client {
         self.send(frame)
     }
 
-    /// Waits until a watcher has seen this session, at most for `timeout`. Returns true if one has.
+    /// Waits until a watcher has seen this session, at most for `timeout`. Returns true if one has:
+    /// then it receives the baseline, and every later frame unless newer ones overtake it.
     ///
-    /// Needed only if the watcher must not miss the first frames. A simulator can also run alone,
-    /// and a watcher that starts later receives the newest frame.
+    /// Needed only if no frame must be missed. A simulator can also run alone: the client keeps the
+    /// baseline ([`Client::accept`]) in shared memory, and a watcher that starts later receives it
+    /// before the newest frame.
     ///
     /// If no watcher came within a second or more, logs a warning ([`tracing`]) that names a
     /// watcher which waits on another service, because the service name may be wrong.
@@ -374,8 +376,8 @@ impl Client {
             // Another program can publish frames into this session; the verdicts on them do not
             // count.
             let published = message.seq < self.frames.next;
-            message.abort &= published;
-            if message.abort && message.seq >= self.aborts_from && self.aborted.is_none() {
+            message.abort &= published && message.seq >= self.aborts_from;
+            if message.abort && self.aborted.is_none() {
                 self.aborted = Some(message.clone());
             }
             match message.kind {
@@ -401,12 +403,28 @@ impl Client {
         self.aborted.as_ref()
     }
 
-    /// Clears the abort after a rollback: verdicts on the frames published so far no longer count,
-    /// and the next frame does not continue them ([`Client::cut`]).
+    /// Clears the abort after a rollback: verdicts on the frames published so far no longer ask the
+    /// simulator to stop, and the next frame does not continue them ([`Client::cut`]).
+    ///
+    /// If the next verified frame is intact, the violation is *recovered*
+    /// ([`VerdictMessage::recovered`]): it does not count for the result of the watch.
     pub fn resume(&mut self) {
         self.aborted = None;
         self.aborts_from = self.frames.next;
         self.cut();
+    }
+
+    /// Accepts the present state as the new baseline: the watcher expects the linking numbers of
+    /// the next frame from then on, whatever they are, and does not search for pull-throughs in the
+    /// step to it. Clears the abort, as [`resume`](Client::resume) does.
+    ///
+    /// For a change of topology that is intended: after an abort, before the simulation goes on
+    /// from the changed state; or before a change that the simulator makes itself, after which it
+    /// publishes the next frame. The watch reports and records the new baseline, and a violation
+    /// that was accepted is not called intact.
+    pub fn accept(&mut self) {
+        self.resume();
+        self.frames.accept();
     }
 
     /// Marks the next frame as not continuing the previous one: after a restart from a checkpoint,
@@ -439,7 +457,7 @@ impl Client {
                 _ => {}
             }
             if let Some(how) = self.watcher.departure() {
-                return Ok(Outcome::NoWatcher(how));
+                return Ok(Outcome::NoWatcher(how.clone()));
             }
             if self.watcher.has_crashed(&self.connection.endpoint) {
                 continue;
@@ -448,6 +466,12 @@ impl Client {
                 return Ok(Outcome::Stale);
             }
         }
+    }
+
+    /// Returns the reason why the watcher left, if it did and no other one came. Only messages that
+    /// [`poll`](Client::poll) or a wait has read count.
+    pub fn departure(&self) -> Option<&Departure> {
+        self.watcher.departure()
     }
 
     /// Waits until a verdict may have arrived. Returns false once `timeout` is over.

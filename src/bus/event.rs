@@ -122,6 +122,7 @@ impl Frame {
         }
         Ok(FrameInfo {
             cuts: self.header.cuts,
+            baseline: self.header.baseline,
             layout: self.header.layout,
             time_step: self.header.time_step,
             cell: self.header.cell()?,

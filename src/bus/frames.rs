@@ -4,8 +4,8 @@ use super::ipc::Ipc;
 use super::room;
 use super::service::{Endpoint, bus};
 use super::wire::{
-    FLAG_LOCKSTEP, FLAG_RADII, FRAME_MAGIC, FrameHeader, LAYOUT_VERSION, VerdictWire, cast_mut,
-    table_of,
+    FLAG_ANNOUNCE, FLAG_BASELINE, FLAG_LOCKSTEP, FLAG_RADII, FRAME_MAGIC, FrameHeader,
+    LAYOUT_VERSION, VerdictWire, cast_mut, table_of,
 };
 use crate::curve::{Basis, Cell, CurveLabels, Precision};
 use crate::error::{Error, Result};
@@ -38,9 +38,29 @@ impl Connection {
     }
 }
 
+type FramePublisher = Publisher<Ipc, [u8], FrameHeader>;
+
+/// Publishers of a session. Each has a buffer of its own at every watcher.
+struct Publishers {
+    frames: FramePublisher,
+    /// Publishes baselines only. Newer frames do not replace the last one in the buffer of a
+    /// watcher, and a watcher that starts later receives it, too.
+    baselines: FramePublisher,
+}
+
+impl Publishers {
+    /// Connects to watchers that started since the last call. A failed connection is retried by the
+    /// next call.
+    fn connect(&self) {
+        // In this order, so that a watcher that has a newer frame gets the baseline as well.
+        let _ = self.frames.update_connections();
+        let _ = self.baselines.update_connections();
+    }
+}
+
 /// Frames of a session: their layout and their numbers.
 pub(super) struct Frames {
-    publisher: Option<Owned<Publisher<Ipc, [u8], FrameHeader>>>,
+    publishers: Option<Owned<Publishers>>,
     pub session: u64,
     lockstep: bool,
     layout: Option<Layout>,
@@ -52,6 +72,8 @@ pub(super) struct Frames {
     pub cell: Option<Cell>,
     /// Number of the next frame.
     pub next: u64,
+    /// Number of the frame that is the baseline; `None` if the next one is.
+    baseline: Option<u64>,
     /// Number of cuts so far. Frames with different numbers do not belong to one motion.
     cuts: u32,
 }
@@ -73,7 +95,7 @@ impl Frames {
     /// Starts a session. `lockstep` informs the watcher that the simulator waits for each verdict.
     pub fn new(lockstep: bool) -> Frames {
         Frames {
-            publisher: None,
+            publishers: None,
             session: random(),
             lockstep,
             layout: None,
@@ -81,21 +103,26 @@ impl Frames {
             time_step: 0.0,
             cell: None,
             next: 0,
+            baseline: None,
             cuts: 0,
         }
     }
 
     /// Returns true if something was sent or declared.
     pub fn has_publisher(&self) -> bool {
-        self.publisher.is_some()
+        self.publishers.is_some()
     }
 
-    /// Connects to watchers that started since the last frame. A failed connection is retried by
-    /// the next call.
+    /// Connects to watchers that started since the last frame.
     pub fn connect(&self) {
-        if let Some(publisher) = &self.publisher {
-            let _ = publisher.update_connections();
-        }
+        self.publishers
+            .iter()
+            .for_each(|publishers| publishers.connect());
+    }
+
+    /// Makes the next frame the baseline.
+    pub fn accept(&mut self) {
+        self.baseline = None;
     }
 
     /// Marks the next frame as not continuing the previous one.
@@ -164,29 +191,37 @@ impl Frames {
             labels,
         });
         self.layouts += 1;
-        self.publisher(connection, bytes)?;
-        Ok(())
+        let is_new = self.publishers.is_none();
+        self.publishers(connection, bytes)?;
+        match is_new {
+            // A watcher maps the memory of a publisher with its first message, which it must read
+            // while the simulator lives.
+            true => self.signal(connection, FLAG_ANNOUNCE),
+            false => Ok(()),
+        }
     }
 
-    /// Returns the publisher, creating it if necessary. Its memory initially fits as many frames of
-    /// `bytes` bytes as all subscribers can hold, so it only grows for larger frames. Only memory
-    /// that was written to is resident.
-    fn publisher(
-        &mut self,
-        connection: &Connection,
-        bytes: usize,
-    ) -> Result<&Owned<Publisher<Ipc, [u8], FrameHeader>>> {
-        if self.publisher.is_none() {
-            let builder = connection.endpoint.frames.publisher_builder();
-            let publisher = builder
-                .initial_max_slice_len(bytes.max(1))
-                .allocation_strategy(AllocationStrategy::PowerOfTwo)
-                .max_loaned_samples(LOANS)
-                .backpressure_strategy(BackpressureStrategy::DiscardData)
-                .create();
-            self.publisher = Some(Owned::new(publisher.map_err(bus("publisher of frames"))?));
+    /// Returns the publishers, creating them if necessary. The memory of each initially fits as
+    /// many frames of `bytes` bytes as all subscribers can hold, so it only grows for larger
+    /// frames. Only memory that was written to is resident.
+    fn publishers(&mut self, connection: &Connection, bytes: usize) -> Result<&Owned<Publishers>> {
+        if self.publishers.is_none() {
+            let create = |loans| {
+                let builder = connection.endpoint.frames.publisher_builder();
+                builder
+                    .initial_max_slice_len(bytes.max(1))
+                    .allocation_strategy(AllocationStrategy::PowerOfTwo)
+                    .max_loaned_samples(loans)
+                    .backpressure_strategy(BackpressureStrategy::DiscardData)
+                    .create()
+                    .map_err(bus("publisher of frames"))
+            };
+            self.publishers = Some(Owned::new(Publishers {
+                frames: create(LOANS)?,
+                baselines: create(1)?,
+            }));
         }
-        Ok(self.publisher.as_ref().expect("created above"))
+        Ok(self.publishers.as_ref().expect("created above"))
     }
 
     fn header(&self, flags: u32) -> FrameHeader {
@@ -197,6 +232,7 @@ impl Frames {
             flags: flags | lockstep,
             session: self.session,
             seq: self.next,
+            baseline: self.baseline.unwrap_or(self.next),
             coordinate_bytes: 4,
             cuts: self.cuts,
             layout: self.layouts,
@@ -210,10 +246,19 @@ impl Frames {
         connection.check()?;
         connection.connect()?;
         let header = self.header(flags);
-        let publisher = self.publisher(connection, 1)?;
-        let mut sample = publisher.loan_slice(0).map_err(bus("loan"))?;
-        *sample.user_header_mut() = header;
-        sample.send().map_err(bus("send"))?;
+        let publishers = self.publishers(connection, 1)?;
+        let send = |publisher: &FramePublisher| {
+            let mut sample = publisher.loan_slice(0).map_err(bus("loan"))?;
+            *sample.user_header_mut() = header;
+            sample.send().map_err(bus("send"))
+        };
+        if flags & FLAG_ANNOUNCE != 0 {
+            send(&publishers.baselines)?;
+        }
+        // First, because a watcher reads nothing after the end of the session.
+        let _ = publishers.baselines.update_connections();
+        send(&publishers.frames)?;
+        publishers.connect();
         connection.endpoint.notify();
         Ok(())
     }
@@ -241,16 +286,9 @@ impl Frames {
         };
         let table = layout.table.len();
         let bytes = table + 3 * layout.points * precision.bytes();
-        let publisher = self.publisher.as_ref().expect("`describe` created it");
-        publisher.check()?;
-        let sample = publisher.loan_slice_uninit(bytes).map_err(bus("loan"))?;
-        #[expect(unsafe_code, reason = "shared memory is lent as uninitialised")]
-        // SAFETY: the memory is a shared mapping. Each of its bytes was written by the system
-        // (zeros) or by an earlier frame of this publisher, all of whose bytes were initialised;
-        // the compiler can assume nothing else of memory that it did not allocate. Every bit
-        // pattern is a valid `u8`.
-        let mut sample = unsafe { sample.assume_init() };
-        room::ensure(sample.payload_mut())?;
+        let publishers = self.publishers.as_ref().expect("`describe` created them");
+        publishers.check()?;
+        let mut sample = lend(&publishers.frames, bytes)?;
         *sample.user_header_mut() = header;
         let payload = sample.payload_mut();
         payload[..table].copy_from_slice(&layout.table);
@@ -270,6 +308,8 @@ impl Frames {
     pub fn send(&mut self, connection: &Connection, memory: FrameMemory) -> Result<u64> {
         let FrameMemory { sample, layout, .. } = memory;
         let mut sample = sample.into_inner()?;
+        let (publishers, baseline) = (self.publishers.as_ref(), self.baseline);
+        let publishers = publishers.expect("`describe` created them");
         let header = sample.user_header_mut();
         if header.session != self.session || layout != self.layouts {
             return Err(Error::Bus(
@@ -278,21 +318,51 @@ impl Frames {
             ));
         }
         (header.seq, header.cuts) = (self.next, self.cuts);
+        header.baseline = baseline.unwrap_or(self.next);
         header.time_step = self.time_step;
         header.set_cell(self.cell.as_ref());
         connection.connect()?;
+        if baseline.is_none() {
+            sample = copy_of(&sample, &publishers.baselines)?;
+            sample.user_header_mut().flags |= FLAG_BASELINE;
+        }
         sample.send().map_err(bus("send"))?;
+        publishers.connect();
         let seq = self.next;
+        self.baseline.get_or_insert(seq);
         self.next += 1;
         connection.endpoint.notify();
         Ok(seq)
     }
 }
 
+type FrameSample = SampleMut<Ipc, [u8], FrameHeader>;
+
+/// Returns memory of a publisher for a frame of `bytes` bytes.
+fn lend(publisher: &FramePublisher, bytes: usize) -> Result<FrameSample> {
+    let sample = publisher.loan_slice_uninit(bytes).map_err(bus("loan"))?;
+    #[expect(unsafe_code, reason = "shared memory is lent as uninitialised")]
+    // SAFETY: the memory is a shared mapping. Each of its bytes was written by the system (zeros)
+    // or by an earlier frame of this publisher, all of whose bytes were initialised; the compiler
+    // can assume nothing else of memory that it did not allocate. Every bit pattern is a valid
+    // `u8`.
+    let mut sample = unsafe { sample.assume_init() };
+    room::ensure(sample.payload_mut())?;
+    Ok(sample)
+}
+
+/// Returns a copy of a frame in the memory of another publisher.
+fn copy_of(sample: &FrameSample, publisher: &FramePublisher) -> Result<FrameSample> {
+    let mut copy = lend(publisher, sample.payload().len())?;
+    *copy.user_header_mut() = *sample.user_header();
+    copy.payload_mut().copy_from_slice(sample.payload());
+    Ok(copy)
+}
+
 /// Shared memory of a frame that is being written ([`Client::begin`](crate::Client::begin)).
 /// Nothing is sent if it is dropped.
 pub struct FrameMemory {
-    sample: Owned<SampleMut<Ipc, [u8], FrameHeader>>,
+    sample: Owned<FrameSample>,
     /// Bytes before the positions.
     table: usize,
     precision: Precision,

@@ -7,10 +7,11 @@ use super::wire::{
 use crate::curve::words_of_change;
 use crate::error::{Error, Result};
 use crate::verdict::{
-    Change, ChangeKind, Clearance, Defect, DefectKind, Place, PullThrough, Report, Verdict,
-    words_of_roll_back,
+    Change, ChangeKind, Clearance, Defect, DefectKind, Lasting, Place, PullThrough, Report,
+    Verdict, words_of_roll_back,
 };
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeSet;
 use std::fmt;
 use std::sync::Arc;
 use std::time::Duration;
@@ -63,6 +64,31 @@ impl Finding {
     }
 }
 
+/// Lasting findings of the last verified frame.
+#[derive(Debug, Default)]
+pub(super) struct Known(BTreeSet<Lasting>);
+
+impl Known {
+    /// Records the findings of a report. Those of a rejected frame are unknown.
+    pub fn record(&mut self, report: &Report) {
+        if report.verdict != Verdict::Rejected {
+            self.0 = report.lasting().flatten().collect();
+        }
+    }
+
+    /// Returns the first finding of a report that is not known; the first of all if there is none.
+    fn first_new(&self, report: &Report) -> Option<Finding> {
+        let changes = report.changes.iter().copied().map(Finding::Change);
+        let events = report.events.iter().copied().map(Finding::Event);
+        let defects = report.defects.iter().copied().map(Finding::Defect);
+        let mut all = changes.chain(events).chain(defects);
+        let is_new = |key: &Option<Lasting>| key.is_none_or(|key| !self.0.contains(&key));
+        let mut new = all.clone().zip(report.lasting());
+        let new = new.find(|(_, key)| is_new(key));
+        new.map(|(finding, _)| finding).or_else(|| all.next())
+    }
+}
+
 /// Message from the watcher. Its `Display` form is a sentence.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
@@ -97,13 +123,20 @@ pub struct VerdictMessage {
     /// Number of pull-throughs that cannot be resolved, because the frames are too far apart
     /// ([`Report::unresolved`]).
     pub unresolved: u32,
-    /// The first finding.
+    /// Number of all findings of the frame.
+    pub findings: u32,
+    /// The first finding that the last verified frame did not have: the reason for `abort`, if that
+    /// is set. The first of all if there is none.
     pub first: Option<Finding>,
     /// Extent of the scene ([`Stats::extent`](crate::Stats::extent)).
     pub extent: f64,
     /// Reason if the frame was rejected or pairs were not verified, which curves appeared and are
-    /// gone, or which strands came too close ([`Report::clearance`]).
+    /// gone, or which strands came too close ([`Report::clearance`]). Of a goodbye without `abort`:
+    /// why the watcher cannot verify the session.
     pub reason: Option<String>,
+    /// Number of violations in this session that the simulator rolled back
+    /// ([`Client::resume`](crate::Client::resume)), so that a later frame is intact.
+    pub recovered: u32,
     /// Counters of the session up to this message.
     pub counters: Counters,
     /// Duration of the check.
@@ -133,10 +166,16 @@ impl fmt::Display for VerdictMessage {
                 f,
                 ": {verified} frames verified, {skipped} skipped, {rejected} rejected"
             )?;
-            if !self.abort {
-                return Ok(());
+            match self.recovered {
+                0 => {}
+                1 => write!(f, "; recovered: 1 violation was rolled back")?,
+                n => write!(f, "; recovered: {n} violations were rolled back")?,
             }
-            write!(f, "; ")?;
+            match (self.abort, &self.reason) {
+                (true, _) => write!(f, "; ")?,
+                (false, Some(why)) => return write!(f, "; {why}"),
+                (false, None) => return Ok(()),
+            }
         }
         write!(f, "frame {}: {}", self.seq, self.verdict)?;
         let counts = [
@@ -206,6 +245,8 @@ impl VerdictWire {
             unresolved: 0,
             appeared: 0,
             gone: 0,
+            findings: 0,
+            recovered: 0,
             expected: 0,
             found: 0,
             point: [0.0; 3],
@@ -223,14 +264,26 @@ impl VerdictWire {
         }
     }
 
-    /// Creates the message of a report, with its first finding and as much of the reason as fits.
+    /// Creates a message that concerns no frame, with as much of this reason as fits.
+    pub fn with_reason(mut self, reason: &str) -> Self {
+        let n = reason.floor_char_boundary(self.reason.len());
+        self.reason[..n].copy_from_slice(&reason.as_bytes()[..n]);
+        self.reason_len = n as u32;
+        self
+    }
+
+    /// Creates the message of a report, with its first new finding and as much of the reason as
+    /// fits. `known` has the findings of the last verified frame.
     pub fn from_report(
         report: &Report,
+        known: &Known,
         session: u64,
         counters: Counters,
         check: Duration,
     ) -> VerdictWire {
         let count = |kind| u32::try_from(report.count(kind)).unwrap_or(u32::MAX);
+        let findings = report.changes.len() + report.events.len();
+        let findings = findings + report.defects.len() + report.unresolved.len();
         let mut wire = VerdictWire {
             seq: report.seq,
             time: report.time,
@@ -244,33 +297,39 @@ impl VerdictWire {
             unresolved: u32::try_from(report.unresolved.len()).unwrap_or(u32::MAX),
             appeared: u32::try_from(report.appeared.len()).unwrap_or(u32::MAX),
             gone: u32::try_from(report.gone.len()).unwrap_or(u32::MAX),
+            findings: u32::try_from(findings).unwrap_or(u32::MAX),
             check_ns: u64::try_from(check.as_nanos()).unwrap_or(u64::MAX),
             extent: report.stats.extent,
             last_intact: report.last_intact.unwrap_or(NO_FRAME),
             safe_fraction: report.safe_fraction.unwrap_or(f64::NAN),
             ..VerdictWire::new(MessageKind::Verdict, session, counters)
         };
-        if let Some(change) = report.changes.first() {
-            wire.finding = FINDING_CHANGE;
-            (wire.i, wire.j, wire.image) = (change.i, change.j, change.image);
-            (wire.expected, wire.found) = (change.expected, change.found);
-            wire.set_place(change.place);
-        } else if let Some(event) = report.events.first() {
-            wire.finding = FINDING_EVENT;
-            (wire.i, wire.j, wire.image) = (event.i, event.j, event.image);
-            wire.found = event.sign.into();
-            wire.lengths = event.lengths;
-            wire.set_place(Some(Place {
-                segments: event.segments,
-                point: event.point,
-                distance: event.fraction,
-            }));
-        } else if let Some(defect) = report.defects.first() {
-            wire.finding = FINDING_DEFECT;
-            (wire.i, wire.j) = (defect.i, defect.j.unwrap_or(NO_CURVE));
-            wire.image = defect.image;
-            wire.defect_kind = defect.kind as u32;
-            wire.set_place(Some(defect.place));
+        match known.first_new(report) {
+            None => {}
+            Some(Finding::Change(change)) => {
+                wire.finding = FINDING_CHANGE;
+                (wire.i, wire.j, wire.image) = (change.i, change.j, change.image);
+                (wire.expected, wire.found) = (change.expected, change.found);
+                wire.set_place(change.place);
+            }
+            Some(Finding::Event(event)) => {
+                wire.finding = FINDING_EVENT;
+                (wire.i, wire.j, wire.image) = (event.i, event.j, event.image);
+                wire.found = event.sign.into();
+                wire.lengths = event.lengths;
+                wire.set_place(Some(Place {
+                    segments: event.segments,
+                    point: event.point,
+                    distance: event.fraction,
+                }));
+            }
+            Some(Finding::Defect(defect)) => {
+                wire.finding = FINDING_DEFECT;
+                (wire.i, wire.j) = (defect.i, defect.j.unwrap_or(NO_CURVE));
+                wire.image = defect.image;
+                wire.defect_kind = defect.kind as u32;
+                wire.set_place(Some(defect.place));
+            }
         }
         let curves = words_of_change(&report.appeared, &report.gone);
         // A finding says more.
@@ -281,12 +340,10 @@ impl VerdictWire {
         let close = close.and_then(Clearance::reason);
         let reasons = report.rejected.iter().chain(&report.missing);
         let mut reasons = reasons.chain(&curves).chain(&close);
-        if let Some(reason) = reasons.next() {
-            let n = reason.floor_char_boundary(wire.reason.len());
-            wire.reason[..n].copy_from_slice(&reason.as_bytes()[..n]);
-            wire.reason_len = n as u32;
+        match reasons.next() {
+            Some(reason) => wire.with_reason(reason),
+            None => wire,
         }
-        wire
     }
 
     fn set_place(&mut self, place: Option<Place>) {
@@ -372,6 +429,8 @@ impl VerdictWire {
             unresolved: self.unresolved,
             appeared: self.appeared,
             gone: self.gone,
+            findings: self.findings,
+            recovered: self.recovered,
             first,
             extent: self.extent,
             reason: (!reason.is_empty()).then(|| String::from_utf8_lossy(reason).into_owned()),
@@ -398,7 +457,7 @@ mod tests {
 
     fn sent(report: &Report) -> VerdictMessage {
         let check = Duration::from_nanos(77);
-        VerdictWire::from_report(report, 5, Counters::default(), check)
+        VerdictWire::from_report(report, &Known::default(), 5, Counters::default(), check)
             .read()
             .unwrap()
     }
@@ -431,6 +490,49 @@ mod tests {
             "frame 12: changed, 1 link lost, 1 link changed: curves 3 and 4 came apart: linking \
              number was 1, is 0, near (1.00000, 2.00000, 3.00000), segments 7 and 8, 0.25 \
              apart. Stop or roll back"
+        );
+    }
+
+    #[test]
+    fn the_first_new_finding_is_transmitted_with_the_number_of_all() {
+        let lost = |i| Change {
+            i,
+            j: 9,
+            image: [0; 3],
+            expected: 1,
+            found: 0,
+            place: None,
+        };
+        let mut known = Known::default();
+        let mut sent = |changes: Vec<Change>| {
+            let mut r = report(Verdict::Changed);
+            r.changes = changes;
+            let wire = VerdictWire::from_report(&r, &known, 5, Counters::default(), Duration::ZERO);
+            known.record(&r);
+            let message = wire.read().unwrap();
+            (message.first, message.findings)
+        };
+        let change = |i| Some(Finding::Change(lost(i)));
+        assert_eq!(sent(vec![lost(3)]), (change(3), 1));
+        assert_eq!(sent(vec![lost(2), lost(3)]), (change(2), 2));
+        assert_eq!(sent(vec![lost(2), lost(3), lost(4)]), (change(4), 3));
+        // None is new.
+        assert_eq!(sent(vec![lost(3), lost(4)]), (change(3), 2));
+        assert_eq!(sent(vec![]), (None, 0));
+        assert_eq!(sent(vec![lost(3)]), (change(3), 1));
+    }
+
+    #[test]
+    fn a_goodbye_has_the_reason_and_the_violations_that_were_rolled_back() {
+        let hello = VerdictWire::new(MessageKind::Goodbye, 5, Counters::default());
+        let wire = VerdictWire {
+            recovered: 2,
+            ..hello.with_reason("no curve is closed")
+        };
+        assert_eq!(
+            wire.read().unwrap().to_string(),
+            "linkwatch is done with this session: 0 frames verified, 0 skipped, 0 rejected; \
+             recovered: 2 violations were rolled back; no curve is closed"
         );
     }
 

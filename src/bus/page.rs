@@ -2,14 +2,16 @@
 
 use super::frames::LOANS;
 use super::message::{Counters, MessageKind};
-use super::service::{Endpoint, FRAME_BORROWS, FRAME_BUFFER, FRAME_SUBSCRIBERS, Role};
+use super::service::{
+    Endpoint, FRAME_BORROWS, FRAME_BUFFER, FRAME_HISTORY, FRAME_SUBSCRIBERS, Role,
+};
 use super::shards;
 use super::sidecar::{BATCH, ENDED_SESSIONS, SidecarOptions};
 use super::wait_mode::WaitMode;
 use super::wire::{
     ALIGNMENT, FINDING_CHANGE, FINDING_DEFECT, FINDING_EVENT, FINDING_NONE, FLAG_ANNOUNCE,
-    FLAG_END, FLAG_LOCKSTEP, FLAG_RADII, FLAG_UNFINISHED, FRAME_MAGIC, FrameHeader, LAYOUT_VERSION,
-    NO_CURVE, NO_FRAME, Table, VERDICT_MAGIC, VerdictWire,
+    FLAG_BASELINE, FLAG_END, FLAG_LOCKSTEP, FLAG_RADII, FLAG_UNFINISHED, FRAME_MAGIC, FrameHeader,
+    LAYOUT_VERSION, NO_CURVE, NO_FRAME, Table, VERDICT_MAGIC, VerdictWire,
 };
 use crate::curve::{Basis, Precision};
 use crate::verdict::{DefectKind, Verdict};
@@ -71,6 +73,7 @@ fn the_page_has_every_field_of_a_frame_header() {
             flags,
             session,
             seq,
+            baseline,
             time,
             n_points,
             n_curves,
@@ -125,6 +128,8 @@ fn the_page_has_every_field_of_a_verdict() {
             unresolved,
             appeared,
             gone,
+            findings,
+            recovered,
             expected,
             found,
             point,
@@ -173,6 +178,7 @@ fn the_page_has_every_code() {
         (FLAG_ANNOUNCE, "announce"),
         (FLAG_UNFINISHED, "unfinished"),
         (FLAG_RADII, "radii"),
+        (FLAG_BASELINE, "baseline"),
     ];
     assert_eq!(columns(2, rows("## A frame", "flag")), codes(flags));
 
@@ -335,7 +341,7 @@ fn the_client_in_python_has_the_fields_of_the_page() {
 #[test]
 fn the_page_of_limits_has_those_of_the_code() {
     let page = include_str!("../../docs/limits.md");
-    let frames = FRAME_SUBSCRIBERS * (FRAME_BUFFER + FRAME_BORROWS) + 1 + LOANS;
+    let frames = FRAME_SUBSCRIBERS * (FRAME_BUFFER + FRAME_BORROWS) + FRAME_HISTORY + LOANS;
     assert_eq!(SidecarOptions::default().max_frame_bytes, (4 << 30) - 1);
     assert_eq!(crate::VerifierOptions::MAX_PAIRS, 33_554_432);
     for row in [

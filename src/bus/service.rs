@@ -8,11 +8,12 @@
 //!
 //! [`shards`](super::shards) has those of watchers that share a scene.
 //!
-//! Two publishers are allowed on each topic, because a bridge between hosts joins with its own. The
-//! locks ensure that there is one simulator and one watcher. A lock is a service that admits one
-//! server. Bridges do not relay it, and iceoryx2 frees it together with everything else of a dead
-//! process. An observer is a watcher that sends nothing, so it takes no lock. The maximum number of
-//! subscribers of the frames limits watcher, observers and bridges together.
+//! The simulator has two publishers of frames: one keeps the baseline for watchers that start late.
+//! A further publisher is allowed on each topic, because a bridge between hosts joins with its own.
+//! The locks ensure that there is one simulator and one watcher. A lock is a service that admits
+//! one server. Bridges do not relay it, and iceoryx2 frees it together with everything else of a
+//! dead process. An observer is a watcher that sends nothing, so it takes no lock. The maximum
+//! number of subscribers of the frames limits watcher, observers and bridges together.
 
 use super::ipc::{Ipc, limit_log_level};
 use super::room;
@@ -47,6 +48,10 @@ pub(super) const FRAME_BUFFER: usize = 2;
 /// Maximum number of frames that a subscriber may hold: the current one, the newest, one just
 /// received, and one of a new session.
 pub(super) const FRAME_BORROWS: usize = 4;
+
+/// Number of frames that a watcher that starts late receives: the newest, and the end of the
+/// session after it.
+pub(super) const FRAME_HISTORY: usize = 2;
 
 /// Maximum number of verdicts that wait for a simulator that polls rarely. Losing older ones is
 /// harmless, because each heartbeat repeats the abort signal.
@@ -130,11 +135,11 @@ impl Endpoint {
                 .publish_subscribe::<[u8]>()
                 .user_header::<FrameHeader>()
                 .payload_alignment(alignment)
-                .max_publishers(2)
+                .max_publishers(3)
                 .max_subscribers(FRAME_SUBSCRIBERS)
                 .subscriber_max_buffer_size(FRAME_BUFFER)
                 .subscriber_max_borrowed_samples(FRAME_BORROWS)
-                .history_size(1)
+                .history_size(FRAME_HISTORY)
                 .enable_safe_overflow(true)
                 .open_or_create()
         })

@@ -2,10 +2,12 @@
 
 use super::event::{Event, Frame};
 use super::ipc::Ipc;
-use super::message::{Counters, MessageKind};
+use super::message::{Counters, Known, MessageKind};
 use super::service::{Endpoint, NodeId, Role, bus, node_of};
 use super::wait_mode::WaitMode;
-use super::wire::{FLAG_ANNOUNCE, FLAG_END, FLAG_UNFINISHED, FrameHeader, VerdictWire};
+use super::wire::{
+    FLAG_ANNOUNCE, FLAG_BASELINE, FLAG_END, FLAG_UNFINISHED, FrameHeader, VerdictWire,
+};
 use crate::error::{Error, Result};
 use crate::verdict::{Report, Verdict};
 use iceoryx2::port::publisher::Publisher;
@@ -26,6 +28,10 @@ const SILENCE: Duration = Duration::from_millis(500);
 
 /// Interval of the heartbeats.
 const HEARTBEAT: Duration = Duration::from_secs(1);
+
+/// Maximum time that a frame waits for its baseline. The simulator sends both in one call, so only
+/// a bridge, or a simulator that keeps no baseline, needs longer.
+const BASELINE_LIMIT: Duration = Duration::from_secs(1);
 
 /// Maximum number of frames received at once, so that a simulator that publishes without pause
 /// cannot keep the watcher from verifying.
@@ -60,6 +66,9 @@ pub struct SidecarOptions {
     /// observers and bridges are 4 at most. Since the simulator does not wait for an observer,
     /// frames may be skipped even in lockstep.
     pub observe: bool,
+    /// True if a watcher that starts late begins with the newest frame, not with the baseline that
+    /// the simulator keeps.
+    pub from_now: bool,
 }
 
 impl Default for SidecarOptions {
@@ -69,6 +78,7 @@ impl Default for SidecarOptions {
             max_frame_bytes: u32::MAX as usize,
             wait_mode: WaitMode::default(),
             observe: false,
+            from_now: false,
         }
     }
 }
@@ -109,6 +119,14 @@ struct Session {
     counters: Counters,
     /// Last message that asked to stop. Heartbeats repeat it, because it must not be lost.
     abort: Option<VerdictWire>,
+    /// Findings of the last verified frame.
+    known: Known,
+    /// Number of violations that were rolled back.
+    recovered: u32,
+    /// Number of the baseline of the last frame that was returned.
+    baseline: Option<u64>,
+    /// When the newest frame began to wait for its baseline.
+    waits: Option<Instant>,
     heard: Instant,
 }
 
@@ -116,14 +134,18 @@ struct Session {
 #[derive(Clone, Copy)]
 struct Seen {
     seq: u64,
-    at: Instant,
+    /// `None` for a baseline, which the simulator may have kept for a while.
+    at: Option<Instant>,
 }
 
 impl Seen {
     /// Returns the first sequence number that can follow, and an upper bound of those that the
     /// simulator can have reached by now.
     fn next(self) -> (u64, u64) {
-        let micros = u64::try_from(self.at.elapsed().as_micros()).unwrap_or(u64::MAX);
+        let Some(at) = self.at else {
+            return (self.seq + 1, MAX_SEQUENCE);
+        };
+        let micros = u64::try_from(at.elapsed().as_micros()).unwrap_or(u64::MAX);
         let most = micros
             .saturating_mul(MAX_FRAMES_PER_US)
             .saturating_add(AHEAD);
@@ -146,10 +168,10 @@ impl Session {
     /// than a simulator can publish. A single such number is rejected as an error. If the next one
     /// follows it, both are consistent, so the second one is accepted, and the number before them
     /// is taken as the error.
-    fn number(&mut self, seq: u64) -> Result<(), String> {
+    fn number(&mut self, seq: u64, is_baseline: bool) -> Result<(), String> {
         let seen = Seen {
             seq,
-            at: Instant::now(),
+            at: (!is_baseline).then(Instant::now),
         };
         let follows = |last: Seen| last.precedes(seq);
         if seq < MAX_SEQUENCE
@@ -205,8 +227,11 @@ pub struct Sidecar {
     /// Ended sessions, newest last. A late frame of one of them does not start a new session.
     ended: VecDeque<u64>,
     newest: Option<Frame>,
-    /// Frame that was received, but must wait until the session before it has ended.
-    held: Option<Frame>,
+    /// Baseline that was received. It precedes `newest`.
+    baseline: Option<Frame>,
+    from_now: bool,
+    /// Frames that were received, but must wait until the session before them has ended.
+    held: VecDeque<Frame>,
     /// Session that another watcher watched, until a frame arrives that it had not received.
     resumed: Option<SessionState>,
     pending: VecDeque<Pending>,
@@ -251,7 +276,9 @@ impl Sidecar {
             session: None,
             ended: VecDeque::new(),
             newest: None,
-            held: None,
+            baseline: None,
+            from_now: options.from_now,
+            held: VecDeque::new(),
             resumed: None,
             pending: VecDeque::new(),
             last_message: Instant::now(),
@@ -306,7 +333,7 @@ impl Sidecar {
             if let Some(pending) = self.pending.pop_front() {
                 return Ok(self.deliver(pending));
             }
-            if let Some(frame) = self.newest.take() {
+            if let Some(frame) = self.next_frame() {
                 return Ok(self.deliver(Pending::Frame(frame)));
             }
             if self.simulator_is_gone() {
@@ -327,24 +354,70 @@ impl Sidecar {
     /// Receives messages until there is an event to return, or no message is left.
     fn drain(&mut self) -> Result<()> {
         for _ in 0..BATCH {
-            if !self.pending.is_empty() {
+            // The messages after the first one map the memory of their publishers.
+            if !matches!(self.pending.back(), None | Some(Pending::NewSession)) {
                 break;
             }
-            let frame = match self.held.take() {
-                Some(frame) => frame,
-                None => match self.subscriber.receive().map_err(bus("receive"))? {
-                    None => break,
-                    Some(sample) => Frame {
-                        header: *sample.user_header(),
-                        sample,
-                        max_bytes: self.max_frame_bytes,
-                        fault: None,
-                    },
-                },
+            let received = match self.held.pop_front() {
+                Some(frame) => Some(frame),
+                None => self.receive()?,
             };
-            self.take(frame);
+            match received {
+                Some(frame) => self.take(frame),
+                None => break,
+            }
         }
         Ok(())
+    }
+
+    fn receive(&self) -> Result<Option<Frame>> {
+        let sample = self.subscriber.receive().map_err(bus("receive"))?;
+        Ok(sample.map(|sample| Frame {
+            header: *sample.user_header(),
+            sample,
+            max_bytes: self.max_frame_bytes,
+            fault: None,
+        }))
+    }
+
+    /// Receives the baseline if it has arrived. The end of a session may arrive first, because they
+    /// have different publishers.
+    fn receive_baseline(&mut self, session: u64) {
+        for _ in 0..BATCH {
+            // A failure shows in the next call.
+            let Ok(Some(frame)) = self.receive() else {
+                return;
+            };
+            let FrameHeader { flags, .. } = frame.header;
+            match frame.header.session == session && flags & FLAG_BASELINE != 0 {
+                true => self.take(frame),
+                false => self.held.push_back(frame),
+            }
+        }
+    }
+
+    /// Returns the next frame to verify: the baseline, or else the newest one. `None` if that must
+    /// wait for its baseline.
+    fn next_frame(&mut self) -> Option<Frame> {
+        if let Some(frame) = self.take_baseline() {
+            return Some(frame);
+        }
+        let (session, header) = (self.session.as_mut()?, self.newest.as_ref()?.header);
+        let has_baseline = [session.baseline, Some(header.seq)].contains(&Some(header.baseline));
+        if !has_baseline && !self.from_now {
+            let since = session.waits.get_or_insert_with(Instant::now);
+            if since.elapsed() < BASELINE_LIMIT {
+                return None;
+            }
+        }
+        self.newest.take()
+    }
+
+    /// Returns the baseline that was received, unless the watcher is to begin with a newer frame.
+    fn take_baseline(&mut self) -> Option<Frame> {
+        let begins = self.session.as_ref().is_some_and(|s| s.baseline.is_none());
+        let skip = self.from_now && begins && self.newest.is_some();
+        self.baseline.take().filter(|_| !skip)
     }
 
     fn take(&mut self, mut frame: Frame) {
@@ -361,7 +434,7 @@ impl Sidecar {
             Some(_) => {
                 self.flush();
                 self.pending.push_back(Pending::Lost);
-                self.held = Some(frame);
+                self.held.push_back(frame);
                 return;
             }
             None => {
@@ -375,6 +448,11 @@ impl Sidecar {
                     delivered: self.resumed.map_or(0, SessionState::delivered),
                     counters: self.resumed.map(|state| state.counters).unwrap_or_default(),
                     abort: None,
+                    known: Known::default(),
+                    recovered: 0,
+                    // The other watcher had the baseline.
+                    baseline: self.resumed.map(|_| header.baseline),
+                    waits: None,
                     heard: Instant::now(),
                 });
                 self.pending.push_back(Pending::NewSession);
@@ -382,7 +460,10 @@ impl Sidecar {
         }
         let session = self.session.as_mut().expect("set or compared above");
         session.heard = Instant::now();
+        let is_baseline = header.flags & FLAG_BASELINE != 0;
         if header.flags & FLAG_END != 0 {
+            self.receive_baseline(header.session);
+            let session = self.session.as_ref().expect("as above");
             let (published, why) = session.published(header.seq);
             self.flush();
             self.pending.extend(why.map(Pending::Unreadable));
@@ -394,21 +475,33 @@ impl Sidecar {
             // Repeated until the simulator answers, because the first message may be lost. A
             // failure shows in the next heartbeat.
             let _ = self.heartbeat();
-        } else if self.resumed.is_some_and(|state| header.seq <= state.last) {
-            // The other watcher received this frame.
-        } else if let Err(why) = session.number(header.seq) {
+        } else if self.resumed.is_some_and(|state| header.seq <= state.last)
+            || is_baseline && session.baseline.is_some_and(|last| header.seq <= last)
+        {
+            // The other watcher, or this one, received this frame.
+        } else if is_baseline && session.last_seen.is_some_and(|last| header.seq < last.seq) {
+            // A newer frame arrived first.
+            self.baseline = Some(frame);
+        } else if self.baseline.as_ref().is_some_and(|b| header.seq < b.seq()) {
+            // A frame that the baseline overtook is skipped.
+        } else if let Err(why) = session.number(header.seq, is_baseline) {
             frame.fault = Some(why);
             self.flush();
             self.pending.push_back(Pending::Frame(frame));
+        } else if is_baseline {
+            // An older frame is skipped.
+            (self.resumed, self.newest) = (None, None);
+            self.baseline = Some(frame);
         } else {
             self.resumed = None;
             self.newest = Some(frame);
         }
     }
 
-    /// Queues the newest frame, because the event that follows must not overtake it.
+    /// Queues the frames that wait, because the event that follows must not overtake them.
     fn flush(&mut self) {
-        self.pending.extend(self.newest.take().map(Pending::Frame));
+        let frames = self.take_baseline().into_iter().chain(self.newest.take());
+        self.pending.extend(frames.map(Pending::Frame));
     }
 
     fn simulator_is_gone(&mut self) -> bool {
@@ -442,6 +535,7 @@ impl Sidecar {
                 if frame.fault.is_none() {
                     session.delivered += 1;
                     session.skip_to(frame.seq() + 1);
+                    (session.baseline, session.waits) = (Some(frame.header.baseline), None);
                 }
                 Event::Frame(frame)
             }
@@ -468,17 +562,26 @@ impl Sidecar {
         }
     }
 
-    /// Leaves the session before its end: says goodbye to its simulator, and ignores the rest of
-    /// its frames. The next simulator starts a new session.
-    pub fn leave(&mut self) {
-        self.newest = None;
+    /// Leaves the session before its end: says goodbye to its simulator, with the reason `why`, and
+    /// ignores the rest of its frames. The next simulator starts a new session.
+    pub fn leave(&mut self, why: &str) {
+        (self.newest, self.baseline) = (None, None);
         self.pending.clear();
-        self.end_session();
+        if let Some(session) = &self.session {
+            let wire = VerdictWire::new(MessageKind::Goodbye, session.id, session.counters);
+            // Best effort, as any goodbye.
+            let _ = self.send(wire.with_reason(why));
+        }
+        self.forget_session();
     }
 
     /// Ends the session and says goodbye.
     fn end_session(&mut self) {
         let _ = self.send_message(MessageKind::Goodbye);
+        self.forget_session();
+    }
+
+    fn forget_session(&mut self) {
         if let Some(session) = self.session.take() {
             self.ended.push_back(session.id);
             if self.ended.len() > ENDED_SESSIONS {
@@ -502,7 +605,13 @@ impl Sidecar {
         } else {
             session.counters.verified += 1;
         }
-        let wire = VerdictWire::from_report(report, session.id, session.counters, check);
+        let (id, counters) = (session.id, session.counters);
+        let wire = VerdictWire::from_report(report, &session.known, id, counters, check);
+        let wire = VerdictWire {
+            recovered: session.recovered,
+            ..wire
+        };
+        session.known.record(report);
         // The simulator must accept the repeated message, so it cannot be an abort for a frame with
         // an impossible number.
         let newest = session.last_seen.map_or(0, |last| last.seq);
@@ -511,6 +620,15 @@ impl Sidecar {
             session.abort = Some(wire);
         }
         self.send(wire)
+    }
+
+    /// Withdraws the last abort, because the simulator rolled back and the frame of the next
+    /// verdict is intact, or because it accepted the present state. `recovered` is the number of
+    /// violations in the session that were rolled back.
+    pub fn withdraw_abort(&mut self, recovered: u32) {
+        if let Some(session) = &mut self.session {
+            (session.abort, session.recovered) = (None, recovered);
+        }
     }
 
     /// Counts the last frame that [`wait`](Sidecar::wait) returned as skipped: it gets no verdict.
@@ -531,13 +649,14 @@ impl Sidecar {
             None => VerdictWire::new(kind, 0, Counters::default()),
             Some(session) => {
                 let plain = VerdictWire::new(kind, session.id, session.counters);
-                session.abort.map_or(plain, |abort| VerdictWire {
+                VerdictWire {
                     kind: plain.kind,
                     verified: plain.verified,
                     skipped: plain.skipped,
                     rejected: plain.rejected,
-                    ..abort
-                })
+                    recovered: session.recovered,
+                    ..session.abort.unwrap_or(plain)
+                }
             }
         };
         self.send(wire)

@@ -11,21 +11,24 @@ use std::time::{Duration, Instant};
 const LIVENESS: Duration = Duration::from_millis(250);
 
 /// Reason why the watcher left.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[derive(Clone, Debug, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum Departure {
     /// The watcher said goodbye: it was asked to end, or another simulator took over.
     Goodbye,
+    /// The watcher cannot verify the frames of this session, for this reason.
+    Refused(String),
     /// The process of the watcher ended without a goodbye: it crashed or was killed.
     Crashed,
 }
 
 impl fmt::Display for Departure {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Departure::Goodbye => "the watcher said goodbye",
-            Departure::Crashed => "the watcher died without a goodbye",
-        })
+        match self {
+            Departure::Goodbye => f.write_str("the watcher said goodbye"),
+            Departure::Refused(why) => write!(f, "the watcher left: {why}"),
+            Departure::Crashed => f.write_str("the watcher died without a goodbye"),
+        }
     }
 }
 
@@ -38,7 +41,7 @@ pub(super) struct Watcher {
 }
 
 /// State of the watcher.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 enum State {
     /// No watcher has sent a message.
     Unknown,
@@ -70,8 +73,8 @@ impl Watcher {
     }
 
     /// Returns the reason why the watcher left, if it did.
-    pub fn departure(&self) -> Option<Departure> {
-        match self.state {
+    pub fn departure(&self) -> Option<&Departure> {
+        match &self.state {
             State::Left { how, .. } => Some(how),
             _ => None,
         }
@@ -117,7 +120,11 @@ impl Watcher {
             self.state = match goodbye {
                 true => State::Left {
                     port: from,
-                    how: Departure::Goodbye,
+                    how: match (&message.reason, message.abort) {
+                        (Some(why), false) => Departure::Refused(why.clone()),
+                        // The reason is that of the frame.
+                        _ => Departure::Goodbye,
+                    },
                 },
                 false => State::Here {
                     port: from,

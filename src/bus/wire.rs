@@ -20,7 +20,7 @@ use iceoryx2::prelude::ZeroCopySend;
 use std::mem::size_of;
 
 /// Version of the layout. Increment it with every change of either struct or of the payload.
-pub(super) const LAYOUT_VERSION: u32 = 7;
+pub(super) const LAYOUT_VERSION: u32 = 8;
 
 /// Alignment of the payload and of the positions in it: a cache line, and the widest vector load.
 pub(super) const ALIGNMENT: usize = 64;
@@ -43,6 +43,9 @@ pub(super) const FLAG_UNFINISHED: u32 = 8;
 
 /// The payload has the radii of the curves.
 pub(super) const FLAG_RADII: u32 = 16;
+/// This frame is a baseline. Its publisher keeps it for watchers that start later, so it must be
+/// verified before newer frames.
+pub(super) const FLAG_BASELINE: u32 = 32;
 
 /// Header of every frame. Each frame describes itself, so a watcher that joins late needs no
 /// earlier one.
@@ -57,6 +60,9 @@ pub(super) struct FrameHeader {
     pub session: u64,
     /// Number of the frame in its session, from 0.
     pub seq: u64,
+    /// Number of the frame whose linking numbers are expected: the first one of the session, or the
+    /// last one that the simulator accepted as a new baseline. `seq` if it is this frame.
+    pub baseline: u64,
     /// Simulation time in seconds.
     pub time: f64,
     pub n_points: u64,
@@ -135,6 +141,10 @@ pub(super) struct VerdictWire {
     /// Number of curves that appeared, and of those that are gone, since the last verified frame.
     pub appeared: u32,
     pub gone: u32,
+    /// Number of all findings of the frame.
+    pub findings: u32,
+    /// Number of violations in the session that the simulator rolled back.
+    pub recovered: u32,
     pub expected: i64,
     pub found: i64,
     pub point: [f64; 3],
@@ -153,14 +163,14 @@ pub(super) struct VerdictWire {
     pub safe_fraction: f64,
     /// Translation of the curve `j` of the finding, in vectors of the periodic cell.
     pub image: [i32; 3],
-    /// Why a frame was rejected or pairs were not verified, or which curves appeared and are gone:
-    /// UTF-8, cut at a character.
+    /// Why a frame was rejected or pairs were not verified, which curves appeared and are gone, or
+    /// why the watcher left: UTF-8, cut at a character.
     pub reason: [u8; 180],
 }
 
 // The sizes are the sums of the fields, so there is no implicit padding.
-const _: () = assert!(size_of::<FrameHeader>() == 184);
-const _: () = assert!(size_of::<VerdictWire>() == 416);
+const _: () = assert!(size_of::<FrameHeader>() == 192);
+const _: () = assert!(size_of::<VerdictWire>() == 424);
 
 /// Sizes of the parts of a payload before the positions, in bytes, padding included.
 #[derive(Clone, Copy, Debug)]
@@ -555,7 +565,7 @@ mod tests {
         let e = with(|h| h.version = 9).check_layout().unwrap_err();
         assert_eq!(
             e.to_string(),
-            "the frame has version 9; this build reads version 7"
+            "the frame has version 9; this build reads version 8"
         );
         assert!(with(|h| h.magic = 0).check_layout().is_err());
         let e = with(|h| h.session = 0).check_layout().unwrap_err();

@@ -118,6 +118,8 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
             false => Strategy::Incremental,
         },
         models: true,
+        live: false,
+        from_now: false,
         baseline: None,
         recorded_events: None,
         recorded_clearance: None,

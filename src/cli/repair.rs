@@ -156,6 +156,8 @@ fn record(verdict: RecordedVerdict, frame: Option<RecordedFrame>) -> Result<Fram
         verified: progress.verified,
         skipped: progress.skipped,
         rejected: progress.rejected,
+        recovered: progress.recovered,
+        accepted: progress.accepted,
         times: progress.times,
         work: progress.work,
         received: SystemTime::UNIX_EPOCH + Duration::from_nanos(progress.received_ns),

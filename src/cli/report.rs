@@ -11,8 +11,8 @@ use std::path::PathBuf;
 ///
 /// The page is one file without scripts and external resources. It reports the recorded verdicts;
 /// `linkwatch replay` verifies them again. A recording that was cut off is reported up to its end.
-/// The exit code is that of the recorded verdicts: 0 intact, 1 changed, 3 undecided, or frames are
-/// missing from the recording.
+/// The exit code is that of the recorded verdicts: 0 intact, or every violation was rolled back or
+/// accepted; 1 changed; 3 undecided, or frames are missing from the recording or were not verified.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// A recording, as written by `linkwatch watch --record`
@@ -63,7 +63,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         );
     }
     Ok(match report.conclusion() {
-        Conclusion::Intact => Outcome::Fine,
+        Conclusion::Intact | Conclusion::Recovered | Conclusion::Accepted => Outcome::Fine,
         Conclusion::Changed => Outcome::Changed,
         _ => Outcome::Undecided,
     })

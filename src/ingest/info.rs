@@ -11,6 +11,10 @@ pub struct FrameInfo {
     /// previous frame, this frame does not continue that one
     /// ([`Verifier::cut`](crate::Verifier::cut)).
     pub cuts: u32,
+    /// Number of the frame whose linking numbers the simulator expects: its first one, or the last
+    /// one that it accepted as a new baseline. If it differs from that of the previous frame, this
+    /// frame is the new baseline.
+    pub baseline: u64,
     /// Number of times that the simulator described its curves before this frame. If it differs
     /// from that of the previous frame, this frame has other curves
     /// ([`Verifier::change_curves`](crate::Verifier::change_curves)).

@@ -56,6 +56,10 @@ pub(super) struct Baseline {
     pub links: usize,
     /// Pairs and curves without a linking number.
     pub undefined: usize,
+    /// The frame with these linking numbers; `None` if they come from a file.
+    pub frame: Option<u64>,
+    /// Number of frames before it that were published and that nobody verified.
+    pub unverified: u64,
 }
 
 /// Numbers of frames.
@@ -78,6 +82,9 @@ pub(super) struct Counts {
     pub cuts: u64,
     /// Frames in which the verification in full disagreed (`--paranoid`).
     pub disagreed: u64,
+    /// Violations that the simulator rolled back, and that it accepted as a new baseline.
+    pub recovered: u32,
+    pub accepted: u32,
 }
 
 /// Lowest clearance.
@@ -109,6 +116,8 @@ pub(super) struct Facts {
     pub counts: Counts,
     /// Number of frames with each verdict, in the order of [`Verdict::ALL`].
     pub verdicts: [u64; 6],
+    /// The same, without the frames of violations that were rolled back or accepted.
+    pub lasting: [u64; 6],
     /// First and last frame.
     pub span: Option<[Moment; 2]>,
     /// Time at which they arrived, in nanoseconds since 1970.
@@ -197,11 +206,17 @@ impl Facts {
         }
     }
 
+    /// Returns the number of frames before the baseline that nobody verified.
+    pub fn unverified(&self) -> u64 {
+        self.baseline.as_ref().map_or(0, |b| b.unverified)
+    }
+
     /// Returns true if the recording lacks something: no verdict, or data that was lost or not
     /// measured.
     pub fn is_incomplete(&self) -> bool {
         let lost = self.recorded_in_part() + self.unmeasured();
         let lost = self.counts.missing.saturating_add(lost);
+        let lost = lost.saturating_add(self.unverified());
         self.counts.verified == 0 || lost > 0 || self.end != End::Finished
     }
 }
@@ -219,6 +234,8 @@ struct Collector {
     /// Their names, as they are printed.
     names: Vec<String>,
     cuts: Option<u32>,
+    /// Number of frames with each verdict in the current violation.
+    violation: Option<[u64; 6]>,
     /// Counts of the last verdict: frames that had one, and frames that were skipped.
     answered: u64,
     skipped: u64,
@@ -235,6 +252,8 @@ impl Collector {
                     curves: b.certificate.curves,
                     links: b.certificate.links.len() + linked,
                     undefined: b.certificate.undefined.len() + images.len() - linked,
+                    frame: b.frame,
+                    unverified: b.unverified,
                 });
             }
             RecordedItem::Frame(frame) => {
@@ -272,6 +291,22 @@ impl Collector {
         counts.skipped = progress.skipped;
         counts.disagreed += u64::from(progress.work.disagreed);
         facts.verdicts[report.verdict as usize] += 1;
+        facts.lasting[report.verdict as usize] += 1;
+        let ended = [counts.recovered, counts.accepted];
+        (counts.recovered, counts.accepted) = (progress.recovered, progress.accepted);
+        if ended != [counts.recovered, counts.accepted]
+            && let Some(violation) = self.violation.take()
+        {
+            for (all, of_violation) in facts.lasting.iter_mut().zip(violation) {
+                *all -= of_violation;
+            }
+        }
+        if report.abort || report.verdict == Verdict::Changed {
+            self.violation.get_or_insert_default();
+        }
+        if let Some(violation) = &mut self.violation {
+            violation[report.verdict as usize] += 1;
+        }
         if report.verdict == Verdict::Rejected {
             counts.rejected += 1;
         } else {

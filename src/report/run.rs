@@ -65,6 +65,14 @@ impl Facts {
             let cuts = plural_of(counts.cuts, "time", "times");
             add("rolled back or jumped", cuts);
         }
+        for (name, n) in [
+            ("violations rolled back", counts.recovered),
+            ("violations accepted", counts.accepted),
+        ] {
+            if n > 0 {
+                add(name, count(n.into()));
+            }
+        }
         if counts.verified > 0 {
             add("curves", self.curves());
             if self.stats.extent > 0.0 {

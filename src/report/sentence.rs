@@ -13,6 +13,10 @@ pub enum Conclusion {
     /// All frames with a verdict are intact, and the recording lacks none. Frames that the watch
     /// skipped are not known to be intact.
     Intact,
+    /// The same, without violations that the simulator rolled back before it went on.
+    Recovered,
+    /// The same, without violations that the simulator accepted as a new baseline.
+    Accepted,
     /// The topology changed in at least one frame.
     Changed,
     /// Curves touch in at least one frame. No frame is known to have changed.
@@ -30,6 +34,8 @@ impl Conclusion {
     pub fn word(self) -> &'static str {
         match self {
             Conclusion::Intact => "intact",
+            Conclusion::Recovered => "recovered",
+            Conclusion::Accepted => "accepted",
             Conclusion::Changed => "changed",
             Conclusion::Contact => "contact",
             Conclusion::Undecided => "undecided",
@@ -40,15 +46,20 @@ impl Conclusion {
 
 impl Facts {
     pub fn conclusion(&self) -> Conclusion {
-        let some = |verdict| self.verdicts[verdict as usize] > 0;
+        let some = |verdict| self.lasting[verdict as usize] > 0;
+        let all: u64 = self.lasting.iter().sum();
         if some(Verdict::Changed) {
             Conclusion::Changed
         } else if some(Verdict::Contact) {
             Conclusion::Contact
-        } else if self.unsettled.is_some() {
+        } else if all > self.lasting[Verdict::Intact as usize] {
             Conclusion::Undecided
         } else if self.is_incomplete() {
             Conclusion::Incomplete
+        } else if self.counts.accepted > 0 {
+            Conclusion::Accepted
+        } else if self.counts.recovered > 0 {
+            Conclusion::Recovered
         } else {
             Conclusion::Intact
         }
@@ -67,6 +78,26 @@ impl Facts {
                     n => format!(", only {} of other programs", plural(n, "message")),
                 };
                 format!("Nothing was verified: the recording has no verdict{of}.")
+            }
+            (Conclusion::Recovered, _, Some(found)) => {
+                let n = self.counts.recovered.into();
+                let violations = plural_of(
+                    n,
+                    "violation was rolled back",
+                    "violations were rolled back",
+                );
+                format!(
+                    "Recovered: {violations}, and the simulation went on from an intact frame; the \
+                     first was in {}.",
+                    words(found)
+                )
+            }
+            (Conclusion::Accepted, _, Some(found)) => {
+                format!(
+                    "Accepted: the simulator went on from a changed topology; the first violation \
+                     was in {}.",
+                    words(found)
+                )
             }
             (Conclusion::Intact | Conclusion::Incomplete, ..) => {
                 let gaps = self.gaps().join(", ");
@@ -125,6 +156,10 @@ impl Facts {
                 ));
             }
         };
+        gap(
+            self.unverified(),
+            "published before the baseline, and not verified",
+        );
         gap(counts.skipped, "skipped");
         gap(counts.missing, "not recorded");
         gap(counts.left_out, "left out of the recording on purpose");

@@ -118,6 +118,8 @@ impl Recorded {
         sink.begin(&BaselineRecord {
             certificate,
             origin,
+            frame: Some(0),
+            unverified: 0,
         })
         .unwrap();
         let info = FrameInfo {
@@ -146,6 +148,8 @@ impl Recorded {
                 verified,
                 skipped: if is_last { self.skipped } else { 0 },
                 rejected,
+                recovered: 0,
+                accepted: 0,
                 times: FrameTimes {
                     verification: Duration::from_millis(2),
                     ..FrameTimes::default()

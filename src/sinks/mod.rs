@@ -40,6 +40,10 @@ pub struct BaselineRecord {
     pub certificate: Arc<Certificate>,
     /// Origin in words: "first frame", or the name of a certificate file.
     pub origin: String,
+    /// The frame with these linking numbers; `None` if they come from a file.
+    pub frame: Option<u64>,
+    /// Number of frames before it that were published and that nobody verified.
+    pub unverified: u64,
 }
 
 /// A frame with all results of its verification.
@@ -57,6 +61,10 @@ pub struct FrameRecord {
     pub skipped: u64,
     /// Number of frames rejected so far.
     pub rejected: u64,
+    /// Number of violations so far that the simulator rolled back, so that a later frame is intact.
+    pub recovered: u32,
+    /// Number of violations so far that the simulator accepted as a new baseline.
+    pub accepted: u32,
     /// Times of the frame.
     pub times: FrameTimes,
     /// Work of the verification. Another run may take another route to the same report.

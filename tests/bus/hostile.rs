@@ -203,12 +203,12 @@ fn an_unreadable_message_has_no_number() {
     assert!(e.contains("magic number"), "{e}");
     publisher.send(|h, _| h.version += 1);
     let e = unreadable(&mut sidecar);
-    assert!(matches!(e, Error::Version { found: 8, .. }), "{e}");
+    assert!(matches!(e, Error::Version { found: 9, .. }), "{e}");
     // A client of the layout before images in findings.
     publisher.send(|h, _| h.version = 6);
     assert_eq!(
         unreadable(&mut sidecar).to_string(),
-        "the frame has version 6; this build reads version 7"
+        "the frame has version 6; this build reads version 8"
     );
     let seq = publisher.honest();
     new_session(&mut sidecar);

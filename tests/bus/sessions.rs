@@ -1,7 +1,7 @@
 //! Frames arrive unchanged, and every frame is counted.
 
 use super::*;
-use linkwatch::Positions;
+use linkwatch::{Departure, LastLabels, Outcome, Positions};
 
 #[test]
 fn positions_arrive_bit_for_bit() {
@@ -91,9 +91,9 @@ fn the_last_frame_is_always_verified() {
     });
     new_session(&mut sidecar);
     simulator.join().unwrap();
-    let frame = next_frame(&mut sidecar);
-    assert_eq!(frame.seq(), 49);
-    answer(&mut sidecar, &frame, &mut None);
+    for seq in [0, 49] {
+        assert_eq!(answer_next(&mut sidecar), seq);
+    }
     let Event::End {
         published,
         counters,
@@ -104,12 +104,12 @@ fn the_last_frame_is_always_verified() {
     };
     assert_eq!(
         (published, counters.verified, counters.skipped),
-        (50, 1, 49)
+        (50, 2, 48)
     );
 }
 
 #[test]
-fn a_late_watcher_gets_the_newest_frame() {
+fn a_late_watcher_gets_the_first_frame_and_the_newest_one() {
     let name = service();
     let mut client = client(&name);
     for seq in 0..3 {
@@ -119,16 +119,75 @@ fn a_late_watcher_gets_the_newest_frame() {
     assert!(!client.wait_for_watcher(Duration::from_millis(50)).unwrap());
     let watcher = std::thread::spawn(move || {
         new_session(&mut sidecar);
-        let frame = next_frame(&mut sidecar);
         let mut set = None;
-        answer(&mut sidecar, &frame, &mut set);
-        assert!(holds(&set.unwrap(), 2));
-        assert_eq!((frame.seq(), sidecar.counters().skipped), (2, 2));
+        for (seq, skipped) in [(0, 0), (2, 1)] {
+            let frame = next_frame(&mut sidecar);
+            answer(&mut sidecar, &frame, &mut set);
+            assert!(holds(set.as_ref().unwrap(), seq));
+            assert_eq!((frame.seq(), sidecar.counters().skipped), (seq, skipped));
+        }
         // Lives until the simulator has received its message.
         sidecar
     });
     assert!(client.wait_for_watcher(PATIENCE).unwrap());
     drop(watcher.join().unwrap());
+}
+
+#[test]
+fn a_watcher_from_now_on_gets_the_newest_frame() {
+    let name = service();
+    let mut client = client(&name);
+    for seq in 0..3 {
+        publish(&mut client, seq);
+    }
+    let mut options = SidecarOptions::default();
+    options.from_now = true;
+    let mut sidecar = Sidecar::open(&name, &options).unwrap();
+    assert!(!client.wait_for_watcher(Duration::from_millis(50)).unwrap());
+    new_session(&mut sidecar);
+    assert_eq!(answer_next(&mut sidecar), 2);
+    publish(&mut client, 3);
+    assert_eq!(answer_next(&mut sidecar), 3);
+    client.accept();
+    publish(&mut client, 4);
+    publish(&mut client, 5);
+    // An accepted frame is never skipped.
+    assert_eq!([4, 5], [(); 2].map(|()| answer_next(&mut sidecar)));
+}
+
+#[test]
+fn an_accepted_frame_is_the_baseline_of_a_late_watcher() {
+    let name = service();
+    let mut client = client(&name);
+    for seq in 0..6 {
+        if seq == 3 {
+            client.accept();
+        }
+        publish(&mut client, seq);
+    }
+    let mut sidecar = sidecar(&name);
+    assert!(!client.wait_for_watcher(Duration::from_millis(50)).unwrap());
+    new_session(&mut sidecar);
+    let frame = next_frame(&mut sidecar);
+    let info = frame.info(&mut LastLabels::default()).unwrap();
+    assert_eq!((frame.seq(), info.baseline), (3, 3));
+    answer(&mut sidecar, &frame, &mut None);
+    assert_eq!(answer_next(&mut sidecar), 5);
+}
+
+/// The watcher is stopped at first, so that it reads everything at once.
+#[test]
+fn the_end_of_a_session_does_not_overtake_its_baseline() {
+    for _ in 0..20 {
+        let name = service();
+        let mut client = client(&name);
+        (0..100).for_each(|seq| publish(&mut client, seq));
+        let mut sidecar = sidecar(&name);
+        let simulator = std::thread::spawn(move || client.finish_within(PATIENCE).unwrap());
+        let (published, counters, _) = watch_to_the_end(&mut sidecar, Duration::ZERO);
+        assert_eq!((published, counters.verified), (100, 2));
+        assert!(simulator.join().unwrap().is_some());
+    }
 }
 
 #[test]
@@ -140,13 +199,14 @@ fn a_watcher_may_restart() {
         let mut sidecar = sidecar(&name);
         publish(&mut client, round);
         sessions.push(new_session(&mut sidecar));
-        let frame = next_frame(&mut sidecar);
-        answer(&mut sidecar, &frame, &mut None);
-        assert_eq!(frame.seq(), round);
-        assert_eq!(sidecar.counters().skipped, round);
-        assert_eq!(client.poll().unwrap().expect("a verdict").seq, round);
+        // Each watcher begins with the first frame.
+        let frames = if round == 0 { vec![0] } else { vec![0, round] };
+        for seq in frames {
+            assert_eq!(answer_next(&mut sidecar), seq);
+            assert_eq!(client.poll().unwrap().expect("a verdict").seq, seq);
+        }
         assert!(client.silent_for().is_some());
-        drop((frame, sidecar));
+        drop(sidecar);
         assert!(client.poll().unwrap().is_none());
         assert!(client.silent_for().is_none(), "it said goodbye");
     }
@@ -213,9 +273,11 @@ fn observers_receive_frames_and_send_nothing() {
     let mut watcher = sidecar(&name);
     publish(&mut client, 1);
     new_session(&mut watcher);
-    answer_next(&mut watcher);
+    assert_eq!([0, 1], [(); 2].map(|()| answer_next(&mut watcher)));
     drop(observers);
-    assert_eq!(client.poll().unwrap().expect("a verdict").seq, 1);
+    for seq in [0, 1] {
+        assert_eq!(client.poll().unwrap().expect("a verdict").seq, seq);
+    }
     assert!(client.silent_for().is_some());
     client.finish().unwrap();
 }
@@ -246,10 +308,12 @@ fn a_watcher_that_leaves_a_session_ignores_the_rest_of_it() {
     publish(&mut first, 0);
     new_session(&mut sidecar);
     publish(&mut first, 1);
-    sidecar.leave();
+    sidecar.leave("no curve is closed");
     let seen = |client: &mut Client| client.wait(1, LONG).unwrap();
     let outcome = without_time_out("the wait", || seen(&mut first));
-    assert!(matches!(outcome, linkwatch::Outcome::NoWatcher(_)));
+    let why = Departure::Refused("no curve is closed".into());
+    assert_eq!(outcome, Outcome::NoWatcher(why.clone()));
+    assert_eq!(first.departure(), Some(&why));
     publish(&mut first, 2);
     assert!(matches!(
         sidecar.wait(Duration::from_millis(50)).unwrap(),

@@ -34,6 +34,8 @@ fn valid(session: u64, seq: u64) -> Message {
         unresolved: 0,
         appeared: 0,
         gone: 0,
+        findings: 0,
+        recovered: 0,
         expected: 0,
         found: 0,
         point: [0.0; 3],

@@ -1,6 +1,7 @@
 //! Tests of `linkwatch watch` as a process, with simulators in this process or in processes that
 //! are killed.
 
+mod baseline;
 mod bisect;
 mod cells;
 mod clearance;

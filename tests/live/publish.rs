@@ -136,6 +136,8 @@ fn with_cut_and_change(from: &Path, to: &Path) {
                     verified: progress.verified,
                     skipped: progress.skipped,
                     rejected: progress.rejected,
+                    recovered: progress.recovered,
+                    accepted: progress.accepted,
                     times: progress.times,
                     work: progress.work,
                     received: SystemTime::now(),

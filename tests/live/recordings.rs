@@ -82,6 +82,8 @@ pub fn rewrite_flight(to: &Path, mut keep: impl FnMut(&mut Report) -> bool) {
                     verified: progress.verified,
                     skipped: progress.skipped,
                     rejected: progress.rejected,
+                    recovered: progress.recovered,
+                    accepted: progress.accepted,
                     times: progress.times,
                     work: progress.work,
                     received: SystemTime::now(),

@@ -172,7 +172,7 @@ fn a_signal_to_the_watcher_frees_a_simulator_in_lockstep() {
             let seq = sim.publish(0.1, Positions::F32(&positions)).unwrap();
             frame += 1;
             let outcome = without_time_out(signal, || sim.wait(seq, LONG));
-            assert_eq!(outcome.unwrap(), Outcome::NoWatcher(how));
+            assert_eq!(outcome.unwrap(), Outcome::NoWatcher(how.clone()));
         }
     }
 }

@@ -66,6 +66,8 @@ impl Chainmail {
                 sink.begin(&BaselineRecord {
                     certificate: Arc::new(verifier.baseline().unwrap().clone()),
                     origin: "first frame".into(),
+                    frame: Some(0),
+                    unverified: 0,
                 })
                 .unwrap();
             }
@@ -81,6 +83,8 @@ impl Chainmail {
                 verified: seq + 1,
                 skipped: 0,
                 rejected: 0,
+                recovered: 0,
+                accepted: 0,
                 times: FrameTimes::default(),
                 work: verifier.work(),
                 received: received + Duration::from_millis(seq),

@@ -14,6 +14,7 @@ pub struct Header {
     pub flags: u32,
     pub session: u64,
     pub seq: u64,
+    pub baseline: u64,
     pub time: f64,
     pub n_points: u64,
     pub n_curves: u32,
@@ -33,7 +34,7 @@ impl Header {
     /// Value of `magic`.
     pub const MAGIC: u64 = u64::from_le_bytes(*b"LWFRAME\0");
     /// Value of `version`.
-    pub const VERSION: u32 = 7;
+    pub const VERSION: u32 = 8;
     pub const END: u32 = 2;
     pub const ANNOUNCE: u32 = 4;
     pub const RADII: u32 = 16;
@@ -67,6 +68,8 @@ pub struct Message {
     pub unresolved: u32,
     pub appeared: u32,
     pub gone: u32,
+    pub findings: u32,
+    pub recovered: u32,
     pub expected: i64,
     pub found: i64,
     pub point: [f64; 3],

@@ -142,13 +142,18 @@ typedef struct lw_verdict {
   uint32_t appeared;
   // Number of curves that are gone since the last verified frame.
   uint32_t gone;
+  // Number of all findings of the frame.
+  uint32_t findings;
+  // Number of violations in the session that were rolled back, so that a later frame is intact;
+  // 0 in process.
+  uint32_t recovered;
   // Last frame that is known to be intact, or LW_NO_FRAME.
   uint64_t last_intact;
   // Largest proven share of the step from the last intact frame without a pull-through, from 0
   // to 1; NaN if it is unknown.
   double safe_fraction;
-  // The first finding: LW_FINDING_NONE, LW_FINDING_CHANGE, LW_FINDING_DEFECT or
-  // LW_FINDING_PULL_THROUGH.
+  // The first finding that the last verified frame did not have (in process: the first one):
+  // LW_FINDING_NONE, LW_FINDING_CHANGE, LW_FINDING_DEFECT or LW_FINDING_PULL_THROUGH.
   uint32_t finding;
   // Curves of the first finding, from 0. The second one is LW_NO_CURVE if it concerns one curve.
   uint32_t i;
@@ -454,7 +459,8 @@ lw_status lw_wait(struct lw_client *client,
                   struct lw_verdict *verdict);
 
 // Waits until a watcher has seen this session, at most for `seconds`. Returns LW_OK, or LW_NOTHING
-// if none came in time. Needed only if the watcher must not miss the first frames.
+// if none came in time. Needed only if no frame must be missed: a watcher that starts later
+// receives the first frame, which the client keeps, and then the newest one.
 //
 // # Safety
 //
@@ -477,6 +483,14 @@ bool lw_aborted(struct lw_client *client, struct lw_verdict *verdict);
 // `client` comes from lw_open.
 lw_status lw_resume(struct lw_client *client);
 
+// Accepts the present state as the new baseline: the watcher expects the linking numbers of the
+// next frame from then on. Clears the abort, as lw_resume does.
+//
+// # Safety
+//
+// `client` comes from lw_open.
+lw_status lw_accept(struct lw_client *client);
+
 // Marks the next frame as not continuing the previous one, for example after a jump. Pull-throughs
 // between the two frames are not searched for.
 //
@@ -498,7 +512,8 @@ double lw_silent_for(struct lw_client *client);
 // frames, and frees the client in any case. Writes the last message of the watcher to `last`,
 // which may be null; it counts all frames and repeats the last abort.
 //
-// Returns LW_OK, or LW_NOTHING if the watcher sent nothing in time, left before the end, or died.
+// Returns LW_OK, or LW_NOTHING if the watcher sent nothing in time, left before the end, or died
+// (lw_last_error says which).
 //
 // # Safety
 //

@@ -186,6 +186,10 @@ public:
   // Clears the abort after a roll back: the next frame does not continue the last one.
   void resume() { detail::check(lw_resume(open())); }
 
+  // Accepts the present state as the new baseline: the watcher expects the linking numbers of the
+  // next frame from then on. Clears the abort.
+  void accept() { detail::check(lw_accept(open())); }
+
   // Marks the next frame as not continuing the previous one.
   void cut() { detail::check(lw_cut(open())); }
 

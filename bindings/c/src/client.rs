@@ -352,7 +352,8 @@ pub unsafe extern "C" fn lw_wait(
 }
 
 /// Waits until a watcher has seen this session, at most for `seconds`. Returns LW_OK, or LW_NOTHING
-/// if none came in time. Needed only if the watcher must not miss the first frames.
+/// if none came in time. Needed only if no frame must be missed: a watcher that starts later
+/// receives the first frame, which the client keeps, and then the newest one.
 ///
 /// # Safety
 ///
@@ -408,6 +409,21 @@ pub unsafe extern "C" fn lw_resume(client: *mut lw_client) -> lw_status {
     })
 }
 
+/// Accepts the present state as the new baseline: the watcher expects the linking numbers of the
+/// next frame from then on. Clears the abort, as lw_resume does.
+///
+/// # Safety
+///
+/// `client` comes from lw_open.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn lw_accept(client: *mut lw_client) -> lw_status {
+    guard(LW_ERROR, || {
+        // SAFETY: as promised by the caller.
+        unsafe { given(client, "client") }?.client.accept();
+        Ok(LW_OK)
+    })
+}
+
 /// Marks the next frame as not continuing the previous one, for example after a jump. Pull-throughs
 /// between the two frames are not searched for.
 ///
@@ -443,7 +459,8 @@ pub unsafe extern "C" fn lw_silent_for(client: *mut lw_client) -> f64 {
 /// frames, and frees the client in any case. Writes the last message of the watcher to `last`,
 /// which may be null; it counts all frames and repeats the last abort.
 ///
-/// Returns LW_OK, or LW_NOTHING if the watcher sent nothing in time, left before the end, or died.
+/// Returns LW_OK, or LW_NOTHING if the watcher sent nothing in time, left before the end, or died
+/// (lw_last_error says which).
 ///
 /// # Safety
 ///
@@ -462,8 +479,10 @@ pub unsafe extern "C" fn lw_finish(
         }
         // SAFETY: as promised by the caller.
         let this = unsafe { Box::from_raw(client) };
-        let lw_client { client, frame } = *this;
+        let lw_client { mut client, frame } = *this;
         drop(frame);
+        while client.poll().map_err(words)?.is_some() {}
+        let left = client.departure().map(ToString::to_string);
         let goodbye = client.finish_within(duration(seconds)?).map_err(words)?;
         Ok(match goodbye {
             Some(message) => {
@@ -471,7 +490,11 @@ pub unsafe extern "C" fn lw_finish(
                 unsafe { store(&message, last) };
                 LW_OK
             }
-            None => LW_NOTHING,
+            None => {
+                let silent = || format!("the watcher sent nothing within {seconds} seconds");
+                describe(&left.unwrap_or_else(silent));
+                LW_NOTHING
+            }
         })
     })
 }

@@ -71,13 +71,18 @@ pub struct lw_verdict {
     pub appeared: u32,
     /// Number of curves that are gone since the last verified frame.
     pub gone: u32,
+    /// Number of all findings of the frame.
+    pub findings: u32,
+    /// Number of violations in the session that were rolled back, so that a later frame is intact;
+    /// 0 in process.
+    pub recovered: u32,
     /// Last frame that is known to be intact, or LW_NO_FRAME.
     pub last_intact: u64,
     /// Largest proven share of the step from the last intact frame without a pull-through, from 0
     /// to 1; NaN if it is unknown.
     pub safe_fraction: f64,
-    /// The first finding: LW_FINDING_NONE, LW_FINDING_CHANGE, LW_FINDING_DEFECT or
-    /// LW_FINDING_PULL_THROUGH.
+    /// The first finding that the last verified frame did not have (in process: the first one):
+    /// LW_FINDING_NONE, LW_FINDING_CHANGE, LW_FINDING_DEFECT or LW_FINDING_PULL_THROUGH.
     pub finding: u32,
     /// Curves of the first finding, from 0. The second one is LW_NO_CURVE if it concerns one curve.
     pub i: u32,
@@ -131,6 +136,8 @@ impl lw_verdict {
         defects: 0,
         appeared: 0,
         gone: 0,
+        findings: 0,
+        recovered: 0,
         last_intact: LW_NO_FRAME,
         safe_fraction: f64::NAN,
         finding: LW_FINDING_NONE,
@@ -205,6 +212,8 @@ impl From<&VerdictMessage> for lw_verdict {
             defects: m.defects,
             appeared: m.appeared,
             gone: m.gone,
+            findings: m.findings,
+            recovered: m.recovered,
             last_intact: m.last_intact.unwrap_or(LW_NO_FRAME),
             safe_fraction: m.safe_fraction.unwrap_or(f64::NAN),
             frames_verified: verified,
@@ -242,6 +251,7 @@ impl From<&Report> for lw_verdict {
             defects: count(r.defects.len()),
             appeared: count(r.appeared.len()),
             gone: count(r.gone.len()),
+            findings: count(r.findings().count()),
             last_intact: r.last_intact.unwrap_or(LW_NO_FRAME),
             safe_fraction: r.safe_fraction.unwrap_or(f64::NAN),
             text: text(&sentences.take(8).collect::<Vec<_>>().join("; ")),

@@ -246,8 +246,9 @@ static void a_frame_with_nan_is_rejected_with_its_curve_and_point(void) {
   CHECK(lw_resume(client) == LW_OK);
   CHECK(!lw_aborted(client, NULL));
   CHECK(step(client, 0).verdict == LW_INTACT);
-  const lw_verdict last = finish(client, 3);
+  const lw_verdict last = finish(client, 0);
   CHECK(last.frames_verified == 2 && last.frames_rejected == 1);
+  CHECK(last.recovered == 1 && !last.abort);
 }
 
 static void a_pull_through_is_aborted_once_if_the_simulator_rolls_back(void) {
@@ -271,10 +272,24 @@ static void a_pull_through_is_aborted_once_if_the_simulator_rolls_back(void) {
   CHECK(lw_cut(client) == LW_OK);
   CHECK(step(client, -5).verdict == LW_INTACT);
   CHECK(!lw_aborted(client, NULL));
-  const lw_verdict last = finish(client, 1);
+  const lw_verdict last = finish(client, 0);
   CHECK(last.frames_verified == 8);
-  CHECK_TEXT(last.text, "frame 3: changed, 4 pull-throughs");
+  CHECK(last.recovered == 1 && !last.abort);
+  CHECK_TEXT(last.text, "recovered: 1 violation was rolled back");
   CHECK_TEXT(output(), "first violation: frame 3");
+}
+
+static void an_accepted_state_is_the_new_baseline(void) {
+  watch("accepted", NULL);
+  lw_client *client = watched_simulator();
+  CHECK(step(client, 0).verdict == LW_INTACT);
+  const lw_verdict changed = step(client, 2.5);
+  CHECK(changed.verdict == LW_CHANGED && changed.findings == 1);
+  CHECK(lw_accept(client) == LW_OK);
+  CHECK(!lw_aborted(client, NULL));
+  CHECK(step(client, 2.5).verdict == LW_INTACT);
+  CHECK(step(client, 0).verdict == LW_CHANGED);
+  finish(client, 1);
 }
 
 static void a_link_across_the_boundary_of_a_cell_is_lost_with_its_image(void) {
@@ -338,8 +353,9 @@ int main(int argc, char **argv) {
   a_killed_simulator_ends_the_watch_and_frees_the_name();
   a_frame_with_nan_is_rejected_with_its_curve_and_point();
   a_pull_through_is_aborted_once_if_the_simulator_rolls_back();
+  an_accepted_state_is_the_new_baseline();
   a_link_across_the_boundary_of_a_cell_is_lost_with_its_image();
   a_forked_child_gets_errors_and_leaves_the_session_of_its_parent_alone();
-  puts("7 tests passed");
+  puts("8 tests passed");
   return 0;
 }

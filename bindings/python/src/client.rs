@@ -97,7 +97,8 @@ impl Message {
         self.0.abort
     }
 
-    /// The first finding: a Change, a PullThrough or a Defect; None if there is none.
+    /// The first finding that the last verified frame did not have: a Change, a PullThrough or a
+    /// Defect; None if there is none.
     #[getter]
     fn first(&self, py: Python<'_>) -> PyResult<Option<Py<PyAny>>> {
         let extent = self.0.extent;
@@ -132,6 +133,18 @@ impl Message {
     #[getter]
     fn gone(&self) -> u32 {
         self.0.gone
+    }
+
+    /// Number of all findings of the frame.
+    #[getter]
+    fn findings(&self) -> u32 {
+        self.0.findings
+    }
+
+    /// Number of violations in the session that were rolled back, so that a later frame is intact.
+    #[getter]
+    fn recovered(&self) -> u32 {
+        self.0.recovered
     }
 
     /// Reason why the frame was rejected.
@@ -313,6 +326,13 @@ impl Client {
         })
     }
 
+    fn accept(&self, py: Python<'_>) -> PyResult<()> {
+        self.open(py, |client| {
+            client.accept();
+            Ok(())
+        })
+    }
+
     fn cut(&self, py: Python<'_>) -> PyResult<()> {
         self.open(py, |client| {
             client.cut();
@@ -333,12 +353,18 @@ impl Client {
         self.0.with(py, |state| {
             state.open()?;
             state.discard(py)?;
-            let client = state.client.take();
+            let mut client = state.client.take();
+            if let Some(client) = &mut client {
+                while client.poll().map_err(exception)?.is_some() {}
+            }
             state.goodbye = client.as_ref().and_then(|client| client.aborted().cloned());
+            let left = client.as_ref().and_then(|client| client.departure());
+            let left = left.map(ToString::to_string);
             let last = py.detach(|| client.map(|client| client.finish_within(limit)));
             let last = last.transpose().map_err(exception)?.flatten();
-            if last.is_some() {
-                state.goodbye.clone_from(&last);
+            match &last {
+                Some(_) => state.goodbye.clone_from(&last),
+                None => state.no_verdict = left,
             }
             Ok(last.map(Message))
         })

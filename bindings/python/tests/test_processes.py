@@ -168,9 +168,10 @@ def test_a_frame_with_nan_is_rejected_with_its_curve_and_point(service, start):
         sim.resume()
         assert step(sim).intact
         assert sim.aborted is None
-        _, code, out = finish(sim, watch)
-    assert code == 3
-    assert "2 frames verified, 0 skipped, 1 rejected" in out
+        last, code, out = finish(sim, watch)
+    assert code == 0
+    assert (last.abort, last.recovered) == (False, 1)
+    assert "recovered: 2 frames verified, 0 skipped, 1 rejected" in out
 
 
 @pytest.mark.parametrize("resumes", [True, False])
@@ -197,10 +198,29 @@ def test_a_pull_through_is_aborted_once_if_the_simulator_rolls_back(service, sta
         last, code, out = finish(sim, watch)
     # Without `resume`, the way back is a pull-through as well.
     assert aborts == ([3] if resumes else [3, 4])
-    assert code == 1
+    assert code == (0 if resumes else 1)
     assert "7 frames verified, 0 skipped, 0 rejected" in str(last)
-    assert f"frame {aborts[-1]}: changed, 4 pull-throughs" in str(last)
+    assert (last.abort, last.recovered) == (not resumes, int(resumes))
+    if resumes:
+        assert "recovered: 1 violation was rolled back" in str(last)
+    else:
+        assert "frame 4: changed, 4 pull-throughs" in str(last)
     assert "first violation: frame 3" in out
+
+
+def test_an_accepted_state_is_the_new_baseline(service, start):
+    watch = start("watch", "--service", service)
+    with lockstep(service) as sim:
+        assert step(sim, 0).intact
+        verdict = step(sim, 2.5)
+        assert (verdict.verdict, verdict.findings) == ("changed", 1)
+        sim.accept()
+        assert sim.aborted is None
+        assert step(sim, 2.5).intact
+        assert step(sim, 0).verdict == "changed"
+        _, code, out = finish(sim, watch)
+    assert code == 1
+    assert "the baseline is frame 2, accepted by the simulator" in out
 
 
 def test_a_jump_after_a_cut_is_not_a_pull_through(service, start):

@@ -90,8 +90,7 @@ fn run(args: &Args) -> Result<ExitCode> {
         .map(|s| s.join_and_draw(REACH))
         .transpose()?
         .flatten();
-    // The watcher says if the topology changed or could not be decided. After a roll back its code
-    // is that of the frames that were taken back.
+    // The watcher says if the topology changed or could not be decided.
     Ok(match (intact, code) {
         (true, _) => ExitCode::SUCCESS,
         (false, Some(code)) if code != 0 => ExitCode::from(code),

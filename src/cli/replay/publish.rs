@@ -143,8 +143,8 @@ struct Publisher {
     client: Client,
     described: Option<Described>,
     cell_args: CellArgs,
-    /// Number of cuts before the last published frame, as recorded.
-    last_cuts: Option<u32>,
+    /// Number of cuts before the last published frame, and its baseline, as recorded.
+    last_cuts: Option<(u32, u64)>,
     /// True if frames keep their numbers.
     numbered: bool,
     answers: Answers,
@@ -235,9 +235,13 @@ impl Publisher {
     /// Publishes a frame. Returns its number.
     fn publish(&mut self, ready: &Ready) -> Result<u64> {
         self.describe(ready)?;
-        let cuts = self.last_cuts.replace(ready.info.cuts);
-        if cuts.is_some_and(|cuts| cuts != ready.info.cuts) {
-            self.client.cut();
+        let now = (ready.info.cuts, ready.info.baseline);
+        if let Some((cuts, baseline)) = self.last_cuts.replace(now) {
+            if baseline != now.1 {
+                self.client.accept();
+            } else if cuts != now.0 {
+                self.client.cut();
+            }
         }
         self.client.set_time_step(ready.info.time_step)?;
         self.client.set_cell(self.cell_args.cell(ready.info.cell))?;
@@ -301,8 +305,8 @@ impl Publisher {
                     self.answers.add(&message);
                     return Ok(None);
                 }
-                Waited::NoWatcher(_) => {
-                    return Ok(Some(End::NoWatcher("the watcher left".into())));
+                Waited::NoWatcher(why) => {
+                    return Ok(Some(End::NoWatcher(why.to_string())));
                 }
                 // The watcher skipped the frame.
                 Waited::Stale if asked.elapsed() < TICK => return Ok(None),

@@ -5,7 +5,7 @@ use super::comparison::{Comparison, RecordedWith, alike};
 use super::range::Range;
 use super::source::{Item, Source};
 use crate::cli::output::{self, count, plural};
-use crate::cli::session::{FrameCounts, Ingested, Judge, Judged, MOTION_LIMIT, Run, Session};
+use crate::cli::session::{FrameCounts, Ingested, Judge, Judged, MOTION_LIMIT, Run, Session, Step};
 use crate::cli::{Outcome, braid_args, clearance_args, signals};
 use linkwatch::{
     AbortOn, BaselineRecord, Braids, Ending, Error, Events, FrameInfo, Overflow, RecordedVerdict,
@@ -37,7 +37,6 @@ pub fn run(args: &Args, mut source: Source, json: bool) -> Result<Outcome> {
         before.clear();
         (left_out, answered) = (skipped > 0, None);
     }
-    let baseline = baseline.map(|b| (Arc::unwrap_or_clone(b.certificate), b.origin));
     // Available after the first item was read.
     let recorded_metadata = source.metadata();
     let policy = recorded_metadata.get("abort_on");
@@ -92,6 +91,8 @@ pub fn run(args: &Args, mut source: Source, json: bool) -> Result<Outcome> {
             files,
             strategy: judge.strategy(),
             models: false,
+            live: false,
+            from_now: false,
             baseline,
             recorded_events: source.recording().map(|_| (recorded_events, limit)),
             recorded_braids: recorded_braids.clone(),
@@ -416,6 +417,7 @@ impl Replay {
                     info: FrameInfo::default(),
                     model: None,
                     left_out: Vec::new(),
+                    step: Step::Continues,
                 };
                 self.session.publish(judged, self.tally);
             }

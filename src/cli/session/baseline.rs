@@ -1,9 +1,31 @@
-//! Baseline of a session, as its sinks need it: a file that begins with any frame can then be
-//! replayed by itself.
+//! Baseline of a session: the frame with which later frames are compared, and its record for sinks.
+//! A file that begins with any frame can then be replayed by itself.
 
 use super::{Cells, Judged, Session};
-use linkwatch::{BaselineRecord, Defect, DefectKind, Result, Verifier};
+use crate::cli::output::{count, plural, plural_of};
+use linkwatch::{
+    BaselineRecord, Basis, Certificate, CurveSet, Defect, DefectKind, FrameInfo, Precision, Result,
+    Verifier,
+};
 use std::sync::Arc;
+
+/// Where the expected linking numbers come from.
+#[derive(Clone, Copy)]
+pub struct BaselineFrame {
+    /// `None` if they are those of a file.
+    pub frame: Option<u64>,
+    /// Number of frames that were published before it, and that nobody verified.
+    pub unverified: u64,
+}
+
+impl From<&BaselineRecord> for BaselineFrame {
+    fn from(record: &BaselineRecord) -> BaselineFrame {
+        BaselineFrame {
+            frame: record.frame,
+            unverified: record.unverified,
+        }
+    }
+}
 
 impl Session {
     /// Begins again: the next frame does not continue the last one, because the frames between them
@@ -13,6 +35,7 @@ impl Session {
     pub fn begin_again(&mut self, baseline: Option<BaselineRecord>) {
         match baseline {
             Some(b) => {
+                self.baseline_frame = Some(BaselineFrame::from(&b));
                 self.verifier.restart(Arc::unwrap_or_clone(b.certificate));
                 self.origin = Some(b.origin);
                 self.last = None;
@@ -29,10 +52,108 @@ impl Session {
         self.cells = Cells::new(self.cells.args);
         self.last = None;
         self.news.forget();
+        self.violations.begin_run();
+        if let Some(junit) = &mut self.junit {
+            junit.begin_run();
+        }
         self.begun = false;
         self.is_new_run = true;
         self.runs += 1;
         Ok(())
+    }
+
+    /// Makes the next frame the baseline, because the simulator accepted it. Returns false if that
+    /// is not possible.
+    pub(super) fn begin_with_next(&mut self, seq: u64) -> Result<bool> {
+        #[cfg(feature = "bus")]
+        if self.shards.is_some() {
+            tracing::error!(
+                "frame {seq}: the simulator accepted it as a new baseline, which --shard does not \
+                 support; it is compared with the old one"
+            );
+            self.data_lost();
+            return Ok(false);
+        }
+        self.options.baseline = None;
+        self.verifier = Verifier::new(self.options.clone())?;
+        self.origin = Some(format!("frame {seq}, accepted by the simulator"));
+        (self.last, self.baseline_frame) = (None, None);
+        self.baseline_changed = true;
+        self.news.forget();
+        Ok(true)
+    }
+
+    /// Takes note of the first verified frame of a baseline, and says what is verified.
+    pub(super) fn begin_baseline(&mut self, judged: &Judged) {
+        let (seq, info) = (judged.report.seq, &judged.info);
+        let begins = !self.begun || self.baseline_changed;
+        if self.baseline_frame.is_none() {
+            let missed = match self.is_live {
+                true => seq.saturating_sub(info.baseline),
+                false => 0,
+            };
+            self.baseline_frame = Some(BaselineFrame {
+                frame: Some(seq),
+                unverified: if self.from_now { 0 } else { missed },
+            });
+            if seq > 0 {
+                self.origin.get_or_insert(format!("frame {seq}"));
+            }
+            if missed > 0 {
+                let before = plural_of(missed, "frame before it was", "frames before it were");
+                let late = format!(
+                    "the watch started late: the baseline is frame {seq}, and {before} not verified"
+                );
+                match self.from_now {
+                    true => tracing::info!("{late}"),
+                    false => {
+                        tracing::warn!("{late} (--from-now accepts this)");
+                        self.data_lost();
+                    }
+                }
+            }
+        }
+        if self.is_live
+            && begins
+            && let (Some(curves), Some(words)) = (&judged.curves, self.baseline_words())
+        {
+            let certificate = self.baseline().unwrap_or_default();
+            let scene = words_of_scene(curves, info, &certificate);
+            tracing::info!("watching {scene}; {words}");
+        }
+    }
+
+    /// Returns the baseline in words, once it is known.
+    pub(super) fn baseline_words(&self) -> Option<String> {
+        let BaselineFrame { frame, unverified } = self.baseline_frame?;
+        let mut words = match (&self.origin, frame) {
+            (Some(origin), _) => format!("the baseline is {origin}"),
+            (None, Some(seq)) => format!("the baseline is frame {seq}"),
+            (None, None) => return None,
+        };
+        if let Some(certificate) = self.baseline() {
+            words += &format!(", with {}", plural(links(&certificate), "link"));
+        }
+        if unverified > 0 {
+            let before = plural_of(unverified, "frame before it was", "frames before it were");
+            words += &format!("; {before} not verified");
+        }
+        Some(words)
+    }
+
+    /// Returns the baseline for the summary, once it is known.
+    pub(super) fn baseline_json(&self) -> Option<serde_json::Value> {
+        let BaselineFrame { frame, unverified } = self.baseline_frame?;
+        Some(serde_json::json!({
+            "frame": frame,
+            "origin": self.origin_words(),
+            "links": self.baseline().as_ref().map(links),
+            "unverified": unverified,
+        }))
+    }
+
+    fn origin_words(&self) -> String {
+        self.origin.clone().unwrap_or_else(|| "first frame".into())
     }
 
     /// Passes the baseline to the sinks, if it is known: before the first frame, and if it changes.
@@ -40,15 +161,18 @@ impl Session {
         let layout = judged.info.layout;
         let other_curves = judged.curves.is_some() && layout != self.sent_layout;
         let is_fresh = |d: &Defect| d.kind == DefectKind::NoBaseline;
-        if self.begun && !other_curves && !judged.report.defects.iter().any(is_fresh) {
+        let changed = other_curves || self.baseline_changed;
+        if self.begun && !changed && !judged.report.defects.iter().any(is_fresh) {
             return;
         }
-        let Some(certificate) = self.baseline() else {
+        let (Some(certificate), Some(known)) = (self.baseline(), self.baseline_frame) else {
             return;
         };
         let record = Arc::new(BaselineRecord {
             certificate: Arc::new(certificate),
-            origin: self.origin.clone().unwrap_or_else(|| "first frame".into()),
+            origin: self.origin_words(),
+            frame: known.frame,
+            unverified: known.unverified,
         });
         for queue in &self.queues {
             match self.begun {
@@ -56,9 +180,60 @@ impl Session {
                 false => queue.begin(Arc::clone(&record)),
             }
         }
-        self.begun = true;
+        (self.begun, self.baseline_changed) = (true, false);
         if judged.curves.is_some() {
             self.sent_layout = layout;
         }
     }
+}
+
+/// Returns the number of pairs that are linked, periodic images included.
+fn links(certificate: &Certificate) -> u64 {
+    let images = certificate.images.iter().flatten();
+    let images = images.filter(|link| link.lambda.is_some()).count();
+    (certificate.links.len() + images) as u64
+}
+
+/// Returns what a frame has: its curves, their basis and precision, names, radii and the cell.
+fn words_of_scene(curves: &CurveSet, info: &FrameInfo, certificate: &Certificate) -> String {
+    let closed = curves.counts().filter(|&n| n < 0).count();
+    let through = certificate.periods.len();
+    let kinds = [
+        (closed, "closed"),
+        (curves.len().saturating_sub(closed + through), "open"),
+        (through, "through the cell"),
+    ];
+    let kinds = kinds.into_iter().filter(|(n, _)| *n > 0);
+    let kinds: Vec<String> = kinds
+        .map(|(n, kind)| format!("{} {kind}", count(n as u64)))
+        .collect();
+    let basis = match curves.basis() {
+        Basis::Polyline => "polylines",
+        Basis::CatmullRom => "Catmull-Rom splines",
+        Basis::BSpline => "B-splines",
+        Basis::Bezier => "Bezier splines",
+    };
+    let precision = match curves.precision() {
+        Precision::F32 => "single",
+        Precision::F64 => "double",
+    };
+    let names = match info.labels.names.is_empty() {
+        true => "without names",
+        false => "with names",
+    };
+    let radii = info.labels.radii.iter().copied();
+    let radii = match (radii.clone().reduce(f32::min), radii.reduce(f32::max)) {
+        (Some(least), Some(most)) if least < most => format!("radii of {least} to {most}"),
+        (Some(radius), _) => format!("a radius of {radius}"),
+        (None, _) => "no radii".into(),
+    };
+    let cell = match &info.cell {
+        Some(cell) => format!("the periodic cell {cell}"),
+        None => "no periodic cell".into(),
+    };
+    format!(
+        "{} ({}): {basis} in {precision} precision, {names}, {radii}, {cell}",
+        plural(curves.len() as u64, "curve"),
+        kinds.join(", ")
+    )
 }

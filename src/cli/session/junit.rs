@@ -1,12 +1,11 @@
 //! The option `--junit`: verdicts as JUnit XML, for continuous integration.
 //!
 //! Every frame is a test case. A change is a failure; a frame that could not be verified is an
-//! error. A last test case is an error if the run is incomplete, so that it never looks like a
-//! success.
+//! error. Frames of a violation that was rolled back, or accepted by the simulator, are skipped. A
+//! last test case is an error if the run is incomplete, so that it never looks like a success.
 
 use crate::cli::files::{Content, Files, Overwrite, write_text};
 use linkwatch::{Report, Result, Verdict};
-use std::fmt::Write;
 use std::path::PathBuf;
 use std::time::Duration;
 
@@ -50,6 +49,17 @@ impl Junit {
         self.suite.add(report, names, model, check);
     }
 
+    /// Marks the frames of the current violation as skipped: the simulator rolled them back, or
+    /// accepted them.
+    pub fn end_violation(&mut self) {
+        self.suite.end_violation();
+    }
+
+    /// Begins another run, in which nothing ends a violation of the one before.
+    pub fn begin_run(&mut self) {
+        self.suite.violation = None;
+    }
+
     /// Writes the file. `complete` is false if frames are missing, or differ from those recorded.
     pub fn write(self, complete: bool, overwrite: Overwrite) -> Result<()> {
         write_text(&self.path, overwrite, &self.suite.finish(complete))
@@ -59,22 +69,30 @@ impl Junit {
 /// Test cases of a run.
 struct Suite {
     title: String,
-    cases: String,
-    tests: u64,
-    failures: u64,
-    errors: u64,
-    time: Duration,
+    cases: Vec<Case>,
+    /// First frame of the current violation.
+    violation: Option<usize>,
+}
+
+struct Case {
+    name: String,
+    check: Duration,
+    problem: Option<Problem>,
+}
+
+struct Problem {
+    element: &'static str,
+    kind: &'static str,
+    message: String,
+    text: String,
 }
 
 impl Suite {
     fn new(title: &str) -> Suite {
         Suite {
             title: escape(title),
-            cases: String::new(),
-            tests: 0,
-            failures: 0,
-            errors: 0,
-            time: Duration::ZERO,
+            cases: Vec::new(),
+            violation: None,
         }
     }
 
@@ -85,68 +103,94 @@ impl Suite {
             Verdict::Changed => Some("failure"),
             _ => Some("error"),
         };
-        let problem = kind.map(|kind| {
+        if report.abort || report.verdict == Verdict::Changed {
+            self.violation.get_or_insert(self.cases.len());
+        }
+        let problem = kind.map(|element| {
             let findings = report.findings_named(names);
             let findings = findings.chain(report.missing.clone());
             let findings = findings.chain(report.rejected.clone());
             // Models have names instead of the numbers in these words.
             let roll_back = report.roll_back().filter(|_| model.is_none());
             let lines: Vec<String> = findings.chain(roll_back).collect();
-            let verdict = report.verdict.word();
-            (kind, verdict, report.headline(), lines.join("\n"))
+            Problem {
+                element,
+                kind: report.verdict.word(),
+                message: report.headline(),
+                text: lines.join("\n"),
+            }
         });
-        self.case(&name, check, problem);
+        self.cases.push(Case {
+            name,
+            check,
+            problem,
+        });
     }
 
-    /// Adds a test case. A problem has an element, a type, a message and a text.
-    fn case(&mut self, name: &str, check: Duration, problem: Option<(&str, &str, String, String)>) {
-        let seconds = check.as_secs_f64();
-        self.tests += 1;
-        self.time += check;
-        let (classname, name) = (&self.title, escape(name));
-        let head =
-            format!("<testcase classname=\"{classname}\" name=\"{name}\" time=\"{seconds}\"");
-        // Writing to a string cannot fail.
-        let _ = match problem {
-            None => writeln!(self.cases, "    {head}/>"),
-            Some((element, kind, message, text)) => {
-                match element {
-                    "failure" => self.failures += 1,
-                    _ => self.errors += 1,
-                }
-                let (message, text) = (escape(&message), escape(&text));
-                writeln!(
-                    self.cases,
-                    "    {head}>\n      <{element} type=\"{kind}\" message=\"{message}\">{text}\
-                     </{element}>\n    </testcase>"
-                )
-            }
-        };
+    fn end_violation(&mut self) {
+        let first = self.violation.take().unwrap_or(self.cases.len());
+        for problem in self.cases[first..]
+            .iter_mut()
+            .filter_map(|c| c.problem.as_mut())
+        {
+            problem.element = "skipped";
+            problem.message += "; rolled back or accepted by the simulator";
+        }
     }
 
     fn finish(mut self, complete: bool) -> String {
-        let missing = (!complete).then(|| {
-            let message = "the run is incomplete: see the messages of linkwatch";
-            ("error", "incomplete", message.to_owned(), String::new())
+        self.cases.push(Case {
+            name: "the run is complete".into(),
+            check: Duration::ZERO,
+            problem: (!complete).then(|| Problem {
+                element: "error",
+                kind: "incomplete",
+                message: "the run is incomplete: see the messages of linkwatch".into(),
+                text: String::new(),
+            }),
         });
-        self.case("the run is complete", Duration::ZERO, missing);
-        let Suite {
-            title,
-            cases,
-            tests,
-            failures,
-            errors,
-            time,
-        } = self;
-        let seconds = time.as_secs_f64();
+        let Suite { title, cases, .. } = &self;
+        let of = |element: &str| {
+            let problems = cases.iter().filter_map(|case| case.problem.as_ref());
+            problems.filter(|p| p.element == element).count()
+        };
+        let [failures, errors, skipped] = ["failure", "error", "skipped"].map(of);
+        let time: Duration = cases.iter().map(|case| case.check).sum();
+        let (tests, seconds) = (cases.len(), time.as_secs_f64());
         let counts = format!(
-            "tests=\"{tests}\" failures=\"{failures}\" errors=\"{errors}\" time=\"{seconds}\""
+            "tests=\"{tests}\" failures=\"{failures}\" errors=\"{errors}\" \
+             skipped=\"{skipped}\" time=\"{seconds}\""
         );
+        let cases: String = cases.iter().map(|case| case.xml(title)).collect();
         format!(
             "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n\
              <testsuites name=\"linkwatch\" {counts}>\n  \
              <testsuite name=\"{title}\" {counts}>\n{cases}  </testsuite>\n</testsuites>\n"
         )
+    }
+}
+
+impl Case {
+    /// Returns the element of a suite with this title, which is escaped already.
+    fn xml(&self, title: &str) -> String {
+        let (name, seconds) = (escape(&self.name), self.check.as_secs_f64());
+        let head = format!("<testcase classname=\"{title}\" name=\"{name}\" time=\"{seconds}\"");
+        match &self.problem {
+            None => format!("    {head}/>\n"),
+            Some(problem) => {
+                let Problem { element, kind, .. } = problem;
+                let [message, text] = [&problem.message, &problem.text].map(|t| escape(t));
+                // The schema of JUnit gives an element `skipped` no type.
+                let kind = match *element {
+                    "skipped" => String::new(),
+                    _ => format!(" type=\"{kind}\""),
+                };
+                format!(
+                    "    {head}>\n      <{element}{kind} message=\"{message}\">{text}\
+                     </{element}>\n    </testcase>\n"
+                )
+            }
+        }
     }
 }
 
@@ -184,7 +228,7 @@ mod tests {
             );
         }
         let text = suite.finish(true);
-        let counts = "tests=\"7\" failures=\"1\" errors=\"4\" time=\"0.006\"";
+        let counts = "tests=\"7\" failures=\"1\" errors=\"4\" skipped=\"0\" time=\"0.006\"";
         assert_eq!(text.matches(counts).count(), 2, "{text}");
         let suite = format!("<testsuite name=\"check of &lt;a &amp; b&gt;\" {counts}>");
         assert!(text.contains(&suite), "{text}");
@@ -195,6 +239,33 @@ mod tests {
         let failure = "<failure type=\"changed\" message=\"frame 1: changed\"></failure>";
         assert!(text.contains(failure), "{text}");
         assert!(text.contains("name=\"frame 0\" time=\"0.001\"/>"), "{text}");
+    }
+
+    #[test]
+    fn frames_of_a_recovered_violation_are_skipped() {
+        let mut suite = Suite::new("replay");
+        let verdicts = [
+            Verdict::Undecided,
+            Verdict::Changed,
+            Verdict::Changed,
+            Verdict::Intact,
+        ];
+        for (seq, verdict) in verdicts.into_iter().enumerate() {
+            if verdict == Verdict::Intact {
+                suite.end_violation();
+            }
+            suite.add(
+                &Report::new(seq as u64, 0.0, verdict),
+                &[],
+                None,
+                Duration::ZERO,
+            );
+        }
+        let text = suite.finish(true);
+        let counts = "tests=\"5\" failures=\"0\" errors=\"1\" skipped=\"2\"";
+        assert_eq!(text.matches(counts).count(), 2, "{text}");
+        let skipped = "<skipped message=\"frame 1: changed; rolled back or accepted by";
+        assert!(text.contains(skipped), "{text}");
     }
 
     #[test]

@@ -13,6 +13,7 @@ mod shards;
 mod sinks;
 mod summary;
 mod times;
+mod violations;
 
 pub use junit::JunitArgs;
 #[cfg(feature = "bus")]
@@ -21,12 +22,15 @@ pub use resume::Expected;
 pub use shards::{SharedLeader, locked};
 pub use sinks::Sinks;
 pub use summary::FrameCounts;
+pub use violations::Step;
 
+use self::baseline::BaselineFrame;
 use self::clearance::ClearanceLog;
 use self::junit::Junit;
 use self::news::{New, News};
 use self::summary::Unresolved;
 use self::times::{RunTimes, to_json};
+use self::violations::Violations;
 use super::Outcome;
 use super::braid_args::{self, BraidArgs};
 use super::cell_args::{CellArgs, Cells};
@@ -37,14 +41,14 @@ use super::kernel::KernelArgs;
 use super::label::Label;
 use super::live::Live;
 use super::metrics::SessionMetrics;
-use super::output::{self, count, millis, plural};
+use super::output::{self, count, millis, plural, plural_of};
 use super::sequence::Frame;
 use linkwatch::kernels::Offload;
 use linkwatch::model::LeftOut;
 use linkwatch::{
-    AbortOn, Braids, Certificate, ClearanceOptions, CurveSet, Error, Events, FrameInfo,
-    FrameRecord, FrameTimes, Overflow, Progress, Report, Result, Route, SinkQueue, SinkSummary,
-    Strategy, Timings, Verdict, Verifier, VerifierOptions, Work,
+    AbortOn, BaselineRecord, Braids, Certificate, ClearanceOptions, CurveSet, Error, Events,
+    FrameInfo, FrameRecord, FrameTimes, Overflow, Progress, Report, Result, Route, SinkQueue,
+    SinkSummary, Strategy, Timings, Verdict, Verifier, VerifierOptions, Work,
 };
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -189,6 +193,8 @@ pub struct Judged {
     pub latency: Option<Duration>,
     /// Part of the time of the verification in which the clearance was measured, if it was.
     pub clearance: Option<Duration>,
+    /// How the frame follows the last one.
+    pub step: Step,
 }
 
 /// Inputs of a [`Session`]: baseline, settings and outputs.
@@ -202,8 +208,12 @@ pub struct Run<'a> {
     pub strategy: Strategy,
     /// True if frames are model files, which have names and cannot be skipped.
     pub models: bool,
-    /// Baseline that applies if the user gives none, and its origin.
-    pub baseline: Option<(Certificate, String)>,
+    /// True if frames are those of a simulator that runs.
+    pub live: bool,
+    /// True if frames before the first one that is verified do not count as missing.
+    pub from_now: bool,
+    /// Baseline that applies if the user gives none.
+    pub baseline: Option<BaselineRecord>,
     /// Events and motion limit of a recording. They apply if the user gives none.
     pub recorded_events: Option<(Events, f64)>,
     /// Clearance of a recording. It applies if the user gives none.
@@ -224,10 +234,16 @@ pub struct Session {
     verifier: Verifier,
     options: VerifierOptions,
     cells: Cells,
+    is_live: bool,
+    from_now: bool,
     /// What the simulator told about the last verified frame, if there is one.
     last: Option<FrameInfo>,
     /// Origin of the baseline; `None` if it is the first frame.
     origin: Option<String>,
+    /// `None` until a frame was verified with the baseline.
+    baseline_frame: Option<BaselineFrame>,
+    /// True if the sinks have an earlier baseline.
+    baseline_changed: bool,
     /// Events to report.
     events: Events,
     queues: Vec<SinkQueue>,
@@ -243,7 +259,9 @@ pub struct Session {
     json: bool,
     label: Label,
     live: Live,
+    /// Outcome of the run without its findings.
     outcome: Outcome,
+    violations: Violations,
     news: News,
     unresolved: Unresolved,
     /// What is measured of the clearance, and its figures.
@@ -293,12 +311,16 @@ impl Session {
         let junit = run.junit.map(|args| args.open(&mut files, run.title));
         let junit = junit.transpose()?.flatten();
         let baseline = match &judge.baseline {
-            Some(Baseline::File(path)) => {
-                Some((Certificate::read(path)?, path.display().to_string()))
-            }
+            Some(Baseline::File(path)) => Some(BaselineRecord {
+                certificate: Arc::new(Certificate::read(path)?),
+                origin: path.display().to_string(),
+                frame: None,
+                unverified: 0,
+            }),
             Some(Baseline::FirstFrame) => None,
             None => run.baseline,
         };
+        let baseline_frame = baseline.as_ref().map(BaselineFrame::from);
         let abort_on = judge.abort_on.unwrap_or_default();
         metadata.insert("abort_on".into(), abort_on.to_string());
         let (default_events, default_limit) = run
@@ -325,6 +347,8 @@ impl Session {
             let what = "the expected linking numbers are those of another frame";
             return Err(braid_args::other_first_frame(what));
         }
+        let unverified = baseline.as_ref().is_some_and(|b| b.unverified > 0);
+        let baseline = baseline.map(|b| (Arc::unwrap_or_clone(b.certificate), b.origin));
         let (certificate, origin) = baseline.unzip();
         let options = VerifierOptions {
             abort_on,
@@ -346,8 +370,12 @@ impl Session {
             verifier: Verifier::new(options.clone())?,
             options,
             cells: Cells::new(judge.cell_args),
+            is_live: run.live,
+            from_now: run.from_now,
             last: None,
             origin,
+            baseline_frame,
+            baseline_changed: false,
             events,
             queues: sinks.open(run.title, &metadata, (clearance, run.overflow))?,
             begun: false,
@@ -359,7 +387,11 @@ impl Session {
             json: run.json,
             label: Label::default(),
             live: Live::new(),
-            outcome: Outcome::Fine,
+            outcome: match unverified {
+                true => Outcome::Undecided,
+                false => Outcome::Fine,
+            },
+            violations: Violations::default(),
             news: News::default(),
             unresolved: Unresolved {
                 limit,
@@ -381,7 +413,7 @@ impl Session {
             comparison: None,
             junit,
             overwrite: sinks.overwrite,
-            incomplete: false,
+            incomplete: unverified,
             #[cfg(feature = "bus")]
             shards: None,
         })
@@ -417,10 +449,18 @@ impl Session {
         segments <= SMALL && quick && self.shards.is_none()
     }
 
-    /// Returns the worst outcome of the frames so far.
-    #[cfg(feature = "bus")]
+    /// Returns the outcome so far.
     pub fn outcome(&self) -> Outcome {
-        self.outcome
+        self.outcome.max(self.violations.outcome())
+    }
+
+    /// Returns the number of violations that were rolled back, if this frame ends the one for which
+    /// the simulator was asked to stop. Call this before [`Session::publish`].
+    #[cfg(feature = "bus")]
+    pub fn recovered_by(&self, judged: &Judged) -> Option<u32> {
+        let Judged { report, step, .. } = judged;
+        let ends = self.violations.end_with(report, *step);
+        ends.then(|| self.violations.recovered_after(*step))
     }
 
     /// Returns what is known about the last intact frame.
@@ -486,9 +526,11 @@ impl Session {
         } = frame;
         let of_frame = info.cell;
         self.cells.apply(&mut info);
+        let mut follows = Step::Continues;
         let outcome = curves.and_then(|set| {
             let unwrapped = self.cells.unwrap(&set, of_frame)?;
             let set = unwrapped.map_or(set, Arc::new);
+            follows = self.continue_with(seq, &info)?;
             match (info.cell, self.verifier.cell()) {
                 (Some(cell), _) => {
                     self.verifier.set_cell(cell)?;
@@ -501,7 +543,6 @@ impl Session {
                 }
                 (None, None) => {}
             }
-            self.continue_with(seq, &info)?;
             let report = self.step(seq, time, &info, &set)?;
             Ok((report, Some(set)))
         });
@@ -512,7 +553,9 @@ impl Session {
         let measured = outcome.is_ok() && self.clearance.is_some();
         let (report, curves) = match outcome {
             Ok(verified) => verified,
-            Err(Error::CertificateMismatch { certificate, model }) if self.origin.is_none() => {
+            Err(Error::CertificateMismatch { certificate, model })
+                if self.baseline_frame.is_none_or(|b| b.frame.is_some()) =>
+            {
                 let other_curves = Error::LayoutChanged {
                     what: "curves",
                     before: certificate as u64,
@@ -560,13 +603,16 @@ impl Session {
             left_out,
             latency: None,
             clearance: measured.then_some(stages.clearance),
+            step: follows,
         })
     }
 
     /// Compares what the simulator told about a valid frame with the last one.
     ///
     /// Errors: those of [`FrameInfo::change_since`].
-    fn continue_with(&mut self, seq: u64, info: &FrameInfo) -> Result<()> {
+    fn continue_with(&mut self, seq: u64, info: &FrameInfo) -> Result<Step> {
+        let accepts = |last: &FrameInfo| last.baseline != info.baseline;
+        let accepted = self.last.as_ref().is_some_and(accepts) && self.begin_with_next(seq)?;
         let last = self.last.as_ref().unwrap_or(info);
         let changed = self.last.is_none() || last.layout != info.layout;
         if let Some(change) = info.change_since(last)? {
@@ -576,7 +622,8 @@ impl Session {
             // The findings have other indices.
             self.news.forget();
         }
-        if last.cuts != info.cuts {
+        let cut = last.cuts != info.cuts;
+        if cut {
             self.live.note(format_args!(
                 "frame {seq} does not continue the previous one: the simulator rolled back or \
                  jumped"
@@ -589,7 +636,11 @@ impl Session {
         if changed && let Err(e) = self.verifier.set_radii(&info.labels.radii) {
             tracing::warn!("clearance is not measured from frame {seq} on: {e}");
         }
-        Ok(())
+        Ok(match (accepted, cut) {
+            (true, _) => Step::Accepted,
+            (false, true) => Step::Cut,
+            (false, false) => Step::Continues,
+        })
     }
 
     /// Verifies a valid frame.
@@ -642,7 +693,14 @@ impl Session {
     /// Passes a frame to the sinks, and prints its new findings.
     pub fn publish(&mut self, judged: Judged, tally: FrameCounts) {
         self.tally = tally;
-        self.outcome = self.outcome.max(Outcome::of(judged.report.verdict));
+        let recovered = self.violations.end_with(&judged.report, judged.step);
+        self.violations.add(&judged.report, judged.step);
+        if let Some(junit) = self.junit.as_mut().filter(|_| recovered) {
+            junit.end_violation();
+        }
+        if judged.report.verdict != Verdict::Rejected {
+            self.begin_baseline(&judged);
+        }
         self.pass_baseline(&judged);
         if judged.report.verdict != Verdict::Rejected {
             if std::mem::take(&mut self.is_new_run) {
@@ -654,6 +712,10 @@ impl Session {
         }
         self.metrics.add(&judged.report, judged.latency);
         self.print(&judged);
+        if recovered && !self.json {
+            let (frame, words) = (judged.report.frame(), judged.step.words());
+            self.label.line(format_args!("{frame}: {words}"));
+        }
         let own = tally.since(self.before);
         let record = Arc::new(FrameRecord {
             curves: judged.curves,
@@ -662,6 +724,8 @@ impl Session {
             verified: own.verified,
             skipped: own.skipped,
             rejected: own.rejected,
+            recovered: self.violations.recovered,
+            accepted: self.violations.accepted,
             times: judged.times,
             work: judged.work,
             received: SystemTime::now(),
@@ -824,14 +888,21 @@ impl Session {
         if !(self.models && tally.verified + tally.rejected <= 1) {
             self.sum_up(&summaries, kept);
         }
-        self.outcome
+        self.outcome()
     }
 
     /// Prints the summary.
     fn sum_up(&self, sinks: &[SinkSummary], notes: Vec<String>) {
         let tally = self.tally;
-        let word = match (tally.verified, self.outcome) {
+        let Violations {
+            recovered,
+            accepted,
+            ..
+        } = self.violations;
+        let word = match (tally.verified, self.outcome()) {
             (0, _) => "nothing was verified",
+            (_, Outcome::Fine) if accepted > 0 => "accepted",
+            (_, Outcome::Fine) if recovered > 0 => "recovered",
             (_, Outcome::Fine) => "intact",
             (_, Outcome::Changed) => "changed",
             (_, Outcome::Undecided) => "undecided or incomplete",
@@ -843,6 +914,9 @@ impl Session {
             self.label.json(serde_json::json!({
                 "summary": {
                     "verdict": word,
+                    "recovered": recovered,
+                    "accepted": accepted,
+                    "baseline": self.baseline_json(),
                     "verified": tally.verified,
                     "skipped": tally.skipped,
                     "skipped_share": tally.skipped_share(),
@@ -882,6 +956,23 @@ impl Session {
         }
         if let Some(times) = self.times.words() {
             line += &format!("\n{times}");
+        }
+        if self.is_live
+            && let Some(words) = self.baseline_words()
+        {
+            line += &format!("\n{words}");
+        }
+        for (n, what) in [
+            (
+                recovered,
+                "rolled back, and the simulation went on from an intact frame",
+            ),
+            (accepted, "accepted by the simulator as a new baseline"),
+        ] {
+            if n > 0 {
+                let violations = plural_of(n.into(), "violation was", "violations were");
+                line += &format!("\n{violations} {what}");
+            }
         }
         match first {
             // The findings of each model are printed above.

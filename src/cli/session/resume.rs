@@ -1,6 +1,7 @@
 //! A session that continues that of another process, which crashed.
 
-use super::{FrameCounts, Judged, Session};
+use super::baseline::BaselineFrame;
+use super::{FrameCounts, Judged, Session, Step};
 use linkwatch::{
     Certificate, CurveLabels, FrameInfo, FrameTimes, Intactness, Report, Result, Verdict, Verifier,
 };
@@ -19,6 +20,8 @@ pub struct Expected {
     pub origin: Option<String>,
     pub layout: u32,
     pub labels: CurveLabels,
+    /// See [`FrameInfo::baseline`].
+    pub baseline_frame: u64,
 }
 
 impl Session {
@@ -32,6 +35,7 @@ impl Session {
             origin: self.origin.clone(),
             layout: last.layout,
             labels: (*last.labels).clone(),
+            baseline_frame: last.baseline,
         })
     }
 
@@ -47,9 +51,14 @@ impl Session {
         self.options.baseline = Some(expected.baseline);
         self.verifier = Verifier::new(self.options.clone())?;
         self.verifier.resume(intactness, UNKNOWN_STEP.into());
+        self.baseline_frame = Some(BaselineFrame {
+            frame: Some(expected.baseline_frame).filter(|_| expected.origin.is_none()),
+            unverified: 0,
+        });
         self.origin = expected.origin;
         self.last = Some(FrameInfo {
             cuts,
+            baseline: expected.baseline_frame,
             layout: expected.layout,
             labels: Arc::new(expected.labels),
             ..FrameInfo::default()
@@ -76,6 +85,7 @@ impl Session {
             left_out: Vec::new(),
             latency: None,
             clearance: None,
+            step: Step::Continues,
         }
     }
 }

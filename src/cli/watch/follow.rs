@@ -86,6 +86,8 @@ impl Follower<'_> {
             files,
             strategy: self.judge.strategy(),
             models: false,
+            live: true,
+            from_now: self.args.from_now,
             baseline: None,
             recorded_events: None,
             recorded_clearance: None,
@@ -141,7 +143,7 @@ impl Follower<'_> {
             let mut session = match session {
                 Ok(session) => session,
                 Err(e) => {
-                    sidecar.leave();
+                    sidecar.leave(&e.to_string());
                     self.metrics.disconnected();
                     self.fail(e);
                     continue;
@@ -162,6 +164,9 @@ impl Follower<'_> {
                 Ok(End::Simulator(counters) | End::Signal(counters)) => *counters,
                 Err(_) => sidecar.counters(),
             };
+            if let Err(e) = &ended {
+                sidecar.leave(&e.to_string());
+            }
             let tally = tally(counters);
             self.check_skipped(&mut session, tally);
             self.journal.end_session(session.outcome())?;
@@ -175,7 +180,6 @@ impl Follower<'_> {
                 return ended.and_then(|_| result(worst, self.failed));
             }
             if let Err(e) = ended {
-                sidecar.leave();
                 session.data_lost();
                 self.fail(e);
             }
@@ -367,6 +371,9 @@ impl Follower<'_> {
                     // Before the verdict: the next worker must expect what this one answered for.
                     if let Err(e) = self.keep_expected(id, &mut session, &judged) {
                         return (session, Err(e));
+                    }
+                    if let Some(recovered) = session.recovered_by(&judged) {
+                        sidecar.withdraw_abort(recovered);
                     }
                     let sending = Instant::now();
                     let sent = sidecar.send_verdict(&judged.report, judged.times.check());

@@ -57,6 +57,11 @@ pub struct Args {
     /// an observer
     #[arg(long, help_heading = super::WATCH, conflicts_with = "abort_on")]
     observe: bool,
+    /// Begin with the newest frame if the simulator has published some: the watch is not incomplete
+    /// for the frames before it [default: begin with the baseline that the simulator keeps; exit
+    /// code 3 if that is not there]
+    #[arg(long, help_heading = super::WATCH)]
+    from_now: bool,
     /// Verify a part of the pairs of curves, K of N, together with other processes: `--shard 1/N`
     /// waits for the others, answers the simulator and has all outputs; start `--shard 2/N` to
     /// `--shard N/N` with the same --service and no output. A pair is never divided
@@ -269,6 +274,7 @@ fn open<'a>(
     let mut options = SidecarOptions::default();
     options.wait_mode = args.wait_mode;
     options.observe = args.observe;
+    options.from_now = args.from_now;
     let open = |(span, mut follower, mut first): (Span, Follower<'a>, Box<Session>)| {
         let service = follower.service;
         if let Some(shard) = args.shard {

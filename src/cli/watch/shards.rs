@@ -202,6 +202,8 @@ impl Follower<'_> {
             files: self.judge.files(self.args.sinks.overwrite),
             strategy: self.judge.strategy(),
             models: false,
+            live: false,
+            from_now: false,
             baseline: None,
             recorded_events: None,
             recorded_clearance: None,

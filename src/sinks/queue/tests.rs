@@ -77,6 +77,8 @@ fn frame(seq: u64, verdict: Verdict) -> Arc<FrameRecord> {
         verified: seq,
         skipped: 0,
         rejected: 0,
+        recovered: 0,
+        accepted: 0,
         times: Default::default(),
         work: Default::default(),
         received: SystemTime::UNIX_EPOCH,
@@ -392,6 +394,8 @@ fn no_disk_delays_the_caller_or_loses_an_uncounted_frame() {
         queue.begin(Arc::new(BaselineRecord {
             certificate: Arc::default(),
             origin: "baseline".into(),
+            frame: Some(0),
+            unverified: 0,
         }));
         let start = Instant::now();
         for seq in 1..=frames {
@@ -467,6 +471,8 @@ fn work_that_can_wait_is_done_while_no_frame_waits() {
     let baseline = Arc::new(BaselineRecord {
         certificate: Arc::default(),
         origin: "baseline".into(),
+        frame: Some(0),
+        unverified: 0,
     });
     queue.begin(Arc::clone(&baseline));
     queue.frame(frame(1, Verdict::Intact));

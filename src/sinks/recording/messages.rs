@@ -434,6 +434,8 @@ impl From<&BaselineRecord> for schema::Baseline {
             links: c.links.iter().map(Into::into).collect(),
             undefined: c.undefined.iter().map(Into::into).collect(),
             origin: b.origin.clone(),
+            frame: b.frame,
+            unverified: b.unverified,
             periodic: c.images.is_some(),
             images: c.images.iter().flatten().map(image).collect(),
             periods: c.periods.iter().map(period).collect(),
@@ -494,6 +496,8 @@ impl TryFrom<schema::Baseline> for BaselineRecord {
                 periods: periods?,
             }),
             origin: b.origin,
+            frame: b.frame,
+            unverified: b.unverified,
         })
     }
 }

@@ -64,6 +64,10 @@ pub struct RecordedProgress {
     /// Number of frames before this one that are not in the file on purpose: `verified` and
     /// `rejected` count them.
     pub left_out: u64,
+    /// See [`FrameRecord::recovered`](crate::FrameRecord::recovered).
+    pub recovered: u32,
+    /// See [`FrameRecord::accepted`](crate::FrameRecord::accepted).
+    pub accepted: u32,
 }
 
 /// Curves of a recorded frame, not yet checked: see [`RecordedFrame::ingest`].
@@ -413,6 +417,7 @@ fn item(
                 counts: m.counts,
                 info: FrameInfo {
                     cuts: m.cuts,
+                    baseline: m.baseline,
                     layout: m.layout,
                     time_step: m.time_step,
                     cell: cell_of(&m.cell)?,
@@ -445,6 +450,8 @@ fn item(
                     work: p.work.map_or(Ok(Work::default()), Work::try_from)?,
                     received_ns,
                     left_out: p.left_out,
+                    recovered: p.recovered,
+                    accepted: p.accepted,
                 },
             }))
         }

@@ -34,6 +34,11 @@ pub struct CurveFrame {
     /// vector of zeros stands for a direction without repetition.
     #[prost(double, repeated, tag = "10")]
     pub cell: ::prost::alloc::vec::Vec<f64>,
+    /// Number of the frame whose linking numbers are expected: the first one, or the last one that the
+    /// simulator accepted as a new baseline. If it differs from that of the previous frame, this
+    /// frame is the new baseline.
+    #[prost(uint64, tag = "11")]
+    pub baseline: u64,
 }
 /// Names and radii of the curves, from the next frame on.
 #[derive(Clone, PartialEq, ::prost::Message)]
@@ -175,6 +180,12 @@ pub struct Progress {
     /// --record-max), with their verdicts. `verified` and `rejected` count them.
     #[prost(uint64, tag = "7")]
     pub left_out: u64,
+    /// Number of violations so far that the simulator rolled back, so that a later frame is intact,
+    /// and that it accepted as a new baseline. This frame ends a violation if one of them increased.
+    #[prost(uint32, tag = "8")]
+    pub recovered: u32,
+    #[prost(uint32, tag = "9")]
+    pub accepted: u32,
 }
 /// See linkwatch::FrameTimes.
 #[derive(Clone, Copy, PartialEq, Eq, Hash, ::prost::Message)]
@@ -357,6 +368,12 @@ pub struct Baseline {
     /// Curves that run through the cell, sorted.
     #[prost(message, repeated, tag = "7")]
     pub periods: ::prost::alloc::vec::Vec<YarnPeriod>,
+    /// The frame with these linking numbers; absent if they come from a file.
+    #[prost(uint64, optional, tag = "8")]
+    pub frame: ::core::option::Option<u64>,
+    /// Number of frames before it that were published and that nobody verified.
+    #[prost(uint64, tag = "9")]
+    pub unverified: u64,
 }
 /// A curve that runs through the cell: it ends at an image of its start.
 #[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]

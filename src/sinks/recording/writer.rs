@@ -70,6 +70,8 @@ const MESSAGE_BYTES: usize = i32::MAX as usize;
 /// queue.begin(Arc::new(BaselineRecord {
 ///     certificate: Arc::new(verifier.baseline().expect("the first frame").clone()),
 ///     origin: "first frame".into(),
+///     frame: Some(0),
+///     unverified: 0,
 /// }));
 /// queue.frame(Arc::new(FrameRecord {
 ///     curves: Some(Arc::new(curves)),
@@ -78,6 +80,8 @@ const MESSAGE_BYTES: usize = i32::MAX as usize;
 ///     verified: 1,
 ///     skipped: 0,
 ///     rejected: 0,
+///     recovered: 0,
+///     accepted: 0,
 ///     times: FrameTimes {
 ///         verification: start.elapsed(),
 ///         ..FrameTimes::default()
@@ -275,6 +279,7 @@ impl RecordingSink {
             counts: set.counts().collect(),
             positions: Bytes::from(std::mem::take(&mut self.positions)),
             cuts: info.cuts,
+            baseline: info.baseline,
             layout: info.layout,
             time_step: info.time_step,
             cell: numbers_of_cell(info.cell.as_ref()),
@@ -339,6 +344,8 @@ impl Sink for RecordingSink {
                 work: Some((&record.work).into()),
                 times: Some((&record.times).into()),
                 left_out: self.left_out,
+                recovered: record.recovered,
+                accepted: record.accepted,
             }),
         };
         self.write(self.verdicts, &message, record.report.seq, time)?;
@@ -456,6 +463,8 @@ mod tests {
             verified: seq,
             skipped: 0,
             rejected: 0,
+            recovered: 0,
+            accepted: 0,
             times: FrameTimes::default(),
             work: Default::default(),
             received: UNIX_EPOCH,

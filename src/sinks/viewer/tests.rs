@@ -38,6 +38,8 @@ pub(super) fn record(seq: u64, z: Option<f32>, events: Vec<PullThrough>) -> Fram
         verified: seq,
         skipped: 0,
         rejected: 0,
+        recovered: 0,
+        accepted: 0,
         times: FrameTimes {
             verification: Duration::from_millis(1),
             ..FrameTimes::default()

@@ -354,13 +354,17 @@ class Client:
 
     @property
     def no_verdict(self) -> str | None:
-        """Why the last :meth:`wait` returned ``None``, as a sentence; ``None`` if it did not."""
+        """Why the last :meth:`wait` returned ``None``, as a sentence; ``None`` if it did not.
+
+        After :meth:`finish` returned ``None``: why the watcher left, if it did.
+        """
         return self._client.no_verdict
 
     def wait_for_watcher(self, seconds: float = 10.0) -> bool:
         """Waits until a watcher has seen this session. Returns False if none came in time.
 
-        Needed only if the watcher must not miss the first frames.
+        Needed only if no frame must be missed: a watcher that starts later receives the first
+        frame, which the client keeps, and then the newest one.
         """
         return self._client.wait_for_watcher(arguments.number("seconds", seconds))
 
@@ -376,6 +380,13 @@ class Client:
     def resume(self) -> None:
         """Clears the abort after a roll back: the next frame does not continue the last one."""
         self._client.resume()
+
+    def accept(self) -> None:
+        """Accepts the present state as the new baseline, and clears the abort.
+
+        The watcher expects the linking numbers of the next frame from then on, whatever they are.
+        """
+        self._client.accept()
 
     def cut(self) -> None:
         """Marks the next frame as not continuing the previous one, for example after a jump."""

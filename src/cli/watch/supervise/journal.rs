@@ -301,6 +301,7 @@ mod tests {
             origin: None,
             layout: 1,
             labels: CurveLabels::named(["a", "b"]).with_radii([0.5; 2]),
+            baseline_frame: 0,
         }
     }
 

@@ -319,6 +319,8 @@ mod tests {
                 verified: seq + 1,
                 skipped: 0,
                 rejected: 0,
+                recovered: 0,
+                accepted: 0,
                 times: Default::default(),
                 work: Default::default(),
                 received: std::time::UNIX_EPOCH,

@@ -64,6 +64,8 @@ fn update(scene: &mut Scene, set: &CurveSet, report: Report, names: &[&str]) -> 
         verified: 0,
         skipped: 0,
         rejected: 0,
+        recovered: 0,
+        accepted: 0,
         times: FrameTimes::default(),
         work: Default::default(),
         received: UNIX_EPOCH,

@@ -41,6 +41,8 @@ fn frame(seq: u64, curves: usize, changed: Option<u32>) -> FrameRecord {
         verified: seq + 1,
         skipped: 0,
         rejected: 0,
+        recovered: 0,
+        accepted: 0,
         times: Default::default(),
         work: Default::default(),
         received: std::time::UNIX_EPOCH,
@@ -54,6 +56,8 @@ fn baseline(curves: usize) -> BaselineRecord {
             ..Certificate::default()
         }),
         origin: format!("{curves} curves"),
+        frame: Some(0),
+        unverified: 0,
     }
 }
 

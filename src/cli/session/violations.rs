@@ -1,0 +1,183 @@
+//! Violations of a run, and what became of them: a violation that the simulator rolled back before
+//! it went on does not count for the result of the run.
+
+use crate::cli::Outcome;
+use linkwatch::{Report, Verdict};
+
+/// How a frame follows the last one.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Step {
+    #[default]
+    Continues,
+    /// The simulator rolled back or jumped.
+    Cut,
+    /// The simulator accepted this frame as the new baseline.
+    Accepted,
+}
+
+impl Step {
+    /// Returns what became of the violation that a frame with this step ends.
+    pub fn words(self) -> &'static str {
+        match self {
+            Step::Accepted => "accepted: the simulator goes on with the changed topology",
+            _ => "recovered: the simulator rolled back, and this frame is intact",
+        }
+    }
+}
+
+/// A violation: the frames from a change, or from another finding that asks the simulator to stop,
+/// until an intact frame after a cut.
+struct Violation {
+    worst: Outcome,
+    /// Number of violations: more than one if the simulator rolled back to a state that was not
+    /// intact either.
+    count: u32,
+    /// True if a cut came after the last frame with a finding.
+    cut: bool,
+}
+
+/// Outcome of a run so far.
+#[derive(Default)]
+pub struct Violations {
+    current: Option<Violation>,
+    /// Worst outcome of the frames that belong to no violation.
+    others: Outcome,
+    /// Numbers of violations that were rolled back, and that the simulator accepted.
+    pub recovered: u32,
+    pub accepted: u32,
+}
+
+impl Violations {
+    /// Returns true if this frame ends the current violation.
+    pub fn end_with(&self, report: &Report, step: Step) -> bool {
+        let intact = report.verdict == Verdict::Intact && report.last_intact == Some(report.seq);
+        let cut = |violation: &Violation| violation.cut || step != Step::Continues;
+        self.current.as_ref().is_some_and(cut) && intact && !report.abort
+    }
+
+    /// Returns the number of violations that were rolled back, after this frame.
+    #[cfg(feature = "bus")]
+    pub fn recovered_after(&self, step: Step) -> u32 {
+        let current = self.current.as_ref().filter(|_| step != Step::Accepted);
+        self.recovered + current.map_or(0, Violation::recovered)
+    }
+
+    /// Adds a frame.
+    pub fn add(&mut self, report: &Report, step: Step) {
+        if self.end_with(report, step)
+            && let Some(violation) = self.current.take()
+        {
+            match step {
+                Step::Accepted => self.accepted += violation.recovered(),
+                _ => self.recovered += violation.recovered(),
+            }
+        }
+        let outcome = Outcome::of(report.verdict);
+        let found = report.abort || outcome == Outcome::Changed;
+        match &mut self.current {
+            Some(violation) if found => {
+                violation.worst = violation.worst.max(outcome);
+                violation.count += u32::from(violation.cut || step != Step::Continues);
+                violation.cut = false;
+            }
+            Some(violation) => {
+                violation.cut |= step != Step::Continues;
+                match violation.worst {
+                    Outcome::Fine => self.others = self.others.max(outcome),
+                    worst => violation.worst = worst.max(outcome),
+                }
+            }
+            None if found => {
+                self.current = Some(Violation {
+                    worst: outcome,
+                    count: 1,
+                    cut: false,
+                });
+            }
+            None => self.others = self.others.max(outcome),
+        }
+    }
+
+    /// Begins another run, in which nothing ends a violation of the one before.
+    pub fn begin_run(&mut self) {
+        self.others = self.outcome();
+        self.current = None;
+    }
+
+    /// Returns the worst outcome, without the violations that have ended.
+    pub fn outcome(&self) -> Outcome {
+        let current = self.current.as_ref();
+        self.others.max(current.map_or(Outcome::Fine, |v| v.worst))
+    }
+}
+
+impl Violation {
+    /// Returns the number that counts as recovered or accepted: none if there was only a low
+    /// clearance, which is no violation.
+    fn recovered(&self) -> u32 {
+        match self.worst {
+            Outcome::Fine => 0,
+            _ => self.count,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Returns the violations of a run of these frames: a verdict and how the frame follows.
+    fn run(frames: &[(Verdict, Step)]) -> Violations {
+        let mut violations = Violations::default();
+        let mut broken = false;
+        for (seq, &(verdict, step)) in (0..).zip(frames) {
+            let mut report = Report::new(seq, 0.0, verdict);
+            report.abort = matches!(verdict, Verdict::Changed | Verdict::Rejected);
+            broken = broken && step == Step::Continues || verdict == Verdict::Changed;
+            let intact = verdict == Verdict::Intact && !broken;
+            report.last_intact = intact.then_some(seq);
+            violations.add(&report, step);
+        }
+        violations
+    }
+
+    #[test]
+    fn a_violation_is_recovered_by_an_intact_frame_after_a_cut() {
+        use Step::{Accepted, Continues, Cut};
+        use Verdict::{Changed, Intact, Rejected, Undecided};
+        let intact = (Intact, Continues);
+        let changed = (Changed, Continues);
+        let cases: [(&[_], _, [u32; 2]); 9] = [
+            (&[intact, changed, (Intact, Cut)], Outcome::Fine, [1, 0]),
+            (&[changed, changed, (Intact, Cut)], Outcome::Fine, [1, 0]),
+            // Not rolled back.
+            (&[intact, changed, intact], Outcome::Changed, [0, 0]),
+            // Rolled back to a changed state, and then to an intact one.
+            (&[changed, (Changed, Cut)], Outcome::Changed, [0, 0]),
+            (
+                &[changed, (Changed, Cut), (Intact, Cut)],
+                Outcome::Fine,
+                [2, 0],
+            ),
+            (&[changed, (Undecided, Cut), intact], Outcome::Fine, [1, 0]),
+            (
+                &[(Rejected, Continues), (Intact, Cut)],
+                Outcome::Fine,
+                [1, 0],
+            ),
+            // An undecided frame asks for nothing, so it was not rolled back.
+            (
+                &[(Undecided, Continues), (Intact, Cut)],
+                Outcome::Undecided,
+                [0, 0],
+            ),
+            (&[changed, (Intact, Accepted)], Outcome::Fine, [0, 1]),
+        ];
+        for (frames, outcome, counts) in cases {
+            let violations = run(frames);
+            assert_eq!(violations.outcome(), outcome, "{frames:?}");
+            let found = [violations.recovered, violations.accepted];
+            assert_eq!(found, counts, "{frames:?}");
+        }
+    }
+}
