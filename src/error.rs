@@ -140,6 +140,19 @@ pub enum Error {
         /// Value in this frame.
         now: u64,
     },
+    /// A curve that was closed in the first frame ends elsewhere than it starts.
+    #[error(
+        "curve {curve} is closed in the first frame, but its ends are {distance:.4e} apart now \
+         (at most {within:.1e}): it was cut; if its ends met by chance, keep it open from the start"
+    )]
+    EndsApart {
+        /// Curve, from 0.
+        curve: usize,
+        /// Distance of the ends.
+        distance: f64,
+        /// Largest distance of ends that meet.
+        within: f64,
+    },
     /// Data of another version of the format.
     #[error("{what} has version {found}; this build reads version {known}")]
     Version {

@@ -53,6 +53,7 @@
 //! | curves of a frame | [`CurveSet`], [`Basis`], [`Positions`]; from files: [`model`] |
 //! | frames in memory of others | [`RawFrame`], for [`Verifier::receive`] |
 //! | verification | [`Verifier`] with [`VerifierOptions`], [`Strategy`], [`Events`], [`AbortOn`] |
+//! | closed and open curves | [`Closing`] |
 //! | periodic scenes | [`Cell`], [`VerifierOptions::cell`], [`Unwrap`], [`period`] |
 //! | findings | [`Report`] with [`Verdict`], [`Change`], [`PullThrough`], [`Defect`], [`Place`] |
 //! | expected topology | [`Certificate`], [`Comparison`], [`Link`] |
@@ -202,7 +203,7 @@ pub use error::{Error, Result};
 #[cfg(feature = "verify")]
 pub use incremental::{Cause, Events, Route, Work};
 #[cfg(feature = "verify")]
-pub use ingest::{FrameInfo, FramePool, RawFrame};
+pub use ingest::{Closing, ClosingNote, CurveSource, FrameInfo, FramePool, RawFrame};
 #[cfg(feature = "verify")]
 pub use pairs::{Partition, Share};
 #[cfg(feature = "verify")]

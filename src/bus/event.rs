@@ -125,6 +125,7 @@ impl Frame {
             baseline: self.header.baseline,
             layout: self.header.layout,
             time_step: self.header.time_step,
+            closed_by_default: false,
             cell: self.header.cell()?,
             labels: Arc::clone(&last.labels),
         })

@@ -1,13 +1,24 @@
-//! The options `--cell` and `--wrapped` of every command that verifies or measures frames.
+//! The options `--cell`, `--wrapped` and `--keep-open` of every command that reads frames.
 
 use super::output;
-use linkwatch::{Cell, CurveSet, Error, FrameInfo, Result, Unwrap};
+#[cfg(any(feature = "bus", feature = "mcap"))]
+use linkwatch::RawFrame;
+use linkwatch::model::LeftOut;
+use linkwatch::{
+    Cell, Closing, ClosingNote, CurveSet, CurveSource, Error, FrameInfo, Result, Unwrap,
+};
+#[cfg(feature = "mcap")]
+use std::collections::BTreeMap;
+use std::fmt;
 use std::str::FromStr;
+
+/// The option --keep-open in the metadata of a recording.
+pub const KEEP_OPEN: &str = "keep_open";
 
 /// Word for frames whose cell is ignored.
 const NONE: &str = "none";
 
-/// Periodic cell of the frames.
+/// Periodic cell of the frames, and the ends of their curves.
 #[derive(Clone, Copy, Debug, Default, clap::Args)]
 #[command(next_help_heading = super::INPUT)]
 pub struct CellArgs {
@@ -20,6 +31,10 @@ pub struct CellArgs {
     /// frame to frame
     #[arg(long)]
     wrapped: bool,
+    /// Keep curves open that end where they start [default: they are closed, without the repeated
+    /// point]
+    #[arg(long)]
+    keep_open: bool,
 }
 
 /// Cell that the user gives.
@@ -47,6 +62,20 @@ impl CellArgs {
         self.cell.is_some() || self.wrapped
     }
 
+    /// Returns true if curves stay open that end where they start.
+    pub fn keep_open(&self) -> bool {
+        self.keep_open
+    }
+
+    /// Returns these options, with those of a recorded run.
+    #[cfg(feature = "mcap")]
+    pub fn or_recorded(self, metadata: &BTreeMap<String, String>) -> CellArgs {
+        CellArgs {
+            keep_open: self.keep_open || metadata.contains_key(KEEP_OPEN),
+            ..self
+        }
+    }
+
     /// Returns true if coordinates are wrapped.
     pub fn wrapped(&self) -> bool {
         self.wrapped
@@ -71,11 +100,14 @@ impl CellArgs {
     }
 }
 
-/// The cells of successive frames, and the unwrapping of their curves.
+/// The cells of successive frames, which curves are closed, and their unwrapping.
 #[derive(Debug, Default)]
 pub struct Cells {
     pub args: CellArgs,
     unwrap: Unwrap,
+    closing: Closing,
+    /// Layout of the last frame.
+    layout: u32,
 }
 
 impl Cells {
@@ -83,12 +115,100 @@ impl Cells {
         Cells {
             args,
             unwrap: Unwrap::default(),
+            closing: Closing::new(args.keep_open),
+            layout: 0,
         }
     }
 
     /// Sets the cell of a frame to that with which it is verified.
     pub fn apply(&self, info: &mut FrameInfo) {
         info.cell = self.args.cell(info.cell);
+    }
+
+    /// Returns the number of curves that are closed because they end where they start.
+    pub fn joined(&self) -> usize {
+        self.closing.joined()
+    }
+
+    /// Tells the result of a frame.
+    pub fn end_frame(&mut self, verified: bool) {
+        self.closing.end_frame(verified);
+    }
+
+    /// Decides again in the next frame which curves are closed.
+    #[cfg(feature = "mcap")]
+    pub fn forget(&mut self) {
+        self.closing.forget();
+    }
+
+    /// Returns the properties of a frame that say how its curves are closed.
+    fn source(&mut self, info: &FrameInfo) -> CurveSource {
+        if std::mem::replace(&mut self.layout, info.layout) != info.layout {
+            self.closing.forget();
+        }
+        CurveSource {
+            cell: self
+                .args
+                .cell(info.cell)
+                .or(info.cell.filter(|_| self.args.wrapped)),
+            wrapped: self.args.wrapped,
+            closed_by_default: info.closed_by_default,
+        }
+    }
+
+    /// Returns a received frame with the curves that are to be verified.
+    ///
+    /// Errors: those of [`Closing::close`].
+    #[cfg(any(feature = "bus", feature = "mcap"))]
+    pub fn close<'a>(&'a mut self, frame: RawFrame<'a>, info: &FrameInfo) -> Result<RawFrame<'a>> {
+        let source = self.source(info);
+        self.closing.close(frame, source)
+    }
+
+    /// Same as [`Cells::close`] for curves that were read already. `None` if they stay as they are.
+    pub fn close_set(&mut self, set: &CurveSet, info: &FrameInfo) -> Result<Option<CurveSet>> {
+        let source = self.source(info);
+        self.closing.of_set(set, source)
+    }
+
+    /// Same as [`Cells::close_set`], for curves that nobody shares.
+    pub fn closed(&mut self, set: CurveSet, info: &FrameInfo) -> Result<CurveSet> {
+        Ok(self.close_set(&set, info)?.unwrap_or(set))
+    }
+
+    /// Returns the curves of a frame that was read, closed and unwrapped.
+    pub fn settle(&mut self, set: CurveSet, info: &FrameInfo) -> Result<CurveSet> {
+        let set = self.closed(set, info)?;
+        let unwrapped = self.unwrap(&set, info.cell)?;
+        Ok(unwrapped.unwrap_or(set))
+    }
+
+    /// Says which curves were closed or stay open, once. Returns those that may be meant to be
+    /// closed, and cannot be.
+    pub fn say(&mut self, name: &dyn fmt::Display) -> Vec<LeftOut> {
+        let mut unclear = Vec::new();
+        for note in self.closing.take_notes() {
+            match note {
+                ClosingNote::Joined { .. } => {
+                    tracing::info!("{name}: {note}; --keep-open keeps such curves open");
+                }
+                ClosingNote::Opened { .. } => tracing::warn!(
+                    "{name}: {note}; a column closed:L:1 of extended XYZ, or --counts, decides"
+                ),
+                ClosingNote::Long { .. } => tracing::warn!(
+                    "{name}: {note} Open chains have a positive count, or F in a column closed:L:1"
+                ),
+                ClosingNote::Corner { count, first } => {
+                    tracing::warn!("{name}: {note}; --keep-open takes it as an open curve");
+                    unclear.push(LeftOut {
+                        count: count as u64,
+                        kind: ["spline with ends that meet", "splines with ends that meet"],
+                        first: format!("curve {first}"),
+                    });
+                }
+            }
+        }
+        unclear
     }
 
     /// Returns the curves of a frame, unwrapped; `None` if they are not wrapped. They are unwrapped

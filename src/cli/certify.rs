@@ -157,6 +157,10 @@ fn certify(frame: Picked, args: &Args) -> Result<Certified> {
     let (name, set, cell) = (&frame.name, &frame.curves, frame.cell);
     let start = std::time::Instant::now();
     let braids = args.braid_args.braids(None)?;
+    let mut curves = set.curves().iter();
+    if braids.is_none() && cell.is_none() && !curves.any(|curve| curve.closed) {
+        return Err(Error::NothingClosed { curves: set.len() }.in_file(Path::new(name)));
+    }
     let mut verifier = Verifier::new(VerifierOptions {
         braids: braids.clone(),
         cell,
@@ -336,6 +340,7 @@ fn print(path: &Path, c: &Certified, args: &Args, style: Style, json: bool) {
             "frame": c.frame.number,
             "time": c.frame.time,
             "left_out": c.frame.left_out,
+            "joined_curves": c.frame.joined,
             "offload": c.offload,
             "basis": c.frame.curves.basis(),
             "certificate": c.certificate,

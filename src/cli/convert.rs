@@ -122,13 +122,11 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     Ok(outcome.max(input::outcome_without(&converter.left_out)))
 }
 
-/// Returns a frame with the cell that the user chose, and unwrapped curves.
+/// Returns a frame with the cell that the user chose, and curves that are closed and unwrapped.
 fn settle(mut frame: Frame, cells: &mut Cells) -> Frame {
-    let of_frame = frame.info.cell;
-    frame.curves = frame.curves.and_then(|set| {
-        let unwrapped = cells.unwrap(&set, of_frame)?;
-        Ok(unwrapped.unwrap_or(set))
-    });
+    let settled = frame.curves.and_then(|set| cells.settle(set, &frame.info));
+    frame.curves = settled;
+    cells.say(&frame.name);
     cells.apply(&mut frame.info);
     frame
 }

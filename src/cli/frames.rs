@@ -92,6 +92,8 @@ pub struct Picked {
     pub cell: Option<Cell>,
     /// Elements of the file that may be curves of this frame, and were not read.
     pub left_out: Vec<LeftOut>,
+    /// Number of curves that are closed because they end where they start.
+    pub joined: usize,
     /// True for the first frame of the argument, with which the user is warned of the scene.
     pub is_first: bool,
 }
@@ -120,6 +122,8 @@ pub struct Selected {
     several: bool,
     /// Elements that were not read, of which the user knows.
     left_out: Vec<LeftOut>,
+    /// Decides for all frames which curves are closed.
+    closing: Cells,
 }
 
 impl Selected {
@@ -141,6 +145,7 @@ impl Selected {
             numbered: input::holds_frames(argument),
             several: false,
             left_out: Vec::new(),
+            closing: Cells::new(cells),
         };
         if selection == Selection::Last {
             selected.go_to_last()?;
@@ -280,7 +285,10 @@ impl Selected {
     /// Returns a frame with the cell that the user chose, and unwrapped curves.
     fn pick(&mut self, frame: Read, is_first: bool) -> Result<Picked> {
         let name = self.name(&frame);
-        let (set, of_frame) = (frame.curves?, frame.info.cell);
+        let of_frame = frame.info.cell;
+        let set = self.closing.closed(frame.curves?, &frame.info)?;
+        let mut left_out = frame.left_out.clone();
+        left_out.extend(self.closing.say(&name));
         input::warn_of_new(&self.path, &mut self.left_out, &frame.left_out);
         let unwrapped = Cells::new(self.cells).unwrap(&set, of_frame)?;
         Ok(Picked {
@@ -290,7 +298,8 @@ impl Selected {
             number: self.numbered.then_some(frame.seq),
             time: self.numbered.then_some(frame.time),
             cell: self.cells.cell(of_frame),
-            left_out: frame.left_out,
+            left_out,
+            joined: self.closing.joined(),
             is_first,
         })
     }

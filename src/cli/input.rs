@@ -277,11 +277,13 @@ impl From<ModelFrame> for Read {
             cell,
             labels,
             left_out,
+            closed_by_default,
             curves,
             ..
         } = frame;
         let info = FrameInfo {
             cell,
+            closed_by_default,
             labels,
             ..FrameInfo::default()
         };

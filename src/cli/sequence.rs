@@ -193,6 +193,7 @@ impl Iterator for Sequence {
             time: frame.time,
             info: FrameInfo {
                 cell: frame.info.cell,
+                closed_by_default: frame.info.closed_by_default,
                 ..self.info.clone()
             },
             begins_run,

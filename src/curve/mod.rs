@@ -51,7 +51,7 @@ pub(crate) mod vector;
 
 pub use basis::Basis;
 #[cfg(feature = "verify")]
-pub(crate) use basis::{Bezier, Bounds, point_at, sub_segment};
+pub(crate) use basis::{Bezier, Bounds, bspline_knot, point_at, sub_segment};
 #[cfg(feature = "verify")]
 pub(crate) use bounds::{AXES, union};
 #[cfg(feature = "verify")]

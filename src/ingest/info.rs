@@ -23,6 +23,9 @@ pub struct FrameInfo {
     pub time_step: f64,
     /// Periodic cell, if the scene repeats ([`Verifier::set_cell`](crate::Verifier::set_cell)).
     pub cell: Option<Cell>,
+    /// True if nothing says which curves are closed, and the format closes them all
+    /// ([`CurveSource::closed_by_default`](crate::CurveSource::closed_by_default)).
+    pub closed_by_default: bool,
     /// Names and radii of the curves.
     pub labels: Arc<CurveLabels>,
 }

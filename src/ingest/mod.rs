@@ -8,9 +8,11 @@
 //! ([`Verifier::receive`](crate::Verifier::receive)). Before that, it reads a sample of the points
 //! for a guess of the motion; no result depends on the guess.
 
+mod closing;
 mod info;
 mod pool;
 
+pub use closing::{Closing, ClosingNote, CurveSource};
 pub use info::FrameInfo;
 pub use pool::FramePool;
 

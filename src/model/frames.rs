@@ -124,6 +124,9 @@ pub struct ModelFrame {
     pub labels: Arc<CurveLabels>,
     /// Elements of the file that may be curves of this frame and are not in `curves`, by kind.
     pub left_out: Vec<LeftOut>,
+    /// True if the file does not say which curves are closed: all are, because the format closes
+    /// them by default ([`crate::CurveSource`]).
+    pub closed_by_default: bool,
     /// The curves, or the reason why this frame is invalid although later ones can be read.
     pub curves: Result<CurveSet>,
 }
@@ -137,6 +140,7 @@ impl ModelFrame {
             cell: None,
             labels: Arc::default(),
             left_out: Vec::new(),
+            closed_by_default: false,
             curves,
         }
     }

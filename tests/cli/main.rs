@@ -4,6 +4,7 @@ mod arguments;
 mod cells;
 mod certify;
 mod check;
+mod closing;
 mod convert;
 mod formats;
 mod frames;

@@ -5,6 +5,7 @@ mod baseline;
 mod bisect;
 mod cells;
 mod clearance;
+mod closing;
 mod curves;
 mod diff;
 mod exposition;

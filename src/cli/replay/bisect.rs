@@ -47,6 +47,9 @@ impl Loaded {
     /// Verifies the frame, with the cell and the curves that the user chose.
     fn step(&mut self, verifier: &mut Verifier, cells: &mut Cells) -> Result<Report> {
         let of_frame = self.info.cell;
+        if let Some(curves) = cells.close_set(&self.curves, &self.info)? {
+            self.curves = curves;
+        }
         cells.apply(&mut self.info);
         if let Some(curves) = cells.unwrap(&self.curves, of_frame)? {
             self.curves = curves;
@@ -158,6 +161,7 @@ impl<'a> Search<'a> {
         let baseline = read_baseline(reader)?;
         let recorded = recorded_events(reader.metadata());
         let mut settings = Settings::new(args, Some(recorded))?;
+        settings.cells = settings.cells.or_recorded(reader.metadata());
         if args.judge.baseline.is_none() {
             settings.options.baseline = baseline;
         }
@@ -295,10 +299,13 @@ impl<'a> Search<'a> {
             )));
         }
         let title = format!("frame {}", loaded.seq);
+        let mut cells = Cells::new(self.settings.cells);
         let report = with_progress(&title, self.verifier.progress(), || {
-            let mut cells = Cells::new(self.settings.cells);
             loaded.step(&mut self.verifier, &mut cells)
         })?;
+        if self.reports.is_empty() {
+            cells.say(&self.path.display());
+        }
         let is_fresh = |d: &Defect| d.kind == DefectKind::NoBaseline;
         let adopted = report.defects.iter().any(is_fresh);
         if self.settings.options.baseline.is_some() && (adopted || loaded.info.cell.is_some()) {
@@ -415,7 +422,9 @@ fn in_sequence(args: &Args, source: &mut Source) -> Result<Found> {
                  of the same curves with --from and --to, or verify all frames without it"
             )));
         }
-        let report = frame.step(&mut verifier, &mut cells).map_err(at_frame)?;
+        let stepped = frame.step(&mut verifier, &mut cells);
+        cells.say(&args.file.display());
+        let report = stepped.map_err(at_frame)?;
         found.frames += 1;
         found.verified += 1;
         if report.verdict == Verdict::Changed {

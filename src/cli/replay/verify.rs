@@ -4,6 +4,7 @@ use super::Args;
 use super::comparison::{Comparison, RecordedWith, alike};
 use super::range::Range;
 use super::source::{Item, Source};
+use crate::cli::cell_args::KEEP_OPEN;
 use crate::cli::output::{self, count, plural};
 use crate::cli::session::{FrameCounts, Ingested, Judge, Judged, MOTION_LIMIT, Run, Session, Step};
 use crate::cli::{Outcome, braid_args, clearance_args, signals};
@@ -53,6 +54,7 @@ pub fn run(args: &Args, mut source: Source, json: bool) -> Result<Outcome> {
     }
     let judge = Judge {
         abort_on: args.judge.abort_on.or(recorded),
+        cell_args: args.judge.cell_args.or_recorded(&recorded_metadata),
         kernel: args.kernel.clone(),
         ..args.judge.clone()
     };
@@ -69,6 +71,10 @@ pub fn run(args: &Args, mut source: Source, json: bool) -> Result<Outcome> {
         ("--baseline", judge.baseline.is_some()),
         ("--braid", braids != recorded_braids),
         ("--cell or --wrapped", judge.cell_args.are_given()),
+        (
+            "--keep-open",
+            args.judge.cell_args.keep_open() && !recorded_metadata.contains_key(KEEP_OPEN),
+        ),
         (
             "--events or --self",
             judge.event_args.events(AbortOn::Never) > recorded_events,

@@ -33,6 +33,7 @@ impl Session {
     /// chose them.
     #[cfg(feature = "mcap")]
     pub fn begin_again(&mut self, baseline: Option<BaselineRecord>) {
+        self.cells.forget();
         match baseline {
             Some(b) => {
                 self.baseline_frame = Some(BaselineFrame::from(&b));

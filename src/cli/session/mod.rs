@@ -33,7 +33,7 @@ use self::times::{RunTimes, to_json};
 use self::violations::Violations;
 use super::Outcome;
 use super::braid_args::{self, BraidArgs};
-use super::cell_args::{CellArgs, Cells};
+use super::cell_args::{CellArgs, Cells, KEEP_OPEN};
 use super::clearance_args::{self, ClearanceArgs};
 use super::event_args::EventArgs;
 use super::files::{Files, Overwrite};
@@ -61,6 +61,9 @@ pub const MOTION_LIMIT: &str = "motion_limit";
 
 /// Maximum number of sentences printed about one frame of a stream; the rest is counted.
 const SENTENCES: usize = 8;
+
+/// Name of the frames of a run in messages.
+const THE_FRAMES: &str = "the frames";
 
 /// Number of segments up to which every frame is verified quickly, regardless of its motion.
 #[cfg(feature = "bus")]
@@ -152,6 +155,8 @@ pub struct Ingested {
     info: FrameInfo,
     /// Elements of a file that may be curves of the frame, and were not read.
     left_out: Vec<LeftOut>,
+    /// True if it is decided already which curves are closed.
+    is_closed: bool,
     took: Duration,
 }
 
@@ -162,6 +167,7 @@ impl From<Frame> for Ingested {
             curves: frame.curves.map(Arc::new),
             info: frame.info,
             left_out: frame.left_out,
+            is_closed: false,
             took: Duration::ZERO,
         }
     }
@@ -170,8 +176,9 @@ impl From<Frame> for Ingested {
 #[cfg(feature = "mcap")]
 impl Ingested {
     /// Returns the frame of a file of which these elements were not read.
-    pub fn without(self, left_out: Vec<LeftOut>) -> Ingested {
-        Ingested { left_out, ..self }
+    pub fn without(mut self, left_out: Vec<LeftOut>) -> Ingested {
+        self.left_out.extend(left_out);
+        self
     }
 }
 
@@ -331,6 +338,9 @@ impl Session {
         let given_limit = judge.event_args.motion_limit;
         let limit = given_limit.unwrap_or(default_limit);
         metadata.insert(MOTION_LIMIT.into(), limit.to_string());
+        if judge.cell_args.keep_open() {
+            metadata.insert(KEEP_OPEN.into(), "true".into());
+        }
         let clearance = judge.clearance_args.options(run.recorded_clearance)?;
         if let Some(clearance) = &clearance {
             clearance_args::write(clearance, &mut metadata);
@@ -484,21 +494,29 @@ impl Session {
         read: impl FnOnce(&mut dyn FnMut(linkwatch::RawFrame<'_>) -> Result<()>) -> Result<()>,
     ) -> Ingested {
         let start = Instant::now();
-        let Session { pool, verifier, .. } = self;
+        let Session {
+            pool,
+            verifier,
+            cells,
+            ..
+        } = self;
         let (curves, info) = match info {
             Err(why) => (Err(why), FrameInfo::default()),
             Ok(info) => {
                 if std::mem::replace(&mut self.layout, info.layout) != info.layout {
                     *pool = linkwatch::FramePool::default();
                 }
-                let curves = pool.receive(|set| read(&mut |frame| verifier.receive(frame, set)));
+                let curves = pool.receive(|set| {
+                    read(&mut |frame| verifier.receive(cells.close(frame, &info)?, set))
+                });
                 (curves, info)
             }
         };
         Ingested {
             curves,
             info,
-            left_out: Vec::new(),
+            left_out: cells.say(&THE_FRAMES),
+            is_closed: true,
             took: start.elapsed(),
         }
     }
@@ -521,9 +539,15 @@ impl Session {
         let Ingested {
             curves,
             mut info,
-            left_out,
+            mut left_out,
+            is_closed,
             took,
         } = frame;
+        let curves = curves.and_then(|set| match is_closed {
+            true => Ok(set),
+            false => Ok(self.cells.close_set(&set, &info)?.map_or(set, Arc::new)),
+        });
+        left_out.extend(self.cells.say(&THE_FRAMES));
         let of_frame = info.cell;
         self.cells.apply(&mut info);
         let mut follows = Step::Continues;
@@ -551,6 +575,7 @@ impl Session {
             Err(_) => Timings::default(),
         };
         let measured = outcome.is_ok() && self.clearance.is_some();
+        self.cells.end_frame(outcome.is_ok());
         let (report, curves) = match outcome {
             Ok(verified) => verified,
             Err(Error::CertificateMismatch { certificate, model })
@@ -739,7 +764,7 @@ impl Session {
 
     /// Warns of properties of the curves, after the first frame.
     fn warn_of_scene(&self, judged: &Judged) {
-        let name = judged.model.as_deref().unwrap_or("the frames");
+        let name = judged.model.as_deref().unwrap_or(THE_FRAMES);
         output::warn_of_open_curves(name, &judged.report.stats, Some(self.events));
         if let Some(curves) = &judged.curves {
             let args = &self.cells.args;
@@ -928,6 +953,7 @@ impl Session {
                     "routes": { "full": full, "quiet": quiet, "partial": partial },
                     "runs": self.runs,
                     "open_curves": self.open_curves,
+                    "joined_curves": self.cells.joined(),
                     "open_curves_verified": checked,
                     "left_out": self.left_out,
                     "sinks": sinks,

@@ -68,6 +68,8 @@ struct Layout {
     frames: u64,
     frame_bytes: usize,
     counts: Vec<i32>,
+    /// True if nothing says which curves are closed.
+    closed_by_default: bool,
 }
 
 fn bad(what: impl std::fmt::Display) -> Error {
@@ -115,6 +117,7 @@ impl Layout {
                  compressed size: store them without compression (`np.savez`)"
             )));
         }
+        let closed_by_default = counts.is_none();
         let counts = match counts {
             Some(counts) => counts,
             None => {
@@ -143,6 +146,7 @@ impl Layout {
                 available: usize::MAX as u64,
             })?,
             counts,
+            closed_by_default,
         })
     }
 }
@@ -250,6 +254,7 @@ impl<R: Read> FrameSource for ArrayFrames<R> {
             time: self.times.as_ref().map_or(0.0, |times| times[k]),
             labels: self.labels.clone(),
             left_out: self.left_out.clone(),
+            closed_by_default: self.layout.closed_by_default,
             ..ModelFrame::new(seq, curves)
         };
         Ok(Some(frame.in_cell(cell, &self.options, FORMAT)))

@@ -4,7 +4,7 @@
 //! |---|---|
 //! | frames x points x 3 | the points of all curves, one after the other; needs counts |
 //! | points x 3 | the same, of one frame |
-//! | frames x curves x points x 3 | curves of equal numbers of points; closed without counts |
+//! | frames x curves x points x 3 | curves of equal numbers of points; closed without counts, unless that takes a long segment |
 //!
 //! Counts are the numbers of points of the curves, negative for closed ones: an option
 //! ([`ReadOptions::counts`], which has precedence) or the array `counts`. Without them the first

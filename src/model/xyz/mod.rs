@@ -15,7 +15,8 @@
 //! The columns `pos:R:3` are the coordinates. Atoms with the same number in a column of integers
 //! ([`GROUPS`]: the first that exists) are a curve, in the order of the file, or of their numbers
 //! in the column `id:I:1` if there is one. Curves have the order of their first atoms. They are
-//! closed, unless a column `closed:L:1` says `F`. [`ReadOptions::counts`] has precedence over these
+//! closed if a column `closed:L:1` says `T`, or if there is no such column
+//! ([`ModelFrame::closed_by_default`]). [`ReadOptions::counts`] has precedence over these
 //! columns: then the first atoms are the first curve, and so on. A file without both is refused:
 //! taken as a single curve, many curves would look unlinked.
 //!
@@ -131,6 +132,7 @@ impl<R: BufRead> FrameSource for XyzFrames<R> {
         )?;
         let frame = ModelFrame {
             time: comment.time,
+            closed_by_default: comment.columns.closed.is_none() && self.options.counts.is_none(),
             ..ModelFrame::new(seq, curves)
         };
         Ok(Some(frame.in_cell(cell, &self.options, FORMAT)))

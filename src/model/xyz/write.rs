@@ -71,13 +71,9 @@ fn write(out: &mut impl Write, frame: &ModelFrame, set: &CurveSet) -> std::io::R
     }
     let periodic = frame.cell.map_or([false; 3], |cell| cell.periodic());
     write!(out, "pbc=\"{}\" ", periodic.map(letter).join(" "))?;
-    let all_closed = set.curves().iter().all(|curve| curve.closed);
-    let closed = if all_closed { "" } else { ":closed:L:1" };
-    write!(
-        out,
-        "Properties=species:S:1:pos:R:3:molecule:I:1{closed} Timestep={}",
-        frame.seq
-    )?;
+    // Without the last column, curves with a long closing segment would be taken as open.
+    let columns = "species:S:1:pos:R:3:molecule:I:1:closed:L:1";
+    write!(out, "Properties={columns} Timestep={}", frame.seq)?;
     if frame.time != 0.0 {
         write!(out, " Time={:?}", frame.time)?;
     }
@@ -85,11 +81,8 @@ fn write(out: &mut impl Write, frame: &ModelFrame, set: &CurveSet) -> std::io::R
     for (i, curve) in set.curves().iter().enumerate() {
         for k in 0..curve.points as usize {
             let [x, y, z] = set.point(i, k);
-            write!(out, "C {x:?} {y:?} {z:?} {}", i + 1)?;
-            match all_closed {
-                true => writeln!(out)?,
-                false => writeln!(out, " {}", letter(curve.closed))?,
-            }
+            let closed = letter(curve.closed);
+            writeln!(out, "C {x:?} {y:?} {z:?} {} {closed}", i + 1)?;
         }
     }
     Ok(())

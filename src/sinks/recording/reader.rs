@@ -420,6 +420,7 @@ fn item(
                     baseline: m.baseline,
                     layout: m.layout,
                     time_step: m.time_step,
+                    closed_by_default: false,
                     cell: cell_of(&m.cell)?,
                     labels: Arc::clone(labels),
                 },

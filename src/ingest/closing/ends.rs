@@ -1,0 +1,218 @@
+//! Distances of the ends of a curve.
+
+use crate::curve::vector::{dot, hypot, sub};
+use crate::curve::{Basis, Cell, Point, Positions, Precision, bspline_knot};
+use crate::error::{Error, Result};
+use std::ops::Range;
+
+/// Largest distance of ends that meet, in median segments.
+const NEAR: f64 = 1e-3;
+
+/// Largest distance of ends that meet by rounding alone, in median segments.
+const NEAR_IF_ROUNDED: f64 = 0.1;
+
+/// Distances in space, or of nearest images in a periodic cell.
+pub(super) struct Metric {
+    /// Lattice vectors, and what multiplies a vector to give its share of each of them.
+    lattice: Option<([Point; 3], [Point; 3])>,
+}
+
+impl Metric {
+    pub fn new(cell: Option<&Cell>) -> Metric {
+        let lattice = cell.and_then(|cell| {
+            let mut inverse = cell.inverse()?;
+            for (b, periodic) in inverse.iter_mut().zip(cell.periodic()) {
+                if !periodic {
+                    *b = [0.0; 3];
+                }
+            }
+            Some((cell.vectors, inverse))
+        });
+        Metric { lattice }
+    }
+
+    fn distance(&self, a: Point, b: Point) -> f64 {
+        let mut d = sub(b, a);
+        if let Some((vectors, inverse)) = &self.lattice {
+            let shares = inverse.map(|b| dot(b, d).round());
+            for (v, share) in vectors.iter().zip(shares) {
+                d = [0, 1, 2].map(|x| d[x] - share * v[x]);
+            }
+        }
+        hypot(d)
+    }
+}
+
+/// Ends of an open curve.
+pub(super) enum Ends {
+    Apart,
+    /// The curve ends where it starts, up to this distance.
+    Meet {
+        within: f64,
+    },
+    /// The ends or the control points there meet, but a closed spline would have another shape.
+    Corner,
+}
+
+/// Points of a curve in the positions of a frame.
+pub(super) struct Layout {
+    basis: Basis,
+    pub first: usize,
+    pub points: usize,
+}
+
+impl Layout {
+    pub fn new(basis: Basis, first: usize, count: i32) -> Layout {
+        Layout {
+            basis,
+            first,
+            points: count.unsigned_abs() as usize,
+        }
+    }
+
+    /// Returns the number of points that an open curve repeats at its end if it is closed.
+    fn repeated(&self) -> usize {
+        match self.basis {
+            Basis::Polyline | Basis::Bezier => 1,
+            Basis::CatmullRom | Basis::BSpline => 3,
+        }
+    }
+
+    /// Returns the points of the closed curve: the segments keep their numbers.
+    pub fn without_repeated(&self) -> Range<usize> {
+        let lead = self.basis.lead(true);
+        self.first + lead..self.first + self.points - self.repeated() + lead
+    }
+
+    fn point(&self, at: &Positions<'_>, k: usize) -> Point {
+        at.point(self.first + k)
+    }
+
+    /// Returns the largest distance of a point at the end from the one that it repeats. `None` if
+    /// the curve has too few points to be closed.
+    fn gap(&self, at: &Positions<'_>, metric: &Metric) -> Option<f64> {
+        let left = self.points.checked_sub(self.repeated())?;
+        if left < 3 || self.basis.segments(left, true).is_none() {
+            return None;
+        }
+        let gap = |k: usize| metric.distance(self.point(at, k), self.point(at, left + k));
+        let gaps = (0..self.repeated()).map(gap);
+        // NaN if one of them is.
+        gaps.reduce(|a, b| if a >= b { a } else { b })
+    }
+
+    /// Returns the largest distance at which points count as equal.
+    fn tolerance(&self, at: &Positions<'_>, metric: &Metric) -> f64 {
+        let step = |k: usize| metric.distance(self.point(at, k), self.point(at, k + 1));
+        let mut steps: Vec<f64> = (0..self.points - 1).map(step).collect();
+        let middle = steps.len() / 2;
+        let (_, median, _) = steps.select_nth_unstable_by(middle, f64::total_cmp);
+        let ends = [self.point(at, 0), self.point(at, self.points - 1)];
+        let largest = ends
+            .as_flattened()
+            .iter()
+            .fold(0.0, |m: f64, x| m.max(x.abs()));
+        let unit = match at.precision() {
+            Precision::F32 => f64::from(f32::EPSILON),
+            Precision::F64 => f64::EPSILON,
+        };
+        let rounding = (4.0 * unit * largest).min(NEAR_IF_ROUNDED * *median);
+        (NEAR * *median).max(rounding)
+    }
+
+    fn has_three_distinct_points(&self, at: &Positions<'_>) -> bool {
+        let mut points = (0..self.points - self.repeated()).map(|k| self.point(at, k));
+        let a = points.next();
+        let b = points.find(|p| Some(*p) != a);
+        points.any(|p| Some(p) != a && Some(p) != b)
+    }
+
+    /// Compares the ends of an open curve.
+    pub fn ends(&self, at: &Positions<'_>, metric: &Metric) -> Ends {
+        let Some(gap) = self.gap(at, metric) else {
+            return Ends::Apart;
+        };
+        let within = self.tolerance(at, metric);
+        if gap <= within && self.has_three_distinct_points(at) {
+            return Ends::Meet { within };
+        }
+        if self.repeated() == 1 {
+            return Ends::Apart;
+        }
+        // The control points, and the curve itself, which begins beside the second one.
+        let last = self.points - 1;
+        let [first, second, third] = [0, 1, 2].map(|k| self.point(at, k));
+        let [end, before, third_last] = [0, 1, 2].map(|k| self.point(at, last - k));
+        let [start, stop] = match self.basis {
+            Basis::BSpline => [[first, second, third], [third_last, before, end]]
+                .map(|p| [0, 1, 2].map(|x| bspline_knot(p[0][x], p[1][x], p[2][x]))),
+            _ => [second, before],
+        };
+        let meet = |p, q| metric.distance(p, q) <= within;
+        match meet(first, end) || meet(start, stop) {
+            true => Ends::Corner,
+            false => Ends::Apart,
+        }
+    }
+
+    /// Checks that an open curve, which is closed in all frames, ends where it starts: within a
+    /// distance that is known to be small, or a small part of a segment.
+    ///
+    /// Errors: [`Error::EndsApart`]; [`Error::NotFinite`] for a point that would not be copied.
+    pub fn check_ends(
+        &self,
+        curve: usize,
+        at: &Positions<'_>,
+        metric: &Metric,
+        within: f64,
+    ) -> Result<()> {
+        let Some(gap) = self.gap(at, metric) else {
+            // The frame has too few points, and is rejected for that.
+            return Ok(());
+        };
+        if gap <= within {
+            return Ok(());
+        }
+        let left = self.points - self.repeated();
+        let ends = (0..self.repeated()).chain(left..self.points);
+        for (point, axis) in ends.flat_map(|k| [(k, 0), (k, 1), (k, 2)]) {
+            let value = self.point(at, point)[axis];
+            if !value.is_finite() {
+                let axis = ['x', 'y', 'z'][axis];
+                return Err(Error::NotFinite {
+                    curve,
+                    point,
+                    axis,
+                    value,
+                });
+            }
+        }
+        let within = self.tolerance(at, metric);
+        match gap <= within {
+            true => Ok(()),
+            false => Err(Error::EndsApart {
+                curve,
+                distance: gap,
+                within,
+            }),
+        }
+    }
+
+    /// Returns the length of the closing segment of a closed curve, as a multiple of the longest
+    /// other one. For splines, between the control points at which segments begin.
+    pub fn closing_factor(&self, at: &Positions<'_>, metric: &Metric) -> f64 {
+        let stride = self.basis.stride();
+        let knots = self.points / stride;
+        if knots < 3 {
+            return 0.0;
+        }
+        let length = |a: usize, b: usize| {
+            metric.distance(self.point(at, a * stride), self.point(at, b * stride))
+        };
+        let longest = (1..knots).map(|k| length(k - 1, k)).fold(0.0, f64::max);
+        match longest > 0.0 {
+            true => length(knots - 1, 0) / longest,
+            false => 0.0,
+        }
+    }
+}

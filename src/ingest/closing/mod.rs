@@ -1,0 +1,321 @@
+//! Curves that end where they start, and curves that are closed by a long segment.
+//!
+//! Coil files, simulators that break rings up and many exporters write a ring as an open curve that
+//! repeats its first point. Other formats close every curve unless they are told otherwise, also
+//! the linear chains of a melt. [`Closing`] decides alike for all frames, wherever they come from.
+//!
+//! Cost: one pass over the numbers of points a frame. The points of open curves, and the segments
+//! of all curves, are read in the first frame only. A frame with curves that end where they start
+//! is copied.
+
+mod ends;
+mod notes;
+
+pub use self::notes::ClosingNote;
+
+use self::ends::{Ends, Layout, Metric};
+use super::RawFrame;
+use crate::curve::{Cell, CurveSet, Positions};
+use crate::error::Result;
+use std::ops::Range;
+
+/// Decides which curves of successive frames are closed.
+///
+/// - **A curve that ends where it starts is closed**, without the repeated point. The rule applies
+///   to open curves with at least three other points that differ. The distance of the ends is at
+///   most a thousandth of the median distance of consecutive points, or four units in the last
+///   place of the coordinates of the ends, but not more than a tenth of that median.
+///
+///   Rounding stays below that: single precision and text of six digits move a point by 1e-6 of its
+///   coordinates, which is a thousandth of a segment of a ring of several thousand points. Ends
+///   that a simulation keeps apart are further apart.
+/// - **Splines** are closed only if the shape stays the same. A Bezier curve ends at its last
+///   control point, so it may repeat the first one, as a polyline may. Catmull-Rom curves and
+///   B-splines must repeat three: their last three control points are the first three. Others stay
+///   open, even if they end where they start, since a closed spline has no corner
+///   ([`ClosingNote::Corner`]).
+/// - **A curve that only the format closes stays open** if the closing segment is more than twice
+///   as long as the longest other one ([`CurveSource::closed_by_default`]). If the source itself
+///   says that a curve is closed, it is closed by such a segment all the same
+///   ([`ClosingNote::Long`]).
+///
+/// The first frame decides. Later frames are treated in the same way, until
+/// [`Closing::forget`]: a closed curve whose ends have come apart is an error, and an open curve
+/// stays open if its ends meet.
+///
+/// Curves through a periodic cell end at an image of their start: they do not end where they start.
+///
+/// ```
+/// use linkwatch::{Basis, Closing, CurveSource, Positions, RawFrame};
+///
+/// let square = [0., 0., 0., 1., 0., 0., 1., 1., 0., 0., 1., 0., 0., 0., 5e-15];
+/// let frame = RawFrame {
+///     basis: Basis::Polyline,
+///     counts: &[5],
+///     positions: Positions::F64(&square),
+/// };
+/// let mut closing = Closing::default();
+/// let set = closing.curves(frame, CurveSource::default())?;
+/// assert_eq!(set.counts().collect::<Vec<_>>(), [-4]);
+/// assert!(closing.take_notes()[0].to_string().starts_with("1 curve ends where it starts"));
+/// # Ok::<(), linkwatch::Error>(())
+/// ```
+#[derive(Debug, Default)]
+pub struct Closing {
+    keep_open: bool,
+    /// Decisions of the first frame; empty before it.
+    known: Vec<Known>,
+    /// True if a frame with these decisions was verified.
+    accepted: bool,
+    notes: Vec<ClosingNote>,
+    /// Counts and coordinates of the last frame that was changed.
+    counts: Vec<i32>,
+    singles: Vec<f32>,
+    doubles: Vec<f64>,
+}
+
+/// Properties of the source of a frame.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct CurveSource {
+    /// Periodic cell of the frame.
+    pub cell: Option<Cell>,
+    /// True if coordinates are wrapped into the cell: distances are those of nearest images.
+    pub wrapped: bool,
+    /// True if curves are closed because the format says nothing else.
+    pub closed_by_default: bool,
+}
+
+/// Decision of the first frame about a curve.
+#[derive(Clone, Copy, Debug)]
+enum Known {
+    Open,
+    /// Closed by the source.
+    Closed,
+    /// Closed, since its ends were within this distance.
+    Joined(f64),
+}
+
+/// Treatment of a curve of a frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Change {
+    None,
+    /// Closed, without the repeated points.
+    Join,
+    /// Opened.
+    Open,
+}
+
+impl Closing {
+    /// Creates a rule that keeps open curves open if `keep_open` is true.
+    pub fn new(keep_open: bool) -> Closing {
+        Closing {
+            keep_open,
+            ..Closing::default()
+        }
+    }
+
+    /// Returns the number of curves that are closed because they end where they start.
+    pub fn joined(&self) -> usize {
+        let joined = |known: &&Known| matches!(known, Known::Joined(_));
+        self.known.iter().filter(joined).count()
+    }
+
+    /// Returns the decisions of the first frame to tell the user, once.
+    pub fn take_notes(&mut self) -> Vec<ClosingNote> {
+        std::mem::take(&mut self.notes)
+    }
+
+    /// Decides again in the next frame, which has other curves.
+    pub fn forget(&mut self) {
+        self.known.clear();
+        self.accepted = false;
+    }
+
+    /// Tells the result of a frame. A first frame that is rejected decides nothing.
+    pub fn end_frame(&mut self, verified: bool) {
+        match verified {
+            true => self.accepted = true,
+            false if !self.accepted => self.forget(),
+            false => {}
+        }
+    }
+
+    /// Returns a frame with the curves that are to be verified. It is the given one if no curve
+    /// changes. A frame of other curves than the first one is returned as it is.
+    ///
+    /// Errors: [`Error::EndsApart`] if a curve that is closed ends elsewhere than it starts.
+    pub fn close<'a>(
+        &'a mut self,
+        frame: RawFrame<'a>,
+        source: CurveSource,
+    ) -> Result<RawFrame<'a>> {
+        let points = |counts: &[i32]| counts.iter().map(|c| u64::from(c.unsigned_abs())).sum();
+        let all: u64 = points(frame.counts);
+        if frame.positions.len() as u64 != 3 * all {
+            return Ok(frame);
+        }
+        // Copied once: counts in shared memory could change between two reads.
+        self.counts.clear();
+        self.counts.extend_from_slice(frame.counts);
+        if points(&self.counts) != all {
+            return Ok(frame);
+        }
+        if self.known.is_empty() {
+            self.decide(&frame, &source);
+        }
+        if self.known.len() != self.counts.len() {
+            return Ok(frame);
+        }
+        let metric = Metric::new(source.cell.filter(|_| source.wrapped).as_ref());
+        let mut changed = false;
+        let mut first = 0;
+        for (i, known) in self.known.iter().enumerate() {
+            let count = self.counts[i];
+            let layout = Layout::new(frame.basis, first, count);
+            first += layout.points;
+            let change = match (known, count < 0) {
+                (Known::Open, true) if source.closed_by_default => Change::Open,
+                (Known::Closed | Known::Joined(_), false) if !self.keep_open => Change::Join,
+                _ => Change::None,
+            };
+            if change == Change::Join {
+                let within = match known {
+                    Known::Joined(within) => *within,
+                    _ => 0.0,
+                };
+                layout.check_ends(i, &frame.positions, &metric, within)?;
+            }
+            changed |= change != Change::None;
+        }
+        if !changed {
+            return Ok(frame);
+        }
+        self.rebuild(frame, source.closed_by_default)
+    }
+
+    /// Returns the curves of a frame, closed as [`Closing::close`] does.
+    ///
+    /// Errors: those of [`Closing::close`] and of [`CurveSet::from_counts`].
+    pub fn curves(&mut self, frame: RawFrame<'_>, source: CurveSource) -> Result<CurveSet> {
+        let closed = self.close(frame, source)?;
+        CurveSet::from_counts(closed.basis, closed.counts, closed.positions)
+    }
+
+    /// Same as [`Closing::curves`] for curves that were read already. `None` if they stay as they
+    /// are.
+    pub fn of_set(&mut self, set: &CurveSet, source: CurveSource) -> Result<Option<CurveSet>> {
+        let same = |(known, c): (&Known, i32)| match known {
+            Known::Open => c > 0 || !source.closed_by_default,
+            Known::Closed | Known::Joined(_) => c < 0 || self.keep_open,
+        };
+        if self.known.len() == set.len() && self.known.iter().zip(set.counts()).all(same) {
+            return Ok(None);
+        }
+        let counts: Vec<i32> = set.counts().collect();
+        let positions = set.positions();
+        let frame = RawFrame {
+            basis: set.basis(),
+            counts: &counts,
+            positions: positions.as_positions(),
+        };
+        let closed = self.close(frame, source)?;
+        if closed.counts == counts {
+            return Ok(None);
+        }
+        CurveSet::from_counts(closed.basis, closed.counts, closed.positions).map(Some)
+    }
+
+    /// Decides about all curves of the first frame.
+    fn decide(&mut self, frame: &RawFrame<'_>, source: &CurveSource) {
+        let plain = Metric::new(None);
+        let nearest = Metric::new(source.cell.as_ref());
+        let [mut joined, mut corners, mut opened, mut long] = [const { Vec::new() }; 4];
+        let mut first = 0;
+        for (i, &count) in self.counts.iter().enumerate() {
+            let layout = Layout::new(frame.basis, first, count);
+            first += layout.points;
+            let metric = if source.wrapped { &nearest } else { &plain };
+            let at = &frame.positions;
+            self.known.push(if count < 0 {
+                let factor = layout.closing_factor(at, &nearest);
+                let is_long = |factor: f64| factor > ClosingNote::FACTOR;
+                // Curves through the cell close up to a lattice vector.
+                let apart = match source.wrapped {
+                    true => factor,
+                    false => factor.max(layout.closing_factor(at, &plain)),
+                };
+                if is_long(factor) && source.closed_by_default {
+                    opened.push((i, factor));
+                    Known::Open
+                } else {
+                    if is_long(apart) {
+                        long.push((i, apart));
+                    }
+                    Known::Closed
+                }
+            } else if self.keep_open {
+                Known::Open
+            } else {
+                match layout.ends(at, metric) {
+                    Ends::Meet { within } => {
+                        joined.push((i, 0.0));
+                        Known::Joined(within)
+                    }
+                    Ends::Corner => {
+                        corners.push((i, 0.0));
+                        Known::Open
+                    }
+                    Ends::Apart => Known::Open,
+                }
+            });
+        }
+        self.notes = ClosingNote::all(&joined, &corners, &opened, &long);
+    }
+
+    /// Copies a frame with the changes of its curves.
+    fn rebuild<'a>(&'a mut self, frame: RawFrame<'a>, by_default: bool) -> Result<RawFrame<'a>> {
+        let mut kept: Vec<Range<usize>> = Vec::with_capacity(self.counts.len());
+        let mut first = 0;
+        for (known, count) in self.known.iter().zip(&mut self.counts) {
+            let layout = Layout::new(frame.basis, first, *count);
+            first += layout.points;
+            let mut points = layout.first..first;
+            match known {
+                Known::Open if by_default => *count = count.abs(),
+                Known::Closed | Known::Joined(_) if *count > 0 => {
+                    points = layout.without_repeated();
+                    *count = -(points.len() as i32);
+                }
+                _ => {}
+            }
+            match kept.last_mut() {
+                Some(last) if last.end == points.start => last.end = points.end,
+                _ => kept.push(points),
+            }
+        }
+        fn copy<T: Copy>(from: &[T], to: &mut Vec<T>, kept: &[Range<usize>]) {
+            to.clear();
+            for points in kept {
+                to.extend_from_slice(&from[3 * points.start..3 * points.end]);
+            }
+        }
+        let positions = match frame.positions {
+            Positions::F32(from) => {
+                copy(from, &mut self.singles, &kept);
+                Positions::F32(&self.singles)
+            }
+            Positions::F64(from) => {
+                copy(from, &mut self.doubles, &kept);
+                Positions::F64(&self.doubles)
+            }
+        };
+        Ok(RawFrame {
+            basis: frame.basis,
+            counts: &self.counts,
+            positions,
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests;
