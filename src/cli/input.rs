@@ -52,7 +52,7 @@ impl FormatArgs {
     /// Returns the arguments for frames whose coordinates are wrapped, or not.
     pub fn wrapped(&self, wrapped: bool) -> FormatArgs {
         FormatArgs {
-            wrapped,
+            wrapped: wrapped || self.wrapped,
             ..self.clone()
         }
     }
@@ -80,7 +80,8 @@ impl FormatArgs {
 /// Errors: [`Error::Usage`] if the frame has a periodic cell, besides those of reading.
 #[cfg(feature = "lab")]
 pub fn read(argument: &Path) -> Result<CurveSet> {
-    let (format, cells) = (FormatArgs::default(), CellArgs::default());
+    // Torn curves are refused for their cell.
+    let (format, cells) = (FormatArgs::default().wrapped(true), CellArgs::default());
     let picked = Selected::open(argument, &format, cells, Selection::First)?.one()?;
     match picked.cell {
         None => Ok(picked.curves),

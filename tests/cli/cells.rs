@@ -215,7 +215,7 @@ fn a_cell_is_given_to_every_command_that_reads_files() {
 
 /// A ring of a wrapped dump, torn at the boundary of its cell.
 const TORN: &str = "3\nLattice=\"10 0 0 0 10 0 0 0 10\" Properties=species:S:1:pos:R:3:mol:I:1\n\
-                    C 9.5 5 5 1\nC 0.5 5 5 1\nC 0.2 6 5 1\n";
+                    C 9.5 5 5 1\nC 0.5 5 5 1\nC 0.0 5.5 5 1\n";
 
 #[test]
 fn the_advice_on_wrapped_coordinates_leads_to_a_result() {
@@ -248,4 +248,16 @@ fn the_advice_on_wrapped_coordinates_leads_to_a_result() {
             run.stdout, run.stderr
         );
     }
+}
+
+#[cfg(feature = "lab")]
+#[test]
+fn a_command_without_wrapped_does_not_advise_it() {
+    let folder = TempDir::new().unwrap();
+    let model = folder.path().join("torn.xyz");
+    std::fs::write(&model, TORN).unwrap();
+    let run = linkwatch(&["study", "kernels", text(&model), "--repeat", "1"]);
+    assert_eq!(run.code, 2, "{}", run.stdout);
+    assert!(!run.stderr.contains("--wrapped"), "{}", run.stderr);
+    assert!(run.stderr.contains("`linkwatch convert`"), "{}", run.stderr);
 }
