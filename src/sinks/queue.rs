@@ -32,9 +32,9 @@ pub enum Overflow {
     /// disk delays the watch only once.
     Wait(Duration),
     /// The caller waits for capacity while the sink takes at least one frame within this time. For
-    /// a replay, on which no simulator waits: a slow disk loses no frame.
+    /// a replay, on which no simulator waits: a slow disk or viewer loses no frame.
     WaitForProgress(Duration),
-    /// The caller never waits. For viewers.
+    /// The caller never waits. For viewers of a live simulation.
     DropOldest,
 }
 
@@ -338,16 +338,29 @@ impl SinkQueue {
 
     /// Closes the sink after it has written the waiting frames, and returns its result. After
     /// `limit` its thread is abandoned: the process may exit, and unwritten frames are lost and
-    /// reported.
+    /// reported. [`Overflow::WaitForProgress`] has a limit of its own, for each frame.
     pub fn finish(mut self, limit: Duration) -> SinkSummary {
+        let (limit, each) = match self.shared.overflow {
+            Overflow::WaitForProgress(limit) => (limit, true),
+            Overflow::Wait(_) | Overflow::DropOldest => (limit, false),
+        };
         let mut state = self.shared.lock();
         state.closing = true;
         self.shared.filled.notify_one();
         let working = |s: &State| !s.done && s.failed.is_none();
-        state = self
-            .shared
-            .wait_with_warning(state, limit, working, "has not finished");
-        let late = !state.done && state.failed.is_none();
+        loop {
+            let waiting = state.frames;
+            state = self.shared.wait_with_warning(
+                state,
+                limit,
+                |s| working(s) && !(each && s.frames < waiting),
+                "has not finished",
+            );
+            if !working(&state) || state.frames == waiting {
+                break;
+            }
+        }
+        let late = working(&state);
         let done = state.done;
         drop(state);
         if late {

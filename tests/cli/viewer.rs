@@ -74,6 +74,41 @@ fn a_server_that_ends_at_once_is_an_error() {
     std::fs::set_permissions(&program, std::fs::Permissions::from_mode(0o755)).unwrap();
     let run = serve(&models, folder.path());
     assert_eq!(run.code, 2, "{}", run.stdout);
-    let why = "`rerun --serve-web` ended before it served (exit status: 7)";
+    let why = "`rerun --serve-web` ended before it listened (exit status: 7)";
     assert!(run.stderr.contains(why), "{}", run.stderr);
+}
+
+/// Runs `check --view` with an empty PATH, and with these variables of a screen only.
+fn view(screen: &[(&str, &str)]) -> Run {
+    let folder = TempDir::new().unwrap();
+    let models = motion(folder.path(), 1.0, true);
+    let mut command = command();
+    command.arg("check").args(models).arg("--view");
+    for name in ["WAYLAND_DISPLAY", "WAYLAND_SOCKET", "DISPLAY"] {
+        command.env_remove(name);
+    }
+    command.env("PATH", folder.path());
+    command.envs(screen.iter().copied());
+    command.output().unwrap().into()
+}
+
+#[test]
+#[cfg(target_os = "linux")]
+fn a_viewer_without_a_screen_fails_at_once_and_names_other_outputs() {
+    for screen in [&[][..], &[("DISPLAY", "")]] {
+        let run = view(screen);
+        assert_eq!((run.code, run.stdout.as_str()), (2, ""));
+        assert!(run.stderr.contains("no screen"), "{}", run.stderr);
+        assert!(run.stderr.contains("--rrd FILE.rrd"), "{}", run.stderr);
+        assert!(run.stderr.contains("--serve"), "{}", run.stderr);
+    }
+}
+
+#[test]
+fn a_viewer_without_its_program_fails_at_once_and_names_other_outputs() {
+    let run = view(&[("DISPLAY", ":1")]);
+    assert_eq!((run.code, run.stdout.as_str()), (2, ""));
+    let install = "no program `rerun` in PATH to show frames; `pip install rerun-sdk==";
+    assert!(run.stderr.contains(install), "{}", run.stderr);
+    assert!(run.stderr.contains("--rrd FILE.rrd"), "{}", run.stderr);
 }

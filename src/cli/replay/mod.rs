@@ -39,13 +39,7 @@ const SETTINGS: &[&str] = &[
 ];
 
 /// Outputs for verified frames.
-const OUTPUTS: &[&str] = &[
-    "record",
-    #[cfg(feature = "rerun")]
-    "shown",
-    "Overwrite",
-    "JunitArgs",
-];
+const OUTPUTS: &[&str] = &["record", "shown", "Overwrite", "JunitArgs"];
 
 /// Verify a recording again, frame by frame, and compare with the recorded verdicts
 ///

@@ -14,6 +14,11 @@ mod sinks;
 mod summary;
 mod times;
 mod violations;
+#[cfg(feature = "rerun")]
+mod viewer;
+#[cfg(not(feature = "rerun"))]
+#[path = "no_viewer.rs"]
+mod viewer;
 
 pub use junit::JunitArgs;
 #[cfg(feature = "bus")]

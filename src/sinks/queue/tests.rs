@@ -252,6 +252,35 @@ fn a_replay_waits_for_a_slow_sink_but_not_for_a_frozen_one() {
     queue.finish(LONG);
 }
 
+/// Regression test: a viewer that opens slowly, or shows frames slowly, missed most frames of a
+/// replay.
+#[test]
+fn a_replay_waits_for_a_viewer_to_open_and_to_take_its_last_frames() {
+    let limit = Duration::from_secs(2);
+    let (sink, handle) = probe(None);
+    let queue = SinkQueue::spawn("probe", 3, Overflow::WaitForProgress(limit), move || {
+        std::thread::sleep(limit / 4);
+        Ok(sink)
+    })
+    .unwrap();
+    let slow = std::thread::spawn(move || {
+        (1..=26).for_each(|_| handle.permits.send(()).unwrap());
+        // Each of the last frames takes a part of the limit; together they take longer.
+        for _ in 27..=30 {
+            std::thread::sleep(limit * 2 / 5);
+            handle.permits.send(()).unwrap();
+        }
+    });
+    (1..=30).for_each(|seq| queue.frame(frame(seq, Verdict::Intact)));
+    // The limit of the caller is that of all sinks of a live run.
+    let summary = queue.finish(Duration::ZERO);
+    let SinkSummary {
+        written, dropped, ..
+    } = summary;
+    assert_eq!((written, dropped, summary.failed), (30, 0, None));
+    slow.join().unwrap();
+}
+
 #[test]
 fn a_sink_is_opened_on_its_own_thread_at_the_first_event() {
     let (sink, handle) = probe(None);

@@ -3,16 +3,18 @@
 
 use super::names::entity;
 use super::passed::pair;
+use super::plots::{ms, plot};
 use super::stream::{log, log_static};
 use super::style::{ORANGE, RED, YELLOW, lines, narrow, points};
 use crate::curve::vector::distance;
 use crate::curve::{Cell, CurveSet, Point};
 use crate::error::Result;
 use crate::simd::LANES;
+use crate::sinks::FrameRecord;
 use crate::thickness::{ClearanceOptions, CloseBlock, REACH, close_blocks_within};
 use crate::verdict::{Clearance, CloseStrands};
 use re_sdk::RecordingStream;
-use re_sdk_types::archetypes::{LineStrips3D, Scalars, SeriesLines};
+use re_sdk_types::archetypes::{LineStrips3D, SeriesLines};
 use re_sdk_types::components::Radius;
 
 /// Maximum number of marks.
@@ -111,15 +113,14 @@ impl ClearanceView {
         Vec::new()
     }
 
-    /// Logs the clearance of a frame and the limit of the warning.
-    pub fn plot(&self, rec: &RecordingStream, clearance: &Clearance) -> Result<()> {
-        let ratio = clearance.closest.map_or(REACH, |c| c.ratio);
-        log(rec, entity::CLEARANCE, &Scalars::single(ratio))?;
-        log(
-            rec,
-            entity::CLEARANCE_LOW,
-            &Scalars::single(self.options.low),
-        )
+    /// Logs the clearance of a frame, if it was measured, and the limit of the warning.
+    pub fn plot(&self, rec: &RecordingStream, record: &FrameRecord) -> Result<()> {
+        let found = record.report.clearance.as_ref();
+        let ratio = found.map(|found| found.closest.map_or(REACH, |c| c.ratio));
+        plot(rec, entity::CLEARANCE, ratio)?;
+        plot(rec, entity::CLEARANCE_LOW, found.map(|_| self.options.low))?;
+        let time = found.map(|_| ms(record.times.stages.clearance));
+        plot(rec, entity::MEASURE, time)
     }
 }
 

@@ -33,7 +33,7 @@ mod options;
 mod passed;
 mod picture;
 mod plots;
-mod serve;
+mod program;
 mod status;
 mod stream;
 mod style;
@@ -63,15 +63,15 @@ use re_sdk_types::archetypes::{TextDocument, TextLog, Transform3D};
 use re_sdk_types::blueprint::archetypes::EyeControls3D;
 use std::time::Duration;
 
-/// Time limit of the viewer to accept all data at the end.
-const FLUSH_LIMIT: Duration = Duration::from_secs(10);
+/// Time limit of the viewer to accept all data at the end: some 250 MB may wait for it.
+const FLUSH_LIMIT: Duration = Duration::from_secs(60);
 
 /// Number of frames after which a live viewer receives all curves again. A server drops its oldest
 /// data at some time, and a browser that opens later would not show curves that are at rest.
 const REPEAT: u64 = 1000;
 
-/// Logs frames to rerun. Use it behind a [`crate::SinkQueue`] that drops the oldest frames, because
-/// a viewer that stops reading blocks it.
+/// Logs frames to rerun. Use it behind a [`crate::SinkQueue`], because a viewer that stops reading
+/// blocks it.
 pub struct ViewerSink {
     rec: RecordingStream,
     /// Message about the baseline. Logged with the first frame, because before it there is no time
@@ -97,8 +97,6 @@ pub struct ViewerSink {
     scale: Option<f64>,
     /// The newest status.
     status: String,
-    /// True if a frame with times of a live run was logged.
-    live: bool,
     first: Option<First>,
     cell: CellView,
     clearance: Option<ClearanceView>,
@@ -136,7 +134,6 @@ impl ViewerSink {
             is_earlier: false,
             redraws: false,
             passed: Passed::default(),
-            live: false,
             layout: 0,
             curves: Curves::default(),
             scale: None,
@@ -174,10 +171,13 @@ impl ViewerSink {
     /// Shows the clearance of a frame, on its curves if they are drawn, and logs a line if it
     /// becomes low.
     fn add_clearance(&mut self, record: &FrameRecord, draws: bool) -> Result<()> {
-        let (Some(view), Some(found)) = (&mut self.clearance, &record.report.clearance) else {
+        let Some(view) = &mut self.clearance else {
             return Ok(());
         };
-        view.plot(&self.rec, found)?;
+        view.plot(&self.rec, record)?;
+        let Some(found) = &record.report.clearance else {
+            return Ok(());
+        };
         let labels = &record.info.labels;
         if let Some(set) = record.curves.as_deref().filter(|_| draws) {
             let cell = record.info.cell.as_ref();
@@ -193,17 +193,17 @@ impl ViewerSink {
         }
     }
 
-    /// Logs a line. In a file, the lines of later frames are also at the end of the timeline of the
-    /// first violation, so that the file opens with the whole log.
+    /// Logs a line. The lines of later frames are also at the end of the timeline of the first
+    /// violation, so that the run opens with the whole log.
     fn log_line(&self, line: &TextLog) -> Result<()> {
         match &self.first {
-            Some(first) if self.is_file => {
+            Some(first) => {
                 self.rec.set_time_sequence(UNTIL, first.frame);
                 let logged = log(&self.rec, entity::LOG, line);
                 self.rec.disable_timeline(UNTIL);
                 logged
             }
-            _ => log(&self.rec, entity::LOG, line),
+            None => log(&self.rec, entity::LOG, line),
         }
     }
 
@@ -271,7 +271,7 @@ impl ViewerSink {
         Ok(())
     }
 
-    /// Makes a file open at the first violation, or at its end if there is none.
+    /// Makes a run that has ended open at the first violation, or at its end if there is none.
     fn open_at_first(&mut self) -> Result<()> {
         let (timeline, near) = match self.first.take() {
             Some(first) if first.later > 0 => {
@@ -324,11 +324,9 @@ impl Sink for ViewerSink {
         let report = record.report.as_ref();
         let seq = i64::try_from(report.seq).unwrap_or(i64::MAX);
         self.rec.set_time_sequence(FRAME, seq);
-        if self.is_file {
-            match &self.first {
-                None => self.rec.set_time_sequence(UNTIL, seq),
-                Some(_) => self.rec.disable_timeline(UNTIL),
-            }
+        match &self.first {
+            None => self.rec.set_time_sequence(UNTIL, seq),
+            Some(_) => self.rec.disable_timeline(UNTIL),
         }
         self.set_time(report.time)?;
         if let Some(text) = self.greeting.take() {
@@ -354,13 +352,7 @@ impl Sink for ViewerSink {
             picture::draw_places(&self.rec, set, cell, report)?;
             picture::draw_passed(&self.rec, &self.passed, set)?;
         }
-        if self.passed.words().is_none() && !report.events.is_empty() {
-            plots::describe_events(&self.rec)?;
-        }
         self.passed.add(report, record.curves.as_deref());
-        if record.times.live.is_some() && !std::mem::replace(&mut self.live, true) {
-            plots::describe_live(&self.rec)?;
-        }
         plots::add(&self.rec, record)?;
         self.add_clearance(record, draws)?;
         let news = self
@@ -385,9 +377,7 @@ impl Sink for ViewerSink {
     }
 
     fn finish(mut self: Box<Self>) -> Result<()> {
-        if self.is_file {
-            self.open_at_first()?;
-        }
+        self.open_at_first()?;
         self.rec.flush_with_timeout(FLUSH_LIMIT).map_err(failed)
     }
 }

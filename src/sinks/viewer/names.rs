@@ -7,8 +7,8 @@ pub(super) const APPLICATION: &str = "linkwatch";
 pub(super) const FRAME: &str = "frame";
 pub(super) const SIM_TIME: &str = "sim_time";
 
-/// Timeline of the frames up to the first violation, in files. A layout cannot place the time
-/// cursor, but a viewer that follows a timeline opens at its end.
+/// Timeline of the frames up to the first violation. A layout cannot place the time cursor, but a
+/// viewer that follows a timeline opens at its end.
 pub(super) const UNTIL: &str = "until_violation";
 
 /// Paths of the entities.

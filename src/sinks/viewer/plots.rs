@@ -12,7 +12,7 @@ use re_sdk_types::archetypes::{Scalars, SeriesLines};
 use re_sdk_types::components::{InterpolationMode, MarkerShape};
 use std::time::Duration;
 
-/// Logs the names and colours of all series except for the pull-throughs.
+/// Logs the names and colours of all series except for those of the clearance.
 pub(super) fn describe(rec: &RecordingStream) -> Result<()> {
     let series = [
         (entity::LOST, RED, "links lost"),
@@ -25,6 +25,8 @@ pub(super) fn describe(rec: &RecordingStream) -> Result<()> {
         (entity::PAIRS, ORANGE, "potential links"),
         (entity::LINKING, RED, "linking numbers"),
         (entity::SEARCH, GREEN, "search for pull-throughs"),
+        (entity::WAIT, VIOLET, "wait for the frame"),
+        (entity::SEND, VIOLET, "verdict sent"),
         (entity::MARKED, ORANGE, "blocks marked, %"),
         (entity::RECOMPUTED, RED, "pairs recomputed"),
         (entity::SKIPPED, ORANGE, "frames skipped so far"),
@@ -41,7 +43,8 @@ pub(super) fn describe(rec: &RecordingStream) -> Result<()> {
         let style = series_points(color, route.word(), MarkerShape::Circle, 3.5);
         log_static(rec, path, &style)?;
     }
-    Ok(())
+    let events = series_points(CYAN, "pull-throughs", MarkerShape::Diamond, 6.0);
+    log_static(rec, entity::EVENT_COUNT, &events)
 }
 
 /// Logs the name and colour of a line.
@@ -60,87 +63,76 @@ fn describe_line(rec: &RecordingStream, path: &str, color: u32, name: &str) -> R
     log_static(rec, path, &style)
 }
 
-/// Logs the names and colours of the times of live frames. Call it before the first one but no
-/// earlier, because the viewer reports an error for a series without data.
-pub(super) fn describe_live(rec: &RecordingStream) -> Result<()> {
-    describe_line(rec, entity::WAIT, VIOLET, "wait for the frame")?;
-    describe_line(rec, entity::SEND, VIOLET, "verdict sent")
-}
-
 /// Logs the name and colour of the time of the clearance, if it is measured.
 pub(super) fn describe_clearance(rec: &RecordingStream) -> Result<()> {
     describe_line(rec, entity::MEASURE, YELLOW, "clearance")
 }
 
-/// Logs the name and colour of the pull-throughs. Call it before the first one but no earlier,
-/// because the viewer reports an error for a series without data.
-pub(super) fn describe_events(rec: &RecordingStream) -> Result<()> {
-    let style = series_points(CYAN, "pull-throughs", MarkerShape::Diamond, 6.0);
-    log_static(rec, entity::EVENT_COUNT, &style)
+/// Logs the value of a series in a frame, or that it has none.
+///
+/// Every frame logs all series, because the viewer reports an error for a series that has data, but
+/// none on the timeline that is shown.
+pub(super) fn plot(rec: &RecordingStream, path: &str, value: Option<f64>) -> Result<()> {
+    log(rec, path, &Scalars::new(value))
 }
 
 /// Logs the counts and times of a frame.
 pub(super) fn add(rec: &RecordingStream, record: &FrameRecord) -> Result<()> {
+    let FrameRecord {
+        report,
+        times,
+        work,
+        ..
+    } = record;
     for (path, kind) in [
         (entity::LOST, ChangeKind::Lost),
         (entity::GAINED, ChangeKind::Gained),
         (entity::CHANGED, ChangeKind::Changed),
     ] {
-        let count = record.report.count(kind) as f64;
-        log(rec, path, &Scalars::single(count))?;
+        plot(rec, path, Some(report.count(kind) as f64))?;
     }
     // A point for each frame that has some, because a line would cover that of the links.
-    if !record.report.events.is_empty() {
-        let events = record.report.events.len() as f64;
-        log(rec, entity::EVENT_COUNT, &Scalars::single(events))?;
+    let events = Some(report.events.len()).filter(|&n| n > 0);
+    plot(rec, entity::EVENT_COUNT, events.map(|n| n as f64))?;
+    let check = ms(times.check());
+    let wait = times.live.map(|live| ms(live.wait));
+    let send = times.live.map(|live| ms(live.send));
+    for (path, time) in [
+        (entity::CHECK, Some(check)),
+        (entity::INGEST, Some(ms(times.ingest))),
+        (entity::VERIFICATION, Some(ms(times.verification))),
+        (entity::WAIT, wait),
+        (entity::SEND, send),
+    ] {
+        plot(rec, path, time)?;
     }
-    let times = &record.times;
-    let check_ms = ms(times.check());
-    log(rec, entity::CHECK, &Scalars::single(check_ms))?;
-    log(rec, entity::INGEST, &Scalars::single(ms(times.ingest)))?;
-    log(
-        rec,
-        entity::VERIFICATION,
-        &Scalars::single(ms(times.verification)),
-    )?;
-    if let Some(live) = &times.live {
-        log(rec, entity::WAIT, &Scalars::single(ms(live.wait)))?;
-        log(rec, entity::SEND, &Scalars::single(ms(live.send)))?;
+    // A rejected frame was not verified.
+    let verified = report.verdict != Verdict::Rejected;
+    let stages = &times.stages;
+    for (path, time) in [
+        (entity::BOXES, stages.boxes),
+        (entity::PAIRS, stages.pairs),
+        (entity::LINKING, stages.links),
+        (entity::SEARCH, stages.events),
+    ] {
+        plot(rec, path, verified.then(|| ms(time)))?;
     }
-    if record.report.verdict != Verdict::Rejected {
-        let work = &record.work;
-        let stages = &times.stages;
-        for (path, time) in [
-            (entity::BOXES, stages.boxes),
-            (entity::PAIRS, stages.pairs),
-            (entity::LINKING, stages.links),
-            (entity::SEARCH, stages.events),
-        ] {
-            log(rec, path, &Scalars::single(ms(time)))?;
-        }
-        if record.report.clearance.is_some() {
-            log(rec, entity::MEASURE, &Scalars::single(ms(stages.clearance)))?;
-        }
-        let route = entity::ROUTES[work.route as usize];
-        log(rec, route, &Scalars::single(check_ms))?;
-        // A frame that was not compared with a reference frame has no blocks to mark.
-        if work.blocks > 0 {
-            let marked = 100.0 * work.marked as f64 / work.blocks as f64;
-            log(rec, entity::MARKED, &Scalars::single(marked))?;
-        }
-        log(
+    for (path, route) in entity::ROUTES.into_iter().zip(Route::ALL) {
+        plot(
             rec,
-            entity::RECOMPUTED,
-            &Scalars::single(work.recomputed as f64),
+            path,
+            (verified && work.route == route).then_some(check),
         )?;
     }
-    log(
-        rec,
-        entity::SKIPPED,
-        &Scalars::single(record.skipped as f64),
-    )
+    // A frame that was not compared with a reference frame has no blocks to mark.
+    let marked =
+        (verified && work.blocks > 0).then(|| 100.0 * work.marked as f64 / work.blocks as f64);
+    plot(rec, entity::MARKED, marked)?;
+    let recomputed = verified.then_some(work.recomputed as f64);
+    plot(rec, entity::RECOMPUTED, recomputed)?;
+    plot(rec, entity::SKIPPED, Some(record.skipped as f64))
 }
 
-fn ms(time: Duration) -> f64 {
+pub(super) fn ms(time: Duration) -> f64 {
     time.as_secs_f64() * 1e3
 }

@@ -2,22 +2,12 @@
 //! screen or for browsers.
 
 use super::names::APPLICATION;
-use super::serve;
+use super::program::{self, PORT, PROBE_LIMIT};
 use super::stream::failed;
-use crate::error::{Error, Result};
-use re_sdk::{RecordingStream, RecordingStreamBuilder, SpawnOptions};
+use crate::error::Result;
+use re_sdk::{RecordingStream, RecordingStreamBuilder};
 use std::net::{TcpStream, ToSocketAddrs};
 use std::path::PathBuf;
-use std::time::Duration;
-
-/// Default port of viewers.
-const PORT: u16 = 9876;
-
-/// Time limit of a running viewer to accept a connection.
-pub(super) const PROBE_LIMIT: Duration = Duration::from_secs(2);
-
-/// Program to start.
-pub(super) const PROGRAM: &str = "rerun";
 
 /// Destination of frames to show.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -47,22 +37,9 @@ impl ViewerTarget {
                 probe(&host)?;
                 builder.connect_grpc_opts(url).map_err(failed)
             }
-            ViewerTarget::Spawn => {
-                let options = SpawnOptions {
-                    wait_for_bind: true,
-                    hide_welcome_screen: true,
-                    // Only this machine sends frames to it.
-                    extra_args: vec!["--bind=127.0.0.1".into()],
-                    ..SpawnOptions::default()
-                };
-                let running = TcpStream::connect_timeout(&options.connect_addr(), PROBE_LIMIT);
-                if running.is_err() && find_program().is_none() {
-                    return Err(no_program());
-                }
-                builder.spawn_opts(&options).map_err(failed)
-            }
+            ViewerTarget::Spawn => builder.connect_grpc_opts(program::show()?).map_err(failed),
             ViewerTarget::Serve(port) => {
-                let url = serve::start(*port)?;
+                let url = program::serve(*port)?;
                 builder.connect_grpc_opts(url).map_err(failed)
             }
         }
@@ -98,24 +75,6 @@ fn probe(host: &str) -> Result<()> {
         }
     }
     Err(unreachable(last))
-}
-
-/// Returns the path of the installed program, if there is one.
-pub(super) fn find_program() -> Option<PathBuf> {
-    let path = std::env::var_os("PATH").unwrap_or_default();
-    let program = |folder: PathBuf| {
-        let program = folder.join(PROGRAM);
-        program.with_extension(std::env::consts::EXE_EXTENSION)
-    };
-    std::env::split_paths(&path)
-        .map(program)
-        .find(|program| program.is_file())
-}
-
-pub(super) fn no_program() -> Error {
-    failed(format_args!(
-        "no program `{PROGRAM}` in PATH to show frames; `pip install rerun-sdk==0.36.3` installs it"
-    ))
 }
 
 #[cfg(test)]

@@ -10,8 +10,9 @@ use crate::verdict::{PullThrough, Report};
 use re_sdk::RecordingStreamBuilder;
 use re_sdk::log::{Chunk, LogMsg};
 use re_sdk::sink::MemorySinkStorage;
-use re_sdk_types::archetypes::{LineStrips3D, Points3D};
+use re_sdk_types::archetypes::{LineStrips3D, Points3D, Scalars};
 use re_sdk_types::blueprint::archetypes::TimePanelBlueprint;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 use std::time::{Duration, SystemTime};
 
@@ -137,11 +138,11 @@ fn a_pull_through_keeps_a_mark_that_moves_with_the_curve() {
     assert_eq!(broken, [1, 0]);
 }
 
-/// Returns the messages of a file.
-fn written(frames: &[FrameRecord]) -> Vec<LogMsg> {
+/// Returns the messages of a run that has ended, of a file or of a live viewer.
+fn ended(frames: &[FrameRecord], is_file: bool) -> Vec<LogMsg> {
     let (rec, storage): (_, MemorySinkStorage) =
         RecordingStreamBuilder::new(APPLICATION).memory().unwrap();
-    let mut sink = ViewerSink::log_to(rec, true).unwrap();
+    let mut sink = ViewerSink::log_to(rec, is_file).unwrap();
     for frame in frames {
         sink.frame(frame).unwrap();
     }
@@ -177,7 +178,17 @@ fn intact(seq: u64) -> FrameRecord {
 
 #[test]
 fn a_file_opens_at_the_first_violation_and_has_the_whole_log() {
-    let messages = written(&[intact(1), broken(2), intact(3), broken(4)]);
+    opens_at_the_first_violation(true);
+}
+
+/// A browser may open after the run has ended.
+#[test]
+fn a_server_opens_at_the_first_violation_and_has_the_whole_log() {
+    opens_at_the_first_violation(false);
+}
+
+fn opens_at_the_first_violation(is_file: bool) {
+    let messages = ended(&[intact(1), broken(2), intact(3), broken(4)], is_file);
     let (timelines, eyes) = layouts(&messages);
     assert_eq!(timelines, ["frame", "frame", "until_violation"]);
     assert_eq!(eyes, 2, "at the violation, and at the end");
@@ -205,9 +216,41 @@ fn a_file_opens_at_the_first_violation_and_has_the_whole_log() {
 #[test]
 fn a_file_opens_at_its_end_if_nothing_follows_the_violation() {
     for frames in [[intact(1), broken(2)], [intact(1), intact(2)]] {
-        let (timelines, eyes) = layouts(&written(&frames));
+        let (timelines, eyes) = layouts(&ended(&frames, true));
         assert_eq!(timelines.last().map(String::as_str), Some("frame"));
         assert!(eyes > 0);
+    }
+}
+
+/// Regression test: the viewer reported "Component 'Scalars:scalars' does not exist" for series
+/// that began after the first violation.
+#[test]
+fn every_series_exists_on_every_timeline() {
+    let mut rejected = record(1, None, Vec::new());
+    rejected.times.live = None;
+    let live = |mut frame: FrameRecord| {
+        frame.times.live = Some(Default::default());
+        frame.work.blocks = 3;
+        frame
+    };
+    let messages = ended(&[rejected, live(intact(2)), live(broken(3))], true);
+    let scalars = Scalars::descriptor_scalars().component;
+    let mut series = BTreeMap::<String, BTreeSet<String>>::new();
+    for message in &messages {
+        let LogMsg::ArrowMsg(_, message) = message else {
+            continue;
+        };
+        let chunk = Chunk::from_arrow_msg(message).unwrap();
+        if chunk.components().contains_component(scalars) {
+            let timelines = chunk.timelines().keys().map(|name| name.to_string());
+            let path = chunk.entity_path().to_string();
+            series.entry(path).or_default().extend(timelines);
+        }
+    }
+    assert_eq!(series.len(), 18, "{series:?}");
+    let expected = [FRAME, SIM_TIME, UNTIL].map(str::to_owned).into();
+    for (path, timelines) in series {
+        assert_eq!(timelines, expected, "{path}");
     }
 }
 

@@ -1,0 +1,190 @@
+//! The installed program `rerun`: a viewer on the screen, or a server for browsers, which contains
+//! the viewer for them and passes frames on to it. The library could serve them as well, but would
+//! be compiled much longer.
+//!
+//! The program listens on the loopback interface only. It is a process of its own, and stays when
+//! the run ends, so that its frames can still be looked at.
+
+use super::stream::failed;
+use crate::error::{Error, Result};
+use std::net::{Ipv4Addr, SocketAddr, TcpStream};
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+
+/// Default port of viewers.
+pub(super) const PORT: u16 = 9876;
+
+/// Time limit of a running program to accept a connection.
+pub(super) const PROBE_LIMIT: Duration = Duration::from_secs(2);
+
+/// Name of the program.
+const PROGRAM: &str = "rerun";
+
+/// Time limit of the program to listen, and interval of the attempts to connect.
+const START_LIMIT: Duration = Duration::from_secs(60);
+const INTERVAL: Duration = Duration::from_millis(50);
+
+/// Memory in which a server keeps frames for browsers that open later. By default it keeps 1 GiB,
+/// and drops the oldest frames without a word.
+const SERVER_MEMORY: &str = "--server-memory-limit=50%";
+
+/// Variables of the environment that name a screen on Linux.
+const SCREENS: [&str; 3] = ["WAYLAND_DISPLAY", "WAYLAND_SOCKET", "DISPLAY"];
+
+/// Starts a viewer on the screen, unless one listens. Returns its URL.
+///
+/// Errors: there is no screen or no program, or the viewer does not start.
+pub(super) fn show() -> Result<String> {
+    let url = format!("rerun+http://127.0.0.1:{PORT}/proxy");
+    if listens(PORT) {
+        tracing::info!("frames are shown by the viewer that runs");
+        return Ok(url);
+    }
+    let is_set = |name: &&str| std::env::var_os(name).is_some_and(|value| !value.is_empty());
+    if cfg!(target_os = "linux") && !SCREENS.iter().any(|name| is_set(&name)) {
+        let names = SCREENS.join(", ");
+        return Err(failed(format_args!(
+            "no screen to show frames on: none of {names} is set"
+        )));
+    }
+    let mut command = program()?;
+    command
+        .args(["--bind", "127.0.0.1", "--hide-welcome-screen"])
+        .args(["--expect-data-soon", "--port", &PORT.to_string()]);
+    start(command, &[PORT], "")?;
+    Ok(url)
+}
+
+/// Starts a server, unless one listens. Browsers connect to `port`, and this process to the next
+/// one. Returns the URL for this process.
+///
+/// Errors: one of the ports is in use, or the server does not start.
+pub(super) fn serve(port: u16) -> Result<String> {
+    let Some(frames) = port.checked_add(1).filter(|_| port > 0) else {
+        return Err(failed(format_args!("port {port}, expected 1 to 65534")));
+    };
+    let browsers_url =
+        format!("http://127.0.0.1:{port}/?url=rerun%2Bhttp%3A%2F%2F127.0.0.1%3A{frames}%2Fproxy");
+    let url = format!("rerun+http://127.0.0.1:{frames}/proxy");
+    match [port, frames].map(listens) {
+        [true, true] => {
+            tracing::info!("frames are shown by the server that runs: {browsers_url}");
+            return Ok(url);
+        }
+        [false, false] => {}
+        [used, _] => {
+            let used = if used { port } else { frames };
+            return Err(failed(format_args!(
+                "port {used} is in use; a server for browsers needs ports {port} and {frames}: \
+                 choose others (--serve PORT)"
+            )));
+        }
+    }
+    let mut command = program()?;
+    command
+        .args(["--serve-web", "--bind", "127.0.0.1", SERVER_MEMORY])
+        .args(["--web-viewer-port", &port.to_string()])
+        .args(["--port", &frames.to_string()]);
+    let server = start(command, &[port, frames], " --serve-web")?;
+    tracing::info!(
+        "a browser shows the frames: {browsers_url} (the server stays when this run ends; \
+         `kill -- -{server}` ends it)"
+    );
+    Ok(url)
+}
+
+/// Returns a command that starts the installed program. Warns if its version is another one than
+/// that of this library.
+fn program() -> Result<Command> {
+    let program = find().ok_or_else(|| -> Error {
+        failed(format_args!(
+            "no program `{PROGRAM}` in PATH to show frames; `pip install rerun-sdk=={}` installs it",
+            version()
+        ))
+    })?;
+    if let Some(installed) = installed_version(&program)
+        && installed != version()
+    {
+        tracing::warn!(
+            "{}: version {installed} may not show frames of version {}; `pip install \
+             rerun-sdk=={}` installs that one",
+            program.display(),
+            version(),
+            version()
+        );
+    }
+    Ok(Command::new(program))
+}
+
+/// Version of the viewer that frames are written for.
+fn version() -> String {
+    re_sdk::build_info().version.to_string()
+}
+
+/// Returns the version that the program prints: `rerun-cli 0.36.3 [..]`.
+fn installed_version(program: &Path) -> Option<String> {
+    let mut command = Command::new(program);
+    let output = command
+        .arg("--version")
+        .stdin(Stdio::null())
+        .output()
+        .ok()?;
+    let text = String::from_utf8_lossy(&output.stdout);
+    Some(text.split_whitespace().nth(1)?.to_owned())
+}
+
+/// Returns the path of the installed program, if there is one.
+fn find() -> Option<PathBuf> {
+    let path = std::env::var_os("PATH").unwrap_or_default();
+    let program = |folder: PathBuf| {
+        let program = folder.join(PROGRAM);
+        program.with_extension(std::env::consts::EXE_EXTENSION)
+    };
+    std::env::split_paths(&path)
+        .map(program)
+        .find(|program| program.is_file())
+}
+
+/// Starts the program, waits until it listens on all ports, and returns its process id. `mode` is
+/// an option for messages.
+fn start(mut command: Command, ports: &[u16], mode: &str) -> Result<u32> {
+    command
+        .stdin(Stdio::null())
+        // It writes to them as long as it runs, and would keep those of this process open.
+        .stdout(Stdio::null())
+        .stderr(Stdio::null());
+    // Ctrl-C at the terminal ends this process, but not the program.
+    #[cfg(unix)]
+    std::os::unix::process::CommandExt::process_group(&mut command, 0);
+    let mut process = command.spawn().map_err(failed)?;
+    wait(&mut process, ports, mode)?;
+    Ok(process.id())
+}
+
+/// Waits until a process listens on all ports.
+fn wait(process: &mut Child, ports: &[u16], mode: &str) -> Result<()> {
+    let start = Instant::now();
+    while !ports.iter().copied().all(listens) {
+        if let Some(status) = process.try_wait().map_err(failed)? {
+            return Err(failed(format_args!(
+                "`{PROGRAM}{mode}` ended before it listened ({status}); run it alone to see why"
+            )));
+        }
+        if start.elapsed() > START_LIMIT {
+            process.kill().ok();
+            return Err(failed(format_args!(
+                "`{PROGRAM}{mode}` did not listen on port {} within {START_LIMIT:?}",
+                ports[0]
+            )));
+        }
+        std::thread::sleep(INTERVAL);
+    }
+    Ok(())
+}
+
+/// Returns true if a process listens on a port of the loopback interface.
+fn listens(port: u16) -> bool {
+    let address = SocketAddr::from((Ipv4Addr::LOCALHOST, port));
+    TcpStream::connect_timeout(&address, PROBE_LIMIT).is_ok()
+}
