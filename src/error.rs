@@ -174,8 +174,8 @@ pub enum Error {
     /// A frame has more pairs of curves that come close than
     /// [`VerifierOptions::max_pairs`](crate::VerifierOptions::max_pairs).
     #[error(
-        "the boxes of more than {limit} pairs of curves overlap, which is the limit: if the memory \
-         suffices, raise it (--max-pairs), or share the pairs among several processes (--shard)"
+        "the boxes of more than {limit} pairs of curves overlap, which is the limit: raise it if \
+         the memory suffices (--max-pairs)"
     )]
     TooManyPairs {
         /// The limit.

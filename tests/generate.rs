@@ -147,7 +147,7 @@ fn bad_arguments_exit_with_2_and_leave_no_file() {
         ),
         (
             &["ribbon", "-o", text(&nowhere)],
-            "none/a.bcc: No such file",
+            "none/a.bcc: its folder does not exist",
         ),
     ] {
         let Run {

@@ -37,7 +37,10 @@ pub struct Args {
     format: FormatArgs,
     /// Expected linking numbers: those of the first model, or a certificate as `linkwatch certify
     /// -o` writes it [default: first-frame]
-    #[arg(long, value_name = "first-frame|CERT", help_heading = super::COMPARE)]
+    #[arg(
+        long, visible_alias = "baseline", value_name = "first-frame|CERT",
+        help_heading = super::COMPARE
+    )]
     against: Option<Baseline>,
     #[command(flatten)]
     event_args: EventArgs,
@@ -72,13 +75,9 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     let from_first_frame = !matches!(args.against, Some(Baseline::File(_)));
     let single = models.len() == 1 && !input::holds_frames(&models[0]);
     let format = args.format.wrapped(args.cell_args.wrapped());
-    if from_first_frame && single {
-        // If the file cannot be read, that is the reason.
-        for frame in Sequence::new(models, &format, false) {
-            frame?.curves.map_err(|e| e.in_file(&args.models[0]))?;
-        }
-        return Err(nothing_to_compare());
-    }
+    let name = models[0].display().to_string();
+    let title = format!("check of {name}");
+    let metadata = BTreeMap::from([("models".to_owned(), models.len().to_string())]);
     if args.early_exit && !matches!(args.kernel.device, Device::Auto | Device::Cpu) {
         let why = "--early-exit computes few pairs at a time, on the CPU: omit --device";
         return Err(Error::Usage(why.into()));
@@ -106,7 +105,17 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
             files.writes(option, file, Content::Text)?;
         }
     }
-    let title = format!("check of {}", models[0].display());
+    let mut frames = Sequence::new(models, &format, args.one_motion);
+    let Some(first) = frames.next() else {
+        return Err(Error::Usage(format!("{name}: no frame")));
+    };
+    let second = frames.next();
+    if from_first_frame && second.is_none() {
+        // If the frame cannot be read, that is the reason.
+        let Frame { curves, path, .. } = first?;
+        curves.map_err(|e| e.in_file(&path))?;
+        return Err(nothing_to_compare("--against"));
+    }
     let mut session = Session::new(Run {
         judge: &judge,
         sinks: &args.sinks,
@@ -125,14 +134,14 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         recorded_clearance: None,
         recorded_braids: None,
         title: &title,
-        metadata: BTreeMap::from([("models".to_owned(), models.len().to_string())]),
+        metadata,
         overflow: Overflow::WaitForProgress(PATIENCE),
         json,
     })?;
     let mut tally = FrameCounts::default();
     let mut pairs = BTreeSet::new();
     let mut failed = None;
-    for frame in Sequence::new(models, &format, args.one_motion) {
+    for frame in [first].into_iter().chain(second).chain(frames) {
         let judged = frame.and_then(|frame| {
             let Frame { name, path, .. } = &frame;
             let (name, path) = (name.clone(), path.clone());
@@ -171,9 +180,6 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         pairs.extend(changes.map(|c| (c.i, c.j, cell.map(|_| c.image), c.expected, c.found)));
         session.publish(judged, tally);
     }
-    if failed.is_none() && from_first_frame && (tally.verified, tally.rejected) == (1, 0) {
-        return Err(nothing_to_compare());
-    }
     if failed.is_some() {
         session.data_lost();
     }
@@ -193,10 +199,12 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     failed.map_or(Ok(outcome), Err)
 }
 
-fn nothing_to_compare() -> Error {
-    let why = "one model and nothing to compare it with: also give later models of its motion, or \
-               --against CERT (`linkwatch certify MODEL -o CERT` writes one)";
-    Error::Usage(why.into())
+/// Returns the error for a single valid frame that is its own baseline.
+pub fn nothing_to_compare(option: &str) -> Error {
+    Error::Usage(format!(
+        "one frame and nothing to compare it with: also give later ones of its motion, or {option} \
+         CERT (`linkwatch certify MODEL -o CERT` writes one)"
+    ))
 }
 
 /// Returns true if a model has no closed curve, or not the braids that are to be verified.

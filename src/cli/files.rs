@@ -128,6 +128,9 @@ impl Files {
         {
             return Err(Error::Usage(format!("{option} {e}")));
         }
+        if !folder_of(&resolve(path)).is_dir() {
+            return refuse("its folder does not exist");
+        }
         try_to_write(path)?;
         self.known.push((identity, name));
         Ok(())
@@ -170,7 +173,7 @@ pub fn write_whole(
         if found.is_ok_and(|m| is_pipe(&m)) {
             tracing::info!("{}: a pipe; waiting for its reader", path.display());
         }
-        return write(path);
+        return write(path).map_err(|e| of_output(e, path, path));
     }
     // A symbolic link is kept: the file that it names is replaced.
     let file = resolve(path);

@@ -117,7 +117,7 @@ fn scene(argument: &Path) -> Result<CurveSet> {
         Error::Scene { scene, what } => Error::Scene {
             scene,
             what: format!(
-                "{what}; and no file has this name (known: {})",
+                "{what}; and no file has this name (kinds of files: {})",
                 model::MODEL_FILES
             ),
         },

@@ -1,6 +1,7 @@
 //! The command line, one file per subcommand. It uses only the public API of the library, by the
 //! name `linkwatch`, although it is a module of it.
 
+mod arguments;
 mod braid_args;
 mod cell_args;
 mod certify;
@@ -191,7 +192,7 @@ impl Outcome {
 /// Installs signal handlers and the global subscriber of log messages, so that a process can call
 /// it only once.
 pub fn run_command(args: impl IntoIterator<Item = OsString>) -> u8 {
-    let cli = match Cli::try_parse_from(args) {
+    let cli = match arguments::parse(args) {
         Ok(cli) => cli,
         Err(text) => {
             // Also the texts of --help and --version, which go to stdout. A failed write has no

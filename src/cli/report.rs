@@ -2,8 +2,9 @@
 
 use super::Outcome;
 use super::files::{Content, Files, Overwrite, write_text};
+use super::input;
 use super::output::{self, count, plural};
-use linkwatch::{Conclusion, Result, RunReport};
+use linkwatch::{Conclusion, Error, Result, RunReport};
 use std::path::PathBuf;
 
 /// Write what happened in a recording to an HTML page: a sentence, a timeline, tables, plots, and
@@ -39,6 +40,14 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
             Some(PathBuf::from(name).with_extension("html"))
         }
     };
+    let name = &args.recording;
+    if name.is_file() && !input::is_mcap(name) && !input::is_recording(name)? {
+        return Err(Error::Usage(format!(
+            "{0}: not a recording: `linkwatch replay {0} --record RUN.mcap` verifies its frames \
+             and writes one",
+            name.display()
+        )));
+    }
     let mut files = Files::new(args.overwrite);
     files.reads(&args.recording);
     if let Some(path) = &page {

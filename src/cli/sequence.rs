@@ -126,6 +126,13 @@ impl Sequence {
                     let seq = self.last.map_or(0, |seq| seq + 1);
                     return Some(Ok((path, Read::invalid(seq, *source), false)));
                 }
+                Err(Error::UnknownModel { path }) => {
+                    let found = std::fs::metadata(&path);
+                    return Some(Err(match found {
+                        Err(source) => Error::File { path, source },
+                        Ok(_) => Error::UnknownModel { path },
+                    }));
+                }
                 Err(e) => return Some(Err(e)),
             }
         }

@@ -353,7 +353,7 @@ impl SinkQueue {
             state = self.shared.wait_with_warning(
                 state,
                 limit,
-                |s| working(s) && !(each && s.frames < waiting),
+                |s| working(s) && (!each || s.frames == waiting),
                 "has not finished",
             );
             if !working(&state) || state.frames == waiting {

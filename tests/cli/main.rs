@@ -8,6 +8,7 @@ mod closing;
 mod convert;
 mod formats;
 mod frames;
+mod messages;
 mod output;
 mod sequences;
 #[path = "../support/mod.rs"]

@@ -188,7 +188,8 @@ fn a_model_with_invalid_content_is_a_rejected_frame() {
     model::write_bcc(Path::new(&models[1]), &set).unwrap();
     let run = check(&models[..3], &[]);
     assert_eq!(run.code, 3, "{}", run.stderr);
-    let says = "F2.bcc: rejected\n  the curves changed between frames: curves was 2, is 1";
+    let says =
+        "F2.bcc: rejected\n  the curves changed between frames: number of curves was 2, is 1";
     assert!(run.stdout.contains(says), "{}", run.stdout);
     // A missing file is bad input; the others still get their verdicts.
     std::fs::remove_file(&models[1]).unwrap();

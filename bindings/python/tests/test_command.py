@@ -53,6 +53,15 @@ def test_certify_prints_the_certificate_of_a_file(linked, tmp_path):
     assert linkwatch.Certificate.read(file) == linkwatch.certify([RING, OTHER])
 
 
+@pytest.mark.parametrize("option", [["--view"], ["--serve"], ["--rrd", "a.rrd"]])
+def test_the_viewer_is_in_another_build(linked, option):
+    code, out, err = run("check", linked, linked, *option)
+    assert (code, out) == (2, "")
+    assert f"{option[0]}: this build of linkwatch has no viewer" in err
+    assert "cargo install --path . --locked" in err
+    assert "linkwatch replay FILE.mcap" in err
+
+
 def test_check_returns_1_if_a_link_was_lost(linked, apart):
     assert run("check", linked, linked)[0] == 0
     code, out, err = run("check", linked, apart)

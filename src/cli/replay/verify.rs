@@ -5,12 +5,13 @@ use super::comparison::{Comparison, RecordedWith, alike};
 use super::range::Range;
 use super::source::{Item, Source};
 use crate::cli::cell_args::KEEP_OPEN;
+use crate::cli::check::nothing_to_compare;
 use crate::cli::output::{self, count, plural};
 use crate::cli::session::{FrameCounts, Ingested, Judge, Judged, MOTION_LIMIT, Run, Session, Step};
 use crate::cli::{Outcome, braid_args, clearance_args, signals};
 use linkwatch::{
     AbortOn, BaselineRecord, Braids, Ending, Error, Events, FrameInfo, Overflow, RecordedVerdict,
-    Report, Result, Retention, Verdict,
+    Report, Result, Retention, Verdict, VerifierOptions,
 };
 use std::collections::{BTreeMap, VecDeque};
 use std::path::Path;
@@ -78,6 +79,12 @@ pub fn run(args: &Args, mut source: Source, json: bool) -> Result<Outcome> {
         (
             "--events or --self",
             judge.event_args.events(AbortOn::Never) > recorded_events,
+        ),
+        (
+            "--max-pairs",
+            judge
+                .max_pairs
+                .is_some_and(|n| n < VerifierOptions::MAX_PAIRS),
         ),
         (
             "--motion-limit",
@@ -155,6 +162,13 @@ pub fn run(args: &Args, mut source: Source, json: bool) -> Result<Outcome> {
         all => all?,
     }
     read.map_or(Ok(()), Err)?;
+    let FrameCounts {
+        verified, rejected, ..
+    } = replay.tally;
+    let is_own_baseline = source.recording().is_none() && judge.baseline.is_none();
+    if is_own_baseline && (verified, rejected) == (1, 0) && !args.sinks.are_used() {
+        return Err(nothing_to_compare("--baseline"));
+    }
     let Replay {
         mut session,
         tally,
@@ -178,10 +192,10 @@ pub fn run(args: &Args, mut source: Source, json: bool) -> Result<Outcome> {
         tracing::error!("{verdicts} different from the recorded ones");
         session.data_lost();
     }
-    session.compared(
-        comparison.words(source.noun()),
-        serde_json::json!(comparison),
-    );
+    if tally.verified + tally.rejected > 0 {
+        let words = comparison.words(source.noun());
+        session.compared(words, serde_json::json!(comparison));
+    }
     Ok(session.finish(tally))
 }
 

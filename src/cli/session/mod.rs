@@ -13,12 +13,12 @@ mod shards;
 mod sinks;
 mod summary;
 mod times;
-mod violations;
 #[cfg(feature = "rerun")]
 mod viewer;
 #[cfg(not(feature = "rerun"))]
 #[path = "no_viewer.rs"]
 mod viewer;
+mod violations;
 
 pub use junit::JunitArgs;
 #[cfg(feature = "bus")]
@@ -87,7 +87,7 @@ const FINISH: Duration = Duration::from_secs(30);
 pub struct Judge {
     /// Expected linking numbers: `first-frame`, or a certificate file [default: first-frame;
     /// replay: as recorded]
-    #[arg(long, value_name = "first-frame|CERT")]
+    #[arg(long, visible_alias = "against", value_name = "first-frame|CERT")]
     pub baseline: Option<Baseline>,
     /// Findings that ask the simulator to stop: any, lost, gained, contact, event, rejected,
     /// clearance (any, or strands that come too close, with --thickness) or never [default: any;
@@ -587,7 +587,7 @@ impl Session {
                 if self.baseline_frame.is_none_or(|b| b.frame.is_some()) =>
             {
                 let other_curves = Error::LayoutChanged {
-                    what: "curves",
+                    what: "number of curves",
                     before: certificate as u64,
                     now: model as u64,
                 };
@@ -829,7 +829,7 @@ impl Session {
                     output::line(format_args!("  {}", LeftOut::sentence(left_out)));
                 }
             }
-            None if news.notable => print_frame(&self.label, report, times.check(), &news),
+            None if news.notable => print_frame(&self.label, judged, &news),
             None => {}
         }
         if let Some(low) = low.filter(|_| !self.json) {
@@ -838,8 +838,7 @@ impl Session {
                 None => self.label.line(low),
             }
             if report.abort && !news.notable {
-                self.label
-                    .line("  abort sent: the simulator is asked to stop");
+                self.label.line(abort_words(judged));
             }
         }
         if model.is_none() {
@@ -879,11 +878,11 @@ impl Session {
             let all = plural(summary.written + summary.dropped, "frame");
             match &summary.failed {
                 // The sink logged the reason when it failed. Its note tells how much it has.
-                Some(why) if summary.note.is_some() => {
-                    tracing::error!("{} is incomplete: {why}", summary.name);
+                Some(_) if summary.note.is_some() => {
+                    tracing::error!("{} is incomplete", summary.name);
                 }
-                Some(why) => tracing::error!(
-                    "{} is incomplete: it has at least {} of {all}: {why}",
+                Some(_) => tracing::error!(
+                    "{} is incomplete: it has at least {} of {all}",
                     summary.name,
                     count(summary.written),
                 ),
@@ -1045,11 +1044,12 @@ impl Session {
 }
 
 /// Prints the verdict on a frame of a stream, and its new findings.
-fn print_frame(label: &Label, report: &Report, check: Duration, news: &New) {
+fn print_frame(label: &Label, judged: &Judged, news: &New) {
+    let Judged { report, times, .. } = judged;
     label.line(format_args!(
         "{} (checked in {})",
         report.headline(),
-        millis(check)
+        millis(times.check())
     ));
     for sentence in news.sentences.iter().take(SENTENCES) {
         label.line(format_args!("  {sentence}"));
@@ -1064,7 +1064,15 @@ fn print_frame(label: &Label, report: &Report, check: Duration, news: &New) {
         label.line(format_args!("  to roll back: {words}"));
     }
     if report.abort {
-        label.line("  abort sent: the simulator is asked to stop");
+        label.line(abort_words(judged));
+    }
+}
+
+/// Returns the line below a finding that asks the simulator to stop.
+fn abort_words(judged: &Judged) -> &'static str {
+    match judged.latency {
+        Some(_) => "  abort sent: the simulator is asked to stop",
+        None => "  abort: a watch asks the simulator to stop here",
     }
 }
 

@@ -2,7 +2,7 @@
 
 use crate::cli::files::{Files, Overwrite};
 use linkwatch::{ClearanceOptions, Error, Overflow, Result, SinkQueue};
-#[cfg(feature = "bus")]
+#[cfg(any(feature = "bus", feature = "mcap"))]
 use std::path::Path;
 
 /// Options of the viewer, which none of them reaches.
@@ -44,12 +44,12 @@ impl ViewerArgs {
         )))
     }
 
-    #[cfg(feature = "bus")]
+    #[cfg(any(feature = "bus", feature = "mcap"))]
     pub fn is_live(&self) -> bool {
         false
     }
 
-    #[cfg(feature = "bus")]
+    #[cfg(any(feature = "bus", feature = "mcap"))]
     pub fn path(&self) -> Option<&Path> {
         None
     }

@@ -12,7 +12,7 @@ use crate::cli::files::{Files, Overwrite};
 use linkwatch::RecordingTool;
 use linkwatch::{ClearanceOptions, Overflow, Result, SinkQueue};
 use std::collections::BTreeMap;
-#[cfg(feature = "bus")]
+#[cfg(any(feature = "bus", feature = "mcap"))]
 use std::path::Path;
 #[cfg(feature = "mcap")]
 use std::path::PathBuf;
@@ -82,7 +82,7 @@ impl Sinks {
     }
 
     /// Returns true if there is an output.
-    #[cfg(feature = "bus")]
+    #[cfg(any(feature = "bus", feature = "mcap"))]
     pub fn are_used(&self) -> bool {
         self.viewer.is_live() || !self.paths().is_empty()
     }
@@ -115,7 +115,7 @@ impl Sinks {
     }
 
     /// Returns the output files.
-    #[cfg(feature = "bus")]
+    #[cfg(any(feature = "bus", feature = "mcap"))]
     pub fn paths(&self) -> Vec<&Path> {
         let files: &[Option<&Path>] = &[
             #[cfg(feature = "mcap")]

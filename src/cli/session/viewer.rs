@@ -10,7 +10,9 @@ use linkwatch::{
     ViewerTarget,
 };
 use std::num::NonZeroU64;
-use std::path::{Path, PathBuf};
+#[cfg(any(feature = "bus", feature = "mcap"))]
+use std::path::Path;
+use std::path::PathBuf;
 use std::time::Duration;
 
 /// Time limit for a viewer of a live simulation to open before the run begins. After that it opens
@@ -84,13 +86,13 @@ impl ViewerArgs {
     }
 
     /// Returns true if frames are shown, and not written to a file.
-    #[cfg(feature = "bus")]
+    #[cfg(any(feature = "bus", feature = "mcap"))]
     pub fn is_live(&self) -> bool {
         self.view || self.connect.is_some() || self.serve.is_some()
     }
 
     /// Returns the output file.
-    #[cfg(feature = "bus")]
+    #[cfg(any(feature = "bus", feature = "mcap"))]
     pub fn path(&self) -> Option<&Path> {
         self.rrd.as_deref()
     }
@@ -149,14 +151,17 @@ impl ViewerArgs {
             (None, None) if self.view => ViewerTarget::Spawn,
             (None, None) => return Ok(None),
         };
-        let is_window = target == ViewerTarget::Spawn;
+        let others = match target {
+            ViewerTarget::Spawn => ", and --serve shows the frames in a browser",
+            _ => "",
+        };
         let (overflow, limit) = of_viewer(overflow);
         let queue = SinkQueue::spawn("viewer", WAITING, overflow, move || open(&target))?;
         if !self.later {
             // If the viewer cannot be reached, the command fails at once, not at its first frame.
-            queue.open(limit).map_err(|e| match is_window {
-                true => instead_of_window(&e),
-                false => e,
+            queue.open(limit).map_err(|e| {
+                let file = "--rrd FILE.rrd writes a file for a viewer on any machine";
+                Error::Usage(format!("{e}; {file}{others}"))
             })?;
         }
         Ok(Some(queue))
@@ -173,14 +178,6 @@ fn of_viewer(overflow: Overflow) -> (Overflow, Duration) {
         Overflow::WaitForProgress(limit) => (overflow, limit),
         Overflow::Wait(_) | Overflow::DropOldest => (Overflow::DropOldest, OPEN),
     }
-}
-
-/// Adds the outputs that need no screen to the error of a viewer that did not open.
-fn instead_of_window(e: &Error) -> Error {
-    Error::Usage(format!(
-        "--view: {e}; --rrd FILE.rrd writes a file for a viewer on another machine, and --serve \
-         shows the frames in a browser (with an installed `rerun`, too)"
-    ))
 }
 
 #[cfg(test)]

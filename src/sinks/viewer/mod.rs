@@ -54,7 +54,7 @@ use self::passed::Passed;
 use self::stream::{failed, log, log_static};
 use self::view::View;
 use crate::curve::Point;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::sinks::{BaselineRecord, FrameRecord, Sink};
 use crate::thickness::ClearanceOptions;
 use crate::verdict::Verdict;
@@ -63,7 +63,7 @@ use re_sdk_types::archetypes::{TextDocument, TextLog, Transform3D};
 use re_sdk_types::blueprint::archetypes::EyeControls3D;
 use std::time::Duration;
 
-/// Time limit of the viewer to accept all data at the end: some 250 MB may wait for it.
+/// Time limit of the viewer to accept all data so far: some 250 MB may wait for it.
 const FLUSH_LIMIT: Duration = Duration::from_secs(60);
 
 /// Number of frames after which a live viewer receives all curves again. A server drops its oldest
@@ -238,6 +238,17 @@ impl ViewerSink {
         due || turns || verdict != Verdict::Intact
     }
 
+    /// Returns the error for data that did not arrive.
+    fn incomplete(&self, e: impl std::fmt::Display) -> Error {
+        match self.is_file {
+            // The library has logged the error of the system.
+            true => failed(format_args!(
+                "its file is not complete: see the error above ({e})"
+            )),
+            false => failed(e),
+        }
+    }
+
     fn layout(&self, timeline: &str, eye: Option<&EyeControls3D>) -> Result<()> {
         let clearance = self.clearance.is_some();
         layout::send(&self.rec, timeline, eye, clearance).map_err(failed)
@@ -372,12 +383,18 @@ impl Sink for ViewerSink {
         self.note_first(seq, record)
     }
 
+    /// Waits for a viewer: what it has not accepted is lost if it ends.
     fn flush(&mut self) -> Result<()> {
-        self.rec.flush_async().map_err(failed)
+        let flushed = match self.is_file {
+            true => self.rec.flush_async(),
+            false => self.rec.flush_with_timeout(FLUSH_LIMIT),
+        };
+        flushed.map_err(|e| self.incomplete(e))
     }
 
     fn finish(mut self: Box<Self>) -> Result<()> {
         self.open_at_first()?;
-        self.rec.flush_with_timeout(FLUSH_LIMIT).map_err(failed)
+        let flushed = self.rec.flush_with_timeout(FLUSH_LIMIT);
+        flushed.map_err(|e| self.incomplete(e))
     }
 }

@@ -68,12 +68,12 @@ pub(super) fn describe_clearance(rec: &RecordingStream) -> Result<()> {
     describe_line(rec, entity::MEASURE, YELLOW, "clearance")
 }
 
-/// Logs the value of a series in a frame, or that it has none.
+/// Logs the value of a series in a frame; NaN, which is not drawn, if it has none.
 ///
 /// Every frame logs all series, because the viewer reports an error for a series that has data, but
 /// none on the timeline that is shown.
 pub(super) fn plot(rec: &RecordingStream, path: &str, value: Option<f64>) -> Result<()> {
-    log(rec, path, &Scalars::new(value))
+    log(rec, path, &Scalars::single(value.unwrap_or(f64::NAN)))
 }
 
 /// Logs the counts and times of a frame.

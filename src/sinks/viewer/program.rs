@@ -41,8 +41,8 @@ pub(super) fn show() -> Result<String> {
         tracing::info!("frames are shown by the viewer that runs");
         return Ok(url);
     }
-    let is_set = |name: &&str| std::env::var_os(name).is_some_and(|value| !value.is_empty());
-    if cfg!(target_os = "linux") && !SCREENS.iter().any(|name| is_set(&name)) {
+    let is_set = |name| std::env::var_os(name).is_some_and(|value| !value.is_empty());
+    if cfg!(target_os = "linux") && !SCREENS.into_iter().any(is_set) {
         let names = SCREENS.join(", ");
         return Err(failed(format_args!(
             "no screen to show frames on: none of {names} is set"

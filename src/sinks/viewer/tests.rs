@@ -81,12 +81,16 @@ fn points(messages: &[LogMsg], path: &str) -> Points {
         let positions = Points3D::descriptor_positions().component;
         let labels = Points3D::descriptor_labels().component;
         let mut labels = chunk.iter_slices::<String>(labels);
-        for row in chunk.iter_slices::<[f32; 3]>(positions) {
+        let frames = chunk.iter_component_indices(FRAME.into(), positions);
+        for ((frame, _), row) in frames.zip(chunk.iter_slices::<[f32; 3]>(positions)) {
             let words = labels.next().unwrap_or_default();
-            rows.push((row.to_vec(), words.iter().map(|w| w.to_string()).collect()));
+            let words = words.iter().map(|w| w.to_string()).collect();
+            rows.push((frame, (row.to_vec(), words)));
         }
     }
-    rows
+    // Chunks of different timelines may come in any order.
+    rows.sort_by_key(|(frame, _)| *frame);
+    rows.into_iter().map(|(_, points)| points).collect()
 }
 
 fn logged(frames: &[FrameRecord]) -> Vec<LogMsg> {
@@ -247,7 +251,7 @@ fn every_series_exists_on_every_timeline() {
             series.entry(path).or_default().extend(timelines);
         }
     }
-    assert_eq!(series.len(), 18, "{series:?}");
+    assert_eq!(series.len(), 19, "{series:?}");
     let expected = [FRAME, SIM_TIME, UNTIL].map(str::to_owned).into();
     for (path, timelines) in series {
         assert_eq!(timelines, expected, "{path}");
