@@ -142,11 +142,16 @@ impl LinkSearch {
             if total.load(Ordering::Relaxed) > most {
                 return;
             }
-            let range = (c * CHUNK).min(n)..((c + 1) * CHUNK).min(n);
-            let found = &mut *part;
-            dispatch!(simd => Sweep::run(&*sweep, simd, (range, most), found));
-            if let Some(share) = share {
-                share.retain(part);
+            let mut range = (c * CHUNK).min(n)..((c + 1) * CHUNK).min(n);
+            while !range.is_empty() && part.len() <= most {
+                let (first, all) = (part.len(), (range.clone(), most));
+                let found = &mut *part;
+                range.start = dispatch!(simd => Sweep::run(&*sweep, simd, all, found));
+                // Other pairs neither count nor end the search.
+                if let Some(share) = share {
+                    part.extract_if(first.., |&mut (i, j)| !share.owns(i, j))
+                        .for_each(drop);
+                }
             }
             total.fetch_add(part.len(), Ordering::Relaxed);
         });
@@ -271,11 +276,18 @@ impl Sweep {
     }
 
     /// Adds the pairs whose first box in the order is in `range`. Ends early with more than `most`.
+    /// Returns the box after the last one.
     #[inline(always)]
-    fn run<L: Lanes>(&self, simd: L, (range, most): (Range<usize>, usize), found: &mut Vec<Pair>) {
+    fn run<L: Lanes>(
+        &self,
+        simd: L,
+        (range, most): (Range<usize>, usize),
+        found: &mut Vec<Pair>,
+    ) -> usize {
+        let after = range.end;
         for k in range {
             if found.len() > most {
-                return;
+                return k;
             }
             let i = self.order[k];
             let (end, lo1, hi1, lo2, hi2) = (
@@ -306,6 +318,7 @@ impl Sweep {
                 at += LANES;
             }
         }
+        after
     }
 }
 
@@ -403,6 +416,29 @@ mod tests {
             let found = search.find(&vec![same; 1200]).len();
             assert_eq!(limit.is_exceeded(), exceeded, "limit {most}");
             assert_eq!(found, if exceeded { 0 } else { all });
+        }
+    }
+
+    /// Regression test: pairs of other shares ended the search, so that pairs were missing.
+    #[test]
+    fn a_limit_counts_only_the_pairs_of_a_share_and_hides_none() {
+        let same = Box3 {
+            lo: [0.0; 3],
+            hi: [1.0; 3],
+        };
+        let boxes = vec![same; 600];
+        // Loops of the first two curves with all others.
+        let next: Vec<u32> = (0..600).map(|i| if i < 2 { 1 - i } else { u32::MAX }).collect();
+        let share = Share::of_loops(next.into());
+        let limit = PairLimit::default();
+        let mut search = LinkSearch::new(Some(share));
+        search.limit_to(limit.clone());
+        let all = 2 * 598;
+        for most in [0, 1, 30, 512, all - 1, all, all + 1, usize::MAX] {
+            limit.begin(most);
+            let found = search.find(&boxes).len();
+            assert_eq!(limit.is_exceeded(), all > most, "limit {most}");
+            assert_eq!(found, if all > most { 0 } else { all });
         }
     }
 

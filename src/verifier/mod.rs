@@ -747,9 +747,9 @@ impl Verifier {
         } = self.search_events(set, step, comparison, &mut defects);
         // A report must not depend on work that was skipped.
         self.full.progress.check()?;
-        let extent = *self.extent.get_or_insert_with(|| set.extent());
+        let extent = self.extent.unwrap_or_else(|| set.extent());
         let [appeared, gone] = std::mem::take(&mut self.unreported);
-        let mut missing: Vec<String> = self.unknown_step.take().into_iter().collect();
+        let mut missing: Vec<String> = self.unknown_step.iter().cloned().collect();
         let unknown = !missing.is_empty();
         let loops = self.verify_loops((seq, time), set, &mut missing)?;
         // A curve may have passed a virtual connection.
@@ -764,6 +764,9 @@ impl Verifier {
                 return Err(e);
             }
         };
+        // From here on, the frame is not rejected.
+        self.extent = Some(extent);
+        self.unknown_step = None;
         // A step across a change of the images may be unknown.
         let unknown = unknown || images.as_ref().is_some_and(|images| images.unknown);
         let mut report = Report {
@@ -869,6 +872,8 @@ impl Verifier {
         };
         let baseline = self.baseline.insert(baseline);
         let compared = compared?;
+        // Pairs that are missing must not become part of the baseline.
+        self.full.progress.check()?;
         // With early exit, unchecked pairs have no linking number yet.
         if compared.stats.unchecked == 0 && baseline.adopt(&compared.linking.comparison) {
             self.monitor.set_baseline(baseline);

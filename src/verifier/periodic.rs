@@ -553,6 +553,7 @@ impl Verifier {
         self.full.heed_cancel(false);
         let stats = pool::run(set.segments(), || self.full.certify(set));
         debug_assert_eq!(stats.curves, set.len() as u64);
+        self.full.progress.check()?;
         let frame = periodic.joined(&self.full.certificate);
         let aligned = given.aligned_with(&frame)?;
         let entries = aligned.entries().unwrap_or_default();

@@ -13,6 +13,7 @@
 mod exact_sums;
 mod invariance;
 mod jersey;
+mod limits;
 mod periods;
 mod quiet;
 mod rejected;
