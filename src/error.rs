@@ -109,11 +109,14 @@ pub enum Error {
     /// pull-throughs is off ([`VerifierOptions::events`](crate::VerifierOptions::events)).
     #[error(
         "nothing to verify: none of {curves} curves is closed (a closed curve has a count below \
-         0); --events verifies pull-throughs of open curves"
+         0){}; --events verifies pull-throughs of open curves",
+        through_the_cell(*yarns)
     )]
     NothingClosed {
         /// Number of curves of the frame, all of them open.
         curves: usize,
+        /// Number of those that run through the periodic cell.
+        yarns: usize,
     },
     /// Braids do not fit the curves, or a frame breaks one of their conditions.
     #[error("{0}")]
@@ -270,5 +273,15 @@ impl Error {
     pub(crate) fn file(path: impl Into<PathBuf>) -> impl FnOnce(std::io::Error) -> Self {
         let path = path.into();
         move |source| Self::File { path, source }
+    }
+}
+
+/// Returns how many of the open curves run through the cell, in words.
+fn through_the_cell(yarns: usize) -> String {
+    match yarns {
+        0 => String::new(),
+        n => format!(
+            ", and {n} of them run through the cell, which have no linking numbers with one another"
+        ),
     }
 }

@@ -1,6 +1,7 @@
 //! Comparison of two certificates: lost, gained and changed links.
 
 use super::Certificate;
+use crate::curve::Image;
 use crate::error::{Error, Result};
 use crate::verdict::{Change, Defect, DefectKind, Link, Place};
 
@@ -53,9 +54,9 @@ impl Certificate {
     /// Returns true if the pair, or one of its curves, has no linking number here.
     pub(crate) fn lacks(&self, i: u32, j: Option<u32>) -> bool {
         let missing = |i, j| {
-            let key = (i, j);
+            let key = (i, j, Image::default());
             self.undefined
-                .binary_search_by_key(&key, |d| (d.i, d.j))
+                .binary_search_by_key(&key, |d| (d.i, d.j, d.image))
                 .is_ok()
         };
         missing(i, j) || missing(i, None) || j.is_some_and(|j| missing(j, None))

@@ -227,7 +227,7 @@ impl Certificate {
         images.retain(|e| e.1 != Some(0));
         Ok(Certificate {
             periods,
-            ..certificate.with_entries(&images)
+            ..certificate.with_entries(&images, &[])
         })
     }
 

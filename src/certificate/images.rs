@@ -17,23 +17,26 @@ impl Certificate {
             image: Image::default(),
         };
         let links = self.links.iter().map(|l| (home(l.i, l.j), Some(l.lambda)));
-        let undefined = self.undefined.iter();
-        let undefined = undefined.filter_map(|d| Some((home(d.i, d.j?), None)));
+        let undefined = self
+            .undefined
+            .iter()
+            .filter_map(|d| Some((d.pair()?, None)));
         let images = images.iter().map(
             |&ImageLink {
                  i,
                  j,
                  image,
                  lambda,
-             }| { (ImagePair { i, j, image }, lambda) },
+             }| { (ImagePair { i, j, image }, Some(lambda)) },
         );
         let mut all: Vec<Entry> = links.chain(undefined).chain(images).collect();
         all.sort_unstable();
         Some(all)
     }
 
-    /// Returns this certificate with other entries of pairs, sorted, of a periodic scene.
-    pub(crate) fn with_entries(&self, entries: &[Entry]) -> Certificate {
+    /// Returns this certificate with other entries of pairs, sorted, of a periodic scene. The kinds
+    /// and places of those without a number are known from this certificate and from `others`.
+    pub(crate) fn with_entries(&self, entries: &[Entry], others: &[Defect]) -> Certificate {
         let mut out = Certificate {
             curves: self.curves,
             periods: self.periods.clone(),
@@ -42,23 +45,27 @@ impl Certificate {
         let mut images = Vec::new();
         for &(ImagePair { i, j, image }, lambda) in entries {
             match (image == Image::default(), lambda) {
-                (false, _) => images.push(ImageLink {
+                (false, Some(lambda)) => images.push(ImageLink {
                     i,
                     j,
                     image,
                     lambda,
                 }),
                 (true, Some(lambda)) => out.links.push(Link { i, j, lambda }),
-                (true, None) => {
-                    let known = self.undefined.iter().find(|d| (d.i, d.j) == (i, Some(j)));
-                    let unknown = super::file::undefined_entry(i, Some(j));
+                (_, None) => {
+                    let mut known = self.undefined.iter().chain(others);
+                    let known = known.find(|d| d.pair() == Some(ImagePair { i, j, image }));
+                    let unknown = Defect {
+                        image,
+                        ..super::file::undefined_entry(i, Some(j))
+                    };
                     out.undefined.push(known.copied().unwrap_or(unknown));
                 }
             }
         }
         let curves = self.undefined.iter().filter(|d| d.j.is_none());
         out.undefined.extend(curves);
-        out.undefined.sort_by_key(|d| (d.i, d.j));
+        out.undefined.sort_by_key(|d| (d.i, d.j, d.image));
         out.images = Some(images);
         out
     }
@@ -90,7 +97,7 @@ impl Certificate {
             )));
         }
         let entries = aligned(self.curves, &baseline, &now, &frame.periods);
-        Ok(self.with_entries(&entries))
+        Ok(self.with_entries(&entries, &[]))
     }
 
     /// [`Certificate::compare`] of periodic scenes.
@@ -127,9 +134,8 @@ impl Certificate {
             };
             match numbers {
                 _ if without(i) || without(j) => {}
-                // The list has the pairs of two curves that are not translated already.
-                [_, None] if home => {}
-                [_, None] => out.defects.push(defect(DefectKind::TooClose)),
+                // The list has them already.
+                [_, None] => {}
                 [None, Some(lambda)] => {
                     out.defects.push(defect(DefectKind::NoBaseline));
                     if home && lambda != 0 {

@@ -37,11 +37,10 @@ pub struct Certificate {
     /// Nonzero linking numbers, sorted by `(i, j)`.
     pub links: Vec<Link>,
     /// Pairs and curves without a linking number (contact, too close, degenerate), sorted; see
-    /// [`Defect`].
+    /// [`Defect`]. In periodic scenes, also pairs of a curve and an image ([`Defect::image`]).
     pub undefined: Vec<Defect>,
     /// For periodic scenes ([`Cell`](crate::Cell)): the linking numbers of curves with images of
-    /// other curves and of themselves that are not 0, and the pairs without one, sorted. `None`:
-    /// the scene is not periodic.
+    /// other curves and of themselves that are not 0, sorted. `None`: the scene is not periodic.
     ///
     /// The coordinates of a curve may be those of any of its images, and the translations depend on
     /// that. [`Certificate::compare`] finds out which belong together.
@@ -63,24 +62,23 @@ impl Certificate {
     /// Errors: [`Error::Format`] if an entry is not one of the curves, or out of order.
     pub(crate) fn check(&self) -> Result<()> {
         let curves = self.curves;
-        let valid = |i: u32, j: Option<u32>| match j {
-            Some(j) => i < j && (j as usize) < curves,
+        let home = Image::default();
+        let ordered = |i: u32, j: u32, image: Image| i < j || i == j && image > home;
+        let valid = |i: u32, j: Option<u32>, image: Image| match j {
+            Some(j) => ordered(i, j, image) && (j as usize) < curves && is_near(image),
             None => (i as usize) < curves,
         };
-        let links = self.links.iter().map(|l| (l.i, Some(l.j)));
-        let undefined = self.undefined.iter().map(|d| (d.i, d.j));
-        if let Some((i, j)) = links.clone().chain(undefined).find(|&(i, j)| !valid(i, j)) {
+        let links = self.links.iter().map(|l| (l.i, Some(l.j), home));
+        let undefined = self.undefined.iter().map(|d| (d.i, d.j, d.image));
+        let mut entries = links.clone().chain(undefined);
+        if let Some((i, j, _)) = entries.find(|&(i, j, image)| !valid(i, j, image)) {
             let pair = j.map_or(format!("curve {i}"), |j| format!("pair {i},{j}"));
             let what = format!("{pair} of {curves} curves");
             return Err(Error::format("certificate", "entries", what));
         }
-        let sorted = self.undefined.is_sorted_by_key(|d| (d.i, d.j));
+        let sorted = self.undefined.is_sorted_by_key(|d| (d.i, d.j, d.image));
         let images = self.images.as_deref().unwrap_or_default();
-        let valid = |l: &ImageLink| {
-            let ordered = l.i < l.j || l.i == l.j && l.image > Image::default();
-            let translated = l.image != Image::default() && is_near(l.image);
-            ordered && translated && (l.j as usize) < curves
-        };
+        let valid = |l: &ImageLink| l.image != home && valid(l.i, Some(l.j), l.image);
         if let Some(l) = images.iter().find(|l| !valid(l)) {
             let what = format!(
                 "image {:?} of pair {},{} of {curves} curves",

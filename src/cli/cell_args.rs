@@ -35,6 +35,10 @@ pub struct CellArgs {
     /// point]
     #[arg(long)]
     keep_open: bool,
+    /// Coordinates are unwrapped: take them as they are, without a search for torn curves and for
+    /// curves that jump by a lattice vector
+    #[arg(long, conflicts_with = "wrapped")]
+    unwrapped: bool,
 }
 
 /// Cell that the user gives.
@@ -59,7 +63,7 @@ impl CellArgs {
     /// Returns true if the user gave an option.
     #[cfg(feature = "mcap")]
     pub fn are_given(&self) -> bool {
-        self.cell.is_some() || self.wrapped
+        self.cell.is_some() || self.wrapped().is_some()
     }
 
     /// Returns true if curves stay open that end where they start.
@@ -76,17 +80,29 @@ impl CellArgs {
         }
     }
 
-    /// Returns true if coordinates are wrapped.
-    pub fn wrapped(&self) -> bool {
-        self.wrapped
+    /// Returns [`VerifierOptions::wrapped`](linkwatch::VerifierOptions::wrapped).
+    pub fn wrapped(&self) -> Option<bool> {
+        match (self.wrapped, self.unwrapped) {
+            (true, _) => Some(true),
+            (false, true) => Some(false),
+            (false, false) => None,
+        }
     }
 
     /// Warns of segments that are too long for the scene or for the cell of a frame.
     pub fn warn_of_segments(&self, name: &str, curves: &CurveSet, cell: Option<Cell>) {
         match cell {
             None => output::warn_of_long_segment(name, curves),
-            Some(_) if self.wrapped => {}
+            Some(_) if self.wrapped().is_some() => {}
             Some(cell) => output::warn_of_wrapped(name, curves, &cell),
+        }
+    }
+
+    /// Returns how the verifier treats coordinates. Without a cell, it does not unwrap them.
+    pub fn of_verifier(&self) -> Option<bool> {
+        match self.cell {
+            Some(GivenCell::None) => None,
+            _ => self.wrapped(),
         }
     }
 

@@ -16,8 +16,8 @@ use clap::ValueEnum;
 use linkwatch::kernels::{Method, Offload};
 use linkwatch::model::{Format, FrameWriter, ModelFrame};
 use linkwatch::{
-    BraidLoops, Braids, Certificate, CurveSet, Error, ImageLink, Ladder, Result, Stats, Verifier,
-    VerifierOptions, homotopic_polylines, picture,
+    BraidLoops, Braids, Certificate, CurveSet, Error, Events, ImageLink, Ladder, Result, Stats,
+    Verifier, VerifierOptions, homotopic_polylines, picture,
 };
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
@@ -157,13 +157,20 @@ fn certify(frame: Picked, args: &Args) -> Result<Certified> {
     let (name, set, cell) = (&frame.name, &frame.curves, frame.cell);
     let start = std::time::Instant::now();
     let braids = args.braid_args.braids(None)?;
-    let mut curves = set.curves().iter();
-    if braids.is_none() && cell.is_none() && !curves.any(|curve| curve.closed) {
-        return Err(Error::NothingClosed { curves: set.len() }.in_file(Path::new(name)));
+    // Curves that run through the cell are worth a certificate even if none is closed.
+    let closed = set.open_curves() < set.len();
+    if braids.is_none() && cell.is_none() && !closed {
+        let (curves, yarns) = (set.len(), 0);
+        return Err(Error::NothingClosed { curves, yarns }.in_file(Path::new(name)));
     }
     let mut verifier = Verifier::new(VerifierOptions {
         braids: braids.clone(),
         cell,
+        wrapped: args.cell_args.wrapped().filter(|wrapped| !wrapped),
+        events: match cell.is_some() && !closed {
+            true => Events::Between,
+            false => Events::Off,
+        },
         ..args.kernel.options()?
     })?;
     let (certificate, stats) =
@@ -176,6 +183,10 @@ fn certify(frame: Picked, args: &Args) -> Result<Certified> {
             _ if braids.is_some() || cell.is_some() => {
                 let stats = verifier.step(0, 0.0, set)?.stats;
                 let certificate = verifier.baseline().cloned().unwrap_or_default();
+                if !closed && braids.is_none() && certificate.periods.is_empty() {
+                    let (curves, yarns) = (set.len(), 0);
+                    return Err(Error::NothingClosed { curves, yarns });
+                }
                 Ok((certificate, stats))
             }
             Discretize::Pair => {
@@ -200,6 +211,7 @@ fn certify(frame: Picked, args: &Args) -> Result<Certified> {
     let took = start.elapsed();
     if frame.is_first {
         output::warn_of_open_curves(name, &stats, None);
+        output::tell_of_yarns(name, certificate.periods.len(), None);
         args.cell_args.warn_of_segments(name, set, cell);
     }
     if stats.repeated_vertices > 0 {
@@ -499,8 +511,7 @@ fn summary(c: &Certified) -> String {
     let links = match &c.certificate.images {
         None => own,
         Some(images) => {
-            let images = images.iter().filter(|l| l.lambda.is_some()).count();
-            format!("{own}, {} with periodic images", count(images as u64))
+            format!("{own}, {} with periodic images", count(images.len() as u64))
         }
     };
     format!(

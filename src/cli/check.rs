@@ -74,7 +74,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     let models = input::expand(&args.models, args.keep_order)?;
     let from_first_frame = !matches!(args.against, Some(Baseline::File(_)));
     let single = models.len() == 1 && !input::holds_frames(&models[0]);
-    let format = args.format.wrapped(args.cell_args.wrapped());
+    let format = args.format.wrapped(args.cell_args.wrapped().is_some());
     let name = models[0].display().to_string();
     let title = format!("check of {name}");
     let metadata = BTreeMap::from([("models".to_owned(), models.len().to_string())]);

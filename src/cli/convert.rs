@@ -58,7 +58,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     args.format.files().for_each(|path| files.reads(path));
     let target = Target::of(&args.output)?;
     files.writes("OUT", &args.output, target.content())?;
-    let format = args.format.wrapped(args.cell_args.wrapped());
+    let format = args.format.wrapped(args.cell_args.wrapped().is_some());
     let mut cells = Cells::new(args.cell_args);
     let frames = Sequence::new(inputs, &format, args.one_motion);
     let mut frames = frames.filter_map(|frame| match frame {

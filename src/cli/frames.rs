@@ -139,7 +139,7 @@ impl Selected {
             path: argument.to_owned(),
             cells,
             selection,
-            frames: input::open_or_build(argument, &format.wrapped(cells.wrapped()))?,
+            frames: input::open_or_build(argument, &format.wrapped(cells.wrapped().is_some()))?,
             ahead: VecDeque::new(),
             ended: false,
             numbered: input::holds_frames(argument),

@@ -200,6 +200,30 @@ pub fn warn_of_open_curves(name: &str, stats: &Stats, events: Option<Events>) {
     }
 }
 
+/// Tells which linking numbers curves that run through the cell have, and warns of what is not
+/// verified. `events` is the setting for pull-throughs, if the command sees several frames.
+pub fn tell_of_yarns(name: &str, yarns: usize, events: Option<Events>) {
+    let (run, numbers) = match yarns {
+        0 => return,
+        1 => ("runs", "it has linking numbers with closed curves"),
+        _ => (
+            "run",
+            "they have linking numbers with closed curves, but not with one another",
+        ),
+    };
+    let curves = plural(yarns as u64, "curve");
+    let words = format!("{name}: {curves} {run} through the cell: {numbers}");
+    match events {
+        Some(Events::Off) if yarns > 1 => {
+            tracing::warn!("{words}; --events verifies their pull-throughs");
+        }
+        None if yarns > 1 => {
+            tracing::warn!("{words}; `check` and `watch` verify their pull-throughs with --events")
+        }
+        _ => tracing::info!("{words}"),
+    }
+}
+
 /// Warns of segments that span more than half of the scene, as wrapped curves of a periodic box do.
 pub fn warn_of_long_segment(name: &str, curves: &CurveSet) {
     let Some(long) = curves.long_segment() else {

@@ -128,6 +128,16 @@ impl Cell {
         Some(a)
     }
 
+    /// Returns the size of a cell along each direction in fractional coordinates: 1, or the length
+    /// of the longest lattice vector if the scene does not repeat along it. Its coordinates are
+    /// lengths.
+    pub(crate) fn units(&self) -> Point {
+        let lengths = self.vectors.map(|v| super::vector::dot(v, v).sqrt());
+        let longest = lengths.into_iter().fold(0.0, f64::max);
+        self.periodic()
+            .map(|periodic| if periodic { 1.0 } else { longest })
+    }
+
     /// Returns this cell with the basis of its lattice that is nearest to another cell: a
     /// simulation that shears its cell takes another basis from time to time. Sums of vectors are
     /// rounded.
@@ -175,13 +185,15 @@ impl Cell {
     }
 }
 
-/// Returns some vector orthogonal to a vector that is not 0.
+/// Returns some vector orthogonal to a vector that is not 0. A small change of the vector rarely
+/// leads to another choice.
 fn orthogonal_to(v: Point) -> Point {
-    // The axis along which the vector is shortest.
-    let least = (0..3).min_by(|&a, &b| v[a].abs().total_cmp(&v[b].abs()));
+    use super::vector::{cross, dot};
     let mut axis = [0.0; 3];
-    axis[least.unwrap_or(0)] = 1.0;
-    super::vector::cross(v, axis)
+    // The first axis that is not almost parallel. At most one is.
+    let differs = |&k: &usize| v[k] * v[k] < 0.81 * dot(v, v);
+    axis[(0..3).find(differs).unwrap_or(0)] = 1.0;
+    cross(v, axis)
 }
 
 impl fmt::Display for Cell {

@@ -489,6 +489,30 @@ impl CurveSet {
         }
     }
 
+    /// Returns the first control point of each curve. Builds no arrays.
+    pub(crate) fn first_points(&self) -> impl Iterator<Item = Point> + '_ {
+        let received = self.coordinates.received();
+        self.curves
+            .iter()
+            .enumerate()
+            .map(move |(i, c)| match received {
+                Some(positions) => positions.point(c.first_point as usize),
+                None => self.point(i, 0),
+            })
+    }
+
+    /// Returns a copy in double precision.
+    pub(crate) fn widened(&self) -> Result<CurveSet> {
+        let counts: Vec<i32> = self.counts().collect();
+        match self.positions().as_positions() {
+            Positions::F64(_) => Ok(self.clone()),
+            Positions::F32(v) => {
+                let xyz: Vec<f64> = v.iter().map(|&x| x.into()).collect();
+                CurveSet::from_counts(self.basis, &counts, Positions::F64(&xyz))
+            }
+        }
+    }
+
     /// Returns the coordinates of all slots: control points, the copies that wrap closed curves,
     /// and padding.
     pub(crate) fn axes(&self) -> Axes<'_> {

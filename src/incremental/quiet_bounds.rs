@@ -57,17 +57,17 @@ impl QuietBounds<'_> {
     }
 
     /// Returns an upper bound of the difference of the bounds of any curve from those by an earlier
-    /// map, up to rounding. `None` if that was a map from another reference frame.
+    /// map, along each direction, up to rounding. `None` if that was a map from another reference frame.
     ///
     /// The difference of the images of a point is linear in the point, so that it is largest at a
     /// corner of the box around all curves.
-    pub fn difference(&self, map: &PointMap, earlier: &PointMap) -> Option<f64> {
+    pub fn difference(&self, map: &PointMap, earlier: &PointMap) -> Option<Point> {
         if map.reference != earlier.reference {
             return None;
         }
         let (n, s) = (map.n - earlier.n, map.s - earlier.s);
         let [lo, hi] = self.all.map(|p| Vector3::from(p) * 0.5);
         let largest = (n * (lo + hi) + s).abs() + n.abs() * (hi - lo);
-        Some((largest + (map.distance - earlier.distance).abs()).max())
+        Some((largest + (map.distance - earlier.distance).abs()).into())
     }
 }

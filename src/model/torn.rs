@@ -1,59 +1,9 @@
-//! Curves that are torn at the boundary of a periodic cell.
-//!
-//! Simulations move points that leave the cell to its other side. A curve that crosses the boundary
-//! is then torn: two consecutive points are about a cell apart. No simulation has a segment of half
-//! a cell, because an image of the other end would be closer, so such a curve is refused.
-//!
-//! Cost: three products per segment and periodic direction.
+//! Frames whose periodic cell tears a curve.
 
 use super::frames::{ModelFrame, ReadOptions};
-use crate::curve::vector::{dot, sub};
-use crate::curve::{Cell, CurveSet};
-use crate::error::{Error, Result};
-
-/// A segment that is not proven to be at most half as long as the cell.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Torn {
-    pub curve: usize,
-    /// Points of the curve at both ends of the segment.
-    pub ends: [usize; 2],
-    /// Index of the lattice vector.
-    pub direction: usize,
-    /// Length along this vector, in units of the vector.
-    pub share: f64,
-}
-
-/// Returns the first segment that is torn.
-///
-/// Errors: [`Error::Usage`] if the vectors of the cell span no lattice.
-pub(super) fn find(set: &CurveSet, cell: &Cell) -> Result<Option<Torn>> {
-    cell.check()?;
-    let (Some(inverse), periodic) = (cell.inverse(), cell.periodic()) else {
-        return Ok(None);
-    };
-    for (curve, info) in set.curves().iter().enumerate() {
-        let n = info.points as usize;
-        for from in 0..(if info.closed { n } else { n.saturating_sub(1) }) {
-            let ends = [from, (from + 1) % n];
-            let [p, q] = ends.map(|k| set.point(curve, k));
-            let shares = inverse.map(|b| dot(sub(q, p), b).abs());
-            for direction in (0..3).filter(|&k| periodic[k]) {
-                let share = shares[direction];
-                // False if the share is not a number.
-                let whole = share <= 0.5;
-                if !whole {
-                    return Ok(Some(Torn {
-                        curve,
-                        ends,
-                        direction,
-                        share,
-                    }));
-                }
-            }
-        }
-    }
-    Ok(None)
-}
+use crate::curve::Cell;
+use crate::error::Error;
+use crate::periodic::find_torn;
 
 impl ModelFrame {
     /// Adds the cell of the frame. Curves that it tears make the frame invalid, unless the caller
@@ -65,7 +15,7 @@ impl ModelFrame {
         format: &'static str,
     ) -> ModelFrame {
         let found = match (&cell, &self.curves) {
-            (Some(cell), Ok(set)) if !options.wrapped => find(set, cell),
+            (Some(cell), Ok(set)) if !options.wrapped => find_torn(set, cell, 0..set.len()),
             _ => Ok(None),
         };
         match found {
@@ -74,23 +24,5 @@ impl ModelFrame {
             Err(e) => self.curves = Err(e),
         }
         ModelFrame { cell, ..self }
-    }
-}
-
-impl std::fmt::Display for Torn {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let Torn {
-            curve,
-            ends: [p, q],
-            direction,
-            share,
-        } = self;
-        let vector = ["first", "second", "third"][*direction];
-        write!(
-            f,
-            "curve {curve} is {share:.3} of the {vector} vector of the periodic cell long from \
-             point {p} to point {q}, which is more than half: the curve is wrapped at the \
-             boundary, or runs through the cell; write unwrapped coordinates, or pass `--wrapped`"
-        )
     }
 }

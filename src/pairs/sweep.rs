@@ -428,7 +428,9 @@ mod tests {
         };
         let boxes = vec![same; 600];
         // Loops of the first two curves with all others.
-        let next: Vec<u32> = (0..600).map(|i| if i < 2 { 1 - i } else { u32::MAX }).collect();
+        let next: Vec<u32> = (0..600)
+            .map(|i| if i < 2 { 1 - i } else { u32::MAX })
+            .collect();
         let share = Share::of_loops(next.into());
         let limit = PairLimit::default();
         let mut search = LinkSearch::new(Some(share));

@@ -11,17 +11,20 @@
 //! 1e-8`: [`Cell::check`] refuses cells whose vectors are nearly dependent, with a determinant of
 //! less than `1e-6` of the product of their lengths, so that a rounding error of `2^-50` of that
 //! product is less than `1e-9` of the determinant. An image by `n` is then off by less than `e |n|`
-//! from the integers. Boxes are padded by `1e-7` of all integers that the search may use, and of
-//! the coordinates.
+//! from the integers. Boxes are padded by `1e-5` of all integers that the search may use, and of
+//! the coordinates, which also covers the gap between the end of a yarn in single precision and the
+//! image of its start. Along a direction without repetition, the length of a lattice vector takes the
+//! place of 1.
 
+use crate::curve::vector::{dot, sub};
 use crate::curve::{Basis, Box3, Cell, CurveSet, Point, above, below};
 use crate::error::{Error, Result};
 use crate::incremental::{PointMap, QuietBounds};
 use crate::pool;
 use rayon::prelude::*;
 
-/// Padding of the boxes, relative to the largest coordinate, and at least to 1.
-const PAD: f64 = 1e-7;
+/// Padding of the boxes, relative to the largest coordinate, and at least to a cell.
+const PAD: f64 = 1e-5;
 
 /// Box of a curve in fractional coordinates: minimum and maximum.
 pub(super) type Bounds = [Point; 2];
@@ -30,6 +33,8 @@ pub(super) type Bounds = [Point; 2];
 pub(crate) struct Boxer<'a> {
     set: &'a CurveSet,
     inverse: [Point; 3],
+    /// Size of a cell in fractional coordinates ([`Cell::units`]).
+    units: Point,
     /// Share of its size by which a curve may leave the box of its control points.
     spline: f64,
 }
@@ -50,6 +55,7 @@ impl<'a> Boxer<'a> {
         Ok(Boxer {
             set,
             inverse,
+            units: cell.units(),
             spline,
         })
     }
@@ -57,7 +63,7 @@ impl<'a> Boxer<'a> {
     /// Returns the box of a curve, from the bounds of its control points.
     fn padded(&self, [lo, hi]: Bounds) -> Bounds {
         let pad = [0, 1, 2].map(|x| {
-            let size = lo[x].abs().max(hi[x].abs()).max(1.0);
+            let size = lo[x].abs().max(hi[x].abs()).max(self.units[x]);
             self.spline * (hi[x] - lo[x]) + PAD * size
         });
         [
@@ -70,6 +76,11 @@ impl<'a> Boxer<'a> {
     pub fn boxes(&self) -> impl IndexedParallelIterator<Item = Bounds> {
         let of = |i: usize| self.padded(self.set.bounds_along(i, &self.inverse));
         (0..self.set.len()).into_par_iter().with_min_len(64).map(of)
+    }
+
+    /// Returns true if the room in a frame is at most that by another computation, up to rounding.
+    pub fn is_at_most(&self, room: Point, other: Point) -> bool {
+        (0..3).all(|x| room[x] <= other[x] + 1e-9 * self.units[x])
     }
 
     /// Returns the map to fractional coordinates of a quiet frame.
@@ -103,14 +114,14 @@ impl FractionalBoxes {
     }
 
     /// Returns boxes that contain the curves at all times of the step from another frame, in which
-    /// a path may [bend](bend) by a share of its length.
-    pub fn swept_from(&self, before: &FractionalBoxes, bend: f64) -> FractionalBoxes {
+    /// paths may bend.
+    pub fn swept_from(&self, before: &FractionalBoxes, bend: &Bend) -> FractionalBoxes {
         let both = before.bounds.iter().zip(&self.bounds);
         let swept = both.map(|(a, b)| {
             let lo = [0, 1, 2].map(|x| a[0][x].min(b[0][x]));
             let hi = [0, 1, 2].map(|x| a[1][x].max(b[1][x]));
-            let size = largest_side(&[lo, hi]);
-            [lo.map(|x| x - bend * size), hi.map(|x| x + bend * size)]
+            let most = bend.of([0, 1, 2].map(|x| hi[x] - lo[x]));
+            grown(&[lo, hi], most)
         });
         FractionalBoxes {
             bounds: swept.collect(),
@@ -141,101 +152,128 @@ impl FractionalBoxes {
     /// Returns the boxes grown by a margin on all sides: of these shares of the cell, or of these
     /// lengths.
     pub fn dilated(&self, margin: Point) -> FractionalBoxes {
-        let dilated = self.bounds.iter().map(|[lo, hi]| {
-            [
-                [0, 1, 2].map(|x| lo[x] - margin[x]),
-                [0, 1, 2].map(|x| hi[x] + margin[x]),
-            ]
-        });
+        let dilated = self.bounds.iter().map(|b| grown(b, margin));
         FractionalBoxes {
             bounds: dilated.collect(),
         }
     }
 
-    /// Returns the smallest distance of other boxes of the curves from the faces of these, as a
-    /// share of the largest side of the box around: negative or NaN if one is not inside.
-    ///
-    /// If it is at least the [bend] of a step, in the frames at both ends, the curves stay within
-    /// these boxes during the step: a path bends by at most that share of its length.
-    pub fn room_for(&self, curve: usize, [lo, hi]: &Bounds) -> f64 {
+    /// Returns the smallest distances of another box of a curve from the faces of this one, along
+    /// each direction: negative or NaN if it is not inside.
+    pub fn room_for(&self, curve: usize, [lo, hi]: &Bounds) -> Point {
         let around = &self.bounds[curve];
-        let mut least = f64::INFINITY;
-        for x in 0..3 {
-            least = smaller_or_nan(least, lo[x] - around[0][x]);
-            least = smaller_or_nan(least, around[1][x] - hi[x]);
-        }
-        least / largest_side(around)
+        [0, 1, 2].map(|x| smaller_or_nan(lo[x] - around[0][x], around[1][x] - hi[x]))
     }
 
-    /// Returns the curve with the largest box.
-    pub fn widest(&self) -> usize {
-        let sides = self.bounds.iter().map(largest_side).enumerate();
+    /// Returns the largest side of all boxes along each direction.
+    pub fn largest_sides(&self) -> Point {
+        let sides = self
+            .bounds
+            .iter()
+            .map(|b| [0, 1, 2].map(|x| b[1][x] - b[0][x]));
+        sides.fold([0.0; 3], |a, b| [0, 1, 2].map(|x| a[x].max(b[x])))
+    }
+
+    /// Returns the curves with boxes of more than half of the cell along a lattice vector: others
+    /// have no segment of this length.
+    pub fn wide(&self, cell: &Cell) -> Vec<usize> {
+        let periodic = cell.periodic();
+        let is_wide = |b: &Bounds| (0..3).any(|x| periodic[x] && b[1][x] - b[0][x] > 0.5);
+        let all = self.bounds.iter().enumerate();
+        all.filter(|(_, b)| is_wide(b)).map(|(i, _)| i).collect()
+    }
+
+    /// Returns the curve with the largest box along the lattice vectors.
+    pub fn widest(&self, cell: &Cell) -> usize {
+        let periodic = cell.periodic();
+        let side = |b: &Bounds| {
+            let sides = (0..3).filter(|&x| periodic[x]).map(|x| b[1][x] - b[0][x]);
+            sides.fold(0.0, f64::max)
+        };
+        let sides = self.bounds.iter().map(side).enumerate();
         let widest = sides.max_by(|a, b| a.1.total_cmp(&b.1));
         widest.map_or(0, |(curve, _)| curve)
     }
+}
 
-    /// Returns the smallest of the largest sides of all boxes.
-    pub fn smallest(&self) -> f64 {
-        self.bounds
-            .iter()
-            .map(largest_side)
-            .fold(f64::INFINITY, f64::min)
-    }
+/// Returns a box grown by these lengths on both sides.
+fn grown([lo, hi]: &Bounds, by: Point) -> Bounds {
+    [
+        [0, 1, 2].map(|x| lo[x] - by[x]),
+        [0, 1, 2].map(|x| hi[x] + by[x]),
+    ]
+}
+
+/// Returns the smaller one of two rooms along each direction.
+pub(super) fn smaller_room(a: Point, b: Point) -> Point {
+    [0, 1, 2].map(|x| smaller_or_nan(a[x], b[x]))
 }
 
 /// Returns the smaller number, or NaN if one of both is NaN.
-pub(super) fn smaller_or_nan(a: f64, b: f64) -> f64 {
+fn smaller_or_nan(a: f64, b: f64) -> f64 {
     if a <= b || a.is_nan() { a } else { b }
 }
 
-fn largest_side([lo, hi]: &Bounds) -> f64 {
-    (0..3).map(|x| hi[x] - lo[x]).fold(0.0, f64::max)
-}
-
-/// Returns a bound of the deviation from a straight line, as a share of its length, of the path of
-/// a vertex in fractional coordinates during a step, in which vertices move on straight lines, and
-/// the vectors of the cell change at constant speed.
+/// How far paths of vertices may deviate from straight lines in fractional coordinates during a
+/// step, in which vertices move on straight lines, and the vectors of the cell change at constant
+/// speed.
 ///
 /// # Derivation
 ///
 /// Let `A` be the cell of the first frame, `A + D` that of the second one, and `u` the coordinates
 /// of a vertex. At the share `t` of the step, `(A + t D) u(t) = x(t)`. The difference of `u(t)`
-/// from the straight line between both frames is `t (1 - t) (A + t D)^-1 D (u(1) - u(0))`. With `e`
-/// the norm of `A^-1 D` (the largest sum of a row), it is at most `e / (4 (1 - e))` of the largest
-/// component of `u(1) - u(0)`, which the box of both frames bounds.
+/// from the straight line between both frames is `t (1 - t) (A + t D)^-1 D (u(1) - u(0))`. With `E
+/// = A^-1 D`, the product of the two matrices is `E - t E^2 + ..`, each entry of which is at most
+/// that of `|E| + |E|^2 + ..`. Half of that is twice the bound, which covers rounding.
 ///
-/// Errors: [`Error::Usage`] if the cell changes by more than half.
-pub(crate) fn bend([from, to]: [&Cell; 2]) -> Result<f64> {
-    let change = change_of(from, to);
-    if change.is_nan() || change > 0.5 {
-        return Err(Error::Usage(format!(
-            "the cell changed from {from} to {to} in one step: more than half of its size"
-        )));
+/// An entry is a coordinate along one direction for a unit of another one. So the bound does not
+/// depend on the unit of length, and a direction without repetition does not bend others as long as
+/// its unit vector stands still.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Bend([Point; 3]);
+
+impl Bend {
+    /// Returns the bend of a step between these cells.
+    ///
+    /// Errors: [`Error::Usage`] if the cell changes by more than half.
+    pub fn between([from, to]: [&Cell; 2]) -> Result<Bend> {
+        if from.vectors == to.vectors {
+            return Ok(Bend::default());
+        }
+        let (entries, units) = (change_of(from, to), from.units());
+        // The norm is that in units of the cell.
+        let of_row =
+            |(row, unit): (&Point, f64)| (0..3).map(|k| row[k] * units[k]).sum::<f64>() / unit;
+        let norms = entries.iter().zip(units).map(of_row);
+        // Also true if a number is NaN.
+        if !norms.fold(true, |all, norm| all && norm <= 0.5) {
+            return Err(Error::Usage(format!(
+                "the cell changed from {from} to {to} in one step: more than half of its size"
+            )));
+        }
+        let mut sum = entries;
+        // The norm of the rest is halved each time.
+        for _ in 0..64 {
+            let product =
+                |r: usize, k: usize| (0..3).map(|m| entries[r][m] * sum[m][k]).sum::<f64>();
+            sum = [0, 1, 2].map(|r| [0, 1, 2].map(|k| entries[r][k] + product(r, k)));
+        }
+        Ok(Bend(sum.map(|row| row.map(|x| 0.5 * x))))
     }
-    // Twice the bound, which covers rounding.
-    Ok(0.5 * change / (1.0 - change))
+
+    /// Returns the largest deviation along each direction in a box of these sides.
+    pub fn of(&self, sides: Point) -> Point {
+        self.0
+            .map(|row| row[0] * sides[0] + row[1] * sides[1] + row[2] * sides[2])
+    }
 }
 
-/// Returns the norm of the change of a cell, relative to the cell: the largest sum of the
-/// magnitudes of a row. NaN if there is none.
-fn change_of(from: &Cell, to: &Cell) -> f64 {
-    if from.vectors == to.vectors {
-        return 0.0;
-    }
-    let (Some(a), Some(b)) = (from.basis(), to.basis()) else {
-        return f64::NAN;
+/// Returns the magnitudes of the entries of `A^-1 D` ([`Bend`]). NaN if there are none.
+fn change_of(from: &Cell, to: &Cell) -> [Point; 3] {
+    let (Some(a), Some(b), Some(inverse)) = (from.basis(), to.basis(), from.inverse()) else {
+        return [[f64::NAN; 3]; 3];
     };
-    let Some(inverse) = from.inverse() else {
-        return f64::NAN;
-    };
-    let row = |row: &Point| -> f64 {
-        let component = |k: usize| {
-            let d = [0, 1, 2].map(|x| b[k][x] - a[k][x]);
-            (row[0] * d[0] + row[1] * d[1] + row[2] * d[2]).abs()
-        };
-        (0..3).map(component).sum()
-    };
-    inverse.iter().map(row).fold(0.0, f64::max)
+    inverse.map(|row| [0, 1, 2].map(|k| dot(row, sub(b[k], a[k])).abs()))
 }
 
 /// Returns a box, translated and rounded outward. Its bounds are finite.

@@ -20,6 +20,7 @@
 //! So the closed curve and the whole yarn are replaced by one polyline each, and each piece can be
 //! pulled straight within its hull ([`crate::discretize`]).
 
+use super::pairs::PointLimit;
 use super::through::RingAndYarn;
 use crate::curve::vector::bounds;
 use crate::curve::{Cell, CurveSet, Image, Point, SumEdges, Translated, point_at, single};
@@ -36,7 +37,8 @@ pub(crate) type Number = (RingAndYarn, std::result::Result<i64, (DefectKind, Pla
 
 /// Returns the linking numbers of these pairs. `periods` has that of each curve.
 ///
-/// Errors: those of [`CurveSet::translate`].
+/// Errors: those of [`CurveSet::translate`], and [`Error::Usage`] if the images of yarns have too
+/// many points.
 pub(crate) fn linking_numbers(
     frame: &Arc<CurveSet>,
     cell: &Cell,
@@ -53,6 +55,10 @@ pub(crate) fn linking_numbers(
     let mut curves: Vec<(u32, Image)> = views.iter().flat_map(View::curves).collect();
     curves.sort_unstable();
     curves.dedup();
+    let mut points = PointLimit::new(frame.curves());
+    for (i, _) in &curves {
+        points.add(&frame.curve(*i as usize))?;
+    }
     let curves = Translated::new(curves, periods);
     let mut set = None;
     CurveSet::translate(frame, &curves, cell, &mut set, CurveSet::update)?;
@@ -91,7 +97,8 @@ impl View {
         };
         let offset = cell.translation(pair.image);
         let points = [lo, hi, first, last, offset, period];
-        let slack = 1e-9 * points.as_flattened().iter().map(|x| x.abs()).sum::<f64>();
+        // Covers rounding, and the gap between the end of the yarn and the image of its start.
+        let slack = 1e-5 * points.as_flattened().iter().map(|x| x.abs()).sum::<f64>();
         let ends = [
             (lo[x] - slack - last[x] - offset[x]) / period[x],
             (hi[x] + slack - first[x] - offset[x]) / period[x],

@@ -25,20 +25,24 @@
 mod beside;
 mod boxes;
 mod gauge;
+mod jumps;
 mod linking;
 mod names;
 mod pairs;
 mod through;
+mod torn;
 mod unwrap;
 
 pub use beside::beside;
-pub(crate) use boxes::{Boxer, FractionalBoxes, bend};
+pub(crate) use boxes::{Bend, Boxer, FractionalBoxes};
 pub(crate) use gauge::canonical;
+pub(crate) use jumps::Jumps;
 pub(crate) use linking::{Number, linking_numbers};
 pub(crate) use names::{Entry, aligned, reduced_all};
 pub(crate) use pairs::{ImagePair, ImagePairs, Searched, images_in, overlapping, too_far};
 pub use through::period;
 #[cfg(test)]
 pub(crate) use through::reduced;
-pub(crate) use through::{RingAndYarn, YarnPeriod, is_multiple, period_of_pair};
+pub(crate) use through::{RingAndYarn, YarnPeriod, almost_yarns, is_multiple, period_of_pair};
+pub(crate) use torn::{Torn, find_torn};
 pub use unwrap::Unwrap;

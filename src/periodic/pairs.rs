@@ -8,7 +8,7 @@
 //! such boxes. The search enumerates all images that overlap that box, and compares all pairs.
 //! Translations are integers in fractional coordinates, so only the boxes are rounded, outward.
 
-use super::boxes::{Boxer, FractionalBoxes, single, smaller_or_nan};
+use super::boxes::{Bend, Boxer, FractionalBoxes, single, smaller_room};
 use super::through::RingAndYarn;
 use crate::cancel::PairLimit;
 use crate::curve::{Box3, Cell, Curve, Image, Point, Translated};
@@ -20,9 +20,19 @@ use std::collections::BTreeSet;
 use std::ops::RangeInclusive;
 use std::sync::Arc;
 
-/// Maximum number of images that are compared. More need more memory than the frame: about 40 bytes
-/// each.
-const MOST_IMAGES: u64 = 1 << 24;
+/// Maximum number of images that are compared, if the curves have fewer than [`IMAGES`] each: about
+/// 40 bytes each.
+const MOST_IMAGES: u64 = 1 << 22;
+
+/// Number of images of each curve that are always compared.
+const IMAGES: u64 = 64;
+
+/// Maximum number of points of the curves that are translated, if the frame has fewer than a
+/// [`COPIES`]th: about 120 bytes each.
+const MOST_POINTS: usize = 1 << 22;
+
+/// Number of copies of the whole frame that the translated curves may always have.
+const COPIES: usize = 32;
 
 /// Maximum number of pairs of overlapping images, of which each takes 8 bytes during the search.
 const MOST_PAIRS: usize = 1 << 26;
@@ -96,12 +106,14 @@ pub(crate) struct ImagePairs {
     pub share: Share,
     /// Pairs of a closed curve and one that runs through the cell that may be linked.
     pub yarns: Vec<RingAndYarn>,
+    /// Curves that may have a segment of more than half of the cell.
+    pub wide: Vec<usize>,
     /// The search remains complete as long as the curves stay within these boxes.
     within: FractionalBoxes,
-    /// The smallest of their largest sides.
-    smallest: f64,
+    /// Their largest sides.
+    sides: Point,
     /// Map to an earlier quiet frame, and the room there.
-    quiet: Option<(PointMap, f64)>,
+    quiet: Option<(PointMap, Point)>,
 }
 
 impl ImagePairs {
@@ -120,7 +132,7 @@ impl ImagePairs {
     /// repetition.
     ///
     /// Errors: [`Error::Usage`] if a curve spans too many cells, or is too far away from the first
-    /// one; [`Error::TooManyPairs`] if there are more than `most`.
+    /// one, or if the translated curves have too many points; [`Error::TooManyPairs`] if there are more than `most`.
     pub fn find(
         boxes: &FractionalBoxes,
         cell: &Cell,
@@ -129,59 +141,61 @@ impl ImagePairs {
         others: impl IntoIterator<Item = ImagePair>,
     ) -> Result<ImagePairs> {
         let within = boxes.dilated(margin);
-        let mut pairs: BTreeSet<ImagePair> = others.into_iter().collect();
-        let mut yarns = BTreeSet::new();
-        search(&within, cell, searched, (&mut pairs, &mut yarns))?;
-        if !searched.open_too {
-            let closed = |p: &ImagePair| [p.i, p.j].iter().all(|&i| searched.is_closed(i));
-            pairs.retain(closed);
+        let mut found = Found::new(searched);
+        for pair in others {
+            found.add(pair)?;
         }
-        let ends = |p: &ImagePair| [(p.i, Image::default()), (p.j, p.image)];
-        let mut curves: Vec<(u32, Image)> = pairs.iter().flat_map(ends).collect();
+        search(&within, cell, searched, &mut found)?;
+        let Found { curves, yarns, .. } = found;
+        let mut curves: Vec<(u32, Image)> = curves.into_iter().collect();
         curves.sort_unstable_by_key(order);
-        curves.dedup();
         let curves = Translated::new(curves, searched.periods);
         Ok(ImagePairs {
             share: Share::of_images(curves.clone()),
             yarns: yarns.into_iter().collect(),
             curves,
-            smallest: within.smallest(),
+            sides: within.largest_sides(),
+            wide: within.wide(cell),
             within,
             quiet: None,
         })
     }
 
-    /// Returns the room that is left for the curves of a frame. No other pairs can have come within
-    /// reach of one another in a step if the room in the frames at both ends is at least 0, and at
-    /// least the [bend](super::bend) of the step. It is NaN or negative if there is none.
-    pub fn room(&self, boxer: &Boxer<'_>) -> f64 {
+    /// Returns the room that is left for the curves of a frame along each direction.
+    pub fn room(&self, boxer: &Boxer<'_>) -> Point {
         let rooms = boxer.boxes().enumerate();
         let rooms = rooms.map(|(i, b)| self.within.room_for(i, &b));
-        rooms.reduce(|| f64::INFINITY, smaller_or_nan)
+        rooms.reduce(|| [f64::INFINITY; 3], smaller_room)
+    }
+
+    /// Returns true if no other pairs can have come within reach of one another in a step with this
+    /// bend, at one end of which the curves have this room. Both ends must have enough of it.
+    pub fn is_enough(&self, room: Point, bend: &Bend) -> bool {
+        let most = bend.of(self.sides);
+        (0..3).all(|x| room[x] >= most[x])
     }
 
     /// Returns a lower bound of the room in a quiet frame, without reading its points: that of an
-    /// earlier frame, less what the maps of both differ by, or if that is less than `enough`, by
-    /// the boxes of all curves.
+    /// earlier frame, less what the maps of both differ by, or if that is not enough for a step
+    /// with this bend, by the boxes of all curves.
     ///
     /// # Derivation: room in another frame
     ///
     /// If the bounds of the control points differ by `d`, the boxes around the curves differ by
-    /// less than `2 d`: the padding of splines grows with the size, by less than half of `d`. The
-    /// room is relative to the side of a box, the smallest of which is known.
-    pub fn quiet_room(&mut self, boxer: &Boxer<'_>, at: &QuietBounds<'_>, enough: f64) -> f64 {
+    /// less than `2 d`: the padding of splines grows with the size, by less than half of `d`.
+    pub fn quiet_room(&mut self, boxer: &Boxer<'_>, at: &QuietBounds<'_>, bend: &Bend) -> Point {
         let map = boxer.map(at);
         if let Some((earlier, room)) = &self.quiet
             && let Some(difference) = at.difference(&map, earlier)
         {
-            let room = room - 2.0 * difference / self.smallest;
-            if room >= enough {
+            let room = [0, 1, 2].map(|x| room[x] - 2.0 * difference[x]);
+            if self.is_enough(room, bend) {
                 return room;
             }
         }
         let rooms = boxer.quiet_boxes(at, &map).enumerate();
         let rooms = rooms.map(|(i, b)| self.within.room_for(i, &b));
-        let room = rooms.fold(f64::INFINITY, smaller_or_nan);
+        let room = rooms.fold([f64::INFINITY; 3], smaller_room);
         self.quiet = Some((map, room));
         room
     }
@@ -210,12 +224,79 @@ fn order(&(curve, image): &(u32, Image)) -> (bool, Image, u32) {
     (image != Image::default(), image, curve)
 }
 
+/// Pairs found by a search.
+struct Found<'a> {
+    searched: &'a Searched<'a>,
+    pairs: BTreeSet<ImagePair>,
+    yarns: BTreeSet<RingAndYarn>,
+    /// Translated curves of the pairs.
+    curves: BTreeSet<(u32, Image)>,
+    points: PointLimit,
+}
+
+impl<'a> Found<'a> {
+    fn new(searched: &'a Searched<'a>) -> Found<'a> {
+        Found {
+            searched,
+            pairs: BTreeSet::new(),
+            yarns: BTreeSet::new(),
+            curves: BTreeSet::new(),
+            points: PointLimit::new(searched.curves),
+        }
+    }
+
+    /// Adds a pair.
+    ///
+    /// Errors: those of [`PointLimit::add`].
+    fn add(&mut self, pair: ImagePair) -> Result<()> {
+        if self.pairs.insert(pair) {
+            for curve in [(pair.i, Image::default()), (pair.j, pair.image)] {
+                if self.curves.insert(curve) {
+                    self.points.add(&self.searched.curves[curve.0 as usize])?;
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Limit of the points of translated curves.
+pub(super) struct PointLimit {
+    left: usize,
+    most: usize,
+}
+
+impl PointLimit {
+    /// Returns the limit of a frame with these curves.
+    pub fn new(curves: &[Curve]) -> PointLimit {
+        let points: usize = curves.iter().map(|c| c.points as usize).sum();
+        let most = MOST_POINTS.max(COPIES * points);
+        PointLimit { left: most, most }
+    }
+
+    /// Counts the points of a translated curve.
+    ///
+    /// Errors: [`Error::Usage`] if there are too many.
+    pub fn add(&mut self, curve: &Curve) -> Result<()> {
+        let left = self.left.checked_sub(curve.points as usize);
+        self.left = left.ok_or_else(|| {
+            Error::Usage(format!(
+                "the curves span too many periodic cells: the images that may meet have more than \
+                 {} points together, for which the memory may not be there; is the cell in the \
+                 units of the coordinates?",
+                self.most
+            ))
+        })?;
+        Ok(())
+    }
+}
+
 /// Adds all pairs of a curve and an image with overlapping boxes.
 fn search(
     boxes: &FractionalBoxes,
     cell: &Cell,
     searched: &Searched<'_>,
-    (pairs, yarns): (&mut BTreeSet<ImagePair>, &mut BTreeSet<RingAndYarn>),
+    all: &mut Found<'_>,
 ) -> Result<()> {
     let (mut links, limit) = (LinkSearch::default(), PairLimit::default());
     limit.begin(MOST_PAIRS);
@@ -223,16 +304,18 @@ fn search(
     let is_used = |i: usize| searched.is_used(i);
     let found = overlapping(&boxes.bounds, cell, is_used, &mut links).map_err(too_far)?;
     if limit.is_exceeded() {
-        return Err(too_far(boxes.widest()));
+        return Err(too_far(boxes.widest(cell)));
     }
     for (i, j, image) in found {
         let both = [i, j].map(|i| searched.periods[i as usize]);
         let pair = RingAndYarn::between((i, j), image, both);
-        yarns.extend(pair.filter(|pair| searched.is_closed(pair.ring)));
-        if image != Image::default() {
-            pairs.insert(ImagePair::new(i, j, image));
+        all.yarns
+            .extend(pair.filter(|pair| searched.is_closed(pair.ring)));
+        let numbers = [i, j].iter().all(|&i| searched.is_closed(i));
+        if image != Image::default() && (numbers || searched.open_too) {
+            all.add(ImagePair::new(i, j, image))?;
         }
-        if pairs.len() + yarns.len() > searched.most {
+        if all.pairs.len() + all.yarns.len() > searched.most {
             let limit = searched.most as u64;
             return Err(Error::TooManyPairs { limit });
         }
@@ -276,7 +359,7 @@ pub(crate) fn overlapping<'a, F: Fn(usize) -> bool>(
     let outer = single(&around, [0.0; 3]);
     let mut images: Vec<(u32, Image)> = Vec::new();
     let mut singles: Vec<Box3> = Vec::new();
-    let mut total = 0_u64;
+    let (mut total, most) = (0_u64, MOST_IMAGES.max(IMAGES * bounds.len() as u64));
     for (i, bounds) in bounds.iter().enumerate().filter(|&(i, _)| is_used(i)) {
         let by = home[i].map(f64::from);
         // `lo + by + n <= around.hi` and `hi + by + n >= around.lo`.
@@ -294,7 +377,7 @@ pub(crate) fn overlapping<'a, F: Fn(usize) -> bool>(
         let size = |r: &RangeInclusive<i32>| u64::from(r.end().abs_diff(*r.start())) + 1;
         let sizes = ranges.iter().map(size);
         total = sizes.fold(1_u64, u64::saturating_mul).saturating_add(total);
-        if total > MOST_IMAGES {
+        if total > most {
             return Err(i);
         }
         for n in images_in(ranges) {
@@ -383,7 +466,10 @@ mod tests {
             open_too: true,
             most: usize::MAX,
         };
-        search(boxes, cell, &searched, (pairs, &mut BTreeSet::new()))
+        let mut found = Found::new(&searched);
+        search(boxes, cell, &searched, &mut found)?;
+        *pairs = found.pairs;
+        Ok(())
     }
 
     /// All pairs are found: in cells with one to three periods, for curves smaller and larger than

@@ -1,16 +1,32 @@
 //! Curves that run through the cell: yarns that close up to a lattice vector, their period.
 //!
-//! Such a curve is given as an open curve from a vertex to an image of that vertex. Together with
+//! Such a curve is given as an open curve from a vertex to an image of that vertex, up to the
+//! rounding of the coordinates ([`tolerance`]). Together with
 //! its images by the multiples of its period it is an infinite curve without ends. Two of them have
 //! no linking number, but the linking number of a closed curve and an infinite one exists: the
 //! closed curve lies in a box, and all ways to close the infinite one outside of this box give the
 //! same number ([`linking`](super::linking)).
 
 use super::ImagePair;
-use crate::curve::{Cell, CurveSet, Image};
+use crate::curve::vector::{dot, norm, sub};
+use crate::curve::{Cell, CurveSet, Image, Point, Precision, pow2, significant};
 
-/// Largest distance of the end of a curve from the image of its start, as a share of the cell.
-const TOLERANCE: f64 = 1e-9;
+/// Returns the largest distance of the end of a curve from the image of its start along a
+/// direction, relative to the size of the cell and of the coordinates of both.
+///
+/// # Derivation
+///
+/// Let the end be the exact image of the start. With `u` the rounding unit of the input, both are
+/// off by at most `u` times their size, and the vectors of the cell by `u` times theirs. Three more
+/// roundings happen in a simulation that adds the vectors in this precision. The tolerance is eight
+/// roundings of single precision; for double precision, it is much larger, because such
+/// coordinates may come from a calculation or a text.
+fn tolerance(precision: Precision) -> f64 {
+    match precision {
+        Precision::F32 => 8.0 * pow2(-24),
+        Precision::F64 => 1e-9,
+    }
+}
 
 /// A closed curve, and an infinite curve translated by a lattice vector.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -91,24 +107,136 @@ pub(crate) fn is_multiple(image: Image, period: Image) -> bool {
 
 /// Returns the period of a curve, if it is open and ends at an image of its start: the translation
 /// from its start to its end, in vectors of the cell.
+///
+/// The end may differ from the image by the rounding of the coordinates: 4.8e-7 of the cell and of
+/// their size in single precision, 1e-9 in double precision.
 pub fn period(set: &CurveSet, i: usize, cell: &Cell) -> Option<Image> {
-    let curve = set.curve(i);
-    if curve.closed {
-        return None;
-    }
-    let inverse = cell.inverse()?;
-    let [start, end] = [0, curve.segments as usize].map(|s| set.knot(i, s));
-    let d = [0, 1, 2].map(|x| end[x] - start[x]);
-    let mut period = Image::default();
-    for (x, b) in inverse.iter().enumerate() {
-        let u = b[0] * d[0] + b[1] * d[1] + b[2] * d[2];
-        let nearest = if cell.periodic()[x] { u.round() } else { 0.0 };
-        let size = (0..3).map(|k| (b[k] * start[k]).abs()).sum::<f64>();
-        let near = (u - nearest).abs() <= TOLERANCE * (1.0 + size);
-        if !near || nearest.abs() > 1e6 {
+    let ends = Ends::new(set, i, cell)?;
+    let tolerance = tolerance(set.precision());
+    let is_near = |x: usize| ends.off[x].abs() <= tolerance * ends.size[x];
+    (0..3).all(is_near).then_some(ends.image)
+}
+
+/// The ends of an open curve.
+struct Ends {
+    /// The image of the start that is nearest to the end: not the start itself.
+    image: Image,
+    /// Difference of the end from it along each direction.
+    off: Point,
+    /// Size of the cell and of the coordinates of both.
+    size: Point,
+    /// Distance of the end from the image.
+    distance: f64,
+}
+
+impl Ends {
+    fn new(set: &CurveSet, i: usize, cell: &Cell) -> Option<Ends> {
+        let curve = set.curve(i);
+        if curve.closed {
             return None;
         }
-        period[x] = nearest as i32;
+        let inverse = cell.inverse()?;
+        let [start, end] = [0, curve.segments as usize].map(|s| set.knot(i, s));
+        let d = sub(end, start);
+        let along = inverse.map(|b| dot(b, d));
+        let periodic = cell.periodic();
+        let nearest = [0, 1, 2].map(|x| if periodic[x] { along[x].round() } else { 0.0 });
+        if nearest == [0.0; 3] || !nearest.iter().all(|n| n.abs() <= 1e6) {
+            return None;
+        }
+        let image = nearest.map(|n| n as i32);
+        let (units, by) = (cell.units(), cell.translation(image));
+        let size_of = |b: &Point, p: &Point| (0..3).map(|x| (b[x] * p[x]).abs()).sum::<f64>();
+        Some(Ends {
+            image,
+            off: sub(along, nearest),
+            size: [0, 1, 2]
+                .map(|x| units[x] + size_of(&inverse[x], &start) + size_of(&inverse[x], &end)),
+            distance: norm(sub(d, by)),
+        })
     }
-    (period != Image::default()).then_some(period)
+}
+
+/// Returns in words which curves almost run through the cell, but are taken for open ones: their
+/// ends differ from an image of their starts by more than rounding, and by less than their longest
+/// segment. `None` if there are none.
+pub(crate) fn almost_yarns(set: &CurveSet, cell: &Cell) -> Option<String> {
+    let mut almost = (0..set.len()).filter_map(|i| {
+        let ends = Ends::new(set, i, cell)?;
+        let segments = 0..set.curve(i).segments as usize;
+        let lengths = segments.map(|s| norm(sub(set.knot(i, s + 1), set.knot(i, s))));
+        let is_near = ends.distance <= lengths.fold(0.0, f64::max);
+        (is_near && period(set, i, cell).is_none()).then_some((i, ends))
+    });
+    let (
+        i,
+        Ends {
+            image: [n1, n2, n3],
+            distance,
+            ..
+        },
+    ) = almost.next()?;
+    let others = match almost.count() {
+        0 => String::new(),
+        n => format!(", and so do {n} others"),
+    };
+    let distance = significant(distance);
+    Some(format!(
+        "curve {i} almost runs through the cell{others}: its end is {distance} away from the image \
+         {n1},{n2},{n3} of its start, more than rounding; it is taken for an open curve"
+    ))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::curve::{Basis, Positions};
+
+    /// A yarn of four segments whose end is off by `gap`.
+    fn yarn(gap: f64) -> CurveSet {
+        let xyz: Vec<f64> = (0..5).flat_map(|k| [f64::from(k), 0.5, 0.0]).collect();
+        let xyz = [&xyz[..12], &[4.0 + gap, 0.5, 0.0]].concat();
+        CurveSet::from_counts(Basis::Polyline, &[5], Positions::F64(&xyz)).unwrap()
+    }
+
+    #[test]
+    fn a_curve_that_almost_runs_through_the_cell_is_named_with_the_gap() {
+        let cell: Cell = "4,4,4".parse().unwrap();
+        for (gap, words) in [
+            (1e-10, None),
+            (1e-6, Some("is 1e-6 away from the image 1,0,0 of its start")),
+            (
+                -0.02,
+                Some("is 0.02 away from the image 1,0,0 of its start"),
+            ),
+            // Further than a segment.
+            (1.7, None),
+        ] {
+            let set = yarn(gap);
+            let found = almost_yarns(&set, &cell);
+            let is_as_expected = match (&found, words) {
+                (Some(found), Some(words)) => found.contains(words),
+                (found, words) => found.is_none() && words.is_none(),
+            };
+            assert!(is_as_expected, "{gap}: {found:?}");
+            assert_eq!(period(&set, 0, &cell).is_some(), gap == 1e-10);
+        }
+    }
+
+    #[test]
+    fn the_tolerance_of_a_period_is_a_share_of_the_cell_in_all_directions() {
+        for unit in [1e-6, 1.0, 1e6] {
+            for cell in ["4,4,4", "4,4,0", "4,0,0"] {
+                let mut cell: Cell = cell.parse().unwrap();
+                cell.vectors.iter_mut().flatten().for_each(|x| *x *= unit);
+                for (off, expected) in [(1e-10, true), (1e-7, false)] {
+                    let ends = [0.0, 0.0, 0.0, 2.0, 0.0, 1.0, 4.0, 0.0, 4.0 * off];
+                    let xyz = ends.map(|x| unit * x);
+                    let set = CurveSet::from_counts(Basis::Polyline, &[3], Positions::F64(&xyz));
+                    let found = period(&set.unwrap(), 0, &cell).is_some();
+                    assert_eq!(found, expected, "{unit} {cell} {off}");
+                }
+            }
+        }
+    }
 }

@@ -5,7 +5,7 @@ use crate::error::{Error, Result};
 
 /// Largest share of the cell that a segment may have along a vector. The nearest image of its end
 /// would be a guess if it were longer.
-const LONGEST: f64 = 1.0 / 3.0;
+pub(super) const LONGEST: f64 = 1.0 / 3.0;
 
 /// Unwraps the curves of successive frames.
 ///

@@ -246,12 +246,11 @@ impl Collector {
         match item {
             RecordedItem::Baseline(b) => {
                 let images = b.certificate.images.as_deref().unwrap_or_default();
-                let linked = images.iter().filter(|l| l.lambda.is_some()).count();
                 self.facts.baseline = Some(Baseline {
                     origin: plain(&b.origin, TEXT),
                     curves: b.certificate.curves,
-                    links: b.certificate.links.len() + linked,
-                    undefined: b.certificate.undefined.len() + images.len() - linked,
+                    links: b.certificate.links.len() + images.len(),
+                    undefined: b.certificate.undefined.len(),
                     frame: b.frame,
                     unverified: b.unverified,
                 });

@@ -27,8 +27,8 @@ pub struct ImageLink {
     pub j: u32,
     /// Translation of the second curve, not 0; positive in lexicographic order if `i = j`.
     pub image: Image,
-    /// Linking number, never 0; `None` if the pair has none, because it touches, for example.
-    pub lambda: Option<i64>,
+    /// Linking number, never 0.
+    pub lambda: i64,
 }
 
 /// Kind of the difference between a linking number and the expected one.

@@ -53,10 +53,7 @@ pub(crate) fn label_of_pair((i, j): (u32, u32), image: Image, names: &[String]) 
 impl fmt::Display for ImageLink {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let pair = words_of_pair((self.i, self.j), self.image, &[]);
-        match self.lambda {
-            Some(lambda) => write!(f, "{pair}: linking number {lambda}"),
-            None => write!(f, "{pair}: no linking number"),
-        }
+        write!(f, "{pair}: linking number {}", self.lambda)
     }
 }
 

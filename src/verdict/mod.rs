@@ -24,6 +24,8 @@ pub use policy::AbortOn;
 pub use pull_through::PullThrough;
 
 use crate::curve::{Image, Point};
+#[cfg(feature = "verify")]
+use crate::periodic::ImagePair;
 
 /// Result of comparing the topology of a frame with that of the baseline.
 #[derive(
@@ -177,6 +179,13 @@ pub struct Defect {
 }
 
 impl Defect {
+    /// Returns the two curves, the second one translated, or `None` for a single curve.
+    #[cfg(feature = "verify")]
+    pub(crate) fn pair(&self) -> Option<ImagePair> {
+        let (i, j, image) = (self.i, self.j?, self.image);
+        Some(ImagePair { i, j, image })
+    }
+
     /// Returns this defect of a single curve for its pairs with other curves.
     #[cfg(feature = "verify")]
     pub(crate) fn with_each_of(self, others: &[u32]) -> impl Iterator<Item = Defect> + '_ {

@@ -42,6 +42,7 @@ impl Braided {
             VerifierOptions {
                 baseline: options.baseline.as_ref().map(|b| b.of_share(&share)),
                 braids: None,
+                wrapped: None,
                 events: Events::Off,
                 motion_limit: None,
                 clearance: None,

@@ -126,6 +126,8 @@ impl Timings {
 pub struct Verifier {
     abort_on: AbortOn,
     max_pairs: usize,
+    /// [`VerifierOptions::wrapped`].
+    wrapped: Option<bool>,
     baseline: Option<Certificate>,
     strategy: Strategy,
     full: FullRun,
@@ -225,6 +227,7 @@ impl Verifier {
         Verifier {
             abort_on: options.abort_on,
             max_pairs: options.max_pairs,
+            wrapped: options.wrapped,
             baseline,
             strategy: options.strategy,
             full,
@@ -517,7 +520,7 @@ impl Verifier {
     /// come close than [`VerifierOptions::max_pairs`]; [`Error::Cancelled`] after
     /// [`Progress::cancel`].
     pub fn step(&mut self, seq: u64, time: f64, set: &CurveSet) -> Result<Report> {
-        if self.periodic.is_some() {
+        if self.periodic.is_some() || self.wrapped.is_some() {
             return self.step_shared(seq, time, &Arc::new(set.clone()));
         }
         let verified = self.verify(seq, time, set);
@@ -530,6 +533,8 @@ impl Verifier {
     /// Same as [`Verifier::step`], for a frame that the caller shares until the next one is
     /// verified.
     pub fn step_shared(&mut self, seq: u64, time: f64, set: &Arc<CurveSet>) -> Result<Report> {
+        let placed = self.place(set)?;
+        let set = placed.as_ref().unwrap_or(set);
         if let Some(periodic) = &mut self.periodic {
             periodic.receive(set);
         }
@@ -712,7 +717,11 @@ impl Verifier {
         }
         let closed = set.open_curves() < set.len() || self.braided.is_some();
         if !closed && self.steps.events() == Events::Off {
-            return Err(Error::NothingClosed { curves: set.len() });
+            let yarns = self.periodic.as_deref();
+            return Err(Error::NothingClosed {
+                curves: set.len(),
+                yarns: yarns.map_or(0, |periodic| periodic.count_yarns(set)),
+            });
         }
         self.steps.begin(set)?;
         self.full.progress.limit.begin(self.max_pairs);
@@ -788,6 +797,8 @@ impl Verifier {
         }
         if let Some(images) = images {
             self.add_images(&mut report, images);
+            let yarns = self.joined.as_ref().map_or(0, |b| b.periods.len());
+            report.stats.open_curves -= yarns as u64;
         }
         if let Some(braided) = &self.braided {
             report.stats.open_curves = braided.open_curves(set);

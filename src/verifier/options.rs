@@ -72,12 +72,20 @@ pub struct VerifierOptions {
     /// default: the scene does not repeat.
     ///
     /// Each curve then stands for all its images, and linking numbers with images of other curves
-    /// and with its own are verified, and pull-throughs between them. Coordinates must not be
-    /// wrapped into the cell. The curves must be the same in all frames.
-    /// Excludes braids, kernels that sum, and GPUs.
+    /// and with its own are verified, and pull-throughs between them. The curves must be the same
+    /// in all frames. Excludes braids, kernels that sum, and GPUs.
     ///
     /// [`Verifier::set_cell`]: crate::Verifier::set_cell
     pub cell: Option<Cell>,
+    /// How coordinates relate to the periodic cell. `None`, the default: curves are whole. A frame
+    /// with a segment of more than half of the cell is refused, and a curve that jumps by a lattice
+    /// vector from one frame to the next is followed ([`Verifier::jumps`]). `Some(true)`:
+    /// coordinates are wrapped into the cell, and curves are unwrapped ([`Unwrap`]).
+    /// `Some(false)`: coordinates are unwrapped, and taken as they are.
+    ///
+    /// [`Verifier::jumps`]: crate::Verifier::jumps
+    /// [`Unwrap`]: crate::Unwrap
+    pub wrapped: Option<bool>,
     /// Maximum number of pairs of curves whose boxes overlap, in a frame or in the motion since the
     /// previous one. A frame with more is not verified ([`Error::TooManyPairs`]), because the
     /// memory for them, up to 200 bytes each, may not be there. The default is
@@ -149,6 +157,7 @@ impl Default for VerifierOptions {
             clearance: None,
             braids: None,
             cell: None,
+            wrapped: None,
             max_pairs: VerifierOptions::MAX_PAIRS,
             kernel: Method::default(),
             accuracy: Accuracy::default(),

@@ -11,15 +11,15 @@ use super::braided::add_work;
 use super::yarns::{Compared, Yarns};
 use super::{Strategy, Verifier, VerifierOptions};
 use crate::certificate::{Certificate, undefined_entry};
-use crate::curve::{Cell, CurveSet, Image, is_home};
+use crate::curve::{Cell, CurveSet, Image, Point, Precision, is_home};
 use crate::error::{Error, Result};
 use crate::incremental::{Events, QuietBounds, sort_by_time};
 use crate::ingest::FramePool;
 use crate::kernels::{GpuUse, Method};
 use crate::pairs::Pair;
 use crate::periodic::{
-    Boxer, Entry, FractionalBoxes, ImagePair, ImagePairs, RingAndYarn, Searched, bend,
-    period_of_pair,
+    Bend, Boxer, Entry, FractionalBoxes, ImagePair, ImagePairs, Jumps, RingAndYarn, Searched,
+    Unwrap, find_torn, period_of_pair,
 };
 use crate::pool;
 use crate::verdict::{AbortOn, Change, Defect, DefectKind, Link, PullThrough, Report};
@@ -33,6 +33,8 @@ pub(super) struct Periodic {
     options: VerifierOptions,
     /// Cell of the next frame.
     cell: Cell,
+    /// [`VerifierOptions::wrapped`].
+    wrapped: Option<bool>,
     /// Given baseline, until the first frame.
     given: Option<Certificate>,
     /// Expected linking numbers with images, sorted, once they are known.
@@ -41,6 +43,8 @@ pub(super) struct Periodic {
     yarns: Yarns,
     /// Images that may meet, once they are known.
     inner: Option<Inner>,
+    unwrap: Unwrap,
+    jumps: Jumps,
     /// Curves of the current frame.
     frame: Option<Arc<CurveSet>>,
     before: Option<Before>,
@@ -64,12 +68,13 @@ struct Before {
     frame: Arc<CurveSet>,
     cell: Cell,
     /// Room that the curves had ([`ImagePairs::room`]).
-    room: f64,
+    room: Point,
     seq: u64,
     time: f64,
 }
 
 /// Findings about images in a frame.
+#[derive(Default)]
 pub(super) struct Found {
     /// Report of the inner verifier, with the curves of the scene.
     report: Option<Report>,
@@ -79,6 +84,14 @@ pub(super) struct Found {
     pub unknown: bool,
 }
 
+impl Found {
+    /// Returns the pairs without a linking number.
+    fn defects(&self) -> Vec<Defect> {
+        let of_images = self.report.iter().flat_map(|report| &report.defects);
+        of_images.chain(&self.of_yarns.defects).copied().collect()
+    }
+}
+
 impl Periodic {
     /// Prepares the images. `options` are those of the outer verifier.
     pub fn new(cell: Cell, options: &VerifierOptions) -> Periodic {
@@ -86,6 +99,7 @@ impl Periodic {
             options: VerifierOptions {
                 baseline: None,
                 cell: None,
+                wrapped: None,
                 clearance: None,
                 abort_on: AbortOn::Never,
                 kernel: Method::Crossings,
@@ -93,10 +107,13 @@ impl Periodic {
                 ..options.clone()
             },
             cell,
+            wrapped: options.wrapped,
             given: options.baseline.clone(),
             expected: None,
             yarns: Yarns::default(),
             inner: None,
+            unwrap: Unwrap::default(),
+            jumps: Jumps::default(),
             frame: None,
             before: None,
             pool: FramePool::default(),
@@ -107,6 +124,14 @@ impl Periodic {
 
     pub fn inner_verifier(&mut self) -> Option<&mut Verifier> {
         self.inner.as_mut()?.verifier.as_deref_mut()
+    }
+
+    /// Returns the number of curves of a first frame that run through the cell, and logs those that
+    /// almost do.
+    pub fn count_yarns(&self, set: &CurveSet) -> usize {
+        let mut yarns = Yarns::default();
+        yarns.find_periods(set, &self.cell);
+        yarns.list().len()
     }
 
     /// Takes the curves of the next frame.
@@ -130,8 +155,12 @@ impl Periodic {
 
     /// Begins again with another baseline.
     pub fn restart(&mut self, baseline: Certificate) {
-        self.options.baseline = Some(baseline);
-        *self = Periodic::new(self.cell, &self.options);
+        let options = VerifierOptions {
+            baseline: Some(baseline),
+            wrapped: self.wrapped,
+            ..self.options.clone()
+        };
+        *self = Periodic::new(self.cell, &options);
     }
 
     /// Returns true if a defect of a pair with an image is one of the baseline.
@@ -158,8 +187,9 @@ impl Periodic {
         lacks || touch
     }
 
-    /// Returns all expected linking numbers; `outer` has those of the curves themselves.
-    fn joined(&self, outer: &Certificate) -> Certificate {
+    /// Returns all expected linking numbers; `outer` has those of the curves themselves, and
+    /// `found` the places of contacts with images.
+    fn joined(&self, outer: &Certificate, found: &Found) -> Certificate {
         let periodic = Certificate {
             images: Some(Vec::new()),
             periods: self.yarns.list(),
@@ -169,11 +199,47 @@ impl Periodic {
         entries.extend(self.expected.iter().flatten());
         entries.extend(self.yarns.expected.iter().flatten());
         entries.sort_unstable();
-        periodic.with_entries(&entries)
+        periodic.with_entries(&entries, &found.defects())
+    }
+
+    /// Returns the curves of the next frame where they are verified; `None`: they are as given.
+    ///
+    /// Errors: those of [`Unwrap::unwrap`].
+    fn place(&mut self, set: &CurveSet) -> Result<Option<CurveSet>> {
+        match self.wrapped {
+            None => {
+                // After a cut, the last frame.
+                let before = self.before.as_ref().map(|before| &before.frame);
+                let before = before.or(self.frame.as_ref()).map(|frame| &**frame);
+                self.jumps.follow(set, &self.cell, before)
+            }
+            Some(true) => self.unwrap.unwrap(set, &self.cell).map(Some),
+            Some(false) => Ok(None),
+        }
+    }
+
+    /// Converts the previous frame to double precision, like those that follow. Its images are
+    /// searched for again.
+    fn widen(&mut self) -> Result<()> {
+        if let Some(before) = &mut self.before {
+            before.frame = Arc::new(before.frame.widened()?);
+        }
+        self.inner = None;
+        Ok(())
+    }
+
+    /// Refuses the current frame if one of these curves is torn.
+    fn refuse_torn(&self, curves: &[usize]) -> Result<()> {
+        let curves = curves.iter().copied().filter(|_| self.wrapped.is_none());
+        match find_torn(self.frame()?, &self.cell, curves)? {
+            Some(torn) => Err(Error::Usage(torn.to_string())),
+            None => Ok(()),
+        }
     }
 
     /// Finds the images that may meet while the curves are within these boxes.
     fn search(&mut self, boxes: &FractionalBoxes, progress: &super::Progress) -> Result<Inner> {
+        self.refuse_torn(&boxes.wide(&self.cell))?;
         let margin = ImagePairs::margin(boxes, &self.cell);
         let searched = Searched {
             curves: self.frame()?.curves(),
@@ -217,29 +283,37 @@ impl Periodic {
         frame: &CurveSet,
         quiet: Option<&QuietBounds<'_>>,
         progress: &super::Progress,
-    ) -> Result<(f64, bool)> {
+    ) -> Result<(Point, bool)> {
         let boxer = Boxer::new(frame, &self.cell)?;
         let before = self.before.as_ref();
-        let bend = before.map_or(Ok(0.0), |before| bend([&before.cell, &self.cell]))?;
+        let bend = before.map(|before| Bend::between([&before.cell, &self.cell]));
+        let bend = bend.transpose()?.unwrap_or_default();
         let room = |pairs: &ImagePairs, boxer: &Boxer<'_>| {
             pool::run(frame.segments(), || pairs.room(boxer))
         };
         if let Some(Inner { pairs, .. }) = &mut self.inner {
             let was_inside = match before {
-                Some(before) if before.room >= bend => true,
+                Some(before) if pairs.is_enough(before.room, &bend) => true,
                 // The room of a quiet frame is a lower bound.
-                Some(before) => room(pairs, &Boxer::new(&before.frame, &before.cell)?) >= bend,
+                Some(before) => {
+                    let room = room(pairs, &Boxer::new(&before.frame, &before.cell)?);
+                    pairs.is_enough(room, &bend)
+                }
                 None => true,
             };
-            let at_least = quiet.map(|at| pairs.quiet_room(&boxer, at, bend));
-            let known = at_least.filter(|&room| room >= bend);
+            let at_least = quiet.map(|at| pairs.quiet_room(&boxer, at, &bend));
+            let known = at_least.filter(|&room| pairs.is_enough(room, &bend));
             let room = match known {
                 Some(known) if self.options.strategy != Strategy::Paranoid => known,
                 _ => room(pairs, &boxer),
             };
-            // The two differ by rounding.
-            self.disagreed |= known.is_some_and(|known| known > room + 1e-9 || room.is_nan());
-            if was_inside && room >= bend {
+            self.disagreed |= known.is_some_and(|known| !boxer.is_at_most(known, room));
+            if was_inside && pairs.is_enough(room, &bend) {
+                if known.is_none()
+                    && let Some(Inner { pairs, .. }) = &self.inner
+                {
+                    self.refuse_torn(&pairs.wide)?;
+                }
                 return Ok((room, false));
             }
         }
@@ -248,7 +322,7 @@ impl Periodic {
             None => boxes,
             Some(before) => {
                 let at_first = Boxer::new(&before.frame, &before.cell)?;
-                boxes.swept_from(&FractionalBoxes::new(&at_first), bend)
+                boxes.swept_from(&FractionalBoxes::new(&at_first), &bend)
             }
         };
         let inner = self.search(&swept, progress)?;
@@ -490,6 +564,56 @@ impl Verifier {
         Ok(())
     }
 
+    /// Returns the curves of the next frame where they are verified, if that differs from where
+    /// they are given ([`VerifierOptions::wrapped`]).
+    pub(super) fn place(&mut self, set: &CurveSet) -> Result<Option<Arc<CurveSet>>> {
+        let Some(periodic) = &mut self.periodic else {
+            return match self.wrapped {
+                Some(true) => Err(Error::Usage(
+                    "wrapped coordinates need a periodic cell, but the frame has none".into(),
+                )),
+                _ => Ok(None),
+            };
+        };
+        match periodic.place(set) {
+            Ok(placed) => {
+                let precision = placed.as_ref().unwrap_or(set).precision();
+                let before = periodic.before.as_ref().map(|b| b.frame.precision());
+                let widened = match (before, precision) {
+                    (Some(Precision::F32), Precision::F64) => {
+                        periodic.widen()?;
+                        self.steps.widen()?;
+                        placed
+                    }
+                    (Some(Precision::F64), Precision::F32) => Some(set.widened()?),
+                    _ => placed,
+                };
+                Ok(widened.map(Arc::new))
+            }
+            Err(why) => {
+                // The next frame is compared with the guess, so nothing is known about that step.
+                let searched = self.previous.is_some() && self.steps.events() != Events::Off;
+                self.cut();
+                let unknown = format!("an earlier frame was rejected: {why}");
+                self.unknown_step = searched.then_some(unknown);
+                Err(why)
+            }
+        }
+    }
+
+    /// Returns the curves of the last frame where they were verified, if the scene is periodic:
+    /// unwrapped, and followed if they jumped ([`VerifierOptions::wrapped`]).
+    pub fn placed_curves(&self) -> Option<&Arc<CurveSet>> {
+        self.periodic.as_ref()?.frame.as_ref()
+    }
+
+    /// Returns how many times a curve jumped by a lattice vector from one frame to the next, as
+    /// simulations move molecules back into the cell, and was followed.
+    pub fn jumps(&self) -> u64 {
+        let periodic = self.periodic.as_ref();
+        periodic.map_or(0, |periodic| periodic.jumps.count())
+    }
+
     /// Returns the periodic cell of the next frame, if the scene is periodic.
     pub fn cell(&self) -> Option<Cell> {
         self.periodic.as_ref().map(|periodic| periodic.cell)
@@ -554,7 +678,7 @@ impl Verifier {
         let stats = pool::run(set.segments(), || self.full.certify(set));
         debug_assert_eq!(stats.curves, set.len() as u64);
         self.full.progress.check()?;
-        let frame = periodic.joined(&self.full.certificate);
+        let frame = periodic.joined(&self.full.certificate, &Found::default());
         let aligned = given.aligned_with(&frame)?;
         let entries = aligned.entries().unwrap_or_default();
         let is_of_yarn = |e: &Entry| period_of_pair(&periods, e.0.i, e.0.j).is_some();
@@ -570,7 +694,7 @@ impl Verifier {
         self.baseline = Some(Certificate {
             images: None,
             periods: Vec::new(),
-            ..given.with_entries(&own)
+            ..given.with_entries(&own, &[])
         });
         Ok(())
     }
@@ -594,7 +718,7 @@ impl Verifier {
         if inner_changed || std::mem::take(&mut periodic.outdated) {
             self.baseline_changed = true;
             let outer = self.baseline.as_ref();
-            self.joined = outer.map(|outer| periodic.joined(outer));
+            self.joined = outer.map(|outer| periodic.joined(outer, &found));
         }
         if disagreed {
             self.disagree();

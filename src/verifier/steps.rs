@@ -112,6 +112,14 @@ impl Steps {
         known.then(|| Arc::clone(certificate))
     }
 
+    /// Converts the previous frame to double precision, like those that follow.
+    pub fn widen(&mut self) -> Result<()> {
+        if let Some(last) = &mut self.last {
+            last.set = Arc::new(last.set.widened()?);
+        }
+        Ok(())
+    }
+
     /// Returns true if frames are kept for the next step.
     fn keeps_frames(&self) -> bool {
         self.incremental || self.events != Events::Off

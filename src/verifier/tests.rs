@@ -217,7 +217,10 @@ fn open_curves_are_verified_for_pull_throughs_only() {
     };
     let mut verifier = Verifier::default();
     let refused = verifier.step(0, 0.0, &strands(-1.0));
-    assert!(matches!(refused, Err(Error::NothingClosed { curves: 2 })));
+    assert!(matches!(
+        refused,
+        Err(Error::NothingClosed { curves: 2, .. })
+    ));
     for strategy in [Strategy::Full, Strategy::Incremental] {
         let mut verifier = Verifier::new(VerifierOptions {
             abort_on: AbortOn::Event,

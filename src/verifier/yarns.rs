@@ -18,7 +18,9 @@ use crate::certificate::undefined_entry;
 use crate::curve::vector::bounds;
 use crate::curve::{AXES, Cell, CurveSet, Image, Point, pow2, union};
 use crate::error::Result;
-use crate::periodic::{Entry, ImagePair, Number, RingAndYarn, YarnPeriod, linking_numbers, period};
+use crate::periodic::{
+    Entry, ImagePair, Number, RingAndYarn, YarnPeriod, almost_yarns, linking_numbers, period,
+};
 use crate::verdict::{Change, Defect, DefectKind};
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
@@ -67,12 +69,15 @@ impl Yarns {
         yarns.collect()
     }
 
-    /// Finds the curves that run through the cell, in the first frame. Returns those that no longer
-    /// do, in words.
+    /// Finds the curves that run through the cell, in the first frame, and logs those that almost
+    /// do. Returns those that no longer do, in words.
     pub fn find_periods(&mut self, set: &CurveSet, cell: &Cell) -> Option<String> {
         let find = |i: usize| period(set, i, cell);
         let Some(known) = &self.periods else {
             self.periods = Some((0..set.len()).map(find).collect());
+            if let Some(words) = almost_yarns(set, cell) {
+                tracing::warn!("{words}");
+            }
             return None;
         };
         let differs = |&i: &usize| known[i].is_some() && find(i) != known[i];

@@ -3,6 +3,7 @@
 use crate::support::command::{linkwatch, text};
 use crate::support::polygons::square;
 use linkwatch::{Basis, CurveSet, Positions, model};
+use std::path::Path;
 use tempfile::TempDir;
 
 #[test]
@@ -177,4 +178,103 @@ fn lists_devices_and_rejects_unknown_ones() {
         assert_eq!(certify(&index.to_string()).stdout, expected.stdout);
     }
     assert_eq!(certify(&names.len().to_string()).code, 2);
+}
+
+/// Writes a frame with a periodic cell as extended XYZ.
+fn periodic(path: &Path, cell: &str, counts: &[i32], points: &[[f64; 3]]) {
+    let positions = Positions::F64(points.as_flattened());
+    let set = CurveSet::from_counts(Basis::Polyline, counts, positions).unwrap();
+    let mut frame = model::ModelFrame::new(0, Ok(set));
+    frame.cell = Some(cell.parse().unwrap());
+    let mut writer = model::FrameWriter::create(path, model::Format::of(path).unwrap()).unwrap();
+    writer.frame(&frame).unwrap();
+    writer.finish().unwrap();
+}
+
+/// Regression test: a cell of yarns had nothing to verify.
+#[test]
+fn a_cell_of_yarns_has_a_certificate_with_their_periods() {
+    let folder = TempDir::new().unwrap();
+    let path = folder.path().join("weave.npz");
+    let along = |k: usize| (0..5).map(move |i| (k, f64::from(i)));
+    let point = |(k, x): (usize, f64)| match k {
+        0 => [x, 1.0, 0.2],
+        _ => [1.0, x, -0.2],
+    };
+    let points: Vec<[f64; 3]> = along(0).chain(along(1)).map(point).collect();
+    periodic(&path, "4,4,4", &[5, 5], &points);
+    let run = linkwatch(&["certify", text(&path)]);
+    let periods = "periodic 2 # lines: 2\n0,,1,0,0,period\n1,,0,1,0,period\n";
+    assert_eq!((run.code, run.stdout.as_str()), (0, periods));
+    let says = "2 curves run through the cell: they have linking numbers with closed curves, but \
+                not with one another; `check` and `watch` verify their pull-throughs with --events";
+    assert!(run.stderr.contains(says), "{}", run.stderr);
+    assert!(!run.stderr.contains("skipped"), "{}", run.stderr);
+    // Without pull-throughs, `check` verifies nothing.
+    let run = linkwatch(&["check", text(&path), text(&path), "--keep-order"]);
+    assert_eq!(run.code, 2);
+    assert!(
+        run.stderr.contains("2 of them run through the cell"),
+        "{}",
+        run.stderr
+    );
+    let run = linkwatch(&[
+        "check",
+        text(&path),
+        text(&path),
+        "--keep-order",
+        "--events",
+    ]);
+    assert_eq!(run.code, 0, "{} {}", run.stdout, run.stderr);
+    // A yarn that does not end at the image of its start.
+    let mut torn = points;
+    torn[4][2] += 0.01;
+    periodic(&folder.path().join("torn.npz"), "4,4,4", &[5, 5], &torn);
+    let run = linkwatch(&["certify", text(&folder.path().join("torn.npz"))]);
+    let says = "curve 0 almost runs through the cell: its end is 0.01 away from the image 1,0,0";
+    assert!(run.stderr.contains(says), "{}", run.stderr);
+    assert!(
+        run.stderr.contains("1 open curve skipped"),
+        "{}",
+        run.stderr
+    );
+}
+
+/// Regression test: a contact with an image was no warning, and the exit code was 0.
+#[test]
+fn a_contact_with_an_image_is_told_as_one_of_two_curves() {
+    let folder = TempDir::new().unwrap();
+    for (name, at, image) in [("inside", 2.0, "curves 0 and 1"), ("across", -8.0, "image")] {
+        let path = folder.path().join(format!("{name}.npz"));
+        let flat = [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]];
+        let ring = |x: f64| flat.map(move |[a, b]| [x + a, b + 0.1 * x, 0.0]);
+        periodic(
+            &path,
+            "10,10,10",
+            &[-4, -4],
+            &[ring(0.0), ring(at)].concat(),
+        );
+        let run = linkwatch(&["certify", text(&path)]);
+        assert_eq!(run.code, 3, "{name}: {}", run.stderr);
+        let warning = run.stderr.lines().find(|line| line.contains("touch"));
+        let warning = warning.unwrap_or_default();
+        assert!(
+            warning.contains(image) && warning.contains("near (1."),
+            "{}",
+            run.stderr
+        );
+        assert!(
+            run.stderr
+                .contains("1 pair or curve without a linking number"),
+            "{}",
+            run.stderr
+        );
+        let run = linkwatch(&["certify", "--json", text(&path)]);
+        let json: serde_json::Value = serde_json::from_str(&run.stdout).unwrap();
+        let undefined = &json["certificate"]["undefined"];
+        assert_eq!(undefined[0]["kind"], "contact", "{name}: {undefined}");
+        let run = linkwatch(&["check", text(&path), text(&path), "--keep-order"]);
+        assert_eq!(run.code, 3, "{name}: {}", run.stdout);
+        assert!(run.stdout.contains("touch"), "{name}: {}", run.stdout);
+    }
 }

@@ -13,6 +13,7 @@
 mod exact_sums;
 mod invariance;
 mod jersey;
+mod jumps;
 mod limits;
 mod periods;
 mod quiet;
@@ -22,4 +23,5 @@ mod supercell;
 #[path = "../support/mod.rs"]
 mod support;
 mod through;
+mod units;
 mod yarn;

@@ -124,6 +124,8 @@ impl Scene {
         let mut options = VerifierOptions::default();
         (options.strategy, options.events) = (strategy, events);
         options.cell = Some(self.cell);
+        // Segments may be longer than half of the cell.
+        options.wrapped = Some(false);
         options
     }
 

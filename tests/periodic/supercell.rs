@@ -45,11 +45,11 @@ fn of_periodic(certificate: &Certificate) -> Numbers {
     }
     for d in &certificate.undefined {
         if let Some(j) = d.j {
-            numbers.insert((d.i, j, home), None);
+            numbers.insert((d.i, j, d.image), None);
         }
     }
     for l in certificate.images.iter().flatten() {
-        numbers.insert((l.i, l.j, l.image), l.lambda);
+        numbers.insert((l.i, l.j, l.image), Some(l.lambda));
     }
     numbers
 }

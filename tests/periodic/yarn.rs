@@ -106,6 +106,8 @@ impl Yarn {
         let mut options = VerifierOptions::default();
         (options.strategy, options.events) = (strategy, events);
         options.cell = Some(self.cell);
+        // Segments may be longer than half of the cell.
+        options.wrapped = Some(false);
         options
     }
 

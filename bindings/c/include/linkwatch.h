@@ -240,6 +240,10 @@ typedef struct lw_verifier_options {
   // Distance of center lines, as a share of the sum of the radii, below which `lw_clearance.low`
   // is set. 0: the default, 0.5.
   double min_clearance;
+  // How coordinates relate to the periodic cell. 0, the default: curves are whole, and followed
+  // if they jump by a lattice vector. 1: wrapped into the cell, to be unwrapped. -1: unwrapped,
+  // and taken as they are.
+  int32_t wrapped;
 } lw_verifier_options;
 
 // How sharply curves bend, and how close they come.

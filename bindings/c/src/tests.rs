@@ -228,6 +228,7 @@ fn bad_arguments_are_errors_with_words() {
             radii: null(),
             curves: 0,
             min_clearance: 0.0,
+            wrapped: 0,
         };
         assert!(lw_verifier_new(&options).is_null());
         assert!(
@@ -547,6 +548,7 @@ fn struts_have_their_gradient_and_clearance_warns_before_a_pull_through() {
         radii: radii.as_ptr(),
         curves: 2,
         min_clearance: 0.8,
+        wrapped: 0,
     };
     // SAFETY: all pointers are valid.
     unsafe {

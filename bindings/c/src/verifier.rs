@@ -53,13 +53,11 @@ impl From<Certificate> for lw_certificate {
             lambda: l.lambda,
         });
         let images = certificate.images.iter().flatten();
-        let images = images.filter_map(|l| {
-            Some(lw_image_link {
-                i: l.i,
-                j: l.j,
-                image: l.image,
-                lambda: l.lambda?,
-            })
+        let images = images.map(|l| lw_image_link {
+            i: l.i,
+            j: l.j,
+            image: l.image,
+            lambda: l.lambda,
         });
         lw_certificate {
             links: links.collect(),
@@ -214,9 +212,7 @@ pub unsafe extern "C" fn lw_certificate_undefined(certificate: *mut lw_certifica
     guard(usize::MAX, || {
         // SAFETY: as promised by the caller.
         let this = unsafe { given(certificate, "certificate") }?;
-        let images = this.certificate.images.iter().flatten();
-        let without = images.filter(|link| link.lambda.is_none()).count();
-        Ok(this.certificate.undefined.len() + without)
+        Ok(this.certificate.undefined.len())
     })
 }
 
@@ -262,6 +258,10 @@ pub struct lw_verifier_options {
     /// Distance of center lines, as a share of the sum of the radii, below which `lw_clearance.low`
     /// is set. 0: the default, 0.5.
     pub min_clearance: f64,
+    /// How coordinates relate to the periodic cell. 0, the default: curves are whole, and followed
+    /// if they jump by a lattice vector. 1: wrapped into the cell, to be unwrapped. -1: unwrapped,
+    /// and taken as they are.
+    pub wrapped: i32,
 }
 
 /// Verifies successive frames against a baseline. Not thread-safe: use it in one thread at a time.
@@ -337,6 +337,12 @@ pub unsafe extern "C" fn lw_verifier_new(options: *const lw_verifier_options) ->
                 LW_EVENTS_BETWEEN => Events::Between,
                 LW_EVENTS_OFF => Events::Off,
                 other => return Err(format!("events {other}: expected LW_EVENTS_ALL to _OFF")),
+            };
+            chosen.wrapped = match options.wrapped {
+                0 => None,
+                1 => Some(true),
+                -1 => Some(false),
+                other => return Err(format!("wrapped {other}: expected -1, 0 or 1")),
             };
             if !options.abort_on.is_null() {
                 // SAFETY: as promised by the caller.

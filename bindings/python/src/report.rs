@@ -13,7 +13,7 @@ use std::path::PathBuf;
 const PATH: &str = "a path: str, bytes or os.PathLike";
 
 /// Curves, translation of the second one, and linking number.
-type ImageLink = (u32, u32, (i32, i32, i32), Option<i64>);
+type ImageLink = (u32, u32, (i32, i32, i32), i64);
 
 /// The verdict on a frame.
 #[pyclass(frozen, eq, module = "linkwatch")]
@@ -228,8 +228,7 @@ impl Certificate {
     }
 
     /// Linking numbers with periodic images of other curves and of the curve itself, as tuples
-    /// (i, j, image, lambda), sorted. lambda is None if the pair has no linking number. None
-    /// if the scene is not periodic.
+    /// (i, j, image, lambda), sorted. None if the scene is not periodic.
     #[getter]
     fn images(&self) -> Option<Vec<ImageLink>> {
         let images = self.numbers.images.as_deref()?.iter();
@@ -310,11 +309,9 @@ impl Certificate {
             ..
         } = &self.numbers;
         let mut text = format!("{curves} curves, {} links", links.len());
-        let mut without = undefined.len();
+        let without = undefined.len();
         if let Some(images) = images {
-            let undecided = images.iter().filter(|l| l.lambda.is_none()).count();
-            text += &format!(", {} pairs with periodic images", images.len() - undecided);
-            without += undecided;
+            text += &format!(", {} pairs with periodic images", images.len());
         }
         if without > 0 {
             text += &format!(", {without} undefined");

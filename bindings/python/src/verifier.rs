@@ -37,7 +37,7 @@ struct State {
 impl Verifier {
     #[new]
     #[pyo3(signature = (
-        *, basis_name, baseline, events, abort_on, incremental, motion_limit, strands
+        *, basis_name, baseline, events, abort_on, incremental, motion_limit, strands, wrapped
     ))]
     fn new(
         basis_name: &str,
@@ -47,12 +47,14 @@ impl Verifier {
         incremental: bool,
         motion_limit: Option<f64>,
         strands: Option<Strands>,
+        wrapped: Option<bool>,
     ) -> PyResult<Verifier> {
         let options = VerifierOptions {
             baseline: baseline.map(|b| b.numbers),
             events: events.parse().map_err(option("events"))?,
             abort_on: abort_on.parse().map_err(option("abort_on"))?,
             motion_limit,
+            wrapped,
             clearance: strands.as_ref().map(|(radius, low, _)| {
                 let mut options = ClearanceOptions::new(*radius);
                 options.low = *low;
@@ -141,6 +143,10 @@ impl Verifier {
             state.verifier.cut();
             Ok(())
         })
+    }
+
+    fn jumps(&self, py: Python<'_>) -> PyResult<u64> {
+        py.detach(|| self.with(|state| state.verifier.jumps()))
     }
 
     fn unmeasured_clearance(&self, py: Python<'_>) -> PyResult<Option<String>> {

@@ -216,7 +216,7 @@ mod tests {
                 i,
                 j,
                 image,
-                lambda: Some(2),
+                lambda: 2,
             };
             let certificate = Certificate {
                 curves: 2,

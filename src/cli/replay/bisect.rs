@@ -115,7 +115,7 @@ pub fn run(args: &Args, mut source: Source, json: bool) -> Result<Outcome> {
     let start = Instant::now();
     let path = source.path().to_owned();
     let in_file = |e: Error| match e {
-        Error::NothingClosed { curves } => Error::Usage(format!(
+        Error::NothingClosed { curves, .. } => Error::Usage(format!(
             "{}: none of {curves} curves is closed, and --bisect compares linking numbers; \
              `linkwatch replay --events` verifies every step",
             path.display()

@@ -88,7 +88,9 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     if let Some(other) = &args.diff.diff {
         return diff::run(args, other, json);
     }
-    let format = args.format.wrapped(args.judge.cell_args.wrapped());
+    let format = args
+        .format
+        .wrapped(args.judge.cell_args.wrapped().is_some());
     let source = Source::open(&args.file, &format, args.one_motion)?;
     #[cfg(feature = "bus")]
     if let Some(service) = &args.publish.publish {

@@ -372,6 +372,7 @@ impl Session {
             events,
             clearance,
             braids,
+            wrapped: judge.cell_args.of_verifier(),
             max_pairs: judge.max_pairs.unwrap_or(VerifierOptions::MAX_PAIRS),
             motion_limit: match (events, run.recorded_events) {
                 // The limit of a replay may differ from the recorded one without any effect.
@@ -556,8 +557,13 @@ impl Session {
         let of_frame = info.cell;
         self.cells.apply(&mut info);
         let mut follows = Step::Continues;
+        let jumps = self.verifier.jumps();
         let outcome = curves.and_then(|set| {
-            let unwrapped = self.cells.unwrap(&set, of_frame)?;
+            // In a cell, the verifier unwraps.
+            let unwrapped = match info.cell {
+                Some(_) => None,
+                None => self.cells.unwrap(&set, of_frame)?,
+            };
             let set = unwrapped.map_or(set, Arc::new);
             follows = self.continue_with(seq, &info)?;
             match (info.cell, self.verifier.cell()) {
@@ -573,8 +579,15 @@ impl Session {
                 (None, None) => {}
             }
             let report = self.step(seq, time, &info, &set)?;
-            Ok((report, Some(set)))
+            let placed = self.verifier.placed_curves().cloned();
+            Ok((report, Some(placed.unwrap_or(set))))
         });
+        if jumps == 0 && self.verifier.jumps() > 0 {
+            self.live.note(format_args!(
+                "frame {seq}: {}; they are followed (--unwrapped takes them as they are)",
+                jumped(self.verifier.jumps())
+            ));
+        }
         let stages = match &outcome {
             Ok(_) => self.verifier.timings(),
             Err(_) => Timings::default(),
@@ -767,13 +780,20 @@ impl Session {
         self.metrics.count(own, outputs);
     }
 
+    /// Returns the number of curves that run through the cell, once a frame was verified.
+    fn yarns(&self) -> usize {
+        self.verifier.baseline().map_or(0, |b| b.periods.len())
+    }
+
     /// Warns of properties of the curves, after the first frame.
     fn warn_of_scene(&self, judged: &Judged) {
         let name = judged.model.as_deref().unwrap_or(THE_FRAMES);
         output::warn_of_open_curves(name, &judged.report.stats, Some(self.events));
+        output::tell_of_yarns(name, self.yarns(), Some(self.events));
         if let Some(curves) = &judged.curves {
-            let args = &self.cells.args;
-            args.warn_of_segments(name, curves, judged.info.cell);
+            self.cells
+                .args
+                .warn_of_segments(name, curves, judged.info.cell);
         }
     }
 
@@ -960,6 +980,8 @@ impl Session {
                     "joined_curves": self.cells.joined(),
                     "open_curves_verified": checked,
                     "left_out": self.left_out,
+                    "curves_through_the_cell": self.yarns(),
+                    "jumps": self.verifier.jumps(),
                     "sinks": sinks,
                     "recorded_verdicts": self.comparison.as_ref().map(|(_, json)| json),
                     "unresolved": self.unresolved,
@@ -1033,6 +1055,16 @@ impl Session {
         if !self.left_out.is_empty() {
             line += &format!("\n{}", LeftOut::sentence(&self.left_out));
         }
+        if self.verifier.jumps() > 0 {
+            line += &format!("\n{}, and were followed", jumped(self.verifier.jumps()));
+        }
+        if let (yarns @ 2.., false) = (self.yarns(), checked) {
+            let curves = count(yarns as u64);
+            line += &format!(
+                "\nnot verified: pull-throughs of {curves} curves that run through the cell (--events \
+                 verifies them)"
+            );
+        }
         if let Some((words, _)) = &self.comparison {
             line += &format!("\n{words}");
         }
@@ -1041,6 +1073,12 @@ impl Session {
         }
         self.label.line(line);
     }
+}
+
+/// Returns how many times curves jumped, in words.
+fn jumped(count: u64) -> String {
+    let times = plural(count, "time");
+    format!("curves jumped by a vector of the periodic cell {times}")
 }
 
 /// Prints the verdict on a frame of a stream, and its new findings.

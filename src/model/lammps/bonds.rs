@@ -7,7 +7,7 @@ use super::cell::Unwrapped;
 use crate::curve::{Basis, Cell, CurveSet, Positions};
 use crate::error::{Error, Result};
 use crate::model::frames::LeftOut;
-use crate::model::torn::{self, Torn};
+use crate::periodic::{Torn, find_torn};
 use std::ops::Range;
 
 /// Marks an atom that belongs to no curve.
@@ -296,7 +296,7 @@ impl Frame<'_> {
         }
         let positions = Positions::F64(&self.xyz);
         let set = CurveSet::from_counts(Basis::Polyline, &curves.counts, positions)?;
-        let found = cell.map_or(Ok(None), |cell| torn::find(&set, cell))?;
+        let found = cell.map_or(Ok(None), |cell| find_torn(&set, cell, 0..set.len()))?;
         if let Some(found) = found {
             let first: usize = set.curves()[..found.curve]
                 .iter()

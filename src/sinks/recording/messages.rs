@@ -1,9 +1,9 @@
 //! Conversions of the messages in a recording from and to library types.
 
 use super::schema;
-use crate::certificate::Certificate;
+use crate::certificate::{Certificate, undefined_entry};
 pub(super) use crate::container::invalid;
-use crate::curve::{Basis, Cell, Image, Precision};
+use crate::curve::{Basis, Cell, Image, Precision, is_home};
 use crate::error::{Error, Result};
 use crate::incremental::{Route, Work};
 use crate::sinks::{BaselineRecord, FrameTimes, LiveTimes};
@@ -423,7 +423,7 @@ impl From<&BaselineRecord> for schema::Baseline {
             i: l.i,
             j: l.j,
             image: l.image.to_vec(),
-            lambda: l.lambda,
+            lambda: Some(l.lambda),
         };
         let period = |(i, period): &(u32, Image)| schema::YarnPeriod {
             curve: *i,
@@ -464,24 +464,41 @@ impl TryFrom<schema::Baseline> for BaselineRecord {
             return Err(invalid("link of the baseline", what));
         }
         let mut undefined: Vec<Defect> = collect(b.undefined)?;
-        undefined.sort_by_key(|d| (d.i, d.j));
+        let mut images = Vec::with_capacity(b.images.len());
+        for schema::ImageLink {
+            i,
+            j,
+            image,
+            lambda,
+        } in b.images
+        {
+            let image = image_of(&image)?;
+            match lambda {
+                Some(lambda) => images.push(ImageLink {
+                    i,
+                    j,
+                    image,
+                    lambda,
+                }),
+                // As earlier versions recorded a pair without a linking number.
+                None => undefined.push(Defect {
+                    image,
+                    ..undefined_entry(i, Some(j))
+                }),
+            }
+        }
+        undefined.sort_by_key(|d| (d.i, d.j, d.image));
+        let of_one = |d: &Defect| {
+            d.j.is_some_and(|j| d.i > j || d.i == j && is_home(&d.image))
+        };
         if let Some(d) = undefined
             .iter()
-            .find(|d| u64::from(d.j.unwrap_or(d.i)) >= b.curves || d.j.is_some_and(|j| d.i >= j))
+            .find(|d| u64::from(d.j.unwrap_or(d.i)) >= b.curves || of_one(d))
         {
             let what = format!("{d}, of {} curves", b.curves);
             return Err(invalid("defect of the baseline", what));
         }
-        let image = |l: schema::ImageLink| {
-            Ok(ImageLink {
-                i: l.i,
-                j: l.j,
-                image: image_of(&l.image)?,
-                lambda: l.lambda,
-            })
-        };
-        let images: Result<Vec<ImageLink>> = b.images.into_iter().map(image).collect();
-        let images = b.periodic.then_some(images?);
+        let images = b.periodic.then_some(images);
         let periods = b.periods.into_iter();
         let periods = periods.map(|p| Ok((p.curve, image_of(&p.period)?)));
         let periods: Result<Vec<(u32, Image)>> = periods.collect();

@@ -20,7 +20,7 @@ use crate::error::{Error, Result};
 use crate::pairs::LinkSearch;
 use crate::periodic::overlapping;
 
-/// Padding of fractional coordinates, relative to the largest one, and at least to 1.
+/// Padding of fractional coordinates, relative to the largest one, and at least to a cell.
 const PAD: f64 = 1e-7;
 
 /// Relative rounding error of the motion of a lattice vector.
@@ -83,15 +83,17 @@ impl Lattice {
         boxes: &[Box3],
         search: &'a mut LinkSearch,
     ) -> Result<impl Iterator<Item = (u32, u32, Image)> + use<'a>, usize> {
+        let units = self.cell.units();
         let bounds = boxes.iter().map(|b| {
             let (lo, hi) = (b.lo.map(f64::from), b.hi.map(f64::from));
             let middle = [0, 1, 2].map(|x| 0.5 * (lo[x] + hi[x]));
             let half = [0, 1, 2].map(|x| 0.5 * (hi[x] - lo[x]));
-            let range = self.inverse.map(|b| {
+            let range = [0, 1, 2].map(|k| {
+                let b = self.inverse[k];
                 let term = |x: usize| b[x] * middle[x];
                 let size: f64 = (0..3).map(|x| b[x].abs() * half[x]).sum();
                 let largest: f64 = (0..3).map(|x| term(x).abs()).sum();
-                let half = size + PAD * (largest + size + 1.0);
+                let half = size + PAD * (largest + size + units[k]);
                 let middle = term(0) + term(1) + term(2);
                 [middle - half, middle + half]
             });

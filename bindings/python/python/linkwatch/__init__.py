@@ -113,6 +113,9 @@ class Verifier:
         min_clearance: distance of center lines, as a share of the sum of the radii, below which
             ``Report.clearance.low`` is set; by default 0.5. Needs ``thickness``.
         cell: periodic cell, or that of the first frame (:meth:`step`).
+        wrapped: True if coordinates are wrapped into the cell, so that curves are unwrapped; False
+            if they are unwrapped, and taken as they are. By default, curves are whole, and followed
+            if they jump by a lattice vector (:attr:`jumps`).
 
     Raises:
         TypeError: an argument has the wrong type.
@@ -135,6 +138,7 @@ class Verifier:
         thickness: float | Sequence[float] | npt.NDArray[Any] | None = None,
         min_clearance: float | None = None,
         cell: Cell | None = None,
+        wrapped: bool | None = None,
     ) -> None:
         strands: tuple[float | None, float, list[float]] | None = None
         if thickness is not None:
@@ -164,6 +168,7 @@ class Verifier:
             incremental=arguments.flag("incremental", incremental),
             motion_limit=motion_limit,
             strands=strands,
+            wrapped=wrapped,
         )
         if cell is not None:
             self._verifier.set_cell(arguments.twelve(cell))
@@ -208,6 +213,11 @@ class Verifier:
     def baseline(self) -> Certificate | None:
         """Expected linking numbers (:class:`Certificate`), or ``None`` before the first frame."""
         return self._verifier.baseline()
+
+    @property
+    def jumps(self) -> int:
+        """How many times a curve jumped by a lattice vector, and was followed."""
+        return self._verifier.jumps()
 
 
 BASES = "'polyline', 'catmull-rom', 'b-spline' or 'bezier'"

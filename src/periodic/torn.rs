@@ -1,0 +1,79 @@
+//! Curves that are torn at the boundary of a periodic cell.
+//!
+//! Simulations move points that leave the cell to its other side. A curve that crosses the boundary
+//! is then torn: two consecutive points are about a cell apart. No simulation has a segment of half
+//! a cell, because an image of the other end would be closer, so such a curve is refused.
+//!
+//! Cost: three products per segment and periodic direction.
+
+use crate::curve::vector::{dot, sub};
+use crate::curve::{Cell, CurveSet};
+use crate::error::Result;
+
+/// A segment that is not proven to be at most half as long as the cell.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Torn {
+    pub curve: usize,
+    /// Points of the curve at both ends of the segment.
+    pub ends: [usize; 2],
+    /// Index of the lattice vector.
+    pub direction: usize,
+    /// Length along this vector, in units of the vector.
+    pub share: f64,
+}
+
+/// Returns the first segment of these curves that is torn.
+///
+/// Errors: [`Error::Usage`] if the vectors of the cell span no lattice.
+pub(crate) fn find_torn(
+    set: &CurveSet,
+    cell: &Cell,
+    curves: impl IntoIterator<Item = usize>,
+) -> Result<Option<Torn>> {
+    cell.check()?;
+    let (Some(inverse), periodic) = (cell.inverse(), cell.periodic()) else {
+        return Ok(None);
+    };
+    for curve in curves {
+        let info = set.curve(curve);
+        let n = info.points as usize;
+        for from in 0..(if info.closed { n } else { n.saturating_sub(1) }) {
+            let ends = [from, (from + 1) % n];
+            let [p, q] = ends.map(|k| set.point(curve, k));
+            let shares = inverse.map(|b| dot(sub(q, p), b).abs());
+            for direction in (0..3).filter(|&k| periodic[k]) {
+                let share = shares[direction];
+                // False if the share is not a number.
+                let whole = share <= 0.5;
+                if !whole {
+                    return Ok(Some(Torn {
+                        curve,
+                        ends,
+                        direction,
+                        share,
+                    }));
+                }
+            }
+        }
+    }
+    Ok(None)
+}
+
+impl std::fmt::Display for Torn {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let Torn {
+            curve,
+            ends: [p, q],
+            direction,
+            share,
+        } = self;
+        let vector = ["first", "second", "third"][*direction];
+        write!(
+            f,
+            "curve {curve} is {share:.3} of the {vector} vector of the periodic cell long from \
+             point {p} to point {q}, which is more than half: the curve is wrapped at the \
+             boundary, or runs through the cell; write unwrapped coordinates, or pass `--wrapped` \
+             (`--unwrapped`: the segments are as long as that)"
+        )
+    }
+}

@@ -1,0 +1,203 @@
+//! Curves that jump by a lattice vector from one frame to the next, and torn curves.
+
+use crate::invariance::chain;
+use crate::scene::{Point, Scene};
+use crate::support::random::Random;
+use linkwatch::{
+    Basis, CurveSet, Error, Events, Image, Positions, Report, Strategy, Verdict, Verifier,
+};
+use std::sync::Arc;
+
+/// Returns the scene with all numbers on a grid, so that no sum of them is rounded.
+fn snapped(mut scene: Scene) -> Scene {
+    let snap = |x: &mut f64| *x = (1024.0 * *x).round() / 1024.0;
+    let cell = &mut scene.cell.vectors;
+    let points = scene.curves.iter_mut().flatten();
+    points.chain(cell).flatten().for_each(snap);
+    scene
+}
+
+/// Returns the scene with each curve given by some image of it.
+fn reimaged(scene: &Scene, random: &mut Random) -> Scene {
+    let mut other = scene.clone();
+    let periodic = scene.cell.periodic();
+    for curve in &mut other.curves {
+        let image: Image = [0, 1, 2].map(|k| match periodic[k] {
+            true => random.below(5) - 2,
+            false => 0,
+        });
+        let by = scene.translation(image);
+        curve
+            .iter_mut()
+            .for_each(|p| *p = [0, 1, 2].map(|x| p[x] + by[x]));
+    }
+    other
+}
+
+fn single(set: &CurveSet) -> CurveSet {
+    let counts: Vec<i32> = set.counts().collect();
+    let points = set.curves().iter().enumerate();
+    let points = points.flat_map(|(i, c)| (0..c.points as usize).map(move |k| (i, k)));
+    let xyz: Vec<f32> = points
+        .flat_map(|(i, k)| set.point(i, k).map(|x| x as f32))
+        .collect();
+    CurveSet::from_counts(Basis::Polyline, &counts, Positions::F32(&xyz)).unwrap()
+}
+
+/// Regression test: curves that a simulation moved back into the cell as a whole had "come apart".
+#[test]
+fn curves_that_jump_by_a_lattice_vector_are_followed_and_nothing_else_changes() {
+    let (mut jumps, mut events, mut changed) = (0, 0, 0);
+    for seed in 0..80 {
+        let mut random = Random::from_key([seed, 71]);
+        let mut frame = snapped(Scene::random(seed));
+        let frames = (0..8).map(|k| {
+            frame = snapped(frame.moved(100 * seed + k, 0.5));
+            frame.clone()
+        });
+        let frames: Vec<Scene> = frames.collect();
+        for strategy in [Strategy::Full, Strategy::Incremental, Strategy::Paranoid] {
+            // On a grid, curves touch.
+            let is_single = seed % 6 == 3;
+            let new = |wrapped| {
+                let mut options = frames[0].options(strategy, Events::Between);
+                options.wrapped = wrapped;
+                Verifier::new(options).unwrap()
+            };
+            // Coarse rings have segments of more than half of the cell.
+            let mut whole = new(Some(false));
+            let mut jumping = new(None);
+            for (seq, frame) in (0..).zip(&frames) {
+                let given = match seq {
+                    0 => frame.clone(),
+                    _ => reimaged(frame, &mut random),
+                };
+                let given = match is_single {
+                    true => single(&given.set()),
+                    false => given.set(),
+                };
+                let found = match jumping.step_shared(seq, 0.0, &Arc::new(given)) {
+                    Err(Error::Usage(why)) if why.contains("more than half") => break,
+                    found => found.unwrap(),
+                };
+                let expected = whole.step_shared(seq, 0.0, &Arc::new(frame.set())).unwrap();
+                assert_eq!(found, expected, "{strategy:?}, seed {seed}, frame {seq}");
+                assert!(!jumping.work().disagreed);
+                jumping.settle();
+                events += found.events.len();
+                changed += usize::from(found.verdict == Verdict::Changed);
+            }
+            jumps += jumping.jumps();
+            assert_eq!(whole.jumps(), 0);
+        }
+    }
+    assert!(
+        jumps > 500 && events > 100 && changed > 100,
+        "{jumps} {events} {changed}"
+    );
+}
+
+/// Two rings in a cell of 12, and what is found if the second one moves along x.
+fn moved(by: f64, wrapped: Option<bool>) -> (Vec<Result<Report, String>>, u64) {
+    let mut scene = chain();
+    scene.cell = "12,12,12".parse().unwrap();
+    let ring = |c: Point, [u, v]: [usize; 2]| {
+        let corners = [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]];
+        corners.map(|[a, b]| {
+            let mut p = c;
+            p[u] += a;
+            p[v] += b;
+            p
+        })
+    };
+    let mut options = scene.options(Strategy::Incremental, Events::Between);
+    options.cell = Some(scene.cell);
+    options.wrapped = wrapped;
+    let mut verifier = Verifier::new(options).unwrap();
+    let reports = [0.0, by, by + 0.01]
+        .into_iter()
+        .enumerate()
+        .map(|(seq, x)| {
+            let curves = [ring([0.0; 3], [0, 1]), ring([3.5 + x, 0.1, 0.2], [0, 2])];
+            let mut scene = scene.clone();
+            scene.curves = curves.map(|c| c.to_vec()).to_vec();
+            let set = Arc::new(scene.set());
+            let report = verifier.step_shared(seq as u64, 0.0, &set);
+            report.map_err(|e| e.to_string())
+        });
+    (reports.collect(), verifier.jumps())
+}
+
+/// Returns true if curves passed through one another, also after a long motion.
+fn passed(report: &Report) -> bool {
+    !report.events.is_empty() || !report.unresolved.is_empty()
+}
+
+/// All other moves are as given, so that no true motion is hidden.
+#[test]
+fn a_motion_is_taken_for_a_jump_only_near_a_whole_lattice_vector() {
+    for (by, jumps) in [(12.1, 1), (-12.0, 1), (20.9, 1), (15.9, 1)] {
+        let (reports, found) = moved(by, None);
+        assert_eq!(found, jumps, "{by}");
+        let report = reports[1].as_ref().unwrap();
+        // The way to the other ring is 1.5 long.
+        let rest = by - 12.0 * (by / 12.0_f64).round();
+        assert_eq!(passed(report), rest < -1.5, "{by}: {report:?}");
+        assert_eq!(moved(by, Some(false)).1, 0);
+    }
+    for by in [-5.9, 5.9, 6.4, -7.9] {
+        for wrapped in [None, Some(false)] {
+            let (reports, found) = moved(by, wrapped);
+            assert_eq!(found, 0, "{by}");
+            let report = reports[1].as_ref().unwrap();
+            assert_eq!(passed(report), by < 0.0, "{by}: {report:?}");
+        }
+    }
+}
+
+/// Regression test: the frame after a rejected guess was intact.
+#[test]
+fn the_step_after_a_guess_is_undecided() {
+    let (reports, _) = moved(6.4, Some(true));
+    let why = reports[1].as_ref().unwrap_err();
+    assert!(why.contains("so its image is a guess"), "{why}");
+    let next = reports[2].as_ref().unwrap();
+    assert_eq!(
+        (next.verdict, next.last_intact),
+        (Verdict::Undecided, Some(0))
+    );
+}
+
+/// Regression test: in process and live, torn curves were verified as they were, with links that
+/// came and went.
+#[test]
+fn curves_that_the_boundary_tears_are_refused_unless_they_are_unwrapped() {
+    for strategy in [Strategy::Full, Strategy::Incremental] {
+        for (wrapped, drifts) in [(None, false), (None, true), (Some(true), true)] {
+            let scene = chain();
+            let mut options = scene.options(strategy, Events::Between);
+            options.wrapped = wrapped;
+            let mut verifier = Verifier::new(options).unwrap();
+            let mut refused = 0;
+            for seq in 0..60 {
+                let mut frame = scene.clone();
+                let edges = [0, 1, 2].map(|x| frame.cell.vectors[x][x]);
+                for p in frame.curves.iter_mut().flatten() {
+                    p[0] += if drifts { 0.1 * seq as f64 } else { 0.0 };
+                    (p[1], p[2]) = (p[1] + 1.5, p[2] + 1.5);
+                    *p = [0, 1, 2].map(|x| p[x].rem_euclid(edges[x]));
+                }
+                match verifier.step_shared(seq, 0.0, &Arc::new(frame.set())) {
+                    Ok(report) => assert_eq!(report.verdict, Verdict::Intact, "{report:?}"),
+                    Err(e) => {
+                        let says = "the curve is wrapped at the boundary";
+                        assert!(e.to_string().contains(says), "{e}");
+                        refused += 1;
+                    }
+                }
+                verifier.settle();
+            }
+            assert_eq!(refused > 0, wrapped.is_none(), "{strategy:?}: {refused}");
+        }
+    }
+}
