@@ -244,6 +244,9 @@ typedef struct lw_verifier_options {
   // if they jump by a lattice vector. 1: wrapped into the cell, to be unwrapped. -1: unwrapped,
   // and taken as they are.
   int32_t wrapped;
+  // Not 0: keep curves open that end where they start. 0: they are closed, without the repeated
+  // point.
+  uint32_t keep_open;
 } lw_verifier_options;
 
 // How sharply curves bend, and how close they come.
@@ -613,6 +616,17 @@ lw_status lw_verifier_step(struct lw_verifier *verifier,
                            const struct lw_frame *frame,
                            double time,
                            struct lw_verdict *verdict);
+
+// Returns what the first frame decided about closed and open curves, a sentence a line, or null if
+// there is nothing to tell. Curves that end where they start are closed, without the repeated
+// point; a curve that is closed by a segment of more than twice the length of its other ones may be
+// an open chain. Call this after lw_verifier_step; later calls return null. The text is valid until
+// the next call, and until the verifier is freed.
+//
+// # Safety
+//
+// `verifier` comes from lw_verifier_new.
+const char *lw_verifier_notes(struct lw_verifier *verifier);
 
 // Sets the periodic cell of the frames from the next one on: three vectors, `x y z` one after the
 // other, and a corner, which may be null. A vector of zeros stands for a direction without

@@ -357,6 +357,13 @@ public:
     return verdict;
   }
 
+  // Returns what the first frame decided about closed and open curves, a sentence a line; see
+  // lw_verifier_notes.
+  std::string notes() {
+    const char *text = lw_verifier_notes(verifier.get());
+    return text ? text : "";
+  }
+
   // Sets the periodic cell of the frames from the next one on, as Client::set_cell does.
   void set_cell(const std::array<double, 9> &vectors, const std::array<double, 3> &corner = {}) {
     detail::check(lw_verifier_set_cell(verifier.get(), vectors.data(), corner.data()));

@@ -5,7 +5,9 @@ use crate::error::{
     LW_ERROR, LW_NOTHING, LW_OK, describe, free, give, given, guard, lw_status, string, words,
 };
 use crate::verifier::lw_verifier;
-use linkwatch::{Axis, Cell, CurveSet, RawFrame, Ribbon, RibbonOptions, Thickness, struts_in_cell};
+use linkwatch::{
+    Axis, Cell, Closing, CurveSet, CurveSource, Ribbon, RibbonOptions, Thickness, struts_in_cell,
+};
 use std::ffi::c_char;
 use std::ptr;
 
@@ -86,12 +88,9 @@ pub struct lw_clearance {
 /// `frame` and its arrays are valid, or `frame` is null.
 unsafe fn curves(frame: *const lw_frame) -> Result<CurveSet, String> {
     // SAFETY: as promised by the caller.
-    let RawFrame {
-        basis,
-        counts,
-        positions,
-    } = unsafe { raw(frame, "frame") }?;
-    CurveSet::from_counts(basis, counts, positions).map_err(words)
+    let frame = unsafe { raw(frame, "frame") }?;
+    let set = Closing::default().curves(frame, CurveSource::default());
+    set.map_err(words)
 }
 
 /// Measures how sharply curves bend and how close they come. `stiffness` divides the radius of the

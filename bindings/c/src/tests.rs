@@ -229,6 +229,7 @@ fn bad_arguments_are_errors_with_words() {
             curves: 0,
             min_clearance: 0.0,
             wrapped: 0,
+            keep_open: 0,
         };
         assert!(lw_verifier_new(&options).is_null());
         assert!(
@@ -549,6 +550,7 @@ fn struts_have_their_gradient_and_clearance_warns_before_a_pull_through() {
         curves: 2,
         min_clearance: 0.8,
         wrapped: 0,
+        keep_open: 0,
     };
     // SAFETY: all pointers are valid.
     unsafe {
@@ -593,5 +595,38 @@ fn struts_have_their_gradient_and_clearance_warns_before_a_pull_through() {
         assert!(values.min_rad > 0.9 && values.poca < 1.0 && values.thickness == values.poca);
         assert_eq!(lw_thickness(&frame(&positions), 0.0, &mut values), LW_ERROR);
         assert!(lw_struts_up_to(null(), 1.0).is_null());
+    }
+}
+
+#[test]
+fn rings_that_repeat_their_first_point_are_closed() {
+    let counts = [5, 5];
+    // Two linked squares.
+    let positions: [f64; 30] = [
+        -1., -1., 0., 1., -1., 0., 1., 1., 0., -1., 1., 0., -1., -1., 5e-15, //
+        0., 0., -1., 2., 0., -1., 2., 0., 1., 0., 0., 1., 0., 0., -1.,
+    ];
+    let frame = lw_frame {
+        basis: LW_POLYLINE,
+        precision: LW_DOUBLE,
+        curves: 2,
+        counts: counts.as_ptr(),
+        positions: positions.as_ptr().cast::<c_void>(),
+    };
+    let mut verdict = lw_verdict::NONE;
+    // SAFETY: all pointers are valid.
+    unsafe {
+        let certificate = lw_certify(&frame);
+        let mut links = 0;
+        lw_certificate_links(certificate, &mut links);
+        assert_eq!(links, 1);
+        lw_certificate_free(certificate);
+        let verifier = lw_verifier_new(null());
+        assert_eq!(lw_verifier_step(verifier, &frame, 0.0, &mut verdict), LW_OK);
+        let notes = CStr::from_ptr(lw_verifier_notes(verifier));
+        let says = "2 curves end where they start and are closed";
+        assert!(notes.to_str().unwrap().starts_with(says), "{notes:?}");
+        assert!(lw_verifier_notes(verifier).is_null());
+        lw_verifier_free(verifier);
     }
 }

@@ -4,10 +4,10 @@ use crate::curves::{cell, given_cell, lw_frame, raw, values};
 use crate::error::{LW_ERROR, LW_OK, free, give, given, guard, lw_status, string, words};
 use crate::verdict::lw_verdict;
 use linkwatch::{
-    AbortOn, Certificate, Clearance, ClearanceOptions, CurveSet, Error, Events, FramePool,
-    RawFrame, Strategy, Verdict, Verifier, VerifierOptions,
+    AbortOn, Certificate, Clearance, ClearanceOptions, Closing, CurveSource, Error, Events,
+    FramePool, RawFrame, Strategy, Verdict, Verifier, VerifierOptions,
 };
-use std::ffi::c_char;
+use std::ffi::{CString, c_char};
 use std::path::Path;
 use std::ptr;
 
@@ -77,12 +77,9 @@ impl From<Certificate> for lw_certificate {
 pub unsafe extern "C" fn lw_certify(frame: *const lw_frame) -> *mut lw_certificate {
     give(|| {
         // SAFETY: as promised by the caller.
-        let RawFrame {
-            basis,
-            counts,
-            positions,
-        } = unsafe { raw(frame, "frame") }?;
-        let set = CurveSet::from_counts(basis, counts, positions).map_err(words)?;
+        let frame = unsafe { raw(frame, "frame") }?;
+        let set = Closing::default().curves(frame, CurveSource::default());
+        let set = set.map_err(words)?;
         let mut verifier = Verifier::new(VerifierOptions::default()).map_err(words)?;
         Ok(verifier.certify(&set).0.clone().into())
     })
@@ -109,7 +106,7 @@ pub unsafe extern "C" fn lw_certify_in_cell(
             events: Events::Off,
             ..VerifierOptions::default()
         };
-        let mut verifier = lw_verifier::new(options)?;
+        let mut verifier = lw_verifier::new(options, false)?;
         let report = verifier.step(frame, 0.0)?;
         let certificate = verifier.verifier.baseline().cloned();
         match (report.rejected, certificate) {
@@ -262,11 +259,17 @@ pub struct lw_verifier_options {
     /// if they jump by a lattice vector. 1: wrapped into the cell, to be unwrapped. -1: unwrapped,
     /// and taken as they are.
     pub wrapped: i32,
+    /// Not 0: keep curves open that end where they start. 0: they are closed, without the repeated
+    /// point.
+    pub keep_open: u32,
 }
 
 /// Verifies successive frames against a baseline. Not thread-safe: use it in one thread at a time.
 pub struct lw_verifier {
     verifier: Verifier,
+    closing: Closing,
+    /// Result of lw_verifier_notes.
+    notes: CString,
     /// Number of the next frame.
     seq: u64,
     pool: FramePool,
@@ -277,9 +280,11 @@ pub struct lw_verifier {
 }
 
 impl lw_verifier {
-    fn new(options: VerifierOptions) -> Result<lw_verifier, String> {
+    fn new(options: VerifierOptions, keep_open: bool) -> Result<lw_verifier, String> {
         Ok(lw_verifier {
             verifier: Verifier::new(options).map_err(words)?,
+            closing: Closing::new(keep_open),
+            notes: CString::default(),
             seq: 0,
             pool: FramePool::default(),
             clearance: None,
@@ -291,13 +296,25 @@ impl lw_verifier {
         if std::mem::replace(&mut self.busy, true) {
             return Err("an earlier call of this verifier failed; create a new one".into());
         }
-        let lw_verifier { verifier, pool, .. } = self;
-        let report = match pool.receive(|set| verifier.receive(frame, set)) {
+        let lw_verifier {
+            verifier,
+            closing,
+            pool,
+            ..
+        } = self;
+        let source = CurveSource {
+            cell: verifier.cell(),
+            ..CurveSource::default()
+        };
+        let received = pool.receive(|set| verifier.receive(closing.close(frame, source)?, set));
+        let report = match received {
             Ok(set) => verifier.step_shared(self.seq, time, &set).map_err(words),
             // It concerns the process, not the frame.
             Err(forked @ Error::Forked { .. }) => Err(words(forked)),
             Err(why) => Ok(verifier.reject(self.seq, time, &why)),
         };
+        let verified = |report: &linkwatch::Report| report.verdict != Verdict::Rejected;
+        closing.end_frame(report.as_ref().is_ok_and(verified));
         self.seq += 1;
         self.busy = false;
         self.clearance = report.as_ref().ok().and_then(|report| report.clearance);
@@ -326,7 +343,7 @@ pub unsafe extern "C" fn lw_verifier_new(options: *const lw_verifier_options) ->
             strategy: Strategy::Incremental,
             ..VerifierOptions::default()
         };
-        let mut radii: &[f32] = &[];
+        let (mut radii, mut keep_open): (&[f32], bool) = (&[], false);
         // SAFETY: as promised by the caller.
         if let Some(options) = unsafe { options.as_ref() } {
             // SAFETY: as promised by the caller.
@@ -351,6 +368,7 @@ pub unsafe extern "C" fn lw_verifier_new(options: *const lw_verifier_options) ->
                     .parse::<AbortOn>()
                     .map_err(|e| format!("abort_on {word:?}: {e}"))?;
             }
+            keep_open = options.keep_open != 0;
             if options.motion_limit != 0.0 {
                 chosen.motion_limit = Some(options.motion_limit);
             }
@@ -367,7 +385,7 @@ pub unsafe extern "C" fn lw_verifier_new(options: *const lw_verifier_options) ->
                 clearance.low = options.min_clearance;
             }
         }
-        let mut made = lw_verifier::new(chosen)?;
+        let mut made = lw_verifier::new(chosen, keep_open)?;
         made.verifier.set_radii(radii).map_err(words)?;
         Ok(made)
     })
@@ -394,6 +412,30 @@ pub unsafe extern "C" fn lw_verifier_step(
         let frame = unsafe { raw(frame, "frame") }?;
         *to = (&this.step(frame, time)?).into();
         Ok(LW_OK)
+    })
+}
+
+/// Returns what the first frame decided about closed and open curves, a sentence a line, or null if
+/// there is nothing to tell. Curves that end where they start are closed, without the repeated
+/// point; a curve that is closed by a segment of more than twice the length of its other ones may be
+/// an open chain. Call this after lw_verifier_step; later calls return null. The text is valid until
+/// the next call, and until the verifier is freed.
+///
+/// # Safety
+///
+/// `verifier` comes from lw_verifier_new.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn lw_verifier_notes(verifier: *mut lw_verifier) -> *const c_char {
+    guard(ptr::null(), || {
+        // SAFETY: as promised by the caller.
+        let this = unsafe { given(verifier, "verifier") }?;
+        let notes = this.closing.take_notes();
+        if notes.is_empty() {
+            return Ok(ptr::null());
+        }
+        let lines: Vec<String> = notes.iter().map(ToString::to_string).collect();
+        this.notes = CString::new(lines.join("\n")).unwrap_or_default();
+        Ok(this.notes.as_ptr())
     })
 }
 
@@ -458,10 +500,13 @@ pub unsafe extern "C" fn lw_safe_fraction(before: *const lw_frame, after: *const
     guard(-1.0, || {
         // SAFETY: as promised by the caller.
         let frames = unsafe { [raw(before, "before")?, raw(after, "after")?] };
-        let mut verifier = lw_verifier::new(VerifierOptions {
-            events: Events::All,
-            ..VerifierOptions::default()
-        })?;
+        let mut verifier = lw_verifier::new(
+            VerifierOptions {
+                events: Events::All,
+                ..VerifierOptions::default()
+            },
+            false,
+        )?;
         let mut share = None;
         for frame in frames {
             let report = verifier.step(frame, 0.0)?;

@@ -66,7 +66,7 @@ fn exception(error: linkwatch::Error) -> PyErr {
         },
         Error::Io(_) => PyOSError::new_err(words),
         Error::Bus(_) => PyConnectionError::new_err(words),
-        Error::NothingClosed { curves } => PyValueError::new_err(format!(
+        Error::NothingClosed { curves, yarns: 0 } => PyValueError::new_err(format!(
             "nothing to verify: none of {curves} curves is closed (closed=True, or a count below 0, \
              closes a curve); a Verifier with events=\"between\" searches for pull-throughs of open \
              curves"

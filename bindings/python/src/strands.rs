@@ -3,7 +3,9 @@
 use crate::call::guarded;
 use crate::exception;
 use crate::frame::{Points, basis, cell};
-use linkwatch::{Axis, Cell, CurveSet, Error, PairingReason, RibbonOptions};
+use linkwatch::{
+    Axis, Cell, Closing, CurveSet, CurveSource, Error, PairingReason, RawFrame, RibbonOptions,
+};
 use pyo3::prelude::*;
 
 type Point = [f64; 3];
@@ -203,7 +205,12 @@ fn measure<T: Send>(
     let cell = numbers.map(cell);
     guarded(|| {
         let measured = py.detach(|| {
-            let set = CurveSet::from_counts(basis, counts, positions)?;
+            let frame = RawFrame {
+                basis,
+                counts,
+                positions,
+            };
+            let set = Closing::default().curves(frame, CurveSource::default())?;
             run(&set, cell.as_ref())
         });
         measured.map_err(exception)

@@ -5,8 +5,8 @@ use crate::exception;
 use crate::frame::{Points, basis, cell};
 use crate::report::{Certificate, Report};
 use linkwatch::{
-    Basis, Cell, ClearanceOptions, CurveSet, Error, FramePool, RawFrame, Strategy, VerifierOptions,
-    period,
+    Basis, Cell, ClearanceOptions, Closing, CurveSet, CurveSource, Error, FramePool, RawFrame,
+    Strategy, Verdict, VerifierOptions, period,
 };
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
@@ -24,6 +24,9 @@ pub struct Verifier {
 
 struct State {
     verifier: linkwatch::Verifier,
+    closing: Closing,
+    /// True if the caller does not say which curves are closed.
+    closed_by_default: bool,
     /// Number of the next frame.
     seq: u64,
     /// Periodic cell of the next frames.
@@ -37,18 +40,19 @@ struct State {
 impl Verifier {
     #[new]
     #[pyo3(signature = (
-        *, basis_name, baseline, events, abort_on, incremental, motion_limit, strands, wrapped
+        *, basis_name, baseline, events, abort_on, flags, motion_limit, strands, wrapped
     ))]
     fn new(
         basis_name: &str,
         baseline: Option<Certificate>,
         events: &str,
         abort_on: &str,
-        incremental: bool,
+        flags: (bool, bool, bool),
         motion_limit: Option<f64>,
         strands: Option<Strands>,
         wrapped: Option<bool>,
     ) -> PyResult<Verifier> {
+        let (incremental, keep_open, closed_by_default) = flags;
         let options = VerifierOptions {
             baseline: baseline.map(|b| b.numbers),
             events: events.parse().map_err(option("events"))?,
@@ -76,6 +80,8 @@ impl Verifier {
             basis: basis(basis_name)?,
             state: Shared::new(State {
                 verifier,
+                closing: Closing::new(keep_open),
+                closed_by_default,
                 seq: 0,
                 cell: None,
                 open: None,
@@ -119,11 +125,18 @@ impl Verifier {
     ) -> PyResult<Certificate> {
         let positions = points.positions()?;
         self.run(py, |state| {
-            let set = CurveSet::from_counts(self.basis, &counts, positions)?;
+            let frame = RawFrame {
+                basis: self.basis,
+                counts: &counts,
+                positions,
+            };
+            let source = state.source();
+            let set = state.closing.curves(frame, source)?;
             let State { verifier, cell, .. } = state;
             let open = open_curves(&set, cell.as_ref());
             if open.len() == set.len() {
-                return Err(Error::NothingClosed { curves: set.len() });
+                let (curves, yarns) = (set.len(), 0);
+                return Err(Error::NothingClosed { curves, yarns });
             }
             let numbers = match cell {
                 None => verifier.certify(&set).0.clone(),
@@ -146,12 +159,20 @@ impl Verifier {
     }
 
     fn jumps(&self, py: Python<'_>) -> PyResult<u64> {
-        py.detach(|| self.with(|state| state.verifier.jumps()))
+        self.run(py, |state| Ok(state.verifier.jumps()))
     }
 
     fn unmeasured_clearance(&self, py: Python<'_>) -> PyResult<Option<String>> {
         self.run(py, |s| {
             Ok(s.verifier.unmeasured_clearance().map(str::to_owned))
+        })
+    }
+
+    /// Returns what the first frame decided about closed and open curves, once.
+    fn notes(&self, py: Python<'_>) -> PyResult<Vec<String>> {
+        self.run(py, |state| {
+            let notes = state.closing.take_notes();
+            Ok(notes.iter().map(ToString::to_string).collect())
         })
     }
 
@@ -182,17 +203,28 @@ impl Verifier {
 }
 
 impl State {
+    fn source(&self) -> CurveSource {
+        CurveSource {
+            cell: self.cell,
+            closed_by_default: self.closed_by_default,
+            ..CurveSource::default()
+        }
+    }
+
     fn step(&mut self, frame: RawFrame<'_>, time: f64) -> Result<linkwatch::Report, Error> {
         let seq = self.seq;
         self.seq += 1;
+        let source = self.source();
         let State {
             verifier,
+            closing,
             pool,
             cell,
             open,
             ..
         } = self;
-        match pool.receive(|set| verifier.receive(frame, set)) {
+        let received = pool.receive(|set| verifier.receive(closing.close(frame, source)?, set));
+        let report = match received {
             Ok(set) => {
                 open.get_or_insert_with(|| open_curves(&set, cell.as_ref()));
                 verifier.step_shared(seq, time, &set)
@@ -200,7 +232,10 @@ impl State {
             // It concerns the process, not the frame.
             Err(forked @ Error::Forked { .. }) => Err(forked),
             Err(why) => Ok(verifier.reject(seq, time, &why)),
-        }
+        };
+        let verified = |report: &linkwatch::Report| report.verdict != Verdict::Rejected;
+        closing.end_frame(report.as_ref().is_ok_and(verified));
+        report
     }
 }
 

@@ -309,3 +309,28 @@ def test_strands_of_dna_are_paired_by_base(order, pairing, by):
     assert (given.pairing_by, given.rivals) == ("given", [])
     assert given.linking == ribbon.linking
     assert abs(linkwatch.ribbon(strands, axis="first").twist) < abs(given.twist)
+
+
+def test_rings_that_repeat_their_first_point_are_closed():
+    rings = [np.concatenate([x, x[:1] + 5e-15]) for x in (RING.astype(float), OTHER.astype(float))]
+    with pytest.warns(linkwatch.ClosingWarning, match="2 curves end where they start"):
+        assert len(linkwatch.certify(rings, closed=False).links) == 1
+    verifier = linkwatch.Verifier(closed=False)
+    with pytest.warns(linkwatch.ClosingWarning, match="without the repeated point"):
+        assert verifier.step(rings).intact
+    cut = [rings[0], rings[1] + np.array([[0.0, 0, 0]] * 4 + [[0, 0, 0.5]])]
+    assert "curve 1 is closed in the first frame" in str(verifier.step(cut).rejected)
+    apart = [rings[0], rings[1] + [9.0, 0, 0]]
+    assert verifier.step(apart).verdict == "changed"
+    with pytest.raises(ValueError, match="none of 2 curves is closed"):
+        linkwatch.certify([x + np.array([[0.0, 0, 0]] * 4 + [[0, 0, 0.5]]) for x in rings], closed=False)
+
+
+def test_a_chain_that_is_closed_by_default_stays_open():
+    chain = np.array([[float(k), 0.1 * k * (9 - k), 0] for k in range(10)])
+    with pytest.warns(linkwatch.ClosingWarning, match="1 curve stays open"):
+        with pytest.warns(linkwatch.UnverifiedWarning):
+            found = linkwatch.certify([chain, RING])
+    assert found.open == [0]
+    with pytest.warns(linkwatch.ClosingWarning, match="is closed by a segment that is more than 2"):
+        assert linkwatch.certify([chain, RING], closed=True).open == []

@@ -7,8 +7,10 @@ A *frame* is a list of curves. All functions take frames in one of two forms:
 - one array of the shape ``(N, 3)`` and ``counts``, the number of points of each curve, negative if
   the curve is closed. This form is not copied if it is contiguous.
 
-Coordinates are ``float32`` or ``float64``, and are verified in the precision that they have. A
-closed curve does not repeat its first point. ``basis`` is ``"polyline"``, ``"catmull-rom"``,
+Coordinates are ``float32`` or ``float64``, and are verified in the precision that they have.
+A curve that is open and ends where it starts, up to rounding, is closed, without the repeated point;
+a curve that is closed by default stays open if its closing segment is more than twice as long as
+the longest other one. Both are a :class:`ClosingWarning`. ``basis`` is ``"polyline"``, ``"catmull-rom"``,
 ``"b-spline"`` or ``"bezier"``.
 
 ``cell`` is the periodic cell of a scene that repeats, such as a melt in a box or a unit cell of a
@@ -53,6 +55,7 @@ __all__ = [
     "Change",
     "Clearance",
     "Client",
+    "ClosingWarning",
     "Defect",
     "Message",
     "Place",
@@ -80,6 +83,16 @@ class UndecidedError(Exception):
 
 class UnverifiedWarning(UserWarning):
     """Some curves are not verified, because they are open."""
+
+
+class ClosingWarning(UserWarning):
+    """Points decided which curves are closed: those that end where they start, for example."""
+
+
+def _warn_of_closing(notes: list[str]) -> None:
+    """Warns of decisions, in the name of the caller of the function that calls this one."""
+    for note in notes:
+        warnings.warn(note, ClosingWarning, stacklevel=3)
 
 
 def _warn_of_open(open: list[int], curves: int) -> None:
@@ -116,6 +129,8 @@ class Verifier:
         wrapped: True if coordinates are wrapped into the cell, so that curves are unwrapped; False
             if they are unwrapped, and taken as they are. By default, curves are whole, and followed
             if they jump by a lattice vector (:attr:`jumps`).
+        keep_open: keep curves open that end where they start. By default, they are closed, without
+            the repeated point.
 
     Raises:
         TypeError: an argument has the wrong type.
@@ -139,6 +154,7 @@ class Verifier:
         min_clearance: float | None = None,
         cell: Cell | None = None,
         wrapped: bool | None = None,
+        keep_open: bool = False,
     ) -> None:
         strands: tuple[float | None, float, list[float]] | None = None
         if thickness is not None:
@@ -165,7 +181,11 @@ class Verifier:
             baseline=baseline,
             events=arguments.word("events", events, "'between', 'all' or 'off'"),
             abort_on=arguments.word("abort_on", abort_on, "'any', 'lost', .. or 'never'"),
-            incremental=arguments.flag("incremental", incremental),
+            flags=(
+                arguments.flag("incremental", incremental),
+                arguments.flag("keep_open", keep_open),
+                counts is None and closed is None,
+            ),
             motion_limit=motion_limit,
             strands=strands,
             wrapped=wrapped,
@@ -198,6 +218,7 @@ class Verifier:
         if cell is not None:
             self._verifier.set_cell(arguments.twelve(cell))
         report = self._verifier.step(points, counts, time)
+        _warn_of_closing(self._verifier.notes())
         if self._warn_of_open and report.rejected is None:
             self._warn_of_open = False
             _warn_of_open(self._verifier.open(), len(counts))
@@ -473,6 +494,7 @@ def certify(
     verifier = Verifier(counts, closed=closed, basis=basis, events="off", cell=cell)
     points, counts = arguments.frame(curves, verifier._counts, closed)
     certificate = verifier._verifier.certify(points, counts)
+    _warn_of_closing(verifier._verifier.notes())
     _warn_of_open(certificate.open, certificate.curves)
     return certificate
 
