@@ -1,7 +1,7 @@
 //! Processes that were forked from one that used the library.
 //!
-//! A fork copies the memory of a process. In the child, ports and samples of shared memory are still
-//! those of the parent, so that dropping them would release them under it.
+//! A fork copies the memory of a process. In the child, ports and samples of shared memory are
+//! still those of the parent, so that dropping them would release them under it.
 
 use crate::error::{Error, Result};
 use std::ops::{Deref, DerefMut};

@@ -41,7 +41,8 @@ pub fn print(
             printed += 1;
             if as_json {
                 output::json(&json!({
-                    "model": path, "frame": frame.number, "time": frame.time, "i": i, "j": j, "integral": found.value, "bound": found.bound,
+                    "model": path, "frame": frame.number, "time": frame.time, "i": i, "j": j,
+                    "integral": found.value, "bound": found.bound,
                 }));
             } else {
                 let (value, bound) = (found.value, found.bound);

@@ -120,8 +120,8 @@ fn refuse_yarns(name: &str, set: &CurveSet, cell: &Cell) -> Result<()> {
     }
 }
 
-/// Prints the writhe of every curve. `head` has the first fields of each JSON object, if results are
-/// printed as JSON.
+/// Prints the writhe of every curve. `head` has the first fields of each JSON object, if results
+/// are printed as JSON.
 fn curves(frame: &Picked, args: &Args, head: Option<Value>) -> Result<Outcome> {
     let set = &frame.curves;
     let integrals = GaussIntegrals::new(set)?;

@@ -57,7 +57,8 @@ impl QuietBounds<'_> {
     }
 
     /// Returns an upper bound of the difference of the bounds of any curve from those by an earlier
-    /// map, along each direction, up to rounding. `None` if that was a map from another reference frame.
+    /// map, along each direction, up to rounding. `None` if that was a map from another reference
+    /// frame.
     ///
     /// The difference of the images of a point is linear in the point, so that it is largest at a
     /// corner of the box around all curves.

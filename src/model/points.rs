@@ -16,8 +16,8 @@
 //!
 //! Without a header there are three columns. A header must name `x`, `y` and `z` (or `Points:0` to
 //! `Points:2`, as ParaView does). A column `curve` (or another of [`GROUPS`]) separates curves
-//! where its value changes. Columns of other names are ignored if it is known that they do not divide the
-//! points ([`OTHERS`]), and refused else: ignored, they would join curves.
+//! where its value changes. Columns of other names are ignored if it is known that they do not
+//! divide the points ([`OTHERS`]), and refused else: ignored, they would join curves.
 //!
 //! # Closed and open curves
 //!
@@ -490,7 +490,8 @@ mod tests {
             "1 0 0\n2 0 0\n3 0 0\n\n4 0 0\n5 0 0\n",
             "\n\n1 0 0\n2 0 0\n3 0 0\n \n\n4 0 0\n5 0 0",
             "# a\n1 0 0\n2 0 0\n3 0 0\n# b\n4 0 0\n5 0 0\n\n# end\n",
-            "Component 1 of 2:\r\n1, 0, 0\r\n2, 0, 0\r\n3, 0, 0\r\nComponent 2 of 2:\r\n4, 0, 0\n5,0,0",
+            "Component 1 of 2:\r\n1, 0, 0\r\n2, 0, 0\r\n3, 0, 0\r\n\
+             Component 2 of 2:\r\n4, 0, 0\n5,0,0",
             "1;0;0\n2;0;0\n3;0;0\nring b\n4;0;0\n5;0;0\n",
             "1\t0\t0\t\n2\t0\t0\t\n3\t0\t0\t\n% b\n4\t0\t0\n5\t0\t0\n",
             "x,y,z\n1,0,0\n2,0,0\n3,0,0\n\nx,y,z\n4,0,0\n5,0,0\n",

@@ -3,9 +3,9 @@
 use crate::curve::{Cell, CurveSet, Image, Point, Positions};
 use crate::error::Result;
 
-/// Returns curve `i` of a periodic scene, and the image of curve `j` whose centre is nearest to that
-/// of curve `i`: the two strands of a ribbon, whose coordinates may be those of any image. Returns
-/// the translation of curve `j`, too.
+/// Returns curve `i` of a periodic scene, and the image of curve `j` whose centre is nearest to
+/// that of curve `i`: the two strands of a ribbon, whose coordinates may be those of any image.
+/// Returns the translation of curve `j`, too.
 ///
 /// Coordinates become double precision. The centre is the mean of the control points.
 ///

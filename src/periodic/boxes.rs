@@ -13,8 +13,8 @@
 //! product is less than `1e-9` of the determinant. An image by `n` is then off by less than `e |n|`
 //! from the integers. Boxes are padded by `1e-5` of all integers that the search may use, and of
 //! the coordinates, which also covers the gap between the end of a yarn in single precision and the
-//! image of its start. Along a direction without repetition, the length of a lattice vector takes the
-//! place of 1.
+//! image of its start. Along a direction without repetition, the length of a lattice vector takes
+//! the place of 1.
 
 use crate::curve::vector::{dot, sub};
 use crate::curve::{Basis, Box3, Cell, CurveSet, Point, above, below};

@@ -132,7 +132,8 @@ impl ImagePairs {
     /// repetition.
     ///
     /// Errors: [`Error::Usage`] if a curve spans too many cells, or is too far away from the first
-    /// one, or if the translated curves have too many points; [`Error::TooManyPairs`] if there are more than `most`.
+    /// one, or if the translated curves have too many points; [`Error::TooManyPairs`] if there are
+    /// more than `most`.
     pub fn find(
         boxes: &FractionalBoxes,
         cell: &Cell,

@@ -12,8 +12,8 @@
 //! 2. *Close* pairings have this direction, and a mean distance of at most [`NEAR`] times that
 //!    one.
 //! 3. The order of the vertices decides if it is a close pairing: `k` with `k`; or, for strands in
-//!    opposite directions, `k` with `n - 1 - k`, as in files of DNA, else `k` with `n - k`, which is
-//!    a reversed curve with the same first vertex.
+//!    opposite directions, `k` with `n - 1 - k`, as in files of DNA, else `k` with `n - k`, which
+//!    is a reversed curve with the same first vertex.
 //! 4. Otherwise the distances decide: the pairing with the smallest spread (standard deviation)
 //!    of distances. Among equal ones, the shortest centre line, then the smallest distance.
 //! 5. The distances also overrule the order of the vertices if those of another close pairing are

@@ -67,9 +67,9 @@ fn exception(error: linkwatch::Error) -> PyErr {
         Error::Io(_) => PyOSError::new_err(words),
         Error::Bus(_) => PyConnectionError::new_err(words),
         Error::NothingClosed { curves, yarns: 0 } => PyValueError::new_err(format!(
-            "nothing to verify: none of {curves} curves is closed (closed=True, or a count below 0, \
-             closes a curve); a Verifier with events=\"between\" searches for pull-throughs of open \
-             curves"
+            "nothing to verify: none of {curves} curves is closed (closed=True, or a count below \
+             0, closes a curve); a Verifier with events=\"between\" searches for pull-throughs of \
+             open curves"
         )),
         Error::Forked { .. } => PyRuntimeError::new_err(words),
         _ => PyValueError::new_err(words),

@@ -323,7 +323,8 @@ def test_rings_that_repeat_their_first_point_are_closed():
     apart = [rings[0], rings[1] + [9.0, 0, 0]]
     assert verifier.step(apart).verdict == "changed"
     with pytest.raises(ValueError, match="none of 2 curves is closed"):
-        linkwatch.certify([x + np.array([[0.0, 0, 0]] * 4 + [[0, 0, 0.5]]) for x in rings], closed=False)
+        lifted = np.array([[0.0, 0, 0]] * 4 + [[0, 0, 0.5]])
+        linkwatch.certify([x + lifted for x in rings], closed=False)
 
 
 def test_a_chain_that_is_closed_by_default_stays_open():

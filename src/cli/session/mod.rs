@@ -1061,8 +1061,8 @@ impl Session {
         if let (yarns @ 2.., false) = (self.yarns(), checked) {
             let curves = count(yarns as u64);
             line += &format!(
-                "\nnot verified: pull-throughs of {curves} curves that run through the cell (--events \
-                 verifies them)"
+                "\nnot verified: pull-throughs of {curves} curves that run through the cell \
+                 (--events verifies them)"
             );
         }
         if let Some((words, _)) = &self.comparison {

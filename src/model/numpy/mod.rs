@@ -4,11 +4,12 @@
 //! |---|---|
 //! | frames x points x 3 | the points of all curves, one after the other; needs counts |
 //! | points x 3 | the same, of one frame |
-//! | frames x curves x points x 3 | curves of equal numbers of points; closed without counts, unless that takes a long segment |
+//! | frames x curves x points x 3 | curves of equal numbers of points |
 //!
 //! Counts are the numbers of points of the curves, negative for closed ones: an option
 //! ([`ReadOptions::counts`], which has precedence) or the array `counts`. Without them the first
-//! two shapes are refused: taken as a single curve, many curves would look unlinked.
+//! two shapes are refused: taken as a single curve, many curves would look unlinked. The curves of
+//! the third shape are closed, unless that takes a long segment.
 //!
 //! Arrays of an `.npz` file; all but `positions` are optional:
 //!

@@ -399,7 +399,8 @@ mod tests {
             ("deg 1\ncstype bspline\ncurv 0 1 1 2 3 4 1\n", &closed),
             // As Blender and others write it: with a knot too many.
             (
-                "cstype bspline\ndeg 1\ncurv 0 1 1 2 3 4 1\nparm u 0 .125 .25 .375 .5 .625 .75 .875",
+                "cstype bspline\ndeg 1\ncurv 0 1 1 2 3 4 1\n\
+                 parm u 0 .125 .25 .375 .5 .625 .75 .875",
                 &closed,
             ),
             (

@@ -99,7 +99,8 @@ pub(super) fn serve(port: u16) -> Result<String> {
 fn program() -> Result<Command> {
     let program = find().ok_or_else(|| -> Error {
         failed(format_args!(
-            "no program `{PROGRAM}` in PATH to show frames; `pip install rerun-sdk=={}` installs it",
+            "no program `{PROGRAM}` in PATH to show frames; `pip install rerun-sdk=={}` installs \
+             it",
             version()
         ))
     })?;

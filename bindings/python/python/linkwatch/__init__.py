@@ -8,10 +8,10 @@ A *frame* is a list of curves. All functions take frames in one of two forms:
   the curve is closed. This form is not copied if it is contiguous.
 
 Coordinates are ``float32`` or ``float64``, and are verified in the precision that they have.
-A curve that is open and ends where it starts, up to rounding, is closed, without the repeated point;
-a curve that is closed by default stays open if its closing segment is more than twice as long as
-the longest other one. Both are a :class:`ClosingWarning`. ``basis`` is ``"polyline"``, ``"catmull-rom"``,
-``"b-spline"`` or ``"bezier"``.
+A curve that is open and ends where it starts, up to rounding, is closed, without the repeated
+point; a curve that is closed by default stays open if its closing segment is more than twice as
+long as the longest other one. Both are a :class:`ClosingWarning`. ``basis`` is ``"polyline"``,
+``"catmull-rom"``, ``"b-spline"`` or ``"bezier"``.
 
 ``cell`` is the periodic cell of a scene that repeats, such as a melt in a box or a unit cell of a
 fabric: the three edges along the axes (0 for a direction without repetition), three vectors (an
