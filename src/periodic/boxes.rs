@@ -244,9 +244,9 @@ impl Bend {
         // The norm is that in units of the cell.
         let of_row =
             |(row, unit): (&Point, f64)| (0..3).map(|k| row[k] * units[k]).sum::<f64>() / unit;
-        let norms = entries.iter().zip(units).map(of_row);
+        let mut norms = entries.iter().zip(units).map(of_row);
         // Also true if a number is NaN.
-        if !norms.fold(true, |all, norm| all && norm <= 0.5) {
+        if !norms.all(|norm| norm <= 0.5) {
             return Err(Error::Usage(format!(
                 "the cell changed from {from} to {to} in one step: more than half of its size"
             )));
