@@ -34,8 +34,9 @@ const MOST_POINTS: usize = 1 << 22;
 /// Number of copies of the whole frame that the translated curves may always have.
 const COPIES: usize = 32;
 
-/// Maximum number of pairs of overlapping images, of which each takes 8 bytes during the search.
-const MOST_PAIRS: usize = 1 << 26;
+/// Maximum number of pairs of overlapping images, if the curves have fewer than [`IMAGES`] each:
+/// about 16 bytes each during the search.
+const MOST_PAIRS: usize = 1 << 24;
 
 /// Largest number of cells that a curve may be away from the first one.
 const FARTHEST: f64 = (1_u32 << 30) as f64;
@@ -300,7 +301,7 @@ fn search(
     all: &mut Found<'_>,
 ) -> Result<()> {
     let (mut links, limit) = (LinkSearch::default(), PairLimit::default());
-    limit.begin(MOST_PAIRS);
+    limit.begin(MOST_PAIRS.max(IMAGES as usize * boxes.bounds.len()));
     links.limit_to(limit.clone());
     let is_used = |i: usize| searched.is_used(i);
     let found = overlapping(&boxes.bounds, cell, is_used, &mut links).map_err(too_far)?;
