@@ -241,7 +241,7 @@ fn the_advice_on_wrapped_coordinates_leads_to_a_result() {
             "{command}: {said}"
         );
         assert!(!said.contains("nothing to compare"), "{command}: {said}");
-        let run = linkwatch(&[&[command, text(&model), "--wrapped"], more].concat());
+        let run = linkwatch(&[&[command, text(&model)], more, &["--wrapped"]].concat());
         assert_eq!(
             run.code, 0,
             "{command} {more:?}: {}{}",

@@ -87,18 +87,11 @@ fn a_file_of_an_unknown_kind_is_no_recording() {
 
 #[test]
 fn wrong_values_name_the_option_and_what_it_expects() {
+    const FRAME: &str = "--frame <SEQ|FROM..TO|last|all>";
     for (args, option, expected) in [
-        (
-            &["--frame", "x"],
-            "--frame <SEQ>",
-            "expected a whole number",
-        ),
-        (
-            &["--frame", "-1"],
-            "--frame <SEQ>",
-            "expected a whole number",
-        ),
-        (&["--frame", ""], "--frame <SEQ>", "expected a whole number"),
+        (&["--frame", "x"], FRAME, "expected the number of a frame"),
+        (&["--frame", "-1"], FRAME, "expected the number of a frame"),
+        (&["--frame", ""], FRAME, "expected the number of a frame"),
         (
             &["--threads", "x"],
             "--threads <N>",

@@ -228,10 +228,12 @@ fn a_yarn_in_single_precision_is_recognised_and_verified_as_in_double_precision(
         });
         let mut verdicts = Vec::new();
         for single in [false, true] {
-            let mut options = VerifierOptions::default();
-            options.cell = Some(scene.yarn.cell);
-            options.wrapped = Some(false);
-            let mut verifier = Verifier::new(options).unwrap();
+            let mut verifier = Verifier::new(VerifierOptions {
+                cell: Some(scene.yarn.cell),
+                wrapped: Some(false),
+                ..VerifierOptions::default()
+            })
+            .unwrap();
             for (seq, set) in (0..).zip(&frames) {
                 let mut bytes = Vec::new();
                 set.write_positions(&mut bytes);
