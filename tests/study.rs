@@ -303,7 +303,7 @@ fn bad_studies_of_kernels_exit_with_2() {
         ),
         (
             &[scene, "--csv", "/dev/null/x.csv"],
-            "error: /dev/null/x.csv: ",
+            "error: --csv /dev/null/x.csv: its folder does not exist",
         ),
         (&[scene, "--plot", "/dev/null/x"], "error: /dev/null/x: "),
         (&[scene, "--repeat", "0"], "0 is not in 1.."),
@@ -446,7 +446,7 @@ fn bad_studies_of_the_table_exit_with_2() {
         (&["--segments", "0"], "expected numbers of segments"),
         (
             &["--only", "rubber", "--csv", "/dev/null/x"],
-            "error: /dev/null/x: ",
+            "error: --csv /dev/null/x: its folder does not exist",
         ),
         (&["ribbon"], "unexpected argument"),
     ] {

@@ -479,8 +479,8 @@ impl Sidecar {
             || is_baseline && session.baseline.is_some_and(|last| header.seq <= last)
         {
             // The other watcher, or this one, received this frame.
-        } else if is_baseline && session.last_seen.is_some_and(|last| header.seq < last.seq) {
-            // A newer frame arrived first.
+        } else if is_baseline && self.newest.as_ref().is_some_and(|n| header.seq < n.seq()) {
+            // A newer frame arrived first, and waits.
             self.baseline = Some(frame);
         } else if self.baseline.as_ref().is_some_and(|b| header.seq < b.seq()) {
             // A frame that the baseline overtook is skipped.

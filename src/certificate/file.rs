@@ -376,8 +376,8 @@ mod tests {
                     2,3,0,1,0,undefined\n4,,undefined\n";
         let c = Certificate::parse(text).unwrap();
         assert_eq!(c.to_string(), text);
-        assert_eq!((c.links.len(), c.undefined.len()), (2, 1));
-        assert_eq!(c.images.as_ref().unwrap().len(), 2);
+        assert_eq!((c.links.len(), c.undefined.len()), (2, 2));
+        assert_eq!(c.images.as_ref().unwrap().len(), 1);
         let empty = Certificate::parse("periodic 70").unwrap();
         assert_eq!(empty.to_string(), "periodic 70 # lines: 0\n");
         assert_eq!(Certificate::parse(&empty.to_string()).unwrap(), empty);

@@ -8,7 +8,7 @@ use super::memory::peak;
 use super::mutations::{ByteChange, CURVES, Effect, HEADER, LAYOUT, PAYLOAD, SHAPES};
 use super::oracle::{Expected, Known, Reason, has_possible_number, judge};
 use super::support::random::Random;
-use super::support::raw_bus::RawSimulator;
+use super::support::raw_bus::{Header, RawSimulator};
 use super::{service, units};
 use linkwatch::{
     Certificate, CurveSet, Error, Event, Events, FrameInfo, FramePool, LastLabels, Report, Sidecar,
@@ -173,6 +173,7 @@ impl Fuzzer<'_> {
         self.known = Known {
             session: random.next() | 1,
             seq: None,
+            baseline: false,
             verified: None,
             cap: CAP,
             events: false,
@@ -216,7 +217,7 @@ impl Fuzzer<'_> {
             ),
             _ => panic!("no verdict on a valid frame after {after:?}"),
         }
-        self.known.seq = Some(frame.header.seq);
+        (self.known.seq, self.known.baseline) = (Some(frame.header.seq), false);
         self.known.verified = Some((self.layout, fixed));
         let baseline = self.watcher.verifier.baseline();
         self.baseline
@@ -263,6 +264,7 @@ impl Fuzzer<'_> {
             && matches!(expected, Expected::Rejected(_) | Expected::Accepted(_))
         {
             self.known.seq = Some(frame.header.seq);
+            self.known.baseline = frame.header.flags & Header::BASELINE != 0;
         }
         let header = &frame.header;
         match (expected, answer) {
@@ -331,7 +333,7 @@ impl Fuzzer<'_> {
             // The number of an end may be impossible.
             (Expected::Signal, Answer::Other | Answer::Unreadable(_)) => {
                 self.tally.signals += 1;
-                return header.flags & super::support::raw_bus::Header::END == 0;
+                return header.flags & Header::END == 0;
             }
             (Expected::OtherSession, _) => return false,
             (expected, answer) => {

@@ -175,7 +175,11 @@ pub const HEADER: &[ByteChange] = &[
         Effect::None
     }),
     ("flags that have no meaning yet", |f, r| {
-        f.header.flags |= (r.next() as u32) & !31;
+        f.header.flags |= (r.next() as u32) & !63;
+        Effect::None
+    }),
+    ("a baseline that no simulator has accepted", |f, _| {
+        f.header.flags |= Header::BASELINE;
         Effect::None
     }),
     ("lockstep, unfinished", |f, r| {

@@ -38,6 +38,7 @@ impl Header {
     pub const END: u32 = 2;
     pub const ANNOUNCE: u32 = 4;
     pub const RADII: u32 = 16;
+    pub const BASELINE: u32 = 32;
 }
 
 /// Copy of the crate's message of a watcher.

@@ -15,6 +15,9 @@ use pyo3::prelude::*;
 /// radii of all curves.
 type Strands = (Option<f64>, f64, Vec<f32>);
 
+/// `incremental`, `keep_open`, true if each curve is closed by default, and `wrapped`.
+type Flags = (bool, bool, bool, Option<bool>);
+
 /// Verifies successive frames against a baseline.
 #[pyclass(frozen, module = "linkwatch")]
 pub struct Verifier {
@@ -40,19 +43,18 @@ struct State {
 impl Verifier {
     #[new]
     #[pyo3(signature = (
-        *, basis_name, baseline, events, abort_on, flags, motion_limit, strands, wrapped
+        *, basis_name, baseline, events, abort_on, flags, motion_limit, strands
     ))]
     fn new(
         basis_name: &str,
         baseline: Option<Certificate>,
         events: &str,
         abort_on: &str,
-        flags: (bool, bool, bool),
+        flags: Flags,
         motion_limit: Option<f64>,
         strands: Option<Strands>,
-        wrapped: Option<bool>,
     ) -> PyResult<Verifier> {
-        let (incremental, keep_open, closed_by_default) = flags;
+        let (incremental, keep_open, closed_by_default, wrapped) = flags;
         let options = VerifierOptions {
             baseline: baseline.map(|b| b.numbers),
             events: events.parse().map_err(option("events"))?,

@@ -185,10 +185,10 @@ class Verifier:
                 arguments.flag("incremental", incremental),
                 arguments.flag("keep_open", keep_open),
                 counts is None and closed is None,
+                None if wrapped is None else arguments.flag("wrapped", wrapped),
             ),
             motion_limit=motion_limit,
             strands=strands,
-            wrapped=wrapped,
         )
         if cell is not None:
             self._verifier.set_cell(arguments.twelve(cell))

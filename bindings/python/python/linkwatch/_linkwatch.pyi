@@ -184,10 +184,9 @@ class Verifier:
         baseline: Certificate | None,
         events: str,
         abort_on: str,
-        flags: tuple[bool, bool, bool],
+        flags: tuple[bool, bool, bool, bool | None],
         motion_limit: float | None,
         strands: tuple[float | None, float, list[float]] | None,
-        wrapped: bool | None,
     ) -> None: ...
     def set_cell(self, numbers: list[float]) -> None: ...
     def jumps(self) -> int: ...
