@@ -148,7 +148,9 @@ fn the_manual_has_every_command_and_every_option() {
         let words = own.split_whitespace().filter(|word| word.starts_with("--"));
         for option in words.filter(|word| word.trim_start_matches('-').len() > 1) {
             let option = option.trim_start_matches('-');
-            let (option, _) = option.split_once(|c: char| !c.is_alphanumeric() && c != '-').unwrap_or((option, ""));
+            let (option, _) = option
+                .split_once(|c: char| !c.is_alphanumeric() && c != '-')
+                .unwrap_or((option, ""));
             let named = section.contains(option);
             assert!(named, "{command}: {option}\n{section}");
         }

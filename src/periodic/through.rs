@@ -204,7 +204,10 @@ mod tests {
         let cell: Cell = "4,4,4".parse().unwrap();
         for (gap, words) in [
             (1e-10, None),
-            (1e-6, Some("is 1 x 10^-6 away from the image 1,0,0 of its start")),
+            (
+                1e-6,
+                Some("is 1 x 10^-6 away from the image 1,0,0 of its start"),
+            ),
             (
                 -0.02,
                 Some("is 0.02 away from the image 1,0,0 of its start"),

@@ -152,7 +152,11 @@ pub fn has_possible_number(frame: &Frame, known: &Known) -> bool {
     match known.seq {
         None => frame.header.seq < 1 << 53,
         Some(last) => {
-            let most = if known.baseline { 1 << 53 } else { last + (1 << 40) };
+            let most = if known.baseline {
+                1 << 53
+            } else {
+                last + (1 << 40)
+            };
             (last + 1..most).contains(&frame.header.seq)
         }
     }
