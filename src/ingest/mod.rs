@@ -12,6 +12,7 @@ mod closing;
 mod info;
 mod pool;
 
+pub(crate) use closing::ends_meet;
 pub use closing::{Closing, ClosingNote, CurveSource};
 pub use info::FrameInfo;
 pub use pool::FramePool;

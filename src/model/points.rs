@@ -21,10 +21,13 @@
 //!
 //! # Closed and open curves
 //!
-//! A curve whose last point repeats its first one is closed, without the copy. Otherwise text does
-//! not say it, and neither does this reader: the caller decides ([`ReadOptions::closed`]), or
-//! gives the number of points of each curve ([`ReadOptions::counts`], below 0 if it is closed; the
-//! points are then divided by them alone). Without both the file is refused.
+//! A curve that ends where it starts is read as it is, and closed by [`Closing`]. Otherwise text
+//! does not say if a curve is closed, and neither does this reader: the caller decides
+//! ([`ReadOptions::closed`]), or gives the number of points of each curve
+//! ([`ReadOptions::counts`], below 0 if it is closed; the points are then divided by them alone).
+//! Without both the file is refused. Curves that the caller closes have no repeated point.
+//!
+//! [`Closing`]: crate::Closing
 //!
 //! Cost: one pass, with the memory of a frame.
 
@@ -33,6 +36,7 @@ use super::lines::{Lines, integer};
 use super::{number, quote};
 use crate::curve::{Basis, CurveSet, Point, Positions};
 use crate::error::{Error, Result};
+use crate::ingest::ends_meet;
 use std::collections::HashSet;
 use std::io::BufRead;
 use std::path::Path;
@@ -310,8 +314,9 @@ impl Curves {
 
     /// Returns the curves.
     ///
-    /// Errors: the text does not say which of them are closed.
-    fn finish(mut self, options: &ReadOptions) -> Result<CurveSet> {
+    /// Errors: the text does not say which of them are closed, and this is the first frame, which
+    /// decides for all.
+    fn finish(mut self, options: &ReadOptions, is_first: bool) -> Result<CurveSet> {
         let bad = |what: String| Error::format(FORMAT, "points", what);
         let counts = match &options.counts {
             Some(counts) => {
@@ -322,7 +327,7 @@ impl Curves {
                 }
                 counts.clone()
             }
-            None => self.counts(options.closed)?,
+            None => self.counts(options.closed, is_first)?,
         };
         let xyz = Positions::F64(self.points.as_flattened());
         CurveSet::from_counts(Basis::Polyline, &counts, xyz)
@@ -330,13 +335,13 @@ impl Curves {
 
     /// Returns the number of points of each curve, below 0 if it is closed, and removes points that
     /// repeat the first one of a closed curve.
-    fn counts(&mut self, closed: Option<bool>) -> Result<Vec<i32>> {
+    fn counts(&mut self, closed: Option<bool>, is_first: bool) -> Result<Vec<i32>> {
         let (mut counts, mut undecided) = (Vec::with_capacity(self.sizes.len()), 0);
         let (mut first, mut kept) = (0, 0);
         for &size in &self.sizes {
-            let repeats = size > 3 && self.points[first] == self.points[first + size - 1];
-            let is_closed = closed.unwrap_or(repeats);
-            undecided += u64::from(closed.is_none() && !repeats);
+            let repeats = ends_meet(&self.points[first..first + size]);
+            let is_closed = closed.unwrap_or(false);
+            undecided += u64::from(is_first && closed.is_none() && !repeats);
             let size_of_curve = size - usize::from(is_closed && repeats);
             self.points.copy_within(first..first + size_of_curve, kept);
             first += size;
@@ -449,7 +454,8 @@ impl<R: BufRead> FrameSource for Points<R> {
         }
         let seq = self.frames;
         self.frames += 1;
-        Ok(Some(ModelFrame::new(seq, curves.finish(&self.options))))
+        let set = curves.finish(&self.options, seq == 0);
+        Ok(Some(ModelFrame::new(seq, set)))
     }
 }
 
@@ -554,11 +560,25 @@ mod tests {
             "{error}"
         );
         let ring = vec![1.0, 2.0, 3.0];
-        assert_eq!(shape(repeated, None).unwrap(), [(true, ring.clone())]);
-        assert_eq!(
-            shape(&both, Some(true)).unwrap(),
-            [(true, ring.clone()), (true, ring.clone())]
-        );
+        let rounded = repeated.replace("3 1 0\n1 0 0", "3 1 0\n1.00001 0 5e-15");
+        for repeated in [repeated, rounded.as_str()] {
+            let found = shape(repeated, None).unwrap();
+            let [(false, xs)] = found.as_slice() else {
+                panic!("{found:?}");
+            };
+            assert_eq!(xs.len(), 4);
+            let both = format!("{repeated}\n{open}");
+            assert_eq!(
+                shape(&both, Some(true)).unwrap(),
+                [(true, ring.clone()), (true, ring.clone())]
+            );
+        }
+        // The first frame decides for the later ones.
+        let motion = format!("4\n{repeated}4\n{repeated}4\n{open}9 9 9\n");
+        let found = frames(&motion, None, None).unwrap();
+        let counts = |frame: &ModelFrame| frame.curves.as_ref().unwrap().counts().collect();
+        let counts: Vec<Vec<i32>> = found.iter().map(counts).collect();
+        assert_eq!(counts, [[4], [4], [4]]);
         assert_eq!(shape(open, Some(false)).unwrap(), [(false, ring)]);
         // Counts divide the points whatever separates them.
         let counted = frames(&both, None, Some(&[-3, 4]))

@@ -15,7 +15,7 @@ pub use self::notes::ClosingNote;
 
 use self::ends::{Ends, Layout, Metric};
 use super::RawFrame;
-use crate::curve::{Cell, CurveSet, Positions};
+use crate::curve::{Basis, Cell, CurveSet, Point, Positions};
 use crate::error::Result;
 use std::ops::Range;
 
@@ -72,6 +72,13 @@ pub struct Closing {
     counts: Vec<i32>,
     singles: Vec<f32>,
     doubles: Vec<f64>,
+}
+
+/// Returns true if a polyline ends where it starts, by the rule of [`Closing`].
+pub(crate) fn ends_meet(points: &[Point]) -> bool {
+    let layout = Layout::new(Basis::Polyline, 0, i32::try_from(points.len()).unwrap_or(0));
+    let at = Positions::F64(points.as_flattened());
+    matches!(layout.ends(&at, &Metric::new(None)), Ends::Meet { .. })
 }
 
 /// Properties of the source of a frame.
