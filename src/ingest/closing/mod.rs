@@ -150,7 +150,7 @@ impl Closing {
     /// Returns a frame with the curves that are to be verified. It is the given one if no curve
     /// changes. A frame of other curves than the first one is returned as it is.
     ///
-    /// Errors: [`Error::EndsApart`] if a curve that is closed ends elsewhere than it starts.
+    /// Errors: [`EndsApart`](crate::Error::EndsApart) if a curve that is closed ends elsewhere than it starts.
     pub fn close<'a>(
         &'a mut self,
         frame: RawFrame<'a>,
