@@ -212,8 +212,8 @@ mod tests {
                 -0.02,
                 Some("is 0.02 away from the image 1,0,0 of its start"),
             ),
-            // Further than a segment.
-            (1.7, None),
+            // Further than the longest segment.
+            (-1.2, None),
         ] {
             let set = yarn(gap);
             let found = almost_yarns(&set, &cell);
