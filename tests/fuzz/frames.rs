@@ -173,6 +173,7 @@ impl Fuzzer<'_> {
         self.known = Known {
             session: random.next() | 1,
             seq: None,
+            first: None,
             baseline: false,
             verified: None,
             cap: CAP,
@@ -197,6 +198,7 @@ impl Fuzzer<'_> {
         let seq = self.known.seq.map_or(0, |seq| seq + 1);
         let mut frame = scene.frame(self.known.session, seq, layout);
         frame.header.cuts = self.cuts;
+        frame.header.baseline = self.known.first.unwrap_or(seq);
         frame
     }
 
@@ -218,6 +220,7 @@ impl Fuzzer<'_> {
             _ => panic!("no verdict on a valid frame after {after:?}"),
         }
         (self.known.seq, self.known.baseline) = (Some(frame.header.seq), false);
+        self.known.first.get_or_insert(frame.header.seq);
         self.known.verified = Some((self.layout, fixed));
         let baseline = self.watcher.verifier.baseline();
         self.baseline
@@ -257,6 +260,9 @@ impl Fuzzer<'_> {
                 effect = Effect::Unknown;
             }
         }
+        if self.known.first.is_none() {
+            frame.header.baseline = frame.header.seq;
+        }
         self.largest_layout = self.largest_layout.max(frame.header.layout);
         let expected = judge(&frame, &self.known);
         let answer = self.exchange(&frame, names);
@@ -264,6 +270,7 @@ impl Fuzzer<'_> {
             && matches!(expected, Expected::Rejected(_) | Expected::Accepted(_))
         {
             self.known.seq = Some(frame.header.seq);
+            self.known.first.get_or_insert(frame.header.seq);
             self.known.baseline = frame.header.flags & Header::BASELINE != 0;
         }
         let header = &frame.header;
