@@ -108,8 +108,8 @@ pub enum Error {
     /// No curve of the frame is closed, so there are no linking numbers, and the search for
     /// pull-throughs is off ([`VerifierOptions::events`](crate::VerifierOptions::events)).
     #[error(
-        "nothing to verify: none of {curves} curves is closed (a closed curve has a count below \
-         0){}; --events verifies pull-throughs of open curves",
+        "nothing to verify: none of {curves} curves is closed{}; a search for pull-throughs \
+         (--events of check, watch and replay) verifies open ones",
         through_the_cell(*yarns)
     )]
     NothingClosed {

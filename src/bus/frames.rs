@@ -23,6 +23,9 @@ use std::sync::Arc;
 /// that keep the memory mapped for readers of earlier frames, one for each layout of curves.
 pub(super) const LOANS: usize = 8;
 
+/// Maximum number of bytes of a frame.
+pub(super) const MAX_BYTES: usize = u32::MAX as usize;
+
 /// Connection of the client with the watcher.
 pub(super) struct Connection {
     pub subscriber: Subscriber<Ipc, VerdictWire, ()>,
@@ -175,9 +178,10 @@ impl Frames {
             let positions = points.checked_mul(3 * precision.bytes())?;
             table.len().checked_add(positions)
         });
-        let (Some(bytes), Some((table, names_bytes))) = (bytes, table) else {
+        let fits = |bytes: &usize| *bytes <= MAX_BYTES;
+        let (Some(bytes), Some((table, names_bytes))) = (bytes.filter(fits), table) else {
             return Err(Error::Bus(format!(
-                "{points} points do not fit into memory"
+                "a frame of {points} points is larger than the limit of {MAX_BYTES} bytes"
             )));
         };
         self.layout = Some(Layout {

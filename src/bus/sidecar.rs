@@ -1,6 +1,7 @@
 //! Watcher's end of the bus: receives frames, sends verdicts.
 
 use super::event::{Event, Frame};
+use super::frames::MAX_BYTES;
 use super::ipc::Ipc;
 use super::message::{Counters, Known, MessageKind};
 use super::service::{Endpoint, NodeId, Role, bus, node_of};
@@ -75,7 +76,7 @@ impl Default for SidecarOptions {
     /// Limits frames to 4 GiB, if an address is large enough, and sleeps.
     fn default() -> Self {
         SidecarOptions {
-            max_frame_bytes: u32::MAX as usize,
+            max_frame_bytes: MAX_BYTES,
             wait_mode: WaitMode::default(),
             observe: false,
             from_now: false,

@@ -1,5 +1,6 @@
 //! The options `--cell`, `--wrapped` and `--keep-open` of every command that reads frames.
 
+use super::input::Read;
 use super::output;
 #[cfg(any(feature = "bus", feature = "mcap"))]
 use linkwatch::RawFrame;
@@ -190,6 +191,13 @@ impl Cells {
     /// Same as [`Cells::close_set`], for curves that nobody shares.
     pub fn closed(&mut self, set: CurveSet, info: &FrameInfo) -> Result<CurveSet> {
         Ok(self.close_set(&set, info)?.unwrap_or(set))
+    }
+
+    /// Considers a frame that is not used: the first one decides which curves are closed.
+    pub fn pass(&mut self, frame: Read) {
+        if let Ok(set) = frame.curves {
+            let _ = self.close_set(&set, &frame.info);
+        }
     }
 
     /// Returns the curves of a frame that was read, closed and unwrapped.

@@ -67,7 +67,11 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
              their own: convert each alone, or give --one-motion",
             frame.path.display()
         )))),
-        Ok(frame) if args.frame.is_some_and(|seq| seq != frame.seq) => None,
+        Ok(frame) if args.frame.is_some_and(|seq| seq != frame.seq) => {
+            // The first frame decides which curves are closed.
+            settle(frame, &mut cells);
+            None
+        }
         frame => Some(frame.map(|frame| settle(frame, &mut cells))),
     });
     let Some(first) = frames.next().transpose()? else {
@@ -145,7 +149,14 @@ impl Target {
         if input::is_mcap(path) {
             return Ok(Target::Recording);
         }
-        Format::of(path).map(Target::Model)
+        Format::of(path).map(Target::Model).map_err(|e| match e {
+            Error::UnknownModel { path } => Error::Usage(format!(
+                "{}: the extension chooses the format of the output: .bcc, .obj, .vect, .data, \
+                 .lammpstrj, .npy, .npz, .xyz, .usda, .usdc or .mcap",
+                path.display()
+            )),
+            e => e,
+        })
     }
 
     fn holds_frames(self) -> bool {

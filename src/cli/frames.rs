@@ -110,6 +110,8 @@ impl Picked {
 pub struct Selected {
     path: PathBuf,
     cells: CellArgs,
+    /// True if curves that the boundary of the cell tears are refused.
+    is_whole: bool,
     selection: Selection,
     frames: FileFrames,
     /// Frames that were read ahead.
@@ -137,6 +139,7 @@ impl Selected {
     ) -> Result<Selected> {
         let mut selected = Selected {
             path: argument.to_owned(),
+            is_whole: cells.wrapped().is_none() && !format.is_wrapped(),
             cells,
             selection,
             frames: input::open_or_build(argument, &format.wrapped(cells.wrapped().is_some()))?,
@@ -248,8 +251,9 @@ impl Selected {
             };
             // Numbers increase.
             self.ended = read.seq >= to;
-            if (from..=to).contains(&read.seq) {
-                return Some(frame);
+            match frame {
+                Ok(read) if !(from..=to).contains(&read.seq) => self.closing.pass(read),
+                frame => return Some(frame),
             }
         }
         self.ended = true;
@@ -261,7 +265,11 @@ impl Selected {
         let mut last = None;
         for frame in &mut self.frames {
             match frame {
-                Ok(frame) => last = Some(frame),
+                Ok(frame) => {
+                    if let Some(before) = last.replace(frame) {
+                        self.closing.pass(before);
+                    }
+                }
                 Err(e) if last.is_none() => return Err(e),
                 Err(e) => {
                     tracing::warn!("{e}; the last frame before that is used");
@@ -290,14 +298,18 @@ impl Selected {
         let mut left_out = frame.left_out.clone();
         left_out.extend(self.closing.say(&name));
         input::warn_of_new(&self.path, &mut self.left_out, &frame.left_out);
+        let cell = self.cells.cell(of_frame);
         let unwrapped = Cells::new(self.cells).unwrap(&set, of_frame)?;
+        if let Some(cell) = cell.as_ref().filter(|_| self.is_whole) {
+            set.check_whole(cell)?;
+        }
         Ok(Picked {
             name,
             curves: unwrapped.unwrap_or(set),
             radii: frame.info.labels.radii.clone(),
             number: self.numbered.then_some(frame.seq),
             time: self.numbered.then_some(frame.time),
-            cell: self.cells.cell(of_frame),
+            cell,
             left_out,
             joined: self.closing.joined(),
             is_first,

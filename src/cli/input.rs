@@ -57,6 +57,11 @@ impl FormatArgs {
         }
     }
 
+    /// Returns true if torn curves are not refused.
+    pub fn is_wrapped(&self) -> bool {
+        self.wrapped
+    }
+
     /// Returns the other files that are read.
     pub fn files(&self) -> impl Iterator<Item = &PathBuf> {
         self.bonds.iter()

@@ -82,16 +82,23 @@ fn same_texts(a: &str, b: &str) -> bool {
     a.len() == b.len() && a.iter().zip(&b).all(same)
 }
 
+/// Returns a name as shells compare it in most languages: without punctuation and case.
+fn letters(name: &String) -> String {
+    let letters = name.chars().filter(|c| c.is_alphanumeric());
+    letters.flat_map(char::to_lowercase).collect()
+}
+
 /// Sorts files by the numbers in their names. Files keep their order if somebody chose it: if their
-/// names differ in more than numbers, and the order is not the alphabetical one of a shell. Returns
-/// true if the order changed.
+/// names differ in more than numbers, and the order is not the alphabetical one of a shell, with or
+/// without punctuation. Returns true if the order changed.
 pub fn sort(files: &mut [PathBuf]) -> bool {
     let names: Vec<String> = files
         .iter()
         .map(|f| f.to_string_lossy().into_owned())
         .collect();
     let numbered = names.array_windows().all(|[a, b]| same_texts(a, b));
-    if !(numbered || names.is_sorted()) || names.is_sorted_by(|a, b| compare(a, b).is_le()) {
+    let of_shell = names.is_sorted() || names.is_sorted_by_key(letters);
+    if !(numbered || of_shell) || names.is_sorted_by(|a, b| compare(a, b).is_le()) {
         return false;
     }
     files.sort_by(|a, b| compare(&a.to_string_lossy(), &b.to_string_lossy()));
@@ -146,6 +153,11 @@ mod tests {
                 ["out.obj", "out1.obj", "out10.obj", "out2.obj"],
                 ["out.obj", "out1.obj", "out2.obj", "out10.obj"],
             ),
+            // The order of a shell in English.
+            (
+                ["out10.obj", "out1.obj", "out2.obj", "out.obj"],
+                ["out.obj", "out1.obj", "out2.obj", "out10.obj"],
+            ),
             (
                 ["out-1.obj", "out-10.obj", "out-2.obj", "out.obj"],
                 ["out.obj", "out-1.obj", "out-2.obj", "out-10.obj"],
@@ -172,7 +184,7 @@ mod tests {
             &["start.bcc", "end.bcc"][..],
             &["b2.bcc", "a1.bcc"],
             &["F2.bcc", "F1.obj"],
-            &["F2.bcc", "F.bcc"],
+            &["G2.bcc", "F.bcc"],
             &[],
         ] {
             let (sorted, changed) = sorted(names);

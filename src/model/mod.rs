@@ -98,6 +98,19 @@ fn open(path: &Path) -> Result<(BufReader<Take<File>>, u64)> {
     Ok((BufReader::with_capacity(1 << 16, file), len))
 }
 
+/// Mark at the start of a text file, which some programs write.
+const BYTE_ORDER_MARK: &[u8] = b"\xef\xbb\xbf";
+
+/// Opens a text file after its byte order mark. Returns the number of bytes that follow.
+fn open_text(path: &Path) -> Result<(BufReader<Take<File>>, u64)> {
+    let (mut input, mut len) = open(path)?;
+    if input.fill_buf()?.starts_with(BYTE_ORDER_MARK) {
+        input.consume(BYTE_ORDER_MARK.len());
+        len -= BYTE_ORDER_MARK.len() as u64;
+    }
+    Ok((input, len))
+}
+
 /// Format of a model file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
@@ -180,6 +193,7 @@ impl Format {
         }
         Format::named(path)
             .or_else(|| Format::of_content(path))
+            .or_else(|| points::is_table(path).then_some(Format::Points))
             .ok_or_else(|| Error::UnknownModel { path: path.into() })
     }
 
@@ -191,6 +205,7 @@ impl Format {
         let whole = start.len() as u64 == len;
         let lines = start.rsplitn(2, |&b| b == b'\n').last().filter(|_| !whole);
         let start = lines.unwrap_or(start);
+        let start = start.strip_prefix(BYTE_ORDER_MARK).unwrap_or(start);
         lammps::format_of(start)
             .or_else(|| xyz::begins(start).then_some(Format::Xyz))
             .or_else(|| points::begins(start).then_some(Format::Points))
@@ -216,8 +231,34 @@ impl Format {
         })
     }
 
+    /// Fails if an option is given that this format does not have.
+    fn check(self, options: &ReadOptions) -> Result<()> {
+        use Format::{LammpsDump, Mcap, Npy, Npz, Points, Xyz};
+        let given = [
+            (options.bonds.is_some(), "bonds", &[LammpsDump][..]),
+            (options.counts.is_some(), "counts", &[Npy, Npz, Points, Xyz]),
+            (
+                options.closed.is_some(),
+                "closed",
+                &[LammpsDump, Points, Xyz],
+            ),
+            (options.topic.is_some(), "topic", &[Mcap]),
+        ];
+        match given
+            .iter()
+            .find(|(given, _, of)| *given && !of.contains(&self))
+        {
+            Some((_, name, _)) => {
+                let what = format!("`{name}`, which this format does not have");
+                Err(Error::unsupported("option", what))
+            }
+            None => Ok(()),
+        }
+    }
+
     /// Opens a file of this format. Errors name the file.
     fn open(self, path: &Path, options: &ReadOptions) -> Result<Box<dyn FrameSource>> {
+        self.check(options).map_err(|e| e.in_file(path))?;
         let curves = match self {
             Format::LammpsData => return lammps::open_data(path, options),
             Format::LammpsDump => return lammps::open_dump(path, options),
@@ -246,11 +287,11 @@ impl Format {
             Format::Usd => Err(no_usd()),
             Format::Bcc => open(path).and_then(|(input, len)| bcc::read(input, len)),
             Format::Obj => {
-                let read = || obj::read(open(path)?.0);
+                let read = || obj::read(open_text(path)?.0);
                 let (curves, left_out) = read().map_err(|e| e.in_file(path))?;
                 return Ok(Box::new(Single::new(curves).leaving_out(left_out)));
             }
-            Format::Vect => open(path).and_then(|(input, len)| vect::read(input, len)),
+            Format::Vect => open_text(path).and_then(|(input, len)| vect::read(input, len)),
         };
         let curves = curves.map_err(|e| e.in_file(path))?;
         Ok(Box::new(Single::new(curves)))

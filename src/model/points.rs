@@ -99,7 +99,7 @@ const OTHERS: [&str; 33] = [
 
 /// Opens a file.
 pub(super) fn open(path: &Path, options: &ReadOptions) -> Result<Box<dyn FrameSource>> {
-    let (input, len) = super::open(path)?;
+    let (input, len) = super::open_text(path)?;
     let name = path.display().to_string();
     let source = read(input, len, options, &name).map_err(|e| e.in_file(path))?;
     Ok(Box::new(source))
@@ -136,6 +136,30 @@ pub(super) fn begins(text: &[u8]) -> bool {
         }
     }
     points > 1 && labels < points
+}
+
+/// Returns true if a text file is a table of numbers by its name and its lines, although some of
+/// them are not lines of this format. The reader says which.
+pub(super) fn is_table(path: &Path) -> bool {
+    let extension = path.extension().unwrap_or_default();
+    if !["txt", "csv", "tsv", "dat", "raw"]
+        .iter()
+        .any(|e| extension.eq_ignore_ascii_case(e))
+    {
+        return false;
+    }
+    let start = super::open_text(path).and_then(|(mut input, _)| Ok(input.fill_buf()?.to_vec()));
+    let start = start.unwrap_or_default();
+    let lines = start
+        .split(|&b| b == b'\n')
+        .map(fields)
+        .filter(|f| !f.iter().all(|f| f.is_empty()));
+    let (mut all, mut numbers) = (0, 0);
+    for fields in lines {
+        all += 1;
+        numbers += usize::from(fields.iter().filter(|field| is_number(field)).count() > 1);
+    }
+    2 * numbers >= all && numbers > 0
 }
 
 /// A line of a file.
@@ -288,6 +312,8 @@ struct Curves {
     /// Value of the column that groups the points, and those of the curves before.
     group: Option<Vec<u8>>,
     groups: HashSet<Vec<u8>>,
+    /// First line of the frame that is no point, although the frame has its number of lines.
+    bad: Option<Error>,
 }
 
 impl Curves {
@@ -317,6 +343,9 @@ impl Curves {
     /// Errors: the text does not say which of them are closed, and this is the first frame, which
     /// decides for all.
     fn finish(mut self, options: &ReadOptions, is_first: bool) -> Result<CurveSet> {
+        if let Some(bad) = self.bad.take() {
+            return Err(bad);
+        }
         let bad = |what: String| Error::format(FORMAT, "points", what);
         let counts = match &options.counts {
             Some(counts) => {
@@ -392,8 +421,16 @@ impl<R: BufRead> Points<R> {
         let mut curves = Curves::default();
         let mut count = self.count.take();
         while self.lines.advance()? {
-            let line = self.columns.line(self.lines.text());
-            match line.map_err(|what| self.lines.bad(what))? {
+            let line = match self.columns.line(self.lines.text()) {
+                // The next frame begins after the promised number of lines.
+                Err(what) if count > Some(curves.points.len() as u64) => {
+                    curves.bad.get_or_insert(self.lines.bad(what));
+                    curves.points.push([0.0; 3]);
+                    continue;
+                }
+                line => line.map_err(|what| self.lines.bad(what))?,
+            };
+            match line {
                 Line::Break { .. } => curves.begins = true,
                 Line::Count(0) => return Err(self.lines.bad("a frame of 0 points")),
                 Line::Count(n) => {
@@ -541,6 +578,20 @@ mod tests {
             let error = frames(text, Some(true), None).unwrap_err().to_string();
             assert!(error.contains(says), "{error}");
         }
+    }
+
+    /// Regression test: the frames after a bad line were missing.
+    #[test]
+    fn a_bad_line_of_a_frame_with_a_count_makes_that_frame_invalid() {
+        let text = "3\n1 0 0\n2 0 0\n3 1 0\n3\n1 0 0\n2 nan 0\n3 1 0\n3\n4 0 0\n5 0 0\n6 1 0\n";
+        let found = frames(text, Some(true), None).unwrap();
+        let valid: Vec<bool> = found.iter().map(|frame| frame.curves.is_ok()).collect();
+        assert_eq!(valid, [true, false, true]);
+        let error = found[1].curves.as_ref().unwrap_err().to_string();
+        assert!(
+            error.contains("line 7): 'nan' is not a finite number"),
+            "{error}"
+        );
     }
 
     #[test]

@@ -25,14 +25,22 @@ pub(crate) struct Jumps {
     /// First point of each curve in the previous frame as given, in fractional coordinates, and the
     /// translation by which the curve is followed.
     before: Vec<(Point, Image)>,
-    /// Number of jumps so far.
-    count: u64,
+    /// The same of the current frame, until it is verified.
+    current: Vec<(Point, Image)>,
+    /// Number of jumps so far, and of those to the current frame.
+    count: [u64; 2],
 }
 
 impl Jumps {
     /// Returns the number of jumps so far.
     pub fn count(&self) -> u64 {
-        self.count
+        self.count[0]
+    }
+
+    /// Continues from the current frame: it was verified.
+    pub fn commit(&mut self) {
+        std::mem::swap(&mut self.before, &mut self.current);
+        self.count[0] += std::mem::take(&mut self.count[1]);
     }
 
     /// Returns the curves of a frame where they are followed; `None`: they are as given. `previous`
@@ -50,14 +58,16 @@ impl Jumps {
         let inverse = cell.inverse().unwrap_or_default();
         let fractional = |p: Point| inverse.map(|b| dot(b, p));
         let firsts = given.first_points().map(fractional);
+        self.current.clear();
+        self.count[1] = 0;
         if self.before.len() != given.len() {
-            self.before = firsts.map(|u| (u, Image::default())).collect();
+            self.current.extend(firsts.map(|u| (u, Image::default())));
             return Ok(None);
         }
         let periodic = cell.periodic();
-        for (i, (u, before)) in firsts.zip(&mut self.before).enumerate() {
+        for (i, (u, before)) in firsts.zip(&self.before).enumerate() {
             let step = sub(u, before.0);
-            before.0 = u;
+            self.current.push((u, before.1));
             // Most curves.
             if step.iter().all(|x| x.abs() <= 0.5) {
                 continue;
@@ -80,17 +90,17 @@ impl Jumps {
                 })
             };
             if previous.filter(same).is_some_and(is_near) {
-                before.1 = image;
-                self.count += 1;
+                self.current[i].1 = image;
+                self.count[1] += 1;
             }
         }
-        if self.before.iter().all(|(_, image)| is_home(image)) {
+        if self.current.iter().all(|(_, image)| is_home(image)) {
             return Ok(None);
         }
         let positions = given.positions();
         let positions = positions.as_positions();
         let mut xyz = Vec::with_capacity(3 * given.points());
-        for (i, (_, image)) in self.before.iter().enumerate() {
+        for (i, (_, image)) in self.current.iter().enumerate() {
             let by = cell.translation(*image);
             xyz.extend(given.points_of(i).flat_map(|k| add(positions.point(k), by)));
         }

@@ -41,6 +41,7 @@ pub(crate) use linking::{Number, linking_numbers};
 pub(crate) use names::{Entry, aligned, reduced_all};
 pub(crate) use pairs::{ImagePair, ImagePairs, Searched, images_in, overlapping, too_far};
 pub use through::period;
+pub(crate) use through::period_in;
 #[cfg(test)]
 pub(crate) use through::reduced;
 pub(crate) use through::{RingAndYarn, YarnPeriod, almost_yarns, is_multiple, period_of_pair};

@@ -111,8 +111,18 @@ pub(crate) fn is_multiple(image: Image, period: Image) -> bool {
 /// The end may differ from the image by the rounding of the coordinates: 4.8e-7 of the cell and of
 /// their size in single precision, 1e-9 in double precision.
 pub fn period(set: &CurveSet, i: usize, cell: &Cell) -> Option<Image> {
+    period_in(set, i, cell, set.precision())
+}
+
+/// Same as [`period`], for coordinates that were given in this precision.
+pub(crate) fn period_in(
+    set: &CurveSet,
+    i: usize,
+    cell: &Cell,
+    precision: Precision,
+) -> Option<Image> {
     let ends = Ends::new(set, i, cell)?;
-    let tolerance = tolerance(set.precision());
+    let tolerance = tolerance(precision);
     let is_near = |x: usize| ends.off[x].abs() <= tolerance * ends.size[x];
     (0..3).all(is_near).then_some(ends.image)
 }

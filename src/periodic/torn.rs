@@ -8,7 +8,7 @@
 
 use crate::curve::vector::{dot, sub};
 use crate::curve::{Cell, CurveSet};
-use crate::error::Result;
+use crate::error::{Error, Result};
 
 /// A segment that is not proven to be at most half as long as the cell.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -59,6 +59,19 @@ pub(crate) fn find_torn(
     Ok(None)
 }
 
+impl CurveSet {
+    /// Checks that no curve is torn at the boundary of a periodic cell, as wrapped coordinates are.
+    ///
+    /// Errors: [`Error::Usage`] if a segment is longer than half of the cell along a vector, or the
+    /// vectors span no lattice.
+    pub fn check_whole(&self, cell: &Cell) -> Result<()> {
+        match find_torn(self, cell, 0..self.len())? {
+            Some(torn) => Err(Error::Usage(torn.to_string())),
+            None => Ok(()),
+        }
+    }
+}
+
 impl std::fmt::Display for Torn {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let Torn {
@@ -71,9 +84,8 @@ impl std::fmt::Display for Torn {
         write!(
             f,
             "curve {curve} is {share:.3} of the {vector} vector of the periodic cell long from \
-             point {p} to point {q}, which is more than half: the curve is wrapped at the \
-             boundary, or runs through the cell; write unwrapped coordinates, or pass `--wrapped` \
-             (`--unwrapped`: the segments are as long as that)"
+             point {p} to {q}, more than half: pass `--wrapped` if coordinates are wrapped, else \
+             `--unwrapped` (Python, C: wrapped)"
         )
     }
 }

@@ -387,13 +387,18 @@ impl Report {
         }
         parts.extend(self.missing.iter().cloned());
         parts.extend(self.rejected.clone());
-        parts.extend(words_of_change(&self.appeared, &self.gone));
+        parts.extend(self.change_of_curves());
         let detail = if parts.is_empty() {
             String::new()
         } else {
             format!(" ({})", parts.join(", "))
         };
         format!("{}: {}{detail}", self.frame(), self.verdict)
+    }
+
+    /// Returns which curves appeared and which are gone, in words. `None` if there are none.
+    pub fn change_of_curves(&self) -> Option<String> {
+        words_of_change(&self.appeared, &self.gone)
     }
 
     /// Returns a sentence for every finding of the frame: changes, events, defects, unresolved

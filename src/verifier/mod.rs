@@ -541,6 +541,9 @@ impl Verifier {
         let verified = self.verify(seq, time, set);
         self.full.gpu.end_frame(set);
         let (report, linking) = verified?;
+        if let Some(periodic) = &mut self.periodic {
+            periodic.commit();
+        }
         self.steps.remember(Arc::clone(set), linking);
         Ok(report)
     }

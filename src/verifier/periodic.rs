@@ -33,6 +33,8 @@ pub(super) struct Periodic {
     options: VerifierOptions,
     /// Cell of the next frame.
     cell: Cell,
+    /// Cell of the last verified frame, or of the first one.
+    last_cell: Cell,
     /// [`VerifierOptions::wrapped`].
     wrapped: Option<bool>,
     /// Given baseline, until the first frame.
@@ -45,8 +47,9 @@ pub(super) struct Periodic {
     inner: Option<Inner>,
     unwrap: Unwrap,
     jumps: Jumps,
-    /// Curves of the current frame.
+    /// Curves of the current frame, and of the last verified one.
     frame: Option<Arc<CurveSet>>,
+    last: Option<Arc<CurveSet>>,
     before: Option<Before>,
     pool: FramePool,
     /// True if the room of a quiet frame was found to be wrong ([`Strategy::Paranoid`]).
@@ -107,6 +110,7 @@ impl Periodic {
                 ..options.clone()
             },
             cell,
+            last_cell: cell,
             wrapped: options.wrapped,
             given: options.baseline.clone(),
             expected: None,
@@ -115,6 +119,7 @@ impl Periodic {
             unwrap: Unwrap::default(),
             jumps: Jumps::default(),
             frame: None,
+            last: None,
             before: None,
             pool: FramePool::default(),
             disagreed: false,
@@ -137,6 +142,13 @@ impl Periodic {
     /// Takes the curves of the next frame.
     pub fn receive(&mut self, set: &Arc<CurveSet>) {
         self.frame = Some(Arc::clone(set));
+    }
+
+    /// The current frame was verified.
+    pub fn commit(&mut self) {
+        self.jumps.commit();
+        self.last_cell = self.cell;
+        self.last.clone_from(&self.frame);
     }
 
     /// The curves themselves have another baseline than before.
@@ -210,7 +222,7 @@ impl Periodic {
             None => {
                 // After a cut, the last frame.
                 let before = self.before.as_ref().map(|before| &before.frame);
-                let before = before.or(self.frame.as_ref()).map(|frame| &**frame);
+                let before = before.or(self.last.as_ref()).map(|frame| &**frame);
                 self.jumps.follow(set, &self.cell, before)
             }
             Some(true) => self.unwrap.unwrap(set, &self.cell).map(Some),
@@ -392,6 +404,12 @@ impl Periodic {
         missing: &mut Vec<String>,
     ) -> Result<Found> {
         let frame = Arc::clone(self.frame()?);
+        let other = |before: &mut Before| !before.frame.same_layout(&frame);
+        if self.before.take_if(other).is_some() {
+            // The images have the points of the previous frame, and there is no step.
+            self.inner = None;
+            self.yarns.cut();
+        }
         let mut unknown = false;
         if let Some(why) = self.yarns.find_periods(&frame, &self.cell) {
             unknown = true;
@@ -556,11 +574,11 @@ impl Verifier {
             let what = "this frame has a periodic cell, but the previous ones had none";
             return Err(Error::Usage(what.into()));
         };
-        if periodic.cell.periodic() != cell.periodic() {
+        if periodic.last_cell.periodic() != cell.periodic() {
             let what = "the cell repeats along other vectors than before";
             return Err(Error::Usage(what.into()));
         }
-        periodic.cell = cell.in_basis_of(&periodic.cell);
+        periodic.cell = cell.in_basis_of(&periodic.last_cell);
         Ok(())
     }
 

@@ -16,10 +16,10 @@
 
 use crate::certificate::undefined_entry;
 use crate::curve::vector::bounds;
-use crate::curve::{AXES, Cell, CurveSet, Image, Point, pow2, union};
+use crate::curve::{AXES, Cell, CurveSet, Image, Point, Precision, pow2, union};
 use crate::error::Result;
 use crate::periodic::{
-    Entry, ImagePair, Number, RingAndYarn, YarnPeriod, almost_yarns, linking_numbers, period,
+    Entry, ImagePair, Number, RingAndYarn, YarnPeriod, almost_yarns, linking_numbers, period_in,
 };
 use crate::verdict::{Change, Defect, DefectKind};
 use std::collections::{BTreeMap, BTreeSet};
@@ -30,6 +30,8 @@ use std::sync::Arc;
 pub(super) struct Yarns {
     /// Period of each curve, if it is a yarn, once they are known.
     periods: Option<Arc<[Option<Image>]>>,
+    /// Precision of the first frame. Later ones may be converted to a higher one.
+    precision: Option<Precision>,
     /// Pairs that may be linked, sorted.
     pub pairs: Vec<RingAndYarn>,
     /// Expected linking numbers, sorted, once they are known.
@@ -72,7 +74,9 @@ impl Yarns {
     /// Finds the curves that run through the cell, in the first frame, and logs those that almost
     /// do. Returns those that no longer do, in words.
     pub fn find_periods(&mut self, set: &CurveSet, cell: &Cell) -> Option<String> {
-        let find = |i: usize| period(set, i, cell);
+        let first = self.precision.filter(|_| self.periods.is_some());
+        let precision = *self.precision.insert(first.unwrap_or(set.precision()));
+        let find = |i: usize| period_in(set, i, cell, precision);
         let Some(known) = &self.periods else {
             self.periods = Some((0..set.len()).map(find).collect());
             if let Some(words) = almost_yarns(set, cell) {

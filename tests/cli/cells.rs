@@ -250,6 +250,28 @@ fn the_advice_on_wrapped_coordinates_leads_to_a_result() {
     }
 }
 
+/// Regression test: the thickness of a torn ring was 0.
+#[test]
+fn wrapped_coordinates_are_refused_also_if_the_cell_is_an_option() {
+    let folder = TempDir::new().unwrap();
+    let ring = |c: [f64; 2]| {
+        let corners = [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]];
+        let side = polygon(corners.map(|[x, y]| [c[0] + x, c[1] + y, 2.0]), 4);
+        side.iter().map(|p| p.map(|x| x.rem_euclid(4.0))).collect()
+    };
+    let path = write(
+        folder.path(),
+        "torn.npz",
+        None,
+        &[[ring([0.25, 2.0]), ring([2.0, 2.0])]],
+    );
+    for command in ["thickness", "writhe", "certify", "plan"] {
+        let run = linkwatch(&[command, text(&path), "--cell", "4,4,4"]);
+        assert_eq!(run.code, 2, "{command}: {}", run.stdout);
+        assert!(run.stderr.contains("pass `--wrapped`"), "{}", run.stderr);
+    }
+}
+
 #[cfg(feature = "lab")]
 #[test]
 fn a_command_without_wrapped_does_not_advise_it() {
@@ -260,4 +282,52 @@ fn a_command_without_wrapped_does_not_advise_it() {
     assert_eq!(run.code, 2, "{}", run.stdout);
     assert!(!run.stderr.contains("--wrapped"), "{}", run.stderr);
     assert!(run.stderr.contains("`linkwatch convert`"), "{}", run.stderr);
+}
+
+/// Regression test: curves that jumped were recorded in double precision, and a replay rejected the
+/// frames after that.
+#[test]
+fn a_recording_of_curves_that_jump_has_the_frames_as_they_were_given() {
+    let folder = TempDir::new().unwrap();
+    let path = folder.path().join("jump.npz");
+    let mut writer = FrameWriter::create(&path, Format::Npz).unwrap();
+    for k in 0..6 {
+        let square = [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]];
+        let x = if k < 4 { 6.0 } else { 8.5 } - if k < 2 { 0.0 } else { 10.0 };
+        let rings = [
+            polygon(square.map(|[a, b]| [5.0 + a, 5.0 + b, 5.0]), 4),
+            polygon(square.map(|[a, b]| [x + a, 5.1, 5.0 + b]), 4),
+        ];
+        let xyz: Vec<f32> = rings
+            .concat()
+            .as_flattened()
+            .iter()
+            .map(|&x| x as f32)
+            .collect();
+        let positions = Positions::F32(&xyz);
+        let set = CurveSet::from_counts(Basis::Polyline, &[-16, -16], positions).unwrap();
+        let mut frame = ModelFrame::new(k, Ok(set));
+        frame.cell = Some("10,10,10".parse().unwrap());
+        writer.frame(&frame).unwrap();
+    }
+    writer.finish().unwrap();
+    let recording = folder.path().join("jump.mcap");
+    let run = linkwatch(&[
+        "check",
+        text(&path),
+        "--events",
+        "--record",
+        text(&recording),
+    ]);
+    assert_eq!(run.code, 1, "{}", run.stderr);
+    let replayed = linkwatch(&["replay", text(&recording)]);
+    assert_eq!(replayed.code, 1, "{}", replayed.stderr);
+    assert!(
+        replayed.stdout.contains("6 equal to the recorded ones"),
+        "{}",
+        replayed.stdout
+    );
+    let again = folder.path().join("again.npz");
+    let converted = linkwatch(&["convert", text(&recording), text(&again)]);
+    assert_eq!(converted.code, 0, "{}", converted.stderr);
 }

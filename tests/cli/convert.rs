@@ -124,7 +124,8 @@ fn an_output_is_not_overwritten_and_is_no_input() {
     let run = linkwatch(&["convert", text(&models[0]), text(&unknown)]);
     assert_eq!(run.code, 2);
     assert!(
-        run.stderr.contains("unknown kind of file"),
+        run.stderr
+            .contains("f.stl: the extension chooses the format of the output"),
         "{}",
         run.stderr
     );

@@ -254,7 +254,7 @@ fn open_curves_are_verified_with_events_and_reported_without() {
     );
     assert!(
         run.stderr
-            .contains("--events verifies pull-throughs of open curves")
+            .contains("(--events of check, watch and replay) verifies open ones")
     );
     assert_eq!(
         run.stderr.matches("nothing to verify").count(),

@@ -5,6 +5,7 @@ use crate::scene::{Point, Scene};
 use crate::support::random::Random;
 use linkwatch::{
     Basis, CurveSet, Error, Events, Image, Positions, Report, Strategy, Verdict, Verifier,
+    VerifierOptions,
 };
 use std::sync::Arc;
 
@@ -190,7 +191,7 @@ fn curves_that_the_boundary_tears_are_refused_unless_they_are_unwrapped() {
                 match verifier.step_shared(seq, 0.0, &Arc::new(frame.set())) {
                     Ok(report) => assert_eq!(report.verdict, Verdict::Intact, "{report:?}"),
                     Err(e) => {
-                        let says = "the curve is wrapped at the boundary";
+                        let says = "pass `--wrapped` if coordinates are wrapped";
                         assert!(e.to_string().contains(says), "{e}");
                         refused += 1;
                     }
@@ -199,5 +200,115 @@ fn curves_that_the_boundary_tears_are_refused_unless_they_are_unwrapped() {
             }
             assert_eq!(refused > 0, wrapped.is_none(), "{strategy:?}: {refused}");
         }
+    }
+}
+
+/// A ring of radius 1 in the plane of two axes.
+fn ring(center: Point, [u, v]: [usize; 2], n: usize) -> Vec<Point> {
+    let point = |k: usize| {
+        let (sin, cos) = (std::f64::consts::TAU * k as f64 / n as f64).sin_cos();
+        let mut p = center;
+        p[u] += cos;
+        p[v] += sin;
+        p
+    };
+    (0..n).map(point).collect()
+}
+
+/// Curves in a cell of 10, all closed but the first `open` ones.
+fn curves(curves: &[Vec<Point>], open: usize) -> CurveSet {
+    let sign = |i: usize| if i < open { 1 } else { -1 };
+    let counts = curves.iter().enumerate();
+    let counts: Vec<i32> = counts.map(|(i, c)| sign(i) * c.len() as i32).collect();
+    let xyz = curves.concat();
+    CurveSet::from_counts(Basis::Polyline, &counts, Positions::F64(xyz.as_flattened())).unwrap()
+}
+
+fn verifier(strategy: Strategy, events: Events) -> Verifier {
+    let options = VerifierOptions {
+        cell: Some("10,10,10".parse().unwrap()),
+        strategy,
+        events,
+        ..VerifierOptions::default()
+    };
+    Verifier::new(options).unwrap()
+}
+
+/// Regression test: the images kept the points of the frame before, and a lost link was "intact".
+#[test]
+fn curves_of_other_sizes_are_verified_with_their_images() {
+    for strategy in [Strategy::Full, Strategy::Incremental, Strategy::EarlyExit] {
+        for sizes in [[27, 13], [20, 20], [30, 24], [12, 9]] {
+            let mut verifier = verifier(strategy, Events::Off);
+            // Linked through the boundary at x = 10.
+            let pair = |[a, b]: [usize; 2], y: f64| {
+                let first = ring([9.5, 5.0, 5.0], [0, 1], a);
+                curves(&[first, ring([0.5, y, 5.0], [0, 2], b)], 0)
+            };
+            let frames = [([24, 16], 5.0), (sizes, 5.0), ([24, 16], 8.0), (sizes, 8.0)];
+            let expected = [
+                Verdict::Intact,
+                Verdict::Intact,
+                Verdict::Changed,
+                Verdict::Changed,
+            ];
+            for ((seq, (sizes, y)), expected) in (0..).zip(frames).zip(expected) {
+                let set = Arc::new(pair(sizes, y));
+                let report = verifier.step_shared(seq, 0.0, &set).unwrap();
+                assert_eq!(
+                    report.verdict, expected,
+                    "{strategy:?} {sizes:?}: {report:?}"
+                );
+                assert!(report.defects.is_empty());
+            }
+        }
+    }
+}
+
+/// Regression test: the frame after the rejected one had "come apart".
+#[test]
+fn a_jump_is_followed_across_a_rejected_frame() {
+    for events in [Events::Off, Events::Between] {
+        let mut verifier = verifier(Strategy::Incremental, events);
+        let [a, b] = [(5.0, [0, 1]), (6.0, [0, 2])].map(|(x, axes)| ring([x, 5.0, 5.0], axes, 16));
+        let jumped: Vec<Point> = b.iter().map(|p| [p[0], p[1] - 10.0, p[2]]).collect();
+        let first = Arc::new(curves(&[a.clone(), b.clone()], 0));
+        let report = verifier.step_shared(0, 0.0, &first).unwrap();
+        assert_eq!(report.verdict, Verdict::Intact);
+        for other in [
+            vec![a.clone()],
+            vec![a.clone(), b[..12].to_vec(), b.clone()],
+        ] {
+            let other = Arc::new(curves(&other, 0));
+            assert!(verifier.step_shared(1, 0.0, &other).is_err());
+        }
+        let last = Arc::new(curves(&[a, jumped], 0));
+        let report = verifier.step_shared(2, 0.0, &last).unwrap();
+        assert_eq!(report.verdict, Verdict::Intact, "{report:?}");
+        assert_eq!((report.events.len(), verifier.jumps()), (0, 1));
+    }
+}
+
+/// Regression test: curves that are followed have double precision, in which the rounded end of the
+/// yarn was too far from the image of its start.
+#[test]
+fn a_yarn_in_single_precision_stays_one_after_a_jump() {
+    for jumps in [0, 1] {
+        let mut verifier = verifier(Strategy::Incremental, Events::Between);
+        let yarn: Vec<Point> = (0..=20)
+            .map(|k| [0.1 + 0.5 * f64::from(k), 5.0, 5.0])
+            .collect();
+        let around = ring([3.0, 5.0, 5.0], [1, 2], 16);
+        for seq in 0..4_u64 {
+            let mut frame = [yarn.clone(), around.clone()];
+            let moved = frame[jumps].iter_mut().filter(|_| seq >= 2);
+            moved.for_each(|p| p[1] += 10.0);
+            let set = Arc::new(single(&curves(&frame, 1)));
+            let report = verifier.step_shared(seq, 0.0, &set).unwrap();
+            assert_eq!(report.verdict, Verdict::Intact, "{report:?}");
+            assert_eq!(report.stats.open_curves, 0);
+        }
+        assert_eq!(verifier.jumps(), 1);
+        assert_eq!(verifier.baseline().unwrap().periods, [(0, [1, 0, 0])]);
     }
 }

@@ -89,10 +89,15 @@ impl Session {
         let (seq, info) = (judged.report.seq, &judged.info);
         let begins = !self.begun || self.baseline_changed;
         if self.baseline_frame.is_none() {
-            let missed = match self.is_live {
-                true => seq.saturating_sub(info.baseline),
-                false => 0,
+            // Frames that were rejected are no reason: a watch that was there has seen them.
+            let missed = match (self.is_live, self.begun) {
+                (true, false) => self.tally.since(self.before).skipped.min(seq),
+                (true, true) => seq.saturating_sub(info.baseline),
+                (false, _) => 0,
             };
+            if !self.begun && seq > 0 && seq == info.baseline {
+                self.origin = Some(format!("frame {seq}, accepted by the simulator"));
+            }
             self.baseline_frame = Some(BaselineFrame {
                 frame: Some(seq),
                 unverified: if self.from_now { 0 } else { missed },
@@ -102,9 +107,11 @@ impl Session {
             }
             if missed > 0 {
                 let before = plural_of(missed, "frame before it was", "frames before it were");
-                let late = format!(
-                    "the watch started late: the baseline is frame {seq}, and {before} not verified"
-                );
+                let why = match self.begun {
+                    true => "the frame that the simulator accepted was not verified",
+                    false => "the watch started late",
+                };
+                let late = format!("{why}: the baseline is frame {seq}, and {before} not verified");
                 match self.from_now {
                     true => tracing::info!("{late}"),
                     false => {

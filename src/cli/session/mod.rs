@@ -579,8 +579,12 @@ impl Session {
                 (None, None) => {}
             }
             let report = self.step(seq, time, &info, &set)?;
-            let placed = self.verifier.placed_curves().cloned();
-            Ok((report, Some(placed.unwrap_or(set))))
+            // Curves that jumped are recorded as they were given: a replay follows them again.
+            let placed = self
+                .verifier
+                .placed_curves()
+                .filter(|_| self.cells.args.wrapped() == Some(true));
+            Ok((report, Some(placed.cloned().unwrap_or(set))))
         });
         if jumps == 0 && self.verifier.jumps() > 0 {
             self.live.note(format_args!(
@@ -1120,6 +1124,9 @@ fn print_model(model: &str, report: &Report, news: &New) {
     let others = report.missing.iter().chain(&report.rejected);
     for sentence in news.sentences.iter().chain(others) {
         output::line(format_args!("  {sentence}"));
+    }
+    if let Some(words) = report.change_of_curves() {
+        output::line(format_args!("  {words}"));
     }
     if news.known > 0 {
         let known = plural(news.known as u64, "finding");

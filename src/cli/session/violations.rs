@@ -50,9 +50,12 @@ pub struct Violations {
 impl Violations {
     /// Returns true if this frame ends the current violation.
     pub fn end_with(&self, report: &Report, step: Step) -> bool {
+        let Some(violation) = &self.current else {
+            return false;
+        };
         let intact = report.verdict == Verdict::Intact && report.last_intact == Some(report.seq);
-        let cut = |violation: &Violation| violation.cut || step != Step::Continues;
-        self.current.as_ref().is_some_and(cut) && intact && !report.abort
+        let is_recovered = (violation.cut || step == Step::Cut) && intact && !report.abort;
+        step == Step::Accepted || is_recovered
     }
 
     /// Returns the number of violations that were rolled back, after this frame.
@@ -82,9 +85,10 @@ impl Violations {
             }
             Some(violation) => {
                 violation.cut |= step != Step::Continues;
-                match violation.worst {
-                    Outcome::Fine => self.others = self.others.max(outcome),
-                    worst => violation.worst = worst.max(outcome),
+                // What is unknown after a cut is not rolled back.
+                match violation.cut || violation.worst == Outcome::Fine {
+                    true => self.others = self.others.max(outcome),
+                    false => violation.worst = violation.worst.max(outcome),
                 }
             }
             None if found => {
@@ -144,10 +148,10 @@ mod tests {
     #[test]
     fn a_violation_is_recovered_by_an_intact_frame_after_a_cut() {
         use Step::{Accepted, Continues, Cut};
-        use Verdict::{Changed, Intact, Rejected, Undecided};
+        use Verdict::{Changed, Contact, Intact, Rejected, Undecided};
         let intact = (Intact, Continues);
         let changed = (Changed, Continues);
-        let cases: [(&[_], _, [u32; 2]); 9] = [
+        let cases: [(&[_], _, [u32; 2]); 11] = [
             (&[intact, changed, (Intact, Cut)], Outcome::Fine, [1, 0]),
             (&[changed, changed, (Intact, Cut)], Outcome::Fine, [1, 0]),
             // Not rolled back.
@@ -159,7 +163,17 @@ mod tests {
                 Outcome::Fine,
                 [2, 0],
             ),
-            (&[changed, (Undecided, Cut), intact], Outcome::Fine, [1, 0]),
+            // Before the cut, an undecided frame belongs to the violation; after it, it does not.
+            (
+                &[changed, (Undecided, Continues), (Intact, Cut)],
+                Outcome::Fine,
+                [1, 0],
+            ),
+            (
+                &[changed, (Undecided, Cut), intact],
+                Outcome::Undecided,
+                [1, 0],
+            ),
             (
                 &[(Rejected, Continues), (Intact, Cut)],
                 Outcome::Fine,
@@ -172,6 +186,11 @@ mod tests {
                 [0, 0],
             ),
             (&[changed, (Intact, Accepted)], Outcome::Fine, [0, 1]),
+            (
+                &[changed, (Contact, Accepted), (Undecided, Continues)],
+                Outcome::Undecided,
+                [0, 1],
+            ),
         ];
         for (frames, outcome, counts) in cases {
             let violations = run(frames);

@@ -8,6 +8,10 @@ use std::ops::Range;
 /// Largest distance of ends that meet, in median segments.
 const NEAR: f64 = 1e-3;
 
+/// Largest distance of a last point from the first one that it repeats, in median segments, if the
+/// source closes the curve. A closed curve may have short segments, so this is less than [`NEAR`].
+const NEAR_IF_CLOSED: f64 = 1e-6;
+
 /// Largest distance of ends that meet by rounding alone, in median segments.
 const NEAR_IF_ROUNDED: f64 = 0.1;
 
@@ -101,8 +105,9 @@ impl Layout {
         gaps.reduce(|a, b| if a >= b { a } else { b })
     }
 
-    /// Returns the largest distance at which points count as equal.
-    fn tolerance(&self, at: &Positions<'_>, metric: &Metric) -> f64 {
+    /// Returns the largest distance at which points count as equal: `near` median segments, or
+    /// rounding.
+    fn tolerance(&self, at: &Positions<'_>, metric: &Metric, near: f64) -> f64 {
         let step = |k: usize| metric.distance(self.point(at, k), self.point(at, k + 1));
         let mut steps: Vec<f64> = (0..self.points - 1).map(step).collect();
         let middle = steps.len() / 2;
@@ -117,7 +122,7 @@ impl Layout {
             Precision::F64 => f64::EPSILON,
         };
         let rounding = (4.0 * unit * largest).min(NEAR_IF_ROUNDED * *median);
-        (NEAR * *median).max(rounding)
+        (near * *median).max(rounding)
     }
 
     fn has_three_distinct_points(&self, at: &Positions<'_>) -> bool {
@@ -132,7 +137,7 @@ impl Layout {
         let Some(gap) = self.gap(at, metric) else {
             return Ends::Apart;
         };
-        let within = self.tolerance(at, metric);
+        let within = self.tolerance(at, metric, NEAR);
         if gap <= within && self.has_three_distinct_points(at) {
             return Ends::Meet { within };
         }
@@ -153,6 +158,14 @@ impl Layout {
             true => Ends::Corner,
             false => Ends::Apart,
         }
+    }
+
+    /// Returns the largest distance at which the last point of a closed polyline repeats the first
+    /// one. `None` if it does not.
+    pub fn repeats(&self, at: &Positions<'_>, metric: &Metric) -> Option<f64> {
+        let gap = self.gap(at, metric).filter(|_| self.basis.is_polyline())?;
+        let within = self.tolerance(at, metric, NEAR_IF_CLOSED);
+        (gap <= within && self.has_three_distinct_points(at)).then_some(within)
     }
 
     /// Checks that an open curve, which is closed in all frames, ends where it starts: within a
@@ -187,7 +200,7 @@ impl Layout {
                 });
             }
         }
-        let within = self.tolerance(at, metric);
+        let within = self.tolerance(at, metric, NEAR);
         match gap <= within {
             true => Ok(()),
             false => Err(Error::EndsApart {

@@ -29,6 +29,8 @@ use std::ops::Range;
 ///   Rounding stays below that: single precision and text of six digits move a point by 1e-6 of its
 ///   coordinates, which is a thousandth of a segment of a ring of several thousand points. Ends
 ///   that a simulation keeps apart are further apart.
+///   A polyline that the source closes loses a last point that repeats the first one, too, if the
+///   distance is at most a millionth of that median, or four units in the last place.
 /// - **Splines** are closed only if the shape stays the same. A Bezier curve ends at its last
 ///   control point, so it may repeat the first one, as a polyline may. Catmull-Rom curves and
 ///   B-splines must repeat three: their last three control points are the first three. Others stay
@@ -100,6 +102,8 @@ enum Known {
     Closed,
     /// Closed, since its ends were within this distance.
     Joined(f64),
+    /// Closed by the source, with a last point that was within this distance of the first one.
+    Repeated(f64),
 }
 
 /// Treatment of a curve of a frame.
@@ -123,7 +127,7 @@ impl Closing {
 
     /// Returns the number of curves that are closed because they end where they start.
     pub fn joined(&self) -> usize {
-        let joined = |known: &&Known| matches!(known, Known::Joined(_));
+        let joined = |known: &&Known| matches!(known, Known::Joined(_) | Known::Repeated(_));
         self.known.iter().filter(joined).count()
     }
 
@@ -150,7 +154,8 @@ impl Closing {
     /// Returns a frame with the curves that are to be verified. It is the given one if no curve
     /// changes. A frame of other curves than the first one is returned as it is.
     ///
-    /// Errors: [`EndsApart`](crate::Error::EndsApart) if a curve that is closed ends elsewhere than it starts.
+    /// Errors: [`EndsApart`](crate::Error::EndsApart) if a curve that is closed ends elsewhere than
+    /// it starts.
     pub fn close<'a>(
         &'a mut self,
         frame: RawFrame<'a>,
@@ -183,11 +188,12 @@ impl Closing {
             let change = match (known, count < 0) {
                 (Known::Open, true) if source.closed_by_default => Change::Open,
                 (Known::Closed | Known::Joined(_), false) if !self.keep_open => Change::Join,
+                (Known::Repeated(_), _) => Change::Join,
                 _ => Change::None,
             };
             if change == Change::Join {
                 let within = match known {
-                    Known::Joined(within) => *within,
+                    Known::Joined(within) | Known::Repeated(within) => *within,
                     _ => 0.0,
                 };
                 layout.check_ends(i, &frame.positions, &metric, within)?;
@@ -214,6 +220,7 @@ impl Closing {
         let same = |(known, c): (&Known, i32)| match known {
             Known::Open => c > 0 || !source.closed_by_default,
             Known::Closed | Known::Joined(_) => c < 0 || self.keep_open,
+            Known::Repeated(_) => false,
         };
         if self.known.len() == set.len() && self.known.iter().zip(set.counts()).all(same) {
             return Ok(None);
@@ -258,7 +265,13 @@ impl Closing {
                     if is_long(apart) {
                         long.push((i, apart));
                     }
-                    Known::Closed
+                    match layout.repeats(at, metric).filter(|_| !self.keep_open) {
+                        Some(within) => {
+                            joined.push((i, 0.0));
+                            Known::Repeated(within)
+                        }
+                        None => Known::Closed,
+                    }
                 }
             } else if self.keep_open {
                 Known::Open
@@ -289,11 +302,12 @@ impl Closing {
             let mut points = layout.first..first;
             match known {
                 Known::Open if by_default => *count = count.abs(),
-                Known::Closed | Known::Joined(_) if *count > 0 => {
+                Known::Closed | Known::Joined(_) if *count < 0 => {}
+                Known::Closed | Known::Joined(_) | Known::Repeated(_) => {
                     points = layout.without_repeated();
                     *count = -(points.len() as i32);
                 }
-                _ => {}
+                Known::Open => {}
             }
             match kept.last_mut() {
                 Some(last) if last.end == points.start => last.end = points.end,

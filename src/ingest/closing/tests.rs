@@ -59,6 +59,37 @@ fn a_repeated_point_closes_a_curve_up_to_rounding() {
     }
 }
 
+/// Regression test: the thickness of such a ring was the distance of the two points.
+#[test]
+fn a_closed_curve_loses_a_last_point_that_repeats_the_first_one() {
+    let n = 40;
+    let segment = 6.0 * (std::f64::consts::PI / n as f64).sin();
+    for (shift, expected) in [(0.0, 40), (5e-15, 40), (1e-7, 40), (1e-4 * segment, 41)] {
+        let mut points = ring(n, 3.0);
+        points.push([3.0, shift, 0.5 - shift]);
+        for closed_by_default in [false, true] {
+            let source = CurveSource {
+                closed_by_default,
+                ..CurveSource::default()
+            };
+            let mut closing = Closing::default();
+            for _ in 0..2 {
+                let found = close(&mut closing, &[-41], &points, source);
+                assert_eq!(found.unwrap(), [-expected], "{shift}");
+            }
+            assert_eq!(closing.joined(), usize::from(expected == 40));
+            let mut keep_open = Closing::new(true);
+            let found = close(&mut keep_open, &[-41], &points, source);
+            assert_eq!(found.unwrap(), [-41]);
+            // The first frame decides.
+            points[n] = [3.1, 0.0, 0.5];
+            let moved = close(&mut closing, &[-41], &points, source);
+            assert_eq!(moved.is_err(), expected == 40);
+            points[n] = [3.0, shift, 0.5 - shift];
+        }
+    }
+}
+
 /// The end is computed, and the scene is far from the origin.
 #[test]
 fn single_precision_rounding_does_not_keep_a_ring_open() {

@@ -52,7 +52,7 @@ fn has_extension(path: &Path, extensions: &[&str]) -> bool {
 
 /// Opens a data file.
 pub(super) fn open_data(path: &Path, options: &ReadOptions) -> Result<Box<dyn FrameSource>> {
-    let (input, len) = super::open(path)?;
+    let (input, len) = super::open_text(path)?;
     let name = path.display().to_string();
     let read = || read_data(input, len, &name, options.wrapped);
     let source = read().map_err(|e| e.in_file(path))?;
@@ -89,7 +89,7 @@ pub(super) fn read_data(
 
 /// Opens a dump.
 pub(super) fn open_dump(path: &Path, options: &ReadOptions) -> Result<Box<dyn FrameSource>> {
-    let (input, len) = super::open(path)?;
+    let (input, len) = super::open_text(path)?;
     let lines = Lines::new(dump::FORMAT, input, len).map_err(|e| e.in_file(path))?;
     let name = path.display().to_string();
     let curves = match options.bonds.clone().or_else(|| beside(path)) {
@@ -106,7 +106,7 @@ pub(super) fn open_dump(path: &Path, options: &ReadOptions) -> Result<Box<dyn Fr
 
 /// Returns the curves of a dump without bonds, and says what is assumed.
 fn chains(path: &Path, closed: Option<bool>) -> Result<Curves> {
-    let (input, len) = super::open(path)?;
+    let (input, len) = super::open_text(path)?;
     let lines = Lines::new(dump::FORMAT, input, len)?;
     let Some(curves) = dump::chains(lines, closed == Some(true))? else {
         let what = "a dump has no bonds, which define the curves: give a data file with them \
@@ -142,7 +142,7 @@ pub(super) fn read_dump<'a>(
 /// Reads the curves that the bonds of a data file define.
 fn read_bonds(path: &Path) -> Result<Curves> {
     let read = || -> Result<Curves> {
-        let (input, len) = super::open(path)?;
+        let (input, len) = super::open_text(path)?;
         let data = data::read(Lines::new(data::FORMAT, input, len)?, Wanted::Bonds)?;
         let mut curves = Curves::of_bonds(data.bonds, data::FORMAT)?;
         curves.left_out.extend(data.left_out);

@@ -1,6 +1,7 @@
 //! Lines of a scene as polylines.
 //!
-//! A strip is closed if its last point equals its first one, a loop always. The segments of a list
+//! A loop is closed. A strip is open, also if its last point equals its first one:
+//! [`Closing`](crate::Closing) closes it. The segments of a list
 //! are joined if they share a point, in any order and direction, as edges of an OBJ file: a list
 //! has no other notion of a curve. Points are equal if their coordinates are, not their indices,
 //! because some programs give each segment its own copies.
@@ -72,11 +73,7 @@ pub(super) fn strips(
     if kind == Kind::List {
         return join(&points);
     }
-    let ends_at_start = points.len() > 2 && points.first() == points.last();
-    if ends_at_start {
-        points.pop();
-    }
-    let closed = kind == Kind::Loop || ends_at_start;
+    let closed = kind == Kind::Loop;
     Ok(match points.len() {
         // Nothing is drawn.
         0 | 1 => Vec::new(),
@@ -147,15 +144,15 @@ mod tests {
     }
 
     #[test]
-    fn a_strip_that_ends_at_its_start_is_closed() {
+    fn a_loop_is_closed_and_a_strip_is_open() {
         let line = |kind, points: &[f64]| {
             let points = points.iter().map(|&x| at(x)).collect();
             shape(&strips(kind, points, &[], &STILL).unwrap())
         };
         let closed = vec![(true, vec![1.0, 2.0, 3.0])];
-        assert_eq!(line(Kind::Strip, &[1.0, 2.0, 3.0, 1.0]), closed);
         assert_eq!(line(Kind::Loop, &[1.0, 2.0, 3.0]), closed);
-        assert_eq!(line(Kind::Loop, &[1.0, 2.0, 3.0, 1.0]), closed);
+        let repeated = vec![(false, vec![1.0, 2.0, 3.0, 1.0])];
+        assert_eq!(line(Kind::Strip, &[1.0, 2.0, 3.0, 1.0]), repeated);
         let open = vec![(false, vec![1.0, 2.0, 3.0])];
         assert_eq!(line(Kind::Strip, &[1.0, 2.0, 3.0]), open);
         assert_eq!(line(Kind::Strip, &[1.0]), []);

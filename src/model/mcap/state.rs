@@ -16,7 +16,6 @@ use std::sync::Arc;
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Strip {
     pub closed: bool,
-    /// Without a copy of the first point at the end of a closed one.
     pub points: Vec<Point>,
 }
 

@@ -19,6 +19,8 @@ pub(super) enum Kind {
     Text,
     /// Bytes of UTF-8.
     Bytes,
+    /// Truth values, dates and durations: never points.
+    Other,
 }
 
 /// Content of a header, consistent with the length of the array.
@@ -143,9 +145,12 @@ impl Array {
             Some('u') => Some((Kind::Unsigned, 1)),
             Some('U') => Some((Kind::Text, 4)),
             Some('S') => Some((Kind::Bytes, 1)),
+            Some('b' | 'M' | 'm') => Some((Kind::Other, 1)),
             _ => None,
         };
-        let size: Option<u32> = letters.as_str().parse().ok();
+        // A date has its unit after the size: `<M8[ns]`.
+        let digits = letters.as_str().split('[').next().unwrap_or_default();
+        let size: Option<u32> = digits.parse().ok();
         let (Some('<' | '>' | '|' | '='), Some((kind, unit)), Some(size)) = (order, kind, size)
         else {
             let what = format!("array {name}: type {}", quote(descr.as_bytes()));

@@ -411,6 +411,8 @@ fn arrays_of_other_names_that_may_hold_points_are_counted() {
         ("faces", "<i8", "(10, 3)", 240),
         ("corner", "<f8", "(1, 3)", 24),
         ("axis", "<f8", "(3,)", 24),
+        ("fixed", "|b1", "(10, 3)", 30),
+        ("dates", "<M8[ns]", "(10, 3)", 240),
     ] {
         assert_eq!(left_out(name, descr, shape, values), [], "{name}");
     }

@@ -91,6 +91,16 @@ pub(super) fn batches<R: Read + Seek>(
                     );
                     return Err(Error::unsupported(FORMAT, what));
                 }
+                _ if ["points", "curveVertexCounts"]
+                    .iter()
+                    .all(|a| prim.attribute(a).is_some()) =>
+                {
+                    let kind = [
+                        "prim of an unknown type with curves",
+                        "prims of unknown types with curves",
+                    ];
+                    LeftOut::add(&mut left_out, kind, || layer.path(k));
+                }
                 _ => {}
             }
         }

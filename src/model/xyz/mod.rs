@@ -35,7 +35,7 @@ pub(super) use self::write::XyzFile;
 use self::comment::Comment;
 use super::frames::{FrameSource, ModelFrame, ReadOptions};
 use super::lines::{Lines, integer};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use std::io::BufRead;
 use std::path::Path;
 
@@ -46,7 +46,11 @@ const GROUPS: [&str; 6] = ["molecule", "mol", "mol-id", "molid", "resid", "chain
 
 /// Opens a file.
 pub(super) fn open(path: &Path, options: &ReadOptions) -> Result<Box<dyn FrameSource>> {
-    let (input, len) = super::open(path)?;
+    if options.closed.is_some() {
+        let what = "`closed`, which extended XYZ does not have: a column closed:L:1 has it";
+        return Err(Error::unsupported("option", what).in_file(path));
+    }
+    let (input, len) = super::open_text(path)?;
     let source = read(input, len, options).map_err(|e| e.in_file(path))?;
     Ok(Box::new(source))
 }

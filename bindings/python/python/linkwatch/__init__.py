@@ -190,8 +190,9 @@ class Verifier:
             motion_limit=motion_limit,
             strands=strands,
         )
-        if cell is not None:
-            self._verifier.set_cell(arguments.twelve(cell))
+        self._cell = None if cell is None else arguments.twelve(cell)
+        if self._cell is not None:
+            self._verifier.set_cell(self._cell)
         self._clearance = strands is not None
         # Without a search for pull-throughs, open curves are not verified at all.
         self._warn_of_open = events == "off"
@@ -215,9 +216,19 @@ class Verifier:
         """
         points, counts = arguments.frame(curves, self._counts, self._closed)
         time = arguments.number("time", time)
+        known = self._cell
         if cell is not None:
-            self._verifier.set_cell(arguments.twelve(cell))
-        report = self._verifier.step(points, counts, time)
+            numbers = arguments.twelve(cell)
+            self._verifier.set_cell(numbers)
+            self._cell = numbers
+        try:
+            report = self._verifier.step(points, counts, time)
+        except ValueError:
+            # The cell may be the reason.
+            self._cell = known
+            if known is not None:
+                self._verifier.set_cell(known)
+            raise
         _warn_of_closing(self._verifier.notes())
         if self._warn_of_open and report.rejected is None:
             self._warn_of_open = False
