@@ -78,7 +78,7 @@
 //! |---|---|---|
 //! | `client` | a simulator's end of the bus: `Client`, `services` | iceoryx2 |
 //! | `verify` | the exact core: `Verifier`, which computes every linking number | rayon |
-//! | `bus` | `client`, `verify` and the watcher's end: `Sidecar`, `ShardLeader` | iceoryx2 |
+//! | `bus` | `client`, `verify` and the watcher's end: `Sidecar` | iceoryx2 |
 //! | `cli` | the command `linkwatch`; no API | clap |
 //! | `lab` | measurements: `lab`; `study` and `devices --measure` of the command | plotters |
 //! | `gpu` | kernels on a GPU: `VerifierOptions::device` | wgpu |
@@ -185,10 +185,7 @@ pub use bus::{
     MessageKind, Outcome, ServiceInfo, VerdictMessage, WaitMode, services,
 };
 #[cfg(feature = "bus")]
-pub use bus::{
-    Event, Frame, LastLabels, SessionState, ShardEvent, ShardLeader, ShardMember, ShardSetup,
-    Sidecar, SidecarOptions,
-};
+pub use bus::{Event, Frame, LastLabels, SessionState, Sidecar, SidecarOptions};
 #[cfg(feature = "verify")]
 pub use certificate::{Certificate, Comparison};
 #[cfg(feature = "cli")]
@@ -205,7 +202,6 @@ pub use incremental::{Cause, Events, Route, Work};
 #[cfg(feature = "verify")]
 pub use ingest::{Closing, ClosingNote, CurveSource, FrameInfo, FramePool, RawFrame};
 #[cfg(feature = "verify")]
-pub use pairs::{Partition, Share};
 #[cfg(feature = "verify")]
 pub use periodic::{Unwrap, beside, period};
 #[cfg(feature = "verify")]
@@ -237,8 +233,7 @@ pub use verdict::{
 };
 #[cfg(feature = "verify")]
 pub use verifier::{
-    Intactness, Joiner, Ladder, Part, Progress, Strategy, Timings, Verifier, VerifierOptions,
-    bisect,
+    Intactness, Ladder, Progress, Strategy, Timings, Verifier, VerifierOptions, bisect,
 };
 
 /// Compiles the example of the page on periodic cells.

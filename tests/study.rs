@@ -504,7 +504,7 @@ fn sizes(folder: &std::path::Path, args: &[&str]) -> Run {
 }
 
 #[test]
-fn sizes_have_time_memory_and_the_verdicts_of_shards() {
+fn sizes_have_time_memory_and_verdicts() {
     let folder = tempfile::tempdir().unwrap();
     let [plots, csv] = ["plots", "sizes.csv"].map(|name| folder.path().join(name));
     let args = [
@@ -515,8 +515,6 @@ fn sizes_have_time_memory_and_the_verdicts_of_shards() {
         "--pull",
         "1",
         "--events",
-        "--shards",
-        "2",
         "--plot",
         plots.to_str().unwrap(),
         "--csv",
@@ -554,9 +552,8 @@ fn sizes_have_time_memory_and_the_verdicts_of_shards() {
 fn bad_studies_of_sizes_exit_with_2() {
     let folder = tempfile::tempdir().unwrap();
     for (args, says) in [
-        (&["--shards", "0"][..], "--shards 0, expected 1 to 16"),
         (
-            &["--pull", "6"],
+            &["--pull", "6"][..],
             "--pull 6: there are 6 frames, numbered from 0",
         ),
         (&["--sizes", "0"], "expected numbers of segments"),

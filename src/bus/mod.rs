@@ -41,7 +41,6 @@ mod room;
 mod service;
 mod services;
 #[cfg(feature = "bus")]
-mod shards;
 #[cfg(feature = "bus")]
 mod sidecar;
 mod wait_mode;
@@ -59,7 +58,6 @@ pub use frames::FrameMemory;
 pub use message::{Counters, Finding, MessageKind, VerdictMessage};
 pub use services::{Attached, ServiceInfo, services};
 #[cfg(feature = "bus")]
-pub use shards::{ShardEvent, ShardLeader, ShardMember, ShardSetup};
 #[cfg(feature = "bus")]
 pub use sidecar::{SessionState, Sidecar, SidecarOptions};
 pub use wait_mode::WaitMode;

@@ -5,7 +5,6 @@ use super::message::{Counters, MessageKind};
 use super::service::{
     Endpoint, FRAME_BORROWS, FRAME_BUFFER, FRAME_HISTORY, FRAME_SUBSCRIBERS, Role,
 };
-use super::shards;
 use super::sidecar::{BATCH, ENDED_SESSIONS, SidecarOptions};
 use super::wait_mode::WaitMode;
 use super::wire::{
@@ -350,9 +349,6 @@ fn the_page_of_limits_has_those_of_the_code() {
         format!("| messages read ahead from the bus | {BATCH} |"),
         format!("| ended sessions whose late frames are recognised | {ENDED_SESSIONS} |"),
         format!("| shared memory of the frames | {frames} frames"),
-        format!("(`--shard K/N`) | {} |", crate::Partition::MAX_SHARDS),
-        format!("| messages that wait for a process | {};", shards::BUFFER),
-        format!("does not answer | {} s,", shards::SILENCE.as_secs()),
     ] {
         assert!(page.contains(&row), "not in docs/limits.md: {row}");
     }

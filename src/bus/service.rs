@@ -6,8 +6,6 @@
 //! | `<name>/verdicts` | publish-subscribe, event | watcher | simulator |
 //! | `<name>/simulator`, `<name>/watcher` | request-response, never used | one lock each | |
 //!
-//! [`shards`](super::shards) has those of watchers that share a scene.
-//!
 //! The simulator has two publishers of frames: one keeps the baseline for watchers that start late.
 //! A further publisher is allowed on each topic, because a bridge between hosts joins with its own.
 //! The locks ensure that there is one simulator and one watcher. A lock is a service that admits

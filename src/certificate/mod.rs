@@ -9,8 +9,7 @@ pub use compare::Comparison;
 pub(crate) use file::undefined_entry;
 
 use crate::curve::Image;
-use crate::error::{Error, Result};
-use crate::pairs::Share;
+use crate::pairs::PairFilter;
 use crate::verdict::{Defect, ImageLink, Link};
 
 /// All linking numbers of a frame: the sparse upper triangular linking matrix (Qu & James 2021,
@@ -57,52 +56,6 @@ fn is_near(image: Image) -> bool {
 }
 
 impl Certificate {
-    /// Checks a certificate of another process: a search or an index would rely on what it checks.
-    ///
-    /// Errors: [`Error::Format`] if an entry is not one of the curves, or out of order.
-    pub(crate) fn check(&self) -> Result<()> {
-        let curves = self.curves;
-        let home = Image::default();
-        let ordered = |i: u32, j: u32, image: Image| i < j || i == j && image > home;
-        let valid = |i: u32, j: Option<u32>, image: Image| match j {
-            Some(j) => ordered(i, j, image) && (j as usize) < curves && is_near(image),
-            None => (i as usize) < curves,
-        };
-        let links = self.links.iter().map(|l| (l.i, Some(l.j), home));
-        let undefined = self.undefined.iter().map(|d| (d.i, d.j, d.image));
-        let mut entries = links.clone().chain(undefined);
-        if let Some((i, j, _)) = entries.find(|&(i, j, image)| !valid(i, j, image)) {
-            let pair = j.map_or(format!("curve {i}"), |j| format!("pair {i},{j}"));
-            let what = format!("{pair} of {curves} curves");
-            return Err(Error::format("certificate", "entries", what));
-        }
-        let sorted = self.undefined.is_sorted_by_key(|d| (d.i, d.j, d.image));
-        let images = self.images.as_deref().unwrap_or_default();
-        let valid = |l: &ImageLink| l.image != home && valid(l.i, Some(l.j), l.image);
-        if let Some(l) = images.iter().find(|l| !valid(l)) {
-            let what = format!(
-                "image {:?} of pair {},{} of {curves} curves",
-                l.image, l.i, l.j
-            );
-            return Err(Error::format("certificate", "entries", what));
-        }
-        if let Some((i, period)) = self
-            .periods
-            .iter()
-            .find(|(i, p)| *i as usize >= curves || *p == Image::default() || !is_near(*p))
-        {
-            let what = format!("period {period:?} of curve {i} of {curves} curves");
-            return Err(Error::format("certificate", "entries", what));
-        }
-        let key = |l: &ImageLink| (l.i, l.j, l.image);
-        let images_sorted = images.is_sorted_by(|a, b| key(a) < key(b));
-        let periods_sorted = self.periods.is_sorted_by(|a, b| a.0 < b.0);
-        if !sorted || !images_sorted || !periods_sorted || !links.is_sorted_by(|a, b| a < b) {
-            return Err(Error::format("certificate", "entries", "not sorted"));
-        }
-        Ok(())
-    }
-
     /// Returns this certificate with the entries of these pairs, which must be sorted, replaced by
     /// those of another certificate.
     pub(crate) fn with_replaced(&self, pairs: &[(u32, u32)], by: &Certificate) -> Certificate {
@@ -164,13 +117,13 @@ impl Certificate {
         out
     }
 
-    /// Returns the entries of the pairs of a share, and those of single curves.
-    pub(crate) fn of_share(&self, share: &Share) -> Certificate {
-        self.filtered(|i, j| j.is_none_or(|j| share.owns(i, j)))
+    /// Returns the entries of the pairs of a filter, and those of single curves.
+    pub(crate) fn of_filter(&self, filter: &PairFilter) -> Certificate {
+        self.filtered(|i, j| j.is_none_or(|j| filter.contains(i, j)))
     }
 
     /// Returns the entries of the pairs without a virtual loop, and those of single curves.
-    pub(crate) fn without_loops(&self, loops: &Share) -> Certificate {
+    pub(crate) fn without_loops(&self, loops: &PairFilter) -> Certificate {
         self.filtered(|i, j| j.is_none_or(|j| !loops.has_loop(i) && !loops.has_loop(j)))
     }
 

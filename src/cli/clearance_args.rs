@@ -46,12 +46,6 @@ impl FromStr for StrandRadius {
 }
 
 impl ClearanceArgs {
-    /// Returns true if the user asks for clearance.
-    #[cfg(feature = "bus")]
-    pub fn are_given(&self) -> bool {
-        self.thickness.is_some() || self.min_clearance.is_some()
-    }
-
     /// Returns the options of the user, or of a recording where they give none. `None` if clearance
     /// is not measured.
     ///

@@ -21,12 +21,6 @@ pub struct EventArgs {
 }
 
 impl EventArgs {
-    /// Returns true if the user gave any of these options.
-    #[cfg(feature = "bus")]
-    pub fn are_given(&self) -> bool {
-        self.events || self.with_self || self.motion_limit.is_some()
-    }
-
     /// Returns the requested events, or those that the policy needs.
     pub fn events(self, abort_on: AbortOn) -> Events {
         if self.with_self {

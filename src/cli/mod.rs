@@ -32,8 +32,6 @@ mod output;
 mod plan;
 #[cfg(feature = "mcap")]
 mod recorded;
-#[cfg(feature = "mcap")]
-mod repair;
 #[cfg(feature = "lab")]
 mod repeat;
 #[cfg(feature = "mcap")]
@@ -126,8 +124,6 @@ enum Command {
     Replay(replay::Args),
     #[cfg(feature = "mcap")]
     Report(report::Args),
-    #[cfg(feature = "mcap")]
-    Repair(repair::Args),
     Certify(certify::Args),
     Check(check::Args),
     Convert(convert::Args),
@@ -241,8 +237,6 @@ fn run(cli: &Cli) -> Result<Outcome> {
         Command::Replay(args) => replay::run(args, cli.json),
         #[cfg(feature = "mcap")]
         Command::Report(args) => report::run(args, cli.json),
-        #[cfg(feature = "mcap")]
-        Command::Repair(args) => repair::run(args, cli.json),
         #[cfg(feature = "bus")]
         Command::Services(_) => services::run(cli.json),
         Command::Completions(args) => completions::run(args),

@@ -83,7 +83,7 @@ fn same_texts(a: &str, b: &str) -> bool {
 }
 
 /// Returns a name as shells compare it in most languages: without punctuation and case.
-fn letters(name: &String) -> String {
+fn letters(name: &str) -> String {
     let letters = name.chars().filter(|c| c.is_alphanumeric());
     letters.flat_map(char::to_lowercase).collect()
 }
@@ -97,7 +97,7 @@ pub fn sort(files: &mut [PathBuf]) -> bool {
         .map(|f| f.to_string_lossy().into_owned())
         .collect();
     let numbered = names.array_windows().all(|[a, b]| same_texts(a, b));
-    let of_shell = names.is_sorted() || names.is_sorted_by_key(letters);
+    let of_shell = names.is_sorted() || names.is_sorted_by_key(|name| letters(name));
     if !(numbered || of_shell) || names.is_sorted_by(|a, b| compare(a, b).is_le()) {
         return false;
     }

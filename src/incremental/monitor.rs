@@ -10,7 +10,7 @@ use super::work::{Route, Work};
 use crate::certificate::{Certificate, Comparison};
 use crate::curve::{Bad, CurveSet, Positions, Received};
 use crate::error::Result;
-use crate::pairs::{Pair, Share};
+use crate::pairs::{Pair, PairFilter};
 use crate::pool;
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -45,7 +45,7 @@ pub(crate) struct Monitor {
     /// Pairs that a reference frame covers in addition to linking numbers.
     coverage: Coverage,
     /// Pairs of curves that a reference frame covers; `None`: all.
-    share: Option<Share>,
+    filter: Option<PairFilter>,
     reference: Option<Known>,
     /// Thread that builds a reference frame.
     build: Option<JoinHandle<Option<Reference>>>,
@@ -151,11 +151,11 @@ fn take_survey(
 
 impl Monitor {
     /// Returns a monitor whose reference frames have this coverage, so that the ledger can skip
-    /// pairs. They cover the pairs of a share, or all.
-    pub fn new(coverage: Coverage, share: Option<Share>) -> Self {
+    /// pairs. They cover the pairs of a filter, or all.
+    pub fn new(coverage: Coverage, filter: Option<PairFilter>) -> Self {
         Monitor {
             coverage,
-            share,
+            filter,
             ..Monitor::default()
         }
     }
@@ -260,8 +260,8 @@ impl Monitor {
         work.marked = step.marked() as u64;
         let mut affected = pool::run(before.segments(), || step.affected())?;
         work.recertified = affected.apart as u64;
-        if let Some(share) = &self.share {
-            share.retain(&mut affected.pairs);
+        if let Some(filter) = &self.filter {
+            filter.retain(&mut affected.pairs);
         }
         Some(affected.pairs)
     }
@@ -297,7 +297,7 @@ impl Monitor {
             return;
         }
         let frame = self.frame;
-        let (coverage, share) = (self.coverage, self.share.clone());
+        let (coverage, filter) = (self.coverage, self.filter.clone());
         let build = move || {
             // A separate pool of one thread, because the pool of the stream works on the next
             // frames.
@@ -305,7 +305,7 @@ impl Monitor {
                 .num_threads(1)
                 .build()
                 .ok()?;
-            let reference = || Reference::build(set, certificate, frame, coverage, share.as_ref());
+            let reference = || Reference::build(set, certificate, frame, coverage, filter.as_ref());
             pool.install(reference)
         };
         let thread = std::thread::Builder::new().name("linkwatch-reference".into());

@@ -2,7 +2,7 @@
 
 use super::kernels::KernelRow;
 use super::plot::{Plot, Series};
-use super::scaling::{FramesCost, ScalingRow};
+use super::scaling::ScalingRow;
 use super::slopes;
 use crate::kernels::Method;
 
@@ -145,24 +145,13 @@ fn scaling_plot(
     }
 }
 
-/// Returns the largest value of the shards.
-fn largest(row: &ScalingRow, value: impl Fn(&FramesCost) -> Option<f64>) -> Option<f64> {
-    row.shards.iter().filter_map(value).reduce(f64::max)
-}
-
-fn shards(rows: &[ScalingRow]) -> usize {
-    rows.iter().map(|row| row.shards.len()).max().unwrap_or(0)
-}
-
 /// Plots the CPU times of growing scenes against their size. Other programs on the machine change
 /// them less than the elapsed times.
 pub fn scaling_time(scene: &str, rows: &[ScalingRow]) -> Plot {
     let title = format!("CPU time against size: {scene}");
-    let shards = shards(rows);
     let certify = |row: &ScalingRow| Some(row.certificate_cpu_ms);
     let first = |row: &ScalingRow| row.check.map(|c| c.cpu_ms[0]);
     let later = |row: &ScalingRow| row.check.map(|c| c.cpu_ms[1]);
-    let share = |row: &ScalingRow| largest(row, |c| Some(c.cpu_ms[1]));
     scaling_plot(
         (title, "CPU time (ms), without reading the file"),
         rows,
@@ -170,7 +159,6 @@ pub fn scaling_time(scene: &str, rows: &[ScalingRow]) -> Plot {
             ("certify".into(), &certify),
             ("first frame".into(), &first),
             ("later frames".into(), &later),
-            (format!("later, 1 of {shards} shards"), &share),
         ],
     )
 }
@@ -178,12 +166,10 @@ pub fn scaling_time(scene: &str, rows: &[ScalingRow]) -> Plot {
 /// Plots the peak memory of growing scenes against their size.
 pub fn scaling_memory(scene: &str, rows: &[ScalingRow]) -> Plot {
     let title = format!("Peak memory against size: {scene}");
-    let shards = shards(rows);
     let frame = |row: &ScalingRow| Some(row.frame_mb);
     let generate = |row: &ScalingRow| row.generate.peak_mb;
     let certify = |row: &ScalingRow| row.certify.peak_mb;
     let check = |row: &ScalingRow| row.check.and_then(|c| c.all.peak_mb);
-    let share = |row: &ScalingRow| largest(row, |c| c.all.peak_mb);
     scaling_plot(
         (title, "peak memory of the process (MB)"),
         rows,
@@ -192,7 +178,6 @@ pub fn scaling_memory(scene: &str, rows: &[ScalingRow]) -> Plot {
             ("generate".into(), &generate),
             ("certify".into(), &certify),
             ("check".into(), &check),
-            (format!("check, 1 of {shards}"), &share),
         ],
     )
 }

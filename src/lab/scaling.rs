@@ -1,12 +1,9 @@
 //! Time and memory of a moving scene in growing sizes. Its frames are on disk, one is read at a
 //! time.
 //!
-//! Each size has four stages, each with its own peak memory of this process: the frames are
+//! Each size has three stages, each with its own peak memory of this process: the frames are
 //! generated and written; the first one is read and certified; all frames are read and compared
-//! with the first one, by one verifier; and the same by verifiers that share the pairs of curves,
-//! one after the other, as processes with `linkwatch watch --shard` share them. The certificate is
-//! compared with the one that follows from the construction, and the joined results of the shards
-//! with those of the single verifier.
+//! with the first one. The certificate is compared with the one that follows from the construction.
 //!
 //! Limits: peak memory is measured on Linux only. Memory that the allocator kept from an earlier
 //! stage counts, so small sizes after large ones would look larger; measure them in growing order.
@@ -18,10 +15,9 @@ use crate::curve::CurveSet;
 use crate::error::{Error, Result};
 use crate::incremental::Events;
 use crate::model::{self, Format, FrameWriter, ModelFrame, ReadOptions};
-use crate::pairs::{Partition, Share};
 use crate::scenes::{MovingScene, Scene};
 use crate::verdict::{Report, Verdict};
-use crate::verifier::{Joiner, Part, Strategy, Verifier, VerifierOptions};
+use crate::verifier::{Strategy, Verifier, VerifierOptions};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 
@@ -32,8 +28,6 @@ pub struct ScalingStudy {
     pub moving: MovingScene,
     /// Search for pull-throughs.
     pub events: Events,
-    /// Number of verifiers that share the pairs; 1: none do.
-    pub shards: usize,
     /// Folder of the frames. The file of a size is removed after its measurement.
     pub folder: PathBuf,
 }
@@ -85,16 +79,12 @@ pub struct ScalingRow {
     pub certificate_ms: f64,
     /// CPU time of that part, in milliseconds.
     pub certificate_cpu_ms: f64,
-    /// Verification of all frames by one verifier, if there are several frames.
+    /// Verification of all frames, if there are several frames.
     pub check: Option<FramesCost>,
-    /// The same of each shard.
-    pub shards: Vec<FramesCost>,
     /// Number of frames with changed topology.
     pub changed: usize,
     /// True if the certificate and the verdicts are those that follow from the construction.
     pub as_constructed: bool,
-    /// True if the shards found together what the single verifier found.
-    pub as_one: bool,
 }
 
 /// File that is removed when it is dropped.
@@ -146,10 +136,8 @@ impl ScalingStudy {
             certificate_ms: certifying.wall_ms,
             certificate_cpu_ms: certifying.cpu_ms,
             check: None,
-            shards: Vec::new(),
             changed: 0,
             as_constructed: found == certificate,
-            as_one: true,
         };
         drop(found);
         if self.moving.frames > 1 {
@@ -174,10 +162,10 @@ impl ScalingStudy {
         Ok((built.certificate, sizes))
     }
 
-    /// Verifies all frames, by one verifier and by several.
+    /// Verifies all frames.
     fn check(&self, path: &Path, certificate: &Certificate, row: &mut ScalingRow) -> Result<()> {
         let mut reports = Vec::new();
-        let (baseline, cost) = self.verify(path, None, |_, report| reports.push(report))?;
+        let (baseline, cost) = self.verify(path, |report| reports.push(report))?;
         row.check = Some(cost);
         row.changed = reports
             .iter()
@@ -190,40 +178,14 @@ impl ScalingStudy {
         };
         row.as_constructed &= baseline.as_ref() == Some(certificate);
         row.as_constructed &= reports.iter().all(expected);
-        drop(baseline);
-        if self.shards < 2 {
-            return Ok(());
-        }
-        let partition = Partition::new(&model::read(path)?, self.shards)?;
-        // The parts of each frame.
-        let mut parts: Vec<Vec<_>> = reports.iter().map(|_| Vec::new()).collect();
-        for shard in 0..self.shards {
-            let mut frames = parts.iter_mut();
-            let (_, cost) =
-                self.verify(path, Some(partition.share(shard)), |verifier, report| {
-                    let part: Part = verifier.part(report);
-                    if let Some(frame) = frames.next() {
-                        frame.push(Ok(part));
-                    }
-                })?;
-            row.shards.push(cost);
-        }
-        let mut joiner = Joiner::new(self.shards, self.events);
-        for (expected, parts) in reports.iter().zip(parts) {
-            let found = joiner.join(expected.seq, expected.time, parts);
-            row.as_one &= same_findings(expected, &found);
-        }
-        row.as_one &= joiner.whole_baseline().as_ref() == Some(certificate);
         Ok(())
     }
 
-    /// Reads and verifies all frames, or a share of their pairs. Returns the expected linking
-    /// numbers.
+    /// Reads and verifies all frames. Returns the expected linking numbers.
     fn verify(
         &self,
         path: &Path,
-        share: Option<Share>,
-        mut take: impl FnMut(&mut Verifier, Report),
+        mut take: impl FnMut(Report),
     ) -> Result<(Option<Certificate>, FramesCost)> {
         let mut times = Vec::new();
         let (baseline, all) = stage(|| {
@@ -232,15 +194,12 @@ impl ScalingStudy {
                 events: self.events,
                 ..VerifierOptions::default()
             })?;
-            if let Some(share) = share {
-                verifier.verify_share(share)?;
-            }
             for frame in model::Frames::open(path, &ReadOptions::default())? {
                 let frame = frame?;
                 let curves: CurveSet = frame.curves.map_err(|e| e.in_file(path))?;
                 let (report, elapsed) = timed(|| verifier.step(frame.seq, frame.time, &curves));
                 times.push(elapsed);
-                take(&mut verifier, report?);
+                take(report?);
             }
             Ok(verifier.baseline().cloned())
         })?;
@@ -257,13 +216,6 @@ impl ScalingStudy {
     }
 }
 
-/// Returns true if two reports have the same verdict and findings. The work differs.
-fn same_findings(a: &Report, b: &Report) -> bool {
-    (a.verdict, &a.changes, &a.events) == (b.verdict, &b.changes, &b.events)
-        && (&a.unresolved, &a.defects) == (&b.unresolved, &b.defects)
-        && (a.last_intact, &b.missing) == (b.last_intact, &a.missing)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -278,20 +230,19 @@ mod tests {
                 pull,
             },
             events: Events::Between,
-            shards: 3,
             folder: folder.into(),
         }
     }
 
     #[test]
-    fn shards_find_what_one_verifier_finds_and_no_file_remains() {
+    fn results_follow_from_the_construction_and_no_file_remains() {
         let folder = tempfile::tempdir().unwrap();
         let scene: Scene = "chainmail:rows=6,columns=7".parse().unwrap();
         for (pull, changed) in [(None, 0), (Some(2), 2)] {
             let row = study(4, pull, folder.path()).measure(&scene).unwrap();
             assert_eq!((row.curves, row.segments), (126, 1890));
-            assert!(row.as_constructed && row.as_one, "{row:?}");
-            assert_eq!((row.changed, row.shards.len()), (changed, 3));
+            assert!(row.as_constructed, "{row:?}");
+            assert_eq!(row.changed, changed);
             if cfg!(target_os = "linux") {
                 assert!(row.certify.peak_mb > Some(1.0), "{row:?}");
             }
@@ -304,7 +255,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let scene: Scene = "ribbon:segments=2000".parse().unwrap();
         let row = study(1, None, folder.path()).measure(&scene).unwrap();
-        assert!(row.check.is_none() && row.shards.is_empty());
+        assert!(row.check.is_none());
         assert!(row.as_constructed, "{row:?}");
         assert_eq!(row.links, 1);
     }

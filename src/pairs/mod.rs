@@ -8,11 +8,11 @@ mod brute;
 mod buckets;
 mod closest;
 mod descent;
+mod filter;
 mod layout;
 mod links;
 mod overlaps;
 mod refit;
-mod share;
 mod suspects;
 mod sweep;
 mod trees;
@@ -23,12 +23,11 @@ pub(crate) use closest::{
     Nearest, Scale, closest_approach, closest_of_segments, closest_points, nearest,
 };
 pub(crate) use descent::{Agenda, Query, SegmentPairs, descend, overlapping};
+pub(crate) use filter::{Nearby, PairFilter};
 pub(crate) use layout::{Leaves, Node, SMALL};
 pub(crate) use links::{degenerate_curves, potential_links};
 pub(crate) use overlaps::overlapping_segments;
 pub(crate) use refit::refits_in_parallel;
-pub(crate) use share::Nearby;
-pub use share::{Partition, Share};
 pub(crate) use suspects::most_suspect_first;
 pub(crate) use sweep::LinkSearch;
 pub(crate) use trees::{BoxTree, CurveTree, Trees};

@@ -4,7 +4,7 @@
 //! garments. It is quadratic if all boxes overlap along the axis.
 
 use super::buckets::BucketSort;
-use super::{Pair, SMALL, Share};
+use super::{Pair, PairFilter, SMALL};
 use crate::cancel::PairLimit;
 use crate::curve::{Box3, CurveSet, Diagonals};
 use crate::simd::{LANES, Lanes, dispatch};
@@ -31,27 +31,27 @@ pub(crate) struct LinkSearch {
     diagonals: Vec<Diagonals>,
     discarded: usize,
     /// Pairs that are searched for; `None`: all.
-    share: Option<Share>,
+    filter: Option<PairFilter>,
     limit: PairLimit,
 }
 
 impl LinkSearch {
-    /// Returns a search for the pairs of a share, or for all pairs.
-    pub fn new(share: Option<Share>) -> LinkSearch {
+    /// Returns a search for the pairs of a filter, or for all pairs.
+    pub fn new(filter: Option<PairFilter>) -> LinkSearch {
         LinkSearch {
-            share,
+            filter,
             ..LinkSearch::default()
         }
     }
 
-    /// Returns the share of the pairs that are searched for, or `None` for all.
-    pub fn share(&self) -> Option<&Share> {
-        self.share.as_ref()
+    /// Returns which pairs are searched for; `None`: all.
+    pub fn filter(&self) -> Option<&PairFilter> {
+        self.filter.as_ref()
     }
 
-    /// Searches for the pairs of another share from now on.
-    pub fn set_share(&mut self, share: Option<Share>) {
-        self.share = share;
+    /// Searches for the pairs of another filter from now on.
+    pub fn set_filter(&mut self, filter: Option<PairFilter>) {
+        self.filter = filter;
     }
 
     /// Finds nothing from now on if there are more pairs than a limit, which records that.
@@ -127,14 +127,14 @@ impl LinkSearch {
             sweep,
             parts,
             sort,
-            share,
+            filter,
             limit,
             ..
         } = self;
         let most = limit.most();
         let total = AtomicUsize::new(0);
         sweep.fill(boxes, sort);
-        let share = share.as_ref();
+        let filter = filter.as_ref();
         let n = sweep.order.len();
         parts.resize_with(Self::tasks(n).max(parts.len()), Vec::new);
         parts.par_iter_mut().enumerate().for_each(|(c, part)| {
@@ -148,8 +148,8 @@ impl LinkSearch {
                 let found = &mut *part;
                 range.start = dispatch!(simd => Sweep::run(&*sweep, simd, all, found));
                 // Other pairs neither count nor end the search.
-                if let Some(share) = share {
-                    part.extract_if(first.., |&mut (i, j)| !share.owns(i, j))
+                if let Some(filter) = filter {
+                    part.extract_if(first.., |&mut (i, j)| !filter.contains(i, j))
                         .for_each(drop);
                 }
             }
@@ -419,9 +419,9 @@ mod tests {
         }
     }
 
-    /// Regression test: pairs of other shares ended the search, so that pairs were missing.
+    /// Regression test: pairs that are not searched for ended the search, so others were missing.
     #[test]
-    fn a_limit_counts_only_the_pairs_of_a_share_and_hides_none() {
+    fn a_limit_counts_only_the_pairs_of_a_filter_and_hides_none() {
         let same = Box3 {
             lo: [0.0; 3],
             hi: [1.0; 3],
@@ -431,9 +431,9 @@ mod tests {
         let next: Vec<u32> = (0..600)
             .map(|i| if i < 2 { 1 - i } else { u32::MAX })
             .collect();
-        let share = Share::of_loops(next.into());
+        let filter = PairFilter::Loops(next.into());
         let limit = PairLimit::default();
-        let mut search = LinkSearch::new(Some(share));
+        let mut search = LinkSearch::new(Some(filter));
         search.limit_to(limit.clone());
         let all = 2 * 598;
         for most in [0, 1, 30, 512, all - 1, all, all + 1, usize::MAX] {

@@ -14,7 +14,7 @@ use crate::cancel::PairLimit;
 use crate::curve::{Box3, Cell, Curve, Image, Point, Translated};
 use crate::error::{Error, Result};
 use crate::incremental::{PointMap, QuietBounds};
-use crate::pairs::{LinkSearch, Share};
+use crate::pairs::{LinkSearch, PairFilter};
 use rayon::prelude::*;
 use std::collections::BTreeSet;
 use std::ops::RangeInclusive;
@@ -104,7 +104,7 @@ pub(crate) struct ImagePairs {
     /// Translated curves, those that are not translated included, sorted.
     pub curves: Translated,
     /// The pairs, among all pairs of the translated curves.
-    pub share: Share,
+    pub filter: PairFilter,
     /// Pairs of a closed curve and one that runs through the cell that may be linked.
     pub yarns: Vec<RingAndYarn>,
     /// Curves that may have a segment of more than half of the cell.
@@ -153,7 +153,7 @@ impl ImagePairs {
         curves.sort_unstable_by_key(order);
         let curves = Translated::new(curves, searched.periods);
         Ok(ImagePairs {
-            share: Share::of_images(curves.clone()),
+            filter: PairFilter::Images(curves.clone()),
             yarns: yarns.into_iter().collect(),
             curves,
             sides: within.largest_sides(),
@@ -202,7 +202,7 @@ impl ImagePairs {
         room
     }
 
-    /// Returns a pair of the share: the first curve is not translated.
+    /// Returns a pair of the filter: the first curve is not translated.
     pub fn pair(&self, a: u32, b: u32) -> ImagePair {
         let [(i, _), (j, image)] = [a, b].map(|k| self.curves[k as usize]);
         ImagePair { i, j, image }

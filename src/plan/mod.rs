@@ -60,7 +60,7 @@ use crate::kernels::choice::{Choice, Forecast, Predictions};
 use crate::kernels::crossings::{Input, Workspaces, by_formula, parallelism};
 use crate::kernels::{Calibration, Device, GpuUse, KernelWork, Method, Offer, SumCost};
 use crate::pairs::{
-    CurveTree, LinkSearch, Pair, SMALL, Share, Trees, degenerate_curves, potential_links,
+    CurveTree, LinkSearch, Pair, PairFilter, SMALL, Trees, degenerate_curves, potential_links,
     refits_in_parallel,
 };
 use crate::periodic::{Boxer, FractionalBoxes, ImagePairs, Searched, period};
@@ -345,15 +345,15 @@ impl Plan {
     }
 
     fn with(set: &CurveSet, offer: Option<Offer<'_>>) -> Plan {
-        Plan::of_share(set, offer, None)
+        Plan::of_filter(set, offer, None)
     }
 
-    /// Plans a frame of which only a share of the pairs is verified, or all.
-    fn of_share(set: &CurveSet, offer: Option<Offer<'_>>, share: Option<Share>) -> Plan {
+    /// Plans a frame of which only the pairs of a filter is verified, or all.
+    fn of_filter(set: &CurveSet, offer: Option<Offer<'_>>, filter: Option<PairFilter>) -> Plan {
         let threads = rayon::current_num_threads();
         let mut trees = Trees::default();
         trees.refit(set);
-        let mut search = LinkSearch::new(share);
+        let mut search = LinkSearch::new(filter);
         let degenerate: Vec<_> = degenerate_curves(set).collect();
         potential_links(set, &trees, &mut search, &degenerate);
         let links = search.pairs();
@@ -477,7 +477,7 @@ impl Images {
             CurveSet::translate(&set, &pairs.curves, cell, &mut translated, CurveSet::update)?;
         }
         if let Some(curves) = &translated {
-            let plan = Plan::of_share(curves, None, Some(pairs.share));
+            let plan = Plan::of_filter(curves, None, Some(pairs.filter));
             images.links = plan.potential_links.links;
             images.bytes = plan.bytes + 3 * curves.points() * curves.precision().bytes();
             images.predicted = plan.predicted;

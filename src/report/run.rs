@@ -120,7 +120,6 @@ impl Facts {
                 "motion_limit" => "motion limit",
                 "min_clearance" => "low clearance below",
                 "replay_of" => "replay of",
-                "repaired_from" => "repaired from",
                 other => other,
             };
             add(name, value.clone());

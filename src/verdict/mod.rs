@@ -316,9 +316,8 @@ pub struct Report {
     /// Names of the curves that are gone since the last verified frame.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub gone: Vec<String>,
-    /// Reasons why a part of the frame was not verified: what happened to each missing verifier, if
-    /// several share the pairs ([`Joiner`](crate::Joiner)), or to the one before a restart
-    /// ([`Verifier::resume`](crate::Verifier::resume)).
+    /// Reasons why a part of the frame was not verified: what happened to the verifier before this
+    /// one ([`Verifier::resume`](crate::Verifier::resume)).
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub missing: Vec<String>,
     /// The real curves of findings about virtual loops of braids

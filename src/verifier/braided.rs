@@ -12,7 +12,7 @@ use crate::discretize::BraidLoops;
 use crate::error::{Error, Result};
 use crate::incremental::Events;
 use crate::ingest::FramePool;
-use crate::pairs::Share;
+use crate::pairs::PairFilter;
 use crate::verdict::{AbortOn, Change, Defect, LoopPair, Report, Stats};
 
 /// Loops of the braids, and their verifier.
@@ -20,7 +20,7 @@ use crate::verdict::{AbortOn, Change, Defect, LoopPair, Report, Stats};
 pub(super) struct Braided {
     pub loops: BraidLoops,
     pub inner: Box<Verifier>,
-    share: Share,
+    filter: PairFilter,
     pool: FramePool,
 }
 
@@ -37,10 +37,10 @@ impl Braided {
         let braids = options.braids.as_ref();
         let none = || Error::Usage("no braids".into());
         let loops = BraidLoops::new(braids.ok_or_else(none)?, set)?;
-        let share = loops.share();
+        let filter = loops.filter();
         let mut inner = Verifier::with_gpu(
             VerifierOptions {
-                baseline: options.baseline.as_ref().map(|b| b.of_share(&share)),
+                baseline: options.baseline.as_ref().map(|b| b.of_filter(&filter)),
                 braids: None,
                 wrapped: None,
                 events: Events::Off,
@@ -51,13 +51,13 @@ impl Braided {
             },
             crate::kernels::GpuUse::open(&options.device)?,
         );
-        inner.set_share(Some(share.clone()));
+        inner.set_filter(Some(filter.clone()));
         // One signal ends both.
         inner.full.share_progress(outer.progress());
         Ok(Braided {
             loops,
             inner: Box::new(inner),
-            share,
+            filter,
             pool: FramePool::default(),
         })
     }
@@ -99,12 +99,12 @@ impl Braided {
 
     /// Returns the expected linking numbers of pairs without a loop.
     pub fn without_loops(&self, baseline: &Certificate) -> Certificate {
-        baseline.without_loops(&self.share)
+        baseline.without_loops(&self.filter)
     }
 
     /// Begins again with another baseline ([`Verifier::restart`]).
     pub fn restart(&mut self, baseline: &Certificate) {
-        self.inner.restart(baseline.of_share(&self.share));
+        self.inner.restart(baseline.of_filter(&self.filter));
     }
 
     /// Returns the number of curves without a linking number.

@@ -10,7 +10,7 @@ use crate::kernels::crossings::{Input, Workspaces, linking_numbers};
 use crate::kernels::sums::interval::noise::linking_number as noisy_linking_number;
 use crate::kernels::{Accuracy, Counted, GpuUse, Linking, Method};
 use crate::pairs::{
-    LinkSearch, Nearby, Pair, Share, Trees, curves_of, degenerate_curves, most_suspect_first,
+    LinkSearch, Nearby, Pair, PairFilter, Trees, curves_of, degenerate_curves, most_suspect_first,
     potential_links,
 };
 use crate::verdict::{Link, Stats};
@@ -31,7 +31,7 @@ const FEW_CURVES: usize = 256;
 pub(super) struct FullRun {
     trees: Trees,
     search: LinkSearch,
-    /// Curves that the share of the pairs needs, if a share is computed.
+    /// Curves that the filter of the pairs needs, if there is one.
     nearby: Nearby,
     parts: Vec<Counted>,
     /// Boxes of the previous frame, if the motion since then is needed.
@@ -67,9 +67,9 @@ impl FullRun {
         self.progress = progress;
     }
 
-    /// Computes only the pairs of a share from now on, or all pairs.
-    pub fn set_share(&mut self, share: Option<Share>) {
-        self.search.set_share(share);
+    /// Computes only the pairs of a filter from now on, or all pairs.
+    pub fn set_filter(&mut self, filter: Option<PairFilter>) {
+        self.search.set_filter(filter);
     }
 
     /// Computes the certificate of a frame.
@@ -244,9 +244,9 @@ impl FullRun {
         // finished work.
         self.progress.total.store(0, Ordering::Relaxed);
         self.progress.done.store(0, Ordering::Relaxed);
-        match self.search.share() {
-            Some(share) => {
-                self.nearby.update(share, &[set]);
+        match self.search.filter() {
+            Some(filter) => {
+                self.nearby.update(filter, &[set]);
                 self.trees.refit(self.nearby.leaves(set));
             }
             None => self.trees.refit(set),
@@ -279,8 +279,8 @@ impl FullRun {
         } else {
             0
         };
-        let share = self.search.share();
-        let own = |&i: &usize| share.is_none_or(|share| share.owns(i as u32, i as u32));
+        let filter = self.search.filter();
+        let own = |&i: &usize| filter.is_none_or(|filter| filter.contains(i as u32, i as u32));
         let curves = (0..curves).into_par_iter().with_min_len(FEW_CURVES);
         let repeated = curves.filter(own);
         let discarded = self.search.discarded() as u64;

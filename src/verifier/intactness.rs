@@ -40,12 +40,6 @@ impl Intactness {
         self.last_intact
     }
 
-    /// Returns true if a curve may have been pulled through another one since the last intact
-    /// frame.
-    pub(super) fn is_broken(&self) -> bool {
-        self.broken
-    }
-
     /// Returns true if the last verified frame is known to be intact.
     pub(super) fn is_intact(&self) -> bool {
         self.intact

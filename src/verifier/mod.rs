@@ -11,7 +11,6 @@ mod ladder;
 mod options;
 mod periodic;
 mod routing;
-mod shards;
 mod steps;
 #[cfg(test)]
 mod tests;
@@ -21,7 +20,6 @@ pub use bisect::bisect;
 pub use intactness::Intactness;
 pub use ladder::Ladder;
 pub use options::{Strategy, VerifierOptions};
-pub use shards::{Joiner, Part};
 
 use self::braided::Braided;
 use self::full::{FullRun, sizes};
@@ -35,7 +33,7 @@ use crate::error::{Error, Result};
 use crate::incremental::{Events, Monitor, Outcome, Route, Work};
 use crate::ingest::{RawFrame, ingest};
 use crate::kernels::{DeviceInfo, GpuUse, Method, Offload, segment_pairs};
-use crate::pairs::{Pair, Share, closest_approach};
+use crate::pairs::{Pair, PairFilter, closest_approach};
 use crate::pool;
 use crate::thickness::ClearanceMonitor;
 use crate::verdict::{AbortOn, Clearance, Defect, DefectKind, PullThrough, Report, Stats, Verdict};
@@ -144,7 +142,7 @@ pub struct Verifier {
     /// Reason why the step to the next frame is unknown, if it is.
     unknown_step: Option<String>,
     /// Pairs of curves that are verified; `None`: all.
-    share: Option<Share>,
+    filter: Option<PairFilter>,
     /// Options with braids, until the first frame.
     with_braids: Option<Box<VerifierOptions>>,
     /// Loops of the braids, from the first frame on.
@@ -239,7 +237,7 @@ impl Verifier {
             step_from: None,
             baseline_changed: true,
             unknown_step: None,
-            share: None,
+            filter: None,
             with_braids,
             braided: None,
             fresh,
@@ -254,57 +252,11 @@ impl Verifier {
         }
     }
 
-    /// Verifies only a share of the pairs of curves from now on, and expects only their linking
-    /// numbers. Verifiers with all shares of a [`Partition`](crate::Partition) find together what a
-    /// single one finds ([`Joiner`](crate::Joiner)). Call this before the first frame.
-    ///
-    /// Errors: [`Error::CertificateMismatch`] if the baseline has another number of curves;
-    /// [`Error::Usage`] if clearance is measured, which is not shared.
-    pub fn verify_share(&mut self, share: Share) -> Result<()> {
-        if self.clearance.is_some() {
-            let what = "clearance is measured of all pairs of curves, not of a share";
-            return Err(Error::Usage(what.into()));
-        }
-        if self.with_braids.is_some() || self.braided.is_some() {
-            let what = "the pairs of braids cannot be shared among several verifiers";
-            return Err(Error::Usage(what.into()));
-        }
-        if self.periodic.is_some() {
-            let what = "the pairs of periodic images cannot be shared among several verifiers";
-            return Err(Error::Usage(what.into()));
-        }
-        let curves = share.partition().curves();
-        if let Some(baseline) = &mut self.baseline {
-            if baseline.curves != curves {
-                return Err(Error::CertificateMismatch {
-                    certificate: baseline.curves,
-                    model: curves,
-                });
-            }
-            *baseline = baseline.of_share(&share);
-        }
-        self.set_share(Some(share));
-        Ok(())
-    }
-
-    /// Returns the pairs of curves that are verified; `None`: all.
-    pub fn share(&self) -> Option<&Share> {
-        self.share.as_ref()
-    }
-
-    /// Returns what this verifier found in the frame of `report`, the last one, for the
-    /// [`Joiner`](crate::Joiner).
-    pub fn part(&mut self, report: Report) -> Part {
-        let baseline = self.take_changed_baseline().cloned();
-        let broken = self.steps.intactness().is_broken();
-        Part::new(report, (self.step_from, broken), baseline)
-    }
-
-    fn set_share(&mut self, share: Option<Share>) {
-        self.full.set_share(share.clone());
-        self.steps.set_share(share.clone());
-        self.monitor = Monitor::new(self.steps.coverage(), share.clone());
-        self.share = share;
+    fn set_filter(&mut self, filter: Option<PairFilter>) {
+        self.full.set_filter(filter.clone());
+        self.steps.set_filter(filter.clone());
+        self.monitor = Monitor::new(self.steps.coverage(), filter.clone());
+        self.filter = filter;
     }
 
     /// Sets the radius of each curve, in the units of the simulation, if clearance is measured with
@@ -596,7 +548,7 @@ impl Verifier {
         self.change = None;
         self.appeared.clear();
         self.unreported = Default::default();
-        self.set_share(self.share.clone());
+        self.set_filter(self.filter.clone());
     }
 
     /// Announces that the next frame has other curves than the previous ones.
@@ -670,8 +622,7 @@ impl Verifier {
         if let Some(clearance) = &mut self.clearance {
             clearance.forget();
         }
-        let share = self.share.as_ref().map(|share| share.with_curves(origins));
-        self.set_share(share);
+        self.set_filter(self.filter.clone());
         self.steps.change_curves(origins, set);
         let [appeared, gone] = &mut self.unreported;
         for name in change.gone() {
@@ -699,15 +650,6 @@ impl Verifier {
             return Err(Error::CertificateMismatch {
                 certificate: b.curves,
                 model: set.len(),
-            });
-        }
-        if let Some(share) = &self.share
-            && share.partition().curves() != set.len()
-        {
-            return Err(Error::Count {
-                what: "curves of a frame whose pairs are shared",
-                promised: share.partition().curves() as u64,
-                available: set.len() as u64,
             });
         }
         self.fresh = None;
@@ -1042,8 +984,8 @@ impl Verifier {
             return;
         }
         // Trees that the frame did not need may be those of an earlier frame: after a partial run,
-        // and if only a share of the pairs is verified.
-        if self.work.route != Route::Full || self.share.is_some() {
+        // and if only some pairs are verified.
+        if self.work.route != Route::Full || self.filter.is_some() {
             let changed = changes.iter().map(|c| (c.i, c.j));
             let fresh = fresh.iter().filter_map(|d| Some((d.i, d.j?)));
             self.full

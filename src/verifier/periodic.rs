@@ -276,7 +276,7 @@ impl Periodic {
             ..self.options.clone()
         };
         let mut verifier = Verifier::with_gpu(options, GpuUse::default());
-        verifier.set_share(Some(pairs.share.clone()));
+        verifier.set_filter(Some(pairs.filter.clone()));
         Ok(Inner {
             pairs,
             verifier: Some(Box::new(verifier)),
@@ -562,10 +562,6 @@ impl Verifier {
                 ..VerifierOptions::clone(options)
             };
             options.check()?;
-            if self.share.is_some() {
-                let what = "the pairs of periodic images cannot be shared among several verifiers";
-                return Err(Error::Usage(what.into()));
-            }
             self.fresh = None;
             self.baseline = None;
             self.periodic = Some(Box::new(Periodic::new(cell, &options)));

@@ -7,7 +7,7 @@ use crate::certificate::{Certificate, Comparison};
 use crate::curve::CurveSet;
 use crate::error::{Error, Result};
 use crate::incremental::{Contacts, Coverage, Events, Ledger, Outcome, Touching};
-use crate::pairs::{Pair, Share, degenerate_curves};
+use crate::pairs::{Pair, PairFilter, degenerate_curves};
 use crate::verdict::{Defect, DefectKind, Place, Report};
 use std::sync::Arc;
 
@@ -79,9 +79,9 @@ impl Steps {
         self.events
     }
 
-    /// Searches only the pairs of a share from now on.
-    pub fn set_share(&mut self, share: Option<Share>) {
-        self.ledger.set_share(share);
+    /// Searches only the pairs of a filter from now on.
+    pub fn set_filter(&mut self, filter: Option<PairFilter>) {
+        self.ledger.set_filter(filter);
     }
 
     /// Returns the pairs of curves, open ones included, that may have met in the step to the
@@ -183,14 +183,9 @@ impl Steps {
         let coverage = self.coverage();
         let Across { before, curves } = across;
         let after = set.subset(curves);
-        let share = self.ledger.share().cloned();
-        let continuing: Vec<Option<u32>> = curves.iter().map(|&i| Some(i)).collect();
-        let continued = share.as_ref().map(|share| share.with_curves(&continuing));
-        self.ledger.set_share(continued);
         let (contacts, touched) = self.ledger.first_frame(before, coverage);
         let frames = [before, &after];
         let mut step = self.ledger.step(frames, &contacts, coverage, None);
-        self.ledger.set_share(share);
         // It is unknown on which side the curves were that came into contact before the change.
         let began = touched.iter().map(|t| t.defect).filter(|d| {
             let index = |i: u32| curves[i as usize];

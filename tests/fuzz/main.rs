@@ -6,7 +6,6 @@
 //! | `header`, `layout`, `payload`, `all_parts` | frames, through the bus ([`frames`]) |
 //! | `values_that_change_after_they_were_sent` | the same, with a writer beside it ([`frames`]) |
 //! | `messages_of_a_watcher` | messages to the client of the crate ([`messages`]) |
-//! | `messages_of_a_member`, `messages_of_a_leader` | messages between shards ([`shards`]) |
 //! | `recordings` | MCAP files ([`recordings`]) |
 //! | `model_files_and_certificates` | files ([`models`]) |
 //! | `every_curve_of_a_file_is_read_or_counted` | files of known curves ([`left_out`]) |
@@ -26,7 +25,6 @@ mod models;
 mod mutations;
 mod oracle;
 mod recordings;
-mod shards;
 #[path = "../support/mod.rs"]
 mod support;
 

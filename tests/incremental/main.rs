@@ -14,7 +14,6 @@ mod both;
 mod curves;
 mod movie;
 mod sets;
-mod shards;
 #[path = "../support/mod.rs"]
 mod support;
 

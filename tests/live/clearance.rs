@@ -211,10 +211,6 @@ fn options_of_clearance_that_contradict_one_another_are_refused() {
             &["--thickness", "1", "--min-clearance", "150%"],
             "from 0% to 100%",
         ),
-        (
-            &["--thickness", "1", "--shard", "1/2"],
-            "clearance is not shared",
-        ),
     ] {
         let (code, text) = watch(args);
         assert_eq!(code, Some(2), "{args:?}: {text}");

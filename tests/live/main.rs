@@ -17,7 +17,6 @@ mod recordings;
 mod roles;
 mod services;
 mod sessions;
-mod shards;
 mod soak;
 mod streams;
 mod supervise;

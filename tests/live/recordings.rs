@@ -406,37 +406,6 @@ fn a_replay_of_some_frames_gives_their_recorded_verdicts() {
 }
 
 #[test]
-fn a_repair_writes_the_messages_for_other_tools_again() {
-    let folder = TempDir::new().unwrap();
-    let at = |name: &str| folder.path().join(name);
-    let (whole, repaired) = (at("whole.mcap"), at("repaired.mcap"));
-    let flight = recordings().join("flight.mcap");
-    let run = |args: &[&str], files: [&Path; 2]| {
-        let run = command().args(args).args(files).output().unwrap();
-        assert!(run.status.code() < Some(2), "{run:?}");
-        run
-    };
-    let tools = "--record-for=foxglove,rerun";
-    run(&["replay", "--quiet", tools, "--record"], [&whole, &flight]);
-    run(&["repair"], [&whole, &repaired]);
-    let pictures = |path: &Path| {
-        let bytes = std::fs::read(path).unwrap();
-        let messages = mcap::MessageStream::new(&bytes)
-            .unwrap()
-            .map(Result::unwrap);
-        let messages = messages.map(|m| (m.channel.topic.clone(), m.data.to_vec()));
-        let is_picture = |topic: &str| ["/linkwatch/scene", "/linkwatch/points"].contains(&topic);
-        messages
-            .filter(|(topic, _)| is_picture(topic))
-            .collect::<Vec<_>>()
-    };
-    let expected = pictures(&whole);
-    assert_eq!(expected.len(), 2 * 5);
-    assert!(pictures(&repaired) == expected);
-    assert_eq!(replay(&repaired).reports(), replay(&flight).reports());
-}
-
-#[test]
 fn a_replay_begins_and_ends_at_simulation_times() {
     let squares = recordings().join("squares.mcap");
     let seqs = |args: &[&str]| -> Vec<u64> {
@@ -544,64 +513,23 @@ fn a_range_behind_the_last_frame_verifies_nothing_and_names_that_frame() {
 }
 
 #[test]
-fn a_file_of_another_program_is_not_repaired() {
-    let folder = TempDir::new().unwrap();
-    let out = folder.path().join("out.mcap");
-    let scene = recordings().join("others/scene.mcap");
-    let (code, says) = printed(&["repair", scene.to_str().unwrap(), out.to_str().unwrap()]);
-    assert_eq!(code, Some(2), "{says}");
-    assert!(
-        says.contains("scene.mcap: not a recording of linkwatch"),
-        "{says}"
-    );
-    assert!(!out.exists());
-}
-
-#[test]
-fn a_repaired_recording_has_all_complete_frames_of_one_that_was_cut_off() {
+fn a_replay_writes_a_complete_file_of_a_recording_that_was_cut_off() {
     let folder = TempDir::new().unwrap();
     let at = |name: &str| folder.path().join(name);
-    let whole = std::fs::read(recordings().join("chainmail.mcap")).unwrap();
-    let (cut, repaired) = (at("cut.mcap"), at("repaired.mcap"));
-    let repair = |from: &Path, args: &[&str]| {
-        let mut command = command();
-        command.args(["repair", "--json"]).args([from, &repaired]);
-        let run = command.args(args).output().unwrap();
-        let lines = json_lines(&String::from_utf8(run.stdout).unwrap());
-        (
-            run.status.code(),
-            lines,
-            String::from_utf8(run.stderr).unwrap(),
-        )
-    };
+    let bytes = std::fs::read(recordings().join("chainmail.mcap")).unwrap();
+    let (cut, whole) = (at("cut.mcap"), at("whole.mcap"));
     let mut most = 0;
-    for share in [0.3, 0.77, 0.97, 1.0] {
-        let length = (share * whole.len() as f64) as usize;
-        std::fs::write(&cut, &whole[..length]).unwrap();
-        let (code, lines, stderr) = repair(&cut, &["--force"]);
-        assert_eq!(code, Some(0), "{stderr}");
-        let frames = lines[0]["frames"].as_u64().unwrap();
-        assert!(frames >= most, "{frames}");
-        most = frames;
-        assert_eq!(lines[0]["cut"], share < 1.0);
-        // The frames are those of the recording, and the repaired one is finished.
-        let (before, after) = (replay(&cut), replay(&repaired));
-        let frames = usize::try_from(frames).unwrap();
-        assert_eq!(after.reports(), before.reports()[..frames]);
-        after.assert_recorded_verdicts();
+    for share in [0.3, 0.77, 0.97] {
+        let length = (share * bytes.len() as f64) as usize;
+        std::fs::write(&cut, &bytes[..length]).unwrap();
+        let run = replay_with(&cut, &["--force", "--record", whole.to_str().unwrap()]);
+        assert_eq!(run.code, Some(3), "{}", run.stderr);
+        let after = replay(&whole);
         assert_eq!(after.code, Some(0), "{}", after.stderr);
+        assert_eq!(after.reports(), run.reports());
+        after.assert_recorded_verdicts();
+        let frames = after.reports().len();
+        assert!(frames > most, "{frames} of {share}");
+        most = frames;
     }
-    assert_eq!(most, 60);
-    // A file is not overwritten by accident, nor by itself.
-    let (code, _, stderr) = repair(&cut, &[]);
-    assert_eq!(code, Some(2), "{stderr}");
-    let (code, _, stderr) = repair(&repaired, &["--force"]);
-    assert_eq!(code, Some(2), "{stderr}");
-    // Damaged in the middle: the frames before that are kept.
-    let mut damaged = whole.clone();
-    damaged[whole.len() / 2] ^= 1;
-    std::fs::write(&cut, damaged).unwrap();
-    let (code, lines, stderr) = repair(&cut, &["--force"]);
-    assert_eq!(code, Some(3), "{stderr}");
-    assert!(lines[0]["frames"].as_u64().unwrap() < 60 && lines[0]["damaged"].is_string());
 }

@@ -276,49 +276,6 @@ fn the_next_worker_serves_metrics_at_the_same_address() {
     assert_eq!(ended.summary()["verified"], 6);
 }
 
-/// The leader of several shards accepts the next worker of a member as any other process.
-#[test]
-fn a_member_of_several_shards_may_be_supervised() {
-    let folder = TempDir::new().unwrap();
-    let service = service("member");
-    let refused = Watch::start(
-        folder.path(),
-        "refused",
-        &service,
-        &["--shard", "1/2", "--supervise"],
-    );
-    let refused = refused.end();
-    assert_eq!(refused.code, Some(2), "{}", refused.stderr);
-    assert!(
-        refused.stderr.contains("--supervise with shard 1"),
-        "{}",
-        refused.stderr
-    );
-    let leader = Watch::start(folder.path(), "leader", &service, &["--shard", "1/2"]);
-    let args = ["--shard", "2/2", "--supervise"];
-    let member = Watch::start(folder.path(), "member", &service, &args);
-    let mut sim = client(&service);
-    assert!(sim.wait_for_watcher(PATIENCE).unwrap());
-    assert_eq!(step(&mut sim, 0, 0.0), Verdict::Intact);
-    send("KILL", until("a worker", || child_of(member.process.id())));
-    let mut frame = 1;
-    until("an intact frame", || {
-        let verdict = step(&mut sim, frame, 0.0);
-        frame += 1;
-        (verdict == Verdict::Intact).then_some(())
-    });
-    assert_eq!(step(&mut sim, frame, 2.5), Verdict::Changed);
-    sim.finish().unwrap();
-    assert_eq!(leader.end().code, Some(1));
-    let member = member.end();
-    assert_eq!(member.code, Some(0), "{}", member.stderr);
-    assert!(
-        member.stderr.contains("is started again"),
-        "{}",
-        member.stderr
-    );
-}
-
 /// A frame that crashes every worker is given up after the first one.
 #[test]
 fn the_frame_in_hand_is_rejected_and_not_verified_again() {

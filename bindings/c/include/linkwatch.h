@@ -619,9 +619,9 @@ lw_status lw_verifier_step(struct lw_verifier *verifier,
 
 // Returns what the first frame decided about closed and open curves, a sentence a line, or null if
 // there is nothing to tell. Curves that end where they start are closed, without the repeated
-// point; a curve that is closed by a segment of more than twice the length of its other ones may be
-// an open chain. Call this after lw_verifier_step; later calls return null. The text is valid until
-// the next call, and until the verifier is freed.
+// point. A curve that is closed by a segment of more than twice the length of its other ones may
+// be an open chain. Call this after lw_verifier_step; later calls return null. The text is valid
+// until the next call, and until the verifier is freed.
 //
 // # Safety
 //

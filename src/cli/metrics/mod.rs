@@ -24,10 +24,6 @@ pub struct MetricsArgs {
 }
 
 impl MetricsArgs {
-    pub fn is_given(&self) -> bool {
-        self.metrics.is_some()
-    }
-
     /// Serves the figures of these services, if that is requested.
     pub fn serve(&self, services: &[String]) -> Result<Metrics> {
         let Some(address) = &self.metrics else {

@@ -16,7 +16,7 @@ pub struct Comparison {
     pub unlike: u64,
     /// Rejected frames. Their curves are not recorded, so their verdicts cannot be repeated.
     pub rejected: u64,
-    /// Frames of which a shard did not verify its share of the pairs.
+    /// Frames of which something is unknown, as the step to a frame after a restart.
     pub incomplete: u64,
     /// Frames after missing ones: the motion to them differs from the recorded one.
     pub after_missing: u64,
@@ -73,7 +73,7 @@ impl Comparison {
             ),
             (
                 self.incomplete,
-                "not compared: a shard did not verify its pairs",
+                "not compared: the step to them was unknown",
             ),
             (
                 self.after_missing,

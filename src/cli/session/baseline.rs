@@ -63,25 +63,15 @@ impl Session {
         Ok(())
     }
 
-    /// Makes the next frame the baseline, because the simulator accepted it. Returns false if that
-    /// is not possible.
-    pub(super) fn begin_with_next(&mut self, seq: u64) -> Result<bool> {
-        #[cfg(feature = "bus")]
-        if self.shards.is_some() {
-            tracing::error!(
-                "frame {seq}: the simulator accepted it as a new baseline, which --shard does not \
-                 support; it is compared with the old one"
-            );
-            self.data_lost();
-            return Ok(false);
-        }
+    /// Makes the next frame the baseline, because the simulator accepted it.
+    pub(super) fn begin_with_next(&mut self, seq: u64) -> Result<()> {
         self.options.baseline = None;
         self.verifier = Verifier::new(self.options.clone())?;
         self.origin = Some(format!("frame {seq}, accepted by the simulator"));
         (self.last, self.baseline_frame) = (None, None);
         self.baseline_changed = true;
         self.news.forget();
-        Ok(true)
+        Ok(())
     }
 
     /// Takes note of the first verified frame of a baseline, and says what is verified.
@@ -125,8 +115,9 @@ impl Session {
             && begins
             && let (Some(curves), Some(words)) = (&judged.curves, self.baseline_words())
         {
-            let certificate = self.baseline().unwrap_or_default();
-            let scene = words_of_scene(curves, info, &certificate);
+            let none = Certificate::default();
+            let certificate = self.verifier.baseline().unwrap_or(&none);
+            let scene = words_of_scene(curves, info, certificate);
             tracing::info!("watching {scene}; {words}");
         }
     }
@@ -139,8 +130,8 @@ impl Session {
             (None, Some(seq)) => format!("the baseline is frame {seq}"),
             (None, None) => return None,
         };
-        if let Some(certificate) = self.baseline() {
-            words += &format!(", with {}", plural(links(&certificate), "link"));
+        if let Some(certificate) = self.verifier.baseline() {
+            words += &format!(", with {}", plural(links(certificate), "link"));
         }
         if unverified > 0 {
             let before = plural_of(unverified, "frame before it was", "frames before it were");
@@ -155,7 +146,7 @@ impl Session {
         Some(serde_json::json!({
             "frame": frame,
             "origin": self.origin_words(),
-            "links": self.baseline().as_ref().map(links),
+            "links": self.verifier.baseline().map(links),
             "unverified": unverified,
         }))
     }
@@ -173,11 +164,12 @@ impl Session {
         if self.begun && !changed && !judged.report.defects.iter().any(is_fresh) {
             return;
         }
-        let (Some(certificate), Some(known)) = (self.baseline(), self.baseline_frame) else {
+        let (Some(certificate), Some(known)) = (self.verifier.baseline(), self.baseline_frame)
+        else {
             return;
         };
         let record = Arc::new(BaselineRecord {
-            certificate: Arc::new(certificate),
+            certificate: Arc::new(certificate.clone()),
             origin: self.origin_words(),
             frame: known.frame,
             unverified: known.unverified,

@@ -8,8 +8,6 @@ mod keep;
 mod news;
 #[cfg(feature = "bus")]
 mod resume;
-#[cfg(feature = "bus")]
-mod shards;
 mod sinks;
 mod summary;
 mod times;
@@ -23,8 +21,6 @@ mod violations;
 pub use junit::JunitArgs;
 #[cfg(feature = "bus")]
 pub use resume::Expected;
-#[cfg(feature = "bus")]
-pub use shards::{SharedLeader, locked};
 pub use sinks::Sinks;
 pub use summary::FrameCounts;
 pub use violations::Step;
@@ -304,9 +300,6 @@ pub struct Session {
     overwrite: Overwrite,
     /// True if frames are missing.
     incomplete: bool,
-    /// Other processes that verify a part of the pairs.
-    #[cfg(feature = "bus")]
-    shards: Option<shards::Shards>,
 }
 
 impl Session {
@@ -430,8 +423,6 @@ impl Session {
             junit,
             overwrite: sinks.overwrite,
             incomplete: unverified,
-            #[cfg(feature = "bus")]
-            shards: None,
         })
     }
 
@@ -461,8 +452,7 @@ impl Session {
     pub fn is_quick(&self, frame: &Ingested) -> bool {
         let segments = frame.curves.as_ref().map_or(0, |set| set.segments());
         let quick = self.last_check.is_some_and(|check| check < MOMENT);
-        // Other processes may not answer.
-        segments <= SMALL && quick && self.shards.is_none()
+        segments <= SMALL && quick
     }
 
     /// Returns the outcome so far.
@@ -578,7 +568,7 @@ impl Session {
                 }
                 (None, None) => {}
             }
-            let report = self.step(seq, time, &info, &set)?;
+            let report = self.verifier.step_shared(seq, time, &set)?;
             // Curves that jumped are recorded as they were given: a replay follows them again.
             let placed = self
                 .verifier
@@ -608,7 +598,7 @@ impl Session {
                     before: certificate as u64,
                     now: model as u64,
                 };
-                (self.reject(seq, time, &other_curves), None)
+                (self.verifier.reject(seq, time, &other_curves), None)
             }
             Err(
                 e @ (Error::CertificateMismatch { .. }
@@ -616,7 +606,7 @@ impl Session {
                 | Error::Braid(_)
                 | Error::Cancelled),
             ) => return Err(e),
-            Err(e) => (self.reject(seq, time, &e), None),
+            Err(e) => (self.verifier.reject(seq, time, &e), None),
         };
         let times = FrameTimes {
             ingest: took,
@@ -659,13 +649,14 @@ impl Session {
     /// Errors: those of [`FrameInfo::change_since`].
     fn continue_with(&mut self, seq: u64, info: &FrameInfo) -> Result<Step> {
         let accepts = |last: &FrameInfo| last.baseline != info.baseline;
-        let accepted = self.last.as_ref().is_some_and(accepts) && self.begin_with_next(seq)?;
+        let accepted = self.last.as_ref().is_some_and(accepts);
+        if accepted {
+            self.begin_with_next(seq)?;
+        }
         let last = self.last.as_ref().unwrap_or(info);
         let changed = self.last.is_none() || last.layout != info.layout;
         if let Some(change) = info.change_since(last)? {
             self.verifier.change_curves(change);
-            #[cfg(feature = "bus")]
-            self.shards.iter_mut().for_each(|s| s.change_curves());
             // The findings have other indices.
             self.news.forget();
         }
@@ -676,8 +667,6 @@ impl Session {
                  jumped"
             ));
             self.verifier.cut();
-            #[cfg(feature = "bus")]
-            self.shards.iter_mut().for_each(|s| s.cut());
         }
         self.last = Some(info.clone());
         if changed && let Err(e) = self.verifier.set_radii(&info.labels.radii) {
@@ -688,53 +677,6 @@ impl Session {
             (false, true) => Step::Cut,
             (false, false) => Step::Continues,
         })
-    }
-
-    /// Verifies a valid frame.
-    #[cfg(feature = "bus")]
-    fn step(
-        &mut self,
-        seq: u64,
-        time: f64,
-        info: &FrameInfo,
-        set: &Arc<CurveSet>,
-    ) -> Result<Report> {
-        match &mut self.shards {
-            Some(shards) => shards.step(&mut self.verifier, (seq, time), info, set),
-            None => self.verifier.step_shared(seq, time, set),
-        }
-    }
-
-    /// Verifies a valid frame.
-    #[cfg(not(feature = "bus"))]
-    fn step(
-        &mut self,
-        seq: u64,
-        time: f64,
-        _info: &FrameInfo,
-        set: &Arc<CurveSet>,
-    ) -> Result<Report> {
-        self.verifier.step_shared(seq, time, set)
-    }
-
-    /// Returns the report on a frame that broke its contract.
-    fn reject(&self, seq: u64, time: f64, why: &Error) -> Report {
-        #[allow(unused_mut, reason = "for several shards")]
-        let mut report = self.verifier.reject(seq, time, why);
-        #[cfg(feature = "bus")]
-        if let Some(shards) = &self.shards {
-            report.last_intact = shards.last_intact();
-        }
-        report
-    }
-
-    /// Returns the expected linking numbers, once they are known.
-    fn baseline(&self) -> Option<Certificate> {
-        #[cfg(feature = "bus")]
-        if let Some(shards) = &self.shards {
-            return shards.baseline();
-        }
-        self.verifier.baseline().cloned()
     }
 
     /// Passes a frame to the sinks, and prints its new findings.

@@ -6,19 +6,17 @@ use crate::cli::files::{Files, Overwrite};
 use crate::cli::motion_args::MotionArgs;
 use crate::cli::number::segments;
 use crate::cli::output::{self, count, plural};
-use linkwatch::lab::{self, FramesCost, ScalingRow, ScalingStudy, StageCost, Table};
+use linkwatch::lab::{self, ScalingRow, ScalingStudy, StageCost, Table};
 use linkwatch::scenes::{MovingScene, Scene};
-use linkwatch::{Error, Events, Partition, Result};
+use linkwatch::{Error, Events, Result};
 use serde_json::{Value, json};
 use std::path::PathBuf;
 
 /// Measure a moving scene in growing sizes: time and peak memory of each stage
 ///
 /// The frames of each size are written to a file and read one at a time. The certificate of the
-/// first frame is compared with the one that follows from the construction. With --shards, the
-/// frames are verified again by several verifiers that share the pairs of curves, one after the
-/// other, each as a process with `linkwatch watch --shard` does it; together they must report what
-/// a single one reports. The exit code is 1 if a result is not as expected.
+/// first frame is compared with the one that follows from the construction. The exit code is 1 if a
+/// result is not as expected.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// A scene as `linkwatch generate` takes it
@@ -41,9 +39,6 @@ pub struct Args {
     /// Search for pull-throughs between successive frames
     #[arg(long)]
     events: bool,
-    /// Number of verifiers that share the pairs of curves; 1: none do
-    #[arg(long, value_name = "N", default_value_t = 1)]
-    shards: usize,
     /// Folder for the file of the frames, which is removed after each size
     #[arg(long, value_name = "DIR", default_value = ".")]
     scratch: PathBuf,
@@ -77,23 +72,12 @@ const FIELDS: &[&str] = &[
     "later_ms",
     "later_cpu_ms",
     "check_mb",
-    "shards",
-    "shard_first_ms",
-    "shard_later_ms",
-    "shard_later_cpu_ms",
-    "shard_mb",
     "changed",
     "as_constructed",
-    "as_one",
 ];
 
 /// Runs the command.
 pub fn run(args: &Args, as_json: bool) -> Result<Outcome> {
-    if !(1..=Partition::MAX_SHARDS).contains(&args.shards) {
-        let most = Partition::MAX_SHARDS;
-        let what = format!("--shards {}, expected 1 to {most}", args.shards);
-        return Err(Error::Usage(what));
-    }
     if let Some(pull) = args.pull.filter(|&pull| pull >= args.frames) {
         let frames = plural(args.frames, "frame");
         let what = format!("--pull {pull}: there are {frames}, numbered from 0");
@@ -115,7 +99,6 @@ pub fn run(args: &Args, as_json: bool) -> Result<Outcome> {
             true => Events::Between,
             false => Events::Off,
         },
-        shards: args.shards,
         folder: args.scratch.clone(),
     };
     let scenes = scenes(args)?;
@@ -131,7 +114,7 @@ pub fn run(args: &Args, as_json: bool) -> Result<Outcome> {
         plural(rayon::current_num_threads() as u64, "thread"),
         study.events,
     ));
-    let table = table(args.shards);
+    let table = table();
     say(&table.header());
     let bar = output::bar(scenes.len() as u64, "sizes");
     let mut rows = Vec::new();
@@ -144,10 +127,6 @@ pub fn run(args: &Args, as_json: bool) -> Result<Outcome> {
         csv.row(&row_json(&row))?;
         if !row.as_constructed {
             tracing::error!("{scene}: a result is not the one that follows from the construction");
-            outcome = Outcome::Changed;
-        }
-        if !row.as_one {
-            tracing::error!("{scene}: the shards report something else than a single verifier");
             outcome = Outcome::Changed;
         }
         rows.push(row);
@@ -184,8 +163,8 @@ fn scenes(args: &Args) -> Result<Vec<Scene>> {
     sizes.iter().map(resized).collect()
 }
 
-fn table(shards: usize) -> Table {
-    let mut columns = vec![
+fn table() -> Table {
+    Table::new(vec![
         ("curves", 10),
         ("segments", 12),
         ("frame\nMB", 8),
@@ -197,19 +176,15 @@ fn table(shards: usize) -> Table {
         ("check:\nfirst", 9),
         ("\nlater", 9),
         ("\nMB", 7),
-    ];
-    if shards > 1 {
-        columns.extend([("a shard:\nfirst", 9), ("at most\nlater", 9), ("\nMB", 7)]);
-    }
-    columns.push((" results", -1));
-    Table::new(columns)
+        (" results", -1),
+    ])
 }
 
 fn cells(row: &ScalingRow) -> Vec<String> {
     let mb = |x: Option<f64>| x.map_or("-".into(), |x| count(x.round() as u64));
     let ms = |x: Option<f64>| x.map_or("-".into(), |x| format!("{x:.1}"));
     let check = row.check.as_ref();
-    let mut cells = vec![
+    vec![
         count(row.curves as u64),
         count(row.segments as u64),
         format!("{:.1}", row.frame_mb),
@@ -221,17 +196,11 @@ fn cells(row: &ScalingRow) -> Vec<String> {
         ms(check.map(|c| c.first_ms)),
         ms(check.map(|c| c.later_ms)),
         mb(check.and_then(|c| c.all.peak_mb)),
-    ];
-    if !row.shards.is_empty() {
-        let [first, later, memory] = largest(&row.shards);
-        cells.extend([ms(first), ms(later), mb(memory)]);
-    }
-    cells.push(match (row.as_constructed, row.as_one) {
-        (true, true) => format!(" as expected, {} changed", count(row.changed as u64)),
-        (false, _) => " NOT as constructed".into(),
-        (_, false) => " shards DIFFER".into(),
-    });
-    cells
+        match row.as_constructed {
+            true => format!(" as expected, {} changed", count(row.changed as u64)),
+            false => " NOT as constructed".into(),
+        },
+    ]
 }
 
 /// Returns the time to read the first frame.
@@ -239,23 +208,9 @@ fn read_s(row: &ScalingRow) -> f64 {
     (row.certify.s - 1e-3 * row.certificate_ms).max(0.0)
 }
 
-/// Returns the largest times of the first frame and of later ones, and the largest memory.
-fn largest(shards: &[FramesCost]) -> [Option<f64>; 3] {
-    let most = |value: fn(&FramesCost) -> Option<f64>| {
-        let values = shards.iter().filter_map(value);
-        values.reduce(f64::max)
-    };
-    [
-        most(|c| Some(c.first_ms)),
-        most(|c| Some(c.later_ms)),
-        most(|c| c.all.peak_mb),
-    ]
-}
-
 /// Returns the fields of the file.
 fn row_json(row: &ScalingRow) -> Value {
     let check = row.check.as_ref();
-    let [shard_first, shard_later, shard_mb] = largest(&row.shards);
     let StageCost { s, peak_mb, .. } = row.generate;
     json!({
         "scene": row.scene,
@@ -273,13 +228,7 @@ fn row_json(row: &ScalingRow) -> Value {
         "later_ms": check.map(|c| c.later_ms),
         "later_cpu_ms": check.map(|c| c.cpu_ms[1]),
         "check_mb": check.and_then(|c| c.all.peak_mb),
-        "shards": row.shards.len(),
-        "shard_first_ms": shard_first,
-        "shard_later_ms": shard_later,
-        "shard_later_cpu_ms": row.shards.iter().map(|c| c.cpu_ms[1]).reduce(f64::max),
-        "shard_mb": shard_mb,
         "changed": row.changed,
         "as_constructed": row.as_constructed,
-        "as_one": row.as_one,
     })
 }

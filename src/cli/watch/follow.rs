@@ -8,7 +8,7 @@ use crate::cli::files::Files;
 use crate::cli::label::Label;
 use crate::cli::metrics::ServiceMetrics;
 use crate::cli::output::{percent, plural};
-use crate::cli::session::{FrameCounts, Judge, Judged, Run, Session, SharedLeader, Sinks, locked};
+use crate::cli::session::{FrameCounts, Judge, Judged, Run, Session, Sinks};
 use crate::cli::signals::TICK;
 use crate::cli::{Outcome, services};
 use linkwatch::{
@@ -52,8 +52,6 @@ pub struct Follower<'a> {
     pub lost: bool,
     /// First error of a session that did not end the watch.
     pub failed: Option<Error>,
-    /// The leader of several shards, if this watch is shard 1.
-    pub shards: Option<SharedLeader>,
 }
 
 /// Reason why the watch of a session ended.
@@ -101,11 +99,7 @@ impl Follower<'_> {
             session: self.args.keep_watching.then_some(number),
             ..self.label.clone()
         };
-        let session = session.labelled(label).measured(&self.metrics);
-        Ok(Box::new(match &self.shards {
-            Some(leader) => session.shared_with(leader),
-            None => session,
-        }))
+        Ok(Box::new(session.labelled(label).measured(&self.metrics)))
     }
 
     /// Prepares a session after the first one. Its files get a number that is free.
@@ -155,11 +149,6 @@ impl Follower<'_> {
             self.take_up(&mut session, &mut sidecar, id)?;
             let (mut session, ended) = self.verify(session, &mut sidecar, &checker);
             self.metrics.disconnected();
-            if let Some(leader) = &self.shards
-                && let Err(e) = locked(leader).end_session()
-            {
-                tracing::warn!("the other shards do not know that the session ended: {e}");
-            }
             let counters = match &ended {
                 Ok(End::Simulator(counters) | End::Signal(counters)) => *counters,
                 Err(_) => sidecar.counters(),

@@ -3,11 +3,9 @@
 mod checker;
 mod closer;
 mod follow;
-mod shards;
 mod supervise;
 
 use self::follow::Follower;
-use self::shards::Shard;
 use self::supervise::{Journal, Worker};
 use super::Outcome;
 use super::braid_args;
@@ -16,7 +14,7 @@ use super::label::Label;
 use super::metrics::{Metrics, MetricsArgs};
 use super::number::{seconds, share};
 use super::output;
-use super::session::{FrameCounts, Judge, Session, Sinks};
+use super::session::{Judge, Session, Sinks};
 use super::signals::stop_on_signals;
 use linkwatch::{AbortOn, Error, Overflow, Result, Sidecar, SidecarOptions, WaitMode};
 use std::path::{Path, PathBuf};
@@ -62,11 +60,6 @@ pub struct Args {
     /// code 3 if that is not there]
     #[arg(long, help_heading = super::WATCH)]
     from_now: bool,
-    /// Verify a part of the pairs of curves, K of N, together with other processes: `--shard 1/N`
-    /// waits for the others, answers the simulator and has all outputs; start `--shard 2/N` to
-    /// `--shard N/N` with the same --service and no output. A pair is never divided
-    #[arg(long, help_heading = super::WATCH, value_name = "K/N")]
-    shard: Option<Shard>,
     /// Return exit code 3 if a larger share of the frames was skipped because they arrived faster
     /// than they could be verified: 0 to 1, or a percentage (`5%`) [default: no limit]
     #[arg(long, help_heading = super::WATCH, value_name = "SHARE", value_parser = share)]
@@ -96,18 +89,14 @@ struct Watch<'a> {
     span: Span,
     follower: Follower<'a>,
     first: Box<Session>,
-    /// `None` if the other shards did not come.
-    sidecar: Option<Sidecar>,
+    sidecar: Sidecar,
 }
 
 impl Watch<'_> {
     /// Follows the service to the end of the watch.
     fn run(self) -> Result<Outcome> {
         let _entered = self.span.entered();
-        match self.sidecar {
-            Some(sidecar) => self.follower.follow(sidecar, self.first),
-            None => Ok(self.first.finish(FrameCounts::default())),
-        }
+        self.follower.follow(self.sidecar, self.first)
     }
 }
 
@@ -119,23 +108,6 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
                 "--service '{service}' is given twice"
             )));
         }
-    }
-    if args.shard.is_some() && args.service.len() > 1 {
-        let what = "--shard takes one --service: start a watch for each";
-        return Err(Error::Usage(what.into()));
-    }
-    if args.shard.is_some() && args.judge.braid_args.are_given() {
-        let what = "--braid with --shard: the pairs of braids are not shared; omit --shard";
-        return Err(Error::Usage(what.into()));
-    }
-    if args.shard.is_some() && args.judge.clearance_args.are_given() {
-        let what = "--thickness with --shard: clearance is not shared; start a watch of its own \
-                    with --observe --thickness";
-        return Err(Error::Usage(what.into()));
-    }
-    if args.supervise && args.shard.is_some_and(|shard| shard.number == 1) {
-        let what = "--supervise with shard 1: the other shards would have to start again, too";
-        return Err(Error::Usage(what.into()));
     }
     if args.supervise && args.judge.braid_args.is_auto() {
         let what = "a watch that starts again begins with a later one";
@@ -157,20 +129,6 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     if args.observe {
         // Reports and recordings must not claim an abort that is never sent.
         judge.abort_on = Some(AbortOn::Never);
-    }
-    if let Some(shard) = args.shard
-        && let [service] = &args.service[..]
-        && shard.number > 1
-    {
-        let member = shards::Follower {
-            args,
-            judge: &judge,
-            service,
-            shard,
-            stop: &stop,
-        };
-        member.check()?;
-        return member.follow();
     }
     let metrics = args.metrics.serve(&args.service)?;
     let watches = open(args, json, &judge, &metrics, (&stop, folder.as_deref()))?;
@@ -265,7 +223,6 @@ fn open<'a>(
             unreadable: String::new(),
             lost: false,
             failed: None,
-            shards: None,
         };
         // Opened before simulators see the watcher, because a viewer may take a while to open.
         let first = span.in_scope(|| follower.first(&first, inputs.clone()))?;
@@ -275,20 +232,8 @@ fn open<'a>(
     options.wait_mode = args.wait_mode;
     options.observe = args.observe;
     options.from_now = args.from_now;
-    let open = |(span, mut follower, mut first): (Span, Follower<'a>, Box<Session>)| {
+    let open = |(span, follower, first): (Span, Follower<'a>, Box<Session>)| {
         let service = follower.service;
-        if let Some(shard) = args.shard {
-            let Some(leader) = shards::lead(service, shard.of, (stop, args.wait))? else {
-                return Ok(Watch {
-                    span,
-                    follower,
-                    first,
-                    sidecar: None,
-                });
-            };
-            first = Box::new(first.shared_with(&leader));
-            follower.shards = Some(leader);
-        }
         let mut sidecar = Sidecar::open(service, &options)?;
         if let Some(state) = follower.journal.interrupted() {
             sidecar.resume(state);
@@ -303,7 +248,7 @@ fn open<'a>(
             span,
             follower,
             first,
-            sidecar: Some(sidecar),
+            sidecar,
         })
     };
     ready.into_iter().map(open).collect()

@@ -6,7 +6,7 @@ use super::volume::Piece;
 use super::{Braid, Braids, auto};
 use crate::curve::{Basis, Bezier, Box3, CurveSet, Notation, Point, Positions};
 use crate::error::{Error, Result};
-use crate::pairs::Share;
+use crate::pairs::PairFilter;
 use nalgebra::Vector3;
 use std::sync::Arc;
 
@@ -353,8 +353,8 @@ impl BraidLoops {
     }
 
     /// Returns the pairs of curves that are verified with loops.
-    pub(crate) fn share(&self) -> Share {
-        Share::of_loops(Arc::clone(&self.next))
+    pub(crate) fn filter(&self) -> PairFilter {
+        PairFilter::Loops(Arc::clone(&self.next))
     }
 
     /// Returns the other curve of the loop of curve `i`.

@@ -83,7 +83,7 @@ use super::coverage::Coverage;
 use super::covered::Covered;
 use crate::cancel::{Cancel, PairLimit};
 use crate::curve::CurveSet;
-use crate::pairs::{LinkSearch, Nearby, Pair, Share, curves_of};
+use crate::pairs::{LinkSearch, Nearby, Pair, PairFilter, curves_of};
 use crate::pool;
 use crate::verdict::PullThrough;
 use rayon::prelude::*;
@@ -112,7 +112,7 @@ pub(crate) struct Ledger {
     pub motion_limit: f64,
     trees: SweptTrees,
     search: LinkSearch,
-    /// Curves that the share of the pairs needs, if the ledger searches a share.
+    /// Curves that the filter of the pairs needs, if there is one.
     nearby: Nearby,
     pairs: Vec<Pair>,
     parts: Vec<Part>,
@@ -146,15 +146,10 @@ impl Ledger {
         ledger
     }
 
-    /// Searches only the pairs of a share from now on, or all pairs.
-    pub fn set_share(&mut self, share: Option<Share>) {
+    /// Searches only the pairs of a filter from now on, or all pairs.
+    pub fn set_filter(&mut self, filter: Option<PairFilter>) {
         self.trees.forget();
-        self.search.set_share(share);
-    }
-
-    /// Returns the share of the pairs that are searched, or `None` if all are.
-    pub fn share(&self) -> Option<&Share> {
-        self.search.share()
+        self.search.set_filter(filter);
     }
 
     /// Returns all passages between two frames. All steps must have the same coverage.
@@ -162,7 +157,7 @@ impl Ledger {
     /// `contacts` are those of the first frame, as found by the previous step. If `pairs` (sorted)
     /// is given, only these pairs of curves and those in contact are searched (`(i, i)`: a curve
     /// and itself). The caller knows that no other pair has a passage.
-    /// They are of the share that is searched.
+    /// The filter has them.
     ///
     /// # Panics
     ///
@@ -236,13 +231,13 @@ impl Ledger {
             "both frames must have the same curves"
         );
         let covered = |set| Covered { set, coverage };
-        match (pairs, self.search.share()) {
+        match (pairs, self.search.filter()) {
             (Some(pairs), _) => {
                 let curves = curves_of(pairs.iter().copied());
                 self.trees.refit(frames, covered, Some(&curves));
             }
-            (None, Some(share)) => {
-                if self.nearby.update(share, &frames) {
+            (None, Some(filter)) => {
+                if self.nearby.update(filter, &frames) {
                     self.trees.forget();
                 }
                 let nearby = &self.nearby;
@@ -302,9 +297,9 @@ impl Ledger {
         let pairs = self.search.find(self.trees.roots());
         self.pairs.extend_from_slice(pairs);
         if covered.coverage.self_crossings {
-            let share = self.search.share();
+            let filter = self.search.filter();
             let curves = covered.indices().map(|i| i as u32);
-            let curves = curves.filter(|&i| share.is_none_or(|share| share.owns(i, i)));
+            let curves = curves.filter(|&i| filter.is_none_or(|filter| filter.contains(i, i)));
             self.pairs.extend(curves.map(|i| (i, i)));
             self.pairs.par_sort_unstable();
         }

@@ -38,7 +38,7 @@ use crate::curve::vector::distance;
 use crate::curve::{Basis, Box3, CurveSet, Point, pow2};
 use crate::discretize::Hull;
 use crate::incremental::covered::Covered;
-use crate::pairs::{Agenda, LinkSearch, Query, SegmentPairs, Share, Trees, descend};
+use crate::pairs::{Agenda, LinkSearch, PairFilter, Query, SegmentPairs, Trees, descend};
 use crate::simd::{LANES, Lanes, dispatch};
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicU32, AtomicUsize, Ordering};
@@ -77,7 +77,7 @@ pub(super) struct Allowances<'a> {
     covered: Covered<'a>,
     trees: &'a Trees,
     /// Pairs of curves that must stay apart; `None`: all.
-    share: Option<&'a Share>,
+    filter: Option<&'a PairFilter>,
     pub reach: f64,
     /// Bit patterns of the allowances. None is negative, so the patterns have the same order.
     slots: Vec<AtomicU32>,
@@ -93,7 +93,7 @@ impl<'a> Allowances<'a> {
     pub fn new(
         covered: Covered<'a>,
         trees: &'a Trees,
-        share: Option<&'a Share>,
+        filter: Option<&'a PairFilter>,
         most: usize,
     ) -> Self {
         let mut all = Allowances {
@@ -101,7 +101,7 @@ impl<'a> Allowances<'a> {
             found: AtomicUsize::new(0),
             covered,
             trees,
-            share,
+            filter,
             reach: typical_clearance(covered, trees) * SHARE * GOOD,
             slots: Vec::new(),
             first: first_blocks(covered.set),
@@ -167,10 +167,10 @@ impl<'a> Allowances<'a> {
             .iter()
             .map(|b| b.dilated(0.5 * range + rounding as f32))
             .collect();
-        let mut search = LinkSearch::new(self.share.cloned());
+        let mut search = LinkSearch::new(self.filter.cloned());
         let pairs = search.find(&dilated);
         if self.covered.coverage.self_crossings {
-            let owns = |i: &u32| self.share.is_none_or(|share| share.owns(*i, *i));
+            let owns = |i: &u32| self.filter.is_none_or(|filter| filter.contains(*i, *i));
             let curves = curves.iter().map(|&i| i as u32).filter(owns);
             pairs.extend(curves.map(|i| (i, i)));
         }

@@ -18,7 +18,7 @@ use super::packed::Packed;
 use super::quiet_bounds::QuietBounds;
 use crate::certificate::Certificate;
 use crate::curve::{AXES, CurveSet, Point, Received, union};
-use crate::pairs::{Share, Trees};
+use crate::pairs::{PairFilter, Trees};
 use std::sync::Arc;
 
 /// A frame with proven linking numbers, and the allowances of its points.
@@ -49,7 +49,7 @@ pub(super) struct Reference {
 }
 
 impl Reference {
-    /// Builds a reference frame from a frame and its linking numbers: for the pairs of a share, or
+    /// Builds a reference frame from a frame and its linking numbers: for the pairs of a filter, or
     /// for all. Returns `None` if too many of its segments are near one another: the memory for
     /// them is limited.
     pub fn build(
@@ -57,9 +57,9 @@ impl Reference {
         certificate: Arc<Certificate>,
         frame: u64,
         coverage: Coverage,
-        share: Option<&Share>,
+        filter: Option<&PairFilter>,
     ) -> Option<Reference> {
-        Reference::build_within(MOST_NEAR, set, certificate, frame, (coverage, share))
+        Reference::build_within(MOST_NEAR, set, certificate, frame, (coverage, filter))
     }
 
     /// [`Reference::build`] with at most this number of near pairs of blocks.
@@ -68,7 +68,7 @@ impl Reference {
         set: CurveSet,
         certificate: Arc<Certificate>,
         frame: u64,
-        (coverage, share): (Coverage, Option<&Share>),
+        (coverage, filter): (Coverage, Option<&PairFilter>),
     ) -> Option<Reference> {
         let mut trees = Trees::default();
         let covered = Covered {
@@ -77,7 +77,7 @@ impl Reference {
         };
         trees.refit(covered);
         let sample = Sample::new(&set, coverage.open_curves);
-        let allowances = Allowances::new(covered, &trees, share, most);
+        let allowances = Allowances::new(covered, &trees, filter, most);
         let (allowances, neighbours) = allowances.fill(&certificate)?;
         let points = set.positions().into_copy();
         let packed = Packed::blocks(points.positions(), set.max_abs(), &allowances);

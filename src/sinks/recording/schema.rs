@@ -100,7 +100,7 @@ pub struct Report {
     pub appeared: ::prost::alloc::vec::Vec<::prost::alloc::string::String>,
     #[prost(string, repeated, tag = "15")]
     pub gone: ::prost::alloc::vec::Vec<::prost::alloc::string::String>,
-    /// Reasons why pairs were not verified, if several processes share the pairs.
+    /// Reasons why a part of the frame was not verified, as the step to a frame after a restart.
     #[prost(string, repeated, tag = "16")]
     pub missing: ::prost::alloc::vec::Vec<::prost::alloc::string::String>,
     /// Clearance of the strands, if it was measured.

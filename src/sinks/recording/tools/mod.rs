@@ -7,8 +7,8 @@
 //!
 //! Rerun 0.36 does not draw `foxglove.SceneUpdate`. Foxglove draws both.
 //!
-//! They follow from the frame and its report, so a reader skips them, and a repair writes them
-//! again. A frame that was rejected before it became curves has none.
+//! They follow from the frame and its report, so a reader skips them. A frame that was rejected
+//! before it became curves has none.
 //!
 //! Their timestamps are the simulation time, in addition to the time in the log that all messages
 //! of a recording have. Tools play the time in the log; rerun has a timeline for both.
