@@ -26,9 +26,6 @@ mod watch {
     pub struct MetricsArgs {}
 
     impl MetricsArgs {
-        pub fn is_given(&self) -> bool {
-            false
-        }
         pub fn serve(&self, _: &[String]) -> Result<Metrics> {
             Ok(Metrics)
         }

@@ -44,7 +44,7 @@ impl ViewerArgs {
         )))
     }
 
-    #[cfg(any(feature = "bus", feature = "mcap"))]
+    #[cfg(feature = "mcap")]
     pub fn is_live(&self) -> bool {
         false
     }

@@ -82,7 +82,7 @@ impl Sinks {
     }
 
     /// Returns true if there is an output.
-    #[cfg(any(feature = "bus", feature = "mcap"))]
+    #[cfg(feature = "mcap")]
     pub fn are_used(&self) -> bool {
         self.viewer.is_live() || !self.paths().is_empty()
     }

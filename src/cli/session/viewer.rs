@@ -86,7 +86,7 @@ impl ViewerArgs {
     }
 
     /// Returns true if frames are shown, and not written to a file.
-    #[cfg(any(feature = "bus", feature = "mcap"))]
+    #[cfg(feature = "mcap")]
     pub fn is_live(&self) -> bool {
         self.view || self.connect.is_some() || self.serve.is_some()
     }
