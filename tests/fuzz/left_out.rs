@@ -234,8 +234,6 @@ fn xyz(random: &mut Random) -> Given {
 #[test]
 fn every_curve_of_a_file_is_read_or_counted() {
     let folder = TempDir::new().expect("a folder");
-    let mut options = ReadOptions::default();
-    options.closed = Some(true);
     units(
         "left_out::every_curve_of_a_file_is_read_or_counted",
         2000,
@@ -243,6 +241,9 @@ fn every_curve_of_a_file_is_read_or_counted() {
             let formats = [obj, lammps, plain, xyz, usd];
             let formats = &formats[..if cfg!(feature = "usd") { 5 } else { 4 }];
             let given = random.pick(formats)(random);
+            let mut options = ReadOptions::default();
+            // Columns of points do not say which curves are closed.
+            options.closed = (given.name == "a.dat").then_some(true);
             let path = folder.path().join(given.name);
             std::fs::write(&path, &given.text).expect("a file");
             let frames = Frames::open(&path, &options).and_then(|frames| frames.collect());
