@@ -82,7 +82,7 @@ const PERIODIC: &str = "v 0 0 0\nv 3.5 0 0\nv 3.5 0 1\nv 0 0 1\nv 1 0 5\nv 1 4 5
 fn images_are_counted_in_a_cell() -> Result<(), Failed> {
     let folder = tempfile::tempdir()?;
     let model = write(folder.path(), "periodic.obj", PERIODIC);
-    let cell = ["--cell", "4,4,0"];
+    let cell = ["--unwrapped", "--cell", "4,4,0"];
     let found = &measure(&[&[text(&model)], &cell[..], &["--struts", "0.1"]].concat())[0];
     assert_eq!(found["thickness"], 0.5);
     assert_eq!(found["poca_at"]["image"], serde_json::json!([1, 0, 0]));
@@ -93,7 +93,13 @@ fn images_are_counted_in_a_cell() -> Result<(), Failed> {
     // Without a cell, the images do not count.
     let found = &measure(&[text(&model)])[0];
     assert_eq!(found["poca"], 1.0);
-    let e = linkwatch(&["thickness", text(&model), "--cell", "1e-9,0,0"]);
+    let e = linkwatch(&[
+        "thickness",
+        text(&model),
+        "--unwrapped",
+        "--cell",
+        "1e-9,0,0",
+    ]);
     assert_eq!(e.code, 2);
     assert!(e.stderr.contains("too many periodic cells"), "{}", e.stderr);
     Ok(())
