@@ -159,14 +159,13 @@ pub struct Verifier {
     unmeasured: Option<String>,
     /// Extent of the first frame.
     extent: Option<f64>,
-    /// Change of the curves before the next frame.
+    /// Change of the curves from the last verified frame to the next one.
     change: Option<CurveChange>,
     /// Curves that appeared in the current frame, sorted. Their linking numbers are not in the
     /// baseline yet.
     appeared: Vec<u32>,
-    /// Names of the curves that appeared, and of those that are gone, in frames that were rejected
-    /// after the last verified one.
-    unreported: [Vec<String>; 2],
+    /// Baseline before the current frame, if that replaced it.
+    replaced: Option<Option<Certificate>>,
 }
 
 /// Result of comparing a frame with the baseline.
@@ -248,7 +247,7 @@ impl Verifier {
             extent: None,
             change: None,
             appeared: Vec::new(),
-            unreported: Default::default(),
+            replaced: None,
         }
     }
 
@@ -547,11 +546,11 @@ impl Verifier {
         self.baseline_changed = true;
         self.change = None;
         self.appeared.clear();
-        self.unreported = Default::default();
         self.set_filter(self.filter.clone());
     }
 
-    /// Announces that the next frame has other curves than the previous ones.
+    /// Announces that the next frame has other curves than the last one that was verified. A change
+    /// stays announced until a frame is verified, or another one, or `None`, replaces it.
     ///
     /// Linking numbers of curves that continue are compared with the baseline, and pull-throughs
     /// among those that continue with the same number of points are searched for, if the verifier
@@ -574,17 +573,16 @@ impl Verifier {
     /// assert_eq!((report.verdict, report.appeared), (Verdict::Intact, vec!["b".to_owned()]));
     /// # Ok::<(), linkwatch::Error>(())
     /// ```
-    pub fn change_curves(&mut self, change: CurveChange) {
-        self.change = Some(change);
+    pub fn change_curves(&mut self, change: impl Into<Option<CurveChange>>) {
+        self.change = change.into();
     }
 
-    /// Applies the change of the curves before this frame. The frame may still be rejected: then
-    /// the next one that is verified reports this change and its own.
+    /// Applies the change of the curves before this frame.
     ///
     /// Errors: [`Error::CertificateMismatch`] if the baseline has another number of curves than the
     /// change; [`Error::Count`] if this frame has.
     fn apply_change(&mut self, set: &CurveSet) -> Result<()> {
-        let Some(change) = self.change.take() else {
+        let Some(change) = self.change.clone() else {
             return Ok(());
         };
         if self.with_braids.is_some() || self.braided.is_some() {
@@ -604,6 +602,7 @@ impl Verifier {
                 available: set.len() as u64,
             });
         }
+        self.keep_baseline();
         if let Some(baseline) = &mut self.baseline {
             if baseline.curves != change.before() {
                 return Err(Error::CertificateMismatch {
@@ -613,25 +612,13 @@ impl Verifier {
             }
             *baseline = baseline.with_curves(origins);
             self.baseline_changed = true;
-            // Curves that appeared in a rejected frame have no expected numbers yet.
-            let pending = std::mem::take(&mut self.appeared);
-            let new = |origin: &Option<u32>| origin.is_none_or(|o| pending.contains(&o));
-            let appeared = (0_u32..).zip(origins).filter(|(_, origin)| new(origin));
+            let appeared = (0_u32..)
+                .zip(origins)
+                .filter(|(_, origin)| origin.is_none());
             self.appeared = appeared.map(|(i, _)| i).collect();
-        }
-        if let Some(clearance) = &mut self.clearance {
-            clearance.forget();
         }
         self.set_filter(self.filter.clone());
         self.steps.change_curves(origins, set);
-        let [appeared, gone] = &mut self.unreported;
-        for name in change.gone() {
-            match appeared.iter().position(|n| n == name) {
-                Some(k) => drop(appeared.remove(k)),
-                None => gone.push(name.clone()),
-            }
-        }
-        appeared.extend_from_slice(change.appeared());
         Ok(())
     }
 
@@ -642,9 +629,45 @@ impl Verifier {
         self.full.gpu.announce(next);
     }
 
-    /// Returns the report on a frame, and its linking numbers.
+    /// Returns the report on a frame, and its linking numbers. A frame that is rejected leaves the
+    /// state as it was.
     fn verify(&mut self, seq: u64, time: f64, set: &CurveSet) -> Result<(Report, LinkingNumbers)> {
         pool::check_process()?;
+        let (touching, changed) = (self.steps.touching(), self.baseline_changed);
+        let verified = self.try_to_verify(seq, time, set);
+        let replaced = self.replaced.take();
+        if verified.is_ok() {
+            (self.fresh, self.with_braids, self.change) = (None, None, None);
+            return verified;
+        }
+        if let Some(baseline) = replaced {
+            self.baseline = baseline;
+            if let Some(baseline) = &self.baseline {
+                self.monitor.set_baseline(baseline);
+            }
+        }
+        if self.with_braids.is_some() {
+            self.braided = None;
+        }
+        self.appeared.clear();
+        self.baseline_changed = changed;
+        self.steps.roll_back(touching);
+        verified
+    }
+
+    /// Keeps the baseline before it is replaced.
+    fn keep_baseline(&mut self) {
+        if self.replaced.is_none() {
+            self.replaced = Some(self.baseline.clone());
+        }
+    }
+
+    fn try_to_verify(
+        &mut self,
+        seq: u64,
+        time: f64,
+        set: &CurveSet,
+    ) -> Result<(Report, LinkingNumbers)> {
         self.apply_change(set)?;
         if let Some(b) = self.baseline.as_ref().filter(|b| b.curves != set.len()) {
             return Err(Error::CertificateMismatch {
@@ -652,13 +675,12 @@ impl Verifier {
                 model: set.len(),
             });
         }
-        self.fresh = None;
         self.divide_baseline(set)?;
         if let Some(options) = &self.with_braids {
             let braided = Braided::new(set, options, self)?;
+            self.keep_baseline();
             self.baseline = self.baseline.take().map(|b| braided.without_loops(&b));
             self.braided = Some(braided);
-            self.with_braids = None;
         }
         let closed = set.open_curves() < set.len() || self.braided.is_some();
         if !closed && self.steps.events() == Events::Off {
@@ -677,7 +699,6 @@ impl Verifier {
         self.full.timings = Timings::default();
         // Needed here, because a partial run does not start the frame.
         self.full.gpu.start_frame();
-        let given = self.baseline.is_some();
         let not_taken = std::mem::take(&mut self.baseline_changed);
         let compared = self.compare(set);
         if self.baseline_changed
@@ -702,23 +723,19 @@ impl Verifier {
         // A report must not depend on work that was skipped.
         self.full.progress.check()?;
         let extent = self.extent.unwrap_or_else(|| set.extent());
-        let [appeared, gone] = std::mem::take(&mut self.unreported);
+        let change = self.change.as_ref();
+        let appeared = change.map_or_else(Vec::new, |change| change.appeared().to_vec());
+        let gone = change.map_or_else(Vec::new, |change| change.gone().to_vec());
         let mut missing: Vec<String> = self.unknown_step.iter().cloned().collect();
         let unknown = !missing.is_empty();
         let loops = self.verify_loops((seq, time), set, &mut missing)?;
         // A curve may have passed a virtual connection.
         let unknown = unknown || self.braided.is_some() && loops.is_none();
-        let images = match self.verify_images((seq, time), &mut missing) {
-            Ok(images) => images,
-            Err(e) => {
-                // A frame that is rejected is no baseline.
-                if self.joined.is_none() && !given {
-                    self.baseline = None;
-                }
-                return Err(e);
-            }
-        };
+        let images = self.verify_images((seq, time), &mut missing)?;
         // From here on, the frame is not rejected.
+        if let Some(clearance) = self.clearance.as_mut().filter(|_| self.change.is_some()) {
+            clearance.forget();
+        }
         self.extent = Some(extent);
         self.unknown_step = None;
         // A step across a change of the images may be unknown.
@@ -797,6 +814,7 @@ impl Verifier {
     fn compare_with_baseline(&mut self, set: &CurveSet) -> Result<Compared> {
         if !self.appeared.is_empty() {
             let stats = self.certify_fully(set)?;
+            self.keep_baseline();
             let certificate = &self.full.certificate;
             let baseline = self
                 .baseline
@@ -809,6 +827,7 @@ impl Verifier {
             return Ok(self.of_full_run(comparison, stats));
         }
         let Some(baseline) = self.baseline.take() else {
+            self.keep_baseline();
             let stats = self.certify_fully(set)?;
             let baseline = self.full.certificate.clone();
             let comparison = baseline.compare(&baseline);
@@ -826,12 +845,17 @@ impl Verifier {
                 self.compare_incrementally(set, &baseline)
             }
         };
-        let baseline = self.baseline.insert(baseline);
+        self.baseline = Some(baseline);
         let compared = compared?;
         // Pairs that are missing must not become part of the baseline.
         self.full.progress.check()?;
         // With early exit, unchecked pairs have no linking number yet.
-        if compared.stats.unchecked == 0 && baseline.adopt(&compared.linking.comparison) {
+        let defects = &compared.linking.comparison.defects;
+        let is_fresh = |d: &Defect| d.kind == DefectKind::NoBaseline;
+        if compared.stats.unchecked == 0 && defects.iter().any(is_fresh) {
+            self.keep_baseline();
+            let baseline = self.baseline.as_mut().expect("inserted above");
+            baseline.adopt(&compared.linking.comparison);
             self.monitor.set_baseline(baseline);
             self.baseline_changed = true;
         }

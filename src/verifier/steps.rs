@@ -21,7 +21,9 @@ pub(super) struct Steps {
     ledger: Ledger,
     last: Option<Last>,
     /// Previous frame, if it had other curves; `last` is `None` then.
-    across: Option<Across>,
+    across: Option<Arc<Across>>,
+    /// `last` and `across` before a change of the curves, until a frame is verified.
+    before_change: Option<(Option<Last>, Option<Arc<Across>>)>,
     /// Contacts of the current frame.
     contacts: Contacts,
     /// Pairs of curves that have touched since the very first frame, sorted, without pairs of
@@ -129,6 +131,7 @@ impl Steps {
     pub fn forget(&mut self) {
         self.last = None;
         self.across = None;
+        self.before_change = None;
         self.intactness.cut();
     }
 
@@ -143,8 +146,9 @@ impl Steps {
     /// previous frame. Pull-throughs are searched for among the curves that continue with the same
     /// number of points.
     pub fn change_curves(&mut self, origins: &[Option<u32>], set: &CurveSet) {
-        let last = self.last.take().filter(|_| self.events != Events::Off);
-        self.across = last.and_then(|last| {
+        let last = self.last.take();
+        let across = last.as_ref().filter(|_| self.events != Events::Off);
+        let across = across.and_then(|last| {
             let before = &*last.set;
             let same_kind = |a: &CurveSet, b: &CurveSet| {
                 (a.basis(), a.precision()) == (b.basis(), b.precision())
@@ -158,11 +162,13 @@ impl Steps {
             };
             let kept = (0_u32..).zip(origins).filter_map(|(i, o)| Some((i, (*o)?)));
             let (curves, origins): (Vec<u32>, Vec<u32>) = kept.filter(same_size).unzip();
-            Some(Across {
+            Some(Arc::new(Across {
                 before: before.subset(&origins),
                 curves,
-            })
+            }))
         });
+        let known = std::mem::replace(&mut self.across, across);
+        self.before_change = Some((last, known));
         let index = |before: u32| {
             let i = origins.iter().position(|o| *o == Some(before))?;
             Some(i as u32)
@@ -235,6 +241,22 @@ impl Steps {
         Some(ledger.safe_fraction(frames, &last.contacts, coverage, outcome))
     }
 
+    /// Returns the pairs that have touched since the very first frame, to roll a frame back.
+    pub fn touching(&self) -> Option<Vec<Pair>> {
+        self.touching_from_the_start.clone()
+    }
+
+    /// Discards what the current frame added, because it is rejected. `touching` is from before it.
+    pub fn roll_back(&mut self, touching: Option<Vec<Pair>>) {
+        if let Some(before) = self.before_change.take() {
+            (self.last, self.across) = before;
+        }
+        self.touching_from_the_start = touching;
+        self.contacts = Contacts::default();
+        self.undecided = false;
+        self.met = None;
+    }
+
     /// Begins a frame. Fails if the curves differ from those of the previous frame, because there
     /// is no motion between different curves. If pull-throughs are not searched for, forgets that
     /// frame instead.
@@ -287,6 +309,7 @@ impl Steps {
 
     /// Keeps a verified frame, if the next one is compared with it.
     pub fn remember(&mut self, set: Arc<CurveSet>, linking: LinkingNumbers) {
+        (self.across, self.before_change) = (None, None);
         if self.keeps_frames() {
             self.last = Some(Last {
                 set,
@@ -298,6 +321,7 @@ impl Steps {
 
     /// Same as [`Steps::remember`], with a copy that reuses the memory of the previous frame.
     pub fn remember_copy(&mut self, set: &CurveSet, linking: LinkingNumbers) {
+        (self.across, self.before_change) = (None, None);
         if !self.keeps_frames() {
             return;
         }
@@ -321,7 +345,7 @@ impl Steps {
     /// If the previous frame has other curves.
     pub fn outcome(&mut self, set: &CurveSet, pairs: Option<&[Pair]>) -> Outcome {
         let coverage = self.coverage();
-        if let Some(across) = self.across.take() {
+        if let Some(across) = self.across.clone() {
             let outcome = self.outcome_across(&across, set);
             self.undecided |= !outcome.undecided.is_empty();
             self.contacts.clone_from(&outcome.contacts);

@@ -109,17 +109,15 @@ impl Watcher {
         let receive = |set: &mut _| frame.read(|raw| verifier.receive(raw, set));
         let curves = pool.receive(receive)?;
         if let Some(last) = &self.last {
-            if let Some(change) = info.change_since(last)? {
-                self.verifier.change_curves(change);
-            }
+            self.verifier.change_curves(info.change_since(last)?);
             if info.cuts != last.cuts {
                 self.verifier.cut();
             }
         }
-        self.last = Some(info);
         let report = self
             .verifier
             .step_shared(frame.seq(), frame.time(), &curves)?;
+        self.last = Some(info);
         Ok((report, curves))
     }
 }

@@ -13,6 +13,7 @@
 mod both;
 mod curves;
 mod movie;
+mod rejected;
 mod sets;
 #[path = "../support/mod.rs"]
 mod support;

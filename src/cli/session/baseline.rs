@@ -39,7 +39,7 @@ impl Session {
                 self.baseline_frame = Some(BaselineFrame::from(&b));
                 self.verifier.restart(Arc::unwrap_or_clone(b.certificate));
                 self.origin = Some(b.origin);
-                self.last = None;
+                (self.last, self.radii_of) = (None, None);
                 self.news.forget();
             }
             None => self.verifier.cut(),
@@ -51,7 +51,7 @@ impl Session {
     pub fn begin_run(&mut self) -> Result<()> {
         self.verifier = Verifier::new(self.options.clone())?;
         self.cells = Cells::new(self.cells.args);
-        self.last = None;
+        (self.last, self.radii_of) = (None, None);
         self.news.forget();
         self.violations.begin_run();
         if let Some(junit) = &mut self.junit {
@@ -68,7 +68,7 @@ impl Session {
         self.options.baseline = None;
         self.verifier = Verifier::new(self.options.clone())?;
         self.origin = Some(format!("frame {seq}, accepted by the simulator"));
-        (self.last, self.baseline_frame) = (None, None);
+        (self.last, self.baseline_frame, self.radii_of) = (None, None, None);
         self.baseline_changed = true;
         self.news.forget();
         Ok(())

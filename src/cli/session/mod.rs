@@ -294,6 +294,8 @@ pub struct Session {
     left_out: Vec<LeftOut>,
     /// True if frames are model files.
     models: bool,
+    /// Layout of the frame whose radii the verifier has.
+    radii_of: Option<u32>,
     /// Comparison with the recorded verdicts, in words and as JSON, if this is a replay.
     comparison: Option<(String, serde_json::Value)>,
     junit: Option<Junit>,
@@ -419,6 +421,7 @@ impl Session {
             runs: 1,
             left_out: Vec::new(),
             models: run.models,
+            radii_of: None,
             comparison: None,
             junit,
             overwrite: sinks.overwrite,
@@ -569,6 +572,7 @@ impl Session {
                 (None, None) => {}
             }
             let report = self.verifier.step_shared(seq, time, &set)?;
+            self.commit(&info);
             // Curves that jumped are recorded as they were given: a replay follows them again.
             let placed = self
                 .verifier
@@ -644,7 +648,7 @@ impl Session {
         })
     }
 
-    /// Compares what the simulator told about a valid frame with the last one.
+    /// Compares what the simulator told about a valid frame with the last one that was verified.
     ///
     /// Errors: those of [`FrameInfo::change_since`].
     fn continue_with(&mut self, seq: u64, info: &FrameInfo) -> Result<Step> {
@@ -654,12 +658,7 @@ impl Session {
             self.begin_with_next(seq)?;
         }
         let last = self.last.as_ref().unwrap_or(info);
-        let changed = self.last.is_none() || last.layout != info.layout;
-        if let Some(change) = info.change_since(last)? {
-            self.verifier.change_curves(change);
-            // The findings have other indices.
-            self.news.forget();
-        }
+        self.verifier.change_curves(info.change_since(last)?);
         let cut = last.cuts != info.cuts;
         if cut {
             self.live.note(format_args!(
@@ -668,8 +667,9 @@ impl Session {
             ));
             self.verifier.cut();
         }
-        self.last = Some(info.clone());
-        if changed && let Err(e) = self.verifier.set_radii(&info.labels.radii) {
+        if self.radii_of.replace(info.layout) != Some(info.layout)
+            && let Err(e) = self.verifier.set_radii(&info.labels.radii)
+        {
             tracing::warn!("clearance is not measured from frame {seq} on: {e}");
         }
         Ok(match (accepted, cut) {
@@ -677,6 +677,15 @@ impl Session {
             (false, true) => Step::Cut,
             (false, false) => Step::Continues,
         })
+    }
+
+    /// Takes note of a frame that was verified.
+    fn commit(&mut self, info: &FrameInfo) {
+        let other = |last: FrameInfo| last.layout != info.layout;
+        if self.last.replace(info.clone()).is_some_and(other) {
+            // The findings have other indices.
+            self.news.forget();
+        }
     }
 
     /// Passes a frame to the sinks, and prints its new findings.
