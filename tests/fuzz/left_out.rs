@@ -181,19 +181,21 @@ fn usd(random: &mut Random) -> Given {
             .iter()
             .map(|p| format!("({})", p.replace(' ', ", ")))
             .collect();
-        let (kind, more) = match random.below(8) {
+        let (kind, more) = match random.below(9) {
             0 => ("BasisCurves", "uniform token purpose = \"guide\""),
             1 => ("BasisCurves", "uniform token purpose = \"proxy\""),
             2 => ("BasisCurves", "token visibility = \"invisible\""),
             3 => ("NurbsCurves", ""),
             4 => ("Points", ""),
             5 => ("Mesh", ""),
+            6 => ("RopeCurves", ""),
             _ => ("BasisCurves", "uniform token wrap = \"periodic\""),
         };
         match (kind, more.contains("purpose")) {
             ("BasisCurves", false) => read += 1,
             ("BasisCurves", true) => left_out += 1,
             ("NurbsCurves", _) => refused = true,
+            ("RopeCurves", _) => left_out += 1,
             _ => {}
         }
         writeln!(

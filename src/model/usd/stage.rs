@@ -91,6 +91,7 @@ pub(super) fn batches<R: Read + Seek>(
                     );
                     return Err(Error::unsupported(FORMAT, what));
                 }
+                "Points" | "Mesh" => {}
                 _ if ["points", "curveVertexCounts"]
                     .iter()
                     .all(|a| prim.attribute(a).is_some()) =>
