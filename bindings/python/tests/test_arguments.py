@@ -147,7 +147,7 @@ def test_open_curves_have_no_numbers_and_are_reported():
         warnings.simplefilter("error")
         assert verifier.step(linked()).intact  # says it once
         linkwatch.Verifier(closed=[True, False]).step(linked())  # verified for pull-throughs
-        yarn = np.array([[-5, 0, 0], [5, 0, 0.0]])
+        yarn = np.array([[x, 0, 0.0] for x in range(-5, 6)])
         linkwatch.certify([RING, yarn], closed=[True, False], cell=[10, 10, 10])
 
 

@@ -73,7 +73,7 @@ def test_check_returns_1_if_a_link_was_lost(linked, apart):
     "args, words",
     [
         (["bogus"], "unrecognized subcommand 'bogus'"),
-        (["watch", "--rrd", "run.rrd"], "unexpected argument '--rrd'"),
+        (["watch", "--rrd", "run.rrd"], "this build of linkwatch has no viewer"),
         (["certify", "missing.bcc"], "missing.bcc"),
         (["study"], "this build has no studies"),
     ],
