@@ -26,28 +26,31 @@ impl CurveSet {
     #[inline(always)]
     fn coarse_box(&self, i: usize) -> Box3 {
         let body = self.body(i);
-        let bounds = match self.axes() {
+        // In double precision, as single precision ends before the limit of the coordinates.
+        let (lo, hi) = match self.axes() {
             Axes::F32(v) => {
                 let [lo, hi] = bounds(v, body, [f32::INFINITY, f32::NEG_INFINITY]);
-                Box3 { lo, hi }
+                if self.basis().is_polyline() {
+                    return Box3 { lo, hi };
+                }
+                (lo.map(f64::from), hi.map(f64::from))
             }
             Axes::F64(v) => {
                 let [lo, hi] = bounds(v, body, [f64::INFINITY, f64::NEG_INFINITY]);
                 let pad = self.rounding();
-                Box3 {
-                    lo: lo.map(|x| below(x - pad)),
-                    hi: hi.map(|x| above(x + pad)),
-                }
+                (lo.map(|x| x - pad), hi.map(|x| x + pad))
             }
         };
-        if self.basis().is_polyline() {
-            return bounds;
-        }
         // Eight times the padding of leaf boxes, which have at most that of single precision.
-        let pad = above(self.max_abs() * pow2(-18) + 1e-300);
-        match self.basis() {
-            Basis::CatmullRom => bounds.dilated(bounds.largest_side() / 5.0 + pad),
-            _ => bounds.dilated(pad),
+        let pad = self.max_abs() * pow2(-18) + 1e-300;
+        let by = match self.basis() {
+            Basis::Polyline => 0.0,
+            Basis::CatmullRom => (0..3).map(|x| hi[x] - lo[x]).fold(0.0, f64::max) / 5.0 + pad,
+            _ => pad,
+        };
+        Box3 {
+            lo: lo.map(|x| below(x - by)),
+            hi: hi.map(|x| above(x + by)),
         }
     }
 }
@@ -97,6 +100,22 @@ mod tests {
     use super::*;
     use crate::curve::Positions;
     use proptest::prelude::*;
+
+    /// Regression test: the box was too small beyond the range of single precision.
+    #[test]
+    fn coarse_boxes_of_huge_splines_contain_those_of_their_segments() {
+        for scale in [1e37, 1e38, 3e38, 1e39, 1e40, 1e60] {
+            let z = [0.01, 0.84, 0.75, 0.84, 0.56, 0.33, 0.56, 0.86, 0.71];
+            let points: Vec<f64> = z.iter().flat_map(|z| [0.0, 0.0, z * scale]).collect();
+            let positions = Positions::F64(&points);
+            let set = CurveSet::from_counts(Basis::CatmullRom, &[-9], positions).unwrap();
+            let coarse = set.coarse_boxes()[0];
+            for g in 0..2 {
+                let leaf = set.leaf_boxes(0, g).bounds();
+                assert_eq!(coarse.union(&leaf), coarse, "{scale}");
+            }
+        }
+    }
 
     proptest! {
         #[test]
