@@ -19,17 +19,25 @@ pub struct Comparison {
     pub adopted: Vec<Link>,
 }
 
+impl Comparison {
+    /// Returns true if the frame has linking numbers that the baseline lacks.
+    pub(crate) fn has_fresh(&self) -> bool {
+        let is_fresh = |d: &Defect| d.kind == DefectKind::NoBaseline;
+        self.defects.iter().any(is_fresh)
+    }
+}
+
 impl Certificate {
     /// Adds the linking numbers that this baseline lacks, from the first frame that has them.
     /// `comparison` covers all pairs of the frame. Returns true if any number was added.
     pub(crate) fn adopt(&mut self, comparison: &Comparison) -> bool {
+        if !comparison.has_fresh() {
+            return false;
+        }
         let (fresh, missing): (Vec<&Defect>, Vec<&Defect>) = comparison
             .defects
             .iter()
             .partition(|d| d.kind == DefectKind::NoBaseline);
-        if fresh.is_empty() {
-            return false;
-        }
         let has = |i: u32, j: Option<u32>| fresh.iter().any(|d| (d.i, d.j) == (i, j));
         self.undefined.retain(|d| !has(d.i, d.j));
         // A curve that has linking numbers again may still touch another curve, or be beside one

@@ -63,8 +63,8 @@ impl PairFilter {
     }
 }
 
-/// Curves that a filter needs in a frame: those with a loop, and those whose boxes come near to
-/// them; of images all.
+/// Curves that a filter needs in a frame. Loops need the curves with a loop, and those whose boxes
+/// come near to them. Images need all curves.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Nearby {
     needed: Vec<bool>,

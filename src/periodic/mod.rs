@@ -45,5 +45,5 @@ pub(crate) use through::period_in;
 #[cfg(test)]
 pub(crate) use through::reduced;
 pub(crate) use through::{RingAndYarn, YarnPeriod, almost_yarns, is_multiple, period_of_pair};
-pub(crate) use torn::{Torn, find_torn};
+pub(crate) use torn::{Torn, check_whole, find_torn};
 pub use unwrap::Unwrap;

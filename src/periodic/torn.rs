@@ -59,16 +59,25 @@ pub(crate) fn find_torn(
     Ok(None)
 }
 
+/// Same as [`CurveSet::check_whole`], for these curves.
+pub(crate) fn check_whole(
+    set: &CurveSet,
+    cell: &Cell,
+    curves: impl IntoIterator<Item = usize>,
+) -> Result<()> {
+    match find_torn(set, cell, curves)? {
+        Some(torn) => Err(Error::Usage(torn.to_string())),
+        None => Ok(()),
+    }
+}
+
 impl CurveSet {
     /// Checks that no curve is torn at the boundary of a periodic cell, as wrapped coordinates are.
     ///
     /// Errors: [`Error::Usage`] if a segment is longer than half of the cell along a vector, or the
     /// vectors span no lattice.
     pub fn check_whole(&self, cell: &Cell) -> Result<()> {
-        match find_torn(self, cell, 0..self.len())? {
-            Some(torn) => Err(Error::Usage(torn.to_string())),
-            None => Ok(()),
-        }
+        check_whole(self, cell, 0..self.len())
     }
 }
 

@@ -850,9 +850,7 @@ impl Verifier {
         // Pairs that are missing must not become part of the baseline.
         self.full.progress.check()?;
         // With early exit, unchecked pairs have no linking number yet.
-        let defects = &compared.linking.comparison.defects;
-        let is_fresh = |d: &Defect| d.kind == DefectKind::NoBaseline;
-        if compared.stats.unchecked == 0 && defects.iter().any(is_fresh) {
+        if compared.stats.unchecked == 0 && compared.linking.comparison.has_fresh() {
             self.keep_baseline();
             let baseline = self.baseline.as_mut().expect("inserted above");
             baseline.adopt(&compared.linking.comparison);

@@ -19,7 +19,7 @@ use crate::kernels::{GpuUse, Method};
 use crate::pairs::Pair;
 use crate::periodic::{
     Bend, Boxer, Entry, FractionalBoxes, ImagePair, ImagePairs, Jumps, RingAndYarn, Searched,
-    Unwrap, find_torn, period_of_pair,
+    Unwrap, check_whole, period_of_pair,
 };
 use crate::pool;
 use crate::verdict::{AbortOn, Change, Defect, DefectKind, Link, PullThrough, Report};
@@ -243,10 +243,7 @@ impl Periodic {
     /// Refuses the current frame if one of these curves is torn.
     fn refuse_torn(&self, curves: &[usize]) -> Result<()> {
         let curves = curves.iter().copied().filter(|_| self.wrapped.is_none());
-        match find_torn(self.frame()?, &self.cell, curves)? {
-            Some(torn) => Err(Error::Usage(torn.to_string())),
-            None => Ok(()),
-        }
+        check_whole(self.frame()?, &self.cell, curves)
     }
 
     /// Finds the images that may meet while the curves are within these boxes.

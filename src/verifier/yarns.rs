@@ -74,8 +74,10 @@ impl Yarns {
     /// Finds the curves that run through the cell, in the first frame, and logs those that almost
     /// do. Returns those that no longer do, in words.
     pub fn find_periods(&mut self, set: &CurveSet, cell: &Cell) -> Option<String> {
-        let first = self.precision.filter(|_| self.periods.is_some());
-        let precision = *self.precision.insert(first.unwrap_or(set.precision()));
+        if self.periods.is_none() {
+            self.precision = Some(set.precision());
+        }
+        let precision = self.precision.unwrap_or(set.precision());
         let find = |i: usize| period_in(set, i, cell, precision);
         let Some(known) = &self.periods else {
             self.periods = Some((0..set.len()).map(find).collect());

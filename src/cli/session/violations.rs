@@ -85,7 +85,7 @@ impl Violations {
             }
             Some(violation) => {
                 violation.cut |= step != Step::Continues;
-                // What is unknown after a cut is not rolled back.
+                // A frame after a cut belongs to the new motion, which was not rolled back.
                 match violation.cut || violation.worst == Outcome::Fine {
                     true => self.others = self.others.max(outcome),
                     false => violation.worst = violation.worst.max(outcome),
