@@ -7,8 +7,8 @@
 
 use linkwatch::scenes::{Frames, Motion, Scene};
 use linkwatch::{
-    Basis, Client, ClientOptions, CurveSet, Event, Events, FramePool, Outcome, Positions,
-    Precision, Report, Sidecar, SidecarOptions, Strategy, Verdict, Verifier, VerifierOptions,
+    Basis, Client, ClientOptions, CurveSet, Event, Events, FrameInfo, Outcome, Positions,
+    Precision, Report, Session, SessionOptions, Sidecar, SidecarOptions, Strategy, Verdict,
     WaitMode,
 };
 use std::hint::black_box;
@@ -199,7 +199,7 @@ fn exchange(
         let mut options = SidecarOptions::default();
         options.wait_mode = mode;
         let sidecar = Sidecar::open(&name, &options).expect("sidecar");
-        move || watch(sidecar, verify.then(verifier))
+        move || watch(sidecar, verify.then(session))
     });
     assert!(client.wait_for_watcher(DEADLINE).expect("handshake"));
     let mut published = Vec::new();
@@ -239,13 +239,13 @@ fn exchange(
     }
 }
 
-fn verifier() -> Verifier {
-    let options = VerifierOptions {
+fn session() -> Session {
+    let options = SessionOptions {
         strategy: Strategy::Incremental,
         events: Events::Between,
-        ..VerifierOptions::default()
+        ..SessionOptions::default()
     };
-    Verifier::new(options).expect("valid options")
+    Session::new(options).expect("valid options")
 }
 
 /// Times of a watcher.
@@ -258,36 +258,37 @@ struct Watched {
 }
 
 /// Answers every frame.
-fn watch(mut sidecar: Sidecar, mut verifier: Option<Verifier>) -> Watched {
+fn watch(mut sidecar: Sidecar, mut session: Option<Session>) -> Watched {
     let mut watched = Watched::default();
-    let mut pool = FramePool::default();
+    let mut set = None;
     loop {
         match sidecar.wait(DEADLINE).expect("wait") {
             Event::Frame(frame) => {
                 let start = Instant::now();
-                let set = pool.receive(|set| match &mut verifier {
-                    Some(verifier) => frame.read(|raw| verifier.receive(raw, set)),
-                    None => frame.ingest(set),
-                });
-                let set = set.expect("a good frame");
                 let (seq, time) = (frame.seq(), frame.time());
+                let received = session.as_mut().map(|session| {
+                    session.receive(FrameInfo::at(seq, time), |copy| frame.read(copy))
+                });
+                if received.is_none() {
+                    frame.ingest(&mut set).expect("a good frame");
+                }
                 drop(frame);
-                let received = Instant::now();
-                watched.ingest.push(received - start);
-                let report = match &mut verifier {
-                    Some(verifier) => {
-                        let report = verifier.step_shared(seq, time, &set).expect("a frame");
-                        watched.routes[verifier.work().route as usize] += 1;
-                        report
+                let ingested = Instant::now();
+                watched.ingest.push(ingested - start);
+                let report = match session.as_mut().zip(received) {
+                    Some((session, received)) => {
+                        let verified = session.verify(received).expect("a frame");
+                        watched.routes[verified.work.route as usize] += 1;
+                        verified.report
                     }
                     None => Report::new(seq, time, Verdict::Intact),
                 };
-                watched.verification.push(received.elapsed());
+                watched.verification.push(ingested.elapsed());
                 sidecar
                     .send_verdict(&report, start.elapsed())
                     .expect("send");
-                if let Some(verifier) = verifier.as_mut().filter(|_| seq < SETTLED) {
-                    verifier.settle();
+                if let Some(session) = session.as_mut().filter(|_| seq < SETTLED) {
+                    session.settle();
                 }
             }
             Event::NewSession { .. } => {}

@@ -6,7 +6,7 @@ mod common;
 
 use common::{Cell, Options, Pools, Rows, measure, ns_each};
 use linkwatch::lab::{Run, median, timed};
-use linkwatch::{Polylines, Verifier, homotopic_polylines};
+use linkwatch::{Certifier, Polylines, homotopic_polylines};
 
 fn main() {
     let (options, pools) = (Options::parse(), Pools::new());
@@ -33,9 +33,9 @@ fn main() {
         let runs = pools.alternate(options.repeat, || {
             let (made, elapsed) = timed(|| homotopic_polylines(&subject.curves));
             let curves = made.expect("as before").curves;
-            let mut verifier = Verifier::default();
+            let mut certifier = Certifier::default();
             let [first, later] =
-                [(); 2].map(|()| Run::of(&mut verifier, &curves, Some(&subject.exact)));
+                [(); 2].map(|()| Run::of(&mut certifier, &curves, Some(&subject.exact)));
             assert!(
                 first.equal && later.equal,
                 "{name}: the polylines have other links"

@@ -12,8 +12,8 @@ use linkwatch::lab::timed;
 use linkwatch::scenes::Scene;
 use linkwatch::{
     Basis, Client, ClientOptions, CurveSet, FrameInfo, FrameRecord, Outcome, Overflow, Positions,
-    Precision, RecordedItem, RecordingReader, RecordingSink, RecordingTool, Sink, SinkQueue,
-    Verdict, Verifier, ViewerSink, ViewerTarget, Work,
+    Precision, RecordedItem, RecordingReader, RecordingSink, RecordingTool, Session,
+    SessionOptions, Sink, SinkQueue, Verdict, ViewerSink, ViewerTarget, Work,
 };
 use std::process::{Command, Stdio};
 use std::sync::Arc;
@@ -58,13 +58,14 @@ fn main() {
 fn frames(count: u64) -> Vec<FrameRecord> {
     let scene: Scene = "chainmail".parse().expect("a scene");
     let curves = Arc::new(scene.build().expect("a scene").curves);
-    let mut verifier = Verifier::default();
+    let mut session = Session::new(SessionOptions::default()).expect("valid options");
     let record = |seq| {
-        let report = verifier.step(seq, seq as f64, &curves).expect("a frame");
+        let info = FrameInfo::at(seq, seq as f64);
+        let report = session.feed(info.clone(), &curves).expect("a frame");
         assert_eq!(report.verdict, Verdict::Intact);
         FrameRecord {
             curves: Some(curves.clone()),
-            info: FrameInfo::default(),
+            info,
             report: Arc::new(report),
             verified: seq + 1,
             skipped: 0,

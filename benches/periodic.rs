@@ -10,8 +10,8 @@
 use linkwatch::lab::median;
 use linkwatch::scenes::Scene;
 use linkwatch::{
-    Cell, ClearanceOptions, CurveSet, Events, FramePool, Positions, RawFrame, Result, Route,
-    Strategy, Verdict, Verifier, VerifierOptions,
+    Cell, ClearanceOptions, CurveSet, Events, FrameInfo, Positions, RawFrame, Result, Route,
+    Session, SessionOptions, Strategy, Verdict,
 };
 use std::time::Instant;
 
@@ -62,16 +62,15 @@ fn measure(
     let set = scene.build()?.curves;
     let edges = [columns, rows].map(|n| f64::from(n) * PITCH);
     let cell = Cell::orthogonal([0.0; 3], [edges[0], edges[1], 0.0]);
-    let mut verifiers = Vec::new();
+    let mut sessions = Vec::new();
     for cell in [None, Some(cell)] {
-        let mut options = VerifierOptions::default();
+        let mut options = SessionOptions::default();
         (options.strategy, options.events) = (strategy, Events::Between);
         options.cell = cell;
         options.clearance = Some(ClearanceOptions::new(Some(RADIUS)));
-        verifiers.push(Verifier::new(options)?);
+        sessions.push(Session::new(options)?);
     }
     let mut times = [Vec::new(), Vec::new()];
-    let mut pools = [FramePool::default(), FramePool::default()];
     let mut potential = [0; 2];
     let mut clearances = [Vec::new(), Vec::new()];
     let frames = if smoke { WARM_UP + 6 } else { WARM_UP + 60 };
@@ -84,25 +83,26 @@ fn measure(
             positions: Positions::F64(&xyz),
         };
         for k in 0..2 {
-            let (verifier, pool, times) = (&mut verifiers[k], &mut pools[k], &mut times[k]);
+            let (session, times) = (&mut sessions[k], &mut times[k]);
             let start = Instant::now();
-            let frame = pool.receive(|out| verifier.receive(raw, out))?;
-            let report = verifier.step_shared(seq, 0.0, &frame)?;
-            assert_eq!(report.verdict, Verdict::Intact);
-            potential[k] = potential[k].max(report.stats.potential_links);
+            let received = session.receive(FrameInfo::at(seq, 0.0), |copy| copy(raw));
+            let verified = session.verify(received)?;
+            let took = start.elapsed();
+            assert_eq!(verified.report.verdict, Verdict::Intact);
+            potential[k] = potential[k].max(verified.report.stats.potential_links);
             // The first frames make the baseline and the reference frame. Frames that are expected
             // to be quiet count only if they are.
-            let quiet = name != "quiet" || verifier.work().route == Route::Quiet;
+            let quiet = name != "quiet" || verified.work.route == Route::Quiet;
             if seq >= WARM_UP && quiet {
-                let clearance = verifier.timings().clearance.as_secs_f64() * 1e3;
-                times.push(start.elapsed().as_secs_f64() * 1e3 - clearance);
+                let clearance = verified.timings.clearance.as_secs_f64() * 1e3;
+                times.push(took.as_secs_f64() * 1e3 - clearance);
                 clearances[k].push(clearance);
             }
-            verifier.settle();
+            session.settle();
         }
     }
-    let count = |k: usize| verifiers[k].baseline().map_or(0, |b| b.links.len());
-    let images = verifiers[1]
+    let count = |k: usize| sessions[k].baseline().map_or(0, |b| b.links.len());
+    let images = sessions[1]
         .baseline()
         .and_then(|b| b.images.as_ref())
         .map_or(0, Vec::len);

@@ -5,7 +5,7 @@
 //! cargo run --release --example in_process_cost -- MODEL [REPEAT]
 //! ```
 
-use linkwatch::{FramePool, Positions, RawFrame, Strategy, Verdict, Verifier, VerifierOptions};
+use linkwatch::{FrameInfo, Positions, RawFrame, Session, SessionOptions, Strategy, Verdict};
 use std::time::Instant;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
@@ -19,11 +19,10 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         let curve = (0..curve.points as usize).map(|k| curves.point(i, k));
         points.extend(curve.flatten().map(|x| x as f32));
     }
-    let mut verifier = Verifier::new(VerifierOptions {
+    let mut session = Session::new(SessionOptions {
         strategy: Strategy::Full,
-        ..VerifierOptions::default()
+        ..SessionOptions::default()
     })?;
-    let mut pool = FramePool::default();
     let mut times = Vec::new();
     for seq in 0..=repeat as u64 {
         let frame = RawFrame {
@@ -32,8 +31,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             positions: Positions::F32(&points),
         };
         let start = Instant::now();
-        let set = pool.receive(|set| verifier.receive(frame, set))?;
-        let report = verifier.step_shared(seq, 0.0, &set)?;
+        let report = session.feed(FrameInfo::at(seq, 0.0), frame)?;
         times.push(start.elapsed());
         assert_eq!(report.verdict, Verdict::Intact);
     }

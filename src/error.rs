@@ -106,7 +106,7 @@ pub enum Error {
         limit: f64,
     },
     /// No curve of the frame is closed, so there are no linking numbers, and the search for
-    /// pull-throughs is off ([`VerifierOptions::events`](crate::VerifierOptions::events)).
+    /// pull-throughs is off ([`SessionOptions::events`](crate::SessionOptions::events)).
     #[error(
         "nothing to verify: none of {curves} curves is closed{}; a search for pull-throughs \
          (--events of check, watch and replay) verifies open ones",
@@ -175,7 +175,7 @@ pub enum Error {
         model: usize,
     },
     /// A frame has more pairs of curves that come close than
-    /// [`VerifierOptions::max_pairs`](crate::VerifierOptions::max_pairs).
+    /// [`SessionOptions::max_pairs`](crate::SessionOptions::max_pairs).
     #[error(
         "the boxes of more than {limit} pairs of curves overlap, which is the limit: raise it if \
          the memory suffices (--max-pairs)"
@@ -212,9 +212,9 @@ pub enum Error {
         /// The process that used the library.
         parent: u32,
     },
-    /// A worker process ended unexpectedly, or cannot go on in the place of one that did.
+    /// The state of a watch cannot be read or written, so that it cannot be continued.
     #[error("{0}")]
-    Worker(String),
+    State(String),
     /// The bus failed.
     #[error("bus: {0}")]
     Bus(String),

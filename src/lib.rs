@@ -6,15 +6,15 @@
 //! - A simulator that is watched by the command `linkwatch watch` publishes its frames with a
 //!   [`Client`](./struct.Client.html) (feature `client`). In other languages:
 //!   [attaching a simulator](./attaching/index.html).
-//! - A program that verifies its own frames calls [`Verifier::step`] with a [`CurveSet`], and gets
-//!   a [`Report`].
+//! - A program that verifies its own frames feeds them to a [`Session`], and gets a [`Report`] on
+//!   each.
 //! - [`model`] reads and writes curves and frames: BCC, OBJ, VECT, USD, LAMMPS and NumPy
 //!   files; [`scenes`] generates some with known linking numbers.
 //! - The README has the command, the verdicts, and which curves to publish.
 //!
 #![cfg_attr(feature = "verify", doc = "```")]
 #![cfg_attr(not(feature = "verify"), doc = "```ignore")]
-//! use linkwatch::{Basis, CurveSet, Positions, Verdict, Verifier};
+//! use linkwatch::{Basis, FrameInfo, Positions, RawFrame, Session, SessionOptions, Verdict};
 //!
 //! # fn main() -> linkwatch::Result<()> {
 //! // Two closed polylines of 4 points: a square at z = 0, and one at y = 0 through the first.
@@ -22,20 +22,22 @@
 //!     [-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [1.0, 1.0, 0.0], [-1.0, 1.0, 0.0],
 //!     [0.0, 0.0, -1.0], [2.0, 0.0, -1.0], [2.0, 0.0, 1.0], [0.0, 0.0, 1.0],
 //! ];
-//! let closed = [-4, -4]; // numbers of points; minus: closed
-//! let positions = Positions::F64(points.as_flattened());
-//! let mut curves = CurveSet::from_counts(Basis::Polyline, &closed, positions)?;
-//!
-//! let mut verifier = Verifier::default(); // the first frame is the baseline
-//! assert_eq!(verifier.step(0, 0.0, &curves)?.verdict, Verdict::Intact);
-//! let linked = verifier.baseline().expect("the first frame was verified").links[0];
+//! let first = RawFrame {
+//!     basis: Basis::Polyline,
+//!     counts: &[-4, -4], // numbers of points; minus: closed
+//!     positions: Positions::F64(points.as_flattened()),
+//! };
+//! let mut session = Session::new(SessionOptions::default())?; // the first frame is the baseline
+//! assert_eq!(session.feed(FrameInfo::at(0, 0.0), first)?.verdict, Verdict::Intact);
+//! let linked = session.baseline().expect("the first frame was verified").links[0];
 //! assert_eq!((linked.i, linked.j, linked.lambda.abs()), (0, 1, 1));
 //!
 //! for point in &mut points[4..] {
 //!     point[0] += 5.0; // the second square jumps out of the first
 //! }
-//! curves.update(Positions::F64(points.as_flattened()))?;
-//! let report = verifier.step(1, 0.01, &curves)?;
+//! let positions = Positions::F64(points.as_flattened());
+//! let second = RawFrame { basis: Basis::Polyline, counts: &[-4, -4], positions };
+//! let report = session.feed(FrameInfo::at(1, 0.01), second)?;
 //! assert_eq!(report.verdict, Verdict::Changed);
 //! assert!(report.abort);
 //! assert_eq!((report.changes[0].expected.abs(), report.changes[0].found), (1, 0));
@@ -51,10 +53,11 @@
 //! | purpose | items |
 //! |---|---|
 //! | curves of a frame | [`CurveSet`], [`Basis`], [`Positions`]; from files: [`model`] |
-//! | frames in memory of others | [`RawFrame`], for [`Verifier::receive`] |
-//! | verification | [`Verifier`] with [`VerifierOptions`], [`Strategy`], [`Events`], [`AbortOn`] |
+//! | frames in memory of others | [`RawFrame`], for [`Session::receive`] |
+//! | verification | [`Session`] with [`FrameInfo`], [`SessionOptions`], [`Strategy`], [`Events`] |
+//! | single frames | [`Certifier`] |
 //! | closed and open curves | [`Closing`] |
-//! | periodic scenes | [`Cell`], [`VerifierOptions::cell`], [`Unwrap`], [`period`] |
+//! | periodic scenes | [`Cell`], [`SessionOptions::cell`], [`Unwrap`], [`period`] |
 //! | findings | [`Report`] with [`Verdict`], [`Change`], [`PullThrough`], [`Defect`], [`Place`] |
 //! | expected topology | [`Certificate`], [`Comparison`], [`Link`] |
 //! | DNA, polymers | [`Ribbon`], [`GaussIntegrals`]: writhe, twist, linking of open curves |
@@ -77,11 +80,11 @@
 //! | feature | adds | main dependency |
 //! |---|---|---|
 //! | `client` | a simulator's end of the bus: `Client`, `services` | iceoryx2 |
-//! | `verify` | the exact core: `Verifier`, which computes every linking number | rayon |
+//! | `verify` | the exact core: `Session`, which computes every linking number | rayon |
 //! | `bus` | `client`, `verify` and the watcher's end: `Sidecar` | iceoryx2 |
 //! | `cli` | the command `linkwatch`; no API | clap |
 //! | `lab` | measurements: `lab`; `study` and `devices --measure` of the command | plotters |
-//! | `gpu` | kernels on a GPU: `VerifierOptions::device` | wgpu |
+//! | `gpu` | kernels on a GPU: `SessionOptions::device` | wgpu |
 //! | `mcap` | recordings: `RecordingSink`, `RecordingReader`, `RunReport` | mcap |
 //! | `rerun` | the viewer: `ViewerSink` | rerun |
 //! | `metrics` | `watch --metrics` of the command; no API | prometheus |
@@ -122,6 +125,8 @@ mod container;
 mod curve;
 #[cfg(feature = "verify")]
 mod discretize;
+#[cfg(feature = "verify")]
+mod engine;
 #[cfg_attr(
     not(feature = "verify"),
     allow(dead_code, reason = "for the exact core")
@@ -158,7 +163,11 @@ mod report;
 #[cfg(feature = "verify")]
 mod ribbon;
 #[cfg(feature = "verify")]
+mod scene;
+#[cfg(feature = "verify")]
 pub mod scenes;
+#[cfg(feature = "verify")]
+mod session;
 #[cfg(feature = "verify")]
 mod simd;
 #[cfg(feature = "verify")]
@@ -172,8 +181,6 @@ pub mod sweep;
 mod thickness;
 mod verdict;
 #[cfg(feature = "verify")]
-mod verifier;
-#[cfg(feature = "verify")]
 mod words;
 #[cfg(all(doc, feature = "client"))]
 #[doc = include_str!("../docs/attaching.md")]
@@ -185,23 +192,24 @@ pub use bus::{
     MessageKind, Outcome, ServiceInfo, VerdictMessage, WaitMode, services,
 };
 #[cfg(feature = "bus")]
-pub use bus::{Event, Frame, LastLabels, SessionState, Sidecar, SidecarOptions};
+pub use bus::{Event, Frame, LastLabels, Sidecar, SidecarOptions, SidecarState};
 #[cfg(feature = "verify")]
 pub use certificate::{Certificate, Comparison};
 #[cfg(feature = "cli")]
 #[doc(hidden)] // For the binary and the Python package of this repository only.
 pub use cli::run_command;
-pub use curve::{Basis, Cell, CurveChange, CurveLabels, Image, Point, Positions, Precision};
+pub use curve::{Basis, Cell, CurveLabels, Image, Point, Positions, Precision};
 #[cfg(feature = "verify")]
 pub use curve::{Curve, CurveSet, CurveSetBuilder, LongSegment};
 #[cfg(feature = "verify")]
 pub use discretize::{Braid, BraidLoops, Braids, End, Polylines, chords, homotopic_polylines};
+#[cfg(feature = "verify")]
+pub use engine::{Certifier, Ladder, Progress, SessionOptions, Strategy, Timings, bisect};
 pub use error::{Error, Result};
 #[cfg(feature = "verify")]
 pub use incremental::{Cause, Events, Route, Work};
 #[cfg(feature = "verify")]
-pub use ingest::{Closing, ClosingNote, CurveSource, FrameInfo, FramePool, RawFrame};
-#[cfg(feature = "verify")]
+pub use ingest::{Closing, ClosingNote, CurveSource, FrameInfo, RawFrame};
 #[cfg(feature = "verify")]
 pub use periodic::{Unwrap, beside, period};
 #[cfg(feature = "verify")]
@@ -210,6 +218,8 @@ pub use plan::Plan;
 pub use report::{Conclusion, RunReport};
 #[cfg(feature = "verify")]
 pub use ribbon::{Axis, GaussIntegrals, Pairing, PairingReason, Ribbon, RibbonOptions};
+#[cfg(feature = "verify")]
+pub use session::{Continuation, Given, Received, Session, SessionState, VerifiedFrame};
 #[cfg(feature = "mcap")]
 pub use sinks::{
     Alignment, CurveDiff, Ending, FrameDiff, FramePlace, OnlyIn, Outline, OutlinedVerdict,
@@ -230,10 +240,6 @@ pub use thickness::{
 pub use verdict::{
     AbortOn, Change, ChangeKind, Clearance, CloseStrands, Defect, DefectKind, ImageLink, Lasting,
     Link, LoopPair, Place, PullThrough, Report, ReportDifference, Stats, Verdict,
-};
-#[cfg(feature = "verify")]
-pub use verifier::{
-    Intactness, Ladder, Progress, Strategy, Timings, Verifier, VerifierOptions, bisect,
 };
 
 /// Compiles the example of the page on periodic cells.

@@ -1,4 +1,5 @@
-//! A frame like the previous one allocates nothing, because a [`Verifier`] reuses every buffer.
+//! A frame like the previous one allocates nothing, because [`Session`] and [`Certifier`] reuse
+//! every buffer.
 //!
 //! Only allocations of the verifying threads are counted. With `LINKWATCH_TRACE_ALLOCATIONS=1` each
 //! one is printed with its backtrace.
@@ -7,13 +8,14 @@
 mod support;
 
 use linkwatch::scenes::Scene;
-use linkwatch::{Basis, CurveSet, Positions, Verifier};
+use linkwatch::{Basis, Certifier, CurveSet, FrameInfo, Positions, Session, SessionOptions};
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::backtrace::Backtrace;
 use std::cell::Cell;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use support::random::Random;
+use support::session::Step;
 
 #[global_allocator]
 static ALLOCATOR: Counting = Counting;
@@ -96,7 +98,7 @@ fn tangle(basis: Basis) -> (String, CurveSet) {
         .map(|_| random.between(0.0, 1.0) as f32)
         .collect();
     let set = CurveSet::from_counts(basis, &[-60; 8], Positions::F32(&xyz)).unwrap();
-    let (_, stats) = Verifier::default().certify(&set);
+    let (_, stats) = Certifier::default().certify(&set);
     assert!(stats.refined > 100, "{stats:?}");
     (format!("tangle of {basis:?}"), set)
 }
@@ -131,8 +133,8 @@ fn touching() -> (String, CurveSet) {
     });
     let xyz: Vec<f32> = rings.flatten().collect();
     let set = CurveSet::from_counts(Basis::Polyline, &[-4; 200], Positions::F32(&xyz)).unwrap();
-    let mut verifier = Verifier::default();
-    let undefined = verifier.certify(&set).0.undefined.len();
+    let mut certifier = Certifier::default();
+    let undefined = certifier.certify(&set).0.undefined.len();
     assert!(undefined > 100, "{undefined}");
     ("touching rings".to_owned(), set)
 }
@@ -148,13 +150,14 @@ fn measure(threads: usize, set: &CurveSet) -> [[u64; COUNTED_RUNS]; 2] {
     // All frames run in one call into the pool. A call from outside uses rayon's queue, which
     // allocates for every few dozen calls; within the pool rayon allocates nothing.
     let frames = || {
-        let mut verifier = Verifier::default();
+        let mut certifier = Certifier::default();
         let certify = allocations(|| {
-            verifier.certify(set);
+            certifier.certify(set);
         });
-        let mut verifier = Verifier::default();
+        let mut session = Session::new(SessionOptions::default()).unwrap();
+        let (info, set) = (FrameInfo::at(0, 0.0), Arc::new(set.clone()));
         let step = allocations(|| {
-            let _ = verifier.step(0, 0.0, set).unwrap();
+            session.step_at(info.clone(), &set);
         });
         [certify, step]
     };

@@ -2,10 +2,13 @@
 
 #![cfg(feature = "verify")]
 
+mod support;
+
 use linkwatch::{
-    Basis, Braid, Braids, Certificate, CurveSet, Events, Positions, Report, Strategy, Verdict,
-    Verifier, VerifierOptions,
+    Basis, Braid, Braids, Certificate, Certifier, CurveSet, Events, FrameInfo, Positions, Report,
+    Session, SessionOptions, Strategy, Verdict,
 };
+use support::session::Step;
 
 type Point = [f64; 3];
 
@@ -75,19 +78,19 @@ fn of(basis: Basis, curves: &[Vec<Point>], closed: impl Fn(usize) -> bool) -> Cu
     CurveSet::from_counts(basis, &counts, Positions::F64(&points)).unwrap()
 }
 
-fn verifier(braids: Braids) -> Verifier {
-    let options = VerifierOptions {
+fn new_session(braids: Braids) -> Session {
+    let options = SessionOptions {
         braids: Some(braids),
         strategy: Strategy::Incremental,
-        ..VerifierOptions::default()
+        ..SessionOptions::default()
     };
-    Verifier::new(options).unwrap()
+    Session::new(options).unwrap()
 }
 
 fn certificate(set: &CurveSet) -> Certificate {
-    let mut verifier = verifier(Braids::Auto);
-    assert_eq!(verifier.step(0, 0.0, set).unwrap().verdict, Verdict::Intact);
-    verifier.baseline().unwrap().clone()
+    let mut session = new_session(Braids::Auto);
+    assert_eq!(session.step(0, set).report.verdict, Verdict::Intact);
+    session.baseline().unwrap().clone()
 }
 
 /// Returns the loops closed by hand: connections of neighbours in the plane of the bars, that of
@@ -179,8 +182,8 @@ fn linking_numbers_are_those_of_loops_closed_by_hand() {
             let (word, windings) = random_word(n, 4, &mut next);
             let strands = strands(n, &word);
             let found = certificate(&open(&strands));
-            let mut verifier = Verifier::default();
-            let (by_hand, _) = verifier.certify(&closed_by_hand(&strands));
+            let mut certifier = Certifier::default();
+            let (by_hand, _) = certifier.certify(&closed_by_hand(&strands));
             let mut expected = by_hand.links.clone();
             expected.retain(|l| !adjacent(n, l.i, l.j));
             assert_eq!(found.links, expected, "{n} strands, {word:?}");
@@ -252,8 +255,8 @@ fn moved_ends_keep_the_certificate_and_a_pull_through_of_each_pair_changes_it() 
                 let broken = [word.clone(), canceled].concat();
                 let length = length(&intact);
                 let fine = |word: &[i32], turn: f64| open(&moved(&strands(n, word), turn, length));
-                let mut verifier = verifier(Braids::Auto);
-                let mut step = |seq, set: &CurveSet| verifier.step(seq, 0.0, set).unwrap();
+                let mut session = new_session(Braids::Auto);
+                let mut step = |seq, set: &CurveSet| session.step(seq, set).report;
                 assert_eq!(step(0, &fine(&intact, 0.0)).verdict, Verdict::Intact);
                 for turn in [0.2, 0.5, -0.4] {
                     let report = step(1, &fine(&intact, turn));
@@ -288,23 +291,20 @@ fn several_braids_and_closed_curves_are_verified_together() {
     curves.push(ring.map(|[x, y]| [51.0 + x, y, 0.6]).to_vec());
     curves[6].reverse();
     let set = of(Basis::Polyline, &curves, |k| k == 8);
-    let options = VerifierOptions {
+    let options = SessionOptions {
         braids: Some(Braids::Auto),
         events: Events::Between,
-        ..VerifierOptions::default()
+        ..SessionOptions::default()
     };
-    let mut verifier = Verifier::new(options).unwrap();
-    assert_eq!(
-        verifier.step(0, 0.0, &set).unwrap().verdict,
-        Verdict::Intact
-    );
-    let Some(Braids::Given(found)) = verifier.braids() else {
+    let mut session = Session::new(options).unwrap();
+    assert_eq!(session.step(0, &set).report.verdict, Verdict::Intact);
+    let Some(Braids::Given(found)) = session.braids() else {
         panic!("braids")
     };
     assert_eq!(found.len(), 2);
     assert_eq!(found[1].curves, [4, 5, 6, 7]);
     assert_eq!(found[1].reversed, [6]);
-    let links = &verifier.baseline().unwrap().links;
+    let links = &session.baseline().unwrap().links;
     let with_ring: Vec<(u32, u32)> = links
         .iter()
         .map(|l| (l.i, l.j))
@@ -315,9 +315,12 @@ fn several_braids_and_closed_curves_are_verified_together() {
     for p in &mut curves[8] {
         p[1] += 5.0;
     }
-    let report = verifier
-        .step(1, 0.1, &of(Basis::Polyline, &curves, |k| k == 8))
-        .unwrap();
+    let report = session
+        .step_at(
+            FrameInfo::at(1, 0.1),
+            of(Basis::Polyline, &curves, |k| k == 8),
+        )
+        .report;
     assert_eq!(report.verdict, Verdict::Changed);
     assert_eq!(
         report.events.iter().map(|e| (e.i, e.j)).collect::<Vec<_>>(),
@@ -355,13 +358,13 @@ fn splines_and_polylines_have_the_same_certificate() {
 /// Verifies a straight braid of four curves, then the curves that `change` makes of it.
 fn after(change: impl FnOnce(&mut Vec<Vec<Point>>)) -> Report {
     let mut curves = strands(4, &[2, 2]);
-    let mut verifier = verifier(Braids::Auto);
+    let mut session = new_session(Braids::Auto);
     assert_eq!(
-        verifier.step(0, 0.0, &open(&curves)).unwrap().verdict,
+        session.step(0, open(&curves)).report.verdict,
         Verdict::Intact
     );
     change(&mut curves);
-    verifier.step(1, 0.0, &open(&curves)).unwrap()
+    session.step(1, open(&curves)).report
 }
 
 fn assert_undecided(report: &Report, words: &[&str]) {
@@ -418,12 +421,12 @@ fn end_volumes_that_overlap_are_undecided() {
         let other = one.iter().map(|c| c.iter().map(turned).collect());
         open(&one.iter().cloned().chain(other).collect::<Vec<_>>())
     };
-    let mut verifier = verifier(Braids::Auto);
+    let mut session = new_session(Braids::Auto);
     assert_eq!(
-        verifier.step(0, 0.0, &beside(30.0)).unwrap().verdict,
+        session.step(0, beside(30.0)).report.verdict,
         Verdict::Intact
     );
-    let report = verifier.step(1, 0.0, &beside(1.2)).unwrap();
+    let report = session.step(1, beside(1.2)).report;
     let words = "the volumes of the left end of braid 0 and the left end of braid 1 overlap";
     assert_undecided(&report, &[words]);
 }
@@ -433,7 +436,9 @@ fn braids_of_few_unknown_or_closed_curves_are_errors() {
     let set = of(Basis::Polyline, &strands(5, &[]), |k| k == 4);
     let fails = |json: &str| {
         let braids = Braids::from_json(json).unwrap();
-        let error = verifier(braids).step(0, 0.0, &set).unwrap_err();
+        let error = new_session(braids)
+            .feed(FrameInfo::at(0, 0.0), &set)
+            .unwrap_err();
         error.to_string()
     };
     let given = |curves: &str| fails(&format!(r#"{{"braids": [{{"curves": {curves}}}]}}"#));
@@ -453,8 +458,8 @@ fn braids_of_few_unknown_or_closed_curves_are_errors() {
     ] {
         assert!(Braids::from_json(bad).is_err(), "{bad}");
     }
-    let three = verifier(Braids::Auto)
-        .step(0, 0.0, &open(&strands(3, &[])))
+    let three = new_session(Braids::Auto)
+        .feed(FrameInfo::at(0, 0.0), open(&strands(3, &[])))
         .unwrap_err();
     assert!(three.to_string().contains("needs at least 4"), "{three}");
 }
@@ -464,17 +469,11 @@ fn written_ends_give_the_same_certificate_in_a_later_frame() {
     let word = [winding(0, 2), winding(1, 3)].concat();
     let length = length(&word);
     let (first, later) = (strands(4, &word), moved(&strands(4, &word), 0.4, length));
-    let mut one = verifier(Braids::Auto);
-    assert_eq!(
-        one.step(0, 0.0, &open(&first)).unwrap().verdict,
-        Verdict::Intact
-    );
+    let mut one = new_session(Braids::Auto);
+    assert_eq!(one.step(0, open(&first)).report.verdict, Verdict::Intact);
     let json = one.braids().unwrap().to_json();
-    let mut other = verifier(Braids::from_json(&json).unwrap());
-    assert_eq!(
-        other.step(0, 0.0, &open(&later)).unwrap().verdict,
-        Verdict::Intact
-    );
+    let mut other = new_session(Braids::from_json(&json).unwrap());
+    assert_eq!(other.step(0, open(&later)).report.verdict, Verdict::Intact);
     assert_eq!(
         one.baseline().unwrap().links,
         other.baseline().unwrap().links
@@ -496,14 +495,12 @@ fn ends_that_are_not_on_a_line_turn_with_their_points() {
             })
             .collect()
     };
-    let mut verifier = verifier(Braids::Given(vec![Braid {
+    let mut session = new_session(Braids::Given(vec![Braid {
         curves: vec![0, 1, 2, 3, 4, 5],
         ..Braid::default()
     }]));
     for (seq, turn) in [0.0, 0.4, 1.1, 2.0, 3.2, 4.5, 6.2].into_iter().enumerate() {
-        let report = verifier
-            .step(seq as u64, 0.0, &open(&rods(turn, turn)))
-            .unwrap();
+        let report = session.step(seq as u64, open(&rods(turn, turn))).report;
         assert_eq!(report.verdict, Verdict::Intact, "{report:?}");
     }
 }

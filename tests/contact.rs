@@ -1,10 +1,13 @@
 //! Curves that touch exactly in a frame. The frames on both sides of a contact decide what passes
 //! through it, for open, closed and mixed pairs, and for a curve and itself.
 
+mod support;
+
 use linkwatch::{
-    Basis, CurveSet, DefectKind, Events, Point, Positions, Report, Strategy, Verdict, Verifier,
-    VerifierOptions,
+    Basis, CurveSet, DefectKind, Events, Point, Positions, Report, Session, SessionOptions,
+    Strategy, Verdict,
 };
+use support::session::Step;
 
 /// Kind of contact between the two strands.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -121,27 +124,25 @@ fn frame(curves: Curves, meeting: Meeting, z: f64) -> CurveSet {
 }
 
 /// Returns the reports on the frames with the moving strand at these heights, from an incremental
-/// verifier that is compared with a full one.
+/// session that is compared with a full one.
 fn reports(curves: Curves, meeting: Meeting, heights: &[f64]) -> Vec<Report> {
     let own = matches!(curves, Curves::Itself { .. });
     let events = if own { Events::All } else { Events::Between };
     let [mut incremental, mut full] = [Strategy::Paranoid, Strategy::Full].map(|strategy| {
-        Verifier::new(VerifierOptions {
+        Session::new(SessionOptions {
             strategy,
             events,
-            ..VerifierOptions::default()
+            ..SessionOptions::default()
         })
         .unwrap()
     });
     let mut verify = |(k, &z): (usize, &f64)| {
         let set = frame(curves, meeting, z);
-        let found = incremental.step(k as u64, 0.0, &set).unwrap();
+        let verified = incremental.step(k as u64, &set);
+        let found = verified.report;
         incremental.settle();
-        let expected = full.step(k as u64, 0.0, &set).unwrap();
-        assert!(
-            !incremental.work().disagreed,
-            "{curves:?} {meeting:?} frame {k}"
-        );
+        let expected = full.step(k as u64, &set).report;
+        assert!(!verified.work.disagreed, "{curves:?} {meeting:?} frame {k}");
         let reported = |r: &Report| {
             (
                 r.verdict,

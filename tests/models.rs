@@ -5,7 +5,7 @@ mod support;
 
 use libtest_mimic::{Arguments, Failed, Trial};
 use linkwatch::model::{self, Format, FrameWriter, Frames, ModelFrame, ReadOptions};
-use linkwatch::{Basis, Certificate, Verifier, homotopic_polylines};
+use linkwatch::{Basis, Certificate, Certifier, homotopic_polylines};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use support::trial::trial;
@@ -32,8 +32,8 @@ fn certify(file: &str) -> Result<Certificate, Failed> {
 
 fn certify_path(file: &Path) -> Result<Certificate, Failed> {
     let set = model::read(file)?;
-    let mut verifier = Verifier::default();
-    let (certificate, stats) = verifier.certify(&set);
+    let mut certifier = Certifier::default();
+    let (certificate, stats) = certifier.certify(&set);
     println!("{}: {stats:?}", file.display());
     assert_eq!(certificate.undefined, []);
     Ok(certificate.clone())
@@ -74,9 +74,9 @@ fn has_the_published_polylines(
         assert!(polylines.too_close.is_empty());
         assert!(overlaps.is_none_or(|n| n == polylines.overlaps));
         assert!(segments.is_none_or(|n| n == polylines.curves.segments()));
-        let mut verifier = Verifier::default();
-        let found = verifier.certify(&polylines.curves).0.clone();
-        assert_eq!(found, *verifier.certify(&set).0);
+        let mut certifier = Certifier::default();
+        let found = certifier.certify(&polylines.curves).0.clone();
+        assert_eq!(found, *certifier.certify(&set).0);
         Ok(())
     })
 }
@@ -87,8 +87,8 @@ fn has_its_certificate_in_every_format(model: &'static str) -> Trial {
     test(format!("convert::{model}"), &[model], move || {
         let set = model::read(&path(model))?;
         let polylines = homotopic_polylines(&set)?.curves;
-        let mut verifier = Verifier::default();
-        let expected = verifier.certify(&set).0.clone();
+        let mut certifier = Certifier::default();
+        let expected = certifier.certify(&set).0.clone();
         let folder = tempfile::tempdir()?;
         for name in [
             "a.obj", "a.vect", "a.data", "a.dump", "a.npy", "a.npz", "b.npz",
@@ -108,7 +108,7 @@ fn has_its_certificate_in_every_format(model: &'static str) -> Trial {
             assert_eq!(frames.len(), 1);
             let found = frames.into_iter().next().expect("a frame").curves?;
             assert!(found.counts().eq(written.counts()), "{name}");
-            assert_eq!(*verifier.certify(&found).0, expected, "{name}");
+            assert_eq!(*certifier.certify(&found).0, expected, "{name}");
         }
         Ok(())
     })

@@ -159,7 +159,7 @@ fn record(seq: u64, curves: Option<CurveSet>) -> FrameRecord {
         curves: curves.map(Arc::new),
         info: FrameInfo {
             cuts: seq as u32 / 2,
-            ..FrameInfo::default()
+            ..FrameInfo::at(seq, report(seq).time)
         },
         report: Arc::new(report(seq)),
         verified: seq,

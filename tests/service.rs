@@ -274,9 +274,12 @@ fn value<'a>(text: &'a str, key: &str) -> &'a str {
     found.unwrap_or_else(|| panic!("no {key}"))
 }
 
-/// Runs the command line of a recipe without a simulator, at a free port.
+/// Runs the command line of a recipe without a simulator, at a free port and in another folder.
 fn assert_starts(line: &[&str]) {
+    let folder = TempDir::new().unwrap();
+    let state = text(&folder.path().join("watch.state")).to_owned();
     let free = |word: &&str| match *word {
+        "/var/lib/linkwatch/watch.state" => state.clone(),
         "9464" => "0".to_owned(),
         "0.0.0.0:9464" => "127.0.0.1:0".to_owned(),
         word => word.to_owned(),
@@ -299,7 +302,7 @@ fn assert_starts(line: &[&str]) {
 }
 
 fn the_command_lines_of_the_recipes_start_a_watch() -> std::result::Result<(), Failed> {
-    let unit = recipe("linkwatch.service");
+    let unit = recipe("linkwatch.service").replace("\\\n", "");
     let line: Vec<&str> = value(&unit, "ExecStart=").split_whitespace().collect();
     assert_starts(&line);
     let dockerfile = recipe("Dockerfile");

@@ -7,15 +7,18 @@
 //! live: start `rerun`, then `LINKWATCH_VIEW=localhost cargo test --features rerun --test viewer
 //! twenty`.
 
+mod support;
+
 use linkwatch::{
     BaselineRecord, Basis, Certificate, Change, CurveSet, Defect, DefectKind, Events, FrameInfo,
     FrameRecord, FrameTimes, Link, LiveTimes, Overflow, Place, Positions, PullThrough, Report,
-    Route, Sink, SinkQueue, Timings, Verdict, Verifier, VerifierOptions, ViewerSink, ViewerTarget,
-    Work,
+    Route, Session, SessionOptions, Sink, SinkQueue, Timings, Verdict, VerifiedFrame, ViewerSink,
+    ViewerTarget, Work,
 };
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, SystemTime};
+use support::session::Step;
 
 const SIDE: usize = 12;
 const POINTS: usize = 24;
@@ -70,7 +73,7 @@ fn pair(j: u32) -> (u32, u32) {
     (j.min(PULLED), j.max(PULLED))
 }
 
-/// Report of a verifier: contact in frame 17, a link lost in 18, another in 24, each by a
+/// Report of a session: contact in frame 17, a link lost in 18, another in 24, each by a
 /// pull-through.
 fn report(seq: u64, set: &CurveSet) -> Report {
     let lost = [18, 24].iter().filter(|&&f| seq >= f).count();
@@ -251,14 +254,15 @@ fn shows_pull_throughs_that_linking_numbers_do_not_detect() {
     let path = file("crossings.rrd", folder.path());
     let target = ViewerTarget::File(path.clone());
     let mut sink = Box::new(ViewerSink::open(&target, "crossings").unwrap());
-    let mut verifier = Verifier::new(VerifierOptions {
+    let mut session = Session::new(SessionOptions {
         events: Events::All,
-        ..VerifierOptions::default()
+        ..SessionOptions::default()
     })
     .unwrap();
     for seq in 1..=8 {
         let set = Arc::new(crossings(seq));
-        let report = verifier.step_shared(seq, seq as f64, &set).unwrap();
+        let VerifiedFrame { report, work, .. } =
+            session.step_at(FrameInfo::at(seq, seq as f64), &set);
         let reported: Vec<_> = report.events.iter().map(|e| (e.i, e.j)).collect();
         let expected: &[(u32, u32)] = match seq {
             4 => &[(0, 1), (0, 1)],
@@ -266,7 +270,7 @@ fn shows_pull_throughs_that_linking_numbers_do_not_detect() {
             _ => &[],
         };
         assert_eq!((reported.as_slice(), &report.changes), (expected, &vec![]));
-        let record = verified(set, report, verifier.work());
+        let record = verified(set, report, work);
         sink.frame(&record).unwrap();
     }
     sink.finish().unwrap();
@@ -326,9 +330,9 @@ fn show(name: &str, unit: f32, frames: u64, motion: fn(u64) -> Vec<f32>) -> Vec<
         None => ViewerTarget::File(path.clone()),
     };
     let mut sink = Box::new(ViewerSink::open(&target, name).unwrap());
-    let mut verifier = Verifier::new(VerifierOptions {
+    let mut session = Session::new(SessionOptions {
         events: Events::All,
-        ..VerifierOptions::default()
+        ..SessionOptions::default()
     })
     .unwrap();
     let mut lost = Vec::new();
@@ -337,9 +341,10 @@ fn show(name: &str, unit: f32, frames: u64, motion: fn(u64) -> Vec<f32>) -> Vec<
         let counts = vec![-(POINTS as i32); xyz.len() / 3 / POINTS];
         let set = CurveSet::from_counts(Basis::Polyline, &counts, Positions::F32(&xyz)).unwrap();
         let set = Arc::new(set);
-        let report = verifier.step_shared(seq, seq as f64 / 60.0, &set).unwrap();
+        let VerifiedFrame { report, work, .. } =
+            session.step_at(FrameInfo::at(seq, seq as f64 / 60.0), &set);
         lost.resize(report.changes.len(), seq);
-        sink.frame(&verified(set, report, verifier.work())).unwrap();
+        sink.frame(&verified(set, report, work)).unwrap();
     }
     sink.finish().unwrap();
     assert!(live.is_some() || std::fs::metadata(&path).unwrap().len() > 1000);

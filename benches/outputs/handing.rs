@@ -3,9 +3,8 @@
 
 use linkwatch::scenes::Scene;
 use linkwatch::{
-    BaselineRecord, CurveSet, FrameInfo, FramePool, FrameRecord, Overflow, Positions, RawFrame,
-    RecordingOptions, Report, Retention, SinkQueue, SinkSummary, Strategy, Verdict, Verifier,
-    VerifierOptions,
+    BaselineRecord, FrameInfo, FrameRecord, Overflow, Positions, RawFrame, RecordingOptions,
+    Report, Retention, Session, SessionOptions, SinkQueue, SinkSummary, Verdict, VerifiedFrame,
 };
 use std::num::NonZeroU64;
 use std::path::Path;
@@ -73,7 +72,7 @@ pub fn measure(frames: usize, rounds: usize) {
                 let queue = SinkQueue::spawn("recording", WAITING, wait, move || options.open());
                 queue.expect("a thread").with_points(WAITING_POINTS)
             });
-            let mut run = run(raw, queue, (frames, full));
+            let mut run = run(raw, queue, frames);
             run.bytes = size(&folder) / frames as u64;
             std::fs::remove_dir_all(&folder).expect("the folder is removed");
             runs[k].push(run);
@@ -110,21 +109,26 @@ pub fn measure(frames: usize, rounds: usize) {
 
 /// Returns the median time of a full run, from a copy of the positions to the report.
 fn full_run(raw: RawFrame<'_>, runs: usize) -> Duration {
-    let options = VerifierOptions {
-        strategy: Strategy::Full,
-        ..VerifierOptions::default()
-    };
-    let mut verifier = Verifier::new(options).expect("valid options");
-    let mut set = None;
+    let mut session = session();
     let run = |k| {
         let start = Instant::now();
-        verifier.receive(raw, &mut set).expect("curves");
-        let curves = set.as_ref().expect("curves");
-        let report = verifier.step(k as u64, 0.0, curves).expect("a frame");
-        assert_eq!(report.verdict, Verdict::Intact);
+        verify(&mut session, k as u64, raw);
         start.elapsed()
     };
     median((0..runs).map(run).collect())
+}
+
+/// Returns a session that computes every frame in full.
+fn session() -> Session {
+    Session::new(SessionOptions::default()).expect("valid options")
+}
+
+/// Copies and verifies a frame.
+fn verify(session: &mut Session, seq: u64, raw: RawFrame<'_>) -> VerifiedFrame {
+    let received = session.receive(FrameInfo::at(seq, 0.0), |copy| copy(raw));
+    let verified = session.verify(received).expect("a frame");
+    assert_eq!(verified.report.verdict, Verdict::Intact);
+    verified
 }
 
 struct Cost {
@@ -140,19 +144,14 @@ struct Cost {
     summary: Option<SinkSummary>,
 }
 
-/// Passes frames to a queue, at the pace of full runs.
-fn run(raw: RawFrame<'_>, queue: Option<SinkQueue>, (frames, pause): (usize, Duration)) -> Cost {
-    let mut pool = FramePool::default();
-    let mut verifier = Verifier::default();
-    let mut receive = |set: &mut Option<CurveSet>| verifier.receive(raw, set);
+/// Verifies frames in full, and passes them to a queue.
+fn run(raw: RawFrame<'_>, queue: Option<SinkQueue>, frames: usize) -> Cost {
+    let mut session = session();
     let before = resident();
     let (mut all, mut handed) = (Vec::new(), Vec::new());
     let mut most = before;
     for seq in 0..frames as u64 {
-        let begin = Instant::now();
-        let curves = pool.receive(&mut receive).expect("curves");
-        let copied = begin.elapsed();
-        std::thread::sleep(pause);
+        let verified = verify(&mut session, seq, raw);
         let verdict = match seq < frames as u64 * 9 / 10 {
             true => Verdict::Intact,
             false => Verdict::Changed,
@@ -168,8 +167,8 @@ fn run(raw: RawFrame<'_>, queue: Option<SinkQueue>, (frames, pause): (usize, Dur
                 }));
             }
             queue.frame(Arc::new(FrameRecord {
-                curves: Some(curves),
-                info: FrameInfo::default(),
+                curves: verified.curves,
+                info: verified.info,
                 report: Arc::new(Report::new(seq, 0.0, verdict)),
                 verified: seq + 1,
                 skipped: 0,
@@ -182,7 +181,7 @@ fn run(raw: RawFrame<'_>, queue: Option<SinkQueue>, (frames, pause): (usize, Dur
             }));
         }
         handed.push(begin.elapsed());
-        all.push(copied + begin.elapsed());
+        all.push(verified.ingest + begin.elapsed());
         most = most.max(resident());
     }
     let longest = handed.iter().max().copied().unwrap_or_default();

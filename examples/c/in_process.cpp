@@ -38,14 +38,14 @@ int in_process() {
   std::cout << "shortest distance of the rings: " << struts.front().length << '\n';
 
   // With the radius of the strands, the clearance warns before the pull-through.
-  lw_verifier_options options{};
+  lw_session_options options{};
   options.thickness = 0.2;
-  linkwatch::Verifier verifier(counts, linkwatch::Basis::Polyline, options);
+  linkwatch::Session session(counts, linkwatch::Basis::Polyline, options);
   linkwatch::Verdict verdict;
   for (int frame = 0; frame <= 4; frame++) {
-    verdict = verifier.step(rings(1 + 0.3 * frame));
+    verdict = session.step(rings(1 + 0.3 * frame));
     std::cout << verdict.words() << '\n';
-    if (const auto clearance = verifier.clearance(); clearance && clearance->low)
+    if (const auto clearance = session.clearance(); clearance && clearance->low)
       std::cout << "low clearance: " << 100 * clearance->ratio << " % of the diameter\n";
     if (verdict.abort) break;
   }

@@ -59,7 +59,7 @@ def forces(x, v):
 
 
 class Watched:
-    """The calls of a verifier, answered by a watcher."""
+    """The calls of a session, answered by a watcher."""
 
     def __init__(self, service):
         self.sim = linkwatch.Client(
@@ -95,14 +95,14 @@ def main():
     parser.add_argument("--live", metavar="SERVICE", help="publish to linkwatch watch")
     args = parser.parse_args()
 
-    verifier = Watched(args.live) if args.live else linkwatch.Verifier([-BEADS] * RINGS)
+    session = Watched(args.live) if args.live else linkwatch.Session([-BEADS] * RINGS)
     x, step, time = chain(), args.step, 0.0
     v = np.zeros_like(x)
-    verifier.step(x.reshape(-1, 3), time)
+    session.step(x.reshape(-1, 3), time)
     while time < END_TIME:
         v_next = v + step * forces(x, v)
         x_next = x + step * v_next
-        report = verifier.step(x_next.reshape(-1, 3), time + step)
+        report = session.step(x_next.reshape(-1, 3), time + step)
         if report.intact:
             x, v, time = x_next, v_next, time + step
             continue
@@ -117,13 +117,13 @@ def main():
         if step < SMALLEST_STEP:
             raise SystemExit("two rings are stuck; an earlier state would be needed")
         print(f"rolled back to {time:.4f}; the time step is {step} now")
-        verifier.cut()
-        if not verifier.step(x.reshape(-1, 3), time).intact:
+        session.cut()
+        if not session.step(x.reshape(-1, 3), time).intact:
             raise SystemExit("the state before is not intact")
     stretch = np.ptp(x[:, :, 0])
     print(f"{RINGS} rings, {stretch:.1f} long: every link is intact")
     if args.live:
-        verifier.finish()
+        session.finish()
 
 
 if __name__ == "__main__":

@@ -40,16 +40,16 @@ def main():
     parser.add_argument("--rounds", type=int, default=9)
     args = parser.parse_args()
     points, counts, basis = read_bcc(args.model)
-    verifier = linkwatch.Verifier(counts=counts, basis=basis, events="off", incremental=False)
-    verifier.step(points)
+    session = linkwatch.Session(counts=counts, basis=basis, events="off", incremental=False)
+    session.step(points)
     python, rust = [], []
     for _ in range(args.rounds):
         # The first frame fills the caches, as it does in the other process.
-        verifier.step(points)
+        session.step(points)
         times = []
         for _ in range(25):
             start = time.perf_counter()
-            verifier.step(points)
+            session.step(points)
             times.append(1e3 * (time.perf_counter() - start))
         python.append(statistics.median(times))
         command = [args.command, args.model, "25"]

@@ -90,7 +90,7 @@ impl Frame {
     /// ([`Client::cut`](crate::Client::cut)).
     ///
     /// If it differs from the number of the last verified frame, this frame does not continue that
-    /// one: call [`Verifier::cut`](crate::Verifier::cut) before verifying this one.
+    /// one ([`FrameInfo::cuts`]).
     pub fn cuts(&self) -> u32 {
         self.header.cuts
     }
@@ -121,6 +121,8 @@ impl Frame {
             (last.sizes, last.table) = (sizes, table);
         }
         Ok(FrameInfo {
+            seq: self.seq(),
+            time: self.time(),
             cuts: self.header.cuts,
             baseline: self.header.baseline,
             layout: self.header.layout,
@@ -134,12 +136,8 @@ impl Frame {
     /// Checks the frame and copies its positions from shared memory into `set`, which the first
     /// frame creates and every later one updates. Every value is read once.
     ///
-    /// [`Frame::read`] with [`Verifier::receive`](crate::Verifier::receive) does the same, and
+    /// [`Frame::read`] with [`Session::receive`](crate::Session::receive) does the same, and
     /// saves time if the frame is then verified.
-    ///
-    /// The periodic cell of the frame is that of [`Frame::info`]: without a call of
-    /// [`Verifier::set_cell`](crate::Verifier::set_cell), the curves would be verified as if space
-    /// were open.
     ///
     /// Errors: the frame breaks its contract. Answer it with
     /// [`Verdict::Rejected`](crate::Verdict::Rejected). The next valid frame makes an existing set

@@ -59,6 +59,6 @@ pub use message::{Counters, Finding, MessageKind, VerdictMessage};
 pub use services::{Attached, ServiceInfo, services};
 #[cfg(feature = "bus")]
 #[cfg(feature = "bus")]
-pub use sidecar::{SessionState, Sidecar, SidecarOptions};
+pub use sidecar::{Sidecar, SidecarOptions, SidecarState};
 pub use wait_mode::WaitMode;
 pub use watcher::Departure;

@@ -342,7 +342,7 @@ fn the_page_of_limits_has_those_of_the_code() {
     let page = include_str!("../../docs/limits.md");
     let frames = FRAME_SUBSCRIBERS * (FRAME_BUFFER + FRAME_BORROWS) + FRAME_HISTORY + LOANS;
     assert_eq!(SidecarOptions::default().max_frame_bytes, (4 << 30) - 1);
-    assert_eq!(crate::VerifierOptions::MAX_PAIRS, 33_554_432);
+    assert_eq!(crate::SessionOptions::MAX_PAIRS, 33_554_432);
     for row in [
         "| a frame | 4 GiB (".to_owned(),
         "| pairs of curves whose boxes overlap | 33,554,432 (".to_owned(),

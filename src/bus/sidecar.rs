@@ -87,14 +87,14 @@ impl Default for SidecarOptions {
 /// Session of a simulator as far as it was watched, for a watcher that takes the place of one that
 /// crashed ([`Sidecar::resume`]).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct SessionState {
+pub struct SidecarState {
     session: u64,
     /// The last frame that was received.
     last: u64,
     counters: Counters,
 }
 
-impl SessionState {
+impl SidecarState {
     /// Returns the session of the simulator.
     pub fn session(&self) -> u64 {
         self.session
@@ -234,7 +234,7 @@ pub struct Sidecar {
     /// Frames that were received, but must wait until the session before them has ended.
     held: VecDeque<Frame>,
     /// Session that another watcher watched, until a frame arrives that it had not received.
-    resumed: Option<SessionState>,
+    resumed: Option<SidecarState>,
     pending: VecDeque<Pending>,
     /// Time at which this watcher last sent anything.
     last_message: Instant,
@@ -298,10 +298,10 @@ impl Sidecar {
     }
 
     /// Returns the state of the session, once a frame of it was received.
-    pub fn state(&self) -> Option<SessionState> {
+    pub fn state(&self) -> Option<SidecarState> {
         let session = self.session.as_ref()?;
         let last = session.last_seen.map(|seen| seen.seq);
-        Some(SessionState {
+        Some(SidecarState {
             session: session.id,
             last: last.or(self.resumed.map(|state| state.last))?,
             counters: session.counters,
@@ -312,7 +312,7 @@ impl Sidecar {
     /// counters go on, and frames that the other watcher received are not returned again. The
     /// verdict on the last one may still be sent. Call this before the first
     /// [`wait`](Sidecar::wait).
-    pub fn resume(&mut self, state: SessionState) {
+    pub fn resume(&mut self, state: SidecarState) {
         self.resumed = Some(state);
     }
 
@@ -446,7 +446,7 @@ impl Sidecar {
                     node: node_of(&self.endpoint.frames, frame.sample.origin()),
                     last_seen: None,
                     stray: None,
-                    delivered: self.resumed.map_or(0, SessionState::delivered),
+                    delivered: self.resumed.map_or(0, SidecarState::delivered),
                     counters: self.resumed.map(|state| state.counters).unwrap_or_default(),
                     abort: None,
                     known: Known::default(),

@@ -3,6 +3,7 @@
 use super::Certificate;
 use crate::curve::Image;
 use crate::error::{Error, Result};
+use crate::pairs::Pair;
 use crate::verdict::{Change, Defect, DefectKind, Link, Place};
 
 /// Result of comparing a frame with its baseline.
@@ -20,6 +21,23 @@ pub struct Comparison {
 }
 
 impl Comparison {
+    /// Returns this comparison with other numbers of the curves. `None` if a pair with a finding
+    /// has none.
+    pub(crate) fn renamed(&self, pair: impl Fn(Pair) -> Option<Pair>) -> Option<Comparison> {
+        let mut out = self.clone();
+        for c in &mut out.changes {
+            (c.i, c.j) = pair((c.i, c.j))?;
+        }
+        for d in &mut out.defects {
+            let (i, j) = pair((d.i, d.j.unwrap_or(d.i)))?;
+            (d.i, d.j) = (i, d.j.map(|_| j));
+        }
+        for l in &mut out.adopted {
+            (l.i, l.j) = pair((l.i, l.j))?;
+        }
+        Some(out)
+    }
+
     /// Returns true if the frame has linking numbers that the baseline lacks.
     pub(crate) fn has_fresh(&self) -> bool {
         let is_fresh = |d: &Defect| d.kind == DefectKind::NoBaseline;

@@ -19,12 +19,12 @@ use crate::verdict::{Defect, ImageLink, Link};
 /// the proven linking number 0.
 ///
 /// ```
-/// use linkwatch::Verifier;
+/// use linkwatch::Certifier;
 /// use linkwatch::scenes::Scene;
 ///
 /// let built = "chainmail:rows=2,columns=2".parse::<Scene>()?.build()?;
-/// let mut verifier = Verifier::default();
-/// let (certificate, _) = verifier.certify(&built.curves);
+/// let mut certifier = Certifier::default();
+/// let (certificate, _) = certifier.certify(&built.curves);
 /// assert!(certificate.compare(&built.certificate)?.changes.is_empty());
 /// # Ok::<(), linkwatch::Error>(())
 /// ```

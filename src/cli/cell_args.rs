@@ -2,8 +2,6 @@
 
 use super::input::Read;
 use super::output;
-#[cfg(any(feature = "bus", feature = "mcap"))]
-use linkwatch::RawFrame;
 use linkwatch::model::LeftOut;
 use linkwatch::{
     Cell, Closing, ClosingNote, CurveSet, CurveSource, Error, FrameInfo, Result, Unwrap,
@@ -81,7 +79,7 @@ impl CellArgs {
         }
     }
 
-    /// Returns [`VerifierOptions::wrapped`](linkwatch::VerifierOptions::wrapped).
+    /// Returns [`SessionOptions::wrapped`](linkwatch::SessionOptions::wrapped).
     pub fn wrapped(&self) -> Option<bool> {
         match (self.wrapped, self.unwrapped) {
             (true, _) => Some(true),
@@ -99,12 +97,14 @@ impl CellArgs {
         }
     }
 
-    /// Returns how the verifier treats coordinates. Without a cell, it does not unwrap them.
-    pub fn of_verifier(&self) -> Option<bool> {
-        match self.cell {
-            Some(GivenCell::None) => None,
-            _ => self.wrapped(),
-        }
+    /// Returns the cell that the user gave.
+    pub fn given(&self) -> Option<Cell> {
+        self.cell(None)
+    }
+
+    /// Returns true if the cells of the frames are ignored.
+    pub fn ignores_cells(&self) -> bool {
+        matches!(self.cell, Some(GivenCell::None))
     }
 
     /// Returns the cell of a frame: that of the user, or that of the frame.
@@ -137,25 +137,9 @@ impl Cells {
         }
     }
 
-    /// Sets the cell of a frame to that with which it is verified.
-    pub fn apply(&self, info: &mut FrameInfo) {
-        info.cell = self.args.cell(info.cell);
-    }
-
     /// Returns the number of curves that are closed because they end where they start.
     pub fn joined(&self) -> usize {
         self.closing.joined()
-    }
-
-    /// Tells the result of a frame.
-    pub fn end_frame(&mut self, verified: bool) {
-        self.closing.end_frame(verified);
-    }
-
-    /// Decides again in the next frame which curves are closed.
-    #[cfg(feature = "mcap")]
-    pub fn forget(&mut self) {
-        self.closing.forget();
     }
 
     /// Returns the properties of a frame that say how its curves are closed.
@@ -173,16 +157,10 @@ impl Cells {
         }
     }
 
-    /// Returns a received frame with the curves that are to be verified.
+    /// Returns the curves of a frame with those closed that end where they start. `None` if they
+    /// stay as they are.
     ///
     /// Errors: those of [`Closing::close`].
-    #[cfg(any(feature = "bus", feature = "mcap"))]
-    pub fn close<'a>(&'a mut self, frame: RawFrame<'a>, info: &FrameInfo) -> Result<RawFrame<'a>> {
-        let source = self.source(info);
-        self.closing.close(frame, source)
-    }
-
-    /// Same as [`Cells::close`] for curves that were read already. `None` if they stay as they are.
     pub fn close_set(&mut self, set: &CurveSet, info: &FrameInfo) -> Result<Option<CurveSet>> {
         let source = self.source(info);
         self.closing.of_set(set, source)
@@ -210,29 +188,7 @@ impl Cells {
     /// Says which curves were closed or stay open, once. Returns those that may be meant to be
     /// closed, and cannot be.
     pub fn say(&mut self, name: &dyn fmt::Display) -> Vec<LeftOut> {
-        let mut unclear = Vec::new();
-        for note in self.closing.take_notes() {
-            match note {
-                ClosingNote::Joined { .. } => {
-                    tracing::info!("{name}: {note}; --keep-open keeps such curves open");
-                }
-                ClosingNote::Opened { .. } => tracing::warn!(
-                    "{name}: {note}; a column closed:L:1 of extended XYZ, or --counts, decides"
-                ),
-                ClosingNote::Long { .. } => tracing::warn!(
-                    "{name}: {note} Open chains have a positive count, or F in a column closed:L:1"
-                ),
-                ClosingNote::Corner { count, first } => {
-                    tracing::warn!("{name}: {note}; --keep-open takes it as an open curve");
-                    unclear.push(LeftOut {
-                        count: count as u64,
-                        kind: ["spline with ends that meet", "splines with ends that meet"],
-                        first: format!("curve {first}"),
-                    });
-                }
-            }
-        }
-        unclear
+        say(name, &self.closing.take_notes())
     }
 
     /// Returns the curves of a frame, unwrapped; `None` if they are not wrapped. They are unwrapped
@@ -251,4 +207,32 @@ impl Cells {
         let cell = self.args.cell(of_frame).or(of_frame);
         self.unwrap.unwrap(set, &cell.ok_or_else(none)?).map(Some)
     }
+}
+
+/// Says which curves were closed or stay open. Returns those that may be meant to be closed, and
+/// cannot be.
+pub fn say(name: &dyn fmt::Display, notes: &[ClosingNote]) -> Vec<LeftOut> {
+    let mut unclear = Vec::new();
+    for note in notes {
+        match note {
+            ClosingNote::Joined { .. } => {
+                tracing::info!("{name}: {note}; --keep-open keeps such curves open");
+            }
+            ClosingNote::Opened { .. } => tracing::warn!(
+                "{name}: {note}; a column closed:L:1 of extended XYZ, or --counts, decides"
+            ),
+            ClosingNote::Long { .. } => tracing::warn!(
+                "{name}: {note} Open chains have a positive count, or F in a column closed:L:1"
+            ),
+            ClosingNote::Corner { count, first } => {
+                tracing::warn!("{name}: {note}; --keep-open takes it as an open curve");
+                unclear.push(LeftOut {
+                    count: *count as u64,
+                    kind: ["spline with ends that meet", "splines with ends that meet"],
+                    first: format!("curve {first}"),
+                });
+            }
+        }
+    }
+    unclear
 }

@@ -16,11 +16,12 @@ use clap::ValueEnum;
 use linkwatch::kernels::{Method, Offload};
 use linkwatch::model::{Format, FrameWriter, ModelFrame};
 use linkwatch::{
-    BraidLoops, Braids, Certificate, CurveSet, Error, Events, ImageLink, Ladder, Result, Stats,
-    Verifier, VerifierOptions, homotopic_polylines, picture,
+    BraidLoops, Braids, Certificate, Certifier, CurveSet, Error, Events, FrameInfo, ImageLink,
+    Ladder, Received, Result, Session, SessionOptions, Stats, homotopic_polylines, picture,
 };
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::time::Duration;
 
 /// Maximum number of links of each of several models that are listed; the rest is counted.
@@ -122,7 +123,7 @@ struct Certified {
     braids: Option<Braids>,
     certificate: Certificate,
     stats: Stats,
-    /// Decisions of sums and of counting; `None` with noise.
+    /// Decisions of sums and of counting; `None` with noise, braids, or a periodic cell.
     ladder: Option<Ladder>,
     /// Work done on the GPU.
     offload: Offload,
@@ -154,63 +155,23 @@ fn check_cell(frame: &Picked, args: &Args) -> Result<()> {
 
 /// Computes the certificate of a frame.
 fn certify(frame: Picked, args: &Args) -> Result<Certified> {
-    let (name, set, cell) = (&frame.name, &frame.curves, frame.cell);
     let start = std::time::Instant::now();
     let braids = args.braid_args.braids(None)?;
-    // Curves that run through the cell are worth a certificate even if none is closed.
-    let closed = set.open_curves() < set.len();
-    if braids.is_none() && cell.is_none() && !closed {
-        let (curves, yarns) = (set.len(), 0);
-        return Err(Error::NothingClosed { curves, yarns }.in_file(Path::new(name)));
-    }
-    let mut verifier = Verifier::new(VerifierOptions {
-        braids: braids.clone(),
-        cell,
-        wrapped: args.cell_args.wrapped().filter(|wrapped| !wrapped),
-        events: match cell.is_some() && !closed {
-            true => Events::Between,
-            false => Events::Off,
-        },
-        ..args.kernel.options()?
-    })?;
-    let (certificate, stats) =
-        with_progress(name, verifier.progress(), || match args.discretize {
-            _ if args.noise.is_some() => {
-                let (certificate, stats) =
-                    verifier.certify_noisy(set, args.noise.unwrap_or(0.0))?;
-                Ok((certificate.clone(), stats))
-            }
-            _ if braids.is_some() || cell.is_some() => {
-                let stats = verifier.step(0, 0.0, set)?.stats;
-                let certificate = verifier.baseline().cloned().unwrap_or_default();
-                if !closed && braids.is_none() && certificate.periods.is_empty() {
-                    let (curves, yarns) = (set.len(), 0);
-                    return Err(Error::NothingClosed { curves, yarns });
-                }
-                Ok((certificate, stats))
-            }
-            Discretize::Pair => {
-                let (certificate, stats) = verifier.certify(set);
-                Ok((certificate.clone(), stats))
-            }
-            Discretize::Algorithm3 => {
-                let polylines = homotopic_polylines(set)?;
-                tracing::info!(
-                    "{name}: Algorithm 3 made {} segments of {} ({} overlaps, {} passes)",
-                    count(polylines.curves.segments() as u64),
-                    count(set.segments() as u64),
-                    count(polylines.overlaps as u64),
-                    polylines.passes,
-                );
-                let (certificate, stats) = verifier.certify(&polylines.curves);
-                let mut certificate = certificate.clone();
-                certificate.withdraw(polylines.too_close);
-                Ok::<_, Error>((certificate, stats))
-            }
-        })?;
-    let took = start.elapsed();
+    let cell = frame.cell;
+    let mut certified = match braids.is_some() || cell.is_some() {
+        true => certify_in_session(frame, args, braids)?,
+        false => certify_alone(frame, args)?,
+    };
+    certified.took = start.elapsed();
+    let Certified {
+        frame,
+        certificate,
+        stats,
+        ..
+    } = &certified;
+    let (name, set) = (&frame.name, &frame.curves);
     if frame.is_first {
-        output::warn_of_open_curves(name, &stats, None);
+        output::warn_of_open_curves(name, stats, None);
         output::tell_of_yarns(name, certificate.periods.len(), None);
         args.cell_args.warn_of_segments(name, set, cell);
     }
@@ -228,14 +189,98 @@ fn certify(frame: Picked, args: &Args) -> Result<Certified> {
             tracing::warn!("{name}: {}", defect.sentence(extent));
         }
     }
+    Ok(certified)
+}
+
+/// Returns the error of a frame without closed curves.
+fn nothing_closed(set: &CurveSet) -> Error {
+    let (curves, yarns) = (set.len(), 0);
+    Error::NothingClosed { curves, yarns }
+}
+
+/// Returns true if a curve is closed.
+fn has_closed(set: &CurveSet) -> bool {
+    set.open_curves() < set.len()
+}
+
+/// Computes the certificate of a frame with braids or with a periodic cell.
+fn certify_in_session(frame: Picked, args: &Args, braids: Option<Braids>) -> Result<Certified> {
+    let (name, set) = (&frame.name, &frame.curves);
+    // Curves that run through the cell are worth a certificate even if none is closed.
+    let has_closed = has_closed(set);
+    let mut session = Session::new(SessionOptions {
+        cell: frame.cell,
+        wrapped: args.cell_args.wrapped().filter(|wrapped| !wrapped),
+        // It is decided already which curves are closed.
+        keep_open: true,
+        events: match frame.cell.is_some() && !has_closed {
+            true => Events::Between,
+            false => Events::Off,
+        },
+        braids,
+        ..args.kernel.options()?
+    })?;
+    let received = Received::new(FrameInfo::default(), Ok(Arc::new(set.clone())));
+    let verified = with_progress(name, session.progress(), || session.verify(received))?;
+    if let Some(why) = verified.report.rejected {
+        return Err(Error::Usage(why));
+    }
+    let certificate = session.baseline().cloned().unwrap_or_default();
+    let braids = session.braids();
+    if !has_closed && braids.is_none() && certificate.periods.is_empty() {
+        return Err(nothing_closed(set));
+    }
     Ok(Certified {
-        braids: verifier.braids(),
+        braids,
+        frame,
+        certificate,
+        stats: verified.report.stats,
+        ladder: None,
+        offload: verified.offload,
+        took: Duration::ZERO,
+    })
+}
+
+/// Computes the certificate of a frame with neither braids nor a periodic cell.
+fn certify_alone(frame: Picked, args: &Args) -> Result<Certified> {
+    let (name, set) = (&frame.name, &frame.curves);
+    if !has_closed(set) {
+        return Err(nothing_closed(set).in_file(Path::new(name)));
+    }
+    let mut certifier = Certifier::new(&args.kernel.options()?)?;
+    let progress = certifier.progress();
+    let (certificate, stats) = with_progress(name, progress, || match args.discretize {
+        _ if args.noise.is_some() => {
+            let (certificate, stats) = certifier.certify_noisy(set, args.noise.unwrap_or(0.0))?;
+            Ok((certificate.clone(), stats))
+        }
+        Discretize::Pair => {
+            let (certificate, stats) = certifier.certify(set);
+            Ok((certificate.clone(), stats))
+        }
+        Discretize::Algorithm3 => {
+            let polylines = homotopic_polylines(set)?;
+            tracing::info!(
+                "{name}: Algorithm 3 made {} segments of {} ({} overlaps, {} passes)",
+                count(polylines.curves.segments() as u64),
+                count(set.segments() as u64),
+                count(polylines.overlaps as u64),
+                polylines.passes,
+            );
+            let (certificate, stats) = certifier.certify(&polylines.curves);
+            let mut certificate = certificate.clone();
+            certificate.withdraw(polylines.too_close);
+            Ok::<_, Error>((certificate, stats))
+        }
+    })?;
+    Ok(Certified {
+        braids: None,
         frame,
         certificate,
         stats,
-        ladder: args.noise.is_none().then(|| verifier.ladder()),
-        offload: verifier.offload(),
-        took,
+        ladder: args.noise.is_none().then(|| certifier.ladder()),
+        offload: certifier.offload(),
+        took: Duration::ZERO,
     })
 }
 

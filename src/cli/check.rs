@@ -9,8 +9,8 @@ use super::files::{Content, write_text};
 use super::input::{self, FormatArgs};
 use super::kernel::KernelArgs;
 use super::output::with_progress;
+use super::run::{Baseline, FrameCounts, Judge, JunitArgs, Run, Setup, Sinks};
 use super::sequence::{Frame, Sequence};
-use super::session::{Baseline, FrameCounts, Judge, JunitArgs, Run, Session, Sinks};
 use linkwatch::kernels::Device;
 use linkwatch::{AbortOn, Error, Overflow, Result, Strategy, Verdict};
 use std::collections::{BTreeMap, BTreeSet};
@@ -116,16 +116,16 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         curves.map_err(|e| e.in_file(&path))?;
         return Err(nothing_to_compare("--against"));
     }
-    let mut session = Session::new(Run {
+    let mut session = Run::new(Setup {
         judge: &judge,
         sinks: &args.sinks,
         junit: Some(&args.junit),
         files,
-        strategy: match args.early_exit {
-            true => Strategy::EarlyExit,
-            false if single => Strategy::Full,
+        strategy: match single || args.early_exit {
+            true => Strategy::Full,
             false => Strategy::Incremental,
         },
+        early_exit: args.early_exit,
         models: true,
         live: false,
         from_now: false,
@@ -145,12 +145,11 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         let judged = frame.and_then(|frame| {
             let Frame { name, path, .. } = &frame;
             let (name, path) = (name.clone(), path.clone());
-            let (seq, time) = (frame.seq, frame.time);
             if frame.begins_run {
-                session.begin_run()?;
+                session.begin_run();
             }
             let progress = session.progress();
-            let judged = with_progress(&name, progress, || session.judge(seq, time, frame.into()));
+            let judged = with_progress(&name, progress, || session.judge(frame.into()));
             let mut judged = judged.map_err(|e| e.in_file(&path))?;
             judged.model = Some(name);
             Ok(judged)

@@ -5,13 +5,15 @@ use super::cell_args::{CellArgs, Cells};
 use super::files::{Content, Files, Overwrite, with_suffix, write_pair, write_whole};
 use super::input::{self, FormatArgs};
 use super::output::{self, count, plural};
+#[cfg(feature = "mcap")]
+use super::run::MOTION_LIMIT;
 use super::sequence::{Frame, Sequence};
 #[cfg(feature = "mcap")]
-use super::session::MOTION_LIMIT;
-#[cfg(feature = "mcap")]
-use linkwatch::VerifierOptions;
+use linkwatch::SessionOptions;
 use linkwatch::model::{Format, FrameWriter, LeftOut, ModelFrame};
-use linkwatch::{Basis, CurveSet, Error, FrameInfo, Result, Verifier, chords, homotopic_polylines};
+use linkwatch::{
+    Basis, Certifier, CurveSet, Error, FrameInfo, Result, chords, homotopic_polylines,
+};
 #[cfg(feature = "mcap")]
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -86,7 +88,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     let mut converter = Converter {
         target,
         chords: args.chords,
-        verifier: Verifier::default(),
+        certifier: Certifier::default(),
         frames: 0,
         invalid: 0,
         left_out: Vec::new(),
@@ -131,7 +133,7 @@ fn settle(mut frame: Frame, cells: &mut Cells) -> Frame {
     let settled = frame.curves.and_then(|set| cells.settle(set, &frame.info));
     frame.curves = settled;
     cells.say(&frame.name);
-    cells.apply(&mut frame.info);
+    frame.info.cell = cells.args.cell(frame.info.cell);
     frame
 }
 
@@ -206,7 +208,7 @@ struct Converter {
     target: Target,
     /// Chords per segment of a spline, if they are given.
     chords: Option<u32>,
-    verifier: Verifier,
+    certifier: Certifier,
     frames: u64,
     invalid: u64,
     /// Elements of the files that were not read.
@@ -235,7 +237,7 @@ impl Converter {
             #[cfg(feature = "mcap")]
             Target::Recording => {
                 use linkwatch::{RecordingSink, Sink};
-                let limit = VerifierOptions::MOTION_LIMIT.to_string();
+                let limit = SessionOptions::MOTION_LIMIT.to_string();
                 let metadata = BTreeMap::from([(MOTION_LIMIT.to_owned(), limit)]);
                 let mut sink = RecordingSink::create(path, &metadata)?;
                 self.convert(frames, |frame, info| {
@@ -311,8 +313,8 @@ impl Converter {
             Some(n) => chords(splines, n as usize)?,
             None => homotopic_polylines(splines)?.curves,
         };
-        let expected = self.verifier.certify(splines).0.clone();
-        let found = self.verifier.certify(&curves).0;
+        let expected = self.certifier.certify(splines).0.clone();
+        let found = self.certifier.certify(&curves).0;
         if let Some(change) = found.compare(&expected)?.changes.first() {
             let (i, j, before, after) = (change.i, change.j, change.expected, change.found);
             return Err(Error::Usage(format!(

@@ -288,6 +288,8 @@ impl From<ModelFrame> for Read {
             ..
         } = frame;
         let info = FrameInfo {
+            seq,
+            time,
             cell,
             closed_by_default,
             labels,

@@ -3,7 +3,7 @@
 
 use super::number::positive;
 use linkwatch::kernels::{Accuracy, Device, Method};
-use linkwatch::{Error, Result, VerifierOptions};
+use linkwatch::{Error, Result, SessionOptions};
 
 /// Kernel that computes linking numbers, and its settings.
 #[derive(Clone, Debug, Default, clap::Args)]
@@ -37,7 +37,7 @@ pub struct KernelArgs {
 
 impl KernelArgs {
     /// Returns the options of a verifier with this kernel and device.
-    pub fn options(&self) -> Result<VerifierOptions> {
+    pub fn options(&self) -> Result<SessionOptions> {
         for (name, given, method) in [
             ("--beta", self.beta.is_some(), Method::BarnesHut),
             ("--order", self.order.is_some(), Method::Fmm),
@@ -56,11 +56,11 @@ impl KernelArgs {
             order: self.order,
             ..Accuracy::default()
         };
-        Ok(VerifierOptions {
+        Ok(SessionOptions {
             kernel: self.method,
             accuracy,
             device: self.device.clone(),
-            ..VerifierOptions::default()
+            ..SessionOptions::default()
         })
     }
 }

@@ -38,10 +38,10 @@ mod repeat;
 mod replay;
 #[cfg(feature = "mcap")]
 mod report;
+mod run;
 mod sequence;
 #[cfg(feature = "bus")]
 mod services;
-mod session;
 #[cfg(any(feature = "bus", feature = "mcap"))]
 mod signals;
 #[cfg_attr(

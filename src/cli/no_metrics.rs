@@ -1,6 +1,6 @@
 //! Metrics in a build without the feature `metrics`: none.
 
-use super::session::FrameCounts;
+use super::run::FrameCounts;
 use linkwatch::{Report, SinkSummary};
 use std::time::Duration;
 

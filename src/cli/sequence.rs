@@ -199,6 +199,8 @@ impl Iterator for Sequence {
             seq,
             time: frame.time,
             info: FrameInfo {
+                seq,
+                time: frame.time,
                 cell: frame.info.cell,
                 closed_by_default: frame.info.closed_by_default,
                 ..self.info.clone()

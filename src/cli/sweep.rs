@@ -7,7 +7,7 @@ use super::frames::{Selected, Selection};
 use super::input::FormatArgs;
 use super::output::{self, count, plural, with_progress};
 use linkwatch::sweep::{MOST_BITS, Reduction, Sweep, SweepStep, plot};
-use linkwatch::{Events, Report, Result, Verdict, VerifierOptions};
+use linkwatch::{Events, Report, Result, SessionOptions, Verdict};
 use serde_json::json;
 use std::collections::BTreeSet;
 use std::path::PathBuf;
@@ -166,7 +166,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     if cell.is_some() {
         args.cell_args.warn_of_segments(&name, &set, cell);
     }
-    let mut options = VerifierOptions::default();
+    let mut options = SessionOptions::default();
     options.cell = cell;
     options.events = match args.with_self {
         true => Events::All,

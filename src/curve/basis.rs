@@ -5,7 +5,7 @@ use std::ops::{Add, Mul, Sub};
 
 /// Rule that turns control points into a curve. All curves of a [`crate::CurveSet`] have the same
 /// basis.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, serde::Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Basis {
     /// Straight segments between the points (`PL`): chains of beads, molecules, straight rods.

@@ -2,7 +2,9 @@
 
 use crate::error::{Error, Result};
 use serde::{Deserialize, Serialize};
-use std::collections::{HashMap, HashSet};
+use std::collections::HashMap;
+#[cfg(feature = "verify")]
+use std::collections::HashSet;
 
 /// Maximum number of bytes of a name.
 const NAME_BYTES: usize = 255;
@@ -101,9 +103,10 @@ pub(crate) fn words_of_curve(i: u32, names: &[String]) -> String {
 }
 
 /// Change of the curves between two frames: some appeared, some are gone, others may have another
-/// index. See [`Verifier::change_curves`](crate::Verifier::change_curves).
+/// index.
+#[cfg(feature = "verify")]
 #[derive(Clone, Debug, PartialEq)]
-pub struct CurveChange {
+pub(crate) struct CurveChange {
     /// Number of curves before.
     before: usize,
     /// Index of each curve before; `None` if it appeared.
@@ -112,6 +115,7 @@ pub struct CurveChange {
     gone: Vec<String>,
 }
 
+#[cfg(feature = "verify")]
 impl CurveChange {
     /// Compares curves by their names.
     ///
@@ -141,6 +145,12 @@ impl CurveChange {
         })
     }
 
+    /// Returns true if the same curves are in the same order.
+    pub fn is_identity(&self) -> bool {
+        let same = |(i, origin): (u32, &Option<u32>)| *origin == Some(i);
+        self.before == self.origins.len() && (0..).zip(&self.origins).all(same)
+    }
+
     /// Returns the names of the curves that appeared, in the order of the frame.
     pub fn appeared(&self) -> &[String] {
         &self.appeared
@@ -152,14 +162,12 @@ impl CurveChange {
     }
 
     /// Returns the number of curves before.
-    #[cfg(feature = "verify")]
-    pub(crate) fn before(&self) -> usize {
+    pub fn before(&self) -> usize {
         self.before
     }
 
     /// Returns the index of each curve before; `None` if it appeared.
-    #[cfg(feature = "verify")]
-    pub(crate) fn origins(&self) -> &[Option<u32>] {
+    pub fn origins(&self) -> &[Option<u32>] {
         &self.origins
     }
 }
@@ -189,6 +197,7 @@ pub(crate) fn words_of_change(appeared: &[String], gone: &[String]) -> Option<St
 mod tests {
     use super::*;
 
+    #[cfg(feature = "verify")]
     #[test]
     fn a_change_lists_curves_by_name() {
         let before = CurveLabels::named(["a", "b", "c"]);

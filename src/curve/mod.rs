@@ -24,6 +24,8 @@ mod coordinates;
 mod diagonals;
 #[cfg(feature = "verify")]
 mod extent;
+#[cfg(feature = "verify")]
+mod frame;
 mod labels;
 #[cfg(feature = "verify")]
 mod lazy;
@@ -34,9 +36,13 @@ mod local;
 mod notation;
 #[cfg(feature = "verify")]
 mod parts;
+#[cfg(feature = "verify")]
+mod pool;
 mod positions;
 #[cfg(feature = "verify")]
 mod set;
+#[cfg(feature = "verify")]
+mod stored;
 #[cfg(feature = "verify")]
 mod sums;
 #[cfg(feature = "verify")]
@@ -68,7 +74,11 @@ pub(crate) use coordinates::{Axes, Knots, ReadKnots, Scalar};
 pub(crate) use diagonals::Diagonals;
 #[cfg(feature = "verify")]
 pub use extent::LongSegment;
-pub use labels::{CurveChange, CurveLabels};
+#[cfg(feature = "verify")]
+pub(crate) use frame::{Frame, Images};
+#[cfg(feature = "verify")]
+pub(crate) use labels::CurveChange;
+pub use labels::CurveLabels;
 pub(crate) use labels::{words_of_change, words_of_curve};
 #[cfg(feature = "verify")]
 pub(crate) use lazy::Received;
@@ -77,11 +87,15 @@ pub(crate) use local::{feature, nearest};
 pub(crate) use notation::{Notation, significant};
 #[cfg(feature = "verify")]
 pub(crate) use parts::{Parts, multiple};
+#[cfg(feature = "verify")]
+pub(crate) use pool::FramePool;
 pub use positions::{Positions, Precision};
 #[cfg(feature = "verify")]
 pub use set::{Curve, CurveSet};
 #[cfg(feature = "verify")]
 pub(crate) use set::{Hulls, Shape};
+#[cfg(feature = "verify")]
+pub(crate) use stored::StoredCurves;
 #[cfg(feature = "verify")]
 pub(crate) use sums::{SumEdges, SumPoint, TERMS, Translated, single};
 #[cfg(feature = "verify")]

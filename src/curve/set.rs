@@ -70,7 +70,7 @@ const SPLINE_RANGE: f64 = pow2(300);
 /// All curves of one frame.
 ///
 /// Control points are stored in three arrays, one per axis, curve after curve. If a frame was
-/// received by a [`Verifier`](crate::Verifier), the arrays are built when they are needed. A closed
+/// received by a [`Session`](crate::Session), the arrays are built when they are needed. A closed
 /// curve stores copies of its first points after its last one (and of its last point before its
 /// first one if the basis needs it). So every segment is a window of adjacent slots, and eight
 /// segments are read at once.

@@ -55,7 +55,7 @@ impl Translated {
     }
 
     /// Returns the translation of the next period of a curve, if it is a yarn.
-    fn next(&self, i: usize) -> Option<Image> {
+    pub fn next(&self, i: usize) -> Option<Image> {
         let (curve, image) = self.curves[i];
         Some(plus(image, self.periods[curve as usize]?))
     }

@@ -1,7 +1,7 @@
 //! Affine frame of a motion: a rigid motion, rotation or stretch of the whole scene changes no
 //! linking number.
 
-use crate::curve::{CurveSet, Positions};
+use crate::curve::{Cell, CurveSet, Positions};
 use nalgebra::{Matrix3, Vector3};
 
 /// Number of points to which the affine frame is fitted: enough to follow the scene at a negligible
@@ -49,6 +49,21 @@ impl Affine {
         }
         let m = Matrix3::identity() + moved * sample.shape;
         Affine::new(m, sample.mean + mean - m * sample.mean)
+    }
+
+    /// Returns the least-squares map of a periodic scene. It maps the lattice vectors of the first
+    /// cell, of the reference frame, to those of the second one, so that what it says of a curve is
+    /// true of all its images. Along directions without repetition it is that of [`Affine::fit`].
+    pub fn fit_in_cell(sample: &Sample, to: Positions<'_>, cells: [&Cell; 2]) -> Option<Affine> {
+        let free = Affine::fit(sample, to)?;
+        let [from, now] = cells.map(|cell| cell.vectors.map(Vector3::from));
+        let inverse = cells[0].inverse()?.map(Vector3::from);
+        let mut m = free.m;
+        for x in (0..3).filter(|&x| cells[0].periodic()[x]) {
+            m += (now[x] - free.m * from[x]) * inverse[x].transpose();
+        }
+        let mean = free.m * sample.mean + free.t;
+        Affine::new(m, mean - m * sample.mean)
     }
 
     /// Returns a bound of the deviation from straight lines, as a share of the length of a path, of

@@ -8,7 +8,7 @@ use super::reference::Reference;
 use super::stream::compare;
 use super::work::{Route, Work};
 use crate::certificate::{Certificate, Comparison};
-use crate::curve::{Bad, CurveSet, Positions, Received};
+use crate::curve::{Bad, Cell, CurveSet, Frame, Positions, Received};
 use crate::error::Result;
 use crate::pairs::{Pair, PairFilter};
 use crate::pool;
@@ -85,8 +85,8 @@ struct Known {
 /// Result of comparing the points of a frame with the reference frame.
 #[derive(Debug, Default)]
 struct Survey {
-    /// Number of the positions ([`CurveSet::contents`]).
-    contents: Option<u64>,
+    /// Number of the positions ([`CurveSet::contents`]), and the cell.
+    contents: Option<(u64, Option<Cell>)>,
     /// Affine frame of the scene. `None` if there is none, or if too many chunks moved.
     affine: Option<Affine>,
     /// Chunks of points with a point that moved further than its allowance.
@@ -95,27 +95,33 @@ struct Survey {
 
 impl Survey {
     /// Compares a frame with a reference frame.
-    fn of(reference: &Reference, set: &CurveSet) -> Survey {
+    fn of(reference: &Reference, set: &CurveSet, cell: Option<&Cell>) -> Survey {
         let positions = set.positions();
-        let survey = Survey::read(reference, positions.as_positions(), None, f64::INFINITY);
+        let positions = (positions.as_positions(), cell);
+        let survey = Survey::read(reference, positions, None, f64::INFINITY);
         Survey {
-            contents: Some(set.contents()),
+            contents: Some((set.contents(), cell.copied())),
             // The coordinates of a set are finite.
             ..survey.unwrap_or_default()
         }
     }
 
-    /// Compares positions with a reference frame, and copies them to `copy`. Fails with the first
-    /// value whose magnitude is not within `range`.
+    /// Compares positions in a cell with a reference frame, and copies them to `copy`. Fails with
+    /// the first value whose magnitude is not within `range`.
     fn read(
         reference: &Reference,
-        positions: Positions<'_>,
+        (positions, cell): (Positions<'_>, Option<&Cell>),
         copy: Option<&mut Received>,
         range: f64,
     ) -> Result<Survey, Bad> {
+        let sample = &reference.sample;
         let mut survey = Survey {
             contents: None,
-            affine: Affine::fit(&reference.sample, positions),
+            affine: match (&reference.cell, cell) {
+                (Some(from), Some(to)) => Affine::fit_in_cell(sample, positions, [from, to]),
+                (None, None) => Affine::fit(sample, positions),
+                _ => None,
+            },
             chunks: Vec::new(),
         };
         let limit = FEW_CHUNKS.max((reference.chunks() as f64 * MANY_CHUNKS) as usize);
@@ -140,13 +146,14 @@ fn take_survey(
     received: &mut VecDeque<ReceivedSurvey>,
     reference: &Reference,
     set: &CurveSet,
+    cell: Option<&Cell>,
 ) -> Option<Survey> {
     let is_it = |r: &ReceivedSurvey| (r.contents, r.reference) == (set.contents(), reference.frame);
     let k = received.iter().position(is_it)?;
-    received.drain(..=k).next_back().map(|r| Survey {
-        contents: Some(r.contents),
-        ..r.survey
-    })
+    let survey = received.drain(..=k).next_back()?.survey;
+    // The cell may be known in another basis by now.
+    let same = survey.contents == Some((set.contents(), cell.copied()));
+    same.then_some(survey)
 }
 
 impl Monitor {
@@ -164,14 +171,19 @@ impl Monitor {
     /// reference frame in the same pass.
     ///
     /// Errors: those of [`CurveSet::update`].
-    pub fn receive(&mut self, set: &mut CurveSet, positions: Positions<'_>) -> Result<()> {
-        let same = |known: &&Known| known.reference.set.same_layout(set);
+    pub fn receive(
+        &mut self,
+        set: &mut CurveSet,
+        positions: Positions<'_>,
+        cell: Option<&Cell>,
+    ) -> Result<()> {
+        let same = |known: &&Known| known.reference.given.same_layout(set);
         let Some(known) = self.reference.as_ref().filter(same) else {
             return set.update(positions);
         };
         let mut found = None;
         set.update_by(positions, |copy, range| {
-            let survey = Survey::read(&known.reference, positions, Some(copy), range)?;
+            let survey = Survey::read(&known.reference, (positions, cell), Some(copy), range)?;
             found = Some(survey);
             Ok(())
         })?;
@@ -181,18 +193,22 @@ impl Monitor {
         self.received.extend(found.map(|survey| ReceivedSurvey {
             contents: set.contents(),
             reference: known.reference.frame,
-            survey,
+            survey: Survey {
+                contents: Some((set.contents(), cell.copied())),
+                ..survey
+            },
         }));
         Ok(())
     }
 
-    /// Compares the frame `set` with the reference frame. Returns true if it has the linking
-    /// numbers of the reference frame. A new baseline needs a new monitor. `before` is the previous
-    /// frame, for [`Monitor::pairs_to_search`].
+    /// Compares the curves of a frame, as they are given, with the reference frame. Returns true if
+    /// all pairs have the linking numbers of the reference frame. A new baseline needs a new
+    /// monitor, and so do other images. `before` is the previous frame, for
+    /// [`Monitor::pairs_to_search`].
     pub fn is_quiet(
         &mut self,
-        before: Option<&CurveSet>,
-        set: &CurveSet,
+        before: Option<&Frame>,
+        (set, cell): (&CurveSet, Option<&Cell>),
         baseline: &Certificate,
         work: &mut Work,
     ) -> bool {
@@ -200,23 +216,24 @@ impl Monitor {
         std::mem::swap(&mut self.previous, &mut self.current);
         *work = Work::default();
         self.reference
-            .take_if(|k| !k.reference.set.same_layout(set));
+            .take_if(|k| !k.reference.given.same_layout(set));
         self.current = match &self.reference {
             Some(known) => {
-                let received = take_survey(&mut self.received, &known.reference, set);
-                received.unwrap_or_else(|| Survey::of(&known.reference, set))
+                let received = take_survey(&mut self.received, &known.reference, set, cell);
+                received.unwrap_or_else(|| Survey::of(&known.reference, set, cell))
             }
             None => Survey::default(),
         };
         if let Some(built) = self.take_built(set, baseline) {
-            self.adopt_if_better(built, before, set);
+            self.adopt_if_better(built, before, (set, cell));
         }
         // A frame between the two was rejected.
         if let (Some(known), Some(before)) = (&self.reference, before)
-            && self.previous.contents != Some(before.contents())
+            && let given = before.given()
+            && self.previous.contents != Some((given.contents(), before.cell().copied()))
         {
-            self.previous = match before.same_layout(set) {
-                true => Survey::of(&known.reference, before),
+            self.previous = match given.same_layout(set) {
+                true => Survey::of(&known.reference, given, before.cell()),
                 false => Survey::default(),
             };
         }
@@ -239,8 +256,7 @@ impl Monitor {
     /// is known.
     pub fn pairs_to_search(
         &mut self,
-        before: &CurveSet,
-        after: &CurveSet,
+        [before, after]: [&Frame; 2],
         work: &mut Work,
     ) -> Option<Vec<Pair>> {
         let known = self.reference.as_ref()?;
@@ -255,6 +271,7 @@ impl Monitor {
         }
         chunks.sort_unstable();
         chunks.dedup();
+        let [before, after] = [&**before.set().ok()?, &**after.set().ok()?];
         let ends = [(affines[0], before), (affines[1], after)];
         let step = MovedBlocks::new(&known.reference, ends, &chunks, bend);
         work.marked = step.marked() as u64;
@@ -275,7 +292,10 @@ impl Monitor {
     /// Returns bounds of the curves of a frame, if it is the current one, it is quiet, and the
     /// reference frame covers all curves.
     pub fn quiet_bounds(&self, set: &CurveSet) -> Option<QuietBounds<'_>> {
-        let current = self.current.contents == Some(set.contents());
+        let current = self
+            .current
+            .contents
+            .is_some_and(|of| of.0 == set.contents());
         let reference = &self.reference.as_ref().filter(|_| current)?.reference;
         let affine = self.current.affine.filter(|_| self.current.moved() == 0)?;
         reference.quiet_bounds(affine)
@@ -292,8 +312,9 @@ impl Monitor {
     /// Starts to build a reference from the current frame, in a background thread. Does nothing if
     /// boxes dilated by the reach could overflow single precision. The reach is less than four
     /// times the largest coordinate.
-    pub fn make_reference(&mut self, set: CurveSet, certificate: Arc<Certificate>) {
-        if set.max_abs() > f64::from(f32::MAX) / 16.0 {
+    pub fn make_reference(&mut self, subject: Frame, certificate: Arc<Certificate>) {
+        let small = |set: &Arc<CurveSet>| set.max_abs() <= f64::from(f32::MAX) / 16.0;
+        if !subject.set().is_ok_and(small) {
             return;
         }
         let frame = self.frame;
@@ -305,7 +326,8 @@ impl Monitor {
                 .num_threads(1)
                 .build()
                 .ok()?;
-            let reference = || Reference::build(set, certificate, frame, coverage, filter.as_ref());
+            let filter = filter.as_ref();
+            let reference = || Reference::build(&subject, certificate, frame, coverage, filter);
             pool.install(reference)
         };
         let thread = std::thread::Builder::new().name("linkwatch-reference".into());
@@ -342,7 +364,7 @@ impl Monitor {
     pub fn make_allowances_infinite(&mut self) {
         let reference = &mut self.reference.as_mut().expect("a reference").reference;
         reference.allowances.fill(f32::INFINITY);
-        let (points, largest) = (reference.points.positions(), reference.set.max_abs());
+        let (points, largest) = (reference.points.positions(), reference.max_abs);
         reference.packed = super::packed::Packed::blocks(points, largest, &reference.allowances);
         self.received.clear();
     }
@@ -363,7 +385,7 @@ impl Monitor {
         self.build_frames = self.frame - reference.frame - 1;
         // Certificates with different numbers of curves cannot be compared.
         let comparison = reference.certificate.compare(baseline).ok()?;
-        reference.set.same_layout(set).then_some(Known {
+        reference.given.same_layout(set).then_some(Known {
             reference,
             comparison,
         })
@@ -371,16 +393,21 @@ impl Monitor {
 
     /// Adopts a reference frame if fewer points of the current frame moved relative to it than
     /// relative to the present one.
-    fn adopt_if_better(&mut self, built: Known, before: Option<&CurveSet>, set: &CurveSet) {
-        let survey = Survey::of(&built.reference, set);
+    fn adopt_if_better(
+        &mut self,
+        built: Known,
+        before: Option<&Frame>,
+        (set, cell): (&CurveSet, Option<&Cell>),
+    ) {
+        let survey = Survey::of(&built.reference, set, cell);
         let present = self.reference.as_ref();
         let present = present.filter(|k| !k.reference.certificate.has_degenerate_curves());
         self.pays = present.is_none() || survey.moved() < self.current.moved();
         if self.pays {
             self.current = survey;
-            let before = before.filter(|before| before.same_layout(set));
+            let before = before.filter(|before| before.given().same_layout(set));
             self.previous = before.map_or_else(Survey::default, |before| {
-                Survey::of(&built.reference, before)
+                Survey::of(&built.reference, before.given(), before.cell())
             });
             self.reference = Some(built);
         }

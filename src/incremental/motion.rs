@@ -97,7 +97,7 @@ impl<'a> MovedBlocks<'a> {
         bend: f64,
     ) -> MovedBlocks<'a> {
         let mut segments: Vec<(u32, u32)> = Vec::new();
-        for &chunk in chunks {
+        for &chunk in &*reference.with_images(chunks) {
             let points = chunk as usize * CHUNK..(chunk as usize + 1) * CHUNK;
             let set = &reference.set;
             set.segments_at(points, reference.coverage.open_curves, |i, s| {
@@ -443,7 +443,7 @@ mod tests {
             };
             let frames = [moved(&mut r), moved(&mut r)];
             let reference =
-                Reference::build(set(&rings), Arc::default(), 0, coverage, None).unwrap();
+                Reference::build(&set(&rings).into(), Arc::default(), 0, coverage, None).unwrap();
             let affines = frames
                 .each_ref()
                 .map(|set| Affine::fit(&reference.sample, set.positions().as_positions()));

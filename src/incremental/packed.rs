@@ -11,6 +11,7 @@
 
 use super::affine::Affine;
 use super::blocks::{BLOCK, Real, VALUES};
+use super::stream::IMAGES;
 use crate::curve::{Point, Positions};
 use crate::simd::{LANES, Simd};
 
@@ -114,7 +115,7 @@ impl Packed {
 /// Only `o'` has an error of the size of the scene, `S = |M| B + |t|`, with `B` the largest
 /// coordinate of the reference frame: `u' S` per axis, with `u'` that of the coordinates, and less
 /// than `10 * 2^-53 S` from its computation. The vector of three axes has at most twice that
-/// length, so `3 u' S + 32 * 2^-53 S` is an upper bound.
+/// length, so `3 u' S + 32 * 2^-53 S` is an upper bound, plus the error of periodic images.
 ///
 /// The other errors are of the size of the block. Let `D = |p - o'|`, and `|M|` the largest
 /// absolute row sum. Per axis, the subtraction has an error below `1.1 u D`, the products
@@ -154,7 +155,7 @@ impl PackedCondition {
     pub fn new<T: Real>(affine: &Affine, reference: f64) -> PackedCondition {
         let largest = affine.largest_row().max(1.0);
         let size = largest * reference + affine.t.amax();
-        let error = (3.0 * T::U + 32.0 * U_DOUBLE) * size + f64::from(f32::TINY);
+        let error = (3.0 * T::U + 32.0 * U_DOUBLE + IMAGES) * size + f64::from(f32::TINY);
         let stray = (affine.m - nalgebra::Matrix3::identity()).norm();
         PackedCondition {
             affine: *affine,

@@ -20,6 +20,9 @@ const GRAIN: usize = 1 << 19;
 /// to the frame. A frame beyond it is not compared.
 const LARGER: f64 = 1.5;
 
+/// Error of the coordinates of periodic images, relative to the size of the scene.
+pub(super) const IMAGES: f64 = 48.0 * f64::EPSILON / 2.0;
+
 /// Condition of a frame: `|p - (M q + t)| <= sigma a` for every point `p`, with `q` its position in
 /// the reference frame and `a` its allowance. Then `M^-1 (p - t)` is within `a` of `q`.
 ///
@@ -30,8 +33,10 @@ const LARGER: f64 = 1.5;
 /// products has an error of `2 u |m| B` (`M` is rounded as well), their sum with `t` of
 /// `4 u (|m|_1 B + |t|)`, and the difference of `u` times the same plus `A`. In all that is less
 /// than `8 u (|m|_1 B + |t| + A)` per axis, and the length of the vector of three axes has less
-/// than twice that error. The square of the length and the bound are rounded by a few `u`, which
-/// the factor `1 - 16 u` on `sigma` covers. If they underflow, their errors are far below the
+/// than twice that error. The coordinates of periodic images are sums, rounded in double precision,
+/// and the map takes the lattice vectors to those of the frame up to rounding: that adds less than
+/// `48 * 2^-53` times the same. The square of the length and the bound are rounded by a few `u`,
+/// which the factor `1 - 16 u` on `sigma` covers. If they underflow, their errors are far below the
 /// square of [`Real::TINY`].
 #[derive(Clone, Copy, Debug)]
 struct Condition<T> {
@@ -50,7 +55,7 @@ impl<T: Real> Condition<T> {
             m: [0, 1, 2].map(|r| [0, 1, 2].map(|c| T::from_f64(affine.m[(r, c)]))),
             t: [0, 1, 2].map(|r| T::from_f64(affine.t[r])),
             sigma: T::from_f64(affine.sigma * (1.0 - 16.0 * T::U)),
-            error: T::from_f64(16.0 * T::U * size * (1.0 + 4.0 * T::U)) + T::TINY,
+            error: T::from_f64((16.0 * T::U + IMAGES) * size * (1.0 + 4.0 * T::U)) + T::TINY,
         })
     }
 
@@ -237,7 +242,7 @@ impl<T: Real + Scalar> Pass<'_, T> {
 impl<'a, T: Real> Comparison<'a, T> {
     /// `points` are those of the reference frame.
     fn new(reference: &'a Reference, affine: &Affine, points: &'a [T]) -> Option<Self> {
-        let size = reference.set.max_abs();
+        let size = reference.max_abs;
         let largest = LARGER * (affine.largest_row() * size + affine.t.amax());
         Some(Comparison {
             condition: Condition::new(affine, size, largest)?,
@@ -322,7 +327,7 @@ mod tests {
         }
         let set = set(&xyz, single);
         let mut reference =
-            Reference::build(set, Arc::default(), 0, Coverage::default(), None).unwrap();
+            Reference::build(&set.into(), Arc::default(), 0, Coverage::default(), None).unwrap();
         let mut allowances = vec![f32::INFINITY; reference.set.points()];
         for i in (0..COUNTS.len()).filter(|&i| reference.set.curve(i).closed) {
             for k in reference.set.points_of(i) {

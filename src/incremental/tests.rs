@@ -5,12 +5,12 @@ use super::ledger::planted::{Plant, PlantedStep, planted_step};
 use super::reference::Reference;
 use super::{Coverage, Events, Route};
 use crate::curve::{Basis, CurveSet, Positions};
+use crate::engine::{Certifier, Engine, SessionOptions, Strategy};
 use crate::error::Error;
 use crate::ingest::RawFrame;
 use crate::random::Random;
 use crate::scenes::{Frames, Motion, Scene};
 use crate::verdict::{AbortOn, Report, Verdict};
-use crate::verifier::{Strategy, Verifier, VerifierOptions};
 use std::collections::VecDeque;
 use std::sync::Arc;
 use std::time::Instant;
@@ -22,12 +22,12 @@ const AROUND: u64 = 3;
 /// full.
 fn follow(planted: &PlantedStep, events: Events, routes: &mut [u64; 3]) -> Vec<Report> {
     let [mut incremental, mut full] = [Strategy::Paranoid, Strategy::Full].map(|strategy| {
-        Verifier::new(VerifierOptions {
+        Engine::new(SessionOptions {
             abort_on: AbortOn::Event,
             strategy,
             events,
             motion_limit: Some(f64::INFINITY),
-            ..VerifierOptions::default()
+            ..SessionOptions::default()
         })
         .unwrap()
     });
@@ -101,14 +101,14 @@ fn reports_planted_pull_throughs_in_their_frame_and_no_others() {
 }
 
 /// Receives a frame into memory of its own.
-fn receive(verifier: &mut Verifier, set: &CurveSet, xyz: &[f64]) -> crate::error::Result<CurveSet> {
+fn receive(verifier: &mut Engine, set: &CurveSet, xyz: &[f64]) -> crate::error::Result<CurveSet> {
     let mut memory = Some(set.clone());
     let frame = RawFrame {
         basis: set.basis(),
         counts: &set.counts().collect::<Vec<_>>(),
         positions: Positions::F64(xyz),
     };
-    verifier.receive(frame, &mut memory)?;
+    verifier.receive(frame, None, &mut memory)?;
     Ok(memory.expect("given"))
 }
 
@@ -128,10 +128,10 @@ fn double(scene: &str) -> (CurveSet, Vec<f64>) {
 fn a_quiet_frame_needs_no_arrays() {
     let (set, xyz) = double("chainmail:rows=4,columns=4");
     for events in [Events::Off, Events::Between, Events::All] {
-        let mut verifier = Verifier::new(VerifierOptions {
+        let mut verifier = Engine::new(SessionOptions {
             strategy: Strategy::Incremental,
             events,
-            ..VerifierOptions::default()
+            ..SessionOptions::default()
         })
         .unwrap();
         for k in 0..6 {
@@ -154,10 +154,10 @@ fn a_set_after_a_rejected_frame_is_never_intact() {
     let counts: Vec<i32> = set.counts().collect();
     for bad in [f64::NAN, f64::INFINITY] {
         for at in [0, xyz.len() / 2, xyz.len() - 1] {
-            let mut verifier = Verifier::new(VerifierOptions {
+            let mut verifier = Engine::new(SessionOptions {
                 strategy: Strategy::Incremental,
                 events: Events::Between,
-                ..VerifierOptions::default()
+                ..SessionOptions::default()
             })
             .unwrap();
             let mut memory = Some(set.clone());
@@ -171,7 +171,7 @@ fn a_set_after_a_rejected_frame_is_never_intact() {
                     counts: &counts,
                     positions: Positions::F64(&moved),
                 };
-                let received = verifier.receive(frame, &mut memory);
+                let received = verifier.receive(frame, None, &mut memory);
                 assert_eq!(received.is_ok(), k < 4);
                 let report = verifier.step(k, 0.0, memory.as_ref().unwrap()).unwrap();
                 assert_eq!(report.verdict == Verdict::Intact, k < 4, "{report:?}");
@@ -196,10 +196,10 @@ fn frames_that_are_received_in_advance_have_the_reports_of_full_runs() {
         let amplitude = r.pick(&[0.001, 0.02, 0.1, 0.4]);
         let mut frames = Frames::new(&set, 1.0).with_seed(seed);
         let [mut incremental, mut full] = [Strategy::Incremental, Strategy::Full].map(|strategy| {
-            Verifier::new(VerifierOptions {
+            Engine::new(SessionOptions {
                 strategy,
                 events: Events::All,
-                ..VerifierOptions::default()
+                ..SessionOptions::default()
             })
             .unwrap()
         });
@@ -255,7 +255,7 @@ fn reference_speed() {
         let Some(set) = scene_or_model(input) else {
             continue;
         };
-        let certificate = Verifier::default().certify(&set).0.clone();
+        let certificate = Certifier::default().certify(&set).0.clone();
         for all in [false, true] {
             let coverage = Coverage {
                 self_crossings: all,
@@ -266,8 +266,9 @@ fn reference_speed() {
             for _ in 0..7 {
                 let (set, certificate) = (set.clone(), certificate.clone());
                 let start = Instant::now();
-                let build =
-                    || Reference::build(set, Arc::new(certificate), 0, coverage, None).unwrap();
+                let build = || {
+                    Reference::build(&set.into(), Arc::new(certificate), 0, coverage, None).unwrap()
+                };
                 allowances = pool.install(build).allowances;
                 times.push(start.elapsed().as_secs_f64() * 1e3);
             }

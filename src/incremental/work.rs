@@ -18,7 +18,7 @@ pub struct Work {
     /// the partial route, pairs with a passage or a contact, and pairs that had no number.
     pub recomputed: u64,
     /// Number of recomputed pairs that the bound of a sum decided
-    /// ([`VerifierOptions::kernel`](crate::VerifierOptions::kernel)).
+    /// ([`SessionOptions::kernel`](crate::SessionOptions::kernel)).
     pub summed: u64,
     /// Number of pairs of curves (and of curves with themselves) that were searched for passages
     /// since the previous frame.

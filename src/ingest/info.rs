@@ -4,24 +4,40 @@ use crate::curve::{Cell, CurveChange, CurveLabels};
 use crate::error::{Error, Result};
 use std::sync::Arc;
 
-/// What a simulator tells about a frame, beside its number, its time and its curves.
-#[derive(Clone, Debug, Default, PartialEq)]
+/// What a simulator tells about a frame, beside its curves.
+///
+/// ```
+/// use linkwatch::FrameInfo;
+///
+/// let info = FrameInfo::at(7, 0.7).in_cell("10,10,10".parse()?);
+/// assert_eq!((info.seq, info.cuts), (7, 0));
+/// # Ok::<(), linkwatch::Error>(())
+/// ```
+#[derive(Clone, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct FrameInfo {
+    /// Number of the frame.
+    pub seq: u64,
+    /// Simulation time in seconds; 0 if it is unknown.
+    pub time: f64,
     /// Number of cuts that the simulator made before this frame. If it differs from that of the
     /// previous frame, this frame does not continue that one
-    /// ([`Verifier::cut`](crate::Verifier::cut)).
+    /// ([`Session::cut`](crate::Session::cut)).
     pub cuts: u32,
     /// Number of the frame whose linking numbers the simulator expects: its first one, or the last
     /// one that it accepted as a new baseline. If it differs from that of the previous frame, this
     /// frame is the new baseline.
     pub baseline: u64,
     /// Number of times that the simulator described its curves before this frame. If it differs
-    /// from that of the previous frame, this frame has other curves
-    /// ([`Verifier::change_curves`](crate::Verifier::change_curves)).
+    /// from that of the previous frame, this frame has other curves: those of the same name
+    /// continue, and are compared with the baseline. The linking numbers of curves that appear
+    /// become part of the baseline. Pull-throughs are searched for among the curves that continue
+    /// with the same number of points.
     pub layout: u32,
     /// Time step of the simulator in seconds; 0 if it is unknown.
     pub time_step: f64,
-    /// Periodic cell, if the scene repeats ([`Verifier::set_cell`](crate::Verifier::set_cell)).
+    /// Periodic cell, if the scene repeats. The frames of a session have either all a cell or
+    /// none. Another basis of the same lattice, as simulations take it that shear their cell, is
+    /// replaced by that of the previous frame, in which all images have their names.
     pub cell: Option<Cell>,
     /// True if nothing says which curves are closed, and the format closes them all
     /// ([`CurveSource::closed_by_default`](crate::CurveSource::closed_by_default)).
@@ -31,14 +47,40 @@ pub struct FrameInfo {
 }
 
 impl FrameInfo {
+    /// Returns the information about a frame at this time, in seconds of simulation.
+    pub fn at(seq: u64, time: f64) -> FrameInfo {
+        FrameInfo {
+            seq,
+            time,
+            ..FrameInfo::default()
+        }
+    }
+
+    /// Returns this information with a periodic cell.
+    pub fn in_cell(self, cell: Cell) -> FrameInfo {
+        FrameInfo {
+            cell: Some(cell),
+            ..self
+        }
+    }
+
+    /// Returns this information with names and radii of the curves, and the number of the layout,
+    /// which is another one whenever they change.
+    pub fn with_labels(self, layout: u32, labels: impl Into<Arc<CurveLabels>>) -> FrameInfo {
+        FrameInfo {
+            layout,
+            labels: labels.into(),
+            ..self
+        }
+    }
+
     /// Compares this frame with the last verified frame of its session. Returns the change of the
-    /// curves if it has other curves; pass it to
-    /// [`Verifier::change_curves`](crate::Verifier::change_curves).
+    /// curves if it has other curves.
     ///
     /// Errors: [`Error::Usage`] if the curves changed, but have no names; [`Error::Format`] if
     /// names or radii changed, but not the number of the layout. Curves would then be compared
     /// with others under their name.
-    pub fn change_since(&self, last: &FrameInfo) -> Result<Option<CurveChange>> {
+    pub(crate) fn change_since(&self, last: &FrameInfo) -> Result<Option<CurveChange>> {
         if last.layout != self.layout {
             return CurveChange::by_name(&last.labels, &self.labels).map(Some);
         }

@@ -4,18 +4,17 @@
 //! the input is that the slices have their stated lengths. Cost: one read and one write of the
 //! positions.
 //!
-//! The verifier joins its comparison with the reference frame to this pass
-//! ([`Verifier::receive`](crate::Verifier::receive)). Before that, it reads a sample of the points
+//! A session joins its comparison with the reference frame to this pass
+//! ([`Session::receive`](crate::Session::receive)). Before that, it reads a sample of the points
 //! for a guess of the motion; no result depends on the guess.
 
 mod closing;
 mod info;
-mod pool;
 
-pub(crate) use closing::ends_meet;
+pub(crate) use crate::curve::FramePool;
 pub use closing::{Closing, ClosingNote, CurveSource};
+pub(crate) use closing::{Decisions, ends_meet};
 pub use info::FrameInfo;
-pub use pool::FramePool;
 
 use crate::curve::{Basis, CurveSet, Positions};
 use crate::error::{Error, Result};
@@ -59,7 +58,8 @@ pub(crate) fn ingest(
     Ok(())
 }
 
-fn same_layout(frame: &RawFrame<'_>, set: &CurveSet) -> Result<()> {
+/// Fails if a frame has other curves than a set.
+pub(crate) fn same_layout(frame: &RawFrame<'_>, set: &CurveSet) -> Result<()> {
     let changed = |what, before, now| Err(Error::LayoutChanged { what, before, now });
     if frame.basis != set.basis() {
         let code = |basis: Basis| u64::from(basis.code());

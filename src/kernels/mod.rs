@@ -1,21 +1,21 @@
 //! Kernels: compute the linking number of two closed curves.
 //!
 //! `crossings` counts crossings, exactly. Those in `sums` sum the Gauss integral and return a value
-//! with a proven error bound ([`Estimate`]). The verifier accepts a sum if its bound proves
+//! with a proven error bound ([`Estimate`]). The certifier accepts a sum if its bound proves
 //! the integer, and counts crossings otherwise ([`crate::Ladder`]). So the choice of a kernel
 //! changes the time, never the result.
 //!
 //! ```
 //! use linkwatch::kernels::Method;
 //! use linkwatch::scenes::Scene;
-//! use linkwatch::{Verifier, VerifierOptions};
+//! use linkwatch::{Certifier, SessionOptions};
 //!
 //! let built = "ribbon:segments=2000,lambda=3".parse::<Scene>()?.build()?;
-//! let mut verifier = Verifier::new(VerifierOptions {
+//! let mut certifier = Certifier::new(&SessionOptions {
 //!     kernel: Method::Fmm,
-//!     ..VerifierOptions::default()
+//!     ..SessionOptions::default()
 //! })?;
-//! assert_eq!(*verifier.certify(&built.curves).0, built.certificate);
+//! assert_eq!(*certifier.certify(&built.curves).0, built.certificate);
 //! # Ok::<(), linkwatch::Error>(())
 //! ```
 //!

@@ -6,6 +6,7 @@ use super::statistics::Effort;
 use crate::certificate::Certificate;
 use crate::curve::CurveSet;
 use crate::discretize::homotopic_polylines;
+use crate::engine::{Certifier, SessionOptions};
 use crate::error::{Error, Result};
 use crate::kernels::calibration::segments;
 use crate::kernels::crossings::{Input, Workspaces};
@@ -14,7 +15,6 @@ use crate::kernels::gpu::precision::{GpuPrecision, Real};
 use crate::kernels::gpu::{self, Frame, Gpu};
 use crate::kernels::{Counted, Device, Estimate, GpuUse, Method, segment_pairs};
 use crate::pairs::{LinkSearch, Pair, Trees, degenerate_curves, potential_links};
-use crate::verifier::{Verifier, VerifierOptions};
 use std::borrow::Cow;
 
 /// Measured times of a kernel: medians, in milliseconds.
@@ -66,7 +66,7 @@ pub fn measure_adapter(
     let gpu = Gpu::shared(device).map_err(failed)?;
     let prepared = Prepared::new(Cow::Borrowed(set))?;
     let exact = prepared
-        .verifier(Method::Crossings)
+        .certifier(Method::Crossings)
         .certify(&prepared.set)
         .0
         .clone();
@@ -145,23 +145,23 @@ impl<'a> Prepared<'a> {
         segments(&self.set, &self.links)
     }
 
-    /// Returns a verifier that runs a kernel on the CPU.
-    fn verifier(&self, kernel: Method) -> Verifier {
-        let options = VerifierOptions {
+    /// Returns a certifier that runs a kernel on the CPU.
+    fn certifier(&self, kernel: Method) -> Certifier {
+        let options = SessionOptions {
             kernel,
-            ..VerifierOptions::default()
+            ..SessionOptions::default()
         };
-        Verifier::with_gpu(options, GpuUse::default())
+        Certifier::with_gpu(&options, GpuUse::default())
     }
 
     /// Returns the median time of a kernel on the CPU, in milliseconds.
     pub fn cpu_ms(&self, kernel: Method, effort: Effort) -> f64 {
-        let mut verifier = self.verifier(kernel);
+        let mut certifier = self.certifier(kernel);
         if kernel == Method::Crossings {
             // The first run allocates the buffers. Sums have none to keep.
-            verifier.certify(&self.set);
+            certifier.certify(&self.set);
         }
-        let run = || Run::of(&mut verifier, &self.set, None).times;
+        let run = || Run::of(&mut certifier, &self.set, None).times;
         let times = StageTimes::median(&effort.repeat(run).collect::<Vec<_>>());
         match kernel {
             Method::Crossings => times.links_ms,

@@ -5,10 +5,10 @@ use super::clock::timed;
 use super::statistics::median;
 use crate::certificate::Certificate;
 use crate::curve::CurveSet;
+use crate::engine::{Certifier, Ladder, SessionOptions};
 use crate::error::Result;
 use crate::kernels::Device;
 use crate::verdict::Stats;
-use crate::verifier::{Ladder, Verifier, VerifierOptions};
 use serde::Serialize;
 use std::time::Duration;
 
@@ -78,11 +78,11 @@ pub struct Run {
 
 impl Run {
     /// Certifies curves once, and compares the result with the exact one if it is known.
-    pub fn of(verifier: &mut Verifier, curves: &CurveSet, exact: Option<&Certificate>) -> Run {
-        let ((found, stats), elapsed) = timed(|| verifier.certify(curves));
+    pub fn of(certifier: &mut Certifier, curves: &CurveSet, exact: Option<&Certificate>) -> Run {
+        let ((found, stats), elapsed) = timed(|| certifier.certify(curves));
         let (links, undefined) = (found.links.len(), found.undefined.len());
         let equal = exact.is_none_or(|exact| found == exact);
-        let (timings, ladder) = (verifier.timings(), verifier.ladder());
+        let (timings, ladder) = (certifier.timings(), certifier.ladder());
         let ms = |d: Duration| d.as_secs_f64() * 1e3;
         Run {
             times: StageTimes {
@@ -102,7 +102,7 @@ impl Run {
         }
     }
 
-    /// Certifies curves with a new verifier, which allocates its buffers, and again with the same
+    /// Certifies curves with a new certifier, which allocates its buffers, and again with the same
     /// one.
     ///
     /// Errors: the device cannot be used.
@@ -111,11 +111,11 @@ impl Run {
         curves: &CurveSet,
         exact: Option<&Certificate>,
     ) -> Result<[Run; 2]> {
-        let mut verifier = Verifier::new(VerifierOptions {
+        let mut certifier = Certifier::new(&SessionOptions {
             device: device.clone(),
-            ..VerifierOptions::default()
+            ..SessionOptions::default()
         })?;
-        let mut run = || Run::of(&mut verifier, curves, exact);
+        let mut run = || Run::of(&mut certifier, curves, exact);
         Ok([run(), run()])
     }
 

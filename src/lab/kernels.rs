@@ -4,9 +4,9 @@ use super::certify::Run;
 use super::setting::Setting;
 use super::statistics::Effort;
 use super::subject::Subject;
+use crate::engine::{Certifier, SessionOptions};
 use crate::error::Result;
 use crate::kernels::{Device, Method};
-use crate::verifier::{Verifier, VerifierOptions};
 use std::time::Duration;
 
 /// Limits of the measurement of a kernel.
@@ -107,17 +107,17 @@ impl KernelRow {
     }
 }
 
-/// Runs a kernel several times, each time with a new verifier.
+/// Runs a kernel several times, each time with a new certifier.
 fn run(setting: Setting, subject: &Subject, effort: &KernelEffort) -> Result<Option<Run>> {
     let run = || {
-        let mut verifier = Verifier::new(VerifierOptions {
+        let mut certifier = Certifier::new(&SessionOptions {
             kernel: setting.method,
             accuracy: setting.accuracy,
             device: effort.device.clone(),
-            ..VerifierOptions::default()
+            ..SessionOptions::default()
         })?;
         Ok(Run::of(
-            &mut verifier,
+            &mut certifier,
             &subject.curves,
             Some(&subject.exact),
         ))

@@ -2,19 +2,21 @@
 //! and a full run.
 //!
 //! Every frame is read once, then received and verified incrementally. Every few frames a second
-//! verifier receives the frame and computes it in full, for its time and its verdict. All
+//! session receives the frame and computes it in full, for its time and its verdict. All
 //! measurements alternate frame by frame, so that a busy machine slows all of them equally.
 
 use super::clock::timed;
 use crate::curve::{CurveSet, Positions};
+use crate::engine::{SessionOptions, Strategy};
 use crate::error::Result;
 use crate::incremental::Events;
-use crate::ingest::{FramePool, RawFrame};
+use crate::ingest::{FrameInfo, RawFrame};
 use crate::scenes::{Frames, Motion};
+use crate::session::{Session, VerifiedFrame};
 use crate::thickness::ClearanceOptions;
 use crate::verdict::{Report, Verdict};
-use crate::verifier::{Strategy, Verifier, VerifierOptions};
 use std::hint::black_box;
+use std::time::Duration;
 
 /// Number of full runs of a row: enough for a median.
 const FULL_RUNS: u64 = 25;
@@ -81,28 +83,29 @@ impl FrameSource for GeneratedMotion<'_> {
 pub struct MotionStudy {
     /// The curves, at any positions.
     pub curves: CurveSet,
-    /// Pull-throughs that both verifiers search for.
+    /// Pull-throughs that both sessions search for.
     pub events: Events,
     /// Motion beyond which pull-throughs that cancel count as unresolved
-    /// ([`VerifierOptions::motion_limit`]).
+    /// ([`SessionOptions::motion_limit`]).
     pub motion_limit: Option<f64>,
-    /// Clearance that the incremental verifier measures.
+    /// Clearance that the incremental session measures.
     pub clearance: Option<ClearanceOptions>,
 }
 
 impl MotionStudy {
-    /// Creates the incremental verifier that is measured, and the one that computes frames in full.
-    fn verifiers(&self) -> Result<[Verifier; 2]> {
-        let verifier = |strategy| {
-            Verifier::new(VerifierOptions {
+    /// Creates the incremental session that is measured, and the one that computes frames in full.
+    fn sessions(&self) -> Result<[Session; 2]> {
+        let session = |strategy| {
+            Session::new(SessionOptions {
                 strategy,
                 events: self.events,
                 motion_limit: self.motion_limit,
                 clearance: self.clearance.filter(|_| strategy == Strategy::Incremental),
-                ..VerifierOptions::default()
+                keep_open: true,
+                ..SessionOptions::default()
             })
         };
-        Ok([verifier(Strategy::Incremental)?, verifier(Strategy::Full)?])
+        Ok([session(Strategy::Incremental)?, session(Strategy::Full)?])
     }
 
     /// Measures all frames of a motion. `name` and `amplitude` describe it in the row. `count` is
@@ -129,12 +132,24 @@ impl MotionStudy {
             (Events::Off, Some(count)) => (count / FULL_RUNS).max(1),
             _ => 1,
         };
-        let [mut incremental, mut full] = self.verifiers()?;
-        let mut stream = Stream::new(&self.curves);
+        let [mut incremental, mut full] = self.sessions()?;
+        let counts: Vec<i32> = self.curves.counts().collect();
+        let still = RawFrame {
+            basis: self.curves.basis(),
+            counts: &counts,
+            positions: Positions::F64(&[]),
+        };
         if let Some(first) = source.next()? {
-            for verifier in [&mut incremental, &mut full] {
+            for session in [&mut incremental, &mut full] {
                 // The baseline.
-                let _ = stream.verify(verifier, 0, first.positions)?;
+                verify(
+                    session,
+                    0,
+                    RawFrame {
+                        positions: first.positions,
+                        ..still
+                    },
+                )?;
             }
         }
         for frame in 1.. {
@@ -146,20 +161,24 @@ impl MotionStudy {
                 incremental.cut();
                 full.cut();
             }
-            let (report, took) = stream.verify(&mut incremental, frame, positions)?;
+            let raw = RawFrame { positions, ..still };
+            let verified = verify(&mut incremental, frame, raw)?;
+            let report = &verified.report;
             // The clearance has a column of its own.
-            let clearance = match report.clearance {
+            let clearance = match &report.clearance {
                 Some(found) => {
-                    let ratio = found.closest.map_or(f64::INFINITY, |c| c.ratio);
+                    let ratio = found.closest.as_ref().map_or(f64::INFINITY, |c| c.ratio);
                     row.lowest = row.lowest.min(ratio);
-                    incremental.timings().clearance.as_secs_f64() * 1e3
+                    ms(verified.timings.clearance)
                 }
                 None => 0.0,
             };
             row.clearance.push(clearance);
-            row.receive.push(took[0]);
-            row.frame.push(took[0] + took[1] - clearance);
-            let work = incremental.work();
+            let receive = ms(verified.ingest);
+            row.receive.push(receive);
+            row.frame
+                .push(receive + ms(verified.verification) - clearance);
+            let work = verified.work;
             row.routes[work.route as usize] += 1;
             row.blocks += work.blocks;
             row.marked += work.marked;
@@ -175,57 +194,30 @@ impl MotionStudy {
                 on_frame(frame, None);
                 continue;
             }
-            let (expected, [update, verification]) = stream.verify(&mut full, frame, positions)?;
-            row.update.push(update);
-            row.full.push(update + verification);
+            let computed = verify(&mut full, frame, raw)?;
+            let expected = &computed.report;
+            row.update.push(ms(computed.ingest));
+            row.full.push(ms(computed.ingest + computed.verification));
             row.not_intact += u64::from(expected.verdict != Verdict::Intact);
-            let equal = same(&expected, &report);
+            let equal = same(expected, report);
             row.equal += u64::from(equal);
-            on_frame(frame, (!equal).then_some([&expected, &report]));
+            on_frame(frame, (!equal).then_some([expected, report]));
         }
         Ok(row)
     }
 }
 
-/// Frames of a scene, received into memory that is reused as in a live run.
-struct Stream<'a> {
-    curves: &'a CurveSet,
-    counts: Vec<i32>,
-    pool: FramePool,
+/// Verifies a frame, which is received as in a live run.
+///
+/// Errors: those of [`Session::verify`], and the reason why the frame is rejected.
+fn verify(session: &mut Session, frame: u64, raw: RawFrame<'_>) -> Result<VerifiedFrame> {
+    let received = session.receive(FrameInfo::at(frame, 0.0), |copy| copy(black_box(raw)));
+    session.verify(received)?.valid()
 }
 
-impl<'a> Stream<'a> {
-    fn new(curves: &'a CurveSet) -> Stream<'a> {
-        Stream {
-            curves,
-            counts: curves.counts().collect(),
-            pool: FramePool::default(),
-        }
-    }
-
-    /// Verifies a frame. Returns the report, and the milliseconds that it took to receive the frame
-    /// and to verify it.
-    fn verify(
-        &mut self,
-        verifier: &mut Verifier,
-        frame: u64,
-        positions: Positions<'_>,
-    ) -> Result<(Report, [f64; 2])> {
-        let raw = RawFrame {
-            basis: self.curves.basis(),
-            counts: &self.counts,
-            positions,
-        };
-        let mut receive_ms = 0.0;
-        let set = self.pool.receive(|set| {
-            set.get_or_insert_with(|| self.curves.clone());
-            let (received, time) = timed(|| verifier.receive(black_box(raw), set));
-            receive_ms = time.wall_ms;
-            received
-        })?;
-        let (report, verification) = timed(|| verifier.step_shared(frame, 0.0, &set));
-        Ok((report?, [receive_ms, verification.wall_ms]))
-    }
+/// Returns a time in milliseconds.
+fn ms(time: Duration) -> f64 {
+    time.as_secs_f64() * 1e3
 }
 
 /// Measurements of one motion and amplitude. Times are in milliseconds, one for each frame.

@@ -12,14 +12,17 @@ use super::clock::{peak_mb, reset_peak, timed};
 use super::statistics::median;
 use crate::certificate::Certificate;
 use crate::curve::CurveSet;
+use crate::engine::{Certifier, SessionOptions, Strategy};
 use crate::error::{Error, Result};
 use crate::incremental::Events;
+use crate::ingest::FrameInfo;
 use crate::model::{self, Format, FrameWriter, ModelFrame, ReadOptions};
 use crate::scenes::{MovingScene, Scene};
+use crate::session::{Received, Session};
 use crate::verdict::{Report, Verdict};
-use crate::verifier::{Strategy, Verifier, VerifierOptions};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 /// Settings of all sizes.
 #[derive(Clone, Debug)]
@@ -112,7 +115,7 @@ fn stage<T>(work: impl FnOnce() -> Result<T>) -> Result<(T, StageCost)> {
 impl ScalingStudy {
     /// Measures one size of a scene.
     ///
-    /// Errors: those of the scene, of the file, and of the verifiers.
+    /// Errors: those of the scene, of the file, and of the session.
     pub fn measure(&self, scene: &Scene) -> Result<ScalingRow> {
         let name = format!("linkwatch-sizes-{}.npz", std::process::id());
         let file = Scratch(self.folder.join(name));
@@ -120,8 +123,8 @@ impl ScalingStudy {
         let [curves, segments, points] = sizes;
         let ((found, certifying), certify) = stage(|| {
             let set = model::read(&file.0)?;
-            let mut verifier = Verifier::default();
-            let (found, elapsed) = timed(|| verifier.certify(&set).0.clone());
+            let mut certifier = Certifier::default();
+            let (found, elapsed) = timed(|| certifier.certify(&set).0.clone());
             Ok((found, elapsed))
         })?;
         let mut row = ScalingRow {
@@ -189,19 +192,22 @@ impl ScalingStudy {
     ) -> Result<(Option<Certificate>, FramesCost)> {
         let mut times = Vec::new();
         let (baseline, all) = stage(|| {
-            let mut verifier = Verifier::new(VerifierOptions {
+            let mut session = Session::new(SessionOptions {
                 strategy: Strategy::Incremental,
                 events: self.events,
-                ..VerifierOptions::default()
+                keep_open: true,
+                ..SessionOptions::default()
             })?;
             for frame in model::Frames::open(path, &ReadOptions::default())? {
                 let frame = frame?;
                 let curves: CurveSet = frame.curves.map_err(|e| e.in_file(path))?;
-                let (report, elapsed) = timed(|| verifier.step(frame.seq, frame.time, &curves));
+                let frame =
+                    Received::new(FrameInfo::at(frame.seq, frame.time), Ok(Arc::new(curves)));
+                let (verified, elapsed) = timed(|| session.verify(frame));
                 times.push(elapsed);
-                take(report?);
+                take(verified?.valid()?.report);
             }
-            Ok(verifier.baseline().cloned())
+            Ok(session.baseline().cloned())
         })?;
         let (first, later) = times
             .split_first()

@@ -3,10 +3,10 @@
 use crate::certificate::Certificate;
 use crate::curve::CurveSet;
 use crate::discretize::homotopic_polylines;
+use crate::engine::Certifier;
 use crate::error::Result;
 use crate::scenes::Scene;
 use crate::verdict::Stats;
-use crate::verifier::Verifier;
 
 /// Curves to measure, with their exact certificate.
 #[derive(Clone, Debug)]
@@ -31,12 +31,12 @@ impl Subject {
     ///
     /// Errors: those of the discretization of splines.
     pub fn new(name: &str, curves: CurveSet) -> Result<Subject> {
-        let mut verifier = Verifier::default();
-        let (exact, stats) = verifier.certify(&curves);
+        let mut certifier = Certifier::default();
+        let (exact, stats) = certifier.certify(&curves);
         let exact = exact.clone();
         let segment_pairs = match curves.basis().is_polyline() {
-            true => verifier.segment_pairs(&curves),
-            false => verifier.segment_pairs(&homotopic_polylines(&curves)?.curves),
+            true => certifier.segment_pairs(&curves),
+            false => certifier.segment_pairs(&homotopic_polylines(&curves)?.curves),
         };
         Ok(Subject {
             name: name.into(),

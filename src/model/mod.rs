@@ -62,15 +62,15 @@ use std::path::Path;
 /// It must be a regular file, because the length of a pipe is unknown. Every error names `path`.
 ///
 /// ```
-/// use linkwatch::{Verifier, model, scenes::Scene};
+/// use linkwatch::{Certifier, model, scenes::Scene};
 ///
 /// # let file = std::env::temp_dir().join(format!("linkwatch-doc-{}.bcc", std::process::id()));
 /// let ring: Scene = "ribbon:segments=2000,lambda=10".parse()?;
 /// model::write_bcc(&file, &ring.build()?.curves)?;
 ///
 /// let curves = model::read(&file)?;
-/// let mut verifier = Verifier::default();
-/// let (certificate, _) = verifier.certify(&curves);
+/// let mut certifier = Certifier::default();
+/// let (certificate, _) = certifier.certify(&curves);
 /// assert_eq!(certificate.links[0].lambda, 10);
 /// # std::fs::remove_file(file)?;
 /// # Ok::<(), linkwatch::Error>(())

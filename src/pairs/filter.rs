@@ -25,14 +25,15 @@ pub(crate) enum PairFilter {
     Images(Translated),
 }
 
-/// Returns true if a set of translated curves has this pair: one of them is not translated, and
-/// comes before the other one, or is the same curve translated forwards.
+/// Returns true if a set of translated curves has this pair: none of them is translated; or one is,
+/// and comes after the other one, or is the same curve translated forwards.
 fn has_image((i, m): (u32, Image), (j, n): (u32, Image)) -> bool {
     let home = Image::default();
     match (m == home, n == home) {
         (true, false) => i < j || i == j && n > home,
         (false, true) => j < i || j == i && m > home,
-        _ => false,
+        (true, true) => true,
+        (false, false) => false,
     }
 }
 

@@ -83,6 +83,11 @@ impl<'a> Boxer<'a> {
         (0..3).all(|x| room[x] <= other[x] + 1e-9 * self.units[x])
     }
 
+    /// Returns the number of segments of all curves.
+    pub fn segments(&self) -> usize {
+        self.set.segments()
+    }
+
     /// Returns the map to fractional coordinates of a quiet frame.
     pub fn map(&self, at: &QuietBounds<'_>) -> PointMap {
         at.map(self.inverse)

@@ -20,12 +20,13 @@ use crate::curve::{Cell, CurveSet, Image, Point, Positions, is_home, plus};
 use crate::error::Result;
 
 /// Follows the curves of successive frames.
-#[derive(Debug, Default)]
+#[derive(Clone, Debug, Default, serde::Serialize, serde::Deserialize)]
 pub(crate) struct Jumps {
     /// First point of each curve in the previous frame as given, in fractional coordinates, and the
     /// translation by which the curve is followed.
     before: Vec<(Point, Image)>,
     /// The same of the current frame, until it is verified.
+    #[serde(skip)]
     current: Vec<(Point, Image)>,
     /// Number of jumps so far, and of those to the current frame.
     count: [u64; 2],

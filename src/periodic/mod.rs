@@ -39,7 +39,9 @@ pub(crate) use gauge::canonical;
 pub(crate) use jumps::Jumps;
 pub(crate) use linking::{Number, linking_numbers};
 pub(crate) use names::{Entry, aligned, reduced_all};
-pub(crate) use pairs::{ImagePair, ImagePairs, Searched, images_in, overlapping, too_far};
+pub(crate) use pairs::{
+    ImagePair, ImagePairs, QuietRoom, Searched, images_in, overlapping, too_far,
+};
 pub use through::period;
 pub(crate) use through::period_in;
 #[cfg(test)]

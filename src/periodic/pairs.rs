@@ -98,12 +98,12 @@ impl Searched<'_> {
     }
 }
 
-/// Pairs of a curve and an image that may meet, and the curves and images that they need.
+/// Curves, and images of them that may meet a curve.
 #[derive(Debug)]
 pub(crate) struct ImagePairs {
-    /// Translated curves, those that are not translated included, sorted.
+    /// All curves of the frame, and translated ones, sorted.
     pub curves: Translated,
-    /// The pairs, among all pairs of the translated curves.
+    /// The pairs that are verified, among all pairs of these curves.
     pub filter: PairFilter,
     /// Pairs of a closed curve and one that runs through the cell that may be linked.
     pub yarns: Vec<RingAndYarn>,
@@ -113,9 +113,10 @@ pub(crate) struct ImagePairs {
     within: FractionalBoxes,
     /// Their largest sides.
     sides: Point,
-    /// Map to an earlier quiet frame, and the room there.
-    quiet: Option<(PointMap, Point)>,
 }
+
+/// Map to a quiet frame, and the room there.
+pub(crate) type QuietRoom = (PointMap, Point);
 
 impl ImagePairs {
     /// Returns the margin of a search that is repeated when curves have moved by it: a share of the
@@ -149,8 +150,10 @@ impl ImagePairs {
         }
         search(&within, cell, searched, &mut found)?;
         let Found { curves, yarns, .. } = found;
-        let mut curves: Vec<(u32, Image)> = curves.into_iter().collect();
+        let own = (0..searched.curves.len() as u32).map(|i| (i, Image::default()));
+        let mut curves: Vec<(u32, Image)> = own.chain(curves).collect();
         curves.sort_unstable_by_key(order);
+        curves.dedup();
         let curves = Translated::new(curves, searched.periods);
         Ok(ImagePairs {
             filter: PairFilter::Images(curves.clone()),
@@ -159,7 +162,6 @@ impl ImagePairs {
             sides: within.largest_sides(),
             wide: within.wide(cell),
             within,
-            quiet: None,
         })
     }
 
@@ -185,9 +187,15 @@ impl ImagePairs {
     ///
     /// If the bounds of the control points differ by `d`, the boxes around the curves differ by
     /// less than `2 d`: the padding of splines grows with the size, by less than half of `d`.
-    pub fn quiet_room(&mut self, boxer: &Boxer<'_>, at: &QuietBounds<'_>, bend: &Bend) -> Point {
+    pub fn quiet_room(
+        &self,
+        boxer: &Boxer<'_>,
+        at: &QuietBounds<'_>,
+        bend: &Bend,
+        known: &mut Option<QuietRoom>,
+    ) -> Point {
         let map = boxer.map(at);
-        if let Some((earlier, room)) = &self.quiet
+        if let Some((earlier, room)) = known
             && let Some(difference) = at.difference(&map, earlier)
         {
             let room = [0, 1, 2].map(|x| room[x] - 2.0 * difference[x]);
@@ -198,8 +206,13 @@ impl ImagePairs {
         let rooms = boxer.quiet_boxes(at, &map).enumerate();
         let rooms = rooms.map(|(i, b)| self.within.room_for(i, &b));
         let room = rooms.fold([f64::INFINITY; 3], smaller_room);
-        self.quiet = Some((map, room));
+        *known = Some((map, room));
         room
+    }
+
+    /// Returns true if there are translated curves.
+    pub fn has_images(&self) -> bool {
+        self.curves.len() > self.within.bounds.len()
     }
 
     /// Returns a pair of the filter: the first curve is not translated.
@@ -210,14 +223,14 @@ impl ImagePairs {
 
     /// Returns the numbers of both curves of a pair, the one that is not translated first.
     pub fn find_pair(&self, pair: ImagePair) -> Option<(u32, u32)> {
-        let number = |key: (u32, Image)| {
-            let found = self.curves.binary_search_by_key(&order(&key), order);
-            found.ok().map(|k| k as u32)
-        };
-        Some((
-            number((pair.i, Image::default()))?,
-            number((pair.j, pair.image))?,
-        ))
+        let own = self.find_curve((pair.i, Image::default()))?;
+        Some((own, self.find_curve((pair.j, pair.image))?))
+    }
+
+    /// Returns the number of a translated curve.
+    pub fn find_curve(&self, key: (u32, Image)) -> Option<u32> {
+        let found = self.curves.binary_search_by_key(&order(&key), order);
+        found.ok().map(|k| k as u32)
     }
 }
 

@@ -31,7 +31,7 @@ pub(super) const LONGEST: f64 = 1.0 / 3.0;
 /// assert_eq!((set.curve(1).closed, set.point(1, 4)), (false, [11.0, 0.0, 0.0]));
 /// # Ok::<(), linkwatch::Error>(())
 /// ```
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, serde::Serialize, serde::Deserialize)]
 pub struct Unwrap {
     /// First vertex of each curve in the previous frame, unwrapped.
     before: Option<Vec<Point>>,
@@ -42,8 +42,7 @@ impl Unwrap {
     ///
     /// Errors: [`Error::Usage`] if a segment is longer than a third of the cell, or a curve moved
     /// further than that since the previous frame, since the nearest image would be a guess; or if
-    /// the vectors of the cell span no lattice. The next frame is compared with this one all the
-    /// same.
+    /// the vectors of the cell span no lattice. The next frame is compared with the one before.
     pub fn unwrap(&mut self, set: &CurveSet, cell: &Cell) -> Result<CurveSet> {
         cell.check()?;
         let inverse = cell.inverse().unwrap_or_default();
@@ -70,14 +69,14 @@ impl Unwrap {
             let by = cell.translation(image);
             [0, 1, 2].map(|x| p[x] + by[x])
         };
-        let known = self.before.take().filter(|b| b.len() == set.len());
+        let known = self.before.as_ref().filter(|b| b.len() == set.len());
         let mut firsts = Vec::with_capacity(set.len());
         let (mut counts, mut xyz) = (Vec::with_capacity(set.len()), Vec::new());
         let mut guess = None;
         for (i, curve) in set.curves().iter().enumerate() {
             let points = set.points_of(i);
             let raw = |k: usize| positions.point(points.start + k);
-            let mut image = match &known {
+            let mut image = match known {
                 None => Image::default(),
                 Some(before) => {
                     let (image, (x, share)) = nearest(before[i], raw(0));
@@ -118,11 +117,12 @@ impl Unwrap {
             });
             xyz.extend_from_slice(unwrapped.as_flattened());
         }
-        self.before = Some(firsts);
-        match guess {
-            Some(e) => Err(e),
-            None => CurveSet::from_counts(set.basis(), &counts, Positions::F64(&xyz)),
+        if let Some(guess) = guess {
+            return Err(guess);
         }
+        let unwrapped = CurveSet::from_counts(set.basis(), &counts, Positions::F64(&xyz))?;
+        self.before = Some(firsts);
+        Ok(unwrapped)
     }
 }
 
@@ -246,10 +246,11 @@ mod tests {
             e.contains("curve 0 moved by 49 % of the periodic cell along vector 1"),
             "{e}"
         );
-        // That frame counts as the previous one now.
-        assert!(unwrap.unwrap(&ring(5.0, 1.0), &cell).is_ok());
+        // The next frame is compared with the one before.
+        assert!(unwrap.unwrap(&ring(5.0, 1.0), &cell).is_err());
+        assert!(unwrap.unwrap(&ring(2.0, 1.0), &cell).is_ok());
         let e = unwrap
-            .unwrap(&ring(5.0, 3.1), &cell)
+            .unwrap(&ring(2.0, 3.1), &cell)
             .unwrap_err()
             .to_string();
         assert!(

@@ -54,6 +54,7 @@ mod tests;
 pub use crate::kernels::crossings::Parallelism;
 
 use crate::curve::{Cell, CurveSet};
+use crate::engine::SessionOptions;
 use crate::error::Result;
 use crate::kernels::choice::costs::{self, Time};
 use crate::kernels::choice::{Choice, Forecast, Predictions};
@@ -64,7 +65,6 @@ use crate::pairs::{
     refits_in_parallel,
 };
 use crate::periodic::{Boxer, FractionalBoxes, ImagePairs, Searched, period};
-use crate::verifier::VerifierOptions;
 use rayon::prelude::*;
 use serde::Serialize;
 use std::sync::Arc;
@@ -308,7 +308,7 @@ impl Plan {
     }
 
     /// Plans a frame of a verifier with this device
-    /// ([`VerifierOptions::device`](crate::VerifierOptions::device)).
+    /// ([`SessionOptions::device`](crate::SessionOptions::device)).
     ///
     /// Errors: [`Error::Device`](crate::Error::Device) if a requested adapter does not exist or
     /// cannot be used.
@@ -323,7 +323,7 @@ impl Plan {
     ///
     /// Errors: [`Error::Usage`](crate::Error::Usage) if the cell is no lattice, or curves span too
     /// many cells; [`Error::TooManyPairs`](crate::Error::TooManyPairs) if more than
-    /// [`VerifierOptions::MAX_PAIRS`](crate::VerifierOptions::MAX_PAIRS) may meet.
+    /// [`SessionOptions::MAX_PAIRS`](crate::SessionOptions::MAX_PAIRS) may meet.
     ///
     /// ```
     /// use linkwatch::{Cell, Plan, scenes::Scene};
@@ -460,7 +460,7 @@ impl Images {
             curves: set.curves(),
             periods: &periods,
             open_too: false,
-            most: VerifierOptions::MAX_PAIRS,
+            most: SessionOptions::MAX_PAIRS,
         };
         let margin = ImagePairs::margin(&boxes, cell);
         let pairs = ImagePairs::find(&boxes, cell, margin, &searched, [])?;

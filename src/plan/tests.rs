@@ -1,7 +1,7 @@
 use super::*;
 use crate::curve::{Basis, Positions};
+use crate::engine::Certifier;
 use crate::pairs::SMALL;
-use crate::verifier::Verifier;
 
 fn scene(text: &str) -> CurveSet {
     let scene: crate::scenes::Scene = text.parse().unwrap();
@@ -129,7 +129,7 @@ fn the_sample_predicts_the_work() {
     ] {
         let set = scene(text);
         let plan = Plan::of(&set);
-        let (_, stats) = Verifier::default().certify(&set);
+        let (_, stats) = Certifier::default().certify(&set);
         assert_eq!(plan.potential_links.links as u64, stats.potential_links);
         let KernelWork {
             tests, overlaps, ..

@@ -5,7 +5,7 @@ use crate::curve::vector::{add_scaled, cross, dot, norm, sub};
 use crate::curve::{Basis, Positions};
 use crate::random::Random;
 use crate::scenes::Scene;
-use crate::{Events, Verdict, Verifier, VerifierOptions};
+use crate::{Events, FrameInfo, Session, SessionOptions, Verdict};
 use std::f64::consts::{PI, TAU};
 
 fn set(strands: &[Vec<Point>]) -> CurveSet {
@@ -234,15 +234,15 @@ fn a_strand_passage_changes_lk_by_two_in_the_ledger() {
         };
         set(&[strand(-0.03), strand(0.03)])
     };
-    let mut verifier = Verifier::new(VerifierOptions {
+    let mut session = Session::new(SessionOptions {
         events: Events::All,
-        ..VerifierOptions::default()
+        ..SessionOptions::default()
     })
     .unwrap();
     let frames = [strands(0.05), strands(-0.05)];
-    let first = verifier.step(0, 0.0, &frames[0]).unwrap();
+    let first = session.feed(FrameInfo::at(0, 0.0), &frames[0]).unwrap();
     assert_eq!(first.verdict, Verdict::Intact);
-    let report = verifier.step(1, 1.0, &frames[1]).unwrap();
+    let report = session.feed(FrameInfo::at(1, 1.0), &frames[1]).unwrap();
     let change = report.changes[0].found - report.changes[0].expected;
     assert_eq!((report.changes.len(), change.abs()), (1, 2));
     let passages = |i, j| -> Vec<i32> {

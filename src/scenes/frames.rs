@@ -258,9 +258,10 @@ fn rotation(angle: f64) -> [Point; 3] {
 mod tests {
     use super::*;
     use crate::curve::Basis;
+    use crate::ingest::FrameInfo;
     use crate::scenes::{Scene, pull_throughs};
+    use crate::session::Session;
     use crate::verdict::Verdict;
-    use crate::verifier::Verifier;
 
     fn curves(text: &str) -> CurveSet {
         text.parse::<Scene>().unwrap().build().unwrap().curves
@@ -337,10 +338,10 @@ mod tests {
                 "scale+smooth",
                 "iid+translate",
             ] {
-                let mut verifier = Verifier::default();
+                let mut session = Session::new(Default::default()).unwrap();
                 for frame in 0..12 {
                     set.update(frames.at(&motion(name), 0.05, frame)).unwrap();
-                    let report = verifier.step(frame, 0.0, &set).unwrap();
+                    let report = session.feed(FrameInfo::at(frame, 0.0), &set).unwrap();
                     assert_eq!(report.verdict, Verdict::Intact, "{text} {name} {frame}");
                 }
             }
@@ -360,23 +361,26 @@ mod tests {
             let pulls = pull_throughs(&set);
             assert!(!pulls.is_empty(), "{text}");
             let mut frames = Frames::new(&set, 0.1);
-            let mut verifier = Verifier::default();
-            let _ = verifier.step(0, 0.0, &set).unwrap();
+            let mut session = Session::new(Default::default()).unwrap();
+            let mut seq = 0;
+            let mut feed = |set: &CurveSet| {
+                let info = FrameInfo::at(seq, 0.0);
+                seq += 1;
+                session.feed(info, set).unwrap()
+            };
+            let _ = feed(&set);
             let mut alone = 0;
             for pull in &pulls {
                 frames.pull(pull);
                 set.update(frames.at(&motion("smooth"), 1e-4, 1)).unwrap();
-                let changes = verifier.step(1, 0.0, &set).unwrap().changes;
+                let changes = feed(&set).changes;
                 if let [c] = changes[..] {
                     let by_one = (c.expected - c.found).abs() == 1;
                     alone += usize::from((c.i, c.j) == pull.pair && by_one);
                 }
                 frames.release();
                 set.update(frames.at(&motion("still"), 0.0, 1)).unwrap();
-                assert_eq!(
-                    verifier.step(2, 0.0, &set).unwrap().verdict,
-                    Verdict::Intact
-                );
+                assert_eq!(feed(&set).verdict, Verdict::Intact);
             }
             println!("{text}: {alone} of {}", pulls.len());
             assert!(

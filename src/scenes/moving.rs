@@ -63,9 +63,10 @@ impl MovingScene {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::ingest::FrameInfo;
     use crate::scenes::Scene;
+    use crate::session::Session;
     use crate::verdict::Verdict;
-    use crate::verifier::Verifier;
 
     #[test]
     fn a_moving_scene_is_intact_until_its_pull_through() {
@@ -78,16 +79,16 @@ mod tests {
             frames: 5,
             pull: Some(3),
         };
-        let mut verifier = Verifier::default();
+        let mut session = Session::new(Default::default()).unwrap();
         let mut verdicts = Vec::new();
         let frame = |seq, curves| {
-            verdicts.push(verifier.step(seq, 0.0, &curves)?.verdict);
+            verdicts.push(session.feed(FrameInfo::at(seq, 0.0), &curves)?.verdict);
             Ok(curves)
         };
         moving.play(built.curves.clone(), frame).unwrap();
         let (intact, changed) = (Verdict::Intact, Verdict::Changed);
         assert_eq!(verdicts, [intact, intact, intact, changed, changed]);
-        assert_eq!(verifier.baseline(), Some(&built.certificate));
+        assert_eq!(session.baseline(), Some(&built.certificate));
 
         let alone: Scene = "rubber_bands:bands=1".parse().unwrap();
         let e = moving.play(alone.build().unwrap().curves, |_, curves| Ok(curves));

@@ -1,5 +1,5 @@
 use super::*;
-use crate::verifier::Verifier;
+use crate::engine::Certifier;
 
 fn scene(text: &str) -> Scene {
     text.parse().unwrap()
@@ -20,8 +20,8 @@ fn assert_error_contains<T: std::fmt::Debug>(result: Result<T>, expected: &str) 
 /// Asserts that the kernel finds the linking numbers of the construction. Returns the number of
 /// potential links.
 fn verified(text: &str, generated: &Generated) -> u64 {
-    let mut verifier = Verifier::default();
-    let (found, stats) = verifier.certify(&generated.curves);
+    let mut certifier = Certifier::default();
+    let (found, stats) = certifier.certify(&generated.curves);
     // Not printed, because there may be very many links.
     assert!(*found == generated.certificate, "{text}");
     assert_eq!(stats.open_curves, 0, "{text}");

@@ -1,6 +1,6 @@
 //! Times of a frame, stage by stage.
 
-use crate::verifier::Timings;
+use crate::engine::Timings;
 use std::time::Duration;
 
 /// Times of a frame in a run. They depend on the machine, unlike its report.

@@ -20,7 +20,7 @@
 //! pull-throughs. Memory: two steps.
 //!
 //! Limits: nothing is known about reductions between two steps. Pull-throughs in motions longer
-//! than [`VerifierOptions::motion_limit`] that cancel are undecided; smaller steps decide them.
+//! than [`SessionOptions::motion_limit`] that cancel are undecided; smaller steps decide them.
 
 mod along;
 mod plot;
@@ -36,11 +36,13 @@ pub use resample::resample;
 
 use self::refine::{By, refine};
 use crate::curve::CurveSet;
+use crate::engine::{Progress, SessionOptions, Strategy};
 use crate::error::{Error, Result};
 use crate::incremental::Events;
+use crate::ingest::FrameInfo;
 use crate::periodic::period;
+use crate::session::{Received, Session, VerifiedFrame};
 use crate::verdict::{Report, Verdict};
-use crate::verifier::{Progress, Strategy, Verifier, VerifierOptions};
 use std::fmt;
 use std::sync::Arc;
 
@@ -116,11 +118,11 @@ impl SweepStep {
 /// ```
 /// use linkwatch::scenes::Scene;
 /// use linkwatch::sweep::{Reduction, Sweep};
-/// use linkwatch::{Verdict, VerifierOptions};
+/// use linkwatch::{Verdict, SessionOptions};
 ///
 /// let set = "knit:rows=2,stitches=16,segments=512".parse::<Scene>()?.build()?.curves;
 /// let bits = [16, 12, 8, 4, 2].map(Reduction::Bits);
-/// let sweep = Sweep::new(set, bits.to_vec(), VerifierOptions::default())?;
+/// let sweep = Sweep::new(set, bits.to_vec(), SessionOptions::default())?;
 /// let steps = sweep.collect::<Result<Vec<_>, _>>()?;
 /// assert_eq!(steps[0].verdict, Verdict::Intact);
 /// assert_ne!(steps[4].verdict, Verdict::Intact);
@@ -130,9 +132,9 @@ pub struct Sweep {
     original: CurveSet,
     report: Report,
     reductions: std::vec::IntoIter<Reduction>,
-    options: VerifierOptions,
+    options: SessionOptions,
     /// Compares each step with the original.
-    verifier: Verifier,
+    session: Session,
     /// The previous step.
     previous: CurveSet,
     seq: u64,
@@ -146,15 +148,16 @@ impl Sweep {
     /// Verifies the original and prepares its reductions. If the options report no events,
     /// pull-throughs of each two curves are searched for ([`Events::Between`]).
     ///
-    /// With a periodic cell ([`VerifierOptions::cell`]), all images take part.
+    /// With a periodic cell ([`SessionOptions::cell`]), all images take part. Open curves stay
+    /// open, also if they end where they start.
     ///
     /// Errors: [`Error::Usage`] if there is no reduction, if they are of both kinds, or if one of
     /// them is impossible, as quantization is of a curve that runs through the cell; errors of
-    /// [`Verifier::new`] and [`Verifier::step`].
+    /// [`Session::new`] and [`Session::feed`].
     pub fn new(
         original: CurveSet,
         reductions: Vec<Reduction>,
-        mut options: VerifierOptions,
+        mut options: SessionOptions,
     ) -> Result<Sweep> {
         let shares = reductions
             .iter()
@@ -177,24 +180,25 @@ impl Sweep {
         if options.events == Events::Off {
             options.events = Events::Between;
         }
+        options.keep_open = true;
         let mut of_numbers = options.clone();
         match shares {
             0 => of_numbers.strategy = Strategy::Incremental,
-            // Numbers of points differ, so another verifier looks at the motion.
+            // Numbers of points differ, so another session looks at the motion.
             _ => {
                 of_numbers.events = Events::Off;
                 of_numbers.motion_limit = None;
             }
         }
-        let mut verifier = Verifier::new(of_numbers)?;
-        let report = compare(&mut verifier, 0, &original)?;
+        let mut session = Session::new(of_numbers)?;
+        let report = compare(&mut session, 0, &original)?;
         Ok(Sweep {
             previous: original.clone(),
             original,
             report,
             reductions: reductions.into_iter(),
             options,
-            verifier,
+            session,
             seq: 0,
             passed: false,
             may_have_passed: false,
@@ -213,20 +217,20 @@ impl Sweep {
 
     /// Returns the number of links of the original.
     pub fn links(&self) -> usize {
-        self.verifier.baseline().map_or(0, |baseline| {
+        self.session.baseline().map_or(0, |baseline| {
             baseline.links.len() + baseline.images.as_ref().map_or(0, Vec::len)
         })
     }
 
     /// Returns a view of the progress of the comparison with the original.
     pub fn progress(&self) -> Arc<Progress> {
-        self.verifier.progress()
+        self.session.progress()
     }
 
     fn step(&mut self, reduction: Reduction) -> Result<SweepStep> {
         self.seq += 1;
         let curves = reduction.apply(&self.original)?;
-        let mut report = compare(&mut self.verifier, self.seq, &curves)?;
+        let mut report = compare(&mut self.session, self.seq, &curves)?;
         if let Reduction::Share(_) = reduction {
             self.add_motion(&curves, &mut report)?;
         }
@@ -256,9 +260,9 @@ impl Sweep {
             By::Segments
         };
         let [from, to] = refine((&self.previous, by), (curves, By::Segments))?;
-        let mut verifier = Verifier::new(self.options.clone())?;
-        drop(verifier.step(0, 0.0, &from.set)?);
-        let mut motion = verifier.step(1, 0.0, &to.set)?;
+        let mut session = Session::new(self.options.clone())?;
+        verify(&mut session, 0, &from.set)?;
+        let mut motion = verify(&mut session, 1, &to.set)?.report;
         for event in motion.events.iter_mut().chain(&mut motion.unresolved) {
             let [s, t] = event.segments;
             event.segments = [to.segment(event.i, s), to.segment(event.j, t)];
@@ -292,12 +296,20 @@ impl Iterator for Sweep {
 }
 
 /// Compares the linking numbers of curves with those of the first ones. Open curves have none.
-fn compare(verifier: &mut Verifier, seq: u64, set: &CurveSet) -> Result<Report> {
-    match verifier.step(seq, 0.0, set) {
+fn compare(session: &mut Session, seq: u64, set: &CurveSet) -> Result<Report> {
+    match verify(session, seq, set) {
         // Only their pull-throughs are searched for.
         Err(Error::NothingClosed { .. }) if !set.is_empty() => {
             Ok(Report::new(seq, 0.0, Verdict::Intact))
         }
-        report => report,
+        verified => Ok(verified?.report),
     }
+}
+
+/// Verifies a frame.
+///
+/// Errors: those of [`Session::verify`], and the reason why the frame is rejected.
+fn verify(session: &mut Session, seq: u64, set: &CurveSet) -> Result<VerifiedFrame> {
+    let frame = Received::new(FrameInfo::at(seq, 0.0), Ok(Arc::new(set.clone())));
+    session.verify(frame)?.valid()
 }

@@ -7,7 +7,7 @@ fn scene(text: &str) -> CurveSet {
 }
 
 fn sweep(set: CurveSet, reductions: Vec<Reduction>) -> Vec<SweepStep> {
-    let sweep = Sweep::new(set, reductions, VerifierOptions::default()).unwrap();
+    let sweep = Sweep::new(set, reductions, SessionOptions::default()).unwrap();
     sweep.map(Result::unwrap).collect()
 }
 
@@ -58,9 +58,9 @@ fn pull_throughs_that_cancel_are_found() {
     ];
     let xyz = [&corners[..], &ring, &bar].concat();
     let set = CurveSet::from_counts(Basis::Polyline, &[-4, -3, -6], Positions::F64(&xyz)).unwrap();
-    let options = VerifierOptions {
+    let options = SessionOptions {
         motion_limit: Some(f64::INFINITY),
-        ..VerifierOptions::default()
+        ..SessionOptions::default()
     };
     let sweep = Sweep::new(set, [8, 6, 2].map(Reduction::Bits).to_vec(), options).unwrap();
     let steps: Vec<SweepStep> = sweep.map(Result::unwrap).collect();
@@ -105,7 +105,7 @@ fn refuses_reductions_before_any_step() {
             "leaves 0",
         ),
     ] {
-        let refused = Sweep::new(set.clone(), reductions, VerifierOptions::default());
+        let refused = Sweep::new(set.clone(), reductions, SessionOptions::default());
         let e = refused.err().expect("refused").to_string();
         assert!(e.contains(words), "{e}");
     }

@@ -283,7 +283,7 @@ pub struct Report {
     pub events: Vec<PullThrough>,
     /// Pull-throughs that cannot be resolved, because the frames are too far apart: they cancel
     /// within their pair, and moved further than
-    /// [the limit](crate::VerifierOptions::motion_limit). In chronological order.
+    /// [the limit](crate::SessionOptions::motion_limit). In chronological order.
     pub unresolved: Vec<PullThrough>,
     /// Pairs and curves that could not be decided or compared, sorted by pair.
     pub defects: Vec<Defect>,
@@ -292,7 +292,7 @@ pub struct Report {
     pub adopted: Vec<Link>,
     /// Last frame that is known to be intact: this one, or the one to which a simulator can roll
     /// back. After a change, a pull-through, or a step that is undecided, no later frame is known
-    /// to be intact until [a cut](crate::Verifier::cut). `None` if there was no such frame yet.
+    /// to be intact until [a cut](crate::Session::cut). `None` if there was no such frame yet.
     pub last_intact: Option<u64>,
     /// Largest proven share of the step from the last intact frame before this one, from 0 to 1,
     /// during which nothing was pulled through and no curves came into contact that did not touch
@@ -305,7 +305,7 @@ pub struct Report {
     /// touch there, so a simulator with soft contacts goes back further. `None` if pull-throughs
     /// are not searched for, or if the last verified frame before this one was not intact.
     pub safe_fraction: Option<f64>,
-    /// Clearance of the strands, if it is measured (`VerifierOptions::clearance`). It changes no
+    /// Clearance of the strands, if it is measured (`SessionOptions::clearance`). It changes no
     /// verdict. It may depend on earlier frames, within the bounds that it states.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub clearance: Option<Clearance>,
@@ -316,12 +316,11 @@ pub struct Report {
     /// Names of the curves that are gone since the last verified frame.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub gone: Vec<String>,
-    /// Reasons why a part of the frame was not verified: what happened to the verifier before this
-    /// one ([`Verifier::resume`](crate::Verifier::resume)).
+    /// Reasons why a part of the frame was not verified.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub missing: Vec<String>,
     /// The real curves of findings about virtual loops of braids
-    /// ([`VerifierOptions::braids`](crate::VerifierOptions::braids)), sorted by pair.
+    /// ([`SessionOptions::braids`](crate::SessionOptions::braids)), sorted by pair.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub loops: Vec<LoopPair>,
     /// Reason why the frame was rejected.

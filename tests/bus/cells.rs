@@ -1,8 +1,10 @@
 //! Frames with a periodic cell.
 
 use super::*;
-use linkwatch::{Cell, Events, Finding, LastLabels, MessageKind, Positions, Verifier};
-use linkwatch::{VerdictMessage, VerifierOptions};
+use linkwatch::{
+    Cell, Events, Finding, LastLabels, MessageKind, Positions, Session, SessionOptions,
+    VerdictMessage,
+};
 
 fn cell(text: &str) -> Cell {
     text.parse().unwrap()
@@ -101,7 +103,11 @@ fn a_link_that_is_lost_across_the_boundary_is_reported_with_its_image() {
     let name = service();
     let mut sidecar = sidecar(&name);
     let mut client = client(&name);
-    let mut verifier: Option<Verifier> = None;
+    let mut session = Session::new(SessionOptions {
+        events: Events::All,
+        ..SessionOptions::default()
+    })
+    .unwrap();
     let mut labels = LastLabels::default();
     let mut messages: Vec<VerdictMessage> = Vec::new();
     for (seq, (side, near)) in (0..).zip([(10.0, true), (10.5, true), (10.5, false)]) {
@@ -115,18 +121,8 @@ fn a_link_that_is_lost_across_the_boundary_is_reported_with_its_image() {
         }
         let frame = next_frame(&mut sidecar);
         let info = frame.info(&mut labels).unwrap();
-        let verifier = verifier.get_or_insert_with(|| {
-            let options = VerifierOptions {
-                cell: info.cell,
-                events: Events::All,
-                ..VerifierOptions::default()
-            };
-            Verifier::new(options).unwrap()
-        });
-        verifier.set_cell(info.cell.unwrap()).unwrap();
-        let mut set = None;
-        frame.ingest(&mut set).unwrap();
-        let report = verifier.step(seq, frame.time(), &set.unwrap()).unwrap();
+        let received = session.receive(info, |copy| frame.read(copy));
+        let report = session.verify(received).unwrap().report;
         sidecar.send_verdict(&report, Duration::ZERO).unwrap();
         messages.push(until("a verdict", || {
             let message = client.poll().unwrap()?;

@@ -9,10 +9,11 @@ use super::mutations::{ByteChange, CURVES, Effect, HEADER, LAYOUT, PAYLOAD, SHAP
 use super::oracle::{Expected, Known, Reason, has_possible_number, judge};
 use super::support::random::Random;
 use super::support::raw_bus::{Header, RawSimulator};
+use super::support::session::Step;
 use super::{service, units};
 use linkwatch::{
-    Certificate, CurveSet, Error, Event, Events, FrameInfo, FramePool, LastLabels, Report, Sidecar,
-    SidecarOptions, Strategy, Verdict, Verifier, VerifierOptions,
+    Certificate, CurveSet, Error, Event, Events, FrameInfo, LastLabels, Received, Report, Session,
+    SessionOptions, Sidecar, SidecarOptions, Strategy, Verdict,
 };
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -43,12 +44,9 @@ enum Answer {
 /// A watcher of the crate's parts, without command and sinks.
 struct Watcher {
     sidecar: Sidecar,
-    options: VerifierOptions,
-    verifier: Verifier,
-    pool: FramePool,
+    options: SessionOptions,
+    session: Session,
     labels: LastLabels,
-    last: Option<FrameInfo>,
-    layout: u32,
 }
 
 impl Watcher {
@@ -57,12 +55,9 @@ impl Watcher {
         options.max_frame_bytes = CAP;
         Watcher {
             sidecar: Sidecar::open(service, &options).expect("sidecar"),
-            options: VerifierOptions::default(),
-            verifier: Verifier::default(),
-            pool: FramePool::default(),
+            options: SessionOptions::default(),
+            session: Session::new(SessionOptions::default()).expect("options"),
             labels: LastLabels::default(),
-            last: None,
-            layout: 0,
         }
     }
 
@@ -74,18 +69,10 @@ impl Watcher {
                 Event::Idle => return answer,
                 Event::Unreadable(why) => answer = Answer::Unreadable(why.to_string()),
                 Event::NewSession { .. } => {
-                    self.verifier = Verifier::new(self.options.clone()).expect("options");
-                    self.pool = FramePool::default();
-                    self.last = None;
+                    self.session = Session::new(self.options.clone()).expect("options");
                 }
                 Event::Frame(frame) => {
-                    let (seq, time) = (frame.seq(), frame.time());
-                    let verified = self.verify(&frame);
-                    drop(frame);
-                    let (report, curves) = match verified {
-                        Ok((report, curves)) => (report, Some(curves)),
-                        Err(why) => (self.verifier.reject(seq, time, &why), None),
-                    };
+                    let (report, curves) = self.verify(frame);
                     let sent = self.sidecar.send_verdict(&report, Duration::ZERO);
                     sent.expect("send a verdict");
                     answer = Answer::Report(Box::new(report), curves);
@@ -96,29 +83,25 @@ impl Watcher {
     }
 
     /// Verifies a frame like the sessions of the command.
-    fn verify(&mut self, frame: &linkwatch::Frame) -> Result<(Report, Arc<CurveSet>), Error> {
-        let info = frame.info(&mut self.labels)?;
-        if info.cell.is_some() {
-            let what = "a periodic cell in a scene without one";
-            return Err(Error::Usage(what.into()));
-        }
-        if std::mem::replace(&mut self.layout, info.layout) != info.layout {
-            self.pool = FramePool::default();
-        }
-        let Watcher { pool, verifier, .. } = self;
-        let receive = |set: &mut _| frame.read(|raw| verifier.receive(raw, set));
-        let curves = pool.receive(receive)?;
-        if let Some(last) = &self.last {
-            self.verifier.change_curves(info.change_since(last)?);
-            if info.cuts != last.cuts {
-                self.verifier.cut();
+    fn verify(&mut self, frame: linkwatch::Frame) -> (Report, Option<Arc<CurveSet>>) {
+        let (seq, time) = (frame.seq(), frame.time());
+        let received = match frame.info(&mut self.labels) {
+            Ok(info) if info.cell.is_some() => {
+                let what = "a periodic cell in a scene without one";
+                Received::new(info, Err(Error::Usage(what.into())))
+            }
+            Ok(info) => self.session.receive(info, |copy| frame.read(copy)),
+            Err(why) => Received::new(FrameInfo::at(seq, time), Err(why)),
+        };
+        drop(frame);
+        match self.session.verify(received) {
+            Ok(verified) => (verified.report, verified.curves),
+            Err(why) => {
+                let mut report = Report::new(seq, time, Verdict::Rejected);
+                report.rejected = Some(why.to_string());
+                (report, None)
             }
         }
-        let report = self
-            .verifier
-            .step_shared(frame.seq(), frame.time(), &curves)?;
-        self.last = Some(info);
-        Ok((report, curves))
     }
 }
 
@@ -179,14 +162,15 @@ impl Fuzzer<'_> {
         };
         self.scene = Scene::random(random);
         (self.layout, self.largest_layout, self.cuts) = (1, 1, 0);
-        self.watcher.options = VerifierOptions {
+        self.watcher.options = SessionOptions {
             strategy: random.pick(&[Strategy::Incremental, Strategy::Incremental, Strategy::Full]),
             events: if random.one_in(8) {
                 Events::Between
             } else {
                 Events::Off
             },
-            ..VerifierOptions::default()
+            keep_open: true,
+            ..SessionOptions::default()
         };
         self.known.events = self.watcher.options.events != Events::Off;
         self.baseline = None;
@@ -220,7 +204,7 @@ impl Fuzzer<'_> {
         (self.known.seq, self.known.baseline) = (Some(frame.header.seq), false);
         self.known.first.get_or_insert(frame.header.seq);
         self.known.verified = Some((self.layout, fixed));
-        let baseline = self.watcher.verifier.baseline();
+        let baseline = self.watcher.session.baseline();
         self.baseline
             .get_or_insert_with(|| baseline.expect("a baseline").clone());
         self.tally.good += 1;
@@ -365,15 +349,13 @@ impl Fuzzer<'_> {
         let Some(baseline) = &self.baseline else {
             return;
         };
-        let mut full = Verifier::new(VerifierOptions {
+        let mut full = Session::new(SessionOptions {
             baseline: Some(baseline.clone()),
-            ..VerifierOptions::default()
-        });
-        let full = full
-            .as_mut()
-            .expect("options")
-            .step(report.seq, report.time, set);
-        let full = full.expect("the frame was accepted");
+            keep_open: true,
+            ..SessionOptions::default()
+        })
+        .expect("options");
+        let full = full.step(report.seq, set).report;
         assert_eq!(report.verdict, full.verdict, "{names:?}");
         assert_eq!(report.changes, full.changes, "{names:?}");
         self.tally.compared += 1;

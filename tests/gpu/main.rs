@@ -25,8 +25,9 @@ mod touching;
 use libtest_mimic::{Arguments, Failed};
 use linkwatch::kernels::{Device, Method, devices};
 use linkwatch::scenes::Scene;
-use linkwatch::{Error, Verdict, Verifier, VerifierOptions};
+use linkwatch::{Certifier, Error, Session, SessionOptions, Verdict};
 use runner::{Kernel, ON_DEVICE, Views};
+use support::session::Step;
 use support::trial::trial;
 
 /// Runs every case in one of its views in turn; small cases in all views.
@@ -67,12 +68,12 @@ const SCENES: [&str; 7] = [
     "rubber_bands:bands=60",
 ];
 
-fn verifier(device: Device, kernel: Method) -> linkwatch::Result<Verifier> {
-    Verifier::new(VerifierOptions {
+fn options(device: Device, kernel: Method) -> SessionOptions {
+    SessionOptions {
         kernel,
         device,
-        ..VerifierOptions::default()
-    })
+        ..SessionOptions::default()
+    }
 }
 
 /// The certificates of scenes equal those of their constructions, for every kernel and in both
@@ -81,16 +82,16 @@ fn scenes() -> Result<(), Failed> {
     for text in SCENES {
         let built = text.parse::<Scene>()?.build()?;
         for method in [Method::Crossings, Method::Direct, Method::BarnesHut] {
-            let mut verifier = verifier(Device::Gpu, method)?;
-            let (found, stats) = verifier.certify(&built.curves);
+            let mut certifier = Certifier::new(&options(Device::Gpu, method))?;
+            let (found, stats) = certifier.certify(&built.curves);
             if *found != built.certificate {
                 return Err(format!("{text}, {method}: {found:?}").into());
             }
             println!(
                 "{text}, {method}: {} potential links; {:?}; {:?}",
                 stats.potential_links,
-                verifier.ladder(),
-                verifier.offload()
+                certifier.ladder(),
+                certifier.offload()
             );
         }
     }
@@ -106,10 +107,10 @@ fn frames() -> Result<(), Failed> {
         moved.iter_mut().for_each(|x| *x += 100.0);
     });
     let reports = |device| -> Result<_, Failed> {
-        let mut verifier = verifier(device, Method::Auto)?;
+        let mut session = Session::new(options(device, Method::Auto))?;
         let frames = [&built.curves, &broken, &built.curves];
-        let step = |(k, set)| verifier.step(k, 0.0, set).map_err(Failed::from);
-        (0..).zip(frames).map(step).collect::<Result<Vec<_>, _>>()
+        let step = |(k, set)| session.step(k, set).report;
+        Ok((0..).zip(frames).map(step).collect::<Vec<_>>())
     };
     let [device, cpu] = [reports(Device::Gpu)?, reports(Device::Cpu)?];
     for (a, b) in device.iter().zip(&cpu) {
@@ -125,7 +126,7 @@ fn frames() -> Result<(), Failed> {
 
 /// The error of an unknown name lists the adapters.
 fn names() -> Result<(), Failed> {
-    let unknown = verifier(Device::Named("none such".into()), Method::Auto);
+    let unknown = Session::new(options(Device::Named("none such".into()), Method::Auto));
     let Err(Error::Device(words)) = unknown else {
         return Err("found".into());
     };
@@ -139,7 +140,7 @@ fn names() -> Result<(), Failed> {
 fn main() {
     let arguments = Arguments::from_args();
     // Kept, so that the adapter is opened only once.
-    let opened = verifier(Device::Gpu, Method::Auto);
+    let opened = Session::new(options(Device::Gpu, Method::Auto));
     if let Err(e) = &opened {
         println!("no adapter: {e}");
     }

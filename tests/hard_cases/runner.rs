@@ -1,11 +1,12 @@
 //! Runs the collection through any kernel.
 
 use crate::case::{Answer, Case};
+use crate::support::session::Step;
 use crate::{integers, links, numbers, splines, touching};
 use linkwatch::kernels::{Accuracy, Device, Method};
 use linkwatch::{
-    Certificate, Change, CurveSet, Defect, DefectKind, Events, Link, Positions, Precision,
-    Strategy, Verdict, Verifier, VerifierOptions,
+    Certificate, Certifier, Change, CurveSet, Defect, DefectKind, Events, Link, Positions,
+    Precision, Session, SessionOptions, Strategy, Verdict,
 };
 use rayon::{ThreadPool, ThreadPoolBuilder};
 use std::collections::BTreeMap;
@@ -47,10 +48,10 @@ pub struct Kernel {
 pub const FULL: Kernel = Kernel {
     name: "certify",
     rule: Rule::Complete,
-    certify: |set| Verifier::default().certify(set).0.clone(),
+    certify: |set| Certifier::default().certify(set).0.clone(),
 };
 
-/// Verifies a frame that does not move, by an incremental verifier.
+/// Verifies a frame that does not move, by an incremental session.
 pub const STILL: Kernel = Kernel {
     name: "incremental, still",
     rule: Rule::Complete,
@@ -109,7 +110,7 @@ pub fn changed(set: &CurveSet, change: impl Fn(&mut [f64])) -> CurveSet {
     out
 }
 
-/// Returns the certificate of the last frame by a paranoid incremental verifier. Its baseline has
+/// Returns the certificate of the last frame by a paranoid incremental session. Its baseline has
 /// no links, so the report has all of them.
 fn last_of(frames: [&CurveSet; 3], events: Events) -> Certificate {
     let curves = frames[0].len();
@@ -117,17 +118,19 @@ fn last_of(frames: [&CurveSet; 3], events: Events) -> Certificate {
         curves,
         ..Certificate::default()
     };
-    let mut verifier = Verifier::new(VerifierOptions {
+    let mut session = Session::new(SessionOptions {
         baseline: Some(nothing),
         strategy: Strategy::Paranoid,
+        keep_open: true,
         events,
-        ..VerifierOptions::default()
+        ..SessionOptions::default()
     })
     .expect("valid options");
     let mut certificate = Certificate::default();
     for (seq, set) in (0..).zip(frames) {
-        let report = verifier.step(seq, 0.0, set).expect("a valid frame");
-        assert!(!verifier.work().disagreed, "incremental and full differ");
+        let verified = session.step(seq, set);
+        assert!(!verified.work.disagreed, "incremental and full differ");
+        let report = verified.report;
         let link = |c: &Change| Link {
             i: c.i,
             j: c.j,
@@ -141,7 +144,7 @@ fn last_of(frames: [&CurveSet; 3], events: Events) -> Certificate {
             images: None,
             periods: Vec::new(),
         };
-        verifier.settle();
+        session.settle();
     }
     certificate
 }
@@ -152,14 +155,15 @@ pub const EARLY_EXIT: Kernel = Kernel {
     name: "early exit",
     rule: Rule::Complete,
     certify: |set| {
-        let mut verifier = Verifier::new(VerifierOptions {
-            strategy: Strategy::EarlyExit,
-            ..VerifierOptions::default()
+        let mut session = Session::new(SessionOptions {
+            early_exit: true,
+            keep_open: true,
+            ..SessionOptions::default()
         })
         .expect("valid options");
-        let _ = verifier.step(0, 0.0, set).expect("a valid frame");
-        let baseline = verifier.baseline().expect("the first frame").clone();
-        let report = verifier.step(1, 0.0, set).expect("a valid frame");
+        session.step(0, set);
+        let baseline = session.baseline().expect("the first frame").clone();
+        let report = session.step(1, set).report;
         assert_eq!(report.changes, []);
         assert_eq!(report.defects, baseline.undefined);
         assert_eq!(report.stats.unchecked, 0);
@@ -260,14 +264,14 @@ fn certified_on(
     set: &CurveSet,
     (kernel, accuracy): (Method, Accuracy),
 ) -> Certificate {
-    let mut verifier = Verifier::new(VerifierOptions {
+    let mut certifier = Certifier::new(&SessionOptions {
         kernel,
         accuracy,
         device: device.clone(),
-        ..VerifierOptions::default()
+        ..SessionOptions::default()
     })
     .expect("an adapter");
-    verifier.certify(set).0.clone()
+    certifier.certify(set).0.clone()
 }
 
 /// Number of panics of any thread, including those that the library catches.

@@ -1,18 +1,19 @@
-//! Two verifiers that must agree, and checks of their reports.
+//! Two sessions that must agree, and checks of their reports.
 
+use crate::support::session::Step;
 use linkwatch::{
-    CurveSet, Defect, DefectKind, Events, Positions, Precision, RawFrame, Report, Route, Strategy,
-    Verdict, Verifier, VerifierOptions,
+    Certifier, CurveLabels, CurveSet, Defect, DefectKind, Events, FrameInfo, Positions, Precision,
+    RawFrame, Report, Route, Session, SessionOptions, Strategy, Verdict, VerifiedFrame,
 };
 use std::collections::BTreeMap;
-use std::sync::Arc;
 
-/// The verifier under test, and the reference verifier.
+/// The session under test, and the reference session.
 pub struct Both {
-    incremental: Verifier,
-    full: Verifier,
-    /// Earlier frames, which are memory for later ones.
-    earlier: Vec<Arc<CurveSet>>,
+    incremental: Session,
+    full: Session,
+    /// Number of the layout, and the curves of the last frame.
+    layout: u32,
+    last: Option<CurveSet>,
     pub tally: Tally,
     /// Balance of the pull-throughs, if they are looked for.
     pub balance: Option<Balance>,
@@ -21,17 +22,19 @@ pub struct Both {
 impl Both {
     pub fn new(events: Events) -> Both {
         let [incremental, full] = [Strategy::Incremental, Strategy::Full].map(|strategy| {
-            Verifier::new(VerifierOptions {
+            Session::new(SessionOptions {
                 strategy,
                 events,
-                ..VerifierOptions::default()
+                keep_open: true,
+                ..SessionOptions::default()
             })
             .unwrap()
         });
         Both {
             incremental,
             full,
-            earlier: Vec::new(),
+            layout: 0,
+            last: None,
             tally: Tally::default(),
             balance: (events != Events::Off).then(Balance::new),
         }
@@ -39,16 +42,10 @@ impl Both {
 
     /// Verifies a frame incrementally: most frames as a live run does, some from the arrays of a
     /// set.
-    fn verify_incrementally(&mut self, frame: u64, set: &CurveSet) -> Report {
-        if frame % 5 == 3 {
-            return self.incremental.step(frame, 0.5, set).unwrap();
+    fn verify_incrementally(&mut self, info: FrameInfo, set: &CurveSet) -> VerifiedFrame {
+        if info.seq % 5 == 3 {
+            return self.incremental.step_at(info, set);
         }
-        let usable = |old: &Arc<CurveSet>| {
-            let same = (old.basis(), old.precision()) == (set.basis(), set.precision());
-            same && Arc::strong_count(old) == 1 && old.counts().eq(set.counts())
-        };
-        let old = self.earlier.iter().position(usable);
-        let mut memory = old.map(|k| Arc::into_inner(self.earlier.swap_remove(k)).unwrap());
         let mut bytes = Vec::new();
         set.write_positions(&mut bytes);
         let single: Vec<f32>;
@@ -70,19 +67,22 @@ impl Both {
             counts: &set.counts().collect::<Vec<_>>(),
             positions,
         };
-        self.incremental
-            .receive(frame_in_memory, &mut memory)
-            .unwrap();
-        let received = Arc::new(memory.unwrap());
-        let report = self.incremental.step_shared(frame, 0.5, &received).unwrap();
-        self.earlier.push(received);
-        report
+        self.incremental.step_at(info, frame_in_memory)
     }
 
-    /// Verifies a frame by both verifiers, compares the reports, and returns one.
+    /// Verifies a frame by both sessions, compares the reports, and returns one.
     pub fn step(&mut self, frame: u64, set: &CurveSet, what: &dyn std::fmt::Display) -> Report {
-        let found = self.verify_incrementally(frame, set);
-        let mut expected = self.full.step(frame, 0.5, set).unwrap();
+        let same = |last: &CurveSet| {
+            let same = (last.basis(), last.precision()) == (set.basis(), set.precision());
+            same && last.counts().eq(set.counts())
+        };
+        self.layout += u32::from(!self.last.as_ref().is_none_or(same));
+        self.last = Some(set.clone());
+        let names = CurveLabels::named((0..set.len()).map(|i| i.to_string()));
+        let info = FrameInfo::at(frame, 0.5).with_labels(self.layout, names);
+        let verified = self.verify_incrementally(info.clone(), set);
+        let (found, work) = (verified.report, verified.work);
+        let mut expected = self.full.step_at(info, set).report;
         // Except for the sizes of the scene, counts of work depend on earlier frames.
         let sizes = |r: &Report| (r.stats.curves, r.stats.segments, r.stats.open_curves);
         assert_eq!(sizes(&found), sizes(&expected), "{what}, frame {frame}");
@@ -102,7 +102,6 @@ impl Both {
         );
         self.tally.events += found.events.len() as u64;
         self.tally.undecided_steps += defects().filter(|kind| kind.is_of_step()).count() as u64;
-        let work = self.incremental.work();
         self.tally.unsearched += u64::from(frame > 0 && work.searched == 0);
         *match work.route {
             Route::Full => &mut self.tally.full,
@@ -124,7 +123,7 @@ impl Both {
 /// frames in which a pair of closed curves has a linking number, it changes by the sum of the signs
 /// of their pull-throughs.
 pub struct Balance {
-    numbers: Verifier,
+    numbers: Certifier,
     pairs: BTreeMap<(u32, u32), Since>,
     /// Number of sums over frames in which the pair touched, and how many of these are not 0.
     pub through_contact: [u64; 2],
@@ -146,7 +145,7 @@ struct Since {
 impl Balance {
     fn new() -> Balance {
         Balance {
-            numbers: Verifier::default(),
+            numbers: Certifier::default(),
             pairs: BTreeMap::new(),
             through_contact: [0; 2],
         }

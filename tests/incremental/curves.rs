@@ -3,9 +3,10 @@
 use crate::movie::Movie;
 use crate::sets::{random_set, values};
 use crate::support::random::Random;
+use crate::support::session::Step;
 use linkwatch::{
-    Basis, Certificate, CurveChange, CurveLabels, CurveSet, Error, Events, Positions, Precision,
-    Report, Stats, Strategy, Verdict, Verifier, VerifierOptions,
+    Basis, Certificate, Certifier, CurveLabels, CurveSet, Events, FrameInfo, Positions, Precision,
+    RawFrame, Report, Session, SessionOptions, Stats, Strategy, Verdict,
 };
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -112,7 +113,7 @@ struct Tally {
 }
 
 /// Runs sequences in which a curve that is gone never returns. The linking numbers are compared
-/// with those of full runs by name, and the pull-throughs across a change with those of a verifier
+/// with those of full runs by name, and the pull-throughs across a change with those of a session
 /// that knows only the curves that continue.
 fn sequences(basis: Basis, precision: Precision, seeds: Range<u64>) -> Tally {
     let mut tally = Tally::default();
@@ -122,19 +123,21 @@ fn sequences(basis: Basis, precision: Precision, seeds: Range<u64>) -> Tally {
         let set = random_set(&mut random, basis, precision, all);
         let what = format!("seed {seed}, {basis:?}, {precision:?}");
         let new = |strategy| {
-            Verifier::new(VerifierOptions {
+            Session::new(SessionOptions {
                 strategy,
                 events: Events::All,
-                ..VerifierOptions::default()
+                keep_open: true,
+                ..SessionOptions::default()
             })
             .unwrap()
         };
-        let mut verifiers = [Strategy::Full, Strategy::Incremental, Strategy::Paranoid].map(new);
+        let mut sessions = [Strategy::Full, Strategy::Incremental, Strategy::Paranoid].map(new);
         let mut active: Vec<usize> = (0..4).collect();
         let mut waiting: Vec<usize> = (4..all).collect();
         let mut movie = Movie::new(Random::new(random.next()), set);
         let mut expected: BTreeMap<Names, i64> = BTreeMap::new();
         let mut last: Option<CurveSet> = None;
+        let mut layout = 0;
         for frame in 0..25 {
             movie.advance(frame);
             let before = active.clone();
@@ -142,15 +145,13 @@ fn sequences(basis: Basis, precision: Precision, seeds: Range<u64>) -> Tally {
                 change(&mut random, &mut active, &mut waiting);
             }
             let set = some_curves(&movie.set, &active);
-            let change = CurveChange::by_name(&labels(&before), &labels(&active)).unwrap();
-            let reports = verifiers.each_mut().map(|verifier| {
-                if active != before {
-                    verifier.change_curves(change.clone());
-                }
-                let mut report = verifier.step(frame, 0.0, &set).unwrap();
-                assert!(!verifier.work().disagreed, "{what}, frame {frame}");
-                report.stats = Stats::default();
-                report
+            layout += u32::from(active != before);
+            let info = FrameInfo::at(frame, 0.0).with_labels(layout, labels(&active));
+            let reports = sessions.each_mut().map(|session| {
+                let mut verified = session.step_at(info.clone(), &set);
+                assert!(!verified.work.disagreed, "{what}, frame {frame}");
+                verified.report.stats = Stats::default();
+                verified.report
             });
             let [report, others @ ..] = reports;
             for other in others {
@@ -158,7 +159,7 @@ fn sequences(basis: Basis, precision: Precision, seeds: Range<u64>) -> Tally {
             }
 
             let mut changes = BTreeMap::new();
-            let mut certifier = Verifier::default();
+            let mut certifier = Certifier::default();
             let (certificate, _) = certifier.certify(&set);
             for (i, j, found) in linking_numbers(&set, certificate) {
                 let pair = names(&active, i, j);
@@ -192,8 +193,8 @@ fn sequences(basis: Basis, precision: Precision, seeds: Range<u64>) -> Tally {
                 let old = |i: &usize| before.iter().position(|b| b == i).unwrap();
                 let old: Vec<usize> = kept.iter().map(old).collect();
                 let mut alone = new(Strategy::Full);
-                let _ = alone.step(0, 0.0, &some_curves(&last, &old)).unwrap();
-                let known = alone.step(1, 0.0, &some_curves(&movie.set, &kept)).unwrap();
+                alone.step(0, some_curves(&last, &old));
+                let known = alone.step(1, some_curves(&movie.set, &kept)).report;
                 assert_eq!(
                     events(&report, &active),
                     events(&known, &kept),
@@ -239,34 +240,38 @@ fn very_many_curves_that_come_and_go() {
 
 #[test]
 fn a_curve_that_appeared_in_a_rejected_frame_is_expected_from_the_next_one() {
-    let mut verifier = Verifier::new(VerifierOptions {
+    let mut session = Session::new(SessionOptions {
         max_pairs: 1,
-        ..VerifierOptions::default()
+        ..SessionOptions::default()
     })
     .unwrap();
     let flat = |z: f64| [-1., -1., z, 1., -1., z, 1., 1., z, -1., 1., z];
     let upright = [0., 0., -1., 2., 0., -1., 2., 0., 1., 0., 0., 1.];
-    let mut step = |seq, rings: &[[f64; 12]], names: [&[&str]; 2]| {
+    let mut feed = |seq, rings: &[[f64; 12]], (layout, names): (u32, &[&str])| {
         let counts = vec![-4; rings.len()];
         let positions = rings.concat();
-        let set = CurveSet::from_counts(Basis::Polyline, &counts, Positions::F64(&positions));
-        let [before, after] = names.map(|names| CurveLabels::named(names.iter().copied()));
-        verifier.change_curves(CurveChange::by_name(&before, &after).unwrap());
-        verifier.step(seq, 0.0, &set.unwrap())
+        let raw = RawFrame {
+            basis: Basis::Polyline,
+            counts: &counts,
+            positions: Positions::F64(&positions),
+        };
+        let names = CurveLabels::named(names.iter().copied());
+        let info = FrameInfo::at(seq, 0.0).with_labels(layout, names);
+        session.feed(info, raw).unwrap()
     };
-    let first = step(0, &[flat(0.0), flat(9.0)], [&["a", "z"], &["a", "z"]]).unwrap();
+    let first = feed(0, &[flat(0.0), flat(9.0)], (0, &["a", "z"]));
     assert_eq!(first.verdict, Verdict::Intact);
     let rings = [flat(0.0), upright, flat(0.1)];
-    let rejected = step(1, &rings, [&["a", "z"], &["a", "b", "c"]]);
-    assert!(matches!(rejected, Err(Error::TooManyPairs { .. })));
+    let rejected = feed(1, &rings, (1, &["a", "b", "c"])).rejected.unwrap();
+    assert!(rejected.contains("pairs of curves overlap"), "{rejected}");
     let rings = [upright, flat(0.0)];
-    let report = step(2, &rings, [&["a", "z"], &["b", "a"]]).unwrap();
+    let report = feed(2, &rings, (2, &["b", "a"]));
     assert_eq!(report.verdict, Verdict::Intact, "{report:?}");
     assert_eq!(
         (report.appeared, report.gone),
         (vec!["b".into()], vec!["z".into()])
     );
     // From now on the link is expected.
-    let report = step(3, &[flat(5.0), flat(0.0)], [&["b", "a"], &["b", "a"]]).unwrap();
+    let report = feed(3, &[flat(5.0), flat(0.0)], (2, &["b", "a"]));
     assert_eq!(report.verdict, Verdict::Changed);
 }

@@ -2,7 +2,8 @@
 
 use super::written::{Chainmail, INTERVAL, drop_verdicts};
 use super::*;
-use linkwatch::{CurveSet, Events, RecordingReader, Verifier, VerifierOptions};
+use crate::support::session::Step;
+use linkwatch::{CurveSet, Events, RecordingReader, Session, SessionOptions};
 use std::time::Instant;
 
 fn chainmail(frames: u64, pulled: u64, released: u64) -> Chainmail {
@@ -62,20 +63,20 @@ fn finds_the_first_changed_frame_its_cause_and_a_step_that_keeps_the_strands_apa
     });
     let [x0, x1] = [&frames[0], &frames[1]].map(positions);
     let verdict = |share: f32| {
-        let mut verifier = Verifier::new(VerifierOptions {
+        let mut session = Session::new(SessionOptions {
             events: Events::Between,
-            ..VerifierOptions::default()
+            ..SessionOptions::default()
         })
         .unwrap();
         let mut set = frames[0].clone();
-        let _ = verifier.step(0, 0.0, &set).unwrap();
+        session.step(0, &set);
         let at: Vec<f32> = x0
             .iter()
             .zip(&x1)
             .map(|(a, b)| a + share * (b - a))
             .collect();
         set.update(Positions::F32(&at)).unwrap();
-        verifier.step(1, 0.0, &set).unwrap().verdict
+        session.step(1, &set).report.verdict
     };
     let safe = number(&step["safe_fraction"]) as f32;
     assert!(safe > 0.0 && safe < 1.0);

@@ -156,9 +156,7 @@ impl Simulator {
     }
 
     fn signal(&self, name: &str) {
-        let id = self.0.id().to_string();
-        let sent = Command::new("kill").args(["-s", name, &id]).status();
-        assert!(sent.unwrap().success());
+        send(name, self.0.id());
     }
 }
 
@@ -556,8 +554,8 @@ fn a_check_of_minutes_shows_progress_and_ends_on_a_signal() {
         assert!(screen().contains("frame 3: "), "{}", screen());
         while sim.poll().unwrap().is_some() {}
         assert!(sim.silent_for().unwrap() < Duration::from_secs(4));
-        let watch = until("the watch", || supervise::child_of(script.id()));
-        supervise::send(signal, watch);
+        let watch = until("the watch", || child_of(script.id()));
+        send(signal, watch);
         assert!(matches!(
             without_time_out("the goodbye", || sim.wait(seq, LONG)).unwrap(),
             Outcome::NoWatcher(_)
@@ -578,4 +576,24 @@ fn a_check_of_minutes_shows_progress_and_ends_on_a_signal() {
             replayed.stderr
         );
     }
+}
+
+/// Returns a child of a process, if it has one.
+fn child_of(parent: u32) -> Option<u32> {
+    let processes = std::fs::read_dir("/proc").unwrap().flatten();
+    let ids = processes.filter_map(|entry| entry.file_name().to_str()?.parse::<u32>().ok());
+    let parent_of = |id: &u32| -> Option<(char, u32)> {
+        // The name of the program, in brackets, may contain anything.
+        let stat = std::fs::read_to_string(format!("/proc/{id}/stat")).ok()?;
+        let mut fields = stat.rsplit_once(')')?.1.split_whitespace();
+        Some((fields.next()?.chars().next()?, fields.next()?.parse().ok()?))
+    };
+    ids.into_iter()
+        .find(|id| parent_of(id).is_some_and(|(state, of)| of == parent && state != 'Z'))
+}
+
+fn send(signal: &str, process: u32) {
+    let id = process.to_string();
+    let sent = Command::new("kill").args(["-s", signal, &id]).status();
+    assert!(sent.unwrap().success(), "{signal} to {id}");
 }

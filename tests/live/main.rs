@@ -18,8 +18,8 @@ mod roles;
 mod services;
 mod sessions;
 mod soak;
+mod state;
 mod streams;
-mod supervise;
 #[path = "../support/mod.rs"]
 mod support;
 mod verdicts;

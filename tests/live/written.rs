@@ -1,9 +1,10 @@
 //! Recordings of constructed motions, written without a simulator.
 
+use crate::support::session::Step;
 use linkwatch::scenes::{Frames, Motion, Pull, Scene, pull_throughs};
 use linkwatch::{
     BaselineRecord, CurveLabels, CurveSet, Events, FrameInfo, FrameRecord, FrameTimes,
-    RecordingSink, Sink, Strategy, Verifier, VerifierOptions,
+    RecordingSink, Session, SessionOptions, Sink, Strategy,
 };
 use std::collections::BTreeMap;
 use std::io::Cursor;
@@ -47,10 +48,10 @@ impl Chainmail {
     /// Writes a recording as `watch` does, with its verdicts or without. Frames are received one
     /// millisecond apart.
     pub fn record(&self, path: &Path, events: Events, with_verdicts: bool) {
-        let mut verifier = Verifier::new(VerifierOptions {
+        let mut session = Session::new(SessionOptions {
             strategy: Strategy::Incremental,
             events,
-            ..VerifierOptions::default()
+            ..SessionOptions::default()
         })
         .unwrap();
         let metadata = BTreeMap::from([("events".to_owned(), events.to_string())]);
@@ -61,32 +62,31 @@ impl Chainmail {
             let names = (0..set.len()).map(|i| format!("ring/{i}"));
             let labels = labels.get_or_insert_with(|| Arc::new(CurveLabels::named(names)));
             let time = seq as f64 * INTERVAL;
-            let report = verifier.step(seq, time, set).unwrap();
+            let info = FrameInfo {
+                time_step: INTERVAL,
+                ..FrameInfo::at(seq, time).with_labels(0, Arc::clone(labels))
+            };
+            let verified = session.step_at(info, set);
             if seq == 0 {
                 sink.begin(&BaselineRecord {
-                    certificate: Arc::new(verifier.baseline().unwrap().clone()),
+                    certificate: Arc::new(session.baseline().unwrap().clone()),
                     origin: "first frame".into(),
                     frame: Some(0),
                     unverified: 0,
                 })
                 .unwrap();
             }
-            let info = FrameInfo {
-                time_step: INTERVAL,
-                labels: Arc::clone(labels),
-                ..FrameInfo::default()
-            };
             sink.frame(&FrameRecord {
-                curves: Some(Arc::new(set.clone())),
-                info,
-                report: Arc::new(report),
+                curves: verified.curves,
+                info: verified.info,
+                report: Arc::new(verified.report),
                 verified: seq + 1,
                 skipped: 0,
                 rejected: 0,
                 recovered: 0,
                 accepted: 0,
                 times: FrameTimes::default(),
-                work: verifier.work(),
+                work: verified.work,
                 received: received + Duration::from_millis(seq),
             })
             .unwrap();

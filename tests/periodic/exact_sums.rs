@@ -3,14 +3,16 @@
 //! One curve has even coordinates near `2^53`, the other one small integers, and the cell has the
 //! length `2^53 - 1`. The image of the second curve is near the first one, at integers, half of
 //! which are odd and have no floating-point number. Relative to `2^53`, all coordinates are small
-//! integers, of which the oracle and a plain verifier have exact results. The shapes are
+//! integers, of which the oracle and a plain session have exact results. The shapes are
 //! degenerate: they touch, have common planes, and projections that coincide.
 
 use crate::scene::{Point, Scene};
 use crate::support::random::Random;
+use crate::support::session::Step;
 use linkwatch::kernels::oracle;
 use linkwatch::{
-    Basis, Cell, CurveSet, Events, Positions, PullThrough, Verdict, Verifier, VerifierOptions,
+    Basis, Cell, CurveSet, Events, FrameInfo, Positions, PullThrough, Session, SessionOptions,
+    Verdict,
 };
 use std::sync::Arc;
 
@@ -84,11 +86,11 @@ fn linking_numbers_of_rounded_images_are_exact() {
 }
 
 /// Returns the pull-throughs and the verdict of a step.
-fn step(frames: [CurveSet; 2], options: VerifierOptions) -> (Vec<PullThrough>, Verdict) {
-    let mut verifier = Verifier::new(options).unwrap();
+fn step(frames: [CurveSet; 2], options: SessionOptions) -> (Vec<PullThrough>, Verdict) {
+    let mut session = Session::new(options).unwrap();
     let [first, second] = frames.map(Arc::new);
-    let _ = verifier.step_shared(0, 0.0, &first).unwrap();
-    let report = verifier.step_shared(1, 1.0, &second).unwrap();
+    session.step(0, &first);
+    let report = session.step_at(FrameInfo::at(1, 1.0), &second).report;
     (report.events, report.verdict)
 }
 
@@ -114,11 +116,12 @@ fn pull_throughs_of_rounded_images_are_exact() {
             let positions = Positions::F64(points.as_flattened());
             CurveSet::from_counts(Basis::Polyline, &counts, positions).unwrap()
         };
-        let plain = VerifierOptions {
+        let plain = SessionOptions {
             events: Events::Between,
             wrapped: Some(false),
             motion_limit: Some(f64::INFINITY),
-            ..VerifierOptions::default()
+            keep_open: true,
+            ..SessionOptions::default()
         };
         let mut periodic = plain.clone();
         periodic.cell = Some(far(&shapes[0]).cell);
@@ -200,20 +203,21 @@ fn pull_throughs_of_rounded_periods_of_a_yarn_are_exact() {
         let sizes = [2 + random.below(4) as usize, 1 + random.below(4) as usize];
         let largest = random.pick(&[8, 30, 200]);
         let frames = [0; 2].map(|_| FarYarn::random(&mut random, sizes, largest));
-        let plain = VerifierOptions {
+        let plain = SessionOptions {
             events: Events::All,
             wrapped: Some(false),
             motion_limit: Some(f64::INFINITY),
-            ..VerifierOptions::default()
+            keep_open: true,
+            ..SessionOptions::default()
         };
         let mut periodic = plain.clone();
         periodic.cell = Some(Cell::orthogonal([0.0; 3], [FAR - 1.0; 3]));
         periodic.events = Events::Between;
-        let report = |frames: [CurveSet; 2], options: VerifierOptions| {
-            let mut verifier = Verifier::new(options).unwrap();
+        let report = |frames: [CurveSet; 2], options: SessionOptions| {
+            let mut session = Session::new(options).unwrap();
             let [first, second] = frames.map(Arc::new);
-            let _ = verifier.step_shared(0, 0.0, &first).unwrap();
-            verifier.step_shared(1, 1.0, &second).unwrap()
+            session.step(0, &first);
+            session.step_at(FrameInfo::at(1, 1.0), &second).report
         };
         let near = report(frames.each_ref().map(FarYarn::near), plain);
         let found = report(frames.each_ref().map(FarYarn::set), periodic);

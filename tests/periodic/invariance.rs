@@ -2,7 +2,10 @@
 
 use crate::scene::{Point, Scene};
 use crate::support::random::Random;
-use linkwatch::{Certificate, Events, Image, Strategy, Verdict, Verifier};
+use crate::support::session::Step;
+use linkwatch::{
+    Certificate, Events, FrameInfo, Image, Session, SessionOptions, Strategy, Verdict,
+};
 use std::sync::Arc;
 
 /// Moves each curve by a lattice vector.
@@ -51,9 +54,9 @@ fn a_baseline_of_other_images_is_intact() {
         let mut options = scene.options(Strategy::Incremental, Events::Between);
         options.baseline = Some(scene.certificate());
         let moved = Arc::new(renamed(&scene, seed).set());
-        let mut verifier = Verifier::new(options).unwrap();
+        let mut session = Session::new(options).unwrap();
         for seq in 0..3 {
-            let report = verifier.step_shared(seq, 0.0, &moved).unwrap();
+            let report = session.step(seq, &moved).report;
             assert_eq!(report.verdict, Verdict::Intact, "seed {seed}: {report:?}");
         }
     }
@@ -66,21 +69,20 @@ fn a_refused_first_frame_does_not_replace_the_baseline() {
     let mut options = scene.options(Strategy::Full, Events::Off);
     options.baseline = Some(scene.certificate());
     options.max_pairs = 1;
-    let mut verifier = Verifier::new(options).unwrap();
+    let mut session = Session::new(options).unwrap();
     for seq in 0..2 {
-        let refused = verifier.step_shared(seq, 0.0, &Arc::new(scene.set()));
-        assert!(refused.is_err());
+        let report = session.feed(FrameInfo::at(seq, 0.0), scene.set()).unwrap();
+        assert_eq!(report.verdict, Verdict::Rejected);
     }
     let mut options = scene.options(Strategy::Full, Events::Off);
     options.baseline = Some(Certificate::parse("4\n0,1,1\n").unwrap());
-    let mut verifier = Verifier::new(options).unwrap();
+    let mut session = Session::new(options).unwrap();
     for seq in 0..2 {
-        let e = verifier
-            .step_shared(seq, 0.0, &Arc::new(scene.set()))
-            .unwrap_err();
+        let report = session.feed(FrameInfo::at(seq, 0.0), scene.set()).unwrap();
+        let why = report.rejected.unwrap();
         assert!(
-            e.to_string().contains("not of a periodic scene"),
-            "frame {seq}: {e}"
+            why.contains("not of a periodic scene"),
+            "frame {seq}: {why}"
         );
     }
 }
@@ -180,7 +182,7 @@ fn doubling_the_cell_doubles_every_linking_number() {
 fn curves_that_drift_across_the_boundary_stay_intact() {
     for strategy in [Strategy::Full, Strategy::Incremental, Strategy::Paranoid] {
         let scene = chain();
-        let mut verifier = Verifier::new(scene.options(strategy, Events::Between)).unwrap();
+        let mut session = Session::new(scene.options(strategy, Events::Between)).unwrap();
         for seq in 0..120_u32 {
             let mut frame = scene.clone();
             for (k, curve) in frame.curves.iter_mut().enumerate() {
@@ -192,11 +194,12 @@ fn curves_that_drift_across_the_boundary_stay_intact() {
                 }
             }
             let set = Arc::new(frame.set());
-            let report = verifier.step_shared(seq.into(), 0.0, &set).unwrap();
+            let verified = session.step(seq.into(), &set);
+            let report = verified.report;
             assert_eq!(report.verdict, Verdict::Intact, "frame {seq}: {report:?}");
-            assert!(!verifier.work().disagreed);
+            assert!(!verified.work.disagreed);
             if seq == 0 {
-                let images = verifier.baseline().unwrap().images.clone().unwrap();
+                let images = session.baseline().unwrap().images.clone().unwrap();
                 assert_eq!(
                     images.len(),
                     1,
@@ -213,7 +216,11 @@ fn curves_that_drift_across_the_boundary_stay_intact() {
 fn a_cell_that_changes_from_frame_to_frame_keeps_its_topology() {
     for strategy in [Strategy::Full, Strategy::Incremental, Strategy::Paranoid] {
         let scene = chain();
-        let mut verifier = Verifier::new(scene.options(strategy, Events::Between)).unwrap();
+        let options = SessionOptions {
+            cell: None,
+            ..scene.options(strategy, Events::Between)
+        };
+        let mut session = Session::new(options).unwrap();
         for seq in 0..60_u32 {
             let t = 0.02 * f64::from(seq);
             let deformed = |p: &Point| {
@@ -235,17 +242,16 @@ fn a_cell_that_changes_from_frame_to_frame_keeps_its_topology() {
                 // The last ring leaves the image of the first one.
                 frame.curves[3].iter_mut().for_each(|p| p[2] += 1.4);
             }
-            verifier.set_cell(frame.cell).unwrap();
-            let report = verifier
-                .step_shared(seq.into(), 0.0, &Arc::new(frame.set()))
-                .unwrap();
+            let info = FrameInfo::at(seq.into(), 0.0).in_cell(frame.cell);
+            let verified = session.step_at(info, frame.set());
+            let report = verified.report;
             let expected = if broken {
                 Verdict::Changed
             } else {
                 Verdict::Intact
             };
             assert_eq!(report.verdict, expected, "frame {seq}: {report:?}");
-            assert!(!verifier.work().disagreed);
+            assert!(!verified.work.disagreed);
             if broken {
                 let changes = report.changes.iter();
                 let changed: Vec<_> = changes.map(|c| (c.i, c.j, c.image)).collect();
@@ -263,17 +269,25 @@ fn a_cell_that_changes_from_frame_to_frame_keeps_its_topology() {
 #[test]
 fn a_cell_of_another_kind_or_none_is_refused() {
     let scene = chain();
-    let mut verifier = Verifier::new(scene.options(Strategy::Full, Events::Off)).unwrap();
-    let e = verifier.set_cell("4,3,0".parse().unwrap()).unwrap_err();
-    assert!(e.to_string().contains("other vectors"), "{e}");
-    let mut plain = Verifier::default();
-    let _ = plain.step_shared(0, 0.0, &Arc::new(scene.set())).unwrap();
-    let e = plain.set_cell(scene.cell).unwrap_err().to_string();
-    assert!(e.contains("the previous ones had none"), "{e}");
-    // Before the first frame, a cell makes the verifier periodic.
-    let mut fresh = Verifier::default();
-    fresh.set_cell(scene.cell).unwrap();
-    let _ = fresh.step_shared(0, 0.0, &Arc::new(scene.set())).unwrap();
+    let refused = |cells: [Option<&str>; 2]| {
+        let mut session = Session::new(SessionOptions::default()).unwrap();
+        let info = |seq: u64, cell: Option<&str>| FrameInfo {
+            cell: cell.map(|cell| cell.parse().unwrap()),
+            ..FrameInfo::at(seq, 0.0)
+        };
+        session.step_at(info(0, cells[0]), scene.set());
+        let report = session.feed(info(1, cells[1]), scene.set()).unwrap();
+        report.rejected.unwrap()
+    };
+    let why = refused([Some("4,3,3"), Some("4,3,0")]);
+    assert!(why.contains("other vectors"), "{why}");
+    let why = refused([None, Some("4,3,3")]);
+    assert!(why.contains("the previous ones had none"), "{why}");
+    let why = refused([Some("4,3,3"), None]);
+    assert!(why.contains("the previous ones had one"), "{why}");
+    // Before the first frame, a cell makes the session periodic.
+    let mut fresh = Session::new(SessionOptions::default()).unwrap();
+    fresh.step_at(FrameInfo::at(0, 0.0).in_cell(scene.cell), scene.set());
     assert_eq!(fresh.baseline().unwrap().images.as_ref().unwrap().len(), 1);
 }
 

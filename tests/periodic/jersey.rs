@@ -8,7 +8,10 @@
 
 use crate::scene::{Point, Scene, translation};
 use crate::support::random::Random;
-use linkwatch::{Basis, CurveSet, Events, Positions, PullThrough, Strategy, Verdict, Verifier};
+use crate::support::session::Step;
+use linkwatch::{
+    Basis, Certifier, CurveSet, Events, Positions, PullThrough, Session, Strategy, Verdict,
+};
 use std::f64::consts::{PI, TAU};
 use std::sync::Arc;
 
@@ -59,8 +62,8 @@ fn linking_number(loops: [Vec<Point>; 2]) -> i64 {
     let points = loops.concat();
     let positions = Positions::F64(points.as_flattened());
     let set = CurveSet::from_counts(Basis::Polyline, &counts, positions).unwrap();
-    let mut verifier = Verifier::default();
-    let (certificate, _) = verifier.certify(&set);
+    let mut certifier = Certifier::default();
+    let (certificate, _) = certifier.certify(&set);
     assert!(certificate.undefined.is_empty());
     certificate.links.first().map_or(0, |l| l.lambda)
 }
@@ -95,7 +98,7 @@ fn each_row_is_hooked_through_the_row_below() {
 fn a_jersey_that_moves_a_little_is_intact() {
     for strategy in [Strategy::Full, Strategy::Incremental, Strategy::Paranoid] {
         let scene = jersey([0.3, -1.0], 0.0);
-        let mut verifier = Verifier::new(scene.options(strategy, Events::Between)).unwrap();
+        let mut session = Session::new(scene.options(strategy, Events::Between)).unwrap();
         let mut random = Random::new(61);
         for seq in 0..20 {
             let mut frame = scene.clone();
@@ -107,11 +110,12 @@ fn a_jersey_that_moves_a_little_is_intact() {
                 let last = row.len() - 1;
                 row[last] = [0, 1, 2].map(|x| row[0][x] + by[x]);
             }
-            verifier.settle();
+            session.settle();
             let set = Arc::new(frame.set());
-            let report = verifier.step_shared(seq, 0.0, &set).unwrap();
+            let verified = session.step(seq, &set);
+            let report = verified.report;
             assert_eq!(report.verdict, Verdict::Intact, "{strategy:?}: {report:?}");
-            assert!(!verifier.work().disagreed);
+            assert!(!verified.work.disagreed);
         }
     }
 }
@@ -129,11 +133,11 @@ fn loops_pulled_out_of_the_row_below_are_found_at_their_places() {
             let frames = (0..50).map(|k| jersey([start, other], 0.03 * f64::from(k)));
             let scene = jersey([start, other], 0.0);
             let options = scene.options(strategy, Events::Between);
-            let mut verifier = Verifier::new(options).unwrap();
+            let mut session = Session::new(options).unwrap();
             let mut events = Vec::new();
             for (seq, frame) in frames.enumerate() {
                 let set = Arc::new(frame.set());
-                let report = verifier.step_shared(seq as u64, 0.0, &set).unwrap();
+                let report = session.step(seq as u64, &set).report;
                 let expected = match report.events.is_empty() {
                     true => Verdict::Intact,
                     false => Verdict::Changed,

@@ -1,7 +1,8 @@
 //! Limits: a frame that exceeds one is rejected, and no report depends on a limit.
 
 use crate::scene::Scene;
-use linkwatch::{Error, Events, Strategy, Verifier};
+use crate::support::session::Step;
+use linkwatch::{Events, FrameInfo, Session, Strategy};
 use std::sync::Arc;
 
 /// Regression test: a search for the pairs of images that found more pairs than the limit kept some
@@ -19,19 +20,21 @@ fn with_any_limit_of_pairs_a_report_is_that_without_or_the_frame_is_rejected() {
         ] {
             for limit in [0, 1, 2, 4, 7, 11, 16, 24, 36, 60, 100] {
                 let mut options = scene.options(strategy, events);
-                let mut other = Verifier::new(options.clone()).unwrap();
+                let mut other = Session::new(options.clone()).unwrap();
                 options.max_pairs = limit;
-                let mut limited = Verifier::new(options).unwrap();
+                let mut limited = Session::new(options).unwrap();
                 for (seq, set) in (0..).zip(&frames) {
-                    match limited.step_shared(seq, 0.0, set) {
-                        Err(Error::TooManyPairs { .. }) => {
+                    let found = limited.feed(FrameInfo::at(seq, 0.0), set).unwrap();
+                    match &found.rejected {
+                        Some(why) => {
+                            assert!(why.contains("pairs of curves overlap"), "{why}");
                             rejected += 1;
                             break;
                         }
-                        found => {
-                            let wanted = other.step_shared(seq, 0.0, set).unwrap();
+                        None => {
+                            let wanted = other.step(seq, set).report;
                             changed += usize::from(!wanted.changes.is_empty());
-                            assert_eq!(found.unwrap(), wanted, "seed {seed}, limit {limit}");
+                            assert_eq!(found, wanted, "seed {seed}, limit {limit}");
                             equal += 1;
                         }
                     }
@@ -56,16 +59,14 @@ fn a_frame_over_many_cells_is_refused_before_its_images_take_memory() {
         scene.curves = vec![(0..points).map(point).collect()];
         let mut options = scene.options(Strategy::Full, Events::Off);
         options.wrapped = Some(false);
-        let mut verifier = Verifier::new(options).unwrap();
-        match verifier.step_shared(0, 0.0, &Arc::new(scene.set())) {
-            Ok(_) => assert!(accepted, "{points} {radius}"),
-            Err(e) => {
-                let says = e.to_string();
-                assert!(
-                    !accepted && says.contains("too many periodic cells"),
-                    "{says}"
-                );
-            }
+        let mut session = Session::new(options).unwrap();
+        let report = session.feed(FrameInfo::at(0, 0.0), scene.set()).unwrap();
+        match report.rejected {
+            None => assert!(accepted, "{points} {radius}"),
+            Some(why) => assert!(
+                !accepted && why.contains("too many periodic cells"),
+                "{why}"
+            ),
         }
     }
 }

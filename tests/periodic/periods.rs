@@ -2,10 +2,11 @@
 //! over many periods, as one open curve in a search for self-crossings.
 
 use crate::support::random::Random;
+use crate::support::session::Step;
 use crate::yarn::Yarn;
 use linkwatch::{
-    Basis, CurveSet, Events, Image, PullThrough, Report, Route, Strategy, Verdict, Verifier,
-    VerifierOptions,
+    Basis, CurveSet, Events, FrameInfo, Image, PullThrough, Report, Route, Session, SessionOptions,
+    Strategy, Verdict,
 };
 use std::sync::Arc;
 
@@ -18,11 +19,13 @@ fn key(e: &PullThrough, periods: i32, segments: [u32; 2]) -> Found {
 }
 
 /// Returns the last report on some frames.
-fn last(frames: impl Iterator<Item = CurveSet>, options: VerifierOptions) -> Report {
-    let mut verifier = Verifier::new(options).unwrap();
+fn last(frames: impl Iterator<Item = CurveSet>, options: SessionOptions) -> Report {
+    let mut session = Session::new(options).unwrap();
     let steps = frames.enumerate().map(|(k, set)| {
         let set = Arc::new(set);
-        verifier.step_shared(k as u64, k as f64, &set).unwrap()
+        session
+            .step_at(FrameInfo::at(k as u64, k as f64), &set)
+            .report
     });
     steps.last().unwrap()
 }
@@ -264,14 +267,14 @@ fn incremental_searches_of_yarns_find_what_full_ones_find() {
         for seed in 0..24 {
             let frames = motion(seed, basis);
             let events = [Events::Between, Events::All][seed as usize % 2];
-            let verifier = |strategy| Verifier::new(frames[0].options(strategy, events)).unwrap();
+            let session = |strategy| Session::new(frames[0].options(strategy, events)).unwrap();
             let strategies = [Strategy::Full, Strategy::Incremental, Strategy::Paranoid];
-            let mut verifiers = strategies.map(verifier);
+            let mut sessions = strategies.map(session);
             for (seq, frame) in frames.iter().enumerate() {
                 let set = Arc::new(frame.unrolled(1));
-                let reports = verifiers.each_mut().map(|verifier| {
-                    verifier.settle();
-                    verifier.step_shared(seq as u64, seq as f64, &set).unwrap()
+                let verified = sessions.each_mut().map(|session| {
+                    session.settle();
+                    session.step_at(FrameInfo::at(seq as u64, seq as f64), &set)
                 });
                 let findings = |r: &Report| {
                     (
@@ -281,11 +284,12 @@ fn incremental_searches_of_yarns_find_what_full_ones_find() {
                         r.defects.clone(),
                     )
                 };
-                let [full, incremental, paranoid] = reports.each_ref().map(findings);
+                let [full, incremental, paranoid] =
+                    verified.each_ref().map(|v| findings(&v.report));
                 assert_eq!(incremental, full, "{basis:?}, seed {seed}, frame {seq}");
                 assert_eq!(paranoid, full, "{basis:?}, seed {seed}, frame {seq}");
-                assert!(!verifiers[2].work().disagreed);
-                let route = verifiers[1].work().route;
+                assert!(!verified[2].work.disagreed);
+                let route = verified[1].work.route;
                 quiet += usize::from(route == Route::Quiet);
                 partial += usize::from(route == Route::Partial);
                 found += full.1.len();

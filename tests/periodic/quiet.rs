@@ -2,7 +2,8 @@
 
 use crate::scene::{Point, Scene};
 use crate::support::random::Random;
-use linkwatch::{Events, Report, Route, Strategy, Verifier};
+use crate::support::session::Step;
+use linkwatch::{Events, FrameInfo, Report, Route, Session, SessionOptions, Strategy};
 use std::sync::Arc;
 
 /// Verdict, pull-throughs and changes of a frame.
@@ -30,8 +31,12 @@ fn images_that_come_near_in_quiet_frames_are_found() {
         let shear = [0.0, 0.002][seed as usize % 2];
         let deformed = |p: &Point, t: f64| [p[0] + shear * t * p[1], p[1], p[2]];
         let strategies = [Strategy::Incremental, Strategy::Paranoid, Strategy::Full];
-        let mut verifiers = strategies
-            .map(|strategy| Verifier::new(scene.options(strategy, Events::Between)).unwrap());
+        let mut sessions = strategies
+            .map(|strategy| SessionOptions {
+                cell: None,
+                ..scene.options(strategy, Events::Between)
+            })
+            .map(|options| Session::new(options).unwrap());
         for seq in 0..150_u32 {
             let t = f64::from(seq);
             let mut frame = scene.clone();
@@ -42,17 +47,21 @@ fn images_that_come_near_in_quiet_frames_are_found() {
             }
             frame.cell.vectors = scene.cell.vectors.map(|v| deformed(&v, t));
             let set = Arc::new(frame.set());
-            let reports = verifiers.each_mut().map(|verifier| {
-                verifier.set_cell(frame.cell).unwrap();
-                let report = verifier.step_shared(seq.into(), t, &set).unwrap();
-                verifier.settle();
-                report
+            let verified = sessions.each_mut().map(|session| {
+                let info = FrameInfo::at(seq.into(), t).in_cell(frame.cell);
+                let verified = session.step_at(info, &set);
+                session.settle();
+                verified
             });
-            let [found, _, expected] = reports.each_ref().map(findings);
+            let [found, _, expected] = verified.each_ref().map(|v| findings(&v.report));
             assert_eq!(found, expected, "seed {seed}, frame {seq}");
-            assert!(!verifiers[1].work().disagreed, "seed {seed}, frame {seq}");
-            quiet += usize::from(verifiers[0].work().route == Route::Quiet);
-            let with_images = reports[0].events.iter().filter(|e| e.image != [0; 3]);
+            assert!(!verified[1].work.disagreed, "seed {seed}, frame {seq}");
+            quiet += usize::from(verified[0].work.route == Route::Quiet);
+            let with_images = verified[0]
+                .report
+                .events
+                .iter()
+                .filter(|e| e.image != [0; 3]);
             events += with_images.count();
         }
     }

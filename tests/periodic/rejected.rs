@@ -2,9 +2,10 @@
 
 use crate::invariance::chain;
 use crate::scene::Scene;
+use crate::support::session::Step;
 use linkwatch::{
-    Basis, Cell, CurveSet, DefectKind, Events, Positions, Strategy, Verdict, Verifier,
-    VerifierOptions,
+    Basis, Cell, CurveSet, DefectKind, Events, FrameInfo, Positions, Session, SessionOptions,
+    Strategy, Verdict,
 };
 use std::sync::Arc;
 
@@ -23,44 +24,49 @@ fn displaced(seq: u64, by: f64) -> Scene {
 #[test]
 fn a_rejected_frame_hides_no_pull_through() {
     for strategy in [Strategy::Full, Strategy::Incremental, Strategy::Paranoid] {
-        let mut verifier = Verifier::new(chain().options(strategy, Events::Between)).unwrap();
-        let mut step = |seq: u64, scene: Scene| {
-            verifier.set_cell(scene.cell).unwrap();
-            verifier.step_shared(seq, 0.0, &Arc::new(scene.set()))
+        let options = SessionOptions {
+            cell: None,
+            ..chain().options(strategy, Events::Between)
+        };
+        let mut session = Session::new(options).unwrap();
+        let mut feed = |seq: u64, scene: Scene| {
+            let info = FrameInfo::at(seq, 0.0).in_cell(scene.cell);
+            session.feed(info, scene.set()).unwrap()
         };
         for seq in 0..6 {
-            let report = step(seq, displaced(seq, 0.0)).unwrap();
+            let report = feed(seq, displaced(seq, 0.0));
             assert_eq!(report.verdict, Verdict::Intact);
             std::thread::sleep(std::time::Duration::from_millis(20));
         }
-        let out = step(6, displaced(6, 1.4)).unwrap();
+        let out = feed(6, displaced(6, 1.4));
         assert!(!out.events.is_empty(), "{strategy:?}");
         let mut larger = displaced(7, 0.0);
         larger.cell.vectors = larger.cell.vectors.map(|v| v.map(|x| 3.0 * x));
-        let why = step(7, larger).unwrap_err().to_string();
+        let why = feed(7, larger).rejected.unwrap();
         assert!(why.contains("more than half of its size"), "{why}");
-        let back = step(8, displaced(8, 0.0)).unwrap();
+        let back = feed(8, displaced(8, 0.0));
         assert_eq!(back.events.len(), out.events.len(), "{strategy:?}");
     }
 }
 
-/// Regression test: after a restart, quiet frames were compared with the baseline before it.
+/// Regression test: after the begin of another part, quiet frames were compared with the baseline
+/// before it.
 #[test]
-fn frames_after_a_restart_are_compared_with_the_new_baseline() {
+fn frames_of_another_part_are_compared_with_the_new_baseline() {
     for strategy in [Strategy::Full, Strategy::Incremental, Strategy::Paranoid] {
-        let mut verifier = Verifier::new(chain().options(strategy, Events::Off)).unwrap();
+        let mut session = Session::new(chain().options(strategy, Events::Off)).unwrap();
         for seq in 0..6 {
             let set = Arc::new(displaced(seq, 0.0).set());
-            let report = verifier.step_shared(seq, 0.0, &set).unwrap();
+            let report = session.step(seq, &set).report;
             assert_eq!(report.verdict, Verdict::Intact);
-            verifier.settle();
+            session.settle();
         }
-        let mut other = verifier.baseline().unwrap().clone();
+        let mut other = session.baseline().unwrap().clone();
         other.links[0].lambda += 1;
         let pair = (other.links[0].i, other.links[0].j);
-        verifier.restart(other);
+        session.begin_part(other);
         let set = Arc::new(displaced(6, 0.0).set());
-        let report = verifier.step_shared(6, 0.0, &set).unwrap();
+        let report = session.step(6, &set).report;
         let changed: Vec<_> = report.changes.iter().map(|c| (c.i, c.j)).collect();
         assert_eq!(changed, [pair], "{strategy:?}");
     }
@@ -71,9 +77,9 @@ fn frames_after_a_restart_are_compared_with_the_new_baseline() {
 fn a_number_of_a_ring_and_a_yarn_that_touch_at_first_is_compared_from_the_next_frame_on() {
     let cell: Cell = "4,4,4".parse().unwrap();
     for strategy in [Strategy::Full, Strategy::Incremental, Strategy::Paranoid] {
-        let mut options = VerifierOptions::default();
+        let mut options = SessionOptions::default();
         (options.strategy, options.cell) = (strategy, Some(cell));
-        let mut verifier = Verifier::new(options).unwrap();
+        let mut session = Session::new(options).unwrap();
         let mut step = |seq: u64, y: f64| {
             let yarn = [[0.0, 0.0, 0.0], [2.0, 0.0, 0.0], [4.0, 0.0, 0.0]];
             let ring = [[0.0, -1.0], [0.0, 1.0], [2.0, 1.0], [2.0, -1.0]];
@@ -81,9 +87,9 @@ fn a_number_of_a_ring_and_a_yarn_that_touch_at_first_is_compared_from_the_next_f
             let xyz = [&yarn[..], &ring[..]].concat().concat();
             let positions = Positions::F64(&xyz);
             let set = CurveSet::from_counts(Basis::Polyline, &[3, -4], positions).unwrap();
-            let report = verifier.step_shared(seq, 0.0, &Arc::new(set)).unwrap();
-            assert!(!verifier.work().disagreed);
-            report
+            let verified = session.step(seq, set);
+            assert!(!verified.work.disagreed);
+            verified.report
         };
         let touching = step(0, 0.0);
         assert_eq!(touching.defects[0].kind, DefectKind::Contact);

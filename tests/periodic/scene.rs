@@ -1,11 +1,10 @@
 //! Random periodic scenes.
 
 use crate::support::random::Random;
+use crate::support::session::Step;
 use linkwatch::{
-    Basis, Cell, Certificate, CurveSet, Events, Image, Positions, Strategy, Verifier,
-    VerifierOptions,
+    Basis, Cell, Certificate, CurveSet, Events, Image, Positions, Session, SessionOptions, Strategy,
 };
-use std::sync::Arc;
 
 pub type Point = [f64; 3];
 
@@ -120,20 +119,22 @@ impl Scene {
         next
     }
 
-    pub fn options(&self, strategy: Strategy, events: Events) -> VerifierOptions {
-        let mut options = VerifierOptions::default();
+    pub fn options(&self, strategy: Strategy, events: Events) -> SessionOptions {
+        let mut options = SessionOptions::default();
         (options.strategy, options.events) = (strategy, events);
         options.cell = Some(self.cell);
         // Segments may be longer than half of the cell.
         options.wrapped = Some(false);
+        // On a grid, curves may end where they start.
+        options.keep_open = true;
         options
     }
 
     /// Returns the linking numbers of the scene.
     pub fn certificate(&self) -> Certificate {
-        let mut verifier = Verifier::new(self.options(Strategy::Full, Events::Off)).unwrap();
-        let _ = verifier.step_shared(0, 0.0, &Arc::new(self.set())).unwrap();
-        verifier.baseline().unwrap().clone()
+        let mut session = Session::new(self.options(Strategy::Full, Events::Off)).unwrap();
+        session.step(0, self.set());
+        session.baseline().unwrap().clone()
     }
 }
 

@@ -1,7 +1,11 @@
 //! Comparison with a supercell.
 
 use crate::scene::Scene;
-use linkwatch::{Certificate, Events, Image, PullThrough, Strategy, Verifier, VerifierOptions};
+use crate::support::session::Step;
+use linkwatch::{
+    Certificate, Certifier, Events, FrameInfo, Image, PullThrough, Session, SessionOptions,
+    Strategy,
+};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
@@ -58,9 +62,9 @@ fn of_periodic(certificate: &Certificate) -> Numbers {
 /// with images.
 fn compare(seed: u64) -> usize {
     let scene = Scene::random(seed);
-    let mut verifier = Verifier::default();
+    let mut certifier = Certifier::default();
     let supercell = scene.supercell().set();
-    let (certificate, _) = verifier.certify(&supercell);
+    let (certificate, _) = certifier.certify(&supercell);
     let expected = of_supercell(&scene, certificate);
     let found = of_periodic(&scene.certificate());
     assert_eq!(found, expected, "seed {seed}");
@@ -81,12 +85,16 @@ fn linking_numbers_of_ten_thousand_scenes_are_those_of_a_supercell() {
 }
 
 /// Returns the pull-throughs of the last of some frames, and its changes of linking numbers.
-fn step(scenes: &[Scene], options: VerifierOptions) -> (Vec<PullThrough>, Numbers, bool) {
-    let mut verifier = Verifier::new(options).unwrap();
+fn step(scenes: &[Scene], options: SessionOptions) -> (Vec<PullThrough>, Numbers, bool) {
+    let mut session = Session::new(options).unwrap();
     let mut last = None;
     for (k, scene) in scenes.iter().enumerate() {
         let set = Arc::new(scene.set());
-        last = Some(verifier.step_shared(k as u64, k as f64, &set).unwrap());
+        last = Some(
+            session
+                .step_at(FrameInfo::at(k as u64, k as f64), &set)
+                .report,
+        );
     }
     let report = last.unwrap();
     let changes = report.changes.iter();

@@ -2,10 +2,11 @@
 
 use crate::scene::{Point, Scene, translation};
 use crate::support::random::Random;
+use crate::support::session::Step;
 use crate::yarn::Yarn;
 use linkwatch::{
-    Basis, Cell, Certificate, CurveSet, Events, Image, Positions, Report, Strategy, Unwrap,
-    Verdict, Verifier, VerifierOptions,
+    Basis, Cell, Certificate, Certifier, CurveSet, Events, FrameInfo, Image, Positions, Report,
+    Session, SessionOptions, Strategy, Unwrap, Verdict,
 };
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -119,8 +120,8 @@ impl RingAndYarn {
         let points = [self.ring.clone(), loops].concat();
         let positions = Positions::F64(points.as_flattened());
         let set = CurveSet::from_counts(self.yarn.basis, &counts, positions).unwrap();
-        let mut verifier = Verifier::default();
-        let (certificate, _) = verifier.certify(&set);
+        let mut certifier = Certifier::default();
+        let (certificate, _) = certifier.certify(&set);
         match certificate.undefined.is_empty() {
             true => Some(certificate.links.first().map_or(0, |l| l.lambda)),
             false => None,
@@ -154,15 +155,15 @@ fn compare(basis: Basis, seeds: u64) -> [usize; 2] {
         }
         for ring_first in [true, false] {
             let set = scene.set(ring_first);
-            let options = VerifierOptions {
+            let options = SessionOptions {
                 cell: Some(cell),
                 wrapped: Some(false),
-                ..VerifierOptions::default()
+                ..SessionOptions::default()
             };
-            let mut verifier = Verifier::new(options).unwrap();
-            let report = verifier.step_shared(0, 0.0, &Arc::new(set)).unwrap();
+            let mut session = Session::new(options).unwrap();
+            let report = session.step(0, set).report;
             assert_eq!(report.stats.open_curves, 0);
-            let certificate = verifier.baseline().unwrap();
+            let certificate = session.baseline().unwrap();
             let mut found = BTreeMap::new();
             for l in &certificate.links {
                 found.insert(Image::default(), Some(l.lambda));
@@ -228,10 +229,10 @@ fn a_yarn_in_single_precision_is_recognised_and_verified_as_in_double_precision(
         });
         let mut verdicts = Vec::new();
         for single in [false, true] {
-            let mut verifier = Verifier::new(VerifierOptions {
+            let mut session = Session::new(SessionOptions {
                 cell: Some(scene.yarn.cell),
                 wrapped: Some(false),
-                ..VerifierOptions::default()
+                ..SessionOptions::default()
             })
             .unwrap();
             for (seq, set) in (0..).zip(&frames) {
@@ -253,7 +254,7 @@ fn a_yarn_in_single_precision_is_recognised_and_verified_as_in_double_precision(
                     Some(scene.yarn.period),
                     "{basis:?}, seed {seed}, {seq}"
                 );
-                let report = verifier.step_shared(seq, 0.0, &Arc::new(set)).unwrap();
+                let report = session.step(seq, set).report;
                 // On a grid, a contact may be decided by the rounding.
                 verdicts.push((report.defects.is_empty(), report.verdict));
             }
@@ -313,41 +314,42 @@ fn kept_linking_numbers_of_rings_and_yarns_are_those_of_a_full_computation() {
         for seed in 0..24 {
             let (cell, sets) = moving(seed, basis);
             let strategies = [Strategy::Full, Strategy::Incremental, Strategy::Paranoid];
-            let mut verifiers = strategies.map(|strategy| {
-                let options = VerifierOptions {
+            let mut sessions = strategies.map(|strategy| {
+                let options = SessionOptions {
                     cell: Some(cell),
                     wrapped: Some(false),
                     strategy,
                     events: [Events::Between, Events::Off][usize::from(seed % 6 == 5)],
-                    ..VerifierOptions::default()
+                    ..SessionOptions::default()
                 };
-                Verifier::new(options).unwrap()
+                Session::new(options).unwrap()
             });
             for (seq, set) in sets.into_iter().enumerate() {
                 let set = Arc::new(set);
                 if seq == 15 {
-                    verifiers.iter_mut().for_each(Verifier::cut);
+                    sessions.iter_mut().for_each(Session::cut);
                 }
-                let reports = verifiers.each_mut().map(|verifier| {
-                    verifier.settle();
-                    verifier.step_shared(seq as u64, seq as f64, &set).unwrap()
+                let verified = sessions.each_mut().map(|session| {
+                    session.settle();
+                    session.step_at(FrameInfo::at(seq as u64, seq as f64), &set)
                 });
                 let findings = |r: &Report| {
                     let passages = (r.events.clone(), r.unresolved.clone());
                     (r.verdict, r.changes.clone(), passages, r.defects.clone())
                 };
-                let [full, incremental, paranoid] = reports.each_ref().map(findings);
+                let [full, incremental, paranoid] =
+                    verified.each_ref().map(|v| findings(&v.report));
                 assert_eq!(incremental, full, "{basis:?}, seed {seed}, frame {seq}");
                 assert_eq!(paranoid, full, "{basis:?}, seed {seed}, frame {seq}");
                 assert!(
-                    !verifiers[2].work().disagreed,
+                    !verified[2].work.disagreed,
                     "{basis:?}, seed {seed}, frame {seq}"
                 );
                 let of_yarn = |c: &&linkwatch::Change| c.i == 0 || c.j == 0;
                 changes += full.1.iter().filter(of_yarn).count();
                 frames += 1;
-                computed[0] += verifiers[0].work().recomputed;
-                computed[1] += verifiers[1].work().recomputed;
+                computed[0] += verified[0].work.recomputed;
+                computed[1] += verified[1].work.recomputed;
             }
         }
         println!("{basis:?}: {frames} frames, {changes} changes, numbers computed: {computed:?}");
@@ -383,16 +385,14 @@ fn certificate(yarns: &[Yarn], rings: &[Vec<Point>]) -> (Certificate, CurveSet) 
         .collect();
     let positions = Positions::F64(points.as_flattened());
     let set = CurveSet::from_counts(Basis::Polyline, &counts, positions).unwrap();
-    let options = VerifierOptions {
+    let options = SessionOptions {
         cell: Some(yarns[0].cell),
         wrapped: Some(false),
-        ..VerifierOptions::default()
+        ..SessionOptions::default()
     };
-    let mut verifier = Verifier::new(options).unwrap();
-    let _ = verifier
-        .step_shared(0, 0.0, &Arc::new(set.clone()))
-        .unwrap();
-    (verifier.baseline().unwrap().clone(), set)
+    let mut session = Session::new(options).unwrap();
+    session.step(0, set.clone());
+    (session.baseline().unwrap().clone(), set)
 }
 
 /// The text of the certificate, and the verdict on a baseline of other images, depend neither on
@@ -429,17 +429,15 @@ fn certificates_of_rings_and_yarns_do_not_depend_on_their_images() {
             "seed {seed}"
         );
         let undefined = before.to_string().contains("undefined");
-        let options = VerifierOptions {
+        let options = SessionOptions {
             cell: Some(cell),
             wrapped: Some(false),
             baseline: Some(read),
-            ..VerifierOptions::default()
+            ..SessionOptions::default()
         };
-        let mut verifier = Verifier::new(options).unwrap();
+        let mut session = Session::new(options).unwrap();
         for seq in 0..2 {
-            let report = verifier
-                .step_shared(seq, 0.0, &Arc::new(set.clone()))
-                .unwrap();
+            let report = session.step(seq, set.clone()).report;
             assert!(report.changes.is_empty(), "seed {seed}: {report:?}");
             assert!(
                 undefined || report.verdict == Verdict::Intact,
@@ -469,17 +467,15 @@ fn a_baseline_with_other_periods_is_refused() {
     let line = |period: &str| format!("0,,{period},period");
     let other = text.replacen(&line("0,1,0"), &line("1,0,0"), 1);
     assert_ne!(other, text);
-    let options = VerifierOptions {
+    let options = SessionOptions {
         cell: Some(yarns[0].cell),
         wrapped: Some(false),
         baseline: Some(Certificate::parse(&other).unwrap()),
-        ..VerifierOptions::default()
+        ..SessionOptions::default()
     };
-    let mut verifier = Verifier::new(options).unwrap();
-    let e = verifier
-        .step_shared(0, 0.0, &Arc::new(set))
-        .unwrap_err()
-        .to_string();
+    let mut session = Session::new(options).unwrap();
+    let report = session.feed(FrameInfo::at(0, 0.0), set).unwrap();
+    let e = report.rejected.unwrap();
     assert!(
         e.contains("curve 0 runs through the cell with the period 1,0,0 in the baseline, but it"),
         "{e}"
@@ -524,14 +520,12 @@ fn weave() -> Scene {
 fn a_weave_at_rest_is_intact_and_has_no_linking_numbers() {
     for strategy in [Strategy::Full, Strategy::Incremental] {
         let scene = weave();
-        let mut verifier = Verifier::new(scene.options(strategy, Events::Between)).unwrap();
+        let mut session = Session::new(scene.options(strategy, Events::Between)).unwrap();
         for seq in 0..4 {
-            let report = verifier
-                .step_shared(seq, 0.0, &Arc::new(scene.set()))
-                .unwrap();
+            let report = session.step(seq, scene.set()).report;
             assert_eq!(report.verdict, Verdict::Intact, "{report:?}");
         }
-        let baseline = verifier.baseline().unwrap();
+        let baseline = session.baseline().unwrap();
         assert!(baseline.links.is_empty());
         assert_eq!(baseline.images.as_deref(), Some(&[][..]));
     }
@@ -543,15 +537,11 @@ fn a_weave_at_rest_is_intact_and_has_no_linking_numbers() {
 fn a_yarn_that_is_lifted_out_of_a_weave_passes_through_others() {
     for strategy in [Strategy::Full, Strategy::Incremental] {
         let scene = weave();
-        let mut verifier = Verifier::new(scene.options(strategy, Events::Between)).unwrap();
-        let _ = verifier
-            .step_shared(0, 0.0, &Arc::new(scene.set()))
-            .unwrap();
+        let mut session = Session::new(scene.options(strategy, Events::Between)).unwrap();
+        session.step(0, scene.set());
         let mut lifted = scene.clone();
         lifted.curves[2].iter_mut().for_each(|p| p[2] += 1.0);
-        let report = verifier
-            .step_shared(1, 0.1, &Arc::new(lifted.set()))
-            .unwrap();
+        let report = session.step_at(FrameInfo::at(1, 0.1), lifted.set()).report;
         assert_eq!(report.verdict, Verdict::Changed);
         // It crosses two warp yarns per cell, and was below one of them.
         assert_eq!(report.events.len(), 1, "{:?}", report.events);
@@ -588,11 +578,9 @@ fn a_yarn_does_not_touch_the_image_that_continues_it() {
             yarn[0][2] = 0.0;
             yarn[16][2] = 0.0;
         }
-        let mut verifier = Verifier::new(scene.options(strategy, Events::Between)).unwrap();
+        let mut session = Session::new(scene.options(strategy, Events::Between)).unwrap();
         for seq in 0..3 {
-            let report = verifier
-                .step_shared(seq, 0.0, &Arc::new(scene.set()))
-                .unwrap();
+            let report = session.step(seq, scene.set()).report;
             assert_eq!(report.verdict, Verdict::Intact, "{report:?}");
         }
     }
@@ -618,11 +606,9 @@ fn a_passage_at_the_boundary_is_found_once() {
             }
         }
         let below = |scene: &Scene| scene.curves[0][0][2];
-        let mut verifier = Verifier::new(scene.options(Strategy::Full, Events::Between)).unwrap();
-        let _ = verifier.step_shared(0, 0.0, &Arc::new(set.set())).unwrap();
-        let report = verifier
-            .step_shared(1, 0.1, &Arc::new(lifted.set()))
-            .unwrap();
+        let mut session = Session::new(scene.options(Strategy::Full, Events::Between)).unwrap();
+        session.step(0, set.set());
+        let report = session.step_at(FrameInfo::at(1, 0.1), lifted.set()).report;
         let crossing_is_above = below(&set) > -1.0;
         assert!(crossing_is_above);
         assert_eq!(report.events.len(), 1, "shift {shift}: {:?}", report.events);
@@ -640,11 +626,9 @@ fn a_wrapped_yarn_becomes_one_that_runs_through_the_cell() {
     let set = CurveSet::from_counts(Basis::Polyline, &[-16], positions).unwrap();
     let set = Unwrap::default().unwrap(&set, &scene.cell).unwrap();
     assert_eq!((set.curve(0).closed, set.points()), (false, 17));
-    let mut verifier = Verifier::new(scene.options(Strategy::Full, Events::Between)).unwrap();
+    let mut session = Session::new(scene.options(Strategy::Full, Events::Between)).unwrap();
     for seq in 0..3 {
-        let report = verifier
-            .step_shared(seq, 0.0, &Arc::new(set.clone()))
-            .unwrap();
+        let report = session.step(seq, set.clone()).report;
         assert_eq!(report.verdict, Verdict::Intact, "{report:?}");
     }
 }
@@ -652,13 +636,11 @@ fn a_wrapped_yarn_becomes_one_that_runs_through_the_cell() {
 #[test]
 fn a_yarn_that_no_longer_closes_up_is_not_intact() {
     let scene = weave();
-    let mut verifier = Verifier::new(scene.options(Strategy::Full, Events::Between)).unwrap();
-    let _ = verifier
-        .step_shared(0, 0.0, &Arc::new(scene.set()))
-        .unwrap();
+    let mut session = Session::new(scene.options(Strategy::Full, Events::Between)).unwrap();
+    session.step(0, scene.set());
     let mut torn = scene.clone();
     torn.curves[1][16][0] += 0.1;
-    let report = verifier.step_shared(1, 0.1, &Arc::new(torn.set())).unwrap();
+    let report = session.step_at(FrameInfo::at(1, 0.1), torn.set()).report;
     assert_eq!(report.verdict, Verdict::Undecided);
     assert!(
         report.missing[0].contains("curve 1 no longer ends at the image"),

@@ -1,8 +1,8 @@
 //! Units of length: a scene in other units has the same findings, at the same cost.
 
 use crate::scene::Scene;
-use linkwatch::{Cell, Events, Report, Strategy, Verdict, Verifier};
-use std::sync::Arc;
+use crate::support::session::Step;
+use linkwatch::{Cell, Events, FrameInfo, Report, Session, SessionOptions, Strategy, Verdict};
 
 /// Returns the scene in other units.
 fn scaled(scene: &Scene, unit: f64) -> Scene {
@@ -30,16 +30,22 @@ fn frames(seed: u64) -> Vec<Scene> {
 /// Returns the report and the work of each frame.
 fn verified(frames: &[Scene], unit: f64, strategy: Strategy) -> Vec<(Report, [u64; 3])> {
     let first = scaled(&frames[0], unit);
-    let mut verifier = Verifier::new(first.options(strategy, Events::Between)).unwrap();
+    let options = SessionOptions {
+        cell: None,
+        ..first.options(strategy, Events::Between)
+    };
+    let mut session = Session::new(options).unwrap();
     let verify = |(seq, frame): (usize, &Scene)| {
         let frame = scaled(frame, unit);
-        verifier.set_cell(frame.cell).unwrap();
-        let set = Arc::new(frame.set());
-        let report = verifier.step_shared(seq as u64, 0.0, &set).unwrap();
-        assert!(!verifier.work().disagreed);
-        let work = verifier.work();
-        verifier.settle();
-        (report, [work.recomputed, work.searched, work.summed])
+        let info = FrameInfo::at(seq as u64, 0.0).in_cell(frame.cell);
+        let verified = session.step_at(info, frame.set());
+        let work = verified.work;
+        assert!(!work.disagreed);
+        session.settle();
+        (
+            verified.report,
+            [work.recomputed, work.searched, work.summed],
+        )
     };
     frames.iter().enumerate().map(verify).collect()
 }
@@ -102,7 +108,11 @@ fn a_high_slab_may_change_its_cell() {
         scene.cell = cell.parse::<Cell>().unwrap();
         let mut potential = Vec::new();
         for height in [1.0, 1e3, 1e6] {
-            let mut verifier = Verifier::new(scene.options(Strategy::Full, Events::Off)).unwrap();
+            let options = SessionOptions {
+                cell: None,
+                ..scene.options(Strategy::Full, Events::Off)
+            };
+            let mut session = Session::new(options).unwrap();
             let mut step = |factor: f64| {
                 let mut frame = scene.clone();
                 frame
@@ -113,14 +123,15 @@ fn a_high_slab_may_change_its_cell() {
                     .for_each(|x| *x *= factor);
                 let far = frame.curves.iter_mut().flatten();
                 far.step_by(5).for_each(|p| p[high] *= height);
-                verifier.set_cell(frame.cell).unwrap();
-                let set = Arc::new(frame.set());
-                verifier
-                    .step_shared(0, 0.0, &set)
-                    .map(|r| r.stats.potential_links)
+                let info = FrameInfo::at(0, 0.0).in_cell(frame.cell);
+                session
+                    .step_at(info, frame.set())
+                    .report
+                    .stats
+                    .potential_links
             };
-            step(1.0).unwrap();
-            potential.push(step(0.97).unwrap_or_else(|e| panic!("{cell}, {height}: {e}")));
+            step(1.0);
+            potential.push(step(0.97));
         }
         if high > 0 {
             assert!(

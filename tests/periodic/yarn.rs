@@ -2,7 +2,7 @@
 
 use crate::scene::{Point, translation};
 use crate::support::random::Random;
-use linkwatch::{Basis, Cell, CurveSet, Events, Image, Positions, Strategy, VerifierOptions};
+use linkwatch::{Basis, Cell, CurveSet, Events, Image, Positions, SessionOptions, Strategy};
 
 /// A yarn that runs through the cell.
 #[derive(Clone, Debug)]
@@ -102,12 +102,14 @@ impl Yarn {
         CurveSet::from_counts(self.basis, &[points.len() as i32], positions).unwrap()
     }
 
-    pub fn options(&self, strategy: Strategy, events: Events) -> VerifierOptions {
-        let mut options = VerifierOptions::default();
+    pub fn options(&self, strategy: Strategy, events: Events) -> SessionOptions {
+        let mut options = SessionOptions::default();
         (options.strategy, options.events) = (strategy, events);
         options.cell = Some(self.cell);
         // Segments may be longer than half of the cell.
         options.wrapped = Some(false);
+        // On a grid, curves may end where they start.
+        options.keep_open = true;
         options
     }
 

@@ -9,5 +9,7 @@ pub mod polygons;
 pub mod random;
 #[cfg(feature = "bus")]
 pub mod raw_bus;
+#[cfg(feature = "verify")]
+pub mod session;
 pub mod time;
 pub mod trial;

@@ -96,11 +96,12 @@ typedef struct lw_certificate lw_certificate;
 // Simulator's end of the bus. Not thread-safe: use it in one thread at a time.
 typedef struct lw_client lw_client;
 
+// Verifies the frames of one simulation in process. Not thread-safe: use it in one thread at a
+// time.
+typedef struct lw_session lw_session;
+
 // Struts of a frame.
 typedef struct lw_struts lw_struts;
-
-// Verifies successive frames against a baseline. Not thread-safe: use it in one thread at a time.
-typedef struct lw_verifier lw_verifier;
 
 // Options of lw_open. All zero are the defaults.
 typedef struct lw_options {
@@ -218,8 +219,8 @@ typedef struct lw_image_link {
   int64_t lambda;
 } lw_image_link;
 
-// Options of lw_verifier_new. All zero are the defaults.
-typedef struct lw_verifier_options {
+// Options of lw_session_new. All zero are the defaults.
+typedef struct lw_session_options {
   // Expected linking numbers, which are copied. Null: those of the first frame.
   struct lw_certificate *baseline;
   // LW_EVENTS_ALL, LW_EVENTS_BETWEEN or LW_EVENTS_OFF.
@@ -230,10 +231,11 @@ typedef struct lw_verifier_options {
   // Motion between two frames, in segment lengths, up to which pull-throughs that cancel count
   // as real. 0: the default, 1.5.
   double motion_limit;
-  // Radius of all strands, to measure how close they come: see lw_verifier_clearance. 0: not
+  // Radius of all strands, to measure how close they come: see lw_session_clearance. 0: not
   // measured, unless there are `radii`.
   double thickness;
-  // Radius of each of `curves` curves, which are copied. Null: `thickness` is that of all.
+  // Radius of each of `curves` curves, which are copied; lw_session_describe replaces them.
+  // Null: `thickness` is that of all.
   const float *radii;
   // Number of `radii`.
   size_t curves;
@@ -247,7 +249,7 @@ typedef struct lw_verifier_options {
   // Not 0: keep curves open that end where they start. 0: they are closed, without the repeated
   // point.
   uint32_t keep_open;
-} lw_verifier_options;
+} lw_session_options;
 
 // How sharply curves bend, and how close they come.
 typedef struct lw_thickness_values {
@@ -599,61 +601,89 @@ size_t lw_certificate_undefined(struct lw_certificate *certificate);
 // `certificate` is null, or comes from this library and is not used afterwards.
 void lw_certificate_free(struct lw_certificate *certificate);
 
-// Creates a verifier. `options` may be null. Returns null after an error.
+// Creates a session. `options` may be null. Returns null after an error.
 //
 // # Safety
 //
 // `options` is null, or it and its pointers are valid or null.
-struct lw_verifier *lw_verifier_new(const struct lw_verifier_options *options);
+struct lw_session *lw_session_new(const struct lw_session_options *options);
 
-// Verifies the next frame, at `time` seconds of simulation. All frames have the same curves. A
-// frame that is invalid, for example with NaN, is LW_REJECTED.
+// Describes the curves of the frames from the next one on, if they have names or radii; either may
+// be null.
+//
+// If the curves have names, this can be called again between two frames: curves may be added,
+// removed, reordered, or get another number of points. Linking numbers of curves are compared by
+// their names, and those of new curves are expected to stay as they are in their first frame. A
+// name belongs to one curve for the whole session. Radii are needed if the options have some. In a
+// periodic cell, the curves must stay the same, but may be described again.
 //
 // # Safety
 //
-// `verifier` comes from lw_verifier_new. `frame` and its arrays are valid. `verdict` is valid.
-lw_status lw_verifier_step(struct lw_verifier *verifier,
-                           const struct lw_frame *frame,
-                           double time,
-                           struct lw_verdict *verdict);
+// `session` comes from lw_session_new. `names` is null, or points to `curves` strings that end
+// with a zero byte. `radii` is null, or points to `curves` numbers.
+lw_status lw_session_describe(struct lw_session *session,
+                              const char *const *names,
+                              const float *radii,
+                              size_t curves);
 
-// Returns what the first frame decided about closed and open curves, a sentence a line, or null if
+// Verifies the next frame, at `time` seconds of simulation. All frames have the same curves,
+// unless lw_session_describe is called between them. A frame that is invalid, for example with
+// NaN, is LW_REJECTED, and later verdicts do not depend on it.
+//
+// # Safety
+//
+// `session` comes from lw_session_new. `frame` and its arrays are valid. `verdict` is valid.
+lw_status lw_session_step(struct lw_session *session,
+                          const struct lw_frame *frame,
+                          double time,
+                          struct lw_verdict *verdict);
+
+// Returns what the frames decided about closed and open curves, a sentence a line, or null if
 // there is nothing to tell. Curves that end where they start are closed, without the repeated
 // point. A curve that is closed by a segment of more than twice the length of its other ones may
-// be an open chain. Call this after lw_verifier_step; later calls return null. The text is valid
-// until the next call, and until the verifier is freed.
+// be an open chain. Call this after lw_session_step; later calls return null. The text is valid
+// until the next call, and until the session is freed.
 //
 // # Safety
 //
-// `verifier` comes from lw_verifier_new.
-const char *lw_verifier_notes(struct lw_verifier *verifier);
+// `session` comes from lw_session_new.
+const char *lw_session_notes(struct lw_session *session);
 
 // Sets the periodic cell of the frames from the next one on: three vectors, `x y z` one after the
 // other, and a corner, which may be null. A vector of zeros stands for a direction without
-// repetition. The frames of a verifier have either all a cell or none, and all repeat along the
-// same vectors.
+// repetition. If `vectors` is null, as at first, space is open. All frames of a session repeat
+// along the same vectors, or along none; others are LW_REJECTED.
 //
 // # Safety
 //
-// `verifier` comes from lw_verifier_new. `vectors` points to nine numbers; `corner` is null, or
-// points to three.
-lw_status lw_verifier_set_cell(struct lw_verifier *verifier,
-                               const double *vectors,
-                               const double *corner);
+// `session` comes from lw_session_new. `vectors` is null, or points to nine numbers; `corner` is
+// null, or points to three.
+lw_status lw_session_set_cell(struct lw_session *session,
+                              const double *vectors,
+                              const double *corner);
 
 // Marks the next frame as not continuing the previous one: after a roll back or a jump.
 //
 // # Safety
 //
-// `verifier` comes from lw_verifier_new.
-lw_status lw_verifier_cut(struct lw_verifier *verifier);
+// `session` comes from lw_session_new.
+lw_status lw_session_cut(struct lw_session *session);
 
-// Frees a verifier. Does nothing if the pointer is null.
+// Accepts the present state as the new baseline: the linking numbers of the next frame that is not
+// rejected are expected from then on, whatever they are. Pull-throughs are not searched for in the
+// step to it.
 //
 // # Safety
 //
-// `verifier` is null, or comes from lw_verifier_new and is not used afterwards.
-void lw_verifier_free(struct lw_verifier *verifier);
+// `session` comes from lw_session_new.
+lw_status lw_session_accept(struct lw_session *session);
+
+// Frees a session. Does nothing if the pointer is null.
+//
+// # Safety
+//
+// `session` is null, or comes from lw_session_new and is not used afterwards.
+void lw_session_free(struct lw_session *session);
 
 // Returns the largest proven share of the step between two frames during which nothing is pulled
 // through: 1 if the whole step is safe, 0 if nothing is proven, and a negative number after an
@@ -719,14 +749,14 @@ const struct lw_strut *lw_struts_list(struct lw_struts *struts, size_t *count);
 // `struts` is null, or comes from this library and is not used afterwards.
 void lw_struts_free(struct lw_struts *struts);
 
-// Writes the clearance of the last frame that lw_verifier_step verified to `clearance`. Returns
+// Writes the clearance of the last frame that lw_session_step verified to `clearance`. Returns
 // LW_OK; LW_NOTHING if there is none: clearance is not measured, or the frame was rejected; or
 // LW_ERROR if it cannot be measured.
 //
 // # Safety
 //
-// `verifier` comes from lw_verifier_new. `clearance` is valid.
-lw_status lw_verifier_clearance(struct lw_verifier *verifier, struct lw_clearance *clearance);
+// `session` comes from lw_session_new. `clearance` is valid.
+lw_status lw_session_clearance(struct lw_session *session, struct lw_clearance *clearance);
 
 // Computes linking number, twist and writhe of the ribbon between two closed polylines of a frame
 // with the same number of vertices.

@@ -85,6 +85,22 @@ template <class T, void (*FREE)(T *)> struct Free {
 };
 template <class T, void (*FREE)(T *)> using Owned = std::unique_ptr<T, Free<T, FREE>>;
 
+// Names and radii of curves, as the C interface takes them; either may be empty.
+struct Labels {
+  Labels(std::size_t curves, const std::vector<std::string> &names, const std::vector<float> &radii)
+      : radii(radii.empty() ? nullptr : radii.data()) {
+    if ((!names.empty() && names.size() != curves) || (!radii.empty() && radii.size() != curves))
+      throw Error("expected a name and a radius for each curve, or none");
+    for (const std::string &name : names) pointers.push_back(name.c_str());
+  }
+  const char *const *names() const { return pointers.empty() ? nullptr : pointers.data(); }
+
+  const float *radii;
+
+private:
+  std::vector<const char *> pointers;
+};
+
 // Returns the struts of an object of the C interface, which is freed.
 inline std::vector<lw_strut> list(lw_struts *made) {
   const Owned<lw_struts, lw_struts_free> found(check(made));
@@ -107,20 +123,15 @@ public:
   }
 
   // Declares other curves from the next frame on. They need names, as those before: the watcher
-  // compares curves by name. `radii` may be empty. Without an earlier frame, names may be empty too.
-  // The basis stays as it is unless another one is given.
+  // compares curves by name. `radii` may be empty. Without an earlier frame, names may be empty
+  // too. The basis stays as it is unless another one is given.
   void describe(const std::vector<std::int32_t> &counts, const std::vector<std::string> &names,
                 const std::vector<float> &radii = {}, std::optional<Basis> other = std::nullopt) {
-    if ((!names.empty() && names.size() != counts.size()) ||
-        (!radii.empty() && radii.size() != counts.size()))
-      throw Error("expected a name and a radius for each curve, or none");
+    const detail::Labels labels(counts.size(), names, radii);
     basis = other.value_or(basis);
-    std::vector<const char *> pointers;
-    for (const std::string &name : names) pointers.push_back(name.c_str());
     detail::check(lw_describe_labelled(open(), static_cast<std::uint32_t>(basis),
                                        detail::precision<T>(), counts.data(), counts.size(),
-                                       names.empty() ? nullptr : pointers.data(),
-                                       radii.empty() ? nullptr : radii.data()));
+                                       labels.names(), labels.radii));
     coordinates = 0;
     for (std::int64_t count : counts)
       coordinates += 3 * static_cast<std::size_t>(count < 0 ? -count : count);
@@ -175,8 +186,8 @@ public:
     return detail::check(lw_wait_for_watcher(open(), seconds)) == LW_OK;
   }
 
-  // Returns the first verdict that asks the simulator to stop, if one was read. Verdicts on the last
-  // frames may arrive only with finish(), whose result repeats the last abort.
+  // Returns the first verdict that asks the simulator to stop, if one was read. Verdicts on the
+  // last frames may arrive only with finish(), whose result repeats the last abort.
   std::optional<Verdict> aborted() {
     Verdict verdict;
     if (!lw_aborted(open(), &verdict)) return std::nullopt;
@@ -200,10 +211,12 @@ public:
   }
 
   // Ends the session and waits for the last message of the watcher: check its `abort`. The client
-  // cannot be used afterwards. Without this call, the watcher is informed that the session ended early.
+  // cannot be used afterwards. Without this call, the watcher is informed that the session ended
+  // early.
   std::optional<Verdict> finish(double seconds) {
     Verdict last;
-    if (detail::check(lw_finish((open(), client.release()), seconds, &last)) != LW_OK) return std::nullopt;
+    if (detail::check(lw_finish((open(), client.release()), seconds, &last)) != LW_OK)
+      return std::nullopt;
     return last;
   }
 
@@ -327,8 +340,8 @@ std::vector<lw_strut> struts(const std::vector<std::int32_t> &counts,
   return detail::list(lw_struts_in_cell(&frame, cell.data(), longest));
 }
 
-// Computes linking number, twist and writhe of the ribbon between two curves, such as the strands of
-// DNA. For the pairing of their vertices see lw_ribbon.
+// Computes linking number, twist and writhe of the ribbon between two curves, such as the strands
+// of DNA. For the pairing of their vertices see lw_ribbon.
 template <class T>
 lw_ribbon_values ribbon(const std::vector<std::int32_t> &counts, const std::vector<T> &positions,
                         std::size_t first = 0, std::size_t second = 1,
@@ -341,46 +354,60 @@ lw_ribbon_values ribbon(const std::vector<std::int32_t> &counts, const std::vect
   return values;
 }
 
-// Verifies successive frames in process, against the first one or against a baseline.
-class Verifier {
+// Verifies the frames of one simulation in process, against the first one or against a baseline.
+class Session {
 public:
-  explicit Verifier(std::vector<std::int32_t> counts, Basis basis = Basis::Polyline,
-                    lw_verifier_options options = {})
-      : verifier(detail::check(lw_verifier_new(&options))), counts(std::move(counts)),
+  explicit Session(std::vector<std::int32_t> counts, Basis basis = Basis::Polyline,
+                    lw_session_options options = {})
+      : session(detail::check(lw_session_new(&options))), counts(std::move(counts)),
         basis(basis) {}
 
-  // Verifies the next frame, at `time` seconds of simulation.
+  // Declares other curves from the next frame on, as Client::describe does. `radii` are needed if
+  // the options have some.
+  void describe(const std::vector<std::int32_t> &others, const std::vector<std::string> &names,
+                const std::vector<float> &radii = {}, std::optional<Basis> other = std::nullopt) {
+    const detail::Labels labels(others.size(), names, radii);
+    detail::check(lw_session_describe(session.get(), labels.names(), labels.radii, others.size()));
+    basis = other.value_or(basis);
+    counts = others;
+  }
+
+  // Verifies the next frame, at `time` seconds of simulation. An invalid frame is LW_REJECTED.
   template <class T> Verdict step(const std::vector<T> &positions, double time = 0) {
     const lw_frame frame = detail::frame(basis, counts, positions);
     Verdict verdict;
-    detail::check(lw_verifier_step(verifier.get(), &frame, time, &verdict));
+    detail::check(lw_session_step(session.get(), &frame, time, &verdict));
     return verdict;
   }
 
-  // Returns what the first frame decided about closed and open curves, a sentence a line; see
-  // lw_verifier_notes.
+  // Returns what the frames decided about closed and open curves, a sentence a line; see
+  // lw_session_notes.
   std::string notes() {
-    const char *text = lw_verifier_notes(verifier.get());
+    const char *text = lw_session_notes(session.get());
     return text ? text : "";
   }
 
   // Sets the periodic cell of the frames from the next one on, as Client::set_cell does.
   void set_cell(const std::array<double, 9> &vectors, const std::array<double, 3> &corner = {}) {
-    detail::check(lw_verifier_set_cell(verifier.get(), vectors.data(), corner.data()));
+    detail::check(lw_session_set_cell(session.get(), vectors.data(), corner.data()));
   }
 
   // Returns the clearance of the last verified frame, if it is measured.
   std::optional<lw_clearance> clearance() const {
     lw_clearance found{};
-    if (detail::check(lw_verifier_clearance(verifier.get(), &found)) != LW_OK) return std::nullopt;
+    if (detail::check(lw_session_clearance(session.get(), &found)) != LW_OK) return std::nullopt;
     return found;
   }
 
+  // Accepts the present state as the new baseline: the linking numbers of the next frame are
+  // expected from then on.
+  void accept() { detail::check(lw_session_accept(session.get())); }
+
   // Marks the next frame as not continuing the previous one.
-  void cut() { detail::check(lw_verifier_cut(verifier.get())); }
+  void cut() { detail::check(lw_session_cut(session.get())); }
 
 private:
-  detail::Owned<lw_verifier, lw_verifier_free> verifier;
+  detail::Owned<lw_session, lw_session_free> session;
   std::vector<std::int32_t> counts;
   Basis basis;
 };

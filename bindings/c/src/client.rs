@@ -1,12 +1,12 @@
 //! The live client.
 
-use crate::curves::{basis, cell, precision, values};
+use crate::curves::{basis, cell, labels, precision, values};
 use crate::error::{
     LW_ERROR, LW_NO_WATCHER, LW_NOTHING, LW_OK, LW_STALE, describe, free, give, given, guard,
     lw_status, string, words,
 };
 use crate::verdict::lw_verdict;
-use linkwatch::{Client, ClientOptions, CurveLabels, FrameMemory, Outcome, WaitMode};
+use linkwatch::{Client, ClientOptions, FrameMemory, Outcome, WaitMode};
 use std::ffi::c_char;
 use std::ptr;
 use std::time::Duration;
@@ -159,19 +159,8 @@ unsafe fn describe_labelled(
         let (this, counts) =
             unsafe { (given(client, "client")?, values(counts, curves, "counts")?) };
         let (basis, precision) = (basis(basis_code)?, precision(precision_code)?);
-        let mut labels = CurveLabels::default();
-        if !names.is_null() {
-            // SAFETY: as promised by the caller.
-            for &name in unsafe { values(names, curves, "names") }? {
-                // SAFETY: as promised by the caller.
-                let name = unsafe { string(name, "the name of a curve") }?;
-                labels.names.push(name.to_owned());
-            }
-        }
-        if !radii.is_null() {
-            // SAFETY: as promised by the caller.
-            labels.radii = unsafe { values(radii, curves, "radii") }?.to_vec();
-        }
+        // SAFETY: as promised by the caller.
+        let labels = unsafe { labels(names, radii, curves) }?;
         this.frame = None;
         let described = this
             .client

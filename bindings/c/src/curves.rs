@@ -1,7 +1,8 @@
 //! Curves of a frame, as the caller describes them.
 
-use linkwatch::{Basis, Cell, Positions, Precision, RawFrame};
-use std::ffi::c_void;
+use crate::error::string;
+use linkwatch::{Basis, Cell, CurveLabels, Positions, Precision, RawFrame};
+use std::ffi::{c_char, c_void};
 use std::{ptr, slice};
 
 /// Polyline through its points.
@@ -66,6 +67,33 @@ pub(crate) unsafe fn given_cell(vectors: *const f64) -> Result<Cell, String> {
     // SAFETY: as promised by the caller.
     let cell = unsafe { cell(vectors, ptr::null()) }?;
     cell.ok_or_else(|| "vectors is null".into())
+}
+
+/// Returns the names and the radii of the caller; either pointer may be null.
+///
+/// # Safety
+///
+/// `names` is null, or points to `curves` strings that end with a zero byte. `radii` is null, or
+/// points to `curves` numbers.
+pub(crate) unsafe fn labels(
+    names: *const *const c_char,
+    radii: *const f32,
+    curves: usize,
+) -> Result<CurveLabels, String> {
+    let mut labels = CurveLabels::default();
+    if !names.is_null() {
+        // SAFETY: as promised by the caller.
+        for &name in unsafe { values(names, curves, "names") }? {
+            // SAFETY: as promised by the caller.
+            let name = unsafe { string(name, "the name of a curve") }?;
+            labels.names.push(name.to_owned());
+        }
+    }
+    if !radii.is_null() {
+        // SAFETY: as promised by the caller.
+        labels.radii = unsafe { values(radii, curves, "radii") }?.to_vec();
+    }
+    Ok(labels)
 }
 
 /// Returns the basis of a code.

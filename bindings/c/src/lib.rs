@@ -9,16 +9,16 @@
 mod client;
 mod curves;
 mod error;
+mod session;
 mod strands;
 mod verdict;
-mod verifier;
 
 pub use client::*;
 pub use curves::*;
 pub use error::*;
+pub use session::*;
 pub use strands::*;
 pub use verdict::*;
-pub use verifier::*;
 
 #[cfg(test)]
 mod tests;

@@ -4,7 +4,7 @@ use crate::curves::{given_cell, lw_frame, raw};
 use crate::error::{
     LW_ERROR, LW_NOTHING, LW_OK, describe, free, give, given, guard, lw_status, string, words,
 };
-use crate::verifier::lw_verifier;
+use crate::session::lw_session;
 use linkwatch::{
     Axis, Cell, Closing, CurveSet, CurveSource, Ribbon, RibbonOptions, Thickness, struts_in_cell,
 };
@@ -252,21 +252,21 @@ pub unsafe extern "C" fn lw_struts_free(struts: *mut lw_struts) {
     unsafe { free(struts) }
 }
 
-/// Writes the clearance of the last frame that lw_verifier_step verified to `clearance`. Returns
+/// Writes the clearance of the last frame that lw_session_step verified to `clearance`. Returns
 /// LW_OK; LW_NOTHING if there is none: clearance is not measured, or the frame was rejected; or
 /// LW_ERROR if it cannot be measured.
 ///
 /// # Safety
 ///
-/// `verifier` comes from lw_verifier_new. `clearance` is valid.
+/// `session` comes from lw_session_new. `clearance` is valid.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn lw_verifier_clearance(
-    verifier: *mut lw_verifier,
+pub unsafe extern "C" fn lw_session_clearance(
+    session: *mut lw_session,
     clearance: *mut lw_clearance,
 ) -> lw_status {
     guard(LW_ERROR, || {
         // SAFETY: as promised by the caller.
-        let (this, to) = unsafe { (given(verifier, "verifier")?, given(clearance, "clearance")?) };
+        let (this, to) = unsafe { (given(session, "session")?, given(clearance, "clearance")?) };
         let Some(found) = this.clearance()? else {
             return Ok(LW_NOTHING);
         };

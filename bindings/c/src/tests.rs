@@ -125,10 +125,10 @@ fn a_pull_through_is_reported_with_the_state_to_roll_back_to() {
     let mut verdict = empty_verdict();
     // SAFETY: all pointers are valid.
     unsafe {
-        let verifier = lw_verifier_new(null());
+        let session = lw_session_new(null());
         for (k, distance) in [1.0, 1.5, 2.5].into_iter().enumerate() {
             let positions = rings(distance);
-            let status = lw_verifier_step(verifier, &frame(&positions), 0.5, &mut verdict);
+            let status = lw_session_step(session, &frame(&positions), 0.5, &mut verdict);
             assert_eq!((status, verdict.seq), (LW_OK, k as u64));
         }
         assert_eq!((verdict.verdict, verdict.abort), (LW_CHANGED, true));
@@ -142,7 +142,7 @@ fn a_pull_through_is_reported_with_the_state_to_roll_back_to() {
         assert_eq!(verdict.safe_fraction, share);
         assert!(share > 0.4 && share < 0.5, "{share}");
         assert!(text(&verdict).contains("came apart"), "{}", text(&verdict));
-        lw_verifier_free(verifier);
+        lw_session_free(session);
     }
 }
 
@@ -153,9 +153,9 @@ fn a_frame_with_nan_is_rejected_and_the_next_one_is_verified() {
     let mut verdict = empty_verdict();
     // SAFETY: all pointers are valid.
     unsafe {
-        let verifier = lw_verifier_new(null());
+        let session = lw_session_new(null());
         for (positions, want) in [(&good, LW_INTACT), (&bad, LW_REJECTED), (&good, LW_INTACT)] {
-            let status = lw_verifier_step(verifier, &frame(positions), 0.0, &mut verdict);
+            let status = lw_session_step(session, &frame(positions), 0.0, &mut verdict);
             assert_eq!(
                 (status, verdict.verdict),
                 (LW_OK, want),
@@ -163,7 +163,7 @@ fn a_frame_with_nan_is_rejected_and_the_next_one_is_verified() {
                 text(&verdict)
             );
         }
-        lw_verifier_free(verifier);
+        lw_session_free(session);
         assert!(lw_certify(&frame(&bad)).is_null());
         assert!(last_error().contains("NaN"), "{}", last_error());
         assert_eq!(lw_safe_fraction(&frame(&good), &frame(&bad)), -1.0);
@@ -213,13 +213,13 @@ fn bad_arguments_are_errors_with_words() {
         }
         assert!(lw_certify(null()).is_null());
         assert_eq!(last_error(), "frame is null");
-        let status = lw_verifier_step(null_mut(), &good, 0.0, null_mut());
+        let status = lw_session_step(null_mut(), &good, 0.0, null_mut());
         assert_eq!(
             (status, last_error().as_str()),
-            (LW_ERROR, "verifier is null")
+            (LW_ERROR, "session is null")
         );
         let word = CString::new("sometimes").unwrap();
-        let options = lw_verifier_options {
+        let options = lw_session_options {
             baseline: null_mut(),
             events: LW_EVENTS_ALL,
             abort_on: word.as_ptr(),
@@ -231,13 +231,13 @@ fn bad_arguments_are_errors_with_words() {
             wrapped: 0,
             keep_open: 0,
         };
-        assert!(lw_verifier_new(&options).is_null());
+        assert!(lw_session_new(&options).is_null());
         assert!(
             last_error().starts_with("abort_on \"sometimes\""),
             "{}",
             last_error()
         );
-        lw_verifier_free(null_mut());
+        lw_session_free(null_mut());
         lw_certificate_free(null_mut());
         lw_close(null_mut());
     }
@@ -401,16 +401,18 @@ fn a_link_across_the_boundary_is_lost_with_its_image() {
     let mut verdict = empty_verdict();
     // SAFETY: all pointers are valid.
     unsafe {
-        let verifier = lw_verifier_new(null());
-        assert_eq!(lw_verifier_set_cell(verifier, null(), null()), LW_ERROR);
-        assert_eq!(last_error(), "vectors is null");
+        let session = lw_session_new(null());
+        let flat = [1.0; 9];
+        let set = lw_session_set_cell(session, flat.as_ptr(), null());
+        assert_eq!(set, LW_ERROR);
+        assert!(last_error().contains("one plane"), "{}", last_error());
         for (distance, edge) in [(9.0, 10.0), (9.5, 10.5), (8.0, 10.5)] {
             let mut cell = CELL;
             cell[0] = edge;
-            let set = lw_verifier_set_cell(verifier, cell.as_ptr(), null());
+            let set = lw_session_set_cell(session, cell.as_ptr(), null());
             assert_eq!(set, LW_OK, "{}", last_error());
             let positions = rings(distance);
-            let status = lw_verifier_step(verifier, &frame(&positions), 0.0, &mut verdict);
+            let status = lw_session_step(session, &frame(&positions), 0.0, &mut verdict);
             assert_eq!(status, LW_OK, "{}", last_error());
             let want = if distance > 8.0 {
                 LW_INTACT
@@ -422,11 +424,183 @@ fn a_link_across_the_boundary_is_lost_with_its_image() {
         assert_eq!((verdict.lost, verdict.pull_throughs), (1, 1));
         assert_eq!((verdict.i, verdict.j, verdict.image), (0, 1, [-1, 0, 0]));
         let along_x = [10.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
-        let set = lw_verifier_set_cell(verifier, along_x.as_ptr(), null());
-        assert_eq!(set, LW_ERROR);
-        assert!(last_error().contains("other vectors"), "{}", last_error());
-        lw_verifier_free(verifier);
+        for (vectors, why) in [
+            (along_x.as_ptr(), "other vectors"),
+            (null(), "no periodic cell"),
+        ] {
+            assert_eq!(lw_session_set_cell(session, vectors, null()), LW_OK);
+            let status = lw_session_step(session, &frame(&rings(9.5)), 0.0, &mut verdict);
+            assert_eq!((status, verdict.verdict), (LW_OK, LW_REJECTED));
+            assert!(text(&verdict).contains(why), "{}", text(&verdict));
+        }
+        lw_session_free(session);
     }
+}
+
+/// A frame of these curves of 16 points.
+fn curves(counts: &[i32], positions: &[f64]) -> lw_frame {
+    lw_frame {
+        curves: counts.len(),
+        counts: counts.as_ptr(),
+        ..frame(positions)
+    }
+}
+
+/// A session, and the functions that tests call. It is freed when it is dropped.
+struct InProcess(*mut lw_session);
+
+impl InProcess {
+    fn new(options: *const lw_session_options) -> InProcess {
+        // SAFETY: the options are null or valid.
+        let session = unsafe { lw_session_new(options) };
+        assert!(!session.is_null(), "{}", last_error());
+        InProcess(session)
+    }
+
+    fn describe(&self, names: &[&CStr], radii: &[f32]) -> lw_status {
+        let pointers: Vec<_> = names.iter().map(|name| name.as_ptr()).collect();
+        let curves = names.len().max(radii.len());
+        let radii = match radii {
+            [] => null(),
+            radii => radii.as_ptr(),
+        };
+        // SAFETY: all pointers are valid or null.
+        unsafe { lw_session_describe(self.0, pointers.as_ptr(), radii, curves) }
+    }
+
+    fn step(&self, frame: lw_frame) -> lw_verdict {
+        let mut verdict = empty_verdict();
+        // SAFETY: all pointers are valid.
+        let status = unsafe { lw_session_step(self.0, &frame, 0.0, &mut verdict) };
+        assert_eq!(status, LW_OK, "{}", last_error());
+        verdict
+    }
+}
+
+impl Drop for InProcess {
+    fn drop(&mut self) {
+        // SAFETY: the session is not used afterwards.
+        unsafe { lw_session_free(self.0) }
+    }
+}
+
+#[test]
+fn curves_that_come_and_go_in_process_are_compared_by_name() {
+    let linked = rings(1.0);
+    let (left, right) = linked.split_at(48);
+    let far: Vec<f64> = left.iter().map(|x| x + 20.0).collect();
+    let three = [left, &far, right].concat();
+    let session = InProcess::new(null());
+    assert_eq!(session.describe(&[c"left", c"right"], &[]), LW_OK);
+    assert_eq!(session.step(frame(&linked)).verdict, LW_INTACT);
+
+    assert_eq!(session.describe(&[c"left", c"new", c"right"], &[]), LW_OK);
+    let verdict = session.step(curves(&[-16; 3], &three));
+    assert_eq!(
+        (verdict.verdict, verdict.appeared, verdict.gone),
+        (LW_INTACT, 1, 0)
+    );
+    assert!(
+        text(&verdict).contains("curves appeared: new"),
+        "{}",
+        text(&verdict)
+    );
+    // The description stays until there is another one.
+    let verdict = session.step(frame(&linked));
+    assert_eq!(verdict.verdict, LW_REJECTED);
+    assert!(
+        text(&verdict).contains("names of curves"),
+        "{}",
+        text(&verdict)
+    );
+
+    // A ring is pulled out, and the curve between is gone.
+    assert_eq!(session.describe(&[c"right", c"left"], &[]), LW_OK);
+    let pulled: Vec<f64> = left.iter().map(|x| x - 3.0).collect();
+    let verdict = session.step(frame(&[right, &pulled].concat()));
+    assert_eq!(
+        (verdict.verdict, verdict.appeared, verdict.gone),
+        (LW_CHANGED, 0, 1)
+    );
+    assert_eq!((verdict.lost, verdict.i, verdict.j), (1, 0, 1));
+    let says = "curves 0 (right) and 1 (left) came apart";
+    assert!(text(&verdict).contains(says), "{}", text(&verdict));
+}
+
+#[test]
+fn a_session_is_cut_and_accepts_a_new_baseline() {
+    let session = InProcess::new(null());
+    let mut bad = rings(3.0);
+    bad[0] = f64::NAN;
+    let step = |distance| {
+        let positions = rings(distance);
+        let verdict = session.step(frame(&positions));
+        (
+            verdict.verdict,
+            verdict.lost,
+            verdict.gained,
+            verdict.pull_throughs,
+        )
+    };
+    assert_eq!(step(1.0), (LW_INTACT, 0, 0, 0));
+    assert_eq!(step(3.0), (LW_CHANGED, 1, 0, 1));
+    // SAFETY: the session is valid.
+    unsafe {
+        assert_eq!(lw_session_cut(session.0), LW_OK);
+        assert_eq!(step(1.0), (LW_INTACT, 0, 0, 0));
+        assert_eq!(lw_session_accept(session.0), LW_OK);
+        assert_eq!(session.step(frame(&bad)).verdict, LW_REJECTED);
+        assert_eq!(step(3.0), (LW_INTACT, 0, 0, 0));
+        assert_eq!(step(3.1), (LW_INTACT, 0, 0, 0));
+        assert_eq!(step(1.0), (LW_CHANGED, 0, 1, 1));
+        assert_eq!(lw_session_accept(null_mut()), LW_ERROR);
+        assert_eq!(last_error(), "session is null");
+        assert_eq!(lw_session_cut(null_mut()), LW_ERROR);
+        assert_eq!(lw_session_describe(null_mut(), null(), null(), 0), LW_ERROR);
+    }
+}
+
+#[test]
+fn radii_in_process_belong_to_the_curves_that_are_described() {
+    // SAFETY: zeros are valid values of the structures.
+    let mut options: lw_session_options = unsafe { std::mem::zeroed() };
+    let radii = [0.2_f32, 0.2];
+    (options.radii, options.curves) = (radii.as_ptr(), 2);
+    let session = InProcess::new(&options);
+    let ratio = || {
+        let positions = rings(1.7);
+        assert_eq!(session.step(frame(&positions)).verdict, LW_INTACT);
+        // SAFETY: all pointers are valid, and zeros are valid values of the structure.
+        unsafe {
+            let mut clearance: lw_clearance = std::mem::zeroed();
+            let status = lw_session_clearance(session.0, &mut clearance);
+            assert_eq!(status, LW_OK, "{}", last_error());
+            clearance.ratio
+        }
+    };
+    let first = ratio();
+    for (radii, why) in [
+        (&[][..], "a positive radius of each curve"),
+        (&[0.5, 0.0][..], "a positive radius of each curve"),
+        (&[0.5, f32::INFINITY][..], "radius inf"),
+    ] {
+        assert_eq!(session.describe(&[c"a", c"b"], radii), LW_ERROR);
+        assert!(last_error().contains(why), "{}", last_error());
+    }
+    assert_eq!(ratio(), first);
+    let plain = InProcess::new(null());
+    assert_eq!(plain.describe(&[c"a", c"b"], &[0.1, 0.1]), LW_ERROR);
+    assert!(
+        last_error().contains("radii have no effect"),
+        "{}",
+        last_error()
+    );
+    assert_eq!(plain.describe(&[c"a", c"a"], &[]), LW_ERROR);
+    assert!(
+        last_error().contains("which is that of curve 0"),
+        "{}",
+        last_error()
+    );
 }
 
 #[test]
@@ -478,7 +652,7 @@ fn struts_and_clearance_in_a_cell_name_the_image() {
     // SAFETY: all pointers are valid, and zeros are valid values of the structures.
     unsafe {
         let (mut values, mut clearance) = std::mem::zeroed::<(lw_thickness_values, lw_clearance)>();
-        let mut options: lw_verifier_options = std::mem::zeroed();
+        let mut options: lw_session_options = std::mem::zeroed();
         options.thickness = 0.5;
         let found = lw_thickness_in_cell(&frame(&positions), CELL.as_ptr(), 1.0, &mut values);
         assert_eq!(found, LW_OK, "{}", last_error());
@@ -492,14 +666,14 @@ fn struts_and_clearance_in_a_cell_name_the_image() {
         assert!(lw_struts_in_cell(&frame(&positions), null(), 1.0).is_null());
         assert_eq!(last_error(), "vectors is null");
 
-        let verifier = lw_verifier_new(&options);
-        let set = lw_verifier_set_cell(verifier, CELL.as_ptr(), null());
+        let session = lw_session_new(&options);
+        let set = lw_session_set_cell(session, CELL.as_ptr(), null());
         assert_eq!(set, LW_OK, "{}", last_error());
-        lw_verifier_step(verifier, &frame(&positions), 0.0, &mut verdict);
-        assert_eq!(lw_verifier_clearance(verifier, &mut clearance), LW_OK);
+        lw_session_step(session, &frame(&positions), 0.0, &mut verdict);
+        assert_eq!(lw_session_clearance(session, &mut clearance), LW_OK);
         assert!((clearance.ratio - values.poca).abs() < 1e-9);
         assert_eq!((clearance.curves, clearance.image), ([0, 1], [-1, 0, 0]));
-        lw_verifier_free(verifier);
+        lw_session_free(session);
     }
 }
 
@@ -540,7 +714,7 @@ fn struts_have_their_gradient_and_clearance_warns_before_a_pull_through() {
     };
     let mut verdict = empty_verdict();
     let radii = [0.1_f32; 2];
-    let mut options = lw_verifier_options {
+    let mut options = lw_session_options {
         baseline: null_mut(),
         events: LW_EVENTS_ALL,
         abort_on: c"clearance".as_ptr(),
@@ -554,17 +728,17 @@ fn struts_have_their_gradient_and_clearance_warns_before_a_pull_through() {
     };
     // SAFETY: all pointers are valid.
     unsafe {
-        let verifier = lw_verifier_new(&options);
-        assert_eq!(lw_verifier_clearance(verifier, &mut clearance), LW_NOTHING);
+        let session = lw_session_new(&options);
+        assert_eq!(lw_session_clearance(session, &mut clearance), LW_NOTHING);
         let mut warned = false;
         for k in 0..30 {
             let positions = rings(1.7 + 0.02 * f64::from(k));
-            lw_verifier_step(verifier, &frame(&positions), 0.0, &mut verdict);
+            lw_session_step(session, &frame(&positions), 0.0, &mut verdict);
             if verdict.verdict == LW_CHANGED {
                 break;
             }
             assert_eq!(verdict.verdict, LW_INTACT, "{}", text(&verdict));
-            assert_eq!(lw_verifier_clearance(verifier, &mut clearance), LW_OK);
+            assert_eq!(lw_session_clearance(session, &mut clearance), LW_OK);
             // The gradient of a motion of the whole scene is 0.
             let struts = lw_struts_up_to(&frame(&positions), 1.0);
             let mut count = 0;
@@ -577,17 +751,19 @@ fn struts_have_their_gradient_and_clearance_warns_before_a_pull_through() {
             warned |= clearance.low;
         }
         assert!(warned && verdict.verdict == LW_CHANGED);
-        lw_verifier_free(verifier);
+        lw_session_free(session);
 
         options.curves = 1;
-        let verifier = lw_verifier_new(&options);
+        let session = lw_session_new(&options);
         let positions = rings(1.0);
-        lw_verifier_step(verifier, &frame(&positions), 0.0, &mut verdict);
-        assert_eq!(lw_verifier_clearance(verifier, &mut clearance), LW_ERROR);
-        assert!(last_error().contains("radii"), "{}", last_error());
-        lw_verifier_free(verifier);
+        lw_session_step(session, &frame(&positions), 0.0, &mut verdict);
+        assert_eq!(verdict.verdict, LW_REJECTED);
+        let why = "radii of curves: 2 promised, 1 available";
+        assert!(text(&verdict).contains(why), "{}", text(&verdict));
+        assert_eq!(lw_session_clearance(session, &mut clearance), LW_NOTHING);
+        lw_session_free(session);
         (options.radii, options.thickness) = (null(), -1.0);
-        assert!(lw_verifier_new(&options).is_null());
+        assert!(lw_session_new(&options).is_null());
         assert!(last_error().contains("radius of -1"), "{}", last_error());
 
         let mut values = std::mem::zeroed();
@@ -621,12 +797,12 @@ fn rings_that_repeat_their_first_point_are_closed() {
         lw_certificate_links(certificate, &mut links);
         assert_eq!(links, 1);
         lw_certificate_free(certificate);
-        let verifier = lw_verifier_new(null());
-        assert_eq!(lw_verifier_step(verifier, &frame, 0.0, &mut verdict), LW_OK);
-        let notes = CStr::from_ptr(lw_verifier_notes(verifier));
+        let session = lw_session_new(null());
+        assert_eq!(lw_session_step(session, &frame, 0.0, &mut verdict), LW_OK);
+        let notes = CStr::from_ptr(lw_session_notes(session));
         let says = "2 curves end where they start and are closed";
         assert!(notes.to_str().unwrap().starts_with(says), "{notes:?}");
-        assert!(lw_verifier_notes(verifier).is_null());
-        lw_verifier_free(verifier);
+        assert!(lw_session_notes(session).is_null());
+        lw_session_free(session);
     }
 }

@@ -229,14 +229,15 @@ impl From<&VerdictMessage> for lw_verdict {
     }
 }
 
-impl From<&Report> for lw_verdict {
-    fn from(r: &Report) -> lw_verdict {
+impl lw_verdict {
+    /// Converts a report on curves with these names, if any.
+    pub(crate) fn of(r: &Report, names: &[String]) -> lw_verdict {
         let count = |n: usize| u32::try_from(n).unwrap_or(u32::MAX);
         let first = None
             .or(r.changes.first().copied().map(Finding::Change))
             .or(r.events.first().copied().map(Finding::Event))
             .or(r.defects.first().copied().map(Finding::Defect));
-        let sentences = [r.headline()].into_iter().chain(r.findings());
+        let sentences = [r.headline()].into_iter().chain(r.findings_named(names));
         let mut out = lw_verdict {
             seq: r.seq,
             time: r.time,

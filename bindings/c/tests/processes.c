@@ -319,26 +319,26 @@ static void a_forked_child_gets_errors_and_leaves_the_session_of_its_parent_alon
   CHECK(step(client, 0).verdict == LW_INTACT);
   const int32_t counts[] = {-4, -4};
   const lw_frame frame = {LW_POLYLINE, LW_FLOAT, 2, counts, SQUARES};
-  lw_verifier *verifier = lw_verifier_new(NULL);
+  lw_session *session = lw_session_new(NULL);
   lw_verdict verdict;
-  CHECK(lw_verifier_step(verifier, &frame, 0, &verdict) == LW_OK);
+  CHECK(lw_session_step(session, &frame, 0, &verdict) == LW_OK);
   other = fork();
   CHECK(other >= 0);
   if (other == 0) {
     watcher = 0; // is that of the parent
     CHECK(!lw_begin_float(client, 0));
     CHECK_ERROR("this process was forked");
-    CHECK(lw_verifier_step(verifier, &frame, 0, &verdict) == LW_ERROR);
+    CHECK(lw_session_step(session, &frame, 0, &verdict) == LW_ERROR);
     CHECK_ERROR("this process was forked");
     CHECK(!lw_certify(&frame));
     CHECK_ERROR("this process was forked");
     lw_close(client);
-    lw_verifier_free(verifier);
+    lw_session_free(session);
     exit(0);
   }
   CHECK(end(&other) == 0);
   CHECK(step(client, 0).verdict == LW_INTACT);
-  lw_verifier_free(verifier);
+  lw_session_free(session);
   finish(client, 0);
 }
 

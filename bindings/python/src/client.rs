@@ -101,11 +101,17 @@ impl Message {
     /// Defect; None if there is none.
     #[getter]
     fn first(&self, py: Python<'_>) -> PyResult<Option<Py<PyAny>>> {
-        let extent = self.0.extent;
+        let (extent, names) = (self.0.extent, &self.0.names);
         Ok(match &self.0.first {
-            Some(Finding::Change(c)) => Some(Py::new(py, Change::new(c, extent))?.into_any()),
-            Some(Finding::Event(p)) => Some(Py::new(py, PullThrough::new(p, extent))?.into_any()),
-            Some(Finding::Defect(d)) => Some(Py::new(py, Defect::new(d, extent))?.into_any()),
+            Some(Finding::Change(c)) => {
+                Some(Py::new(py, Change::new(c, extent, names))?.into_any())
+            }
+            Some(Finding::Event(p)) => {
+                Some(Py::new(py, PullThrough::new(p, extent, names))?.into_any())
+            }
+            Some(Finding::Defect(d)) => {
+                Some(Py::new(py, Defect::new(d, extent, names))?.into_any())
+            }
             _ => None,
         })
     }

@@ -102,8 +102,8 @@ impl From<&linkwatch::Place> for Place {
 }
 
 impl Change {
-    /// Converts a change of a scene of this extent.
-    pub fn new(c: &linkwatch::Change, extent: f64) -> Change {
+    /// Converts a change of a scene of this extent, and of curves with these names, if any.
+    pub fn new(c: &linkwatch::Change, extent: f64, names: &[String]) -> Change {
         Change {
             i: c.i,
             j: c.j,
@@ -111,14 +111,14 @@ impl Change {
             expected: c.expected,
             found: c.found,
             place: c.place.as_ref().map(Into::into),
-            text: c.sentence(extent),
+            text: c.sentence_named(extent, names),
         }
     }
 }
 
 impl PullThrough {
-    /// Converts a pull-through in a scene of this extent.
-    pub fn new(p: &linkwatch::PullThrough, extent: f64) -> PullThrough {
+    /// Converts a pull-through in a scene of this extent, and of curves with these names, if any.
+    pub fn new(p: &linkwatch::PullThrough, extent: f64, names: &[String]) -> PullThrough {
         PullThrough {
             i: p.i,
             j: p.j,
@@ -128,21 +128,21 @@ impl PullThrough {
             sign: p.sign,
             point: p.point,
             lengths: p.lengths,
-            text: p.sentence(extent),
+            text: p.sentence_named(extent, names),
         }
     }
 }
 
 impl Defect {
-    /// Converts a defect in a scene of this extent.
-    pub fn new(d: &linkwatch::Defect, extent: f64) -> Defect {
+    /// Converts a defect in a scene of this extent, and of curves with these names, if any.
+    pub fn new(d: &linkwatch::Defect, extent: f64, names: &[String]) -> Defect {
         Defect {
             i: d.i,
             j: d.j,
             image: d.image.into(),
             kind: d.kind.word().to_owned(),
             place: (&d.place).into(),
-            text: d.sentence(extent),
+            text: d.sentence_named(extent, names),
         }
     }
 }

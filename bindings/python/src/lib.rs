@@ -6,8 +6,8 @@ mod client;
 mod findings;
 mod frame;
 mod report;
+mod session;
 mod strands;
-mod verifier;
 
 use pyo3::prelude::*;
 use std::ffi::OsString;
@@ -26,9 +26,10 @@ fn _linkwatch(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<strands::Thickness>()?;
     module.add_class::<strands::Clearance>()?;
     module.add_class::<strands::Ribbon>()?;
-    module.add_class::<verifier::Verifier>()?;
+    module.add_class::<session::Session>()?;
     module.add_class::<client::Client>()?;
     module.add_class::<client::Message>()?;
+    module.add_function(wrap_pyfunction!(session::certify, module)?)?;
     module.add_function(wrap_pyfunction!(strands::thickness, module)?)?;
     module.add_function(wrap_pyfunction!(strands::struts, module)?)?;
     module.add_function(wrap_pyfunction!(strands::ribbon, module)?)?;
@@ -68,7 +69,7 @@ fn exception(error: linkwatch::Error) -> PyErr {
         Error::Bus(_) => PyConnectionError::new_err(words),
         Error::NothingClosed { curves, yarns: 0 } => PyValueError::new_err(format!(
             "nothing to verify: none of {curves} curves is closed (closed=True, or a count below \
-             0, closes a curve); a Verifier with events=\"between\" searches for pull-throughs of \
+             0, closes a curve); a Session with events=\"between\" searches for pull-throughs of \
              open curves"
         )),
         Error::Forked { .. } => PyRuntimeError::new_err(words),

@@ -4,10 +4,12 @@ use crate::call::argument;
 use crate::exception;
 use crate::findings::{Change, Defect, PullThrough};
 use crate::strands::Clearance;
+use linkwatch::CurveLabels;
 use numpy::{Element, PyArray2, PyArrayMethods};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use std::path::PathBuf;
+use std::sync::Arc;
 
 /// What is expected of the argument `path`.
 const PATH: &str = "a path: str, bytes or os.PathLike";
@@ -18,97 +20,113 @@ type ImageLink = (u32, u32, (i32, i32, i32), i64);
 /// The verdict on a frame.
 #[pyclass(frozen, eq, module = "linkwatch")]
 #[derive(Clone, PartialEq)]
-pub struct Report(pub linkwatch::Report);
+pub struct Report {
+    report: linkwatch::Report,
+    /// Names of the curves, if they have any.
+    labels: Arc<CurveLabels>,
+}
 
 #[pymethods]
 impl Report {
     /// Number of the frame, from 0.
     #[getter]
     fn seq(&self) -> u64 {
-        self.0.seq
+        self.report.seq
     }
 
     /// Simulation time of the frame, in seconds.
     #[getter]
     fn time(&self) -> f64 {
-        self.0.time
+        self.report.time
     }
 
     /// intact, changed, contact, undecided or rejected.
     #[getter]
     fn verdict(&self) -> &'static str {
-        self.0.verdict.word()
+        self.report.verdict.word()
     }
 
     /// True if every linking number was proven to be the expected one.
     #[getter]
     fn intact(&self) -> bool {
-        self.0.verdict == linkwatch::Verdict::Intact
+        self.report.verdict == linkwatch::Verdict::Intact
     }
 
     /// True if the policy asks the simulator to stop.
     #[getter]
     fn abort(&self) -> bool {
-        self.0.abort
+        self.report.abort
     }
 
     /// Linking numbers that differ from the expected ones, sorted by pair.
     #[getter]
     fn changes(&self) -> Vec<Change> {
-        let extent = self.0.stats.extent;
-        let changes = self.0.changes.iter();
-        changes.map(|c| Change::new(c, extent)).collect()
+        let (extent, names) = self.scene();
+        let changes = self.report.changes.iter();
+        changes.map(|c| Change::new(c, extent, names)).collect()
     }
 
     /// Pull-throughs since the last frame, in chronological order.
     #[getter]
     fn pull_throughs(&self) -> Vec<PullThrough> {
-        self.of(&self.0.events)
+        self.of(&self.report.events)
     }
 
     /// Pull-throughs that cannot be resolved, because the frames are too far apart.
     #[getter]
     fn unresolved(&self) -> Vec<PullThrough> {
-        self.of(&self.0.unresolved)
+        self.of(&self.report.unresolved)
     }
 
     /// Pairs and curves that could not be decided or compared, sorted by pair.
     #[getter]
     fn defects(&self) -> Vec<Defect> {
-        let extent = self.0.stats.extent;
-        let defects = self.0.defects.iter();
-        defects.map(|d| Defect::new(d, extent)).collect()
+        let (extent, names) = self.scene();
+        let defects = self.report.defects.iter();
+        defects.map(|d| Defect::new(d, extent, names)).collect()
+    }
+
+    /// Names of the curves that appeared since the last verified frame.
+    #[getter]
+    fn appeared(&self) -> Vec<String> {
+        self.report.appeared.clone()
+    }
+
+    /// Names of the curves that are gone since the last verified frame.
+    #[getter]
+    fn gone(&self) -> Vec<String> {
+        self.report.gone.clone()
     }
 
     /// Last frame that is known to be intact; None if there is none.
     #[getter]
     fn last_intact(&self) -> Option<u64> {
-        self.0.last_intact
+        self.report.last_intact
     }
 
     /// Largest proven share of the step from the last intact frame without a pull-through; None if
     /// it is unknown.
     #[getter]
     fn safe_fraction(&self) -> Option<f64> {
-        self.0.safe_fraction
+        self.report.safe_fraction
     }
 
     /// Clearance of the strands; None if it is not measured.
     #[getter]
     fn clearance(&self) -> Option<Clearance> {
-        self.0.clearance.map(Clearance)
+        self.report.clearance.map(Clearance)
     }
 
     /// Reason why the frame was rejected.
     #[getter]
     fn rejected(&self) -> Option<&str> {
-        self.0.rejected.as_deref()
+        self.report.rejected.as_deref()
     }
 
     /// A sentence for every finding.
     #[getter]
     fn findings(&self) -> Vec<String> {
-        self.0.findings().collect()
+        self.report.findings_named(&self.labels.names).collect()
     }
 
     /// True if the frame is intact.
@@ -117,19 +135,31 @@ impl Report {
     }
 
     fn __str__(&self) -> String {
-        let lines = [self.0.headline()].into_iter().chain(self.0.findings());
-        lines.collect::<Vec<_>>().join("\n  ")
+        let mut lines = self.findings();
+        lines.insert(0, self.report.headline());
+        lines.join("\n  ")
     }
 
     fn __repr__(&self) -> String {
-        format!("<Report: {}>", self.0.headline())
+        format!("<Report: {}>", self.report.headline())
     }
 }
 
 impl Report {
+    /// Converts a report on curves with these labels.
+    pub fn new(report: linkwatch::Report, labels: Arc<CurveLabels>) -> Report {
+        Report { report, labels }
+    }
+
     fn of(&self, events: &[linkwatch::PullThrough]) -> Vec<PullThrough> {
-        let extent = self.0.stats.extent;
-        events.iter().map(|e| PullThrough::new(e, extent)).collect()
+        let (extent, names) = self.scene();
+        let events = events.iter();
+        events.map(|e| PullThrough::new(e, extent, names)).collect()
+    }
+
+    /// Returns the extent of the scene and the names of the curves, for sentences.
+    fn scene(&self) -> (f64, &[String]) {
+        (self.report.stats.extent, &self.labels.names)
     }
 }
 
@@ -243,7 +273,7 @@ impl Certificate {
     #[getter]
     fn undefined(&self) -> Vec<Defect> {
         let undefined = self.numbers.undefined.iter();
-        undefined.map(|d| Defect::new(d, 0.0)).collect()
+        undefined.map(|d| Defect::new(d, 0.0, &[])).collect()
     }
 
     /// The symmetric matrix of all linking numbers, as an array of the shape (curves, curves);
@@ -293,7 +323,7 @@ impl Certificate {
         let compared = self.numbers.compare(&baseline.numbers);
         let compared = compared.map_err(exception)?;
         let changes = compared.changes.iter();
-        Ok(changes.map(|c| Change::new(c, 0.0)).collect())
+        Ok(changes.map(|c| Change::new(c, 0.0, &[])).collect())
     }
 
     fn __str__(&self) -> String {

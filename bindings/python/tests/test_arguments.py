@@ -52,16 +52,19 @@ def masked():
         (lambda: linkwatch.certify(linked(), cell="10"), ValueError, "cell has the shape ()"),
         (lambda: linkwatch.certify(linked(), cell=["a"] * 3), TypeError, "cell has the type"),
         (lambda: linkwatch.certify(linked(), cell=[1j, 1, 1]), TypeError, "cell has the type"),
-        (lambda: linkwatch.Verifier(events=True), TypeError, "events is True (bool), expected 'be"),
-        (lambda: linkwatch.Verifier(abort_on=None), TypeError, "abort_on is None"),
-        (lambda: linkwatch.Verifier(baseline="c.txt"), TypeError, "Certificate.read(path)"),
-        (lambda: linkwatch.Verifier(incremental="yes"), TypeError, "incremental is 'yes' (str)"),
-        (lambda: linkwatch.Verifier(motion_limit="1"), TypeError, "motion_limit is '1' (str)"),
-        (lambda: linkwatch.Verifier(thickness="1"), TypeError, "thickness is '1' (str)"),
-        (lambda: linkwatch.Verifier(thickness=["1"]), TypeError, "thickness[0] is '1' (str)"),
-        (lambda: linkwatch.Verifier(min_clearance=1.0), ValueError, "min_clearance has no effect"),
-        (lambda: linkwatch.Verifier().step(linked(), time="0"), TypeError, "time is '0' (str)"),
-        (lambda: linkwatch.Verifier().step(linked(), time=1j), TypeError, "time is 1j (complex)"),
+        (lambda: linkwatch.Session(events=True), TypeError, "events is True (bool), expected 'be"),
+        (lambda: linkwatch.Session(abort_on=None), TypeError, "abort_on is None"),
+        (lambda: linkwatch.Session(baseline="c.txt"), TypeError, "Certificate.read(path)"),
+        (lambda: linkwatch.Session(incremental="yes"), TypeError, "incremental is 'yes' (str)"),
+        (lambda: linkwatch.Session(motion_limit="1"), TypeError, "motion_limit is '1' (str)"),
+        (lambda: linkwatch.Session(thickness="1"), TypeError, "thickness is '1' (str)"),
+        (lambda: linkwatch.Session(thickness=["1"]), TypeError, "thickness[0] is '1' (str)"),
+        (lambda: linkwatch.Session(names=[1]), TypeError, "names[0] is 1 (int), expected a text"),
+        (lambda: linkwatch.Session().describe(names="ab"), TypeError, "names is 'ab' (str)"),
+        (lambda: linkwatch.Session().describe(radii=["1"]), TypeError, "radii[0] is '1' (str)"),
+        (lambda: linkwatch.Session(min_clearance=1.0), ValueError, "min_clearance has no effect"),
+        (lambda: linkwatch.Session().step(linked(), time="0"), TypeError, "time is '0' (str)"),
+        (lambda: linkwatch.Session().step(linked(), time=1j), TypeError, "time is 1j (complex)"),
         (lambda: linkwatch.pull_throughs(linked(), [RING[0]]), ValueError, "x1: curve 0"),
         (lambda: linkwatch.safe_fraction(3, linked()), TypeError, "x0 is 3 (int)"),
         (lambda: linkwatch.struts(linked(), "far"), TypeError, "longest is 'far' (str)"),
@@ -140,22 +143,22 @@ def test_open_curves_have_no_numbers_and_are_reported():
         certificate.matrix()
     matrix = certificate.matrix(undefined=-99)
     assert matrix[2].tolist() == [-99, -99, 0] and abs(matrix[0, 1]) == 1
-    verifier = linkwatch.Verifier(closed=[True, False], events="off")
+    session = linkwatch.Session(closed=[True, False], events="off")
     with pytest.warns(linkwatch.UnverifiedWarning, match="1 of 2 curves is open"):
-        verifier.step(linked())
+        session.step(linked())
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        assert verifier.step(linked()).intact  # says it once
-        linkwatch.Verifier(closed=[True, False]).step(linked())  # verified for pull-throughs
+        assert session.step(linked()).intact  # says it once
+        linkwatch.Session(closed=[True, False]).step(linked())  # verified for pull-throughs
         yarn = np.array([[x, 0, 0.0] for x in range(-5, 6)])
         linkwatch.certify([RING, yarn], closed=[True, False], cell=[10, 10, 10])
 
 
 def test_a_report_is_true_if_the_frame_is_intact():
-    verifier = linkwatch.Verifier()
-    assert bool(verifier.step(linked())) is True
-    assert bool(verifier.step(linked(4.0))) is False
-    assert bool(verifier.step([RING, OTHER + np.nan])) is False
+    session = linkwatch.Session()
+    assert bool(session.step(linked())) is True
+    assert bool(session.step(linked(4.0))) is False
+    assert bool(session.step([RING, OTHER + np.nan])) is False
 
 
 def test_closed_that_agrees_with_the_counts_is_accepted():
@@ -209,7 +212,7 @@ ODD = [
     np.int8(-4),
     np.array(3),
     linkwatch.certify([RING]),
-    linkwatch.Verifier(),
+    linkwatch.Session(),
 ]
 
 
@@ -249,21 +252,26 @@ def test_odd_arguments_of_functions_are_ordinary_exceptions():
             pass
 
 
-def test_odd_arguments_of_a_verifier_are_ordinary_exceptions(tmp_path):
+def test_odd_arguments_of_a_session_are_ordinary_exceptions(tmp_path):
     options = (
-        "counts closed basis baseline events abort_on incremental motion_limit thickness "
-        "min_clearance cell"
+        "counts closed names basis baseline events abort_on incremental motion_limit thickness "
+        "min_clearance cell wrapped keep_open"
     ).split()
     for name, value in itertools.product(options, ODD):
-        verifier = survives(linkwatch.Verifier, **{name: value})
-        if verifier is not None:
-            survives(verifier.step, linked())
-            survives(verifier.step, FLAT)
-    verifier = linkwatch.Verifier()
+        session = survives(linkwatch.Session, **{name: value})
+        if session is not None:
+            survives(session.step, linked())
+            survives(session.step, FLAT)
+    session = linkwatch.Session()
     for value in ODD:
-        survives(verifier.step, value)
-        survives(verifier.step, linked(), value)
-        survives(verifier.step, linked(), cell=value)
+        survives(session.step, value)
+        survives(session.step, linked(), value)
+        survives(session.step, linked(), cell=value)
+        survives(session.describe, value)
+        survives(session.describe, closed=value, names=["a", "b"])
+        survives(session.describe, names=value)
+        survives(session.describe, names=["a", "b"], radii=value)
+        survives(session.step, linked())
     certificate = linkwatch.certify(linked())
     for value in (v for v in ODD if v is not None and not isinstance(v, (int, str, bytes))):
         survives(linkwatch.Certificate.read, value)

@@ -57,7 +57,7 @@ def test_a_cell_that_is_no_lattice_is_refused(service, cell, words):
     with pytest.raises(ValueError, match=words):
         linkwatch.certify(across(10), cell=cell)
     with pytest.raises(ValueError, match=words):
-        linkwatch.Verifier(cell=cell)
+        linkwatch.Session(cell=cell)
     with pytest.raises(ValueError, match=words):
         linkwatch.Client(service, counts=[-4], cell=cell)
     with linkwatch.Client(service, counts=[-4]) as sim:
@@ -67,31 +67,43 @@ def test_a_cell_that_is_no_lattice_is_refused(service, cell, words):
         assert sim.publish(cell=[10, 10, 10]) == 0
 
 
-def test_a_verifier_follows_a_cell_that_changes():
-    verifier = linkwatch.Verifier(cell=[10, 10, 10])
-    assert verifier.step(across(10)).intact
-    assert images(verifier.baseline) == [(0, 1, (-1, 0, 0), 1)]
-    assert verifier.step(across(10.4), cell=[10.4, 10, 10]).intact
-    report = verifier.step(across(10.4, out=1.6))
+def test_a_session_follows_a_cell_that_changes():
+    session = linkwatch.Session(cell=[10, 10, 10])
+    assert session.step(across(10)).intact
+    assert images(session.baseline) == [(0, 1, (-1, 0, 0), 1)]
+    assert session.step(across(10.4), cell=[10.4, 10, 10]).intact
+    report = session.step(across(10.4, out=1.6))
     assert report.verdict == "changed"
     (change,) = report.changes
     assert (change.i, change.j, change.image, change.found) == (0, 1, (-1, 0, 0), 0)
     (passage,) = report.pull_throughs
     assert passage.image == (-1, 0, 0)
-    with pytest.raises(ValueError, match="other vectors"):
-        verifier.step(across(10), cell=[10, 10, 0])
-    # Regression test: later frames were verified with the cell that was refused.
-    with pytest.raises(ValueError, match="more than half of its size"):
-        verifier.step(across(10.4), cell=[2, 2, 2])
-    verifier.cut()
-    assert verifier.step(across(10.4)).intact
+    assert "other vectors" in session.step(across(10), cell=[10, 10, 0]).rejected
+    assert "other vectors" in session.step(across(10)).rejected  # the cell stays as it was given
+    assert "more than half of its size" in session.step(across(10.4), cell=[2, 2, 2]).rejected
+    with pytest.raises(ValueError, match="no vector"):
+        session.step(across(10.4), cell=[0, 0, 0])
+    session.cut()
+    assert session.step(across(10.4), cell=[10.4, 10, 10]).intact
+
+
+def test_wrapped_coordinates_are_unwrapped():
+    session = linkwatch.Session(wrapped=True)
+    for k, edge in enumerate((10, 10.2, 10.4)):
+        cell = np.array([edge, 10, 10])
+        wrapped = [np.mod(curve + [1.5 * k, 0, 0], cell) for curve in across(edge)]
+        assert session.step(wrapped, cell=cell).intact
+    lost = [np.mod(curve + [3, 0, 0], cell) for curve in across(edge, out=1.6)]
+    report = session.step(lost)
+    assert (report.verdict, len(report.pull_throughs)) == ("changed", 1)
+    assert "need a periodic cell" in linkwatch.Session(wrapped=True).step(across(10)).rejected
 
 
 def test_frames_with_and_without_a_cell_are_not_mixed():
-    verifier = linkwatch.Verifier()
-    assert verifier.step(across(10)).intact
-    with pytest.raises(ValueError, match="the previous ones had none"):
-        verifier.step(across(10), cell=[10, 10, 10])
+    session = linkwatch.Session()
+    assert session.step(across(10)).intact
+    report = session.step(across(10), cell=[10, 10, 10])
+    assert "the previous ones had none" in report.rejected
 
 
 def test_pull_throughs_and_the_safe_fraction_include_images():
@@ -146,8 +158,8 @@ def test_thickness_and_struts_count_the_images():
 
 
 def test_clearance_counts_the_images():
-    verifier = linkwatch.Verifier(thickness=0.5, cell=[10, 10, 10])
-    report = verifier.step([RING, RING + [7.5, 0, 0]])
+    session = linkwatch.Session(thickness=0.5, cell=[10, 10, 10])
+    report = session.step([RING, RING + [7.5, 0, 0]])
     assert report.clearance.ratio == pytest.approx(0.5)
     assert (report.clearance.curves, report.clearance.image) == ((0, 1), (-1, 0, 0))
     assert "the image -1,0,0 of curve 1" in str(report.clearance)

@@ -41,14 +41,14 @@ def refused(call):
 
 
 def test_a_child_of_a_process_that_used_the_threads_gets_an_error_and_does_not_hang():
-    verifier = linkwatch.Verifier()
+    session = linkwatch.Session()
     large = chain(400, points=40)
-    assert verifier.step(large).intact
+    assert session.step(large).intact
 
     def work():
-        refused(lambda: verifier.step(large))
-        refused(verifier.cut)
-        refused(linkwatch.Verifier)
+        refused(lambda: session.step(large))
+        refused(session.cut)
+        refused(linkwatch.Session)
         refused(lambda: linkwatch.certify(large))
         refused(lambda: linkwatch.certify(linked(), cell=[9, 9, 9]))
         refused(lambda: linkwatch.pull_throughs(linked(), linked(4.0)))
@@ -57,23 +57,23 @@ def test_a_child_of_a_process_that_used_the_threads_gets_an_error_and_does_not_h
         refused(lambda: linkwatch.ribbon(linked()))
 
     assert child(work) == 0
-    assert verifier.step(large).intact
+    assert session.step(large).intact
 
 
 def test_a_child_that_is_forked_during_a_step_gets_an_error():
-    verifier = linkwatch.Verifier()
+    session = linkwatch.Session()
     large = chain(400, points=40)
     done = threading.Event()
 
     def verify():
         while not done.is_set():
-            verifier.step(large)
+            session.step(large)
 
     thread = threading.Thread(target=verify)
     thread.start()
     try:
         for _ in range(20):
-            assert child(lambda: refused(lambda: verifier.step(large))) == 0
+            assert child(lambda: refused(lambda: session.step(large))) == 0
     finally:
         done.set()
         thread.join()

@@ -59,13 +59,13 @@ def test_every_basis_finds_the_links_of_a_chain(basis):
     assert [(i, j) for i, j, _ in links] == [(k, k + 1) for k in range(11)]
 
 
-def test_a_verifier_reports_what_was_pulled_through_what():
+def test_a_session_reports_what_was_pulled_through_what():
     for incremental in (False, True):
-        verifier = linkwatch.Verifier(incremental=incremental)
-        first = verifier.step(linked(), time=0.0)
+        session = linkwatch.Session(incremental=incremental)
+        first = session.step(linked(), time=0.0)
         assert first.intact and first.verdict == "intact" and first.safe_fraction is None
-        assert verifier.baseline == linkwatch.certify(linked())
-        report = verifier.step(linked(4.0), time=0.5)
+        assert session.baseline == linkwatch.certify(linked())
+        report = session.step(linked(4.0), time=0.5)
         assert (report.verdict, report.abort, report.time) == ("changed", True, 0.5)
         (change,) = report.changes
         assert (change.i, change.j, abs(change.expected), change.found) == (0, 1, 1, 0)
@@ -75,20 +75,20 @@ def test_a_verifier_reports_what_was_pulled_through_what():
         assert report.last_intact == 0
         assert 0.25 - 1e-6 < report.safe_fraction < 0.25
         assert "curves 0 and 1 came apart" in str(report)
-        verifier.cut()
-        assert verifier.step(linked()).last_intact == 2
+        session.cut()
+        assert session.step(linked()).last_intact == 2
 
 
 def test_a_frame_that_breaks_its_contract_is_rejected_and_later_frames_are_verified():
-    verifier = linkwatch.Verifier()
-    assert verifier.step(linked()).intact
+    session = linkwatch.Session()
+    assert session.step(linked()).intact
     broken = linked(0.1)
     broken[1][2, 1] = np.nan
-    report = verifier.step(broken)
+    report = session.step(broken)
     assert report.verdict == "rejected"
     assert report.rejected == "curve 1, point 2: coordinate y is NaN"
-    assert verifier.step(chain(3)).verdict == "rejected"
-    assert verifier.step(linked(0.1)).intact
+    assert session.step(chain(3)).verdict == "rejected"
+    assert session.step(linked(0.1)).intact
 
 
 def test_pull_throughs_and_the_safe_fraction_of_a_step():
@@ -158,9 +158,9 @@ def test_certificates_are_written_and_compared(tmp_path):
         (lambda: linkwatch.certify(linked(dtype=np.float16)), "float16"),
         (lambda: linkwatch.certify(linked(), basis="nurbs"), "nurbs"),
         (lambda: linkwatch.certify([np.full((4, 3), np.inf), OTHER]), "curve 0, point 0"),
-        (lambda: linkwatch.Verifier(events="some"), "events"),
-        (lambda: linkwatch.Verifier(abort_on="some"), "abort_on"),
-        (lambda: linkwatch.Verifier(events="off", motion_limit=1.0), "motion"),
+        (lambda: linkwatch.Session(events="some"), "events"),
+        (lambda: linkwatch.Session(abort_on="some"), "abort_on"),
+        (lambda: linkwatch.Session(events="off", motion_limit=1.0), "motion"),
     ],
 )
 def test_bad_input_is_an_exception_that_names_it(call, words):
@@ -193,12 +193,12 @@ def test_other_threads_run_while_a_frame_is_verified():
 def test_steps_of_a_small_scene_need_no_more_memory_with_time():
     import resource
 
-    verifier = linkwatch.Verifier([-4, -4])
+    session = linkwatch.Session([-4, -4])
     frames = [np.concatenate(linked(0.1 * k)) for k in range(4)]
 
     def peak(steps):
         for k in range(steps):
-            verifier.step(frames[k % 4])
+            session.step(frames[k % 4])
         return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
 
     before = peak(5_000)
@@ -224,10 +224,10 @@ def test_the_import_is_quick():
 
 def test_clearance_warns_before_a_pull_through():
     for thickness in (0.1, [0.1, 0.1]):
-        verifier = linkwatch.Verifier(thickness=thickness, abort_on="clearance")
+        session = linkwatch.Session(thickness=thickness, abort_on="clearance")
         for k in range(16):
             out = 0.705 + 0.02 * k
-            report = verifier.step(linked(out))
+            report = session.step(linked(out))
             clearance = report.clearance
             if out > 1:
                 break
@@ -237,15 +237,14 @@ def test_clearance_warns_before_a_pull_through():
             assert (clearance.curves, clearance.error) == ((0, 1), 0)
         assert report.verdict == "changed"
         assert "curves 0 and 1" in str(clearance)
-    assert linkwatch.Verifier().step(linked()).clearance is None
-    far = linkwatch.Verifier(thickness=0.01).step(linked()).clearance
+    assert linkwatch.Session().step(linked()).clearance is None
+    far = linkwatch.Session(thickness=0.01).step(linked()).clearance
     assert (far.ratio, far.at_least >= 1, str(far)) == (None, True, "no strands are close")
     with pytest.raises(ValueError, match="radius"):
-        linkwatch.Verifier(thickness=[0.1, 0.0])
+        linkwatch.Session(thickness=[0.1, 0.0])
     with pytest.raises(ValueError, match="thickness"):
-        linkwatch.Verifier(abort_on="clearance")
-    with pytest.raises(ValueError, match="radii"):
-        linkwatch.Verifier(thickness=[0.1]).step(linked())
+        linkwatch.Session(abort_on="clearance")
+    assert "radii of curves: 2" in linkwatch.Session(thickness=[0.1]).step(linked()).rejected
 
 
 @pytest.mark.parametrize("basis", ["polyline", "catmull-rom", "b-spline"])
@@ -315,13 +314,13 @@ def test_rings_that_repeat_their_first_point_are_closed():
     rings = [np.concatenate([x, x[:1] + 5e-15]) for x in (RING.astype(float), OTHER.astype(float))]
     with pytest.warns(linkwatch.ClosingWarning, match="2 curves end where they start"):
         assert len(linkwatch.certify(rings, closed=False).links) == 1
-    verifier = linkwatch.Verifier(closed=False)
+    session = linkwatch.Session(closed=False)
     with pytest.warns(linkwatch.ClosingWarning, match="without the repeated point"):
-        assert verifier.step(rings).intact
+        assert session.step(rings).intact
     cut = [rings[0], rings[1] + np.array([[0.0, 0, 0]] * 4 + [[0, 0, 0.5]])]
-    assert "curve 1 is closed in the first frame" in str(verifier.step(cut).rejected)
+    assert "curve 1 is closed in the first frame" in str(session.step(cut).rejected)
     apart = [rings[0], rings[1] + [9.0, 0, 0]]
-    assert verifier.step(apart).verdict == "changed"
+    assert session.step(apart).verdict == "changed"
     with pytest.raises(ValueError, match="none of 2 curves is closed"):
         lifted = np.array([[0.0, 0, 0]] * 4 + [[0, 0, 0.5]])
         linkwatch.certify([x + lifted for x in rings], closed=False)

@@ -1,7 +1,7 @@
 //! The scene in small, verified in this process.
 
 use crate::scene::{Bands, POINTS};
-use linkwatch::{Basis, Events, Positions, RawFrame, Verdict, Verifier, VerifierOptions};
+use linkwatch::{Basis, Events, FrameInfo, Positions, RawFrame, Session, SessionOptions, Verdict};
 use sidecar::Scene;
 
 fn positions(bands: &Bands) -> Vec<f32> {
@@ -12,13 +12,12 @@ fn positions(bands: &Bands) -> Vec<f32> {
 
 /// Verifies the frames of a scene up to the first one that is not intact. Returns its number.
 fn first_change(mut bands: Bands, frames: u64, steps: usize) -> Option<u64> {
-    let options = VerifierOptions {
+    let options = SessionOptions {
         events: Events::Between,
-        ..VerifierOptions::default()
+        ..SessionOptions::default()
     };
-    let mut verifier = Verifier::new(options).unwrap();
+    let mut session = Session::new(options).unwrap();
     let counts = vec![-(POINTS as i32); bands.bands()];
-    let mut set = None;
     for frame in 0..frames {
         if frame > 0 {
             bands.advance(steps);
@@ -28,13 +27,9 @@ fn first_change(mut bands: Bands, frames: u64, steps: usize) -> Option<u64> {
             counts: &counts,
             positions: Positions::F32(&positions(&bands)),
         };
-        verifier.receive(raw, &mut set).unwrap();
-        let report = verifier.step(frame, 0.0, set.as_ref().unwrap()).unwrap();
+        let report = session.feed(FrameInfo::at(frame, 0.0), raw).unwrap();
         if frame == 0 {
-            assert!(
-                verifier.baseline().unwrap().links.is_empty(),
-                "linked bands"
-            );
+            assert!(session.baseline().unwrap().links.is_empty(), "linked bands");
         }
         if report.verdict != Verdict::Intact {
             assert_eq!(report.verdict, Verdict::Changed);

@@ -1,7 +1,9 @@
 //! The scene in small, verified in this process.
 
 use crate::cage::{Cage, FRAMES, points_of};
-use linkwatch::{CurveSet, Events, Positions, Strategy, Verdict, Verifier, VerifierOptions};
+use linkwatch::{
+    CurveSet, Events, FrameInfo, Positions, Session, SessionOptions, Strategy, Verdict,
+};
 use sidecar::Scene;
 
 fn knit() -> CurveSet {
@@ -20,10 +22,10 @@ fn first_frames(depth: f64) -> [Option<usize>; 2] {
     let model = knit();
     let counts: Vec<i32> = model.counts().collect();
     let mut cage = Cage::around(&model, depth);
-    let mut verifier = Verifier::new(VerifierOptions {
+    let mut session = Session::new(SessionOptions {
         events: Events::Between,
         strategy: Strategy::Incremental,
-        ..VerifierOptions::default()
+        ..SessionOptions::default()
     })
     .unwrap();
     let [mut turned, mut changed] = [None; 2];
@@ -33,7 +35,9 @@ fn first_frames(depth: f64) -> [Option<usize>; 2] {
         }
         let xyz = positions(&cage, &model);
         let curves = CurveSet::from_counts(model.basis(), &counts, Positions::F32(&xyz)).unwrap();
-        let report = verifier.step(frame as u64, 0.0, &curves).unwrap();
+        let report = session
+            .feed(FrameInfo::at(frame as u64, 0.0), curves)
+            .unwrap();
         if cage.inverted() > 0 {
             turned.get_or_insert(frame);
         }

@@ -3,7 +3,7 @@
 use crate::contact::Segment;
 use crate::scene::{garment, tube};
 use crate::yarn::Yarn;
-use linkwatch::{Basis, Events, Positions, RawFrame, Verdict, Verifier, VerifierOptions};
+use linkwatch::{Basis, Events, FrameInfo, Positions, RawFrame, Session, SessionOptions, Verdict};
 use sidecar::Scene;
 
 /// Turns of the small tube that small time steps survive, and large ones do not.
@@ -11,14 +11,13 @@ const TURNS: f64 = 0.4;
 
 /// Verifies the frames of a scene up to the first one that is not intact. Returns its number.
 fn first_change(yarn: &mut Yarn, frames: u64, steps: usize) -> Option<u64> {
-    let options = VerifierOptions {
+    let options = SessionOptions {
         events: Events::Between,
-        ..VerifierOptions::default()
+        ..SessionOptions::default()
     };
-    let mut verifier = Verifier::new(options).unwrap();
+    let mut session = Session::new(options).unwrap();
     let counts: Vec<i32> = yarn.loops().iter().map(|n| -(*n as i32)).collect();
     let mut positions = vec![0.0; 3 * yarn.x.len()];
-    let mut set = None;
     for frame in 0..frames {
         if frame > 0 {
             yarn.advance(steps);
@@ -29,10 +28,9 @@ fn first_change(yarn: &mut Yarn, frames: u64, steps: usize) -> Option<u64> {
             counts: &counts,
             positions: Positions::F32(&positions),
         };
-        verifier.receive(raw, &mut set).unwrap();
-        let report = verifier.step(frame, 0.0, set.as_ref().unwrap()).unwrap();
+        let report = session.feed(FrameInfo::at(frame, 0.0), raw).unwrap();
         if frame == 0 {
-            assert!(verifier.baseline().unwrap().links.is_empty(), "linked rows");
+            assert!(session.baseline().unwrap().links.is_empty(), "linked rows");
         }
         if report.verdict != Verdict::Intact {
             assert_eq!(report.verdict, Verdict::Changed);

@@ -73,10 +73,8 @@ fn generate() -> Result<Vec<(PathBuf, Vec<u8>)>> {
 
 /// Returns the header of the C library.
 fn c_library(root: &Path) -> Result<Vec<u8>> {
-    let sources = [
-        "error", "curves", "verdict", "client", "verifier", "strands",
-    ]
-    .map(|source| root.join(format!("bindings/c/src/{source}.rs")));
+    let sources = ["error", "curves", "verdict", "client", "session", "strands"]
+        .map(|source| root.join(format!("bindings/c/src/{source}.rs")));
     header(c_config(C_HEADER, "LINKWATCH_H"), &sources)
 }
 

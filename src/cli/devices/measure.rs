@@ -5,7 +5,7 @@ use super::MeasureArgs;
 use crate::cli::{Outcome, input, output};
 use linkwatch::kernels::{Device, Method, SumCost};
 use linkwatch::lab::{self, AdapterTimes, Effort, GrowingScenes, Table, faster_from};
-use linkwatch::{Error, Result, Verifier, VerifierOptions};
+use linkwatch::{Certifier, Error, Result, SessionOptions};
 use serde_json::json;
 use std::path::{Path, PathBuf};
 
@@ -47,9 +47,9 @@ pub fn calibrate(device: &Device, json: bool) -> Result<()> {
 /// Measures the given scenes, or else each kernel on scenes of growing size.
 pub fn measure(args: &MeasureArgs, inputs: &[PathBuf], json: bool) -> Result<Outcome> {
     // Opened once for all measurements.
-    let keeper = Verifier::new(VerifierOptions {
+    let keeper = Certifier::new(&SessionOptions {
         device: args.device.clone(),
-        ..VerifierOptions::default()
+        ..SessionOptions::default()
     })?;
     let Some(device) = keeper.device() else {
         return Err(Error::Device("--device must name an adapter".into()));

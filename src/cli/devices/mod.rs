@@ -114,7 +114,7 @@ fn measure(args: &MeasureArgs, json: bool) -> Result<Option<Outcome>> {
 #[cfg(all(feature = "lab", not(feature = "gpu")))]
 fn measure(args: &MeasureArgs, _: bool) -> Result<Option<Outcome>> {
     if args.calibrate || args.measure.is_some() {
-        linkwatch::Verifier::new(linkwatch::VerifierOptions {
+        linkwatch::Certifier::new(&linkwatch::SessionOptions {
             device: args.device.clone(),
             ..Default::default()
         })?;

@@ -4,7 +4,7 @@
 //! reads. Locks are held only to find or add a figure: never during a check, or while a page is
 //! sent.
 
-use crate::cli::session::FrameCounts;
+use crate::cli::run::FrameCounts;
 use linkwatch::{Report, SinkSummary, Verdict};
 use prometheus::core::Collector;
 use prometheus::{
@@ -182,8 +182,8 @@ impl Service {
             ),
             sessions: counter("linkwatch_sessions_total", "Simulators that connected."),
             restarts: counter(
-                "linkwatch_worker_restarts_total",
-                "Workers that crashed and were replaced (--supervise).",
+                "linkwatch_restarts_total",
+                "Times that the watch was started again (--state).",
             ),
             connected: gauge(
                 "linkwatch_simulator_connected",
@@ -218,7 +218,7 @@ impl Service {
         self.connected.set(1);
     }
 
-    /// Counts workers that took the place of others before this process.
+    /// Adds the times that the watch was started again before this process began.
     pub fn restarted(&self, times: u64) {
         self.restarts.inc_by(times);
     }

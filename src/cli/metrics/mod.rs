@@ -81,7 +81,7 @@ impl ServiceMetrics {
         }
     }
 
-    /// Counts workers that took the place of others before this process.
+    /// Adds the times that the watch was started again before this process began.
     pub fn restarted(&self, times: u64) {
         if let Some(service) = &self.0 {
             service.restarted(times);

@@ -10,13 +10,13 @@ use super::Args;
 use super::source::{Frame, Recording, Source};
 use super::verify::{recorded_events, warn_of_cut};
 use crate::cli::Outcome;
-use crate::cli::cell_args::{CellArgs, Cells};
+use crate::cli::cell_args::{CellArgs, say};
 use crate::cli::output::with_progress;
-use crate::cli::session::{Baseline, Judge};
+use crate::cli::run::{Baseline, Judge};
 use linkwatch::{
     AbortOn, Cause, Certificate, CurveSet, Defect, DefectKind, Ending, Error, Events, FrameInfo,
-    FramePlace, Outline, RecordedItem, Report, Result, Strategy, Verdict, Verifier,
-    VerifierOptions, bisect,
+    FramePlace, Outline, Received, RecordedItem, Report, Result, Session, SessionOptions, Strategy,
+    Verdict, bisect,
 };
 use std::path::Path;
 use std::sync::Arc;
@@ -28,45 +28,37 @@ const CONTACT: usize = 16;
 
 /// A frame in memory.
 struct Loaded {
-    seq: u64,
-    time: f64,
     info: FrameInfo,
-    curves: CurveSet,
+    curves: Arc<CurveSet>,
 }
 
 impl Loaded {
     fn new(frame: Frame) -> Result<Loaded> {
         Ok(Loaded {
-            seq: frame.seq,
-            time: frame.time,
             info: frame.info.clone(),
-            curves: frame.curves()?,
+            curves: Arc::new(frame.curves()?),
         })
     }
 
-    /// Verifies the frame, with the cell and the curves that the user chose.
-    fn step(&mut self, verifier: &mut Verifier, cells: &mut Cells) -> Result<Report> {
-        let of_frame = self.info.cell;
-        if let Some(curves) = cells.close_set(&self.curves, &self.info)? {
-            self.curves = curves;
-        }
-        cells.apply(&mut self.info);
-        if let Some(curves) = cells.unwrap(&self.curves, of_frame)? {
-            self.curves = curves;
-        }
-        if let Some(cell) = self.info.cell {
-            verifier.set_cell(cell)?;
-            // In the basis in which findings name images.
-            self.info.cell = verifier.cell();
-        }
-        verifier.step(self.seq, self.time, &self.curves)
+    /// Verifies the frame. Returns the report; the frame has the curves and the cell with which it
+    /// was verified then.
+    ///
+    /// Errors: those of [`Session::verify`], and the reason why the frame is rejected.
+    fn feed(&mut self, session: &mut Session, name: &Path) -> Result<Report> {
+        let given = Received::new(self.info.clone(), Ok(Arc::clone(&self.curves)));
+        let verified = session.verify(given)?;
+        say(&name.display(), &verified.notes);
+        let Some(curves) = verified.curves else {
+            return Err(Error::Usage(verified.report.rejected.unwrap_or_default()));
+        };
+        (self.curves, self.info) = (curves, verified.info);
+        Ok(verified.report)
     }
 }
 
 /// Settings of the verification.
 struct Settings {
-    options: VerifierOptions,
-    cells: CellArgs,
+    options: SessionOptions,
     /// Pull-throughs to search for in the step to the changed frame.
     events: Events,
     /// Motion limit of that search.
@@ -74,30 +66,33 @@ struct Settings {
 }
 
 impl Settings {
-    fn new(args: &Args, recorded: Option<(Events, f64)>) -> Result<Settings> {
+    fn new(args: &Args, cells: CellArgs, recorded: Option<(Events, f64)>) -> Result<Settings> {
         let judge = &args.judge;
-        let (recorded, limit) = recorded.unwrap_or((Events::Off, VerifierOptions::MOTION_LIMIT));
+        let (recorded, limit) = recorded.unwrap_or((Events::Off, SessionOptions::MOTION_LIMIT));
         let baseline = match &judge.baseline {
             Some(Baseline::File(path)) => Some(Certificate::read(path)?),
             _ => None,
         };
         Ok(Settings {
-            options: VerifierOptions {
+            options: SessionOptions {
                 abort_on: AbortOn::Never,
                 baseline,
-                max_pairs: judge.max_pairs.unwrap_or(VerifierOptions::MAX_PAIRS),
+                cell: cells.given(),
+                ignore_cell: cells.ignores_cells(),
+                wrapped: cells.wrapped(),
+                keep_open: cells.keep_open(),
+                max_pairs: judge.max_pairs.unwrap_or(SessionOptions::MAX_PAIRS),
                 ..args.kernel.options()?
             },
-            cells: judge.cell_args,
             events: judge.event_args.events(AbortOn::Never).max(recorded),
             limit: judge.event_args.motion_limit.unwrap_or(limit),
         })
     }
 
-    /// Returns a verifier that searches for pull-throughs.
-    fn searching(&self, strategy: Strategy) -> Result<Verifier> {
+    /// Returns a session that searches for pull-throughs.
+    fn searching(&self, strategy: Strategy) -> Result<Session> {
         let limit = (self.events != Events::Off).then_some(self.limit);
-        Verifier::new(VerifierOptions {
+        Session::new(SessionOptions {
             strategy,
             events: self.events,
             motion_limit: limit,
@@ -144,7 +139,7 @@ pub fn run(args: &Args, mut source: Source, json: bool) -> Result<Outcome> {
 struct Search<'a> {
     reader: &'a mut Recording,
     settings: Settings,
-    verifier: Verifier,
+    session: Session,
     path: &'a Path,
     frames: Vec<FramePlace>,
     outline: Outline,
@@ -160,8 +155,8 @@ impl<'a> Search<'a> {
     fn new(args: &Args, reader: &'a mut Recording, path: &'a Path) -> Result<Search<'a>> {
         let baseline = read_baseline(reader)?;
         let recorded = recorded_events(reader.metadata());
-        let mut settings = Settings::new(args, Some(recorded))?;
-        settings.cells = settings.cells.or_recorded(reader.metadata());
+        let cells = args.judge.cell_args.or_recorded(reader.metadata());
+        let mut settings = Settings::new(args, cells, Some(recorded))?;
         if args.judge.baseline.is_none() {
             settings.options.baseline = baseline;
         }
@@ -181,7 +176,7 @@ impl<'a> Search<'a> {
         }
         let mut search = Search {
             reader,
-            verifier: Verifier::new(settings.options.clone())?,
+            session: Session::new(settings.options.clone())?,
             settings,
             path,
             frames,
@@ -193,7 +188,7 @@ impl<'a> Search<'a> {
         if search.settings.options.baseline.is_none() {
             // The first frame is the baseline.
             let _ = search.verify(0)?;
-            search.settings.options.baseline = search.verifier.baseline().cloned();
+            search.settings.options.baseline = search.session.baseline().cloned();
         }
         Ok(search)
     }
@@ -250,16 +245,12 @@ impl<'a> Search<'a> {
         while self.verdict(start)? != Verdict::Intact && start > 0 && frame - start < CONTACT {
             start -= 1;
         }
-        let mut verifier = self.settings.searching(Strategy::Full)?;
-        let mut cells = Cells::new(self.settings.cells);
+        let mut session = self.settings.searching(Strategy::Full)?;
         let mut before = self.load(start)?;
-        let _ = before.step(&mut verifier, &mut cells)?;
+        let _ = before.feed(&mut session, self.path)?;
         for k in start + 1..=frame {
             let mut next = self.load(k)?;
-            if next.info.cuts != before.info.cuts {
-                verifier.cut();
-            }
-            let report = next.step(&mut verifier, &mut cells)?;
+            let report = next.feed(&mut session, self.path)?;
             if k == frame {
                 return Ok(Step::new(report, &[before, next]));
             }
@@ -295,23 +286,19 @@ impl<'a> Search<'a> {
                  verified, so it cannot be compared alone; limit --bisect to frames of the same \
                  curves with --from and --to, or verify all frames without it",
                 self.path.display(),
-                loaded.seq
+                loaded.info.seq
             )));
         }
-        let title = format!("frame {}", loaded.seq);
-        let mut cells = Cells::new(self.settings.cells);
-        let report = with_progress(&title, self.verifier.progress(), || {
-            loaded.step(&mut self.verifier, &mut cells)
+        let title = format!("frame {}", loaded.info.seq);
+        let report = with_progress(&title, self.session.progress(), || {
+            loaded.feed(&mut self.session, self.path)
         })?;
-        if self.reports.is_empty() {
-            cells.say(&self.path.display());
-        }
         let is_fresh = |d: &Defect| d.kind == DefectKind::NoBaseline;
         let adopted = report.defects.iter().any(is_fresh);
         if self.settings.options.baseline.is_some() && (adopted || loaded.info.cell.is_some()) {
             // Each frame is compared with the same baseline. A cell would be followed from frame to
             // frame.
-            self.verifier = Verifier::new(self.settings.options.clone())?;
+            self.session = Session::new(self.settings.options.clone())?;
         }
         self.reports.push((frame, report.clone()));
         Ok(report)
@@ -388,9 +375,8 @@ fn read_baseline(reader: &mut Recording) -> Result<Option<Certificate>> {
 
 /// Verifies the frames of a model file one by one, up to the first changed one.
 fn in_sequence(args: &Args, source: &mut Source) -> Result<Found> {
-    let settings = Settings::new(args, None)?;
-    let mut verifier = settings.searching(Strategy::Incremental)?;
-    let mut cells = Cells::new(settings.cells);
+    let settings = Settings::new(args, args.judge.cell_args, None)?;
+    let mut session = settings.searching(Strategy::Incremental)?;
     let mut found = Found {
         in_sequence: true,
         ..Found::default()
@@ -422,9 +408,7 @@ fn in_sequence(args: &Args, source: &mut Source) -> Result<Found> {
                  of the same curves with --from and --to, or verify all frames without it"
             )));
         }
-        let stepped = frame.step(&mut verifier, &mut cells);
-        cells.say(&args.file.display());
-        let report = stepped.map_err(at_frame)?;
+        let report = frame.feed(&mut session, &args.file).map_err(at_frame)?;
         found.frames += 1;
         found.verified += 1;
         if report.verdict == Verdict::Changed {
@@ -459,15 +443,15 @@ struct Step {
 
 impl Step {
     fn new(report: Report, [before, after]: &[Loaded; 2]) -> Step {
-        let times = (after.time - before.time, after.info.time_step);
-        let frames = [&before.curves, &after.curves];
+        let times = (after.info.time - before.info.time, after.info.time_step);
+        let frames = [&*before.curves, &*after.curves];
         let cells = [before.info.cell, after.info.cell];
         let events = report.events.iter();
         Step {
             causes: events
                 .map(|event| Cause::of(event, frames, cells, times))
                 .collect(),
-            frames: [before.seq, after.seq],
+            frames: [before.info.seq, after.info.seq],
             cut: before.info.cuts != after.info.cuts,
             report,
         }

@@ -18,7 +18,7 @@ use self::source::Source;
 use super::Outcome;
 use super::input::FormatArgs;
 use super::kernel::KernelArgs;
-use super::session::{Judge, JunitArgs, Sinks};
+use super::run::{Judge, JunitArgs, Sinks};
 use linkwatch::Result;
 use std::path::PathBuf;
 use std::time::Duration;

@@ -7,11 +7,11 @@ use super::source::{Item, Source};
 use crate::cli::cell_args::KEEP_OPEN;
 use crate::cli::check::nothing_to_compare;
 use crate::cli::output::{self, count, plural};
-use crate::cli::session::{FrameCounts, Ingested, Judge, Judged, MOTION_LIMIT, Run, Session, Step};
+use crate::cli::run::{FrameCounts, Ingested, Judge, Judged, MOTION_LIMIT, Run, Setup};
 use crate::cli::{Outcome, braid_args, clearance_args, signals};
 use linkwatch::{
-    AbortOn, BaselineRecord, Braids, Ending, Error, Events, FrameInfo, Overflow, RecordedVerdict,
-    Report, Result, Retention, Verdict, VerifierOptions,
+    AbortOn, BaselineRecord, Braids, Continuation, Ending, Error, Events, FrameInfo, Overflow,
+    RecordedVerdict, Report, Result, Retention, SessionOptions, Verdict,
 };
 use std::collections::{BTreeMap, VecDeque};
 use std::path::Path;
@@ -84,7 +84,7 @@ pub fn run(args: &Args, mut source: Source, json: bool) -> Result<Outcome> {
             "--max-pairs",
             judge
                 .max_pairs
-                .is_some_and(|n| n < VerifierOptions::MAX_PAIRS),
+                .is_some_and(|n| n < SessionOptions::MAX_PAIRS),
         ),
         (
             "--motion-limit",
@@ -97,12 +97,13 @@ pub fn run(args: &Args, mut source: Source, json: bool) -> Result<Outcome> {
     ];
     let differing = settings.iter().filter(|(_, differs)| *differs);
     let mut replay = Replay {
-        session: Session::new(Run {
+        session: Run::new(Setup {
             judge: &judge,
             sinks: &args.sinks,
             junit: Some(&args.junit),
             files,
             strategy: judge.strategy(),
+            early_exit: false,
             models: false,
             live: false,
             from_now: false,
@@ -257,11 +258,7 @@ pub fn warn_of_cut(path: &Path, ending: Option<&Ending>) -> bool {
 
 /// A frame to judge, or a recorded verdict.
 enum Waiting {
-    Frame {
-        seq: u64,
-        time: f64,
-        frame: Box<Ingested>,
-    },
+    Frame(Box<Ingested>),
     Verdict(Box<RecordedVerdict>),
 }
 
@@ -271,7 +268,7 @@ const MOST_WAITING: usize = 64;
 
 /// Replay in progress.
 struct Replay {
-    session: Session,
+    session: Run,
     /// Items that wait for the next frame. A frame waits because the next one is announced before
     /// it is judged, and so do the verdicts between them.
     waiting: VecDeque<Waiting>,
@@ -329,16 +326,16 @@ impl Replay {
             Item::Frame(mut frame) => {
                 if frame.begins_run {
                     self.finish_waiting()?;
-                    self.session.begin_run()?;
+                    self.session.begin_run();
                 }
-                let (seq, time, info) = (frame.seq, frame.time, Ok(frame.info.clone()));
+                let info = frame.info.clone();
                 let left_out = std::mem::take(&mut frame.left_out);
                 let frame = self.session.ingest(info, |receive| frame.read(receive));
                 let frame = frame.without(left_out);
                 self.session.announce(&frame);
                 self.finish_waiting()?;
                 let frame = Box::new(frame);
-                self.waiting.push_back(Waiting::Frame { seq, time, frame });
+                self.waiting.push_back(Waiting::Frame(frame));
             }
             Item::Verdict(recorded) => {
                 self.waiting.push_back(Waiting::Verdict(recorded));
@@ -354,8 +351,8 @@ impl Replay {
     fn finish_waiting(&mut self) -> Result<()> {
         while let Some(next) = self.waiting.pop_front() {
             match next {
-                Waiting::Frame { seq, time, frame } => {
-                    let judged = self.session.judge(seq, time, *frame)?;
+                Waiting::Frame(frame) => {
+                    let judged = self.session.judge(*frame)?;
                     self.count(judged.report.verdict);
                     self.last = Some(Arc::clone(&judged.report));
                     self.session.publish(judged, self.tally);
@@ -437,7 +434,7 @@ impl Replay {
                     info: FrameInfo::default(),
                     model: None,
                     left_out: Vec::new(),
-                    step: Step::Continues,
+                    step: Continuation::Continues,
                 };
                 self.session.publish(judged, self.tally);
             }

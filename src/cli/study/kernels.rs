@@ -14,7 +14,7 @@ use linkwatch::kernels::{Accuracy, Device};
 use linkwatch::lab::{self, KernelEffort, KernelRow, Setting, Slope, Subject, Table};
 use linkwatch::model::MODEL_FILES;
 use linkwatch::scenes::Scene;
-use linkwatch::{Error, Result, Verifier, VerifierOptions};
+use linkwatch::{Certifier, Error, Result, SessionOptions};
 use serde_json::{Map, Value, json};
 use std::path::{Path, PathBuf};
 
@@ -87,9 +87,9 @@ pub fn run(args: &Args, as_json: bool) -> Result<Outcome> {
         &PLOTS,
     )?;
     // Opened before the measurements, so that no run includes it.
-    let on_device = Verifier::new(VerifierOptions {
+    let on_device = Certifier::new(&SessionOptions {
         device: args.device.clone(),
-        ..VerifierOptions::default()
+        ..SessionOptions::default()
     })?;
     let device = on_device.device();
     let subject = Subject::new(&args.input, input::read(Path::new(&args.input))?)?;

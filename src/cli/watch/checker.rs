@@ -1,7 +1,7 @@
 //! Thread that judges frames, so that the thread of the bus can send heartbeats meanwhile.
 
 use crate::cli::output::{count, plural};
-use crate::cli::session::{Ingested, Judged, Session};
+use crate::cli::run::{Ingested, Judged, Run};
 use crate::cli::signals::TICK;
 use linkwatch::Result;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -13,22 +13,18 @@ const HEARTBEAT: Duration = Duration::from_secs(1);
 
 /// A frame to judge, and the session that judges it.
 pub struct Work {
-    pub session: Box<Session>,
+    pub session: Box<Run>,
     pub seq: u64,
-    pub time: f64,
     pub frame: Ingested,
 }
 
 impl Work {
     /// Judges the frame on this thread.
-    pub fn judge(self) -> (Box<Session>, Result<Judged>) {
+    pub fn judge(self) -> (Box<Run>, Result<Judged>) {
         let Work {
-            mut session,
-            seq,
-            time,
-            frame,
+            mut session, frame, ..
         } = self;
-        let judged = session.judge(seq, time, frame);
+        let judged = session.judge(frame);
         (session, judged)
     }
 }
@@ -36,7 +32,7 @@ impl Work {
 /// Judges frames in a thread, while the caller checks the signals and sends heartbeats.
 pub struct Checker {
     to: mpsc::Sender<Work>,
-    from: mpsc::Receiver<(Box<Session>, Result<Judged>)>,
+    from: mpsc::Receiver<(Box<Run>, Result<Judged>)>,
 }
 
 impl Checker {
@@ -64,7 +60,7 @@ impl Checker {
         work: Work,
         mut heartbeat: impl FnMut() -> Result<()>,
         stop: &AtomicBool,
-    ) -> (Box<Session>, Result<Judged>) {
+    ) -> (Box<Run>, Result<Judged>) {
         let Work { session, seq, .. } = &work;
         let (progress, live, seq) = (session.progress(), session.live().clone(), *seq);
         let start = Instant::now();

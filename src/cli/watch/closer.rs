@@ -2,7 +2,7 @@
 
 use super::PATIENCE;
 use crate::cli::Outcome;
-use crate::cli::session::{FrameCounts, Session};
+use crate::cli::run::{FrameCounts, Run};
 use linkwatch::Result;
 use std::sync::mpsc::{self, Receiver, RecvTimeoutError};
 use std::time::Duration;
@@ -29,7 +29,7 @@ impl Closer {
     }
 
     /// Closes a session. Returns after half a second at most: slow sinks finish later.
-    pub fn close(&mut self, session: Box<Session>, tally: FrameCounts) -> Result<()> {
+    pub fn close(&mut self, session: Box<Run>, tally: FrameCounts) -> Result<()> {
         let (to, from) = mpsc::channel();
         let span = tracing::Span::current();
         let finish = move || {

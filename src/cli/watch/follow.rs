@@ -2,17 +2,18 @@
 
 use super::checker::{Checker, Work};
 use super::closer::Closer;
-use super::supervise::{Earlier, Journal};
+use super::state::{Earlier, State};
 use super::{Args, PATIENCE, result};
 use crate::cli::files::Files;
 use crate::cli::label::Label;
 use crate::cli::metrics::ServiceMetrics;
 use crate::cli::output::{percent, plural};
-use crate::cli::session::{FrameCounts, Judge, Judged, Run, Session, Sinks};
+use crate::cli::run::{FrameCounts, Ingested, Judge, Run, Setup, Sinks};
 use crate::cli::signals::TICK;
 use crate::cli::{Outcome, services};
 use linkwatch::{
-    Counters, Error, Event, LastLabels, LiveTimes, Overflow, Result, Sidecar, Verdict,
+    Counters, Error, Event, FrameInfo, LastLabels, LiveTimes, Overflow, Report, Result, Sidecar,
+    Verdict,
 };
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -21,7 +22,7 @@ use std::time::{Duration, Instant};
 /// Time without a simulator after which the live services are listed, once.
 const HINT: Duration = Duration::from_secs(5);
 
-/// Interval at which a worker looks whether the simulator of a session that it is to continue is
+/// Interval at which a watch looks whether the simulator of a session that it is to continue is
 /// still there.
 const GONE: Duration = Duration::from_secs(1);
 
@@ -40,8 +41,8 @@ pub struct Follower<'a> {
     /// Label of the service, without a session.
     pub label: Label,
     pub metrics: ServiceMetrics,
-    /// What the next worker needs, if there is a supervisor.
-    pub journal: Journal,
+    /// What the next process needs, with --state.
+    pub state: State,
     /// Number of simulators that connected.
     pub sessions: u64,
     /// Number in the file names of the last session.
@@ -64,25 +65,31 @@ enum End {
 
 impl Follower<'_> {
     /// Prepares the first session. `inputs` are the inputs of the command.
-    pub fn first(&self, sinks: &Sinks, inputs: Files) -> Result<Box<Session>> {
-        if self.journal.is_restart() {
-            announce_files(self.sessions.max(1), sinks);
+    pub fn first(&self, sinks: &Sinks, inputs: Files) -> Result<Box<Run>> {
+        // The session that is to continue, or a new one.
+        let number = match self.state.interrupted() {
+            Some(_) => self.sessions,
+            None => self.sessions + 1,
+        };
+        if self.state.is_restart() {
+            announce_files(number, sinks);
         }
-        self.session(self.sessions.max(1), sinks, inputs)
+        self.session(number, sinks, inputs)
     }
 
     /// Prepares a session.
-    fn session(&self, number: u64, sinks: &Sinks, files: Files) -> Result<Box<Session>> {
+    fn session(&self, number: u64, sinks: &Sinks, files: Files) -> Result<Box<Run>> {
         let title = match number {
             1 => self.service.to_owned(),
             n => format!("{}, session {n}", self.service),
         };
-        let session = Session::new(Run {
+        let session = Run::new(Setup {
             judge: self.judge,
             sinks,
             junit: None,
             files,
             strategy: self.judge.strategy(),
+            early_exit: false,
             models: false,
             live: true,
             from_now: self.args.from_now,
@@ -95,27 +102,32 @@ impl Follower<'_> {
             overflow: Overflow::Wait(PATIENCE),
             json: self.json,
         })?;
-        let label = Label {
+        let session = session.labelled(self.label_of(number));
+        Ok(Box::new(session.measured(&self.metrics)))
+    }
+
+    /// Returns the label of a session.
+    fn label_of(&self, number: u64) -> Label {
+        Label {
             session: self.args.keep_watching.then_some(number),
             ..self.label.clone()
-        };
-        Ok(Box::new(session.labelled(label).measured(&self.metrics)))
+        }
     }
 
     /// Prepares a session after the first one. Its files get a number that is free.
-    fn next(&mut self) -> Result<Box<Session>> {
+    fn next(&mut self) -> Result<Box<Run>> {
         let wanted = self.sessions.max(self.file_number + 1);
         let (sinks, number) = self.sinks.numbered(wanted, &self.files);
         self.file_number = number;
-        self.journal.begin_files(number)?;
+        self.state.begin_files(number)?;
         announce_files(self.sessions, &sinks);
         self.session(self.sessions, &sinks, self.files.clone())
     }
 
     /// Follows the service until its simulator ends, or with --keep-watching until a signal.
-    pub fn follow(mut self, mut sidecar: Sidecar, first: Box<Session>) -> Result<Outcome> {
+    pub fn follow(mut self, mut sidecar: Sidecar, first: Box<Run>) -> Result<Outcome> {
         let checker = Checker::start()?;
-        let mut closer = Closer::new(self.journal.outcome());
+        let mut closer = Closer::new(self.state.outcome());
         let mut first = Some(first);
         loop {
             let met = self.wait_for_simulator(&mut sidecar);
@@ -128,10 +140,12 @@ impl Follower<'_> {
                     closer.add(Outcome::Undecided);
                 }
                 let worst = closer.finish();
+                self.end(worst, met.is_ok() && !self.is_stopped())?;
                 return met.and_then(|_| result(worst, self.failed));
             };
             let session = match first.take() {
-                Some(session) => Ok(session),
+                // Not the expected session if another simulator came than before a restart.
+                Some(session) => Ok(Box::new(session.labelled(self.label_of(self.sessions)))),
                 None => self.next(),
             };
             let mut session = match session {
@@ -158,7 +172,9 @@ impl Follower<'_> {
             }
             let tally = tally(counters);
             self.check_skipped(&mut session, tally);
-            self.journal.end_session(session.outcome())?;
+            if matches!(&ended, Ok(End::Simulator(_))) {
+                self.state.end_session(session.outcome())?;
+            }
             let fatal = matches!(&ended, Ok(End::Signal(_)) | Err(Error::Bus(_)));
             if fatal || !self.args.keep_watching {
                 // Sends the goodbye, so that a simulator does not wait for the sinks to finish.
@@ -166,6 +182,7 @@ impl Follower<'_> {
                 // In any case, the frames verified so far are kept and summarised.
                 closer.add(session.finish(tally));
                 let worst = closer.finish();
+                self.end(worst, matches!(&ended, Ok(End::Simulator(_))))?;
                 return ended.and_then(|_| result(worst, self.failed));
             }
             if let Err(e) = ended {
@@ -181,6 +198,49 @@ impl Follower<'_> {
         }
     }
 
+    /// Ends the watch. The next process continues it unless it is `done`: it is not after a signal
+    /// or an error.
+    fn end(&mut self, outcome: Outcome, done: bool) -> Result<()> {
+        match done {
+            true => self.state.end(),
+            false => self.state.stop(outcome),
+        }
+    }
+
+    /// Continues a session that an earlier process watched.
+    fn take_up(&mut self, session: &mut Run, sidecar: &mut Sidecar, id: u64) -> Result<()> {
+        let interrupted = self.state.interrupted().is_some();
+        let Some(Earlier { run, in_hand }) = self.state.begin_session(id, self.sessions)? else {
+            if interrupted {
+                tracing::warn!(
+                    "this is another simulator than before the watch was started again: it has a \
+                     baseline of its own"
+                );
+            }
+            return Ok(());
+        };
+        session.follow_on(tally(sidecar.counters()));
+        match run {
+            Some(run) => session.resume(run)?,
+            None => tracing::warn!(
+                "no frame was verified before the watch was started again: the next one is the \
+                 first frame"
+            ),
+        }
+        let Some((seq, time)) = in_hand else {
+            return Ok(());
+        };
+        let why = "the watch crashed while it verified this frame, which is not verified again";
+        tracing::error!("frame {seq}: {why}");
+        let judged = session.give_up(seq, time, why);
+        let sent = sidecar.send_verdict(&judged.report, Duration::ZERO);
+        session.publish(judged, tally(sidecar.counters()));
+        sent?;
+        let outcome = session.outcome();
+        self.state
+            .end_frame(sidecar.state(), (false, false), outcome)
+    }
+
     /// Records an error that ends a session, but not the watch.
     fn fail(&mut self, e: Error) {
         tracing::error!("session {} is not verified any further: {e}", self.sessions);
@@ -188,7 +248,7 @@ impl Follower<'_> {
     }
 
     /// Applies --max-skipped to a session that has ended.
-    fn check_skipped(&self, session: &mut Session, tally: FrameCounts) {
+    fn check_skipped(&self, session: &mut Run, tally: FrameCounts) {
         let share = tally.skipped_share();
         if let Some(most) = self.args.max_skipped.filter(|&most| share > most) {
             tracing::error!(
@@ -204,49 +264,11 @@ impl Follower<'_> {
         self.stop.load(Ordering::Relaxed)
     }
 
-    /// Continues a session that an earlier worker watched when it crashed.
-    fn take_up(&mut self, session: &mut Session, sidecar: &mut Sidecar, id: u64) -> Result<()> {
-        let interrupted = self.journal.interrupted().is_some();
-        let Some(earlier) = self.journal.begin_session(id, self.sessions)? else {
-            if interrupted {
-                tracing::warn!(
-                    "this is another simulator than before the crash: it has a baseline of its own"
-                );
-            }
-            return Ok(());
-        };
-        session.follow_on(tally(sidecar.counters()));
-        let Earlier {
-            expected,
-            in_hand,
-            cuts,
-            intactness,
-        } = earlier;
-        match expected {
-            Some(expected) => session.resume(expected, cuts, intactness)?,
-            None => tracing::warn!(
-                "no frame was verified before the crash: the next one is the first frame"
-            ),
-        }
-        let Some((seq, time)) = in_hand else {
-            return Ok(());
-        };
-        let why = "the watch crashed while it verified this frame, which is not verified again";
-        tracing::error!("frame {seq}: {why}");
-        let judged = session.give_up(seq, time, why);
-        let sent = sidecar.send_verdict(&judged.report, Duration::ZERO);
-        session.publish(judged, tally(sidecar.counters()));
-        sent?;
-        let (intactness, outcome) = (session.intactness(), session.outcome());
-        self.journal
-            .give_up_frame(sidecar.state(), intactness, outcome)
-    }
-
     /// Waits for a simulator. Returns its session, or `None` if none came, because of a signal or
-    /// --wait, or because the one that an earlier worker watched has ended.
+    /// --wait, or because the one that an earlier process watched has ended.
     fn wait_for_simulator(&mut self, sidecar: &mut Sidecar) -> Result<Option<u64>> {
         let start = Instant::now();
-        let interrupted = self.journal.interrupted();
+        let interrupted = self.state.interrupted();
         let mut looked = start;
         let first = self.sessions == 0;
         let mut hinted = !first;
@@ -303,10 +325,10 @@ impl Follower<'_> {
     /// Verifies the frames of a simulator until it ends.
     fn verify(
         &mut self,
-        mut session: Box<Session>,
+        mut session: Box<Run>,
         sidecar: &mut Sidecar,
         checker: &Checker,
-    ) -> (Box<Session>, Result<End>) {
+    ) -> (Box<Run>, Result<End>) {
         // Receipt of the last frame, and the time at which this thread had finished it.
         let mut last: Option<[Instant; 2]> = None;
         let mut labels = LastLabels::default();
@@ -323,22 +345,21 @@ impl Follower<'_> {
                 Event::Frame(frame) => {
                     let received = Instant::now();
                     let (seq, time) = (frame.seq(), frame.time());
-                    let noted =
-                        self.journal
-                            .begin_frame(sidecar.state(), (seq, time), frame.cuts());
+                    let at = (seq, time);
+                    let noted = self.state.begin_frame(sidecar.state(), at, frame.cuts());
                     if let Err(e) = noted {
                         return (session, Err(e));
                     }
-                    let id = frame.session();
-                    let info = frame.info(&mut labels);
-                    let ingested = session.ingest(info, |receive| frame.read(receive));
+                    let ingested = match frame.info(&mut labels) {
+                        Ok(info) => session.ingest(info, |receive| frame.read(receive)),
+                        Err(why) => Ingested::invalid(FrameInfo::at(seq, time), why),
+                    };
                     // Returns the memory to the simulator.
                     drop(frame);
                     let quick = session.is_quick(&ingested);
                     let work = Work {
                         session,
                         seq,
-                        time,
                         frame: ingested,
                     };
                     let judged;
@@ -353,22 +374,27 @@ impl Follower<'_> {
                             tracing::info!(
                                 "stopped by a signal; the check of frame {seq} was cancelled"
                             );
-                            return (session, Ok(End::Signal(sidecar.counters())));
+                            // The next process does not answer it: it did not crash this one.
+                            let (state, unknown) = (sidecar.state(), (false, false));
+                            let noted = self.state.end_frame(state, unknown, Outcome::Fine);
+                            let end = noted.map(|()| End::Signal(sidecar.counters()));
+                            return (session, end);
                         }
                         Err(e) => return (session, Err(e)),
                     };
-                    // Before the verdict: the next worker must expect what this one answered for.
-                    if let Err(e) = self.keep_expected(id, &mut session, &judged) {
-                        return (session, Err(e));
+                    // Before the verdict: the next process must expect what this one answered for.
+                    if session.changes_baseline(&judged) {
+                        session.note_baseline(&judged, tally(sidecar.counters()));
+                        if let Err(e) = self.state.keep(|| session.state()) {
+                            return (session, Err(e));
+                        }
                     }
                     if let Some(recovered) = session.recovered_by(&judged) {
                         sidecar.withdraw_abort(recovered);
                     }
                     let sending = Instant::now();
                     let sent = sidecar.send_verdict(&judged.report, judged.times.check());
-                    let (state, intactness) = (sidecar.state(), session.intactness());
-                    let outcome = Outcome::of(judged.report.verdict);
-                    let noted = self.journal.end_frame(state, intactness, outcome);
+                    let noted = self.note(sidecar, &judged.report, &session);
                     judged.latency = Some(received.elapsed());
                     judged.times.live = last.map(|[previous, finished]| LiveTimes {
                         interval: received - previous,
@@ -415,15 +441,14 @@ impl Follower<'_> {
         }
     }
 
-    /// Keeps the expected linking numbers for the next worker, if they changed in this frame.
-    fn keep_expected(&mut self, id: u64, session: &mut Session, judged: &Judged) -> Result<()> {
-        if !self.journal.is_kept() || judged.report.verdict == Verdict::Rejected {
-            return Ok(());
-        }
-        match session.take_changed_baseline() {
-            Some(expected) => self.journal.keep(id, &expected),
-            None => Ok(()),
-        }
+    /// Notes the verdict on a frame for the next process.
+    fn note(&mut self, sidecar: &Sidecar, report: &Report, session: &Run) -> Result<()> {
+        let verified = report.verdict != Verdict::Rejected;
+        let intact = report.last_intact == Some(report.seq);
+        let outcome = Outcome::of(report.verdict);
+        self.state
+            .end_frame(sidecar.state(), (verified, intact), outcome)?;
+        self.state.keep_from_time_to_time(|| session.state())
     }
 
     /// Warns of an unreadable message, once for the same reason: a simulator that sends one usually

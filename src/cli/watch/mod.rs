@@ -3,21 +3,21 @@
 mod checker;
 mod closer;
 mod follow;
-mod supervise;
+mod state;
 
 use self::follow::Follower;
-use self::supervise::{Journal, Worker};
+use self::state::State;
 use super::Outcome;
-use super::braid_args;
+use super::files::with_suffix;
 use super::kernel::KernelArgs;
 use super::label::Label;
 use super::metrics::{Metrics, MetricsArgs};
 use super::number::{seconds, share};
 use super::output;
-use super::session::{Judge, Session, Sinks};
+use super::run::{Judge, Run, Sinks};
 use super::signals::stop_on_signals;
 use linkwatch::{AbortOn, Error, Overflow, Result, Sidecar, SidecarOptions, WaitMode};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 use tracing::Span;
@@ -45,11 +45,14 @@ pub struct Args {
     /// `run-2.mcap`, ..). --wait limits the wait for the first simulator only
     #[arg(long, help_heading = super::WATCH)]
     keep_watching: bool,
-    /// Verify in a worker process, and start another worker if it crashes or is killed. That one
-    /// expects what the first one did, and does not verify the frame again that was being verified:
-    /// the simulator is told that it is unknown. Its output files are numbered (`run-2.mcap`, ..)
-    #[arg(long, help_heading = super::WATCH)]
-    supervise: bool,
+    /// Write the state of the watch to this file and to FILE.session, and continue from them if
+    /// they are there: after a crash or a signal, the next watch with the same option expects what
+    /// this one did. A frame that was being verified is not verified again: the simulator is told
+    /// that it is unknown. The output files are numbered then (`run-2.mcap`, ..). The files are
+    /// removed when the simulation ends. With several services each has its own
+    /// (`watch-NAME.state`)
+    #[arg(long, help_heading = super::WATCH, value_name = "FILE")]
+    state: Option<PathBuf>,
     /// Observe: verify, print, record and show, but send nothing to the simulator. For further
     /// watches beside the one that answers. Frames may be skipped, because no simulator waits for
     /// an observer
@@ -88,7 +91,7 @@ struct Watch<'a> {
     /// Labels log messages with the service, if there are several.
     span: Span,
     follower: Follower<'a>,
-    first: Box<Session>,
+    first: Box<Run>,
     sidecar: Sidecar,
 }
 
@@ -109,18 +112,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
             )));
         }
     }
-    if args.supervise && args.judge.braid_args.is_auto() {
-        let what = "a watch that starts again begins with a later one";
-        return Err(braid_args::other_first_frame(what));
-    }
-    let folder = Worker::folder().filter(|_| args.supervise);
-    if args.supervise && folder.is_none() {
-        return supervise::supervise(args.service.len());
-    }
     let stop = stop_on_signals()?;
-    let start = |folder: &PathBuf| Worker::start(folder.clone(), &stop);
-    // Removes the folder at its end, if the supervisor cannot.
-    let _worker = folder.as_ref().map(start).transpose()?;
     output::detach(Overflow::Wait(PATIENCE))?;
     let mut judge = Judge {
         kernel: args.kernel.clone(),
@@ -131,7 +123,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         judge.abort_on = Some(AbortOn::Never);
     }
     let metrics = args.metrics.serve(&args.service)?;
-    let watches = open(args, json, &judge, &metrics, (&stop, folder.as_deref()))?;
+    let watches = open(args, json, &judge, &metrics, &stop)?;
     if args.service.len() == 1 {
         return watches
             .into_iter()
@@ -169,45 +161,48 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     })
 }
 
-/// Opens all services and their outputs. Fails before any of them is watched. `folder` is that of
-/// the journals, if this process is a worker.
+/// Opens all services and their outputs. Fails before any of them is watched.
 fn open<'a>(
     args: &'a Args,
     json: bool,
     judge: &'a Judge,
     metrics: &Metrics,
-    (stop, folder): (&'a AtomicBool, Option<&Path>),
+    stop: &'a AtomicBool,
 ) -> Result<Vec<Watch<'a>>> {
     let several = args.service.len() > 1;
     let inputs = judge.files(args.sinks.overwrite);
     let mut files = inputs.clone();
     let mut outputs = Vec::new();
-    for (k, service) in args.service.iter().enumerate() {
-        let mut journal = Journal::open(folder, k)?;
+    for service in &args.service {
+        let path = args.state.as_deref().map(|path| match several {
+            true => with_suffix(path, service),
+            false => path.to_owned(),
+        });
+        let mut state = State::open(path.as_deref())?;
         let sinks = match several {
             true => args.sinks.with_suffix(service),
             false => args.sinks.clone(),
         };
-        let (first, number) = match journal.file_number() {
+        let (first, number) = match state.file_number() {
             0 => (sinks.clone(), 1),
             n => sinks.numbered(n + 1, &files),
         };
         first.check_files(&mut files)?;
-        journal.begin_files(number)?;
-        outputs.push((sinks, first, journal));
+        state.begin_files(number)?;
+        outputs.push((sinks, first, state));
     }
     let mut ready = Vec::new();
-    for (service, (sinks, first, journal)) in args.service.iter().zip(outputs) {
+    for (service, (sinks, first, state)) in args.service.iter().zip(outputs) {
         let span = match several {
             true => tracing::error_span!("watch", service = %service),
             false => Span::none(),
         };
         let metrics = metrics.service(service);
-        metrics.restarted(journal.crashes());
+        metrics.restarted(state.restarts());
         let follower = Follower {
-            sessions: journal.sessions(),
-            file_number: journal.file_number(),
-            journal,
+            sessions: state.sessions(),
+            file_number: state.file_number(),
+            state,
             args,
             json,
             stop,
@@ -232,10 +227,10 @@ fn open<'a>(
     options.wait_mode = args.wait_mode;
     options.observe = args.observe;
     options.from_now = args.from_now;
-    let open = |(span, follower, first): (Span, Follower<'a>, Box<Session>)| {
+    let open = |(span, follower, first): (Span, Follower<'a>, Box<Run>)| {
         let service = follower.service;
         let mut sidecar = Sidecar::open(service, &options)?;
-        if let Some(state) = follower.journal.interrupted() {
+        if let Some(state) = follower.state.interrupted() {
             sidecar.resume(state);
         }
         span.in_scope(|| match args.observe {

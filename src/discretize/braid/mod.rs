@@ -52,7 +52,7 @@ use serde::{Deserialize, Serialize};
 use std::path::Path;
 
 /// Braids of a scene: open curves between two rigid ends, which are verified as virtual closed
-/// loops ([`VerifierOptions::braids`](crate::VerifierOptions::braids)).
+/// loops ([`SessionOptions::braids`](crate::SessionOptions::braids)).
 ///
 /// ```
 /// let text = r#"{"braids": [{"curves": [0, 1, 2, 3], "reversed": [3]}]}"#;

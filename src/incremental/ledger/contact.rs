@@ -27,6 +27,7 @@ use crate::curve::{Curve, CurveSet};
 use crate::exact::{Predicates, segments_touch};
 use crate::pairs::{Pair, closest_of_segments};
 use crate::verdict::{Defect, DefectKind, PullThrough};
+use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
 /// Two edges that touch in a frame of a step.
@@ -54,7 +55,7 @@ impl Contact {
 }
 
 /// Sum of the signs of a component, as far as it is known.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 enum Passed {
     /// Sum since the curves came into contact.
     Sum(i32),
@@ -76,7 +77,7 @@ impl Passed {
 }
 
 /// Connected contacts of one pair of curves in a frame.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 struct Component {
     pair: Pair,
     /// Pairs of segments, sorted.
@@ -85,7 +86,7 @@ struct Component {
 }
 
 /// The contacts in the last frame of a step, with the sum of the passages through them so far.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Contacts {
     /// Components, sorted by pair.
     components: Vec<Component>,
@@ -114,6 +115,21 @@ pub(crate) struct Followed {
 }
 
 impl Contacts {
+    /// Returns these contacts with other numbers of the curves; `None` if a pair has none.
+    pub fn renamed(&self, pair: impl Fn(Pair) -> Option<Pair>) -> Option<Contacts> {
+        let mut out = self.clone();
+        for component in &mut out.components {
+            component.pair = pair(component.pair)?;
+        }
+        out.components.sort_by_key(|component| component.pair);
+        Some(out)
+    }
+
+    /// Returns true if no curves touch.
+    pub fn is_empty(&self) -> bool {
+        self.components.is_empty()
+    }
+
     /// Returns the contacts of a first frame; `found` has the contacts of a step from the frame to
     /// itself.
     pub fn of_first_frame(found: &[Contact], set: &CurveSet) -> (Contacts, Vec<Touching>) {

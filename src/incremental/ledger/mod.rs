@@ -139,11 +139,16 @@ impl Ledger {
     pub fn new(motion_limit: f64, (cancel, limit): (Cancel, PairLimit)) -> Self {
         let mut ledger = Ledger {
             motion_limit,
-            cancel,
             ..Ledger::default()
         };
-        ledger.search.limit_to(limit);
+        ledger.end_with((cancel, limit));
         ledger
+    }
+
+    /// Ends a search early if one of these says so.
+    pub fn end_with(&mut self, (cancel, limit): (Cancel, PairLimit)) {
+        self.search.limit_to(limit);
+        self.cancel = cancel;
     }
 
     /// Searches only the pairs of a filter from now on, or all pairs.
@@ -232,7 +237,11 @@ impl Ledger {
         );
         let covered = |set| Covered { set, coverage };
         match (pairs, self.search.filter()) {
-            (Some(pairs), _) => {
+            (Some(pairs), filter) => {
+                if matches!(filter, Some(PairFilter::Loops(_))) {
+                    // The boxes of the last search may be only those of curves near a loop.
+                    self.trees.forget();
+                }
                 let curves = curves_of(pairs.iter().copied());
                 self.trees.refit(frames, covered, Some(&curves));
             }

@@ -49,6 +49,11 @@ impl Outcome {
             .collect()
     }
 
+    /// Returns true if the whole step is safe.
+    pub fn is_safe(&self, before: &Contacts) -> bool {
+        self.unsafe_pairs(before).is_empty()
+    }
+
     /// Returns the time of the first passage, or 1.
     fn first_passage(&self) -> f64 {
         let first = [&self.events, &self.unresolved].map(|events| events.first());

@@ -17,27 +17,37 @@ use super::covered::Covered;
 use super::packed::Packed;
 use super::quiet_bounds::QuietBounds;
 use crate::certificate::Certificate;
-use crate::curve::{AXES, CurveSet, Point, Received, union};
+use crate::curve::{AXES, Cell, CurveSet, Frame, Point, Received, Translated, union};
 use crate::pairs::{PairFilter, Trees};
+use std::borrow::Cow;
 use std::sync::Arc;
 
 /// A frame with proven linking numbers, and the allowances of its points.
 #[derive(Debug)]
 pub(super) struct Reference {
-    pub set: CurveSet,
-    /// Positions of the control points, in order.
+    /// All curves, images included.
+    pub set: Arc<CurveSet>,
+    /// Curves as they are given. They come first in the set.
+    pub given: Arc<CurveSet>,
+    /// Images of these curves.
+    images: Option<Translated>,
+    pub cell: Option<Cell>,
+    /// Upper bound of the coordinates of all curves.
+    pub max_abs: f64,
+    /// Positions of the control points of the given curves, in order.
     pub points: Received,
     /// Pairs for which the allowances are valid.
     pub coverage: Coverage,
     pub certificate: Arc<Certificate>,
     /// Number of the frame, counted by the monitor.
     pub frame: u64,
-    /// Bounds of the control points of each curve, and of all.
+    /// Bounds of the control points of each given curve, and of all.
     pub bounds: Vec<[Point; 2]>,
     pub around: [Point; 2],
     /// Points to which affine frames are fitted.
     pub sample: Sample,
-    /// Distance that each control point may move. Infinite for curves that are not covered.
+    /// Distance that each control point of the given curves may move: all its images move alike.
+    /// Infinite for curves that are not covered.
     pub allowances: Vec<f32>,
     /// The largest finite allowance.
     pub largest_allowance: f64,
@@ -53,41 +63,53 @@ impl Reference {
     /// for all. Returns `None` if too many of its segments are near one another: the memory for
     /// them is limited.
     pub fn build(
-        set: CurveSet,
+        subject: &Frame,
         certificate: Arc<Certificate>,
         frame: u64,
         coverage: Coverage,
         filter: Option<&PairFilter>,
     ) -> Option<Reference> {
-        Reference::build_within(MOST_NEAR, set, certificate, frame, (coverage, filter))
+        Reference::build_within(MOST_NEAR, subject, certificate, frame, (coverage, filter))
     }
 
     /// [`Reference::build`] with at most this number of near pairs of blocks.
     fn build_within(
         most: usize,
-        set: CurveSet,
+        subject: &Frame,
         certificate: Arc<Certificate>,
         frame: u64,
         (coverage, filter): (Coverage, Option<&PairFilter>),
     ) -> Option<Reference> {
+        let (set, given) = (Arc::clone(subject.set().ok()?), Arc::clone(subject.given()));
+        let images = subject.translated().cloned();
         let mut trees = Trees::default();
         let covered = Covered {
             set: &set,
             coverage,
         };
         trees.refit(covered);
-        let sample = Sample::new(&set, coverage.open_curves);
+        let sample = Sample::new(&given, coverage.open_curves);
         let allowances = Allowances::new(covered, &trees, filter, most);
         let (allowances, neighbours) = allowances.fill(&certificate)?;
-        let points = set.positions().into_copy();
-        let packed = Packed::blocks(points.positions(), set.max_abs(), &allowances);
+        let allowances = match &images {
+            Some(images) => least_of_images(&allowances, &set, images, &given),
+            None => allowances,
+        };
+        let points = given.positions().into_copy();
+        let max_abs = set.max_abs();
+        let packed = Packed::blocks(points.positions(), max_abs, &allowances);
         let finite = allowances.iter().filter(|a| a.is_finite());
-        let bounds: Vec<[Point; 2]> = (0..set.len()).map(|i| set.bounds_along(i, &AXES)).collect();
+        let bounds = (0..given.len()).map(|i| given.bounds_along(i, &AXES));
+        let bounds: Vec<[Point; 2]> = bounds.collect();
         Some(Reference {
             around: bounds.iter().copied().reduce(union).unwrap_or_default(),
             largest_allowance: finite.fold(0.0, |most, &a| most.max(a.into())),
             bounds,
             set,
+            given,
+            images,
+            cell: subject.cell().copied(),
+            max_abs,
             points,
             coverage,
             certificate,
@@ -102,7 +124,7 @@ impl Reference {
     /// Returns bounds of the curves of a frame in which all points are within their allowances,
     /// after this map. `None` if some curves are not covered.
     pub fn quiet_bounds(&self, affine: Affine) -> Option<QuietBounds<'_>> {
-        let all = self.coverage.open_curves || self.set.open_curves() == 0;
+        let all = self.coverage.open_curves || self.given.open_curves() == 0;
         all.then_some(QuietBounds {
             reference: self.frame,
             bounds: &self.bounds,
@@ -117,4 +139,59 @@ impl Reference {
     pub fn chunks(&self) -> usize {
         self.allowances.len().div_ceil(CHUNK)
     }
+
+    /// Returns the chunks of the points of all curves that are images of points in these chunks,
+    /// sorted, these included.
+    pub fn with_images<'a>(&self, chunks: &'a [u32]) -> Cow<'a, [u32]> {
+        let Some(images) = &self.images else {
+            return Cow::Borrowed(chunks);
+        };
+        let mut moved = vec![false; self.chunks()];
+        chunks
+            .iter()
+            .for_each(|&chunk| moved[chunk as usize] = true);
+        let mut all = chunks.to_vec();
+        for (k, &(i, _)) in images.iter().enumerate() {
+            let (from, to) = (self.given.points_of(i as usize), self.set.points_of(k));
+            let ends = images.next(k).is_some() && moved[from.start / CHUNK];
+            if ends {
+                // The end of a yarn is an image of its start.
+                all.push(((to.end - 1) / CHUNK) as u32);
+            }
+            if k < self.given.len() {
+                continue;
+            }
+            let chunks = from.start / CHUNK..=(from.end - 1) / CHUNK;
+            for chunk in chunks.filter(|&chunk| moved[chunk]) {
+                let first = (chunk * CHUNK).max(from.start) - from.start;
+                let last = ((chunk + 1) * CHUNK).min(from.end) - 1 - from.start;
+                let here = (to.start + first) / CHUNK..=(to.start + last) / CHUNK;
+                all.extend(here.map(|chunk| chunk as u32));
+            }
+        }
+        all.sort_unstable();
+        all.dedup();
+        Cow::Owned(all)
+    }
+}
+
+/// Returns the least allowance of each point of the given curves and of its images. The end of a
+/// polyline that is a yarn is an image of its start.
+fn least_of_images(
+    allowances: &[f32],
+    set: &CurveSet,
+    images: &Translated,
+    given: &CurveSet,
+) -> Vec<f32> {
+    let mut least = allowances[..given.points()].to_vec();
+    for (k, &(i, _)) in images.iter().enumerate() {
+        let (from, to) = (given.points_of(i as usize), set.points_of(k));
+        let mut lower = |point: usize, to: f32| least[point] = least[point].min(to);
+        if images.next(k).is_some() {
+            lower(from.start, allowances[to.end - 1]);
+        }
+        from.zip(to)
+            .for_each(|(point, image)| lower(point, allowances[image]));
+    }
+    least
 }

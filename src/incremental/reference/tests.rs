@@ -5,7 +5,7 @@ use crate::curve::vector::{distance, norm, sub};
 use crate::curve::{Basis, Point, Positions};
 use crate::incremental::ledger::Ledger;
 
-use crate::verifier::Verifier;
+use crate::engine::Certifier;
 use proptest::prelude::*;
 
 /// A few curves.
@@ -160,7 +160,7 @@ proptest! {
         ])),
     ) {
         let set = curves.set(&curves.xyz);
-        let certificate = Verifier::default().certify(&set).0.clone();
+        let certificate = Certifier::default().certify(&set).0.clone();
         let mut ledger = Ledger::default();
         let coverage = Coverage {
                 self_crossings,
@@ -168,7 +168,8 @@ proptest! {
             };
         // Pairs that are too close to decide remain so.
         let unknown = ledger.first_step(&set, &set, coverage, None).undecided;
-        let reference = Reference::build(set.clone(), Arc::new(certificate), 0, coverage, None);
+        let frame = set.clone().into();
+        let reference = Reference::build(&frame, Arc::new(certificate), 0, coverage, None);
         let reference = reference.unwrap();
         prop_assert!(reference.allowances.iter().all(|&a| a >= 0.0));
         let [a, b] = [0, 1].map(|k| moved(&curves, &reference, seeds[k], directions[k]));
@@ -198,9 +199,10 @@ proptest! {
         rows in prop::array::uniform3(prop::array::uniform3(-2.0..2.0f64)),
     ) {
         let set = curves.set(&curves.xyz);
-        let certificate = Arc::new(Verifier::default().certify(&set).0.clone());
+        let certificate = Arc::new(Certifier::default().certify(&set).0.clone());
         let coverage = Coverage { self_crossings: false, open_curves: true };
-        let reference = Reference::build(set.clone(), certificate, 0, coverage, None).unwrap();
+        let frame = set.clone().into();
+        let reference = Reference::build(&frame, certificate, 0, coverage, None).unwrap();
         let m = nalgebra::Matrix3::identity() + nalgebra::Matrix3::from_row_slice(&map);
         let affine = Affine::new(m, shift.into());
         prop_assume!(affine.is_some());
@@ -234,7 +236,13 @@ fn a_reference_frame_with_too_many_near_segments_is_given_up() {
     let certificate = Arc::new(scene.certificate);
     let build = |most| {
         let (set, certificate) = (scene.curves.clone(), Arc::clone(&certificate));
-        Reference::build_within(most, set, certificate, 0, (Coverage::default(), None))
+        Reference::build_within(
+            most,
+            &set.into(),
+            certificate,
+            0,
+            (Coverage::default(), None),
+        )
     };
     // It has some 1,500,000 near pairs of blocks.
     assert!(build(MOST_NEAR).is_some());

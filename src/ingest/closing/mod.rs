@@ -17,6 +17,7 @@ use self::ends::{Ends, Layout, Metric};
 use super::RawFrame;
 use crate::curve::{Basis, Cell, CurveSet, Point, Positions};
 use crate::error::Result;
+use serde::{Deserialize, Serialize};
 use std::ops::Range;
 
 /// Decides which curves of successive frames are closed.
@@ -95,7 +96,7 @@ pub struct CurveSource {
 }
 
 /// Decision of the first frame about a curve.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 enum Known {
     Open,
     /// Closed by the source.
@@ -116,7 +117,25 @@ enum Change {
     Open,
 }
 
+/// Decisions about the curves of a layout.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+pub(crate) struct Decisions(Vec<Known>);
+
 impl Closing {
+    /// Continues with decisions of a verified frame.
+    pub(crate) fn decided(keep_open: bool, decisions: Decisions) -> Closing {
+        Closing {
+            known: decisions.0,
+            accepted: true,
+            ..Closing::new(keep_open)
+        }
+    }
+
+    /// Returns the decisions about the curves.
+    pub(crate) fn decisions(&self) -> Decisions {
+        Decisions(self.known.clone())
+    }
+
     /// Creates a rule that keeps open curves open if `keep_open` is true.
     pub fn new(keep_open: bool) -> Closing {
         Closing {

@@ -1,7 +1,7 @@
 //! Tests of random spline links against the oracle on densely sampled polygons.
 
 use super::*;
-use crate::Verifier;
+use crate::Certifier;
 use crate::curve::{Basis, Positions};
 use crate::discretize::homotopic_polylines;
 use crate::kernels::oracle;
@@ -63,13 +63,13 @@ fn random_splines_match_finely_sampled_polygons_in_all_six_directions() {
             linked += usize::from(expected != 0);
             let control =
                 CurveSet::from_counts(Basis::Polyline, &counts, Positions::F32(&xyz)).unwrap();
-            let mut verifier = Verifier::default();
+            let mut certifier = Certifier::default();
             let lambda = |links: &[crate::Link]| links.first().map_or(0, |l| l.lambda);
             control_polygon_lies +=
-                usize::from(lambda(&verifier.certify(&control).0.links) != expected);
+                usize::from(lambda(&certifier.certify(&control).0.links) != expected);
             let polylines = homotopic_polylines(&set).unwrap();
             assert!(polylines.too_close.is_empty());
-            let certificate = verifier.certify(&polylines.curves).0.clone();
+            let certificate = certifier.certify(&polylines.curves).0.clone();
             assert_eq!(lambda(&certificate.links), expected, "Algorithm 3");
         }
         println!(
@@ -93,7 +93,7 @@ fn the_scale_of_splines_does_not_change_the_result() {
             let certify = |power: i32| {
                 let scaled: Vec<f64> = xyz.iter().map(|x| x * 2f64.powi(power)).collect();
                 let set = CurveSet::from_counts(basis, &counts, Positions::F64(&scaled))?;
-                Ok::<_, crate::Error>(Verifier::default().certify(&set).0.clone())
+                Ok::<_, crate::Error>(Certifier::default().certify(&set).0.clone())
             };
             let want = certify(0).unwrap();
             for power in [-200, -120, -40, 60, 126, 130, 200, 299] {
@@ -123,8 +123,8 @@ fn touching_splines_are_reported_as_too_close_with_their_place() {
     let b = [[0., 0., 0.], [-1., 0., 0.], [-1., 0., 1.], [0., 0., 1.]];
     let xyz: Vec<f32> = a.iter().chain(&b).flatten().copied().collect();
     let set = CurveSet::from_counts(Basis::CatmullRom, &[-4, -4], Positions::F32(&xyz)).unwrap();
-    let mut verifier = Verifier::default();
-    let (certificate, _) = verifier.certify(&set);
+    let mut certifier = Certifier::default();
+    let (certificate, _) = certifier.certify(&set);
     let [defect] = certificate.undefined[..] else {
         panic!("{certificate:?}")
     };
@@ -152,8 +152,8 @@ fn identical_and_parallel_splines_take_bounded_time() {
     for (gap, kind) in cases {
         let xyz: Vec<f64> = ring(0.0).chain(ring(gap)).collect();
         let set = CurveSet::from_counts(Basis::BSpline, &[-64, -64], Positions::F64(&xyz)).unwrap();
-        let mut verifier = Verifier::default();
-        let (certificate, _) = verifier.certify(&set);
+        let mut certifier = Certifier::default();
+        let (certificate, _) = certifier.certify(&set);
         assert_eq!(
             certificate.undefined.first().map(|d| d.kind),
             kind,

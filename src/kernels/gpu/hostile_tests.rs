@@ -4,12 +4,12 @@
 use super::tests::{adapter, counts_agree, pairs_of, set_of_all, two_frames};
 use super::*;
 use crate::curve::{Basis, Positions};
+use crate::engine::{Engine, SessionOptions};
 use crate::kernels::conformance::polygons::{Polygon, floats, winding};
 use crate::kernels::crossings::Workspaces;
 use crate::kernels::oracle;
 use crate::pairs::Trees;
 use crate::random::Random;
-use crate::verifier::{Verifier, VerifierOptions};
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc;
@@ -336,13 +336,14 @@ fn verifiers_that_share_an_adapter_do_not_affect_one_another() {
         .collect();
     let certify = |k: usize, device: &Device| {
         let set = &tangled[k % 4];
-        let mut verifier = Verifier::new(VerifierOptions {
+        let mut verifier = Engine::new(SessionOptions {
             device: device.clone(),
-            ..VerifierOptions::default()
+            ..SessionOptions::default()
         })
         .unwrap();
         verifier.announce(&Arc::new(tangled[(k + 1) % 4].clone()));
-        verifier.certify(set).0.clone()
+        let _ = verifier.step(0, 0.0, set).unwrap();
+        verifier.baseline().unwrap().clone()
     };
     let want: Vec<_> = (0..4).map(|k| certify(k, &Device::Cpu)).collect();
     let _open = Gpu::shared(&Device::Gpu).unwrap();

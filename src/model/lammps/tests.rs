@@ -1,7 +1,7 @@
 //! Files that LAMMPS wrote (`tests/models/lammps/generate.py`), and bonds and boxes made by hand.
 
 use super::*;
-use crate::Verifier;
+use crate::Certifier;
 use crate::curve::CurveSet;
 use crate::model::tests::{assert_error_contains, curves};
 use crate::model::{Format, Frames, LeftOut, ModelFrame, read};
@@ -17,8 +17,8 @@ fn file(name: &str) -> PathBuf {
 }
 
 fn certificate(set: &CurveSet) -> String {
-    let mut verifier = Verifier::default();
-    verifier.certify(set).0.to_string()
+    let mut certifier = Certifier::default();
+    certifier.certify(set).0.to_string()
 }
 
 /// Returns the frames of a file of the folder.

@@ -1,8 +1,8 @@
 use super::state::Change;
 use super::*;
+use crate::engine::Certifier;
 use crate::ingest::{Closing, CurveSource};
 use crate::model::Frames;
-use crate::verifier::Verifier;
 use std::io::Cursor;
 use std::path::PathBuf;
 
@@ -73,8 +73,8 @@ fn recordings_of_other_programs_have_the_links_of_their_motion() {
                     .zip(names)
                     .all(|(a, b)| b.starts_with(a))
             );
-            let mut verifier = Verifier::default();
-            let (certificate, _) = verifier.certify(&set);
+            let mut certifier = Certifier::default();
+            let (certificate, _) = certifier.certify(&set);
             let linked = certificate.links.len();
             assert_eq!(linked, usize::from(k < 3), "{name}, frame {k}");
             // The rings of all files have the same points, up to rounding.

@@ -3,7 +3,7 @@
 use super::array::Array;
 use super::write::Member;
 use super::*;
-use crate::Verifier;
+use crate::Certifier;
 use crate::curve::{CurveSet, Precision};
 use crate::model::tests::curves;
 use crate::model::{Frames, ModelFrame};
@@ -28,8 +28,8 @@ fn frames(name: &str, counts: Option<&[i32]>) -> Result<Vec<ModelFrame>> {
 }
 
 fn certificate(set: &CurveSet) -> String {
-    let mut verifier = Verifier::default();
-    verifier.certify(set).0.to_string()
+    let mut certifier = Certifier::default();
+    certifier.certify(set).0.to_string()
 }
 
 /// In the second frame the first ring has left the second one.

@@ -335,8 +335,8 @@ impl Spline {
 mod tests {
     use super::super::read;
     use crate::curve::{Basis, CurveSet, Point};
+    use crate::engine::Certifier;
     use crate::model::tests::curves;
-    use crate::verifier::Verifier;
 
     /// Returns the text of vertices, with their weights.
     fn vertices(points: &[Point], weight: f64) -> String {
@@ -505,8 +505,8 @@ mod tests {
             assert!(set.curves().iter().all(|curve| curve.closed));
             let [p, q] = [[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0]];
             assert_eq!([0, 1, 2, 3].map(|k| set.point(0, k)), [p, p, q, q]);
-            let mut verifier = Verifier::default();
-            let (certificate, _) = verifier.certify(&set);
+            let mut certifier = Certifier::default();
+            let (certificate, _) = certifier.certify(&set);
             assert_eq!(certificate.links.len(), 1);
             assert_eq!(certificate.links[0].lambda.abs(), 1);
         }

@@ -98,7 +98,8 @@ impl RecordedFrame {
         self.read(|frame| ingest(frame, set, CurveSet::update))
     }
 
-    /// Calls `receive` with the frame, for example [`Verifier::receive`](crate::Verifier::receive).
+    /// Calls `receive` with the frame, for example within
+    /// [`Session::receive`](crate::Session::receive).
     ///
     /// Errors: [`Error::Count`] if the number of coordinates contradicts the counts; those of
     /// `receive`.
@@ -181,18 +182,17 @@ struct Message {
 /// truncated. An error means that the file is damaged; nothing more is read from it.
 ///
 /// ```
-/// use linkwatch::{Ending, RecordedItem, RecordingReader, Verifier};
+/// use linkwatch::{Ending, RecordedItem, RecordingReader, Session, SessionOptions};
 ///
-/// let mut verifier = Verifier::default();
-/// let (mut set, mut report) = (None, None);
+/// let mut session = Session::new(SessionOptions::default())?;
+/// let mut report = None;
 /// let mut reader = RecordingReader::open("recordings/squares.mcap".as_ref())?;
 /// while let Some(item) = reader.next_item()? {
 ///     match item {
 ///         RecordedItem::Baseline(baseline) => println!("baseline: {}", baseline.origin),
 ///         RecordedItem::Frame(frame) => {
-///             frame.ingest(&mut set)?;
-///             let set = set.as_ref().expect("ingested");
-///             report = Some(verifier.step(frame.seq, frame.time, set)?);
+///             let received = session.receive(frame.info.clone(), |copy| frame.read(copy));
+///             report = Some(session.verify(received)?.report);
 ///         }
 ///         RecordedItem::Verdict(recorded) => match report.take() {
 ///             Some(report) => assert_eq!(report.verdict, recorded.report.verdict),
@@ -416,6 +416,8 @@ fn item(
                 precision: messages::precision(m.precision)?,
                 counts: m.counts,
                 info: FrameInfo {
+                    seq: m.seq,
+                    time: m.time,
                     cuts: m.cuts,
                     baseline: m.baseline,
                     layout: m.layout,

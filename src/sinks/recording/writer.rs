@@ -50,10 +50,10 @@ const MESSAGE_BYTES: usize = i32::MAX as usize;
 /// ```
 /// use linkwatch::{
 ///     BaselineRecord, Basis, CurveSet, FrameInfo, FrameRecord, FrameTimes, Overflow, Positions,
-///     RecordingSink, SinkQueue, Verifier,
+///     Received, RecordingSink, Session, SessionOptions, SinkQueue,
 /// };
 /// use std::sync::Arc;
-/// use std::time::{Duration, Instant, SystemTime};
+/// use std::time::{Duration, SystemTime};
 ///
 /// # let path = std::env::temp_dir().join(format!("linkwatch-doc-{}.mcap", std::process::id()));
 /// # let file = path.clone();
@@ -64,29 +64,29 @@ const MESSAGE_BYTES: usize = i32::MAX as usize;
 ///
 /// let triangle = [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0];
 /// let curves = CurveSet::from_counts(Basis::Polyline, &[-3], Positions::F64(&triangle))?;
-/// let mut verifier = Verifier::default();
-/// let start = Instant::now();
-/// let report = verifier.step(0, 0.0, &curves)?;
+/// let mut session = Session::new(SessionOptions::default())?;
+/// let frame = Received::new(FrameInfo::at(0, 0.0), Ok(Arc::new(curves)));
+/// let verified = session.verify(frame)?;
 /// queue.begin(Arc::new(BaselineRecord {
-///     certificate: Arc::new(verifier.baseline().expect("the first frame").clone()),
+///     certificate: Arc::new(session.baseline().expect("the first frame").clone()),
 ///     origin: "first frame".into(),
 ///     frame: Some(0),
 ///     unverified: 0,
 /// }));
 /// queue.frame(Arc::new(FrameRecord {
-///     curves: Some(Arc::new(curves)),
-///     info: FrameInfo::default(),
-///     report: Arc::new(report),
+///     curves: verified.curves,
+///     info: verified.info,
+///     report: Arc::new(verified.report),
 ///     verified: 1,
 ///     skipped: 0,
 ///     rejected: 0,
 ///     recovered: 0,
 ///     accepted: 0,
 ///     times: FrameTimes {
-///         verification: start.elapsed(),
+///         verification: verified.verification,
 ///         ..FrameTimes::default()
 ///     },
-///     work: verifier.work(),
+///     work: verified.work,
 ///     received: SystemTime::now(),
 /// }));
 /// let summary = queue.finish(Duration::from_secs(60));

@@ -91,9 +91,8 @@ const LARGEST: f64 = 1e30;
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct ClearanceOptions {
-    /// Radius of all strands. `None`: each curve has its own ([`Verifier::set_radii`]).
-    ///
-    /// [`Verifier::set_radii`]: crate::Verifier::set_radii
+    /// Radius of all strands. `None`: each curve has its own
+    /// ([`CurveLabels::radii`](crate::CurveLabels::radii)).
     pub radius: Option<f64>,
     /// Clearance below which [`Clearance::low`] is set, from 0 to 1.
     pub low: f64,
@@ -342,6 +341,16 @@ impl ClearanceMonitor {
             self.radii = radii.iter().map(|&r| r.into()).collect();
         }
         Ok(())
+    }
+
+    /// Returns the clearance of the last frames, by their number.
+    pub fn trend(&self) -> Vec<(u64, f64)> {
+        self.trend.frames()
+    }
+
+    /// Continues after frames with this clearance.
+    pub fn set_trend(&mut self, frames: Vec<(u64, f64)>) {
+        self.trend = Trend::after(frames);
     }
 
     /// Forgets the previous frames, because the next one does not continue them.

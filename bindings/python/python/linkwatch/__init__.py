@@ -35,8 +35,9 @@ from . import _arguments as arguments
 from ._linkwatch import Certificate, Change, Clearance, Defect, Message, Place, PullThrough, Report
 from ._linkwatch import Ribbon, Strut, Thickness
 from ._linkwatch import Client as _Client
-from ._linkwatch import Verifier as _Verifier
+from ._linkwatch import Session as _Session
 from ._linkwatch import __version__
+from ._linkwatch import certify as _certify
 from ._linkwatch import ribbon as _ribbon
 from ._linkwatch import struts as _struts
 from ._linkwatch import thickness as _thickness
@@ -62,11 +63,11 @@ __all__ = [
     "PullThrough",
     "Report",
     "Ribbon",
+    "Session",
     "Strut",
     "Thickness",
     "UndecidedError",
     "UnverifiedWarning",
-    "Verifier",
     "assert_intact",
     "certify",
     "pull_throughs",
@@ -82,7 +83,7 @@ class UndecidedError(Exception):
 
 
 class UnverifiedWarning(UserWarning):
-    """Some curves are not verified, because they are open."""
+    """Something is not verified: curves that are open, or the clearance of strands."""
 
 
 class ClosingWarning(UserWarning):
@@ -104,13 +105,28 @@ def _warn_of_open(open: list[int], curves: int) -> None:
         warnings.warn(what, UnverifiedWarning, stacklevel=3)
 
 
-class Verifier:
-    """Verifies successive frames of the same curves.
+class Session:
+    """Verifies the frames of one simulation, in this process.
+
+    >>> import linkwatch
+    >>> ring = [[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]
+    >>> other = [[0, 0, -1], [2, 0, -1], [2, 0, 1], [0, 0, 1]]
+    >>> session = linkwatch.Session(names=["ring", "other"])
+    >>> session.step([ring, other]).intact  # the first frame is the baseline
+    True
+    >>> session.describe(names=["other"])
+    >>> session.step([other]).gone
+    ['ring']
+
+    A frame is verified completely, or rejected: then it leaves no trace in the results of later
+    frames. Threads may share a session: their calls take turns.
 
     Args:
         counts: number of points of each curve, negative if the curve is closed, if frames are
             single arrays.
         closed: whether curves are closed, if frames are sequences of arrays; by default, all are.
+        names: name of each curve. Findings then name the curves, and curves may come and go
+            (:meth:`describe`).
         basis: rule that turns points into curves.
         baseline: expected linking numbers; by default those of the first frame.
         events: pull-throughs to search for from frame to frame: ``"between"`` different curves,
@@ -121,11 +137,11 @@ class Verifier:
         incremental: compute only linking numbers that may have changed. The verdicts are the same.
         motion_limit: motion between two frames, in segment lengths, up to which pull-throughs that
             cancel count as real.
-        thickness: radius of the strands, or of each curve: ``Report.clearance`` says how close they
-            come.
+        thickness: radius of the strands, or of each curve, in the units of the points:
+            ``Report.clearance`` says how close they come.
         min_clearance: distance of center lines, as a share of the sum of the radii, below which
             ``Report.clearance.low`` is set; by default 0.5. Needs ``thickness``.
-        cell: periodic cell, or that of the first frame (:meth:`step`).
+        cell: periodic cell of the frames; :meth:`step` changes it.
         wrapped: True if coordinates are wrapped into the cell, so that curves are unwrapped; False
             if they are unwrapped, and taken as they are. By default, curves are whole, and followed
             if they jump by a lattice vector (:attr:`jumps`).
@@ -144,6 +160,7 @@ class Verifier:
         counts: Counts | None = None,
         *,
         closed: Closed | None = None,
+        names: Sequence[str] = (),
         basis: str = "polyline",
         baseline: Certificate | None = None,
         events: str = "between",
@@ -156,16 +173,18 @@ class Verifier:
         wrapped: bool | None = None,
         keep_open: bool = False,
     ) -> None:
-        strands: tuple[float | None, float, list[float]] | None = None
+        strands: tuple[float | None, float] | None = None
+        radii: Sequence[float] | npt.NDArray[Any] = ()
         if thickness is not None:
             import numpy as np
 
             low = 0.5 if min_clearance is None else arguments.number("min_clearance", min_clearance)
             if np.ndim(thickness) == 0:
-                radius = arguments.number("thickness", thickness, "a radius, or one for each curve")
-                strands = (radius, low, [radius])
+                expected = "a radius, or one for each curve"
+                strands = (arguments.number("thickness", thickness, expected), low)
             else:
-                strands = (None, low, arguments.numbers("thickness", thickness))
+                strands = (None, low)
+                radii = arguments.numbers("thickness", thickness)
         elif min_clearance is not None:
             raise ValueError("min_clearance has no effect without thickness")
         if baseline is not None and not isinstance(baseline, Certificate):
@@ -174,9 +193,8 @@ class Verifier:
             raise TypeError(f"baseline is a {kind}, {expected}")
         if motion_limit is not None:
             motion_limit = arguments.number("motion_limit", motion_limit)
-        self._counts = None if counts is None else arguments.integers(counts)
-        self._closed = closed
-        self._verifier = _Verifier(
+        vectors = None if cell is None else arguments.twelve(cell)
+        self._session = _Session(
             basis_name=arguments.word("basis", basis, BASES),
             baseline=baseline,
             events=arguments.word("events", events, "'between', 'all' or 'off'"),
@@ -184,72 +202,116 @@ class Verifier:
             flags=(
                 arguments.flag("incremental", incremental),
                 arguments.flag("keep_open", keep_open),
-                counts is None and closed is None,
                 None if wrapped is None else arguments.flag("wrapped", wrapped),
             ),
             motion_limit=motion_limit,
             strands=strands,
         )
-        self._cell = None if cell is None else arguments.twelve(cell)
-        if self._cell is not None:
-            self._verifier.set_cell(self._cell)
+        self._counts: list[int] | None = None
+        self._closed: Closed | None = None
+        self._searches = events != "off"
         self._clearance = strands is not None
-        # Without a search for pull-throughs, open curves are not verified at all.
-        self._warn_of_open = events == "off"
+        self._unmeasured: str | None = None
+        self.describe(counts, closed=closed, names=names, radii=radii)
+        if vectors is not None:
+            self._session.set_cell(vectors)
 
-    def step(self, curves: Frame, time: float = 0.0, *, cell: Cell | None = None) -> Report:
-        """Verifies the next frame, and returns its :class:`Report`.
+    def describe(
+        self,
+        counts: Counts | None = None,
+        *,
+        closed: Closed | None = None,
+        names: Sequence[str] = (),
+        radii: Sequence[float] | npt.NDArray[Any] = (),
+    ) -> None:
+        """Describes other curves from the next frame on.
 
-        ``cell`` is the periodic cell from this frame on, if it is another one than before.
+        Curves may be added, removed, reordered, or get another number of points. Linking numbers of
+        curves are compared by their names, and those of new curves are expected to stay as they are
+        in their first frame. Pull-throughs are searched for among the curves that keep their name
+        and number of points. A name belongs to one curve for the whole session.
+        ``Report.appeared`` and ``Report.gone`` list the names of curves that come and go.
 
-        Other threads of Python run meanwhile. A frame that breaks its contract (NaN, other curves
-        than before) has the verdict ``"rejected"``.
+        Without names, curves cannot be compared: after the first frame, frames are rejected until
+        the baseline is a new one (:meth:`accept`). In a periodic cell, the curves must stay the
+        same, but may be named or get other radii.
 
-        The report is true if the frame is intact: ``if not verifier.step(x): break``. Open curves
-        are not verified without ``events``, which is an :class:`UnverifiedWarning`.
+        Args:
+            counts, closed: as of :class:`Session`; by default, they stay as they are.
+            names: name of each curve, 1 to 255 bytes.
+            radii: radius of each curve, in the units of the points, if ``thickness`` has one for
+                each curve.
 
         Raises:
             TypeError: an argument has the wrong type.
-            ValueError: the frame does not have one of the two forms, does not fit the baseline, or
-                its clearance cannot be measured; the cell is no lattice, repeats along other
-                directions than before, or comes after frames without one.
+            ValueError: two curves have the same name, a name or a radius is invalid, or radii are
+                missing or have no effect. The description stays as it was.
+        """
+        known = self._counts if counts is None else arguments.integers(counts)
+        closed = self._closed if closed is None else closed
+        labels = arguments.words("names", names), arguments.numbers("radii", radii)
+        self._session.describe(*labels, known is None and closed is None)
+        self._counts, self._closed = known, closed
+        # Without a search for pull-throughs, open curves are not verified at all.
+        self._warn_of_open = not self._searches
+
+    def step(self, curves: Frame, time: float = 0.0, *, cell: Cell | None = None) -> Report:
+        """Verifies the next frame, at ``time`` seconds, and returns its :class:`Report`.
+
+        ``cell`` is the periodic cell from this frame on (also if the frame is rejected), if it is
+        another one than before. All frames of a session repeat along the same directions, or along
+        none.
+
+        Other threads of Python run meanwhile. A frame that breaks its contract (NaN, other curves
+        than described, a cell that repeats along other directions) has the verdict ``"rejected"``.
+
+        The report is true if the frame is intact: ``if not session.step(x): break``. Open curves
+        are not verified without ``events``, which is an :class:`UnverifiedWarning`. So is a
+        clearance that cannot be measured: that of later frames is not measured either.
+
+        Raises:
+            TypeError: an argument has the wrong type.
+            ValueError: the frame does not have one of the two forms; the cell is no lattice; the
+                first frame does not fit the baseline, or has no closed curve and there are no
+                ``events``.
         """
         points, counts = arguments.frame(curves, self._counts, self._closed)
         time = arguments.number("time", time)
-        known = self._cell
         if cell is not None:
-            numbers = arguments.twelve(cell)
-            self._verifier.set_cell(numbers)
-            self._cell = numbers
-        try:
-            report = self._verifier.step(points, counts, time)
-        except ValueError:
-            # The cell may be the reason.
-            self._cell = known
-            if known is not None:
-                self._verifier.set_cell(known)
-            raise
-        _warn_of_closing(self._verifier.notes())
+            self._session.set_cell(arguments.twelve(cell))
+        report = self._session.step(points, counts, time)
+        _warn_of_closing(self._session.notes())
         if self._warn_of_open and report.rejected is None:
             self._warn_of_open = False
-            _warn_of_open(self._verifier.open(), len(counts))
-        if self._clearance and (why := self._verifier.unmeasured_clearance()) is not None:
-            raise ValueError(why)
+            _warn_of_open(self._session.open(), len(counts))
+        if self._clearance and (why := self._session.unmeasured_clearance()) != self._unmeasured:
+            self._unmeasured = why
+            if why is not None:
+                what = f"clearance is not measured from frame {report.seq} on: {why}"
+                warnings.warn(what, UnverifiedWarning, stacklevel=2)
         return report
+
+    def accept(self) -> None:
+        """Accepts the present state as the new baseline.
+
+        The linking numbers of the next frame that is not rejected are expected from then on,
+        whatever they are. Pull-throughs are not searched for in the step to it.
+        """
+        self._session.accept()
 
     def cut(self) -> None:
         """Marks the next frame as not continuing the previous one: after a roll back or a jump."""
-        self._verifier.cut()
+        self._session.cut()
 
     @property
     def baseline(self) -> Certificate | None:
         """Expected linking numbers (:class:`Certificate`), or ``None`` before the first frame."""
-        return self._verifier.baseline()
+        return self._session.baseline()
 
     @property
     def jumps(self) -> int:
         """How many times a curve jumped by a lattice vector, and was followed."""
-        return self._verifier.jumps()
+        return self._session.jumps()
 
 
 BASES = "'polyline', 'catmull-rom', 'b-spline' or 'bezier'"
@@ -502,10 +564,12 @@ def certify(
         ValueError: a coordinate is not finite, a curve has too few points, no curve is closed, or
             the cell is no lattice.
     """
-    verifier = Verifier(counts, closed=closed, basis=basis, events="off", cell=cell)
-    points, counts = arguments.frame(curves, verifier._counts, closed)
-    certificate = verifier._verifier.certify(points, counts)
-    _warn_of_closing(verifier._verifier.notes())
+    points, numbers = _frame(curves, counts, closed)
+    vectors = None if cell is None else arguments.twelve(cell)
+    by_default = counts is None and closed is None
+    basis = arguments.word("basis", basis, BASES)
+    certificate, notes = _certify(points, numbers, basis, by_default, vectors)
+    _warn_of_closing(notes)
     _warn_of_open(certificate.open, certificate.curves)
     return certificate
 
@@ -520,13 +584,13 @@ def _step(
     cell: Cell | None,
 ) -> list[Report]:
     """Returns the reports on two successive frames."""
-    verifier = Verifier(
+    session = Session(
         counts, closed=closed, basis=basis, events=events, incremental=False, cell=cell
     )
     reports = []
     for name, x in (("x0", x0), ("x1", x1)):
-        points, numbers = arguments.frame(x, verifier._counts, closed, name)
-        reports.append(verifier._verifier.step(points, numbers, 0.0))
+        points, numbers = arguments.frame(x, session._counts, closed, name)
+        reports.append(session._session.step(points, numbers, 0.0))
         if reports[-1].rejected is not None:
             raise ValueError(f"{name}: {reports[-1].rejected}")
     return reports
@@ -696,15 +760,15 @@ def assert_intact(
 
     Args:
         frames: frames of one simulation, in order.
-        counts, baseline, options: those of :class:`Verifier`.
+        counts, baseline, options: those of :class:`Session`.
 
     Raises:
         AssertionError: names the first frame that is not intact, its curves and the place.
     """
-    verifier = Verifier(counts, baseline=baseline, **options)
+    session = Session(counts, baseline=baseline, **options)
     verified = 0
     for frame in frames:
-        report = verifier.step(frame)
+        report = session.step(frame)
         if not report.intact:
             raise AssertionError(str(report))
         verified += 1

@@ -11,8 +11,8 @@ use super::planted::{Plant, planted_step};
 use super::*;
 use crate::certificate::Certificate;
 use crate::curve::{Basis, Point, Positions};
+use crate::engine::Certifier;
 use crate::random::Random;
-use crate::verifier::Verifier;
 use std::f64::consts::TAU;
 
 const ALL: Coverage = Coverage {
@@ -21,7 +21,7 @@ const ALL: Coverage = Coverage {
 };
 
 fn certificate(set: &CurveSet) -> Certificate {
-    Verifier::default().certify(set).0.clone()
+    Certifier::default().certify(set).0.clone()
 }
 
 /// Returns two frames of a few curves, with one of many kinds of motion.

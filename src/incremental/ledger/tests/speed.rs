@@ -48,7 +48,7 @@ fn speed() {
                     open_curves: false,
                 };
                 let mut ledger = Ledger::default();
-                let mut verifier = Verifier::default();
+                let mut certifier = Certifier::default();
                 let mut times = [Vec::new(), Vec::new(), Vec::new()];
                 let mut outcome = Outcome::default();
                 for _ in 0..31 {
@@ -63,7 +63,7 @@ fn speed() {
                     outcome = ledger.first_step(&before, &after, options, None);
                     times[1].push(start.elapsed());
                     let start = Instant::now();
-                    verifier.certify(&after);
+                    certifier.certify(&after);
                     times[2].push(start.elapsed());
                 }
                 let [boxes, all, certify] = times.map(|mut t| {

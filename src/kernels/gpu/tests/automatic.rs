@@ -1,6 +1,7 @@
 //! Uploads ahead of time, and the choice between CPU and GPU by a calibration.
 
 use super::*;
+use crate::{FrameInfo, Received, Session};
 
 /// Returns an invented calibration of this adapter: see [`Calibration::made_up`].
 fn made_up(round_trip_ms: f64, speed: f64) -> Calibration {
@@ -50,17 +51,25 @@ fn announcing_frames_changes_no_verdict() {
     let [first, second] = two_frames();
     let order = [&first, &second, &second, &first];
     let reports = |announce: bool| {
-        let mut verifier = on_gpu(Method::Auto);
-        let step = |(k, set): (usize, &&Arc<CurveSet>)| {
-            if announce {
-                // The last announced frame is never verified.
-                verifier.announce(order.get(k + 1).copied().unwrap_or(&second));
-            }
-            let report = verifier.step_shared(k as u64, 0.0, set).unwrap();
-            assert!(verifier.offload().tests > 0);
-            report
+        let mut session = Session::new(SessionOptions {
+            device: Device::Gpu,
+            ..SessionOptions::default()
+        })
+        .unwrap();
+        // The last announced frame is never verified.
+        let frame = |k: usize| {
+            let set = order.get(k).copied().unwrap_or(&second);
+            Received::new(FrameInfo::at(k as u64, 0.0), Ok(Arc::clone(set)))
         };
-        order.iter().enumerate().map(step).collect::<Vec<_>>()
+        let step = |k: usize| {
+            if announce {
+                session.announce(&frame(k + 1));
+            }
+            let verified = session.verify(frame(k)).unwrap();
+            assert!(verified.offload.tests > 0);
+            verified.report
+        };
+        (0..order.len()).map(step).collect::<Vec<_>>()
     };
     assert_eq!(reports(true), reports(false));
 }
@@ -74,12 +83,12 @@ fn under_auto_the_adapter_is_used_if_its_calibration_predicts_a_gain() {
         ..wins.clone()
     };
     for (calibration, want) in [(wins, true), (loses, false), (other, false)] {
-        let verifier = |kernel: Method| {
-            let options = VerifierOptions {
+        let certifier = |kernel: Method| {
+            let options = SessionOptions {
                 kernel,
-                ..VerifierOptions::default()
+                ..SessionOptions::default()
             };
-            Verifier::with_gpu(options, GpuUse::automatic(calibration.clone()))
+            Certifier::with_gpu(&options, GpuUse::automatic(calibration.clone()))
         };
         for text in [
             "chainmail:rows=12,columns=12",
@@ -87,14 +96,14 @@ fn under_auto_the_adapter_is_used_if_its_calibration_predicts_a_gain() {
         ] {
             let built = text.parse::<Model>().unwrap().build().unwrap();
             for method in [Method::Auto, Method::Crossings] {
-                let mut verifier = verifier(method);
-                assert_eq!(*verifier.certify(&built.curves).0, built.certificate);
-                assert_eq!(verifier.offload().tests > 0, want, "{text}");
-                assert_eq!(verifier.device().is_some(), want);
+                let mut certifier = certifier(method);
+                assert_eq!(*certifier.certify(&built.curves).0, built.certificate);
+                assert_eq!(certifier.offload().tests > 0, want, "{text}");
+                assert_eq!(certifier.device().is_some(), want);
             }
             for method in [Method::Direct, Method::BarnesHut] {
-                let mut verifier = verifier(method);
-                assert_eq!(*verifier.certify(&built.curves).0, built.certificate);
+                let mut certifier = certifier(method);
+                assert_eq!(*certifier.certify(&built.curves).0, built.certificate);
             }
         }
     }
@@ -107,19 +116,20 @@ fn under_auto_the_adapter_is_used_if_its_calibration_predicts_a_gain() {
 fn under_auto_the_adapter_counts_large_blocks_of_an_early_exit_and_no_quiet_frames() {
     let built = "chainmail:rows=24,columns=24".parse::<Model>().unwrap();
     let built = built.build().unwrap();
-    let verifier = |strategy| {
-        let options = VerifierOptions {
+    let verifier = |strategy, early_exit| {
+        let options = SessionOptions {
             baseline: Some(built.certificate.clone()),
             strategy,
-            ..VerifierOptions::default()
+            early_exit,
+            ..SessionOptions::default()
         };
-        Verifier::with_gpu(options, GpuUse::automatic(made_up(0.05, 1e6)))
+        Engine::with_gpu(options, GpuUse::automatic(made_up(0.05, 1e6)))
     };
-    let mut early = verifier(Strategy::EarlyExit);
+    let mut early = verifier(Strategy::Full, true);
     let report = early.step(0, 0.0, &built.curves).unwrap();
     assert_eq!(report.verdict, crate::Verdict::Intact);
     assert!(early.offload().tests > 0);
-    let mut watch = verifier(Strategy::Incremental);
+    let mut watch = verifier(Strategy::Incremental, false);
     for (seq, full) in [(0, true), (1, false)] {
         let report = watch.step(seq, 0.0, &built.curves).unwrap();
         assert_eq!(report.verdict, crate::Verdict::Intact);

@@ -33,29 +33,29 @@ fn a_failing_adapter_returns_an_error_and_the_cpu_takes_over() {
 /// afterwards.
 #[test]
 #[ignore = "needs an adapter"]
-fn a_verifier_continues_without_its_adapter() {
+fn a_certifier_continues_without_its_adapter() {
     let model: Model = "chainmail:rows=5,columns=6".parse().unwrap();
     let built = model.build().unwrap();
     // Other tests share the adapter of `Device::Gpu`.
     let device = Device::Index(adapter().info().index);
     for method in [Method::Crossings, Method::Direct, Method::BarnesHut] {
-        let mut verifier = on(&device, method);
-        assert_eq!(*verifier.certify(&built.curves).0, built.certificate);
+        let mut certifier = on(&device, method);
+        assert_eq!(*certifier.certify(&built.curves).0, built.certificate);
         let counts = method == Method::Crossings;
-        assert_eq!(verifier.offload().tests > 0, counts);
-        assert!(verifier.device().is_some());
+        assert_eq!(certifier.offload().tests > 0, counts);
+        assert!(certifier.device().is_some());
         let gpu = Gpu::shared(&device).unwrap();
         gpu.lock().adapter.destroy();
         for _ in 0..2 {
-            assert_eq!(*verifier.certify(&built.curves).0, built.certificate);
-            assert_eq!(verifier.device(), None, "{method}");
-            assert_eq!(verifier.offload(), Offload::default());
+            assert_eq!(*certifier.certify(&built.curves).0, built.certificate);
+            assert_eq!(certifier.device(), None, "{method}");
+            assert_eq!(certifier.offload(), Offload::default());
         }
         // A new request opens a working adapter.
-        let mut verifier = on(&device, method);
-        assert_eq!(*verifier.certify(&built.curves).0, built.certificate);
-        assert_eq!(verifier.offload().tests > 0, counts);
-        assert!(verifier.device().is_some());
+        let mut certifier = on(&device, method);
+        assert_eq!(*certifier.certify(&built.curves).0, built.certificate);
+        assert_eq!(certifier.offload().tests > 0, counts);
+        assert!(certifier.device().is_some());
     }
 }
 

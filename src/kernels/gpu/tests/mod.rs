@@ -12,6 +12,7 @@ mod shaders;
 use super::summations::DirectSum;
 use super::*;
 use crate::curve::{Basis, Positions};
+use crate::engine::{Certifier, Engine, SessionOptions, Strategy};
 use crate::kernels::conformance::polygons::{Polygon, floats, set_of};
 use crate::kernels::crossings::{Workspaces, linking_number};
 use crate::kernels::gpu_use::fallback::WithFallback;
@@ -20,24 +21,18 @@ use crate::kernels::{Calibration, Estimate, GpuUse, Method, Offload, Summation, 
 use crate::pairs::Trees;
 use crate::random::Random;
 use crate::scenes::Scene as Model;
-use crate::verifier::{Strategy, Verifier, VerifierOptions};
 use layout::{BoxNode, Criterion, Node, NodePair, Roots, Undecided};
 use std::f64::consts::TAU;
 use std::mem::offset_of;
 use std::sync::LazyLock;
 use wgpu::naga;
 
-/// Returns a verifier that uses an adapter.
-fn on_gpu(kernel: Method) -> Verifier {
-    on(&Device::Gpu, kernel)
-}
-
-/// Returns a verifier that uses a device.
-fn on(device: &Device, kernel: Method) -> Verifier {
-    Verifier::new(VerifierOptions {
+/// Returns a certifier that uses a device.
+fn on(device: &Device, kernel: Method) -> Certifier {
+    Certifier::new(&SessionOptions {
         kernel,
         device: device.clone(),
-        ..VerifierOptions::default()
+        ..SessionOptions::default()
     })
     .expect("an adapter")
 }

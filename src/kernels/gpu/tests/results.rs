@@ -237,8 +237,8 @@ fn the_bound_of_a_pair_fits_into_fixed_point() {
         &[[0., 0., 0.], [0.9, 0., 0.], [0.6, 0., 0.3]],
         false,
     );
-    let mut verifier = Verifier::default();
-    let want = verifier
+    let mut certifier = Certifier::default();
+    let want = certifier
         .certify(&set)
         .0
         .links

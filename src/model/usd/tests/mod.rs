@@ -7,9 +7,9 @@ mod written;
 
 use super::*;
 use crate::curve::{Basis, CurveLabels, CurveSet, Point, Positions};
+use crate::engine::Certifier;
 use crate::model::tests::curves;
 use crate::model::{Frames, ReadOptions};
-use crate::verifier::Verifier;
 use std::io::Cursor;
 use std::path::{Path, PathBuf};
 
@@ -34,8 +34,8 @@ fn only(path: &Path) -> (CurveSet, CurveLabels) {
 }
 
 fn links(set: &CurveSet) -> String {
-    let mut verifier = Verifier::default();
-    let (certificate, _) = verifier.certify(set);
+    let mut certifier = Certifier::default();
+    let (certificate, _) = certifier.certify(set);
     assert_eq!(certificate.undefined, []);
     let links = certificate.links.iter();
     links

@@ -4,7 +4,7 @@
 //! because a replay of such a frame needs the frame before it. Therefore a file may end when an
 //! eighth of its size is left.
 //!
-//! Numbers of later files are not those of sessions and workers (`run-2.mcap`), so that no two of
+//! Numbers of later files are not those of sessions and processes (`run-2.mcap`), so that no two of
 //! them use the same name.
 
 use super::super::file::is_taken;

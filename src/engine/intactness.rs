@@ -3,10 +3,9 @@
 use crate::verdict::{Report, Verdict};
 use serde::{Deserialize, Serialize};
 
-/// Knowledge about the last intact frame. A verifier that takes the place of another one continues
-/// with it ([`Verifier::resume`](crate::Verifier::resume)).
+/// Knowledge about the last intact frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Intactness {
+pub(crate) struct Intactness {
     /// Last frame that is known to be intact.
     last_intact: Option<u64>,
     /// True if that frame is the last verified one.
@@ -33,6 +32,12 @@ impl Intactness {
     /// Forgets what happened before the next frame.
     pub(super) fn cut(&mut self) {
         self.broken = false;
+    }
+
+    /// Continues after frames that are not known; the last one was `intact`, or not.
+    pub(super) fn doubt(&mut self, intact: bool) {
+        self.broken |= !intact;
+        self.intact = false;
     }
 
     /// Returns the last frame that is known to be intact.

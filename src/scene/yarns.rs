@@ -26,12 +26,12 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 /// Closed curves and yarns that run through the cell.
-#[derive(Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub(super) struct Yarns {
     /// Period of each curve, if it is a yarn, once they are known.
     periods: Option<Arc<[Option<Image>]>>,
     /// Precision of the first frame. Later ones may be converted to a higher one.
-    precision: Option<Precision>,
+    pub precision: Option<Precision>,
     /// Pairs that may be linked, sorted.
     pub pairs: Vec<RingAndYarn>,
     /// Expected linking numbers, sorted, once they are known.
@@ -42,7 +42,7 @@ pub(super) struct Yarns {
 
 /// Findings about closed curves and yarns in a frame.
 #[derive(Debug, Default)]
-pub(super) struct Compared {
+pub(crate) struct Compared {
     pub changes: Vec<Change>,
     pub defects: Vec<Defect>,
     /// Pairs that had no number to compare with, and have one now.
@@ -74,10 +74,7 @@ impl Yarns {
     /// Finds the curves that run through the cell, in the first frame, and logs those that almost
     /// do. Returns those that no longer do, in words.
     pub fn find_periods(&mut self, set: &CurveSet, cell: &Cell) -> Option<String> {
-        if self.periods.is_none() {
-            self.precision = Some(set.precision());
-        }
-        let precision = self.precision.unwrap_or(set.precision());
+        let precision = *self.precision.get_or_insert(set.precision());
         let find = |i: usize| period_in(set, i, cell, precision);
         let Some(known) = &self.periods else {
             self.periods = Some((0..set.len()).map(find).collect());
@@ -104,11 +101,6 @@ impl Yarns {
     /// The next frame does not continue the previous one.
     pub fn cut(&mut self) {
         self.known = None;
-    }
-
-    /// The first frame was rejected, so that the periods are those of the next one.
-    pub fn forget_periods(&mut self) {
-        self.periods = None;
     }
 
     /// Returns the pair of a closed curve and a yarn that these curves are, the second one

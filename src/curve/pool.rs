@@ -3,34 +3,11 @@
 use crate::curve::CurveSet;
 use std::sync::Arc;
 
-/// Curves of the last frames. A verifier holds one of them until it has verified the next one, and
+/// Curves of the last frames. A session holds one of them until it has verified the next one, and
 /// may share them with a thread that builds a reference frame. Curves that nobody else holds are
 /// reused, so that a stream of frames allocates nothing.
-///
-/// ```
-/// # use linkwatch::{Basis, FramePool, Positions, RawFrame, Verifier, VerifierOptions};
-/// # fn main() -> linkwatch::Result<()> {
-/// let mut verifier = Verifier::new(VerifierOptions::default())?;
-/// let mut pool = FramePool::default();
-/// for seq in 0..3 {
-///     let triangle = [0., 0., 0., 1., 0., 0., 0., 1., seq as f32];
-///     let frame = RawFrame {
-///         basis: Basis::Polyline,
-///         counts: &[-3],
-///         positions: Positions::F32(&triangle),
-///     };
-///     let received = pool.receive(|curves| verifier.receive(frame, curves));
-///     let report = match received {
-///         Ok(curves) => verifier.step_shared(seq, 0.0, &curves)?,
-///         Err(why) => verifier.reject(seq, 0.0, &why),
-///     };
-///     assert!(!report.abort);
-/// }
-/// # Ok(())
-/// # }
-/// ```
 #[derive(Debug, Default)]
-pub struct FramePool {
+pub(crate) struct FramePool {
     frames: Vec<Arc<CurveSet>>,
 }
 

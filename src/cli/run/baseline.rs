@@ -1,16 +1,19 @@
 //! Baseline of a session: the frame with which later frames are compared, and its record for sinks.
 //! A file that begins with any frame can then be replayed by itself.
 
-use super::{Cells, Judged, Session};
+#[cfg(feature = "bus")]
+use super::FrameCounts;
+use super::{Judged, Run};
 use crate::cli::output::{count, plural, plural_of};
+#[cfg(feature = "bus")]
+use linkwatch::Verdict;
 use linkwatch::{
-    BaselineRecord, Basis, Certificate, CurveSet, Defect, DefectKind, FrameInfo, Precision, Result,
-    Verifier,
+    BaselineRecord, Basis, Certificate, CurveSet, Defect, DefectKind, FrameInfo, Precision,
 };
 use std::sync::Arc;
 
 /// Where the expected linking numbers come from.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Debug, serde::Serialize, serde::Deserialize)]
 pub struct BaselineFrame {
     /// `None` if they are those of a file.
     pub frame: Option<u64>,
@@ -27,31 +30,29 @@ impl From<&BaselineRecord> for BaselineFrame {
     }
 }
 
-impl Session {
+impl Run {
     /// Begins again: the next frame does not continue the last one, because the frames between them
     /// are not in the recording. `baseline` replaces the expected linking numbers, unless the user
     /// chose them.
     #[cfg(feature = "mcap")]
     pub fn begin_again(&mut self, baseline: Option<BaselineRecord>) {
-        self.cells.forget();
         match baseline {
             Some(b) => {
                 self.baseline_frame = Some(BaselineFrame::from(&b));
-                self.verifier.restart(Arc::unwrap_or_clone(b.certificate));
+                self.session.begin_part(Arc::unwrap_or_clone(b.certificate));
                 self.origin = Some(b.origin);
-                (self.last, self.radii_of) = (None, None);
+                self.last_layout = None;
                 self.news.forget();
             }
-            None => self.verifier.cut(),
+            None => self.session.cut(),
         }
         self.begun = false;
     }
 
     /// Begins another run: the next frame does not belong to the motion of those before it.
-    pub fn begin_run(&mut self) -> Result<()> {
-        self.verifier = Verifier::new(self.options.clone())?;
-        self.cells = Cells::new(self.cells.args);
-        (self.last, self.radii_of) = (None, None);
+    pub fn begin_run(&mut self) {
+        self.session.begin_run();
+        self.last_layout = None;
         self.news.forget();
         self.violations.begin_run();
         if let Some(junit) = &mut self.junit {
@@ -60,64 +61,68 @@ impl Session {
         self.begun = false;
         self.is_new_run = true;
         self.runs += 1;
-        Ok(())
     }
 
-    /// Makes the next frame the baseline, because the simulator accepted it.
-    pub(super) fn begin_with_next(&mut self, seq: u64) -> Result<()> {
-        self.options.baseline = None;
-        self.verifier = Verifier::new(self.options.clone())?;
-        self.origin = Some(format!("frame {seq}, accepted by the simulator"));
-        (self.last, self.baseline_frame, self.radii_of) = (None, None, None);
-        self.baseline_changed = true;
-        self.news.forget();
-        Ok(())
+    /// Takes note of the first verified frame of a baseline, before the verdict on it is sent and
+    /// [`Run::publish`] is called. `tally` counts all frames before it.
+    #[cfg(feature = "bus")]
+    pub fn note_baseline(&mut self, judged: &Judged, tally: FrameCounts) {
+        self.tally = tally;
+        if judged.report.verdict != Verdict::Rejected {
+            self.find_baseline_frame(judged);
+        }
+    }
+
+    /// Finds the origin of the baseline, if it is not known.
+    fn find_baseline_frame(&mut self, judged: &Judged) {
+        let (seq, info) = (judged.report.seq, &judged.info);
+        if self.baseline_frame.is_some() {
+            return;
+        }
+        // Frames that were rejected are no reason: a watch that was there has seen them.
+        let missed = match (self.is_live, self.begun) {
+            (true, false) => self.tally.since(self.before).skipped.min(seq),
+            (true, true) => seq.saturating_sub(info.baseline),
+            (false, _) => 0,
+        };
+        if !self.begun && seq > 0 && seq == info.baseline {
+            self.origin = Some(format!("frame {seq}, accepted by the simulator"));
+        }
+        self.baseline_frame = Some(BaselineFrame {
+            frame: Some(seq),
+            unverified: if self.from_now { 0 } else { missed },
+        });
+        if seq > 0 {
+            self.origin.get_or_insert(format!("frame {seq}"));
+        }
+        if missed > 0 {
+            let before = plural_of(missed, "frame before it was", "frames before it were");
+            let why = match self.begun {
+                true => "the frame that the simulator accepted was not verified",
+                false => "the watch started late",
+            };
+            let late = format!("{why}: the baseline is frame {seq}, and {before} not verified");
+            match self.from_now {
+                true => tracing::info!("{late}"),
+                false => {
+                    tracing::warn!("{late} (--from-now accepts this)");
+                    self.data_lost();
+                }
+            }
+        }
     }
 
     /// Takes note of the first verified frame of a baseline, and says what is verified.
     pub(super) fn begin_baseline(&mut self, judged: &Judged) {
-        let (seq, info) = (judged.report.seq, &judged.info);
         let begins = !self.begun || self.baseline_changed;
-        if self.baseline_frame.is_none() {
-            // Frames that were rejected are no reason: a watch that was there has seen them.
-            let missed = match (self.is_live, self.begun) {
-                (true, false) => self.tally.since(self.before).skipped.min(seq),
-                (true, true) => seq.saturating_sub(info.baseline),
-                (false, _) => 0,
-            };
-            if !self.begun && seq > 0 && seq == info.baseline {
-                self.origin = Some(format!("frame {seq}, accepted by the simulator"));
-            }
-            self.baseline_frame = Some(BaselineFrame {
-                frame: Some(seq),
-                unverified: if self.from_now { 0 } else { missed },
-            });
-            if seq > 0 {
-                self.origin.get_or_insert(format!("frame {seq}"));
-            }
-            if missed > 0 {
-                let before = plural_of(missed, "frame before it was", "frames before it were");
-                let why = match self.begun {
-                    true => "the frame that the simulator accepted was not verified",
-                    false => "the watch started late",
-                };
-                let late = format!("{why}: the baseline is frame {seq}, and {before} not verified");
-                match self.from_now {
-                    true => tracing::info!("{late}"),
-                    false => {
-                        tracing::warn!("{late} (--from-now accepts this)");
-                        self.data_lost();
-                    }
-                }
-            }
-        }
+        self.find_baseline_frame(judged);
         if self.is_live
             && begins
             && let (Some(curves), Some(words)) = (&judged.curves, self.baseline_words())
         {
             let none = Certificate::default();
-            let certificate = self.verifier.baseline().unwrap_or(&none);
-            let scene = words_of_scene(curves, info, certificate);
+            let certificate = self.session.baseline().unwrap_or(&none);
+            let scene = words_of_scene(curves, &judged.info, certificate);
             tracing::info!("watching {scene}; {words}");
         }
     }
@@ -130,7 +135,7 @@ impl Session {
             (None, Some(seq)) => format!("the baseline is frame {seq}"),
             (None, None) => return None,
         };
-        if let Some(certificate) = self.verifier.baseline() {
+        if let Some(certificate) = self.session.baseline() {
             words += &format!(", with {}", plural(links(certificate), "link"));
         }
         if unverified > 0 {
@@ -146,7 +151,7 @@ impl Session {
         Some(serde_json::json!({
             "frame": frame,
             "origin": self.origin_words(),
-            "links": self.verifier.baseline().map(links),
+            "links": self.session.baseline().map(links),
             "unverified": unverified,
         }))
     }
@@ -155,16 +160,22 @@ impl Session {
         self.origin.clone().unwrap_or_else(|| "first frame".into())
     }
 
+    /// Returns true if a frame may have changed the baseline since it was last passed to the sinks.
+    pub fn changes_baseline(&self, judged: &Judged) -> bool {
+        let other_curves = judged.curves.is_some() && judged.info.layout != self.sent_layout;
+        let is_fresh = |d: &Defect| d.kind == DefectKind::NoBaseline;
+        let begins = !self.begun && judged.curves.is_some();
+        let changed = begins || other_curves || self.baseline_changed;
+        changed || judged.report.defects.iter().any(is_fresh)
+    }
+
     /// Passes the baseline to the sinks, if it is known: before the first frame, and if it changes.
     pub(super) fn pass_baseline(&mut self, judged: &Judged) {
-        let layout = judged.info.layout;
-        let other_curves = judged.curves.is_some() && layout != self.sent_layout;
-        let is_fresh = |d: &Defect| d.kind == DefectKind::NoBaseline;
-        let changed = other_curves || self.baseline_changed;
-        if self.begun && !changed && !judged.report.defects.iter().any(is_fresh) {
+        if self.begun && !self.changes_baseline(judged) {
             return;
         }
-        let (Some(certificate), Some(known)) = (self.verifier.baseline(), self.baseline_frame)
+        let layout = judged.info.layout;
+        let (Some(certificate), Some(known)) = (self.session.baseline(), self.baseline_frame)
         else {
             return;
         };

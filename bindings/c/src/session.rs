@@ -1,15 +1,17 @@
 //! Verification in process.
 
-use crate::curves::{cell, given_cell, lw_frame, raw, values};
+use crate::curves::{cell, given_cell, labels, lw_frame, raw};
 use crate::error::{LW_ERROR, LW_OK, free, give, given, guard, lw_status, string, words};
 use crate::verdict::lw_verdict;
 use linkwatch::{
-    AbortOn, Certificate, Clearance, ClearanceOptions, Closing, CurveSource, Error, Events,
-    FramePool, RawFrame, Strategy, Verdict, Verifier, VerifierOptions,
+    AbortOn, Cell, Certificate, Certifier, Clearance, ClearanceOptions, Closing, ClosingNote,
+    CurveLabels, CurveSource, Events, FrameInfo, RawFrame, Session, SessionOptions, Strategy,
+    Verdict, VerifiedFrame,
 };
 use std::ffi::{CString, c_char};
 use std::path::Path;
 use std::ptr;
+use std::sync::Arc;
 
 /// All linking numbers of a frame.
 pub struct lw_certificate {
@@ -80,8 +82,8 @@ pub unsafe extern "C" fn lw_certify(frame: *const lw_frame) -> *mut lw_certifica
         let frame = unsafe { raw(frame, "frame") }?;
         let set = Closing::default().curves(frame, CurveSource::default());
         let set = set.map_err(words)?;
-        let mut verifier = Verifier::new(VerifierOptions::default()).map_err(words)?;
-        Ok(verifier.certify(&set).0.clone().into())
+        let mut certifier = Certifier::new(&SessionOptions::default()).map_err(words)?;
+        Ok(certifier.certify(&set).0.clone().into())
     })
 }
 
@@ -101,16 +103,11 @@ pub unsafe extern "C" fn lw_certify_in_cell(
     give(|| {
         // SAFETY: as promised by the caller.
         let (frame, cell) = unsafe { (raw(frame, "frame")?, given_cell(vectors)?) };
-        let options = VerifierOptions {
-            cell: Some(cell),
-            events: Events::Off,
-            ..VerifierOptions::default()
-        };
-        let mut verifier = lw_verifier::new(options, false)?;
-        let report = verifier.step(frame, 0.0)?;
-        let certificate = verifier.verifier.baseline().cloned();
-        match (report.rejected, certificate) {
-            (None, Some(certificate)) => Ok(certificate.into()),
+        let mut session = Session::new(SessionOptions::default()).map_err(words)?;
+        let report = session.feed(FrameInfo::default().in_cell(cell), frame);
+        let report = report.map_err(words)?;
+        match (report.rejected, session.baseline()) {
+            (None, Some(certificate)) => Ok(certificate.clone().into()),
             (why, _) => Err(why.unwrap_or_else(|| "no linking numbers".into())),
         }
     })
@@ -231,10 +228,10 @@ pub const LW_EVENTS_BETWEEN: u32 = 1;
 /// Report no pull-throughs: compare linking numbers only.
 pub const LW_EVENTS_OFF: u32 = 2;
 
-/// Options of lw_verifier_new. All zero are the defaults.
+/// Options of lw_session_new. All zero are the defaults.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
-pub struct lw_verifier_options {
+pub struct lw_session_options {
     /// Expected linking numbers, which are copied. Null: those of the first frame.
     pub baseline: *mut lw_certificate,
     /// LW_EVENTS_ALL, LW_EVENTS_BETWEEN or LW_EVENTS_OFF.
@@ -245,10 +242,11 @@ pub struct lw_verifier_options {
     /// Motion between two frames, in segment lengths, up to which pull-throughs that cancel count
     /// as real. 0: the default, 1.5.
     pub motion_limit: f64,
-    /// Radius of all strands, to measure how close they come: see lw_verifier_clearance. 0: not
+    /// Radius of all strands, to measure how close they come: see lw_session_clearance. 0: not
     /// measured, unless there are `radii`.
     pub thickness: f64,
-    /// Radius of each of `curves` curves, which are copied. Null: `thickness` is that of all.
+    /// Radius of each of `curves` curves, which are copied; lw_session_describe replaces them.
+    /// Null: `thickness` is that of all.
     pub radii: *const f32,
     /// Number of `radii`.
     pub curves: usize,
@@ -264,86 +262,95 @@ pub struct lw_verifier_options {
     pub keep_open: u32,
 }
 
-/// Verifies successive frames against a baseline. Not thread-safe: use it in one thread at a time.
-pub struct lw_verifier {
-    verifier: Verifier,
-    closing: Closing,
-    /// Result of lw_verifier_notes.
-    notes: CString,
-    /// Number of the next frame.
-    seq: u64,
-    pool: FramePool,
+/// Verifies the frames of one simulation in process. Not thread-safe: use it in one thread at a
+/// time.
+pub struct lw_session {
+    session: Session,
+    /// Number, cell, labels and so on of the next frame.
+    next: FrameInfo,
+    /// True if each curve has its own radius.
+    has_radii: bool,
+    /// Decisions about closed and open curves that were not read yet.
+    notes: Vec<ClosingNote>,
+    /// Result of lw_session_notes.
+    text: CString,
     clearance: Option<Clearance>,
+    unmeasured: Option<String>,
     /// True during a call. If it is true before a call, an earlier call panicked: the baseline may
     /// be lost then, and later verdicts would be wrong.
     busy: bool,
 }
 
-impl lw_verifier {
-    fn new(options: VerifierOptions, keep_open: bool) -> Result<lw_verifier, String> {
-        Ok(lw_verifier {
-            verifier: Verifier::new(options).map_err(words)?,
-            closing: Closing::new(keep_open),
-            notes: CString::default(),
-            seq: 0,
-            pool: FramePool::default(),
-            clearance: None,
-            busy: false,
-        })
+impl lw_session {
+    /// Describes the curves of the next frames.
+    fn describe(&mut self, labels: CurveLabels) -> Result<(), String> {
+        let positive = !labels.radii.is_empty() && labels.radii.iter().all(|&r| r > 0.0);
+        match self.has_radii {
+            true if !positive => {
+                return Err("clearance needs a positive radius of each curve".into());
+            }
+            false if !labels.radii.is_empty() => {
+                return Err("radii have no effect unless the options have radii".into());
+            }
+            _ => {}
+        }
+        let curves = labels.names.len().max(labels.radii.len());
+        labels.check(curves).map_err(words)?;
+        self.next.labels = Arc::new(labels);
+        self.next.layout += 1;
+        Ok(())
     }
 
-    fn step(&mut self, frame: RawFrame<'_>, time: f64) -> Result<linkwatch::Report, String> {
+    fn step(&mut self, frame: RawFrame<'_>, time: f64) -> Result<VerifiedFrame, String> {
         if std::mem::replace(&mut self.busy, true) {
-            return Err("an earlier call of this verifier failed; create a new one".into());
+            return Err("an earlier call of this session failed; create a new one".into());
         }
-        let lw_verifier {
-            verifier,
-            closing,
-            pool,
-            ..
-        } = self;
-        let source = CurveSource {
-            cell: verifier.cell(),
-            ..CurveSource::default()
+        let info = FrameInfo {
+            time,
+            ..self.next.clone()
         };
-        let received = pool.receive(|set| verifier.receive(closing.close(frame, source)?, set));
-        let report = match received {
-            Ok(set) => verifier.step_shared(self.seq, time, &set).map_err(words),
-            // It concerns the process, not the frame.
-            Err(forked @ Error::Forked { .. }) => Err(words(forked)),
-            Err(why) => Ok(verifier.reject(self.seq, time, &why)),
-        };
-        let verified = |report: &linkwatch::Report| report.verdict != Verdict::Rejected;
-        closing.end_frame(report.as_ref().is_ok_and(verified));
-        self.seq += 1;
+        self.next.seq += 1;
+        let labels = Arc::clone(&info.labels);
+        let received = self.session.receive(info, |copy| {
+            let lengths = [labels.names.len(), labels.radii.len()];
+            if lengths.iter().any(|&n| n > 0 && n != frame.counts.len()) {
+                labels.check(frame.counts.len())?;
+            }
+            copy(frame)
+        });
+        let verified = self.session.verify(received);
         self.busy = false;
-        self.clearance = report.as_ref().ok().and_then(|report| report.clearance);
-        report
+        self.clearance = None;
+        let mut verified = verified.map_err(words)?;
+        self.notes.append(&mut verified.notes);
+        self.clearance = verified.report.clearance;
+        self.unmeasured = verified.unmeasured.take();
+        Ok(verified)
     }
 
     /// Returns the clearance of the last frame, if it is measured.
     pub(crate) fn clearance(&self) -> Result<Option<Clearance>, String> {
-        match self.verifier.unmeasured_clearance() {
-            Some(why) => Err(why.to_owned()),
+        match &self.unmeasured {
+            Some(why) => Err(why.clone()),
             None => Ok(self.clearance),
         }
     }
 }
 
-/// Creates a verifier. `options` may be null. Returns null after an error.
+/// Creates a session. `options` may be null. Returns null after an error.
 ///
 /// # Safety
 ///
 /// `options` is null, or it and its pointers are valid or null.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn lw_verifier_new(options: *const lw_verifier_options) -> *mut lw_verifier {
+pub unsafe extern "C" fn lw_session_new(options: *const lw_session_options) -> *mut lw_session {
     give(|| {
-        let mut chosen = VerifierOptions {
+        let mut chosen = SessionOptions {
             events: Events::All,
             strategy: Strategy::Incremental,
-            ..VerifierOptions::default()
+            ..SessionOptions::default()
         };
-        let (mut radii, mut keep_open): (&[f32], bool) = (&[], false);
+        let mut radii = CurveLabels::default();
         // SAFETY: as promised by the caller.
         if let Some(options) = unsafe { options.as_ref() } {
             // SAFETY: as promised by the caller.
@@ -368,13 +375,13 @@ pub unsafe extern "C" fn lw_verifier_new(options: *const lw_verifier_options) ->
                     .parse::<AbortOn>()
                     .map_err(|e| format!("abort_on {word:?}: {e}"))?;
             }
-            keep_open = options.keep_open != 0;
+            chosen.keep_open = options.keep_open != 0;
             if options.motion_limit != 0.0 {
                 chosen.motion_limit = Some(options.motion_limit);
             }
             if !options.radii.is_null() {
                 // SAFETY: as promised by the caller.
-                radii = unsafe { values(options.radii, options.curves, "radii") }?;
+                radii = unsafe { labels(ptr::null(), options.radii, options.curves) }?;
                 chosen.clearance = Some(ClearanceOptions::new(None));
             } else if options.thickness != 0.0 {
                 chosen.clearance = Some(ClearanceOptions::new(Some(options.thickness)));
@@ -385,81 +392,122 @@ pub unsafe extern "C" fn lw_verifier_new(options: *const lw_verifier_options) ->
                 clearance.low = options.min_clearance;
             }
         }
-        let mut made = lw_verifier::new(chosen, keep_open)?;
-        made.verifier.set_radii(radii).map_err(words)?;
+        let has_radii = chosen
+            .clearance
+            .is_some_and(|options| options.radius.is_none());
+        let mut made = lw_session {
+            session: Session::new(chosen).map_err(words)?,
+            next: FrameInfo::default(),
+            has_radii,
+            notes: Vec::new(),
+            text: CString::default(),
+            clearance: None,
+            unmeasured: None,
+            busy: false,
+        };
+        made.describe(radii)?;
         Ok(made)
     })
 }
 
-/// Verifies the next frame, at `time` seconds of simulation. All frames have the same curves. A
-/// frame that is invalid, for example with NaN, is LW_REJECTED.
+/// Describes the curves of the frames from the next one on, if they have names or radii; either may
+/// be null.
+///
+/// If the curves have names, this can be called again between two frames: curves may be added,
+/// removed, reordered, or get another number of points. Linking numbers of curves are compared by
+/// their names, and those of new curves are expected to stay as they are in their first frame. A
+/// name belongs to one curve for the whole session. Radii are needed if the options have some. In a
+/// periodic cell, the curves must stay the same, but may be described again.
 ///
 /// # Safety
 ///
-/// `verifier` comes from lw_verifier_new. `frame` and its arrays are valid. `verdict` is valid.
+/// `session` comes from lw_session_new. `names` is null, or points to `curves` strings that end
+/// with a zero byte. `radii` is null, or points to `curves` numbers.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn lw_verifier_step(
-    verifier: *mut lw_verifier,
+pub unsafe extern "C" fn lw_session_describe(
+    session: *mut lw_session,
+    names: *const *const c_char,
+    radii: *const f32,
+    curves: usize,
+) -> lw_status {
+    guard(LW_ERROR, || {
+        // SAFETY: as promised by the caller.
+        let (this, labels) = unsafe { (given(session, "session")?, labels(names, radii, curves)?) };
+        this.describe(labels).map(|()| LW_OK)
+    })
+}
+
+/// Verifies the next frame, at `time` seconds of simulation. All frames have the same curves,
+/// unless lw_session_describe is called between them. A frame that is invalid, for example with
+/// NaN, is LW_REJECTED, and later verdicts do not depend on it.
+///
+/// # Safety
+///
+/// `session` comes from lw_session_new. `frame` and its arrays are valid. `verdict` is valid.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn lw_session_step(
+    session: *mut lw_session,
     frame: *const lw_frame,
     time: f64,
     verdict: *mut lw_verdict,
 ) -> lw_status {
     guard(LW_ERROR, || {
         // SAFETY: as promised by the caller.
-        let (this, to) = unsafe { (given(verifier, "verifier")?, given(verdict, "verdict")?) };
+        let (this, to) = unsafe { (given(session, "session")?, given(verdict, "verdict")?) };
         *to = lw_verdict::NONE;
         // SAFETY: as promised by the caller.
         let frame = unsafe { raw(frame, "frame") }?;
-        *to = (&this.step(frame, time)?).into();
+        let verified = this.step(frame, time)?;
+        *to = lw_verdict::of(&verified.report, &verified.info.labels.names);
         Ok(LW_OK)
     })
 }
 
-/// Returns what the first frame decided about closed and open curves, a sentence a line, or null if
+/// Returns what the frames decided about closed and open curves, a sentence a line, or null if
 /// there is nothing to tell. Curves that end where they start are closed, without the repeated
 /// point. A curve that is closed by a segment of more than twice the length of its other ones may
-/// be an open chain. Call this after lw_verifier_step; later calls return null. The text is valid
-/// until the next call, and until the verifier is freed.
+/// be an open chain. Call this after lw_session_step; later calls return null. The text is valid
+/// until the next call, and until the session is freed.
 ///
 /// # Safety
 ///
-/// `verifier` comes from lw_verifier_new.
+/// `session` comes from lw_session_new.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn lw_verifier_notes(verifier: *mut lw_verifier) -> *const c_char {
+pub unsafe extern "C" fn lw_session_notes(session: *mut lw_session) -> *const c_char {
     guard(ptr::null(), || {
         // SAFETY: as promised by the caller.
-        let this = unsafe { given(verifier, "verifier") }?;
-        let notes = this.closing.take_notes();
+        let this = unsafe { given(session, "session") }?;
+        let notes = std::mem::take(&mut this.notes);
         if notes.is_empty() {
             return Ok(ptr::null());
         }
         let lines: Vec<String> = notes.iter().map(ToString::to_string).collect();
-        this.notes = CString::new(lines.join("\n")).unwrap_or_default();
-        Ok(this.notes.as_ptr())
+        this.text = CString::new(lines.join("\n")).unwrap_or_default();
+        Ok(this.text.as_ptr())
     })
 }
 
 /// Sets the periodic cell of the frames from the next one on: three vectors, `x y z` one after the
 /// other, and a corner, which may be null. A vector of zeros stands for a direction without
-/// repetition. The frames of a verifier have either all a cell or none, and all repeat along the
-/// same vectors.
+/// repetition. If `vectors` is null, as at first, space is open. All frames of a session repeat
+/// along the same vectors, or along none; others are LW_REJECTED.
 ///
 /// # Safety
 ///
-/// `verifier` comes from lw_verifier_new. `vectors` points to nine numbers; `corner` is null, or
-/// points to three.
+/// `session` comes from lw_session_new. `vectors` is null, or points to nine numbers; `corner` is
+/// null, or points to three.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn lw_verifier_set_cell(
-    verifier: *mut lw_verifier,
+pub unsafe extern "C" fn lw_session_set_cell(
+    session: *mut lw_session,
     vectors: *const f64,
     corner: *const f64,
 ) -> lw_status {
     guard(LW_ERROR, || {
         // SAFETY: as promised by the caller.
-        let (this, cell) = unsafe { (given(verifier, "verifier")?, cell(vectors, corner)?) };
-        let cell = cell.ok_or("vectors is null")?;
-        let set = this.verifier.set_cell(cell);
-        set.map(|()| LW_OK).map_err(words)
+        let (this, cell) = unsafe { (given(session, "session")?, cell(vectors, corner)?) };
+        cell.as_ref().map_or(Ok(()), Cell::check).map_err(words)?;
+        this.next.cell = cell;
+        Ok(LW_OK)
     })
 }
 
@@ -467,25 +515,43 @@ pub unsafe extern "C" fn lw_verifier_set_cell(
 ///
 /// # Safety
 ///
-/// `verifier` comes from lw_verifier_new.
+/// `session` comes from lw_session_new.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn lw_verifier_cut(verifier: *mut lw_verifier) -> lw_status {
+pub unsafe extern "C" fn lw_session_cut(session: *mut lw_session) -> lw_status {
     guard(LW_ERROR, || {
         // SAFETY: as promised by the caller.
-        unsafe { given(verifier, "verifier") }?.verifier.cut();
+        let next = unsafe { &mut given(session, "session")?.next };
+        next.cuts = next.cuts.wrapping_add(1);
         Ok(LW_OK)
     })
 }
 
-/// Frees a verifier. Does nothing if the pointer is null.
+/// Accepts the present state as the new baseline: the linking numbers of the next frame that is not
+/// rejected are expected from then on, whatever they are. Pull-throughs are not searched for in the
+/// step to it.
 ///
 /// # Safety
 ///
-/// `verifier` is null, or comes from lw_verifier_new and is not used afterwards.
+/// `session` comes from lw_session_new.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn lw_verifier_free(verifier: *mut lw_verifier) {
+pub unsafe extern "C" fn lw_session_accept(session: *mut lw_session) -> lw_status {
+    guard(LW_ERROR, || {
+        // SAFETY: as promised by the caller.
+        let next = unsafe { &mut given(session, "session")?.next };
+        next.baseline = next.seq;
+        Ok(LW_OK)
+    })
+}
+
+/// Frees a session. Does nothing if the pointer is null.
+///
+/// # Safety
+///
+/// `session` is null, or comes from lw_session_new and is not used afterwards.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn lw_session_free(session: *mut lw_session) {
     // SAFETY: as promised by the caller.
-    unsafe { free(verifier) }
+    unsafe { free(session) }
 }
 
 /// Returns the largest proven share of the step between two frames during which nothing is pulled
@@ -500,16 +566,15 @@ pub unsafe extern "C" fn lw_safe_fraction(before: *const lw_frame, after: *const
     guard(-1.0, || {
         // SAFETY: as promised by the caller.
         let frames = unsafe { [raw(before, "before")?, raw(after, "after")?] };
-        let mut verifier = lw_verifier::new(
-            VerifierOptions {
-                events: Events::All,
-                ..VerifierOptions::default()
-            },
-            false,
-        )?;
+        let options = SessionOptions {
+            events: Events::All,
+            ..SessionOptions::default()
+        };
+        let mut session = Session::new(options).map_err(words)?;
         let mut share = None;
-        for frame in frames {
-            let report = verifier.step(frame, 0.0)?;
+        for (seq, frame) in (0..).zip(frames) {
+            let report = session.feed(FrameInfo::at(seq, 0.0), frame);
+            let report = report.map_err(words)?;
             if report.verdict == Verdict::Rejected {
                 return Err(report.rejected.unwrap_or_default());
             }

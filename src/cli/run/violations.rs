@@ -2,26 +2,13 @@
 //! it went on does not count for the result of the run.
 
 use crate::cli::Outcome;
-use linkwatch::{Report, Verdict};
+use linkwatch::{Continuation, Report, Verdict};
 
-/// How a frame follows the last one.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Step {
-    #[default]
-    Continues,
-    /// The simulator rolled back or jumped.
-    Cut,
-    /// The simulator accepted this frame as the new baseline.
-    Accepted,
-}
-
-impl Step {
-    /// Returns what became of the violation that a frame with this step ends.
-    pub fn words(self) -> &'static str {
-        match self {
-            Step::Accepted => "accepted: the simulator goes on with the changed topology",
-            _ => "recovered: the simulator rolled back, and this frame is intact",
-        }
+/// Returns what became of the violation that a frame with this continuation ends.
+pub fn words(step: Continuation) -> &'static str {
+    match step {
+        Continuation::Accepted => "accepted: the simulator goes on with the changed topology",
+        _ => "recovered: the simulator rolled back, and this frame is intact",
     }
 }
 
@@ -49,29 +36,32 @@ pub struct Violations {
 
 impl Violations {
     /// Returns true if this frame ends the current violation.
-    pub fn end_with(&self, report: &Report, step: Step) -> bool {
+    pub fn end_with(&self, report: &Report, step: Continuation) -> bool {
         let Some(violation) = &self.current else {
             return false;
         };
         let intact = report.verdict == Verdict::Intact && report.last_intact == Some(report.seq);
-        let is_recovered = (violation.cut || step == Step::Cut) && intact && !report.abort;
-        step == Step::Accepted || is_recovered
+        let is_recovered = (violation.cut || step == Continuation::Cut) && intact && !report.abort;
+        step == Continuation::Accepted || is_recovered
     }
 
     /// Returns the number of violations that were rolled back, after this frame.
     #[cfg(feature = "bus")]
-    pub fn recovered_after(&self, step: Step) -> u32 {
-        let current = self.current.as_ref().filter(|_| step != Step::Accepted);
+    pub fn recovered_after(&self, step: Continuation) -> u32 {
+        let current = self
+            .current
+            .as_ref()
+            .filter(|_| step != Continuation::Accepted);
         self.recovered + current.map_or(0, Violation::recovered)
     }
 
     /// Adds a frame.
-    pub fn add(&mut self, report: &Report, step: Step) {
+    pub fn add(&mut self, report: &Report, step: Continuation) {
         if self.end_with(report, step)
             && let Some(violation) = self.current.take()
         {
             match step {
-                Step::Accepted => self.accepted += violation.recovered(),
+                Continuation::Accepted => self.accepted += violation.recovered(),
                 _ => self.recovered += violation.recovered(),
             }
         }
@@ -80,11 +70,11 @@ impl Violations {
         match &mut self.current {
             Some(violation) if found => {
                 violation.worst = violation.worst.max(outcome);
-                violation.count += u32::from(violation.cut || step != Step::Continues);
+                violation.count += u32::from(violation.cut || step != Continuation::Continues);
                 violation.cut = false;
             }
             Some(violation) => {
-                violation.cut |= step != Step::Continues;
+                violation.cut |= step != Continuation::Continues;
                 // A frame after a cut belongs to the new motion, which was not rolled back.
                 match violation.cut || violation.worst == Outcome::Fine {
                     true => self.others = self.others.max(outcome),
@@ -131,13 +121,13 @@ mod tests {
     use super::*;
 
     /// Returns the violations of a run of these frames: a verdict and how the frame follows.
-    fn run(frames: &[(Verdict, Step)]) -> Violations {
+    fn run(frames: &[(Verdict, Continuation)]) -> Violations {
         let mut violations = Violations::default();
         let mut broken = false;
         for (seq, &(verdict, step)) in (0..).zip(frames) {
             let mut report = Report::new(seq, 0.0, verdict);
             report.abort = matches!(verdict, Verdict::Changed | Verdict::Rejected);
-            broken = broken && step == Step::Continues || verdict == Verdict::Changed;
+            broken = broken && step == Continuation::Continues || verdict == Verdict::Changed;
             let intact = verdict == Verdict::Intact && !broken;
             report.last_intact = intact.then_some(seq);
             violations.add(&report, step);
@@ -147,7 +137,7 @@ mod tests {
 
     #[test]
     fn a_violation_is_recovered_by_an_intact_frame_after_a_cut() {
-        use Step::{Accepted, Continues, Cut};
+        use Continuation::{Accepted, Continues, Cut};
         use Verdict::{Changed, Contact, Intact, Rejected, Undecided};
         let intact = (Intact, Continues);
         let changed = (Changed, Continues);

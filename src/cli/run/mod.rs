@@ -6,9 +6,9 @@ mod junit;
 #[cfg(feature = "mcap")]
 mod keep;
 mod news;
-#[cfg(feature = "bus")]
-mod resume;
 mod sinks;
+#[cfg(feature = "bus")]
+mod state;
 mod summary;
 mod times;
 #[cfg(feature = "rerun")]
@@ -19,11 +19,10 @@ mod viewer;
 mod violations;
 
 pub use junit::JunitArgs;
-#[cfg(feature = "bus")]
-pub use resume::Expected;
 pub use sinks::Sinks;
+#[cfg(feature = "bus")]
+pub use state::RunState;
 pub use summary::FrameCounts;
-pub use violations::Step;
 
 use self::baseline::BaselineFrame;
 use self::clearance::ClearanceLog;
@@ -34,7 +33,7 @@ use self::times::{RunTimes, to_json};
 use self::violations::Violations;
 use super::Outcome;
 use super::braid_args::{self, BraidArgs};
-use super::cell_args::{CellArgs, Cells, KEEP_OPEN};
+use super::cell_args::{CellArgs, KEEP_OPEN, say};
 use super::clearance_args::{self, ClearanceArgs};
 use super::event_args::EventArgs;
 use super::files::{Files, Overwrite};
@@ -47,9 +46,9 @@ use super::sequence::Frame;
 use linkwatch::kernels::Offload;
 use linkwatch::model::LeftOut;
 use linkwatch::{
-    AbortOn, BaselineRecord, Braids, Certificate, ClearanceOptions, CurveSet, Error, Events,
-    FrameInfo, FrameRecord, FrameTimes, Overflow, Progress, Report, Result, Route, SinkQueue,
-    SinkSummary, Strategy, Timings, Verdict, Verifier, VerifierOptions, Work,
+    AbortOn, BaselineRecord, Braids, Certificate, ClearanceOptions, Continuation, CurveSet, Error,
+    Events, FrameInfo, FrameRecord, FrameTimes, Overflow, Progress, Received, Report, Result,
+    Route, Session, SessionOptions, SinkQueue, SinkSummary, Strategy, Verdict, Work,
 };
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -150,26 +149,36 @@ impl FromStr for Baseline {
     }
 }
 
-/// Curves of a frame, or the reason why it is rejected.
+/// A frame to judge.
 pub struct Ingested {
-    curves: Result<Arc<CurveSet>>,
-    info: FrameInfo,
+    received: Received,
     /// Elements of a file that may be curves of the frame, and were not read.
     left_out: Vec<LeftOut>,
-    /// True if it is decided already which curves are closed.
-    is_closed: bool,
-    took: Duration,
+}
+
+impl From<Received> for Ingested {
+    fn from(received: Received) -> Ingested {
+        Ingested {
+            received,
+            left_out: Vec::new(),
+        }
+    }
+}
+
+#[cfg(feature = "bus")]
+impl Ingested {
+    /// Returns a frame that is rejected for this reason.
+    pub fn invalid(info: FrameInfo, why: Error) -> Ingested {
+        Received::new(info, Err(why)).into()
+    }
 }
 
 impl From<Frame> for Ingested {
     /// Wraps a frame that was read already.
     fn from(frame: Frame) -> Ingested {
         Ingested {
-            curves: frame.curves.map(Arc::new),
-            info: frame.info,
+            received: Received::new(frame.info, frame.curves.map(Arc::new)),
             left_out: frame.left_out,
-            is_closed: false,
-            took: Duration::ZERO,
         }
     }
 }
@@ -202,11 +211,11 @@ pub struct Judged {
     /// Part of the time of the verification in which the clearance was measured, if it was.
     pub clearance: Option<Duration>,
     /// How the frame follows the last one.
-    pub step: Step,
+    pub step: Continuation,
 }
 
-/// Inputs of a [`Session`]: baseline, settings and outputs.
-pub struct Run<'a> {
+/// Inputs of a [`Run`]: baseline, settings and outputs.
+pub struct Setup<'a> {
     pub judge: &'a Judge,
     pub sinks: &'a Sinks,
     /// `None` if the command has no such option.
@@ -214,6 +223,8 @@ pub struct Run<'a> {
     /// Inputs and outputs of the command so far.
     pub files: Files,
     pub strategy: Strategy,
+    /// See [`SessionOptions::early_exit`].
+    pub early_exit: bool,
     /// True if frames are model files, which have names and cannot be skipped.
     pub models: bool,
     /// True if frames are those of a simulator that runs.
@@ -237,15 +248,21 @@ pub struct Run<'a> {
     pub json: bool,
 }
 
-/// One run over frames.
-pub struct Session {
-    verifier: Verifier,
-    options: VerifierOptions,
-    cells: Cells,
+/// One run over frames: a session, and the outputs of its reports.
+pub struct Run {
+    session: Session,
+    #[cfg(feature = "bus")]
+    options: SessionOptions,
+    cell_args: CellArgs,
+    /// Numbers of curves that end where they start, and of jumps by a lattice vector.
+    joined: usize,
+    jumps: u64,
+    /// Reason why clearance is not measured, although the user asked for it.
+    unmeasured: Option<String>,
     is_live: bool,
     from_now: bool,
-    /// What the simulator told about the last verified frame, if there is one.
-    last: Option<FrameInfo>,
+    /// Layout of the last verified frame, if there is one.
+    last_layout: Option<u32>,
     /// Origin of the baseline; `None` if it is the first frame.
     origin: Option<String>,
     /// `None` until a frame was verified with the baseline.
@@ -258,12 +275,6 @@ pub struct Session {
     begun: bool,
     /// Layout of the last frame whose baseline the sinks have.
     sent_layout: u32,
-    /// Frames that sinks may still hold. The next frame reuses one that is free.
-    #[cfg(any(feature = "bus", feature = "mcap"))]
-    pool: linkwatch::FramePool,
-    /// Layout of these frames.
-    #[cfg(any(feature = "bus", feature = "mcap"))]
-    layout: u32,
     json: bool,
     label: Label,
     live: Live,
@@ -294,8 +305,6 @@ pub struct Session {
     left_out: Vec<LeftOut>,
     /// True if frames are model files.
     models: bool,
-    /// Layout of the frame whose radii the verifier has.
-    radii_of: Option<u32>,
     /// Comparison with the recorded verdicts, in words and as JSON, if this is a replay.
     comparison: Option<(String, serde_json::Value)>,
     junit: Option<Junit>,
@@ -304,18 +313,18 @@ pub struct Session {
     incomplete: bool,
 }
 
-impl Session {
+impl Run {
     /// Prepares a run.
-    pub fn new(run: Run<'_>) -> Result<Session> {
-        let Run {
+    pub fn new(setup: Setup<'_>) -> Result<Run> {
+        let Setup {
             judge,
             sinks,
             mut files,
             mut metadata,
             ..
-        } = run;
+        } = setup;
         sinks.check_files(&mut files)?;
-        let junit = run.junit.map(|args| args.open(&mut files, run.title));
+        let junit = setup.junit.map(|args| args.open(&mut files, setup.title));
         let junit = junit.transpose()?.flatten();
         let baseline = match &judge.baseline {
             Some(Baseline::File(path)) => Some(BaselineRecord {
@@ -325,14 +334,14 @@ impl Session {
                 unverified: 0,
             }),
             Some(Baseline::FirstFrame) => None,
-            None => run.baseline,
+            None => setup.baseline,
         };
         let baseline_frame = baseline.as_ref().map(BaselineFrame::from);
         let abort_on = judge.abort_on.unwrap_or_default();
         metadata.insert("abort_on".into(), abort_on.to_string());
-        let (default_events, default_limit) = run
+        let (default_events, default_limit) = setup
             .recorded_events
-            .unwrap_or((Events::Off, VerifierOptions::MOTION_LIMIT));
+            .unwrap_or((Events::Off, SessionOptions::MOTION_LIMIT));
         let events = judge.event_args.events(abort_on).max(default_events);
         metadata.insert("events".into(), events.to_string());
         let given_limit = judge.event_args.motion_limit;
@@ -341,7 +350,7 @@ impl Session {
         if judge.cell_args.keep_open() {
             metadata.insert(KEEP_OPEN.into(), "true".into());
         }
-        let clearance = judge.clearance_args.options(run.recorded_clearance)?;
+        let clearance = judge.clearance_args.options(setup.recorded_clearance)?;
         if let Some(clearance) = &clearance {
             clearance_args::write(clearance, &mut metadata);
         } else if abort_on == AbortOn::Clearance {
@@ -349,7 +358,7 @@ impl Session {
                 "--abort-on clearance needs --thickness".into(),
             ));
         }
-        let braids = judge.braid_args.braids(run.recorded_braids)?;
+        let braids = judge.braid_args.braids(setup.recorded_braids)?;
         if let Some(braids) = &braids {
             braid_args::write(braids, &mut metadata);
         }
@@ -360,16 +369,20 @@ impl Session {
         let unverified = baseline.as_ref().is_some_and(|b| b.unverified > 0);
         let baseline = baseline.map(|b| (Arc::unwrap_or_clone(b.certificate), b.origin));
         let (certificate, origin) = baseline.unzip();
-        let options = VerifierOptions {
+        let options = SessionOptions {
             abort_on,
             baseline: certificate,
-            strategy: run.strategy,
+            strategy: setup.strategy,
+            early_exit: setup.early_exit,
             events,
             clearance,
             braids,
-            wrapped: judge.cell_args.of_verifier(),
-            max_pairs: judge.max_pairs.unwrap_or(VerifierOptions::MAX_PAIRS),
-            motion_limit: match (events, run.recorded_events) {
+            cell: judge.cell_args.given(),
+            ignore_cell: judge.cell_args.ignores_cells(),
+            wrapped: judge.cell_args.wrapped(),
+            keep_open: judge.cell_args.keep_open(),
+            max_pairs: judge.max_pairs.unwrap_or(SessionOptions::MAX_PAIRS),
+            motion_limit: match (events, setup.recorded_events) {
                 // The limit of a replay may differ from the recorded one without any effect.
                 (Events::Off, Some(_)) => None,
                 (Events::Off, None) => given_limit,
@@ -377,25 +390,25 @@ impl Session {
             },
             ..judge.kernel.options()?
         };
-        Ok(Session {
-            verifier: Verifier::new(options.clone())?,
-            options,
-            cells: Cells::new(judge.cell_args),
-            is_live: run.live,
-            from_now: run.from_now,
-            last: None,
+        Ok(Run {
+            #[cfg(feature = "bus")]
+            options: options.clone(),
+            session: Session::new(options)?,
+            cell_args: judge.cell_args,
+            joined: 0,
+            jumps: 0,
+            unmeasured: None,
+            is_live: setup.live,
+            from_now: setup.from_now,
+            last_layout: None,
             origin,
             baseline_frame,
             baseline_changed: false,
             events,
-            queues: sinks.open(run.title, &metadata, (clearance, run.overflow))?,
+            queues: sinks.open(setup.title, &metadata, (clearance, setup.overflow))?,
             begun: false,
             sent_layout: 0,
-            #[cfg(any(feature = "bus", feature = "mcap"))]
-            pool: linkwatch::FramePool::default(),
-            #[cfg(any(feature = "bus", feature = "mcap"))]
-            layout: 0,
-            json: run.json,
+            json: setup.json,
             label: Label::default(),
             live: Live::new(),
             outcome: match unverified {
@@ -420,8 +433,7 @@ impl Session {
             is_new_run: true,
             runs: 1,
             left_out: Vec::new(),
-            models: run.models,
-            radii_of: None,
+            models: setup.models,
             comparison: None,
             junit,
             overwrite: sinks.overwrite,
@@ -431,7 +443,7 @@ impl Session {
 
     /// Marks all results of this run with a label.
     #[cfg(feature = "bus")]
-    pub fn labelled(mut self, label: Label) -> Session {
+    pub fn labelled(mut self, label: Label) -> Run {
         self.live = self.live.labelled(label.clone());
         self.label = label;
         self
@@ -439,23 +451,22 @@ impl Session {
 
     /// Adds all figures of this run to these metrics.
     #[cfg(feature = "bus")]
-    pub fn measured(mut self, metrics: &super::metrics::ServiceMetrics) -> Session {
+    pub fn measured(mut self, metrics: &super::metrics::ServiceMetrics) -> Run {
         self.metrics = metrics.session(self.events != Events::Off);
         self
     }
 
     /// Returns the progress of the current frame.
     pub fn progress(&self) -> Arc<Progress> {
-        self.verifier.progress()
+        self.session.progress()
     }
 
     /// Returns true if verifying the frame likely takes so little time that passing it to another
     /// thread does not pay: the frame is small, and the previous one was quick.
     #[cfg(feature = "bus")]
     pub fn is_quick(&self, frame: &Ingested) -> bool {
-        let segments = frame.curves.as_ref().map_or(0, |set| set.segments());
         let quick = self.last_check.is_some_and(|check| check < MOMENT);
-        segments <= SMALL && quick
+        frame.received.segments() <= SMALL && quick
     }
 
     /// Returns the outcome so far.
@@ -464,18 +475,12 @@ impl Session {
     }
 
     /// Returns the number of violations that were rolled back, if this frame ends the one for which
-    /// the simulator was asked to stop. Call this before [`Session::publish`].
+    /// the simulator was asked to stop. Call this before [`Run::publish`].
     #[cfg(feature = "bus")]
     pub fn recovered_by(&self, judged: &Judged) -> Option<u32> {
         let Judged { report, step, .. } = judged;
         let ends = self.violations.end_with(report, *step);
         ends.then(|| self.violations.recovered_after(*step))
-    }
-
-    /// Returns what is known about the last intact frame.
-    #[cfg(feature = "bus")]
-    pub fn intactness(&self) -> linkwatch::Intactness {
-        self.verifier.intactness()
     }
 
     /// Returns the output shown while the run lasts.
@@ -485,204 +490,93 @@ impl Session {
     }
 
     /// Copies a frame, which `read` passes to its argument. A frame that breaks its contract is
-    /// rejected by [`Session::judge`]. `info` is what the simulator told about it.
+    /// rejected by [`Run::judge`]. `info` is what the simulator told about it.
     #[cfg(any(feature = "bus", feature = "mcap"))]
     pub fn ingest(
         &mut self,
-        info: Result<FrameInfo>,
+        info: FrameInfo,
         read: impl FnOnce(&mut dyn FnMut(linkwatch::RawFrame<'_>) -> Result<()>) -> Result<()>,
     ) -> Ingested {
-        let start = Instant::now();
-        let Session {
-            pool,
-            verifier,
-            cells,
-            ..
-        } = self;
-        let (curves, info) = match info {
-            Err(why) => (Err(why), FrameInfo::default()),
-            Ok(info) => {
-                if std::mem::replace(&mut self.layout, info.layout) != info.layout {
-                    *pool = linkwatch::FramePool::default();
-                }
-                let curves = pool.receive(|set| {
-                    read(&mut |frame| verifier.receive(cells.close(frame, &info)?, set))
-                });
-                (curves, info)
-            }
-        };
-        Ingested {
-            curves,
-            info,
-            left_out: cells.say(&THE_FRAMES),
-            is_closed: true,
-            took: start.elapsed(),
-        }
+        self.session.receive(info, read).into()
     }
 
     /// Announces the frame that will be judged after the next one.
     #[cfg(feature = "mcap")]
     pub fn announce(&mut self, frame: &Ingested) {
-        if let Ok(set) = &frame.curves {
-            self.verifier.announce(set);
-        }
+        self.session.announce(&frame.received);
     }
 
     /// Verifies one frame.
     ///
-    /// Errors: [`Error::CertificateMismatch`], [`Error::NothingClosed`] and
-    /// [`Error::Braid`], because later frames of
-    /// the same curves fail in the same way; [`Error::Cancelled`] if the frame was not verified.
-    pub fn judge(&mut self, seq: u64, time: f64, frame: Ingested) -> Result<Judged> {
-        let start = Instant::now();
+    /// Errors: those of [`Session::verify`].
+    pub fn judge(&mut self, frame: Ingested) -> Result<Judged> {
         let Ingested {
-            curves,
-            mut info,
+            received,
             mut left_out,
-            is_closed,
-            took,
         } = frame;
-        let curves = curves.and_then(|set| match is_closed {
-            true => Ok(set),
-            false => Ok(self.cells.close_set(&set, &info)?.map_or(set, Arc::new)),
-        });
-        left_out.extend(self.cells.say(&THE_FRAMES));
-        let of_frame = info.cell;
-        self.cells.apply(&mut info);
-        let mut follows = Step::Continues;
-        let jumps = self.verifier.jumps();
-        let outcome = curves.and_then(|set| {
-            // In a cell, the verifier unwraps.
-            let unwrapped = match info.cell {
-                Some(_) => None,
-                None => self.cells.unwrap(&set, of_frame)?,
-            };
-            let set = unwrapped.map_or(set, Arc::new);
-            follows = self.continue_with(seq, &info)?;
-            match (info.cell, self.verifier.cell()) {
-                (Some(cell), _) => {
-                    self.verifier.set_cell(cell)?;
-                    // In the basis in which findings name images.
-                    info.cell = self.verifier.cell();
-                }
-                (None, Some(_)) => {
-                    let what = "this frame has no periodic cell, but the previous ones had one";
-                    return Err(Error::Usage(what.into()));
-                }
-                (None, None) => {}
-            }
-            let report = self.verifier.step_shared(seq, time, &set)?;
-            self.commit(&info);
-            // Curves that jumped are recorded as they were given: a replay follows them again.
-            let placed = self
-                .verifier
-                .placed_curves()
-                .filter(|_| self.cells.args.wrapped() == Some(true));
-            Ok((report, Some(placed.cloned().unwrap_or(set))))
-        });
-        if jumps == 0 && self.verifier.jumps() > 0 {
+        let verified = self.session.verify(received)?;
+        let seq = verified.report.seq;
+        left_out.extend(say(&THE_FRAMES, &verified.notes));
+        if verified.continuation == Continuation::Cut {
             self.live.note(format_args!(
-                "frame {seq}: {}; they are followed (--unwrapped takes them as they are)",
-                jumped(self.verifier.jumps())
+                "frame {seq} does not continue the previous one: the simulator rolled back or \
+                 jumped"
             ));
         }
-        let stages = match &outcome {
-            Ok(_) => self.verifier.timings(),
-            Err(_) => Timings::default(),
-        };
-        let measured = outcome.is_ok() && self.clearance.is_some();
-        self.cells.end_frame(outcome.is_ok());
-        let (report, curves) = match outcome {
-            Ok(verified) => verified,
-            Err(Error::CertificateMismatch { certificate, model })
-                if self.baseline_frame.is_none_or(|b| b.frame.is_some()) =>
-            {
-                let other_curves = Error::LayoutChanged {
-                    what: "number of curves",
-                    before: certificate as u64,
-                    now: model as u64,
-                };
-                (self.verifier.reject(seq, time, &other_curves), None)
-            }
-            Err(
-                e @ (Error::CertificateMismatch { .. }
-                | Error::NothingClosed { .. }
-                | Error::Braid(_)
-                | Error::Cancelled),
-            ) => return Err(e),
-            Err(e) => (self.verifier.reject(seq, time, &e), None),
-        };
+        if self.jumps == 0 && verified.jumps > 0 {
+            self.live.note(format_args!(
+                "frame {seq}: {}; they are followed (--unwrapped takes them as they are)",
+                jumped(verified.jumps)
+            ));
+        }
+        (self.joined, self.jumps) = (verified.joined, verified.jumps);
+        self.unmeasured = verified.unmeasured;
+        if verified.curves.is_some() {
+            self.take_note(&verified.info, verified.continuation);
+        }
         let times = FrameTimes {
-            ingest: took,
-            verification: start.elapsed(),
-            stages,
+            ingest: verified.ingest,
+            verification: verified.verification,
+            stages: verified.timings,
             live: None,
         };
         #[cfg(feature = "bus")]
         {
             self.last_check = Some(times.check());
         }
-        let (work, offload) = match report.verdict {
-            Verdict::Rejected => Default::default(),
-            _ => (self.verifier.work(), self.verifier.offload()),
-        };
-        if work.disagreed {
+        if verified.work.disagreed {
             tracing::error!(
                 "frame {seq}: the incremental verification was wrong, which is a bug of linkwatch; \
                  this frame and all later ones are verified in full"
             );
             self.data_lost();
         }
+        let measured = verified.curves.is_some() && self.clearance.is_some();
         Ok(Judged {
-            report: Arc::new(report),
+            report: Arc::new(verified.report),
             times,
-            work,
-            offload,
-            curves,
-            info,
+            work: verified.work,
+            offload: verified.offload,
+            curves: verified.curves,
+            info: verified.info,
             model: None,
             left_out,
             latency: None,
-            clearance: measured.then_some(stages.clearance),
-            step: follows,
-        })
-    }
-
-    /// Compares what the simulator told about a valid frame with the last one that was verified.
-    ///
-    /// Errors: those of [`FrameInfo::change_since`].
-    fn continue_with(&mut self, seq: u64, info: &FrameInfo) -> Result<Step> {
-        let accepts = |last: &FrameInfo| last.baseline != info.baseline;
-        let accepted = self.last.as_ref().is_some_and(accepts);
-        if accepted {
-            self.begin_with_next(seq)?;
-        }
-        let last = self.last.as_ref().unwrap_or(info);
-        self.verifier.change_curves(info.change_since(last)?);
-        let cut = last.cuts != info.cuts;
-        if cut {
-            self.live.note(format_args!(
-                "frame {seq} does not continue the previous one: the simulator rolled back or \
-                 jumped"
-            ));
-            self.verifier.cut();
-        }
-        if self.radii_of.replace(info.layout) != Some(info.layout)
-            && let Err(e) = self.verifier.set_radii(&info.labels.radii)
-        {
-            tracing::warn!("clearance is not measured from frame {seq} on: {e}");
-        }
-        Ok(match (accepted, cut) {
-            (true, _) => Step::Accepted,
-            (false, true) => Step::Cut,
-            (false, false) => Step::Continues,
+            clearance: measured.then_some(verified.timings.clearance),
+            step: verified.continuation,
         })
     }
 
     /// Takes note of a frame that was verified.
-    fn commit(&mut self, info: &FrameInfo) {
-        let other = |last: FrameInfo| last.layout != info.layout;
-        if self.last.replace(info.clone()).is_some_and(other) {
+    fn take_note(&mut self, info: &FrameInfo, continuation: Continuation) {
+        if continuation == Continuation::Accepted {
+            self.origin = Some(format!("frame {}, accepted by the simulator", info.seq));
+            self.baseline_frame = None;
+            self.baseline_changed = true;
+            self.news.forget();
+        }
+        let other = |last: u32| last != info.layout;
+        if self.last_layout.replace(info.layout).is_some_and(other) {
             // The findings have other indices.
             self.news.forget();
         }
@@ -711,7 +605,7 @@ impl Session {
         self.metrics.add(&judged.report, judged.latency);
         self.print(&judged);
         if recovered && !self.json {
-            let (frame, words) = (judged.report.frame(), judged.step.words());
+            let (frame, words) = (judged.report.frame(), violations::words(judged.step));
             self.label.line(format_args!("{frame}: {words}"));
         }
         let own = tally.since(self.before);
@@ -737,7 +631,7 @@ impl Session {
 
     /// Returns the number of curves that run through the cell, once a frame was verified.
     fn yarns(&self) -> usize {
-        self.verifier.baseline().map_or(0, |b| b.periods.len())
+        self.session.baseline().map_or(0, |b| b.periods.len())
     }
 
     /// Warns of properties of the curves, after the first frame.
@@ -746,8 +640,7 @@ impl Session {
         output::warn_of_open_curves(name, &judged.report.stats, Some(self.events));
         output::tell_of_yarns(name, self.yarns(), Some(self.events));
         if let Some(curves) = &judged.curves {
-            self.cells
-                .args
+            self.cell_args
                 .warn_of_segments(name, curves, judged.info.cell);
         }
     }
@@ -878,7 +771,7 @@ impl Session {
         }
         let own = tally.since(self.before);
         self.metrics.count(own, summaries.iter().cloned());
-        if tally.verified == 0 || self.verifier.unmeasured_clearance().is_some() {
+        if tally.verified == 0 || self.unmeasured.is_some() {
             self.data_lost();
         }
         if let Some(junit) = self.junit.take()
@@ -932,16 +825,16 @@ impl Session {
                     "routes": { "full": full, "quiet": quiet, "partial": partial },
                     "runs": self.runs,
                     "open_curves": self.open_curves,
-                    "joined_curves": self.cells.joined(),
+                    "joined_curves": self.joined,
                     "open_curves_verified": checked,
                     "left_out": self.left_out,
                     "curves_through_the_cell": self.yarns(),
-                    "jumps": self.verifier.jumps(),
+                    "jumps": self.jumps,
                     "sinks": sinks,
                     "recorded_verdicts": self.comparison.as_ref().map(|(_, json)| json),
                     "unresolved": self.unresolved,
                     "clearance": self.clearance.as_ref().and_then(|(_, log)| log.to_json()),
-                    "unmeasured_clearance": self.verifier.unmeasured_clearance(),
+                    "unmeasured_clearance": self.unmeasured,
                 }
             }));
             return;
@@ -994,7 +887,7 @@ impl Session {
         {
             line += &format!("\n{words}");
         }
-        if let Some(why) = self.verifier.unmeasured_clearance() {
+        if let Some(why) = &self.unmeasured {
             line += &format!("\nclearance was not measured in all frames: {why}");
         }
         if self.unresolved.pull_throughs > 0 {
@@ -1010,8 +903,8 @@ impl Session {
         if !self.left_out.is_empty() {
             line += &format!("\n{}", LeftOut::sentence(&self.left_out));
         }
-        if self.verifier.jumps() > 0 {
-            line += &format!("\n{}, and were followed", jumped(self.verifier.jumps()));
+        if self.jumps > 0 {
+            line += &format!("\n{}, and were followed", jumped(self.jumps));
         }
         if let (yarns @ 2.., false) = (self.yarns(), checked) {
             let curves = count(yarns as u64);

@@ -5,7 +5,8 @@
 //! has the pairs with at least one loop, on a set of curves in which loops stand for the curves of
 //! braids, with the same indices ([`BraidLoops`]).
 
-use super::{Verifier, VerifierOptions};
+use super::known::Known;
+use super::{Engine, Next, SessionOptions};
 use crate::certificate::Certificate;
 use crate::curve::CurveSet;
 use crate::discretize::BraidLoops;
@@ -14,14 +15,19 @@ use crate::incremental::Events;
 use crate::ingest::FramePool;
 use crate::pairs::PairFilter;
 use crate::verdict::{AbortOn, Change, Defect, LoopPair, Report, Stats};
+use std::sync::Arc;
 
 /// Loops of the braids, and their verifier.
 #[derive(Debug)]
 pub(super) struct Braided {
     pub loops: BraidLoops,
-    pub inner: Box<Verifier>,
+    /// First frame, which closed the braids.
+    pub first: Arc<CurveSet>,
+    pub inner: Box<Engine>,
     filter: PairFilter,
     pool: FramePool,
+    /// Expected linking numbers of loops that are joined with the others.
+    joined: Option<Arc<Certificate>>,
 }
 
 /// Findings about loops in a frame.
@@ -33,13 +39,13 @@ pub(super) struct Found {
 
 impl Braided {
     /// Prepares the braids of the first frame. `options` are those of the outer verifier.
-    pub fn new(set: &CurveSet, options: &VerifierOptions, outer: &Verifier) -> Result<Braided> {
+    pub fn new(set: &Arc<CurveSet>, options: &SessionOptions, outer: &Engine) -> Result<Braided> {
         let braids = options.braids.as_ref();
         let none = || Error::Usage("no braids".into());
         let loops = BraidLoops::new(braids.ok_or_else(none)?, set)?;
         let filter = loops.filter();
-        let mut inner = Verifier::with_gpu(
-            VerifierOptions {
+        let mut inner = Engine::with_gpu(
+            SessionOptions {
                 baseline: options.baseline.as_ref().map(|b| b.of_filter(&filter)),
                 braids: None,
                 wrapped: None,
@@ -53,23 +59,29 @@ impl Braided {
         );
         inner.set_filter(Some(filter.clone()));
         // One signal ends both.
-        inner.full.share_progress(outer.progress());
+        inner.share_progress(outer.progress());
         Ok(Braided {
             loops,
+            first: Arc::clone(set),
             inner: Box::new(inner),
             filter,
             pool: FramePool::default(),
+            joined: None,
         })
     }
 
     /// Verifies the loops of a frame. Fails with [`Error::Braid`] if the frame breaks a condition
     /// of the braids.
-    pub fn step(&mut self, seq: u64, time: f64, set: &CurveSet) -> Result<Found> {
+    pub fn step(&mut self, next: Next<'_>) -> Result<Found> {
         let Braided {
             loops, inner, pool, ..
         } = self;
+        let set = &**next.curves;
         let curves = pool.receive(|out| loops.write(set, out))?;
-        let mut report = inner.step_shared(seq, time, &curves)?;
+        let mut report = inner.verify(Next {
+            curves: &curves,
+            ..next
+        })?;
         let mut pairs = Vec::new();
         let changes = report.changes.iter_mut();
         let changes = changes.map(|c: &mut Change| (c.i, c.j, c.place.as_mut()));
@@ -102,11 +114,6 @@ impl Braided {
         baseline.without_loops(&self.filter)
     }
 
-    /// Begins again with another baseline ([`Verifier::restart`]).
-    pub fn restart(&mut self, baseline: &Certificate) {
-        self.inner.restart(baseline.of_filter(&self.filter));
-    }
-
     /// Returns the number of curves without a linking number.
     pub fn open_curves(&self, set: &CurveSet) -> u64 {
         let open = (0..set.len()).filter(|&i| !set.curve(i).closed);
@@ -123,7 +130,7 @@ impl Braided {
     }
 }
 
-impl Verifier {
+impl Engine {
     /// Returns the braids with everything that was found in the first frame, so that other runs can
     /// close them in the same way. `None` before that frame, or without braids.
     pub fn braids(&self) -> Option<crate::Braids> {
@@ -131,33 +138,39 @@ impl Verifier {
     }
 
     /// Verifies the loops of the braids, if there are any. If the frame breaks one of their
-    /// conditions, adds that to `missing`.
+    /// conditions, adds that to `missing`: a curve may have passed a virtual connection.
     pub(super) fn verify_loops(
         &mut self,
-        (seq, time): (u64, f64),
-        set: &CurveSet,
+        known: &mut Known,
+        next: Next<'_>,
         missing: &mut Vec<String>,
     ) -> Result<Option<Found>> {
         let Some(braided) = &mut self.braided else {
             return Ok(None);
         };
-        let first = self.joined.is_none();
-        let found = match braided.step(seq, time, set) {
-            Ok(found) => Some(found),
+        let first = self.with_braids.is_some();
+        let found = match braided.step(next) {
+            Ok(found) => found,
             Err(Error::Braid(why)) if !first => {
                 missing.push(format!("braids are not verified: {why}"));
-                None
+                return Ok(None);
             }
             Err(e) => return Err(e),
         };
-        let outer = self.baseline.as_ref();
-        let changed = self.baseline_changed | braided.inner.baseline_changed;
-        if found.is_some() && (changed || first) {
-            braided.inner.baseline_changed = false;
-            self.baseline_changed = true;
-            self.joined = outer.map(|outer| braided.joined(outer));
+        if let Some(baseline) = &known.baseline {
+            let inner = braided.inner.baseline();
+            let same = known
+                .joined
+                .as_ref()
+                .is_some_and(|(_, from)| Arc::ptr_eq(from, baseline))
+                && inner.map(Arc::as_ptr) == braided.joined.as_ref().map(Arc::as_ptr);
+            if !same {
+                let joined = Arc::new(braided.joined(baseline));
+                known.joined = Some((joined, Arc::clone(baseline)));
+                braided.joined = braided.inner.baseline().cloned();
+            }
         }
-        Ok(found)
+        Ok(Some(found))
     }
 
     /// Adds the findings about loops to a report.

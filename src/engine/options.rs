@@ -1,4 +1,4 @@
-//! Options of a verifier, and the check that they fit together.
+//! Options of a session, and the check that they fit together.
 
 use crate::certificate::Certificate;
 use crate::curve::Cell;
@@ -9,31 +9,36 @@ use crate::kernels::{Accuracy, Device, Method};
 use crate::thickness::ClearanceOptions;
 use crate::verdict::AbortOn;
 
-/// Options of a [`Verifier`](crate::Verifier).
+/// Options of a [`Session`](crate::Session).
 ///
 /// Set the fields that differ from the defaults. Later versions may have more fields.
 ///
 /// ```
-/// use linkwatch::{Events, Strategy, Verifier, VerifierOptions};
+/// use linkwatch::{Events, Session, SessionOptions, Strategy};
 ///
 /// # fn main() -> linkwatch::Result<()> {
-/// let verifier = Verifier::new(VerifierOptions {
+/// let session = Session::new(SessionOptions {
 ///     strategy: Strategy::Incremental,
 ///     events: Events::Between,
-///     ..VerifierOptions::default()
+///     ..SessionOptions::default()
 /// })?;
-/// # let _ = verifier;
+/// # let _ = session;
 /// # Ok(())
 /// # }
 /// ```
 #[derive(Clone, Debug, PartialEq)]
-pub struct VerifierOptions {
+pub struct SessionOptions {
     /// Findings that ask the simulator to stop. The default is [`AbortOn::Any`].
     pub abort_on: AbortOn,
     /// Expected linking numbers. `None`, the default: those of the first frame.
     pub baseline: Option<Certificate>,
     /// Part of each frame that is computed. The default is [`Strategy::Full`].
     pub strategy: Strategy,
+    /// True if a full run ends at the first change, the most suspect pairs first. A broken frame is
+    /// then detected long before all numbers are known; an intact one takes as long as without.
+    /// Excludes incremental verification, [`SessionOptions::events`] and kernels that sum, because
+    /// they need all linking numbers. The default is false.
+    pub early_exit: bool,
     /// Pull-throughs to report, from one frame to the next
     /// ([`Report::events`](crate::Report::events)). The default is [`Events::Off`].
     ///
@@ -45,7 +50,7 @@ pub struct VerifierOptions {
     pub events: Events,
     /// Motion between two frames, in segment lengths, up to which pull-throughs that cancel count
     /// as real ([`PullThrough::lengths`](crate::PullThrough::lengths)). `None`, the default:
-    /// [`VerifierOptions::MOTION_LIMIT`].
+    /// [`SessionOptions::MOTION_LIMIT`].
     ///
     /// Pull-throughs assume that points move on straight lines from frame to frame. If frames are
     /// far apart in time, curves that went around one another seem to pass through one another and
@@ -66,35 +71,39 @@ pub struct VerifierOptions {
     /// breaks a condition of the braids (a curve enters an end, an end is not rigid, ends overlap),
     /// it is not intact, and [`Report::missing`](crate::Report::missing) tells why. The curves must
     /// be the same in all frames. Certificates of other runs
-    /// ([`VerifierOptions::baseline`]) must have been made with the same ends.
+    /// ([`SessionOptions::baseline`]) must have been made with the same ends.
     pub braids: Option<Braids>,
-    /// Periodic cell of the scene, or of its first frame ([`Verifier::set_cell`]). `None`, the
-    /// default: the scene does not repeat.
+    /// Periodic cell of all frames. `None`, the default: each frame has its own
+    /// ([`FrameInfo::cell`](crate::FrameInfo::cell)), or the scene does not repeat.
     ///
     /// Each curve then stands for all its images, and linking numbers with images of other curves
     /// and with its own are verified, and pull-throughs between them. The curves must be the same
     /// in all frames. Excludes braids, kernels that sum, and GPUs.
-    ///
-    /// [`Verifier::set_cell`]: crate::Verifier::set_cell
     pub cell: Option<Cell>,
     /// How coordinates relate to the periodic cell. `None`, the default: curves are whole. A frame
     /// with a segment of more than half of the cell is refused, and a curve that jumps by a lattice
-    /// vector from one frame to the next is followed ([`Verifier::jumps`]). `Some(true)`:
+    /// vector from one frame to the next is followed ([`VerifiedFrame::jumps`]). `Some(true)`:
     /// coordinates are wrapped into the cell, and curves are unwrapped ([`Unwrap`]).
     /// `Some(false)`: coordinates are unwrapped, and taken as they are.
     ///
-    /// [`Verifier::jumps`]: crate::Verifier::jumps
+    /// [`VerifiedFrame::jumps`]: crate::VerifiedFrame::jumps
     /// [`Unwrap`]: crate::Unwrap
     pub wrapped: Option<bool>,
+    /// True if the cells of the frames are ignored: the images of curves are not verified. Wrapped
+    /// coordinates are unwrapped all the same. The default is false.
+    pub ignore_cell: bool,
+    /// True if curves stay open that end where they start. The default is false: they are closed
+    /// ([`Closing`](crate::Closing)).
+    pub keep_open: bool,
     /// Maximum number of pairs of curves whose boxes overlap, in a frame or in the motion since the
     /// previous one. A frame with more is not verified ([`Error::TooManyPairs`]), because the
     /// memory for them, up to 200 bytes each, may not be there. The default is
-    /// [`VerifierOptions::MAX_PAIRS`].
+    /// [`SessionOptions::MAX_PAIRS`].
     pub max_pairs: usize,
     /// Kernel that computes all linking numbers of a frame. The default is [`Method::Auto`].
     ///
     /// A kernel that sums runs first; pairs that its error bound does not decide are decided by
-    /// counting crossings ([`Verifier::ladder`](crate::Verifier::ladder)). Certificates and
+    /// counting crossings ([`Certifier::ladder`](crate::Certifier::ladder)). Certificates and
     /// verdicts are the same for all kernels; the work differs. The parts of a frame that
     /// incremental verification computes are always counted.
     pub kernel: Method,
@@ -105,33 +114,27 @@ pub struct VerifierOptions {
     /// A GPU counts the crossings of polylines in full runs, and computes direct and Barnes-Hut
     /// sums. A requested GPU is always used. With [`Device::Auto`], it is used if it is predicted
     /// to be faster than the CPU, from the stored [`Calibration`](crate::kernels::Calibration). If
-    /// the GPU fails, the verifier logs a warning and continues on the CPU. The results are the
+    /// the GPU fails, the session logs a warning and continues on the CPU. The results are the
     /// same; only the time differs.
     pub device: Device,
 }
 
-/// Part of each frame that [`Verifier::step`](crate::Verifier::step) computes.
+/// Part of each frame that a [`Session`](crate::Session) computes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[non_exhaustive]
 pub enum Strategy {
     /// All linking numbers.
     #[default]
     Full,
-    /// Linking numbers up to the first change, the most suspect pairs first.
-    ///
-    /// A broken frame is detected long before all numbers are known. An intact frame takes as long
-    /// as a full run. Excludes [`VerifierOptions::events`] and kernels that sum, because both need
-    /// all linking numbers.
-    EarlyExit,
     /// Linking numbers that may differ from an earlier frame. The others are proven to be
     /// unchanged.
     ///
     /// The verdicts are those of a full run. [`Report::stats`](crate::Report::stats) has the sizes
     /// of the scene alone, because the work depends on earlier frames
-    /// ([`Verifier::work`](crate::Verifier::work)).
+    /// ([`VerifiedFrame::work`](crate::VerifiedFrame::work)).
     Incremental,
     /// Both: the incremental result is compared with that of a full run. This is a test of the
-    /// verifier itself.
+    /// session itself.
     ///
     /// If the results differ, the report is the one of the full run,
     /// [`Work::disagreed`](crate::Work::disagreed) is set, and every later frame is computed in
@@ -146,19 +149,22 @@ impl Strategy {
     }
 }
 
-impl Default for VerifierOptions {
+impl Default for SessionOptions {
     fn default() -> Self {
-        VerifierOptions {
+        SessionOptions {
             abort_on: AbortOn::default(),
             baseline: None,
             strategy: Strategy::default(),
+            early_exit: false,
             events: Events::default(),
             motion_limit: None,
             clearance: None,
             braids: None,
             cell: None,
             wrapped: None,
-            max_pairs: VerifierOptions::MAX_PAIRS,
+            ignore_cell: false,
+            keep_open: false,
+            max_pairs: SessionOptions::MAX_PAIRS,
             kernel: Method::default(),
             accuracy: Accuracy::default(),
             device: Device::Cpu,
@@ -166,11 +172,11 @@ impl Default for VerifierOptions {
     }
 }
 
-impl VerifierOptions {
-    /// Default of [`VerifierOptions::motion_limit`], in segment lengths.
+impl SessionOptions {
+    /// Default of [`SessionOptions::motion_limit`], in segment lengths.
     pub const MOTION_LIMIT: f64 = MOTION_LIMIT;
 
-    /// Default of [`VerifierOptions::max_pairs`]: 8,192 curves, all of which overlap.
+    /// Default of [`SessionOptions::max_pairs`]: 8,192 curves, all of which overlap.
     pub const MAX_PAIRS: usize = 1 << 25;
 
     /// Checks that every option has an effect.
@@ -180,14 +186,19 @@ impl VerifierOptions {
         let refuse = |why: String| Err(Error::Usage(why));
         let searches = self.events != Events::Off;
         let sums = !matches!(self.kernel, Method::Auto | Method::Crossings);
-        if self.strategy == Strategy::EarlyExit && searches {
+        if self.early_exit && self.strategy != Strategy::Full {
+            return refuse(
+                "early exit ends a full run, and excludes incremental verification".into(),
+            );
+        }
+        if self.early_exit && searches {
             return refuse(
                 "early exit excludes events: the search for pull-throughs needs all linking \
                  numbers"
                     .into(),
             );
         }
-        if self.strategy == Strategy::EarlyExit && sums {
+        if self.early_exit && sums {
             return refuse(format!(
                 "early exit excludes the kernel {}: it counts the crossings of few pairs at a time",
                 self.kernel
@@ -258,11 +269,11 @@ impl VerifierOptions {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::verifier::Verifier;
+    use crate::engine::Engine;
 
     /// Asserts that a verifier is refused, and that the error contains these words.
-    fn assert_refused(options: VerifierOptions, words: [&str; 2]) {
-        match Verifier::new(options.clone()) {
+    fn assert_refused(options: SessionOptions, words: [&str; 2]) {
+        match Engine::new(options.clone()) {
             Err(Error::Usage(why)) => {
                 assert!(words.iter().all(|word| why.contains(word)), "{why}");
             }
@@ -270,21 +281,21 @@ mod tests {
         }
     }
 
-    fn of(kernel: Method, accuracy: Accuracy) -> VerifierOptions {
-        VerifierOptions {
+    fn of(kernel: Method, accuracy: Accuracy) -> SessionOptions {
+        SessionOptions {
             kernel,
             accuracy,
-            ..VerifierOptions::default()
+            ..SessionOptions::default()
         }
     }
 
     #[test]
     fn early_exit_excludes_events() {
         for events in [Events::Between, Events::All] {
-            let options = VerifierOptions {
-                strategy: Strategy::EarlyExit,
+            let options = SessionOptions {
+                early_exit: true,
                 events,
-                ..VerifierOptions::default()
+                ..SessionOptions::default()
             };
             assert_refused(options, ["early exit", "events"]);
         }
@@ -293,12 +304,12 @@ mod tests {
     #[test]
     fn early_exit_excludes_kernels_that_sum() {
         for kernel in Method::ALL {
-            let options = VerifierOptions {
-                strategy: Strategy::EarlyExit,
+            let options = SessionOptions {
+                early_exit: true,
                 ..of(kernel, Accuracy::default())
             };
             match kernel {
-                Method::Auto | Method::Crossings => assert!(Verifier::new(options).is_ok()),
+                Method::Auto | Method::Crossings => assert!(Engine::new(options).is_ok()),
                 _ => assert_refused(options, ["early exit", kernel.word()]),
             }
         }
@@ -306,22 +317,22 @@ mod tests {
 
     #[test]
     fn abort_on_event_needs_events() {
-        let options = VerifierOptions {
+        let options = SessionOptions {
             abort_on: AbortOn::Event,
-            ..VerifierOptions::default()
+            ..SessionOptions::default()
         };
         assert_refused(options, ["abort on event", "events"]);
     }
 
     #[test]
     fn abort_on_clearance_needs_a_thickness() {
-        let options = |clearance| VerifierOptions {
+        let options = |clearance| SessionOptions {
             abort_on: AbortOn::Clearance,
             clearance,
-            ..VerifierOptions::default()
+            ..SessionOptions::default()
         };
         assert_refused(options(None), ["abort on clearance", "thickness"]);
-        assert!(Verifier::new(options(Some(ClearanceOptions::new(Some(1.0))))).is_ok());
+        assert!(Engine::new(options(Some(ClearanceOptions::new(Some(1.0))))).is_ok());
     }
 
     #[test]
@@ -329,9 +340,9 @@ mod tests {
         let refused = |radius, low, words| {
             let mut clearance = ClearanceOptions::new(radius);
             clearance.low = low;
-            let options = VerifierOptions {
+            let options = SessionOptions {
                 clearance: Some(clearance),
-                ..VerifierOptions::default()
+                ..SessionOptions::default()
             };
             assert_refused(options, words);
         };
@@ -345,9 +356,9 @@ mod tests {
 
     #[test]
     fn a_motion_limit_needs_events() {
-        let options = VerifierOptions {
+        let options = SessionOptions {
             motion_limit: Some(2.0),
-            ..VerifierOptions::default()
+            ..SessionOptions::default()
         };
         assert_refused(options, ["motion limit", "events"]);
     }
@@ -355,10 +366,10 @@ mod tests {
     #[test]
     fn rejects_a_motion_limit_that_is_not_a_length() {
         for limit in [f64::NAN, -1.0] {
-            let options = VerifierOptions {
+            let options = SessionOptions {
                 events: Events::Between,
                 motion_limit: Some(limit),
-                ..VerifierOptions::default()
+                ..SessionOptions::default()
             };
             assert_refused(options, ["motion limit", "0 or more"]);
         }
@@ -377,7 +388,7 @@ mod tests {
         };
         for (name, accuracy) in [("beta", beta), ("dipole", dipole)] {
             assert_refused(of(Method::Fmm, accuracy), [name, "barnes-hut"]);
-            assert!(Verifier::new(of(Method::BarnesHut, accuracy)).is_ok());
+            assert!(Engine::new(of(Method::BarnesHut, accuracy)).is_ok());
         }
     }
 
@@ -388,7 +399,7 @@ mod tests {
             ..Accuracy::default()
         };
         assert_refused(of(Method::Auto, accuracy), ["order", "fmm"]);
-        assert!(Verifier::new(of(Method::Fmm, accuracy)).is_ok());
+        assert!(Engine::new(of(Method::Fmm, accuracy)).is_ok());
     }
 
     #[test]

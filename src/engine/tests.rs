@@ -1,8 +1,52 @@
-//! Tests of the verifier's options and errors.
+//! Tests of the engine's options and errors.
 
 use super::*;
 use crate::curve::{Basis, CurveLabels, Point, Positions};
+use crate::engine::known::Last;
+use crate::incremental::Route;
+use crate::kernels::Method;
 use crate::thickness::ClearanceOptions;
+use crate::verdict::{Change, DefectKind};
+use std::time::Duration;
+
+impl Engine {
+    /// Verifies a frame that continues the last one.
+    pub(crate) fn step(&mut self, seq: u64, time: f64, set: &CurveSet) -> Result<Report> {
+        self.step_shared(seq, time, &Arc::new(set.clone()))
+    }
+
+    /// The same, of curves that are shared.
+    pub(crate) fn step_shared(
+        &mut self,
+        seq: u64,
+        time: f64,
+        set: &Arc<CurveSet>,
+    ) -> Result<Report> {
+        let mut report = self.verify(Next::new(seq, time, set))?;
+        report.abort = self.aborts(&report);
+        Ok(report)
+    }
+
+    /// Falsifies a linking number of the last frame.
+    fn falsify(&mut self) {
+        let mut last = Last::clone(self.known.last.as_ref().expect("a frame before"));
+        last.linking.comparison.changes.push(Change {
+            i: 0,
+            j: 1,
+            image: Default::default(),
+            expected: 1,
+            found: 0,
+            place: None,
+        });
+        self.known.last = Some(Arc::new(last));
+    }
+}
+
+impl Default for Engine {
+    fn default() -> Self {
+        Engine::with_gpu(SessionOptions::default(), GpuUse::default())
+    }
+}
 
 /// A square, another one through it, moved by `out`, and a wide ring that stands still.
 fn squares(out: f64) -> CurveSet {
@@ -20,17 +64,17 @@ fn squares_with(moved: impl Fn(Point) -> Point) -> CurveSet {
     CurveSet::from_counts(Basis::Polyline, &[-4, -4, -64], Positions::F64(&xyz)).unwrap()
 }
 
-fn verifier(strategy: Strategy, events: Events) -> Verifier {
-    Verifier::new(VerifierOptions {
+fn verifier(strategy: Strategy, events: Events) -> Engine {
+    Engine::new(SessionOptions {
         strategy,
         events,
-        ..VerifierOptions::default()
+        ..SessionOptions::default()
     })
     .unwrap()
 }
 
 /// A verifier that has seen three intact frames, and whose monitor no longer detects motion.
-fn blind(strategy: Strategy) -> Verifier {
+fn blind(strategy: Strategy) -> Engine {
     let mut verifier = verifier(strategy, Events::Between);
     for frame in 0..3 {
         let report = verifier.step(frame, 0.0, &squares(0.0)).unwrap();
@@ -45,22 +89,28 @@ fn blind(strategy: Strategy) -> Verifier {
 
 #[test]
 fn a_frame_with_too_many_pairs_is_an_error_and_the_next_one_is_verified() {
-    for strategy in [Strategy::Full, Strategy::EarlyExit, Strategy::Incremental] {
+    let early = (Strategy::Full, true);
+    for (strategy, early_exit) in [
+        (Strategy::Full, false),
+        early,
+        (Strategy::Incremental, false),
+    ] {
         for events in [Events::Off, Events::Between, Events::All] {
-            if strategy == Strategy::EarlyExit && events != Events::Off {
+            if early_exit && events != Events::Off {
                 continue;
             }
             let new = |max_pairs| {
-                let options = VerifierOptions {
+                let options = SessionOptions {
                     strategy,
+                    early_exit,
                     events,
                     max_pairs,
-                    ..VerifierOptions::default()
+                    ..SessionOptions::default()
                 };
-                Verifier::new(options).unwrap()
+                Engine::new(options).unwrap()
             };
             // The other one does not see the frame with too many pairs.
-            let [mut limited, mut other] = [2, VerifierOptions::MAX_PAIRS].map(new);
+            let [mut limited, mut other] = [2, SessionOptions::MAX_PAIRS].map(new);
             for (seq, out) in [(0, 100.0), (1, 0.0), (2, 100.1), (3, 0.0), (4, 100.2)] {
                 let set = squares(out);
                 let found = limited.step(seq, 0.0, &set);
@@ -110,10 +160,10 @@ fn a_kernel_that_sums_changes_the_work_but_no_report() {
     for method in Method::ALL {
         for strategy in [Strategy::Full, Strategy::Incremental] {
             let [mut with, mut without] = [method, Method::Auto].map(|kernel| {
-                Verifier::new(VerifierOptions {
+                Engine::new(SessionOptions {
                     strategy,
                     kernel,
-                    ..VerifierOptions::default()
+                    ..SessionOptions::default()
                 })
                 .unwrap()
             });
@@ -139,12 +189,12 @@ fn a_kernel_that_sums_changes_the_work_but_no_report() {
 fn the_first_frame_has_no_pull_throughs() {
     // The first frame has no previous frame. With a baseline from elsewhere it has a change, but no
     // pull-through.
-    let baseline = Verifier::default().certify(&squares(0.0)).0.clone();
-    let mut verifier = Verifier::new(VerifierOptions {
+    let baseline = Certifier::default().certify(&squares(0.0)).0.clone();
+    let mut verifier = Engine::new(SessionOptions {
         abort_on: AbortOn::Event,
         baseline: Some(baseline),
         events: Events::All,
-        ..VerifierOptions::default()
+        ..SessionOptions::default()
     })
     .unwrap();
     let report = verifier.step(0, 0.0, &squares(1.2)).unwrap();
@@ -164,7 +214,7 @@ fn a_frame_after_a_cut_has_no_pull_throughs() {
         for (frame, out) in frames.into_iter().enumerate() {
             let cut = [4, 5, 8].contains(&frame);
             if cut {
-                verifier.cut();
+                verifier.known.cut();
             }
             let report = verifier.step(frame as u64, 0.0, &squares(out)).unwrap();
             verifier.settle();
@@ -184,11 +234,11 @@ fn a_frame_after_a_cut_has_no_pull_throughs() {
 fn a_rejected_frame_follows_the_policy() {
     let nan = Error::Usage("coordinate x is NaN".into());
     for policy in AbortOn::ALL {
-        let verifier = Verifier::new(VerifierOptions {
+        let verifier = Engine::new(SessionOptions {
             abort_on: policy,
             events: Events::Between,
             clearance: Some(ClearanceOptions::new(Some(0.1))),
-            ..VerifierOptions::default()
+            ..SessionOptions::default()
         });
         let report = verifier.unwrap().reject(3, 0.5, &nan);
         let stops = [AbortOn::Any, AbortOn::Rejected, AbortOn::Clearance].contains(&policy);
@@ -202,7 +252,7 @@ fn reports_signs_that_contradict_the_linking_number() {
     let mut verifier = verifier(Strategy::Full, Events::Between);
     let _ = verifier.step(0, 0.0, &squares(0.0)).unwrap();
     // As if the previous frame had had another linking number.
-    verifier.steps.falsify();
+    verifier.falsify();
     let report = verifier.step(1, 0.0, &squares(0.0)).unwrap();
     let kinds: Vec<_> = report.defects.iter().map(|d| (d.i, d.j, d.kind)).collect();
     assert_eq!(kinds, [(0, Some(1), DefectKind::Unaccounted)]);
@@ -215,18 +265,18 @@ fn open_curves_are_verified_for_pull_throughs_only() {
         let xyz = [-1.0, y, 0.0, 1.0, y, 0.0, 0.0, 0.0, -1.0, 0.0, 0.0, 1.0];
         CurveSet::from_counts(Basis::Polyline, &[2, 2], Positions::F64(&xyz)).unwrap()
     };
-    let mut verifier = Verifier::default();
+    let mut verifier = Engine::default();
     let refused = verifier.step(0, 0.0, &strands(-1.0));
     assert!(matches!(
         refused,
         Err(Error::NothingClosed { curves: 2, .. })
     ));
     for strategy in [Strategy::Full, Strategy::Incremental] {
-        let mut verifier = Verifier::new(VerifierOptions {
+        let mut verifier = Engine::new(SessionOptions {
             abort_on: AbortOn::Event,
             strategy,
             events: Events::Between,
-            ..VerifierOptions::default()
+            ..SessionOptions::default()
         })
         .unwrap();
         for (frame, y) in [-1.0, -0.99, -0.98, 0.5, 0.5, -0.5].into_iter().enumerate() {
@@ -262,7 +312,8 @@ fn a_shared_frame_is_not_copied() {
         assert_eq!(report.events.len(), usize::from(k == 1));
     }
     assert_eq!(frames.each_ref().map(Arc::strong_count), [1, 1, 2]);
-    assert!(std::ptr::eq(verifier.steps.before().unwrap(), &*frames[2]));
+    let last = verifier.known.last.as_ref().unwrap();
+    assert!(Arc::ptr_eq(last.frame.given(), &frames[2]));
 }
 
 /// A finger of a closed curve that is pushed past a long strand, so that it passes the strand twice
@@ -281,11 +332,11 @@ fn finger(y: f64) -> CurveSet {
     CurveSet::from_counts(Basis::Polyline, &[-4, 3, -3], Positions::F64(&xyz)).unwrap()
 }
 
-fn with_limit(motion_limit: Option<f64>) -> Verifier {
-    Verifier::new(VerifierOptions {
+fn with_limit(motion_limit: Option<f64>) -> Engine {
+    Engine::new(SessionOptions {
         events: Events::Between,
         motion_limit,
-        ..VerifierOptions::default()
+        ..SessionOptions::default()
     })
     .unwrap()
 }
@@ -331,7 +382,7 @@ fn pull_throughs_that_cancel_after_a_long_motion_are_unresolved() {
 fn a_report_names_the_frame_and_the_share_of_the_step_to_roll_back_to() {
     for strategy in [Strategy::Full, Strategy::Incremental] {
         let mut verifier = verifier(strategy, Events::Between);
-        let step = |verifier: &mut Verifier, seq, out| {
+        let step = |verifier: &mut Engine, seq, out| {
             let report = verifier.step(seq, 0.0, &squares(out)).unwrap();
             (report.verdict, report.last_intact, report.safe_fraction)
         };
@@ -352,7 +403,7 @@ fn a_report_names_the_frame_and_the_share_of_the_step_to_roll_back_to() {
         // Even if they are linked again.
         let linked = step(&mut verifier, 7, 0.5);
         assert_eq!((linked.1, linked.2), (Some(4), None));
-        verifier.cut();
+        verifier.known.cut();
         let restored = (Verdict::Intact, Some(8), None);
         assert_eq!(step(&mut verifier, 8, 0.5 + 2.0 * fraction), restored);
     }
@@ -365,7 +416,7 @@ fn no_frame_is_known_to_be_intact_after_a_change_until_a_cut() {
         let mut known = Vec::new();
         for (seq, out) in [(0, 0.0), (1, 2.5), (2, 0.0), (3, 0.0)] {
             if seq == 3 {
-                verifier.cut();
+                verifier.known.cut();
             }
             let report = verifier.step(seq, 0.0, &squares(out)).unwrap();
             assert_eq!(report.verdict == Verdict::Intact, seq != 1);
@@ -487,11 +538,13 @@ fn a_cancelled_step_ends_early_without_a_report() {
     // The linking numbers come first, then the search for pull-throughs between frames with few
     // linking numbers.
     let frames = [tangle(60, 1000, 1), tangle(60, 1000, 2)];
-    for (strategy, events) in [
-        (Strategy::Full, Events::All),
-        (Strategy::EarlyExit, Events::Off),
-    ] {
-        let mut verifier = verifier(strategy, events);
+    for (early_exit, events) in [(false, Events::All), (true, Events::Off)] {
+        let mut verifier = Engine::new(SessionOptions {
+            early_exit,
+            events,
+            ..SessionOptions::default()
+        })
+        .unwrap();
         let progress = verifier.progress();
         let ended = std::thread::scope(|scope| {
             let step = scope.spawn(|| verifier.step(0, 0.0, &frames[0]).err());
@@ -559,44 +612,43 @@ fn a_cancelled_search_for_pull_throughs_gives_no_report() {
 }
 
 #[test]
-fn a_certificate_is_complete_even_if_steps_are_cancelled() {
+fn a_certificate_is_complete_even_if_it_is_cancelled() {
     let set = squares(0.0);
-    let mut verifier = Verifier::default();
-    let whole = verifier.certify(&set).0.clone();
-    verifier.progress().cancel();
-    assert!(matches!(verifier.step(0, 0.0, &set), Err(Error::Cancelled)));
-    assert_eq!(*verifier.certify(&set).0, whole);
+    let mut certifier = Certifier::default();
+    let whole = certifier.certify(&set).0.clone();
+    certifier.progress().cancel();
+    assert_eq!(*certifier.certify(&set).0, whole);
 }
 
 #[test]
 fn noise_is_refused_with_a_kernel_on_splines_and_with_invalid_lengths() {
     let set = squares(0.0);
-    let usage = |verifier: &mut Verifier, set: &CurveSet, noise: f64| {
-        matches!(verifier.certify_noisy(set, noise), Err(Error::Usage(_)))
+    let usage = |certifier: &mut Certifier, set: &CurveSet, noise: f64| {
+        matches!(certifier.certify_noisy(set, noise), Err(Error::Usage(_)))
     };
     for method in Method::ALL.into_iter().filter(|m| *m != Method::Auto) {
-        let mut verifier = Verifier::new(VerifierOptions {
+        let mut certifier = Certifier::new(&SessionOptions {
             kernel: method,
-            ..VerifierOptions::default()
+            ..SessionOptions::default()
         })
         .unwrap();
-        assert!(usage(&mut verifier, &set, 0.1), "{method}");
+        assert!(usage(&mut certifier, &set, 0.1), "{method}");
     }
-    let mut verifier = Verifier::default();
+    let mut certifier = Certifier::default();
     for noise in [-0.1, f64::NAN, f64::INFINITY] {
-        assert!(usage(&mut verifier, &set, noise), "{noise}");
+        assert!(usage(&mut certifier, &set, noise), "{noise}");
     }
     let points: Vec<f64> = (0..24).map(|k| f64::from(k * k % 7)).collect();
     let splines = CurveSet::from_counts(Basis::BSpline, &[-8], Positions::F64(&points)).unwrap();
-    assert!(usage(&mut verifier, &splines, 0.1));
-    assert!(!usage(&mut verifier, &set, 0.1));
+    assert!(usage(&mut certifier, &splines, 0.1));
+    assert!(!usage(&mut certifier, &set, 0.1));
 }
 
 #[test]
 fn a_contact_of_open_curves_that_ends_after_a_change_of_the_curves_is_undecided() {
-    let mut verifier = Verifier::new(VerifierOptions {
+    let mut verifier = Engine::new(SessionOptions {
         events: Events::Between,
-        ..VerifierOptions::default()
+        ..SessionOptions::default()
     })
     .unwrap();
     let rod = [-1.0, 0.0, 0.0, 1.0, 0.0, 0.0];
@@ -610,10 +662,14 @@ fn a_contact_of_open_curves_that_ends_after_a_change_of_the_curves_is_undecided(
     assert_eq!(step(1, [rod, across(0.0)]).verdict, Verdict::Contact);
     let names = [["a", "b"], ["b", "a"]].map(CurveLabels::named);
     let change = CurveChange::by_name(&names[0], &names[1]).unwrap();
-    verifier.change_curves(change);
     let positions = [across(-1.0), rod].concat();
     let set = CurveSet::from_counts(Basis::Polyline, &[2, 2], Positions::F64(&positions));
-    let report = verifier.step(2, 0.0, &set.unwrap()).unwrap();
+    let report = verifier
+        .verify(Next {
+            change: Some(&change),
+            ..Next::new(2, 0.0, &Arc::new(set.unwrap()))
+        })
+        .unwrap();
     assert_eq!(report.verdict, Verdict::Undecided, "{report:?}");
     assert_eq!(report.last_intact, Some(0));
 }

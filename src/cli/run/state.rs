@@ -1,0 +1,77 @@
+//! State of a run, from which the run of another process continues.
+
+use super::baseline::BaselineFrame;
+use super::{FrameCounts, Judged, Run};
+use linkwatch::{Continuation, FrameInfo, FrameTimes, Result, Session, SessionState};
+use serde::{Deserialize, Serialize};
+use std::sync::Arc;
+
+/// State of a run after a frame.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+pub struct RunState {
+    session: SessionState,
+    /// Origin of the baseline, if it is not the first frame.
+    origin: Option<String>,
+    baseline_frame: Option<BaselineFrame>,
+}
+
+impl RunState {
+    /// Returns true if this is the state after a frame.
+    pub fn is_after(&self, seq: Option<u64>) -> bool {
+        self.session.info().map(|info| info.seq) == seq
+    }
+
+    /// Returns the state after later frames, which another process verified.
+    pub fn after_unknown_frames(self, cuts: u32, intact: bool, why: &str) -> RunState {
+        RunState {
+            session: self.session.after_unknown_frames(cuts, intact, why.into()),
+            ..self
+        }
+    }
+}
+
+impl Run {
+    /// Returns the state after the last frame.
+    pub fn state(&self) -> RunState {
+        RunState {
+            session: self.session.state(),
+            origin: self.origin.clone(),
+            baseline_frame: self.baseline_frame,
+        }
+    }
+
+    /// Begins after another process, which counted these frames.
+    pub fn follow_on(&mut self, before: FrameCounts) {
+        self.before = before;
+        self.data_lost();
+    }
+
+    /// Continues the run of another process before the first frame.
+    pub fn resume(&mut self, state: RunState) -> Result<()> {
+        let progress = self.session.progress();
+        let options = self.options.clone();
+        self.session = Session::resume(options, state.session)?;
+        self.session.share_progress(progress);
+        self.last_layout = self.session.state().info().map(|info| info.layout);
+        (self.origin, self.baseline_frame) = (state.origin, state.baseline_frame);
+        Ok(())
+    }
+
+    /// Returns the result of a frame that the other process did not finish. It is not verified
+    /// again, because it may be the reason of the crash, and does not ask the simulator to stop.
+    pub fn give_up(&self, seq: u64, time: f64, why: &str) -> Judged {
+        Judged {
+            report: Arc::new(self.session.give_up((seq, time), why)),
+            times: FrameTimes::default(),
+            work: Default::default(),
+            offload: Default::default(),
+            curves: None,
+            info: FrameInfo::at(seq, time),
+            model: None,
+            left_out: Vec::new(),
+            latency: None,
+            clearance: None,
+            step: Continuation::Continues,
+        }
+    }
+}

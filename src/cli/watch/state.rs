@@ -1,0 +1,485 @@
+//! `--state FILE`: the state of a watch, from which the next process continues.
+//!
+//! There are two files. FILE has a note of fixed size, which is written before and after each
+//! frame. FILE.session has the session: it is replaced before the verdict on a frame that changed
+//! the baseline, and else at most once a second, in a thread of its own. Both are removed when the
+//! watch ends by itself.
+
+use crate::cli::Outcome;
+use crate::cli::run::RunState;
+use linkwatch::{Error, Result, SidecarState};
+use serde::{Deserialize, Serialize};
+use std::ffi::OsString;
+use std::fs::{File, TryLockError};
+use std::io::{Read, Seek, Write};
+use std::path::{Path, PathBuf};
+use std::sync::mpsc::{SyncSender, sync_channel};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+/// First bytes of a note. They change with its format.
+const MAGIC: &[u8; 8] = b"LWSTATE1";
+
+/// Number of bytes of a note in its file. The rest is zero.
+const NOTE_BYTES: usize = 256;
+
+/// Least time between two states of a session with the same baseline.
+const INTERVAL: Duration = Duration::from_secs(1);
+
+/// Reason why the first frame after a crash is undecided if pull-throughs are searched for.
+const CRASHED: &str =
+    "the watch crashed and was started again, so pull-throughs before this frame are unknown";
+
+/// The same after a signal.
+const STOPPED: &str =
+    "the watch was stopped and started again, so pull-throughs before this frame are unknown";
+
+/// Note of a watch.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+struct Note {
+    /// The simulator that is watched, once it has sent a frame.
+    simulator: Option<SidecarState>,
+    /// Number and time of the frame that is being verified.
+    in_hand: Option<(u64, f64)>,
+    /// Number of the last verified frame.
+    verified: Option<u64>,
+    /// Number of cuts before the last frame.
+    cuts: u32,
+    /// True if the last verified frame is known to be intact.
+    intact: bool,
+    /// Worst outcome so far.
+    outcome: Outcome,
+    /// True if a signal stopped the watch.
+    stopped: bool,
+    /// Number of processes before this one that were stopped or crashed.
+    restarts: u64,
+    /// Number of simulators so far, and the number in the names of the last files.
+    sessions: u64,
+    file_number: u64,
+}
+
+/// A session that an earlier process watched.
+pub struct Earlier {
+    /// `None` if no frame was verified.
+    pub run: Option<RunState>,
+    /// Frame that was being verified.
+    pub in_hand: Option<(u64, f64)>,
+}
+
+/// State of the watch of one service. Without `--state` nothing is written.
+pub struct State {
+    files: Option<Files>,
+    note: Note,
+    /// Note of the earlier process, until its session was continued.
+    earlier: Option<Note>,
+}
+
+struct Files {
+    path: PathBuf,
+    note: File,
+    session: PathBuf,
+    /// `None` until a state is written from time to time.
+    writer: Option<Writer>,
+    written: Instant,
+}
+
+impl State {
+    /// Opens the files of a service, and reads what an earlier process left there.
+    ///
+    /// Errors: the file is something else, or cannot be read or written.
+    pub fn open(path: Option<&Path>) -> Result<State> {
+        let Some(path) = path else {
+            return Ok(State {
+                files: None,
+                note: Note::default(),
+                earlier: None,
+            });
+        };
+        let mut options = File::options();
+        let options = options.read(true).write(true).create(true).truncate(false);
+        let mut file = lock(path, options.open(path).map_err(|e| unusable(path, e))?)?;
+        let earlier = read_note(path, &mut file)?;
+        let mut name = OsString::from(path);
+        name.push(".session");
+        let session = PathBuf::from(name);
+        let mut state = State {
+            files: Some(Files {
+                path: path.to_owned(),
+                note: file,
+                writer: None,
+                session,
+                written: Instant::now(),
+            }),
+            note: match earlier.clone() {
+                Some(note) => Note {
+                    restarts: note.restarts + 1,
+                    stopped: false,
+                    outcome: match note.simulator {
+                        // Frames may have been published while nobody watched.
+                        Some(_) => note.outcome.max(Outcome::Undecided),
+                        None => note.outcome,
+                    },
+                    ..note
+                },
+                None => Note::default(),
+            },
+            earlier,
+        };
+        state.write()?;
+        Ok(state)
+    }
+
+    /// Returns the worst outcome so far: at first that of the earlier processes.
+    pub fn outcome(&self) -> Outcome {
+        self.note.outcome
+    }
+
+    /// Returns true if there was an earlier process.
+    pub fn is_restart(&self) -> bool {
+        self.earlier.is_some()
+    }
+
+    /// Returns the number of earlier processes.
+    pub fn restarts(&self) -> u64 {
+        self.note.restarts
+    }
+
+    /// Returns the number of sessions that began in earlier processes.
+    pub fn sessions(&self) -> u64 {
+        self.note.sessions
+    }
+
+    /// Returns the number in the names of the last files of earlier processes; 0 if there were
+    /// none.
+    pub fn file_number(&self) -> u64 {
+        self.note.file_number
+    }
+
+    /// Returns the simulator that an earlier process watched when it ended.
+    pub fn interrupted(&self) -> Option<SidecarState> {
+        self.earlier.as_ref()?.simulator
+    }
+
+    /// Begins a session. Returns the state of the earlier process if it watched the same simulator.
+    ///
+    /// Errors: the session cannot be read.
+    pub fn begin_session(&mut self, session: u64, number: u64) -> Result<Option<Earlier>> {
+        self.note.sessions = number;
+        let same = |note: &Note| note.simulator.is_some_and(|s| s.session() == session);
+        if let (Some(note), Some(files)) = (self.earlier.take().filter(same), &self.files) {
+            let run: Option<RunState> = read_session(&files.session)?;
+            let why = if note.stopped { STOPPED } else { CRASHED };
+            let run = run.map(|run| match run.is_after(note.verified) {
+                true => run,
+                false => run.after_unknown_frames(note.cuts, note.intact, why),
+            });
+            return Ok(Some(Earlier {
+                run,
+                in_hand: note.in_hand,
+            }));
+        }
+        self.end_session(Outcome::Fine)?;
+        Ok(None)
+    }
+
+    /// Notes the number in the names of the files that come next.
+    pub fn begin_files(&mut self, number: u64) -> Result<()> {
+        self.note.file_number = number;
+        self.write()
+    }
+
+    /// Notes a frame that will be verified.
+    pub fn begin_frame(
+        &mut self,
+        simulator: Option<SidecarState>,
+        at: (u64, f64),
+        cuts: u32,
+    ) -> Result<()> {
+        self.note.simulator = simulator.or(self.note.simulator);
+        self.note.in_hand = Some(at);
+        self.note.cuts = cuts;
+        self.write()
+    }
+
+    /// Notes that the frame was answered or skipped. `verified` is true if it was not rejected or
+    /// skipped.
+    pub fn end_frame(
+        &mut self,
+        simulator: Option<SidecarState>,
+        (verified, intact): (bool, bool),
+        outcome: Outcome,
+    ) -> Result<()> {
+        let note = &mut self.note;
+        note.simulator = simulator.or(note.simulator);
+        if let (Some((seq, _)), true) = (note.in_hand.take(), verified) {
+            (note.verified, note.intact) = (Some(seq), intact);
+        }
+        note.outcome = note.outcome.max(outcome);
+        self.write()
+    }
+
+    /// Writes the state of the session before the verdict on a frame that changed the baseline.
+    pub fn keep(&mut self, run: impl FnOnce() -> RunState) -> Result<()> {
+        let Some(files) = &mut self.files else {
+            return Ok(());
+        };
+        // An older state must not replace this one.
+        if let Some(writer) = files.writer.take() {
+            writer.finish();
+        }
+        files.written = Instant::now();
+        write_session(&files.session, &run())
+    }
+
+    /// Writes the state of the session, if the last one is old. Does not wait.
+    pub fn keep_from_time_to_time(&mut self, run: impl FnOnce() -> RunState) -> Result<()> {
+        let Some(files) = &mut self.files else {
+            return Ok(());
+        };
+        if files.written.elapsed() < INTERVAL {
+            return Ok(());
+        }
+        let writer = match &mut files.writer {
+            Some(writer) => writer,
+            none => none.insert(Writer::start(&files.session)?),
+        };
+        if writer.to.try_send(run()).is_ok() {
+            files.written = Instant::now();
+        }
+        Ok(())
+    }
+
+    /// Notes that the session has ended.
+    pub fn end_session(&mut self, outcome: Outcome) -> Result<()> {
+        self.note.simulator = None;
+        self.note.in_hand = None;
+        (self.note.verified, self.note.intact) = (None, false);
+        self.note.outcome = self.note.outcome.max(outcome);
+        self.write()?;
+        if let Some(files) = &mut self.files {
+            files.remove_session();
+        }
+        Ok(())
+    }
+
+    /// Notes that a signal stopped the watch, so that the next process continues it.
+    pub fn stop(&mut self, outcome: Outcome) -> Result<()> {
+        self.note.stopped = true;
+        self.note.outcome = self.note.outcome.max(outcome);
+        self.write()
+    }
+
+    /// Removes the files: the watch has ended, and no process continues it.
+    pub fn end(&mut self) -> Result<()> {
+        match self.files.take() {
+            Some(mut files) => {
+                // Still there if the simulator of an earlier process did not come again.
+                files.remove_session();
+                std::fs::remove_file(&files.path).map_err(|e| unusable(&files.path, e))
+            }
+            None => Ok(()),
+        }
+    }
+
+    fn write(&mut self) -> Result<()> {
+        let Some(Files { note, .. }) = &mut self.files else {
+            return Ok(());
+        };
+        let mut padded = MAGIC.to_vec();
+        padded.extend(bytes(&self.note));
+        assert!(padded.len() <= NOTE_BYTES, "a note has a bounded size");
+        padded.resize(NOTE_BYTES, 0);
+        note.rewind()?;
+        // One call of the system, which a kill does not divide.
+        note.write_all(&padded)?;
+        Ok(())
+    }
+}
+
+impl Files {
+    /// Removes the state of the session.
+    fn remove_session(&mut self) {
+        if let Some(writer) = self.writer.take() {
+            writer.finish();
+        }
+        // Absent if no frame was verified.
+        let _ = std::fs::remove_file(&self.session);
+        // Left by a process that was killed while it wrote.
+        let _ = std::fs::remove_file(part_of(&self.session));
+    }
+}
+
+/// Thread that writes states of a session, one at a time.
+struct Writer {
+    to: SyncSender<RunState>,
+    thread: JoinHandle<()>,
+}
+
+impl Writer {
+    fn start(path: &Path) -> Result<Writer> {
+        // A state is accepted only if the thread waits for one.
+        let (to, states) = sync_channel::<RunState>(0);
+        let path = path.to_owned();
+        let span = tracing::Span::current();
+        let write = move || {
+            let _entered = span.entered();
+            for state in states {
+                if let Err(e) = write_session(&path, &state) {
+                    tracing::error!("{e}");
+                }
+            }
+        };
+        let thread = std::thread::Builder::new().name("linkwatch-state".into());
+        let thread = thread.spawn(write)?;
+        Ok(Writer { to, thread })
+    }
+
+    /// Waits until the last state is written.
+    fn finish(self) {
+        drop(self.to);
+        // The panic hook has reported a panic.
+        let _ = self.thread.join();
+    }
+}
+
+/// Writes the state of a session. A process that is killed leaves the old or the new one.
+fn write_session(path: &Path, state: &RunState) -> Result<()> {
+    let part = part_of(path);
+    let written = std::fs::write(&part, bytes(state));
+    let written = written.and_then(|()| std::fs::rename(&part, path));
+    written.map_err(|e| unusable(path, e))
+}
+
+/// Returns the file to which the state of a session is written before it replaces the last one.
+fn part_of(session: &Path) -> PathBuf {
+    session.with_extension("part")
+}
+
+/// Reads the state of a session; `None` if there is none.
+fn read_session(path: &Path) -> Result<Option<RunState>> {
+    let content = match std::fs::read(path) {
+        Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Ok(None),
+        content => content.map_err(|e| unusable(path, e))?,
+    };
+    let state = postcard::from_bytes(&content);
+    state.map(Some).map_err(|e| unusable(path, e))
+}
+
+/// Locks a file for this process.
+fn lock(path: &Path, file: File) -> Result<File> {
+    match file.try_lock() {
+        Ok(()) => Ok(file),
+        Err(TryLockError::WouldBlock) => Err(unusable(path, "another watch uses it")),
+        Err(TryLockError::Error(e)) => Err(unusable(path, e)),
+    }
+}
+
+/// Reads a note; `None` if the file is empty.
+fn read_note(path: &Path, file: &mut File) -> Result<Option<Note>> {
+    let mut content = Vec::new();
+    let read = file.take(NOTE_BYTES as u64).read_to_end(&mut content);
+    read.map_err(|e| unusable(path, e))?;
+    if content.is_empty() {
+        return Ok(None);
+    }
+    let other = || {
+        unusable(
+            path,
+            "it is not the state of a watch of this version of linkwatch",
+        )
+    };
+    let note = content.strip_prefix(MAGIC).ok_or_else(other)?;
+    let note = postcard::take_from_bytes(note).map_err(|e| unusable(path, e))?;
+    Ok(Some(note.0))
+}
+
+fn bytes(value: &impl Serialize) -> Vec<u8> {
+    postcard::to_stdvec(value).expect("plain data that fits into memory")
+}
+
+fn unusable(path: &Path, why: impl std::fmt::Display) -> Error {
+    Error::State(format!(
+        "the state of the watch cannot be used: {}: {why}",
+        path.display()
+    ))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn simulator(session: u64) -> SidecarState {
+        let json = serde_json::json!({
+            "session": session, "last": 7,
+            "counters": { "verified": 8, "skipped": 0, "rejected": 0 },
+        });
+        serde_json::from_value(json).unwrap()
+    }
+
+    #[test]
+    fn the_next_process_finds_the_session_and_the_frame_in_hand() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("watch.state");
+        let open = || State::open(Some(&path)).unwrap();
+        let mut first = open();
+        assert_eq!((first.outcome(), first.file_number()), (Outcome::Fine, 0));
+        first.begin_files(1).unwrap();
+        assert!(first.begin_session(5, 1).unwrap().is_none());
+        first.keep(RunState::default).unwrap();
+        first
+            .begin_frame(Some(simulator(5)), (7, 0.7), u32::MAX)
+            .unwrap();
+
+        drop(first);
+        let mut second = open();
+        assert_eq!(second.outcome(), Outcome::Undecided);
+        assert_eq!((second.sessions(), second.file_number()), (1, 1));
+        assert_eq!(second.interrupted(), Some(simulator(5)));
+        let earlier = second.begin_session(5, 1).unwrap().unwrap();
+        assert_eq!(earlier.in_hand, Some((7, 0.7)));
+        assert!(earlier.run.is_some());
+        second.begin_files(2).unwrap();
+        drop(second);
+
+        // Another simulator has a baseline of its own.
+        assert!(open().begin_session(6, 2).unwrap().is_none());
+        assert!(!folder.path().join("watch.state.session").exists());
+        let mut third = open();
+        assert_eq!((third.sessions(), third.restarts()), (2, 3));
+        third.end_session(Outcome::Changed).unwrap();
+        let e = State::open(Some(&path)).err().unwrap().to_string();
+        assert!(e.contains("another watch uses it"), "{e}");
+        drop(third);
+        let mut fourth = open();
+        assert_eq!(fourth.outcome(), Outcome::Changed);
+        fourth.end().unwrap();
+        assert!(!path.exists());
+    }
+
+    #[test]
+    fn a_damaged_state_is_an_error_and_not_a_new_baseline() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("watch.state");
+        let mut first = State::open(Some(&path)).unwrap();
+        first.begin_session(5, 1).unwrap();
+        first.keep(RunState::default).unwrap();
+        first.begin_frame(Some(simulator(5)), (7, 0.7), 0).unwrap();
+        drop(first);
+        let session = folder.path().join("watch.state.session");
+        let whole = std::fs::read(&session).unwrap();
+        std::fs::write(&session, &whole[..whole.len() - 1]).unwrap();
+        let mut second = State::open(Some(&path)).unwrap();
+        let e = second.begin_session(5, 1).err().unwrap().to_string();
+        assert!(e.contains("cannot be used"), "{e}");
+    }
+
+    #[test]
+    fn a_file_of_something_else_is_not_overwritten() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("notes.txt");
+        std::fs::write(&path, "my notes").unwrap();
+        let e = State::open(Some(&path)).err().unwrap().to_string();
+        assert!(e.contains("not the state of a watch"), "{e}");
+        assert_eq!(std::fs::read_to_string(&path).unwrap(), "my notes");
+    }
+}

@@ -1,0 +1,218 @@
+//! Comparison of a frame with the baseline: in full, or incrementally.
+
+use super::known::{Known, LinkingNumbers};
+use super::{Engine, Strategy};
+use crate::certificate::{Certificate, Comparison};
+use crate::curve::{CurveSet, Frame};
+use crate::error::Result;
+use crate::incremental::{Events, Outcome, Route};
+use crate::pairs::Pair;
+use crate::pool;
+use crate::verdict::Stats;
+use std::sync::Arc;
+use std::time::Instant;
+
+/// Result of comparing a frame with the baseline.
+pub(super) struct Compared {
+    pub linking: LinkingNumbers,
+    pub stats: Stats,
+    /// Outcome of the step from the previous frame, if it was searched.
+    pub step: Option<Outcome>,
+}
+
+impl Engine {
+    /// Compares a frame with the baseline, by the strategy of the engine. The frame may be known to
+    /// be quiet. `appeared` are the curves that the baseline lacks.
+    pub(super) fn compare(
+        &mut self,
+        known: &mut Known,
+        (frame, quiet): (&Frame, bool),
+        appeared: &[u32],
+    ) -> Result<Compared> {
+        let mut compared = self.compare_with_baseline(known, (frame, quiet), appeared)?;
+        if self.strategy.is_incremental() {
+            // The work depends on earlier frames, so only the sizes are counted.
+            compared.stats = Stats::default();
+            self.offer_reference(frame, &compared.linking);
+        }
+        Ok(compared)
+    }
+
+    fn compare_with_baseline(
+        &mut self,
+        known: &mut Known,
+        (frame, quiet): (&Frame, bool),
+        appeared: &[u32],
+    ) -> Result<Compared> {
+        let Some(baseline) = known.baseline.clone() else {
+            let stats = self.certify_fully(frame.set()?)?;
+            let baseline = self.full.certificate.clone();
+            let comparison = baseline.compare(&baseline)?;
+            known.baseline = Some(Arc::new(baseline));
+            return Ok(self.of_full_run(comparison, stats));
+        };
+        let compared = match self.strategy {
+            _ if !appeared.is_empty() => {
+                let stats = self.certify_fully(frame.set()?)?;
+                let certificate = &self.full.certificate;
+                let mut all = Certificate::clone(&baseline);
+                all.adopt_curves(appeared, certificate);
+                let comparison = certificate.compare(&all)?;
+                known.baseline = Some(Arc::new(all));
+                self.of_full_run(comparison, stats)
+            }
+            Strategy::Full if self.early_exit => {
+                let set = frame.set()?;
+                let (comparison, stats) = self.full.compare_until_change(set, &baseline)?;
+                self.of_full_run(comparison, stats)
+            }
+            Strategy::Full => self.compare_fully(frame.set()?, &baseline)?,
+            Strategy::Incremental | Strategy::Paranoid => {
+                self.compare_incrementally(known, (frame, quiet), &baseline)?
+            }
+        };
+        // Pairs that are missing must not become part of the baseline.
+        self.full.progress.check()?;
+        // With early exit, unchecked pairs have no linking number yet.
+        let comparison = &compared.linking.comparison;
+        if compared.stats.unchecked == 0
+            && comparison.has_fresh()
+            && let Some(baseline) = &mut known.baseline
+        {
+            let baseline = Arc::make_mut(baseline);
+            baseline.adopt(comparison);
+            self.monitor.set_baseline(baseline);
+        }
+        Ok(compared)
+    }
+
+    /// Makes a frame the reference frame, if that may pay.
+    fn offer_reference(&mut self, frame: &Frame, linking: &LinkingNumbers) {
+        if let Some(certificate) = &linking.certificate
+            && self.monitor.wants_reference()
+        {
+            let certificate = Arc::clone(certificate);
+            self.monitor.make_reference(frame.clone(), certificate);
+        }
+    }
+
+    /// Returns the result of a full run.
+    fn of_full_run(&self, comparison: Comparison, stats: Stats) -> Compared {
+        let keeps = self.strategy.is_incremental();
+        let certificate = keeps.then(|| Arc::new(self.full.certificate.clone()));
+        Compared {
+            linking: LinkingNumbers {
+                comparison,
+                certificate,
+            },
+            stats,
+            step: None,
+        }
+    }
+
+    fn compare_fully(&mut self, set: &CurveSet, baseline: &Certificate) -> Result<Compared> {
+        let stats = self.certify_fully(set)?;
+        let comparison = self.full.certificate.compare(baseline)?;
+        Ok(self.of_full_run(comparison, stats))
+    }
+
+    /// Computes a frame in full, and records the number of pairs decided by sums.
+    fn certify_fully(&mut self, set: &CurveSet) -> Result<Stats> {
+        let start = Instant::now();
+        let stats = pool::run(set.segments(), || self.full.certify(set));
+        self.full.progress.check()?;
+        self.routing.took_full_run(start.elapsed());
+        self.work.recomputed = stats.potential_links;
+        self.work.summed = self.full.ladder.summed;
+        Ok(stats)
+    }
+
+    /// Compares a frame with the baseline. Computes only linking numbers that neither the reference
+    /// frame nor the step from the previous frame proves.
+    fn compare_incrementally(
+        &mut self,
+        known: &mut Known,
+        (frame, quiet): (&Frame, bool),
+        baseline: &Certificate,
+    ) -> Result<Compared> {
+        let compared = match self.monitor.reference_result().filter(|_| quiet) {
+            Some((certificate, comparison)) => Compared {
+                linking: LinkingNumbers {
+                    comparison: comparison.clone(),
+                    certificate: Some(Arc::clone(certificate)),
+                },
+                stats: Stats::default(),
+                step: None,
+            },
+            None => match self.compare_by_step(known, frame, baseline)? {
+                Some(compared) => compared,
+                None => return self.compare_fully(frame.set()?, baseline),
+            },
+        };
+        if self.strategy == Strategy::Paranoid {
+            let stats = self.full.certify(frame.set()?);
+            self.full.progress.check()?;
+            let full = self.full.certificate.compare(baseline)?;
+            if full != compared.linking.comparison {
+                self.disagree();
+            }
+            let step = compared.step;
+            let full = self.of_full_run(full, stats);
+            return Ok(Compared { step, ..full });
+        }
+        Ok(compared)
+    }
+
+    /// Compares a frame with the baseline, by a search of the step from the previous frame: the
+    /// linking number of a pair without a passage or a contact has not changed. Returns `None` if
+    /// the previous frame does not help, or if a full run costs less.
+    fn compare_by_step(
+        &mut self,
+        known: &mut Known,
+        frame: &Frame,
+        baseline: &Certificate,
+    ) -> Result<Option<Compared>> {
+        let start = Instant::now();
+        let set = frame.set()?;
+        let Some(certificate) = self.steps.numbers(known, set) else {
+            return Ok(None);
+        };
+        let pairs = self.pairs_to_search(known, frame);
+        let all = pairs.is_none();
+        if all && self.steps.events() == Events::Off && !self.routing.search_pays() {
+            return Ok(None);
+        }
+        let step = self.search_step(known, frame, pairs)?;
+        self.full.progress.check()?;
+        let closed = |i: u32| set.curve(i as usize).closed;
+        let unsettled = step.unsettled_pairs();
+        let unsettled = unsettled.filter(|&(i, j)| i != j && closed(i) && closed(j));
+        // Nothing is known about pairs that had no linking number.
+        let undefined = &certificate.undefined;
+        let unknown = undefined.iter().filter_map(|d| Some((d.i, d.j?)));
+        let mut pairs: Vec<Pair> = unsettled.chain(unknown).collect();
+        pairs.sort_unstable();
+        pairs.dedup();
+        self.work.route = Route::Partial;
+        self.work.recomputed = pairs.len() as u64;
+        let certificate = if pairs.is_empty() {
+            certificate
+        } else {
+            let recomputed = self.full.certify_pairs(set, &pairs);
+            self.full.progress.check()?;
+            Arc::new(certificate.with_replaced(&pairs, &recomputed))
+        };
+        let linking = LinkingNumbers {
+            comparison: certificate.compare(baseline)?,
+            certificate: Some(certificate),
+        };
+        if all {
+            self.routing.took_search(start.elapsed());
+        }
+        Ok(Some(Compared {
+            linking,
+            stats: Stats::default(),
+            step: Some(step),
+        }))
+    }
+}

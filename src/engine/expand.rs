@@ -1,0 +1,186 @@
+//! The scene of a frame: changes of the curves, what the first frame decides, and images.
+
+use super::braided::Braided;
+use super::known::Known;
+use super::{Engine, Next, Strategy};
+use crate::curve::{Cell, Frame};
+use crate::error::{Error, Result};
+use crate::incremental::{Events, Work};
+use crate::pool;
+use crate::scene::{CellScene, ComparedYarns, Search};
+use std::sync::Arc;
+
+impl Engine {
+    /// Applies the change of the curves before this frame. Returns the curves that appeared.
+    ///
+    /// Errors: [`Error::CertificateMismatch`] if the baseline has another number of curves than the
+    /// change; [`Error::Count`] if this frame has.
+    pub(super) fn apply_change(&mut self, known: &mut Known, next: Next<'_>) -> Result<Vec<u32>> {
+        let Some(change) = next.change else {
+            return Ok(Vec::new());
+        };
+        if self.with_braids.is_some() || self.braided.is_some() {
+            let what = "curves appeared or are gone, but braids need the same curves in all frames";
+            return Err(Error::Braid(what.into()));
+        }
+        if next.cell.is_some() {
+            let what = "curves appeared or are gone, but a periodic scene needs the same curves in \
+                        all frames";
+            return Err(Error::Usage(what.into()));
+        }
+        let origins = change.origins();
+        if origins.len() != next.curves.len() {
+            return Err(Error::Count {
+                what: "curves of a frame after a change",
+                promised: origins.len() as u64,
+                available: next.curves.len() as u64,
+            });
+        }
+        self.set_filter(self.filter.clone());
+        known.change_curves(change, next.curves, self.steps.events())
+    }
+
+    /// Prepares the first frame: divides a given baseline into what is verified apart, and closes
+    /// braids.
+    pub(super) fn begin_baseline(&mut self, known: &mut Known, next: Next<'_>) -> Result<()> {
+        let has_images = known.given.as_ref().map(|given| given.images.is_some());
+        match (has_images, next.cell) {
+            (Some(true), None) => {
+                let what = "the baseline is of a periodic scene, but the frame has no cell";
+                return Err(Error::Usage(what.into()));
+            }
+            (Some(false), Some(_)) => {
+                let what = "the baseline is not of a periodic scene, but the frame has a cell: \
+                            make one with the cell";
+                return Err(Error::Usage(what.into()));
+            }
+            (_, Some(cell)) => self.align_baseline(known, next, cell)?,
+            (_, None) => {}
+        }
+        if let Some(options) = &self.with_braids {
+            self.braided = Some(Braided::new(next.curves, options, self)?);
+        }
+        if next.cell.is_none()
+            && let Some(given) = known.given.take()
+        {
+            match &self.braided {
+                Some(braided) => {
+                    let own = Arc::new(braided.without_loops(&given));
+                    known.baseline = Some(Arc::clone(&own));
+                    known.joined = Some((given, own));
+                }
+                None => known.baseline = Some(given),
+            }
+        }
+        Ok(())
+    }
+
+    /// Gives the images of a given baseline the names that the first frame has for them.
+    fn align_baseline(&mut self, known: &mut Known, next: Next<'_>, cell: Cell) -> Result<()> {
+        let (Some(given), Some(scene)) = (known.given.clone(), &mut known.cell) else {
+            return Ok(());
+        };
+        // The numbers of this frame.
+        scene.find_yarns(next.curves, &cell);
+        let search = self.image_search();
+        let followed = scene.follow((next.curves, &cell), None, None, search)?;
+        let mut scene = scene.clone();
+        self.set_filter(scene.filter());
+        let set = Arc::clone(followed.frame.set()?);
+        self.full.heed_cancel(false);
+        pool::run(set.segments(), || self.full.certify(&set));
+        self.full.progress.check()?;
+        self.full.heed_cancel(true);
+        scene.compare_yarns(&followed.frame, (None, None), false)?;
+        let frame = scene.joined(&self.full.certificate, next.curves.len(), &[]);
+        known.given = Some(Arc::new(given.aligned_with(&frame)?));
+        // The images of the baseline are searched for, too.
+        known.cell = Some(CellScene::default());
+        Ok(())
+    }
+
+    pub(super) fn image_search(&self) -> Search {
+        Search {
+            // Open curves have no linking numbers.
+            open_too: self.steps.events() != Events::Off,
+            most: self.full.progress.limit.most(),
+            check_torn: self.check_torn,
+            paranoid: self.strategy == Strategy::Paranoid,
+        }
+    }
+
+    /// Returns the frame with the images that may meet, and true if it is quiet: proven to have the
+    /// linking numbers of the reference frame. If other images come near than before, what is known
+    /// is expressed in them.
+    pub(super) fn expand(
+        &mut self,
+        known: &mut Known,
+        next: Next<'_>,
+        missing: &mut Vec<String>,
+    ) -> Result<(Frame, bool)> {
+        let mut quiet = self.survey(known, next);
+        let (Some(cell), Some(earlier)) = (next.cell, known.cell.take()) else {
+            return Ok((Frame::new(next.curves, None, None), quiet));
+        };
+        let mut scene = earlier.clone();
+        missing.extend(scene.find_yarns(next.curves, &cell));
+        if let Some(given) = known.given.take() {
+            scene.expect(&given);
+            // Those of the curves that are verified follow when the images are known.
+            known.joined = Some((given, Arc::default()));
+        }
+        let given = (next.curves, &cell);
+        let bounds = quiet
+            .then(|| self.monitor.quiet_bounds(next.curves))
+            .flatten();
+        let search = self.image_search();
+        let expected = known.joined.as_ref().map(|(joined, _)| &**joined);
+        let followed = scene.follow(given, bounds.as_ref(), expected, search)?;
+        if followed.disagreed {
+            self.disagree();
+        }
+        if followed.others {
+            self.set_filter(scene.filter());
+            self.work = Work::default();
+            quiet = false;
+            known.rename(&earlier, &scene, missing);
+        }
+        known.cell = Some(scene);
+        Ok((followed.frame, quiet))
+    }
+
+    /// Compares the frame with the reference frame. Returns true if it is quiet.
+    fn survey(&mut self, known: &Known, next: Next<'_>) -> bool {
+        let baseline = known.baseline.as_ref().filter(|_| next.change.is_none());
+        let Some(baseline) = baseline.filter(|_| self.strategy.is_incremental()) else {
+            return false;
+        };
+        let before = known.last.as_deref().map(|last| &last.frame);
+        let curves = (&**next.curves, next.cell.as_ref());
+        self.monitor
+            .is_quiet(before, curves, baseline, &mut self.work)
+    }
+
+    /// Compares the linking numbers of closed curves and yarns, if there are any.
+    pub(super) fn compare_yarns(
+        &mut self,
+        known: &mut Known,
+        frame: &Frame,
+    ) -> Result<ComparedYarns> {
+        let Some(scene) = &mut known.cell else {
+            return Ok(ComparedYarns::default());
+        };
+        let last = known
+            .last
+            .as_deref()
+            .filter(|_| self.strategy.is_incremental());
+        let step = (last.map(|last| &last.frame), self.steps.met());
+        let check = self.strategy == Strategy::Paranoid;
+        let yarns = scene.compare_yarns(frame, step, check)?;
+        if yarns.disagreed {
+            self.disagree();
+        }
+        known.join(frame.given().len(), &yarns);
+        Ok(yarns)
+    }
+}

@@ -1,0 +1,138 @@
+//! Findings of a frame: places of changed pairs, and pull-throughs since the previous frame.
+
+use super::known::Known;
+use super::{Engine, Strategy};
+use crate::certificate::Comparison;
+use crate::curve::Frame;
+use crate::error::Result;
+use crate::incremental::{Events, Outcome, Route};
+use crate::pairs::{Pair, closest_approach};
+use crate::verdict::{Defect, DefectKind, PullThrough};
+use rayon::prelude::*;
+use std::time::Instant;
+
+/// Pull-throughs since the previous frame, and the defects of a frame.
+pub(super) struct Motion {
+    pub events: Vec<PullThrough>,
+    pub unresolved: Vec<PullThrough>,
+    pub defects: Vec<Defect>,
+    /// See [`Report::safe_fraction`](crate::Report::safe_fraction).
+    pub safe_fraction: Option<f64>,
+}
+
+impl Engine {
+    /// Adds the places of closest approach of changed pairs, and of pairs that the baseline lacks.
+    pub(super) fn add_places(&mut self, frame: &Frame, comparison: &mut Comparison) -> Result<()> {
+        let Comparison {
+            changes, defects, ..
+        } = comparison;
+        let fresh = |d: &&mut Defect| d.kind == DefectKind::NoBaseline;
+        let mut fresh: Vec<&mut Defect> = defects.iter_mut().filter(fresh).collect();
+        if changes.is_empty() && fresh.is_empty() {
+            return Ok(());
+        }
+        let set = frame.set()?;
+        // Trees that the frame did not need may be those of an earlier frame: after a partial run,
+        // and if only some pairs are verified.
+        if self.work.route != Route::Full || self.filter.is_some() {
+            let changed = changes.iter().map(|c| (c.i, c.j));
+            let fresh = fresh.iter().filter_map(|d| Some((d.i, d.j?)));
+            self.full
+                .refit(set, &changed.chain(fresh).collect::<Vec<Pair>>());
+        }
+        let trees = self.full.trees();
+        let cancel = &self.full.progress.cancel;
+        let place = |i: u32, j: u32| {
+            let (i, j) = (i as usize, j as usize);
+            // Open curves have no tree. They have no linking number either, so their only change is
+            // a lost link.
+            let exists = !cancel.is_set() && set.curve(i).closed && set.curve(j).closed;
+            exists.then(|| closest_approach(set, trees, i, j))
+        };
+        changes
+            .par_iter_mut()
+            .for_each(|c| c.place = place(c.i, c.j));
+        fresh.par_iter_mut().for_each(|d| match d.j {
+            Some(j) => d.place = place(d.i, j).unwrap_or(d.place),
+            None => d.place.point = set.point(d.i as usize, 0),
+        });
+        Ok(())
+    }
+
+    /// Returns the pairs for which the reference frame does not exclude passages since the previous
+    /// frame, or `None` if that may be any pairs.
+    pub(super) fn pairs_to_search(&mut self, known: &Known, frame: &Frame) -> Option<Vec<Pair>> {
+        if !self.strategy.is_incremental() {
+            return None;
+        }
+        let before = &known.last.as_deref()?.frame;
+        self.monitor
+            .pairs_to_search([before, frame], &mut self.work)
+    }
+
+    /// Searches the step from the previous frame: these pairs, or all.
+    pub(super) fn search_step(
+        &mut self,
+        known: &mut Known,
+        frame: &Frame,
+        pairs: Option<Vec<Pair>>,
+    ) -> Result<Outcome> {
+        let start = Instant::now();
+        let mut outcome = self.steps.outcome(known, frame, pairs.as_deref())?;
+        self.full.timings.events += start.elapsed();
+        self.work.searched = outcome.counts.pairs;
+        if self.strategy == Strategy::Paranoid && pairs.is_some() {
+            let full = self.steps.outcome(known, frame, None)?;
+            let findings = |o: Outcome| (o.events, o.unresolved, o.undecided, o.touching);
+            if findings(full.clone()) != findings(outcome) {
+                self.disagree();
+            }
+            outcome = full;
+        }
+        Ok(outcome)
+    }
+
+    /// Returns the pull-throughs since the previous frame, if they are reported, and all defects:
+    /// those of the comparison, and undecided pairs of the step. `step` is the outcome of the step,
+    /// if it was searched already.
+    pub(super) fn search_events(
+        &mut self,
+        known: &mut Known,
+        frame: &Frame,
+        step: Option<Outcome>,
+        comparison: &Comparison,
+    ) -> Result<Motion> {
+        let mut motion = Motion {
+            events: Vec::new(),
+            unresolved: Vec::new(),
+            defects: comparison.defects.clone(),
+            safe_fraction: None,
+        };
+        if self.steps.events() == Events::Off {
+            return Ok(motion);
+        }
+        let outcome = match step {
+            Some(step) => step,
+            None => {
+                let pairs = self.pairs_to_search(known, frame);
+                self.search_step(known, frame, pairs)?
+            }
+        };
+        let full = &mut self.full;
+        let place = |(i, j): Pair| {
+            let set = frame.set()?;
+            full.refit(set, &[(i, j)]);
+            Ok(closest_approach(set, full.trees(), i as usize, j as usize))
+        };
+        let defects = &mut motion.defects;
+        self.steps
+            .add_defects(known, &outcome, comparison, place, defects)?;
+        let unaccounted = defects.iter().any(|d| d.kind == DefectKind::Unaccounted);
+        if !unaccounted {
+            motion.safe_fraction = self.steps.safe_fraction(known, frame, &outcome)?;
+        }
+        motion.events = outcome.events;
+        motion.unresolved = outcome.unresolved;
+        Ok(motion)
+    }
+}

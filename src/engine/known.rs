@@ -1,0 +1,230 @@
+//! What an engine knows of earlier frames.
+
+use super::intactness::Intactness;
+use crate::certificate::{Certificate, Comparison};
+use crate::curve::{CurveChange, CurveSet, Frame, Precision};
+use crate::error::{Error, Result};
+use crate::incremental::{Contacts, Events};
+use crate::pairs::Pair;
+use crate::scene::{CellScene, ComparedYarns};
+use std::sync::Arc;
+
+/// All that the reports on later frames depend on. A copy is cheap.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Known {
+    /// Given baseline, until the first frame.
+    pub given: Option<Arc<Certificate>>,
+    /// Expected linking numbers of the curves that are verified together.
+    pub baseline: Option<Arc<Certificate>>,
+    /// All expected linking numbers under the names of reports, if those above are not all, and the
+    /// baseline from which they were made.
+    pub joined: Option<(Arc<Certificate>, Arc<Certificate>)>,
+    /// Last verified frame, if the next one is compared with it.
+    pub last: Option<Arc<Last>>,
+    /// Last verified frame, if it had other curves than the current one; `last` is `None` then.
+    pub across: Option<Arc<Across>>,
+    /// Pairs of curves that have touched since the very first frame, sorted, without pairs of
+    /// closed curves; `None` before that frame.
+    pub touching: Option<Arc<Vec<Pair>>>,
+    pub intactness: Intactness,
+    /// Reason why the step to the next frame is unknown, if it is.
+    pub unknown_step: Option<String>,
+    /// Extent of the first frame.
+    pub extent: Option<f64>,
+    /// Images of the curves, if the scene repeats.
+    pub cell: Option<CellScene>,
+}
+
+/// A verified frame.
+#[derive(Clone, Debug)]
+pub(super) struct Last {
+    pub frame: Frame,
+    pub linking: LinkingNumbers,
+    pub contacts: Contacts,
+}
+
+/// Previous frame of other curves: those that continue, in the order of the current frame.
+#[derive(Debug)]
+pub(super) struct Across {
+    pub before: CurveSet,
+    /// Their indices in the current frame, ascending.
+    pub curves: Vec<u32>,
+}
+
+/// Linking numbers of a frame.
+#[derive(Clone, Debug)]
+pub(super) struct LinkingNumbers {
+    /// Comparison with the baseline.
+    pub comparison: Comparison,
+    /// All linking numbers, if later frames are verified incrementally.
+    pub certificate: Option<Arc<Certificate>>,
+}
+
+impl Known {
+    /// Returns all expected linking numbers.
+    pub fn joined(&self) -> Option<&Arc<Certificate>> {
+        let joined = self.joined.as_ref().map(|(joined, _)| joined);
+        joined.or(self.baseline.as_ref())
+    }
+
+    /// The next frame does not continue the last one.
+    pub fn cut(&mut self) {
+        (self.last, self.across, self.unknown_step) = (None, None, None);
+        self.intactness.cut();
+        if let Some(scene) = &mut self.cell {
+            scene.cut();
+        }
+    }
+
+    /// Fails if the baseline has another number of curves than the frame.
+    pub fn check_number(&self, curves: usize) -> Result<()> {
+        let baseline = self.given.as_ref().or(self.joined());
+        match baseline.filter(|baseline| baseline.curves != curves) {
+            Some(baseline) => Err(Error::CertificateMismatch {
+                certificate: baseline.curves,
+                model: curves,
+            }),
+            None => Ok(()),
+        }
+    }
+
+    /// Joins the expected linking numbers under the names of the curves and their images, if they
+    /// changed.
+    pub fn join(&mut self, given: usize, yarns: &ComparedYarns) {
+        let (Some(scene), Some(baseline)) = (&self.cell, &self.baseline) else {
+            return;
+        };
+        let same = |known: &(_, Arc<Certificate>)| Arc::ptr_eq(&known.1, baseline);
+        if self.joined.as_ref().is_none_or(|known| !same(known)) || !yarns.adopted.is_empty() {
+            let joined = scene.joined(baseline, given, &yarns.defects);
+            self.joined = Some((Arc::new(joined), Arc::clone(baseline)));
+        }
+    }
+
+    /// Expresses all that is known in the curves and images of `scene`, instead of those of
+    /// `earlier`. Adds to `missing` what cannot be.
+    pub fn rename(&mut self, earlier: &CellScene, scene: &CellScene, missing: &mut Vec<String>) {
+        if let Some((joined, from)) = &mut self.joined {
+            *from = Arc::new(scene.expected(joined));
+            self.baseline = Some(Arc::clone(from));
+        }
+        let curve = scene.renamed(earlier);
+        let renamed = |(a, b): Pair| Some((curve(a)?, curve(b)?));
+        if let Some(touching) = &mut self.touching {
+            let pairs = touching.iter().filter_map(|&pair| renamed(pair));
+            let mut pairs: Vec<Pair> = pairs.collect();
+            pairs.sort_unstable();
+            *touching = Arc::new(pairs);
+        }
+        let Some(last) = self.last.take() else {
+            return;
+        };
+        let frame = &last.frame;
+        let frame = frame.cell().map(|cell| scene.frame(frame.given(), *cell));
+        let origins = scene.origins(earlier, last.frame.given().len());
+        let linking = &last.linking;
+        let certificate = linking.certificate.as_ref();
+        let certificate = certificate.map(|c| Arc::new(c.with_curves(&origins)));
+        let comparison = linking.comparison.renamed(renamed);
+        let contacts = last.contacts.renamed(renamed);
+        match (frame, comparison, contacts) {
+            (Some(frame), Some(comparison), Some(contacts)) => {
+                self.last = Some(Arc::new(Last {
+                    frame,
+                    linking: LinkingNumbers {
+                        comparison,
+                        certificate,
+                    },
+                    contacts,
+                }));
+            }
+            // All pairs that meet are among the images, so this does not happen.
+            _ => missing.push(
+                "other images came near while some touched: passages through this contact may be \
+                 missing"
+                    .into(),
+            ),
+        }
+    }
+
+    /// Converts the last frame to double precision if the curves of a frame have it.
+    pub fn widen_to(&mut self, curves: &CurveSet) -> Result<()> {
+        let (Some(scene), Some(last)) = (&mut self.cell, &self.last) else {
+            return Ok(());
+        };
+        let before = last.frame.given().precision();
+        if (before, curves.precision()) == (Precision::F32, Precision::F64) {
+            scene.widen()?;
+            self.last = Some(Arc::new(Last {
+                frame: last.frame.widened()?,
+                ..Last::clone(last)
+            }));
+        }
+        Ok(())
+    }
+
+    /// Prepares a step to a frame of other curves. Pull-throughs are searched for among the curves
+    /// that continue with the same number of points. Returns the curves that appeared, if their
+    /// linking numbers are to become part of a baseline.
+    ///
+    /// Errors: [`Error::CertificateMismatch`] if the baseline has another number of curves than the
+    /// change.
+    pub fn change_curves(
+        &mut self,
+        change: &CurveChange,
+        set: &CurveSet,
+        events: Events,
+    ) -> Result<Vec<u32>> {
+        let origins = change.origins();
+        self.check_number(change.before())?;
+        let mut appeared = Vec::new();
+        if let Some(baseline) = &mut self.baseline {
+            *baseline = Arc::new(baseline.with_curves(origins));
+            let all = (0_u32..).zip(origins);
+            appeared.extend(all.filter(|(_, o)| o.is_none()).map(|(i, _)| i));
+        }
+        let last = self.last.take().filter(|_| events != Events::Off);
+        self.across = last.and_then(|last| {
+            let before = &**last.frame.given();
+            let same_kind = |a: &CurveSet, b: &CurveSet| {
+                (a.basis(), a.precision()) == (b.basis(), b.precision())
+            };
+            if !same_kind(before, set) {
+                return None;
+            }
+            let same_size = |&(i, origin): &(u32, u32)| {
+                let (a, b) = (before.curve(origin as usize), set.curve(i as usize));
+                (a.points, a.closed) == (b.points, b.closed)
+            };
+            let kept = (0_u32..).zip(origins).filter_map(|(i, o)| Some((i, (*o)?)));
+            let (curves, origins): (Vec<u32>, Vec<u32>) = kept.filter(same_size).unzip();
+            Some(Arc::new(Across {
+                before: before.subset(&origins),
+                curves,
+            }))
+        });
+        if let Some(pairs) = &mut self.touching {
+            let index = |before: u32| {
+                let i = origins.iter().position(|o| *o == Some(before))?;
+                Some(i as u32)
+            };
+            let kept = pairs.iter().filter_map(|&(i, j)| {
+                let (i, j) = (index(i)?, index(j)?);
+                Some((i.min(j), i.max(j)))
+            });
+            let mut kept: Vec<Pair> = kept.collect();
+            kept.sort_unstable();
+            *pairs = Arc::new(kept);
+        }
+        Ok(appeared)
+    }
+
+    /// Returns true if these curves, or parts of this curve, have touched since the first frame.
+    /// Always false for two closed curves: their baseline lacks a linking number instead.
+    pub fn touch_from_the_start(&self, i: u32, j: Option<u32>) -> bool {
+        let Some(pairs) = &self.touching else {
+            return false;
+        };
+        j.is_some_and(|j| pairs.binary_search(&(i, j)).is_ok())
+    }
+}

@@ -1,0 +1,416 @@
+//! Engine: verifies one scene against one baseline. The only module that knows all stages.
+//!
+//! It uses no file and no socket, and its clock only measures.
+//!
+//! # A frame is a transaction
+//!
+//! What the engine knows of earlier frames is one value, [`Known`]. A frame works on a copy, which
+//! replaces it once nothing can reject the frame any more. A rejected frame leaves no trace. All
+//! other state is buffers and caches, on which no report depends.
+
+mod bisect;
+mod braided;
+mod certifier;
+mod compare;
+mod expand;
+mod findings;
+mod full;
+mod intactness;
+mod known;
+mod ladder;
+mod options;
+mod progress;
+mod routing;
+mod state;
+mod steps;
+#[cfg(test)]
+mod tests;
+
+pub use bisect::bisect;
+pub use certifier::Certifier;
+pub use ladder::Ladder;
+pub use options::{SessionOptions, Strategy};
+pub use progress::{Progress, Timings};
+pub(crate) use state::EngineState;
+
+use self::braided::Braided;
+use self::findings::Motion;
+use self::full::FullRun;
+use self::known::Known;
+use self::routing::Routing;
+use self::steps::Steps;
+use crate::certificate::Certificate;
+use crate::curve::{Cell, CurveChange, CurveSet, Image, Positions, is_home};
+use crate::error::{Error, Result};
+use crate::incremental::{Events, Monitor, Work};
+use crate::ingest::{RawFrame, ingest, same_layout};
+use crate::kernels::{GpuUse, Method, Offload};
+use crate::pairs::PairFilter;
+use crate::periodic::ImagePair;
+use crate::pool;
+use crate::scene::CellScene;
+use crate::verdict::{AbortOn, Defect, Report, Stats, Verdict};
+use std::sync::Arc;
+use std::time::Instant;
+
+/// Verifies successive frames of one scene against a baseline.
+#[derive(Debug)]
+pub(crate) struct Engine {
+    abort_on: AbortOn,
+    max_pairs: usize,
+    /// True if torn curves of a periodic scene are refused.
+    check_torn: bool,
+    strategy: Strategy,
+    early_exit: bool,
+    known: Known,
+    /// Options with braids, which close the curves of the first frame.
+    with_braids: Option<Box<SessionOptions>>,
+    /// Loops of the braids, from the first frame on.
+    braided: Option<Braided>,
+    /// Pairs of curves that are verified; `None`: all.
+    filter: Option<PairFilter>,
+    full: FullRun,
+    monitor: Monitor,
+    steps: Steps,
+    routing: Routing,
+    work: Work,
+}
+
+/// A frame to verify.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Next<'a> {
+    pub seq: u64,
+    pub time: f64,
+    pub curves: &'a Arc<CurveSet>,
+    /// Periodic cell. All frames of an engine have one, or none has.
+    pub cell: Option<Cell>,
+    /// Change of the curves since the last verified frame.
+    pub change: Option<&'a CurveChange>,
+    /// True if the frame does not continue the last verified one.
+    pub cut: bool,
+}
+
+#[cfg(test)]
+impl<'a> Next<'a> {
+    /// Returns a frame that continues the last one, without a cell.
+    pub fn new(seq: u64, time: f64, curves: &'a Arc<CurveSet>) -> Next<'a> {
+        Next {
+            seq,
+            time,
+            curves,
+            cell: None,
+            change: None,
+            cut: false,
+        }
+    }
+}
+
+impl Engine {
+    /// Creates an engine and opens its device.
+    ///
+    /// Errors: [`Error::Usage`] if an option has an invalid value, or excludes another one;
+    /// [`Error::Device`] if no adapter matches, or it cannot be used; [`Error::Forked`].
+    pub fn new(options: SessionOptions) -> Result<Self> {
+        pool::check_process()?;
+        options.check()?;
+        let gpu = GpuUse::open(&options.device)?;
+        Ok(Engine::with_gpu(options, gpu))
+    }
+
+    /// Creates an engine whose kernels run on an adapter that is open already.
+    pub fn with_gpu(options: SessionOptions, gpu: GpuUse) -> Self {
+        // Kernels that sum know no exact sums of coordinates.
+        let kernel = options.cell.map_or(options.kernel, |_| Method::Crossings);
+        let gpu = if options.cell.is_some() {
+            GpuUse::default()
+        } else {
+            gpu
+        };
+        let full = FullRun::new((kernel, options.accuracy), gpu);
+        let limit = options.motion_limit.unwrap_or(SessionOptions::MOTION_LIMIT);
+        let ends = (full.progress.cancel.clone(), full.progress.limit.clone());
+        let incremental = options.strategy.is_incremental();
+        let steps = Steps::new(options.events, incremental, limit, ends);
+        let with_braids = options.braids.is_some();
+        Engine {
+            abort_on: options.abort_on,
+            max_pairs: options.max_pairs,
+            check_torn: options.wrapped.is_none(),
+            strategy: options.strategy,
+            early_exit: options.early_exit,
+            with_braids: with_braids.then(|| Box::new(options.clone())),
+            known: Known {
+                given: options.baseline.map(Arc::new),
+                cell: options.cell.map(|_| CellScene::default()),
+                ..Known::default()
+            },
+            braided: None,
+            filter: None,
+            full,
+            monitor: Monitor::new(steps.coverage(), None),
+            steps,
+            routing: Routing::default(),
+            work: Work::default(),
+        }
+    }
+
+    /// Verifies only the pairs of a filter from now on, or all.
+    fn set_filter(&mut self, filter: Option<PairFilter>) {
+        self.full.set_filter(filter.clone());
+        self.steps.set_filter(filter.clone());
+        self.monitor = Monitor::new(self.steps.coverage(), filter.clone());
+        self.filter = filter;
+    }
+
+    /// Returns the work that the GPU did in the last frame.
+    pub fn offload(&self) -> Offload {
+        self.full.gpu.offload()
+    }
+
+    /// Returns the work of the last frame.
+    pub fn work(&self) -> Work {
+        self.work
+    }
+
+    /// Returns the times of the last frame.
+    pub fn timings(&self) -> Timings {
+        self.full.timings
+    }
+
+    /// Returns all expected linking numbers, or `None` before the first frame.
+    pub fn baseline(&self) -> Option<&Arc<Certificate>> {
+        self.known.joined()
+    }
+
+    /// Returns a view of the progress of the current frame.
+    pub fn progress(&self) -> Arc<Progress> {
+        Arc::clone(&self.full.progress)
+    }
+
+    /// Shows the progress through that of another engine, and is cancelled with it.
+    pub fn share_progress(&mut self, progress: Arc<Progress>) {
+        self.steps
+            .end_with((progress.cancel.clone(), progress.limit.clone()));
+        self.full.share_progress(progress);
+    }
+
+    /// Begins with what is known about the last intact frame of another engine.
+    pub fn continue_after(&mut self, other: &Engine) {
+        self.known.intactness = other.known.intactness;
+        self.known.intactness.cut();
+    }
+
+    /// Waits until background work has ended, so that the next frame profits from it. For
+    /// measurements.
+    pub fn settle(&mut self) {
+        self.monitor.wait_for_reference();
+        if let Some(braided) = &mut self.braided {
+            braided.inner.settle();
+        }
+    }
+
+    /// Copies a frame that will be verified into `set`: the first frame creates the set, and every
+    /// later one of the same curves updates it. If frames are verified incrementally, the same pass
+    /// compares it with the reference frame.
+    ///
+    /// Errors: the frame breaks its contract: a number that is not finite ([`Error::NotFinite`]) or
+    /// too large, or too few points of a curve ([`Error::CurveTooShort`]) or of all
+    /// ([`Error::Count`]).
+    pub fn receive(
+        &mut self,
+        frame: RawFrame<'_>,
+        cell: Option<&Cell>,
+        set: &mut Option<CurveSet>,
+    ) -> Result<()> {
+        // Whether other curves are valid is decided when the frame is verified.
+        set.take_if(|set| {
+            let other = frame.positions.precision() != set.precision();
+            other || same_layout(&frame, set).is_err()
+        });
+        ingest(frame, set, |set, positions| {
+            self.update(set, positions, cell)
+        })
+    }
+
+    fn update(
+        &mut self,
+        set: &mut CurveSet,
+        positions: Positions<'_>,
+        cell: Option<&Cell>,
+    ) -> Result<()> {
+        match self.strategy.is_incremental() {
+            true => self.monitor.receive(set, positions, cell),
+            false => set.update(positions),
+        }
+    }
+
+    /// Announces the frame that comes after the next one. If crossings are counted on a GPU, its
+    /// vertices are uploaded while the next frame is verified. This is only a hint: the results are
+    /// the same without it, or if another frame follows.
+    pub fn announce(&mut self, next: &Arc<CurveSet>) {
+        self.full.gpu.announce(next);
+    }
+
+    /// Verifies one frame. Without a baseline, the first frame becomes the baseline.
+    ///
+    /// Errors: the frame is rejected. [`Error::CertificateMismatch`] if the baseline has another
+    /// number of curves; [`Error::NothingClosed`] if no curve is closed and pull-throughs are off,
+    /// since nothing would be verified; [`Error::LayoutChanged`] if pull-throughs are reported and
+    /// the curves differ from those of the previous frame; [`Error::TooManyPairs`] if more pairs of
+    /// curves come close than [`SessionOptions::max_pairs`]; [`Error::Cancelled`] after
+    /// [`Progress::cancel`]; and others.
+    pub fn verify(&mut self, next: Next<'_>) -> Result<Report> {
+        pool::check_process()?;
+        let mut known = self.known.clone();
+        let loops = self.braided.as_ref().map(|b| b.inner.known.clone());
+        let verified = self.try_to_verify(&mut known, next);
+        self.full.gpu.end_frame(next.curves);
+        if verified.is_ok() {
+            self.known = known;
+            self.with_braids = None;
+            return verified;
+        }
+        match (&mut self.braided, loops) {
+            (Some(braided), Some(known)) => braided.inner.known = known,
+            // The first frame.
+            _ => self.braided = None,
+        }
+        let filter = self.known.cell.as_ref().and_then(CellScene::filter);
+        if self.filter != filter {
+            self.set_filter(filter);
+        } else if let Some(baseline) = &self.known.baseline {
+            self.monitor.set_baseline(baseline);
+        }
+        verified
+    }
+
+    /// Returns the report on a frame. `known` is what is known before and after the frame.
+    fn try_to_verify(&mut self, known: &mut Known, next: Next<'_>) -> Result<Report> {
+        let start = Instant::now();
+        let Next {
+            seq, time, curves, ..
+        } = next;
+        if next.cut {
+            known.cut();
+        }
+        let appeared = self.apply_change(known, next)?;
+        known.check_number(curves.len())?;
+        self.begin_frame();
+        self.begin_baseline(known, next)?;
+        let closed = curves.open_curves() < curves.len() || self.braided.is_some();
+        if !closed && self.steps.events() == Events::Off {
+            let yarns = next.cell.map(|cell| CellScene::count_yarns(curves, &cell));
+            return Err(Error::NothingClosed {
+                curves: curves.len(),
+                yarns: yarns.unwrap_or(0),
+            });
+        }
+        self.steps.begin(known, curves)?;
+        let mut missing: Vec<String> = known.unknown_step.take().into_iter().collect();
+        let (frame, quiet) = self.expand(known, next, &mut missing)?;
+        let mut compared = self.compare(known, (&frame, quiet), &appeared)?;
+        self.add_places(&frame, &mut compared.linking.comparison)?;
+        let step = compared.step.take();
+        let comparison = &compared.linking.comparison;
+        let Motion {
+            events,
+            unresolved,
+            defects,
+            safe_fraction,
+        } = self.search_events(known, &frame, step, comparison)?;
+        self.full.progress.check()?;
+        let loops = self.verify_loops(known, next, &mut missing)?;
+        let yarns = self.compare_yarns(known, &frame)?;
+        // From here on, the frame is not rejected.
+        let unknown = !missing.is_empty() || self.steps.found_undecided();
+        let extent = *known.extent.get_or_insert_with(|| curves.extent());
+        let mut report = Report {
+            changes: comparison.changes.clone(),
+            events,
+            unresolved,
+            defects,
+            adopted: comparison.adopted.clone(),
+            safe_fraction,
+            appeared: next.change.map_or_else(Vec::new, |c| c.appeared().to_vec()),
+            gone: next.change.map_or_else(Vec::new, |c| c.gone().to_vec()),
+            missing,
+            stats: Stats {
+                extent,
+                curves: curves.len() as u64,
+                segments: curves.segments() as u64,
+                open_curves: curves.open_curves() as u64,
+                ..compared.stats
+            },
+            ..Report::new(seq, time, Verdict::Intact)
+        };
+        if let Some(scene) = &known.cell {
+            self.work.recomputed += yarns.computed;
+            report.stats.open_curves -= scene.yarns() as u64;
+            scene.name(&mut report, curves.len(), yarns);
+        }
+        if let Some(loops) = loops {
+            self.add_loops(&mut report, loops);
+        }
+        if let Some(braided) = &self.braided {
+            report.stats.open_curves = braided.open_curves(curves);
+        }
+        report.verdict = report.verdict_of_findings();
+        known.intactness.conclude(&mut report, unknown);
+        self.steps.remember(known, frame, compared.linking);
+        self.full.timings.total = start.elapsed();
+        Ok(report)
+    }
+
+    /// Resets what is counted and limited for each frame.
+    fn begin_frame(&mut self) {
+        self.full.progress.limit.begin(self.max_pairs);
+        self.full.heed_cancel(true);
+        self.work = Work::default();
+        // A partial run does not start all stages.
+        self.full.timings = Timings::default();
+        // Needed here, because a partial run does not start the frame.
+        self.full.gpu.start_frame();
+    }
+
+    /// Returns true if the simulator is to be asked to stop because of a report. Curves that have
+    /// touched since the baseline are no reason.
+    pub fn aborts(&self, report: &Report) -> bool {
+        let known = &self.known;
+        let lacks = |a: u32, b: Option<u32>| {
+            let lacks = known.baseline.as_ref().is_some_and(|base| base.lacks(a, b));
+            lacks || known.touch_from_the_start(a, b)
+        };
+        let of_loops = |d: &Defect| {
+            let joined = known.joined();
+            joined.is_some_and(|joined| joined.lacks(d.i, d.j))
+        };
+        let expected = |d: &Defect| match (&known.cell, d.j) {
+            (Some(scene), Some(j)) => {
+                let image: Image = d.image;
+                let pair = ImagePair { i: d.i, j, image };
+                let found = scene.find_pair(pair);
+                let lacks = found.is_some_and(|(a, b)| lacks(a, Some(b)));
+                lacks || scene.lacks_yarn(pair)
+            }
+            _ => is_home(&d.image) && (lacks(d.i, d.j) || of_loops(d)),
+        };
+        self.abort_on.aborts(report, expected)
+    }
+
+    /// Returns the report on a frame that broke its contract.
+    pub fn reject(&self, seq: u64, time: f64, why: &Error) -> Report {
+        let mut report = Report {
+            rejected: Some(why.to_string()),
+            last_intact: self.known.intactness.last_intact(),
+            ..Report::new(seq, time, Verdict::Rejected)
+        };
+        report.abort = self.abort_on.aborts(&report, |_| false);
+        report
+    }
+
+    /// Records an error of the incremental verification, and switches it off.
+    fn disagree(&mut self) {
+        self.work.disagreed = true;
+        self.strategy = Strategy::Full;
+    }
+}

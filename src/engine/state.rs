@@ -1,0 +1,177 @@
+//! State of an engine, from which another process continues.
+
+use super::braided::Braided;
+use super::intactness::Intactness;
+use super::known::{Last, LinkingNumbers};
+use super::{Engine, SessionOptions};
+use crate::certificate::Certificate;
+use crate::curve::{Cell, CurveSet, Frame, Image, Precision, StoredCurves};
+use crate::discretize::Braids;
+use crate::error::{Error, Result};
+use crate::incremental::{Contacts, Events};
+use crate::pairs::Pair;
+use crate::pool;
+use serde::{Deserialize, Serialize};
+use std::sync::Arc;
+
+/// What the reports of an engine on later frames depend on, beside the last verified frame.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub(crate) struct EngineState {
+    /// All expected linking numbers.
+    baseline: Arc<Certificate>,
+    /// Braids with everything that was found in the first frame, as JSON, and that frame.
+    braids: Option<(String, StoredCurves)>,
+    intactness: Intactness,
+    extent: Option<f64>,
+    /// True if the last frame is compared with the next one.
+    continues: bool,
+    unknown_step: Option<String>,
+    /// Curves that are verified, with their translations; empty if there are no images.
+    images: Vec<(u32, Image)>,
+    /// Pairs of these curves that have touched since the first frame, and their contacts.
+    touching: Option<Vec<Pair>>,
+    contacts: Contacts,
+    /// True if the first frame was in single precision.
+    began_single: bool,
+}
+
+impl EngineState {
+    /// Forgets the last frame, for a reason. `intact` is true if the last one that was verified
+    /// meanwhile was intact.
+    pub fn forget_last_frame(&mut self, intact: bool, why: String) {
+        self.continues = false;
+        self.intactness.doubt(intact);
+        self.unknown_step = Some(why);
+    }
+
+    /// Returns these options with the baseline and the braids of the state.
+    pub fn options(&self, options: SessionOptions) -> Result<SessionOptions> {
+        let braids = self
+            .braids
+            .as_ref()
+            .map(|(json, _)| Braids::from_json(json));
+        Ok(SessionOptions {
+            baseline: None,
+            braids: braids.transpose()?,
+            ..options
+        })
+    }
+}
+
+impl Engine {
+    /// Returns the state after the last verified frame; `None` before the first one.
+    pub fn state(&self) -> Option<EngineState> {
+        let known = &self.known;
+        let last = known.last.as_deref();
+        Some(EngineState {
+            baseline: Arc::clone(known.joined()?),
+            braids: self.braided.as_ref().map(|braided| {
+                let json = braided.loops.braids().to_json();
+                (json, StoredCurves(Arc::clone(&braided.first)))
+            }),
+            intactness: known.intactness,
+            extent: known.extent,
+            continues: last.is_some(),
+            unknown_step: known.unknown_step.clone(),
+            images: match &known.cell {
+                Some(scene) => scene.images(),
+                None => Vec::new(),
+            },
+            touching: known.touching.as_ref().map(|pairs| pairs.to_vec()),
+            contacts: last.map_or_else(Contacts::default, |last| last.contacts.clone()),
+            began_single: known
+                .cell
+                .as_ref()
+                .is_some_and(|scene| scene.began_single()),
+        })
+    }
+
+    /// Continues after these curves, the last verified frame, with the options of
+    /// [`EngineState::options`].
+    ///
+    /// Errors: [`Error::CertificateMismatch`] if the state has other curves; those of
+    /// [`Engine::verify`].
+    pub fn resume(
+        &mut self,
+        state: EngineState,
+        curves: &Arc<CurveSet>,
+        cell: Option<Cell>,
+    ) -> Result<()> {
+        if state.baseline.curves != curves.len() {
+            return Err(Error::CertificateMismatch {
+                certificate: state.baseline.curves,
+                model: curves.len(),
+            });
+        }
+        self.begin_frame();
+        let mut known = self.known.clone();
+        (known.intactness, known.extent) = (state.intactness, state.extent);
+        known.unknown_step = state
+            .unknown_step
+            .filter(|_| self.steps.events() != Events::Off);
+        let mut frame = Frame::new(curves, None, None);
+        let mut number: Box<dyn Fn(u32) -> Option<u32>> = Box::new(Some);
+        let scene = known.cell.take();
+        if let (Some(mut scene), Some(cell)) = (scene, cell) {
+            let began = match state.began_single {
+                true => Precision::F32,
+                false => curves.precision(),
+            };
+            scene.begin_in(began);
+            scene.find_yarns(curves, &cell);
+            scene.expect(&state.baseline);
+            let search = self.image_search();
+            frame = scene
+                .follow((curves, &cell), None, Some(&state.baseline), search)?
+                .frame;
+            self.set_filter(scene.filter());
+            let own = Arc::new(scene.expected(&state.baseline));
+            known.baseline = Some(Arc::clone(&own));
+            known.joined = Some((Arc::clone(&state.baseline), own));
+            let (images, of) = (state.images, scene.clone());
+            number = Box::new(move |a| match images.get(a as usize) {
+                Some(&curve) => of.find_curve(curve),
+                None => Some(a),
+            });
+            known.cell = Some(scene);
+        }
+        if let (Some(options), Some((_, first))) = (self.with_braids.take(), &state.braids) {
+            let options = SessionOptions {
+                baseline: Some(Certificate::clone(&state.baseline)),
+                ..*options
+            };
+            let braided = Braided::new(&first.0, &options, self)?;
+            let own = Arc::new(braided.without_loops(&state.baseline));
+            known.baseline = Some(Arc::clone(&own));
+            known.joined = Some((Arc::clone(&state.baseline), own));
+            self.braided = Some(braided);
+        }
+        let baseline = known.baseline.get_or_insert(state.baseline);
+        let pair = |(a, b): Pair| Some((number(a)?, number(b)?));
+        known.touching = state.touching.map(|pairs| {
+            let mut pairs: Vec<Pair> = pairs.into_iter().filter_map(pair).collect();
+            pairs.sort_unstable();
+            Arc::new(pairs)
+        });
+        if state.continues {
+            let set = frame.set()?;
+            pool::run(set.segments(), || self.full.certify(set));
+            self.full.progress.check()?;
+            let keeps = self.strategy.is_incremental();
+            let certificate = &self.full.certificate;
+            let linking = LinkingNumbers {
+                comparison: certificate.compare(baseline)?,
+                certificate: keeps.then(|| Arc::new(certificate.clone())),
+            };
+            let other = || Error::Usage("the state is of other curves".into());
+            let contacts = state.contacts.renamed(pair).ok_or_else(other)?;
+            known.last = Some(Arc::new(Last {
+                frame,
+                linking,
+                contacts,
+            }));
+        }
+        self.known = known;
+        Ok(())
+    }
+}

@@ -1,0 +1,296 @@
+//! Steps between frames: pull-throughs, their consistency with the linking numbers, and the pairs
+//! whose linking numbers they may have changed.
+
+use super::known::{Across, Known, Last, LinkingNumbers};
+use crate::cancel::{Cancel, PairLimit};
+use crate::certificate::{Certificate, Comparison};
+use crate::curve::{CurveSet, Frame};
+use crate::error::{Error, Result};
+use crate::incremental::{Contacts, Coverage, Events, Ledger, Outcome, Touching};
+use crate::pairs::{Pair, PairFilter, degenerate_curves};
+use crate::verdict::{Defect, DefectKind, Place};
+use std::sync::Arc;
+
+/// The ledger that finds pull-throughs since the last verified frame.
+#[derive(Debug, Default)]
+pub(super) struct Steps {
+    events: Events,
+    /// True if steps prove linking numbers, so that frames are kept without a search for
+    /// pull-throughs too.
+    incremental: bool,
+    ledger: Ledger,
+    /// Contacts of the current frame.
+    contacts: Contacts,
+    /// True if a search found pairs that are undecided, which a report may omit.
+    undecided: bool,
+    /// Pairs that may have met in the step to the current frame; `None` if it was not searched.
+    met: Option<Vec<Pair>>,
+}
+
+impl Steps {
+    /// Creates the state, with a motion limit in segment lengths. `cancel` ends a search for
+    /// pull-throughs early.
+    pub fn new(
+        events: Events,
+        incremental: bool,
+        motion_limit: f64,
+        ends: (Cancel, PairLimit),
+    ) -> Self {
+        Steps {
+            events,
+            incremental,
+            ledger: Ledger::new(motion_limit, ends),
+            ..Steps::default()
+        }
+    }
+
+    /// Ends a search early if these say so.
+    pub fn end_with(&mut self, ends: (Cancel, PairLimit)) {
+        self.ledger.end_with(ends);
+    }
+
+    pub fn events(&self) -> Events {
+        self.events
+    }
+
+    /// Searches only the pairs of a filter from now on.
+    pub fn set_filter(&mut self, filter: Option<PairFilter>) {
+        self.ledger.set_filter(filter);
+    }
+
+    /// Returns the pairs of curves, open ones included, that may have met in the step to the
+    /// current frame. `None` if pull-throughs are not searched for, or if there was no step.
+    pub fn met(&self) -> Option<&[Pair]> {
+        self.met.as_deref()
+    }
+
+    /// Returns the kinds of pull-throughs that the ledger finds.
+    pub fn coverage(&self) -> Coverage {
+        Coverage {
+            self_crossings: self.events == Events::All,
+            open_curves: self.events != Events::Off,
+        }
+    }
+
+    /// Returns the linking numbers of the previous frame, if every curve had linking numbers then,
+    /// and still has.
+    pub fn numbers(&self, known: &Known, set: &CurveSet) -> Option<Arc<Certificate>> {
+        let last = known.last.as_ref()?;
+        let certificate = last.linking.certificate.as_ref()?;
+        let known = !certificate.has_degenerate_curves() && degenerate_curves(set).next().is_none();
+        known.then(|| Arc::clone(certificate))
+    }
+
+    /// Returns true if frames are kept for the next step.
+    fn keeps_frames(&self) -> bool {
+        self.incremental || self.events != Events::Off
+    }
+
+    /// Returns the outcome of a step to a frame of other curves. The curves that appeared start
+    /// with their contacts in this frame.
+    fn outcome_across(&mut self, known: &Known, across: &Across, set: &CurveSet) -> Outcome {
+        let coverage = self.coverage();
+        let Across { before, curves } = across;
+        let after = set.subset(curves);
+        let (contacts, touched) = self.ledger.first_frame(before, coverage);
+        let frames = [before, &after];
+        let mut step = self.ledger.step(frames, &contacts, coverage, None);
+        // It is unknown on which side the curves were that came into contact before the change.
+        let began = touched.iter().map(|t| t.defect).filter(|d| {
+            let index = |i: u32| curves[i as usize];
+            !known.touch_from_the_start(index(d.i), d.j.map(index))
+        });
+        step.undecided.extend(began);
+        step.undecided.sort_by_key(|d| (d.i, d.j));
+        step.undecided.dedup_by_key(|d| (d.i, d.j));
+        let mut outcome = step.with_curves(curves);
+        let (contacts, mut touching) = self.ledger.first_frame(set, coverage);
+        let pair = |t: &Touching| (t.defect.i, t.defect.j);
+        let from_the_start = outcome.touching.iter().filter(|t| t.from_the_start);
+        let from_the_start: Vec<_> = from_the_start.map(pair).collect();
+        for t in &mut touching {
+            t.from_the_start = from_the_start.contains(&pair(t));
+        }
+        (outcome.touching, outcome.contacts) = (touching, contacts);
+        outcome
+    }
+
+    /// Returns true if the search of the step found pairs that are undecided.
+    pub fn found_undecided(&self) -> bool {
+        self.undecided
+    }
+
+    /// Returns the largest proven share of the step from the last frame that is known to be intact,
+    /// during which nothing was pulled through. `outcome` is that of the step from the last
+    /// verified frame. Returns `None` if that is another one.
+    ///
+    /// Errors: those of [`Frame::set`].
+    pub fn safe_fraction(
+        &mut self,
+        known: &Known,
+        frame: &Frame,
+        outcome: &Outcome,
+    ) -> Result<Option<f64>> {
+        let last = known.last.as_ref().filter(|_| known.intactness.is_intact());
+        let Some(last) = last else {
+            return Ok(None);
+        };
+        if outcome.is_safe(&last.contacts) {
+            return Ok(Some(1.0));
+        }
+        let frames = [&**last.frame.set()?, &**frame.set()?];
+        let (coverage, contacts) = (self.coverage(), &last.contacts);
+        let fraction = self
+            .ledger
+            .safe_fraction(frames, contacts, coverage, outcome);
+        Ok(Some(fraction))
+    }
+
+    /// Begins a frame. Fails if the curves differ from those of the previous frame, because there
+    /// is no motion between different curves. If pull-throughs are not searched for, forgets that
+    /// frame instead.
+    pub fn begin(&mut self, known: &mut Known, set: &CurveSet) -> Result<()> {
+        (self.met, self.undecided, self.contacts) = (None, false, Contacts::default());
+        known.widen_to(set)?;
+        let differs = |last: &mut Arc<Last>| !last.frame.given().same_layout(set);
+        if self.events == Events::Off {
+            known.last.take_if(differs);
+            return Ok(());
+        }
+        let Some(before) = known.last.clone().take_if(differs) else {
+            return Ok(());
+        };
+        let before = &**before.frame.given();
+        let curves = before.curves().iter().zip(set.curves());
+        let points = curves.map(|(a, b)| ("control points of a curve", a.points, b.points));
+        let bytes = [before, set].map(|set| set.precision().bytes() as u32);
+        let open = [before, set].map(CurveSet::open_curves);
+        let numbers = [
+            ("curves", before.len() as u32, set.len() as u32),
+            ("bytes of a coordinate", bytes[0], bytes[1]),
+            ("open curves", open[0] as u32, open[1] as u32),
+        ];
+        let differs = |c: &(&str, u32, u32)| c.1 != c.2;
+        let found = numbers.into_iter().chain(points).find(differs);
+        // The basis is the only remaining difference.
+        let basis = ("basis", before.basis() as u32, set.basis() as u32);
+        let (what, before, now) = found.unwrap_or(basis);
+        Err(Error::LayoutChanged {
+            what,
+            before: before.into(),
+            now: now.into(),
+        })
+    }
+
+    /// Keeps a verified frame, if the next one is compared with it.
+    pub fn remember(&mut self, known: &mut Known, frame: Frame, linking: LinkingNumbers) {
+        known.across = None;
+        if self.keeps_frames() {
+            known.last = Some(Arc::new(Last {
+                frame,
+                linking,
+                contacts: std::mem::take(&mut self.contacts),
+            }));
+        }
+    }
+
+    /// Returns the outcome of the step from the previous frame, for these pairs or for all. For a
+    /// first frame, the outcome has the curves that touch.
+    ///
+    /// Errors: those of [`Frame::set`].
+    ///
+    /// # Panics
+    /// If the previous frame has other curves.
+    pub fn outcome(
+        &mut self,
+        known: &mut Known,
+        frame: &Frame,
+        pairs: Option<&[Pair]>,
+    ) -> Result<Outcome> {
+        let coverage = self.coverage();
+        let reports = self.events != Events::Off;
+        let outcome = match (known.across.clone(), known.last.clone()) {
+            (Some(across), _) => {
+                let outcome = self.outcome_across(known, &across, frame.set()?);
+                self.undecided |= !outcome.undecided.is_empty();
+                outcome
+            }
+            (None, Some(last)) => {
+                let settled = pairs.is_some_and(<[Pair]>::is_empty) && last.contacts.is_empty();
+                let outcome = match settled {
+                    true => Outcome::default(),
+                    false => {
+                        let frames = [&**last.frame.set()?, &**frame.set()?];
+                        self.ledger.step(frames, &last.contacts, coverage, pairs)
+                    }
+                };
+                // Noted here, because a report omits such a defect if the pair has another one.
+                self.undecided |= reports && !outcome.undecided.is_empty();
+                self.met = reports.then(|| outcome.met_pairs().collect());
+                outcome
+            }
+            (None, None) => {
+                let (contacts, touching) = self.ledger.first_frame(frame.set()?, coverage);
+                Outcome {
+                    touching,
+                    contacts,
+                    ..Outcome::default()
+                }
+            }
+        };
+        self.contacts.clone_from(&outcome.contacts);
+        note_touching(known, &outcome);
+        Ok(outcome)
+    }
+
+    /// Adds defects of three kinds: curves that touch, pairs that are undecided in the step, and
+    /// pairs whose passages contradict their linking numbers, located by `place`. Keeps only the
+    /// first defect of a pair, but an undecided step is kept beside a contact.
+    ///
+    /// Errors: those of `place`.
+    pub fn add_defects(
+        &self,
+        known: &Known,
+        outcome: &Outcome,
+        comparison: &Comparison,
+        mut place: impl FnMut(Pair) -> Result<Place>,
+        defects: &mut Vec<Defect>,
+    ) -> Result<()> {
+        let touching = outcome.touching.iter().map(|t| t.defect);
+        let undecided = outcome.undecided.iter().map(|d| Defect {
+            kind: DefectKind::UndecidedStep,
+            ..*d
+        });
+        defects.extend(touching.chain(undecided));
+        let last = known.last.as_ref();
+        let unaccounted = last.map(|last| outcome.check(&last.linking.comparison, comparison));
+        for pair in unaccounted.into_iter().flatten() {
+            defects.push(Defect {
+                i: pair.0,
+                j: Some(pair.1),
+                image: Default::default(),
+                kind: DefectKind::Unaccounted,
+                place: place(pair)?,
+            });
+        }
+        // The sort is stable: earlier defects of a pair stay first.
+        defects.sort_by_key(|d| (d.i, d.j));
+        defects.dedup_by(|next, first| {
+            // A contact in this frame does not decide what happened since the previous frame.
+            let other = first.kind == DefectKind::Contact && next.kind == DefectKind::UndecidedStep;
+            (next.i, next.j) == (first.i, first.j) && !other
+        });
+        Ok(())
+    }
+}
+
+/// Keeps of the pairs that have touched since the very first frame those that still do.
+fn note_touching(known: &mut Known, outcome: &Outcome) {
+    let still = outcome.touching.iter().filter(|t| t.from_the_start);
+    let still = still.map(|t| (t.defect.i, t.defect.j.unwrap_or(t.defect.i)));
+    let before = known.touching.take();
+    let kept = still.filter(|pair| before.as_ref().is_none_or(|k| k.contains(pair)));
+    let mut kept: Vec<Pair> = kept.collect();
+    kept.sort_unstable();
+    known.touching = Some(Arc::new(kept));
+}

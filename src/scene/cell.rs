@@ -1,0 +1,500 @@
+//! Scenes that repeat: the images of the curves that may meet a curve.
+//!
+//! The images are the same from frame to frame, so that frames are verified incrementally. If other
+//! images come near, they replace these from the previous frame on, so that no step is left out:
+//! all pairs that are new had boxes apart from one another throughout the earlier frames.
+
+use super::yarns::{Compared, Yarns};
+use crate::certificate::{Certificate, undefined_entry};
+use crate::curve::{Cell, CurveSet, Frame, Image, Images, Point, Precision, Shape, is_home};
+use crate::error::{Error, Result};
+use crate::incremental::{QuietBounds, sort_by_time};
+use crate::pairs::{Pair, PairFilter};
+use crate::periodic::{
+    Bend, Boxer, Entry, FractionalBoxes, ImagePair, ImagePairs, QuietRoom, RingAndYarn, Searched,
+    check_whole, period_of_pair,
+};
+use crate::pool;
+use crate::verdict::{Change, Defect, Link, PullThrough, Report};
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
+
+/// A scene that repeats, as it is known after a frame.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct CellScene {
+    /// Linking numbers of closed curves and those that run through the cell.
+    yarns: Yarns,
+    /// Images that may meet, once they are known.
+    found: Option<Found>,
+    before: Option<Before>,
+    /// Room of a quiet frame.
+    quiet: Option<QuietRoom>,
+}
+
+#[derive(Clone, Debug)]
+struct Found {
+    /// Curves of the frames that have these images.
+    of: Shape,
+    pairs: Arc<ImagePairs>,
+    /// `None` if no image may meet a curve.
+    images: Option<Arc<Images>>,
+}
+
+/// Previous frame.
+#[derive(Clone, Debug)]
+struct Before {
+    given: Arc<CurveSet>,
+    cell: Cell,
+    /// Room that the curves had ([`ImagePairs::room`]).
+    room: Point,
+}
+
+/// Settings of a search for images.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Search {
+    /// True if open curves are searched, too, which have no linking numbers.
+    pub open_too: bool,
+    /// Maximum number of pairs.
+    pub most: usize,
+    /// True if torn curves are refused.
+    pub check_torn: bool,
+    /// True if what is known without a search is checked.
+    pub paranoid: bool,
+}
+
+/// Curves of a frame that are verified.
+pub(crate) struct Followed {
+    pub frame: Frame,
+    /// True if the images are others than those of the previous frame.
+    pub others: bool,
+    /// True if the room of a quiet frame was found to be wrong.
+    pub disagreed: bool,
+}
+
+impl CellScene {
+    /// Returns the number of curves that run through the cell, in a first frame.
+    pub fn count_yarns(given: &CurveSet, cell: &Cell) -> usize {
+        let mut yarns = Yarns::default();
+        yarns.find_periods(given, cell);
+        yarns.list().len()
+    }
+
+    /// Finds the curves that run through the cell, in the first frame. Returns in words those that
+    /// no longer do.
+    pub fn find_yarns(&mut self, given: &CurveSet, cell: &Cell) -> Option<String> {
+        self.yarns.find_periods(given, cell)
+    }
+
+    /// Returns the number of curves that run through the cell.
+    pub fn yarns(&self) -> usize {
+        self.yarns.list().len()
+    }
+
+    /// The next frame does not continue the previous one, or its curves have other points.
+    pub fn cut(&mut self) {
+        self.before = None;
+        self.yarns.cut();
+    }
+
+    /// Forgets the images, so that they are searched for again.
+    pub fn forget_images(&mut self) {
+        self.found = None;
+        self.quiet = None;
+    }
+
+    /// Returns a pair of the curves that are verified, under its name.
+    pub fn pair(&self, a: u32, b: u32) -> ImagePair {
+        let found = self.found.as_ref();
+        found.map_or(ImagePair::new(a, b, Image::default()), |found| {
+            found.pairs.pair(a, b)
+        })
+    }
+
+    /// Returns the pair of the curves that are verified that has this name.
+    pub fn find_pair(&self, pair: ImagePair) -> Option<Pair> {
+        self.found.as_ref()?.pairs.find_pair(pair)
+    }
+
+    /// Returns true if the expected linking numbers of curves and yarns lack this pair.
+    pub fn lacks_yarn(&self, pair: ImagePair) -> bool {
+        let expected = self.yarns.expected.as_deref().unwrap_or_default();
+        expected.contains(&(pair, None))
+    }
+
+    /// Finds the images that may meet in the step to a frame, unless they are known. `quiet` says
+    /// where the curves are if the frame was found to be quiet. `expected` are the expected linking
+    /// numbers.
+    ///
+    /// Errors: those of [`ImagePairs::find`]; [`Error::Usage`] if a curve is torn.
+    pub fn follow(
+        &mut self,
+        (given, cell): (&Arc<CurveSet>, &Cell),
+        quiet: Option<&QuietBounds<'_>>,
+        expected: Option<&Certificate>,
+        search: Search,
+    ) -> Result<Followed> {
+        let other = |before: &mut Before| !before.given.same_layout(given);
+        if self.before.take_if(other).is_some() {
+            // There is no step.
+            self.yarns.cut();
+        }
+        if self
+            .found
+            .take_if(|found| found.of != given.shape())
+            .is_some()
+        {
+            self.forget_images();
+        }
+        let boxer = Boxer::new(given, cell)?;
+        let bend = self.before.as_ref();
+        let bend = bend.map(|before| Bend::between([&before.cell, cell]));
+        let bend = bend.transpose()?.unwrap_or_default();
+        let known = self.room(&boxer, (&bend, quiet), search)?;
+        let disagreed = known.is_some_and(|known| known.disagreed);
+        let (room, others) = match known.filter(|known| known.is_enough) {
+            Some(known) => {
+                if !known.from_quiet
+                    && let Some(found) = &self.found
+                {
+                    refuse_torn((given, cell), &found.pairs.wide, search)?;
+                }
+                (known.room, false)
+            }
+            None => {
+                let boxes = FractionalBoxes::new(&boxer);
+                let swept = match &self.before {
+                    None => boxes,
+                    Some(before) => {
+                        let at_first = Boxer::new(&before.given, &before.cell)?;
+                        boxes.swept_from(&FractionalBoxes::new(&at_first), &bend)
+                    }
+                };
+                self.search((given, cell), &swept, expected, search)?;
+                let pairs = self.found.as_ref().map(|found| &found.pairs);
+                let room = pairs.map_or([0.0; 3], |pairs| {
+                    pool::run(given.segments(), || pairs.room(&boxer))
+                });
+                (room, true)
+            }
+        };
+        self.before = Some(Before {
+            given: Arc::clone(given),
+            cell: *cell,
+            room,
+        });
+        Ok(Followed {
+            frame: self.frame(given, *cell),
+            others,
+            disagreed,
+        })
+    }
+
+    /// Returns the filter of the pairs that are verified, if there are images.
+    pub fn filter(&self) -> Option<PairFilter> {
+        let found = self.found.as_ref();
+        let found = found.filter(|found| found.images.is_some());
+        found.map(|found| found.pairs.filter.clone())
+    }
+
+    /// Returns the number of curves that are verified, images included.
+    pub fn curves(&self, given: usize) -> usize {
+        let found = self.found.as_ref();
+        found.map_or(given, |found| found.pairs.curves.len())
+    }
+
+    /// Returns the curves that are verified, with their translations; none if there are no images.
+    pub fn images(&self) -> Vec<(u32, Image)> {
+        let found = self.found.iter().filter(|found| found.images.is_some());
+        found
+            .flat_map(|found| found.pairs.curves.iter().copied())
+            .collect()
+    }
+
+    /// Returns the number of a curve and its translation among the curves that are verified.
+    pub fn find_curve(&self, curve: (u32, Image)) -> Option<u32> {
+        self.found.as_ref()?.pairs.find_curve(curve)
+    }
+
+    /// Returns true if the first frame was in single precision.
+    pub fn began_single(&self) -> bool {
+        self.yarns.precision == Some(Precision::F32)
+    }
+
+    /// Begins as if the first frame had this precision.
+    pub fn begin_in(&mut self, precision: Precision) {
+        self.yarns.precision = Some(precision);
+    }
+
+    /// Converts the previous frame to double precision. Its images are searched for again.
+    pub fn widen(&mut self) -> Result<()> {
+        if let Some(before) = &mut self.before {
+            before.given = Arc::new(before.given.widened()?);
+        }
+        self.forget_images();
+        Ok(())
+    }
+
+    /// Returns a frame with the images that may meet.
+    pub fn frame(&self, given: &Arc<CurveSet>, cell: Cell) -> Frame {
+        let images = self.found.as_ref().and_then(|found| found.images.clone());
+        Frame::new(given, Some(cell), images)
+    }
+
+    /// Returns the room of the curves of a frame among the known images, if there are any.
+    fn room(
+        &mut self,
+        boxer: &Boxer<'_>,
+        (bend, quiet): (&Bend, Option<&QuietBounds<'_>>),
+        search: Search,
+    ) -> Result<Option<Room>> {
+        let Some(Found { pairs, .. }) = &self.found else {
+            return Ok(None);
+        };
+        let of = |boxer: &Boxer<'_>| pool::run(boxer.segments(), || pairs.room(boxer));
+        let was_inside = match &self.before {
+            Some(before) if pairs.is_enough(before.room, bend) => true,
+            // The room of a quiet frame is a lower bound.
+            Some(before) => pairs.is_enough(of(&Boxer::new(&before.given, &before.cell)?), bend),
+            None => true,
+        };
+        let at_least = quiet.map(|at| pairs.quiet_room(boxer, at, bend, &mut self.quiet));
+        let known = at_least.filter(|&room| pairs.is_enough(room, bend));
+        let room = match known {
+            Some(known) if !search.paranoid => known,
+            _ => of(boxer),
+        };
+        Ok(Some(Room {
+            room,
+            is_enough: was_inside && pairs.is_enough(room, bend),
+            from_quiet: known.is_some(),
+            disagreed: known.is_some_and(|known| !boxer.is_at_most(known, room)),
+        }))
+    }
+
+    /// Finds the images that may meet while the curves are within these boxes.
+    fn search(
+        &mut self,
+        (given, cell): (&Arc<CurveSet>, &Cell),
+        boxes: &FractionalBoxes,
+        expected: Option<&Certificate>,
+        search: Search,
+    ) -> Result<()> {
+        refuse_torn((given, cell), &boxes.wide(cell), search)?;
+        let searched = Searched {
+            curves: given.curves(),
+            periods: &self.yarns.periods(),
+            open_too: search.open_too,
+            most: search.most,
+        };
+        let entries = expected.and_then(Certificate::entries).unwrap_or_default();
+        let entries = entries.into_iter().map(|entry| entry.0);
+        let expected = entries.filter(|pair| !is_home(&pair.image) && !self.is_of_yarn(pair));
+        let margin = ImagePairs::margin(boxes, cell);
+        let pairs = ImagePairs::find(boxes, cell, margin, &searched, expected)?;
+        self.yarns.pairs.clone_from(&pairs.yarns);
+        let has_images = pairs.has_images();
+        self.quiet = None;
+        self.found = Some(Found {
+            of: given.shape(),
+            images: has_images.then(|| Arc::new(Images::new(pairs.curves.clone()))),
+            pairs: Arc::new(pairs),
+        });
+        Ok(())
+    }
+
+    fn is_of_yarn(&self, pair: &ImagePair) -> bool {
+        period_of_pair(&self.yarns.list(), pair.i, pair.j).is_some()
+    }
+
+    /// Returns a function from the curves of an earlier state of this scene to those of this one.
+    pub fn renamed<'a>(&'a self, earlier: &'a CellScene) -> impl Fn(u32) -> Option<u32> + 'a {
+        move |a| match (&earlier.found, &self.found) {
+            (Some(from), Some(to)) => to.pairs.find_curve(from.pairs.curves[a as usize]),
+            // Only curves that are not translated are known, and they come first.
+            _ => Some(a),
+        }
+    }
+
+    /// Returns the number of each curve in an earlier state of this scene, if it was there.
+    pub fn origins(&self, earlier: &CellScene, given: usize) -> Vec<Option<u32>> {
+        let renamed = earlier.renamed(self);
+        (0..self.curves(given) as u32).map(renamed).collect()
+    }
+
+    /// Returns the expected linking numbers of the curves that are verified, without those of
+    /// yarns.
+    pub fn expected(&self, all: &Certificate) -> Certificate {
+        let mut out = Certificate {
+            curves: self.curves(all.curves),
+            ..Certificate::default()
+        };
+        // Curves without a linking number with any other one.
+        for single in all.undefined.iter().filter(|d| d.j.is_none()) {
+            let curves = self
+                .found
+                .iter()
+                .flat_map(|found| found.pairs.curves.iter());
+            let same = (0..).zip(curves).filter(|(_, of)| of.0 == single.i);
+            out.undefined
+                .extend(same.map(|(i, _)| Defect { i, ..*single }));
+        }
+        let places = all.undefined.iter();
+        let places: BTreeMap<ImagePair, &Defect> =
+            places.filter_map(|d| Some((d.pair()?, d))).collect();
+        for (pair, lambda) in all.entries().unwrap_or_default() {
+            // All expected pairs are among them.
+            let Some((i, j)) = self.find_pair(pair).filter(|_| !self.is_of_yarn(&pair)) else {
+                continue;
+            };
+            match (lambda, places.get(&pair)) {
+                (Some(lambda), _) => out.links.push(Link { i, j, lambda }),
+                (None, Some(&known)) => out.undefined.push(Defect {
+                    i,
+                    j: Some(j),
+                    image: Image::default(),
+                    ..*known
+                }),
+                (None, None) => out.undefined.push(undefined_entry(i, Some(j))),
+            }
+        }
+        out.links.sort_unstable();
+        out.undefined.sort_by_key(|d| (d.i, d.j));
+        out
+    }
+
+    /// Takes the expected linking numbers of yarns from all.
+    pub fn expect(&mut self, all: &Certificate) {
+        let entries = all.entries().unwrap_or_default();
+        let mut of_yarns: Vec<Entry> = entries
+            .into_iter()
+            .filter(|entry| self.is_of_yarn(&entry.0))
+            .collect();
+        of_yarns.sort_unstable();
+        self.yarns.expected = Some(of_yarns);
+    }
+
+    /// Returns all expected linking numbers; `verified` has those of the curves that are verified,
+    /// and `defects` the places of contacts with images.
+    pub fn joined(&self, verified: &Certificate, given: usize, defects: &[Defect]) -> Certificate {
+        let is_own = |i: u32| (i as usize) < given;
+        let own = |i: u32, j: Option<u32>| is_own(i) && j.is_none_or(is_own);
+        let links = verified.links.iter().filter(|l| own(l.i, Some(l.j)));
+        let undefined = verified.undefined.iter().filter(|d| own(d.i, d.j));
+        let periodic = Certificate {
+            curves: given,
+            links: links.copied().collect(),
+            undefined: undefined.copied().collect(),
+            images: Some(Vec::new()),
+            periods: self.yarns.list(),
+        };
+        let mut entries = periodic.entries().unwrap_or_default();
+        let links = verified.links.iter();
+        let links = links.map(|l| (self.pair(l.i, l.j), Some(l.lambda)));
+        let undefined = verified.undefined.iter();
+        let undefined = undefined.filter_map(|d| Some((self.pair(d.i, d.j?), None)));
+        entries.extend(links.chain(undefined).filter(|e| !is_home(&e.0.image)));
+        entries.extend(self.yarns.expected.iter().flatten());
+        entries.sort_unstable();
+        let named = |d: &Defect| {
+            let ImagePair { i, j, image } = self.pair(d.i, d.j?);
+            let j = Some(j);
+            Some(Defect { i, j, image, ..*d })
+        };
+        let named = verified.undefined.iter().filter_map(named);
+        let defects: Vec<Defect> = named.chain(defects.iter().copied()).collect();
+        periodic.with_entries(&entries, &defects)
+    }
+
+    /// Compares the linking numbers of closed curves and yarns with the expected ones, which are
+    /// those of the first frame if none are known. `met` has the pairs of the curves that are
+    /// verified that may have met in the step to this frame, if they are known; `before` is the
+    /// frame at its start. If `check`, all numbers are computed.
+    ///
+    /// Errors: those of [`CurveSet::translate`].
+    pub fn compare_yarns(
+        &mut self,
+        frame: &Frame,
+        (before, met): (Option<&Frame>, Option<&[Pair]>),
+        check: bool,
+    ) -> Result<Compared> {
+        let Some(cell) = frame.cell() else {
+            return Ok(Compared::default());
+        };
+        let now = (frame.given(), cell);
+        let unsettled = || -> Option<BTreeSet<RingAndYarn>> {
+            let before = before?;
+            let met = met?.iter().map(|&(a, b)| self.pair(a, b));
+            let met = met.filter_map(|p| self.yarns.pair(p.i, p.j, p.image));
+            let step = [(before.given(), before.cell()?), now];
+            Some(met.chain(self.yarns.past_joints(step)).collect())
+        };
+        let unsettled = unsettled();
+        self.yarns.compare(now.0, now.1, unsettled.as_ref(), check)
+    }
+
+    /// Replaces the curves that are verified by those of the frame and the names of their images,
+    /// in the findings of a frame, and adds those about yarns.
+    pub fn name(&self, report: &mut Report, given: usize, yarns: Compared) {
+        let rename = |i: &mut u32, j: &mut u32, image: &mut Image| {
+            let pair = self.pair(*i, *j);
+            (*i, *j, *image) = (pair.i, pair.j, pair.image);
+        };
+        for Change { i, j, image, .. } in &mut report.changes {
+            rename(i, j, image);
+        }
+        report.changes.extend(yarns.changes);
+        report.changes.sort_by_key(|c| (c.i, c.j, c.image));
+        for events in [&mut report.events, &mut report.unresolved] {
+            for PullThrough { i, j, image, .. } in events.iter_mut() {
+                rename(i, j, image);
+            }
+            sort_by_time(events);
+        }
+        // Images of a curve share its own defects.
+        report
+            .defects
+            .retain(|d| d.j.is_some() || (d.i as usize) < given);
+        for Defect { i, j, image, .. } in &mut report.defects {
+            if let Some(j) = j {
+                rename(i, j, image);
+            }
+        }
+        report.defects.extend(yarns.defects);
+        // The search for pull-throughs finds contacts with yarns, too.
+        let key = |d: &Defect| (d.i, d.j, d.image, d.kind as u8);
+        report.defects.sort_by_key(key);
+        report.defects.dedup_by_key(|d| key(d));
+        // They have no place for an image; the defects name the pairs with one.
+        report.adopted.retain_mut(|link| {
+            let pair = self.pair(link.i, link.j);
+            (link.i, link.j) = (pair.i, pair.j);
+            is_home(&pair.image)
+        });
+        for (ImagePair { i, j, image }, lambda) in yarns.adopted {
+            if let Some(lambda) = lambda.filter(|&lambda| lambda != 0 && is_home(&image)) {
+                report.adopted.push(Link { i, j, lambda });
+            }
+        }
+        report.adopted.sort_unstable();
+    }
+}
+
+/// Room of the curves of a frame.
+#[derive(Clone, Copy)]
+struct Room {
+    room: Point,
+    is_enough: bool,
+    /// True if it follows from the bounds of a quiet frame.
+    from_quiet: bool,
+    disagreed: bool,
+}
+
+/// Refuses a frame if one of these curves is torn.
+fn refuse_torn(
+    (given, cell): (&Arc<CurveSet>, &Cell),
+    curves: &[usize],
+    search: Search,
+) -> Result<(), Error> {
+    let curves = curves.iter().copied().filter(|_| search.check_torn);
+    check_whole(given, cell, curves)
+}

@@ -1,0 +1,441 @@
+//! Session: the protocol of the frames of one simulation. Whoever has frames feeds them to a
+//! session, and to nothing below it.
+//!
+//! A session knows what the frames have in common: names of curves that come and go, the periodic
+//! cell, wrapped coordinates, cuts, accepted baselines, radii. A frame is verified completely, or
+//! rejected without a trace: inserting rejected frames anywhere changes no other report.
+
+mod begin;
+mod closings;
+mod coordinates;
+mod frame;
+mod state;
+mod strands;
+
+pub use frame::{Continuation, Given, Received, VerifiedFrame};
+pub use state::SessionState;
+
+use self::begin::{Begin, Begun, check_cell};
+use self::closings::Closings;
+use self::coordinates::Coordinates;
+use self::strands::Strands;
+use crate::certificate::Certificate;
+use crate::curve::{Cell, CurveChange, CurveSet};
+use crate::discretize::Braids;
+use crate::engine::{Engine, Next as NextFrame, Progress, SessionOptions, Timings};
+use crate::error::{Error, Result};
+use crate::ingest::{CurveSource, FrameInfo, FramePool, RawFrame, same_layout};
+use crate::pool;
+use crate::verdict::{Report, Verdict};
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+/// Verifies the frames of one simulation against a baseline. Its buffers are reused for every
+/// frame.
+///
+/// The reports depend neither on the number of threads of the rayon pool in which it is called, nor
+/// on rejected frames.
+///
+/// ```
+/// use linkwatch::{
+///     Basis, CurveLabels, FrameInfo, Positions, RawFrame, Session, SessionOptions, Verdict,
+/// };
+///
+/// let mut session = Session::new(SessionOptions::default())?;
+/// let square = |x: f64| [x, 0., 0., x + 1., 0., 0., x + 1., 1., 0., x, 1., 0.];
+/// let one = RawFrame {
+///     basis: Basis::Polyline,
+///     counts: &[-4],
+///     positions: Positions::F64(&square(0.0)),
+/// };
+/// let info = FrameInfo::at(0, 0.0).with_labels(0, CurveLabels::named(["a"]));
+/// assert_eq!(session.feed(info, one)?.verdict, Verdict::Intact);
+///
+/// // Another curve appears. The number of the layout tells that the curves changed.
+/// let two = RawFrame {
+///     counts: &[-4, -4],
+///     positions: Positions::F64(&[square(5.0), square(0.0)].concat()),
+///     ..one
+/// };
+/// let info = FrameInfo::at(1, 0.1).with_labels(1, CurveLabels::named(["b", "a"]));
+/// let report = session.feed(info, two)?;
+/// assert_eq!((report.verdict, report.appeared), (Verdict::Intact, vec!["b".to_owned()]));
+/// # Ok::<(), linkwatch::Error>(())
+/// ```
+#[derive(Debug)]
+pub struct Session {
+    options: SessionOptions,
+    engine: Engine,
+    closings: Closings,
+    coordinates: Coordinates,
+    /// Curves of the last frames, which have this layout.
+    pool: (u32, FramePool),
+    /// What the simulator told about the last verified frame, with the cell in which findings name
+    /// images.
+    last: Option<FrameInfo>,
+    /// The curves of that frame as they were given, if the session did not resume after it.
+    given: Option<Arc<CurveSet>>,
+    next: Next,
+    strands: Strands,
+}
+
+/// How the next frame follows the last one, if the caller decides that.
+#[derive(Debug, Default)]
+enum Next {
+    #[default]
+    AsTold,
+    /// It does not continue the last frame.
+    Cut,
+    /// It is the first one of a part with this baseline.
+    Part(Certificate),
+    /// It is the first one of another run.
+    Run,
+}
+
+impl Session {
+    /// Creates a session, and opens its device.
+    ///
+    /// Errors: [`Error::Usage`] if an option has an invalid value, or excludes another one;
+    /// [`Error::Device`] if no adapter matches, or it cannot be used; [`Error::Forked`].
+    pub fn new(options: SessionOptions) -> Result<Session> {
+        Ok(Session {
+            engine: Engine::new(options.clone())?,
+            closings: Closings::new(options.keep_open),
+            coordinates: Coordinates::new(options.wrapped),
+            pool: Default::default(),
+            last: None,
+            given: None,
+            next: Next::AsTold,
+            strands: Strands::new(&options),
+            options,
+        })
+    }
+
+    /// Verifies a frame: [`Session::receive`] and [`Session::verify`].
+    ///
+    /// Errors: those of [`Session::verify`].
+    pub fn feed<'a>(&mut self, info: FrameInfo, frame: impl Into<Given<'a>>) -> Result<Report> {
+        let received = match frame.into() {
+            Given::Raw(raw) => self.receive(info, |copy| copy(raw)),
+            Given::Curves(curves) => Received::new(info, Ok(curves)),
+        };
+        Ok(self.verify(received)?.report)
+    }
+
+    /// Copies a frame, which `read` passes to its argument. The frame may be in memory that another
+    /// process writes: the copy is checked, and all results are those of the copy. The same pass
+    /// compares the frame with an earlier one, so that a quiet frame need not be read again.
+    /// Several frames may be received before they are verified.
+    ///
+    /// A frame that breaks its contract is rejected by [`Session::verify`].
+    pub fn receive(
+        &mut self,
+        info: FrameInfo,
+        read: impl FnOnce(&mut dyn FnMut(RawFrame<'_>) -> Result<()>) -> Result<()>,
+    ) -> Received {
+        let start = Instant::now();
+        let source = self.source(&info);
+        // In another basis, the frame is compared again.
+        let last = self.last.as_ref().and_then(|last| last.cell);
+        let cell = self.cell(&info);
+        let cell = cell.map(|cell| last.map_or(cell, |last| cell.in_basis_of(&last)));
+        let Session {
+            pool,
+            engine,
+            closings,
+            ..
+        } = self;
+        if pool.0 != info.layout {
+            *pool = (info.layout, FramePool::default());
+        }
+        let closing = closings.of(info.layout);
+        let curves = pool.1.receive(|set| {
+            read(&mut |frame| engine.receive(closing.close(frame, source)?, cell.as_ref(), set))
+        });
+        Received {
+            info,
+            curves,
+            is_closed: true,
+            took: start.elapsed(),
+        }
+    }
+
+    /// Verifies a frame. A frame that breaks its contract has a report that says so
+    /// ([`Verdict::Rejected`]).
+    ///
+    /// Errors: [`Error::CertificateMismatch`] if the given baseline has another number of curves;
+    /// [`Error::NothingClosed`] if no curve is closed and pull-throughs are off, since nothing
+    /// would be verified; [`Error::Braid`] if the first frame breaks a condition of the braids. All
+    /// frames of the same curves would fail in the same way. [`Error::Cancelled`] after
+    /// [`Progress::cancel`]; [`Error::Forked`].
+    pub fn verify(&mut self, frame: Received) -> Result<VerifiedFrame> {
+        pool::check_process()?;
+        let start = Instant::now();
+        let Received {
+            mut info,
+            curves,
+            is_closed,
+            took,
+        } = frame;
+        let (seq, time) = (info.seq, info.time);
+        let closed = curves.and_then(|set| match is_closed {
+            true => Ok(set),
+            false => self.close(set, &info),
+        });
+        let mut continuation = Continuation::Continues;
+        let outcome = closed.and_then(|set| {
+            if is_closed {
+                self.check_layout(&info, &set)?;
+            }
+            self.try_to_verify(&mut info, set, &mut continuation)
+        });
+        self.closings.end_frame(info.layout, outcome.is_ok());
+        let mut verified = VerifiedFrame {
+            curves: None,
+            continuation,
+            notes: self.closings.take_notes(),
+            ingest: took,
+            report: Report::new(seq, time, Verdict::Rejected),
+            info,
+            jumps: self.coordinates.jumps(),
+            joined: self.closings.joined(),
+            unmeasured: None,
+            verification: Duration::ZERO,
+            timings: Default::default(),
+            work: Default::default(),
+            offload: Default::default(),
+        };
+        match outcome {
+            Ok((report, curves)) => {
+                verified.report = report;
+                verified.curves = Some(curves);
+                verified.timings = Timings {
+                    clearance: self.strands.took(),
+                    ..self.engine.timings()
+                };
+                verified.work = self.engine.work();
+                verified.offload = self.engine.offload();
+            }
+            Err(why) => {
+                let why = self.reason_to_reject(why)?;
+                verified.report = self.engine.reject(seq, time, &why);
+            }
+        }
+        verified.unmeasured = self.strands.unmeasured().map(str::to_owned);
+        verified.verification = start.elapsed();
+        Ok(verified)
+    }
+
+    /// Marks the next frame as not continuing the last one, so that no pull-throughs are searched
+    /// for between the two. Call this after a gap in the frames; a simulator that rolls back tells
+    /// so with the frame ([`FrameInfo::cuts`]).
+    pub fn cut(&mut self) {
+        if matches!(self.next, Next::AsTold) {
+            self.next = Next::Cut;
+        }
+    }
+
+    /// Begins another part of the same run, of which frames before it were left out: the next frame
+    /// is compared with this baseline, and may have other curves than the last one.
+    pub fn begin_part(&mut self, baseline: Certificate) {
+        self.closings.forget();
+        self.next = Next::Part(baseline);
+    }
+
+    /// Begins another run, with the same options: the next frame is its first one.
+    pub fn begin_run(&mut self) {
+        self.closings.forget();
+        self.next = Next::Run;
+    }
+
+    /// Returns the baseline, or `None` before the first frame.
+    pub fn baseline(&self) -> Option<&Certificate> {
+        self.engine.baseline().map(|baseline| &**baseline)
+    }
+
+    /// Returns the braids with everything that was found in the first frame, so that other sessions
+    /// can close them in the same way. `None` before that frame, or without braids.
+    pub fn braids(&self) -> Option<Braids> {
+        self.engine.braids()
+    }
+
+    /// Shows the progress of this session through that of another one.
+    #[cfg(all(feature = "bus", feature = "cli"))]
+    pub(crate) fn share_progress(&mut self, progress: Arc<Progress>) {
+        self.engine.share_progress(progress);
+    }
+
+    /// Returns the report on a frame that is rejected without being verified, and does not ask the
+    /// simulator to stop.
+    #[cfg(all(feature = "bus", feature = "cli"))]
+    pub(crate) fn give_up(&self, (seq, time): (u64, f64), why: &str) -> Report {
+        let mut report = self.engine.reject(seq, time, &Error::Usage(why.into()));
+        report.abort = false;
+        report
+    }
+
+    /// Returns a view of the progress of the current frame.
+    pub fn progress(&self) -> Arc<Progress> {
+        self.engine.progress()
+    }
+
+    /// Announces the frame that comes after the next one. If crossings are counted on a GPU, its
+    /// vertices are uploaded while the next frame is verified. This is only a hint: the results are
+    /// the same without it, or if another frame follows.
+    pub fn announce(&mut self, next: &Received) {
+        if let Ok(set) = &next.curves {
+            self.engine.announce(set);
+        }
+    }
+
+    /// Waits until background work has ended, so that the next frame profits from it. For
+    /// measurements.
+    pub fn settle(&mut self) {
+        self.engine.settle();
+    }
+
+    /// Returns the properties of a frame that say how its curves are closed.
+    fn source(&self, info: &FrameInfo) -> CurveSource {
+        let wrapped = self.options.wrapped == Some(true);
+        CurveSource {
+            cell: self.cell(info).or(info.cell.filter(|_| wrapped)),
+            wrapped,
+            closed_by_default: info.closed_by_default,
+        }
+    }
+
+    /// Returns the cell with which a frame is verified.
+    fn cell(&self, info: &FrameInfo) -> Option<Cell> {
+        match self.options.ignore_cell {
+            true => None,
+            false => self.options.cell.or(info.cell),
+        }
+    }
+
+    /// Returns what the simulator told about the last verified frame, if the next one follows it.
+    fn last(&self) -> Option<&FrameInfo> {
+        let follows = !matches!(self.next, Next::Part(_) | Next::Run);
+        self.last.as_ref().filter(|_| follows)
+    }
+
+    fn close(&mut self, set: Arc<CurveSet>, info: &FrameInfo) -> Result<Arc<CurveSet>> {
+        let source = self.source(info);
+        let closing = self.closings.of(info.layout);
+        Ok(closing.of_set(&set, source)?.map_or(set, Arc::new))
+    }
+
+    /// Fails if the curves of a received frame are others than those of the last verified frame of
+    /// the same layout.
+    fn check_layout(&self, info: &FrameInfo, set: &CurveSet) -> Result<()> {
+        let last = self.last().filter(|last| last.layout == info.layout);
+        let Some(given) = self.given.as_ref().filter(|_| last.is_some()) else {
+            return Ok(());
+        };
+        if given.same_layout(set) {
+            return Ok(());
+        }
+        let counts: Vec<i32> = set.counts().collect();
+        let positions = set.positions();
+        let positions = positions.as_positions();
+        let frame = RawFrame {
+            basis: set.basis(),
+            counts: &counts,
+            positions,
+        };
+        same_layout(&frame, given)?;
+        Err(Error::LayoutChanged {
+            what: "bytes of a coordinate",
+            before: given.precision().bytes() as u64,
+            now: set.precision().bytes() as u64,
+        })
+    }
+
+    /// Verifies valid curves. Returns the report, and the curves for outputs.
+    fn try_to_verify(
+        &mut self,
+        info: &mut FrameInfo,
+        given: Arc<CurveSet>,
+        continuation: &mut Continuation,
+    ) -> Result<(Report, Arc<CurveSet>)> {
+        let of_frame = info.cell;
+        info.cell = self.cell(info);
+        let last = self.last();
+        let accepted = last.is_some_and(|last| last.baseline != info.baseline);
+        let cut = last.is_some_and(|last| last.cuts != info.cuts);
+        *continuation = match (accepted, cut) {
+            (true, _) => Continuation::Accepted,
+            (false, true) => Continuation::Cut,
+            (false, false) => Continuation::Continues,
+        };
+        let begin = match (&self.next, last) {
+            (Next::Part(_), _) => Some(Begin::Part),
+            (_, None) => Some(Begin::First),
+            (_, Some(_)) => accepted.then_some(Begin::Accepted),
+        };
+        let last = last.filter(|_| !accepted);
+        if last.is_none_or(|last| !Arc::ptr_eq(&last.labels, &info.labels)) {
+            info.labels.check(given.len())?;
+        }
+        let change = last.map(|last| info.change_since(last)).transpose()?;
+        info.cell = check_cell(info.cell, last.map(|last| last.cell))?;
+        // In a cell, the curves are the same in all frames, but may be described again.
+        let same = |change: &CurveChange| info.cell.is_some() && change.is_identity();
+        let change = change.flatten().filter(|change| !same(change));
+        // A frame that begins anew does so beside the state of the others, which remains if the
+        // frame is rejected.
+        let begun = begin.map(|begin| Begun::new(self, begin, info));
+        let mut anew = begun.transpose()?;
+        let (engine, coordinates) = match &mut anew {
+            Some(begun) => (&mut begun.engine, &mut begun.coordinates),
+            None => (&mut self.engine, &mut self.coordinates),
+        };
+        let set = coordinates.place(&given, info.cell, of_frame)?;
+        let cuts = cut || matches!(self.next, Next::Cut);
+        let mut report = engine.verify(NextFrame {
+            seq: info.seq,
+            time: info.time,
+            curves: &set,
+            cell: info.cell,
+            change: change.as_ref(),
+            cut: cuts,
+        })?;
+        // From here on, nothing can reject the frame.
+        if let Some(begun) = anew {
+            (self.engine, self.coordinates) = (begun.engine, begun.coordinates);
+            self.strands = Strands::new(&self.options);
+        } else if cuts {
+            self.strands.cut();
+        }
+        self.coordinates.commit(&set);
+        self.next = Next::AsTold;
+        report.clearance = self.strands.measure(info, &set);
+        report.abort = self.engine.aborts(&report);
+        self.last = Some(info.clone());
+        self.given = Some(Arc::clone(&given));
+        // Curves that jumped are recorded as they were given: a replay follows them again.
+        let unwrapped = self.options.wrapped == Some(true);
+        Ok((report, if unwrapped { set } else { given }))
+    }
+
+    /// Returns the reason to reject a frame.
+    ///
+    /// Errors: this one, if it concerns the process, or all frames of the same curves.
+    fn reason_to_reject(&self, why: Error) -> Result<Error> {
+        match why {
+            Error::Cancelled | Error::Forked { .. } | Error::Device { .. } => Err(why),
+            Error::CertificateMismatch { certificate, model } if self.last().is_some() => {
+                Ok(Error::LayoutChanged {
+                    what: "number of curves",
+                    before: certificate as u64,
+                    now: model as u64,
+                })
+            }
+            Error::CertificateMismatch { .. } | Error::NothingClosed { .. } | Error::Braid(_)
+                if self.last().is_none() =>
+            {
+                Err(why)
+            }
+            why => Ok(why),
+        }
+    }
+}
