@@ -51,8 +51,8 @@ impl Progress {
     }
 }
 
-/// Time that each stage of the last frame took. Not part of a [`Report`], because reports do not
-/// depend on the clock.
+/// Time that each stage of the last frame took. Not part of a [`Report`](crate::Report), because
+/// reports do not depend on the clock.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct Timings {
