@@ -187,6 +187,30 @@ fn a_clearance_that_cannot_be_measured_makes_a_run_incomplete() {
     }
 }
 
+/// Regression test: radii that came later hid the frames that were not measured.
+#[test]
+fn a_clearance_that_can_be_measured_later_leaves_the_run_incomplete() {
+    let folder = TempDir::new().unwrap();
+    let service = service("unmeasured-first");
+    let policy = ["--thickness", "published"];
+    let watch = Watch::start(folder.path(), "watch", &service, &policy);
+    let mut sim = Client::open(&service, &ClientOptions::lockstep()).unwrap();
+    let labels = CurveLabels::named(["a", "b"]);
+    for (frame, labels) in (0..).zip([labels.clone(), labels.with_radii([RADIUS; 2])]) {
+        sim.describe_labelled(Basis::Polyline, Precision::F32, &[-4, -4], labels)
+            .unwrap();
+        assert!(sim.wait_for_watcher(PATIENCE).unwrap());
+        assert_eq!(step(&mut sim, frame, 0.0), Verdict::Intact);
+    }
+    sim.finish().unwrap();
+    let live = watch.end();
+    assert_eq!(live.code, Some(3), "{}", live.stderr);
+    let reports = live.reports();
+    assert!(reports[0]["clearance"].is_null(), "{}", reports[0]);
+    assert!(!reports[1]["clearance"].is_null(), "{}", reports[1]);
+    assert!(!live.summary()["unmeasured_clearance"].is_null());
+}
+
 #[test]
 fn options_of_clearance_that_contradict_one_another_are_refused() {
     let watch = |args: &[&str]| printed(&[&["watch", "--wait", "1"], args].concat());

@@ -530,7 +530,8 @@ impl Run {
             ));
         }
         (self.joined, self.jumps) = (verified.joined, verified.jumps);
-        self.unmeasured = verified.unmeasured;
+        // Frames before a change of the curves may lack a clearance that later ones have.
+        self.unmeasured = self.unmeasured.take().or(verified.unmeasured);
         if verified.curves.is_some() {
             self.take_note(&verified.info, verified.continuation);
         }
