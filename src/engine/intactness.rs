@@ -34,8 +34,10 @@ impl Intactness {
         self.broken = false;
     }
 
-    /// Continues after frames that are not known; the last one was `intact`, or not.
-    pub(super) fn doubt(&mut self, intact: bool) {
+    /// Continues after frames that are not known but for the last intact one, and whether it was
+    /// the last one.
+    pub(super) fn doubt(&mut self, (last_intact, intact): (Option<u64>, bool)) {
+        self.last_intact = last_intact;
         self.broken |= !intact;
         self.intact = false;
     }

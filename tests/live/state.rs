@@ -360,7 +360,7 @@ fn pull_throughs_after_the_saved_frame_are_unknown() {
         let words = format!("{word} started again, so pull-throughs before this frame are unknown");
         assert!(missing.contains(&words), "{missing}");
         let last = reports.iter().map(|r| r["last_intact"].clone());
-        assert_eq!(last.collect::<Vec<_>>(), [0, 0, 5], "{}", ended.stderr);
+        assert_eq!(last.collect::<Vec<_>>(), [2, 2, 5], "{}", ended.stderr);
         let words = "the baseline is frame 0, with 0 links";
         assert!(ended.stderr.contains(words), "{}", ended.stderr);
         // Its recording does not have the frame before it either.

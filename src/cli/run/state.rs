@@ -21,10 +21,17 @@ impl RunState {
         self.session.info().map(|info| info.seq) == seq
     }
 
-    /// Returns the state after later frames, which another process verified.
-    pub fn after_unknown_frames(self, cuts: u32, intact: bool, why: &str) -> RunState {
+    /// Returns the state after later frames, which another process verified: see
+    /// [`SessionState::after_unknown_frames`].
+    pub fn after_unknown_frames(
+        self,
+        cuts: u32,
+        last_intact: (Option<u64>, bool),
+        why: &str,
+    ) -> RunState {
+        let why = why.into();
         RunState {
-            session: self.session.after_unknown_frames(cuts, intact, why.into()),
+            session: self.session.after_unknown_frames(cuts, last_intact, why),
             ..self
         }
     }

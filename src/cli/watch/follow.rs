@@ -41,7 +41,7 @@ pub struct Follower<'a> {
     /// Label of the service, without a session.
     pub label: Label,
     pub metrics: ServiceMetrics,
-    /// What the next process needs, with --state.
+    /// State for the next process (`--state`).
     pub state: State,
     /// Number of simulators that connected.
     pub sessions: u64,
@@ -172,8 +172,15 @@ impl Follower<'_> {
             }
             let tally = tally(counters);
             self.check_skipped(&mut session, tally);
-            if matches!(&ended, Ok(End::Simulator(_))) {
-                self.state.end_session(session.outcome())?;
+            match &ended {
+                Ok(End::Simulator(_)) => self.state.end_session(session.outcome())?,
+                // The next process continues after the last frame.
+                Ok(End::Signal(_)) => {
+                    if let Err(e) = self.state.keep(|| session.state()) {
+                        tracing::error!("{e}");
+                    }
+                }
+                Err(_) => {}
             }
             let fatal = matches!(&ended, Ok(End::Signal(_)) | Err(Error::Bus(_)));
             if fatal || !self.args.keep_watching {
@@ -237,8 +244,7 @@ impl Follower<'_> {
         session.publish(judged, tally(sidecar.counters()));
         sent?;
         let outcome = session.outcome();
-        self.state
-            .end_frame(sidecar.state(), (false, false), outcome)
+        self.state.end_frame(sidecar.state(), None, outcome)
     }
 
     /// Records an error that ends a session, but not the watch.
@@ -375,8 +381,8 @@ impl Follower<'_> {
                                 "stopped by a signal; the check of frame {seq} was cancelled"
                             );
                             // The next process does not answer it: it did not crash this one.
-                            let (state, unknown) = (sidecar.state(), (false, false));
-                            let noted = self.state.end_frame(state, unknown, Outcome::Fine);
+                            let state = sidecar.state();
+                            let noted = self.state.end_frame(state, None, Outcome::Fine);
                             let end = noted.map(|()| End::Signal(sidecar.counters()));
                             return (session, end);
                         }
@@ -443,11 +449,9 @@ impl Follower<'_> {
 
     /// Notes the verdict on a frame for the next process.
     fn note(&mut self, sidecar: &Sidecar, report: &Report, session: &Run) -> Result<()> {
-        let verified = report.verdict != Verdict::Rejected;
-        let intact = report.last_intact == Some(report.seq);
+        let verified = Some(report).filter(|report| report.verdict != Verdict::Rejected);
         let outcome = Outcome::of(report.verdict);
-        self.state
-            .end_frame(sidecar.state(), (verified, intact), outcome)?;
+        self.state.end_frame(sidecar.state(), verified, outcome)?;
         self.state.keep_from_time_to_time(|| session.state())
     }
 

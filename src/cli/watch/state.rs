@@ -7,7 +7,7 @@
 
 use crate::cli::Outcome;
 use crate::cli::run::RunState;
-use linkwatch::{Error, Result, SidecarState};
+use linkwatch::{Error, Report, Result, SidecarState};
 use serde::{Deserialize, Serialize};
 use std::ffi::OsString;
 use std::fs::{File, TryLockError};
@@ -45,8 +45,8 @@ struct Note {
     verified: Option<u64>,
     /// Number of cuts before the last frame.
     cuts: u32,
-    /// True if the last verified frame is known to be intact.
-    intact: bool,
+    /// Last frame that is known to be intact.
+    last_intact: Option<u64>,
     /// Worst outcome so far.
     outcome: Outcome,
     /// True if a signal stopped the watch.
@@ -171,7 +171,10 @@ impl State {
             let why = if note.stopped { STOPPED } else { CRASHED };
             let run = run.map(|run| match run.is_after(note.verified) {
                 true => run,
-                false => run.after_unknown_frames(note.cuts, note.intact, why),
+                false => {
+                    let intact = note.verified.is_some() && note.last_intact == note.verified;
+                    run.after_unknown_frames(note.cuts, (note.last_intact, intact), why)
+                }
             });
             return Ok(Some(Earlier {
                 run,
@@ -201,18 +204,19 @@ impl State {
         self.write()
     }
 
-    /// Notes that the frame was answered or skipped. `verified` is true if it was not rejected or
-    /// skipped.
+    /// Notes that the frame was answered or skipped. `verified` is the report, unless it was
+    /// rejected or skipped.
     pub fn end_frame(
         &mut self,
         simulator: Option<SidecarState>,
-        (verified, intact): (bool, bool),
+        verified: Option<&Report>,
         outcome: Outcome,
     ) -> Result<()> {
         let note = &mut self.note;
         note.simulator = simulator.or(note.simulator);
-        if let (Some((seq, _)), true) = (note.in_hand.take(), verified) {
-            (note.verified, note.intact) = (Some(seq), intact);
+        note.in_hand = None;
+        if let Some(report) = verified {
+            (note.verified, note.last_intact) = (Some(report.seq), report.last_intact);
         }
         note.outcome = note.outcome.max(outcome);
         self.write()
@@ -253,7 +257,7 @@ impl State {
     pub fn end_session(&mut self, outcome: Outcome) -> Result<()> {
         self.note.simulator = None;
         self.note.in_hand = None;
-        (self.note.verified, self.note.intact) = (None, false);
+        (self.note.verified, self.note.last_intact) = (None, None);
         self.note.outcome = self.note.outcome.max(outcome);
         self.write()?;
         if let Some(files) = &mut self.files {
