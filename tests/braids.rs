@@ -394,6 +394,61 @@ fn a_curve_that_enters_an_end_volume_is_undecided() {
     assert_undecided(&report, &["curve 1 enters the volume of the left end"]);
 }
 
+/// Two linked squares beside a braid come apart while a curve is in a volume of the braid. The
+/// certificate of the next frame is that of a run without the frame in between.
+#[test]
+fn a_broken_braid_hides_no_change_of_closed_curves_and_adds_none() {
+    let with_squares = |strands: &[Vec<Point>], apart: f64| {
+        let square = |turn: fn(Point) -> Point, shift: f64| {
+            let corners = [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]];
+            let corner = |[x, y]: [f64; 2]| turn([x, y, 0.0]);
+            let corners = corners
+                .map(corner)
+                .map(|[x, y, z]| [x + shift, y, z + 40.0]);
+            corners.to_vec()
+        };
+        let mut curves = strands.to_vec();
+        curves.push(square(|p| p, 0.0));
+        curves.push(square(|[x, y, z]| [x, z, y], 1.0 + apart));
+        of(Basis::Polyline, &curves, |k| k >= 4)
+    };
+    let whole = strands(4, &[2, 2]);
+    let mut broken = whole.clone();
+    broken[3][1] = [1.5, 0.0, -3.0];
+    let passed = strands(4, &[-2, 2]);
+    let strategies = [
+        (Strategy::Full, false),
+        (Strategy::Full, true),
+        (Strategy::Incremental, false),
+        (Strategy::Paranoid, false),
+    ];
+    for (strategy, early_exit) in strategies {
+        let options = SessionOptions {
+            braids: Some(Braids::Auto),
+            strategy,
+            early_exit,
+            ..SessionOptions::default()
+        };
+        let mut session = Session::new(options).unwrap();
+        let mut step = |seq, set: CurveSet| session.step(seq, set).report;
+        let found = |report: &Report| -> Vec<(u32, u32)> {
+            report.changes.iter().map(|c| (c.i, c.j)).collect()
+        };
+        let report = step(0, with_squares(&whole, 0.0));
+        assert_eq!(report.verdict, Verdict::Intact);
+        let report = step(1, with_squares(&broken, 5.0));
+        assert_eq!(found(&report), [(4, 5)], "{strategy:?}");
+        assert!(report.loops.is_empty() && report.missing.len() == 1);
+        let report = step(2, with_squares(&broken, 0.0));
+        assert_eq!(report.verdict, Verdict::Undecided, "{report:?}");
+        let report = step(3, with_squares(&whole, 0.0));
+        assert_eq!(report.verdict, Verdict::Intact, "{report:?}");
+        let report = step(4, with_squares(&passed, 0.0));
+        assert_eq!(report.verdict, Verdict::Changed, "{report:?}");
+        assert!(!report.loops.is_empty() && !found(&report).contains(&(4, 5)));
+    }
+}
+
 #[test]
 fn ends_that_move_against_one_another_are_undecided() {
     let report = after(|curves| curves[2][0][1] += 0.3);

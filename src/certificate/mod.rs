@@ -9,7 +9,6 @@ pub use compare::Comparison;
 pub(crate) use file::undefined_entry;
 
 use crate::curve::Image;
-use crate::pairs::PairFilter;
 use crate::verdict::{Defect, ImageLink, Link};
 
 /// All linking numbers of a frame: the sparse upper triangular linking matrix (Qu & James 2021,
@@ -114,29 +113,6 @@ impl Certificate {
             ..Certificate::default()
         };
         out.sort();
-        out
-    }
-
-    /// Returns the entries of the pairs of a filter, and those of single curves.
-    pub(crate) fn of_filter(&self, filter: &PairFilter) -> Certificate {
-        self.filtered(|i, j| j.is_none_or(|j| filter.contains(i, j)))
-    }
-
-    /// Returns the entries of the pairs without a virtual loop, and those of single curves.
-    pub(crate) fn without_loops(&self, loops: &PairFilter) -> Certificate {
-        self.filtered(|i, j| j.is_none_or(|j| !loops.has_loop(i) && !loops.has_loop(j)))
-    }
-
-    /// Returns the entries of certificates of the same curves together.
-    pub(crate) fn union(all: Vec<&Certificate>) -> Certificate {
-        let mut out = Certificate::default();
-        for certificate in all {
-            out.curves = certificate.curves;
-            out.links.extend_from_slice(&certificate.links);
-            out.undefined.extend_from_slice(&certificate.undefined);
-        }
-        out.sort();
-        out.undefined.dedup_by_key(|d| (d.i, d.j));
         out
     }
 

@@ -527,11 +527,7 @@ fn pictures(args: &Args, models: &[PathBuf], files: &mut Files) -> Result<Vec<Pa
 
 /// Writes the curves of a frame with the virtual loops of its braids.
 fn write_loops(file: &Path, overwrite: Overwrite, braids: &Braids, set: &CurveSet) -> Result<()> {
-    let mut curves = None;
-    BraidLoops::new(braids, set)?.write(set, &mut curves)?;
-    let Some(curves) = curves else {
-        return Ok(());
-    };
+    let curves = BraidLoops::new(braids, set)?.close(set)?;
     write_whole(file, overwrite, |part| {
         let mut writer = FrameWriter::create(part, Format::of(file)?)?;
         writer.frame(&ModelFrame::new(0, Ok(curves)))?;

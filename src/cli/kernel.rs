@@ -36,7 +36,7 @@ pub struct KernelArgs {
 }
 
 impl KernelArgs {
-    /// Returns the options of a verifier with this kernel and device.
+    /// Returns the options of a session with this kernel and device.
     pub fn options(&self) -> Result<SessionOptions> {
         for (name, given, method) in [
             ("--beta", self.beta.is_some(), Method::BarnesHut),

@@ -1,7 +1,7 @@
 //! `--repeat` of `linkwatch certify` and `plan`: median times of a certificate, stage by stage.
 //!
 //! Measures the work from control points in memory to the sorted linking numbers. "First" is a new
-//! verifier, which allocates its buffers. "Later" is the same verifier again.
+//! certifier, which allocates its buffers. "Later" is the same certifier again.
 
 use super::Outcome;
 use super::output::{self, count, percent};
@@ -11,7 +11,7 @@ use linkwatch::{CurveSet, Result};
 use serde_json::json;
 use std::path::Path;
 
-/// Certifies curves `n` times with a new verifier, and again with the same one. Returns the last
+/// Certifies curves `n` times with a new certifier, and again with the same one. Returns the last
 /// run, and the medians of the first and of the later runs.
 pub fn measure(set: &CurveSet, n: u32, device: &Device) -> Result<(Run, [StageTimes; 2])> {
     let runs = Effort::runs(n).repeat(|| Run::first_and_later(device, set, None));

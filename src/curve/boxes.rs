@@ -44,12 +44,6 @@ impl Box3 {
         }
     }
 
-    /// Returns the length of the longest side, or 0 if the box is empty.
-    pub fn largest_side(&self) -> f32 {
-        let side = |x: usize| self.hi[x] - self.lo[x];
-        side(0).max(side(1)).max(side(2)).max(0.0)
-    }
-
     /// Returns the largest difference between a bound of this box and the same bound of another
     /// one, over all axes.
     pub fn largest_shift(&self, other: &Box3) -> f32 {

@@ -103,7 +103,21 @@ impl Coordinates {
         }
     }
 
-    /// [`Coordinates::write`] for all points of all curves.
+    /// Copies others of the same precision to the first slots.
+    pub fn copy_first(&mut self, source: &Coordinates) {
+        fn copy<T: Copy>(to: &mut [Vec<T>; 3], from: &[Vec<T>; 3]) {
+            for (to, from) in to.iter_mut().zip(from) {
+                to[..from.len()].copy_from_slice(from);
+            }
+        }
+        match (self, source) {
+            (Self::F32(to), Self::F32(from)) => copy(to, from),
+            (Self::F64(to), Self::F64(from)) => copy(to, from),
+            _ => unreachable!("callers compare the precision first"),
+        }
+    }
+
+    /// [`Coordinates::write`] for all points of some curves.
     pub fn write_curves(
         &mut self,
         curves: &[Curve],

@@ -75,9 +75,8 @@ impl Frame {
             return Ok(set);
         }
         let mut pool = images.pool.lock().unwrap_or_else(PoisonError::into_inner);
-        let set = pool.receive(|out| {
-            CurveSet::translate(&self.given, &images.curves, cell, out, CurveSet::update)
-        })?;
+        let set =
+            pool.receive(|out| CurveSet::translate(&self.given, &images.curves, cell, out))?;
         Ok(self.set.get_or_init(|| set))
     }
 

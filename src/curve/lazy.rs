@@ -85,7 +85,13 @@ impl Arrays {
         }
     }
 
-    /// Replaces all points of all curves; see [`Coordinates::write_curves`].
+    /// Copies other arrays of the same precision to the first slots.
+    pub fn copy_first(&mut self, source: &Arrays) {
+        self.coordinates.copy_first(&source.coordinates);
+        self.max_abs = self.max_abs.max(source.max_abs);
+    }
+
+    /// Replaces all points of some curves; see [`Coordinates::write_curves`].
     pub fn write_curves(
         &mut self,
         curves: &[Curve],
@@ -96,7 +102,7 @@ impl Arrays {
         let written = self
             .coordinates
             .write_curves(curves, basis, positions, limit);
-        self.max_abs = written?;
+        self.max_abs = self.max_abs.max(written?);
         Ok(())
     }
 
@@ -138,6 +144,7 @@ impl LazyCoordinates {
         self.arrays.get_or_init(|| {
             let mut spare = self.spare.lock().unwrap_or_else(PoisonError::into_inner);
             let mut arrays = self.memory(spare.take(), slots_of_all(curves, basis));
+            arrays.max_abs = 0.0;
             // The positions were checked when they were received.
             let positions = self.received.positions();
             let written = arrays.write_curves(curves, basis, positions, f64::INFINITY);
@@ -184,10 +191,9 @@ impl LazyCoordinates {
         &mut self.received
     }
 
-    /// Returns true if the arrays are built.
-    #[cfg(test)]
-    pub fn has_arrays(&self) -> bool {
-        self.arrays.get().is_some()
+    /// Returns the arrays if they are built.
+    pub fn built(&self) -> Option<&Arrays> {
+        self.arrays.get()
     }
 
     /// Returns the positions as received, or `None` if there are only arrays.

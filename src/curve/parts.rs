@@ -122,8 +122,7 @@ mod tests {
             let curves = Translated::new(curves, &Arc::from([Some(period)]));
             assert_eq!(&*curves.joints, [(0, 1)]);
             let (mut set, cell) = (None, "9,9,9".parse().unwrap());
-            CurveSet::translate(&Arc::new(frame), &curves, &cell, &mut set, CurveSet::update)
-                .unwrap();
+            CurveSet::translate(&Arc::new(frame), &curves, &cell, &mut set).unwrap();
             let set = set.unwrap();
             for (i, j) in [(0, 0), (0, 1), (0, 2), (1, 0), (2, 1), (2, 0)] {
                 let parts = set.parts(i, j).unwrap();

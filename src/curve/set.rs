@@ -1,10 +1,10 @@
 //! All curves of one frame, as a structure of arrays.
 
 use super::basis::bspline_knot;
-use super::coordinates::{Axes, Coordinates, Knots};
+use super::coordinates::{Axes, Coordinates, Knots, Scalar};
 use super::lazy::{Arrays, LazyCoordinates, Received};
 use super::sums::Sums;
-use super::tile::Bad;
+use super::tile::{Bad, largest_within};
 use super::{Basis, Bezier, Point, Positions, Precision, point_at, pow2};
 use crate::error::{Error, Result};
 use crate::simd::LANES;
@@ -139,6 +139,50 @@ impl PartialEq for Shape {
     }
 }
 
+/// Writer of the positions of a set, part after part: of the first curves before the others.
+pub(super) struct Parts<'a> {
+    arrays: &'a mut Arrays,
+    curves: &'a [Curve],
+    basis: Basis,
+    limit: f64,
+}
+
+impl Parts<'_> {
+    /// Copies the curves of a set in the same precision, which are the first ones of this set.
+    pub fn copy(&mut self, source: &CurveSet) -> Result<(), Bad> {
+        match source.coordinates.built() {
+            Some(source) => {
+                self.arrays.copy_first(source);
+                Ok(())
+            }
+            None => self.write_curves(0..source.len(), source.positions().as_positions()),
+        }
+    }
+
+    /// Writes all points of some curves.
+    pub fn write_curves(
+        &mut self,
+        curves: Range<usize>,
+        positions: Positions<'_>,
+    ) -> Result<(), Bad> {
+        let curves = &self.curves[curves];
+        let before = curves.first().map_or(0, |c| c.first_point as usize);
+        let written = self
+            .arrays
+            .write_curves(curves, self.basis, positions, self.limit);
+        written.map_err(|(point, axis, value)| (before + point, axis, value))
+    }
+
+    /// Writes the last point of an open curve.
+    pub fn write_last_point(&mut self, i: usize, position: Positions<'_>) -> Result<(), Bad> {
+        let c = &self.curves[i];
+        let last = c.points as usize - 1;
+        let at = c.first as usize + self.basis.lead(c.closed) + last;
+        let written = self.arrays.write(at, position, self.limit);
+        written.map_err(|(_, axis, value)| (c.first_point as usize + last, axis, value))
+    }
+}
+
 /// Reader of the Bezier control points of segments. It asks once if the arrays of the set are
 /// built, before many segments are read.
 #[derive(Clone, Copy, Debug)]
@@ -233,6 +277,7 @@ impl CurveSet {
         self.contents = next_contents();
         let (slots, limit) = (self.slots(), self.limit());
         let arrays = self.coordinates.arrays_mut(slots);
+        arrays.max_abs = 0.0;
         let written = arrays.write_curves(&self.curves, self.basis, positions, limit);
         self.finish_update(written)
     }
@@ -250,6 +295,39 @@ impl CurveSet {
         let limit = self.limit();
         let copied = copy(self.coordinates.received_mut(positions.len()), limit);
         self.finish_update(copied)
+    }
+
+    /// [`CurveSet::update`] by a function that appends all positions, in double precision, to an
+    /// empty list. The arrays are built from it when they are needed.
+    pub(crate) fn update_with(&mut self, write: impl FnOnce(&mut Vec<f64>)) -> Result<()> {
+        self.contents = next_contents();
+        let (points, limit) = (self.points, f64::bits_within(self.limit()));
+        let Received::F64(xyz) = self.coordinates.received_mut(0) else {
+            return Err(Error::Usage("the set is in single precision".into()));
+        };
+        write(xyz);
+        assert_eq!(xyz.len(), 3 * points, "points of the same curves");
+        let checked = largest_within(xyz, limit, 0);
+        self.finish_update(checked.map(drop))
+    }
+
+    /// Replaces all positions by those that `write` writes, part after part.
+    pub(super) fn write_parts(
+        &mut self,
+        write: impl FnOnce(Parts<'_>) -> Result<(), Bad>,
+    ) -> Result<()> {
+        self.contents = next_contents();
+        let (slots, limit) = (self.slots(), self.limit());
+        let arrays = self.coordinates.arrays_mut(slots);
+        arrays.max_abs = 0.0;
+        let parts = Parts {
+            arrays,
+            curves: &self.curves,
+            basis: self.basis,
+            limit,
+        };
+        let written = write(parts);
+        self.finish_update(written)
     }
 
     /// Returns the frame at a fraction of the step to another frame of the same curves,
@@ -358,6 +436,48 @@ impl CurveSet {
         self.shape() == other.shape()
     }
 
+    /// Fails if curves of this basis, precision and counts are others than those of this set.
+    pub(crate) fn check_layout(
+        &self,
+        basis: Basis,
+        precision: Precision,
+        counts: impl ExactSizeIterator<Item = i32>,
+    ) -> Result<()> {
+        let before = self;
+        let changed = |what, before, now| Err(Error::LayoutChanged { what, before, now });
+        if basis != before.basis() {
+            let code = |basis: Basis| u64::from(basis.code());
+            return changed("basis code", code(before.basis()), code(basis));
+        }
+        if counts.len() != before.len() {
+            return changed("number of curves", before.len() as u64, counts.len() as u64);
+        }
+        for (before, now) in before.counts().zip(counts) {
+            if before == now {
+                continue;
+            }
+            let points = |count: i32| u64::from(count.unsigned_abs());
+            return if points(before) == points(now) {
+                changed(
+                    "closed (1) or open (0)",
+                    u64::from(before < 0),
+                    u64::from(now < 0),
+                )
+            } else {
+                changed("control points of a curve", points(before), points(now))
+            };
+        }
+        let bytes = |precision: Precision| precision.bytes() as u64;
+        match before.precision() == precision {
+            true => Ok(()),
+            false => changed(
+                "bytes of a coordinate",
+                bytes(before.precision()),
+                bytes(precision),
+            ),
+        }
+    }
+
     /// Returns everything but the positions.
     pub(crate) fn shape(&self) -> Shape {
         Shape {
@@ -414,7 +534,7 @@ impl CurveSet {
 
     /// Returns the number of control points of each curve, negative for closed curves: the layout
     /// on the bus and in recordings.
-    pub fn counts(&self) -> impl Iterator<Item = i32> + '_ {
+    pub fn counts(&self) -> impl ExactSizeIterator<Item = i32> + '_ {
         self.curves.iter().map(Curve::count)
     }
 
@@ -443,7 +563,7 @@ impl CurveSet {
     /// Returns true if the arrays are built.
     #[cfg(test)]
     pub(crate) fn has_arrays(&self) -> bool {
-        self.coordinates.has_arrays()
+        self.coordinates.built().is_some()
     }
 
     /// Returns for each curve if one of its points differs from that of an earlier frame of the

@@ -7,7 +7,7 @@
 
 use super::parts::multiple;
 use super::vector::two_sum;
-use super::{Cell, CurveSet, Image, Point, Positions, is_home, minus, plus, pow2};
+use super::{Cell, CurveSet, Image, Point, Positions, Precision, is_home, minus, plus, pow2};
 use crate::error::Result;
 use std::collections::BTreeMap;
 use std::ops::{Deref, Range};
@@ -16,6 +16,9 @@ use std::sync::Arc;
 /// Number of terms of a sum: a coordinate, and for each lattice vector a rounded product and its
 /// error.
 pub(crate) const TERMS: usize = 7;
+
+/// Number of coordinates of translated curves that are written at once.
+const BATCH: usize = 3 * 1024;
 
 /// A point whose coordinates are sums of floating-point numbers, not rounded.
 pub(crate) type SumPoint = [[f64; TERMS]; 3];
@@ -117,6 +120,78 @@ impl Sums {
     }
 }
 
+/// Sums of coordinates of a frame and lattice vectors, rounded.
+struct SumsOfFrame<'a> {
+    frame: &'a CurveSet,
+    received: Option<Positions<'a>>,
+    cell: &'a Cell,
+    /// True if no sum was rounded.
+    exact: bool,
+    /// Largest magnitudes of a translation and of a coordinate.
+    longest: f64,
+    largest: f64,
+}
+
+impl<'a> SumsOfFrame<'a> {
+    fn new(frame: &'a CurveSet, cell: &'a Cell) -> Self {
+        SumsOfFrame {
+            frame,
+            received: frame.coordinates.received(),
+            cell,
+            exact: true,
+            longest: 0.0,
+            largest: 0.0,
+        }
+    }
+
+    /// Adds points of a curve, translated.
+    fn add(&mut self, curve: usize, points: Range<usize>, image: Image, xyz: &mut Vec<f64>) {
+        let (frame, received) = (self.frame, self.received);
+        let first = frame.points_of(curve).start;
+        let point = |k: usize| match received {
+            Some(positions) => positions.point(first + k),
+            None => frame.point(curve, k),
+        };
+        if is_home(&image) {
+            return xyz.extend(points.flat_map(point));
+        }
+        let cell = self.cell;
+        let by = cell.translation(image);
+        // Products and sums of the translation are exact, or all of its sums count as rounded.
+        let terms = [0, 1, 2].map(|x| {
+            let products = [0, 1, 2].map(|k| (f64::from(image[k]), cell.vectors[k][x]));
+            let whole = products.map(|(n, a)| n * a);
+            let errors = products.map(|(n, a)| n.mul_add(a, -(n * a)));
+            let sums_up = two_sum(whole[0], whole[1]).1 == 0.0
+                && two_sum(whole[0] + whole[1], whole[2]).1 == 0.0;
+            self.longest = self.longest.max(whole.iter().map(|x| x.abs()).sum());
+            errors == [0.0; 3] && sums_up
+        });
+        self.exact &= terms == [true; 3];
+        for k in points {
+            for (x, by) in point(k).into_iter().zip(by) {
+                self.largest = self.largest.max(x.abs());
+                let (sum, error) = two_sum(x, by);
+                self.exact &= error == 0.0;
+                xyz.push(sum);
+            }
+        }
+    }
+
+    /// Returns a bound of the errors of all sums.
+    ///
+    /// With `u = 2^-53`, three rounded products and their sum are off by at most `3 u` times the
+    /// sum of their sizes, and the sum with the coordinate by `u` times the size of both: less than
+    /// `5 u` times the sum of all sizes. The bound is `8 u`, so that its difference from a
+    /// coordinate may be rounded. The constant covers underflow.
+    fn rounding(&self) -> f64 {
+        match self.exact {
+            true => 0.0,
+            false => (self.largest + self.longest) * pow2(-50) + 1e-300,
+        }
+    }
+}
+
 impl CurveSet {
     /// Returns the curves of a frame that these are, translated.
     pub(super) fn translated(&self) -> Option<&Translated> {
@@ -160,88 +235,71 @@ impl CurveSet {
 
     /// Writes some curves of a frame into `out`, each translated by lattice vectors, in double
     /// precision. A polyline that is a yarn ends at the exact image of its start, so that its
-    /// periods are one curve without gaps. `out` has these curves of an earlier frame, which are
-    /// updated by `update`, or nothing.
+    /// periods are one curve without gaps. `out` has these curves of an earlier frame, or nothing.
     ///
-    /// Errors: those of [`CurveSet::from_counts`] and of `update`; a sum may overflow.
+    /// If the first curves are those of the frame, and all of them, they are copied as they are.
+    ///
+    /// Errors: those of [`CurveSet::from_counts`]; a sum may overflow.
     pub(crate) fn translate(
         frame: &Arc<CurveSet>,
         curves: &Translated,
         cell: &Cell,
         out: &mut Option<CurveSet>,
-        update: impl FnOnce(&mut CurveSet, Positions<'_>) -> Result<()>,
     ) -> Result<()> {
-        let total = curves
-            .iter()
-            .map(|&(i, _)| frame.curve(i as usize).points as usize);
-        let mut xyz: Vec<f64> = Vec::with_capacity(3 * total.sum::<usize>());
-        let positions = frame.positions();
-        let positions = positions.as_positions();
-        let mut exact = true;
-        let (mut longest, mut largest) = (0.0_f64, 0.0_f64);
-        let mut add = |points: Range<usize>, image: Image| {
-            if image == Image::default() {
-                return xyz.extend(points.flat_map(|k| positions.point(k)));
-            }
-            let by = cell.translation(image);
-            // Products and sums of the translation are exact, or all of its sums count as rounded.
-            let terms = [0, 1, 2].map(|x| {
-                let products = [0, 1, 2].map(|k| (f64::from(image[k]), cell.vectors[k][x]));
-                let whole = products.map(|(n, a)| n * a);
-                let errors = products.map(|(n, a)| n.mul_add(a, -(n * a)));
-                let sums_up = two_sum(whole[0], whole[1]).1 == 0.0
-                    && two_sum(whole[0] + whole[1], whole[2]).1 == 0.0;
-                longest = longest.max(whole.iter().map(|x| x.abs()).sum());
-                errors == [0.0; 3] && sums_up
-            });
-            exact &= terms == [true; 3];
-            for k in points {
-                for (x, by) in positions.point(k).into_iter().zip(by) {
-                    largest = largest.max(x.abs());
-                    let (sum, error) = two_sum(x, by);
-                    exact &= error == 0.0;
-                    xyz.push(sum);
-                }
-            }
-        };
-        for (k, &(i, image)) in curves.iter().enumerate() {
-            let points = frame.points_of(i as usize);
-            match curves.next(k).filter(|_| frame.basis().is_polyline()) {
-                None => add(points, image),
-                Some(next) => {
-                    add(points.start..points.end - 1, image);
-                    add(points.start..points.start + 1, next);
-                }
-            }
-        }
-        // With `u = 2^-53`, three rounded products and their sum are off by at most `3 u` times the
-        // sum of their sizes, and the sum with the coordinate by `u` times the size of both: less
-        // than `5 u` times the sum of all sizes. The bound is `8 u`, so that its difference from a
-        // coordinate may be rounded. The constant covers underflow.
-        let rounding = match exact {
-            true => 0.0,
-            false => (largest + longest) * pow2(-50) + 1e-300,
-        };
-        match out {
-            Some(set) => update(set, Positions::F64(&xyz))?,
+        let set = match out {
+            Some(set) => set,
             None => {
                 let count = |&(i, _): &(u32, Image)| frame.curve(i as usize).count();
                 let counts: Vec<i32> = curves.iter().map(count).collect();
-                *out = Some(CurveSet::from_counts(
-                    frame.basis(),
-                    &counts,
-                    Positions::F64(&xyz),
-                )?);
+                let points: usize = counts.iter().map(|n| n.unsigned_abs() as usize).sum();
+                let origin = vec![0.0; 3 * points];
+                let positions = Positions::F64(&origin);
+                out.insert(CurveSet::from_counts(frame.basis(), &counts, positions)?)
             }
-        }
-        if let Some(set) = out {
-            set.sums = Some(Arc::new(Sums {
-                frame: Arc::clone(frame),
-                curves: curves.clone(),
-                cell: *cell,
-                rounding,
-            }));
-        }
+        };
+        let is_own = |(k, curve): (usize, &(u32, Image))| *curve == (k as u32, Image::default());
+        let copied = frame.precision() == Precision::F64
+            && curves.len() >= frame.len()
+            && curves.iter().take(frame.len()).enumerate().all(is_own);
+        let copied = if copied { frame.len() } else { 0 };
+        let next = |k: usize| curves.next(k).filter(|_| frame.basis().is_polyline());
+        let mut sums = SumsOfFrame::new(frame, cell);
+        let mut xyz: Vec<f64> = Vec::new();
+        set.write_parts(|mut part| {
+            if copied > 0 {
+                part.copy(frame)?;
+            }
+            for (i, next) in (0..copied).filter_map(|i| Some((i, next(i)?))) {
+                xyz.clear();
+                sums.add(i, 0..1, next, &mut xyz);
+                part.write_last_point(i, Positions::F64(&xyz))?;
+            }
+            let mut first = copied;
+            for (k, &(i, image)) in curves.iter().enumerate().skip(copied) {
+                if k == first {
+                    xyz.clear();
+                }
+                let (i, points) = (i as usize, frame.curve(i as usize).points as usize);
+                match next(k) {
+                    None => sums.add(i, 0..points, image, &mut xyz),
+                    Some(next) => {
+                        sums.add(i, 0..points - 1, image, &mut xyz);
+                        sums.add(i, 0..1, next, &mut xyz);
+                    }
+                }
+                if xyz.len() >= BATCH || k + 1 == curves.len() {
+                    part.write_curves(first..k + 1, Positions::F64(&xyz))?;
+                    first = k + 1;
+                }
+            }
+            Ok(())
+        })?;
+        set.sums = Some(Arc::new(Sums {
+            frame: Arc::clone(frame),
+            curves: curves.clone(),
+            cell: *cell,
+            rounding: sums.rounding(),
+        }));
         Ok(())
     }
 
@@ -255,7 +313,7 @@ impl CurveSet {
             vectors: [0, 1, 2].map(|k| mix(from.cell.vectors[k], to.cell.vectors[k])),
         };
         let mut out = None;
-        CurveSet::translate(&frame, &from.curves, &cell, &mut out, CurveSet::update)?;
+        CurveSet::translate(&frame, &from.curves, &cell, &mut out)?;
         out.ok_or_else(|| crate::error::Error::Usage("no curves".into()))
     }
 }
@@ -275,7 +333,7 @@ mod tests {
         let mut out = None;
         let cell = cell.parse().unwrap();
         let curves = Translated::new(vec![(0, image)], &Arc::from([None]));
-        CurveSet::translate(frame, &curves, &cell, &mut out, CurveSet::update).unwrap();
+        CurveSet::translate(frame, &curves, &cell, &mut out).unwrap();
         out.unwrap()
     }
 
@@ -314,7 +372,7 @@ mod tests {
             let image = [0; 3].map(|_| (next() / 2.0) as i32);
             let mut out = None;
             let curves = Translated::new(vec![(0, image)], &Arc::from([None]));
-            CurveSet::translate(&frame, &curves, &cell, &mut out, CurveSet::update).unwrap();
+            CurveSet::translate(&frame, &curves, &cell, &mut out).unwrap();
             let set = out.unwrap();
             for s in 0..3 {
                 let (exact, rounded) = (set.exact_knot(0, s), set.knot(0, s));

@@ -8,6 +8,7 @@ use crate::error::Result;
 use crate::incremental::{Events, Outcome, Route};
 use crate::pairs::Pair;
 use crate::pool;
+use crate::scene::BraidScene;
 use crate::verdict::Stats;
 use std::sync::Arc;
 use std::time::Instant;
@@ -51,7 +52,8 @@ impl Engine {
             known.baseline = Some(Arc::new(baseline));
             return Ok(self.of_full_run(comparison, stats));
         };
-        let compared = match self.strategy {
+        let is_broken = known.braids.as_ref().is_some_and(BraidScene::is_broken);
+        let mut compared = match self.strategy {
             _ if !appeared.is_empty() => {
                 let stats = self.certify_fully(frame.set()?)?;
                 let certificate = &self.full.certificate;
@@ -61,7 +63,8 @@ impl Engine {
                 known.baseline = Some(Arc::new(all));
                 self.of_full_run(comparison, stats)
             }
-            Strategy::Full if self.early_exit => {
+            // A change of loops that mean nothing would end the run early.
+            Strategy::Full if self.early_exit && !is_broken => {
                 let set = frame.set()?;
                 let (comparison, stats) = self.full.compare_until_change(set, &baseline)?;
                 self.of_full_run(comparison, stats)
@@ -73,6 +76,9 @@ impl Engine {
         };
         // Pairs that are missing must not become part of the baseline.
         self.full.progress.check()?;
+        if let Some(scene) = &known.braids {
+            scene.forget_broken(&mut compared.linking.comparison);
+        }
         // With early exit, unchecked pairs have no linking number yet.
         let comparison = &compared.linking.comparison;
         if compared.stats.unchecked == 0

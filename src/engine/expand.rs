@@ -1,13 +1,13 @@
 //! The scene of a frame: changes of the curves, what the first frame decides, and images.
 
-use super::braided::Braided;
 use super::known::Known;
 use super::{Engine, Next, Strategy};
+use crate::certificate::Certificate;
 use crate::curve::{Cell, Frame};
 use crate::error::{Error, Result};
 use crate::incremental::{Events, Work};
 use crate::pool;
-use crate::scene::{CellScene, ComparedYarns, Search};
+use crate::scene::{BraidScene, CellScene, ComparedYarns, Search};
 use std::sync::Arc;
 
 impl Engine {
@@ -19,7 +19,7 @@ impl Engine {
         let Some(change) = next.change else {
             return Ok(Vec::new());
         };
-        if self.with_braids.is_some() || self.braided.is_some() {
+        if self.braids.is_some() {
             let what = "curves appeared or are gone, but braids need the same curves in all frames";
             return Err(Error::Braid(what.into()));
         }
@@ -57,17 +57,18 @@ impl Engine {
             (_, Some(cell)) => self.align_baseline(known, next, cell)?,
             (_, None) => {}
         }
-        if let Some(options) = &self.with_braids {
-            self.braided = Some(Braided::new(next.curves, options, self)?);
+        if let (Some(braids), None) = (&self.braids, &known.braids) {
+            let scene = BraidScene::new(braids, next.curves)?;
+            self.set_filter(Some(scene.filter()));
+            known.braids = Some(scene);
         }
         if next.cell.is_none()
             && let Some(given) = known.given.take()
         {
-            match &self.braided {
-                Some(braided) => {
-                    let own = Arc::new(braided.without_loops(&given));
-                    known.baseline = Some(Arc::clone(&own));
-                    known.joined = Some((given, own));
+            match &known.braids {
+                Some(scene) => {
+                    let own = scene.expected(&given);
+                    known.expect(given, own);
                 }
                 None => known.baseline = Some(given),
             }
@@ -93,7 +94,10 @@ impl Engine {
         self.full.heed_cancel(true);
         scene.compare_yarns(&followed.frame, (None, None), false)?;
         let frame = scene.joined(&self.full.certificate, next.curves.len(), &[]);
-        known.given = Some(Arc::new(given.aligned_with(&frame)?));
+        known.given = Some(Arc::new(Certificate {
+            periods: frame.periods.clone(),
+            ..given.aligned_with(&frame)?
+        }));
         // The images of the baseline are searched for, too.
         known.cell = Some(CellScene::default());
         Ok(())
@@ -126,7 +130,7 @@ impl Engine {
         missing.extend(scene.find_yarns(next.curves, &cell));
         if let Some(given) = known.given.take() {
             scene.expect(&given);
-            // Those of the curves that are verified follow when the images are known.
+            // The numbers of the curves that are verified are set once the images are known.
             known.joined = Some((given, Arc::default()));
         }
         let given = (next.curves, &cell);
@@ -136,14 +140,14 @@ impl Engine {
         let search = self.image_search();
         let expected = known.joined.as_ref().map(|(joined, _)| &**joined);
         let followed = scene.follow(given, bounds.as_ref(), expected, search)?;
-        if followed.disagreed {
-            self.disagree();
-        }
         if followed.others {
             self.set_filter(scene.filter());
             self.work = Work::default();
             quiet = false;
             known.rename(&earlier, &scene, missing);
+        }
+        if followed.disagreed {
+            self.disagree();
         }
         known.cell = Some(scene);
         Ok((followed.frame, quiet))
@@ -168,6 +172,7 @@ impl Engine {
         frame: &Frame,
     ) -> Result<ComparedYarns> {
         let Some(scene) = &mut known.cell else {
+            known.join(frame.given().len(), &ComparedYarns::default());
             return Ok(ComparedYarns::default());
         };
         let last = known

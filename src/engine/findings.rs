@@ -32,9 +32,8 @@ impl Engine {
             return Ok(());
         }
         let set = frame.set()?;
-        // Trees that the frame did not need may be those of an earlier frame: after a partial run,
-        // and if only some pairs are verified.
-        if self.work.route != Route::Full || self.filter.is_some() {
+        // After a partial run, trees may be those of an earlier frame.
+        if self.work.route != Route::Full {
             let changed = changes.iter().map(|c| (c.i, c.j));
             let fresh = fresh.iter().filter_map(|d| Some((d.i, d.j?)));
             self.full
@@ -111,13 +110,14 @@ impl Engine {
         if self.steps.events() == Events::Off {
             return Ok(motion);
         }
-        let outcome = match step {
+        let mut outcome = match step {
             Some(step) => step,
             None => {
                 let pairs = self.pairs_to_search(known, frame);
                 self.search_step(known, frame, pairs)?
             }
         };
+        self.steps.keep_reported(&mut outcome);
         let full = &mut self.full;
         let place = |(i, j): Pair| {
             let set = frame.set()?;

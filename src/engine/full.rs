@@ -10,7 +10,7 @@ use crate::kernels::crossings::{Input, Workspaces, linking_numbers};
 use crate::kernels::sums::interval::noise::linking_number as noisy_linking_number;
 use crate::kernels::{Accuracy, Counted, GpuUse, Linking, Method};
 use crate::pairs::{
-    LinkSearch, Nearby, Pair, PairFilter, Trees, curves_of, degenerate_curves, most_suspect_first,
+    LinkSearch, Pair, PairFilter, Trees, curves_of, degenerate_curves, most_suspect_first,
     potential_links,
 };
 use crate::verdict::{Link, Stats};
@@ -31,8 +31,6 @@ const FEW_CURVES: usize = 256;
 pub(super) struct FullRun {
     trees: Trees,
     search: LinkSearch,
-    /// Curves that the filter of the pairs needs, if there is one.
-    nearby: Nearby,
     parts: Vec<Counted>,
     /// Boxes of the previous frame, if the motion since then is needed.
     before: Vec<Box3>,
@@ -244,13 +242,7 @@ impl FullRun {
         // finished work.
         self.progress.total.store(0, Ordering::Relaxed);
         self.progress.done.store(0, Ordering::Relaxed);
-        match self.search.filter() {
-            Some(filter) => {
-                self.nearby.update(filter, &[set]);
-                self.trees.refit(self.nearby.leaves(set));
-            }
-            None => self.trees.refit(set),
-        }
+        self.trees.refit(set);
         let boxed = Instant::now();
         let Certificate {
             curves,

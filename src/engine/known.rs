@@ -1,15 +1,15 @@
-//! What an engine knows of earlier frames.
+//! State of an engine after a verified frame.
 
 use super::intactness::Intactness;
 use crate::certificate::{Certificate, Comparison};
 use crate::curve::{CurveChange, CurveSet, Frame, Precision};
 use crate::error::{Error, Result};
 use crate::incremental::{Contacts, Events};
-use crate::pairs::Pair;
-use crate::scene::{CellScene, ComparedYarns};
+use crate::pairs::{Pair, PairFilter};
+use crate::scene::{BraidScene, CellScene, ComparedYarns};
 use std::sync::Arc;
 
-/// All that the reports on later frames depend on. A copy is cheap.
+/// All state on which the reports on later frames depend. A copy is cheap.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Known {
     /// Given baseline, until the first frame.
@@ -33,6 +33,8 @@ pub(super) struct Known {
     pub extent: Option<f64>,
     /// Images of the curves, if the scene repeats.
     pub cell: Option<CellScene>,
+    /// Loops of the braids, from the first frame on.
+    pub braids: Option<BraidScene>,
 }
 
 /// A verified frame.
@@ -88,25 +90,60 @@ impl Known {
         }
     }
 
-    /// Joins the expected linking numbers under the names of the curves and their images, if they
-    /// changed.
+    /// Expects all these linking numbers; `own` has those of the curves that are verified together.
+    pub fn expect(&mut self, all: Arc<Certificate>, own: Certificate) {
+        let own = Arc::new(own);
+        self.baseline = Some(Arc::clone(&own));
+        self.joined = Some((all, own));
+    }
+
+    /// Joins the expected linking numbers under the names of the curves, if they changed.
     pub fn join(&mut self, given: usize, yarns: &ComparedYarns) {
-        let (Some(scene), Some(baseline)) = (&self.cell, &self.baseline) else {
+        let Some(baseline) = &self.baseline else {
             return;
         };
         let same = |known: &(_, Arc<Certificate>)| Arc::ptr_eq(&known.1, baseline);
-        if self.joined.as_ref().is_none_or(|known| !same(known)) || !yarns.adopted.is_empty() {
-            let joined = scene.joined(baseline, given, &yarns.defects);
-            self.joined = Some((Arc::new(joined), Arc::clone(baseline)));
+        if self.joined.as_ref().is_some_and(same) && yarns.adopted.is_empty() {
+            return;
         }
+        let joined = match (&self.cell, &self.braids) {
+            (Some(scene), _) => scene.joined(baseline, given, &yarns.defects),
+            (_, Some(scene)) => scene.joined(baseline),
+            _ => return,
+        };
+        self.joined = Some((Arc::new(joined), Arc::clone(baseline)));
+    }
+
+    /// Returns the curves of a frame with the loops of the braids, if there are any, and in words
+    /// the condition of the braids that the frame breaks.
+    ///
+    /// Errors: those of [`BraidScene::follow`].
+    pub fn close_braids(
+        &mut self,
+        given: &Arc<CurveSet>,
+    ) -> Result<(Arc<CurveSet>, Option<String>)> {
+        let Some(scene) = &mut self.braids else {
+            return Ok((Arc::clone(given), None));
+        };
+        let (curves, broken) = scene.follow(given)?;
+        Ok((
+            curves,
+            broken.map(|why| format!("braids are not verified: {why}")),
+        ))
+    }
+
+    /// Returns the pairs that are verified; `None`: all.
+    pub fn filter(&self) -> Option<PairFilter> {
+        let of_braids = self.braids.as_ref().map(BraidScene::filter);
+        of_braids.or_else(|| self.cell.as_ref()?.filter())
     }
 
     /// Expresses all that is known in the curves and images of `scene`, instead of those of
     /// `earlier`. Adds to `missing` what cannot be.
     pub fn rename(&mut self, earlier: &CellScene, scene: &CellScene, missing: &mut Vec<String>) {
-        if let Some((joined, from)) = &mut self.joined {
-            *from = Arc::new(scene.expected(joined));
-            self.baseline = Some(Arc::clone(from));
+        if let Some((joined, _)) = self.joined.take() {
+            let own = scene.expected(&joined);
+            self.expect(joined, own);
         }
         let curve = scene.renamed(earlier);
         let renamed = |(a, b): Pair| Some((curve(a)?, curve(b)?));

@@ -4,12 +4,11 @@
 //!
 //! # A frame is a transaction
 //!
-//! What the engine knows of earlier frames is one value, [`Known`]. A frame works on a copy, which
+//! The state after the last verified frame is one value, [`Known`]. A frame works on a copy, which
 //! replaces it once nothing can reject the frame any more. A rejected frame leaves no trace. All
 //! other state is buffers and caches, on which no report depends.
 
 mod bisect;
-mod braided;
 mod certifier;
 mod compare;
 mod expand;
@@ -33,20 +32,19 @@ pub use options::{SessionOptions, Strategy};
 pub use progress::{Progress, Timings};
 pub(crate) use state::EngineState;
 
-use self::braided::Braided;
 use self::findings::Motion;
 use self::full::FullRun;
 use self::known::Known;
 use self::routing::Routing;
 use self::steps::Steps;
 use crate::certificate::Certificate;
-use crate::curve::{Cell, CurveChange, CurveSet, Image, Positions, is_home};
+use crate::curve::{Cell, CurveChange, CurveSet, Positions};
+use crate::discretize::Braids;
 use crate::error::{Error, Result};
 use crate::incremental::{Events, Monitor, Work};
 use crate::ingest::{RawFrame, ingest, same_layout};
 use crate::kernels::{GpuUse, Method, Offload};
 use crate::pairs::PairFilter;
-use crate::periodic::ImagePair;
 use crate::pool;
 use crate::scene::CellScene;
 use crate::verdict::{AbortOn, Defect, Report, Stats, Verdict};
@@ -63,10 +61,8 @@ pub(crate) struct Engine {
     strategy: Strategy,
     early_exit: bool,
     known: Known,
-    /// Options with braids, which close the curves of the first frame.
-    with_braids: Option<Box<SessionOptions>>,
-    /// Loops of the braids, from the first frame on.
-    braided: Option<Braided>,
+    /// Braids of the first frame, if there are any.
+    braids: Option<Braids>,
     /// Pairs of curves that are verified; `None`: all.
     filter: Option<PairFilter>,
     full: FullRun,
@@ -131,20 +127,18 @@ impl Engine {
         let ends = (full.progress.cancel.clone(), full.progress.limit.clone());
         let incremental = options.strategy.is_incremental();
         let steps = Steps::new(options.events, incremental, limit, ends);
-        let with_braids = options.braids.is_some();
         Engine {
             abort_on: options.abort_on,
             max_pairs: options.max_pairs,
             check_torn: options.wrapped.is_none(),
             strategy: options.strategy,
             early_exit: options.early_exit,
-            with_braids: with_braids.then(|| Box::new(options.clone())),
+            braids: options.braids,
             known: Known {
                 given: options.baseline.map(Arc::new),
                 cell: options.cell.map(|_| CellScene::default()),
                 ..Known::default()
             },
-            braided: None,
             filter: None,
             full,
             monitor: Monitor::new(steps.coverage(), None),
@@ -204,9 +198,6 @@ impl Engine {
     /// measurements.
     pub fn settle(&mut self) {
         self.monitor.wait_for_reference();
-        if let Some(braided) = &mut self.braided {
-            braided.inner.settle();
-        }
     }
 
     /// Copies a frame that will be verified into `set`: the first frame creates the set, and every
@@ -222,11 +213,8 @@ impl Engine {
         cell: Option<&Cell>,
         set: &mut Option<CurveSet>,
     ) -> Result<()> {
-        // Whether other curves are valid is decided when the frame is verified.
-        set.take_if(|set| {
-            let other = frame.positions.precision() != set.precision();
-            other || same_layout(&frame, set).is_err()
-        });
+        // The verification of the frame decides if other curves are valid.
+        set.take_if(|set| same_layout(&frame, set).is_err());
         ingest(frame, set, |set, positions| {
             self.update(set, positions, cell)
         })
@@ -248,7 +236,10 @@ impl Engine {
     /// vertices are uploaded while the next frame is verified. This is only a hint: the results are
     /// the same without it, or if another frame follows.
     pub fn announce(&mut self, next: &Arc<CurveSet>) {
-        self.full.gpu.announce(next);
+        // With braids, the set that is verified is another one.
+        if self.braids.is_none() {
+            self.full.gpu.announce(next);
+        }
     }
 
     /// Verifies one frame. Without a baseline, the first frame becomes the baseline.
@@ -262,51 +253,49 @@ impl Engine {
     pub fn verify(&mut self, next: Next<'_>) -> Result<Report> {
         pool::check_process()?;
         let mut known = self.known.clone();
-        let loops = self.braided.as_ref().map(|b| b.inner.known.clone());
         let verified = self.try_to_verify(&mut known, next);
         self.full.gpu.end_frame(next.curves);
         if verified.is_ok() {
             self.known = known;
-            self.with_braids = None;
             return verified;
         }
-        match (&mut self.braided, loops) {
-            (Some(braided), Some(known)) => braided.inner.known = known,
-            // The first frame.
-            _ => self.braided = None,
-        }
-        let filter = self.known.cell.as_ref().and_then(CellScene::filter);
+        let filter = self.known.filter();
         if self.filter != filter {
             self.set_filter(filter);
-        } else if let Some(baseline) = &self.known.baseline {
+        }
+        if let Some(baseline) = &self.known.baseline {
             self.monitor.set_baseline(baseline);
         }
         verified
     }
 
-    /// Returns the report on a frame. `known` is what is known before and after the frame.
+    /// Returns the report on a frame. `known` is the state before the frame, which becomes that
+    /// after it.
     fn try_to_verify(&mut self, known: &mut Known, next: Next<'_>) -> Result<Report> {
         let start = Instant::now();
-        let Next {
-            seq, time, curves, ..
-        } = next;
+        let (seq, time, given) = (next.seq, next.time, next.curves);
         if next.cut {
             known.cut();
         }
         let appeared = self.apply_change(known, next)?;
-        known.check_number(curves.len())?;
+        known.check_number(given.len())?;
         self.begin_frame();
         self.begin_baseline(known, next)?;
-        let closed = curves.open_curves() < curves.len() || self.braided.is_some();
-        if !closed && self.steps.events() == Events::Off {
-            let yarns = next.cell.map(|cell| CellScene::count_yarns(curves, &cell));
+        let (curves, broken) = known.close_braids(given)?;
+        let next = Next {
+            curves: &curves,
+            ..next
+        };
+        if curves.open_curves() == curves.len() && self.steps.events() == Events::Off {
+            let yarns = next.cell.map(|cell| CellScene::count_yarns(given, &cell));
             return Err(Error::NothingClosed {
                 curves: curves.len(),
                 yarns: yarns.unwrap_or(0),
             });
         }
-        self.steps.begin(known, curves)?;
-        let mut missing: Vec<String> = known.unknown_step.take().into_iter().collect();
+        self.steps.begin(known, &curves)?;
+        let unknown_step = known.unknown_step.take();
+        let mut missing: Vec<String> = unknown_step.into_iter().chain(broken).collect();
         let (frame, quiet) = self.expand(known, next, &mut missing)?;
         let mut compared = self.compare(known, (&frame, quiet), &appeared)?;
         self.add_places(&frame, &mut compared.linking.comparison)?;
@@ -319,11 +308,10 @@ impl Engine {
             safe_fraction,
         } = self.search_events(known, &frame, step, comparison)?;
         self.full.progress.check()?;
-        let loops = self.verify_loops(known, next, &mut missing)?;
         let yarns = self.compare_yarns(known, &frame)?;
         // From here on, the frame is not rejected.
         let unknown = !missing.is_empty() || self.steps.found_undecided();
-        let extent = *known.extent.get_or_insert_with(|| curves.extent());
+        let extent = *known.extent.get_or_insert_with(|| given.extent());
         let mut report = Report {
             changes: comparison.changes.clone(),
             events,
@@ -336,23 +324,22 @@ impl Engine {
             missing,
             stats: Stats {
                 extent,
-                curves: curves.len() as u64,
-                segments: curves.segments() as u64,
-                open_curves: curves.open_curves() as u64,
+                curves: given.len() as u64,
+                segments: given.segments() as u64,
+                open_curves: given.open_curves() as u64,
                 ..compared.stats
             },
             ..Report::new(seq, time, Verdict::Intact)
         };
         if let Some(scene) = &known.cell {
             self.work.recomputed += yarns.computed;
-            report.stats.open_curves -= scene.yarns() as u64;
-            scene.name(&mut report, curves.len(), yarns);
+            let through = known.joined().map_or(0, |all| all.periods.len());
+            report.stats.open_curves -= through as u64;
+            scene.name(&mut report, given.len(), yarns);
         }
-        if let Some(loops) = loops {
-            self.add_loops(&mut report, loops);
-        }
-        if let Some(braided) = &self.braided {
-            report.stats.open_curves = braided.open_curves(curves);
+        if let Some(scene) = &known.braids {
+            report.stats.open_curves = scene.open_curves();
+            scene.name(&mut report);
         }
         report.verdict = report.verdict_of_findings();
         known.intactness.conclude(&mut report, unknown);
@@ -376,25 +363,25 @@ impl Engine {
     /// touched since the baseline are no reason.
     pub fn aborts(&self, report: &Report) -> bool {
         let known = &self.known;
-        let lacks = |a: u32, b: Option<u32>| {
-            let lacks = known.baseline.as_ref().is_some_and(|base| base.lacks(a, b));
+        let lacks = |baseline: Option<&Arc<Certificate>>, a: u32, b: Option<u32>| {
+            let lacks = baseline.is_some_and(|baseline| baseline.lacks(a, b));
             lacks || known.touch_from_the_start(a, b)
         };
-        let of_loops = |d: &Defect| {
-            let joined = known.joined();
-            joined.is_some_and(|joined| joined.lacks(d.i, d.j))
-        };
-        let expected = |d: &Defect| match (&known.cell, d.j) {
-            (Some(scene), Some(j)) => {
-                let image: Image = d.image;
-                let pair = ImagePair { i: d.i, j, image };
+        let expected = |d: &Defect| match (&known.cell, d.pair()) {
+            (Some(scene), Some(pair)) => {
                 let found = scene.find_pair(pair);
-                let lacks = found.is_some_and(|(a, b)| lacks(a, Some(b)));
+                let lacks = found.is_some_and(|(a, b)| lacks(known.baseline.as_ref(), a, Some(b)));
                 lacks || scene.lacks_yarn(pair)
             }
-            _ => is_home(&d.image) && (lacks(d.i, d.j) || of_loops(d)),
+            _ => lacks(known.joined(), d.i, d.j),
         };
         self.abort_on.aborts(report, expected)
+    }
+
+    /// Returns the braids with everything that was found in the first frame, so that other runs can
+    /// close them in the same way. `None` before that frame, or without braids.
+    pub fn braids(&self) -> Option<Braids> {
+        Some(self.known.braids.as_ref()?.braids().0)
     }
 
     /// Returns the report on a frame that broke its contract.

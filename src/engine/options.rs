@@ -271,7 +271,7 @@ mod tests {
     use super::*;
     use crate::engine::Engine;
 
-    /// Asserts that a verifier is refused, and that the error contains these words.
+    /// Asserts that an engine is refused, and that the error contains these words.
     fn assert_refused(options: SessionOptions, words: [&str; 2]) {
         match Engine::new(options.clone()) {
             Err(Error::Usage(why)) => {

@@ -69,13 +69,3 @@ pub struct Timings {
     /// Total time, comparison included.
     pub total: Duration,
 }
-
-impl Timings {
-    /// Adds the times of another engine for the same frame.
-    pub(super) fn add(&mut self, inner: &Timings) {
-        self.boxes += inner.boxes;
-        self.pairs += inner.pairs;
-        self.links += inner.links;
-        self.events += inner.events;
-    }
-}

@@ -1,6 +1,5 @@
 //! State of an engine, from which another process continues.
 
-use super::braided::Braided;
 use super::intactness::Intactness;
 use super::known::{Last, LinkingNumbers};
 use super::{Engine, SessionOptions};
@@ -11,10 +10,11 @@ use crate::error::{Error, Result};
 use crate::incremental::{Contacts, Events};
 use crate::pairs::Pair;
 use crate::pool;
+use crate::scene::BraidScene;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
-/// What the reports of an engine on later frames depend on, beside the last verified frame.
+/// State of an engine after a verified frame, without the curves of that frame.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(crate) struct EngineState {
     /// All expected linking numbers.
@@ -36,11 +36,11 @@ pub(crate) struct EngineState {
 }
 
 impl EngineState {
-    /// Forgets the last frame, for a reason. `intact` is true if the last one that was verified
-    /// meanwhile was intact.
-    pub fn forget_last_frame(&mut self, intact: bool, why: String) {
+    /// Forgets the last frame, for a reason. `last_intact` is the last intact frame that was
+    /// verified meanwhile, and whether it was the last verified one.
+    pub fn forget_last_frame(&mut self, last_intact: (Option<u64>, bool), why: String) {
         self.continues = false;
-        self.intactness.doubt(intact);
+        self.intactness.doubt(last_intact);
         self.unknown_step = Some(why);
     }
 
@@ -65,9 +65,9 @@ impl Engine {
         let last = known.last.as_deref();
         Some(EngineState {
             baseline: Arc::clone(known.joined()?),
-            braids: self.braided.as_ref().map(|braided| {
-                let json = braided.loops.braids().to_json();
-                (json, StoredCurves(Arc::clone(&braided.first)))
+            braids: known.braids.as_ref().map(|scene| {
+                let (braids, first) = scene.braids();
+                (braids.to_json(), StoredCurves(Arc::clone(first)))
             }),
             intactness: known.intactness,
             extent: known.extent,
@@ -125,9 +125,8 @@ impl Engine {
                 .follow((curves, &cell), None, Some(&state.baseline), search)?
                 .frame;
             self.set_filter(scene.filter());
-            let own = Arc::new(scene.expected(&state.baseline));
-            known.baseline = Some(Arc::clone(&own));
-            known.joined = Some((Arc::clone(&state.baseline), own));
+            let own = scene.expected(&state.baseline);
+            known.expect(Arc::clone(&state.baseline), own);
             let (images, of) = (state.images, scene.clone());
             number = Box::new(move |a| match images.get(a as usize) {
                 Some(&curve) => of.find_curve(curve),
@@ -135,16 +134,13 @@ impl Engine {
             });
             known.cell = Some(scene);
         }
-        if let (Some(options), Some((_, first))) = (self.with_braids.take(), &state.braids) {
-            let options = SessionOptions {
-                baseline: Some(Certificate::clone(&state.baseline)),
-                ..*options
-            };
-            let braided = Braided::new(&first.0, &options, self)?;
-            let own = Arc::new(braided.without_loops(&state.baseline));
-            known.baseline = Some(Arc::clone(&own));
-            known.joined = Some((Arc::clone(&state.baseline), own));
-            self.braided = Some(braided);
+        if let (Some(braids), Some((_, first))) = (&self.braids, &state.braids) {
+            let mut scene = BraidScene::new(braids, &first.0)?;
+            self.set_filter(Some(scene.filter()));
+            let own = scene.expected(&state.baseline);
+            known.expect(Arc::clone(&state.baseline), own);
+            frame = Frame::new(&scene.follow(curves)?.0, None, None);
+            known.braids = Some(scene);
         }
         let baseline = known.baseline.get_or_insert(state.baseline);
         let pair = |(a, b): Pair| Some((number(a)?, number(b)?));

@@ -5,7 +5,7 @@ use super::known::{Across, Known, Last, LinkingNumbers};
 use crate::cancel::{Cancel, PairLimit};
 use crate::certificate::{Certificate, Comparison};
 use crate::curve::{CurveSet, Frame};
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::incremental::{Contacts, Coverage, Events, Ledger, Outcome, Touching};
 use crate::pairs::{Pair, PairFilter, degenerate_curves};
 use crate::verdict::{Defect, DefectKind, Place};
@@ -25,6 +25,8 @@ pub(super) struct Steps {
     undecided: bool,
     /// Pairs that may have met in the step to the current frame; `None` if it was not searched.
     met: Option<Vec<Pair>>,
+    /// Pairs whose passages are searched for; `None`: all.
+    filter: Option<PairFilter>,
 }
 
 impl Steps {
@@ -55,7 +57,29 @@ impl Steps {
 
     /// Searches only the pairs of a filter from now on.
     pub fn set_filter(&mut self, filter: Option<PairFilter>) {
-        self.ledger.set_filter(filter);
+        self.filter = match filter {
+            // Passages of loops only prove linking numbers.
+            Some(PairFilter::Loops(pairs)) if !self.incremental => {
+                Some(PairFilter::WithoutLoops(pairs))
+            }
+            filter => filter,
+        };
+        self.ledger.set_filter(self.filter.clone());
+    }
+
+    /// Returns true if passages of this pair are reported.
+    fn reports(&self, (i, j): Pair) -> bool {
+        match &self.filter {
+            Some(PairFilter::Loops(pairs)) => pairs.is_own(i) && pairs.is_own(j),
+            _ => true,
+        }
+    }
+
+    /// Removes the findings of a step that are not reported.
+    pub fn keep_reported(&self, outcome: &mut Outcome) {
+        if let Some(PairFilter::Loops(_)) = self.filter {
+            outcome.retain(|pair| self.reports(pair));
+        }
     }
 
     /// Returns the pairs of curves, open ones included, that may have met in the step to the
@@ -138,11 +162,17 @@ impl Steps {
         if outcome.is_safe(&last.contacts) {
             return Ok(Some(1.0));
         }
-        let frames = [&**last.frame.set()?, &**frame.set()?];
-        let (coverage, contacts) = (self.coverage(), &last.contacts);
+        let mut contacts = last.contacts.clone();
+        contacts.retain(|pair| self.reports(pair));
+        let frames = match &known.braids {
+            // In the precision in which they are given, and without loops.
+            Some(scene) => scene.step(),
+            None => [&**last.frame.set()?, &**frame.set()?],
+        };
+        let coverage = self.coverage();
         let fraction = self
             .ledger
-            .safe_fraction(frames, contacts, coverage, outcome);
+            .safe_fraction(frames, &contacts, coverage, outcome);
         Ok(Some(fraction))
     }
 
@@ -160,26 +190,8 @@ impl Steps {
         let Some(before) = known.last.clone().take_if(differs) else {
             return Ok(());
         };
-        let before = &**before.frame.given();
-        let curves = before.curves().iter().zip(set.curves());
-        let points = curves.map(|(a, b)| ("control points of a curve", a.points, b.points));
-        let bytes = [before, set].map(|set| set.precision().bytes() as u32);
-        let open = [before, set].map(CurveSet::open_curves);
-        let numbers = [
-            ("curves", before.len() as u32, set.len() as u32),
-            ("bytes of a coordinate", bytes[0], bytes[1]),
-            ("open curves", open[0] as u32, open[1] as u32),
-        ];
-        let differs = |c: &(&str, u32, u32)| c.1 != c.2;
-        let found = numbers.into_iter().chain(points).find(differs);
-        // The basis is the only remaining difference.
-        let basis = ("basis", before.basis() as u32, set.basis() as u32);
-        let (what, before, now) = found.unwrap_or(basis);
-        Err(Error::LayoutChanged {
-            what,
-            before: before.into(),
-            now: now.into(),
-        })
+        let before = before.frame.given();
+        before.check_layout(set.basis(), set.precision(), set.counts())
     }
 
     /// Keeps a verified frame, if the next one is compared with it.
@@ -225,7 +237,8 @@ impl Steps {
                     }
                 };
                 // Noted here, because a report omits such a defect if the pair has another one.
-                self.undecided |= reports && !outcome.undecided.is_empty();
+                let mut undecided = outcome.undecided.iter().map(|d| (d.i, d.j.unwrap_or(d.i)));
+                self.undecided |= reports && undecided.any(|pair| self.reports(pair));
                 self.met = reports.then(|| outcome.met_pairs().collect());
                 outcome
             }
@@ -264,7 +277,8 @@ impl Steps {
         defects.extend(touching.chain(undecided));
         let last = known.last.as_ref();
         let unaccounted = last.map(|last| outcome.check(&last.linking.comparison, comparison));
-        for pair in unaccounted.into_iter().flatten() {
+        let unaccounted = unaccounted.into_iter().flatten();
+        for pair in unaccounted.filter(|&pair| self.reports(pair)) {
             defects.push(Defect {
                 i: pair.0,
                 j: Some(pair.1),

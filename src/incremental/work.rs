@@ -31,22 +31,7 @@ pub struct Work {
     pub disagreed: bool,
 }
 
-impl Work {
-    /// Adds the work of another verifier of the same frame.
-    pub(crate) fn add(&mut self, inner: &Work) {
-        self.recomputed += inner.recomputed;
-        self.searched += inner.searched;
-        self.summed += inner.summed;
-        self.disagreed |= inner.disagreed;
-        self.route = match [self.route, inner.route] {
-            [Route::Full, _] | [_, Route::Full] => Route::Full,
-            [Route::Partial, _] | [_, Route::Partial] => Route::Partial,
-            _ => Route::Quiet,
-        };
-    }
-}
-
-/// Route of a frame through the verifier.
+/// Route of a frame through the engine.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Route {

@@ -4,7 +4,7 @@ use crate::curve::{Cell, CurveChange, CurveLabels};
 use crate::error::{Error, Result};
 use std::sync::Arc;
 
-/// What a simulator tells about a frame, beside its curves.
+/// Information about a frame that comes with its curves.
 ///
 /// ```
 /// use linkwatch::FrameInfo;

@@ -17,7 +17,7 @@ pub(crate) use closing::{Decisions, ends_meet};
 pub use info::FrameInfo;
 
 use crate::curve::{Basis, CurveSet, Positions};
-use crate::error::{Error, Result};
+use crate::error::Result;
 
 /// Frame as received, not yet checked. It may be in shared memory, and change while it is read.
 #[derive(Clone, Copy, Debug)]
@@ -60,39 +60,14 @@ pub(crate) fn ingest(
 
 /// Fails if a frame has other curves than a set.
 pub(crate) fn same_layout(frame: &RawFrame<'_>, set: &CurveSet) -> Result<()> {
-    let changed = |what, before, now| Err(Error::LayoutChanged { what, before, now });
-    if frame.basis != set.basis() {
-        let code = |basis: Basis| u64::from(basis.code());
-        return changed("basis code", code(set.basis()), code(frame.basis));
-    }
-    if frame.counts.len() != set.len() {
-        return changed(
-            "number of curves",
-            set.len() as u64,
-            frame.counts.len() as u64,
-        );
-    }
-    for (before, &now) in set.counts().zip(frame.counts) {
-        if before == now {
-            continue;
-        }
-        let points = |count: i32| u64::from(count.unsigned_abs());
-        return if points(before) == points(now) {
-            changed(
-                "closed (1) or open (0)",
-                u64::from(before < 0),
-                u64::from(now < 0),
-            )
-        } else {
-            changed("control points of a curve", points(before), points(now))
-        };
-    }
-    Ok(())
+    let counts = frame.counts.iter().copied();
+    set.check_layout(frame.basis, frame.positions.precision(), counts)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::error::Error;
 
     const SQUARE: [f32; 12] = [0., 0., 0., 1., 0., 0., 1., 1., 0., 0., 1., 0.];
 

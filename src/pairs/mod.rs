@@ -23,7 +23,7 @@ pub(crate) use closest::{
     Nearest, Scale, closest_approach, closest_of_segments, closest_points, nearest,
 };
 pub(crate) use descent::{Agenda, Query, SegmentPairs, descend, overlapping};
-pub(crate) use filter::{Nearby, PairFilter};
+pub(crate) use filter::{LoopPairs, PairFilter};
 pub(crate) use layout::{Leaves, Node, SMALL};
 pub(crate) use links::{degenerate_curves, potential_links};
 pub(crate) use overlaps::overlapping_segments;

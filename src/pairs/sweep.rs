@@ -368,9 +368,10 @@ fn widest_axis(boxes: &[Box3]) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::pairs::potential_links_brute;
+    use crate::pairs::{LoopPairs, potential_links_brute};
     use crate::simd::Portable;
     use proptest::prelude::*;
+    use std::sync::Arc;
 
     proptest! {
         /// The sweep finds all pairs and no others, with ties and empty boxes.
@@ -427,15 +428,15 @@ mod tests {
             hi: [1.0; 3],
         };
         let boxes = vec![same; 600];
-        // Loops of the first two curves with all others.
-        let next: Vec<u32> = (0..600)
-            .map(|i| if i < 2 { 1 - i } else { u32::MAX })
-            .collect();
-        let filter = PairFilter::Loops(next.into());
+        // Two closed curves, and loops with a common curve.
+        let filter = PairFilter::Loops(Arc::new(LoopPairs {
+            closed: vec![true; 2],
+            loops: (0..598).map(|k| [0, k]).collect(),
+        }));
         let limit = PairLimit::default();
         let mut search = LinkSearch::new(Some(filter));
         search.limit_to(limit.clone());
-        let all = 2 * 598;
+        let all = 1 + 2 * 598;
         for most in [0, 1, 30, 512, all - 1, all, all + 1, usize::MAX] {
             limit.begin(most);
             let found = search.find(&boxes).len();

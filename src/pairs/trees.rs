@@ -27,8 +27,7 @@ pub(crate) struct Trees {
 
 impl Trees {
     /// Refits all boxes to those of the leaves. Allocates only if the sizes of the curves have
-    /// changed, or other curves have trees. Curves without a tree take no memory for boxes: a
-    /// verifier with a share of a large scene has trees of few curves.
+    /// changed, or other curves have trees. Curves without a tree take no memory for boxes.
     pub fn refit<S: Leaves>(&mut self, leaves: S) {
         let has_tree = |(i, l): (usize, &Layout)| l.tree == leaves.has_tree(i);
         if !self.fit(leaves) || !self.layouts.iter().enumerate().all(has_tree) {

@@ -61,7 +61,7 @@ pub(crate) fn linking_numbers(
     }
     let curves = Translated::new(curves, periods);
     let mut set = None;
-    CurveSet::translate(frame, &curves, cell, &mut set, CurveSet::update)?;
+    CurveSet::translate(frame, &curves, cell, &mut set)?;
     let set = set.ok_or_else(|| Error::Usage("no curves".into()))?;
     let number = |view: &View| (view.pair, view.linking_number(&set, &curves, cell));
     Ok(views.par_iter().map(number).collect())

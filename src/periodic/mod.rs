@@ -10,9 +10,8 @@
 //!
 //! Two curves whose boxes do not overlap are not linked. [`ImagePairs`] has all pairs of a curve
 //! and an image with overlapping boxes ([`boxes`]). They are verified like other pairs, in a set of
-//! curves that holds the needed images ([`CurveSet::translate`](crate::CurveSet)), by a verifier of
-//! its own. So incremental verification and the search for pull-throughs work as they do without a
-//! cell.
+//! curves that holds the needed images ([`CurveSet::translate`](crate::CurveSet)). So incremental
+//! verification and the search for pull-throughs work as they do without a cell.
 //!
 //! Curves that run through the cell have numbers with closed curves only ([`through`]).
 //!

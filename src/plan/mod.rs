@@ -307,7 +307,7 @@ impl Plan {
         Plan::with(set, None)
     }
 
-    /// Plans a frame of a verifier with this device
+    /// Plans a frame of a session with this device
     /// ([`SessionOptions::device`](crate::SessionOptions::device)).
     ///
     /// Errors: [`Error::Device`](crate::Error::Device) if a requested adapter does not exist or
@@ -474,7 +474,7 @@ impl Images {
         let mut translated = None;
         if !pairs.curves.is_empty() {
             let set = Arc::new(set.clone());
-            CurveSet::translate(&set, &pairs.curves, cell, &mut translated, CurveSet::update)?;
+            CurveSet::translate(&set, &pairs.curves, cell, &mut translated)?;
         }
         if let Some(curves) = &translated {
             let plan = Plan::of_filter(curves, None, Some(pairs.filter));

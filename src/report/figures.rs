@@ -157,7 +157,7 @@ impl Held {
         let all = all.chain([(second, spot.image)]).collect();
         let all = Translated::new(all, &vec![None; curves].into());
         let mut set = None;
-        CurveSet::translate(&self.set, &all, &cell, &mut set, CurveSet::update).ok()?;
+        CurveSet::translate(&self.set, &all, &cell, &mut set).ok()?;
         let curves = [spot.curves[0], curves as u32];
         Some((Arc::new(set?), Spot { curves, ..spot }, radii))
     }

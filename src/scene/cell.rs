@@ -85,11 +85,6 @@ impl CellScene {
         self.yarns.find_periods(given, cell)
     }
 
-    /// Returns the number of curves that run through the cell.
-    pub fn yarns(&self) -> usize {
-        self.yarns.list().len()
-    }
-
     /// The next frame does not continue the previous one, or its curves have other points.
     pub fn cut(&mut self) {
         self.before = None;
@@ -97,7 +92,7 @@ impl CellScene {
     }
 
     /// Forgets the images, so that they are searched for again.
-    pub fn forget_images(&mut self) {
+    fn forget_images(&mut self) {
         self.found = None;
         self.quiet = None;
     }
@@ -138,11 +133,8 @@ impl CellScene {
             // There is no step.
             self.yarns.cut();
         }
-        if self
-            .found
-            .take_if(|found| found.of != given.shape())
-            .is_some()
-        {
+        let known = self.found.as_ref();
+        if known.is_some_and(|found| found.of != given.shape()) {
             self.forget_images();
         }
         let boxer = Boxer::new(given, cell)?;
@@ -288,7 +280,8 @@ impl CellScene {
         };
         let entries = expected.and_then(Certificate::entries).unwrap_or_default();
         let entries = entries.into_iter().map(|entry| entry.0);
-        let expected = entries.filter(|pair| !is_home(&pair.image) && !self.is_of_yarn(pair));
+        let is_of_yarn = self.is_of_yarn();
+        let expected = entries.filter(|pair| !is_home(&pair.image) && !is_of_yarn(pair));
         let margin = ImagePairs::margin(boxes, cell);
         let pairs = ImagePairs::find(boxes, cell, margin, &searched, expected)?;
         self.yarns.pairs.clone_from(&pairs.yarns);
@@ -302,8 +295,10 @@ impl CellScene {
         Ok(())
     }
 
-    fn is_of_yarn(&self, pair: &ImagePair) -> bool {
-        period_of_pair(&self.yarns.list(), pair.i, pair.j).is_some()
+    /// Returns a function that is true for pairs with a curve that runs through the cell.
+    fn is_of_yarn(&self) -> impl Fn(&ImagePair) -> bool + use<> {
+        let yarns = self.yarns.list();
+        move |pair| period_of_pair(&yarns, pair.i, pair.j).is_some()
     }
 
     /// Returns a function from the curves of an earlier state of this scene to those of this one.
@@ -341,9 +336,10 @@ impl CellScene {
         let places = all.undefined.iter();
         let places: BTreeMap<ImagePair, &Defect> =
             places.filter_map(|d| Some((d.pair()?, d))).collect();
+        let is_of_yarn = self.is_of_yarn();
         for (pair, lambda) in all.entries().unwrap_or_default() {
             // All expected pairs are among them.
-            let Some((i, j)) = self.find_pair(pair).filter(|_| !self.is_of_yarn(&pair)) else {
+            let Some((i, j)) = self.find_pair(pair).filter(|_| !is_of_yarn(&pair)) else {
                 continue;
             };
             match (lambda, places.get(&pair)) {
@@ -365,10 +361,9 @@ impl CellScene {
     /// Takes the expected linking numbers of yarns from all.
     pub fn expect(&mut self, all: &Certificate) {
         let entries = all.entries().unwrap_or_default();
-        let mut of_yarns: Vec<Entry> = entries
-            .into_iter()
-            .filter(|entry| self.is_of_yarn(&entry.0))
-            .collect();
+        let is_of_yarn = self.is_of_yarn();
+        let of_yarns = entries.into_iter().filter(|entry| is_of_yarn(&entry.0));
+        let mut of_yarns: Vec<Entry> = of_yarns.collect();
         of_yarns.sort_unstable();
         self.yarns.expected = Some(of_yarns);
     }

@@ -58,7 +58,7 @@ impl Begun {
         }
         Ok(Begun {
             engine: begun,
-            coordinates: session.coordinates.anew(),
+            coordinates: session.coordinates.restarted(),
         })
     }
 }

@@ -57,7 +57,7 @@ impl Closings {
         }
     }
 
-    /// Forgets all decisions: the next frame begins anew.
+    /// Forgets all decisions, so that the next frame makes others.
     pub fn forget(&mut self) {
         self.of.clear();
         self.verified = false;

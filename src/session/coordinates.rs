@@ -1,5 +1,5 @@
-//! Where the curves of a frame are verified: unwrapped, and followed if they jump by a lattice
-//! vector.
+//! Positions at which the curves of a frame are verified: unwrapped, and followed if they jump by a
+//! lattice vector.
 
 use crate::curve::{Cell, CurveSet, Precision};
 use crate::error::{Error, Result};
@@ -39,7 +39,7 @@ impl Coordinates {
     }
 
     /// Returns the state before a first frame.
-    pub fn anew(&self) -> Coordinates {
+    pub fn restarted(&self) -> Coordinates {
         Coordinates {
             earlier: self.jumps(),
             ..Coordinates::new(self.wrapped)

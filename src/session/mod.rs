@@ -24,7 +24,7 @@ use crate::curve::{Cell, CurveChange, CurveSet};
 use crate::discretize::Braids;
 use crate::engine::{Engine, Next as NextFrame, Progress, SessionOptions, Timings};
 use crate::error::{Error, Result};
-use crate::ingest::{CurveSource, FrameInfo, FramePool, RawFrame, same_layout};
+use crate::ingest::{CurveSource, FrameInfo, FramePool, RawFrame};
 use crate::pool;
 use crate::verdict::{Report, Verdict};
 use std::sync::Arc;
@@ -318,6 +318,11 @@ impl Session {
         self.last.as_ref().filter(|_| follows)
     }
 
+    /// Returns true if the engine that the session was created with fits its first frame.
+    fn fits_the_first_frame(&self, info: &FrameInfo) -> bool {
+        self.last.is_none() && self.options.cell.is_some() == info.cell.is_some()
+    }
+
     fn close(&mut self, set: Arc<CurveSet>, info: &FrameInfo) -> Result<Arc<CurveSet>> {
         let source = self.source(info);
         let closing = self.closings.of(info.layout);
@@ -331,23 +336,10 @@ impl Session {
         let Some(given) = self.given.as_ref().filter(|_| last.is_some()) else {
             return Ok(());
         };
-        if given.same_layout(set) {
-            return Ok(());
+        match given.same_layout(set) {
+            true => Ok(()),
+            false => given.check_layout(set.basis(), set.precision(), set.counts()),
         }
-        let counts: Vec<i32> = set.counts().collect();
-        let positions = set.positions();
-        let positions = positions.as_positions();
-        let frame = RawFrame {
-            basis: set.basis(),
-            counts: &counts,
-            positions,
-        };
-        same_layout(&frame, given)?;
-        Err(Error::LayoutChanged {
-            what: "bytes of a coordinate",
-            before: given.precision().bytes() as u64,
-            now: set.precision().bytes() as u64,
-        })
     }
 
     /// Verifies valid curves. Returns the report, and the curves for outputs.
@@ -369,6 +361,7 @@ impl Session {
         };
         let begin = match (&self.next, last) {
             (Next::Part(_), _) => Some(Begin::Part),
+            (Next::AsTold | Next::Cut, None) if self.fits_the_first_frame(info) => None,
             (_, None) => Some(Begin::First),
             (_, Some(_)) => accepted.then_some(Begin::Accepted),
         };
@@ -381,11 +374,11 @@ impl Session {
         // In a cell, the curves are the same in all frames, but may be described again.
         let same = |change: &CurveChange| info.cell.is_some() && change.is_identity();
         let change = change.flatten().filter(|change| !same(change));
-        // A frame that begins anew does so beside the state of the others, which remains if the
-        // frame is rejected.
+        // A frame that begins a run or a part is verified beside the state of the frames before it,
+        // which remains if the frame is rejected.
         let begun = begin.map(|begin| Begun::new(self, begin, info));
-        let mut anew = begun.transpose()?;
-        let (engine, coordinates) = match &mut anew {
+        let mut begun = begun.transpose()?;
+        let (engine, coordinates) = match &mut begun {
             Some(begun) => (&mut begun.engine, &mut begun.coordinates),
             None => (&mut self.engine, &mut self.coordinates),
         };
@@ -400,7 +393,7 @@ impl Session {
             cut: cuts,
         })?;
         // From here on, nothing can reject the frame.
-        if let Some(begun) = anew {
+        if let Some(begun) = begun {
             (self.engine, self.coordinates) = (begun.engine, begun.coordinates);
             self.strands = Strands::new(&self.options);
         } else if cuts {

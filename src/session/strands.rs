@@ -14,8 +14,8 @@ use std::time::{Duration, Instant};
 pub(super) struct Strands {
     options: Option<ClearanceOptions>,
     monitor: Option<ClearanceMonitor>,
-    /// Layout of the frame whose radii apply.
-    radii_of: Option<u32>,
+    /// Layout of the curves that are measured.
+    layout: Option<u32>,
     /// Reason why the clearance is no longer measured.
     unmeasured: Option<String>,
     took: Duration,
@@ -25,8 +25,8 @@ impl Strands {
     pub fn new(options: &SessionOptions) -> Strands {
         Strands {
             options: options.clearance,
-            monitor: options.clearance.map(ClearanceMonitor::new),
-            radii_of: None,
+            monitor: None,
+            layout: None,
             unmeasured: None,
             took: Duration::ZERO,
         }
@@ -35,13 +35,22 @@ impl Strands {
     /// Continues after a frame, with the trend of the clearance.
     pub fn resumed(options: &SessionOptions, info: &FrameInfo, trend: Vec<(u64, f64)>) -> Strands {
         let mut strands = Strands::new(options);
+        strands.begin_layout(info);
         if let Some(monitor) = &mut strands.monitor {
-            strands.radii_of = Some(info.layout);
-            let known = monitor.set_radii(&info.labels.radii);
             monitor.set_trend(trend);
-            strands.check(info.seq, known);
         }
         strands
+    }
+
+    /// Begins with the curves of a frame, which may be others than before.
+    fn begin_layout(&mut self, info: &FrameInfo) {
+        self.layout = Some(info.layout);
+        self.unmeasured = None;
+        self.monitor = self.options.map(ClearanceMonitor::new);
+        if let Some(monitor) = &mut self.monitor {
+            let known = monitor.set_radii(&info.labels.radii);
+            self.check(info.seq, known);
+        }
     }
 
     /// Returns the clearance of the last frames, by their number.
@@ -70,18 +79,11 @@ impl Strands {
     /// Measures a verified frame.
     pub fn measure(&mut self, info: &FrameInfo, set: &CurveSet) -> Option<Clearance> {
         let start = Instant::now();
-        let is_new = self.radii_of.replace(info.layout) != Some(info.layout);
-        if is_new {
-            // The curves may be others.
-            self.monitor = self.options.map(ClearanceMonitor::new);
-            self.unmeasured = None;
+        if self.layout != Some(info.layout) {
+            self.begin_layout(info);
         }
         let monitor = self.monitor.as_mut()?;
-        let known = match is_new {
-            true => monitor.set_radii(&info.labels.radii),
-            false => Ok(()),
-        };
-        let measured = known.and_then(|()| monitor.measure(set, info.cell.as_ref(), info.seq));
+        let measured = monitor.measure(set, info.cell.as_ref(), info.seq);
         self.took = start.elapsed();
         self.check(info.seq, measured)
     }

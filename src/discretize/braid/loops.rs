@@ -6,7 +6,7 @@ use super::volume::Piece;
 use super::{Braid, Braids, auto};
 use crate::curve::{Basis, Bezier, Box3, CurveSet, Notation, Point, Positions};
 use crate::error::{Error, Result};
-use crate::pairs::PairFilter;
+use crate::pairs::LoopPairs;
 use nalgebra::Vector3;
 use std::sync::Arc;
 
@@ -23,9 +23,12 @@ const SIDES: [&str; 2] = ["left", "right"];
 pub struct BraidLoops {
     braids: Vec<Resolved>,
     /// The curve that follows in the loop of each curve; `u32::MAX` if it is in no braid.
-    next: Arc<[u32]>,
+    next: Vec<u32>,
+    pairs: Arc<LoopPairs>,
+    /// Number of points of each curve, and then of each loop, negative if it is closed.
     counts: Vec<i32>,
-    positions: Vec<f64>,
+    /// Points of the loops in the first frame.
+    first: Vec<f64>,
 }
 
 /// A braid whose ends are known.
@@ -74,45 +77,43 @@ impl BraidLoops {
         for (b, braid) in given.iter().enumerate() {
             check(b, braid, set, &mut next).map_err(Error::Braid)?;
         }
-        let next: Arc<[u32]> = next.into();
+        let loops = (0..).zip(&next).filter(|(_, after)| **after != u32::MAX);
         let mut loops = BraidLoops {
             braids: Vec::new(),
+            pairs: Arc::new(LoopPairs {
+                closed: set.curves().iter().map(|c| c.closed).collect(),
+                loops: loops.map(|(i, after)| [i, *after]).collect(),
+            }),
             counts: Vec::new(),
-            positions: Vec::new(),
+            first: Vec::new(),
             next,
         };
         for (b, braid) in given.iter().enumerate() {
             let resolved = loops.resolve(b, braid, set).map_err(Error::Braid)?;
             loops.braids.push(resolved);
         }
-        loops.poses(set).map_err(Error::Braid)?;
-        let lengths = |i: usize| {
-            let c = set.curve(i);
-            let points = if set.basis().is_polyline() {
-                c.points
-            } else {
-                3 * c.segments + 1
-            };
-            (points as i64, c.closed)
+        let poses = loops.poses(set).map_err(Error::Braid)?;
+        let polyline = set.basis().is_polyline();
+        let points = |i: usize| match polyline {
+            true => set.curve(i).points as i64,
+            false => 3 * set.curve(i).segments as i64 + 1,
         };
-        let mut counts: Vec<i64> = (0..set.len())
-            .map(|i| match (lengths(i), set.basis().is_polyline()) {
-                ((n, true), true) => -n,
-                ((n, true), false) => 1 - n,
-                ((n, false), _) => n,
-            })
-            .collect();
-        for braid in &loops.braids {
-            for (k, pair) in pairs(&braid.curves).enumerate() {
-                let virtual_points: usize = braid.ends.iter().map(|e| e.connection_len(k)).sum();
-                let [a, b] = pair.map(|i| lengths(i as usize).0);
-                counts[pair[0] as usize] = match set.basis().is_polyline() {
-                    true => -(a + b + virtual_points as i64),
-                    // Three points a segment; each connection has one segment more than points.
-                    false => -(a - 1 + b - 1 + 3 * (virtual_points as i64 + 2)),
-                };
+        let own = (0..set.len()).map(|i| match (set.curve(i).closed, polyline) {
+            (true, true) => -points(i),
+            (true, false) => 1 - points(i),
+            (false, _) => points(i),
+        });
+        let of_loops = loops.pairs.loops.iter().map(|pair| {
+            let (braid, k) = loops.place(pair[0]);
+            let ends = loops.braids[braid].ends.iter();
+            let connections: usize = ends.map(|end| end.connection_len(k)).sum();
+            let [a, b] = pair.map(|i| points(i as usize));
+            match polyline {
+                true => -(a + b + connections as i64),
+                // Three points a segment; each connection has one segment more than points.
+                false => -(a - 1 + b - 1 + 3 * (connections as i64 + 2)),
             }
-        }
+        });
         let short = |n: i64| {
             i32::try_from(n).map_err(|_| Error::Count {
                 what: "points of a virtual loop",
@@ -120,7 +121,10 @@ impl BraidLoops {
                 available: i32::MAX as u64,
             })
         };
-        loops.counts = counts.into_iter().map(short).collect::<Result<_>>()?;
+        loops.counts = own.chain(of_loops).map(short).collect::<Result<_>>()?;
+        let mut first = Vec::new();
+        loops.write_loops(set, &poses, &mut first);
+        loops.first = first;
         Ok(loops)
     }
 
@@ -292,86 +296,111 @@ impl BraidLoops {
         Braids::Given(self.braids.iter().map(braid).collect())
     }
 
-    /// Writes the curves of a frame with its virtual loops into `out`, which is made with the first
-    /// frame. The loop of curve `i` and the next one of its braid has index `i`; closed curves, and
+    /// Returns the curves of a frame, in which loops take the place of the curves of braids: that
+    /// of a curve and the next one of its braid has the index of the first one. Closed curves, and
     /// open curves of no braid, stay.
     ///
-    /// Errors: [`Error::Braid`] if the frame breaks a condition of the braids; [`Error::Count`] if
-    /// it has other curves than the first one.
-    pub fn write(&mut self, set: &CurveSet, out: &mut Option<CurveSet>) -> Result<()> {
-        if set.len() != self.next.len() {
-            return Err(Error::Count {
-                what: "curves of a frame with braids",
-                promised: self.next.len() as u64,
-                available: set.len() as u64,
-            });
-        }
-        let poses = self.poses(set).map_err(Error::Braid)?;
-        let mut positions = std::mem::take(&mut self.positions);
-        positions.clear();
-        let mut links = vec![None; set.len()];
-        for (b, braid) in self.braids.iter().enumerate() {
-            for (k, [i, _]) in pairs(&braid.curves).enumerate() {
-                links[i as usize] = Some((b, k));
+    /// Errors: [`Error::Braid`] if the frame breaks a condition of the braids;
+    /// [`Error::LayoutChanged`] if it has other curves than the first one.
+    pub fn close(&self, set: &CurveSet) -> Result<CurveSet> {
+        let mut all = None;
+        let broken = self.write(set, &mut all)?;
+        match (broken, all) {
+            (None, Some(all)) => {
+                let closed = (0..set.len() as u32).map(|i| self.number(i).unwrap_or(i));
+                Ok(all.subset(&closed.collect::<Vec<u32>>()))
             }
+            (broken, _) => Err(Error::Braid(broken.unwrap_or_default())),
         }
-        for (i, link) in links.into_iter().enumerate() {
-            let mut pen = Pen::new(set, &mut positions);
-            let Some((b, k)) = link else {
+    }
+
+    /// Writes the curves of a frame, and after them its loops, into `out`: the set of an earlier
+    /// frame, or nothing. If the frame breaks a condition of the braids, the loops are those of the
+    /// first frame. Returns this condition in words.
+    ///
+    /// Errors: [`Error::LayoutChanged`] if the frame has other curves than the first one.
+    pub(crate) fn write(
+        &self,
+        set: &CurveSet,
+        out: &mut Option<CurveSet>,
+    ) -> Result<Option<String>> {
+        let poses = self.poses(set);
+        let write = |positions: &mut Vec<f64>| {
+            for i in 0..set.len() {
+                let mut pen = Pen::new(set, positions);
                 pen.curve(i, false);
                 match set.curve(i).closed {
                     true => pen.close(),
                     false => pen.end(),
                 }
-                continue;
-            };
-            let braid = &self.braids[b];
-            let after = (k + 1) % braid.curves.len();
-            let ends = [0, 1].map(|side| (&braid.ends[side], poses[b][side]));
-            pen.curve(i, braid.reversed[k]);
-            let [(left, at_left), (right, at_right)] = ends;
-            right.connection(at_right, k).for_each(|p| pen.vertex(p));
-            pen.curve(braid.curves[after] as usize, !braid.reversed[after]);
-            left.connection(at_left, k)
-                .rev()
-                .for_each(|p| pen.vertex(p));
-            pen.close();
-        }
-        let written = match out {
-            Some(out) => out.update(Positions::F64(&positions)),
+            }
+            match &poses {
+                Ok(poses) => self.write_loops(set, poses, positions),
+                Err(_) => positions.extend(&self.first),
+            }
+        };
+        match out {
+            Some(out) => out.update_with(write)?,
             None => {
                 let basis = match set.basis().is_polyline() {
                     true => Basis::Polyline,
                     false => Basis::Bezier,
                 };
-                let made = CurveSet::from_counts(basis, &self.counts, Positions::F64(&positions));
-                made.map(|made| *out = Some(made))
+                let mut positions = Vec::new();
+                write(&mut positions);
+                let positions = Positions::F64(&positions);
+                *out = Some(CurveSet::from_counts(basis, &self.counts, positions)?);
             }
-        };
-        self.positions = positions;
-        written
+        }
+        Ok(poses.err())
     }
 
-    /// Returns the pairs of curves that are verified with loops.
-    pub(crate) fn filter(&self) -> PairFilter {
-        PairFilter::Loops(Arc::clone(&self.next))
+    fn write_loops(&self, set: &CurveSet, poses: &[[Pose; 2]], positions: &mut Vec<f64>) {
+        for &[i, after] in &self.pairs.loops {
+            let (b, k) = self.place(i);
+            let braid = &self.braids[b];
+            let [(left, at_left), (right, at_right)] =
+                [0, 1].map(|side| (&braid.ends[side], poses[b][side]));
+            let mut pen = Pen::new(set, positions);
+            pen.curve(i as usize, braid.reversed[k]);
+            right.connection(at_right, k).for_each(|p| pen.vertex(p));
+            let backward = !braid.reversed[(k + 1) % braid.curves.len()];
+            pen.curve(after as usize, backward);
+            left.connection(at_left, k)
+                .rev()
+                .for_each(|p| pen.vertex(p));
+            pen.close();
+        }
     }
 
-    /// Returns the other curve of the loop of curve `i`.
-    pub(crate) fn partner(&self, i: u32) -> Option<u32> {
-        Some(self.next[i as usize]).filter(|&j| j != u32::MAX)
+    /// Returns the braid of a curve, and the place of the curve in it.
+    fn place(&self, curve: u32) -> (usize, usize) {
+        let place = |b: &Resolved| b.curves.iter().position(|&c| c == curve);
+        let mut braids = self.braids.iter().enumerate();
+        let found = braids.find_map(|(b, braid)| Some((b, place(braid)?)));
+        found.expect("a curve of a braid")
     }
 
-    /// Returns the curve and the segment of a segment of loop `i`, or `None` on a virtual
-    /// connection.
-    pub(crate) fn origin(&self, set: &CurveSet, i: u32, s: u32) -> Option<[u32; 2]> {
-        let Some(j) = self.partner(i) else {
-            return Some([i, s]);
-        };
-        let (braid, k) = self.braids.iter().find_map(|b| {
-            let k = b.curves.iter().position(|&c| c == i)?;
-            Some((b, k))
-        })?;
+    /// Returns the pairs that are verified among the curves of a frame and its loops.
+    pub(crate) fn pairs(&self) -> &Arc<LoopPairs> {
+        &self.pairs
+    }
+
+    /// Returns the number of the loop of a curve, if it is in a braid.
+    pub(crate) fn number(&self, curve: u32) -> Option<u32> {
+        let k = self
+            .pairs
+            .loops
+            .binary_search_by_key(&curve, |l| l[0])
+            .ok()?;
+        Some((self.pairs.closed.len() + k) as u32)
+    }
+
+    /// Returns the curve and the segment of a segment of the loop of a curve, or `None` on a
+    /// virtual connection.
+    pub(crate) fn origin(&self, set: &CurveSet, [i, j]: [u32; 2], s: u32) -> Option<[u32; 2]> {
+        let (b, k) = self.place(i);
+        let braid = &self.braids[b];
         let segments = |i: u32| set.curve(i as usize).segments;
         let real = |i: u32, s: u32, backward: bool| match backward {
             true => [i, segments(i) - 1 - s],

@@ -125,6 +125,11 @@ impl Contacts {
         Some(out)
     }
 
+    /// Keeps the contacts of some pairs.
+    pub fn retain(&mut self, keep: impl Fn(Pair) -> bool) {
+        self.components.retain(|component| keep(component.pair));
+    }
+
     /// Returns true if no curves touch.
     pub fn is_empty(&self) -> bool {
         self.components.is_empty()

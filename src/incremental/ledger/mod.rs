@@ -83,7 +83,7 @@ use super::coverage::Coverage;
 use super::covered::Covered;
 use crate::cancel::{Cancel, PairLimit};
 use crate::curve::CurveSet;
-use crate::pairs::{LinkSearch, Nearby, Pair, PairFilter, curves_of};
+use crate::pairs::{LinkSearch, Pair, PairFilter, curves_of};
 use crate::pool;
 use crate::verdict::PullThrough;
 use rayon::prelude::*;
@@ -112,8 +112,6 @@ pub(crate) struct Ledger {
     pub motion_limit: f64,
     trees: SweptTrees,
     search: LinkSearch,
-    /// Curves that the filter of the pairs needs, if there is one.
-    nearby: Nearby,
     pairs: Vec<Pair>,
     parts: Vec<Part>,
     cancel: Cancel,
@@ -125,7 +123,6 @@ impl Default for Ledger {
             motion_limit: MOTION_LIMIT,
             trees: SweptTrees::default(),
             search: LinkSearch::default(),
-            nearby: Nearby::default(),
             pairs: Vec::new(),
             parts: Vec::new(),
             cancel: Cancel::default(),
@@ -236,25 +233,8 @@ impl Ledger {
             "both frames must have the same curves"
         );
         let covered = |set| Covered { set, coverage };
-        match (pairs, self.search.filter()) {
-            (Some(pairs), filter) => {
-                if matches!(filter, Some(PairFilter::Loops(_))) {
-                    // The boxes of the last search may be only those of curves near a loop.
-                    self.trees.forget();
-                }
-                let curves = curves_of(pairs.iter().copied());
-                self.trees.refit(frames, covered, Some(&curves));
-            }
-            (None, Some(filter)) => {
-                if self.nearby.update(filter, &frames) {
-                    self.trees.forget();
-                }
-                let nearby = &self.nearby;
-                let leaves = |set| nearby.leaves(covered(set));
-                self.trees.refit(frames, leaves, None);
-            }
-            (None, None) => self.trees.refit(frames, covered, None),
-        }
+        let curves = pairs.map(|pairs| curves_of(pairs.iter().copied()));
+        self.trees.refit(frames, covered, curves.as_deref());
         self.pairs.clear();
         match pairs {
             Some(pairs) => self.pairs.extend_from_slice(pairs),

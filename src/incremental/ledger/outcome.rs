@@ -58,6 +58,21 @@ impl Outcome {
     }
 }
 
+impl Outcome {
+    /// Keeps the findings about some pairs; with `i == j`, about a curve and itself.
+    pub fn retain(&mut self, keep: impl Fn(Pair) -> bool) {
+        for events in [&mut self.events, &mut self.unresolved] {
+            events.retain(|e| keep((e.i, e.j)));
+        }
+        let of = |d: &Defect| (d.i, d.j.unwrap_or(d.i));
+        self.undecided.retain(|d| keep(of(d)));
+        self.sums.retain(|l| keep((l.i, l.j)));
+        self.touching.retain(|t| keep(of(&t.defect)));
+        self.near.retain(|&pair| keep(pair));
+        self.contacts.retain(keep);
+    }
+}
+
 /// Work counters of a step.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Counts {

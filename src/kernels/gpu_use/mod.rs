@@ -30,7 +30,7 @@ pub struct Offload {
     pub undecided: u64,
 }
 
-/// Use of a GPU by the kernels of a verifier. The default uses none.
+/// Use of a GPU by the kernels of an engine. The default uses none.
 #[derive(Debug, Default)]
 pub(crate) struct GpuUse {
     mode: Mode,
@@ -126,7 +126,7 @@ impl GpuUse {
                 gpu.get_or_init(|| open_calibrated(calibration)).as_ref()
             }
         }?;
-        // Another verifier that shares the adapter may have lost it.
+        // Another engine that uses the adapter may have lost it.
         if gpu.is_lost() {
             self.fail(&"the adapter was lost");
             return None;

@@ -1,7 +1,7 @@
 //! Curves of a frame in as little memory as their positions need.
 //!
 //! A [`CurveSet`] is larger: it also has its coordinates by axis, with padding, and it would keep a
-//! frame of the verifier's pool busy.
+//! frame of the engine's pool busy.
 
 use super::super::reader::RecordedFrame;
 use crate::curve::{Basis, CurveSet, Precision};
