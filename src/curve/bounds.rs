@@ -1,7 +1,8 @@
 //! Bounds of the control points of a curve, in any linear coordinates.
 
+use super::coordinates::Axes;
 use super::vector::{bounds, dot};
-use super::{CurveSet, Point};
+use super::{CurveSet, Point, Positions, larger, smaller};
 
 /// Rows of the coordinates in which points are given.
 pub(crate) const AXES: [Point; 3] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
@@ -9,7 +10,31 @@ pub(crate) const AXES: [Point; 3] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0
 /// Returns the bounds of points in the coordinates `row . x`.
 #[inline(always)]
 fn bounds_of(points: impl Iterator<Item = Point>, rows: &[Point; 3]) -> [Point; 2] {
-    bounds(points.map(|p| rows.map(|row| dot(row, p))))
+    let [[a, _, _], [_, b, _], [_, _, c]] = *rows;
+    if *rows != [[a, 0.0, 0.0], [0.0, b, 0.0], [0.0, 0.0, c]] {
+        return bounds(points.map(|p| rows.map(|row| dot(row, p))));
+    }
+    // The axes of an orthogonal cell. Products are in the order of the coordinates.
+    let [lo, hi] = bounds(points);
+    let ends = [0, 1, 2].map(|x| [lo[x], hi[x]].map(|at| rows[x][x] * at));
+    [
+        ends.map(|[a, b]| smaller(a, b)),
+        ends.map(|[a, b]| larger(a, b)),
+    ]
+}
+
+/// [`bounds_of`] for points `x y z x y z ..`.
+#[inline(always)]
+fn bounds_in_order<T: Copy + Into<f64>>(xyz: &[T], rows: &[Point; 3]) -> [Point; 2] {
+    let points = xyz.as_chunks::<3>().0.iter();
+    bounds_of(points.map(|p| p.map(Into::into)), rows)
+}
+
+/// [`bounds_of`] for points in three arrays.
+#[inline(always)]
+fn bounds_in_arrays<T: Copy + Into<f64>>([x, y, z]: [&[T]; 3], rows: &[Point; 3]) -> [Point; 2] {
+    let points = x.iter().zip(y).zip(z);
+    bounds_of(points.map(|((x, y), z)| [*x, *y, *z].map(Into::into)), rows)
 }
 
 /// Returns the bounds around two others.
@@ -24,9 +49,14 @@ impl CurveSet {
     /// Returns the bounds of the control points of curve `i` in the coordinates `row . x`, up to
     /// rounding. Reads the positions as they were received, if the arrays are not built.
     pub(crate) fn bounds_along(&self, i: usize, rows: &[Point; 3]) -> [Point; 2] {
+        let coordinates = 3 * self.points_of(i).start..3 * self.points_of(i).end;
         match self.coordinates.received() {
-            Some(positions) => bounds_of(self.points_of(i).map(|k| positions.point(k)), rows),
-            None => bounds_of(self.body(i).map(|slot| self.at(slot)), rows),
+            Some(Positions::F32(v)) => bounds_in_order(&v[coordinates], rows),
+            Some(Positions::F64(v)) => bounds_in_order(&v[coordinates], rows),
+            None => match self.axes() {
+                Axes::F32(v) => bounds_in_arrays(v.map(|v| &v[self.body(i)]), rows),
+                Axes::F64(v) => bounds_in_arrays(v.map(|v| &v[self.body(i)]), rows),
+            },
         }
     }
 }

@@ -800,10 +800,6 @@ impl CurveSet {
     /// Returns true if curve `i` has at least three distinct control points. A loop with fewer
     /// bounds no area.
     pub fn has_three_distinct_points(&self, i: usize) -> bool {
-        if let Some(sums) = &self.sums {
-            // Rounding may make points equal.
-            return sums.has_three_distinct_points(i);
-        }
         let n = self.curves[i].points as usize;
         let a = self.point(i, 0);
         let mut b = None;
@@ -818,7 +814,9 @@ impl CurveSet {
                 Some(_) => {}
             }
         }
-        false
+        // Rounding may have made points equal.
+        let sums = self.sums.as_ref();
+        sums.is_some_and(|sums| sums.has_three_distinct_points(i))
     }
 }
 

@@ -6,8 +6,10 @@
 //! include the error. Tests that they do not decide use the exact sums.
 
 use super::parts::multiple;
-use super::vector::two_sum;
-use super::{Cell, CurveSet, Image, Point, Positions, Precision, is_home, minus, plus, pow2};
+use super::vector::{add, two_sum};
+use super::{
+    Cell, CurveSet, Image, Point, Positions, Precision, is_home, larger, minus, plus, pow2,
+};
 use crate::error::Result;
 use std::collections::BTreeMap;
 use std::ops::{Deref, Range};
@@ -168,13 +170,12 @@ impl<'a> SumsOfFrame<'a> {
             errors == [0.0; 3] && sums_up
         });
         self.exact &= terms == [true; 3];
-        for k in points {
-            for (x, by) in point(k).into_iter().zip(by) {
-                self.largest = self.largest.max(x.abs());
-                let (sum, error) = two_sum(x, by);
-                self.exact &= error == 0.0;
-                xyz.push(sum);
+        for p in points.map(point) {
+            self.largest = p.iter().fold(self.largest, |a, x| larger(a, x.abs()));
+            if self.exact {
+                self.exact = [0, 1, 2].map(|x| two_sum(p[x], by[x]).1) == [0.0; 3];
             }
+            xyz.extend(add(p, by));
         }
     }
 

@@ -26,6 +26,10 @@ use rayon::prelude::*;
 /// Padding of the boxes, relative to the largest coordinate, and at least to a cell.
 const PAD: f64 = 1e-5;
 
+/// Number of points up to which one thread computes their boxes in less time than it takes to pass
+/// work to the pool.
+const FEW_POINTS: usize = 16_384;
+
 /// Box of a curve in fractional coordinates: minimum and maximum.
 pub(super) type Bounds = [Point; 2];
 
@@ -72,20 +76,31 @@ impl<'a> Boxer<'a> {
         ]
     }
 
-    /// Returns the boxes of all curves, from their points.
-    pub fn boxes(&self) -> impl IndexedParallelIterator<Item = Bounds> {
-        let of = |i: usize| self.padded(self.set.bounds_along(i, &self.inverse));
-        (0..self.set.len()).into_par_iter().with_min_len(64).map(of)
+    /// Returns the box of a curve, from its points.
+    pub fn bounds(&self, i: usize) -> Bounds {
+        self.padded(self.set.bounds_along(i, &self.inverse))
+    }
+
+    /// Reduces what a function makes of all curves.
+    pub fn reduce<T: Copy + Send + Sync>(
+        &self,
+        of: impl Fn(usize) -> T + Send + Sync,
+        none: T,
+        reduce: impl Fn(T, T) -> T + Send + Sync,
+    ) -> T {
+        let curves = 0..self.set.len();
+        match self.set.points() <= FEW_POINTS {
+            true => curves.map(of).fold(none, reduce),
+            false => pool::run(self.set.segments(), || {
+                let curves = curves.into_par_iter().with_min_len(64);
+                curves.map(of).reduce(|| none, reduce)
+            }),
+        }
     }
 
     /// Returns true if the room in a frame is at most that by another computation, up to rounding.
     pub fn is_at_most(&self, room: Point, other: Point) -> bool {
         (0..3).all(|x| room[x] <= other[x] + 1e-9 * self.units[x])
-    }
-
-    /// Returns the number of segments of all curves.
-    pub fn segments(&self) -> usize {
-        self.set.segments()
     }
 
     /// Returns the map to fractional coordinates of a quiet frame.
@@ -114,7 +129,11 @@ impl FractionalBoxes {
     /// Returns the boxes of the curves, open or closed. Each contains the curve.
     pub fn new(boxer: &Boxer<'_>) -> FractionalBoxes {
         let segments = boxer.set.segments();
-        let bounds = pool::run(segments, || boxer.boxes().collect());
+        let all = || {
+            let curves = (0..boxer.set.len()).into_par_iter().with_min_len(64);
+            curves.map(|i| boxer.bounds(i)).collect()
+        };
+        let bounds = pool::run(segments, all);
         FractionalBoxes { bounds }
     }
 

@@ -15,7 +15,6 @@ use crate::curve::{Box3, Cell, Curve, Image, Point, Translated};
 use crate::error::{Error, Result};
 use crate::incremental::{PointMap, QuietBounds};
 use crate::pairs::{LinkSearch, PairFilter};
-use rayon::prelude::*;
 use std::collections::BTreeSet;
 use std::ops::RangeInclusive;
 use std::sync::Arc;
@@ -167,9 +166,8 @@ impl ImagePairs {
 
     /// Returns the room that is left for the curves of a frame along each direction.
     pub fn room(&self, boxer: &Boxer<'_>) -> Point {
-        let rooms = boxer.boxes().enumerate();
-        let rooms = rooms.map(|(i, b)| self.within.room_for(i, &b));
-        rooms.reduce(|| [f64::INFINITY; 3], smaller_room)
+        let room = |i: usize| self.within.room_for(i, &boxer.bounds(i));
+        boxer.reduce(room, [f64::INFINITY; 3], smaller_room)
     }
 
     /// Returns true if no other pairs can have come within reach of one another in a step with this

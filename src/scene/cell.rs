@@ -14,7 +14,6 @@ use crate::periodic::{
     Bend, Boxer, Entry, FractionalBoxes, ImagePair, ImagePairs, QuietRoom, RingAndYarn, Searched,
     check_whole, period_of_pair,
 };
-use crate::pool;
 use crate::verdict::{Change, Defect, Link, PullThrough, Report};
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
@@ -163,9 +162,7 @@ impl CellScene {
                 };
                 self.search((given, cell), &swept, expected, search)?;
                 let pairs = self.found.as_ref().map(|found| &found.pairs);
-                let room = pairs.map_or([0.0; 3], |pairs| {
-                    pool::run(given.segments(), || pairs.room(&boxer))
-                });
+                let room = pairs.map_or([0.0; 3], |pairs| pairs.room(&boxer));
                 (room, true)
             }
         };
@@ -242,18 +239,20 @@ impl CellScene {
         let Some(Found { pairs, .. }) = &self.found else {
             return Ok(None);
         };
-        let of = |boxer: &Boxer<'_>| pool::run(boxer.segments(), || pairs.room(boxer));
         let was_inside = match &self.before {
             Some(before) if pairs.is_enough(before.room, bend) => true,
             // The room of a quiet frame is a lower bound.
-            Some(before) => pairs.is_enough(of(&Boxer::new(&before.given, &before.cell)?), bend),
+            Some(before) => {
+                let boxer = Boxer::new(&before.given, &before.cell)?;
+                pairs.is_enough(pairs.room(&boxer), bend)
+            }
             None => true,
         };
         let at_least = quiet.map(|at| pairs.quiet_room(boxer, at, bend, &mut self.quiet));
         let known = at_least.filter(|&room| pairs.is_enough(room, bend));
         let room = match known {
             Some(known) if !search.paranoid => known,
-            _ => of(boxer),
+            _ => pairs.room(boxer),
         };
         Ok(Some(Room {
             room,
