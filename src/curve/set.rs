@@ -800,11 +800,11 @@ impl CurveSet {
     /// Returns true if curve `i` has at least three distinct control points. A loop with fewer
     /// bounds no area.
     pub fn has_three_distinct_points(&self, i: usize) -> bool {
-        let n = self.curves[i].points as usize;
-        let a = self.point(i, 0);
+        let (coordinates, slots) = (self.coordinates(), self.body(i));
+        let a = coordinates.at(slots.start);
         let mut b = None;
-        for k in 1..n {
-            let p = self.point(i, k);
+        for slot in slots.skip(1) {
+            let p = coordinates.at(slot);
             if p == a {
                 continue;
             }

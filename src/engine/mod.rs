@@ -251,7 +251,6 @@ impl Engine {
     /// curves come close than [`SessionOptions::max_pairs`]; [`Error::Cancelled`] after
     /// [`Progress::cancel`]; and others.
     pub fn verify(&mut self, next: Next<'_>) -> Result<Report> {
-        pool::check_process()?;
         let mut known = self.known.clone();
         let verified = self.try_to_verify(&mut known, next);
         self.full.gpu.end_frame(next.curves);
