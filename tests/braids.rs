@@ -414,7 +414,7 @@ fn a_broken_braid_hides_no_change_of_closed_curves_and_adds_none() {
     };
     let whole = strands(4, &[2, 2]);
     let mut broken = whole.clone();
-    broken[3][1] = [1.5, 0.0, -3.0];
+    broken[3][1] = [1.5, 0.4, -3.0];
     let passed = strands(4, &[-2, 2]);
     let strategies = [
         (Strategy::Full, false),
@@ -427,6 +427,7 @@ fn a_broken_braid_hides_no_change_of_closed_curves_and_adds_none() {
             braids: Some(Braids::Auto),
             strategy,
             early_exit,
+            events: if early_exit { Events::Off } else { Events::All },
             ..SessionOptions::default()
         };
         let mut session = Session::new(options).unwrap();
@@ -439,13 +440,21 @@ fn a_broken_braid_hides_no_change_of_closed_curves_and_adds_none() {
         let report = step(1, with_squares(&broken, 5.0));
         assert_eq!(found(&report), [(4, 5)], "{strategy:?}");
         assert!(report.loops.is_empty() && report.missing.len() == 1);
-        let report = step(2, with_squares(&broken, 0.0));
-        assert_eq!(report.verdict, Verdict::Undecided, "{report:?}");
-        let report = step(3, with_squares(&whole, 0.0));
-        assert_eq!(report.verdict, Verdict::Intact, "{report:?}");
-        let report = step(4, with_squares(&passed, 0.0));
-        assert_eq!(report.verdict, Verdict::Changed, "{report:?}");
-        assert!(!report.loops.is_empty() && !found(&report).contains(&(4, 5)));
+        for (seq, strands) in [(2, &broken), (3, &whole)] {
+            let report = step(seq, with_squares(strands, 0.0));
+            assert_eq!(
+                (found(&report), report.defects),
+                (vec![], vec![]),
+                "{strategy:?}"
+            );
+        }
+        // Passages of loops are not reported, and so do not account for their numbers.
+        for (seq, strands) in [(4, &passed), (5, &broken), (6, &passed)] {
+            let report = step(seq, with_squares(strands, 0.0));
+            assert_eq!(report.loops.is_empty(), !report.missing.is_empty());
+            assert!(!found(&report).contains(&(4, 5)));
+            assert_eq!(report.defects, [], "{strategy:?}");
+        }
     }
 }
 

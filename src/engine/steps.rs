@@ -70,8 +70,10 @@ impl Steps {
     /// Returns true if passages of this pair are reported.
     fn reports(&self, (i, j): Pair) -> bool {
         match &self.filter {
-            Some(PairFilter::Loops(pairs)) => pairs.is_own(i) && pairs.is_own(j),
-            _ => true,
+            Some(PairFilter::Loops(pairs) | PairFilter::WithoutLoops(pairs)) => {
+                pairs.is_own(i) && pairs.is_own(j)
+            }
+            Some(PairFilter::Images(_)) | None => true,
         }
     }
 
