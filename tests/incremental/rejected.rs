@@ -259,8 +259,8 @@ fn options(random: &mut Random, kind: Kind) -> SessionOptions {
     }
 }
 
-/// Verifies sequences: with frames that are rejected, without them, and with sessions that resume
-/// one another.
+/// Verifies sequences: with frames that are rejected, without them, in full, and with sessions that
+/// resume one another.
 fn sequences(seeds: std::ops::Range<u64>) {
     let mut verdicts = BTreeMap::<(String, String), u64>::new();
     let (mut rejected, mut resumed) = (BTreeMap::<String, u64>::new(), 0);
@@ -272,6 +272,17 @@ fn sequences(seeds: std::ops::Range<u64>) {
         let options = options(&mut random, kind);
         let new = || Session::new(options.clone()).unwrap();
         let [mut with, mut without, mut continued] = [new(), new(), new()];
+        let mut full = Session::new(SessionOptions {
+            strategy: Strategy::Full,
+            ..options.clone()
+        })
+        .unwrap();
+        let mut feed_full = |frame: &Frame, expected: &Report| {
+            let mut report = feed(&mut full, frame);
+            // The work depends on the strategy.
+            report.stats = expected.stats;
+            assert_eq!(&report, expected, "seed {seed}: in full, {options:?}");
+        };
         let mut active: Vec<usize> = (0..CURVES).collect();
         let mut info = FrameInfo::default();
         for seq in 0..FRAMES {
@@ -305,6 +316,7 @@ fn sequences(seeds: std::ops::Range<u64>) {
                     // No reason to reject it: it is part of all sequences.
                     None => {
                         assert_eq!(feed(&mut without, &bad), report, "seed {seed}, frame {seq}");
+                        feed_full(&bad, &report);
                         assert_eq!(
                             feed(&mut continued, &bad),
                             report,
@@ -327,6 +339,7 @@ fn sequences(seeds: std::ops::Range<u64>) {
                 ..frame
             };
             let report = feed(&mut without, &frame);
+            feed_full(&frame, &report);
             assert_eq!(
                 feed(&mut with, &frame),
                 report,
