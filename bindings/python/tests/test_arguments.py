@@ -78,6 +78,7 @@ def masked():
         (lambda: linkwatch.certify(linked()).write(None), TypeError, "path is None"),
         (lambda: linkwatch.certify(linked()).compare("c.txt"), TypeError, "baseline is 'c.txt'"),
         (lambda: linkwatch.certify(linked()).matrix(undefined="-"), TypeError, "undefined is '-'"),
+        (lambda: linkwatch.Verifier(), AttributeError, "'Verifier' (it is Session now)"),
     ],
 )
 def test_a_wrong_argument_is_named_with_what_was_expected(call, kind, words):

@@ -774,3 +774,10 @@ def assert_intact(
         verified += 1
     if verified == 0:
         raise AssertionError("no frame was verified")
+
+
+if not TYPE_CHECKING:
+
+    def __getattr__(name):
+        instead = " (it is Session now)" if name == "Verifier" else ""
+        raise AttributeError(f"module 'linkwatch' has no attribute {name!r}{instead}")
