@@ -509,7 +509,7 @@ fn curves_that_come_and_go_in_process_are_compared_by_name() {
     let verdict = session.step(frame(&linked));
     assert_eq!(verdict.verdict, LW_REJECTED);
     assert!(
-        text(&verdict).contains("names of curves"),
+        text(&verdict).contains("number of curves was 3, is 2"),
         "{}",
         text(&verdict)
     );
