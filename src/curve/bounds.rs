@@ -1,11 +1,24 @@
 //! Bounds of the control points of a curve, in any linear coordinates.
 
 use super::coordinates::Axes;
-use super::vector::{bounds, dot};
+use super::vector::dot;
 use super::{CurveSet, Point, Positions, larger, smaller};
 
 /// Rows of the coordinates in which points are given.
 pub(crate) const AXES: [Point; 3] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+
+/// Returns the smallest and the largest coordinates of points, which are not NaN.
+#[inline(always)]
+pub(crate) fn bounds(points: impl IntoIterator<Item = Point>) -> [Point; 2] {
+    let mut bounds = [[f64::INFINITY; 3], [f64::NEG_INFINITY; 3]];
+    for p in points {
+        for x in 0..3 {
+            bounds[0][x] = smaller(p[x], bounds[0][x]);
+            bounds[1][x] = larger(p[x], bounds[1][x]);
+        }
+    }
+    bounds
+}
 
 /// Returns the bounds of points in the coordinates `row . x`.
 #[inline(always)]

@@ -59,7 +59,7 @@ pub use basis::Basis;
 #[cfg(feature = "verify")]
 pub(crate) use basis::{Bezier, Bounds, bspline_knot, point_at, sub_segment};
 #[cfg(feature = "verify")]
-pub(crate) use bounds::{AXES, union};
+pub(crate) use bounds::{AXES, bounds, union};
 #[cfg(feature = "verify")]
 pub(crate) use boxes::{Box3, BoxGroup, above, below, larger, smaller};
 #[cfg(feature = "verify")]

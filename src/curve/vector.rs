@@ -5,7 +5,7 @@
 //! functions are `#[inline(always)]`, so that code which is compiled for vector instructions may
 //! use them (see [`crate::simd`]).
 
-use super::{Point, larger, smaller};
+use super::Point;
 use std::ops::{Add, Mul, Sub};
 
 /// Returns `a + b`.
@@ -30,19 +30,6 @@ pub(crate) fn add_scaled(a: Point, t: f64, b: Point) -> Point {
 #[inline(always)]
 pub(crate) fn mix(a: Point, b: Point, t: f64) -> Point {
     [0, 1, 2].map(|x| (1.0 - t) * a[x] + t * b[x])
-}
-
-/// Returns the smallest and the largest coordinates of points, which are not NaN.
-#[inline(always)]
-pub(crate) fn bounds(points: impl IntoIterator<Item = Point>) -> [Point; 2] {
-    let mut bounds = [[f64::INFINITY; 3], [f64::NEG_INFINITY; 3]];
-    for p in points {
-        for x in 0..3 {
-            bounds[0][x] = smaller(p[x], bounds[0][x]);
-            bounds[1][x] = larger(p[x], bounds[1][x]);
-        }
-    }
-    bounds
 }
 
 /// Returns `a / 2 - b / 2`. The difference of two finite numbers may overflow, half of it does not.

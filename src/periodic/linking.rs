@@ -22,8 +22,7 @@
 
 use super::pairs::PointLimit;
 use super::through::RingAndYarn;
-use crate::curve::vector::bounds;
-use crate::curve::{Cell, CurveSet, Image, Point, SumEdges, Translated, point_at, single};
+use crate::curve::{Cell, CurveSet, Image, Point, SumEdges, Translated, bounds, point_at, single};
 use crate::discretize::{Halving, Separation};
 use crate::error::{Error, Result};
 use crate::exact::{Batch, Crossing, crossing_of_sums, sums_touch};

@@ -15,8 +15,7 @@
 //!   If a closed curve may have passed between the two, the pair counts as undecided, too.
 
 use crate::certificate::undefined_entry;
-use crate::curve::vector::bounds;
-use crate::curve::{AXES, Cell, CurveSet, Image, Point, Precision, pow2, union};
+use crate::curve::{AXES, Cell, CurveSet, Image, Point, Precision, bounds, pow2, union};
 use crate::error::Result;
 use crate::periodic::{
     Entry, ImagePair, Number, RingAndYarn, YarnPeriod, almost_yarns, linking_numbers, period_in,

@@ -13,8 +13,8 @@
 //! images are near.
 
 use super::edges::{Edge, Edges};
-use crate::curve::vector::{add, bounds, dot, norm};
-use crate::curve::{Cell, CurveSet, Image, Point, is_home, union};
+use crate::curve::vector::{add, dot, norm};
+use crate::curve::{Cell, CurveSet, Image, Point, bounds, is_home, union};
 use crate::error::{Error, Result};
 use crate::pairs::Scale;
 use crate::periodic::{images_in, is_multiple, period, too_far};
