@@ -4,13 +4,13 @@ use super::intactness::Intactness;
 use super::known::{Last, LinkingNumbers};
 use super::{Engine, SessionOptions};
 use crate::certificate::Certificate;
-use crate::curve::{Cell, CurveSet, Frame, Image, Precision, StoredCurves};
+use crate::curve::{Cell, CurveSet, Frame, StoredCurves};
 use crate::discretize::Braids;
 use crate::error::{Error, Result};
 use crate::incremental::{Contacts, Events};
 use crate::pairs::Pair;
 use crate::pool;
-use crate::scene::BraidScene;
+use crate::scene::{BraidScene, CellScene, CellState};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
@@ -26,13 +26,12 @@ pub(crate) struct EngineState {
     /// True if the last frame is compared with the next one.
     continues: bool,
     unknown_step: Option<String>,
-    /// Curves that are verified, with their translations; empty if there are no images.
-    images: Vec<(u32, Image)>,
-    /// Pairs of these curves that have touched since the first frame, and their contacts.
-    touching: Option<Vec<Pair>>,
+    /// Images of a scene that repeats.
+    cell: Option<CellState>,
+    /// Pairs of the curves that are verified that have touched since the first frame, and their
+    /// contacts.
+    touching: Option<Arc<Vec<Pair>>>,
     contacts: Contacts,
-    /// True if the first frame was in single precision.
-    began_single: bool,
 }
 
 impl EngineState {
@@ -73,16 +72,9 @@ impl Engine {
             extent: known.extent,
             continues: last.is_some(),
             unknown_step: known.unknown_step.clone(),
-            images: match &known.cell {
-                Some(scene) => scene.images(),
-                None => Vec::new(),
-            },
-            touching: known.touching.as_ref().map(|pairs| pairs.to_vec()),
+            cell: known.cell.as_ref().map(CellScene::state),
+            touching: known.touching.clone(),
             contacts: last.map_or_else(Contacts::default, |last| last.contacts.clone()),
-            began_single: known
-                .cell
-                .as_ref()
-                .is_some_and(|scene| scene.began_single()),
         })
     }
 
@@ -110,28 +102,15 @@ impl Engine {
             .unknown_step
             .filter(|_| self.steps.events() != Events::Off);
         let mut frame = Frame::new(curves, None, None);
-        let mut number: Box<dyn Fn(u32) -> Option<u32>> = Box::new(Some);
-        let scene = known.cell.take();
-        if let (Some(mut scene), Some(cell)) = (scene, cell) {
-            let began = match state.began_single {
-                true => Precision::F32,
-                false => curves.precision(),
-            };
-            scene.begin_in(began);
-            scene.find_yarns(curves, &cell);
+        let other = || Error::Usage("the state is of other curves, or of another cell".into());
+        if known.cell.is_some() {
+            let (cell, scene) = cell.zip(state.cell).ok_or_else(other)?;
+            let mut scene = CellScene::restored(scene, curves, cell)?;
             scene.expect(&state.baseline);
-            let search = self.image_search();
-            frame = scene
-                .follow((curves, &cell), None, Some(&state.baseline), search)?
-                .frame;
+            frame = scene.frame(curves, cell);
             self.set_filter(scene.filter());
             let own = scene.expected(&state.baseline);
             known.expect(Arc::clone(&state.baseline), own);
-            let (images, of) = (state.images, scene.clone());
-            number = Box::new(move |a| match images.get(a as usize) {
-                Some(&curve) => of.find_curve(curve),
-                None => Some(a),
-            });
             known.cell = Some(scene);
         }
         if let (Some(braids), Some((_, first))) = (&self.braids, &state.braids) {
@@ -143,12 +122,7 @@ impl Engine {
             known.braids = Some(scene);
         }
         let baseline = known.baseline.get_or_insert(state.baseline);
-        let pair = |(a, b): Pair| Some((number(a)?, number(b)?));
-        known.touching = state.touching.map(|pairs| {
-            let mut pairs: Vec<Pair> = pairs.into_iter().filter_map(pair).collect();
-            pairs.sort_unstable();
-            Arc::new(pairs)
-        });
+        known.touching = state.touching;
         if state.continues {
             let set = frame.set()?;
             pool::run(set.segments(), || self.full.certify(set));
@@ -159,12 +133,10 @@ impl Engine {
                 comparison: certificate.compare(baseline)?,
                 certificate: keeps.then(|| Arc::new(certificate.clone())),
             };
-            let other = || Error::Usage("the state is of other curves".into());
-            let contacts = state.contacts.renamed(pair).ok_or_else(other)?;
             known.last = Some(Arc::new(Last {
                 frame,
                 linking,
-                contacts,
+                contacts: state.contacts,
             }));
         }
         self.known = known;

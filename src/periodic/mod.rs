@@ -39,7 +39,7 @@ pub(crate) use jumps::Jumps;
 pub(crate) use linking::{Number, linking_numbers};
 pub(crate) use names::{Entry, aligned, reduced_all};
 pub(crate) use pairs::{
-    ImagePair, ImagePairs, QuietRoom, Searched, images_in, overlapping, too_far,
+    ImagePair, ImagePairs, ImageState, QuietRoom, Searched, images_in, overlapping, too_far,
 };
 pub use through::period;
 pub(crate) use through::period_in;

@@ -8,13 +8,14 @@
 //! such boxes. The search enumerates all images that overlap that box, and compares all pairs.
 //! Translations are integers in fractional coordinates, so only the boxes are rounded, outward.
 
-use super::boxes::{Bend, Boxer, FractionalBoxes, single, smaller_room};
+use super::boxes::{Bend, Bounds, Boxer, FractionalBoxes, single, smaller_room};
 use super::through::RingAndYarn;
 use crate::cancel::PairLimit;
 use crate::curve::{Box3, Cell, Curve, Image, Point, Translated};
 use crate::error::{Error, Result};
 use crate::incremental::{PointMap, QuietBounds};
 use crate::pairs::{LinkSearch, PairFilter};
+use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
 use std::ops::RangeInclusive;
 use std::sync::Arc;
@@ -114,6 +115,15 @@ pub(crate) struct ImagePairs {
     sides: Point,
 }
 
+/// State of a search, from which another process continues.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub(crate) struct ImageState {
+    curves: Vec<(u32, Image)>,
+    yarns: Vec<RingAndYarn>,
+    wide: Vec<usize>,
+    within: Vec<Bounds>,
+}
+
 /// Map to a quiet frame, and the room there.
 pub(crate) type QuietRoom = (PointMap, Point);
 
@@ -162,6 +172,32 @@ impl ImagePairs {
             wide: within.wide(cell),
             within,
         })
+    }
+
+    /// Returns the pairs of a state. `periods` has those of the curves that run through the cell.
+    pub fn restored(state: ImageState, periods: &Arc<[Option<Image>]>) -> ImagePairs {
+        let curves = Translated::new(state.curves, periods);
+        let within = FractionalBoxes {
+            bounds: state.within,
+        };
+        ImagePairs {
+            filter: PairFilter::Images(curves.clone()),
+            yarns: state.yarns,
+            curves,
+            wide: state.wide,
+            sides: within.largest_sides(),
+            within,
+        }
+    }
+
+    /// Returns what [`ImagePairs::restored`] needs.
+    pub fn state(&self) -> ImageState {
+        ImageState {
+            curves: self.curves.to_vec(),
+            yarns: self.yarns.clone(),
+            wide: self.wide.clone(),
+            within: self.within.bounds.clone(),
+        }
     }
 
     /// Returns the room that is left for the curves of a frame along each direction.

@@ -29,7 +29,9 @@ fn tolerance(precision: Precision) -> f64 {
 }
 
 /// A closed curve, and an infinite curve translated by a lattice vector.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(
+    Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, serde::Serialize, serde::Deserialize,
+)]
 pub(crate) struct RingAndYarn {
     pub ring: u32,
     pub yarn: u32,

@@ -11,10 +11,11 @@ use crate::error::{Error, Result};
 use crate::incremental::{QuietBounds, sort_by_time};
 use crate::pairs::{Pair, PairFilter};
 use crate::periodic::{
-    Bend, Boxer, Entry, FractionalBoxes, ImagePair, ImagePairs, QuietRoom, RingAndYarn, Searched,
-    check_whole, period_of_pair,
+    Bend, Boxer, Entry, FractionalBoxes, ImagePair, ImagePairs, ImageState, QuietRoom, RingAndYarn,
+    Searched, check_whole, period_of_pair,
 };
 use crate::verdict::{Change, Defect, Link, PullThrough, Report};
+use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
@@ -46,6 +47,16 @@ struct Before {
     cell: Cell,
     /// Room that the curves had ([`ImagePairs::room`]).
     room: Point,
+}
+
+/// State of a scene, from which another process continues.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub(crate) struct CellState {
+    /// Period of each curve that runs through the cell.
+    periods: Vec<Option<Image>>,
+    /// True if the first frame was in single precision.
+    began_single: bool,
+    images: Option<ImageState>,
 }
 
 /// Settings of a search for images.
@@ -191,27 +202,37 @@ impl CellScene {
         found.map_or(given, |found| found.pairs.curves.len())
     }
 
-    /// Returns the curves that are verified, with their translations; none if there are no images.
-    pub fn images(&self) -> Vec<(u32, Image)> {
-        let found = self.found.iter().filter(|found| found.images.is_some());
-        found
-            .flat_map(|found| found.pairs.curves.iter().copied())
-            .collect()
+    /// Returns the state after the last frame.
+    pub fn state(&self) -> CellState {
+        CellState {
+            periods: self.yarns.periods().to_vec(),
+            began_single: self.yarns.precision == Some(Precision::F32),
+            images: self.found.as_ref().map(|found| found.pairs.state()),
+        }
     }
 
-    /// Returns the number of a curve and its translation among the curves that are verified.
-    pub fn find_curve(&self, curve: (u32, Image)) -> Option<u32> {
-        self.found.as_ref()?.pairs.find_curve(curve)
-    }
-
-    /// Returns true if the first frame was in single precision.
-    pub fn began_single(&self) -> bool {
-        self.yarns.precision == Some(Precision::F32)
-    }
-
-    /// Begins as if the first frame had this precision.
-    pub fn begin_in(&mut self, precision: Precision) {
-        self.yarns.precision = Some(precision);
+    /// Continues after a frame, without the expected linking numbers.
+    ///
+    /// Errors: those of [`Boxer::new`].
+    pub fn restored(state: CellState, given: &Arc<CurveSet>, cell: Cell) -> Result<CellScene> {
+        let mut scene = CellScene::default();
+        let periods: Arc<[Option<Image>]> = state.periods.into();
+        if let Some(images) = state.images {
+            scene.know(given, ImagePairs::restored(images, &periods));
+        }
+        let boxer = Boxer::new(given, &cell)?;
+        let found = scene.found.as_ref();
+        scene.before = Some(Before {
+            given: Arc::clone(given),
+            cell,
+            room: found.map_or([0.0; 3], |found| found.pairs.room(&boxer)),
+        });
+        let precision = match state.began_single {
+            true => Precision::F32,
+            false => given.precision(),
+        };
+        scene.yarns.begin(periods, precision);
+        Ok(scene)
     }
 
     /// Converts the previous frame to double precision. Its images are searched for again.
@@ -283,6 +304,11 @@ impl CellScene {
         let expected = entries.filter(|pair| !is_home(&pair.image) && !is_of_yarn(pair));
         let margin = ImagePairs::margin(boxes, cell);
         let pairs = ImagePairs::find(boxes, cell, margin, &searched, expected)?;
+        self.know(given, pairs);
+        Ok(())
+    }
+
+    fn know(&mut self, given: &CurveSet, pairs: ImagePairs) {
         self.yarns.pairs.clone_from(&pairs.yarns);
         let has_images = pairs.has_images();
         self.quiet = None;
@@ -291,7 +317,6 @@ impl CellScene {
             images: has_images.then(|| Arc::new(Images::new(pairs.curves.clone()))),
             pairs: Arc::new(pairs),
         });
-        Ok(())
     }
 
     /// Returns a function that is true for pairs with a curve that runs through the cell.

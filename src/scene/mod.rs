@@ -10,5 +10,5 @@ mod cell;
 mod yarns;
 
 pub(crate) use braid::BraidScene;
-pub(crate) use cell::{CellScene, Search};
+pub(crate) use cell::{CellScene, CellState, Search};
 pub(crate) use yarns::Compared as ComparedYarns;

@@ -56,6 +56,11 @@ pub(crate) struct Compared {
 pub(super) type Step<'a> = [(&'a Arc<CurveSet>, &'a Cell); 2];
 
 impl Yarns {
+    /// Begins with these periods, and the precision of the first frame.
+    pub fn begin(&mut self, periods: Arc<[Option<Image>]>, precision: Precision) {
+        (self.periods, self.precision) = (Some(periods), Some(precision));
+    }
+
     /// Returns the period of each curve. [`Yarns::find_periods`] comes first.
     pub fn periods(&self) -> Arc<[Option<Image>]> {
         self.periods.clone().unwrap_or_default()

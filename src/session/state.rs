@@ -13,7 +13,7 @@ use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
 /// Version of the state. Another version cannot be read.
-const VERSION: u32 = 1;
+const VERSION: u32 = 2;
 
 /// State of a session after a verified frame: the frame, the baseline, and all else that later
 /// reports depend on. A clone shares the curves. It can be stored with serde, in a format that
@@ -99,8 +99,7 @@ impl Session {
 
     /// Continues from the state of another session with the same options: all later reports are the
     /// same as those of that one, except for the lower bound of a clearance that is not measured
-    /// exactly ([`Clearance::at_least`](crate::Clearance::at_least)), and in a periodic scene the
-    /// numbers of tests ([`Report::stats`](crate::Report::stats)).
+    /// exactly ([`Clearance::at_least`](crate::Clearance::at_least)).
     ///
     /// Errors: those of [`Session::new`]; [`Error::Format`] if the state is of another version of
     /// linkwatch; [`Error::Usage`] if it does not fit the options.
