@@ -5,8 +5,8 @@
 mod support;
 
 use linkwatch::{
-    Basis, Braid, Braids, Certificate, Certifier, CurveSet, Events, FrameInfo, Positions, Report,
-    Session, SessionOptions, Strategy, Verdict,
+    Basis, Braid, BraidLoops, Braids, Certificate, Certifier, CurveSet, Events, FrameInfo,
+    Positions, Report, Session, SessionOptions, Strategy, Verdict,
 };
 use support::session::Step;
 
@@ -455,6 +455,54 @@ fn a_broken_braid_hides_no_change_of_closed_curves_and_adds_none() {
             assert!(!found(&report).contains(&(4, 5)));
             assert_eq!(report.defects, [], "{strategy:?}");
         }
+    }
+}
+
+/// Regression test: a ring that was degenerate took its numbers from a frame in which those of loops
+/// mean nothing, so that its links with loops were changes later.
+#[test]
+fn a_ring_takes_no_number_from_a_frame_with_a_broken_braid() {
+    let whole = strands(4, &[2, 2]);
+    let mut broken = whole.clone();
+    broken[3][1] = [1.5, 0.4, -3.0];
+    // Around strand 1, or a line with two distinct points.
+    let with_ring = |strands: &[Vec<Point>], width: f64| {
+        let corners = [[-0.4, -0.4], [0.4, -0.4], [0.4, 0.4], [-0.4, 0.4]];
+        let ring = corners.map(|[x, y]| [1.0 + x, width * y, 2.0]);
+        let ring = if width > 0.0 {
+            ring
+        } else {
+            [ring[0], ring[1], ring[1], ring[0]]
+        };
+        let curves: Vec<Vec<Point>> = strands.iter().cloned().chain([ring.to_vec()]).collect();
+        of(Basis::Polyline, &curves, |k| k == 4)
+    };
+    for strategy in [Strategy::Full, Strategy::Incremental] {
+        let options = SessionOptions {
+            braids: Some(Braids::Auto),
+            strategy,
+            ..SessionOptions::default()
+        };
+        let mut session = Session::new(options).unwrap();
+        let _ = session.step(0, with_ring(&whole, 0.0));
+        let report = session.step(1, with_ring(&broken, 1.0)).report;
+        assert_eq!((report.adopted.len(), report.missing.len()), (0, 1));
+        let report = session.step(2, with_ring(&whole, 1.0)).report;
+        assert_eq!(report.changes, []);
+        assert_eq!(report.adopted.len(), 2, "both loops with strand 1");
+        let report = session.step(3, with_ring(&whole, 1.0)).report;
+        assert_eq!((report.changes, report.defects), (vec![], vec![]));
+    }
+}
+
+#[test]
+fn loops_of_other_curves_are_an_error() {
+    let four = open(&strands(4, &[2, 2]));
+    let loops = BraidLoops::new(&Braids::Auto, &four).unwrap();
+    assert_eq!(loops.close(&four).unwrap().len(), 4);
+    for other in [strands(3, &[]), strands(5, &[]), strands(4, &[2])] {
+        let e = loops.close(&open(&other)).unwrap_err().to_string();
+        assert!(e.contains("other curves than the first one"), "{e}");
     }
 }
 

@@ -34,7 +34,7 @@ impl Engine {
         if self.strategy.is_incremental() {
             // The work depends on earlier frames, so only the sizes are counted.
             compared.stats = Stats::default();
-            self.offer_reference(frame, &compared.linking);
+            self.offer_reference(known, frame, &compared.linking);
         }
         Ok(compared)
     }
@@ -82,6 +82,7 @@ impl Engine {
         // With early exit, unchecked pairs have no linking number yet.
         let comparison = &compared.linking.comparison;
         if compared.stats.unchecked == 0
+            && !is_broken
             && comparison.has_fresh()
             && let Some(baseline) = &mut known.baseline
         {
@@ -93,8 +94,10 @@ impl Engine {
     }
 
     /// Makes a frame the reference frame, if that may pay.
-    fn offer_reference(&mut self, frame: &Frame, linking: &LinkingNumbers) {
+    fn offer_reference(&mut self, known: &Known, frame: &Frame, linking: &LinkingNumbers) {
+        let is_broken = known.braids.as_ref().is_some_and(BraidScene::is_broken);
         if let Some(certificate) = &linking.certificate
+            && !is_broken
             && self.monitor.wants_reference()
         {
             let certificate = Arc::clone(certificate);

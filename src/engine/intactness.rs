@@ -34,11 +34,11 @@ impl Intactness {
         self.broken = false;
     }
 
-    /// Continues after frames that are not known but for the last intact one, and whether it was
-    /// the last one.
-    pub(super) fn doubt(&mut self, (last_intact, intact): (Option<u64>, bool)) {
+    /// Continues after frames that are not known but for the last intact one; `intact` is true if
+    /// it was the last one.
+    pub(super) fn doubt(&mut self, last_intact: Option<u64>, intact: bool) {
         self.last_intact = last_intact;
-        self.broken |= !intact;
+        self.broken = !intact;
         self.intact = false;
     }
 

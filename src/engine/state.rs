@@ -36,10 +36,10 @@ pub(crate) struct EngineState {
 
 impl EngineState {
     /// Forgets the last frame, for a reason. `last_intact` is the last intact frame that was
-    /// verified meanwhile, and whether it was the last verified one.
-    pub fn forget_last_frame(&mut self, last_intact: (Option<u64>, bool), why: String) {
+    /// verified meanwhile; `intact` is true if it was the last verified one.
+    pub fn forget_last_frame(&mut self, last_intact: Option<u64>, intact: bool, why: String) {
         self.continues = false;
-        self.intactness.doubt(last_intact);
+        self.intactness.doubt(last_intact, intact);
         self.unknown_step = Some(why);
     }
 

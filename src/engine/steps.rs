@@ -8,6 +8,7 @@ use crate::curve::{CurveSet, Frame};
 use crate::error::Result;
 use crate::incremental::{Contacts, Coverage, Events, Ledger, Outcome, Touching};
 use crate::pairs::{Pair, PairFilter, degenerate_curves};
+use crate::scene::BraidScene;
 use crate::verdict::{Defect, DefectKind, Place};
 use std::sync::Arc;
 
@@ -57,14 +58,25 @@ impl Steps {
 
     /// Searches only the pairs of a filter from now on.
     pub fn set_filter(&mut self, filter: Option<PairFilter>) {
-        self.filter = match filter {
-            // Passages of loops only prove linking numbers.
-            Some(PairFilter::Loops(pairs)) if !self.incremental => {
-                Some(PairFilter::WithoutLoops(pairs))
-            }
-            filter => filter,
-        };
+        self.filter = filter;
+        self.search_loops(true);
         self.ledger.set_filter(self.filter.clone());
+    }
+
+    /// Searches passages of loops, too, which only prove linking numbers, or not: a full run needs
+    /// none, and loops that jump would sweep the scene.
+    fn search_loops(&mut self, search: bool) {
+        let Some(PairFilter::Loops(pairs) | PairFilter::WithoutLoops(pairs)) = &self.filter else {
+            return;
+        };
+        let filter = match search && self.incremental {
+            true => PairFilter::Loops(Arc::clone(pairs)),
+            false => PairFilter::WithoutLoops(Arc::clone(pairs)),
+        };
+        if self.filter.as_ref() != Some(&filter) {
+            self.filter = Some(filter);
+            self.ledger.set_filter(self.filter.clone());
+        }
     }
 
     /// Returns true if passages of this pair are reported.
@@ -101,6 +113,9 @@ impl Steps {
     /// Returns the linking numbers of the previous frame, if every curve had linking numbers then,
     /// and still has.
     pub fn numbers(&self, known: &Known, set: &CurveSet) -> Option<Arc<Certificate>> {
+        if let Some(PairFilter::WithoutLoops(_)) = self.filter {
+            return None;
+        }
         let last = known.last.as_ref()?;
         let certificate = last.linking.certificate.as_ref()?;
         let known = !certificate.has_degenerate_curves() && degenerate_curves(set).next().is_none();
@@ -183,6 +198,8 @@ impl Steps {
     /// frame instead.
     pub fn begin(&mut self, known: &mut Known, set: &CurveSet) -> Result<()> {
         (self.met, self.undecided, self.contacts) = (None, false, Contacts::default());
+        let jumps = known.braids.as_ref().is_some_and(BraidScene::jumps);
+        self.search_loops(!jumps);
         known.widen_to(set)?;
         let differs = |last: &mut Arc<Last>| !last.frame.given().same_layout(set);
         if self.events == Events::Off {
@@ -223,6 +240,15 @@ impl Steps {
     ) -> Result<Outcome> {
         let coverage = self.coverage();
         let reports = self.events != Events::Off;
+        let of_filter: Option<Vec<Pair>>;
+        let pairs = match (&self.filter, pairs) {
+            (Some(PairFilter::WithoutLoops(_)), Some(pairs)) => {
+                let own = pairs.iter().copied().filter(|&pair| self.reports(pair));
+                of_filter = Some(own.collect());
+                of_filter.as_deref()
+            }
+            (_, pairs) => pairs,
+        };
         let outcome = match (known.across.clone(), known.last.clone()) {
             (Some(across), _) => {
                 let outcome = self.outcome_across(known, &across, frame.set()?);
@@ -235,7 +261,11 @@ impl Steps {
                     true => Outcome::default(),
                     false => {
                         let frames = [&**last.frame.set()?, &**frame.set()?];
-                        self.ledger.step(frames, &last.contacts, coverage, pairs)
+                        let mut contacts = last.contacts.clone();
+                        if let Some(filter) = &self.filter {
+                            contacts.retain(|(i, j)| filter.contains(i, j));
+                        }
+                        self.ledger.step(frames, &contacts, coverage, pairs)
                     }
                 };
                 // Noted here, because a report omits such a defect if the pair has another one.

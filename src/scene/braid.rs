@@ -20,6 +20,8 @@ pub(crate) struct BraidScene {
     /// True if the frame breaks a condition of the braids. Its loops are those of the first frame,
     /// and findings about them mean nothing.
     is_broken: bool,
+    /// True if only one of this frame and the one before is broken, so that the loops jump.
+    jumps: bool,
 }
 
 /// Braids whose ends are known from the first frame.
@@ -43,6 +45,7 @@ impl BraidScene {
             }),
             given: [(); 2].map(|()| Arc::clone(first)),
             is_broken: false,
+            jumps: false,
         })
     }
 
@@ -60,6 +63,7 @@ impl BraidScene {
             broken = loops.write(given, out)?;
             Ok(())
         })?;
+        self.jumps = self.is_broken != broken.is_some();
         self.is_broken = broken.is_some();
         self.given.rotate_right(1);
         self.given[0] = Arc::clone(given);
@@ -69,6 +73,11 @@ impl BraidScene {
     /// Returns true if the last frame breaks a condition of the braids.
     pub fn is_broken(&self) -> bool {
         self.is_broken
+    }
+
+    /// Returns true if the loops jump in the step to the last frame.
+    pub fn jumps(&self) -> bool {
+        self.jumps
     }
 
     /// Returns the curves of the frame before the last one and of the last one, as they are given.
@@ -110,13 +119,15 @@ impl BraidScene {
         (self.closed.first.open_curves() - self.pairs().loops.len()) as u64
     }
 
-    /// Removes what means nothing in a frame that breaks a condition of the braids.
+    /// Removes what means nothing in a frame that breaks a condition of the braids. A later frame
+    /// has numbers of loops for curves that the baseline lacks, so that none are adopted from this
+    /// one.
     pub fn forget_broken(&self, comparison: &mut Comparison) {
         if self.is_broken {
             let own = |i: u32, j: Option<u32>| self.is_own(i) && j.is_none_or(|j| self.is_own(j));
             comparison.changes.retain(|c| own(c.i, Some(c.j)));
             comparison.defects.retain(|d| own(d.i, d.j));
-            comparison.adopted.retain(|l| own(l.i, Some(l.j)));
+            comparison.adopted.clear();
         }
     }
 
@@ -132,8 +143,9 @@ impl BraidScene {
             loops.extend(self.rename([i, j], place.as_mut()));
         }
         for Defect { i, j, place, .. } in &mut report.defects {
-            if let Some(j) = j {
-                loops.extend(self.rename([i, j], Some(place)));
+            match j {
+                Some(j) => loops.extend(self.rename([i, j], Some(place))),
+                None => *i = self.pairs().loop_of(*i).map_or(*i, |pair| pair[0]),
             }
         }
         for Link { i, j, .. } in &mut report.adopted {

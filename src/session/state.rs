@@ -59,8 +59,8 @@ impl SessionState {
 
     /// Returns the state after later frames with the same baseline, of which only this is known:
     /// the number of cuts before the last one ([`FrameInfo::cuts`]), the last frame that is known
-    /// to be intact ([`Report::last_intact`](crate::Report::last_intact)), and whether it was the
-    /// last one.
+    /// to be intact ([`Report::last_intact`](crate::Report::last_intact)), and whether that was the
+    /// last one (`intact`).
     ///
     /// The next frame is compared with the baseline. What happened in the step to it is unknown for
     /// the reason `why`. So it is not intact if pull-throughs are searched for, unless it does not
@@ -68,12 +68,13 @@ impl SessionState {
     pub fn after_unknown_frames(
         mut self,
         cuts: u32,
-        last_intact: (Option<u64>, bool),
+        last_intact: Option<u64>,
+        intact: bool,
         why: String,
     ) -> SessionState {
         if let Some(verified) = &mut self.verified {
             verified.info.cuts = cuts;
-            verified.engine.forget_last_frame(last_intact, why);
+            verified.engine.forget_last_frame(last_intact, intact, why);
         }
         self
     }

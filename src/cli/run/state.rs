@@ -26,12 +26,13 @@ impl RunState {
     pub fn after_unknown_frames(
         self,
         cuts: u32,
-        last_intact: (Option<u64>, bool),
+        last_intact: Option<u64>,
+        intact: bool,
         why: &str,
     ) -> RunState {
-        let why = why.into();
+        let session = self.session;
         RunState {
-            session: self.session.after_unknown_frames(cuts, last_intact, why),
+            session: session.after_unknown_frames(cuts, last_intact, intact, why.into()),
             ..self
         }
     }

@@ -172,20 +172,19 @@ impl Follower<'_> {
             }
             let tally = tally(counters);
             self.check_skipped(&mut session, tally);
-            match &ended {
-                Ok(End::Simulator(_)) => self.state.end_session(session.outcome())?,
-                // The next process continues after the last frame.
-                Ok(End::Signal(_)) => {
-                    if let Err(e) = self.state.keep(|| session.state()) {
-                        tracing::error!("{e}");
-                    }
-                }
-                Err(_) => {}
+            if matches!(&ended, Ok(End::Simulator(_))) {
+                self.state.end_session(session.outcome())?;
             }
             let fatal = matches!(&ended, Ok(End::Signal(_)) | Err(Error::Bus(_)));
             if fatal || !self.args.keep_watching {
                 // Sends the goodbye, so that a simulator does not wait for the sinks to finish.
                 drop(sidecar);
+                // The next process continues after the last frame.
+                if matches!(&ended, Ok(End::Signal(_)))
+                    && let Err(e) = self.state.keep(|| session.state())
+                {
+                    tracing::error!("{e}");
+                }
                 // In any case, the frames verified so far are kept and summarised.
                 closer.add(session.finish(tally));
                 let worst = closer.finish();

@@ -2,8 +2,8 @@
 //!
 //! There are two files. FILE has a note of fixed size, which is written before and after each
 //! frame. FILE.session has the session: it is replaced before the verdict on a frame that changed
-//! the baseline, and else at most once a second, in a thread of its own. Both are removed when the
-//! watch ends by itself.
+//! the baseline, after a signal, and else at most once a second, in a thread of its own. Both are
+//! removed when the watch ends by itself.
 
 use crate::cli::Outcome;
 use crate::cli::run::RunState;
@@ -18,7 +18,7 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 /// First bytes of a note. They change with its format.
-const MAGIC: &[u8; 8] = b"LWSTATE1";
+const MAGIC: &[u8; 8] = b"LWSTATE2";
 
 /// Number of bytes of a note in its file. The rest is zero.
 const NOTE_BYTES: usize = 256;
@@ -173,7 +173,7 @@ impl State {
                 true => run,
                 false => {
                     let intact = note.verified.is_some() && note.last_intact == note.verified;
-                    run.after_unknown_frames(note.cuts, (note.last_intact, intact), why)
+                    run.after_unknown_frames(note.cuts, note.last_intact, intact, why)
                 }
             });
             return Ok(Some(Earlier {

@@ -4,7 +4,7 @@ use super::end::End;
 use super::pose::{Pose, mean};
 use super::volume::Piece;
 use super::{Braid, Braids, auto};
-use crate::curve::{Basis, Bezier, Box3, CurveSet, Notation, Point, Positions};
+use crate::curve::{Basis, Bezier, Box3, CurveSet, Notation, Point, Positions, Shape};
 use crate::error::{Error, Result};
 use crate::pairs::LoopPairs;
 use nalgebra::Vector3;
@@ -25,9 +25,14 @@ pub struct BraidLoops {
     /// The curve that follows in the loop of each curve; `u32::MAX` if it is in no braid.
     next: Vec<u32>,
     pairs: Arc<LoopPairs>,
+    /// Braid of the first curve of each loop, and its place there.
+    places: Vec<(usize, usize)>,
+    /// Curves of the first frame.
+    shape: Shape,
     /// Number of points of each curve, and then of each loop, negative if it is closed.
     counts: Vec<i32>,
-    /// Points of the loops in the first frame.
+    /// Points of the loops in the first frame, which take the place of those of a frame that breaks
+    /// a condition.
     first: Vec<f64>,
 }
 
@@ -84,6 +89,8 @@ impl BraidLoops {
                 closed: set.curves().iter().map(|c| c.closed).collect(),
                 loops: loops.map(|(i, after)| [i, *after]).collect(),
             }),
+            places: Vec::new(),
+            shape: set.shape(),
             counts: Vec::new(),
             first: Vec::new(),
             next,
@@ -92,6 +99,12 @@ impl BraidLoops {
             let resolved = loops.resolve(b, braid, set).map_err(Error::Braid)?;
             loops.braids.push(resolved);
         }
+        let place = |&[curve, _]: &[u32; 2]| {
+            let place = |b: &Resolved| b.curves.iter().position(|&c| c == curve);
+            let mut braids = loops.braids.iter().enumerate();
+            braids.find_map(|(b, braid)| Some((b, place(braid)?)))
+        };
+        loops.places = loops.pairs.loops.iter().filter_map(place).collect();
         let poses = loops.poses(set).map_err(Error::Braid)?;
         let polyline = set.basis().is_polyline();
         let points = |i: usize| match polyline {
@@ -103,8 +116,8 @@ impl BraidLoops {
             (true, false) => 1 - points(i),
             (false, _) => points(i),
         });
-        let of_loops = loops.pairs.loops.iter().map(|pair| {
-            let (braid, k) = loops.place(pair[0]);
+        let of_loops = loops.pairs.loops.iter().zip(&loops.places);
+        let of_loops = of_loops.map(|(pair, &(braid, k))| {
             let ends = loops.braids[braid].ends.iter();
             let connections: usize = ends.map(|end| end.connection_len(k)).sum();
             let [a, b] = pair.map(|i| points(i as usize));
@@ -300,8 +313,8 @@ impl BraidLoops {
     /// of a curve and the next one of its braid has the index of the first one. Closed curves, and
     /// open curves of no braid, stay.
     ///
-    /// Errors: [`Error::Braid`] if the frame breaks a condition of the braids;
-    /// [`Error::LayoutChanged`] if it has other curves than the first one.
+    /// Errors: [`Error::Braid`] if the frame breaks a condition of the braids; [`Error::Usage`] if
+    /// it has other curves than the first one.
     pub fn close(&self, set: &CurveSet) -> Result<CurveSet> {
         let mut all = None;
         let broken = self.write(set, &mut all)?;
@@ -318,12 +331,17 @@ impl BraidLoops {
     /// frame, or nothing. If the frame breaks a condition of the braids, the loops are those of the
     /// first frame. Returns this condition in words.
     ///
-    /// Errors: [`Error::LayoutChanged`] if the frame has other curves than the first one.
+    /// Errors: [`Error::Usage`] if the frame has other curves than the first one.
     pub(crate) fn write(
         &self,
         set: &CurveSet,
         out: &mut Option<CurveSet>,
     ) -> Result<Option<String>> {
+        if self.shape != set.shape() {
+            return Err(Error::Usage(
+                "braids: the frame has other curves than the first one".into(),
+            ));
+        }
         let poses = self.poses(set);
         let write = |positions: &mut Vec<f64>| {
             for i in 0..set.len() {
@@ -356,8 +374,7 @@ impl BraidLoops {
     }
 
     fn write_loops(&self, set: &CurveSet, poses: &[[Pose; 2]], positions: &mut Vec<f64>) {
-        for &[i, after] in &self.pairs.loops {
-            let (b, k) = self.place(i);
+        for (&[i, after], &(b, k)) in self.pairs.loops.iter().zip(&self.places) {
             let braid = &self.braids[b];
             let [(left, at_left), (right, at_right)] =
                 [0, 1].map(|side| (&braid.ends[side], poses[b][side]));
@@ -373,33 +390,27 @@ impl BraidLoops {
         }
     }
 
-    /// Returns the braid of a curve, and the place of the curve in it.
-    fn place(&self, curve: u32) -> (usize, usize) {
-        let place = |b: &Resolved| b.curves.iter().position(|&c| c == curve);
-        let mut braids = self.braids.iter().enumerate();
-        let found = braids.find_map(|(b, braid)| Some((b, place(braid)?)));
-        found.expect("a curve of a braid")
-    }
-
     /// Returns the pairs that are verified among the curves of a frame and its loops.
     pub(crate) fn pairs(&self) -> &Arc<LoopPairs> {
         &self.pairs
     }
 
-    /// Returns the number of the loop of a curve, if it is in a braid.
+    /// Returns the number of the loop of a curve among the curves of a frame and its loops, if it
+    /// is in a braid.
     pub(crate) fn number(&self, curve: u32) -> Option<u32> {
-        let k = self
-            .pairs
-            .loops
-            .binary_search_by_key(&curve, |l| l[0])
-            .ok()?;
-        Some((self.pairs.closed.len() + k) as u32)
+        Some((self.pairs.closed.len() + self.find(curve)?) as u32)
+    }
+
+    /// Returns the number of the loop of a curve among the loops.
+    fn find(&self, curve: u32) -> Option<usize> {
+        let loops = &self.pairs.loops;
+        loops.binary_search_by_key(&curve, |pair| pair[0]).ok()
     }
 
     /// Returns the curve and the segment of a segment of the loop of a curve, or `None` on a
     /// virtual connection.
     pub(crate) fn origin(&self, set: &CurveSet, [i, j]: [u32; 2], s: u32) -> Option<[u32; 2]> {
-        let (b, k) = self.place(i);
+        let (b, k) = self.places[self.find(i)?];
         let braid = &self.braids[b];
         let segments = |i: u32| set.curve(i as usize).segments;
         let real = |i: u32, s: u32, backward: bool| match backward {

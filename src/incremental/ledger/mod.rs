@@ -158,8 +158,8 @@ impl Ledger {
     ///
     /// `contacts` are those of the first frame, as found by the previous step. If `pairs` (sorted)
     /// is given, only these pairs of curves and those in contact are searched (`(i, i)`: a curve
-    /// and itself). The caller knows that no other pair has a passage.
-    /// The filter has them.
+    /// and itself). The caller knows that no other pair has a passage. All of them are pairs of the
+    /// filter.
     ///
     /// # Panics
     ///

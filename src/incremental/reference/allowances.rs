@@ -102,7 +102,7 @@ impl<'a> Allowances<'a> {
             covered,
             trees,
             filter,
-            reach: typical_clearance(covered, trees) * SHARE * GOOD,
+            reach: typical_clearance(covered, trees, filter) * SHARE * GOOD,
             slots: Vec::new(),
             first: first_blocks(covered.set),
         };

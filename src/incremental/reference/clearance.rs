@@ -5,7 +5,7 @@ use crate::curve::vector::distance;
 use crate::curve::{Box3, BoxGroup};
 use crate::discretize::Hull;
 use crate::incremental::covered::Covered;
-use crate::pairs::{Node, Trees};
+use crate::pairs::{Node, PairFilter, Trees};
 use crate::simd::LANES;
 use rayon::prelude::*;
 use std::cmp::Reverse;
@@ -16,7 +16,11 @@ const SAMPLES: usize = 32;
 
 /// Returns a distance that most blocks of segments have from all others that must stay apart
 /// from them: the upper quartile of a sample.
-pub(super) fn typical_clearance(covered: Covered<'_>, trees: &Trees) -> f64 {
+pub(super) fn typical_clearance(
+    covered: Covered<'_>,
+    trees: &Trees,
+    filter: Option<&PairFilter>,
+) -> f64 {
     let set = covered.set;
     let count = |i: usize| (set.curve(i).segments as usize).div_ceil(LANES);
     let total: usize = covered.indices().map(count).sum();
@@ -33,7 +37,7 @@ pub(super) fn typical_clearance(covered: Covered<'_>, trees: &Trees) -> f64 {
     }
     let mut distances: Vec<f64> = samples
         .par_iter()
-        .map(|&(i, g)| clearance(covered, trees, i, g))
+        .map(|&(i, g)| clearance(covered, trees, filter, (i, g)))
         .collect();
     distances.sort_by(f64::total_cmp);
     let quartile = distances.get(distances.len() * 3 / 4);
@@ -43,7 +47,12 @@ pub(super) fn typical_clearance(covered: Covered<'_>, trees: &Trees) -> f64 {
 
 /// Returns the approximate distance of a block of segments from all others that must stay apart
 /// from it, by best-first search. Infinite if there are none.
-fn clearance(covered: Covered<'_>, trees: &Trees, i: usize, block: usize) -> f64 {
+fn clearance(
+    covered: Covered<'_>,
+    trees: &Trees,
+    filter: Option<&PairFilter>,
+    (i, block): (usize, usize),
+) -> f64 {
     let set = covered.set;
     let boxes = set.leaf_boxes(i, block);
     let bounds = boxes.bounds();
@@ -64,10 +73,11 @@ fn clearance(covered: Covered<'_>, trees: &Trees, i: usize, block: usize) -> f64
             node.map(|n| n.level),
         )
     };
-    let others =
-        trees.roots().iter().enumerate().filter(|&(j, root)| {
-            (j != i || covered.coverage.self_crossings) && *root != Box3::EMPTY
-        });
+    let others = trees.roots().iter().enumerate().filter(|&(j, root)| {
+        (j != i || covered.coverage.self_crossings)
+            && *root != Box3::EMPTY
+            && filter.is_none_or(|filter| filter.contains(i as u32, j as u32))
+    });
     let mut heap: BinaryHeap<_> = others
         .map(|(j, root)| entry(j, root, Some(trees.of(set, j).root()), 0))
         .collect();
