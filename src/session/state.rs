@@ -99,8 +99,8 @@ impl Session {
     }
 
     /// Continues from the state of another session with the same options: all later reports are the
-    /// same as those of that one, except for the lower bound of a clearance that is not measured
-    /// exactly ([`Clearance::at_least`](crate::Clearance::at_least)).
+    /// same as those of that one, except that a clearance may have another lower bound, and another
+    /// place of the same distance ([`Report::clearance`](crate::Report::clearance)).
     ///
     /// Errors: those of [`Session::new`]; [`Error::Format`] if the state is of another version of
     /// linkwatch; [`Error::Usage`] if it does not fit the options.
