@@ -7,8 +7,6 @@
 
 mod braid;
 mod cell;
-mod yarns;
 
 pub(crate) use braid::BraidScene;
-pub(crate) use cell::{CellScene, CellState, Search};
-pub(crate) use yarns::Compared as ComparedYarns;
+pub(crate) use cell::{CellScene, CellState, ComparedYarns, Search};

@@ -4,18 +4,23 @@
 //! images come near, they replace these from the previous frame on, so that no step is left out:
 //! all pairs that are new had boxes apart from one another throughout the earlier frames.
 
-use super::yarns::{Compared, Yarns};
+mod state;
+mod yarns;
+
+pub(crate) use state::CellState;
+pub(crate) use yarns::Compared as ComparedYarns;
+
+use self::yarns::{Compared, Yarns};
 use crate::certificate::{Certificate, undefined_entry};
-use crate::curve::{Cell, CurveSet, Frame, Image, Images, Point, Precision, Shape, is_home};
+use crate::curve::{Cell, CurveSet, Frame, Image, Images, Point, Shape, is_home};
 use crate::error::{Error, Result};
 use crate::incremental::{QuietBounds, sort_by_time};
 use crate::pairs::{Pair, PairFilter};
 use crate::periodic::{
-    Bend, Boxer, Entry, FractionalBoxes, ImagePair, ImagePairs, ImageState, QuietRoom, RingAndYarn,
-    Searched, check_whole, period_of_pair,
+    Bend, Boxer, Entry, FractionalBoxes, ImagePair, ImagePairs, QuietRoom, RingAndYarn, Searched,
+    check_whole, period_of_pair,
 };
 use crate::verdict::{Change, Defect, Link, PullThrough, Report};
-use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
@@ -47,16 +52,6 @@ struct Before {
     cell: Cell,
     /// Room that the curves had ([`ImagePairs::room`]).
     room: Point,
-}
-
-/// State of a scene, from which another process continues.
-#[derive(Clone, Debug, Serialize, Deserialize)]
-pub(crate) struct CellState {
-    /// Period of each curve that runs through the cell.
-    periods: Vec<Option<Image>>,
-    /// True if the first frame was in single precision.
-    began_single: bool,
-    images: Option<ImageState>,
 }
 
 /// Settings of a search for images.
@@ -200,39 +195,6 @@ impl CellScene {
     pub fn curves(&self, given: usize) -> usize {
         let found = self.found.as_ref();
         found.map_or(given, |found| found.pairs.curves.len())
-    }
-
-    /// Returns the state after the last frame.
-    pub fn state(&self) -> CellState {
-        CellState {
-            periods: self.yarns.periods().to_vec(),
-            began_single: self.yarns.precision == Some(Precision::F32),
-            images: self.found.as_ref().map(|found| found.pairs.state()),
-        }
-    }
-
-    /// Continues after a frame, without the expected linking numbers.
-    ///
-    /// Errors: those of [`Boxer::new`].
-    pub fn restored(state: CellState, given: &Arc<CurveSet>, cell: Cell) -> Result<CellScene> {
-        let mut scene = CellScene::default();
-        let periods: Arc<[Option<Image>]> = state.periods.into();
-        if let Some(images) = state.images {
-            scene.know(given, ImagePairs::restored(images, &periods));
-        }
-        let boxer = Boxer::new(given, &cell)?;
-        let found = scene.found.as_ref();
-        scene.before = Some(Before {
-            given: Arc::clone(given),
-            cell,
-            room: found.map_or([0.0; 3], |found| found.pairs.room(&boxer)),
-        });
-        let precision = match state.began_single {
-            true => Precision::F32,
-            false => given.precision(),
-        };
-        scene.yarns.begin(periods, precision);
-        Ok(scene)
     }
 
     /// Converts the previous frame to double precision. Its images are searched for again.

@@ -1,0 +1,53 @@
+//! State of a scene that repeats.
+
+use super::{Before, CellScene};
+use crate::curve::{Cell, CurveSet, Image, Precision};
+use crate::error::Result;
+use crate::periodic::{Boxer, ImagePairs, ImageState};
+use serde::{Deserialize, Serialize};
+use std::sync::Arc;
+
+/// State of a scene, from which another process continues.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub(crate) struct CellState {
+    /// Period of each curve that runs through the cell.
+    periods: Vec<Option<Image>>,
+    /// True if the first frame was in single precision.
+    began_single: bool,
+    images: Option<ImageState>,
+}
+
+impl CellScene {
+    /// Returns the state after the last frame.
+    pub fn state(&self) -> CellState {
+        CellState {
+            periods: self.yarns.periods().to_vec(),
+            began_single: self.yarns.precision == Some(Precision::F32),
+            images: self.found.as_ref().map(|found| found.pairs.state()),
+        }
+    }
+
+    /// Continues after a frame, without the expected linking numbers.
+    ///
+    /// Errors: those of [`Boxer::new`].
+    pub fn restored(state: CellState, given: &Arc<CurveSet>, cell: Cell) -> Result<CellScene> {
+        let mut scene = CellScene::default();
+        let periods: Arc<[Option<Image>]> = state.periods.into();
+        if let Some(images) = state.images {
+            scene.know(given, ImagePairs::restored(images, &periods));
+        }
+        let boxer = Boxer::new(given, &cell)?;
+        let found = scene.found.as_ref();
+        scene.before = Some(Before {
+            given: Arc::clone(given),
+            cell,
+            room: found.map_or([0.0; 3], |found| found.pairs.room(&boxer)),
+        });
+        let precision = match state.began_single {
+            true => Precision::F32,
+            false => given.precision(),
+        };
+        scene.yarns.begin(periods, precision);
+        Ok(scene)
+    }
+}
