@@ -262,9 +262,12 @@ fn options(random: &mut Random, kind: Kind) -> SessionOptions {
 /// Returns the report of a resumed session with the clearance of another report, from which it
 /// differs in the lower bound, and in the place among several with the same distance.
 fn without_history(mut report: Report, of: &Report) -> Report {
-    let ratio = |report: &Report| Some(report.clearance?.closest?.ratio);
-    if let (Some(a), Some(b)) = (ratio(&report), ratio(of)) {
-        assert!((a - b).abs() <= 1e-9 * b, "{a}, {b}");
+    if let (Some(a), Some(b)) = (report.clearance, of.clearance) {
+        let [a, b] = [a, b].map(|clearance| clearance.closest.map(|closest| closest.ratio));
+        match (a, b) {
+            (Some(a), Some(b)) => assert!((a - b).abs() <= 1e-9 * b, "{a}, {b}"),
+            (a, b) => assert_eq!(a, b),
+        }
         report.clearance = of.clearance;
     }
     report
