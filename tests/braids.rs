@@ -458,8 +458,8 @@ fn a_broken_braid_hides_no_change_of_closed_curves_and_adds_none() {
     }
 }
 
-/// Regression test: a ring that was degenerate took its numbers from a frame in which those of loops
-/// mean nothing, so that its links with loops were changes later.
+/// Regression test: a ring that was degenerate took its numbers from a frame in which those of
+/// loops mean nothing, so that its links with loops were changes later.
 #[test]
 fn a_ring_takes_no_number_from_a_frame_with_a_broken_braid() {
     let whole = strands(4, &[2, 2]);
