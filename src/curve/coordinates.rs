@@ -6,10 +6,6 @@ use super::set::Curve;
 use super::tile::{self, Bad};
 use super::{Basis, Point, Positions, Precision};
 use crate::simd::dispatch;
-use rayon::prelude::*;
-
-/// Number of slots from which several threads copy them faster than one.
-const MANY_SLOTS: usize = 100_000;
 
 /// Coordinates in three arrays, one per axis, in the precision of the input.
 #[derive(Debug)]
@@ -109,11 +105,9 @@ impl Coordinates {
 
     /// Copies others of the same precision to the first slots.
     pub fn copy_first(&mut self, source: &Coordinates) {
-        fn copy<T: Copy + Send + Sync>(to: &mut [Vec<T>; 3], from: &[Vec<T>; 3]) {
-            let copy = |(to, from): (&mut Vec<T>, &Vec<T>)| to[..from.len()].copy_from_slice(from);
-            match from[0].len() < MANY_SLOTS {
-                true => to.iter_mut().zip(from).for_each(copy),
-                false => to.par_iter_mut().zip(from).for_each(copy),
+        fn copy<T: Copy>(to: &mut [Vec<T>; 3], from: &[Vec<T>; 3]) {
+            for (to, from) in to.iter_mut().zip(from) {
+                to[..from.len()].copy_from_slice(from);
             }
         }
         match (self, source) {

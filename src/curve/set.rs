@@ -436,6 +436,14 @@ impl CurveSet {
         self.shape() == other.shape()
     }
 
+    /// Fails if another set has other curves, or another precision.
+    pub(crate) fn check_same_layout(&self, other: &CurveSet) -> Result<()> {
+        match self.same_layout(other) {
+            true => Ok(()),
+            false => self.check_layout(other.basis(), other.precision(), other.counts()),
+        }
+    }
+
     /// Fails if curves of this basis, precision and counts are others than those of this set.
     pub(crate) fn check_layout(
         &self,

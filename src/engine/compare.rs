@@ -8,7 +8,6 @@ use crate::error::Result;
 use crate::incremental::{Events, Outcome, Route};
 use crate::pairs::Pair;
 use crate::pool;
-use crate::scene::BraidScene;
 use crate::verdict::Stats;
 use std::sync::Arc;
 use std::time::Instant;
@@ -52,7 +51,7 @@ impl Engine {
             known.baseline = Some(Arc::new(baseline));
             return Ok(self.of_full_run(comparison, stats));
         };
-        let is_broken = known.braids.as_ref().is_some_and(BraidScene::is_broken);
+        let is_broken = known.has_broken_braids();
         let mut compared = match self.strategy {
             _ if !appeared.is_empty() => {
                 let stats = self.certify_fully(frame.set()?)?;
@@ -95,9 +94,8 @@ impl Engine {
 
     /// Makes a frame the reference frame, if that may pay.
     fn offer_reference(&mut self, known: &Known, frame: &Frame, linking: &LinkingNumbers) {
-        let is_broken = known.braids.as_ref().is_some_and(BraidScene::is_broken);
         if let Some(certificate) = &linking.certificate
-            && !is_broken
+            && !known.has_broken_braids()
             && self.monitor.wants_reference()
         {
             let certificate = Arc::clone(certificate);

@@ -132,6 +132,11 @@ impl Known {
         ))
     }
 
+    /// Returns true if the frame breaks a condition of the braids.
+    pub fn has_broken_braids(&self) -> bool {
+        self.braids.as_ref().is_some_and(BraidScene::is_broken)
+    }
+
     /// Returns the pairs that are verified; `None`: all.
     pub fn filter(&self) -> Option<PairFilter> {
         let of_braids = self.braids.as_ref().map(BraidScene::filter);

@@ -201,16 +201,13 @@ impl Steps {
         let jumps = known.braids.as_ref().is_some_and(BraidScene::jumps);
         self.search_loops(!jumps);
         known.widen_to(set)?;
-        let differs = |last: &mut Arc<Last>| !last.frame.given().same_layout(set);
         if self.events == Events::Off {
-            known.last.take_if(differs);
-            return Ok(());
+            known
+                .last
+                .take_if(|last| !last.frame.given().same_layout(set));
         }
-        let Some(before) = known.last.clone().take_if(differs) else {
-            return Ok(());
-        };
-        let before = before.frame.given();
-        before.check_layout(set.basis(), set.precision(), set.counts())
+        let last = known.last.as_ref();
+        last.map_or(Ok(()), |last| last.frame.given().check_same_layout(set))
     }
 
     /// Keeps a verified frame, if the next one is compared with it.
@@ -240,15 +237,6 @@ impl Steps {
     ) -> Result<Outcome> {
         let coverage = self.coverage();
         let reports = self.events != Events::Off;
-        let of_filter: Option<Vec<Pair>>;
-        let pairs = match (&self.filter, pairs) {
-            (Some(PairFilter::WithoutLoops(_)), Some(pairs)) => {
-                let own = pairs.iter().copied().filter(|&pair| self.reports(pair));
-                of_filter = Some(own.collect());
-                of_filter.as_deref()
-            }
-            (_, pairs) => pairs,
-        };
         let outcome = match (known.across.clone(), known.last.clone()) {
             (Some(across), _) => {
                 let outcome = self.outcome_across(known, &across, frame.set()?);
@@ -261,11 +249,7 @@ impl Steps {
                     true => Outcome::default(),
                     false => {
                         let frames = [&**last.frame.set()?, &**frame.set()?];
-                        let mut contacts = last.contacts.clone();
-                        if let Some(filter) = &self.filter {
-                            contacts.retain(|(i, j)| filter.contains(i, j));
-                        }
-                        self.ledger.step(frames, &contacts, coverage, pairs)
+                        self.ledger.step(frames, &last.contacts, coverage, pairs)
                     }
                 };
                 // Noted here, because a report omits such a defect if the pair has another one.

@@ -77,23 +77,27 @@ impl<'a> Boxer<'a> {
     }
 
     /// Returns the box of a curve, from its points.
-    pub fn bounds(&self, i: usize) -> Bounds {
+    fn bounds(&self, i: usize) -> Bounds {
         self.padded(self.set.bounds_along(i, &self.inverse))
     }
 
-    /// Reduces what a function makes of all curves.
-    pub fn reduce<T: Copy + Send + Sync>(
-        &self,
-        of: impl Fn(usize) -> T + Send + Sync,
-        none: T,
-        reduce: impl Fn(T, T) -> T + Send + Sync,
-    ) -> T {
-        let curves = 0..self.set.len();
+    /// Returns the boxes of all curves, from their points.
+    fn boxes(&self) -> impl IndexedParallelIterator<Item = Bounds> {
+        let curves = (0..self.set.len()).into_par_iter().with_min_len(64);
+        curves.map(|i| self.bounds(i))
+    }
+
+    /// Returns the smallest room of a curve and its box, along each direction.
+    pub fn smallest_room(&self, of: impl Fn(usize, &Bounds) -> Point + Send + Sync) -> Point {
+        let none = [f64::INFINITY; 3];
         match self.set.points() <= FEW_POINTS {
-            true => curves.map(of).fold(none, reduce),
+            true => {
+                let rooms = (0..self.set.len()).map(|i| of(i, &self.bounds(i)));
+                rooms.fold(none, smaller_room)
+            }
             false => pool::run(self.set.segments(), || {
-                let curves = curves.into_par_iter().with_min_len(64);
-                curves.map(of).reduce(|| none, reduce)
+                let rooms = self.boxes().enumerate().map(|(i, b)| of(i, &b));
+                rooms.reduce(|| none, smaller_room)
             }),
         }
     }
@@ -129,11 +133,7 @@ impl FractionalBoxes {
     /// Returns the boxes of the curves, open or closed. Each contains the curve.
     pub fn new(boxer: &Boxer<'_>) -> FractionalBoxes {
         let segments = boxer.set.segments();
-        let all = || {
-            let curves = (0..boxer.set.len()).into_par_iter().with_min_len(64);
-            curves.map(|i| boxer.bounds(i)).collect()
-        };
-        let bounds = pool::run(segments, all);
+        let bounds = pool::run(segments, || boxer.boxes().collect());
         FractionalBoxes { bounds }
     }
 

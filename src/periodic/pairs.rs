@@ -202,8 +202,7 @@ impl ImagePairs {
 
     /// Returns the room that is left for the curves of a frame along each direction.
     pub fn room(&self, boxer: &Boxer<'_>) -> Point {
-        let room = |i: usize| self.within.room_for(i, &boxer.bounds(i));
-        boxer.reduce(room, [f64::INFINITY; 3], smaller_room)
+        boxer.smallest_room(|i, b| self.within.room_for(i, b))
     }
 
     /// Returns true if no other pairs can have come within reach of one another in a step with this

@@ -56,7 +56,7 @@ impl BraidScene {
     /// than the first one.
     pub fn follow(&mut self, given: &Arc<CurveSet>) -> Result<(Arc<CurveSet>, Option<String>)> {
         let Closed { loops, first, pool } = &*self.closed;
-        first.check_layout(given.basis(), given.precision(), given.counts())?;
+        first.check_same_layout(given)?;
         let mut pool = pool.lock().unwrap_or_else(PoisonError::into_inner);
         let mut broken = None;
         let set = pool.receive(|out| {

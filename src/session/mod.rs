@@ -336,10 +336,7 @@ impl Session {
         let Some(given) = self.given.as_ref().filter(|_| last.is_some()) else {
             return Ok(());
         };
-        match given.same_layout(set) {
-            true => Ok(()),
-            false => given.check_layout(set.basis(), set.precision(), set.counts()),
-        }
+        given.check_same_layout(set)
     }
 
     /// Verifies valid curves. Returns the report, and the curves for outputs.

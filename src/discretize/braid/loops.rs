@@ -22,8 +22,6 @@ const SIDES: [&str; 2] = ["left", "right"];
 #[derive(Debug)]
 pub struct BraidLoops {
     braids: Vec<Resolved>,
-    /// The curve that follows in the loop of each curve; `u32::MAX` if it is in no braid.
-    next: Vec<u32>,
     pairs: Arc<LoopPairs>,
     /// Braid of the first curve of each loop, and its place there.
     places: Vec<(usize, usize)>,
@@ -93,7 +91,6 @@ impl BraidLoops {
             shape: set.shape(),
             counts: Vec::new(),
             first: Vec::new(),
-            next,
         };
         for (b, braid) in given.iter().enumerate() {
             let resolved = loops.resolve(b, braid, set).map_err(Error::Braid)?;
@@ -217,8 +214,8 @@ impl BraidLoops {
             all.hi = all.hi.sup(&b.hi);
         }
         for (i, coarse) in set.coarse_boxes().iter().enumerate() {
-            let counts = set.curve(i).closed || self.next[i] != u32::MAX;
-            if !counts || !overlaps(coarse, &all) {
+            let counts = || set.curve(i).closed || self.find(i as u32).is_some();
+            if !overlaps(coarse, &all) || !counts() {
                 continue;
             }
             for s in 0..set.curve(i).segments as usize {
@@ -316,6 +313,10 @@ impl BraidLoops {
     /// Errors: [`Error::Braid`] if the frame breaks a condition of the braids; [`Error::Usage`] if
     /// it has other curves than the first one.
     pub fn close(&self, set: &CurveSet) -> Result<CurveSet> {
+        if self.shape != set.shape() {
+            let what = "braids: the frame has other curves than the first one";
+            return Err(Error::Usage(what.into()));
+        }
         let mut all = None;
         let broken = self.write(set, &mut all)?;
         match (broken, all) {
@@ -329,19 +330,14 @@ impl BraidLoops {
 
     /// Writes the curves of a frame, and after them its loops, into `out`: the set of an earlier
     /// frame, or nothing. If the frame breaks a condition of the braids, the loops are those of the
-    /// first frame. Returns this condition in words.
+    /// first frame. Returns this condition in words. The frame has the same curves as the first one.
     ///
-    /// Errors: [`Error::Usage`] if the frame has other curves than the first one.
+    /// Errors: a coordinate is too large.
     pub(crate) fn write(
         &self,
         set: &CurveSet,
         out: &mut Option<CurveSet>,
     ) -> Result<Option<String>> {
-        if self.shape != set.shape() {
-            return Err(Error::Usage(
-                "braids: the frame has other curves than the first one".into(),
-            ));
-        }
         let poses = self.poses(set);
         let write = |positions: &mut Vec<f64>| {
             for i in 0..set.len() {

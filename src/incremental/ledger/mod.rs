@@ -158,8 +158,7 @@ impl Ledger {
     ///
     /// `contacts` are those of the first frame, as found by the previous step. If `pairs` (sorted)
     /// is given, only these pairs of curves and those in contact are searched (`(i, i)`: a curve
-    /// and itself). The caller knows that no other pair has a passage. All of them are pairs of the
-    /// filter.
+    /// and itself), as far as the filter has them. The caller knows that no other pair has a passage.
     ///
     /// # Panics
     ///
@@ -175,6 +174,9 @@ impl Ledger {
             let mut all = [pairs, &contacts.pairs()].concat();
             all.sort_unstable();
             all.dedup();
+            if let Some(filter) = self.search.filter() {
+                filter.retain(&mut all);
+            }
             all
         });
         if pairs.as_ref().is_some_and(Vec::is_empty) {
