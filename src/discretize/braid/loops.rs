@@ -330,7 +330,7 @@ impl BraidLoops {
 
     /// Writes the curves of a frame, and after them its loops, into `out`: the set of an earlier
     /// frame, or nothing. If the frame breaks a condition of the braids, the loops are those of the
-    /// first frame. Returns this condition in words. The frame has the same curves as the first one.
+    /// first frame. Returns this condition in words. The frame has the curves of the first one.
     ///
     /// Errors: a coordinate is too large.
     pub(crate) fn write(

@@ -158,7 +158,7 @@ impl Ledger {
     ///
     /// `contacts` are those of the first frame, as found by the previous step. If `pairs` (sorted)
     /// is given, only these pairs of curves and those in contact are searched (`(i, i)`: a curve
-    /// and itself), as far as the filter has them. The caller knows that no other pair has a passage.
+    /// and itself), as far as the filter has them. The caller knows that no other pair has one.
     ///
     /// # Panics
     ///
