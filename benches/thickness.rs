@@ -43,7 +43,7 @@ fn main() -> Result<()> {
         let mut times = [Vec::new(), Vec::new(), Vec::new()];
         let begin = Instant::now();
         while times[0].len() < 5 || !smoke && begin.elapsed().as_secs_f64() < 1.0 {
-            let octree = || black_box(Thickness::of(&set)).is_ok();
+            let octree = || black_box(Thickness::of(&set, None)).is_ok();
             times[0].push(ms(|| one.install(octree)));
             times[1].push(ms(|| all.install(octree)));
             if n <= ALL_PAIRS {

@@ -4,7 +4,7 @@
 //! ```sh
 //! linkwatch watch --service supercoil --self --events --abort-on never --record supercoil.mcap &
 //! cargo run --release --example supercoil -- supercoil
-//! linkwatch writhe supercoil.mcap --ribbon 0,1
+//! linkwatch measure writhe supercoil.mcap --ribbon 0,1
 //! ```
 //!
 //! Physics: overdamped motion of a ring of beads under stretching, bending, repulsion and twist.

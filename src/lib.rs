@@ -61,7 +61,7 @@
 //! | findings | [`Report`] with [`Verdict`], [`Change`], [`PullThrough`], [`Defect`], [`Place`] |
 //! | expected topology | [`Certificate`], [`Comparison`], [`Link`] |
 //! | DNA, polymers | [`Ribbon`], [`GaussIntegrals`]: writhe, twist, linking of open curves |
-//! | thickness | [`Thickness`], [`struts`], [`struts_in_cell`], [`Strut`], [`MinRad`] |
+//! | thickness | [`Thickness`], [`struts`], [`Strut`], [`MinRad`] |
 //! | cost of a frame | [`Stats`], [`Work`], [`Timings`], [`Progress`]; before the run: [`plan`] |
 //! | kernels and devices | [`kernels::Method`], [`kernels::Device`], [`homotopic_polylines`] |
 //! | outputs | [`Sink`] behind a [`SinkQueue`]; the recording and the viewer; `RunReport` |
@@ -233,10 +233,7 @@ pub use sinks::{
 #[cfg(feature = "rerun")]
 pub use sinks::{ViewerOptions, ViewerSink, ViewerTarget};
 #[cfg(feature = "verify")]
-pub use thickness::{
-    ClearanceOptions, CloseBlock, CurvePoint, MinRad, Strut, Thickness, close_blocks,
-    close_blocks_in_cell, struts, struts_in_cell,
-};
+pub use thickness::{ClearanceOptions, CurvePoint, MinRad, Strut, Thickness, struts};
 pub use verdict::{
     AbortOn, Change, ChangeKind, Clearance, CloseStrands, Defect, DefectKind, ImageLink, Lasting,
     Link, LoopPair, Place, PullThrough, Report, ReportDifference, Stats, Verdict,

@@ -10,13 +10,12 @@ use std::process::{Command, Stdio};
 use support::command::linkwatch;
 use support::trial::trial;
 
-const COMMANDS: [&str; 10] = [
+const COMMANDS: [&str; 9] = [
     "certify",
     "check",
     "sweep",
     "generate",
-    "thickness",
-    "writhe",
+    "measure",
     "plan",
     "devices",
     "completions",

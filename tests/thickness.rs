@@ -1,4 +1,4 @@
-//! `linkwatch thickness`, and its values against those of liboctrope for real models.
+//! `linkwatch measure thickness`, and its values against those of liboctrope for real models.
 //!
 //! Without the models, the test of their values is shown as ignored, never as passed.
 
@@ -11,7 +11,7 @@ use support::command::{linkwatch, text};
 use support::trial::trial;
 
 fn measure(args: &[&str]) -> Vec<Value> {
-    let run = linkwatch(&[&["thickness", "--json"], args].concat());
+    let run = linkwatch(&[&["measure", "thickness", "--json"], args].concat());
     assert_eq!(run.code, 0, "{args:?}: {}", run.stderr);
     let lines = run.stdout.lines().map(serde_json::from_str);
     lines.collect::<Result<_, _>>().expect("lines of JSON")
@@ -45,7 +45,7 @@ fn values_and_places_are_printed() -> Result<(), Failed> {
     let depth = found["overlaps"][0]["depth"].as_f64().expect("an overlap");
     assert!((depth - 0.15).abs() < 1e-15, "{depth}");
 
-    let printed = linkwatch(&["thickness", text(&model), "--radius", "0.2"]).stdout;
+    let printed = linkwatch(&["measure", "thickness", text(&model), "--radius", "0.2"]).stdout;
     for words in [
         "scene.obj: thickness 0.25, ropelength 44, length 11",
         "curve 2 bends to a radius of 1, at (",
@@ -87,13 +87,14 @@ fn images_are_counted_in_a_cell() -> Result<(), Failed> {
     assert_eq!(found["thickness"], 0.5);
     assert_eq!(found["poca_at"]["image"], serde_json::json!([1, 0, 0]));
     assert!(!found["struts"].as_array().expect("struts").is_empty());
-    let run = linkwatch(&[&["thickness", text(&model)], &cell[..]].concat());
+    let run = linkwatch(&[&["measure", "thickness", text(&model)], &cell[..]].concat());
     let words = "curve 0 and its image 1,0,0 are 0.5 apart, from (3.5";
     assert!(run.stdout.contains(words), "{}", run.stdout);
     // Without a cell, the images do not count.
     let found = &measure(&[text(&model)])[0];
     assert_eq!(found["poca"], 1.0);
     let e = linkwatch(&[
+        "measure",
         "thickness",
         text(&model),
         "--wrapped=false",
@@ -107,18 +108,18 @@ fn images_are_counted_in_a_cell() -> Result<(), Failed> {
 
 fn bad_arguments_are_refused() -> Result<(), Failed> {
     for (args, words) in [
-        (vec!["thickness"], "MODEL|SCENE"),
-        (vec!["thickness", "missing.obj"], "missing.obj"),
+        (vec!["measure", "thickness"], "MODEL|SCENE"),
+        (vec!["measure", "thickness", "missing.obj"], "missing.obj"),
         (
-            vec!["thickness", "knit", "--radius", "0"],
+            vec!["measure", "thickness", "knit", "--radius", "0"],
             "a number above 0",
         ),
         (
-            vec!["thickness", "knit", "--stiffness", "nan"],
+            vec!["measure", "thickness", "knit", "--stiffness", "nan"],
             "a number above 0",
         ),
         (
-            vec!["thickness", "knit", "--radius", "published"],
+            vec!["measure", "thickness", "knit", "--radius", "published"],
             "the curves have no radii",
         ),
     ] {

@@ -14,8 +14,10 @@ const AUTO: &str = "auto";
 #[derive(Clone, Debug, Default, clap::Args)]
 #[command(next_help_heading = super::COMPARE)]
 pub struct BraidArgs {
-    /// Verify open curves between two rigid ends, as virtual closed loops (at least 4 curves each):
-    /// `auto` finds the ends in the first frame, a JSON file names the curves [replay: as recorded]
+    /// Verify open curves between two rigid ends
+    ///
+    /// As virtual closed loops, of at least 4 curves each: `auto` finds the ends in the first
+    /// frame, a JSON file names the curves [replay: as recorded]
     #[arg(long, value_name = "auto|FILE")]
     braid: Option<PathBuf>,
 }

@@ -21,9 +21,10 @@ const NONE: &str = "none";
 #[derive(Clone, Copy, Debug, Default, clap::Args)]
 #[command(next_help_heading = super::INPUT)]
 pub struct CellArg {
-    /// Periodic cell: edges along the axes (0: does not repeat), nine numbers (three vectors) or
-    /// twelve (and the corner); `none` ignores the cell of the frames [default: as the frames have
-    /// it]. It may be given for files without one
+    /// Periodic cell, instead of that of the frames
+    ///
+    /// Edges along the axes (0: does not repeat), nine numbers (three vectors) or twelve (and the
+    /// corner); `none` ignores the cell of the frames
     #[arg(long, value_name = "10,10,10|..|none", allow_hyphen_values = true)]
     cell: Option<GivenCell>,
 }
@@ -45,16 +46,18 @@ impl CellArg {
 pub struct CellArgs {
     #[command(flatten)]
     cell: CellArg,
-    /// Coordinates are wrapped into the periodic cell: unwrap the curves, and follow them from
-    /// frame to frame. `--wrapped=false`: take the coordinates as they are, without a search for
-    /// torn curves and for curves that jump by a lattice vector
+    /// Coordinates are wrapped into the cell: unwrap them
+    ///
+    /// Curves are followed from frame to frame. `--wrapped=false`: take the coordinates as they
+    /// are, without a search for torn curves and for curves that jump by a lattice vector
     #[arg(
         long, value_name = "true|false", num_args = 0..=1, require_equals = true,
-        default_missing_value = "true"
+        default_missing_value = "true", hide_possible_values = true
     )]
     wrapped: Option<bool>,
-    /// Keep curves open that end where they start [default: they are closed, without the repeated
-    /// point]
+    /// Keep curves open that end where they start
+    ///
+    /// Otherwise they are closed, without the repeated point
     #[arg(long)]
     keep_open: bool,
 }

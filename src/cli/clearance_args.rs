@@ -13,14 +13,17 @@ const MIN_CLEARANCE: &str = "min_clearance";
 #[derive(Clone, Copy, Debug, Default, clap::Args)]
 #[command(next_help_heading = super::COMPARE)]
 pub struct ClearanceArgs {
-    /// Measure how close the strands come in each frame, and warn when they come too close: strands
-    /// of this radius, in the units of the simulation, or `published`: of the radii that the
-    /// simulator publishes [default: not measured; replay: as recorded]
+    /// Measure how close strands of this radius come, and warn
+    ///
+    /// In the units of the simulation, or `published`: the radii that the simulator publishes
+    /// [default: not measured; replay: as recorded]
     #[arg(long, value_name = "R|published")]
     radius: Option<StrandRadius>,
-    /// Distance between center lines, as a share of the diameter of the strands, below which a
-    /// warning is printed (and `--abort-on clearance` stops the simulator): 0 to 1, or a percentage
-    /// [default: 50%; replay: as recorded]
+    /// Distance in diameters below which strands are too close
+    ///
+    /// Of center lines, as a share of the diameter of the strands: 0 to 1, or a percentage. Below
+    /// it a warning is printed, and `--abort-on clearance` stops the simulator [default: 50%;
+    /// replay: as recorded]
     #[arg(long, value_name = "SHARE", value_parser = share)]
     min_clearance: Option<f64>,
 }

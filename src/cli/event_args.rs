@@ -6,16 +6,19 @@ use linkwatch::{AbortOn, Events};
 #[derive(Clone, Copy, Debug, clap::Args)]
 #[command(next_help_heading = super::COMPARE)]
 pub struct EventArgs {
-    /// Report every pull-through with its place and moment, also those that cancel, and those of
-    /// open curves: `between` curves, or `all`: also of a curve through itself
+    /// Report every pull-through with its place and moment
+    ///
+    /// Also those that cancel, and those of open curves. `between` (the value unless given): of two
+    /// curves; `all`: also of a curve through itself [default: off; replay: as recorded]
     #[arg(
         long, value_name = "off|between|all", num_args = 0..=1, require_equals = true,
         default_missing_value = "between"
     )]
     events: Option<Events>,
-    /// Motion between two frames, in segment lengths, beyond which two pull-throughs that cancel
-    /// count as unresolved: the frames are too far apart to decide whether they took place
-    /// [default: 1.5; replay: as recorded]
+    /// Motion beyond which pull-throughs that cancel are unresolved
+    ///
+    /// Motion between two frames, in segment lengths: beyond it the frames are too far apart to
+    /// decide whether the two pull-throughs took place [default: 1.5; replay: as recorded]
     #[arg(long, value_name = "LENGTHS")]
     pub motion_limit: Option<f64>,
 }

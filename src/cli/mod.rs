@@ -21,6 +21,7 @@ mod kernel;
 mod label;
 mod live;
 mod man;
+mod measure;
 #[cfg(feature = "metrics")]
 mod metrics;
 #[cfg(not(feature = "metrics"))]
@@ -64,10 +65,8 @@ mod study;
 #[path = "no_study.rs"]
 mod study;
 mod sweep;
-mod thickness;
 #[cfg(feature = "bus")]
 mod watch;
-mod writhe;
 
 use clap::{ArgAction, Parser, Subcommand};
 use linkwatch::{Error, Result, Verdict};
@@ -142,8 +141,11 @@ enum Command {
     Convert(convert::Args),
     Sweep(sweep::Args),
     Generate(generate::Args),
-    Thickness(thickness::Args),
-    Writhe(writhe::Args),
+    Measure(measure::Args),
+    #[command(hide = true)]
+    Thickness(measure::thickness::Args),
+    #[command(hide = true)]
+    Writhe(measure::writhe::Args),
     Plan(plan::Args),
     Devices(devices::Args),
     Study(study::Args),
@@ -241,8 +243,16 @@ fn run(cli: &Cli) -> Result<Outcome> {
         Command::Generate(args) => generate::run(args, cli.json),
         Command::Plan(args) => plan::run(args, cli.json),
         Command::Sweep(args) => sweep::run(args, cli.json),
-        Command::Thickness(args) => thickness::run(args, cli.json),
-        Command::Writhe(args) => writhe::run(args, cli.json),
+        Command::Measure(args) => measure::run(args, cli.json),
+        // Names of earlier versions, which take the same arguments.
+        Command::Thickness(args) => {
+            tracing::warn!("`linkwatch thickness` is now `linkwatch measure thickness`");
+            measure::thickness::run(args, cli.json)
+        }
+        Command::Writhe(args) => {
+            tracing::warn!("`linkwatch writhe` is now `linkwatch measure writhe`");
+            measure::writhe::run(args, cli.json)
+        }
         Command::Study(args) => study::run(args, cli.json),
         #[cfg(feature = "bus")]
         Command::Watch(args) => watch::run(args, cli.json),

@@ -2,8 +2,8 @@
 
 use super::Outcome;
 use super::frames::Picked;
+use super::measure::writhe::warn_of_bound;
 use super::output::{self, millis, plural};
-use super::writhe::warn_of_bound;
 use linkwatch::{GaussIntegrals, Result};
 use serde_json::json;
 use std::path::Path;

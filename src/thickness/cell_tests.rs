@@ -98,7 +98,7 @@ impl Supercell {
             let image = [0, 1, 2].map(|x| first[x] + times * period[x]);
             ((curve, end.segment % segments), image)
         };
-        let all = struts(&self.set, longest).unwrap();
+        let all = struts(&self.set, None, longest).unwrap();
         let at_home = all.iter().filter_map(|strut| {
             let ends = [place(&strut.ends[0]), place(&strut.ends[1])];
             let home = ends.iter().any(|end| end.1 == HOME);
@@ -173,7 +173,7 @@ fn a_supercell_has_the_same_struts() {
         let mut random = Random::new(seed);
         let lattice = random.one_in(5);
         let (scene, cell) = random_scene(&mut random, lattice);
-        let found = Thickness::in_cell(&scene, Some(&cell)).unwrap();
+        let found = Thickness::of(&scene, Some(&cell)).unwrap();
         let context = format!("seed {seed}, cell {cell}");
         let shortest = found.poca.map_or(1.0, |strut| strut.length);
         let longest = (1.3 * shortest).max(0.2);
@@ -199,7 +199,7 @@ fn a_supercell_has_the_same_struts() {
                 "{context}: {first:?} {strut:?}"
             ),
         }
-        let [of_all, bend] = [Thickness::of(&supercell.set).unwrap(), found]
+        let [of_all, bend] = [Thickness::of(&supercell.set, None).unwrap(), found]
             .map(|t| t.min_rad.map(|bend| bend.radius));
         let differ = of_all.unwrap_or(9.0) - bend.unwrap_or(9.0);
         assert!(differ.abs() <= 1e-9, "{context}: {of_all:?} {bend:?}");
@@ -207,7 +207,7 @@ fn a_supercell_has_the_same_struts() {
         if lattice {
             continue;
         }
-        for strut in struts_in_cell(&scene, Some(&cell), longest).unwrap() {
+        for strut in struts(&scene, Some(&cell), longest).unwrap() {
             let [a, b] = strut.ends.map(|end| (end.curve, end.segment));
             assert_eq!(key([(a, HOME), (b, strut.image)]), ([a, b], strut.image));
             let length = norm(sub(strut.ends[0].point, strut.ends[1].point));
@@ -266,7 +266,7 @@ fn straight_yarns_in_a_lattice_are_a_lattice_constant_apart() {
             ("1,0.5,0.5", Some(0.0)),
             ("2,0,0", None),
         ] {
-            let found = Thickness::in_cell(&yarn, Some(&cell(text))).unwrap();
+            let found = Thickness::of(&yarn, Some(&cell(text))).unwrap();
             assert_eq!(found.min_rad, None, "{text}");
             let length = found.poca.map(|strut| strut.length);
             let error = (length.unwrap_or(9.0) - expected.unwrap_or(9.0)).abs();
@@ -291,12 +291,12 @@ fn a_ring_larger_than_the_cell_has_its_own_images_as_neighbours() {
         ("0,12.5,4", 2.5),
         ("30,30,30", 10.0),
     ] {
-        let found = Thickness::in_cell(&ring, Some(&cell(text))).unwrap();
+        let found = Thickness::of(&ring, Some(&cell(text))).unwrap();
         let strut = found.poca.unwrap();
         let error = (strut.length / expected - 1.0).abs();
         assert!(error < 1e-3, "{text}: {strut}");
     }
-    let found = Thickness::in_cell(&ring, Some(&cell("30,30,4"))).unwrap();
+    let found = Thickness::of(&ring, Some(&cell("30,30,4"))).unwrap();
     let strut = found.poca.unwrap();
     assert_eq!(strut.image, [0, 0, 1]);
     assert_eq!(
@@ -311,7 +311,7 @@ fn the_joint_of_two_periods_bends_and_is_no_strut() {
     let xyz: [Point; 3] = [[0.0; 3], [1.0, 1.0, 0.0], [2.0, 0.0, 0.0]];
     for (points, vertex) in [(&xyz[..], 1), (&[xyz[0], [2.0, 0.0, 0.0]][..], 0)] {
         let yarn = set(&[points.len() as i32], points);
-        let found = Thickness::in_cell(&yarn, Some(&cell("2,0,0"))).unwrap();
+        let found = Thickness::of(&yarn, Some(&cell("2,0,0"))).unwrap();
         let bends = found.min_rad.map(|bend| (bend.radius, bend.vertex));
         match vertex {
             0 => assert_eq!(bends, None),
@@ -322,7 +322,7 @@ fn the_joint_of_two_periods_bends_and_is_no_strut() {
     // The joint is the sharpest bend.
     let points = [[0.0; 3], [1.0, 1.0, 0.0], [3.0, 1.0, 0.0], [4.0, 0.0, 0.0]];
     let yarn = set(&[4], &points);
-    let bend = Thickness::in_cell(&yarn, Some(&cell("4,0,0"))).unwrap();
+    let bend = Thickness::of(&yarn, Some(&cell("4,0,0"))).unwrap();
     assert_eq!(bend.min_rad.unwrap().vertex, 0);
 }
 
@@ -349,7 +349,7 @@ fn moving_a_curve_by_a_lattice_vector_changes_only_the_image() {
         }
         let moved = set(&counts, &points);
         let [before, after] = [&scene, &moved].map(|set| {
-            let found = struts_in_cell(set, Some(&cell), 0.5).unwrap();
+            let found = struts(set, Some(&cell), 0.5).unwrap();
             found.into_iter().filter(|strut| strut.length < 0.499)
         });
         let place = |strut: &Strut| strut.ends.map(|end| (end.curve, end.segment));
@@ -373,15 +373,15 @@ fn moving_a_curve_by_a_lattice_vector_changes_only_the_image() {
 fn cells_of_other_units_are_refused() {
     let ring = set(&[-3], &[[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]);
     for text in ["1e-9,1e-9,1e-9", "1e-15,0,0"] {
-        let e = struts_in_cell(&ring, Some(&cell(text)), 1.0).unwrap_err();
+        let e = struts(&ring, Some(&cell(text)), 1.0).unwrap_err();
         assert!(e.to_string().contains("too many periodic cells"), "{e}");
     }
     let flat = Cell {
         origin: [0.0; 3],
         vectors: [[1.0, 0.0, 0.0], [2.0, 0.0, 0.0], [0.0; 3]],
     };
-    assert!(Thickness::in_cell(&ring, Some(&flat)).is_err());
-    assert!(struts_in_cell(&ring, Some(&cell("1,1,1")), f64::INFINITY).is_err());
+    assert!(Thickness::of(&ring, Some(&flat)).is_err());
+    assert!(struts(&ring, Some(&cell("1,1,1")), f64::INFINITY).is_err());
 }
 
 #[test]
@@ -398,7 +398,7 @@ fn images_of_splines_are_as_close_as_those_of_a_supercell() {
             CurveSet::from_counts(basis, counts, Positions::F64(points.as_flattened())).unwrap()
         };
         let scene = spline(&counts, &points);
-        let found = Thickness::in_cell(&scene, Some(&cell)).unwrap();
+        let found = Thickness::of(&scene, Some(&cell)).unwrap();
         let strut = found.poca.unwrap();
         let most = reach(&scene, &cell, strut.length).map(|n| n.min(4));
         let images = images_in(most.map(|n| -n..=n)).map(|image| cell.translation(image));
@@ -406,7 +406,7 @@ fn images_of_splines_are_as_close_as_those_of_a_supercell() {
             .flat_map(|by| points.iter().map(move |&p| add(p, by)))
             .collect();
         let all = spline(&counts.repeat(all.len() / points.len()), &all);
-        let expected = Thickness::of(&all).unwrap().poca.unwrap();
+        let expected = Thickness::of(&all, None).unwrap().poca.unwrap();
         let error = (expected.length - strut.length).abs();
         let context = format!("seed {seed}: {strut}, expected {expected}");
         assert!(error <= strut.error + expected.error + 1e-12, "{context}");
@@ -435,7 +435,7 @@ fn a_spline_that_runs_through_the_cell_goes_on_in_its_next_period() {
     let cell = cell("8,0,0.5");
     let yarn = crate::Unwrap::default().unwrap(&closed, &cell).unwrap();
     assert!(period(&yarn, 0, &cell).is_some());
-    let found = Thickness::in_cell(&yarn, Some(&cell)).unwrap();
+    let found = Thickness::of(&yarn, Some(&cell)).unwrap();
     let strut = found.poca.unwrap();
     assert!((strut.length - 0.5).abs() < 1e-12, "{strut}");
     // A sine of this amplitude and wavelength bends to (8 / 2 pi)^2.
@@ -444,7 +444,7 @@ fn a_spline_that_runs_through_the_cell_goes_on_in_its_next_period() {
     // A spline that begins in another direction than it ends in has a corner.
     let xyz = [[0.0; 3], [1.0, 1.0, 0.0], [2.0, 1.0, 0.0], [8.0, 0.0, 0.0]];
     let bezier = CurveSet::from_counts(Basis::Bezier, &[4], Positions::F64(xyz.as_flattened()));
-    let bend = Thickness::in_cell(&bezier.unwrap(), Some(&cell)).unwrap();
+    let bend = Thickness::of(&bezier.unwrap(), Some(&cell)).unwrap();
     let bend = bend.min_rad.unwrap();
     assert_eq!((bend.radius, bend.vertex), (0.0, 0));
 }

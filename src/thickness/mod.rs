@@ -22,9 +22,9 @@ mod tests;
 mod words;
 
 pub(crate) use self::clearance::ClearanceMonitor;
-pub use self::clearance::{ClearanceOptions, CloseBlock, close_blocks, close_blocks_in_cell};
+pub use self::clearance::ClearanceOptions;
 #[cfg(feature = "rerun")]
-pub(crate) use self::clearance::{REACH, close_blocks_within};
+pub(crate) use self::clearance::{CloseBlock, REACH, close_blocks};
 use self::edges::{Edges, Found};
 use self::octree::Octree;
 use self::splines::Chords;
@@ -133,7 +133,7 @@ pub struct MinRad {
 /// // A square of side 2: the tube around it bends with radius 1, and its sides are 2 apart.
 /// let square = [0., 0., 0., 2., 0., 0., 2., 2., 0., 0., 2., 0.];
 /// let set = CurveSet::from_counts(Basis::Polyline, &[-4], Positions::F64(&square))?;
-/// let found = Thickness::of(&set)?;
+/// let found = Thickness::of(&set, None)?;
 /// assert!((found.thickness(1.0) - 2.0).abs() < 1e-12);
 /// assert!((found.ropelength(1.0) - 4.0).abs() < 1e-12);
 /// # Ok::<(), linkwatch::Error>(())
@@ -155,24 +155,19 @@ impl Thickness {
     /// than a ten-thousandth of their distance, if 128 chords per segment are enough for that; the
     /// results have the bounds of their errors.
     ///
-    /// Cost: `O(n log n)` for `n` edges, of which few come close; at most `O(n^2 log n)`.
+    /// In a periodic cell, all images that may be closer than the shortest strut are considered;
+    /// their positions are rounded sums of coordinates and lattice vectors. The length is that of
+    /// the given curves.
     ///
-    /// Errors: [`Error::Unsupported`](crate::Error::Unsupported) for splines with too many
-    /// segments.
-    pub fn of(set: &CurveSet) -> Result<Thickness> {
-        Thickness::in_cell(set, None)
-    }
-
-    /// [`Thickness::of`] in a periodic cell, if there is one. All images that may be closer than
-    /// the shortest strut are considered. The length is that of the given curves.
-    ///
-    /// Positions of images are rounded sums of coordinates and lattice vectors.
-    ///
-    /// Cost: each edge is compared with the images of the scene within the length of the shortest
+    /// Cost: `O(n log n)` for `n` edges, of which few come close; at most `O(n^2 log n)`. In a
+    /// cell, each edge is compared with the images of the scene within the length of the shortest
     /// strut, which are few unless curves are larger than the cell.
     ///
-    /// Errors: as those of [`Thickness::of`], and [`Error::Usage`](crate::Error::Usage) if the
-    /// vectors of the cell do not span a lattice, or curves span too many cells.
+    /// # Errors
+    ///
+    /// [`Error::Unsupported`](crate::Error::Unsupported) for splines with too many segments;
+    /// [`Error::Usage`](crate::Error::Usage) if the vectors of the cell do not span a lattice, or
+    /// curves span too many cells.
     ///
     /// ```
     /// use linkwatch::{Basis, Cell, CurveSet, Positions, Thickness};
@@ -181,11 +176,11 @@ impl Thickness {
     /// let yarn = [0.0, 0.0, 0.0, 2.0, 0.0, 0.0];
     /// let set = CurveSet::from_counts(Basis::Polyline, &[2], Positions::F64(&yarn))?;
     /// let cell: Cell = "2,0.5,3".parse()?;
-    /// let strut = Thickness::in_cell(&set, Some(&cell))?.poca.unwrap();
+    /// let strut = Thickness::of(&set, Some(&cell))?.poca.unwrap();
     /// assert_eq!((strut.length, strut.image), (0.5, [0, 1, 0]));
     /// # Ok::<(), linkwatch::Error>(())
     /// ```
-    pub fn in_cell(set: &CurveSet, cell: Option<&Cell>) -> Result<Thickness> {
+    pub fn of(set: &CurveSet, cell: Option<&Cell>) -> Result<Thickness> {
         Thickness::measure(set, cell, |edges| match edges.len() < MANY_EDGES {
             true => brute::shortest(edges),
             false => Octree::new(edges).shortest(edges),
@@ -252,32 +247,30 @@ impl Thickness {
 /// deviate from them by less than a ten-thousandth of this length, if 128 chords per segment are
 /// enough for that.
 ///
-/// Errors: [`Error::Unsupported`](crate::Error::Unsupported) for splines with too many segments.
-pub fn struts(set: &CurveSet, longest: f64) -> Result<Vec<Strut>> {
-    struts_in_cell(set, None, longest)
-}
-
-/// [`struts`] in a periodic cell, if there is one: each strut once, without its images.
+/// In a periodic cell, each strut once, without its images.
 ///
-/// Errors: as those of [`struts`], and [`Error::Usage`](crate::Error::Usage) if the vectors of the
-/// cell do not span a lattice, or if too many cells are within this length.
+/// # Errors
+///
+/// [`Error::Unsupported`](crate::Error::Unsupported) for splines with too many segments;
+/// [`Error::Usage`](crate::Error::Usage) if the vectors of the cell do not span a lattice, or if
+/// too many cells are within this length.
 ///
 /// ```
-/// use linkwatch::{Basis, Cell, CurveSet, Positions, struts_in_cell};
+/// use linkwatch::{Basis, Cell, CurveSet, Positions, struts};
 ///
 /// let yarn = [0.0, 0.0, 0.0, 2.0, 0.0, 0.0];
 /// let set = CurveSet::from_counts(Basis::Polyline, &[2], Positions::F64(&yarn))?;
 /// let cell: Cell = "2,0.5,3".parse()?;
-/// let found = struts_in_cell(&set, Some(&cell), 0.6)?;
+/// let found = struts(&set, Some(&cell), 0.6)?;
 /// // The yarn has two neighbours: a period of it is at this distance on either side.
 /// assert!(found.iter().all(|strut| strut.length == 0.5));
 /// # Ok::<(), linkwatch::Error>(())
 /// ```
-pub fn struts_in_cell(set: &CurveSet, cell: Option<&Cell>, longest: f64) -> Result<Vec<Strut>> {
+pub fn struts(set: &CurveSet, cell: Option<&Cell>, longest: f64) -> Result<Vec<Strut>> {
     pool::check_process()?;
     if !set.basis().is_polyline() {
         let chords = Chords::new(set, Some(longest))?;
-        let found = struts_in_cell(&chords.polylines, cell, longest)?;
+        let found = struts(&chords.polylines, cell, longest)?;
         let on_splines = found
             .iter()
             .map(|strut| chords.on_splines(set, cell, strut));

@@ -58,7 +58,7 @@ const OCTROPE: [(u32, [f64; 3]); 4] = [
 #[test]
 fn trefoils_have_the_values_of_liboctrope() {
     for (n, [length, min_rad, poca]) in OCTROPE {
-        let found = Thickness::of(&trefoil(n)).unwrap();
+        let found = Thickness::of(&trefoil(n), None).unwrap();
         let bend = found.min_rad.unwrap();
         let strut = found.poca.unwrap();
         for (name, found, wanted) in [
@@ -79,7 +79,7 @@ fn trefoils_have_the_values_of_liboctrope() {
 fn polygons_of_the_hopf_link_converge_to_its_ropelength() {
     let mut last = f64::INFINITY;
     for n in [8, 16, 64, 256, 1024] {
-        let found = Thickness::of(&hopf(n)).unwrap();
+        let found = Thickness::of(&hopf(n), None).unwrap();
         let ropelength = 2.0 * found.ropelength(1.0);
         let error = (ropelength / (8.0 * PI) - 1.0).abs();
         assert!(error < 40.0 / f64::from(n * n), "{n}: {ropelength}");
@@ -152,8 +152,8 @@ fn the_octree_finds_what_all_pairs_find() {
 fn no_pair_of_points_is_closer_than_the_shortest_strut_unless_it_slides_together() {
     for n in [40, 90] {
         let scene = trefoil(n);
-        let shortest = Thickness::of(&scene).unwrap().poca.unwrap().length;
-        let all = struts(&scene, 10.0).unwrap();
+        let shortest = Thickness::of(&scene, None).unwrap().poca.unwrap().length;
+        let all = struts(&scene, None, 10.0).unwrap();
         assert_eq!(all[0].length, shortest);
         let point = |s: f64| {
             let s = s.rem_euclid(f64::from(n));
@@ -189,7 +189,7 @@ fn no_pair_of_points_is_closer_than_the_shortest_strut_unless_it_slides_together
 
 #[test]
 fn both_conventions_and_stiffness() {
-    let found = Thickness::of(&hopf(64)).unwrap();
+    let found = Thickness::of(&hopf(64), None).unwrap();
     let bend = found.min_rad.unwrap().radius;
     let poca = found.poca.unwrap().length;
     assert_eq!(found.thickness(1.0), poca.min(2.0 * bend));
@@ -201,18 +201,18 @@ fn both_conventions_and_stiffness() {
 #[test]
 fn ends_of_open_curves_take_part() {
     let line = set(&[3], &[0., 0., 0., 1., 0., 0., 3., 0., 0.]);
-    let found = Thickness::of(&line).unwrap();
+    let found = Thickness::of(&line, None).unwrap();
     assert_eq!((found.min_rad, found.poca), (None, None));
     assert_eq!(found.thickness(1.0), f64::INFINITY);
     assert_eq!(found.length, 3.0);
     // Two collinear lines, end to end.
     let lines = set(&[2, 2], &[0., 0., 0., 1., 0., 0., 1.5, 0., 0., 3., 0., 0.]);
-    let strut = Thickness::of(&lines).unwrap().poca.unwrap();
+    let strut = Thickness::of(&lines, None).unwrap().poca.unwrap();
     assert_eq!(strut.length, 0.5);
     assert_eq!(strut.ends.map(|end| end.point[0]), [1.0, 1.5]);
     // A hairpin: it turns by 90 degrees twice.
     let hairpin = [0., 0., 0., 4., 0., 0., 4., 1., 0., 0., 1., 0.];
-    let found = Thickness::of(&set(&[4], &hairpin)).unwrap();
+    let found = Thickness::of(&set(&[4], &hairpin), None).unwrap();
     assert!((found.min_rad.unwrap().radius - 0.5).abs() < 1e-15);
     assert_eq!(found.poca.unwrap().length, 1.0);
 }
@@ -251,7 +251,7 @@ fn parallel_lines_have_a_strut() {
         let apart = (ranges[1][0] - ranges[0][1]).max(ranges[0][0] - ranges[1][1]);
         let gap = dot(across, across).sqrt();
         let wanted = scale * gap.hypot(apart.max(0.0));
-        let found = Thickness::of(&set(&counts, &xyz)).unwrap().poca;
+        let found = Thickness::of(&set(&counts, &xyz), None).unwrap().poca;
         let found = found.unwrap_or_else(|| panic!("seed {seed}")).length;
         let error = (found / wanted - 1.0).abs();
         assert!(error < 1e-9, "seed {seed}: {found}, {wanted}");
@@ -261,26 +261,26 @@ fn parallel_lines_have_a_strut() {
 #[test]
 fn repeated_vertices_and_reversals() {
     let square = [0., 0., 0., 2., 0., 0., 2., 0., 0., 2., 2., 0., 0., 2., 0.];
-    let found = Thickness::of(&set(&[-5], &square)).unwrap();
+    let found = Thickness::of(&set(&[-5], &square), None).unwrap();
     assert_eq!(found.poca.unwrap().length, 2.0);
     assert!((found.min_rad.unwrap().radius - 1.0).abs() < 1e-15);
     let back = [0., 0., 0., 1., 0., 0., 0.5, 0., 0.];
-    let found = Thickness::of(&set(&[3], &back)).unwrap();
+    let found = Thickness::of(&set(&[3], &back), None).unwrap();
     assert_eq!(found.min_rad.unwrap().radius, 0.0);
-    let point = Thickness::of(&set(&[-3], &[1.0; 9])).unwrap();
+    let point = Thickness::of(&set(&[-3], &[1.0; 9]), None).unwrap();
     assert_eq!((point.length, point.min_rad, point.poca), (0.0, None, None));
 }
 
 #[test]
 fn scaling_by_a_power_of_two_scales_the_result() {
-    let unit = Thickness::of(&trefoil(300)).unwrap();
+    let unit = Thickness::of(&trefoil(300), None).unwrap();
     for exponent in [-1000, -600, -30, 30, 600, 1000] {
         let k = 2f64.powi(exponent);
         let scene = trefoil(300);
         let xyz: Vec<f64> = (0..300)
             .flat_map(|s| scene.knot(0, s).map(|x| x * k))
             .collect();
-        let found = Thickness::of(&set(&[-300], &xyz)).unwrap();
+        let found = Thickness::of(&set(&[-300], &xyz), None).unwrap();
         assert_eq!(found.length, unit.length * k, "2^{exponent}");
         let strut = found.poca.unwrap();
         assert_eq!(strut.length, unit.poca.unwrap().length * k, "2^{exponent}");
@@ -298,7 +298,7 @@ fn the_gradient_is_the_derivative_of_the_length() {
     for seed in 0..50 {
         let mut random = Random::new(seed);
         let scene = random_scene(&mut random);
-        let Some(strut) = Thickness::of(&scene).unwrap().poca else {
+        let Some(strut) = Thickness::of(&scene, None).unwrap().poca else {
             continue;
         };
         let Some(gradient) = strut.gradient() else {
@@ -341,7 +341,7 @@ fn spline_hopf(basis: Basis, n: u32, size: f64) -> CurveSet {
 fn splines_of_linked_circles_have_their_thickness() {
     for basis in [Basis::CatmullRom, Basis::BSpline] {
         for size in [1e-80, 1.0, 1e80] {
-            let found = Thickness::of(&spline_hopf(basis, 96, size)).unwrap();
+            let found = Thickness::of(&spline_hopf(basis, 96, size), None).unwrap();
             let (bend, strut) = (found.min_rad.unwrap(), found.poca.unwrap());
             // The splines differ from the circles by about (2 pi / 96)^2 / 6.
             assert!((bend.radius / size - 2.0).abs() < 0.01, "{bend:?}");
@@ -359,7 +359,7 @@ fn a_parabola_bends_to_half_its_parameter() {
         -1.0, 1.0, 0.0, -third, -third, 0.0, third, -third, 0.0, 1.0, 1.0, 0.0,
     ];
     let set = CurveSet::from_counts(Basis::Bezier, &[4], Positions::F64(&xyz)).unwrap();
-    let bend = Thickness::of(&set).unwrap().min_rad.unwrap();
+    let bend = Thickness::of(&set, None).unwrap().min_rad.unwrap();
     assert!(
         (bend.radius - 0.5).abs() < 1e-4 && bend.t == 0.5,
         "{bend:?}"
@@ -367,7 +367,7 @@ fn a_parabola_bends_to_half_its_parameter() {
     // Another one that begins in another direction.
     let two = [&xyz[..], &[2.0, 1.0, 0.0, 3.0, 1.0, 0.0, 4.0, 1.0, 0.0]].concat();
     let set = CurveSet::from_counts(Basis::Bezier, &[7], Positions::F64(&two)).unwrap();
-    let bend = Thickness::of(&set).unwrap().min_rad.unwrap();
+    let bend = Thickness::of(&set, None).unwrap().min_rad.unwrap();
     assert_eq!((bend.radius, bend.vertex, bend.t), (0.0, 1, 0.0));
 }
 
@@ -382,7 +382,7 @@ fn bends_and_distances_of_random_splines_are_within_their_bounds() {
         let count = if closed { -(n as i32) } else { n as i32 };
         let set = CurveSet::from_counts(basis, &[count], Positions::F64(points.as_flattened()));
         let set = set.unwrap();
-        let found = Thickness::of(&set).unwrap();
+        let found = Thickness::of(&set, None).unwrap();
         // Radii of curvature by differences, at many places.
         let h = 1e-4;
         let mut least = f64::INFINITY;

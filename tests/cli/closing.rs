@@ -110,13 +110,13 @@ fn a_ring_that_is_cut_later_is_rejected_and_named() {
 fn the_writhe_and_the_thickness_are_those_of_the_closed_curve() {
     let folder = TempDir::new().unwrap();
     let obj = rings(folder.path(), "rings.obj", 0.0, 0.0);
-    let run = linkwatch(&["writhe", "--json", text(&obj)]);
+    let run = linkwatch(&["measure", "writhe", "--json", text(&obj)]);
     let line: Value = serde_json::from_str(run.stdout.lines().next().unwrap()).unwrap();
     assert_eq!(
         (&line["closed"], &line["segments"]),
         (&true.into(), &4.into())
     );
-    let run = linkwatch(&["thickness", text(&obj)]);
+    let run = linkwatch(&["measure", "thickness", text(&obj)]);
     assert!(run.stdout.contains("length 16\n"), "{}", run.stdout);
 }
 

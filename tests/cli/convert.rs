@@ -245,11 +245,11 @@ fn a_recording_that_was_cut_off_is_incomplete_for_every_command() {
         convert.stdout
     );
     assert!(convert.stderr.contains(says), "{}", convert.stderr);
-    let writhe = linkwatch(&["writhe", cut]);
+    let writhe = linkwatch(&["measure", "writhe", cut]);
     assert_eq!(writhe.code, 3, "{}", writhe.stderr);
     assert!(writhe.stderr.contains(says), "{}", writhe.stderr);
     // The last frame is the last one that is left.
-    let writhe = linkwatch(&["writhe", cut, "--frame", "last"]);
+    let writhe = linkwatch(&["measure", "writhe", cut, "--frame", "last"]);
     assert_eq!(writhe.code, 0, "{}", writhe.stderr);
     assert!(writhe.stderr.contains(says), "{}", writhe.stderr);
     assert_eq!(linkwatch(&["certify", cut, "--frame", "19"]).code, 0);

@@ -46,7 +46,7 @@ fn each_frame_is_a_line_with_its_number_and_time() {
     );
     assert!(lines[2].starts_with(&format!("{name}, frame 2 at 1 s: ")));
     assert!(lines[2].contains(" 0 links "), "{}", lines[2]);
-    let run = linkwatch(&["thickness", name]);
+    let run = linkwatch(&["measure", "thickness", name]);
     assert_eq!(
         (run.code, run.stdout.lines().count()),
         (0, 3),
@@ -55,7 +55,7 @@ fn each_frame_is_a_line_with_its_number_and_time() {
     );
     assert!(run.stdout.contains(", frame 2 at 1 s: thickness "));
     // A line a curve.
-    let run = linkwatch(&["writhe", name]);
+    let run = linkwatch(&["measure", "writhe", name]);
     assert_eq!(
         (run.code, run.stdout.lines().count()),
         (0, 6),
@@ -74,7 +74,7 @@ fn each_frame_is_a_line_with_its_number_and_time() {
             "{command}"
         );
     }
-    let run = linkwatch(&["writhe", name, "--ribbon", "0,1", "--json", "-q"]);
+    let run = linkwatch(&["measure", "writhe", name, "--ribbon", "0,1", "--json", "-q"]);
     assert_eq!(json_lines(&run.stdout).len(), 3);
 }
 
@@ -87,7 +87,7 @@ fn frames_are_chosen_by_number_by_range_and_from_the_end() {
     let one = linkwatch(&["certify", name, "--frame", "2"]);
     assert_eq!((one.code, one.stdout.as_str()), (0, "2 # lines: 0\n"));
     let frames = |selection: &str| {
-        let run = linkwatch(&["thickness", name, "--frame", selection, "--json"]);
+        let run = linkwatch(&["measure", "thickness", name, "--frame", selection, "--json"]);
         let all = json_lines(&run.stdout);
         all.iter()
             .map(|line| line["frame"].as_u64().unwrap())
@@ -98,7 +98,7 @@ fn frames_are_chosen_by_number_by_range_and_from_the_end() {
     assert_eq!(frames("1..2"), [1, 2]);
     assert_eq!(frames("2..99"), [2, 3]);
     assert_eq!(frames("all"), [0, 1, 2, 3]);
-    let none = linkwatch(&["writhe", name, "--frame", "7"]);
+    let none = linkwatch(&["measure", "writhe", name, "--frame", "7"]);
     assert_eq!(none.code, 2);
     assert!(none.stderr.contains("no frame 7"), "{}", none.stderr);
 }

@@ -1,4 +1,4 @@
-//! `linkwatch writhe` and `linkwatch certify --open`.
+//! `linkwatch measure writhe` and `linkwatch certify --open`.
 
 use crate::support::command::{linkwatch, text};
 use linkwatch::model::{Format, FrameWriter, ModelFrame};
@@ -53,7 +53,7 @@ fn integrals_of_open_curves_are_printed_with_their_bounds() {
 #[test]
 fn ribbons_have_linking_number_twist_and_writhe() {
     let scene = "ribbon:segments=400,lambda=3";
-    let found = json(&["writhe", scene, "--ribbon", "0,1"], 0);
+    let found = json(&["measure", "writhe", scene, "--ribbon", "0,1"], 0);
     assert_eq!(
         (&found[0]["linking"], &found[0]["passages"]),
         (&3.into(), &0.into())
@@ -61,9 +61,19 @@ fn ribbons_have_linking_number_twist_and_writhe() {
     let [residual, bound] =
         ["value", "bound"].map(|key| found[0]["residual"][key].as_f64().unwrap());
     assert!(residual.abs() <= bound && bound <= 1e-3);
-    let pairs = json(&["writhe", scene, "--ribbon", "pairs", "--axis-first"], 0);
+    let pairs = json(
+        &[
+            "measure",
+            "writhe",
+            scene,
+            "--ribbon",
+            "pairs",
+            "--axis-first",
+        ],
+        0,
+    );
     assert_eq!((pairs.len(), &pairs[0]["axis"]), (1, &"first".into()));
-    let each = json(&["writhe", scene], 0);
+    let each = json(&["measure", "writhe", scene], 0);
     assert_eq!((each.len(), &each[1]["curve"]), (2, &1.into()));
 }
 
@@ -96,14 +106,14 @@ fn the_pairing_of_dna_is_right_printed_and_an_option() {
         (1, "antiparallel:1", "distances"),
     ] {
         let model = dna(folder.path(), shift);
-        let found = json(&["writhe", text(&model), "--ribbon", "0,1"], 0);
+        let found = json(&["measure", "writhe", text(&model), "--ribbon", "0,1"], 0);
         assert_eq!(
             (&found[0]["pairing"], &found[0]["pairing_by"]),
             (&pairing.into(), &by.into())
         );
         let twist = found[0]["twist"]["value"].as_f64().unwrap();
         assert!((twist.abs() - 10.0).abs() < 1e-6, "{twist}");
-        let run = linkwatch(&["writhe", text(&model), "--ribbon", "0,1"]);
+        let run = linkwatch(&["measure", "writhe", text(&model), "--ribbon", "0,1"]);
         assert!(
             run.stdout
                 .contains("; antiparallel, vertex k with n - 1 - k"),
@@ -114,6 +124,7 @@ fn the_pairing_of_dna_is_right_printed_and_an_option() {
     let model = dna(folder.path(), 0);
     let run = |pairing| {
         let args = [
+            "measure",
             "writhe",
             text(&model),
             "--ribbon",
@@ -151,7 +162,7 @@ fn curves_that_are_no_ribbon_are_refused() {
         (["--ribbon", "0"], "expected two curves"),
         (["--tolerance", "0"], "expected a number above 0"),
     ] {
-        let run = linkwatch(&["writhe", text(&model), args[0], args[1]]);
+        let run = linkwatch(&["measure", "writhe", text(&model), args[0], args[1]]);
         assert_eq!(run.code, 2, "{args:?}");
         assert!(run.stderr.contains(reason), "{args:?}: {}", run.stderr);
     }
@@ -182,7 +193,7 @@ fn commands_that_consider_curves_alone_refuse_a_periodic_cell() {
     let run = linkwatch(&["certify", "--open", "--cell", "none", text(&model)]);
     assert_eq!(run.code, 0, "{}", run.stderr);
     // The writhe of closed curves does not depend on images.
-    let found = json(&["writhe", text(&model)], 0);
+    let found = json(&["measure", "writhe", text(&model)], 0);
     assert_eq!(found.len(), 2);
 }
 
@@ -202,7 +213,7 @@ fn the_writhe_of_a_yarn_through_the_cell_is_refused() {
         let mut writer = FrameWriter::create(&path, Format::of(&path).unwrap()).unwrap();
         writer.frame(&frame).unwrap();
         writer.finish().unwrap();
-        let run = linkwatch(&["writhe", text(&path)]);
+        let run = linkwatch(&["measure", "writhe", text(&path)]);
         assert_eq!(run.code, code, "{}", run.stderr);
         let refused = run
             .stderr

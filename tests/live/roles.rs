@@ -149,7 +149,7 @@ fn a_viewer_that_hangs_does_not_delay_the_next_session() {
     let service = service("hangs");
     let viewer = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
     let address = viewer.local_addr().unwrap().to_string();
-    let args = ["--keep-watching", "--connect", &address];
+    let args = ["--keep-watching", "--show", &address];
     let watch = Watch::start(folder.path(), "watch", &service, &args);
     for _ in 0..3 {
         assert_eq!(simulate(&service, &[0.0]), [Verdict::Intact]);

@@ -540,20 +540,15 @@ void lw_close(struct lw_client *client);
 // Computes the linking numbers of all pairs of closed curves, exactly. Free the result with
 // lw_certificate_free. Returns null after an error.
 //
-// # Safety
-//
-// `frame` and its arrays are valid.
-struct lw_certificate *lw_certify(const struct lw_frame *frame);
-
-// Same as lw_certify for a periodic scene, with all images of the curves. `vectors` are those of
-// the cell, `x y z` one after the other; a vector of zeros stands for a direction without
-// repetition. A curve that runs through the cell is open, and ends at an image of its start; it
-// has linking numbers with closed curves.
+// `cell` is null, or has the vectors of a periodic cell, `x y z` one after the other; a vector of
+// zeros stands for a direction without repetition. All images of the curves are verified then. A
+// curve that runs through the cell is open, and ends at an image of its start; it has linking
+// numbers with closed curves.
 //
 // # Safety
 //
-// `frame` and its arrays are valid. `vectors` has nine numbers.
-struct lw_certificate *lw_certify_in_cell(const struct lw_frame *frame, const double *vectors);
+// `frame` and its arrays are valid. `cell` is null, or has nine numbers.
+struct lw_certificate *lw_certify(const struct lw_frame *frame, const double *cell);
 
 // Reads a certificate from a file. Returns null after an error.
 //
@@ -695,44 +690,23 @@ void lw_session_free(struct lw_session *session);
 double lw_safe_fraction(const struct lw_frame *before, const struct lw_frame *after);
 
 // Measures how sharply curves bend and how close they come. `stiffness` divides the radius of the
-// sharpest bend; it is 1 in Ashton and Cantarella 2005.
+// sharpest bend; it is 1 in Ashton and Cantarella 2005. For `cell` see lw_certify.
 //
 // # Safety
 //
-// `frame` and its arrays are valid. `values` is valid.
+// `frame` and its arrays are valid. `cell` is null, or has nine numbers. `values` is valid.
 lw_status lw_thickness(const struct lw_frame *frame,
+                       const double *cell,
                        double stiffness,
                        struct lw_thickness_values *values);
 
-// Same as lw_thickness for a periodic scene, with all images of the curves. `vectors` are those of
-// the cell, `x y z` one after the other; a vector of zeros stands for a direction without
-// repetition. A curve that runs through the cell is open, and ends at an image of its start.
+// Finds all struts up to a length, the shortest first; in a cell, each one once. Free the result
+// with lw_struts_free. For `cell` see lw_certify. Returns null after an error.
 //
 // # Safety
 //
-// `frame` and its arrays are valid. `vectors` has nine numbers. `values` is valid.
-lw_status lw_thickness_in_cell(const struct lw_frame *frame,
-                               const double *vectors,
-                               double stiffness,
-                               struct lw_thickness_values *values);
-
-// Finds all struts up to a length, the shortest first. Free the result with lw_struts_free.
-// Returns null after an error.
-//
-// # Safety
-//
-// `frame` and its arrays are valid.
-struct lw_struts *lw_struts_up_to(const struct lw_frame *frame, double longest);
-
-// Same as lw_struts_up_to for a periodic scene, with each strut once. For `vectors` see
-// lw_thickness_in_cell.
-//
-// # Safety
-//
-// `frame` and its arrays are valid. `vectors` has nine numbers.
-struct lw_struts *lw_struts_in_cell(const struct lw_frame *frame,
-                                    const double *vectors,
-                                    double longest);
+// `frame` and its arrays are valid. `cell` is null, or has nine numbers.
+struct lw_struts *lw_struts_up_to(const struct lw_frame *frame, const double *cell, double longest);
 
 // Returns the struts, and writes their number to `count`. They are valid until they are freed.
 // Returns null if there are none.

@@ -272,21 +272,16 @@ private:
   detail::Owned<lw_certificate, lw_certificate_free> certificate;
 };
 
-// Computes the linking numbers of all pairs of closed curves, exactly.
-template <class T>
-Certificate certify(const std::vector<std::int32_t> &counts, const std::vector<T> &positions,
-                    Basis basis = Basis::Polyline) {
-  const lw_frame frame = detail::frame(basis, counts, positions);
-  return Certificate(lw_certify(&frame));
-}
+// Nine numbers, as described at lw_certify, or nothing.
+using Cell = std::optional<std::array<double, 9>>;
 
-// Computes the linking numbers of a periodic scene, with all images of the curves. For the vectors
-// of the cell see lw_certify_in_cell.
+// Computes the linking numbers of all pairs of closed curves, exactly; in a cell, with all images
+// of the curves.
 template <class T>
 Certificate certify(const std::vector<std::int32_t> &counts, const std::vector<T> &positions,
-                    const std::array<double, 9> &cell, Basis basis = Basis::Polyline) {
+                    const Cell &cell = {}, Basis basis = Basis::Polyline) {
   const lw_frame frame = detail::frame(basis, counts, positions);
-  return Certificate(lw_certify_in_cell(&frame, cell.data()));
+  return Certificate(lw_certify(&frame, cell ? cell->data() : nullptr));
 }
 
 // Returns the largest proven share of the step between two frames without a pull-through.
@@ -300,44 +295,24 @@ double safe_fraction(const std::vector<std::int32_t> &counts, const std::vector<
   return share;
 }
 
-// Measures how sharply curves bend and how close they come.
+// Measures how sharply curves bend and how close they come, to all images in a cell.
 template <class T>
 lw_thickness_values thickness(const std::vector<std::int32_t> &counts,
-                              const std::vector<T> &positions, Basis basis = Basis::Polyline,
-                              double stiffness = 1) {
-  const lw_frame frame = detail::frame(basis, counts, positions);
-  lw_thickness_values values{};
-  detail::check(lw_thickness(&frame, stiffness, &values));
-  return values;
-}
-
-// Same as above for a periodic scene, with all images of the curves.
-template <class T>
-lw_thickness_values thickness(const std::vector<std::int32_t> &counts,
-                              const std::vector<T> &positions, const std::array<double, 9> &cell,
+                              const std::vector<T> &positions, const Cell &cell = {},
                               Basis basis = Basis::Polyline, double stiffness = 1) {
   const lw_frame frame = detail::frame(basis, counts, positions);
   lw_thickness_values values{};
-  detail::check(lw_thickness_in_cell(&frame, cell.data(), stiffness, &values));
+  detail::check(lw_thickness(&frame, cell ? cell->data() : nullptr, stiffness, &values));
   return values;
 }
 
-// Returns all struts up to a length, the shortest first.
+// Returns all struts up to a length, the shortest first; in a cell, each one once.
 template <class T>
 std::vector<lw_strut> struts(const std::vector<std::int32_t> &counts,
                              const std::vector<T> &positions, double longest,
-                             Basis basis = Basis::Polyline) {
+                             const Cell &cell = {}, Basis basis = Basis::Polyline) {
   const lw_frame frame = detail::frame(basis, counts, positions);
-  return detail::list(lw_struts_up_to(&frame, longest));
-}
-
-// Same as above for a periodic scene, with each strut once.
-template <class T>
-std::vector<lw_strut> struts(const std::vector<std::int32_t> &counts,
-                             const std::vector<T> &positions, const std::array<double, 9> &cell,
-                             double longest, Basis basis = Basis::Polyline) {
-  const lw_frame frame = detail::frame(basis, counts, positions);
-  return detail::list(lw_struts_in_cell(&frame, cell.data(), longest));
+  return detail::list(lw_struts_up_to(&frame, cell ? cell->data() : nullptr, longest));
 }
 
 // Computes linking number, twist and writhe of the ribbon between two curves, such as the strands

@@ -63,10 +63,9 @@ pub(crate) unsafe fn cell(vectors: *const f64, corner: *const f64) -> Result<Opt
 /// # Safety
 ///
 /// `vectors` is null, or points to nine numbers.
-pub(crate) unsafe fn given_cell(vectors: *const f64) -> Result<Cell, String> {
+pub(crate) unsafe fn given_cell(vectors: *const f64) -> Result<Option<Cell>, String> {
     // SAFETY: as promised by the caller.
-    let cell = unsafe { cell(vectors, ptr::null()) }?;
-    cell.ok_or_else(|| "vectors is null".into())
+    unsafe { cell(vectors, ptr::null()) }
 }
 
 /// Returns the names and the radii of the caller; either pointer may be null.

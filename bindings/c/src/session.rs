@@ -72,37 +72,28 @@ impl From<Certificate> for lw_certificate {
 /// Computes the linking numbers of all pairs of closed curves, exactly. Free the result with
 /// lw_certificate_free. Returns null after an error.
 ///
-/// # Safety
-///
-/// `frame` and its arrays are valid.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn lw_certify(frame: *const lw_frame) -> *mut lw_certificate {
-    give(|| {
-        // SAFETY: as promised by the caller.
-        let frame = unsafe { raw(frame, "frame") }?;
-        let set = Closing::default().curves(frame, CurveSource::default());
-        let set = set.map_err(words)?;
-        let mut certifier = Certifier::new(&SessionOptions::default()).map_err(words)?;
-        Ok(certifier.certify(&set).0.clone().into())
-    })
-}
-
-/// Same as lw_certify for a periodic scene, with all images of the curves. `vectors` are those of
-/// the cell, `x y z` one after the other; a vector of zeros stands for a direction without
-/// repetition. A curve that runs through the cell is open, and ends at an image of its start; it
-/// has linking numbers with closed curves.
+/// `cell` is null, or has the vectors of a periodic cell, `x y z` one after the other; a vector of
+/// zeros stands for a direction without repetition. All images of the curves are verified then. A
+/// curve that runs through the cell is open, and ends at an image of its start; it has linking
+/// numbers with closed curves.
 ///
 /// # Safety
 ///
-/// `frame` and its arrays are valid. `vectors` has nine numbers.
+/// `frame` and its arrays are valid. `cell` is null, or has nine numbers.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn lw_certify_in_cell(
+pub unsafe extern "C" fn lw_certify(
     frame: *const lw_frame,
-    vectors: *const f64,
+    cell: *const f64,
 ) -> *mut lw_certificate {
     give(|| {
         // SAFETY: as promised by the caller.
-        let (frame, cell) = unsafe { (raw(frame, "frame")?, given_cell(vectors)?) };
+        let (frame, cell) = unsafe { (raw(frame, "frame")?, given_cell(cell)?) };
+        let Some(cell) = cell else {
+            let set = Closing::default().curves(frame, CurveSource::default());
+            let set = set.map_err(words)?;
+            let mut certifier = Certifier::new(&SessionOptions::default()).map_err(words)?;
+            return Ok(certifier.certify(&set).0.clone().into());
+        };
         let mut session = Session::new(SessionOptions::default()).map_err(words)?;
         let report = session.feed(FrameInfo::default().in_cell(cell), frame);
         let report = report.map_err(words)?;

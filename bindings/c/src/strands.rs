@@ -5,9 +5,7 @@ use crate::error::{
     LW_ERROR, LW_NOTHING, LW_OK, describe, free, give, given, guard, lw_status, string, words,
 };
 use crate::session::lw_session;
-use linkwatch::{
-    Axis, Cell, Closing, CurveSet, CurveSource, Ribbon, RibbonOptions, Thickness, struts_in_cell,
-};
+use linkwatch::{Axis, Closing, CurveSet, CurveSource, Ribbon, RibbonOptions, Thickness, struts};
 use std::ffi::c_char;
 use std::ptr;
 
@@ -94,128 +92,74 @@ unsafe fn curves(frame: *const lw_frame) -> Result<CurveSet, String> {
 }
 
 /// Measures how sharply curves bend and how close they come. `stiffness` divides the radius of the
-/// sharpest bend; it is 1 in Ashton and Cantarella 2005.
+/// sharpest bend; it is 1 in Ashton and Cantarella 2005. For `cell` see lw_certify.
 ///
 /// # Safety
 ///
-/// `frame` and its arrays are valid. `values` is valid.
+/// `frame` and its arrays are valid. `cell` is null, or has nine numbers. `values` is valid.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn lw_thickness(
     frame: *const lw_frame,
+    cell: *const f64,
     stiffness: f64,
     values: *mut lw_thickness_values,
 ) -> lw_status {
-    // SAFETY: as promised by the caller.
-    guard(LW_ERROR, || unsafe {
-        thickness((frame, None), stiffness, values)
+    guard(LW_ERROR, || {
+        // SAFETY: as promised by the caller.
+        let (to, set) = unsafe { (given(values, "values")?, curves(frame)?) };
+        // SAFETY: as promised by the caller.
+        let cell = unsafe { given_cell(cell) }?;
+        if !(stiffness > 0.0 && stiffness.is_finite()) {
+            return Err(format!(
+                "a stiffness of {stiffness}, expected a number above 0"
+            ));
+        }
+        let found = Thickness::of(&set, cell.as_ref()).map_err(words)?;
+        *to = lw_thickness_values {
+            length: found.length,
+            min_rad: found.min_rad.map_or(f64::INFINITY, |bend| bend.radius),
+            poca: found.poca.map_or(f64::INFINITY, |strut| strut.length),
+            thickness: found.thickness(stiffness),
+            ropelength: found.ropelength(stiffness),
+        };
+        Ok(LW_OK)
     })
 }
 
-/// Same as lw_thickness for a periodic scene, with all images of the curves. `vectors` are those of
-/// the cell, `x y z` one after the other; a vector of zeros stands for a direction without
-/// repetition. A curve that runs through the cell is open, and ends at an image of its start.
+/// Finds all struts up to a length, the shortest first; in a cell, each one once. Free the result
+/// with lw_struts_free. For `cell` see lw_certify. Returns null after an error.
 ///
 /// # Safety
 ///
-/// `frame` and its arrays are valid. `vectors` has nine numbers. `values` is valid.
+/// `frame` and its arrays are valid. `cell` is null, or has nine numbers.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn lw_thickness_in_cell(
+pub unsafe extern "C" fn lw_struts_up_to(
     frame: *const lw_frame,
-    vectors: *const f64,
-    stiffness: f64,
-    values: *mut lw_thickness_values,
-) -> lw_status {
-    // SAFETY: as promised by the caller.
-    guard(LW_ERROR, || unsafe {
-        thickness((frame, Some(given_cell(vectors)?)), stiffness, values)
-    })
-}
-
-/// Measures the thickness of a frame in its cell.
-///
-/// # Safety
-///
-/// `frame` and its arrays are valid. `values` is valid.
-unsafe fn thickness(
-    (frame, cell): (*const lw_frame, Option<Cell>),
-    stiffness: f64,
-    values: *mut lw_thickness_values,
-) -> Result<lw_status, String> {
-    // SAFETY: as promised by the caller.
-    let (to, set) = unsafe { (given(values, "values")?, curves(frame)?) };
-    if !(stiffness > 0.0 && stiffness.is_finite()) {
-        return Err(format!(
-            "a stiffness of {stiffness}, expected a number above 0"
-        ));
-    }
-    let found = Thickness::in_cell(&set, cell.as_ref()).map_err(words)?;
-    *to = lw_thickness_values {
-        length: found.length,
-        min_rad: found.min_rad.map_or(f64::INFINITY, |bend| bend.radius),
-        poca: found.poca.map_or(f64::INFINITY, |strut| strut.length),
-        thickness: found.thickness(stiffness),
-        ropelength: found.ropelength(stiffness),
-    };
-    Ok(LW_OK)
-}
-
-/// Finds all struts up to a length, the shortest first. Free the result with lw_struts_free.
-/// Returns null after an error.
-///
-/// # Safety
-///
-/// `frame` and its arrays are valid.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn lw_struts_up_to(frame: *const lw_frame, longest: f64) -> *mut lw_struts {
-    // SAFETY: as promised by the caller.
-    give(|| unsafe { struts_up_to((frame, None), longest) })
-}
-
-/// Same as lw_struts_up_to for a periodic scene, with each strut once. For `vectors` see
-/// lw_thickness_in_cell.
-///
-/// # Safety
-///
-/// `frame` and its arrays are valid. `vectors` has nine numbers.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn lw_struts_in_cell(
-    frame: *const lw_frame,
-    vectors: *const f64,
+    cell: *const f64,
     longest: f64,
 ) -> *mut lw_struts {
-    // SAFETY: as promised by the caller.
-    give(|| unsafe { struts_up_to((frame, Some(given_cell(vectors)?)), longest) })
-}
-
-/// Finds the struts of a frame in its cell.
-///
-/// # Safety
-///
-/// `frame` and its arrays are valid.
-unsafe fn struts_up_to(
-    (frame, cell): (*const lw_frame, Option<Cell>),
-    longest: f64,
-) -> Result<lw_struts, String> {
-    // SAFETY: as promised by the caller.
-    let set = unsafe { curves(frame) }?;
-    let exact = set.basis().is_polyline();
-    let found = struts_in_cell(&set, cell.as_ref(), longest).map_err(words)?;
-    let converted = found.iter().map(|strut| {
-        let [a, b] = strut.ends;
-        let gradient = strut.gradient().filter(|_| exact);
-        lw_strut {
-            curves: [a.curve, b.curve],
-            segments: [a.segment, b.segment],
-            t: [a.t, b.t],
-            points: [a.point, b.point],
-            length: strut.length,
-            error: strut.error,
-            gradient: gradient.unwrap_or([[[f64::NAN; 3]; 2]; 2]),
-            image: strut.image,
-        }
-    });
-    Ok(lw_struts {
-        struts: converted.collect(),
+    give(|| {
+        // SAFETY: as promised by the caller.
+        let (set, cell) = unsafe { (curves(frame)?, given_cell(cell)?) };
+        let exact = set.basis().is_polyline();
+        let found = struts(&set, cell.as_ref(), longest).map_err(words)?;
+        let converted = found.iter().map(|strut| {
+            let [a, b] = strut.ends;
+            let gradient = strut.gradient().filter(|_| exact);
+            lw_strut {
+                curves: [a.curve, b.curve],
+                segments: [a.segment, b.segment],
+                t: [a.t, b.t],
+                points: [a.point, b.point],
+                length: strut.length,
+                error: strut.error,
+                gradient: gradient.unwrap_or([[[f64::NAN; 3]; 2]; 2]),
+                image: strut.image,
+            }
+        });
+        Ok(lw_struts {
+            struts: converted.collect(),
+        })
     })
 }
 

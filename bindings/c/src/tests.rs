@@ -54,7 +54,7 @@ fn a_certificate_lists_the_links() {
     let positions = rings(1.0);
     // SAFETY: all pointers are valid.
     unsafe {
-        let certificate = lw_certify(&frame(&positions));
+        let certificate = lw_certify(&frame(&positions), null());
         let mut count = 0;
         let links = lw_certificate_links(certificate, &mut count);
         assert_eq!((count, lw_certificate_undefined(certificate)), (1, 0));
@@ -62,7 +62,7 @@ fn a_certificate_lists_the_links() {
         lw_certificate_free(certificate);
 
         let apart = rings(3.0);
-        let certificate = lw_certify(&frame(&apart));
+        let certificate = lw_certify(&frame(&apart), null());
         assert!(lw_certificate_links(certificate, &mut count).is_null());
         assert_eq!(count, 0);
         lw_certificate_free(certificate);
@@ -164,7 +164,7 @@ fn a_frame_with_nan_is_rejected_and_the_next_one_is_verified() {
             );
         }
         lw_session_free(session);
-        assert!(lw_certify(&frame(&bad)).is_null());
+        assert!(lw_certify(&frame(&bad), null()).is_null());
         assert!(last_error().contains("NaN"), "{}", last_error());
         assert_eq!(lw_safe_fraction(&frame(&good), &frame(&bad)), -1.0);
     }
@@ -208,10 +208,10 @@ fn bad_arguments_are_errors_with_words() {
     // SAFETY: all pointers are valid or null; the others are refused before they are read.
     unsafe {
         for (frame, words) in &cases {
-            assert!(lw_certify(frame).is_null());
+            assert!(lw_certify(frame, null()).is_null());
             assert!(last_error().contains(words), "{}", last_error());
         }
-        assert!(lw_certify(null()).is_null());
+        assert!(lw_certify(null(), null()).is_null());
         assert_eq!(last_error(), "frame is null");
         let status = lw_session_step(null_mut(), &good, 0.0, null_mut());
         assert_eq!(
@@ -609,7 +609,7 @@ fn a_certificate_in_a_cell_lists_the_links_with_images() {
     let mut count = 9;
     // SAFETY: all pointers are valid.
     unsafe {
-        let certificate = lw_certify_in_cell(&frame(&positions), CELL.as_ptr());
+        let certificate = lw_certify(&frame(&positions), CELL.as_ptr());
         assert!(!certificate.is_null(), "{}", last_error());
         assert!(lw_certificate_links(certificate, &mut count).is_null());
         assert_eq!(lw_certificate_undefined(certificate), 0);
@@ -620,26 +620,24 @@ fn a_certificate_in_a_cell_lists_the_links_with_images() {
         lw_certificate_free(certificate);
 
         // Without a cell, there are none.
-        let certificate = lw_certify(&frame(&positions));
+        let certificate = lw_certify(&frame(&positions), null());
         assert!(lw_certificate_images(certificate, &mut count).is_null());
         assert_eq!(count, 0);
         lw_certificate_free(certificate);
 
         // Rings beside the images of one another are not linked with them.
         let apart = rings(7.5);
-        let certificate = lw_certify_in_cell(&frame(&apart), CELL.as_ptr());
+        let certificate = lw_certify(&frame(&apart), CELL.as_ptr());
         assert!(lw_certificate_images(certificate, &mut count).is_null());
         assert_eq!(count, 0);
         lw_certificate_free(certificate);
 
-        assert!(lw_certify_in_cell(&frame(&positions), null()).is_null());
-        assert_eq!(last_error(), "vectors is null");
         let flat = [1.0; 9];
-        assert!(lw_certify_in_cell(&frame(&positions), flat.as_ptr()).is_null());
+        assert!(lw_certify(&frame(&positions), flat.as_ptr()).is_null());
         assert!(last_error().contains("one plane"), "{}", last_error());
         let mut bad = rings(9.0);
         bad[7] = f64::NAN;
-        assert!(lw_certify_in_cell(&frame(&bad), CELL.as_ptr()).is_null());
+        assert!(lw_certify(&frame(&bad), CELL.as_ptr()).is_null());
         assert!(last_error().contains("NaN"), "{}", last_error());
     }
 }
@@ -654,17 +652,19 @@ fn struts_and_clearance_in_a_cell_name_the_image() {
         let (mut values, mut clearance) = std::mem::zeroed::<(lw_thickness_values, lw_clearance)>();
         let mut options: lw_session_options = std::mem::zeroed();
         options.thickness = 0.5;
-        let found = lw_thickness_in_cell(&frame(&positions), CELL.as_ptr(), 1.0, &mut values);
+        let found = lw_thickness(&frame(&positions), CELL.as_ptr(), 1.0, &mut values);
         assert_eq!(found, LW_OK, "{}", last_error());
         assert!(values.poca > 0.4 && values.poca < 0.6, "{values:?}");
-        let struts = lw_struts_in_cell(&frame(&positions), CELL.as_ptr(), 1.0);
+        let struts = lw_struts_up_to(&frame(&positions), CELL.as_ptr(), 1.0);
         let mut count = 0;
         let shortest = *lw_struts_list(struts, &mut count);
         assert_eq!((shortest.curves, shortest.image), ([0, 1], [-1, 0, 0]));
         assert_eq!(shortest.length, values.poca);
         lw_struts_free(struts);
-        assert!(lw_struts_in_cell(&frame(&positions), null(), 1.0).is_null());
-        assert_eq!(last_error(), "vectors is null");
+        let struts = lw_struts_up_to(&frame(&positions), null(), 1.0);
+        assert!(lw_struts_list(struts, &mut count).is_null());
+        assert_eq!(count, 0, "without a cell there are no images");
+        lw_struts_free(struts);
 
         let session = lw_session_new(&options);
         let set = lw_session_set_cell(session, CELL.as_ptr(), null());
@@ -740,7 +740,7 @@ fn struts_have_their_gradient_and_clearance_warns_before_a_pull_through() {
             assert_eq!(verdict.verdict, LW_INTACT, "{}", text(&verdict));
             assert_eq!(lw_session_clearance(session, &mut clearance), LW_OK);
             // The gradient of a motion of the whole scene is 0.
-            let struts = lw_struts_up_to(&frame(&positions), 1.0);
+            let struts = lw_struts_up_to(&frame(&positions), null(), 1.0);
             let mut count = 0;
             let shortest = *lw_struts_list(struts, &mut count);
             assert!(count > 0 && (shortest.length - 0.2 * clearance.ratio).abs() < 1e-7);
@@ -767,10 +767,16 @@ fn struts_have_their_gradient_and_clearance_warns_before_a_pull_through() {
         assert!(last_error().contains("radius of -1"), "{}", last_error());
 
         let mut values = std::mem::zeroed();
-        assert_eq!(lw_thickness(&frame(&positions), 1.0, &mut values), LW_OK);
+        assert_eq!(
+            lw_thickness(&frame(&positions), null(), 1.0, &mut values),
+            LW_OK
+        );
         assert!(values.min_rad > 0.9 && values.poca < 1.0 && values.thickness == values.poca);
-        assert_eq!(lw_thickness(&frame(&positions), 0.0, &mut values), LW_ERROR);
-        assert!(lw_struts_up_to(null(), 1.0).is_null());
+        assert_eq!(
+            lw_thickness(&frame(&positions), null(), 0.0, &mut values),
+            LW_ERROR
+        );
+        assert!(lw_struts_up_to(null(), null(), 1.0).is_null());
     }
 }
 
@@ -792,7 +798,7 @@ fn rings_that_repeat_their_first_point_are_closed() {
     let mut verdict = lw_verdict::NONE;
     // SAFETY: all pointers are valid.
     unsafe {
-        let certificate = lw_certify(&frame);
+        let certificate = lw_certify(&frame, null());
         let mut links = 0;
         lw_certificate_links(certificate, &mut links);
         assert_eq!(links, 1);

@@ -330,7 +330,7 @@ static void a_forked_child_gets_errors_and_leaves_the_session_of_its_parent_alon
     CHECK_ERROR("this process was forked");
     CHECK(lw_session_step(session, &frame, 0, &verdict) == LW_ERROR);
     CHECK_ERROR("this process was forked");
-    CHECK(!lw_certify(&frame));
+    CHECK(!lw_certify(&frame, NULL));
     CHECK_ERROR("this process was forked");
     lw_close(client);
     lw_session_free(session);

@@ -227,7 +227,7 @@ pub fn thickness(
     cell: Option<[f64; 12]>,
 ) -> PyResult<Thickness> {
     let frame = (&points, &counts[..], cell);
-    let measured = measure(py, frame, basis_name, linkwatch::Thickness::in_cell)?;
+    let measured = measure(py, frame, basis_name, linkwatch::Thickness::of)?;
     Ok(Thickness(measured, basis_name == "polyline"))
 }
 
@@ -243,7 +243,7 @@ pub fn struts(
 ) -> PyResult<Vec<Strut>> {
     let frame = (&points, &counts[..], cell);
     let found = measure(py, frame, basis_name, |set, cell| {
-        linkwatch::struts_in_cell(set, cell, longest)
+        linkwatch::struts(set, cell, longest)
     })?;
     let exact = basis_name == "polyline";
     Ok(found.into_iter().map(|strut| Strut(strut, exact)).collect())

@@ -16,8 +16,9 @@ use std::sync::Arc;
 #[derive(Clone, Debug, clap::Args)]
 #[command(next_help_heading = super::WRITE)]
 pub struct MetricsArgs {
-    /// Serve counters and latencies over HTTP for Prometheus, at http://ADDRESS/metrics. A port
-    /// alone is on the loopback interface (127.0.0.1); port 0 is a free one, which the log names.
+    /// Serve figures for Prometheus at http://ADDRESS/metrics
+    ///
+    /// Counters and latencies. A port alone is on the loopback interface (127.0.0.1); port 0 is a free one, which the log names.
     /// Without a password: at any other address (HOST:PORT) whoever reaches it can read them
     #[arg(long, value_name = "[HOST:]PORT")]
     metrics: Option<Address>,

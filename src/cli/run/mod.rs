@@ -79,13 +79,16 @@ const FINISH: Duration = Duration::from_secs(30);
 #[derive(Clone, Debug, clap::Args)]
 #[command(next_help_heading = super::COMPARE)]
 pub struct Judge {
-    /// Expected linking numbers: `first-frame`, or a certificate file (`linkwatch certify -o`)
-    /// [default: first-frame; replay: as recorded]
+    /// Expected linking numbers: of the first frame, or a file
+    ///
+    /// `first-frame`, or a certificate as `linkwatch certify -o` writes it [default: first-frame;
+    /// replay: as recorded]
     #[arg(long, value_name = "first-frame|CERT")]
     pub baseline: Option<Baseline>,
-    /// Findings that ask the simulator to stop: any, lost, gained, contact, event, rejected,
-    /// clearance (any, or strands that come too close, with --radius) or never [default: any;
-    /// replay: as recorded]
+    /// Findings that ask the simulator to stop: any, .., never
+    ///
+    /// any, lost, gained, contact, event, rejected, clearance (any, or strands that come too close,
+    /// with --radius) or never [default: any; replay: as recorded]
     #[arg(long, value_name = "WHAT")]
     pub abort_on: Option<AbortOn>,
     #[command(flatten)]
@@ -96,8 +99,9 @@ pub struct Judge {
     pub braid_args: BraidArgs,
     #[command(flatten)]
     pub cell_args: CellArgs,
-    /// Reject frames in which the boxes of more pairs of curves overlap: the memory for them, up to
-    /// 200 bytes each, may not be there [default: 33554432]
+    /// Reject frames in which the boxes of more pairs of curves overlap
+    ///
+    /// The memory for them, up to 200 bytes each, may not be there [default: 33554432]
     #[arg(long, value_name = "N", hide_short_help = true)]
     pub max_pairs: Option<usize>,
 }

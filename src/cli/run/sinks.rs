@@ -27,9 +27,9 @@ pub(super) const WAITING_POINTS: usize = 1_000_000;
 #[derive(Clone, Debug, clap::Args)]
 #[command(next_help_heading = crate::cli::WRITE)]
 pub struct Sinks {
-    /// Record every verified frame and verdict to an MCAP file. Settings follow the name:
-    /// `run.mcap,every=10,max=1GB`
+    /// Record frames and verdicts: FILE,every=10,max=1GB,..
     ///
+    /// To an MCAP file: every verified frame, unless settings follow the name.
     /// every=N: curves only of every N-th frame, of frames that are not intact, and of the frame
     /// before each of these; all verdicts.
     /// window=SECONDS: only the frames of this time before each new violation, and after it; until
@@ -42,11 +42,11 @@ pub struct Sinks {
     #[cfg(feature = "mcap")]
     #[arg(long, value_name = "FILE.mcap[,..]", value_parser = recording)]
     record: Option<RecordingOptions>,
-    /// Show every frame: `live` in the viewer (an installed `rerun`), `web` or `web:PORT` in a
-    /// browser on this machine, FILE.rrd in a file for the viewer, HOST:PORT or a URL in a running
-    /// viewer
+    /// Show frames: live, web, FILE.rrd or an address
     ///
-    /// Settings follow: `run.rrd,every=10,only=violated` shows the curves of every 10th frame, and
+    /// `live` in the viewer (an installed `rerun`), `web` or `web:PORT` in a browser on this
+    /// machine, FILE.rrd in a file for the viewer, HOST:PORT or a URL in a running viewer. Settings
+    /// follow: `run.rrd,every=10,only=violated` shows the curves of every 10th frame, and
     /// of each frame whose verdict is not intact or differs from the previous one (plots and log
     /// have all frames), and only the curves that took part in a finding so far, and their
     /// neighbours. `web` starts an installed `rerun` as a server, which stays when the run ends,

@@ -56,6 +56,7 @@ impl FromStr for Show {
                 ViewerTarget::File(what.into())
             }
             _ if what.contains(':') => ViewerTarget::Connect(what.into()),
+            _ if what.ends_with(".mcap") => return Err("--record writes a recording".into()),
             _ => {
                 return Err("expected live, web, web:PORT, a file FILE.rrd or HOST:PORT".into());
             }

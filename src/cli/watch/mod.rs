@@ -31,39 +31,47 @@ const PATIENCE: Duration = Duration::from_millis(500);
 /// session.
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// Name of the service that the simulator publishes on (`linkwatch services` lists the live
-    /// ones). Given several times, all of them are watched, each with its own baseline and output
-    /// files (`run-NAME.mcap`)
+    /// Service of the simulator; may be repeated
+    ///
+    /// `linkwatch services` lists the live ones. Given several times, all of them are watched, each
+    /// with its own baseline and output files (`run-NAME.mcap`)
     #[arg(long, help_heading = super::WATCH, value_name = "NAME", default_value = "linkwatch")]
     service: Vec<String>,
-    /// Give up if no simulator connects within this time [default: wait without limit]
+    /// Give up if no simulator connects within this time
     #[arg(long, help_heading = super::WATCH, value_name = "SECONDS", value_parser = seconds)]
     wait: Option<Duration>,
-    /// Wait for the next simulator when one ends, until Ctrl-C or SIGTERM. Each one is a session of
-    /// its own: with its own baseline, summary, and numbered output files (`run.mcap`,
-    /// `run-2.mcap`, ..). --wait limits the wait for the first simulator only
+    /// Wait for the next simulator when one ends
+    ///
+    /// Until Ctrl-C or SIGTERM. Each simulator is a session of its own: with its own baseline,
+    /// summary, and numbered output files (`run.mcap`, `run-2.mcap`, ..). --wait limits the wait
+    /// for the first simulator only
     #[arg(long, help_heading = super::WATCH)]
     keep_watching: bool,
-    /// Write the state of the watch to this file and to FILE.session, and continue from them if
-    /// they are there: after a crash or a signal, the next watch with the same option expects what
-    /// this one did. A frame that was being verified is not verified again: the simulator is told
+    /// Continue a watch that was killed, from this file
+    ///
+    /// The state of the watch is written to it and to FILE.session: after a crash or a signal, the
+    /// next watch with the same option expects what this one did. A frame that was being verified is not verified again: the simulator is told
     /// that it is unknown. The output files are numbered then (`run-2.mcap`, ..). The files are
     /// removed when the simulation ends. With several services each has its own
     /// (`watch-NAME.state`)
     #[arg(long, help_heading = super::WATCH, value_name = "FILE")]
     state: Option<PathBuf>,
-    /// Observe: verify, print, record and show, but send nothing to the simulator. For further
-    /// watches beside the one that answers. Frames may be skipped, because no simulator waits for
-    /// an observer
+    /// Send nothing to the simulator
+    ///
+    /// For further watches beside the one that answers. Frames may be skipped, because no simulator
+    /// waits for an observer
     #[arg(long, help_heading = super::WATCH, conflicts_with = "abort_on")]
     observe: bool,
-    /// Begin with the newest frame if the simulator has published some: the watch is not incomplete
-    /// for the frames before it [default: begin with the baseline that the simulator keeps; exit
-    /// code 3 if that is not there]
+    /// Begin with the newest frame, not with the first one
+    ///
+    /// The watch is not incomplete for the frames before it. Otherwise it begins with the baseline
+    /// that the simulator keeps; exit code 3 if that is not there
     #[arg(long, help_heading = super::WATCH)]
     from_now: bool,
-    /// Return exit code 3 if a larger share of the frames was skipped because they arrived faster
-    /// than they could be verified: 0 to 1, or a percentage (`5%`) [default: no limit]
+    /// Exit code 3 if a larger share of the frames was skipped
+    ///
+    /// 0 to 1, or a percentage (`5%`). Frames are skipped if they arrive faster than they can be
+    /// verified [default: no limit]
     #[arg(long, help_heading = super::WATCH, value_name = "SHARE", value_parser = share)]
     max_skipped: Option<f64>,
     #[command(flatten)]

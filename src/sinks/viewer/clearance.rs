@@ -11,7 +11,7 @@ use crate::curve::{Cell, CurveSet, Point};
 use crate::error::Result;
 use crate::simd::LANES;
 use crate::sinks::FrameRecord;
-use crate::thickness::{ClearanceOptions, CloseBlock, REACH, close_blocks_within};
+use crate::thickness::{ClearanceOptions, CloseBlock, REACH, close_blocks};
 use crate::verdict::{Clearance, CloseStrands};
 use re_sdk::RecordingStream;
 use re_sdk_types::archetypes::{LineStrips3D, SeriesLines};
@@ -99,7 +99,7 @@ impl ClearanceView {
         radii: &[f64],
     ) -> Vec<CloseBlock> {
         while self.reach >= LEAST_REACH {
-            match close_blocks_within(set, cell, radii, self.reach) {
+            match close_blocks(set, cell, radii, self.reach) {
                 Ok(blocks) => return blocks,
                 Err(e) => {
                     tracing::warn!(

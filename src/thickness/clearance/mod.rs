@@ -128,8 +128,7 @@ fn is_radius(radius: f64) -> bool {
 
 /// Clearance of a part of a curve, for display.
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[non_exhaustive]
-pub struct CloseBlock {
+pub(crate) struct CloseBlock {
     /// Curve, from 0.
     pub curve: u32,
     /// First of at most eight segments.
@@ -138,44 +137,15 @@ pub struct CloseBlock {
     pub closest: CloseStrands,
 }
 
-/// Measures all parts of curves that are closer to another strand than one and a half times the sum
-/// of their radii. `radii` has a radius for each curve, in the units of the simulation. This takes
-/// longer than to verify a frame; [`Report::clearance`](crate::Report::clearance) has the closest
-/// strands of each frame.
+/// Measures all parts of curves that are closer to another strand, or to an image of one in the
+/// cell, than `within` sums of their radii, at most [`REACH`]. `radii` has a radius for each curve.
+/// This takes longer than to verify a frame; [`Report::clearance`](crate::Report::clearance) has
+/// the closest strands of each frame.
 ///
-/// Errors: [`Error::Usage`] if a curve has no radius, or one that is not a positive length;
+/// Errors: [`Error::Usage`] if a curve has no radius, or one that is not a positive length, the
+/// vectors of the cell do not span a lattice, or curves span too many cells;
 /// [`Error::Unsupported`] if coordinates are too large, or too many strands are close.
-///
-/// ```
-/// use linkwatch::{Basis, CurveSet, Positions, close_blocks};
-///
-/// // Two lines, 0.3 apart.
-/// let points = [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.3, 0.0, 1.0, 0.3, 0.0];
-/// let set = CurveSet::from_counts(Basis::Polyline, &[2, 2], Positions::F64(&points))?;
-/// let blocks = close_blocks(&set, &[0.2, 0.2])?;
-/// assert_eq!(blocks.len(), 2);
-/// assert!((blocks[0].closest.ratio - 0.75).abs() < 1e-9);
-/// # Ok::<(), linkwatch::Error>(())
-/// ```
-pub fn close_blocks(set: &CurveSet, radii: &[f64]) -> Result<Vec<CloseBlock>> {
-    close_blocks_within(set, None, radii, REACH)
-}
-
-/// [`close_blocks`] in a periodic cell, if there is one: all parts of the curves that are close to
-/// another strand or to an image.
-///
-/// Errors: as those of [`close_blocks`], and [`Error::Usage`] if the vectors of the cell do not
-/// span a lattice, or curves span too many cells.
-pub fn close_blocks_in_cell(
-    set: &CurveSet,
-    cell: Option<&Cell>,
-    radii: &[f64],
-) -> Result<Vec<CloseBlock>> {
-    close_blocks_within(set, cell, radii, REACH)
-}
-
-/// [`close_blocks_in_cell`] for another distance, in sums of the radii, at most [`REACH`].
-pub(crate) fn close_blocks_within(
+pub(crate) fn close_blocks(
     set: &CurveSet,
     cell: Option<&Cell>,
     radii: &[f64],

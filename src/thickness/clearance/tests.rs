@@ -435,9 +435,9 @@ fn a_radius_that_makes_all_strands_close_is_refused() {
     let mut monitor = ClearanceMonitor::new(ClearanceOptions::new(Some(10.0)));
     let why = monitor.measure(&scene, None, 0).unwrap_err().to_string();
     assert!(why.contains("is the radius too large"), "{why}");
-    let why = close_blocks(&scene, &vec![10.0; count]).unwrap_err();
+    let why = close_blocks(&scene, None, &vec![10.0; count], REACH).unwrap_err();
     assert!(why.to_string().contains("is the radius too large"), "{why}");
-    assert!(close_blocks(&scene, &[10.0]).is_err());
+    assert!(close_blocks(&scene, None, &[10.0], REACH).is_err());
 }
 
 #[test]
@@ -451,7 +451,7 @@ fn close_blocks_are_the_parts_of_the_closest_strands() {
         let radii = vec![0.1; counts.len()];
         let now_in = (&now, cell.as_ref());
         let [expected, error] = smallest(now_in, now_in, &radii);
-        let blocks = close_blocks_in_cell(&now, cell.as_ref(), &radii).unwrap();
+        let blocks = close_blocks(&now, cell.as_ref(), &radii, REACH).unwrap();
         let least = blocks.iter().map(|b| b.closest.ratio).fold(REACH, f64::min);
         let errors = blocks.iter().map(|b| b.closest.error).fold(error, f64::max);
         let difference = (least - expected.min(REACH)).abs();

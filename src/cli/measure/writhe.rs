@@ -1,12 +1,12 @@
-//! `linkwatch writhe`: computes the writhe of curves, and linking number, twist and writhe of
+//! `linkwatch measure writhe`: computes the writhe of curves, and linking number, twist and writhe of
 //! ribbons.
 
-use super::Outcome;
-use super::cell_args::CellArgs;
-use super::frames::{self, FrameArgs, Picked};
-use super::input::{self, FormatArgs};
-use super::number::positive;
-use super::output::{self, millis};
+use crate::cli::Outcome;
+use crate::cli::cell_args::CellArgs;
+use crate::cli::frames::{self, FrameArgs, Picked};
+use crate::cli::input::{self, FormatArgs};
+use crate::cli::number::positive;
+use crate::cli::output::{self, millis};
 use linkwatch::kernels::Estimate;
 use linkwatch::{
     Axis, Cell, CurveSet, Error, GaussIntegrals, Image, Pairing, PairingReason, Result, Ribbon,

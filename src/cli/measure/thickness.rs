@@ -1,13 +1,13 @@
-//! `linkwatch thickness`: measures how sharply curves bend and how close they come.
+//! `linkwatch measure thickness`: measures how sharply curves bend and how close they come.
 
-use super::Outcome;
-use super::cell_args::CellArgs;
-use super::clearance_args::StrandRadius;
-use super::frames::{self, FrameArgs, Picked};
-use super::input::{self, FormatArgs};
-use super::number::positive;
-use super::output::{self, percent, plural};
-use linkwatch::{Error, MinRad, Result, Strut, Thickness, struts_in_cell};
+use crate::cli::Outcome;
+use crate::cli::cell_args::CellArgs;
+use crate::cli::clearance_args::StrandRadius;
+use crate::cli::frames::{self, FrameArgs, Picked};
+use crate::cli::input::{self, FormatArgs};
+use crate::cli::number::positive;
+use crate::cli::output::{self, percent, plural};
+use linkwatch::{Error, MinRad, Result, Strut, Thickness, struts};
 use serde_json::{Value, json};
 use std::path::PathBuf;
 
@@ -94,18 +94,17 @@ fn measure(frame: &Picked, args: &Args) -> Result<Measured> {
             return Err(Error::Usage(what));
         }
     };
-    let found = Thickness::in_cell(set, cell)?;
+    let found = Thickness::of(set, cell)?;
     let shortest = found.poca.map(|strut| strut.length);
     let listed = args.struts.zip(shortest);
-    let listed =
-        listed.map(|(share, shortest)| struts_in_cell(set, cell, (1.0 + share) * shortest));
+    let listed = listed.map(|(share, shortest)| struts(set, cell, (1.0 + share) * shortest));
     let largest = radii.iter().copied().reduce(f64::max);
     let overlaps = largest.map(|radius| {
         let reach = |strut: &Strut| {
             let [a, b] = strut.ends.map(|end| radii[end.curve as usize]);
             a + b
         };
-        let all = struts_in_cell(set, cell, 2.0 * radius)?.into_iter();
+        let all = struts(set, cell, 2.0 * radius)?.into_iter();
         let all = all.map(|strut| (strut, reach(&strut)));
         let mut all: Vec<(Strut, f64)> = all.filter(|(s, sum)| s.length < *sum).collect();
         all.sort_by(|(a, p), (b, q)| (a.length / p).total_cmp(&(b.length / q)));
