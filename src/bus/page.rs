@@ -1,4 +1,5 @@
-//! Compares the tables of `docs/attaching.md`, and the numbers of `docs/limits.md`, with the code.
+//! Compares the tables of `docs/reference/bus.md`, and the numbers of `docs/reference/limits.md`,
+//! with the code.
 
 use super::frames::LOANS;
 use super::message::{Counters, MessageKind};
@@ -19,7 +20,7 @@ use iceoryx2::service::static_config::publish_subscribe::StaticConfig;
 use std::any::type_name_of_val;
 use std::mem::{align_of, offset_of, size_of, size_of_val};
 
-const PAGE: &str = include_str!("../../docs/attaching.md");
+const PAGE: &str = include_str!("../../docs/reference/bus.md");
 
 /// Returns the rows of the first table after `heading` whose first column has this title, without
 /// backticks.
@@ -339,7 +340,7 @@ fn the_client_in_python_has_the_fields_of_the_page() {
 
 #[test]
 fn the_page_of_limits_has_those_of_the_code() {
-    let page = include_str!("../../docs/limits.md");
+    let page = include_str!("../../docs/reference/limits.md");
     let frames = FRAME_SUBSCRIBERS * (FRAME_BUFFER + FRAME_BORROWS) + FRAME_HISTORY + LOANS;
     assert_eq!(SidecarOptions::default().max_frame_bytes, (4 << 30) - 1);
     assert_eq!(crate::SessionOptions::MAX_PAIRS, 33_554_432);
@@ -350,6 +351,6 @@ fn the_page_of_limits_has_those_of_the_code() {
         format!("| ended sessions whose late frames are recognised | {ENDED_SESSIONS} |"),
         format!("| shared memory of the frames | {frames} frames"),
     ] {
-        assert!(page.contains(&row), "not in docs/limits.md: {row}");
+        assert!(page.contains(&row), "not in docs/reference/limits.md: {row}");
     }
 }
