@@ -221,8 +221,8 @@ fn the_page_of_limits_has_those_of_recordings() {
         (1 << 30, 1_000_000)
     );
     for row in [
-        "(`--record-window`) | 1 GiB (`--record-window-memory`): their positions, and about 1 KiB",
-        "(`--record-max SIZE`) | SIZE, at least 1 MB;",
+        "(`window=SECONDS`) | 1 GiB (`memory=SIZE`): their positions, and about 1 KiB",
+        "(`max=SIZE`) | SIZE, at least 1 MB;",
         "after the first one | 10,000;",
     ] {
         assert!(page.contains(row), "not in docs/reference/limits.md: {row}");

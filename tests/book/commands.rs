@@ -1,0 +1,232 @@
+//! Commands and options of the pages, against the help of the command.
+
+use super::support::linkwatch;
+use super::{Page, book, pages};
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::Path;
+
+/// Options that pages name before the command has them. Delete each one with its change.
+const PENDING_OPTIONS: [(&str, &str); 1] = [("certify", "--explain")];
+
+/// Commands that pages no longer name, before they leave the command. Delete them with the change.
+const PENDING_COMMANDS: [&str; 3] = ["plan", "study", "sweep"];
+
+/// Options of other programs in code spans: examples, tests, other commands.
+const FOREIGN: [&str; 13] = [
+    "--depth",
+    "--go-on",
+    "--ignored",
+    "--live",
+    "--pack",
+    "--quantize",
+    "--resample",
+    "--restart=on-failure",
+    "--rm",
+    "--roll-back",
+    "--shm-size=256m",
+    "--userns=keep-id",
+    "--pid=host",
+];
+
+/// The help of the command: its commands, and the options of each.
+struct Help {
+    /// Each option, and true if it needs a value. The command `""` has those before a command.
+    options: BTreeMap<String, BTreeMap<String, bool>>,
+}
+
+impl Help {
+    fn read() -> Help {
+        let help = |args: &[&str]| {
+            let run = linkwatch(args);
+            assert_eq!(run.code, 0, "{}", run.stderr);
+            run.stdout
+        };
+        let top = help(&["--help"]);
+        let mut options = BTreeMap::from([(String::new(), options_of(&top))]);
+        let commands = top.lines().skip_while(|line| *line != "Commands:").skip(1);
+        for line in commands.take_while(|line| !line.is_empty()) {
+            let name = line.strip_prefix("  ").and_then(|l| l.split(' ').next());
+            if let Some(name) = name.filter(|name| !name.is_empty() && *name != "help") {
+                options.insert(name.to_owned(), options_of(&help(&[name, "--help"])));
+            }
+        }
+        Help { options }
+    }
+
+    fn commands(&self) -> BTreeSet<&str> {
+        let names = self.options.keys().map(String::as_str);
+        names.filter(|name| !name.is_empty()).collect()
+    }
+
+    /// Returns why a command line is wrong, if it is. `words` begin after `linkwatch`.
+    fn problem(&self, words: &[&str]) -> Option<String> {
+        let mut command = "";
+        let mut value = false;
+        for word in words {
+            let word = word.trim_matches(['[', ']']);
+            if std::mem::take(&mut value) {
+                continue;
+            }
+            if !word.starts_with('-') || word == "-" {
+                if command.is_empty() {
+                    if word == "COMMAND" {
+                        return None;
+                    }
+                    command = self.options.keys().find(|name| *name == word)?;
+                    // Checked above: `find` fails for a word that is no command.
+                }
+                continue;
+            }
+            let (name, given) = word.split_once('=').unwrap_or((word, ""));
+            if PENDING_OPTIONS.contains(&(command, name)) {
+                continue;
+            }
+            match self.options[command].get(name) {
+                Some(needs) => value = *needs && given.is_empty(),
+                None => return Some(format!("`{command}` has no option {name}")),
+            }
+        }
+        None
+    }
+}
+
+/// Returns the options in a help text, and true for those that need a value.
+fn options_of(help: &str) -> BTreeMap<String, bool> {
+    let mut found = BTreeMap::new();
+    for line in help.lines() {
+        let line = line.trim();
+        if let Some(alias) = line
+            .strip_prefix("[alias: ")
+            .or(line.strip_prefix("[aliases: "))
+        {
+            for name in alias.trim_end_matches(']').split(", ") {
+                found.insert(name.to_owned(), true);
+            }
+        }
+        if !line.starts_with('-') {
+            continue;
+        }
+        // `-o, --output <FILE>  Write ..`; values that may be absent are in brackets.
+        let (names, _) = line.split_once("  ").unwrap_or((line, ""));
+        let needs = names.contains(" <") && !names.contains(" [<");
+        for name in names.split([' ', ',', '[', '=']) {
+            if name.starts_with('-') {
+                found.insert(name.to_owned(), needs);
+            }
+        }
+    }
+    found
+}
+
+/// Returns the words of a line of a shell, quotes removed, up to a comment.
+fn words(line: &str) -> Vec<String> {
+    let (mut found, mut word, mut quote) = (Vec::new(), String::new(), None);
+    for c in line.chars() {
+        match (quote, c) {
+            (Some(q), c) if q == c => quote = None,
+            (None, '\'' | '"') => quote = Some(c),
+            (None, '#') if word.is_empty() => break,
+            (None, c) if c.is_whitespace() => found.push(std::mem::take(&mut word)),
+            (_, c) => word.push(c),
+        }
+    }
+    found.push(word);
+    found.retain(|word| !word.is_empty());
+    found
+}
+
+/// Returns the lines of the shell in the blocks of a page, with continued lines joined.
+fn lines(page: &Page) -> Vec<String> {
+    let mut found = Vec::new();
+    for block in &page.blocks {
+        let text = block.text.replace("\\\n", " ");
+        match block.language.as_str() {
+            "sh" => found.extend(text.lines().map(str::to_owned)),
+            "console" => {
+                let typed = text.lines().filter_map(|line| line.strip_prefix("$ "));
+                found.extend(typed.map(str::to_owned));
+            }
+            _ => {}
+        }
+    }
+    found
+}
+
+#[test]
+fn commands_and_options_exist() {
+    let help = Help::read();
+    let mut checked = 0;
+    for page in pages() {
+        let typed = lines(&page);
+        let named = page.spans();
+        for line in typed.iter().chain(&named) {
+            let words = words(line);
+            let is_end = |word: &String| ["&&", "||", "|", ";", "&", ">"].contains(&word.as_str());
+            for words in words.split(is_end) {
+                let words: Vec<&str> = words.iter().map(String::as_str).collect();
+                if let ["linkwatch", rest @ ..] = &words[..] {
+                    let of = format!("{}: {line}", page.path.display());
+                    let first = rest.iter().find(|word| !word.starts_with('-'));
+                    if let Some(first) = first.filter(|word| rest[0] == **word) {
+                        let known = help.commands().contains(first) || *first == "COMMAND";
+                        assert!(known, "{of}: no such command");
+                    }
+                    assert_eq!(help.problem(rest), None, "{of}");
+                    checked += 1;
+                }
+            }
+        }
+    }
+    assert!(checked > 80, "{checked}");
+}
+
+/// Options alone (`--events`), and commands with an option (`check --junit FILE`).
+#[test]
+fn options_in_the_text_exist() {
+    let help = Help::read();
+    let all: BTreeSet<&str> = help
+        .options
+        .values()
+        .flat_map(|of| of.keys().map(String::as_str))
+        .collect();
+    let mut pages = book();
+    pages.retain(|page| !page.path.ends_with("bus.md"));
+    pages.push(Page::read(Path::new("README.md")));
+    for page in pages {
+        for span in page.spans() {
+            let words: Vec<&str> = span.split(' ').collect();
+            let of = format!("{}: {span}", page.path.display());
+            let foreign = words.iter().any(|word| FOREIGN.contains(word));
+            if words[0].starts_with("--") && !foreign && words[0] != "--" {
+                let options = words.iter().filter(|word| word.starts_with("--"));
+                for option in options {
+                    let name = option.split(['=', '[']).next().unwrap();
+                    let pending = PENDING_OPTIONS.iter().any(|(_, option)| *option == name);
+                    assert!(pending || all.contains(name), "{of}: no such option");
+                }
+            } else if help.commands().contains(words[0]) && span.contains(" --") {
+                let pending = PENDING_COMMANDS.contains(&words[0]);
+                let problem = help.problem(&words);
+                assert!(pending || problem.is_none(), "{of}: {problem:?}");
+            }
+        }
+    }
+}
+
+#[test]
+fn the_page_of_the_command_has_all_commands() {
+    let help = Help::read();
+    let page = Page::read(Path::new("docs/reference/command.md"));
+    let rows = page.prose.lines().filter(|line| line.starts_with("| `"));
+    let names: BTreeSet<String> = rows
+        .flat_map(|row| {
+            let cell = row.split(" | ").next().unwrap();
+            let spans = cell.split('`').skip(1).step_by(2);
+            spans.map(|span| span.split(' ').next().unwrap().to_owned())
+        })
+        .collect();
+    let names: BTreeSet<&str> = names.iter().map(String::as_str).collect();
+    let mut commands = help.commands();
+    commands.retain(|name| !PENDING_COMMANDS.contains(name));
+    assert_eq!(names, commands);
+}
