@@ -103,7 +103,7 @@ def measure(linkwatch, folder, stride):
     if not certificate.exists():
         command = [linkwatch, "certify", frames[0], "-o", certificate]
         subprocess.run(command, check=True, capture_output=True)
-    command = [linkwatch, "check", *frames[::stride], "--against", certificate]
+    command = [linkwatch, "check", *frames[::stride], "--baseline", certificate]
     command += ["--events", "--self", "--motion-limit", "inf", "--json"]
     run = subprocess.run(command, capture_output=True, text=True)
     assert run.returncode in (0, 1, 3), run.stderr

@@ -198,7 +198,7 @@ fn a_moving_scene_is_intact_until_its_pull_through() {
         "{}",
         run.stderr
     );
-    let against = ["--against", text(&certificate)];
+    let against = ["--baseline", text(&certificate)];
     let run = linkwatch(&[&["check", text(&model), "--events", "-q"][..], &against].concat());
     assert_eq!(run.code, 1, "{}", run.stderr);
     let verdicts: Vec<&str> = run

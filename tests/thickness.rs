@@ -82,7 +82,7 @@ const PERIODIC: &str = "v 0 0 0\nv 3.5 0 0\nv 3.5 0 1\nv 0 0 1\nv 1 0 5\nv 1 4 5
 fn images_are_counted_in_a_cell() -> Result<(), Failed> {
     let folder = tempfile::tempdir()?;
     let model = write(folder.path(), "periodic.obj", PERIODIC);
-    let cell = ["--unwrapped", "--cell", "4,4,0"];
+    let cell = ["--wrapped=false", "--cell", "4,4,0"];
     let found = &measure(&[&[text(&model)], &cell[..], &["--struts", "0.1"]].concat())[0];
     assert_eq!(found["thickness"], 0.5);
     assert_eq!(found["poca_at"]["image"], serde_json::json!([1, 0, 0]));
@@ -96,7 +96,7 @@ fn images_are_counted_in_a_cell() -> Result<(), Failed> {
     let e = linkwatch(&[
         "thickness",
         text(&model),
-        "--unwrapped",
+        "--wrapped=false",
         "--cell",
         "1e-9,0,0",
     ]);

@@ -1,7 +1,7 @@
 //! Parsing of the command line, with errors in plain words.
 
 use super::Cli;
-use clap::error::{ContextKind, ErrorKind};
+use clap::error::{ContextKind, ContextValue, ErrorKind};
 use clap::{Arg, Command, CommandFactory, Error, FromArgMatches};
 use std::ffi::OsString;
 
@@ -22,6 +22,58 @@ const IN_WORDS: [(&str, &str); 6] = [
     ),
     ("invalid float literal", "expected a number"),
     ("cannot parse float from empty string", "expected a number"),
+];
+
+/// Options of earlier versions, and what to give instead.
+const OLD_OPTIONS: [(&str, &str); 27] = [
+    ("--against", "--baseline"),
+    (
+        "--beta",
+        "--kernel barnes-hut,beta=B, of `linkwatch certify`",
+    ),
+    (
+        "--by-time",
+        "`linkwatch diff FIRST.mcap SECOND.mcap --by-time`",
+    ),
+    ("--connect", "--show HOST:PORT"),
+    (
+        "--device",
+        "`linkwatch certify --device`; other commands choose it",
+    ),
+    ("--diff", "`linkwatch diff FIRST.mcap SECOND.mcap`"),
+    ("--diff-curves", "--json, which prints all changes"),
+    ("--diff-pairs", "--json, which prints all changes"),
+    (
+        "--kernel",
+        "`linkwatch certify --kernel`; other commands choose it",
+    ),
+    ("--order", "--kernel fmm,order=P, of `linkwatch certify`"),
+    (
+        "--paranoid",
+        "Strategy::Paranoid, in a program that uses the library",
+    ),
+    ("--publish", "`linkwatch play FILE --service NAME`"),
+    ("--record-every", "--record FILE.mcap,every=N"),
+    ("--record-for", "--record FILE.mcap,for=TOOL"),
+    ("--record-keep", "--record FILE.mcap,max=SIZE,keep=K"),
+    ("--record-max", "--record FILE.mcap,max=SIZE"),
+    ("--record-window", "--record FILE.mcap,window=SECONDS"),
+    (
+        "--record-window-memory",
+        "--record FILE.mcap,window=SECONDS,memory=SIZE",
+    ),
+    ("--rrd", "--show FILE.rrd"),
+    ("--self", "--events=all"),
+    ("--serve", "--show web"),
+    (
+        "--target",
+        "--kernel barnes-hut,beta=B,target=E, of `linkwatch certify`",
+    ),
+    ("--thickness", "--radius"),
+    ("--unwrapped", "--wrapped=false"),
+    ("--view", "--show live"),
+    ("--view-every", "--show WHERE,every=N"),
+    ("--view-only", "--show WHERE,only=violated"),
 ];
 
 /// Parses the arguments, the first of which is the name of the program.
@@ -50,6 +102,13 @@ fn with_negative_numbers(command: Command) -> Command {
 fn in_words(mut error: Error) -> Error {
     if error.kind() == ErrorKind::UnknownArgument {
         error.remove(ContextKind::Suggested);
+        if let Some(ContextValue::String(given)) = error.get(ContextKind::InvalidArg) {
+            let old = OLD_OPTIONS.iter().find(|(old, _)| old == given);
+            if let Some((old, new)) = old {
+                let text = format!("{old} is an option of earlier versions: use {new}\n");
+                return Error::raw(ErrorKind::UnknownArgument, text);
+            }
+        }
     }
     if error.kind() != ErrorKind::ValueValidation {
         return error;

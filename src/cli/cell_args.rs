@@ -17,27 +17,46 @@ pub const KEEP_OPEN: &str = "keep_open";
 /// Word for frames whose cell is ignored.
 const NONE: &str = "none";
 
-/// Periodic cell of the frames, and the ends of their curves.
+/// Periodic cell of the frames.
 #[derive(Clone, Copy, Debug, Default, clap::Args)]
 #[command(next_help_heading = super::INPUT)]
-pub struct CellArgs {
+pub struct CellArg {
     /// Periodic cell: edges along the axes (0: does not repeat), nine numbers (three vectors) or
     /// twelve (and the corner); `none` ignores the cell of the frames [default: as the frames have
     /// it]. It may be given for files without one
     #[arg(long, value_name = "10,10,10|..|none", allow_hyphen_values = true)]
     cell: Option<GivenCell>,
+}
+
+impl CellArg {
+    /// Returns the cell of a frame: that of the user, or that of the frame.
+    pub fn cell(&self, of_frame: Option<Cell>) -> Option<Cell> {
+        match self.cell {
+            Some(GivenCell::Of(cell)) => Some(cell),
+            Some(GivenCell::None) => None,
+            None => of_frame,
+        }
+    }
+}
+
+/// Periodic cell of the frames, and the ends of their curves.
+#[derive(Clone, Copy, Debug, Default, clap::Args)]
+#[command(next_help_heading = super::INPUT)]
+pub struct CellArgs {
+    #[command(flatten)]
+    cell: CellArg,
     /// Coordinates are wrapped into the periodic cell: unwrap the curves, and follow them from
-    /// frame to frame
-    #[arg(long)]
-    wrapped: bool,
+    /// frame to frame. `--wrapped=false`: take the coordinates as they are, without a search for
+    /// torn curves and for curves that jump by a lattice vector
+    #[arg(
+        long, value_name = "true|false", num_args = 0..=1, require_equals = true,
+        default_missing_value = "true"
+    )]
+    wrapped: Option<bool>,
     /// Keep curves open that end where they start [default: they are closed, without the repeated
     /// point]
     #[arg(long)]
     keep_open: bool,
-    /// Coordinates are unwrapped: take them as they are, without a search for torn curves and for
-    /// curves that jump by a lattice vector
-    #[arg(long, conflicts_with = "wrapped")]
-    unwrapped: bool,
 }
 
 /// Cell that the user gives.
@@ -62,7 +81,7 @@ impl CellArgs {
     /// Returns true if the user gave an option.
     #[cfg(feature = "mcap")]
     pub fn are_given(&self) -> bool {
-        self.cell.is_some() || self.wrapped().is_some()
+        self.cell.cell.is_some() || self.wrapped.is_some()
     }
 
     /// Returns true if curves stay open that end where they start.
@@ -81,11 +100,7 @@ impl CellArgs {
 
     /// Returns [`SessionOptions::wrapped`](linkwatch::SessionOptions::wrapped).
     pub fn wrapped(&self) -> Option<bool> {
-        match (self.wrapped, self.unwrapped) {
-            (true, _) => Some(true),
-            (false, true) => Some(false),
-            (false, false) => None,
-        }
+        self.wrapped
     }
 
     /// Warns of segments that are too long for the scene or for the cell of a frame.
@@ -104,16 +119,12 @@ impl CellArgs {
 
     /// Returns true if the cells of the frames are ignored.
     pub fn ignores_cells(&self) -> bool {
-        matches!(self.cell, Some(GivenCell::None))
+        matches!(self.cell.cell, Some(GivenCell::None))
     }
 
     /// Returns the cell of a frame: that of the user, or that of the frame.
     pub fn cell(&self, of_frame: Option<Cell>) -> Option<Cell> {
-        match self.cell {
-            Some(GivenCell::Of(cell)) => Some(cell),
-            Some(GivenCell::None) => None,
-            None => of_frame,
-        }
+        self.cell.cell(of_frame)
     }
 }
 
@@ -137,6 +148,10 @@ impl Cells {
         }
     }
 
+    fn is_wrapped(&self) -> bool {
+        self.args.wrapped == Some(true)
+    }
+
     /// Returns the number of curves that are closed because they end where they start.
     pub fn joined(&self) -> usize {
         self.closing.joined()
@@ -151,8 +166,8 @@ impl Cells {
             cell: self
                 .args
                 .cell(info.cell)
-                .or(info.cell.filter(|_| self.args.wrapped)),
-            wrapped: self.args.wrapped,
+                .or(info.cell.filter(|_| self.is_wrapped())),
+            wrapped: self.is_wrapped(),
             closed_by_default: info.closed_by_default,
         }
     }
@@ -196,7 +211,7 @@ impl Cells {
     ///
     /// Errors: those of [`Unwrap::unwrap`], and [`Error::Usage`] if the frame has no cell.
     pub fn unwrap(&mut self, set: &CurveSet, of_frame: Option<Cell>) -> Result<Option<CurveSet>> {
-        if !self.args.wrapped {
+        if !self.is_wrapped() {
             return Ok(None);
         }
         let none = || {

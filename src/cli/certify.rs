@@ -63,7 +63,7 @@ pub struct Args {
     overwrite: Overwrite,
     /// Method that converts splines to polylines
     #[arg(
-        long, value_enum, default_value_t, conflicts_with = "method",
+        long, value_enum, default_value_t, conflicts_with = "kernel",
         help_heading = super::KERNELS, hide_short_help = true
     )]
     discretize: Discretize,
@@ -73,14 +73,14 @@ pub struct Args {
     /// axis (polylines)
     #[arg(
         long, value_name = "R", help_heading = super::KERNELS,
-        conflicts_with_all = ["discretize", "method"]
+        conflicts_with_all = ["discretize", "kernel"]
     )]
     noise: Option<f64>,
     /// Print the Gauss linking integral of every pair of polylines, open or closed, as
     /// `i,j,integral,bound`: real numbers with a proven bound, never rounded
     #[arg(
         long,
-        conflicts_with_all = ["discretize", "method", "noise", "output", "svg"]
+        conflicts_with_all = ["discretize", "kernel", "noise", "output", "svg"]
     )]
     open: bool,
     /// Error bound of --open to reach, if possible
@@ -100,7 +100,7 @@ pub struct Args {
     #[arg(
         long, value_name = "N", help_heading = super::KERNELS, hide_short_help = true,
         value_parser = clap::value_parser!(u32).range(1..),
-        conflicts_with_all = ["discretize", "method", "noise", "output", "open", "svg"]
+        conflicts_with_all = ["discretize", "kernel", "noise", "output", "open", "svg"]
     )]
     repeat: Option<u32>,
 }
@@ -218,7 +218,7 @@ fn certify_in_session(frame: Picked, args: &Args, braids: Option<Braids>) -> Res
             false => Events::Off,
         },
         braids,
-        ..args.kernel.options()?
+        ..args.kernel.options()
     })?;
     let received = Received::new(FrameInfo::default(), Ok(Arc::new(set.clone())));
     let verified = with_progress(name, session.progress(), || session.verify(received))?;
@@ -247,7 +247,7 @@ fn certify_alone(frame: Picked, args: &Args) -> Result<Certified> {
     if !has_closed(set) {
         return Err(nothing_closed(set).in_file(Path::new(name)));
     }
-    let mut certifier = Certifier::new(&args.kernel.options()?)?;
+    let mut certifier = Certifier::new(&args.kernel.options())?;
     let progress = certifier.progress();
     let (certificate, stats) = with_progress(name, progress, || match args.discretize {
         _ if args.noise.is_some() => {
@@ -403,7 +403,7 @@ fn print(path: &Path, c: &Certified, args: &Args, style: Style, json: bool) {
             "certificate": c.certificate,
             "stats": c.stats,
             "exact_share": c.stats.exact_share(),
-            "kernel": args.kernel.method,
+            "kernel": args.kernel.method(),
             "ladder": c.ladder,
             "ms": c.took.as_secs_f64() * 1e3,
         }));
@@ -438,7 +438,7 @@ fn print(path: &Path, c: &Certified, args: &Args, style: Style, json: bool) {
 /// Logs the work of a certificate that was not usual.
 fn log_work(c: &Certified, args: &Args) {
     let name = &c.frame.name;
-    let asked_to_sum = !matches!(args.kernel.method, Method::Auto | Method::Crossings);
+    let asked_to_sum = !matches!(args.kernel.method(), Method::Auto | Method::Crossings);
     if c.stats.exact > 0 {
         tracing::info!(
             "{name}: {} decided exactly ({}), because floating-point numbers were not precise \
@@ -451,7 +451,7 @@ fn log_work(c: &Certified, args: &Args) {
         tracing::info!(
             "{name}: {} decided {} (error at most {}, proven bound {}), counting {}; the sums took \
              {}",
-            args.kernel.method,
+            args.kernel.method(),
             plural(l.summed, "pair"),
             brief(l.largest_error),
             brief(l.largest_bound),

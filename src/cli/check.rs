@@ -5,15 +5,12 @@ use super::braid_args::BraidArgs;
 use super::cell_args::CellArgs;
 use super::clearance_args::ClearanceArgs;
 use super::event_args::EventArgs;
-use super::files::{Content, write_text};
 use super::input::{self, FormatArgs};
-use super::kernel::KernelArgs;
 use super::output::with_progress;
 use super::run::{Baseline, FrameCounts, Judge, JunitArgs, Run, Setup, Sinks};
 use super::sequence::{Frame, Sequence};
-use linkwatch::kernels::Device;
 use linkwatch::{AbortOn, Error, Overflow, Result, Strategy, Verdict};
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::time::Duration;
 
@@ -37,11 +34,8 @@ pub struct Args {
     format: FormatArgs,
     /// Expected linking numbers: those of the first model, or a certificate as `linkwatch certify
     /// -o` writes it [default: first-frame]
-    #[arg(
-        long, visible_alias = "baseline", value_name = "first-frame|CERT",
-        help_heading = super::COMPARE
-    )]
-    against: Option<Baseline>,
+    #[arg(long, value_name = "first-frame|CERT", help_heading = super::COMPARE)]
+    baseline: Option<Baseline>,
     #[command(flatten)]
     event_args: EventArgs,
     #[command(flatten)]
@@ -49,62 +43,36 @@ pub struct Args {
     #[command(flatten)]
     cell_args: CellArgs,
     /// Stop at the first change of a model, the most suspect pairs first
-    #[arg(
-        long, conflicts_with_all = ["events", "with_self", "method"],
-        help_heading = super::COMPARE
-    )]
+    #[arg(long, conflicts_with = "events", help_heading = super::COMPARE)]
     early_exit: bool,
-    /// Write the pairs that differ, a line `i,j,expected,found` each; with a periodic cell,
-    /// `i,j,n1,n2,n3,expected,found`: the image of the second curve follows
-    #[arg(long, value_name = "FILE", help_heading = super::WRITE)]
-    diff_pairs: Option<PathBuf>,
-    /// Write the curves that take part in a difference, a line each
-    #[arg(long, value_name = "FILE", help_heading = super::WRITE)]
-    diff_curves: Option<PathBuf>,
     #[command(flatten)]
     junit: JunitArgs,
     #[command(flatten)]
     sinks: Sinks,
-    #[command(flatten)]
-    kernel: KernelArgs,
 }
 
 /// Runs the command.
 pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     let models = input::expand(&args.models, args.keep_order)?;
-    let from_first_frame = !matches!(args.against, Some(Baseline::File(_)));
+    let from_first_frame = !matches!(args.baseline, Some(Baseline::File(_)));
     let single = models.len() == 1 && !input::holds_frames(&models[0]);
     let format = args.format.wrapped(args.cell_args.wrapped().is_some());
     let name = models[0].display().to_string();
     let title = format!("check of {name}");
     let metadata = BTreeMap::from([("models".to_owned(), models.len().to_string())]);
-    if args.early_exit && !matches!(args.kernel.device, Device::Auto | Device::Cpu) {
-        let why = "--early-exit computes few pairs at a time, on the CPU: omit --device";
-        return Err(Error::Usage(why.into()));
-    }
     let judge = Judge {
-        baseline: args.against.clone(),
+        baseline: args.baseline.clone(),
         abort_on: Some(AbortOn::Never),
         event_args: args.event_args,
         clearance_args: ClearanceArgs::default(),
         braid_args: args.braid_args.clone(),
         cell_args: args.cell_args,
-        kernel: args.kernel.clone(),
-        paranoid: false,
         // The models are files of the user, and no simulator runs on.
         max_pairs: Some(usize::MAX),
     };
     let mut files = judge.files(args.sinks.overwrite);
     let inputs = models.iter().chain(args.format.files());
     inputs.for_each(|path| files.reads(path));
-    for (option, file) in [
-        ("--diff-pairs", &args.diff_pairs),
-        ("--diff-curves", &args.diff_curves),
-    ] {
-        if let Some(file) = file {
-            files.writes(option, file, Content::Text)?;
-        }
-    }
     let mut frames = Sequence::new(models, &format, args.one_motion);
     let Some(first) = frames.next() else {
         return Err(Error::Usage(format!("{name}: no frame")));
@@ -114,7 +82,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         // If the frame cannot be read, that is the reason.
         let Frame { curves, path, .. } = first?;
         curves.map_err(|e| e.in_file(&path))?;
-        return Err(nothing_to_compare("--against"));
+        return Err(nothing_to_compare("--baseline"));
     }
     let mut session = Run::new(Setup {
         judge: &judge,
@@ -139,7 +107,6 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         json,
     })?;
     let mut tally = FrameCounts::default();
-    let mut pairs = BTreeSet::new();
     let mut failed = None;
     for frame in [first].into_iter().chain(second).chain(frames) {
         let judged = frame.and_then(|frame| {
@@ -174,27 +141,12 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
             Verdict::Rejected => tally.rejected += 1,
             _ => tally.verified += 1,
         }
-        let cell = judged.info.cell;
-        let changes = judged.report.changes.iter();
-        pairs.extend(changes.map(|c| (c.i, c.j, cell.map(|_| c.image), c.expected, c.found)));
         session.publish(judged, tally);
     }
     if failed.is_some() {
         session.data_lost();
     }
     let outcome = session.finish(tally);
-    if let Some(file) = &args.diff_pairs {
-        let lines = pairs.iter().map(|(i, j, image, expected, found)| {
-            let image = image.map_or(String::new(), |[n1, n2, n3]| format!("{n1},{n2},{n3},"));
-            format!("{i},{j},{image}{expected},{found}")
-        });
-        write_text(file, args.sinks.overwrite, &text(lines))?;
-    }
-    if let Some(file) = &args.diff_curves {
-        let curves: BTreeSet<u32> = pairs.iter().flat_map(|p| [p.0, p.1]).collect();
-        let lines = curves.iter().map(u32::to_string);
-        write_text(file, args.sinks.overwrite, &text(lines))?;
-    }
     failed.map_or(Ok(outcome), Err)
 }
 
@@ -213,8 +165,4 @@ fn has_nothing_to_verify(e: &Error) -> bool {
         Error::Braid(_) => true,
         e => matches!(e, Error::NothingClosed { .. }),
     }
-}
-
-fn text(lines: impl Iterator<Item = String>) -> String {
-    lines.map(|line| line + "\n").collect()
 }

@@ -1,4 +1,4 @@
-//! The options `--thickness` and `--min-clearance` of commands that verify successive frames.
+//! The options `--radius` and `--min-clearance` of commands that verify successive frames.
 
 use super::number::{positive, share};
 use linkwatch::{ClearanceOptions, Error, Result};
@@ -17,7 +17,7 @@ pub struct ClearanceArgs {
     /// of this radius, in the units of the simulation, or `published`: of the radii that the
     /// simulator publishes [default: not measured; replay: as recorded]
     #[arg(long, value_name = "R|published")]
-    thickness: Option<StrandRadius>,
+    radius: Option<StrandRadius>,
     /// Distance between center lines, as a share of the diameter of the strands, below which a
     /// warning is printed (and `--abort-on clearance` stops the simulator): 0 to 1, or a percentage
     /// [default: 50%; replay: as recorded]
@@ -51,14 +51,14 @@ impl ClearanceArgs {
     ///
     /// Errors: [`Error::Usage`] for a level without a thickness.
     pub fn options(&self, recorded: Option<ClearanceOptions>) -> Result<Option<ClearanceOptions>> {
-        let options = match self.thickness {
+        let options = match self.radius {
             Some(StrandRadius::Of(radius)) => Some(ClearanceOptions::new(Some(radius))),
             Some(StrandRadius::Published) => Some(ClearanceOptions::new(None)),
             None => recorded,
         };
         let Some(mut options) = options else {
             return match self.min_clearance {
-                Some(_) => Err(Error::Usage("--min-clearance needs --thickness".into())),
+                Some(_) => Err(Error::Usage("--min-clearance needs --radius".into())),
                 None => Ok(None),
             };
         };
@@ -84,7 +84,7 @@ pub fn write(options: &ClearanceOptions, metadata: &mut BTreeMap<String, String>
 #[cfg(feature = "mcap")]
 pub fn read(metadata: &BTreeMap<String, String>) -> Option<ClearanceOptions> {
     let args = ClearanceArgs {
-        thickness: metadata.get(THICKNESS)?.parse().ok(),
+        radius: metadata.get(THICKNESS)?.parse().ok(),
         min_clearance: metadata.get(MIN_CLEARANCE).and_then(|low| low.parse().ok()),
     };
     args.options(None).ok().flatten()

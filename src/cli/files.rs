@@ -44,7 +44,7 @@ impl Content {
             (Content::Scene, other) if other != "bcc" => Some("scenes are written as .bcc"),
             #[cfg(feature = "mcap")]
             (Content::Recording, "rrd") => {
-                Some("a recording is an .mcap file; --rrd writes a file for the viewer (.rrd)")
+                Some("a recording is an .mcap file; --show writes a file for the viewer (.rrd)")
             }
             #[cfg(feature = "mcap")]
             (Content::Recording, other) if other != "mcap" => Some("a recording is an .mcap file"),

@@ -1,9 +1,10 @@
-//! The options `--kernel` and `--device`, and the accuracy of sums, of every command that computes
-//! linking numbers.
+//! The options `--kernel` and `--device` of `linkwatch certify`.
 
 use super::number::positive;
+use super::settings::{named, split};
+use linkwatch::SessionOptions;
 use linkwatch::kernels::{Accuracy, Device, Method};
-use linkwatch::{Error, Result, SessionOptions};
+use std::str::FromStr;
 
 /// Kernel that computes linking numbers, and its settings.
 #[derive(Clone, Debug, Default, clap::Args)]
@@ -12,56 +13,68 @@ pub struct KernelArgs {
     /// Kernel that computes linking numbers: auto, crossings, direct, angle-sum, barnes-hut, fmm or
     /// interval. All give the same numbers: pairs that the error bound of a sum does not decide are
     /// decided by counting crossings
-    #[arg(long = "kernel", value_name = "KERNEL", default_value_t)]
-    pub method: Method,
-    /// barnes-hut: expand nodes that are further apart than B times their radii [default: by the
-    /// error bound]
-    #[arg(long, hide_short_help = true, value_name = "B", value_parser = beta)]
-    beta: Option<f64>,
-    /// With --beta: sum again if the published estimate of the error is above E
-    #[arg(
-        long, hide_short_help = true, value_name = "E", requires = "beta", value_parser = positive
-    )]
-    target: Option<f64>,
-    /// fmm: order of the expansions, 2 to 20 [default: by the error bound]
-    #[arg(
-        long, hide_short_help = true, value_name = "P",
-        value_parser = clap::value_parser!(u32).range(2..=20)
-    )]
-    order: Option<u32>,
+    ///
+    /// Settings follow the name: `barnes-hut,beta=B` expands nodes that are further apart than B
+    /// times their radii, and `,target=E` sums again if the published estimate of the error is
+    /// above E; `fmm,order=P` sets the order of the expansions, 2 to 20. Without them the error
+    /// bound decides
+    #[arg(long, value_name = "KERNEL[,..]", default_value = "auto")]
+    kernel: Kernel,
     /// Device that runs the kernel: auto, cpu, gpu, or the index or name of an adapter (`linkwatch
     /// devices`)
     #[arg(long, value_name = "DEVICE", default_value_t)]
     pub device: Device,
 }
 
-impl KernelArgs {
-    /// Returns the options of a session with this kernel and device.
-    pub fn options(&self) -> Result<SessionOptions> {
-        for (name, given, method) in [
-            ("--beta", self.beta.is_some(), Method::BarnesHut),
-            ("--order", self.order.is_some(), Method::Fmm),
-        ] {
-            if given && self.method != method {
-                let why = format!(
-                    "{name} needs --kernel {method}, not --kernel {}",
-                    self.method
-                );
-                return Err(Error::Usage(why));
+/// A kernel and its accuracy.
+#[derive(Clone, Copy, Debug, Default)]
+struct Kernel {
+    method: Method,
+    accuracy: Accuracy,
+}
+
+impl FromStr for Kernel {
+    type Err = String;
+
+    fn from_str(text: &str) -> std::result::Result<Kernel, String> {
+        let (name, settings) = split(text, &["beta", "target", "order"])?;
+        let method: Method = name.parse().map_err(|e| format!("{e}"))?;
+        let mut accuracy = Accuracy::default();
+        for (key, value) in settings {
+            let of = match key {
+                "order" => Method::Fmm,
+                _ => Method::BarnesHut,
+            };
+            if method != of {
+                return Err(format!("{key} is a setting of {of}, not of {method}"));
+            }
+            match key {
+                "beta" => accuracy.beta = Some(named(key, beta(value))?),
+                "target" => accuracy.target = Some(named(key, positive(value))?),
+                _ => accuracy.order = Some(named(key, order(value))?),
             }
         }
-        let accuracy = Accuracy {
-            beta: self.beta,
-            target: self.target,
-            order: self.order,
-            ..Accuracy::default()
-        };
-        Ok(SessionOptions {
-            kernel: self.method,
-            accuracy,
+        match (accuracy.target, accuracy.beta) {
+            (Some(_), None) => Err("target needs beta".into()),
+            _ => Ok(Kernel { method, accuracy }),
+        }
+    }
+}
+
+impl KernelArgs {
+    /// Returns the kernel.
+    pub fn method(&self) -> Method {
+        self.kernel.method
+    }
+
+    /// Returns the options of a session with this kernel and device.
+    pub fn options(&self) -> SessionOptions {
+        SessionOptions {
+            kernel: self.kernel.method,
+            accuracy: self.kernel.accuracy,
             device: self.device.clone(),
             ..SessionOptions::default()
-        })
+        }
     }
 }
 
@@ -70,5 +83,47 @@ pub fn beta(text: &str) -> Result<f64, String> {
     match text.parse() {
         Ok(x) if f64::is_finite(x) && x >= 1.0 => Ok(x),
         _ => Err("expected a number of at least 1".into()),
+    }
+}
+
+/// Parses the order of the fast multipole method.
+fn order(text: &str) -> Result<u32, String> {
+    match text.parse() {
+        Ok(order) if (2..=20).contains(&order) => Ok(order),
+        _ => Err("expected a whole number from 2 to 20".into()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn settings_belong_to_their_kernel() {
+        let kernel: Kernel = "barnes-hut,beta=2,target=0.01".parse().unwrap();
+        assert_eq!(kernel.method, Method::BarnesHut);
+        assert_eq!(
+            (kernel.accuracy.beta, kernel.accuracy.target),
+            (Some(2.0), Some(0.01))
+        );
+        assert_eq!(
+            "fmm,order=3".parse::<Kernel>().unwrap().accuracy.order,
+            Some(3)
+        );
+        for (bad, word) in [
+            (
+                "auto,beta=2",
+                "beta is a setting of barnes-hut, not of auto",
+            ),
+            ("fmm,beta=2", "not of fmm"),
+            ("direct,order=3", "order is a setting of fmm"),
+            ("fmm,order=1", "from 2 to 20"),
+            ("barnes-hut,beta=0.5", "at least 1"),
+            ("barnes-hut,target=0.1", "target needs beta"),
+            ("guess", "expected auto, crossings"),
+        ] {
+            let error = bad.parse::<Kernel>().unwrap_err();
+            assert!(error.contains(word), "{bad}: {error}");
+        }
     }
 }

@@ -10,6 +10,8 @@ mod clearance_args;
 mod completions;
 mod convert;
 mod devices;
+#[cfg(feature = "mcap")]
+mod diff;
 mod event_args;
 mod files;
 mod frames;
@@ -30,6 +32,10 @@ mod open;
 mod order;
 mod output;
 mod plan;
+#[cfg(all(feature = "bus", feature = "mcap"))]
+mod play;
+#[cfg(feature = "mcap")]
+mod range;
 #[cfg(feature = "mcap")]
 mod recorded;
 #[cfg(feature = "lab")]
@@ -42,8 +48,11 @@ mod run;
 mod sequence;
 #[cfg(feature = "bus")]
 mod services;
+mod settings;
 #[cfg(any(feature = "bus", feature = "mcap"))]
 mod signals;
+#[cfg(feature = "mcap")]
+mod source;
 #[cfg_attr(
     not(any(feature = "bus", feature = "mcap")),
     expect(dead_code, reason = "no command detaches its streams")
@@ -124,6 +133,10 @@ enum Command {
     Replay(replay::Args),
     #[cfg(feature = "mcap")]
     Report(report::Args),
+    #[cfg(feature = "mcap")]
+    Diff(diff::Args),
+    #[cfg(all(feature = "bus", feature = "mcap"))]
+    Play(play::Args),
     Certify(certify::Args),
     Check(check::Args),
     Convert(convert::Args),
@@ -237,6 +250,10 @@ fn run(cli: &Cli) -> Result<Outcome> {
         Command::Replay(args) => replay::run(args, cli.json),
         #[cfg(feature = "mcap")]
         Command::Report(args) => report::run(args, cli.json),
+        #[cfg(feature = "mcap")]
+        Command::Diff(args) => diff::run(args, cli.json),
+        #[cfg(all(feature = "bus", feature = "mcap"))]
+        Command::Play(args) => play::run(args, cli.json),
         #[cfg(feature = "bus")]
         Command::Services(_) => services::run(cli.json),
         Command::Completions(args) => completions::run(args),

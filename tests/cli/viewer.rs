@@ -10,32 +10,35 @@ use tempfile::TempDir;
 fn a_file_with_fewer_curves_is_smaller() {
     let folder = TempDir::new().unwrap();
     let models = motion(folder.path(), 1.0, true);
-    let size = |options: &[&str]| {
+    let size = |settings: &str| {
         let path = folder.path().join("run.rrd");
-        let output = ["--force", "--rrd", path.to_str().unwrap()];
-        let run = check(&models, &[&output, options].concat());
+        let show = format!("{}{settings}", path.to_str().unwrap());
+        let run = check(&models, &["--force", "--show", &show]);
         assert_eq!(run.code, 1, "{}", run.stderr);
         std::fs::metadata(&path).unwrap().len()
     };
-    let all = size(&[]);
-    assert!(size(&["--view-every", "4"]) < all);
-    assert!(size(&["--view-only", "violated"]) < all);
+    let all = size("");
+    assert!(size(",every=4") < all);
+    assert!(size(",only=violated") < all);
 }
 
 #[test]
-fn a_choice_of_curves_needs_a_viewer() {
+fn settings_of_a_viewer_are_checked() {
     let folder = TempDir::new().unwrap();
     let models = motion(folder.path(), 1.0, true);
-    for option in [["--view-every", "2"], ["--view-only", "violated"]] {
-        let run = check(&models, &option);
+    for (show, word) in [
+        ("never.rrd,every=0", "every: expected an integer"),
+        ("live,only=some", "only: expected violated"),
+        ("live,fast=1", "no setting 'fast'"),
+        ("screen", "expected live, web"),
+    ] {
+        let run = check(&models, &["--show", show]);
         assert_eq!(run.code, 2, "{}", run.stdout);
-        assert!(run.stderr.contains("--rrd <FILE.rrd>"), "{}", run.stderr);
+        assert!(run.stderr.contains(word), "{}", run.stderr);
     }
-    let run = check(&models, &["--rrd", "never.rrd", "--view-every", "0"]);
-    assert_eq!(run.code, 2, "{}", run.stdout);
 }
 
-/// Runs `check --serve` with programs of a folder only.
+/// Runs `check --show web:PORT` with programs of a folder only.
 fn serve(models: &[String], programs: &Path) -> Run {
     // Two ports that are free.
     let first = || {
@@ -46,7 +49,7 @@ fn serve(models: &[String], programs: &Path) -> Run {
     let port = std::iter::repeat_with(first).find(next_is_free).unwrap();
     let mut command = command();
     command.arg("check").args(models).env("PATH", programs);
-    command.args(["--serve", &port.to_string()]);
+    command.args(["--show", &format!("web:{port}")]);
     command.output().unwrap().into()
 }
 
@@ -78,12 +81,12 @@ fn a_server_that_ends_at_once_is_an_error() {
     assert!(run.stderr.contains(why), "{}", run.stderr);
 }
 
-/// Runs `check --view` with an empty PATH, and with these variables of a screen only.
+/// Runs `check --show live` with an empty PATH, and with these variables of a screen only.
 fn view(screen: &[(&str, &str)]) -> Run {
     let folder = TempDir::new().unwrap();
     let models = motion(folder.path(), 1.0, true);
     let mut command = command();
-    command.arg("check").args(models).arg("--view");
+    command.arg("check").args(models).args(["--show", "live"]);
     for name in ["WAYLAND_DISPLAY", "WAYLAND_SOCKET", "DISPLAY"] {
         command.env_remove(name);
     }
@@ -99,8 +102,8 @@ fn a_viewer_without_a_screen_fails_at_once_and_names_other_outputs() {
         let run = view(screen);
         assert_eq!((run.code, run.stdout.as_str()), (2, ""));
         assert!(run.stderr.contains("no screen"), "{}", run.stderr);
-        assert!(run.stderr.contains("--rrd FILE.rrd"), "{}", run.stderr);
-        assert!(run.stderr.contains("--serve"), "{}", run.stderr);
+        assert!(run.stderr.contains("--show FILE.rrd"), "{}", run.stderr);
+        assert!(run.stderr.contains("--show web"), "{}", run.stderr);
     }
 }
 
@@ -110,5 +113,5 @@ fn a_viewer_without_its_program_fails_at_once_and_names_other_outputs() {
     assert_eq!((run.code, run.stdout.as_str()), (2, ""));
     let install = "no program `rerun` in PATH to show frames; `pip install rerun-sdk==";
     assert!(run.stderr.contains(install), "{}", run.stderr);
-    assert!(run.stderr.contains("--rrd FILE.rrd"), "{}", run.stderr);
+    assert!(run.stderr.contains("--show FILE.rrd"), "{}", run.stderr);
 }

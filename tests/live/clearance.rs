@@ -34,7 +34,7 @@ fn a_low_clearance_stops_a_simulator_before_the_pull_through() {
     let service = service("clearance");
     let recording = folder.path().join("run.mcap");
     let record = recording.to_str().unwrap();
-    let policy = ["--thickness", "published", "--abort-on", "clearance"];
+    let policy = ["--radius", "published", "--abort-on", "clearance"];
     let args = [&policy[..], &["--record", record]].concat();
     let watch = Watch::start(folder.path(), "watch", &service, &args);
     let mut sim = thick_client(&service, &[RADIUS; 2]);
@@ -87,7 +87,7 @@ fn a_low_clearance_stops_a_simulator_before_the_pull_through() {
     let (code, text) = printed(&[
         "replay",
         record,
-        "--thickness",
+        "--radius",
         "0.2",
         "--min-clearance",
         "25%",
@@ -98,7 +98,7 @@ fn a_low_clearance_stops_a_simulator_before_the_pull_through() {
         "they meet in about 5 frames at this rate",
         "below 25.00 % in",
         "frames before the first violation",
-        "another --thickness or --min-clearance",
+        "another --radius or --min-clearance",
     ] {
         assert!(text.contains(words), "{words}: {text}");
     }
@@ -111,7 +111,7 @@ fn a_low_clearance_in_a_cell_names_the_image() {
     let service = service("clearance-cell");
     let recording = folder.path().join("run.mcap");
     let args = [
-        "--thickness",
+        "--radius",
         "published",
         "--record",
         recording.to_str().unwrap(),
@@ -172,7 +172,7 @@ fn a_clearance_that_cannot_be_measured_makes_a_run_incomplete() {
     ] {
         let folder = TempDir::new().unwrap();
         let service = service(&format!("no-radii-{}", radii.len()));
-        let args = ["--thickness", "published"];
+        let args = ["--radius", "published"];
         let watch = Watch::start(folder.path(), "watch", &service, &args);
         let mut sim = thick_client(&service, radii);
         for frame in 0..3 {
@@ -192,7 +192,7 @@ fn a_clearance_that_cannot_be_measured_makes_a_run_incomplete() {
 fn a_clearance_that_can_be_measured_later_leaves_the_run_incomplete() {
     let folder = TempDir::new().unwrap();
     let service = service("unmeasured-first");
-    let policy = ["--thickness", "published"];
+    let policy = ["--radius", "published"];
     let watch = Watch::start(folder.path(), "watch", &service, &policy);
     let mut sim = Client::open(&service, &ClientOptions::lockstep()).unwrap();
     let labels = CurveLabels::named(["a", "b"]);
@@ -217,22 +217,19 @@ fn options_of_clearance_that_contradict_one_another_are_refused() {
     for (args, why) in [
         (
             &["--min-clearance", "0.5"][..],
-            "--min-clearance needs --thickness",
+            "--min-clearance needs --radius",
         ),
         (
             &["--abort-on", "clearance"],
-            "--abort-on clearance needs --thickness",
+            "--abort-on clearance needs --radius",
         ),
         (
-            &["--thickness", "0"],
+            &["--radius", "0"],
             "expected a number above 0, or `published`",
         ),
+        (&["--radius", "1e99"], "expected a length of 1e-30 to 1e30"),
         (
-            &["--thickness", "1e99"],
-            "expected a length of 1e-30 to 1e30",
-        ),
-        (
-            &["--thickness", "1", "--min-clearance", "150%"],
+            &["--radius", "1", "--min-clearance", "150%"],
             "from 0% to 100%",
         ),
     ] {

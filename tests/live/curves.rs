@@ -52,7 +52,7 @@ fn curves_that_come_and_go_are_compared_by_name_recorded_and_replayed() {
         "--events",
         "--record",
         recording.to_str().unwrap(),
-        "--rrd",
+        "--show",
         rrd.to_str().unwrap(),
     ];
     let watch = Watch::start(folder.path(), "watch", &service, &args);

@@ -1,4 +1,4 @@
-//! `linkwatch replay A --diff B`: verdicts of two runs.
+//! `linkwatch diff`: verdicts of two runs.
 
 use super::recordings::rewrite_flight;
 use super::written::{Chainmail, drop_verdicts};
@@ -15,7 +15,7 @@ fn chainmail(pulled: u64) -> Chainmail {
 }
 
 fn diff(a: &Path, b: &Path, args: &[&str]) -> Ended {
-    replay_with(a, &[&["--diff", b.to_str().unwrap()], args].concat())
+    run_with("diff", a, &[&[b.to_str().unwrap()], args].concat())
 }
 
 #[test]
@@ -44,7 +44,7 @@ fn names_the_frame_at_which_the_runs_diverge_and_the_findings_that_only_one_has(
     );
     assert_eq!(only_b.len(), 0);
 
-    let (code, text) = printed(&["replay", a.to_str().unwrap(), "--diff", b.to_str().unwrap()]);
+    let (code, text) = printed(&["diff", a.to_str().unwrap(), b.to_str().unwrap()]);
     assert_eq!(code, Some(1));
     for words in [
         "verdicts: 8 equal, 4 different",

@@ -1,4 +1,4 @@
-//! What recordings keep: `--record-every`, `--record-window`, `--record-max`; files in use; kills.
+//! What recordings keep: `--record FILE,every=..,window=..,max=..`; files in use; kills.
 
 use super::support::polygons::square;
 use super::support::random::Random;
@@ -32,13 +32,13 @@ pub fn describe_many(sim: &mut Client) {
 fn record(
     folder: &Path,
     name: &str,
-    options: &[&str],
+    (settings, options): (&str, &[&str]),
     counts: &[i32],
     frames: impl Iterator<Item = Vec<f32>>,
 ) -> Ended {
     let service = service(name);
-    let recording = folder.join("run.mcap");
-    let record = ["--abort-on=never", "--record", recording.to_str().unwrap()];
+    let recording = format!("{}{settings}", folder.join("run.mcap").display());
+    let record = ["--abort-on=never", "--record", &recording];
     let watch = Watch::start(folder, name, &service, &[&record[..], options].concat());
     let mut sim = Client::open(&service, &ClientOptions::lockstep()).unwrap();
     sim.describe(Basis::Polyline, Precision::F32, counts)
@@ -98,11 +98,10 @@ fn a_replay_claims_no_pull_through_between_frames_that_were_not_recorded() {
     };
     // There and back, several times.
     let path = [0, 1, 2, 3, 2, 1].into_iter().cycle().take(31);
-    let options = ["--events", "--record-every", "3"];
     let live = record(
         folder.path(),
         "around",
-        &options,
+        (",every=3", &["--events"]),
         &[-4, -4],
         path.map(positions),
     );
@@ -132,13 +131,7 @@ fn a_thinned_recording_has_all_verdicts_and_the_frames_around_violations() {
     let folder = TempDir::new().unwrap();
     let shift = |k: u64| if k == 15 { 2.5 } else { (k % 3) as f32 * 0.01 };
     let frames = (0..30).map(|k| squares(shift(k)));
-    let live = record(
-        folder.path(),
-        "thin",
-        &["--record-every", "10"],
-        &[-4, -4],
-        frames,
-    );
+    let live = record(folder.path(), "thin", (",every=10", &[]), &[-4, -4], frames);
     assert_eq!(live.code, Some(1), "{}", live.stderr);
     let recording = folder.path().join("run.mcap");
     assert_eq!(frames_of(&recording), [0, 10, 14, 15, 20]);
@@ -147,7 +140,7 @@ fn a_thinned_recording_has_all_verdicts_and_the_frames_around_violations() {
     assert_eq!(counts, [5, 0, 25]);
     let (_, words) = printed(&["replay", recording.to_str().unwrap()]);
     let says = "5 equal to the recorded ones; 25 not compared: their curves were left out on \
-                purpose (recorded with --record-every 10)";
+                purpose (recorded with every 10)";
     assert!(words.contains(says), "{words}");
 }
 
@@ -166,11 +159,10 @@ fn a_window_recording_replays_with_the_baseline_of_the_run() {
         std::thread::sleep(Duration::from_millis(10));
         squares(shift(k))
     };
-    let options = ["--events", "--record-window", "0.005"];
     let live = record(
         folder.path(),
         "window",
-        &options,
+        (",window=0.005", &["--events"]),
         &[-4, -4],
         (0..40).map(paused),
     );
@@ -182,11 +174,7 @@ fn a_window_recording_replays_with_the_baseline_of_the_run() {
         "{kept:?}"
     );
     assert!(!kept.contains(&0) && !kept.contains(&10), "{kept:?}");
-    assert!(
-        note(&live).contains("--record-window 0.005"),
-        "{}",
-        note(&live)
-    );
+    assert!(note(&live).contains("window of 0.005 s"), "{}", note(&live));
     // The topology changes in frame 20, and back in frame 25, where the strand is pulled back.
     let compared = replay_all(&recording, 1);
     assert_eq!(
@@ -203,13 +191,7 @@ fn a_window_recording_replays_with_the_baseline_of_the_run() {
 fn without_a_violation_a_window_recording_writes_no_file_and_says_so() {
     let folder = TempDir::new().unwrap();
     let frames = (0..20).map(|_| squares(0.0));
-    let live = record(
-        folder.path(),
-        "calm",
-        &["--record-window", "5"],
-        &[-4, -4],
-        frames,
-    );
+    let live = record(folder.path(), "calm", (",window=5", &[]), &[-4, -4], frames);
     assert_eq!(live.code, Some(0), "{}", live.stderr);
     assert!(!folder.path().join("run.mcap").exists());
     assert!(
@@ -229,14 +211,8 @@ fn sessions_in_several_files_use_different_names() {
     for name in ["run.mcap", "run-part2.mcap"] {
         std::fs::write(folder.path().join(name), "old").unwrap();
     }
-    let args = [
-        "--record-max",
-        "1MB",
-        "--keep-watching",
-        "--force",
-        "--record",
-    ];
-    let args = [&args[..], &[recording.to_str().unwrap()]].concat();
+    let record = format!("{},max=1MB", recording.display());
+    let args = ["--keep-watching", "--force", "--record", &record];
     let watch = Watch::start(folder.path(), "watch", &service, &args);
     for _ in 0..2 {
         let mut sim = Client::open(&service, &ClientOptions::lockstep()).unwrap();
@@ -336,12 +312,12 @@ fn a_recording_that_is_read_or_written_is_not_overwritten() {
 /// and a replay writes a complete file of it.
 fn kills(test: &str, kills: u64, seed: u64) {
     let mut random = Random::new(seed);
-    let modes: [&[&str]; 5] = [
-        &[],
-        &["--record-every", "5"],
-        &["--record-window", "0.2"],
-        &["--record-max", "1MB"],
-        &["--record-window", "0.2", "--record-max", "1MB"],
+    let modes = [
+        "",
+        ",every=5",
+        ",window=0.2",
+        ",max=1MB",
+        ",window=0.2,max=1MB",
     ];
     let service = service(test);
     let mut sim = Client::open(&service, &ClientOptions::default()).unwrap();
@@ -349,15 +325,10 @@ fn kills(test: &str, kills: u64, seed: u64) {
     let (mut files, mut frames, mut replayed) = (0, 0_u64, 0);
     for kill in 0..kills {
         let folder = TempDir::new().unwrap();
-        let recording = folder.path().join("run.mcap");
-        let record = ["--abort-on=never", "--record", recording.to_str().unwrap()];
         let mode = modes[kill as usize % modes.len()];
-        let watch = Watch::start(
-            folder.path(),
-            "watch",
-            &service,
-            &[&record[..], mode].concat(),
-        );
+        let recording = format!("{}{mode}", folder.path().join("run.mcap").display());
+        let record = ["--abort-on=never", "--record", &recording];
+        let watch = Watch::start(folder.path(), "watch", &service, &record);
         assert!(sim.wait_for_watcher(PATIENCE).unwrap());
         let end = Duration::from_millis(50 + random.below(1500) as u64);
         let start = std::time::Instant::now();

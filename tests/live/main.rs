@@ -12,7 +12,7 @@ mod exposition;
 mod faults;
 mod keep;
 mod metrics;
-mod publish;
+mod play;
 mod recordings;
 mod roles;
 mod services;
@@ -142,8 +142,13 @@ fn replay(recording: &Path) -> Ended {
 }
 
 fn replay_with(recording: &Path, args: &[&str]) -> Ended {
+    run_with("replay", recording, args)
+}
+
+/// Runs a command on a recording.
+fn run_with(name: &str, recording: &Path, args: &[&str]) -> Ended {
     let run = command()
-        .args(["replay", "--json"])
+        .args([name, "--json"])
         .arg(recording)
         .args(args)
         .output()

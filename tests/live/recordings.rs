@@ -202,16 +202,19 @@ fn a_replay_overwrites_neither_its_input_nor_an_existing_file() {
             "same file as the input run.mcap",
         );
         refused(
-            &with(&["--rrd", "hard.rrd"]),
+            &with(&["--show", "hard.rrd"]),
             "same file as the input run.mcap",
         );
-        refused(&with(&["--rrd", "run.mcap"]), "--record writes a recording");
         refused(
-            &with(&["--record", "new.rrd"]),
-            "--rrd writes a file for the viewer",
+            &with(&["--show", "run.mcap"]),
+            "--record writes a recording",
         );
         refused(
-            &with(&["--record", "new.mcap", "--rrd", "new.mcap"]),
+            &with(&["--record", "new.rrd"]),
+            "--show writes a file for the viewer",
+        );
+        refused(
+            &with(&["--record", "new.mcap", "--show", "new.mcap"]),
             "--record writes",
         );
         refused(&with(&["--record", "."]), "an .mcap file");
@@ -244,7 +247,7 @@ fn rejects_a_pipe_as_a_recording() {
             .unwrap()
             .success()
     );
-    for (option, path) in [("--record", &pipe), ("--rrd", &other)] {
+    for (option, path) in [("--record", &pipe), ("--show", &other)] {
         let args = [option, path.to_str().unwrap(), "--force", "--wait", "0.1"];
         let ended = Watch::start(folder.path(), "watch", &service("pipe"), &args).end();
         assert_eq!(ended.code, Some(2), "{}", ended.stderr);
@@ -326,15 +329,14 @@ fn a_replay_reports_if_its_verdicts_equal_the_recorded_ones() {
     let equal =
         "verdicts: 19 equal to the recorded ones; 1 not compared: the curves of rejected frames";
     assert!(last(&[]).starts_with(equal), "{}", last(&[]));
-    assert!(last(&["--kernel", "direct"]).starts_with(equal));
     for (args, option) in [
         (&["--abort-on", "lost"][..], "--abort-on"),
         (&["--baseline", "first-frame"], "--baseline"),
-        (&["--events"], "--events or --self"),
+        (&["--events"], "--events"),
         (&["--motion-limit", "2"], "--motion-limit"),
         (
-            &["--self", "--abort-on", "never"],
-            "--abort-on, --events or --self",
+            &["--events=all", "--abort-on", "never"],
+            "--abort-on, --events",
         ),
     ] {
         let expected = format!(

@@ -20,6 +20,11 @@ struct Restarted {
 impl Restarted {
     /// Starts the first process.
     fn start(test: &str, args: &[&str]) -> Restarted {
+        Restarted::recording(test, "", args)
+    }
+
+    /// Starts the first process, whose recording has these settings.
+    fn recording(test: &str, settings: &str, args: &[&str]) -> Restarted {
         let mut watches = Restarted {
             folder: TempDir::new().unwrap(),
             service: service(test),
@@ -28,7 +33,8 @@ impl Restarted {
             watch: None,
         };
         let [state, recording] = ["watch.state", "run.mcap"].map(|name| watches.path(name));
-        let own = ["--state", text(&state), "--record", text(&recording)];
+        let recording = format!("{}{settings}", text(&recording));
+        let own = ["--state", text(&state), "--record", &recording];
         watches.args = own.iter().chain(args).map(|&arg| arg.to_owned()).collect();
         watches.next();
         watches
@@ -198,7 +204,7 @@ fn processes_write_several_files_each_that_replay_by_themselves() {
     const EACH: u64 = 12;
     /// First frame in which two squares are apart.
     const APART: u64 = 15;
-    let mut watches = Restarted::start("parts", &["--record-max", "1MB", "--abort-on", "never"]);
+    let mut watches = Restarted::recording("parts", ",max=1MB", &["--abort-on", "never"]);
     let mut sim = Client::open(&watches.service, &ClientOptions::lockstep()).unwrap();
     keep::describe_many(&mut sim);
     watched(&mut sim);

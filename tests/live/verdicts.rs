@@ -11,7 +11,7 @@ fn a_pull_through_is_found_aborted_recorded_and_replayed_identically() {
     let args = [
         "--record",
         recording.to_str().unwrap(),
-        "--rrd",
+        "--show",
         rrd.to_str().unwrap(),
     ];
     let watch = Watch::start(folder.path(), "watch", &service, &args);
@@ -83,7 +83,7 @@ fn reports_pull_throughs_that_cancel_if_requested() {
 
     let record = ["--record", recording.to_str().unwrap()];
     // The curve moves four edge lengths in one step, beyond the default limit.
-    let policy = ["--abort-on", "event", "--paranoid", "--motion-limit", "5"];
+    let policy = ["--abort-on", "event", "--motion-limit", "5"];
     let (verdicts, abort, live) = run("seen", &[&record[..], &policy].concat());
     let changed = |k: usize| [Verdict::Intact, Verdict::Changed][usize::from(k == 3)];
     assert_eq!(verdicts, [0, 1, 2, 3, 4].map(changed));
@@ -125,7 +125,6 @@ fn a_rollback_of_a_pull_through_is_aborted_once() {
             "--events",
             "--motion-limit",
             "5",
-            "--paranoid",
             "--record",
             recording.to_str().unwrap(),
         ];

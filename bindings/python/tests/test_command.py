@@ -53,11 +53,11 @@ def test_certify_prints_the_certificate_of_a_file(linked, tmp_path):
     assert linkwatch.Certificate.read(file) == linkwatch.certify([RING, OTHER])
 
 
-@pytest.mark.parametrize("option", [["--view"], ["--serve"], ["--rrd", "a.rrd"]])
-def test_the_viewer_is_in_another_build(linked, option):
-    code, out, err = run("check", linked, linked, *option)
+@pytest.mark.parametrize("where", ["live", "web", "a.rrd"])
+def test_the_viewer_is_in_another_build(linked, where):
+    code, out, err = run("check", linked, linked, "--show", where)
     assert (code, out) == (2, "")
-    assert f"{option[0]}: this build of linkwatch has no viewer" in err
+    assert "this build of linkwatch has no viewer" in err
     assert "cargo install --path . --locked" in err
     assert "linkwatch replay FILE.mcap" in err
 
@@ -73,7 +73,7 @@ def test_check_returns_1_if_a_link_was_lost(linked, apart):
     "args, words",
     [
         (["bogus"], "unrecognized subcommand 'bogus'"),
-        (["watch", "--rrd", "run.rrd"], "this build of linkwatch has no viewer"),
+        (["watch", "--show", "run.rrd"], "this build of linkwatch has no viewer"),
         (["certify", "missing.bcc"], "missing.bcc"),
         (["study"], "this build has no studies"),
     ],
@@ -134,7 +134,7 @@ def test_sigint_kills_a_command_that_does_not_handle_it(start, tmp_path):
     pipe = tmp_path / "certificate"
     os.mkfifo(pipe)
     # Blocks until somebody writes a certificate to the pipe.
-    check = start("check", "torus_link", "--against", pipe)
+    check = start("check", "torus_link", "--baseline", pipe)
     until("the command", lambda: "waiting for its writer" in check.err.read_text())
     check.signal(signal.SIGINT)
     code, _, err = check.end()

@@ -53,8 +53,7 @@ def test_messages_for_other_tools_have_their_well_known_types(tmp_path):
         path = tmp_path / f"{k}.bcc"
         models.append(write_bcc(path, [RING, OTHER + [far, 0, 0], RING + [9, 0, 0]]))
     recording = tmp_path / "run.mcap"
-    tools = "--record-for=foxglove,rerun"
-    code, _, err = run("check", *models, "--record", recording, tools)
+    code, _, err = run("check", *models, "--record", f"{recording},for=foxglove+rerun")
     assert code == 1, err
     scenes, clouds = [], []
     for topic, schema, message in messages(recording):

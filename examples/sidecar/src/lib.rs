@@ -128,7 +128,7 @@ impl Sidecar {
         println!("all frames and verdicts:  {recording}");
         println!("  verify it again:        linkwatch replay {recording}");
         println!(
-            "  open it in the viewer:  linkwatch replay {recording} --rrd {rrd} && rerun {rrd}"
+            "  open it in the viewer:  linkwatch replay {recording} --show {rrd} && rerun {rrd}"
         );
     }
 }

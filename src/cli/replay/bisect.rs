@@ -7,12 +7,12 @@ mod print;
 
 use self::print::{Found, Recorded};
 use super::Args;
-use super::source::{Frame, Recording, Source};
-use super::verify::{recorded_events, warn_of_cut};
+use super::verify::recorded_events;
 use crate::cli::Outcome;
 use crate::cli::cell_args::{CellArgs, say};
 use crate::cli::output::with_progress;
 use crate::cli::run::{Baseline, Judge};
+use crate::cli::source::{Frame, Item, Recording, Source, warn_of_cut};
 use linkwatch::{
     AbortOn, Cause, Certificate, CurveSet, Defect, DefectKind, Ending, Error, Events, FrameInfo,
     FramePlace, Outline, Received, RecordedItem, Report, Result, Session, SessionOptions, Strategy,
@@ -82,9 +82,9 @@ impl Settings {
                 wrapped: cells.wrapped(),
                 keep_open: cells.keep_open(),
                 max_pairs: judge.max_pairs.unwrap_or(SessionOptions::MAX_PAIRS),
-                ..args.kernel.options()?
+                ..SessionOptions::default()
             },
-            events: judge.event_args.events(AbortOn::Never).max(recorded),
+            events: judge.event_args.events(AbortOn::Never, recorded),
             limit: judge.event_args.motion_limit.unwrap_or(limit),
         })
     }
@@ -383,7 +383,7 @@ fn in_sequence(args: &Args, source: &mut Source) -> Result<Found> {
     };
     let mut before: Option<Loaded> = None;
     while let Some(item) = source.next()? {
-        let super::source::Item::Frame(frame) = item else {
+        let Item::Frame(frame) = item else {
             continue;
         };
         if args.range.is_before(frame.seq, frame.time) {

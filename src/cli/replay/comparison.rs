@@ -39,10 +39,10 @@ pub struct RecordedWith {
 impl RecordedWith {
     pub fn read(metadata: &BTreeMap<String, String>) -> RecordedWith {
         let option = |key, option: &str| metadata.get(key).map(|value| format!("{option} {value}"));
-        let every = option(Retention::EVERY, "--record-every");
+        let every = option(Retention::EVERY, "every");
         RecordedWith {
             every: every.is_some(),
-            words: match every.or(option(Retention::WINDOW, "--record-window")) {
+            words: match every.or(option(Retention::WINDOW, "window")) {
                 Some(option) => format!("recorded with {option}"),
                 None => "they are in other files of this recording".into(),
             },

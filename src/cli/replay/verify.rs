@@ -2,19 +2,18 @@
 
 use super::Args;
 use super::comparison::{Comparison, RecordedWith, alike};
-use super::range::Range;
-use super::source::{Item, Source};
 use crate::cli::cell_args::KEEP_OPEN;
 use crate::cli::check::nothing_to_compare;
-use crate::cli::output::{self, count, plural};
+use crate::cli::output::{self, plural};
+use crate::cli::range::Range;
 use crate::cli::run::{FrameCounts, Ingested, Judge, Judged, MOTION_LIMIT, Run, Setup};
+use crate::cli::source::{Item, PATIENCE, Source, warn_of_cut};
 use crate::cli::{Outcome, braid_args, clearance_args, signals};
 use linkwatch::{
-    AbortOn, BaselineRecord, Braids, Continuation, Ending, Error, Events, FrameInfo, Overflow,
-    RecordedVerdict, Report, Result, Retention, SessionOptions, Verdict,
+    AbortOn, BaselineRecord, Braids, Continuation, Error, Events, FrameInfo, Overflow,
+    RecordedVerdict, Report, Result, Retention, SessionOptions, Strategy, Verdict,
 };
 use std::collections::{BTreeMap, VecDeque};
-use std::path::Path;
 use std::sync::Arc;
 
 /// Runs the command.
@@ -56,12 +55,11 @@ pub fn run(args: &Args, mut source: Source, json: bool) -> Result<Outcome> {
     let judge = Judge {
         abort_on: args.judge.abort_on.or(recorded),
         cell_args: args.judge.cell_args.or_recorded(&recorded_metadata),
-        kernel: args.kernel.clone(),
         ..args.judge.clone()
     };
     let mut files = judge.files(args.sinks.overwrite);
     files.reads(&args.file);
-    let overflow = Overflow::WaitForProgress(super::PATIENCE);
+    let overflow = Overflow::WaitForProgress(PATIENCE);
     output::detach(overflow)?;
     // Other settings give other verdicts, intentionally.
     let settings = [
@@ -77,8 +75,8 @@ pub fn run(args: &Args, mut source: Source, json: bool) -> Result<Outcome> {
             args.judge.cell_args.keep_open() && !recorded_metadata.contains_key(KEEP_OPEN),
         ),
         (
-            "--events or --self",
-            judge.event_args.events(AbortOn::Never) > recorded_events,
+            "--events",
+            judge.event_args.events(AbortOn::Never, recorded_events) != recorded_events,
         ),
         (
             "--max-pairs",
@@ -91,7 +89,7 @@ pub fn run(args: &Args, mut source: Source, json: bool) -> Result<Outcome> {
             judge.event_args.motion_limit.is_some_and(|l| l != limit),
         ),
         (
-            "--thickness or --min-clearance",
+            "--radius or --min-clearance",
             judge.abort_on == Some(AbortOn::Clearance) && clearance != recorded_clearance,
         ),
     ];
@@ -102,7 +100,7 @@ pub fn run(args: &Args, mut source: Source, json: bool) -> Result<Outcome> {
             sinks: &args.sinks,
             junit: Some(&args.junit),
             files,
-            strategy: judge.strategy(),
+            strategy: Strategy::Incremental,
             early_exit: false,
             models: false,
             live: false,
@@ -240,20 +238,6 @@ pub fn recorded_events(metadata: &BTreeMap<String, String>) -> (Events, f64) {
     // Earlier versions had no limit.
     let limit = metadata.get(MOTION_LIMIT).and_then(|l| l.parse().ok());
     (events.unwrap_or_default(), limit.unwrap_or(f64::INFINITY))
-}
-
-/// Warns of a recording that was cut off, with its end if that was reached. Returns true if it was.
-pub fn warn_of_cut(path: &Path, ending: Option<&Ending>) -> bool {
-    let Some(Ending::Cut { at, what }) = ending else {
-        return false;
-    };
-    tracing::warn!(
-        "{}: the recording is truncated at byte {}, in {what}: the recorder was stopped, or its \
-         disk was full; the complete frames were replayed",
-        path.display(),
-        count(*at),
-    );
-    true
 }
 
 /// A frame to judge, or a recorded verdict.

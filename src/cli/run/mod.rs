@@ -3,9 +3,9 @@
 mod baseline;
 mod clearance;
 mod junit;
-#[cfg(feature = "mcap")]
-mod keep;
 mod news;
+#[cfg(feature = "mcap")]
+mod record;
 mod sinks;
 #[cfg(feature = "bus")]
 mod state;
@@ -37,7 +37,6 @@ use super::cell_args::{CellArgs, KEEP_OPEN, say};
 use super::clearance_args::{self, ClearanceArgs};
 use super::event_args::EventArgs;
 use super::files::{Files, Overwrite};
-use super::kernel::KernelArgs;
 use super::label::Label;
 use super::live::Live;
 use super::metrics::SessionMetrics;
@@ -80,12 +79,12 @@ const FINISH: Duration = Duration::from_secs(30);
 #[derive(Clone, Debug, clap::Args)]
 #[command(next_help_heading = super::COMPARE)]
 pub struct Judge {
-    /// Expected linking numbers: `first-frame`, or a certificate file [default: first-frame;
-    /// replay: as recorded]
-    #[arg(long, visible_alias = "against", value_name = "first-frame|CERT")]
+    /// Expected linking numbers: `first-frame`, or a certificate file (`linkwatch certify -o`)
+    /// [default: first-frame; replay: as recorded]
+    #[arg(long, value_name = "first-frame|CERT")]
     pub baseline: Option<Baseline>,
     /// Findings that ask the simulator to stop: any, lost, gained, contact, event, rejected,
-    /// clearance (any, or strands that come too close, with --thickness) or never [default: any;
+    /// clearance (any, or strands that come too close, with --radius) or never [default: any;
     /// replay: as recorded]
     #[arg(long, value_name = "WHAT")]
     pub abort_on: Option<AbortOn>,
@@ -101,12 +100,6 @@ pub struct Judge {
     /// 200 bytes each, may not be there [default: 33554432]
     #[arg(long, value_name = "N", hide_short_help = true)]
     pub max_pairs: Option<usize>,
-    /// Set by the command, so that its help lists kernels last.
-    #[arg(skip)]
-    pub kernel: KernelArgs,
-    /// Also verify every frame in full, and compare: slow, a test of linkwatch itself
-    #[arg(long, hide_short_help = true)]
-    pub paranoid: bool,
 }
 
 impl Judge {
@@ -120,15 +113,6 @@ impl Judge {
             files.reads(path);
         }
         files
-    }
-
-    /// Returns the strategy of a stream of frames.
-    #[cfg(any(feature = "bus", feature = "mcap"))]
-    pub fn strategy(&self) -> Strategy {
-        match self.paranoid {
-            true => Strategy::Paranoid,
-            false => Strategy::Incremental,
-        }
     }
 }
 
@@ -342,7 +326,7 @@ impl Run {
         let (default_events, default_limit) = setup
             .recorded_events
             .unwrap_or((Events::Off, SessionOptions::MOTION_LIMIT));
-        let events = judge.event_args.events(abort_on).max(default_events);
+        let events = judge.event_args.events(abort_on, default_events);
         metadata.insert("events".into(), events.to_string());
         let given_limit = judge.event_args.motion_limit;
         let limit = given_limit.unwrap_or(default_limit);
@@ -354,9 +338,7 @@ impl Run {
         if let Some(clearance) = &clearance {
             clearance_args::write(clearance, &mut metadata);
         } else if abort_on == AbortOn::Clearance {
-            return Err(Error::Usage(
-                "--abort-on clearance needs --thickness".into(),
-            ));
+            return Err(Error::Usage("--abort-on clearance needs --radius".into()));
         }
         let braids = judge.braid_args.braids(setup.recorded_braids)?;
         if let Some(braids) = &braids {
@@ -388,7 +370,7 @@ impl Run {
                 (Events::Off, None) => given_limit,
                 _ => Some(limit),
             },
-            ..judge.kernel.options()?
+            ..SessionOptions::default()
         };
         Ok(Run {
             #[cfg(feature = "bus")]
@@ -525,7 +507,7 @@ impl Run {
         }
         if self.jumps == 0 && verified.jumps > 0 {
             self.live.note(format_args!(
-                "frame {seq}: {}; they are followed (--unwrapped takes them as they are)",
+                "frame {seq}: {}; they are followed (--wrapped=false takes them as they are)",
                 jumped(verified.jumps)
             ));
         }

@@ -1,21 +1,19 @@
-//! Destinations of verified frames: a recording (`--record`), and viewers.
+//! Destinations of verified frames: a recording (`--record`) and a viewer (`--show`).
 
 #[cfg(feature = "mcap")]
-use super::keep::KeepArgs;
-use super::viewer::ViewerArgs;
+use super::record::recording;
+use super::viewer::Show;
 #[cfg(feature = "mcap")]
 use crate::cli::files::Content;
 #[cfg(all(feature = "bus", feature = "mcap"))]
 use crate::cli::files::with_suffix;
 use crate::cli::files::{Files, Overwrite};
 #[cfg(feature = "mcap")]
-use linkwatch::RecordingTool;
+use linkwatch::RecordingOptions;
 use linkwatch::{ClearanceOptions, Overflow, Result, SinkQueue};
 use std::collections::BTreeMap;
 #[cfg(any(feature = "bus", feature = "mcap"))]
 use std::path::Path;
-#[cfg(feature = "mcap")]
-use std::path::PathBuf;
 
 /// Maximum number of frames that wait for a sink.
 #[cfg(any(feature = "mcap", feature = "rerun"))]
@@ -25,48 +23,36 @@ pub(super) const WAITING: usize = 8;
 #[cfg(any(feature = "mcap", feature = "rerun"))]
 pub(super) const WAITING_POINTS: usize = 1_000_000;
 
-/// Tools that show a recording by themselves.
-#[cfg(feature = "mcap")]
-#[derive(Clone, Copy, Debug, clap::ValueEnum)]
-enum Tool {
-    /// The curves as lines (foxglove.SceneUpdate): thinned, those with findings in full
-    Foxglove,
-    /// The curves as points (foxglove.PointCloud)
-    Rerun,
-}
-
-#[cfg(feature = "mcap")]
-impl From<Tool> for RecordingTool {
-    fn from(tool: Tool) -> RecordingTool {
-        match tool {
-            Tool::Foxglove => RecordingTool::Foxglove,
-            Tool::Rerun => RecordingTool::Rerun,
-        }
-    }
-}
-
 /// Destinations of verified frames.
 #[derive(Clone, Debug, clap::Args)]
 #[command(next_help_heading = crate::cli::WRITE)]
 pub struct Sinks {
-    /// Record every verified frame and verdict to an MCAP file
+    /// Record every verified frame and verdict to an MCAP file. Settings follow the name:
+    /// `run.mcap,every=10,max=1GB`
+    ///
+    /// every=N: curves only of every N-th frame, of frames that are not intact, and of the frame
+    /// before each of these; all verdicts.
+    /// window=SECONDS: only the frames of this time before each new violation, and after it; until
+    /// then they wait in memory (memory=SIZE, 1GiB unless given; the oldest ones are dropped beyond
+    /// it, and the summary says so). Without a violation there is no file.
+    /// max=SIZE: begin another file before the recording exceeds this size, at least 1MB
+    /// (`run-part2.mcap`, ..). Each one can be replayed without the others; keep=K keeps the last K
+    /// and the one with the first violation.
+    /// for=foxglove, rerun or foxglove+rerun: add messages that these tools draw by themselves
     #[cfg(feature = "mcap")]
-    #[arg(long, value_name = "FILE.mcap")]
-    record: Option<PathBuf>,
-    /// Add messages to the recording that other tools draw, so that they show it by themselves
-    #[cfg(feature = "mcap")]
-    #[arg(
-        long,
-        value_name = "TOOL,..",
-        value_delimiter = ',',
-        requires = "record"
-    )]
-    record_for: Vec<Tool>,
-    #[cfg(feature = "mcap")]
-    #[command(flatten)]
-    keep: KeepArgs,
-    #[command(flatten)]
-    viewer: ViewerArgs,
+    #[arg(long, value_name = "FILE.mcap[,..]", value_parser = recording)]
+    record: Option<RecordingOptions>,
+    /// Show every frame: `live` in the viewer (an installed `rerun`), `web` or `web:PORT` in a
+    /// browser on this machine, FILE.rrd in a file for the viewer, HOST:PORT or a URL in a running
+    /// viewer
+    ///
+    /// Settings follow: `run.rrd,every=10,only=violated` shows the curves of every 10th frame, and
+    /// of each frame whose verdict is not intact or differs from the previous one (plots and log
+    /// have all frames), and only the curves that took part in a finding so far, and their
+    /// neighbours. `web` starts an installed `rerun` as a server, which stays when the run ends,
+    /// and prints the address; port 9090 and the next one unless given
+    #[arg(long, value_name = "WHERE[,..]")]
+    show: Option<Show>,
     #[command(flatten)]
     pub overwrite: Overwrite,
 }
@@ -75,27 +61,28 @@ impl Sinks {
     /// Checks the output files, which must differ from all other files of the command.
     pub fn check_files(&self, files: &mut Files) -> Result<()> {
         #[cfg(feature = "mcap")]
-        if let Some(path) = &self.record {
-            files.writes("--record", path, Content::Recording)?;
+        if let Some(record) = &self.record {
+            files.writes("--record", &record.path, Content::Recording)?;
         }
-        self.viewer.check_files(files)
+        self.show.as_ref().map_or(Ok(()), |s| s.check_files(files))
     }
 
     /// Returns true if there is an output.
     #[cfg(feature = "mcap")]
     pub fn are_used(&self) -> bool {
-        self.viewer.is_live() || !self.paths().is_empty()
+        self.record.is_some() || self.show.is_some()
     }
 
     /// Returns these sinks with a suffix in the names of their files.
     #[cfg(feature = "bus")]
     pub fn with_suffix(&self, suffix: &str) -> Sinks {
-        Sinks {
-            #[cfg(feature = "mcap")]
-            record: self.record.as_deref().map(|p| with_suffix(p, suffix)),
-            viewer: self.viewer.with_suffix(suffix),
-            ..self.clone()
+        let mut sinks = self.clone();
+        #[cfg(feature = "mcap")]
+        if let Some(record) = &mut sinks.record {
+            record.path = with_suffix(&record.path, suffix);
         }
+        sinks.show = sinks.show.map(|show| show.with_suffix(suffix));
+        sinks
     }
 
     /// Returns the sinks of a later run, and their number: the next one for which no file exists
@@ -106,7 +93,7 @@ impl Sinks {
     pub fn numbered(&self, mut number: u64, files: &Files) -> (Sinks, u64) {
         loop {
             let mut sinks = self.with_suffix(&number.to_string());
-            sinks.viewer = sinks.viewer.later();
+            sinks.show = sinks.show.map(Show::later);
             if sinks.paths().iter().all(|path| files.is_free(path)) {
                 return (sinks, number);
             }
@@ -119,8 +106,8 @@ impl Sinks {
     pub fn paths(&self) -> Vec<&Path> {
         let files: &[Option<&Path>] = &[
             #[cfg(feature = "mcap")]
-            self.record.as_deref(),
-            self.viewer.path(),
+            self.record.as_ref().map(|record| record.path.as_path()),
+            self.show.as_ref().and_then(Show::path),
         ];
         files.iter().flatten().copied().collect()
     }
@@ -133,38 +120,20 @@ impl Sinks {
         metadata: &BTreeMap<String, String>,
         (clearance, overflow): (Option<ClearanceOptions>, Overflow),
     ) -> Result<Vec<SinkQueue>> {
-        let queues = [
-            self.open_recording(metadata, overflow)?,
-            self.viewer
-                .open(title, clearance, (overflow, self.overwrite))?,
-        ];
-        Ok(queues.into_iter().flatten().collect())
-    }
-
-    #[cfg(feature = "mcap")]
-    fn open_recording(
-        &self,
-        metadata: &BTreeMap<String, String>,
-        overflow: Overflow,
-    ) -> Result<Option<SinkQueue>> {
-        let Some(path) = self.record.clone() else {
-            return Ok(None);
-        };
-        let mut options = linkwatch::RecordingOptions::new(path);
-        options.metadata = metadata.clone();
-        options.overwrite = self.overwrite.force;
-        options.tools = self.record_for.iter().map(|t| (*t).into()).collect();
-        self.keep.apply(&mut options);
-        let queue = SinkQueue::spawn("recording", WAITING, overflow, move || options.open())?;
-        Ok(Some(queue.with_points(WAITING_POINTS)))
-    }
-
-    #[cfg(not(feature = "mcap"))]
-    fn open_recording(
-        &self,
-        _: &BTreeMap<String, String>,
-        _: Overflow,
-    ) -> Result<Option<SinkQueue>> {
-        Ok(None)
+        let mut queues = Vec::new();
+        #[cfg(feature = "mcap")]
+        if let Some(record) = &self.record {
+            let mut options = record.clone();
+            options.metadata = metadata.clone();
+            options.overwrite = self.overwrite.force;
+            let queue = SinkQueue::spawn("recording", WAITING, overflow, move || options.open())?;
+            queues.push(queue.with_points(WAITING_POINTS));
+        }
+        #[cfg(not(feature = "mcap"))]
+        let _ = metadata;
+        if let Some(show) = &self.show {
+            queues.push(show.open(title, clearance, (overflow, self.overwrite))?);
+        }
+        Ok(queues)
     }
 }

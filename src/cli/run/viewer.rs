@@ -1,115 +1,103 @@
-//! The options `--view`, `--rrd`, `--connect` and `--serve`: viewers of verified frames.
+//! The option `--show`: viewers of verified frames.
 
 use super::sinks::{WAITING, WAITING_POINTS};
 #[cfg(feature = "bus")]
 use crate::cli::files::with_suffix;
 use crate::cli::files::{Content, Files, Overwrite, claim};
 use crate::cli::number::at_least_one;
+use crate::cli::settings::{named, split};
 use linkwatch::{
     ClearanceOptions, Error, Overflow, Result, Sink, SinkQueue, ViewerOptions, ViewerSink,
     ViewerTarget,
 };
-use std::num::NonZeroU64;
-#[cfg(any(feature = "bus", feature = "mcap"))]
 use std::path::Path;
-use std::path::PathBuf;
+use std::str::FromStr;
 use std::time::Duration;
 
 /// Time limit for a viewer of a live simulation to open before the run begins. After that it opens
 /// in the background.
 const OPEN: Duration = Duration::from_secs(10);
 
-/// Port of `--serve` alone: that of the viewer for browsers.
-const SERVE: &str = "9090";
+/// Port of `--show web`: that of the viewer for browsers.
+const PORT: u16 = 9090;
 
-/// Curves that are shown.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
-enum Shown {
-    /// All curves
-    All,
-    /// Curves that took part in a finding so far, and their neighbours
-    Violated,
-}
+/// Settings of a viewer.
+const SETTINGS: [&str; 2] = ["every", "only"];
 
 /// Where frames are shown, and which ones.
-#[derive(Clone, Debug, clap::Args)]
-#[command(next_help_heading = crate::cli::WRITE)]
-pub struct ViewerArgs {
-    /// Show every frame in the viewer (opens an installed `rerun`)
-    #[arg(long, group = "shown")]
-    view: bool,
-    /// Write every frame to a file for the viewer (`rerun FILE.rrd` opens it)
-    #[arg(long, value_name = "FILE.rrd", group = "shown")]
-    rrd: Option<PathBuf>,
-    /// Show every frame in a running viewer
-    #[arg(long, value_name = "URL", group = "shown")]
-    connect: Option<String>,
-    /// Show every frame in a browser on this machine: starts an installed `rerun` as a server,
-    /// which stays when the run ends, and prints the address. PORT + 1 is
-    /// used, too [default PORT: 9090]
-    #[arg(
-        long, value_name = "PORT", group = "shown", num_args = 0..=1,
-        default_missing_value = SERVE, value_parser = clap::value_parser!(u16).range(1..65535)
-    )]
-    serve: Option<u16>,
-    /// Show the curves of every N-th frame only, and those of each frame whose verdict is not
-    /// intact or differs from the previous one; plots and log have all frames
-    #[arg(
-        long,
-        value_name = "N",
-        requires = "shown",
-        value_parser = at_least_one,
-        hide_short_help = true
-    )]
-    view_every: Option<NonZeroU64>,
-    /// Curves to show [default: all]
-    #[arg(
-        long,
-        value_name = "CURVES",
-        requires = "shown",
-        hide_short_help = true
-    )]
-    view_only: Option<Shown>,
+#[derive(Clone, Debug, PartialEq)]
+pub struct Show {
+    target: ViewerTarget,
+    options: ViewerOptions,
     /// True if the run does not wait until the viewer is open, and continues without it if it
     /// fails.
-    #[arg(skip)]
     later: bool,
 }
 
-impl ViewerArgs {
+impl FromStr for Show {
+    type Err = String;
+
+    fn from_str(text: &str) -> std::result::Result<Show, String> {
+        let (what, settings) = split(text, &SETTINGS)?;
+        let mut options = ViewerOptions::default();
+        for (key, value) in settings {
+            match (key, value) {
+                ("every", n) => options.every = named(key, at_least_one(n))?,
+                (_, "violated") => options.only_violated = true,
+                _ => return Err("only: expected violated".into()),
+            }
+        }
+        let target = match (what, what.strip_prefix("web:").map(str::parse)) {
+            ("live", _) => ViewerTarget::Spawn,
+            ("web", _) => ViewerTarget::Serve(PORT),
+            (_, Some(Ok(port @ 1..=65534))) => ViewerTarget::Serve(port),
+            (_, Some(_)) => return Err("expected a port from 1 to 65534 after `web:`".into()),
+            _ if Path::new(what).extension().is_some_and(|e| e == "rrd") => {
+                ViewerTarget::File(what.into())
+            }
+            _ if what.contains(':') => ViewerTarget::Connect(what.into()),
+            _ => {
+                return Err("expected live, web, web:PORT, a file FILE.rrd or HOST:PORT".into());
+            }
+        };
+        Ok(Show {
+            target,
+            options,
+            later: false,
+        })
+    }
+}
+
+impl Show {
     /// Checks the output file, which must differ from all other files of the command.
     pub fn check_files(&self, files: &mut Files) -> Result<()> {
-        match &self.rrd {
-            Some(path) => files.writes("--rrd", path, Content::Viewer),
+        match self.path() {
+            Some(path) => files.writes("--show", path, Content::Viewer),
             None => Ok(()),
         }
     }
 
-    /// Returns true if frames are shown, and not written to a file.
-    #[cfg(feature = "mcap")]
-    pub fn is_live(&self) -> bool {
-        self.view || self.connect.is_some() || self.serve.is_some()
-    }
-
     /// Returns the output file.
-    #[cfg(any(feature = "bus", feature = "mcap"))]
     pub fn path(&self) -> Option<&Path> {
-        self.rrd.as_deref()
-    }
-
-    /// Returns these arguments with a suffix in the name of the file.
-    #[cfg(feature = "bus")]
-    pub fn with_suffix(&self, suffix: &str) -> ViewerArgs {
-        ViewerArgs {
-            rrd: self.rrd.as_deref().map(|path| with_suffix(path, suffix)),
-            ..self.clone()
+        match &self.target {
+            ViewerTarget::File(path) => Some(path),
+            _ => None,
         }
     }
 
-    /// Returns these arguments for a run that does not wait for its viewer.
+    /// Returns the same with a suffix in the name of the file.
     #[cfg(feature = "bus")]
-    pub fn later(self) -> ViewerArgs {
-        ViewerArgs {
+    pub fn with_suffix(mut self, suffix: &str) -> Show {
+        if let ViewerTarget::File(path) = &mut self.target {
+            *path = with_suffix(path, suffix);
+        }
+        self
+    }
+
+    /// Returns the same for a run that does not wait for its viewer.
+    #[cfg(feature = "bus")]
+    pub fn later(self) -> Show {
+        Show {
             later: true,
             ..self
         }
@@ -124,12 +112,9 @@ impl ViewerArgs {
         title: &str,
         clearance: Option<ClearanceOptions>,
         (overflow, overwrite): (Overflow, Overwrite),
-    ) -> Result<Option<SinkQueue>> {
+    ) -> Result<SinkQueue> {
         let title = title.to_owned();
-        let options = ViewerOptions {
-            every: self.view_every.unwrap_or(NonZeroU64::MIN),
-            only_violated: self.view_only == Some(Shown::Violated),
-        };
+        let options = self.options;
         let open = move |target: &ViewerTarget| {
             let sink = ViewerSink::open(target, &title)?.with_options(options);
             let sink = match clearance {
@@ -138,21 +123,17 @@ impl ViewerArgs {
             };
             Ok(Box::new(sink) as Box<dyn Sink>)
         };
-        if let Some(path) = self.rrd.clone() {
+        let target = self.target.clone();
+        if let ViewerTarget::File(path) = &target {
+            let path = path.clone();
             let queue = SinkQueue::spawn("viewer", WAITING, overflow, move || {
                 claim(&path, overwrite)?;
-                open(&ViewerTarget::File(path))
+                open(&target)
             });
-            return Ok(Some(queue?.with_points(WAITING_POINTS)));
+            return Ok(queue?.with_points(WAITING_POINTS));
         }
-        let target = match (&self.connect, self.serve) {
-            (Some(url), _) => ViewerTarget::Connect(url.clone()),
-            (None, Some(port)) => ViewerTarget::Serve(port),
-            (None, None) if self.view => ViewerTarget::Spawn,
-            (None, None) => return Ok(None),
-        };
         let others = match target {
-            ViewerTarget::Spawn => ", and --serve shows the frames in a browser",
+            ViewerTarget::Spawn => ", and --show web shows the frames in a browser",
             _ => "",
         };
         let (overflow, limit) = of_viewer(overflow);
@@ -160,11 +141,11 @@ impl ViewerArgs {
         if !self.later {
             // If the viewer cannot be reached, the command fails at once, not at its first frame.
             queue.open(limit).map_err(|e| {
-                let file = "--rrd FILE.rrd writes a file for a viewer on any machine";
+                let file = "--show FILE.rrd writes a file for a viewer on any machine";
                 Error::Usage(format!("{e}; {file}{others}"))
             })?;
         }
-        Ok(Some(queue))
+        Ok(queue)
     }
 }
 
@@ -183,6 +164,31 @@ fn of_viewer(overflow: Overflow) -> (Overflow, Duration) {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn frames_are_shown_live_in_a_browser_in_a_file_or_at_an_address() {
+        let target = |text: &str| text.parse::<Show>().map(|show| show.target);
+        assert_eq!(target("live"), Ok(ViewerTarget::Spawn));
+        assert_eq!(target("web"), Ok(ViewerTarget::Serve(9090)));
+        assert_eq!(target("web:80"), Ok(ViewerTarget::Serve(80)));
+        assert_eq!(target("a,b.rrd"), Ok(ViewerTarget::File("a,b.rrd".into())));
+        let url = "rerun+http://host:9876/proxy";
+        assert_eq!(target(url), Ok(ViewerTarget::Connect(url.into())));
+        let show: Show = "run.rrd,every=5,only=violated".parse().unwrap();
+        assert!(show.options.every.get() == 5 && show.options.only_violated);
+        for bad in [
+            "",
+            "run.mcap",
+            "host",
+            "web:0",
+            "web:x",
+            "live,every=0",
+            "live,only=all",
+            "live,n=1",
+        ] {
+            assert!(bad.parse::<Show>().is_err(), "{bad}");
+        }
+    }
 
     #[test]
     fn a_viewer_gets_all_frames_of_a_replay_and_delays_no_live_run() {

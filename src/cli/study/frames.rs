@@ -145,7 +145,7 @@ impl Study {
             input: input.to_owned(),
             motions: MotionStudy {
                 curves,
-                events: args.event_args.events(AbortOn::Never),
+                events: args.event_args.events(AbortOn::Never, Events::Off),
                 motion_limit: args.event_args.motion_limit,
                 clearance: args.thickness.map(|r| ClearanceOptions::new(Some(r))),
             },

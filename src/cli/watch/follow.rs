@@ -13,7 +13,7 @@ use crate::cli::signals::TICK;
 use crate::cli::{Outcome, services};
 use linkwatch::{
     Counters, Error, Event, FrameInfo, LastLabels, LiveTimes, Overflow, Report, Result, Sidecar,
-    Verdict,
+    Strategy, Verdict,
 };
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -88,7 +88,7 @@ impl Follower<'_> {
             sinks,
             junit: None,
             files,
-            strategy: self.judge.strategy(),
+            strategy: Strategy::Incremental,
             early_exit: false,
             models: false,
             live: true,

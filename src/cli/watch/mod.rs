@@ -9,14 +9,13 @@ use self::follow::Follower;
 use self::state::State;
 use super::Outcome;
 use super::files::with_suffix;
-use super::kernel::KernelArgs;
 use super::label::Label;
 use super::metrics::{Metrics, MetricsArgs};
 use super::number::{seconds, share};
 use super::output;
 use super::run::{Judge, Run, Sinks};
 use super::signals::stop_on_signals;
-use linkwatch::{AbortOn, Error, Overflow, Result, Sidecar, SidecarOptions, WaitMode};
+use linkwatch::{AbortOn, Error, Overflow, Result, Sidecar, SidecarOptions};
 use std::path::PathBuf;
 use std::sync::atomic::AtomicBool;
 use std::time::Duration;
@@ -67,23 +66,12 @@ pub struct Args {
     /// than they could be verified: 0 to 1, or a percentage (`5%`) [default: no limit]
     #[arg(long, help_heading = super::WATCH, value_name = "SHARE", value_parser = share)]
     max_skipped: Option<f64>,
-    /// How to wait for frames: sleep (some 10 microseconds until a frame is seen), or spin (about
-    /// one, but keeps a core busy)
-    #[arg(
-        long,
-        help_heading = super::WATCH,
-        value_name = "sleep|spin",
-        default_value_t = WaitMode::Sleep
-    )]
-    wait_mode: WaitMode,
     #[command(flatten)]
     judge: Judge,
     #[command(flatten)]
     sinks: Sinks,
     #[command(flatten)]
     metrics: MetricsArgs,
-    #[command(flatten)]
-    kernel: KernelArgs,
 }
 
 /// A watch of one service, ready to start.
@@ -114,10 +102,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     }
     let stop = stop_on_signals()?;
     output::detach(Overflow::Wait(PATIENCE))?;
-    let mut judge = Judge {
-        kernel: args.kernel.clone(),
-        ..args.judge.clone()
-    };
+    let mut judge = args.judge.clone();
     if args.observe {
         // Reports and recordings must not claim an abort that is never sent.
         judge.abort_on = Some(AbortOn::Never);
@@ -224,7 +209,6 @@ fn open<'a>(
         ready.push((span, follower, first));
     }
     let mut options = SidecarOptions::default();
-    options.wait_mode = args.wait_mode;
     options.observe = args.observe;
     options.from_now = args.from_now;
     let open = |(span, follower, first): (Span, Follower<'a>, Box<Run>)| {

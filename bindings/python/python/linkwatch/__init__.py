@@ -342,7 +342,7 @@ class Client:
         counts: number of points of each curve, negative if the curve is closed.
         names: name of each curve. Curves with names can be described again (:meth:`describe`).
         radii: radius of each curve, in the units of the points, for the recording and for
-            ``linkwatch watch --thickness published``.
+            ``linkwatch watch --radius published``.
         time_step: time step of the simulator in seconds, for the recording; 0 if unknown.
         cell: periodic cell of the frames; :meth:`publish` changes it.
         dtype: type of the points: ``float64``, or ``float32``, which halves the memory; what is

@@ -1,8 +1,7 @@
-//! `replay A --diff B`: compares the recorded verdicts of two runs.
+//! `linkwatch diff`: compares the recorded verdicts of two runs.
 
-use super::{Args, OUTPUTS, SETTINGS};
-use crate::cli::Outcome;
-use crate::cli::output::{self, count, plural};
+use super::Outcome;
+use super::output::{self, count, plural};
 use linkwatch::{Alignment, Error, FrameDiff, OnlyIn, RecordingReader, Result, RunDiff, diff_runs};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -13,36 +12,33 @@ const RECORDED: [&str; 2] = ["events", "motion_limit"];
 /// Maximum number of findings that are printed for each run.
 const FINDINGS: usize = 8;
 
-/// Comparison with another recording.
+/// Compare the recorded verdicts of two runs, frame by frame, and report the first difference
+///
+/// Nothing is verified. Exit code: 0 equal, 1 different, 3 not all frames could be compared.
 #[derive(Debug, clap::Args)]
-pub struct DiffArgs {
-    /// Compare the recorded verdicts with those of another recording, frame by frame, and report
-    /// the first difference. Nothing is verified. Exit code: 0 equal, 1 different, 3 not all frames
-    /// could be compared
-    #[arg(
-        long, value_name = "OTHER.mcap",
-        conflicts_with_all = ["from", "to", "bisect"],
-        conflicts_with_all = SETTINGS,
-        conflicts_with_all = OUTPUTS
-    )]
-    pub diff: Option<PathBuf>,
-    /// With --diff: frames with the same simulation time are the same frame [default: with the same
-    /// number]
-    #[arg(long, requires = "diff")]
-    pub by_time: bool,
+pub struct Args {
+    /// A recording, as written by `linkwatch watch --record`
+    #[arg(value_name = "FIRST.mcap")]
+    first: PathBuf,
+    /// The recording to compare it with
+    #[arg(value_name = "SECOND.mcap")]
+    second: PathBuf,
+    /// Frames with the same simulation time are the same frame [default: with the same number]
+    #[arg(long)]
+    by_time: bool,
 }
 
 /// Runs the command.
-pub fn run(args: &Args, other: &Path, json: bool) -> Result<Outcome> {
-    let paths = [args.file.as_path(), other];
+pub fn run(args: &Args, json: bool) -> Result<Outcome> {
+    let paths = [args.first.as_path(), args.second.as_path()];
     let same = paths.map(|path| std::fs::canonicalize(path).ok());
     if same[0].is_some() && same[0] == same[1] {
-        let what = format!("--diff {}: both are the same file", other.display());
+        let what = format!("{}: both are the same file", args.second.display());
         return Err(Error::Usage(what));
     }
     let open = |path: &Path| RecordingReader::open(path).map_err(|e| e.in_file(path));
     let [mut a, mut b] = [open(paths[0])?, open(paths[1])?];
-    let alignment = match args.diff.by_time {
+    let alignment = match args.by_time {
         true => Alignment::Time,
         false => Alignment::Number,
     };
@@ -53,7 +49,7 @@ pub fn run(args: &Args, other: &Path, json: bool) -> Result<Outcome> {
         output::json(&serde_json::json!({
             "diff": diff,
             "files": paths,
-            "by_time": args.diff.by_time,
+            "by_time": args.by_time,
             "other_settings": settings,
         }));
     } else {

@@ -1,4 +1,4 @@
-//! `replay --publish`: publishes recorded frames onto the bus, as a simulator does.
+//! `linkwatch play`: publishes recorded frames onto the bus, as a simulator does.
 
 mod answers;
 mod frames;
@@ -7,17 +7,19 @@ mod pace;
 use self::answers::Answers;
 use self::frames::{Described, Frames, Ready, Values};
 use self::pace::{Clock, Speed};
-use super::source::Source;
-use super::verify::warn_of_cut;
-use super::{Args, OUTPUTS, SETTINGS};
-use crate::cli::number::seconds;
-use crate::cli::output::{self, count, plural};
-use crate::cli::signals::{TICK, stop_on_signals};
-use crate::cli::{Outcome, WATCH, cell_args::CellArgs, live::Live};
+use super::Outcome;
+use super::cell_args::CellArg;
+use super::live::Live;
+use super::number::seconds;
+use super::output::{self, count, plural};
+use super::range::Range;
+use super::signals::{TICK, stop_on_signals};
+use super::source::{PATIENCE, Source, warn_of_cut};
 use linkwatch::{
     Client, ClientOptions, CurveLabels, Error, Outcome as Waited, Overflow, Positions, Result,
     VerdictMessage,
 };
+use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
@@ -32,42 +34,35 @@ const POLL: Duration = Duration::from_millis(20);
 /// second.
 const LOOK: Duration = Duration::from_secs(1);
 
-/// Publishing of frames.
+/// Publish the frames of a recording as their simulator did, for a test of a watcher or a viewer
+///
+/// Frames keep their times, and those of a run with verdicts their numbers. Model files are
+/// published as well. Nothing is verified here.
 #[derive(Debug, clap::Args)]
-pub struct PublishArgs {
-    /// Publish the frames on this service [default: linkwatch], as their simulator did, instead of
-    /// verifying them: for a test of another watcher, viewer or setting. Frames keep their times,
-    /// and those of a run with verdicts their numbers
-    #[arg(
-        long, help_heading = WATCH, value_name = "SERVICE", num_args = 0..=1,
-        default_missing_value = "linkwatch",
-        conflicts_with_all = ["bisect", "diff"],
-        conflicts_with_all = SETTINGS,
-        conflicts_with_all = OUTPUTS
-    )]
-    pub publish: Option<String>,
+pub struct Args {
+    /// A recording, as written by `linkwatch watch --record`, or a model file
+    #[arg(value_name = "FILE")]
+    file: PathBuf,
+    #[command(flatten)]
+    range: Range,
+    /// Name of the service to publish on
+    #[arg(long, value_name = "NAME", default_value = "linkwatch")]
+    service: String,
     /// Pace of the frames: a factor of the recorded pace, or `max` for as fast as they can be read.
     /// Frames of models are paced by their simulation time
-    #[arg(
-        long,
-        value_name = "FACTOR|max",
-        default_value = "1",
-        requires = "publish",
-        help_heading = WATCH
-    )]
+    #[arg(long, value_name = "FACTOR|max", default_value = "1")]
     speed: Speed,
     /// Wait for the verdict on each frame, so that none is skipped
-    #[arg(long, requires = "publish", help_heading = WATCH)]
+    #[arg(long)]
     lockstep: bool,
     /// Stop when the watcher asks for it [default: report it and go on, as the recorded run did]
-    #[arg(long, requires = "publish", help_heading = WATCH)]
+    #[arg(long)]
     stop_on_abort: bool,
     /// Give up if no watcher connects within this time [default: wait without limit]
-    #[arg(
-        long, value_name = "SECONDS", value_parser = seconds, requires = "publish",
-        help_heading = WATCH
-    )]
+    #[arg(long, value_name = "SECONDS", value_parser = seconds)]
     wait: Option<Duration>,
+    #[command(flatten)]
+    cell: CellArg,
 }
 
 /// Reason for the end of the run.
@@ -80,17 +75,20 @@ enum End {
 }
 
 /// Runs the command.
-pub fn run(args: &Args, source: Source, service: &str, json: bool) -> Result<Outcome> {
+pub fn run(args: &Args, json: bool) -> Result<Outcome> {
+    args.range.check()?;
+    let source = Source::open(&args.file, false)?;
+    let service = args.service.as_str();
     let stop = stop_on_signals()?;
-    output::detach(Overflow::WaitForProgress(super::PATIENCE))?;
+    output::detach(Overflow::WaitForProgress(PATIENCE))?;
     let mut options = ClientOptions::default();
-    options.lockstep = args.publish.lockstep;
+    options.lockstep = args.lockstep;
     let name = source.path().display().to_string();
     let mut frames = Frames::new(args, source)?;
     let mut publisher = Publisher {
         client: Client::open(service, &options)?,
         described: None,
-        cell_args: args.judge.cell_args,
+        cell: args.cell,
         last_cuts: None,
         numbered: frames.has_verdicts,
         answers: Answers::new(json),
@@ -106,7 +104,7 @@ pub fn run(args: &Args, source: Source, service: &str, json: bool) -> Result<Out
     // Described before the wait, so that shared memory is created for frames of this size.
     publisher.describe(&first)?;
     tracing::info!("waiting for a watcher on service '{service}'");
-    if !wait_for_watcher(&mut publisher.client, args.publish.wait, &stop)? {
+    if !wait_for_watcher(&mut publisher.client, args.wait, &stop)? {
         let stopped = stop.load(Ordering::Relaxed);
         match stopped {
             true => tracing::info!("stopped by a signal"),
@@ -142,7 +140,7 @@ fn wait_for_watcher(
 struct Publisher {
     client: Client,
     described: Option<Described>,
-    cell_args: CellArgs,
+    cell: CellArg,
     /// Number of cuts before the last published frame, and its baseline, as recorded.
     last_cuts: Option<(u32, u64)>,
     /// True if frames keep their numbers.
@@ -189,7 +187,7 @@ impl Publisher {
         frames: &mut Frames,
         stop: &AtomicBool,
     ) -> Result<End> {
-        let mut clock = Clock::new(args.publish.speed);
+        let mut clock = Clock::new(args.speed);
         let mut next = Some(first);
         while let Some(ready) = next {
             let due = clock.due(ready.recorded());
@@ -205,7 +203,7 @@ impl Publisher {
                 std::thread::sleep(left.min(POLL));
             }
             let seq = self.publish(&ready)?;
-            if args.publish.lockstep
+            if args.lockstep
                 && let Some(end) = self.wait(seq, stop)?
             {
                 return Ok(end);
@@ -244,7 +242,7 @@ impl Publisher {
             }
         }
         self.client.set_time_step(ready.info.time_step)?;
-        self.client.set_cell(self.cell_args.cell(ready.info.cell))?;
+        self.client.set_cell(self.cell.cell(ready.info.cell))?;
         if self.numbered {
             self.client.number_next(ready.seq)?;
             self.gaps += self.last.map_or(0, |last| ready.seq - last - 1);
@@ -292,7 +290,7 @@ impl Publisher {
             return Some(End::Signal);
         }
         let aborted = self.client.aborted().is_some();
-        (aborted && args.publish.stop_on_abort).then_some(End::Abort)
+        (aborted && args.stop_on_abort).then_some(End::Abort)
     }
 
     /// Waits for the verdict on a frame. Returns a reason to stop, if there is one.

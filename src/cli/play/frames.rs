@@ -1,9 +1,9 @@
 //! Frames of a source, ready to be published.
 
+use super::Args;
 use super::answers::Answers;
-use crate::cli::replay::Args;
-use crate::cli::replay::range::Range;
-use crate::cli::replay::source::{Frame, Item, Source};
+use crate::cli::range::Range;
+use crate::cli::source::{Frame, Item, Source};
 use linkwatch::{Basis, CurveLabels, FrameInfo, Positions, Precision, RawFrame, Result};
 use std::collections::VecDeque;
 use std::sync::Arc;

@@ -1,4 +1,4 @@
-//! `linkwatch replay --publish`: recorded frames on the bus.
+//! `linkwatch play`: recorded frames on the bus.
 
 use super::written::Chainmail;
 use super::*;
@@ -14,8 +14,8 @@ fn publish(name: &str, recording: &Path, args: &[&str], watch: &[&str]) -> [Ende
     let folder = TempDir::new().unwrap();
     let service = service(name);
     let watch = Watch::start(folder.path(), "watch", &service, watch);
-    let always = ["--publish", &service, "--speed", "max", "--lockstep"];
-    let published = replay_with(recording, &[&always[..], args].concat());
+    let always = ["--service", &service, "--speed", "max", "--lockstep"];
+    let published = run_with("play", recording, &[&always[..], args].concat());
     [published, watch.end()]
 }
 
@@ -188,8 +188,8 @@ fn names_time_steps_cuts_and_changes_of_curves_are_published() {
 fn publishing_waits_for_a_watcher_and_gives_up_after_the_limit() {
     let flight = recordings().join("flight.mcap");
     let service = service("nobody");
-    let args = ["--publish", &service, "--wait", "0.2"];
-    let published = replay_with(&flight, &args);
+    let args = ["--service", &service, "--wait", "0.2"];
+    let published = run_with("play", &flight, &args);
     assert_eq!(published.code, Some(3));
     let words = "no watcher connected within the limit of --wait";
     assert!(published.stderr.contains(words), "{}", published.stderr);
@@ -202,7 +202,7 @@ fn a_signal_ends_publishing_with_a_proper_end_of_the_session() {
     let watch = Watch::start(folder.path(), "watch", &service, &[]);
     let stderr = folder.path().join("publish.err");
     let mut publishing = command()
-        .args(["replay", "--publish", &service, "--speed", "0.0001"])
+        .args(["play", "--service", &service, "--speed", "0.0001"])
         .arg(recordings().join("chainmail.mcap"))
         .stdout(Stdio::null())
         .stderr(std::fs::File::create(&stderr).unwrap())
@@ -249,42 +249,4 @@ fn a_model_is_published_as_one_frame() {
     );
     assert_eq!(watch.reports().len(), 1);
     assert_eq!(published.summary()["published"], 1);
-}
-
-#[test]
-fn options_of_the_verification_are_refused_with_publish() {
-    let flight = recordings().join("flight.mcap");
-    let path = flight.to_str().unwrap();
-    for option in [
-        &["--events"][..],
-        &["--abort-on", "never"],
-        &["--baseline", "first-frame"],
-        &["--max-pairs", "5"],
-        &["--paranoid"],
-        &["--view"],
-        &["--rrd", "x.rrd"],
-        &["--thickness", "1"],
-        &["--kernel", "direct"],
-        &["--record", "x.mcap"],
-        &["--junit", "x.xml"],
-        &["--force"],
-        &["--bisect"],
-        &["--diff", "x.mcap"],
-    ] {
-        let publish = ["replay", path, "--wait", "0", "--publish", "nobody"];
-        let args = [&publish[..], option].concat();
-        let (code, all) = printed(&args);
-        assert_eq!(code, Some(2), "{option:?}: {all}");
-        assert!(all.contains("cannot be used with"), "{option:?}: {all}");
-    }
-    for option in [
-        "--lockstep",
-        "--stop-on-abort",
-        "--speed=2",
-        "--wait=1",
-        "--by-time",
-    ] {
-        let (code, all) = printed(&["replay", path, option]);
-        assert_eq!(code, Some(2), "{option}: {all}");
-    }
 }

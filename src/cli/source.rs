@@ -1,8 +1,10 @@
-//! Source of a replay: a recording, or a model file with one or several frames.
+//! Source of frames of `replay` and `play`: a recording, or a model file with one or several
+//! frames.
 
+use super::input::{self, FormatArgs};
+use super::output::count;
 use super::range::Range;
-use crate::cli::input::{self, FormatArgs};
-use crate::cli::sequence::{self, Sequence};
+use super::sequence::{self, Sequence};
 use linkwatch::model::LeftOut;
 use linkwatch::{
     BaselineRecord, CurveSet, Ending, Error, FrameInfo, Positions, Precision, RawFrame,
@@ -12,6 +14,11 @@ use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::BufReader;
 use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+/// Maximum wait for a blocked sink or standard output. After that, frames or lines are dropped and
+/// counted.
+pub const PATIENCE: Duration = Duration::from_secs(60);
 
 /// Reader of recordings.
 pub type Recording = RecordingReader<BufReader<File>>;
@@ -74,8 +81,7 @@ impl Frame {
         match self.begins_run {
             false => Ok(()),
             true => Err(Error::Usage(format!(
-                "frame {} is the first one of another file with several frames: give one file, or \
-                 --one-motion if the files continue one another",
+                "frame {} is the first one of another file with several frames: give one file",
                 self.seq
             ))),
         }
@@ -147,8 +153,9 @@ enum Input {
 }
 
 impl Source {
-    /// Opens a recording, a model file, a folder or a pattern of model files.
-    pub fn open(path: &Path, args: &FormatArgs, one_motion: bool) -> Result<Source> {
+    /// Opens a recording, a model file, a folder or a pattern of model files. `wrapped` is true if
+    /// the user says whether coordinates are wrapped.
+    pub fn open(path: &Path, wrapped: bool) -> Result<Source> {
         let input = match input::is_recording(path)? {
             true => {
                 let reader = RecordingReader::open(path).map_err(|e| e.in_file(path))?;
@@ -156,7 +163,8 @@ impl Source {
             }
             false => {
                 let files = input::expand(&[path.to_owned()], false)?;
-                Input::Models(Box::new(Sequence::new(files, args, one_motion)))
+                let format = FormatArgs::default().wrapped(wrapped);
+                Input::Models(Box::new(Sequence::new(files, &format, false)))
             }
         };
         Ok(Source {
@@ -256,4 +264,18 @@ impl Source {
             Input::Models(_) => None,
         }
     }
+}
+
+/// Warns of a recording that was cut off, with its end if that was reached. Returns true if it was.
+pub fn warn_of_cut(path: &Path, ending: Option<&Ending>) -> bool {
+    let Some(Ending::Cut { at, what }) = ending else {
+        return false;
+    };
+    tracing::warn!(
+        "{}: the recording is truncated at byte {}, in {what}: the recorder was stopped, or its \
+         disk was full; the complete frames were replayed",
+        path.display(),
+        count(*at),
+    );
+    true
 }

@@ -1,0 +1,58 @@
+//! Values of options that carry settings: `FILE.mcap,every=10,max=1GB`.
+
+/// Splits a value into what stands before its settings, and the settings. A comma that no setting
+/// follows belongs to what stands before, so that names of files may have commas.
+///
+/// Errors: a setting that `known` lacks or that is given twice, in words.
+pub fn split<'a>(
+    value: &'a str,
+    known: &[&str],
+) -> Result<(&'a str, Vec<(&'a str, &'a str)>), String> {
+    let (mut what, mut settings) = (value, Vec::new());
+    while let Some((before, last)) = what.rsplit_once(',')
+        && let Some((key, setting)) = last.split_once('=')
+        && key.bytes().all(|byte| byte.is_ascii_lowercase())
+    {
+        if !known.contains(&key) {
+            let known = known.join(", ");
+            return Err(format!("no setting '{key}': expected one of {known}"));
+        }
+        if settings.iter().any(|(other, _)| *other == key) {
+            return Err(format!("the setting '{key}' is given twice"));
+        }
+        settings.push((key, setting));
+        what = before;
+    }
+    match what {
+        "" => Err("expected a name before the settings".into()),
+        what => Ok((what, settings)),
+    }
+}
+
+/// Returns the error of a setting with its name.
+pub fn named<T>(key: &str, parsed: Result<T, String>) -> Result<T, String> {
+    parsed.map_err(|e| format!("{key}: {e}"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn settings_follow_a_name_that_may_have_commas() {
+        let known = ["every", "max"];
+        let split = |text| split(text, &known);
+        assert_eq!(split("run.mcap"), Ok(("run.mcap", vec![])));
+        assert_eq!(split("a,b.mcap"), Ok(("a,b.mcap", vec![])));
+        let both = vec![("max", "1GB"), ("every", "10")];
+        assert_eq!(split("a,b.mcap,every=10,max=1GB"), Ok(("a,b.mcap", both)));
+        for (bad, word) in [
+            ("run.mcap,evry=10", "no setting 'evry'"),
+            ("run.mcap,every=1,every=2", "given twice"),
+            (",every=1", "expected a name"),
+        ] {
+            let error = split(bad).unwrap_err();
+            assert!(error.contains(word), "{bad}: {error}");
+        }
+    }
+}
