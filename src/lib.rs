@@ -243,7 +243,7 @@ pub use verdict::{
     Link, LoopPair, Place, PullThrough, Report, ReportDifference, Stats, Verdict,
 };
 
-/// Compiles the examples of the README and of the book. `tests/book.rs` compares this list with the
+/// Compiles the examples of the README and of the book. `tests/book` compares this list with the
 /// pages that have some.
 #[cfg(all(doctest, feature = "client", feature = "verify"))]
 mod book {

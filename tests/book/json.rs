@@ -1,7 +1,7 @@
 //! The fields of `docs/reference/json.md`, against the output of the command.
 
+use super::Page;
 use super::support::{command, linkwatch, text};
-use super::{Page, root};
 use serde_json::Value;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
@@ -218,24 +218,20 @@ fn the_page_has_the_fields_of_the_output() {
     schema.run("kind of scene", &["generate"]);
     schema.run(
         "frame",
-        &["check", &sheet, "--events", "--self", "--record", &run],
+        &["check", &sheet, "--events=all", "--record", &run],
     );
     schema.run(
         "frame",
-        &["check", &sheet, "--against", &cert, "--record", &other],
+        &["check", &sheet, "--baseline", &cert, "--record", &other],
     );
-    schema.run("frame", &["check", &sheet, &partial, "--motion-limit", "0"]);
-    let thick = [
-        "replay",
-        &run,
-        "--thickness",
-        "0.5",
-        "--min-clearance",
-        "99%",
-    ];
+    schema.run(
+        "frame",
+        &["check", &sheet, &partial, "--events", "--motion-limit", "0"],
+    );
+    let thick = ["replay", &run, "--radius", "0.5", "--min-clearance", "99%"];
     schema.run("frame", &thick);
     schema.run("bisection", &["replay", &run, "--bisect", "--events"]);
-    schema.run("comparison of runs", &["replay", &run, "--diff", &other]);
+    schema.run("comparison of runs", &["diff", &run, &other]);
     schema.run("run report", &["report", &run]);
 
     schema.run("certified frame", &["certify", &sheet, "--cell", "3,3,3"]);
@@ -268,7 +264,7 @@ fn the_page_has_the_fields_of_the_output() {
         "watch",
         "--service",
         &service,
-        "--thickness",
+        "--radius",
         "0.5",
         "--wait",
         "60",
@@ -276,9 +272,9 @@ fn the_page_has_the_fields_of_the_output() {
     watch.args(["--keep-watching", "--events", "--json", "-q"]);
     let watch = watch.stdout(Stdio::piped()).spawn().unwrap();
     let publish = [
-        "replay",
+        "play",
         &run,
-        "--publish",
+        "--service",
         &service,
         "--speed",
         "max",
@@ -316,5 +312,4 @@ fn the_page_has_the_fields_of_the_output() {
         unseen.is_empty(),
         "on the page, but not compared: {unseen:?}"
     );
-    assert!(root().join("docs/reference/json.md").exists());
 }

@@ -89,6 +89,10 @@ impl Page {
         }
     }
 
+    fn name(&self) -> std::path::Display<'_> {
+        self.path.display()
+    }
+
     /// Returns the text of each code span, on one line.
     fn spans(&self) -> Vec<String> {
         // A paragraph at a time, so that a backtick without its pair disturbs no other.
@@ -200,7 +204,7 @@ fn links_lead_to_files_and_headings() {
                 "" => page.path.clone(),
                 path => normal(&folder.join(path)),
             };
-            let of = format!("{}: {link}", page.path.display());
+            let of = format!("{}: {link}", page.name());
             assert!(root().join(&target).exists(), "{of}: no such file");
             if page.path.starts_with("docs") {
                 assert!(target.starts_with("docs"), "{of}: not in the book");
@@ -247,7 +251,7 @@ fn paths_in_code_exist() {
                 let path = path.split('*').next().unwrap();
                 if named && !pending {
                     let found = root().join(path).exists();
-                    assert!(found, "{}: {word}: no such file", page.path.display());
+                    assert!(found, "{}: {word}: no such file", page.name());
                 }
             }
         }
@@ -263,11 +267,7 @@ fn every_block_names_its_language() {
                 "c", "console", "cpp", "json5", "python", "rust", "sh", "text", "toml", "yaml",
             ];
             let language = block.language.as_str();
-            assert!(
-                known.contains(&language),
-                "{}: {language:?}",
-                page.path.display()
-            );
+            assert!(known.contains(&language), "{}: {language:?}", page.name());
         }
     }
 }
@@ -277,8 +277,8 @@ fn pages_with_rust_code_are_doctests() {
     let lib = std::fs::read_to_string(root().join("src/lib.rs")).unwrap();
     for page in pages() {
         if page.blocks.iter().any(|block| block.language == "rust") {
-            let included = format!("include_str!(\"../{}\")", page.path.display());
-            assert!(lib.contains(&included), "{}", page.path.display());
+            let included = format!("include_str!(\"../{}\")", page.name());
+            assert!(lib.contains(&included), "{}", page.name());
         }
     }
 }
@@ -303,7 +303,7 @@ fn programs_in_c_and_cpp_compile() {
                 let mut stdin = child.stdin.take().unwrap();
                 std::io::Write::write_all(&mut stdin, block.text.as_bytes()).unwrap();
                 drop(stdin);
-                assert!(child.wait().unwrap().success(), "{}", page.path.display());
+                assert!(child.wait().unwrap().success(), "{}", page.name());
             }
         }
     }
