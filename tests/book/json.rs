@@ -10,6 +10,16 @@ use std::process::Stdio;
 /// Objects that no scene here has.
 const ABSENT: [&str; 1] = ["loop pair"];
 
+/// Objects that have the fields of this one, too.
+const FRAME_OF_A_MODEL: &str = "frame of a model";
+const OF_A_MODEL: [&str; 5] = [
+    "certified frame",
+    "integral",
+    "measured frame",
+    "ribbon",
+    "writhe",
+];
+
 /// Type of a field.
 #[derive(Clone, Debug, PartialEq)]
 enum Type {
@@ -52,6 +62,7 @@ impl Type {
     }
 }
 
+#[derive(Clone)]
 struct Field {
     kind: Type,
     optional: bool,
@@ -98,6 +109,11 @@ impl Schema {
                     "twice: {row}"
                 );
             }
+        }
+        let common = objects.remove(FRAME_OF_A_MODEL).expect("on the page");
+        for name in OF_A_MODEL {
+            let of = objects.get_mut(name).expect("on the page");
+            of.extend(common.clone());
         }
         Schema {
             objects,
