@@ -356,6 +356,9 @@ fn the_page_of_limits_has_those_of_the_code() {
         format!("| ended sessions whose late frames are recognised | {ENDED_SESSIONS} |"),
         format!("| shared memory of the frames | {frames} frames"),
     ] {
-        assert!(page.contains(&row), "not in docs/reference/limits.md: {row}");
+        assert!(
+            page.contains(&row),
+            "not in docs/reference/limits.md: {row}"
+        );
     }
 }
