@@ -26,8 +26,20 @@ const FOREIGN: [&str; 9] = [
 
 /// The help of the command: its commands, and the options of each.
 struct Help {
-    /// Each option, and true if it needs a value. The command `""` has those before a command.
-    options: BTreeMap<String, BTreeMap<String, bool>>,
+    /// The options of each command. The command `""` has those before a command.
+    options: BTreeMap<String, BTreeMap<String, Takes>>,
+    /// The help texts of all commands.
+    text: String,
+}
+
+/// Value of an option.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Takes {
+    /// None, or one that may be absent.
+    Nothing,
+    Value,
+    /// A value, and settings after a comma: `run.mcap,every=10`.
+    Settings,
 }
 
 impl Help {
@@ -39,14 +51,17 @@ impl Help {
         };
         let top = help(&["--help"]);
         let mut options = BTreeMap::from([(String::new(), options_of(&top))]);
+        let mut text = String::new();
         let commands = top.lines().skip_while(|line| *line != "Commands:").skip(1);
         for line in commands.take_while(|line| !line.is_empty()) {
             let name = line.strip_prefix("  ").and_then(|l| l.split(' ').next());
             if let Some(name) = name.filter(|name| !name.is_empty() && *name != "help") {
-                options.insert(name.to_owned(), options_of(&help(&[name, "--help"])));
+                let help = help(&[name, "--help"]);
+                options.insert(name.to_owned(), options_of(&help));
+                text += &help;
             }
         }
-        Help { options }
+        Help { options, text }
     }
 
     fn commands(&self) -> BTreeSet<&str> {
@@ -57,11 +72,23 @@ impl Help {
     /// Returns why a command line is wrong, if it is. `words` begin after `linkwatch`.
     fn problem(&self, words: &[&str]) -> Option<String> {
         let mut command = "";
-        let mut value = false;
+        let mut takes = Takes::Nothing;
         for word in words {
             let word = word.trim_matches(['[', ']']);
-            if std::mem::take(&mut value) {
-                continue;
+            match std::mem::replace(&mut takes, Takes::Nothing) {
+                Takes::Nothing => {}
+                Takes::Value => continue,
+                Takes::Settings => {
+                    let names = word
+                        .split(',')
+                        .skip(1)
+                        .map(|s| s.split('=').next().unwrap());
+                    let unknown = |name: &&str| !self.text.contains(&format!("{name}="));
+                    if let Some(name) = names.into_iter().find(unknown) {
+                        return Some(format!("no setting {name}"));
+                    }
+                    continue;
+                }
             }
             if !word.starts_with('-') || word == "-" {
                 // The first word, unless it stands for any command.
@@ -78,7 +105,8 @@ impl Help {
                 continue;
             }
             match self.options[command].get(name) {
-                Some(needs) => value = *needs && given.is_empty(),
+                Some(of) if given.is_empty() => takes = *of,
+                Some(_) => {}
                 None => return Some(format!("no option {name} of `{command}`")),
             }
         }
@@ -86,8 +114,8 @@ impl Help {
     }
 }
 
-/// Returns the options in a help text, and true for those that need a value.
-fn options_of(help: &str) -> BTreeMap<String, bool> {
+/// Returns the options in a help text.
+fn options_of(help: &str) -> BTreeMap<String, Takes> {
     let mut found = BTreeMap::new();
     for line in help.lines() {
         let line = line.trim();
@@ -96,7 +124,7 @@ fn options_of(help: &str) -> BTreeMap<String, bool> {
             .or(line.strip_prefix("[aliases: "))
         {
             for name in alias.trim_end_matches(']').split(", ") {
-                found.insert(name.to_owned(), true);
+                found.insert(name.to_owned(), Takes::Value);
             }
         }
         if !line.starts_with('-') {
@@ -104,10 +132,14 @@ fn options_of(help: &str) -> BTreeMap<String, bool> {
         }
         // `-o, --output <FILE>  Write ..`; values that may be absent are in brackets.
         let (names, _) = line.split_once("  ").unwrap_or((line, ""));
-        let needs = names.contains(" <") && !names.contains(" [<");
+        let takes = match names.contains(" <") && !names.contains(" [<") {
+            true if names.contains("[,..]") => Takes::Settings,
+            true => Takes::Value,
+            false => Takes::Nothing,
+        };
         for name in names.split([' ', ',', '[', '=']) {
             if name.starts_with('-') {
-                found.insert(name.to_owned(), needs);
+                found.insert(name.to_owned(), takes);
             }
         }
     }
@@ -174,8 +206,6 @@ fn commands_and_options_exist() {
 #[test]
 fn options_in_the_text_exist() {
     let help = Help::read();
-    let options = help.options.values().flat_map(BTreeMap::keys);
-    let all: BTreeSet<&str> = options.map(String::as_str).collect();
     // The pages of the design also name options of the measurements.
     let mut pages = book();
     pages.retain(|page| !page.path.starts_with("docs/design"));
@@ -185,14 +215,15 @@ fn options_in_the_text_exist() {
         for span in page.spans() {
             let words: Vec<&str> = span.split(' ').collect();
             let mut problem = None;
-            if words[0].starts_with("--") {
-                let names = words.iter().filter(|word| word.starts_with("--"));
-                let names = names.map(|word| word.split(['=', '[', ',']).next().unwrap());
-                let pending = |name: &str| PENDING_OPTIONS.iter().any(|(_, o)| *o == name);
-                problem = names
-                    .filter(|name| !all.contains(name) && !FOREIGN.contains(name))
-                    .find(|name| !pending(name))
-                    .map(|name| format!("no option {name}"));
+            let name = words[0].split(['=', '[']).next().unwrap();
+            if name.starts_with("--") && !FOREIGN.contains(&name) {
+                let pending = PENDING_OPTIONS.iter().any(|(_, option)| *option == name);
+                // An option of any command; `""` has only those that all have.
+                let commands = help.commands().into_iter();
+                let mut problems = commands.map(|c| help.problem(&[&[c], &words[..]].concat()));
+                if !pending && problems.all(|problem| problem.is_some()) {
+                    problem = Some("in no command".to_owned());
+                }
             } else if help.commands().contains(words[0]) && span.contains(" --") {
                 problem = help.problem(&words);
             }
