@@ -284,6 +284,22 @@ fn pages_with_rust_code_are_doctests() {
 }
 
 #[test]
+fn functions_of_c_exist() {
+    let header = root().join("bindings/c/include/linkwatch.h");
+    let header = std::fs::read_to_string(header).unwrap();
+    for page in pages() {
+        for span in page.spans() {
+            let is_name = |c: char| c.is_ascii_alphanumeric() || c == '_';
+            for word in span.split(|c| !is_name(c)) {
+                // `lw_begin_*` stands for several.
+                let known = header.contains(word);
+                assert!(!word.starts_with("lw_") || known, "{}: {word}", page.name());
+            }
+        }
+    }
+}
+
+#[test]
 fn programs_in_c_and_cpp_compile() {
     let languages = [("c", "cc", "c", "c11"), ("cpp", "c++", "c++", "c++17")];
     for (language, compiler, kind, standard) in languages {
