@@ -6,7 +6,7 @@
 
 Two melts (Kremer and Grest 1990: FENE bonds, repulsive beads, density 0.85 in a sphere), one of
 rings and one of linear chains, are simulated for 60,000 steps, with a frame every 100 steps.
-`linkwatch check --events --self` then reads every 1st, 2nd, 5th, .. of these frames. Chains cannot
+`linkwatch check --events=all` then reads every 1st, 2nd, 5th, .. of these frames. Chains cannot
 pass through one another, so every reported pull-through is spurious: the frames are too far apart.
 For each distance of the frames, the table has the number of pull-throughs that cancel within their
 pair in a step, the number of those that do not, and for both the least, the median and the largest
@@ -104,7 +104,7 @@ def measure(linkwatch, folder, stride):
         command = [linkwatch, "certify", frames[0], "-o", certificate]
         subprocess.run(command, check=True, capture_output=True)
     command = [linkwatch, "check", *frames[::stride], "--baseline", certificate]
-    command += ["--events", "--self", "--motion-limit", "inf", "--json"]
+    command += ["--events=all", "--motion-limit", "inf", "--json"]
     run = subprocess.run(command, capture_output=True, text=True)
     assert run.returncode in (0, 1, 3), run.stderr
     cancelling, others = [], []

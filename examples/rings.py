@@ -7,8 +7,8 @@
     python examples/rings.py --pull --roll-back
     python examples/rings.py --step 0.04     # a time step that is too large: NaN
 
-`Client` is written from docs/attaching.md alone, and can be copied into other simulators. The rings
-are bead-spring rings (Kremer and Grest 1990), so the curves are polylines through the beads.
+`Client` is written from docs/reference/bus.md alone, and can be copied into other simulators. The
+rings are bead-spring rings (Kremer and Grest 1990), so the curves are polylines through the beads.
 """
 
 import argparse

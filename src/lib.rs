@@ -10,7 +10,8 @@
 //!   each.
 //! - [`model`] reads and writes curves and frames: BCC, OBJ, VECT, USD, LAMMPS and NumPy
 //!   files; [`scenes`] generates some with known linking numbers.
-//! - The README has the command, the verdicts, and which curves to publish.
+//! - The README has the first run and the verdicts, the book in `docs` everything else: a guide, a
+//!   reference of the command, and the design.
 //!
 #![cfg_attr(feature = "verify", doc = "```")]
 #![cfg_attr(not(feature = "verify"), doc = "```ignore")]
@@ -183,7 +184,7 @@ mod verdict;
 #[cfg(feature = "verify")]
 mod words;
 #[cfg(all(doc, feature = "client"))]
-#[doc = include_str!("../docs/attaching.md")]
+#[doc = include_str!("../docs/reference/bus.md")]
 pub mod attaching {}
 
 #[cfg(feature = "client")]
@@ -239,12 +240,14 @@ pub use verdict::{
     Link, LoopPair, Place, PullThrough, Report, ReportDifference, Stats, Verdict,
 };
 
-/// Compiles the example of the page on periodic cells.
+/// Compiles the examples of the README and of the book. `tests/book` compares this list with the
+/// pages that have some.
 #[cfg(all(doctest, feature = "client", feature = "verify"))]
-#[doc = include_str!("../docs/periodic.md")]
-struct Periodic;
-
-/// Compiles the examples of the README.
-#[cfg(all(doctest, feature = "client"))]
-#[doc = include_str!("../README.md")]
-struct Readme;
+mod book {
+    #[doc = include_str!("../README.md")]
+    struct Readme;
+    #[doc = include_str!("../docs/guide/attach.md")]
+    struct Attach;
+    #[doc = include_str!("../docs/guide/in-process.md")]
+    struct InProcess;
+}

@@ -5,7 +5,7 @@
 //!                           ◀─<name>/verdicts──
 //! ```
 //!
-//! `docs/attaching.md` describes services, layouts and codes for programs in other languages;
+//! `docs/reference/bus.md` describes services, layouts and codes for programs in other languages;
 //! `page` compares its tables with the code.
 //!
 //! Both directions are publish-subscribe with safe overflow: no process ever waits for a slow,

@@ -1,4 +1,5 @@
-//! Compares the tables of `docs/attaching.md`, and the numbers of `docs/limits.md`, with the code.
+//! Compares the tables of `docs/reference/bus.md`, and the numbers of `docs/reference/limits.md`,
+//! with the code.
 
 use super::frames::LOANS;
 use super::message::{Counters, MessageKind};
@@ -19,12 +20,17 @@ use iceoryx2::service::static_config::publish_subscribe::StaticConfig;
 use std::any::type_name_of_val;
 use std::mem::{align_of, offset_of, size_of, size_of_val};
 
-const PAGE: &str = include_str!("../../docs/attaching.md");
+const PAGE: &str = include_str!("../../docs/reference/bus.md");
+const FORMATS: &str = include_str!("../../docs/reference/formats.md");
 
 /// Returns the rows of the first table after `heading` whose first column has this title, without
 /// backticks.
 fn rows(heading: &str, title: &str) -> Vec<Vec<String>> {
-    let (_, section) = PAGE.split_once(heading).expect("the page has the heading");
+    rows_of(PAGE, heading, title)
+}
+
+fn rows_of(page: &str, heading: &str, title: &str) -> Vec<Vec<String>> {
+    let (_, section) = page.split_once(heading).expect("the page has the heading");
     let start = format!("| {title} |");
     let mut lines = section.lines().skip_while(|l| !l.starts_with(&start));
     let table = lines.by_ref().take_while(|l| l.starts_with('|')).skip(2);
@@ -287,10 +293,10 @@ fn the_page_has_the_settings_of_both_services() {
     assert_eq!((&named[0][5], &named[2][4]), (&header, &verdict));
 }
 
-/// For each basis, writes a file as the page describes it, and reads it.
+/// For each basis, writes a BCC file as the pages describe it, and reads it.
 #[test]
 fn reads_files_written_by_the_page() {
-    let offsets = columns(1, rows("## Frames in files", "BCC offset"));
+    let offsets = columns(1, rows_of(FORMATS, "## BCC", "BCC offset"));
     assert_eq!(offsets.concat(), ["0", "4", "6", "8", "16", "24", "64"]);
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("frame.bcc");
@@ -339,7 +345,7 @@ fn the_client_in_python_has_the_fields_of_the_page() {
 
 #[test]
 fn the_page_of_limits_has_those_of_the_code() {
-    let page = include_str!("../../docs/limits.md");
+    let page = include_str!("../../docs/reference/limits.md");
     let frames = FRAME_SUBSCRIBERS * (FRAME_BUFFER + FRAME_BORROWS) + FRAME_HISTORY + LOANS;
     assert_eq!(SidecarOptions::default().max_frame_bytes, (4 << 30) - 1);
     assert_eq!(crate::SessionOptions::MAX_PAIRS, 33_554_432);
@@ -350,6 +356,9 @@ fn the_page_of_limits_has_those_of_the_code() {
         format!("| ended sessions whose late frames are recognised | {ENDED_SESSIONS} |"),
         format!("| shared memory of the frames | {frames} frames"),
     ] {
-        assert!(page.contains(&row), "not in docs/limits.md: {row}");
+        assert!(
+            page.contains(&row),
+            "not in docs/reference/limits.md: {row}"
+        );
     }
 }

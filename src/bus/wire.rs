@@ -8,7 +8,7 @@
 //! coordinates. Each part but the last one is filled with zeros up to a multiple of 64 bytes. Names
 //! and radii are optional. All numbers have the byte order of the machine.
 //!
-//! `docs/attaching.md` describes this layout for other languages; change both together.
+//! `docs/reference/bus.md` describes this layout for other languages; change both together.
 
 #[cfg(feature = "bus")]
 use crate::curve::{Basis, Positions};

@@ -17,7 +17,7 @@ use std::sync::Arc;
 pub struct FrameInfo {
     /// Number of the frame.
     pub seq: u64,
-    /// Simulation time in seconds; 0 if it is unknown.
+    /// Simulation time, in the unit of the simulator; 0 if it is unknown.
     pub time: f64,
     /// Number of cuts that the simulator made before this frame. If it differs from that of the
     /// previous frame, this frame does not continue that one
@@ -33,7 +33,7 @@ pub struct FrameInfo {
     /// become part of the baseline. Pull-throughs are searched for among the curves that continue
     /// with the same number of points.
     pub layout: u32,
-    /// Time step of the simulator in seconds; 0 if it is unknown.
+    /// Time step of the simulator, in its unit of time; 0 if it is unknown.
     pub time_step: f64,
     /// Periodic cell, if the scene repeats. The frames of a session have either all a cell or
     /// none. Another basis of the same lattice, as simulations take it that shear their cell, is
@@ -47,7 +47,7 @@ pub struct FrameInfo {
 }
 
 impl FrameInfo {
-    /// Returns the information about a frame at this time, in seconds of simulation.
+    /// Returns the information about a frame at this time, in the unit of the simulator.
     pub fn at(seq: u64, time: f64) -> FrameInfo {
         FrameInfo {
             seq,

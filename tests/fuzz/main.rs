@@ -1,5 +1,5 @@
 //! Hostile and broken input: a seeded generator starts from valid input, applies named mutations,
-//! and an oracle that is written from `docs/attaching.md` says what must happen.
+//! and an oracle that is written from `docs/reference/bus.md` says what must happen.
 //!
 //! | target | input |
 //! |---|---|

@@ -1,5 +1,5 @@
-//! What the contract says about a frame. Written from the words of `docs/attaching.md` alone: it
-//! shares no code with the crate.
+//! What the contract says about a frame. Written from the words of `docs/reference/bus.md` alone:
+//! it shares no code with the crate.
 
 use super::frame::Frame;
 use super::support::raw_bus::Header;

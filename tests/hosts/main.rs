@@ -1,5 +1,5 @@
 //! Simulator and watch on two hosts: two network namespaces with shared memory of their own, joined
-//! by the zenoh tunnel of iceoryx2 (`docs/hosts.md`).
+//! by the zenoh tunnel of iceoryx2 (`docs/guide/hosts.md`).
 //!
 //! The tests are shown as ignored, never as passed, if namespaces are not permitted or the tunnel
 //! is not found: `iox2-tunnel-zenoh` in PATH, or the program that `LINKWATCH_TUNNEL` names.

@@ -75,11 +75,11 @@ fn verdicts_shown(page: &Page, service: &str) -> Vec<String> {
     of.map(|(labels, _)| labels["verdict"].clone()).collect()
 }
 
-/// Asserts that the table of `examples/service` lists the families of a page, and their types.
+/// Asserts that `docs/reference/metrics.md` lists the families of a page, and their types.
 fn assert_documented(page: &Page) {
-    let readme = Path::new(env!("CARGO_MANIFEST_DIR")).join("examples/service/README.md");
-    let readme = std::fs::read_to_string(readme).unwrap();
-    let rows = readme.lines().filter_map(|line| {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/reference/metrics.md");
+    let documented = std::fs::read_to_string(path).unwrap();
+    let rows = documented.lines().filter_map(|line| {
         let (name, rest) = line.strip_prefix("| `")?.split_once("` | ")?;
         let (kind, _) = rest.split_once(" | ")?;
         Some((name.to_owned(), kind.to_owned()))

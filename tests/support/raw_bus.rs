@@ -1,4 +1,4 @@
-//! The bus without the code of the crate: structs and ports written from `docs/attaching.md`, to
+//! The bus without the code of the crate: structs and ports written from `docs/reference/bus.md`,
 //! send what no client of the crate would send.
 
 use iceoryx2::port::publisher::Publisher;

@@ -1,4 +1,4 @@
-"""Compares the offsets on docs/attaching.md with those of C and of Python's ctypes."""
+"""Compares the offsets on docs/reference/bus.md with those of C and of Python's ctypes."""
 
 import ctypes
 import pathlib
@@ -9,7 +9,7 @@ import subprocess
 import pytest
 
 ROOT = pathlib.Path(__file__).resolve().parents[3]
-PAGE = (ROOT / "docs/attaching.md").read_text()
+PAGE = (ROOT / "docs/reference/bus.md").read_text()
 STRUCTS = {"linkwatch_frame_header": "## A frame", "linkwatch_verdict": "## A message"}
 TYPES = {
     "u8": ctypes.c_uint8,

@@ -16,7 +16,7 @@
 //! recurses: a crate that reads all of USD (`openusd` 0.6) aborts on one wrong byte of a binary
 //! file in seven, as it allocates what the file promises.
 //!
-//! `docs/formats.md` has the rules in full.
+//! `docs/reference/formats.md` has the rules in full.
 
 mod affine;
 mod binary;

@@ -183,7 +183,7 @@ impl RecordingSink {
     }
 
     /// Adds messages for tools that show the recording without linkwatch. Call it before the first
-    /// frame. They cost about as much space and time as the frames; `docs/mcap.md` has figures.
+    /// frame. They cost about as much space and time as the frames: see `docs/reference/mcap.md`.
     pub fn with_tools(mut self, tools: impl IntoIterator<Item = RecordingTool>) -> Result<Self> {
         for tool in tools {
             let (topic, message) = tool.channel();

@@ -215,17 +215,17 @@ fn the_baseline_before_a_frame_that_changes_it_is_that_of_the_frame_before() {
 
 #[test]
 fn the_page_of_limits_has_those_of_recordings() {
-    let page = include_str!("../../../../../docs/limits.md");
+    let page = include_str!("../../../../../docs/reference/limits.md");
     assert_eq!(
         (Retention::WINDOW_MEMORY, RecordingOptions::LEAST_MAX_BYTES),
         (1 << 30, 1_000_000)
     );
     for row in [
-        "(`--record-window`) | 1 GiB (`--record-window-memory`): their positions, and about 1 KiB",
-        "(`--record-max SIZE`) | SIZE, at least 1 MB;",
+        "(`window=SECONDS`) | 1 GiB (`memory=SIZE`): their positions, and about 1 KiB",
+        "(`max=SIZE`) | SIZE, at least 1 MB;",
         "after the first one | 10,000;",
     ] {
-        assert!(page.contains(row), "not in docs/limits.md: {row}");
+        assert!(page.contains(row), "not in docs/reference/limits.md: {row}");
     }
     assert_eq!((files::NAMES, window::RECORD_BYTES), (10_000, 1 << 10));
 }
