@@ -1,7 +1,7 @@
 //! Parsing of the command line, with errors in plain words.
 
 use super::Cli;
-use clap::error::{ContextKind, ErrorKind};
+use clap::error::{ContextKind, ContextValue, ErrorKind};
 use clap::{Arg, Command, CommandFactory, Error, FromArgMatches};
 use std::ffi::OsString;
 
@@ -23,6 +23,22 @@ const IN_WORDS: [(&str, &str); 6] = [
     ("invalid float literal", "expected a number"),
     ("cannot parse float from empty string", "expected a number"),
 ];
+
+/// Commands and options that are gone, and what to use instead.
+const GONE: [(&str, &str); 6] = [
+    (
+        "plan",
+        "`linkwatch certify --explain MODEL` prints the plan",
+    ),
+    ("study", STUDY),
+    ("sweep", STUDY),
+    ("--repeat", STUDY),
+    ("--measure", STUDY),
+    ("--calibrate", STUDY),
+];
+
+const STUDY: &str = "measurements are commands for developers, in a clone of linkwatch: `cargo run \
+                     --release -p study -- --help` (benches/study)";
 
 /// Parses the arguments, the first of which is the name of the program.
 pub fn parse(args: impl IntoIterator<Item = OsString>) -> Result<Cli, Error> {
@@ -48,6 +64,9 @@ fn with_negative_numbers(command: Command) -> Command {
 /// Rewrites an error that only a programmer understands, and removes a tip that never helps: to
 /// pass an unknown option as a file name.
 fn in_words(mut error: Error) -> Error {
+    if let Some((name, instead)) = gone(&error) {
+        return Error::raw(error.kind(), format!("{name} is gone: {instead}\n"));
+    }
     if error.kind() == ErrorKind::UnknownArgument {
         error.remove(ContextKind::Suggested);
     }
@@ -65,5 +84,20 @@ fn in_words(mut error: Error) -> Error {
             Error::raw(ErrorKind::ValueValidation, text)
         }
         None => error,
+    }
+}
+
+/// Returns the command or the option of an error that is gone, and what to use instead.
+fn gone(error: &Error) -> Option<&'static (&'static str, &'static str)> {
+    let unknown = [ContextKind::InvalidSubcommand, ContextKind::InvalidArg];
+    let unknown = unknown.into_iter().find_map(|kind| error.get(kind))?;
+    let ContextValue::String(unknown) = unknown else {
+        return None;
+    };
+    match error.kind() {
+        ErrorKind::InvalidSubcommand | ErrorKind::UnknownArgument => {
+            GONE.iter().find(|(name, _)| name == unknown)
+        }
+        _ => None,
     }
 }

@@ -11,6 +11,7 @@ mod completions;
 mod convert;
 mod devices;
 mod event_args;
+mod explain;
 mod files;
 mod frames;
 mod generate;
@@ -29,11 +30,8 @@ mod number;
 mod open;
 mod order;
 mod output;
-mod plan;
 #[cfg(feature = "mcap")]
 mod recorded;
-#[cfg(feature = "lab")]
-mod repeat;
 #[cfg(feature = "mcap")]
 mod replay;
 #[cfg(feature = "mcap")]
@@ -49,12 +47,6 @@ mod signals;
     expect(dead_code, reason = "no command detaches its streams")
 )]
 mod stream;
-#[cfg(feature = "lab")]
-mod study;
-#[cfg(not(feature = "lab"))]
-#[path = "no_study.rs"]
-mod study;
-mod sweep;
 mod thickness;
 #[cfg(feature = "bus")]
 mod watch;
@@ -127,13 +119,10 @@ enum Command {
     Certify(certify::Args),
     Check(check::Args),
     Convert(convert::Args),
-    Sweep(sweep::Args),
     Generate(generate::Args),
     Thickness(thickness::Args),
     Writhe(writhe::Args),
-    Plan(plan::Args),
     Devices(devices::Args),
-    Study(study::Args),
     Completions(completions::Args),
     Man(man::Args),
 }
@@ -224,13 +213,10 @@ fn run(cli: &Cli) -> Result<Outcome> {
         Command::Certify(args) => certify::run(args, cli.json),
         Command::Check(args) => check::run(args, cli.json),
         Command::Convert(args) => convert::run(args, cli.json),
-        Command::Devices(args) => devices::run(args, cli.json),
+        Command::Devices(_) => devices::run(cli.json),
         Command::Generate(args) => generate::run(args, cli.json),
-        Command::Plan(args) => plan::run(args, cli.json),
-        Command::Sweep(args) => sweep::run(args, cli.json),
         Command::Thickness(args) => thickness::run(args, cli.json),
         Command::Writhe(args) => writhe::run(args, cli.json),
-        Command::Study(args) => study::run(args, cli.json),
         #[cfg(feature = "bus")]
         Command::Watch(args) => watch::run(args, cli.json),
         #[cfg(feature = "mcap")]

@@ -110,8 +110,6 @@ fn no_output_overwrites_an_input_or_another_output() {
         let check = ["check", model, "--against", certificate];
         refused(&[&check[..], &["--diff-pairs", output]].concat(), same);
         refused(&[&check[..], &["--diff-curves", output]].concat(), same);
-        let study = ["study", "kernels", model, "--csv", output];
-        refused(&study, same);
     }
     let check = ["check", model, "--against", certificate];
     let hard = &at("c-hard.txt")[..];
@@ -139,12 +137,9 @@ fn an_existing_output_is_overwritten_only_with_force() {
     let model = chain(folder.path(), "m.bcc", 0.5);
     let model = text(&model);
     linkwatch(&["certify", model, "-o", &at("c.txt")]);
-    let plots = folder.path().join("plots");
-    std::fs::create_dir(&plots).unwrap();
-    std::fs::write(plots.join("error-beta.svg"), "mine").unwrap();
     let scene = "chainmail:rows=2,columns=2";
     let [out, bcc, against] = ["out.txt", "out.bcc", "c.txt"].map(at);
-    let commands: [(&[&str], &str); 6] = [
+    let commands: [(&[&str], &str); 4] = [
         (&["certify", model, "-o", &out], &out),
         (
             &["check", model, "--against", &against, "--diff-pairs", &out],
@@ -155,23 +150,6 @@ fn an_existing_output_is_overwritten_only_with_force() {
             &out,
         ),
         (&["generate", scene, "-o", &bcc], &bcc),
-        (
-            &["study", "kernels", scene, "--repeat", "1", "--csv", &out],
-            &out,
-        ),
-        (
-            &[
-                "study",
-                "table1",
-                "--only",
-                "rubber",
-                "--segments",
-                "10",
-                "--csv",
-                &out,
-            ],
-            &out,
-        ),
     ];
     for (args, file) in commands {
         std::fs::write(file, "mine").unwrap();
@@ -188,9 +166,6 @@ fn an_existing_output_is_overwritten_only_with_force() {
         assert_eq!(run.code, 0, "{args:?}: {}", run.stderr);
         assert_ne!(std::fs::read(file).unwrap(), b"mine", "{args:?}");
     }
-    let run = linkwatch(&["study", "kernels", scene, "--plot", text(&plots)]);
-    assert_eq!(run.code, 2, "{}", run.stderr);
-    assert!(run.stderr.contains("error-beta.svg"), "{}", run.stderr);
     let names = std::fs::read_dir(folder.path()).unwrap();
     let parts = names.filter(|e| e.as_ref().unwrap().path().extension() == Some("part".as_ref()));
     assert_eq!(parts.count(), 0);
@@ -238,13 +213,6 @@ fn an_invalid_output_is_reported_before_the_work() {
             "--against",
             "c",
             "--diff-pairs",
-            "/no/such/folder/c.txt",
-        ],
-        &[
-            "study",
-            "kernels",
-            "none.bcc",
-            "--csv",
             "/no/such/folder/c.txt",
         ],
     ] {
