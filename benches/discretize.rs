@@ -4,8 +4,8 @@
 
 mod common;
 
+use common::measure::{Run, median, timed};
 use common::{Cell, Options, Pools, Rows, measure, ns_each};
-use linkwatch::lab::{Run, median, timed};
 use linkwatch::{Certifier, Polylines, homotopic_polylines};
 
 fn main() {
@@ -34,8 +34,7 @@ fn main() {
             let (made, elapsed) = timed(|| homotopic_polylines(&subject.curves));
             let curves = made.expect("as before").curves;
             let mut certifier = Certifier::default();
-            let [first, later] =
-                [(); 2].map(|()| Run::of(&mut certifier, &curves, Some(&subject.exact)));
+            let [first, later] = [(); 2].map(|()| Run::of(&mut certifier, &curves, &subject.exact));
             assert!(
                 first.equal && later.equal,
                 "{name}: the polylines have other links"

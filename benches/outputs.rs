@@ -7,14 +7,17 @@
 
 #[path = "outputs/handing.rs"]
 mod handing;
+#[allow(dead_code, reason = "shared with the other benches")]
+#[path = "study/src/measure.rs"]
+mod measure;
 
-use linkwatch::lab::timed;
 use linkwatch::scenes::Scene;
 use linkwatch::{
     Basis, Client, ClientOptions, CurveSet, FrameInfo, FrameRecord, Outcome, Overflow, Positions,
     Precision, RecordedItem, RecordingReader, RecordingSink, RecordingTool, Session,
     SessionOptions, Sink, SinkQueue, Verdict, ViewerSink, ViewerTarget, Work,
 };
+use measure::timed;
 use std::process::{Command, Stdio};
 use std::sync::Arc;
 use std::time::{Duration, Instant, SystemTime};

@@ -7,12 +7,16 @@
 //! times are medians. The expected numbers of links are asserted: each ring at the edge has one
 //! more link in the cell.
 
-use linkwatch::lab::median;
+#[allow(dead_code, reason = "shared with the other benches")]
+#[path = "study/src/measure.rs"]
+mod measure;
+
 use linkwatch::scenes::Scene;
 use linkwatch::{
     Cell, ClearanceOptions, CurveSet, Events, FrameInfo, Positions, RawFrame, Result, Route,
     Session, SessionOptions, Strategy, Verdict,
 };
+use measure::median;
 use std::time::Instant;
 
 /// Distance of neighbouring flat rings of the scene.

@@ -7,8 +7,12 @@
 //! If `../shared/models/octrope.json` has times of liboctrope, they are shown as well. They were
 //! measured on such a machine, but on another day.
 
-use linkwatch::lab::median;
+#[allow(dead_code, reason = "shared with the other benches")]
+#[path = "study/src/measure.rs"]
+mod measure;
+
 use linkwatch::{Basis, CurveSet, Positions, Result, Thickness};
+use measure::median;
 use serde_json::Value;
 use std::f64::consts::TAU;
 use std::hint::black_box;

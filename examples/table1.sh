@@ -1,7 +1,7 @@
 #!/bin/sh
 # Simulates models in the place of those of Table 1 of Qu & James 2021 that were not published, and
-# writes them to a folder for `linkwatch study table1 --models DIR`. It takes about 10 minutes on
-# two cores, and 2 GB of disk, which are free again at the end.
+# writes them to a folder for `study table1 --models DIR` (benches/study). It takes about 10 minutes
+# on two cores, and 2 GB of disk, which are free again at the end.
 set -eu
 dir=${1:?"usage: examples/table1.sh DIR"}
 cargo build --release --bin linkwatch

@@ -63,18 +63,17 @@
 //! | expected topology | [`Certificate`], [`Comparison`], [`Link`] |
 //! | DNA, polymers | [`Ribbon`], [`GaussIntegrals`]: writhe, twist, linking of open curves |
 //! | thickness | [`Thickness`], [`struts`], [`Strut`], [`MinRad`] |
-//! | cost of a frame | [`Stats`], [`Work`], [`Timings`], [`Progress`]; before the run: [`plan`] |
+//! | cost of a frame | [`Stats`], [`Work`], [`Timings`], [`Progress`]; before the run: [`Plan`] |
 //! | kernels and devices | [`kernels::Method`], [`kernels::Device`], [`homotopic_polylines`] |
 //! | outputs | [`Sink`] behind a [`SinkQueue`]; the recording and the viewer; `RunReport` |
 //! | simulators | the bus: `Client`, and `Sidecar` for a watcher of your own |
-//! | compression and resampling of models | [`sweep`] |
 //! | pictures of models and their links | [`picture`] |
 //! | test scenes | [`scenes`] |
 //!
 //! # Features
 //!
-//! All are on by default. A feature turns on those that it needs: `cli`, `lab`, `bus`, `gpu`,
-//! `mcap`, `rerun` and `metrics` turn on `verify`. Without any feature the library has only the
+//! All are on by default. A feature turns on those that it needs: `cli`, `bus`, `gpu`, `mcap`,
+//! `rerun` and `metrics` turn on `verify`. Without any feature the library has only the
 //! vocabulary that all features share: [`Basis`], [`Positions`], [`Verdict`], [`Report`],
 //! [`Error`].
 //!
@@ -84,7 +83,6 @@
 //! | `verify` | the exact core: `Session`, which computes every linking number | rayon |
 //! | `bus` | `client`, `verify` and the watcher's end: `Sidecar` | iceoryx2 |
 //! | `cli` | the command `linkwatch`; no API | clap |
-//! | `lab` | measurements: `lab`; `study` and `devices --measure` of the command | plotters |
 //! | `gpu` | kernels on a GPU: `SessionOptions::device` | wgpu |
 //! | `mcap` | recordings: `RecordingSink`, `RecordingReader`, `RunReport` | mcap |
 //! | `rerun` | the viewer: `ViewerSink` | rerun |
@@ -143,8 +141,6 @@ mod incremental;
 mod ingest;
 #[cfg(feature = "verify")]
 pub mod kernels;
-#[cfg(feature = "lab")]
-pub mod lab;
 #[cfg(feature = "verify")]
 pub mod model;
 #[cfg(feature = "verify")]
@@ -176,8 +172,6 @@ mod sinks;
 #[cfg(feature = "verify")]
 #[cfg_attr(not(feature = "mcap"), allow(dead_code, reason = "reports use all"))]
 mod svg;
-#[cfg(feature = "verify")]
-pub mod sweep;
 #[cfg(feature = "verify")]
 mod thickness;
 mod verdict;

@@ -10,13 +10,11 @@ use std::process::{Command, Stdio};
 use support::command::linkwatch;
 use support::trial::trial;
 
-const COMMANDS: [&str; 9] = [
+const COMMANDS: [&str; 7] = [
     "certify",
     "check",
-    "sweep",
     "generate",
     "measure",
-    "plan",
     "devices",
     "completions",
     "man",
@@ -201,14 +199,13 @@ fn errors_of_a_folder_and_a_misspelt_scene_give_advice() {
     let folder = tempfile::tempdir().expect("a folder");
     std::fs::write(folder.path().join("a.vect"), "VECT").unwrap();
     let path = folder.path().to_str().expect("UTF-8");
-    let advice = format!(
-        "{path}: not a regular file but a folder; for the models in it, give {path}/*.vect"
-    );
     for (args, expected) in [
-        (["plan", path], advice.as_str()),
         (["certify", path], "a.vect: not a valid VECT (line 1)"),
         (["certify", "knti"], "the nearest is 'knit'"),
-        (["plan", "ribbon:segmnts=20"], "the nearest is 'segments'"),
+        (
+            ["certify", "ribbon:segmnts=20"],
+            "the nearest is 'segments'",
+        ),
     ] {
         let run = linkwatch(&args);
         assert_eq!(run.code, 2, "{args:?}");

@@ -1,12 +1,14 @@
 //! Parts shared by the benches of the stages: options, scenes with their expected counts, and runs
-//! that alternate between one thread and all. The laboratory ([`linkwatch::lab`]) measures.
+//! that alternate between one thread and all.
 
 // Every bench is a separate program and uses a part of this module.
 #![allow(dead_code)]
 
-use linkwatch::kernels::Device;
-use linkwatch::lab::{Run, StageTimes, Subject, Table};
+#[path = "../study/src/measure.rs"]
+pub mod measure;
+
 use linkwatch::{Certificate, Stats, model};
+use measure::{Run, StageTimes, Subject, Table};
 use rayon::{ThreadPool, ThreadPoolBuilder};
 use serde_json::{Value, json};
 use std::path::PathBuf;
@@ -286,15 +288,9 @@ pub struct Measured {
 /// Certifies a case. Panics if anything except the cost differs between runs, or from the expected
 /// result.
 pub fn measure(case: &Case, pools: &Pools, repeat: usize) -> Measured {
-    let Subject {
-        name,
-        curves,
-        exact,
-        stats,
-        ..
-    } = &case.subject;
+    let Subject { name, stats, .. } = &case.subject;
     let runs = pools.alternate(repeat, || {
-        let runs = Run::first_and_later(&Device::Cpu, curves, Some(exact)).expect("the CPU");
+        let runs = Run::first_and_later(&case.subject);
         for run in &runs {
             assert!(
                 run.equal && run.stats == *stats,

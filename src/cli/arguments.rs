@@ -24,8 +24,17 @@ const IN_WORDS: [(&str, &str); 6] = [
     ("cannot parse float from empty string", "expected a number"),
 ];
 
-/// Options of earlier versions, and what to give instead.
-const OLD_OPTIONS: [(&str, &str); 27] = [
+/// Commands and options of earlier versions, and what to use instead.
+const GONE: [(&str, &str); 33] = [
+    (
+        "plan",
+        "`linkwatch certify --explain MODEL` prints the plan",
+    ),
+    ("study", STUDY),
+    ("sweep", STUDY),
+    ("--repeat", STUDY),
+    ("--measure", STUDY),
+    ("--calibrate", STUDY),
     ("--against", "--baseline"),
     (
         "--beta",
@@ -76,6 +85,9 @@ const OLD_OPTIONS: [(&str, &str); 27] = [
     ("--view-only", "--show WHERE,only=violated"),
 ];
 
+const STUDY: &str = "measurements are commands for developers, in a clone of linkwatch: `cargo run \
+                     --release -p study -- --help` (benches/study)";
+
 /// Parses the arguments, the first of which is the name of the program.
 pub fn parse(args: impl IntoIterator<Item = OsString>) -> Result<Cli, Error> {
     let command = with_negative_numbers(Cli::command());
@@ -100,15 +112,11 @@ fn with_negative_numbers(command: Command) -> Command {
 /// Rewrites an error that only a programmer understands, and removes a tip that never helps: to
 /// pass an unknown option as a file name.
 fn in_words(mut error: Error) -> Error {
+    if let Some((name, instead)) = gone(&error) {
+        return Error::raw(error.kind(), format!("{name} is gone: {instead}\n"));
+    }
     if error.kind() == ErrorKind::UnknownArgument {
         error.remove(ContextKind::Suggested);
-        if let Some(ContextValue::String(given)) = error.get(ContextKind::InvalidArg) {
-            let old = OLD_OPTIONS.iter().find(|(old, _)| old == given);
-            if let Some((old, new)) = old {
-                let text = format!("{old} is an option of earlier versions: use {new}\n");
-                return Error::raw(ErrorKind::UnknownArgument, text);
-            }
-        }
     }
     if error.kind() != ErrorKind::ValueValidation {
         return error;
@@ -124,5 +132,20 @@ fn in_words(mut error: Error) -> Error {
             Error::raw(ErrorKind::ValueValidation, text)
         }
         None => error,
+    }
+}
+
+/// Returns the command or the option of an error that is gone, and what to use instead.
+fn gone(error: &Error) -> Option<&'static (&'static str, &'static str)> {
+    let unknown = [ContextKind::InvalidSubcommand, ContextKind::InvalidArg];
+    let unknown = unknown.into_iter().find_map(|kind| error.get(kind))?;
+    let ContextValue::String(unknown) = unknown else {
+        return None;
+    };
+    match error.kind() {
+        ErrorKind::InvalidSubcommand | ErrorKind::UnknownArgument => {
+            GONE.iter().find(|(name, _)| name == unknown)
+        }
+        _ => None,
     }
 }

@@ -2,6 +2,7 @@
 
 use super::braid_args::BraidArgs;
 use super::cell_args::CellArgs;
+use super::explain;
 use super::files::{Content, Files, Overwrite, write_text, write_whole};
 use super::frames::{self, FrameArgs, Picked};
 use super::input::{self, FormatArgs};
@@ -9,8 +10,6 @@ use super::kernel::KernelArgs;
 use super::number::{not_negative, positive};
 use super::open;
 use super::output::{self, count, millis, percent, plural, plural_of};
-#[cfg(feature = "lab")]
-use super::repeat;
 use super::{Outcome, output::with_progress};
 use clap::ValueEnum;
 use linkwatch::kernels::{Method, Offload};
@@ -95,14 +94,15 @@ pub struct Args {
         requires = "open"
     )]
     at_least: f64,
-    #[cfg(feature = "lab")]
-    /// Certify each model N times and print the median times of all stages, not the certificate
+    /// Print the decisions of each stage and the predicted cost, not the certificate
     #[arg(
-        long, value_name = "N", help_heading = super::KERNELS, hide_short_help = true,
-        value_parser = clap::value_parser!(u32).range(1..),
-        conflicts_with_all = ["discretize", "kernel", "noise", "output", "open", "svg"]
+        long, help_heading = super::KERNELS,
+        conflicts_with_all = [
+            "braid", "discretize", "kernel", "noise", "open", "output", "svg", "write_braid",
+            "write_loops",
+        ]
     )]
-    repeat: Option<u32>,
+    explain: bool,
 }
 
 /// Method that converts splines to polylines.
@@ -133,10 +133,6 @@ struct Certified {
 impl Args {
     /// Returns true if periodic images are not considered.
     fn is_alone(&self) -> bool {
-        #[cfg(feature = "lab")]
-        if self.repeat.is_some() {
-            return true;
-        }
         self.noise.is_some() || self.open || self.discretize == Discretize::Algorithm3
     }
 }
@@ -145,8 +141,8 @@ impl Args {
 fn check_cell(frame: &Picked, args: &Args) -> Result<()> {
     match frame.cell {
         Some(cell) if args.is_alone() => Err(Error::Usage(format!(
-            "{}: the frame has a periodic cell ({cell}), but --noise, --open, --discretize and \
-             --repeat do not consider periodic images: --cell none ignores it",
+            "{}: the frame has a periodic cell ({cell}), but --noise, --open and --discretize do \
+             not consider periodic images: --cell none ignores it",
             frame.name
         ))),
         _ => Ok(()),
@@ -340,10 +336,6 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
                 frames.check_one(option)?;
             }
         }
-        #[cfg(feature = "lab")]
-        if args.repeat.is_some() {
-            frames.check_one("--repeat")?;
-        }
         let several = frames.are_several();
         let style = match (models.len(), several) {
             (1, false) => Style::Certificate,
@@ -353,9 +345,12 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         let picture = pictures.get(&path.to_owned());
         frames.each(|frame| {
             check_cell(&frame, args)?;
-            #[cfg(feature = "lab")]
-            if let Some(n) = args.repeat {
-                return repeat::run(path, &frame.curves, n, &args.kernel.device, json);
+            if args.explain {
+                let options = SessionOptions {
+                    cell: frame.cell,
+                    ..args.kernel.options()?
+                };
+                return explain::print(path, &frame, &options, json);
             }
             if args.open {
                 let (tolerance, least) = (args.tolerance, args.at_least);

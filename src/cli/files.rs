@@ -27,8 +27,6 @@ pub enum Content {
     Recording,
     #[cfg(feature = "rerun")]
     Viewer,
-    #[cfg(feature = "lab")]
-    Plot,
 }
 
 impl Content {

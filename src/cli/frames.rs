@@ -25,8 +25,6 @@ pub struct FrameArgs {
 pub enum Selection {
     #[default]
     All,
-    /// The first one, with a warning if there are more.
-    First,
     Last,
     /// Those with the numbers from the first one to the second one.
     Numbers(u64, u64),
@@ -131,7 +129,7 @@ pub struct Selected {
 impl Selected {
     /// Opens a model file if the argument has the extension of one or names an existing file.
     /// Otherwise builds the scene that the argument describes.
-    pub fn open(
+    fn open(
         argument: &Path,
         format: &FormatArgs,
         cells: CellArgs,
@@ -139,7 +137,7 @@ impl Selected {
     ) -> Result<Selected> {
         let mut selected = Selected {
             path: argument.to_owned(),
-            is_whole: cells.wrapped().is_none() && !format.is_wrapped(),
+            is_whole: cells.wrapped().is_none(),
             cells,
             selection,
             frames: input::open_or_build(argument, &format.wrapped(cells.wrapped().is_some()))?,
@@ -184,21 +182,6 @@ impl Selected {
     /// Returns true if several frames are chosen.
     pub fn are_several(&self) -> bool {
         self.several
-    }
-
-    /// Returns the first chosen frame. Warns if there are others that the user may expect.
-    pub fn one(mut self) -> Result<Picked> {
-        let first = self.ahead.pop_front().expect("not empty")?;
-        if let Some(Ok(_)) = self.ahead.pop_front() {
-            tracing::warn!(
-                "{}: the file has several frames; only the first one is used, frame {} (`linkwatch \
-                 convert --frame` writes another one to a file)",
-                self.path.display(),
-                first.seq,
-            );
-            self.several = false;
-        }
-        self.pick(first, true).map_err(|e| e.in_file(&self.path))
     }
 
     /// Calls `run` for each chosen frame, and returns the worst outcome. Frames that are invalid,

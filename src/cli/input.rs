@@ -1,9 +1,5 @@
 //! Curves of arguments: model files, folders and patterns of them, recordings, generated scenes.
 
-#[cfg(feature = "lab")]
-use super::cell_args::CellArgs;
-#[cfg(feature = "lab")]
-use super::frames::{Selected, Selection};
 #[cfg(feature = "mcap")]
 use super::recorded::Recorded;
 use super::{Outcome, order, output};
@@ -57,11 +53,6 @@ impl FormatArgs {
         }
     }
 
-    /// Returns true if torn curves are not refused.
-    pub fn is_wrapped(&self) -> bool {
-        self.wrapped
-    }
-
     /// Returns the other files that are read.
     pub fn files(&self) -> impl Iterator<Item = &PathBuf> {
         self.bonds.iter()
@@ -75,27 +66,6 @@ impl FormatArgs {
         options.topic.clone_from(&self.topic);
         options.wrapped = self.wrapped;
         options
-    }
-}
-
-/// Reads a model file if the argument has the extension of one or names an existing file. Otherwise
-/// builds the scene that the argument describes. Warns if the file has several frames, of which
-/// the first one is read. For commands that do not consider periodic images.
-///
-/// Errors: [`Error::Usage`] if the frame has a periodic cell, besides those of reading.
-#[cfg(feature = "lab")]
-pub fn read(argument: &Path) -> Result<CurveSet> {
-    // Torn curves are refused for their cell.
-    let (format, cells) = (FormatArgs::default().wrapped(true), CellArgs::default());
-    let picked = Selected::open(argument, &format, cells, Selection::First)?.one()?;
-    match picked.cell {
-        None => Ok(picked.curves),
-        Some(cell) => Err(Error::Usage(format!(
-            "{}: the frame has a periodic cell ({cell}), but this command considers the curves \
-             alone, without their images: `linkwatch convert` writes them to a format without a \
-             cell, .bcc for example",
-            argument.display()
-        ))),
     }
 }
 

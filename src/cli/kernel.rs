@@ -79,7 +79,7 @@ impl KernelArgs {
 }
 
 /// Parses the beta of Barnes-Hut.
-pub fn beta(text: &str) -> Result<f64, String> {
+fn beta(text: &str) -> Result<f64, String> {
     match text.parse() {
         Ok(x) if f64::is_finite(x) && x >= 1.0 => Ok(x),
         _ => Err("expected a number of at least 1".into()),

@@ -13,6 +13,7 @@ mod devices;
 #[cfg(feature = "mcap")]
 mod diff;
 mod event_args;
+mod explain;
 mod files;
 mod frames;
 mod generate;
@@ -32,15 +33,12 @@ mod number;
 mod open;
 mod order;
 mod output;
-mod plan;
 #[cfg(all(feature = "bus", feature = "mcap"))]
 mod play;
 #[cfg(feature = "mcap")]
 mod range;
 #[cfg(feature = "mcap")]
 mod recorded;
-#[cfg(feature = "lab")]
-mod repeat;
 #[cfg(feature = "mcap")]
 mod replay;
 #[cfg(feature = "mcap")]
@@ -59,12 +57,6 @@ mod source;
     expect(dead_code, reason = "no command detaches its streams")
 )]
 mod stream;
-#[cfg(feature = "lab")]
-mod study;
-#[cfg(not(feature = "lab"))]
-#[path = "no_study.rs"]
-mod study;
-mod sweep;
 #[cfg(feature = "bus")]
 mod watch;
 
@@ -139,16 +131,13 @@ enum Command {
     Certify(certify::Args),
     Check(check::Args),
     Convert(convert::Args),
-    Sweep(sweep::Args),
     Generate(generate::Args),
     Measure(measure::Args),
     #[command(hide = true)]
     Thickness(measure::thickness::Args),
     #[command(hide = true)]
     Writhe(measure::writhe::Args),
-    Plan(plan::Args),
     Devices(devices::Args),
-    Study(study::Args),
     Completions(completions::Args),
     Man(man::Args),
 }
@@ -239,10 +228,8 @@ fn run(cli: &Cli) -> Result<Outcome> {
         Command::Certify(args) => certify::run(args, cli.json),
         Command::Check(args) => check::run(args, cli.json),
         Command::Convert(args) => convert::run(args, cli.json),
-        Command::Devices(args) => devices::run(args, cli.json),
+        Command::Devices(_) => devices::run(cli.json),
         Command::Generate(args) => generate::run(args, cli.json),
-        Command::Plan(args) => plan::run(args, cli.json),
-        Command::Sweep(args) => sweep::run(args, cli.json),
         Command::Measure(args) => measure::run(args, cli.json),
         // Names of earlier versions, which take the same arguments.
         Command::Thickness(args) => {
@@ -253,7 +240,6 @@ fn run(cli: &Cli) -> Result<Outcome> {
             tracing::warn!("`linkwatch writhe` is now `linkwatch measure writhe`");
             measure::writhe::run(args, cli.json)
         }
-        Command::Study(args) => study::run(args, cli.json),
         #[cfg(feature = "bus")]
         Command::Watch(args) => watch::run(args, cli.json),
         #[cfg(feature = "mcap")]

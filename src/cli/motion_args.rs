@@ -7,8 +7,9 @@ use linkwatch::{Error, Result};
 /// Motion of the frames of a scene.
 #[derive(Clone, Debug, clap::Args)]
 pub struct MotionArgs {
-    /// Motion of the frames: words joined by `+`, as `linkwatch study frames` lists them [default:
-    /// smooth]
+    /// Motion of the frames, words joined by `+`: still, smooth (waves of 40 diameters), iid
+    /// (independent noise of each point), translate (5 diameters a frame), rotate (3 degrees a
+    /// frame), stretch and scale (0.8 to 1.25) [default: smooth]
     #[arg(long, value_name = "MOTION")]
     motion: Option<Motion>,
     /// Amplitude of the motion, in diameters [default: 0.05]

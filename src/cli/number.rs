@@ -26,18 +26,6 @@ pub fn not_negative(text: &str) -> Result<f64, String> {
     }
 }
 
-/// Parses a number of segments, possibly written as `2e5`.
-#[cfg(feature = "lab")]
-pub fn segments(text: &str) -> Result<u64, String> {
-    match text.parse::<f64>() {
-        Ok(x) if (1.0..=f64::from(i32::MAX)).contains(&x) && x.fract() == 0.0 => Ok(x as u64),
-        _ => Err(format!(
-            "expected numbers of segments, from 1 to {}",
-            i32::MAX
-        )),
-    }
-}
-
 /// Parses a size in bytes: `1000000`, `500MB` or `2GiB`.
 #[cfg(feature = "mcap")]
 pub fn bytes(text: &str) -> Result<u64, String> {
@@ -108,14 +96,5 @@ mod tests {
         ] {
             assert!(super::bytes(text).is_err(), "{text}");
         }
-    }
-
-    #[test]
-    #[cfg(feature = "lab")]
-    fn numbers_of_segments_are_whole_and_in_range() {
-        use super::segments;
-        assert_eq!(segments("2e5"), Ok(200_000));
-        let bad = ["0", "-1", "nan", "1.5", "", "1e99"];
-        assert!(bad.iter().all(|s| segments(s).is_err()));
     }
 }

@@ -37,14 +37,14 @@ impl Certifier {
     pub fn new(options: &SessionOptions) -> Result<Certifier> {
         pool::check_process()?;
         options.check()?;
-        let gpu = GpuUse::open(&options.device)?;
+        let gpu = GpuUse::open(&options.device, options.calibration.as_ref())?;
         Ok(Certifier {
             full: FullRun::new((options.kernel, options.accuracy), gpu),
         })
     }
 
     /// Computes with an adapter that is open already.
-    #[cfg(all(feature = "gpu", any(feature = "lab", test)))]
+    #[cfg(all(feature = "gpu", test))]
     pub(crate) fn with_gpu(options: &SessionOptions, gpu: GpuUse) -> Certifier {
         Certifier {
             full: FullRun::new((options.kernel, options.accuracy), gpu),

@@ -109,7 +109,7 @@ impl Engine {
     pub fn new(options: SessionOptions) -> Result<Self> {
         pool::check_process()?;
         options.check()?;
-        let gpu = GpuUse::open(&options.device)?;
+        let gpu = GpuUse::open(&options.device, options.calibration.as_ref())?;
         Ok(Engine::with_gpu(options, gpu))
     }
 

@@ -5,7 +5,7 @@ use crate::curve::Cell;
 use crate::discretize::Braids;
 use crate::error::{Error, Result};
 use crate::incremental::{Events, MOTION_LIMIT};
-use crate::kernels::{Accuracy, Device, Method};
+use crate::kernels::{Accuracy, Calibration, Device, Method};
 use crate::thickness::ClearanceOptions;
 use crate::verdict::AbortOn;
 
@@ -113,10 +113,14 @@ pub struct SessionOptions {
     ///
     /// A GPU counts the crossings of polylines in full runs, and computes direct and Barnes-Hut
     /// sums. A requested GPU is always used. With [`Device::Auto`], it is used if it is predicted
-    /// to be faster than the CPU, from the stored [`Calibration`](crate::kernels::Calibration). If
-    /// the GPU fails, the session logs a warning and continues on the CPU. The results are the
-    /// same; only the time differs.
+    /// to be faster than the CPU, from [`SessionOptions::calibration`]. If the GPU fails, the
+    /// session logs a warning and continues on the CPU. The results are the same; only the time
+    /// differs.
     pub device: Device,
+    /// Measured costs, from which [`Device::Auto`] predicts the times of a GPU and of the CPU.
+    /// `None`, the default: those that are stored for the user ([`Calibration::keep`]). Without
+    /// either, the CPU is chosen.
+    pub calibration: Option<Calibration>,
 }
 
 /// Part of each frame that a [`Session`](crate::Session) computes.
@@ -168,6 +172,7 @@ impl Default for SessionOptions {
             kernel: Method::default(),
             accuracy: Accuracy::default(),
             device: Device::Cpu,
+            calibration: None,
         }
     }
 }
@@ -182,7 +187,7 @@ impl SessionOptions {
     /// Checks that every option has an effect.
     ///
     /// Errors: [`Error::Usage`], with the names of both options if two exclude one another.
-    pub(super) fn check(&self) -> Result<()> {
+    pub(crate) fn check(&self) -> Result<()> {
         let refuse = |why: String| Err(Error::Usage(why));
         let searches = self.events != Events::Off;
         let sums = !matches!(self.kernel, Method::Auto | Method::Crossings);

@@ -1,8 +1,8 @@
 //! Measured cost of the kernels on an adapter and on the CPU, from which the faster one is chosen.
 //!
 //! A calibration belongs to an adapter, a driver and a number of threads. It is stored in a file in
-//! the user's cache folder. It is made on request only (`lab::calibrate`), never during
-//! verification. Without a calibration the CPU is chosen.
+//! the user's cache folder. It is made on request only (`study calibrate`, in
+//! benches/study), never during verification. Without a calibration the CPU is chosen.
 //!
 //! An entry of the file with a missing field is one of an older version, and is ignored. Fields
 //! that were renamed are read under both names.
@@ -149,8 +149,15 @@ impl Calibration {
     /// Stores the calibration. Replaces an older one of the same adapter. Returns the path of the
     /// file.
     ///
-    /// Errors: [`Error::File`]; [`Error::Device`] if the user has no cache folder.
+    /// Errors: [`Error::File`]; [`Error::Device`] if the user has no cache folder, or if a cost is
+    /// not a valid number, because a stored calibration must be readable.
     pub fn keep(&self) -> Result<PathBuf> {
+        if !self.is_valid() {
+            return Err(Error::Device(format!(
+                "the measured times of {} fit no costs; repeat the calibration on an idle machine",
+                self.adapter
+            )));
+        }
         let file = file().ok_or_else(|| {
             Error::Device("no cache folder for the calibration; set XDG_CACHE_HOME or HOME".into())
         })?;
@@ -186,7 +193,7 @@ impl Calibration {
     }
 
     /// Returns true if all times and factors are valid numbers.
-    pub(crate) fn is_valid(&self) -> bool {
+    fn is_valid(&self) -> bool {
         self.direct.is_valid() && self.barnes_hut.is_valid() && self.crossings.is_valid()
     }
 }
@@ -323,6 +330,17 @@ mod tests {
             "round_trip_ms": 1.0, "pair_ns": 0.01, "processor_pair_ns": 1.0,
         });
         assert_eq!(Calibration::from_json(old), None);
+    }
+
+    #[test]
+    fn a_calibration_that_cannot_be_read_again_is_not_stored() {
+        let mut c = Calibration::made_up(0.5, 10.0);
+        c.crossings.error_factor = f64::INFINITY;
+        let e = c.keep().unwrap_err().to_string();
+        assert!(
+            e.contains("the measured times of made up fit no costs"),
+            "{e}"
+        );
     }
 
     #[test]

@@ -67,8 +67,8 @@ pub(crate) use sums::{Chain, Summation};
 use crate::verdict::{DefectKind, Place};
 
 /// Work of linking numbers, in counts. It depends on the curves alone, not on the machine.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
-pub struct KernelWork {
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct KernelWork {
     /// Node pairs visited breadth first, to choose the direction of projection.
     pub front: u64,
     /// Node pairs visited depth first, down to the segments, whose boxes are stored.

@@ -50,11 +50,6 @@ impl BucketSort {
             start = end;
         }
     }
-
-    /// Returns the number of bytes of the buffer.
-    pub fn bytes(&self) -> usize {
-        size_of_val(&self.ends[..])
-    }
 }
 
 #[cfg(test)]

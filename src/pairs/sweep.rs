@@ -185,25 +185,6 @@ impl LinkSearch {
     pub fn tasks(boxes: usize) -> usize {
         boxes.div_ceil(CHUNK)
     }
-
-    /// Returns the number of bytes of the sorted boxes and of the pairs found.
-    pub fn bytes(&self) -> usize {
-        let Sweep {
-            keys,
-            order,
-            lo,
-            hi,
-        } = &self.sweep;
-        let columns: usize = lo.iter().chain(hi).map(|v| size_of_val(&v[..])).sum();
-        let parts: usize = self.parts.iter().map(|p| size_of_val(&p[..])).sum();
-        size_of_val(&keys[..])
-            + size_of_val(&order[..])
-            + columns
-            + parts
-            + size_of_val(&self.pairs[..])
-            + self.sort.bytes()
-            + size_of_val(&self.diagonals[..])
-    }
 }
 
 /// Computes the extents of the small curves of a chunk that have boxes.

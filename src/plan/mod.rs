@@ -1,23 +1,13 @@
-//! Plan of a verification: the method of every stage, the reason, and the predicted cost.
-//!
-//! ```
-//! use linkwatch::{Plan, scenes::Scene};
-//!
-//! let scene: Scene = "ribbon:segments=2000".parse()?;
-//! let plan = Plan::of(&scene.build()?.curves);
-//! assert_eq!(plan.potential_links.links, 1);
-//! println!("{plan:#?}");
-//! # Ok::<(), linkwatch::Error>(())
-//! ```
+//! Plan of a verification: the decisions of the stages, and the predicted cost.
 //!
 //! The decisions are those of the stages themselves, so the plan matches the run. Predicted times
 //! are counts of work multiplied by the constants of one table. They depend only on the curves and
 //! on the number of threads, not on the clock. The counts of the first stages are those of the
 //! scene; those of the linking numbers are extrapolated from a sample (see [`Plan::of`]).
 //!
-//! With a device ([`Plan::on`]), a plan also reports if crossings are counted on a GPU. The time on
-//! the GPU follows from the same counts and from measurements of the adapter ([`Calibration`]). The
-//! time on the CPU is scaled by one factor from the same measurements.
+//! With a device, a plan also reports if crossings are counted on a GPU. The time on the GPU
+//! follows from the same counts and from measurements of the adapter ([`Calibration`]). The time on
+//! the CPU is scaled by one factor from the same measurements.
 //!
 //! The table was measured on one machine; other machines are faster or slower by a factor. A
 //! prediction applies to frames after the first, whose buffers are allocated.
@@ -25,8 +15,8 @@
 //! # Predicted and measured
 //!
 //! Times of all generated scenes with their defaults, on a shared cloud machine (AMD EPYC with
-//! AVX2, two cores, 32 MB of cache): milliseconds predicted / measured by `linkwatch --threads 1
-//! plan SCENE --repeat 11`. The measured total is CPU time; links are the direction, the
+//! AVX2, two cores, 32 MB of cache): milliseconds predicted / measured by `study --threads 1 stages
+//! SCENE` (benches/study). The measured total is CPU time; links are the direction, the
 //! discretization and the kernel together.
 //!
 //! | scene | boxes | search | links | total | ratio |
@@ -51,45 +41,84 @@
 #[cfg(test)]
 mod tests;
 
-pub use crate::kernels::crossings::Parallelism;
-
 use crate::curve::{Cell, CurveSet};
 use crate::engine::SessionOptions;
 use crate::error::Result;
 use crate::kernels::choice::costs::{self, Time};
 use crate::kernels::choice::{Choice, Forecast, Predictions};
-use crate::kernels::crossings::{Input, Workspaces, by_formula, parallelism};
-use crate::kernels::{Calibration, Device, GpuUse, KernelWork, Method, Offer, SumCost};
+use crate::kernels::crossings::{Input, Workspaces, busy_threads, by_formula};
+use crate::kernels::{Calibration, GpuUse, Method, Offer, SumCost};
 use crate::pairs::{
-    CurveTree, LinkSearch, Pair, PairFilter, SMALL, Trees, degenerate_curves, potential_links,
-    refits_in_parallel,
+    LinkSearch, PairFilter, Trees, degenerate_curves, potential_links, refits_in_parallel,
 };
 use crate::periodic::{Boxer, FractionalBoxes, ImagePairs, Searched, period};
 use rayon::prelude::*;
 use serde::Serialize;
 use std::sync::Arc;
 
-/// Plan of a verification, stage by stage.
+/// Plan of a verification.
+///
+/// ```
+/// use linkwatch::{Plan, scenes::Scene};
+///
+/// let scene: Scene = "ribbon:segments=2000".parse()?;
+/// let plan = Plan::of(&scene.build()?.curves);
+/// assert_eq!(plan.potential_links, 1);
+/// println!("{plan:#?}");
+/// # Ok::<(), linkwatch::Error>(())
+/// ```
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct Plan {
     /// Number of threads of the plan.
     pub threads: usize,
-    /// Conversion of splines to polylines.
-    pub discretization: Discretization,
-    /// Boxes of all segments, and the trees over them.
-    pub boxes: Boxes,
-    /// Search for pairs of curves that may be linked.
-    pub potential_links: PotentialLinks,
-    /// Axis along which crossings are counted.
-    pub direction: Directions,
-    /// Computation of the linking numbers.
-    pub kernel: KernelPlan,
-    /// Linking numbers with periodic images, if there is a cell.
-    pub images: Option<Images>,
-    /// Memory in addition to the curves, in bytes: boxes, search, and pending candidates.
-    pub bytes: usize,
-    /// Cost of all stages together.
-    pub predicted: Prediction,
+    /// Number of curves of the scene.
+    pub curves: usize,
+    /// Number of segments of all curves.
+    pub segments: usize,
+    /// Number of open curves. They are skipped, because they have no linking numbers.
+    pub open_curves: usize,
+    /// Number of closed curves of fewer than three distinct points. They are skipped.
+    pub degenerate_curves: usize,
+    /// Number of pairs of the other curves.
+    pub pairs: u64,
+    /// Number of these pairs whose boxes overlap. All others are unlinked.
+    pub potential_links: usize,
+    /// Number of potential links that the extents of the curves along diagonals prove to be 0. They
+    /// are discarded.
+    pub discarded: usize,
+    /// True if curves are splines, which each pair converts to polylines where hulls overlap.
+    pub splines: bool,
+    /// Number of potential links of two small loops, whose direction of projection follows from a
+    /// formula on their boxes. The others use the best of six directions.
+    pub by_formula: usize,
+    /// Kernel that runs first: [`Method::Crossings`], or [`Method::Fmm`] if some links of long
+    /// curves cross very often. Crossings are counted for the other links, and for links that its
+    /// bound does not decide.
+    pub kernel: Method,
+    /// Number of links on which [`Method::Fmm`] runs first.
+    pub summed: usize,
+    /// Number of threads that the linking numbers keep busy.
+    pub busy_threads: usize,
+    /// Number of sampled potential links.
+    pub sampled: usize,
+    /// Number of segment pairs that are tested for a crossing, extrapolated from the sample.
+    pub tests: u64,
+    /// Number of segment pairs of splines whose hulls are compared, extrapolated likewise.
+    pub overlaps: u64,
+    /// Adapter, if there is one to choose.
+    pub device: Option<DevicePlan>,
+    /// Linking numbers with periodic images, if there is a cell. They are part of the total.
+    pub images: Option<ImagePlan>,
+    /// Predicted cost of the boxes of all segments, and of the trees over them.
+    pub boxes: Prediction,
+    /// Predicted cost of the search for potential links.
+    pub search: Prediction,
+    /// Predicted cost of the linking numbers, with directions and discretization. If crossings are
+    /// counted on an adapter that was measured, its predicted cost.
+    pub links: Prediction,
+    /// Predicted cost of all stages together.
+    pub total: Prediction,
 }
 
 /// Predicted time.
@@ -113,137 +142,35 @@ impl Prediction {
     }
 }
 
-/// Conversion of splines to polylines.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Discretization {
-    /// Chosen method.
-    pub choice: DiscretizationChoice,
-    /// Predicted cost.
-    pub predicted: Prediction,
-}
+impl std::ops::Add for Prediction {
+    type Output = Prediction;
 
-/// Methods that convert splines to polylines.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "kebab-case")]
-#[non_exhaustive]
-pub enum DiscretizationChoice {
-    /// Nothing to convert: the curves are polylines.
-    None,
-    /// Every pair separately, where the hulls of its segments overlap.
-    PairByPair,
-}
-
-/// Boxes and trees.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Boxes {
-    /// Number of segments of all curves.
-    pub segments: usize,
-    /// Number of levels of the deepest tree.
-    pub levels: u8,
-    /// Number of closed curves for which the boxes of single segments are stored: splines, and
-    /// small curves, which many pairs visit. The boxes of other polylines are computed on demand.
-    pub stored_leaves: usize,
-    /// Number of closed curves for which the boxes are computed on demand.
-    pub computed_leaves: usize,
-    /// Number of curves so long that several threads work on each.
-    pub shared_curves: usize,
-    /// Bytes of the boxes.
-    pub bytes: usize,
-    /// Predicted cost.
-    pub predicted: Prediction,
-}
-
-/// Potential links.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct PotentialLinks {
-    /// Number of curves of the scene.
-    pub curves: usize,
-    /// Number of open curves. They are skipped, because they have no linking numbers.
-    pub open_curves: usize,
-    /// Number of closed curves of fewer than three distinct points. They are skipped.
-    pub degenerate_curves: usize,
-    /// Number of pairs of the other curves.
-    pub pairs: u64,
-    /// Number of these pairs whose boxes overlap. All others are unlinked.
-    pub links: usize,
-    /// Number of these links that the extents of the curves along diagonals prove to be 0. They are
-    /// discarded.
-    pub discarded: usize,
-    /// Chosen method.
-    pub search: Search,
-    /// Number of comparisons of a box with a group of eight boxes.
-    pub steps: u64,
-    /// Bytes of the search and its result.
-    pub bytes: usize,
-    /// Predicted cost.
-    pub predicted: Prediction,
-}
-
-/// Methods that find potential links.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "kebab-case")]
-#[non_exhaustive]
-pub enum Search {
-    /// There is at most one pair.
-    Trivial,
-    /// Boxes are sorted along an axis and swept.
-    Sweep,
-}
-
-/// Choice of the directions of projection.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Directions {
-    /// Number of potential links of two small loops, which use a formula on their boxes.
-    pub by_formula: usize,
-    /// Maximum number of segments of a small loop.
-    pub formula_segments: u32,
-    /// Number of potential links that use the best of six directions, found by a breadth-first pass
-    /// over both trees.
-    pub best_of_six: usize,
-    /// Predicted cost.
-    pub predicted: Prediction,
+    fn add(self, other: Prediction) -> Prediction {
+        Prediction {
+            one_thread_ms: self.one_thread_ms + other.one_thread_ms,
+            ms: self.ms + other.ms,
+        }
+    }
 }
 
 /// Verification of the pairs of a curve and a periodic image, of another curve or of itself.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Images {
+#[non_exhaustive]
+pub struct ImagePlan {
     /// Number of curves and images that take part.
     pub curves: usize,
     /// Number of pairs whose boxes overlap. All others are unlinked.
-    pub links: usize,
+    pub potential_links: usize,
     /// Number of pairs of a closed curve and one that runs through the cell. Their linking numbers
     /// are not among the predicted cost.
     pub yarns: usize,
-    /// Bytes of the translated curves, and of the boxes and the search.
-    pub bytes: usize,
     /// Predicted cost of all stages of these pairs.
     pub predicted: Prediction,
 }
 
-/// Computation of the linking numbers.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct KernelPlan {
-    /// Kernel that [`Method::Auto`] chooses.
-    pub choice: Kernel,
-    /// Number of links on which a kernel that sums runs first.
-    pub summed: usize,
-    /// Work that the threads share.
-    pub parallelism: Parallelism,
-    /// Number of busy threads.
-    pub busy_threads: usize,
-    /// Number of sampled potential links.
-    pub sampled: usize,
-    /// Work of all potential links, extrapolated from the sample.
-    pub work: KernelWork,
-    /// Predicted cost, without the choice of directions and the discretization. If crossings are
-    /// counted on an adapter that was measured, its predicted cost, with the choice of directions.
-    pub predicted: Prediction,
-    /// Adapter, if there is one to choose.
-    pub device: Option<DevicePlan>,
-}
-
 /// An adapter, and the work that is sent to it.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct DevicePlan {
     /// Name of the adapter.
     pub adapter: String,
@@ -253,8 +180,9 @@ pub struct DevicePlan {
     /// Predicted time of counting on the adapter, in milliseconds, with the choice of directions.
     /// `None` if it was never measured, and for splines.
     pub adapter_ms: Option<f64>,
-    /// Typical error of that prediction, as a factor. With [`Device::Auto`], the adapter is used
-    /// only if it wins by more than that.
+    /// Typical error of that prediction, as a factor. With
+    /// [`Device::Auto`](crate::kernels::Device::Auto), the adapter is used only if it wins by more
+    /// than that.
     pub adapter_error_factor: Option<f64>,
     /// Predicted time of the linking numbers on the CPU, with the choice of directions.
     pub cpu_ms: Option<f64>,
@@ -284,18 +212,6 @@ impl DevicePlan {
     }
 }
 
-/// Kernels that may run first.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "kebab-case")]
-#[non_exhaustive]
-pub enum Kernel {
-    /// Counts crossings of every link, exactly.
-    Crossings,
-    /// Runs the fast multipole method on links of long curves that cross very often. Crossings are
-    /// counted for the others, and for links that its bound does not decide.
-    Fmm,
-}
-
 impl Plan {
     /// Plans a frame, for the threads of the rayon pool in which it is called, on the CPU alone.
     ///
@@ -304,48 +220,40 @@ impl Plan {
     /// Each sampled link visits some hundred node pairs per level of its trees. The sample takes a
     /// few milliseconds for curves of any length.
     pub fn of(set: &CurveSet) -> Plan {
-        Plan::with(set, None)
+        Plan::of_filter(set, None, None)
     }
 
-    /// Plans a frame of a session with this device
-    /// ([`SessionOptions::device`](crate::SessionOptions::device)).
-    ///
-    /// Errors: [`Error::Device`](crate::Error::Device) if a requested adapter does not exist or
-    /// cannot be used.
-    pub fn on(set: &CurveSet, device: &Device) -> Result<Plan> {
-        let gpu = GpuUse::open(device)?;
-        Ok(Plan::with(set, gpu.tested_offer()))
-    }
-
-    /// Plans a frame of a periodic scene, with the images of the curves. It runs on the CPU.
+    /// Plans a frame of a session with these options, of which the device and the periodic cell
+    /// count.
     ///
     /// Cost: as for [`Plan::of`], for the curves and for the images that may meet.
     ///
-    /// Errors: [`Error::Usage`](crate::Error::Usage) if the cell is no lattice, or curves span too
-    /// many cells; [`Error::TooManyPairs`](crate::Error::TooManyPairs) if more than
-    /// [`SessionOptions::MAX_PAIRS`](crate::SessionOptions::MAX_PAIRS) may meet.
+    /// Errors: those of [`Session::new`](crate::Session::new); curves that span too many cells;
+    /// [`Error::TooManyPairs`](crate::Error::TooManyPairs).
     ///
     /// ```
-    /// use linkwatch::{Cell, Plan, scenes::Scene};
+    /// use linkwatch::{Plan, SessionOptions, scenes::Scene};
     ///
     /// let sheet: Scene = "chainmail:rows=4,columns=4".parse()?;
-    /// let cell: Cell = "4,0,0".parse()?;
-    /// let plan = Plan::in_cell(&sheet.build()?.curves, &cell)?;
-    /// assert!(plan.images.unwrap().links > 0);
+    /// let options = SessionOptions {
+    ///     cell: Some("4,0,0".parse()?),
+    ///     ..SessionOptions::default()
+    /// };
+    /// let plan = Plan::with(&sheet.build()?.curves, &options)?;
+    /// assert!(plan.images.unwrap().potential_links > 0);
     /// # Ok::<(), linkwatch::Error>(())
     /// ```
-    pub fn in_cell(set: &CurveSet, cell: &Cell) -> Result<Plan> {
-        let mut plan = Plan::of(set);
-        let images = Images::of(set, cell)?;
-        plan.bytes += images.bytes;
-        plan.predicted.one_thread_ms += images.predicted.one_thread_ms;
-        plan.predicted.ms += images.predicted.ms;
-        plan.images = Some(images);
-        Ok(plan)
-    }
-
-    fn with(set: &CurveSet, offer: Option<Offer<'_>>) -> Plan {
-        Plan::of_filter(set, offer, None)
+    pub fn with(set: &CurveSet, options: &SessionOptions) -> Result<Plan> {
+        options.check()?;
+        if let Some(cell) = &options.cell {
+            let mut plan = Plan::of(set);
+            let images = ImagePlan::of(set, cell, options.max_pairs)?;
+            plan.total = plan.total + images.predicted;
+            plan.images = Some(images);
+            return Ok(plan);
+        }
+        let gpu = GpuUse::open(&options.device, options.calibration.as_ref())?;
+        Ok(Plan::of_filter(set, gpu.tested_offer(), None))
     }
 
     /// Plans a frame of which only the pairs of a filter is verified, or all.
@@ -366,93 +274,75 @@ impl Plan {
         let predictions = Predictions::new(input, links, Method::Auto);
         let choice = predictions.choose(offer);
         let sample = *predictions.sample();
-        let (parallelism, busy_threads) = parallelism(links.len(), set.segments(), sample.shared);
-        let busy = busy_threads.max(1);
-        let boxes = Boxes::of(set, &trees, threads);
-        let potential_links = PotentialLinks::of(set, &search, degenerate.len(), threads);
-        let discretization = Discretization {
-            choice: match set.basis().is_polyline() {
-                true => DiscretizationChoice::None,
-                false => DiscretizationChoice::PairByPair,
-            },
-            predicted: Prediction::of(costs::discretization(sample.work), busy),
-        };
-        let mut direction = Directions::of(set, &trees, links);
-        direction.predicted = Prediction::of(costs::direction(links.len(), sample.work), busy);
+        let busy_threads = busy_threads(links.len(), set.segments(), sample.shared);
         let long = match choice {
             Choice::SumFirst => predictions.long(),
             Choice::CountOnCpu | Choice::CountOnGpu => &[],
         };
-        let bytes = 3 * set.points() * set.precision().bytes() + boxes.bytes;
-        let time = costs::crossings(closed_segments(set), sample.work, bytes).with_sums(long);
-        let mut kernel = KernelPlan {
-            choice: match choice {
-                Choice::SumFirst => Kernel::Fmm,
-                Choice::CountOnCpu | Choice::CountOnGpu => Kernel::Crossings,
-            },
-            summed: long.len(),
-            parallelism,
-            busy_threads,
-            sampled: sample.links,
-            work: sample.work,
-            predicted: Prediction::of(time, busy),
-            device: offer.map(|offer| {
-                let forecast = offer.calibration.and_then(|c| predictions.forecast(c));
-                DevicePlan::of(offer, choice == Choice::CountOnGpu, forecast)
-            }),
-        };
-        let chosen = kernel.device.as_ref().filter(|d| d.chosen);
-        if let Some(ms) = chosen.and_then(|d| d.adapter_ms) {
-            // The cost of the adapter includes the choice of directions.
-            direction.predicted = Prediction::default();
-            kernel.predicted = Prediction {
+        let device = offer.map(|offer| {
+            let forecast = offer.calibration.and_then(|c| predictions.forecast(c));
+            DevicePlan::of(offer, choice == Choice::CountOnGpu, forecast)
+        });
+        let curves = || set.curves().iter().filter(|curve| curve.closed);
+        let closed = curves().count();
+        let segments: usize = curves().map(|curve| curve.segments as usize).sum();
+        let whole = closed - degenerate.len();
+        let potential_links = links.len() + search.discarded();
+        let boxes = costs::boxes(set.basis(), closed, segments);
+        let searching = costs::potential_links(closed, search.steps(), potential_links);
+        let read = 3 * set.points() * set.precision().bytes() + trees.bytes();
+        let time = costs::direction(links.len(), sample.work)
+            + costs::discretization(sample.work)
+            + costs::crossings(segments, sample.work, read).with_sums(long);
+        let chosen = device.as_ref().filter(|d| d.chosen);
+        let linking = match chosen.and_then(|d| d.adapter_ms) {
+            Some(ms) => Prediction {
                 one_thread_ms: ms,
                 ms,
-            };
-        }
-        // Candidates of splines are kept until the discretization of their pair; those of polylines
-        // are not.
-        let waiting = match discretization.choice {
-            DiscretizationChoice::None => 0,
-            DiscretizationChoice::PairByPair => sample.most_tests as usize * busy_threads,
+            },
+            None => Prediction::of(time, busy_threads.max(1)),
         };
-        let stages = [
-            discretization.predicted,
-            boxes.predicted,
-            potential_links.predicted,
-            direction.predicted,
-            kernel.predicted,
-        ];
+        let boxing_threads = if refits_in_parallel(segments) {
+            threads
+        } else {
+            1
+        };
+        let boxes = Prediction::of(boxes, boxing_threads);
+        let searching = Prediction::of(searching, LinkSearch::tasks(whole).clamp(1, threads));
+        let formula =
+            |&&(i, j): &&(u32, u32)| by_formula([i, j].map(|i| trees.of(set, i as usize)));
         Plan {
             threads,
-            bytes: boxes.bytes + potential_links.bytes + waiting * size_of::<(u32, u32)>(),
-            discretization,
-            boxes,
+            curves: set.len(),
+            segments: set.segments(),
+            open_curves: set.len() - closed,
+            degenerate_curves: degenerate.len(),
+            pairs: whole as u64 * (whole as u64).saturating_sub(1) / 2,
             potential_links,
-            direction,
-            kernel,
-            images: None,
-            predicted: Prediction {
-                one_thread_ms: stages.iter().map(|p| p.one_thread_ms).sum(),
-                ms: stages.iter().map(|p| p.ms).sum(),
+            discarded: search.discarded(),
+            splines: !set.basis().is_polyline(),
+            by_formula: links.par_iter().filter(formula).count(),
+            kernel: match choice {
+                Choice::SumFirst => Method::Fmm,
+                Choice::CountOnCpu | Choice::CountOnGpu => Method::Crossings,
             },
+            summed: long.len(),
+            busy_threads,
+            sampled: sample.links,
+            tests: sample.work.tests,
+            overlaps: sample.work.overlaps,
+            device,
+            images: None,
+            boxes,
+            search: searching,
+            links: linking,
+            total: boxes + searching + linking,
         }
     }
 }
 
-/// Returns the closed curves.
-fn closed(set: &CurveSet) -> impl Iterator<Item = usize> {
-    (0..set.len()).filter(|&i| set.curve(i).closed)
-}
-
-/// Returns the number of segments of all closed curves.
-fn closed_segments(set: &CurveSet) -> usize {
-    closed(set).map(|i| set.curve(i).segments as usize).sum()
-}
-
-impl Images {
-    fn of(set: &CurveSet, cell: &Cell) -> Result<Images> {
-        cell.check()?;
+impl ImagePlan {
+    fn of(set: &CurveSet, cell: &Cell, most: usize) -> Result<ImagePlan> {
         let boxes = FractionalBoxes::new(&Boxer::new(set, cell)?);
         let periods = (0..set.len()).map(|i| period(set, i, cell));
         let periods: Arc<[_]> = periods.collect();
@@ -460,104 +350,27 @@ impl Images {
             curves: set.curves(),
             periods: &periods,
             open_too: false,
-            most: SessionOptions::MAX_PAIRS,
+            most,
         };
         let margin = ImagePairs::margin(&boxes, cell);
         let pairs = ImagePairs::find(&boxes, cell, margin, &searched, [])?;
-        let mut images = Images {
-            curves: pairs.curves.len(),
-            links: 0,
-            yarns: pairs.yarns.len(),
-            bytes: 0,
-            predicted: Prediction::default(),
-        };
         let mut translated = None;
         if !pairs.curves.is_empty() {
             let set = Arc::new(set.clone());
             CurveSet::translate(&set, &pairs.curves, cell, &mut translated)?;
         }
-        if let Some(curves) = &translated {
-            let plan = Plan::of_filter(curves, None, Some(pairs.filter));
-            images.links = plan.potential_links.links;
-            images.bytes = plan.bytes + 3 * curves.points() * curves.precision().bytes();
-            images.predicted = plan.predicted;
-        }
-        let points = translated.map_or(0, |curves| curves.points());
-        let threads = rayon::current_num_threads();
-        let prepared = Prediction::of(costs::images(set.points(), points), threads);
-        images.predicted.one_thread_ms += prepared.one_thread_ms;
-        images.predicted.ms += prepared.ms;
-        Ok(images)
-    }
-}
-
-impl Boxes {
-    fn of(set: &CurveSet, trees: &Trees, threads: usize) -> Boxes {
-        let (curves, segments) = (closed(set).count(), closed_segments(set));
-        let stored_leaves = closed(set)
-            .filter(|&i| trees.of(set, i).stores_leaves())
-            .count();
-        let busy = match refits_in_parallel(segments) {
-            true => threads,
-            false => 1,
-        };
-        Boxes {
-            segments: set.segments(),
-            levels: closed(set)
-                .map(|i| trees.of(set, i).root().level + 1)
-                .max()
-                .unwrap_or(0),
-            stored_leaves,
-            computed_leaves: curves - stored_leaves,
-            shared_curves: closed(set)
-                .filter(|&i| refits_in_parallel(set.curve(i).segments as usize))
-                .count(),
-            bytes: trees.bytes(),
-            predicted: Prediction::of(costs::boxes(set.basis(), curves, segments), busy),
-        }
-    }
-}
-
-impl PotentialLinks {
-    /// Describes the last search.
-    fn of(set: &CurveSet, search: &LinkSearch, degenerate: usize, threads: usize) -> Self {
-        let closed = closed(set).count();
-        let whole = closed - degenerate;
-        let pairs = whole as u64 * (whole as u64).saturating_sub(1) / 2;
-        let discarded = search.discarded();
-        let links = search.pairs().len() + discarded;
-        let busy = LinkSearch::tasks(whole).clamp(1, threads);
-        let time = costs::potential_links(closed, search.steps(), links);
-        PotentialLinks {
-            curves: set.len(),
-            open_curves: set.len() - closed,
-            degenerate_curves: degenerate,
-            pairs,
-            links,
-            discarded,
-            search: match pairs {
-                0..=1 => Search::Trivial,
-                _ => Search::Sweep,
-            },
-            steps: search.steps(),
-            bytes: search.bytes(),
-            predicted: Prediction::of(time, busy),
-        }
-    }
-}
-
-impl Directions {
-    /// Counts the links by their choice of direction. Predicts no cost.
-    fn of(set: &CurveSet, trees: &Trees, links: &[Pair]) -> Directions {
-        let formula = |&&(i, j): &&Pair| {
-            by_formula([i, j].map(|i| -> CurveTree<'_> { trees.of(set, i as usize) }))
-        };
-        let by_formula = links.par_iter().filter(formula).count();
-        Directions {
-            by_formula,
-            formula_segments: SMALL,
-            best_of_six: links.len() - by_formula,
-            predicted: Prediction::default(),
-        }
+        let filter = pairs.filter;
+        let plan = translated
+            .as_ref()
+            .map(|curves| Plan::of_filter(curves, None, Some(filter)));
+        let points = translated.as_ref().map_or(0, |curves| curves.points());
+        let prepared = costs::images(set.points(), points);
+        let prepared = Prediction::of(prepared, rayon::current_num_threads());
+        Ok(ImagePlan {
+            curves: pairs.curves.len(),
+            potential_links: plan.as_ref().map_or(0, |plan| plan.potential_links),
+            yarns: pairs.yarns.len(),
+            predicted: prepared + plan.map_or_else(Prediction::default, |plan| plan.total),
+        })
     }
 }

@@ -14,46 +14,25 @@ fn on<T: Send>(threads: usize, work: impl Send + FnOnce() -> T) -> T {
 }
 
 #[test]
-fn polylines_are_not_discretized_and_store_no_leaves() {
-    let plan = Plan::of(&scene("ribbon:segments=2000"));
-    assert_eq!(plan.discretization.choice, DiscretizationChoice::None);
-    assert_eq!(plan.discretization.predicted, Prediction::default());
-    let Boxes {
-        stored_leaves,
-        computed_leaves,
-        ..
-    } = plan.boxes;
-    assert_eq!((stored_leaves, computed_leaves), (0, 2));
-    assert_eq!((plan.boxes.segments, plan.boxes.levels), (2000, 4));
-}
-
-#[test]
-fn splines_are_discretized_pair_by_pair() {
-    let plan = Plan::of(&scene("knit:rows=3,stitches=16,segments=384"));
-    assert_eq!(plan.discretization.choice, DiscretizationChoice::PairByPair);
-    assert_eq!(plan.boxes.stored_leaves, 3);
-    assert!(plan.discretization.predicted.ms > 0.0);
-    assert_eq!(plan.potential_links.search, Search::Sweep);
+fn only_splines_are_discretized() {
+    let polylines = Plan::of(&scene("ribbon:segments=2000"));
+    assert!(!polylines.splines && polylines.segments == 2000);
+    let splines = Plan::of(&scene("knit:rows=3,stitches=16,segments=384"));
+    assert!(splines.splines);
+    assert_eq!(polylines.overlaps, 0);
+    assert!(splines.overlaps > 0 && splines.links.ms > 0.0);
 }
 
 #[test]
 fn small_loops_use_the_direction_formula() {
     let plan = Plan::of(&scene("chainmail:rows=4,columns=5"));
-    let links = plan.potential_links.links;
-    assert!(links > 0);
-    let Directions {
-        by_formula,
-        best_of_six,
-        ..
-    } = plan.direction;
-    assert_eq!((by_formula, best_of_six), (links, 0));
+    assert!(plan.potential_links > 0);
+    assert_eq!(plan.by_formula, plan.potential_links - plan.discarded);
     // One segment more, and the trees have another level.
     for (segments, formula) in [(SMALL, 1), (SMALL + 1, 0)] {
-        let plan = Plan::of(&scene(&format!(
-            "ribbon:segments={},lambda=1",
-            2 * segments
-        )));
-        assert_eq!(plan.direction.by_formula, formula);
+        let segments = 2 * segments;
+        let plan = Plan::of(&scene(&format!("ribbon:segments={segments},lambda=1")));
+        assert_eq!(plan.by_formula, formula);
     }
 }
 
@@ -61,16 +40,12 @@ fn small_loops_use_the_direction_formula() {
 fn two_huge_loops_are_one_link_split_among_threads() {
     let set = scene("torus_link:segments=100000,toroidal=100,poloidal=100");
     let plan = on(2, || Plan::of(&set));
-    assert_eq!(plan.potential_links.search, Search::Trivial);
-    assert_eq!(plan.kernel.parallelism, Parallelism::InsideLinks);
-    assert_eq!((plan.threads, plan.kernel.busy_threads), (2, 2));
-    assert_eq!(plan.boxes.shared_curves, 2);
-    let Prediction { one_thread_ms, ms } = plan.kernel.predicted;
+    assert_eq!((plan.threads, plan.busy_threads), (2, 2));
+    let Prediction { one_thread_ms, ms } = plan.links;
     assert_eq!(one_thread_ms, 2.0 * ms);
     // A single link of little work keeps one thread busy.
     let plan = on(2, || Plan::of(&scene("ribbon:segments=2000")));
-    assert_eq!(plan.kernel.parallelism, Parallelism::None);
-    assert_eq!(plan.kernel.busy_threads, 1);
+    assert_eq!(plan.busy_threads, 1);
 }
 
 #[test]
@@ -80,10 +55,9 @@ fn plans_empty_sets_open_curves_and_degenerate_curves() {
     let open = CurveSet::from_counts(Basis::CatmullRom, &[6, 6], Positions::F64(&xyz)).unwrap();
     for (set, open) in [(nothing, 0), (open, 2)] {
         let plan = Plan::of(&set);
-        let links = &plan.potential_links;
-        assert_eq!((links.pairs, links.links, links.open_curves), (0, 0, open));
-        assert_eq!(plan.kernel.busy_threads, 0);
-        assert_eq!(plan.kernel.work, KernelWork::default());
+        let counts = (plan.pairs, plan.potential_links, plan.open_curves);
+        assert_eq!(counts, (0, 0, open));
+        assert_eq!((plan.busy_threads, plan.tests), (0, 0));
     }
     // Two curves of four distinct points, the third of one, inside the boxes of both.
     let xyz: Vec<f64> = [[0., 0., 0.], [4., 0., 0.], [4., 4., 4.], [0., 4., 0.]]
@@ -95,22 +69,18 @@ fn plans_empty_sets_open_curves_and_degenerate_curves() {
     let counts = [-4, -4, -4];
     let set = CurveSet::from_counts(Basis::Polyline, &counts, Positions::F64(&xyz)).unwrap();
     let plan = Plan::of(&set);
-    let links = &plan.potential_links;
-    assert_eq!(
-        (links.degenerate_curves, links.pairs, links.links),
-        (1, 1, 1)
-    );
+    let counts = (plan.degenerate_curves, plan.pairs, plan.potential_links);
+    assert_eq!(counts, (1, 1, 1));
 }
 
 #[test]
 fn counts_do_not_depend_on_time_or_threads() {
     let set = scene("knit:rows=80,stitches=16,segments=12800");
     let [one, three] = [1, 3].map(|threads| on(threads, || Plan::of(&set)));
-    assert_eq!(one.kernel.sampled, three.kernel.sampled);
-    assert_eq!(one.kernel.work, three.kernel.work);
-    assert_eq!(one.predicted.one_thread_ms, three.predicted.one_thread_ms);
-    assert_eq!(one.predicted.ms, one.predicted.one_thread_ms);
-    assert!(three.predicted.ms < one.predicted.ms);
+    assert_eq!((one.sampled, one.tests), (three.sampled, three.tests));
+    assert_eq!(one.total.one_thread_ms, three.total.one_thread_ms);
+    assert_eq!(one.total.ms, one.total.one_thread_ms);
+    assert!(three.total.ms < one.total.ms);
 }
 
 /// Compares the work predicted by the sample with the work done, for scenes with many links and
@@ -130,13 +100,10 @@ fn the_sample_predicts_the_work() {
         let set = scene(text);
         let plan = Plan::of(&set);
         let (_, stats) = Certifier::default().certify(&set);
-        assert_eq!(plan.potential_links.links as u64, stats.potential_links);
-        let KernelWork {
-            tests, overlaps, ..
-        } = plan.kernel.work;
+        assert_eq!(plan.potential_links as u64, stats.potential_links);
         for (what, predicted, done) in [
-            ("tests", tests, stats.tests),
-            ("overlaps", overlaps, stats.overlaps),
+            ("tests", plan.tests, stats.tests),
+            ("overlaps", plan.overlaps, stats.overlaps),
         ] {
             let ratio = (predicted as f64 + 20.0) / (done as f64 + 20.0);
             assert!(
@@ -156,8 +123,8 @@ fn offer(calibration: &Calibration) -> Offer<'_> {
 }
 
 fn device(set: &CurveSet, calibration: &Calibration) -> DevicePlan {
-    let plan = Plan::with(set, Some(offer(calibration)));
-    plan.kernel.device.unwrap()
+    let plan = Plan::of_filter(set, Some(offer(calibration)), None);
+    plan.device.unwrap()
 }
 
 #[test]
@@ -177,12 +144,12 @@ fn crossings_go_to_an_adapter_that_is_predicted_to_win() {
         (&far_away, [false; 3]),
     ] {
         for (set, want) in sets.iter().zip(want) {
-            let plan = Plan::with(set, Some(offer(calibration)));
-            let device = plan.kernel.device.clone().unwrap();
+            let plan = Plan::of_filter(set, Some(offer(calibration)), None);
+            let device = plan.device.clone().unwrap();
             assert_eq!(device.chosen, want, "{device:?}");
             let (there, here) = (device.adapter_ms.unwrap(), device.cpu_ms.unwrap());
             assert_eq!(there < here, want, "{device:?}");
-            assert_eq!(plan.kernel.predicted.ms == there, want);
+            assert_eq!(plan.links.ms == there, want);
         }
     }
 }
@@ -209,19 +176,16 @@ fn the_choice_changes_at_the_break_even_point() {
 fn long_links_are_summed_unless_an_adapter_counts_them_faster() {
     let set = scene("woundball:segments=600000,crossings=5000");
     let alone = Plan::of(&set);
-    assert_eq!(alone.kernel.choice, Kernel::Fmm);
-    assert_eq!(alone.kernel.device, None);
+    assert_eq!(alone.kernel, Method::Fmm);
+    assert_eq!(alone.device, None);
     let mut c = Calibration::made_up(0.1, 1e6);
     // Between the sum and the count on the CPU.
     let summed = device(&set, &c).cpu_ms.unwrap();
-    for (ms, want) in [(0.9, Kernel::Crossings), (1.1, Kernel::Fmm)] {
+    for (ms, want) in [(0.9, Method::Crossings), (1.1, Method::Fmm)] {
         c.crossings.round_trip_ms = ms * summed;
-        let plan = Plan::with(&set, Some(offer(&c)));
-        assert_eq!(plan.kernel.choice, want);
-        assert_eq!(
-            plan.kernel.device.unwrap().chosen,
-            want == Kernel::Crossings
-        );
+        let plan = Plan::of_filter(&set, Some(offer(&c)), None);
+        assert_eq!(plan.kernel, want);
+        assert_eq!(plan.device.unwrap().chosen, want == Method::Crossings);
     }
 }
 
@@ -240,12 +204,12 @@ fn splines_use_the_cpu_and_a_requested_adapter_is_used() {
             requested: true,
             calibration,
         };
-        let plan = Plan::with(&polylines, Some(requested));
-        let found = plan.kernel.device.unwrap();
+        let plan = Plan::of_filter(&polylines, Some(requested), None);
+        let found = plan.device.unwrap();
         assert!(found.chosen, "{found:?}");
         assert_eq!(found.adapter_ms.is_some(), calibration.is_some());
         assert_eq!(found.direct_from, Some(0));
-        let splines = Plan::with(&splines, Some(requested));
-        assert!(!splines.kernel.device.unwrap().chosen);
+        let splines = Plan::of_filter(&splines, Some(requested), None);
+        assert!(!splines.device.unwrap().chosen);
     }
 }

@@ -2,7 +2,7 @@
 
 use crate::curve::CurveSet;
 use crate::engine::Timings;
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::incremental::Work;
 use crate::ingest::{ClosingNote, FrameInfo, RawFrame};
 use crate::kernels::Offload;
@@ -127,16 +127,4 @@ pub struct VerifiedFrame {
     pub work: Work,
     /// Work done on the GPU.
     pub offload: Offload,
-}
-
-impl VerifiedFrame {
-    /// Returns this frame, for callers whose frames must all be valid.
-    ///
-    /// Errors: [`Error::Usage`] with the reason if the frame was rejected.
-    pub(crate) fn valid(mut self) -> Result<VerifiedFrame> {
-        match self.report.rejected.take() {
-            Some(why) => Err(Error::Usage(why)),
-            None => Ok(self),
-        }
-    }
 }

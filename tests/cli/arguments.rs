@@ -61,6 +61,24 @@ fn bad_arguments_exit_with_2() {
 }
 
 #[test]
+fn a_command_or_option_that_is_gone_says_in_one_line_what_to_use() {
+    let explain = "plan is gone: `linkwatch certify --explain MODEL`";
+    let study = "is gone: measurements are commands for developers";
+    for (args, says) in [
+        (&["plan", "ribbon"][..], explain),
+        (&["study", "frames", "knit"], study),
+        (&["sweep", "a.bcc", "--quantize", "24..8"], study),
+        (&["certify", "a.bcc", "--repeat", "3"], "--repeat is gone"),
+        (&["devices", "--calibrate"], "--calibrate is gone"),
+    ] {
+        let run = linkwatch(args);
+        assert_eq!((run.code, run.stdout.as_str()), (2, ""), "{args:?}");
+        assert!(run.stderr.contains(says), "{args:?}: {}", run.stderr);
+        assert_eq!(run.stderr.lines().count(), 1, "{}", run.stderr);
+    }
+}
+
+#[test]
 fn rejects_options_that_exclude_one_another() {
     let folder = TempDir::new().unwrap();
     let model = chain(folder.path(), "m.bcc", 0.5);
@@ -69,16 +87,12 @@ fn rejects_options_that_exclude_one_another() {
     linkwatch(&["certify", model, "-o", text(&certificate)]);
     let check = ["check", model, "--baseline", text(&certificate)];
     let early = [&check[..], &["--early-exit"]].concat();
-    let cases: [(Vec<&str>, &str); 6] = [
+    let cases: [(Vec<&str>, &str); 5] = [
         (vec!["--threads", "0", "certify", model], "1..=1024"),
         (vec!["--threads", "100000", "certify", model], "1..=1024"),
         ([&early[..], &["--events"]].concat(), "--events"),
         (vec!["certify", model, "--kernel=fmm,beta=2"], "barnes-hut"),
-        (
-            vec!["certify", model, "--repeat", "1", "-o", "c"],
-            "--repeat",
-        ),
-        (vec!["devices", "--repeat", "2"], "--measure"),
+        (vec!["certify", model, "--explain", "-o", "c"], "--explain"),
     ];
     for (args, says) in cases {
         let run = linkwatch(&args);

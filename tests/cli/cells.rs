@@ -122,8 +122,7 @@ fn every_command_reads_the_cells_of_a_recording() {
     for command in [
         &["certify", "--frame", "0"][..],
         &["thickness", "--frame", "2"],
-        &["plan"],
-        &["sweep", "--quantize", "20..19"],
+        &["certify", "--explain", "--frame", "0"],
         &["writhe"],
     ] {
         let [of_model, of_recording] = both(command);
@@ -224,8 +223,7 @@ fn the_advice_on_wrapped_coordinates_leads_to_a_result() {
         ("thickness", &[]),
         ("certify", &[]),
         ("certify", &["--open", "--cell", "none"]),
-        ("plan", &[]),
-        ("sweep", &["--quantize", "20"]),
+        ("certify", &["--explain"]),
         ("check", &[]),
         ("replay", &[]),
         ("convert", &[text(&out)]),
@@ -261,23 +259,11 @@ fn wrapped_coordinates_are_refused_also_if_the_cell_is_an_option() {
         None,
         &[[ring([0.25, 2.0]), ring([2.0, 2.0])]],
     );
-    for command in ["thickness", "writhe", "certify", "plan"] {
+    for command in ["thickness", "writhe", "certify"] {
         let run = linkwatch(&[command, text(&path), "--cell", "4,4,4"]);
         assert_eq!(run.code, 2, "{command}: {}", run.stdout);
         assert!(run.stderr.contains("pass `--wrapped`"), "{}", run.stderr);
     }
-}
-
-#[cfg(feature = "lab")]
-#[test]
-fn a_command_without_wrapped_does_not_advise_it() {
-    let folder = TempDir::new().unwrap();
-    let model = folder.path().join("torn.xyz");
-    std::fs::write(&model, TORN).unwrap();
-    let run = linkwatch(&["study", "kernels", text(&model), "--repeat", "1"]);
-    assert_eq!(run.code, 2, "{}", run.stdout);
-    assert!(!run.stderr.contains("--wrapped"), "{}", run.stderr);
-    assert!(run.stderr.contains("`linkwatch convert`"), "{}", run.stderr);
 }
 
 /// Regression test: curves that jumped were recorded in double precision, and a replay rejected the

@@ -95,8 +95,7 @@ fn a_file_of_an_unknown_kind_is_named_by_every_command() {
         ("thickness", &[]),
         ("writhe", &[]),
         ("replay", &[]),
-        ("plan", &[]),
-        ("sweep", &["--quantize", "20"]),
+        ("certify", &["--explain"]),
     ] {
         let run = run(command, &file, more);
         assert_eq!(run.code, 2, "{command}");

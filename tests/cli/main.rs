@@ -6,6 +6,7 @@ mod certify;
 mod check;
 mod closing;
 mod convert;
+mod explain;
 mod formats;
 mod frames;
 mod messages;
@@ -13,7 +14,6 @@ mod output;
 mod sequences;
 #[path = "../support/mod.rs"]
 mod support;
-mod sweep;
 mod viewer;
 mod writhe;
 

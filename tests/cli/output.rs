@@ -109,8 +109,6 @@ fn no_output_overwrites_an_input_or_another_output() {
         refused(&["certify", model, "-o", output], same);
         let check = ["check", model, "--baseline", certificate];
         refused(&[&check[..], &["--junit", output]].concat(), same);
-        let study = ["study", "kernels", model, "--csv", output];
-        refused(&study, same);
     }
     let check = ["check", model, "--baseline", certificate];
     let hard = &at("c-hard.txt")[..];
@@ -135,35 +133,15 @@ fn an_existing_output_is_overwritten_only_with_force() {
     let model = chain(folder.path(), "m.bcc", 0.5);
     let model = text(&model);
     linkwatch(&["certify", model, "-o", &at("c.txt")]);
-    let plots = folder.path().join("plots");
-    std::fs::create_dir(&plots).unwrap();
-    std::fs::write(plots.join("error-beta.svg"), "mine").unwrap();
     let scene = "chainmail:rows=2,columns=2";
     let [out, bcc, against] = ["out.txt", "out.bcc", "c.txt"].map(at);
-    let commands: [(&[&str], &str); 5] = [
+    let commands: [(&[&str], &str); 3] = [
         (&["certify", model, "-o", &out], &out),
         (
             &["check", model, "--baseline", &against, "--junit", &out],
             &out,
         ),
         (&["generate", scene, "-o", &bcc], &bcc),
-        (
-            &["study", "kernels", scene, "--repeat", "1", "--csv", &out],
-            &out,
-        ),
-        (
-            &[
-                "study",
-                "table1",
-                "--only",
-                "rubber",
-                "--segments",
-                "10",
-                "--csv",
-                &out,
-            ],
-            &out,
-        ),
     ];
     for (args, file) in commands {
         std::fs::write(file, "mine").unwrap();
@@ -180,9 +158,6 @@ fn an_existing_output_is_overwritten_only_with_force() {
         assert_eq!(run.code, 0, "{args:?}: {}", run.stderr);
         assert_ne!(std::fs::read(file).unwrap(), b"mine", "{args:?}");
     }
-    let run = linkwatch(&["study", "kernels", scene, "--plot", text(&plots)]);
-    assert_eq!(run.code, 2, "{}", run.stderr);
-    assert!(run.stderr.contains("error-beta.svg"), "{}", run.stderr);
     let names = std::fs::read_dir(folder.path()).unwrap();
     let parts = names.filter(|e| e.as_ref().unwrap().path().extension() == Some("part".as_ref()));
     assert_eq!(parts.count(), 0);
@@ -230,13 +205,6 @@ fn an_invalid_output_is_reported_before_the_work() {
             "--baseline",
             "c",
             "--junit",
-            "/no/such/folder/c.txt",
-        ],
-        &[
-            "study",
-            "kernels",
-            "none.bcc",
-            "--csv",
             "/no/such/folder/c.txt",
         ],
     ] {

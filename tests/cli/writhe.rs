@@ -180,10 +180,6 @@ fn commands_that_consider_curves_alone_refuse_a_periodic_cell() {
     for (args, words) in [
         (vec!["certify", "--open"], "--cell none"),
         (vec!["certify", "--noise", "0.01"], "--cell none"),
-        (
-            vec!["study", "frames", "--diameter", "1"],
-            "linkwatch convert",
-        ),
     ] {
         let run = linkwatch(&[&args[..], &[text(&model)]].concat());
         assert_eq!(run.code, 2, "{args:?}: {}", run.stderr);

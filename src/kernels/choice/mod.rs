@@ -12,7 +12,7 @@ mod sample;
 pub(crate) use long::LongLink;
 pub(crate) use sample::Sample;
 
-use super::crossings::{Input, parallelism};
+use super::crossings::{Input, busy_threads};
 use super::{Calibration, CountingWork, KernelWork, Method, Offer, segment_pairs};
 use crate::pairs::Pair;
 use std::cell::OnceCell;
@@ -91,7 +91,7 @@ impl<'a> Predictions<'a> {
     pub fn on_cpu_ms(&self) -> f64 {
         let Predictions { input, links, .. } = self;
         let sample = self.sample();
-        let (_, busy) = parallelism(links.len(), input.set.segments(), sample.shared);
+        let busy = busy_threads(links.len(), input.set.segments(), sample.shared);
         let read = 3 * input.set.points() * input.set.precision().bytes() + input.trees.bytes();
         let counting = costs::crossings(0, sample.work, read).with_sums(self.long());
         let time = costs::direction(links.len(), sample.work) + counting;

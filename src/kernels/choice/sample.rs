@@ -17,8 +17,6 @@ pub(crate) struct Sample {
     pub work: KernelWork,
     /// True if one of the sampled links uses several threads.
     pub shared: bool,
-    /// Tests of the sampled link that has most.
-    pub most_tests: u64,
 }
 
 impl Sample {
@@ -41,15 +39,14 @@ impl Sample {
                 (work, factor)
             })
             .collect();
-        let each = || works.iter().map(|(work, _)| work);
+        let mut each = works.iter().map(|(work, _)| work);
         Sample {
             links: works.len(),
             work: works
                 .iter()
                 .map(|(work, factor)| work.scaled(*factor))
                 .sum(),
-            shared: each().any(|work| shares_out(work.nodes + work.computed, work.tests)),
-            most_tests: each().map(|work| work.tests).max().unwrap_or(0),
+            shared: each.any(|work| shares_out(work.nodes + work.computed, work.tests)),
         }
     }
 }

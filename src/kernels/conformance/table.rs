@@ -268,7 +268,7 @@ impl Kernel {
         if let Some(part) = self.part {
             return part(set, pairs);
         }
-        let mut gpu = GpuUse::open(&self.device).expect("an adapter");
+        let mut gpu = GpuUse::open(&self.device, None).expect("an adapter");
         let sum = self.method.summation(set, self.accuracy, &gpu, pairs);
         let found = sum.map(|sum| sum.linking_numbers(pairs));
         let found = found.unwrap_or_else(|| counted(set, pairs, &mut gpu));

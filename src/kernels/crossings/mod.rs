@@ -41,8 +41,7 @@ pub(crate) use self::gather::shares_out;
 #[cfg(feature = "gpu")]
 pub(crate) use self::remainder::conclude;
 pub(crate) use self::sample::sample;
-pub use self::tasks::Parallelism;
-pub(crate) use self::tasks::{linking_numbers, parallelism};
+pub(crate) use self::tasks::{busy_threads, linking_numbers};
 use super::Linking;
 use crate::cancel::Cancel;
 use crate::curve::CurveSet;

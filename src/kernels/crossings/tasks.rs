@@ -47,28 +47,14 @@ pub(crate) fn linking_numbers(
     });
 }
 
-/// Work that the threads of the kernel share.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Parallelism {
-    /// Nothing: too little work to share, or one thread.
-    None,
-    /// The potential links.
-    OverLinks,
-    /// The inside of each of few potential links.
-    InsideLinks,
-}
-
-/// Returns the work that the threads of the kernel share, and the number of busy threads. `shared`
-/// is true if a link has enough work for several threads ([`super::shares_out`]). `segments` is the
-/// number of segments of the frame.
-pub(crate) fn parallelism(links: usize, segments: usize, shared: bool) -> (Parallelism, usize) {
+/// Returns the number of threads that the linking numbers of a frame keep busy. `shared` is true if
+/// a link has enough work for several threads ([`super::shares_out`]). `segments` is the number of
+/// segments of the frame.
+pub(crate) fn busy_threads(links: usize, segments: usize, shared: bool) -> usize {
     let threads = rayon::current_num_threads();
     let tasks = links.div_ceil(pairs_per_task(links, segments));
-    match (threads, tasks) {
-        (1, _) | (_, 0) => (Parallelism::None, threads.min(tasks)),
-        _ if tasks < threads && shared => (Parallelism::InsideLinks, threads),
-        (_, 1) => (Parallelism::None, 1),
-        _ => (Parallelism::OverLinks, threads.min(tasks)),
+    match tasks > 0 && shared {
+        true => threads,
+        false => threads.min(tasks),
     }
 }

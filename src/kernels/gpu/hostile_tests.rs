@@ -418,7 +418,7 @@ fn uploads_are_repeated_after_a_panic() {
 #[ignore = "needs an adapter"]
 fn an_uploaded_next_frame_stays_uploaded_until_its_turn() {
     let [now, next] = two_frames();
-    let mut gpu = crate::kernels::GpuUse::open(&Device::Gpu).unwrap();
+    let mut gpu = crate::kernels::GpuUse::open(&Device::Gpu, None).unwrap();
     let mut trees = Trees::default();
     trees.refit(&*now);
     let input = Input {

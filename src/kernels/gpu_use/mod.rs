@@ -75,16 +75,18 @@ pub(crate) struct Offer<'a> {
 }
 
 impl GpuUse {
-    /// Opens a requested adapter. [`Device::Auto`] chooses by the stored calibration of the fastest
-    /// adapter. Without one, it uses the CPU, and reports no missing adapter.
+    /// Opens a requested adapter. [`Device::Auto`] chooses by a calibration: the given one, or else
+    /// the stored one of the fastest adapter. Without one, it uses the CPU, and reports no missing
+    /// adapter.
     ///
     /// Errors: [`Error::Device`] if a GPU was requested, by name or not, and no matching adapter
     /// can be used.
-    pub fn open(device: &Device) -> Result<GpuUse> {
+    pub fn open(device: &Device, calibration: Option<&Calibration>) -> Result<GpuUse> {
         let mode = match device {
             Device::Cpu => Mode::Off,
             Device::Auto if gpu::SUPPORTED => {
-                return Ok(Calibration::fastest().map_or_else(GpuUse::default, GpuUse::automatic));
+                let calibration = calibration.cloned().or_else(Calibration::fastest);
+                return Ok(calibration.map_or_else(GpuUse::default, GpuUse::automatic));
             }
             Device::Auto => Mode::Off,
             Device::Gpu | Device::Named(_) | Device::Index(_) => {
@@ -304,8 +306,8 @@ fn open_calibrated(calibration: &Calibration) -> Option<Arc<Gpu>> {
     let name = &calibration.adapter;
     let Some(device) = gpu::find(|info| calibration.is_of(info)) else {
         tracing::info!(
-            "no adapter matches the calibration of {name}; kernels run on the CPU \
-             (calibrate again: linkwatch devices --calibrate)"
+            "no adapter matches the calibration of {name}; kernels run on the CPU (linkwatch \
+             devices lists the adapters, and which of them are calibrated)"
         );
         return None;
     };
