@@ -187,7 +187,7 @@ fn an_existing_file_is_replaced_completely_or_not_at_all() {
 fn a_moving_scene_is_intact_until_its_pull_through() {
     let folder = TempDir::new().unwrap();
     let [model, certificate] = ["a.npz", "a.txt"].map(|n| folder.path().join(n));
-    let moving = ["--frames", "5", "--diameter", "0.2", "--pull", "3"];
+    let moving = ["--frames", "5,diameter=0.2,pull=3"];
     let output = ["-o", text(&model), "--certificate", text(&certificate)];
     let scene = ["generate", "chainmail:rows=4,columns=5"];
     let run = linkwatch(&[&scene[..], &moving, &output].concat());
@@ -221,17 +221,13 @@ fn bad_options_of_moving_scenes_exit_with_2() {
     for (file, args, says) in [
         (
             &bcc,
-            &["--frames", "2", "--diameter", "0.2"][..],
+            &["--frames", "2,diameter=0.2"][..],
             "holds one frame",
         ),
         (&npz, &[], "scenes are written as .bcc"),
         (&npz, &["--frames", "2"], "chainmail has no diameter"),
-        (&bcc, &["--motion", "iid"], "give --frames N"),
-        (
-            &npz,
-            &["--frames", "2", "--diameter", "0.2", "--pull", "2"],
-            "numbered from 0",
-        ),
+        (&npz, &["--frames", "2,motion=fast"], "expected"),
+        (&npz, &["--frames", "2,pull=2"], "expected a frame from 0 to 1"),
     ] {
         let run = linkwatch(&[&["generate", scene, "-o", text(file)][..], args].concat());
         assert_eq!(run.code, 2, "{args:?}: {}", run.stderr);

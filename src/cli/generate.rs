@@ -2,13 +2,15 @@
 
 use super::Outcome;
 use super::files::{Content, Files, Overwrite, write_text, write_whole};
-use super::motion_args::MotionArgs;
+use super::number::{not_negative, positive};
 use super::output::{self, count, millis, plural};
+use super::settings::{named, split};
 use linkwatch::model::{Format, FrameWriter, ModelFrame};
-use linkwatch::scenes::{KINDS, Kind, MovingScene, Scene};
+use linkwatch::scenes::{KINDS, Kind, Motion, MotionKind, MovingScene, Scene};
 use linkwatch::{CurveSet, Error, Result, model};
 use serde_json::json;
 use std::path::{Path, PathBuf};
+use std::str::FromStr;
 use std::time::Instant;
 
 /// Generate a scene of any size, with its exact certificate
@@ -32,17 +34,14 @@ pub struct Args {
     #[arg(long, value_name = "CERT", requires = "scene", help_heading = super::WRITE)]
     certificate: Option<PathBuf>,
     /// Write this number of frames, in which the scene moves
-    #[arg(
-        long, value_name = "N", requires = "scene",
-        value_parser = clap::value_parser!(u64).range(1..)
-    )]
-    frames: Option<u64>,
-    #[command(flatten)]
-    motion: MotionArgs,
-    /// From this frame on, the two nearest curves that pass crosswise are pulled through one
+    ///
+    /// Settings follow: `100,motion=iid,amplitude=0.1`. motion: still, smooth (unless given), iid,
+    /// translate, rotate, stretch, scale, or several joined by `+`; amplitude: in diameters (0.05);
+    /// diameter: of the yarn, in units of the scene (that of the scene, if it has one); pull=SEQ:
+    /// from this frame on, the two nearest curves that pass crosswise are pulled through one
     /// another
-    #[arg(long, value_name = "SEQ", requires = "frames")]
-    pull: Option<u64>,
+    #[arg(long, value_name = "N[,..]", requires = "scene")]
+    frames: Option<Moving>,
     #[command(flatten)]
     overwrite: Overwrite,
 }
@@ -54,7 +53,7 @@ pub fn run(args: &Args, as_json: bool) -> Result<Outcome> {
         return Ok(Outcome::Fine);
     };
     let mut files = Files::new(args.overwrite);
-    let moving = moving(args, scene)?;
+    let moving = args.frames.as_ref().map(|frames| frames.of(scene)).transpose()?;
     let format = moving.as_ref().map(|_| frame_format(path)).transpose()?;
     let content = match moving {
         Some(_) => Content::Model,
@@ -110,25 +109,64 @@ pub fn run(args: &Args, as_json: bool) -> Result<Outcome> {
     Ok(Outcome::Fine)
 }
 
-/// Returns the motion of the scene, if it has several frames.
-fn moving(args: &Args, scene: &Scene) -> Result<Option<MovingScene>> {
-    let Some(frames) = args.frames else {
-        return match args.motion.are_given() {
-            true => {
-                let what = "--motion, --amplitude and --diameter move frames: give --frames N";
-                Err(Error::Usage(what.into()))
-            }
-            false => Ok(None),
+/// Frames of a scene that moves.
+#[derive(Clone, Debug)]
+struct Moving {
+    frames: u64,
+    motion: Motion,
+    /// In diameters.
+    amplitude: f64,
+    diameter: Option<f64>,
+    pull: Option<u64>,
+}
+
+impl FromStr for Moving {
+    type Err = String;
+
+    fn from_str(text: &str) -> std::result::Result<Moving, String> {
+        let (frames, settings) = split(text, &["motion", "amplitude", "diameter", "pull"])?;
+        let frames = match frames.parse() {
+            Ok(frames) if frames > 0 => frames,
+            _ => return Err("expected a number of frames, at least 1".into()),
         };
-    };
-    if let Some(pull) = args.pull.filter(|&pull| pull >= frames) {
-        let what = format!("--pull {pull}: there are {}", plural(frames, "frame"));
-        return Err(Error::Usage(format!("{what}, numbered from 0")));
+        let mut moving = Moving {
+            frames,
+            motion: MotionKind::Smooth.into(),
+            amplitude: 0.05,
+            diameter: None,
+            pull: None,
+        };
+        for (key, value) in settings {
+            match key {
+                "motion" => moving.motion = value.parse().map_err(|e: Error| e.to_string())?,
+                "amplitude" => moving.amplitude = named(key, not_negative(value))?,
+                "diameter" => moving.diameter = Some(named(key, positive(value))?),
+                _ => match value.parse() {
+                    Ok(pull) if pull < frames => moving.pull = Some(pull),
+                    _ => return Err(format!("pull: expected a frame from 0 to {}", frames - 1)),
+                },
+            }
+        }
+        Ok(moving)
     }
-    Ok(Some(MovingScene {
-        pull: args.pull,
-        ..args.motion.moving(scene, frames)?
-    }))
+}
+
+impl Moving {
+    /// Returns the motion of a scene.
+    fn of(&self, scene: &Scene) -> Result<MovingScene> {
+        let length = self.diameter.or(scene.value("diameter")).ok_or_else(|| {
+            let name = scene.kind().name;
+            let what = "has no diameter, the unit of the motion: give it, `--frames 9,diameter=0.2`";
+            Error::Usage(format!("{name} {what}"))
+        })?;
+        Ok(MovingScene {
+            motion: self.motion.clone(),
+            length,
+            amplitude: self.amplitude * length,
+            frames: self.frames,
+            pull: self.pull,
+        })
+    }
 }
 
 /// Returns the format of a file that can hold several frames.

@@ -28,7 +28,6 @@ mod metrics;
 #[cfg(not(feature = "metrics"))]
 #[path = "no_metrics.rs"]
 mod metrics;
-mod motion_args;
 mod number;
 mod open;
 mod order;
