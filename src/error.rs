@@ -5,7 +5,7 @@ use std::path::PathBuf;
 /// Extensions of the model files that linkwatch reads, for messages and help texts.
 pub const MODEL_FILES: &str = concat!(
     ".bcc, .obj, .vect, .data, .lmp, .lammps, .dump, .lammpstrj, .npy, .npz, .xyz, ",
-    ".extxyz, .mcap, .usd, .usda, .usdc, .usdz",
+    ".extxyz, .mcap",
 );
 
 /// Failure on the way from bytes to a verdict.

@@ -8,7 +8,7 @@
 //!   [attaching a simulator](./attaching/index.html).
 //! - A program that verifies its own frames feeds them to a [`Session`], and gets a [`Report`] on
 //!   each.
-//! - [`model`] reads and writes curves and frames: BCC, OBJ, VECT, USD, LAMMPS and NumPy
+//! - [`model`] reads and writes curves and frames: BCC, OBJ, VECT, LAMMPS and NumPy
 //!   files; [`scenes`] generates some with known linking numbers.
 //! - The README has the first run and the verdicts, the book in `docs` everything else: a guide, a
 //!   reference of the command, and the design.

@@ -316,10 +316,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         files.writes("-o", file, Content::Text)?;
     }
     if let Some(file) = &args.write_loops {
-        if FrameWriter::companion(file, Format::of(file)?).is_some() {
-            let what = "--write-loops writes one file; a LAMMPS dump has two: name it .npz, say";
-            return Err(Error::Usage(what.into()));
-        }
+        Format::to_write(file)?;
         files.writes("--write-loops", file, Content::Model)?;
     }
     let pictures = pictures(args, &models, &mut files)?;
@@ -524,7 +521,7 @@ fn pictures(args: &Args, models: &[PathBuf], files: &mut Files) -> Result<Vec<Pa
 fn write_loops(file: &Path, overwrite: Overwrite, braids: &Braids, set: &CurveSet) -> Result<()> {
     let curves = BraidLoops::new(braids, set)?.close(set)?;
     write_whole(file, overwrite, |part| {
-        let mut writer = FrameWriter::create(part, Format::of(file)?)?;
+        let mut writer = FrameWriter::create(part, Format::to_write(file)?)?;
         writer.frame(&ModelFrame::new(0, Ok(curves)))?;
         writer.finish()
     })

@@ -2,7 +2,7 @@
 
 use super::Outcome;
 use super::cell_args::{CellArgs, Cells};
-use super::files::{Content, Files, Overwrite, with_suffix, write_pair, write_whole};
+use super::files::{Content, Files, Overwrite, with_suffix, write_whole};
 use super::input::{self, FormatArgs};
 use super::output::{self, count, plural};
 #[cfg(feature = "mcap")]
@@ -109,11 +109,6 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
                 converter.write(part, &mut one)
             })?;
         }
-    } else if let Some(companion) = target.companion(&args.output) {
-        files.writes("the bonds of OUT,", &companion, Content::Model)?;
-        write_pair([&args.output, &companion], args.overwrite, |part| {
-            converter.write(part, &mut frames)
-        })?;
     } else {
         write_whole(&args.output, args.overwrite, |part| {
             converter.write(part, &mut frames)
@@ -151,14 +146,7 @@ impl Target {
         if input::is_mcap(path) {
             return Ok(Target::Recording);
         }
-        Format::of(path).map(Target::Model).map_err(|e| match e {
-            Error::UnknownModel { path } => Error::Usage(format!(
-                "{}: the extension chooses the format of the output: .bcc, .obj, .vect, .data, \
-                 .lammpstrj, .npy, .npz, .xyz, .usda, .usdc or .mcap",
-                path.display()
-            )),
-            e => e,
-        })
+        Format::to_write(path).map(Target::Model)
     }
 
     fn holds_frames(self) -> bool {
@@ -174,15 +162,6 @@ impl Target {
             Target::Model(_) => Content::Model,
             #[cfg(feature = "mcap")]
             Target::Recording => Content::Recording,
-        }
-    }
-
-    /// Returns the second file that is written beside a file of this name, if there is one.
-    fn companion(self, path: &Path) -> Option<PathBuf> {
-        match self {
-            Target::Model(format) => FrameWriter::companion(path, format),
-            #[cfg(feature = "mcap")]
-            Target::Recording => None,
         }
     }
 
@@ -265,7 +244,7 @@ impl Converter {
                 if self.lost_cells == 0 {
                     tracing::warn!(
                         "{}: the output cannot hold its periodic cell, which is lost; give it with \
-                         the curves (`--cell {cell}`), or write .npz, .xyz, .mcap or a LAMMPS file",
+                         the curves (`--cell {cell}`), or write .npz or .mcap",
                         frame.name
                     );
                 }

@@ -33,10 +33,9 @@ impl Content {
     /// Returns an error text if the extension does not fit the content.
     fn refuse_extension(self, extension: &str) -> Option<&'static str> {
         match (self, extension) {
-            (
-                Content::Text,
-                "bcc" | "obj" | "vect" | "npy" | "npz" | "dump" | "lammpstrj" | "xyz" | "extxyz",
-            ) => Some("that is a model; the output is text"),
+            (Content::Text, "bcc" | "obj" | "vect" | "npy" | "npz") => {
+                Some("that is a model; the output is text")
+            }
             (Content::Text, "mcap") => Some("that is a recording; the output is text"),
             (Content::Text, "rrd") => Some("that is a file of the viewer; the output is text"),
             (Content::Scene, other) if other != "bcc" => Some("scenes are written as .bcc"),
@@ -185,35 +184,6 @@ pub fn write_whole(
     check_still_free(path, &file, &part, overwrite)?;
     let renamed = std::fs::rename(&part, &file);
     renamed.inspect_err(|_| removed()).map_err(failed(path))
-}
-
-/// [`write_whole`] for a file and a second one that is written beside it, under a name that
-/// follows from that of the first one: both are written to a temporary folder.
-pub fn write_pair(
-    paths: [&Path; 2],
-    overwrite: Overwrite,
-    write: impl FnOnce(&Path) -> Result<()>,
-) -> Result<()> {
-    let files = paths.map(resolve);
-    let folder = part_of(&files[0]);
-    let parts = paths.map(|path| folder.join(path.file_name().unwrap_or_default()));
-    std::fs::create_dir(&folder).map_err(failed(paths[0]))?;
-    let written = write(&parts[0]);
-    let written = written.map_err(|e| of_output(e, &parts[0], paths[0]));
-    let written = written.map_err(|e| of_output(e, &parts[1], paths[1]));
-    let removed = || {
-        std::fs::remove_dir_all(&folder).ok();
-    };
-    written.inspect_err(|_| removed())?;
-    for k in 0..2 {
-        check_still_free(paths[k], &files[k], &folder, overwrite)?;
-    }
-    let renamed = (0..2).try_for_each(|k| {
-        let renamed = std::fs::rename(&parts[k], &files[k]);
-        renamed.map_err(failed(paths[k]))
-    });
-    removed();
-    renamed
 }
 
 /// Names the output in an error that names the temporary file.

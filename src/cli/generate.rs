@@ -171,11 +171,11 @@ impl Moving {
 
 /// Returns the format of a file that can hold several frames.
 fn frame_format(path: &Path) -> Result<Format> {
-    let format = Format::of(path)?;
-    if format.holds_frames() && FrameWriter::companion(path, format).is_none() {
+    let format = Format::to_write(path)?;
+    if format.holds_frames() {
         return Ok(format);
     }
-    let what = "holds one frame: name it .npz, .npy or .usda";
+    let what = "holds one frame: name it .npz or .npy";
     Err(Error::Usage(format!("-o {}: {what}", path.display())))
 }
 

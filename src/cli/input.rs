@@ -145,10 +145,11 @@ fn models_in(folder: &Path) -> Result<Vec<PathBuf>> {
     let refuse = |why: String| Error::Usage(format!("{}: {why}", folder.display()));
     let entries = std::fs::read_dir(folder).map_err(|e| refuse(e.to_string()))?;
     let files = entries.flatten().map(|entry| entry.path());
-    // A folder may have tables of numbers, which are no points.
-    let is_model = |file: &PathBuf| {
-        let format = model::Format::of(file);
-        file.is_file() && format.is_ok_and(|format| format != model::Format::Points)
+    let is_model = |file: &PathBuf| match model::Format::of(file) {
+        // A folder may have tables of numbers, which are no points.
+        Ok(format) => file.is_file() && format != model::Format::Points,
+        // USD, which is refused when it is opened.
+        Err(e) => matches!(e, Error::InFile { .. }),
     };
     let mut models: Vec<PathBuf> = files.filter(is_model).collect();
     models.sort();

@@ -1,6 +1,6 @@
 //! Frames of model files, one after the other.
 //!
-//! A file of most formats holds one frame; LAMMPS dumps, USD and NumPy files hold the frames of a
+//! A file of most formats holds one frame; LAMMPS dumps and NumPy files hold the frames of a
 //! motion. [`Frames`] reads both alike, one frame at a time, so that the memory is that of a frame
 //! and not that of the file (unless the format has to be read as a whole).
 
@@ -113,7 +113,7 @@ impl fmt::Display for LeftOut {
 #[derive(Debug)]
 #[non_exhaustive]
 pub struct ModelFrame {
-    /// Number of the frame: as the file gives it (the time step of LAMMPS, the time code of USD),
+    /// Number of the frame: as the file gives it (the time step of LAMMPS),
     /// or counted from 0. Strictly increasing within a file.
     pub seq: u64,
     /// Simulation time in seconds; 0 if the file has none.

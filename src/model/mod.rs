@@ -1,5 +1,5 @@
 //! Model files: of one frame (BCC, OBJ lines, Geomview VECT, LAMMPS data), and of many (LAMMPS
-//! dumps, NumPy, extended XYZ, USD).
+//! dumps, NumPy, extended XYZ).
 //!
 //! | extension | holds | precision kept |
 //! |---|---|---|
@@ -12,7 +12,6 @@
 //! | `.npz` | frames of all bases, with times, names and radii | single or double |
 //! | `.xyz`, `.extxyz` | frames of polylines, with times and cells | double |
 //! | `.mcap` | polylines: `foxglove.SceneUpdate`, ROS 2 markers | double |
-//! | `.usda`, `.usdc`, `.usd`, `.usdz` | all of these, with time samples | single |
 //! | `.txt`, `.csv`, `.dat`, `.raw` and others | frames of polylines, as columns `x y z` | double |
 //!
 //! LAMMPS files, extended XYZ and plain text of any other name are recognized by their content.
@@ -36,8 +35,6 @@ mod numpy;
 mod obj;
 mod points;
 mod torn;
-#[cfg(feature = "usd")]
-mod usd;
 mod vect;
 mod write;
 mod xyz;
@@ -133,14 +130,12 @@ pub enum Format {
     Xyz,
     /// MCAP of other programs: lines of Foxglove and markers of ROS 2.
     Mcap,
-    /// Curves of a USD stage, with time samples.
-    Usd,
     /// Plain text: columns `x y z`.
     Points,
 }
 
 /// Extensions of the formats; [`MODEL_FILES`] lists them for messages.
-const EXTENSIONS: [(&str, Format); 17] = [
+const EXTENSIONS: [(&str, Format); 13] = [
     ("bcc", Format::Bcc),
     ("obj", Format::Obj),
     ("vect", Format::Vect),
@@ -154,11 +149,10 @@ const EXTENSIONS: [(&str, Format); 17] = [
     ("xyz", Format::Xyz),
     ("extxyz", Format::Xyz),
     ("mcap", Format::Mcap),
-    ("usd", Format::Usd),
-    ("usda", Format::Usd),
-    ("usdc", Format::Usd),
-    ("usdz", Format::Usd),
 ];
+
+/// Extensions of USD files, which the Python package reads.
+const USD: [&str; 4] = ["usd", "usda", "usdc", "usdz"];
 
 /// Starts of the names of LAMMPS files, which may have any extension.
 const PREFIXES: [(&str, Format); 2] =
@@ -183,13 +177,16 @@ fn advice_on(folder: &Path) -> String {
 impl Format {
     /// Returns the format of a file by its name, or by its content if the name is not known.
     ///
-    /// Errors: [`Error::Folder`], [`Error::UnknownModel`], and [`Error::Unsupported`] for a
-    /// recording.
+    /// Errors: [`Error::Folder`], [`Error::UnknownModel`], and [`Error::Unsupported`] for USD,
+    /// which the Python package reads.
     pub fn of(path: &Path) -> Result<Format> {
         if path.is_dir() {
             let advice = advice_on(path);
             let path = path.into();
             return Err(Error::Folder { path, advice });
+        }
+        if is_usd(path) {
+            return Err(needs_python(path));
         }
         Format::named(path)
             .or_else(|| Format::of_content(path))
@@ -277,14 +274,6 @@ impl Format {
                 let why = "an MCAP file, which this build does not read (feature mcap)";
                 return Err(Error::unsupported("model", why).in_file(path));
             }
-            #[cfg(feature = "usd")]
-            Format::Usd => {
-                let (input, len) = open(path)?;
-                let file = input.into_inner().into_inner();
-                return usd::open(file, len).map_err(|e| e.in_file(path));
-            }
-            #[cfg(not(feature = "usd"))]
-            Format::Usd => Err(no_usd()),
             Format::Bcc => open(path).and_then(|(input, len)| bcc::read(input, len)),
             Format::Obj => {
                 let read = || obj::read(open_text(path)?.0);
@@ -297,74 +286,76 @@ impl Format {
         Ok(Box::new(Single::new(curves)))
     }
 
+    /// Returns the format of a file that is to be written, by its name.
+    ///
+    /// Errors: those of [`Format::of`]; [`Error::Unsupported`] for formats that are only read.
+    pub fn to_write(path: &Path) -> Result<Format> {
+        use Format::{Bcc, Npy, Npz, Obj, Vect};
+        match Format::named(path) {
+            _ if path.is_dir() => Format::of(path),
+            Some(format @ (Bcc | Npy | Npz | Obj | Vect)) => Ok(format),
+            _ => Err(only_read(path)),
+        }
+    }
+
     /// Creates a file of this format.
     fn create(self, path: &Path) -> Result<Box<dyn FrameSink>> {
         Ok(match self {
-            Format::Bcc => Box::new(OneFrame::new(path, "BCC", |path, set, _| {
-                write_bcc(path, set)
-            })),
-            Format::Obj => Box::new(OneFrame::new(path, "OBJ", |path, set, _| {
-                obj::write(path, set)
-            })),
-            Format::Vect => Box::new(OneFrame::new(path, "VECT", |path, set, _| {
-                vect::write(path, set)
-            })),
-            Format::LammpsData => {
-                Box::new(OneFrame::new(path, "LAMMPS data file", lammps::write_data))
-            }
-            Format::LammpsDump => Box::new(lammps::DumpFile::new(path)),
+            Format::Bcc => Box::new(OneFrame::new(path, "BCC", write_bcc)),
+            Format::Obj => Box::new(OneFrame::new(path, "OBJ", obj::write)),
+            Format::Vect => Box::new(OneFrame::new(path, "VECT", vect::write)),
             Format::Npy => Box::new(numpy::NpyFile::new(path)),
             Format::Npz => Box::new(numpy::NpzFile::new(path)),
-            Format::Xyz => Box::new(xyz::XyzFile::new(path)),
-            #[cfg(feature = "usd")]
-            Format::Usd => return usd::create(path),
-            #[cfg(not(feature = "usd"))]
-            Format::Usd => return Err(no_usd().in_file(path)),
-            Format::Points => {
-                let what = "columns of plain text are not written; .vect, .obj and .xyz are text";
-                return Err(Error::unsupported("model", what).in_file(path));
-            }
-            Format::Mcap => {
-                let why = "MCAP is not written from models; `linkwatch check --record` records";
-                return Err(Error::unsupported("model", why));
-            }
+            _ => return Err(only_read(path)),
         })
     }
 
     /// Returns true if a file of this format can hold more than one frame.
     pub fn holds_frames(self) -> bool {
-        match self {
-            Format::Bcc | Format::Obj | Format::Vect | Format::LammpsData => false,
-            Format::LammpsDump | Format::Npy | Format::Npz | Format::Xyz => true,
-            Format::Mcap | Format::Usd | Format::Points => true,
-        }
+        use Format::{Bcc, LammpsData, Obj, Vect};
+        !matches!(self, Bcc | Obj | Vect | LammpsData)
     }
 
     /// Returns true if a file of this format can hold the periodic cell of a frame.
     pub fn holds_cells(self) -> bool {
-        match self {
-            Format::LammpsData | Format::LammpsDump | Format::Npz | Format::Xyz => true,
-            Format::Bcc | Format::Obj | Format::Vect | Format::Npy => false,
-            Format::Mcap | Format::Usd | Format::Points => false,
-        }
+        use Format::{LammpsData, LammpsDump, Npz, Xyz};
+        matches!(self, LammpsData | LammpsDump | Npz | Xyz)
     }
 
-    /// Returns true if a file of this format can hold splines.
+    /// Returns true if a file of this format can hold splines. The positions of an array alone
+    /// would be read as those of polylines.
     pub fn holds_splines(self) -> bool {
-        match self {
-            Format::Bcc | Format::Npz | Format::Usd => true,
-            Format::Obj | Format::Vect | Format::LammpsData | Format::LammpsDump => false,
-            // The positions would be read as those of polylines.
-            Format::Npy | Format::Xyz | Format::Mcap | Format::Points => false,
-        }
+        matches!(self, Format::Bcc | Format::Npz)
     }
 }
 
-/// Returns the error of a build that does not read USD.
-#[cfg(not(feature = "usd"))]
-fn no_usd() -> Error {
-    let what = "this build does not read or write it: build linkwatch with the feature usd";
-    Error::unsupported("USD", what)
+/// Returns the error of a format that is not written.
+fn only_read(path: &Path) -> Error {
+    let what = "written are .bcc, .npz and .mcap, and polylines as .obj, .vect and .npy; for other \
+                formats write .npz, whose arrays Python reads (`numpy.load`)";
+    Error::unsupported("output", what).in_file(path)
+}
+
+/// Returns true if a file is USD by its name, or by its first bytes if the name is not known.
+fn is_usd(path: &Path) -> bool {
+    let extension = path.extension().unwrap_or_default();
+    let named = USD.iter().any(|usd| extension.eq_ignore_ascii_case(usd));
+    let begins = || {
+        let (mut input, _) = open(path).ok()?;
+        let start = input.fill_buf().ok()?;
+        Some(start.starts_with(b"PXR-USDC") || start.starts_with(b"#usda"))
+    };
+    named || Format::named(path).is_none() && begins() == Some(true)
+}
+
+/// Returns the error of a USD file, with what to do instead.
+fn needs_python(path: &Path) -> Error {
+    let what = format!(
+        "the Python package reads it: `pip install \"linkwatch[usd]\"`, then `python -m linkwatch \
+         convert {} OUT.npz`",
+        path.display()
+    );
+    Error::unsupported("USD", what).in_file(path)
 }
 
 /// Parses a finite decimal number, or returns an error text.
@@ -438,10 +429,6 @@ mod tests {
             Format::Npy => Box::new(numpy::read_npy(bytes, len, &npy)?),
             Format::Npz => Box::new(numpy::read_npz(Cursor::new(bytes), len, &npz)?),
             Format::Xyz => Box::new(xyz::read(bytes, len, &npz)?),
-            #[cfg(feature = "usd")]
-            Format::Usd => usd::open(Cursor::new(bytes.to_vec()), len)?,
-            #[cfg(not(feature = "usd"))]
-            Format::Usd => return Err(no_usd()),
             Format::Points => Box::new(points::read(bytes, len, &text, "memory")?),
             Format::Mcap => unreachable!("its tests are in mcap"),
         };
@@ -501,12 +488,6 @@ mod tests {
                 include_bytes!("../../tests/models/numpy/small-compressed.npz").into(),
             ),
         ];
-        let usd = "#usda 1.0\ndef BasisCurves \"a\" { token type = \"linear\"\n\
-                   int[] curveVertexCounts = [2, 3]\npoint3f[] points =\
-                   [(0,0,0), (1,0.5,0), (1e1,1,0), (0,1,-2), (3,4,5)] }\n";
-        if cfg!(feature = "usd") {
-            samples.insert(4, (Format::Usd, usd.into()));
-        }
         samples.insert(4, (Format::Xyz, xyz.into()));
         let points = "x, y, z\n0, 0, 0\n1, .5, 0\n1e1, 1, 0\n\nComponent 2:\n0 1 -2\n3 4 5\n";
         samples.insert(4, (Format::Points, points.into()));
@@ -632,19 +613,6 @@ mod tests {
         let folder = dir.path().join("folder.vect");
         std::fs::create_dir(&folder).unwrap();
         assert_error_contains(read(&folder), "folder.vect: not a regular file");
-    }
-
-    #[cfg(not(feature = "usd"))]
-    #[test]
-    fn usd_files_are_refused_by_name_without_the_feature() {
-        let folder = tempfile::tempdir().unwrap();
-        for name in ["a.usda", "a.usdc", "a.USD", "a.usdz"] {
-            let path = folder.path().join(name);
-            assert!(FrameWriter::create(&path, Format::Usd).is_err());
-            assert!(!path.exists());
-            std::fs::write(&path, "#usda 1.0").unwrap();
-            assert_error_contains(read(&path), "build linkwatch with the feature usd");
-        }
     }
 
     #[test]

@@ -1,8 +1,8 @@
 //! Writes frames to model files.
 
+use super::Format;
 use super::frames::ModelFrame;
-use super::{Format, lammps};
-use crate::curve::{Cell, CurveSet};
+use crate::curve::CurveSet;
 use crate::error::{Error, Result};
 use std::fs::File;
 use std::io::{BufWriter, Write};
@@ -27,8 +27,7 @@ pub struct FrameWriter {
 }
 
 impl FrameWriter {
-    /// Starts a model file of a format, which its first frame creates or truncates. A LAMMPS dump
-    /// has a second file: [`FrameWriter::companion`].
+    /// Starts a model file of a format, which its first frame creates or truncates.
     ///
     /// Errors: [`Error::Unsupported`] for formats that are only read; [`Error::File`].
     pub fn create(path: &Path, format: Format) -> Result<FrameWriter> {
@@ -36,12 +35,6 @@ impl FrameWriter {
             path: path.into(),
             sink: format.create(path)?,
         })
-    }
-
-    /// Returns the second file that is written beside a file of this name: the bonds of a LAMMPS
-    /// dump, in a data file of the same stem.
-    pub fn companion(path: &Path, format: Format) -> Option<PathBuf> {
-        (format == Format::LammpsDump).then(|| lammps::bonds_of(path))
     }
 
     /// Writes a frame. Its cell is lost if the format cannot hold one ([`Format::holds_cells`]).
@@ -58,8 +51,8 @@ impl FrameWriter {
     }
 }
 
-/// A writer of curves and their cell to a file of one frame.
-type WriteOne = fn(&Path, &CurveSet, Option<&Cell>) -> Result<()>;
+/// A writer of curves to a file of one frame.
+type WriteOne = fn(&Path, &CurveSet) -> Result<()>;
 
 /// A file of one frame.
 pub(super) struct OneFrame {
@@ -89,7 +82,7 @@ impl FrameSink for OneFrame {
             ));
         }
         let set = curves_of(self.format, frame)?;
-        (self.write)(&self.path, set, frame.cell.as_ref())
+        (self.write)(&self.path, set)
     }
 
     fn finish(self: Box<Self>) -> Result<()> {

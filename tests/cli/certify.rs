@@ -180,7 +180,7 @@ fn lists_devices_and_rejects_unknown_ones() {
     assert_eq!(certify(&names.len().to_string()).code, 2);
 }
 
-/// Writes a frame with a periodic cell as extended XYZ.
+/// Writes a frame with a periodic cell as an archive.
 fn periodic(path: &Path, cell: &str, counts: &[i32], points: &[[f64; 3]]) {
     let positions = Positions::F64(points.as_flattened());
     let set = CurveSet::from_counts(Basis::Polyline, counts, positions).unwrap();

@@ -107,6 +107,39 @@ fn a_file_of_an_unknown_kind_is_named_by_every_command() {
     assert!(!missing.stderr.contains("compare"), "{}", missing.stderr);
 }
 
+#[test]
+fn a_usd_file_is_refused_with_the_way_to_convert_it() {
+    let folder = TempDir::new().unwrap();
+    let text_file = b"#usda 1.0\ndef BasisCurves \"a\" {}\n";
+    for (name, content) in [
+        ("a.usd", &text_file[..]),
+        ("a.USDA", text_file),
+        ("a.usdc", b"PXR-USDC"),
+        ("a.usdz", b"PK"),
+        ("scene", text_file),
+        ("scene.dat", b"PXR-USDC\0"),
+    ] {
+        let file = write(&folder, name, content);
+        for command in ["certify", "check", "thickness", "plan"] {
+            let run = run(command, &file, &[]);
+            assert_eq!(run.code, 2, "{command}: {}", run.stderr);
+            assert_eq!(run.stderr.lines().count(), 1, "{}", run.stderr);
+            says(&run, &format!("{name}: unsupported USD: "));
+            says(&run, "`pip install \"linkwatch[usd]\"`");
+            says(
+                &run,
+                &format!("`python -m linkwatch convert {} OUT.npz`", text(&file)),
+            );
+        }
+        std::fs::remove_file(&file).unwrap();
+    }
+    // USD files in a folder are not skipped.
+    write(&folder, "a.usda", text_file);
+    let run = run("check", folder.path(), &[]);
+    assert_eq!(run.code, 2);
+    says(&run, "unsupported USD");
+}
+
 #[cfg(feature = "mcap")]
 #[test]
 fn an_mcap_file_without_lines_says_what_it_has_in_every_command() {

@@ -173,49 +173,6 @@ fn plain(random: &mut Random) -> Given {
     }
 }
 
-fn usd(random: &mut Random) -> Given {
-    let mut text = String::from("#usda 1.0\n");
-    let (mut read, mut left_out, mut refused) = (0, 0, false);
-    for k in 0..random.below(6) {
-        let points: Vec<String> = points(random, 1)
-            .iter()
-            .map(|p| format!("({})", p.replace(' ', ", ")))
-            .collect();
-        let (kind, more) = match random.below(9) {
-            0 => ("BasisCurves", "uniform token purpose = \"guide\""),
-            1 => ("BasisCurves", "uniform token purpose = \"proxy\""),
-            2 => ("BasisCurves", "token visibility = \"invisible\""),
-            3 => ("NurbsCurves", ""),
-            4 => ("Points", ""),
-            5 => ("Mesh", ""),
-            6 => ("RopeCurves", ""),
-            _ => ("BasisCurves", "uniform token wrap = \"periodic\""),
-        };
-        match (kind, more.contains("purpose")) {
-            ("BasisCurves", false) => read += 1,
-            ("BasisCurves", true) => left_out += 1,
-            ("NurbsCurves", _) => refused = true,
-            ("RopeCurves", _) => left_out += 1,
-            _ => {}
-        }
-        writeln!(
-            text,
-            "def {kind} \"a{k}\" {{ uniform token type = \"linear\"\n{more}\n\
-             int[] curveVertexCounts = [{}]\npoint3f[] points = [{}] }}",
-            points.len(),
-            points.join(", ")
-        )
-        .expect("memory");
-    }
-    Given {
-        name: "a.usda",
-        text,
-        read,
-        left_out,
-        refused,
-    }
-}
-
 fn xyz(random: &mut Random) -> Given {
     let (mut atoms, read) = (Vec::new(), 1 + random.below(5_usize));
     for k in 0..read {
@@ -240,9 +197,7 @@ fn every_curve_of_a_file_is_read_or_counted() {
         "left_out::every_curve_of_a_file_is_read_or_counted",
         2000,
         |random| {
-            let formats = [obj, lammps, plain, xyz, usd];
-            let formats = &formats[..if cfg!(feature = "usd") { 5 } else { 4 }];
-            let given = random.pick(formats)(random);
+            let given = random.pick(&[obj, lammps, plain, xyz])(random);
             let mut options = ReadOptions::default();
             // Columns of points do not say which curves are closed.
             options.closed = (given.name == "a.dat").then_some(true);

@@ -72,17 +72,30 @@ impl Corpus {
         );
         let data = "title\n4 atoms\n2 bonds\n1 atom types\n9 0 0 avec\n1 9 0 bvec\n0 2 9 cvec\n\
                     0 0 0 abc origin\n\nAtoms # bond\n\n";
+        let frames = std::fs::read(path("mol.dump")).expect("a file");
+        std::fs::write(path("a.dump"), frames).expect("a file");
+        let xyz = points.each_ref().map(|p| format!("C {p} 1 T\n")).concat();
+        let keys = "Lattice=\"9 0 0 0 9 0 0 0 0\" pbc=\"T T F\" \
+                    Properties=species:S:1:pos:R:3:molecule:I:1:closed:L:1 Timestep=";
+        write("a.xyz", format!("4\n{keys}0\n{xyz}4\n{keys}1\n{xyz}"));
         let atoms = atoms.replace(" 1 ", " 1 1 ");
-        write(
-            "b.dat",
-            format!("{data}{atoms}\nBonds\n\n1 1 1 2\n2 1 3 2\n"),
-        );
+        for (name, bonds) in [
+            ("a.data", "1 1 1 2\n2 1 2 3\n3 1 3 4\n4 1 4 1\n"),
+            ("b.dat", "1 1 1 2\n2 1 3 2\n"),
+        ] {
+            let count = bonds.lines().count();
+            write(
+                name,
+                format!("{data}{atoms}\nBonds\n\n{bonds}")
+                    .replace("2 bonds", &format!("{count} bonds")),
+            );
+        }
         let source = Path::new(env!("CARGO_MANIFEST_DIR"));
         let copy = |folder: &str, name: &str| {
             std::fs::copy(source.join(folder).join(name), path(name)).expect("a copy");
         };
         copy("tests/models/numpy", "compressed.npz");
-        for name in ["a.dump", "a.npy", "a.npz", "a.xyz"] {
+        for name in ["a.npy", "a.npz"] {
             let format = Format::of(&path(name)).expect("a format");
             let mut writer = FrameWriter::create(&path(name), format).expect("a file");
             for seq in 0..2 {
@@ -111,12 +124,6 @@ impl Corpus {
             "b.txt",
             "a.cert",
         ];
-        if cfg!(feature = "usd") {
-            for name in ["apart.usda", "apart.usdc", "many.usdc"] {
-                copy("tests/models", name);
-                files.push(name);
-            }
-        }
         if cfg!(feature = "mcap") {
             for name in ["scene.mcap", "json.mcap", "markers.mcap", "marker.mcap"] {
                 copy("recordings/others", name);

@@ -91,7 +91,7 @@ impl SimulationBox {
 }
 
 /// Returns how far a tilted box reaches below and above its bounds, in x and in y.
-pub(super) fn overhang([xy, xz, yz]: [f64; 3]) -> [[f64; 2]; 2] {
+fn overhang([xy, xz, yz]: [f64; 3]) -> [[f64; 2]; 2] {
     [
         [
             xy.min(xz).min(xy + xz).min(0.0),

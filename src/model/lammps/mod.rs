@@ -25,9 +25,6 @@ mod bonds;
 mod cell;
 mod data;
 mod dump;
-mod write;
-
-pub(super) use self::write::{DumpFile, bonds_of, write_data};
 
 use self::bonds::Curves;
 use self::cell::Unwrapped;
@@ -41,14 +38,8 @@ use std::ffi::OsStr;
 use std::io::BufRead;
 use std::path::{Path, PathBuf};
 
-/// Extensions of data files and of dumps.
+/// Extensions of data files.
 const DATA: [&str; 3] = ["data", "lmp", "lammps"];
-const DUMP: [&str; 2] = ["dump", "lammpstrj"];
-
-fn has_extension(path: &Path, extensions: &[&str]) -> bool {
-    let extension = path.extension().unwrap_or_default();
-    extensions.iter().any(|e| extension.eq_ignore_ascii_case(e))
-}
 
 /// Opens a data file.
 pub(super) fn open_data(path: &Path, options: &ReadOptions) -> Result<Box<dyn FrameSource>> {

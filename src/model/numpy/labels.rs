@@ -14,7 +14,7 @@ const FREE_NUMBERS: u64 = 16 << 20;
 const FREE_TEXTS: u64 = 1 << 20;
 
 /// Names of the arrays that are read.
-const READ: [&str; 8] = [
+const READ: [&str; 9] = [
     "positions",
     "counts",
     "basis",
@@ -23,6 +23,7 @@ const READ: [&str; 8] = [
     "names",
     "radii",
     "cell",
+    "left_out",
 ];
 
 /// Names of arrays of vectors that are no points.
@@ -49,9 +50,19 @@ const VECTORS: [&str; 20] = [
     "vel",
 ];
 
-/// Counts the arrays of other names that may hold points of curves.
+/// Returns what the writer of the archive left out, and counts the arrays of other names that may
+/// hold points of curves.
 pub(super) fn left_out(archive: &mut Archive<impl BufRead + Seek>) -> Result<Vec<LeftOut>> {
     let mut list = Vec::new();
+    if let Some(said) = Values::find(archive, "left_out")? {
+        for text in said.texts()? {
+            let kind = [
+                "kind of elements that the archive leaves out",
+                "kinds of elements that the archive leaves out",
+            ];
+            LeftOut::add(&mut list, kind, || text);
+        }
+    }
     for member in archive.others(&[&READ[..], &VECTORS].concat()) {
         let array = archive.header(&member)?;
         let name = member.name();
@@ -128,7 +139,7 @@ impl Values {
             return Ok(None);
         };
         let free = match name {
-            "names" => FREE_TEXTS,
+            "names" | "left_out" => FREE_TEXTS,
             _ => FREE_NUMBERS,
         };
         let mut bytes = archive.read(&member, free)?;

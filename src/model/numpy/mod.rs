@@ -23,6 +23,7 @@
 //! | `names` | curves | texts |
 //! | `radii` | curves | f4 or f8 |
 //! | `cell` | 3, 3 x 3 or 4 x 3, or frames x these | f4 or f8 |
+//! | `left_out` | any number | texts: elements that the writer of the archive did not convert |
 //!
 //! The cell is periodic: its edges along the axes, its vectors, or its vectors and its corner;
 //! zeros stand for a direction without repetition. The shapes 3 x 3 and 4 x 3 are those of one cell

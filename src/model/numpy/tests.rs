@@ -419,6 +419,15 @@ fn arrays_of_other_names_that_may_hold_points_are_counted() {
 }
 
 #[test]
+fn elements_that_the_writer_left_out_are_left_out() {
+    let bytes = with_array(2, "left_out", "|S8", "(2,)", b"3 blobs\x002 meshes");
+    let mut source = read_npz(Cursor::new(&bytes[..]), bytes.len() as u64, &options(None)).unwrap();
+    let frame = source.next_frame().unwrap().unwrap();
+    let expected = "2 kinds of elements that the archive leaves out (the first one: 3 blobs)";
+    assert_eq!(frame.left_out[0].to_string(), expected);
+}
+
+#[test]
 fn frames_have_the_cell_of_the_archive() {
     let cells = |frames: usize, shape: &str, numbers: &[f64]| {
         let values: Vec<u8> = numbers.iter().flat_map(|x| x.to_le_bytes()).collect();

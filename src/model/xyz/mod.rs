@@ -22,15 +22,10 @@
 //!
 //! Curves that the boundary of the cell tears are refused, unless [`ReadOptions::wrapped`].
 //!
-//! Written are closed and open polylines with all these keys; other columns are not kept.
-//!
 //! Cost: one pass, with the memory of a frame; sorting the atoms if they have ids.
 
 mod atoms;
 mod comment;
-mod write;
-
-pub(super) use self::write::XyzFile;
 
 use self::comment::Comment;
 use super::frames::{FrameSource, ModelFrame, ReadOptions};

@@ -49,6 +49,7 @@ if TYPE_CHECKING:
 
     import numpy.typing as npt
 
+    from . import io as io
     from ._arguments import Cell, Closed, Counts, Frame
 
 __all__ = [
@@ -70,6 +71,7 @@ __all__ = [
     "UnverifiedWarning",
     "assert_intact",
     "certify",
+    "io",
     "pull_throughs",
     "ribbon",
     "safe_fraction",
@@ -779,5 +781,9 @@ def assert_intact(
 if not TYPE_CHECKING:
 
     def __getattr__(name):
+        if name == "io":  # here, so that importing the package takes no time
+            import importlib
+
+            return importlib.import_module(".io", __name__)
         instead = " (it is Session now)" if name == "Verifier" else ""
         raise AttributeError(f"module 'linkwatch' has no attribute {name!r}{instead}")

@@ -1,0 +1,7 @@
+"""``python -m linkwatch``: the command."""
+
+import sys
+
+from ._command import main
+
+sys.exit(main())

@@ -1,0 +1,128 @@
+"""Frames of a file, and what is said about them."""
+
+from __future__ import annotations
+
+import importlib
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+    from pathlib import Path
+    from typing import Any
+
+    import numpy.typing as npt
+
+
+@dataclass(frozen=True)
+class Frame:
+    """Curves at one time. ``session.step(frame.positions, frame.time)`` verifies them, by a
+    ``Session(frame.counts, names=frame.names, basis=frame.basis)``.
+    """
+
+    #: Points of all curves, one after the other, of the shape ``(N, 3)``; NaN if ``rejected``.
+    positions: npt.NDArray[Any]
+    #: Number of points of each curve, negative if it is closed.
+    counts: list[int]
+    basis: str = "polyline"
+    names: list[str] = field(default_factory=list)
+    radii: list[float] = field(default_factory=list)
+    #: Vectors of the periodic cell and its corner, ``(4, 3)``.
+    cell: npt.NDArray[Any] | None = None
+    #: Number of the frame, larger than that of the previous one.
+    seq: int = 0
+    #: Seconds.
+    time: float = 0.0
+    #: Reason why the frame is invalid, although later ones can be read.
+    rejected: str | None = None
+
+    @property
+    def closed(self) -> list[bool]:
+        """For each curve, if it is closed."""
+        return [count < 0 for count in self.counts]
+
+
+@dataclass
+class Summary:
+    """What was read from a file, and what was not."""
+
+    #: Number of curves of the first frame, and of those that are closed.
+    curves: int = 0
+    closed: int = 0
+    #: Elements that may be curves and are not read, by kind, with the first one.
+    left_out: list[str] = field(default_factory=list)
+    #: Decisions that the file leaves open.
+    notes: list[str] = field(default_factory=list)
+    #: Frames that are invalid, with the reasons, as far as frames were read.
+    rejected: list[str] = field(default_factory=list)
+
+    def __str__(self) -> str:
+        curves = "1 curve" if self.curves == 1 else f"{self.curves} curves"
+        lines = [f"{curves}, {self.closed} closed", *self.notes]
+        if self.left_out:
+            lines.append(f"not read, so not verified: {', '.join(self.left_out)}")
+        return "\n".join([*lines, *self.rejected])
+
+
+class Frames:
+    """The frames of a file: an iterable of :class:`Frame`, which reads one at a time."""
+
+    def __init__(
+        self,
+        path: Path,
+        load: Callable[[], Iterator[Frame]],
+        summary: Summary,
+        length: int | None = None,
+    ) -> None:
+        self.path = path
+        self.summary = summary
+        #: Number of frames; ``None`` if the file has to be read to count them.
+        self.length = length
+        self._load = load
+
+    def __iter__(self) -> Iterator[Frame]:
+        self.summary.rejected.clear()
+        for frame in self._load():
+            if frame.rejected is not None:
+                self.summary.rejected.append(f"frame {frame.seq} is invalid: {frame.rejected}")
+            yield frame
+
+    def __len__(self) -> int:
+        if self.length is None:
+            raise TypeError(f"{self.path}: the number of frames is known when all were read")
+        return self.length
+
+    def __bool__(self) -> bool:
+        return True
+
+    def __repr__(self) -> str:
+        frames = "" if self.length is None else f", {self.length} frames"
+        return f"<linkwatch.io.Frames of {self.path}{frames}>"
+
+
+class LeftOut:
+    """Counts elements that are not read, by kind."""
+
+    def __init__(self) -> None:
+        self._found: dict[tuple[str, str], tuple[int, str]] = {}
+
+    def add(self, one: str, many: str, place: str) -> None:
+        """Counts an element of a kind, whose name is given in singular and plural."""
+        count, first = self._found.get((one, many), (0, place))
+        self._found[one, many] = count + 1, first
+
+    def sentences(self) -> list[str]:
+        """Returns a sentence for each kind, as the command prints it."""
+        return [
+            f"1 {one} ({first})" if count == 1 else f"{count} {many} (the first one: {first})"
+            for (one, many), (count, first) in self._found.items()
+        ]
+
+
+def library(module: str, extra: str) -> Any:
+    """Imports a library that an extra of this package installs."""
+    try:
+        return importlib.import_module(module)
+    except ImportError as why:
+        what = f'reading this file needs more libraries: pip install "linkwatch[{extra}]"'
+        raise ImportError(f"{what} ({why})") from why

@@ -1,0 +1,96 @@
+"""Files of other programs, and the archives that the command reads."""
+
+import subprocess
+import sys
+
+import linkwatch
+import numpy as np
+import pytest
+from linkwatch import io
+from test_command import OTHER, RING, run
+
+RINGS = np.concatenate([RING, OTHER])
+
+
+def frame(seq=0, **others):
+    given = {"positions": RINGS, "counts": [-4, -4], "names": ["a", "b"], **others}
+    return io.Frame(seq=seq, time=0.5 * seq, **given)
+
+
+def test_written_frames_are_those_that_the_command_reads(tmp_path):
+    path = tmp_path / "run.npz"
+    cell = np.vstack([10 * np.eye(3), np.zeros(3)])
+    moved = RINGS + np.repeat([[0, 0, 0], [3, 0, 0]], 4, axis=0).astype(np.float32)
+    given = [
+        frame(3, cell=cell, radii=[0.1, 0.3]),
+        frame(7, cell=1.1 * cell, radii=[0.2, 0.1], positions=moved),
+    ]
+    assert io.write(path, iter(given)) == [path]
+    with np.load(path) as arrays:
+        assert arrays["radii"].tolist() == np.float32([0.2, 0.3]).tolist()
+        assert arrays["cell"].shape == (2, 4, 3)
+        assert arrays["positions"].dtype == np.float32
+        np.testing.assert_array_equal(arrays["positions"], np.stack([RINGS, moved]))
+    code, out, err = run("check", path)
+    assert code == 1, err
+    assert "frame 3: intact" in out
+    assert "curves 0 (a) and 1 (b) came apart" in out
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_a_file_is_overwritten_only_by_force(tmp_path):
+    path = tmp_path / "run.npz"
+    io.write(path, [frame()])
+    with pytest.raises(FileExistsError, match="run.npz exists already"):
+        io.write(path, [frame()])
+    io.write(path, [frame()], force=True)
+    with pytest.raises(ValueError, match="must end with .npz"):
+        io.write(tmp_path / "run.bcc", [frame()])
+
+
+@pytest.mark.parametrize(
+    "frames, words",
+    [
+        ([], "no valid frame to write"),
+        ([frame(1), frame(1)], "frame 1 after frame 1"),
+        ([frame(0), frame(1, cell=np.eye(4, 3))], "others without one"),
+        ([frame(3, rejected="torn")], "no valid frame to write; frame 3, which is invalid: torn"),
+    ],
+)
+def test_frames_that_an_archive_cannot_hold_leave_no_file(tmp_path, frames, words):
+    with pytest.raises(ValueError, match=words):
+        io.write(tmp_path / "run.npz", frames)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_invalid_frames_are_rejected_or_counted(tmp_path):
+    path = tmp_path / "run.npz"
+    io.write(path, [frame(0, rejected="torn"), frame(1), frame(2, rejected="lost"), frame(3)])
+    code, out, err = run("check", path)
+    assert code == 3, err
+    assert "frame 2: rejected" in out
+    assert "frame 0, which is invalid: torn" in out
+    assert "2 frames verified, 1 rejected" in out
+
+
+def test_a_session_takes_the_frames(tmp_path):
+    first = frame()
+    session = linkwatch.Session(first.counts, names=first.names, basis=first.basis)
+    assert session.step(first.positions, first.time, cell=first.cell).intact
+
+
+def test_an_unknown_suffix_is_refused(tmp_path):
+    with pytest.raises(ValueError, match=r"scene.abc: files of this name are not read here \(.usd"):
+        io.read(tmp_path / "scene.abc")
+
+
+def test_the_module_is_the_command(tmp_path):
+    path = tmp_path / "run.npz"
+    io.write(path, [frame()])
+    words = [sys.executable, "-m", "linkwatch"]
+    ended = subprocess.run([*words, "certify", path], capture_output=True, text=True)
+    assert (ended.returncode, ended.stdout) == (0, "2 # lines: 1\n0,1,-1\n"), ended.stderr
+    # The command itself converts what it reads itself.
+    code, _, err = run("convert", path, tmp_path / "run.bcc")
+    assert code == 0, err
+    assert (tmp_path / "run.bcc").exists()
