@@ -24,6 +24,7 @@ pub(super) type Kind = [&'static str; 2];
 
 /// Elements that may be parts of curves. (Cubes, spheres, points, texts and meshes are not.)
 pub(super) const CYLINDER: Kind = ["cylinder", "cylinders"];
+pub(super) const TRIANGLES: Kind = ["list of triangles", "lists of triangles"];
 pub(super) const ARROW_STRIP: Kind = ["strip of arrows", "strips of arrows"];
 /// A type of marker that is not known.
 pub(super) const UNKNOWN: Kind = ["marker of unknown type", "markers of unknown types"];

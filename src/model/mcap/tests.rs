@@ -3,6 +3,7 @@ use super::*;
 use crate::engine::Certifier;
 use crate::ingest::{Closing, CurveSource};
 use crate::model::Frames;
+use mcap::records::op;
 use std::io::Cursor;
 use std::path::PathBuf;
 
@@ -30,12 +31,11 @@ fn messages(name: &str) -> Vec<(Content, Vec<u8>)> {
     let channels = Channels::find(&mut open().unwrap()).unwrap();
     let mut container = open().unwrap();
     let mut messages = Vec::new();
-    while let Some(mut record) = container.next().unwrap() {
-        if record.opcode == op::MESSAGE {
-            let header = container::message(&mut record.body).unwrap();
-            if let (_, Some(content)) = &channels.channels[&header.channel] {
-                messages.push((*content, record.body.into()));
-            }
+    while let Some(record) = container.next().unwrap() {
+        if let container::Content::Message { channel, body, .. } = record.content().unwrap()
+            && let (_, Some(content)) = &channels.channels[&channel]
+        {
+            messages.push((*content, body.into()));
         }
     }
     messages
@@ -132,22 +132,11 @@ fn other_files_are_refused_with_their_topics() {
     assert_eq!(frames.unwrap().count(), 5);
 }
 
-fn channel(topic: &str, encoding: &str) -> Channel {
-    Channel {
-        schema: 1,
-        topic: topic.into(),
-        encoding: encoding.into(),
-    }
-}
-
 fn channels(list: &[(&str, &str, &str)]) -> Channels {
     let mut channels = Channels::default();
     for (id, (topic, schema, encoding)) in (0..).zip(list) {
-        let schema = Schema {
-            name: (*schema).into(),
-            text: Default::default(),
-        };
-        channels.add(id, channel(topic, encoding), &[(1, schema)].into());
+        let schema = ((*schema).into(), Bytes::new());
+        channels.add(id, (*topic).into(), Some(&schema), encoding);
     }
     channels
 }

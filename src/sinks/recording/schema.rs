@@ -416,60 +416,12 @@ pub enum Basis {
     BSpline = 3,
     Bezier = 4,
 }
-impl Basis {
-    /// String value of the enum field names used in the ProtoBuf definition.
-    ///
-    /// The values are not transformed in any way and thus are considered stable
-    /// (if the ProtoBuf definition does not change) and safe for programmatic use.
-    pub fn as_str_name(&self) -> &'static str {
-        match self {
-            Self::Unspecified => "BASIS_UNSPECIFIED",
-            Self::Polyline => "BASIS_POLYLINE",
-            Self::CatmullRom => "BASIS_CATMULL_ROM",
-            Self::BSpline => "BASIS_B_SPLINE",
-            Self::Bezier => "BASIS_BEZIER",
-        }
-    }
-    /// Creates an enum from field names used in the ProtoBuf definition.
-    pub fn from_str_name(value: &str) -> ::core::option::Option<Self> {
-        match value {
-            "BASIS_UNSPECIFIED" => Some(Self::Unspecified),
-            "BASIS_POLYLINE" => Some(Self::Polyline),
-            "BASIS_CATMULL_ROM" => Some(Self::CatmullRom),
-            "BASIS_B_SPLINE" => Some(Self::BSpline),
-            "BASIS_BEZIER" => Some(Self::Bezier),
-            _ => None,
-        }
-    }
-}
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, ::prost::Enumeration)]
 #[repr(i32)]
 pub enum Precision {
     Unspecified = 0,
     F32 = 1,
     F64 = 2,
-}
-impl Precision {
-    /// String value of the enum field names used in the ProtoBuf definition.
-    ///
-    /// The values are not transformed in any way and thus are considered stable
-    /// (if the ProtoBuf definition does not change) and safe for programmatic use.
-    pub fn as_str_name(&self) -> &'static str {
-        match self {
-            Self::Unspecified => "PRECISION_UNSPECIFIED",
-            Self::F32 => "PRECISION_F32",
-            Self::F64 => "PRECISION_F64",
-        }
-    }
-    /// Creates an enum from field names used in the ProtoBuf definition.
-    pub fn from_str_name(value: &str) -> ::core::option::Option<Self> {
-        match value {
-            "PRECISION_UNSPECIFIED" => Some(Self::Unspecified),
-            "PRECISION_F32" => Some(Self::F32),
-            "PRECISION_F64" => Some(Self::F64),
-            _ => None,
-        }
-    }
 }
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, ::prost::Enumeration)]
 #[repr(i32)]
@@ -482,36 +434,6 @@ pub enum VerdictCode {
     Stale = 5,
     Rejected = 6,
 }
-impl VerdictCode {
-    /// String value of the enum field names used in the ProtoBuf definition.
-    ///
-    /// The values are not transformed in any way and thus are considered stable
-    /// (if the ProtoBuf definition does not change) and safe for programmatic use.
-    pub fn as_str_name(&self) -> &'static str {
-        match self {
-            Self::Unspecified => "VERDICT_CODE_UNSPECIFIED",
-            Self::Intact => "VERDICT_CODE_INTACT",
-            Self::Changed => "VERDICT_CODE_CHANGED",
-            Self::Contact => "VERDICT_CODE_CONTACT",
-            Self::Undecided => "VERDICT_CODE_UNDECIDED",
-            Self::Stale => "VERDICT_CODE_STALE",
-            Self::Rejected => "VERDICT_CODE_REJECTED",
-        }
-    }
-    /// Creates an enum from field names used in the ProtoBuf definition.
-    pub fn from_str_name(value: &str) -> ::core::option::Option<Self> {
-        match value {
-            "VERDICT_CODE_UNSPECIFIED" => Some(Self::Unspecified),
-            "VERDICT_CODE_INTACT" => Some(Self::Intact),
-            "VERDICT_CODE_CHANGED" => Some(Self::Changed),
-            "VERDICT_CODE_CONTACT" => Some(Self::Contact),
-            "VERDICT_CODE_UNDECIDED" => Some(Self::Undecided),
-            "VERDICT_CODE_STALE" => Some(Self::Stale),
-            "VERDICT_CODE_REJECTED" => Some(Self::Rejected),
-            _ => None,
-        }
-    }
-}
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, ::prost::Enumeration)]
 #[repr(i32)]
 pub enum Route {
@@ -519,30 +441,6 @@ pub enum Route {
     Full = 1,
     Quiet = 2,
     Partial = 3,
-}
-impl Route {
-    /// String value of the enum field names used in the ProtoBuf definition.
-    ///
-    /// The values are not transformed in any way and thus are considered stable
-    /// (if the ProtoBuf definition does not change) and safe for programmatic use.
-    pub fn as_str_name(&self) -> &'static str {
-        match self {
-            Self::Unspecified => "ROUTE_UNSPECIFIED",
-            Self::Full => "ROUTE_FULL",
-            Self::Quiet => "ROUTE_QUIET",
-            Self::Partial => "ROUTE_PARTIAL",
-        }
-    }
-    /// Creates an enum from field names used in the ProtoBuf definition.
-    pub fn from_str_name(value: &str) -> ::core::option::Option<Self> {
-        match value {
-            "ROUTE_UNSPECIFIED" => Some(Self::Unspecified),
-            "ROUTE_FULL" => Some(Self::Full),
-            "ROUTE_QUIET" => Some(Self::Quiet),
-            "ROUTE_PARTIAL" => Some(Self::Partial),
-            _ => None,
-        }
-    }
 }
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, ::prost::Enumeration)]
 #[repr(i32)]
@@ -554,34 +452,4 @@ pub enum DefectKind {
     NoBaseline = 4,
     UndecidedStep = 5,
     Unaccounted = 6,
-}
-impl DefectKind {
-    /// String value of the enum field names used in the ProtoBuf definition.
-    ///
-    /// The values are not transformed in any way and thus are considered stable
-    /// (if the ProtoBuf definition does not change) and safe for programmatic use.
-    pub fn as_str_name(&self) -> &'static str {
-        match self {
-            Self::Unspecified => "DEFECT_KIND_UNSPECIFIED",
-            Self::Contact => "DEFECT_KIND_CONTACT",
-            Self::TooClose => "DEFECT_KIND_TOO_CLOSE",
-            Self::Degenerate => "DEFECT_KIND_DEGENERATE",
-            Self::NoBaseline => "DEFECT_KIND_NO_BASELINE",
-            Self::UndecidedStep => "DEFECT_KIND_UNDECIDED_STEP",
-            Self::Unaccounted => "DEFECT_KIND_UNACCOUNTED",
-        }
-    }
-    /// Creates an enum from field names used in the ProtoBuf definition.
-    pub fn from_str_name(value: &str) -> ::core::option::Option<Self> {
-        match value {
-            "DEFECT_KIND_UNSPECIFIED" => Some(Self::Unspecified),
-            "DEFECT_KIND_CONTACT" => Some(Self::Contact),
-            "DEFECT_KIND_TOO_CLOSE" => Some(Self::TooClose),
-            "DEFECT_KIND_DEGENERATE" => Some(Self::Degenerate),
-            "DEFECT_KIND_NO_BASELINE" => Some(Self::NoBaseline),
-            "DEFECT_KIND_UNDECIDED_STEP" => Some(Self::UndecidedStep),
-            "DEFECT_KIND_UNACCOUNTED" => Some(Self::Unaccounted),
-            _ => None,
-        }
-    }
 }
