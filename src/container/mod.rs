@@ -1,8 +1,8 @@
 //! MCAP container: reads records from a file of any size, in bounded memory. Source:
 //! <https://mcap.dev/spec>.
 //!
-//! A record is an opcode, a length and its bytes; a chunk is a record of records. The readers of the
-//! `mcap` crate (0.26) are not used for this. `LinearReader` allocates the promised length of a
+//! A record is an opcode, a length and its bytes; a chunk is a record of records. The readers of
+//! the `mcap` crate (0.26) are not used for this: `LinearReader` allocates the promised length of a
 //! record, and `parse_record` that of a string, before the bytes are there: a damaged length takes
 //! up to 4 GiB. In a chunk whose inner lengths are wrong, the first subtracts below zero, which
 //! panics if overflow is checked. It also does not distinguish a truncated file from a corrupt one,
@@ -19,6 +19,7 @@
 //! or that a chunk unpacks to.
 
 pub(crate) mod foxglove;
+pub(crate) mod protobuf;
 mod unpack;
 
 use crate::error::{Error, Result};

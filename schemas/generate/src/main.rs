@@ -1,7 +1,6 @@
 //! Generates the files that follow from others: from `schemas/linkwatch.proto` and
-//! `schemas/foxglove.proto` their compiled forms, which recordings carry; from the first also the
-//! Rust structs of its messages; from the sources of `bindings/c` its header; from `src/bus/wire.rs` the layout
-//! in shared memory as a C header.
+//! `schemas/foxglove.proto` their compiled forms, which recordings carry; from the sources of
+//! `bindings/c` its header; from `src/bus/wire.rs` the layout in shared memory as a C header.
 //!
 //! `cargo run -p schemas` writes them; `cargo test -p schemas` compares them with those committed.
 
@@ -30,26 +29,14 @@ fn generate() -> Result<Vec<(PathBuf, Vec<u8>)>> {
         .join("../..")
         .canonicalize()?;
     let folder = root.join("schemas");
-    let mut config = prost_build::Config::new();
-    // Positions are written from a buffer that is reused.
-    config.bytes(["CurveFrame.positions"]);
-    let compiled = |name: &str| protox::compile([folder.join(name)], [&folder]);
     let bytes = |name: &str| -> Result<Vec<u8>> {
-        let mut set = compiled(name)?;
+        let mut set = protox::compile([folder.join(name)], [&folder])?;
         // Comments and positions in the text are not part of the schema.
         set.file.iter_mut().for_each(|f| f.source_code_info = None);
         Ok(set.encode_to_vec())
     };
-    let file = compiled("linkwatch.proto")?.file.remove(0);
-    let module = prost_build::Module::from_protobuf_package_name(file.package());
-    let code = config.generate(vec![(module.clone(), file)])?;
-    let code = format!(
-        "// Generated from schemas/linkwatch.proto by `cargo run -p schemas`. Do not edit.\n{}",
-        without_names(&code[&module])
-    );
     Ok(vec![
         (folder.join("linkwatch.binpb"), bytes("linkwatch.proto")?),
-        (root.join("src/sinks/recording/schema.rs"), code.into()),
         (folder.join("foxglove.binpb"), bytes("foxglove.proto")?),
         (
             root.join("bindings/c/include/linkwatch.h"),
@@ -57,17 +44,6 @@ fn generate() -> Result<Vec<(PathBuf, Vec<u8>)>> {
         ),
         (folder.join("linkwatch_wire.h"), wire(&root)?),
     ])
-}
-
-/// Removes the functions between enumerations and their names, which nothing uses.
-fn without_names(code: &str) -> String {
-    let mut parts = code.split("impl ");
-    let mut kept = parts.next().unwrap_or_default().to_owned();
-    for part in parts {
-        let (_, rest) = part.split_once("\n}\n").unwrap_or_default();
-        kept += rest;
-    }
-    kept
 }
 
 /// Returns the header of the C library.

@@ -3,7 +3,7 @@
 
 use super::cdr::Cdr;
 use super::curves::{self, Pose};
-use super::state::{self, ARROW_STRIP, CYLINDER, Change, TRIANGLES, UNKNOWN, Update};
+use super::state::{self, ARROW_STRIP, CYLINDER, Change, Entity, TRIANGLES, UNKNOWN, Update};
 use crate::container::foxglove::LineType;
 use crate::curve::Point;
 
@@ -146,14 +146,14 @@ fn marker(cdr: &mut Cdr, layout: Layout) -> Result<(Option<u64>, Change), String
                     vec![(known.map_or(UNKNOWN, |(_, kind)| *kind), 1)]
                 }
             };
-            Change::Put {
-                strips: strips.map_err(|what| format!("{name:?}: {what}"))?,
-                others,
-                name,
+            let entity = Entity {
                 namespace,
                 frame_id,
                 lifetime,
-            }
+                strips: strips.map_err(|what| format!("{name:?}: {what}"))?,
+                others,
+            };
+            Change::Put(name, entity)
         }
         2 => Change::Delete(name),
         3 => Change::DeleteAll((!namespace.is_empty()).then_some(namespace)),

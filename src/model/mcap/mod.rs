@@ -165,45 +165,38 @@ impl Channels {
 
     /// Returns the topic that is read.
     fn choose(&self, wanted: Option<&str>) -> Result<String> {
-        let unsupported = |what: String| Err(Error::unsupported(FORMAT, what));
         if self.is_recording {
-            return unsupported(
-                "a recording of linkwatch, which `linkwatch replay` verifies".into(),
-            );
+            let what = "a recording of linkwatch, which `linkwatch replay` verifies";
+            return Err(Error::unsupported(FORMAT, what));
         }
-        let read = self.channels.values().filter(|(_, c)| c.is_some());
-        let mut topics: Vec<&str> = read.map(|(topic, _)| topic.as_str()).collect();
-        topics.sort_unstable();
-        topics.dedup();
-        if let Some(wanted) = wanted {
-            return match self.topics.get(wanted) {
-                Some(_) if topics.contains(&wanted) => Ok(wanted.into()),
-                Some((_, Some(why))) => unsupported(format!("topic {wanted}: {why}")),
-                Some((kind, None)) => unsupported(format!(
-                    "topic {wanted} has messages of type {kind:?}, without curves"
-                )),
-                None => unsupported(format!("no topic {wanted}; {}", self.list())),
-            };
-        }
-        match topics[..] {
-            [topic] => Ok(topic.into()),
-            [] => match self
-                .topics
-                .iter()
-                .find_map(|(t, (_, why))| Some((t, why.as_ref()?)))
-            {
-                Some((topic, why)) => unsupported(format!("topic {topic}: {why}")),
-                None => unsupported(format!(
+        let read = self.topics.keys().filter(|topic| self.reads(topic));
+        let read: Vec<&str> = read.map(String::as_str).collect();
+        let why_not = |topic: &str| self.topics.get(topic)?.1.as_ref();
+        let unread = self.topics.keys().find(|topic| why_not(topic).is_some());
+        let what = match (wanted, &read[..]) {
+            (Some(wanted), topics) if topics.contains(&wanted) => return Ok(wanted.into()),
+            (None, [topic]) => return Ok((*topic).into()),
+            (Some(wanted), _) => match self.topics.get(wanted) {
+                Some((_, Some(why))) => format!("topic {wanted}: {why}"),
+                Some((kind, None)) => {
+                    format!("topic {wanted} has messages of type {kind:?}, without curves")
+                }
+                None => format!("no topic {wanted}; {}", self.list()),
+            },
+            (None, []) => match unread.and_then(|topic| Some((topic, why_not(topic)?))) {
+                Some((topic, why)) => format!("topic {topic}: {why}"),
+                None => format!(
                     "no curves: no topic has the type {SCENE_UPDATE}, {MARKER_ARRAY} or {MARKER}; \
                      {}",
                     self.list()
-                )),
+                ),
             },
-            _ => unsupported(format!(
+            (None, topics) => format!(
                 "several topics have curves: {}; choose one of them (--topic)",
                 topics.join(", ")
-            )),
-        }
+            ),
+        };
+        Err(Error::unsupported(FORMAT, what))
     }
 
     /// Returns the topics in words.
@@ -227,7 +220,8 @@ impl Channels {
 
 /// Opens a file. Errors name it.
 pub(super) fn open(path: &Path, options: &ReadOptions) -> Result<Box<dyn FrameSource>> {
-    let frames = McapFrames::new(|| Container::open(path), options.topic.as_deref());
+    let container = Container::open(path);
+    let frames = container.and_then(|c| McapFrames::new(c, options.topic.as_deref()));
     Ok(Box::new(frames.map_err(|e| e.in_file(path))?))
 }
 
@@ -263,9 +257,10 @@ struct McapFrames<R> {
 }
 
 impl<R: Read + Seek> McapFrames<R> {
-    fn new(open: impl Fn() -> Result<Container<R>>, topic: Option<&str>) -> Result<Self> {
-        let found = Channels::find(&mut open()?)?;
+    fn new(mut container: Container<R>, topic: Option<&str>) -> Result<Self> {
+        let found = Channels::find(&mut container)?;
         let chosen = found.choose(topic)?;
+        container.go_to_start()?;
         let left_out = match topic {
             Some(_) => Vec::new(),
             None => found.left_out(),
@@ -275,7 +270,7 @@ impl<R: Read + Seek> McapFrames<R> {
             (id, content)
         });
         Ok(McapFrames {
-            container: open()?,
+            container,
             channels: channels.collect(),
             state: State::default(),
             topic: chosen,

@@ -1,7 +1,7 @@
 //! `foxglove.SceneUpdate`, in protobuf and JSON.
 
 use super::curves::{self, Pose};
-use super::state::{self, CYLINDER, Change, TRIANGLES, Update};
+use super::state::{self, CYLINDER, Change, Entity, TRIANGLES, Update};
 use crate::container::foxglove::{LineType, SceneUpdate, Time};
 use prost::Message;
 
@@ -21,7 +21,7 @@ fn changes(update: SceneUpdate) -> Result<Update, String> {
     let stamp = stamps.max().filter(|&ns| ns > 0);
     let mut changes = Vec::new();
     for deletion in update.deletions {
-        changes.push(match deletion.kind {
+        changes.push(match deletion.r#type {
             0 => Change::Delete(name_of(deletion.id)),
             1 => Change::DeleteAll(None),
             other => return Err(format!("a deletion of type {other}, expected 0 or 1")),
@@ -31,8 +31,9 @@ fn changes(update: SceneUpdate) -> Result<Update, String> {
         let name = name_of(entity.id);
         let mut strips = Vec::new();
         for line in entity.lines {
-            let kind = LineType::try_from(line.kind)
-                .map_err(|_| format!("{name:?}: a line of type {}, expected 0 to 2", line.kind))?;
+            let kind = LineType::try_from(line.r#type).map_err(|_| {
+                format!("{name:?}: a line of type {}, expected 0 to 2", line.r#type)
+            })?;
             let points = line.points.into_iter().map(Into::into).collect();
             let pose = line.pose.unwrap_or_default();
             let turn = pose.orientation.unwrap_or_default();
@@ -53,14 +54,14 @@ fn changes(update: SceneUpdate) -> Result<Update, String> {
             (["model", "models"], entity.models.len()),
         ];
         let others = others.into_iter().filter(|(_, count)| *count > 0);
-        changes.push(Change::Put {
-            name,
+        let entity = Entity {
             namespace: String::new(),
             frame_id: entity.frame_id,
             lifetime: nanoseconds(entity.lifetime),
             strips,
             others: others.map(|(kind, count)| (kind, count as u64)).collect(),
-        });
+        };
+        changes.push(Change::Put(name, entity));
     }
     Ok(Update { stamp, changes })
 }

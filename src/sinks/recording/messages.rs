@@ -367,34 +367,30 @@ impl Recorded<schema::Baseline> for BaselineRecord {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::container::protobuf::tests::values;
     use std::fmt::Debug;
 
-    /// Asserts that the codes of `values` are those of an enumeration in the schema: `name` is the
-    /// name of a code there.
-    fn agree<T: Debug + Recorded<i32>>(values: &[T], name: impl Fn(i32) -> Option<String>) {
-        let last = values.len() as i32;
-        assert_eq!(name(last + 1), None);
-        for (code, value) in (1..=last).zip(values) {
-            assert_eq!(value.record(), code);
-            assert_eq!(name(code), Some(format!("{value:?}")));
-        }
+    /// Asserts that the codes of `all` are those of an enumeration in the schema, whose name
+    /// precedes those of its values.
+    fn agree<T: Debug + Recorded<i32>>(enumeration: &str, all: &[T]) {
+        let code = |value: &T| {
+            (
+                value.record(),
+                format!("{enumeration}{value:?}").to_lowercase(),
+            )
+        };
+        let plain = |(code, name): (i32, String)| (code, name.replace('_', "").to_lowercase());
+        let schema = values(DESCRIPTORS, enumeration).into_iter().map(plain);
+        let schema: Vec<_> = schema.filter(|(code, _)| *code > 0).collect();
+        assert_eq!(all.iter().map(code).collect::<Vec<_>>(), schema);
     }
 
     #[test]
     fn the_codes_equal_the_schema() {
-        macro_rules! check {
-            ($($name:ident $values:expr),*) => {$(
-                agree(&$values, |code| {
-                    schema::$name::try_from(code).ok().map(|v| format!("{v:?}"))
-                });
-            )*};
-        }
-        check!(
-            Basis Basis::ALL,
-            Precision PRECISIONS,
-            VerdictCode Verdict::ALL,
-            Route Route::ALL,
-            DefectKind DefectKind::ALL
-        );
+        agree("Basis", &Basis::ALL);
+        agree("Precision", &PRECISIONS);
+        agree("VerdictCode", &Verdict::ALL);
+        agree("Route", &Route::ALL);
+        agree("DefectKind", &DefectKind::ALL);
     }
 }

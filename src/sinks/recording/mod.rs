@@ -13,8 +13,6 @@ mod file;
 mod messages;
 mod reader;
 mod retention;
-#[rustfmt::skip]
-#[allow(dead_code, reason = "generated")]
 mod schema;
 mod tools;
 mod writer;

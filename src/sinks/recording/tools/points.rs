@@ -60,7 +60,7 @@ impl Points {
                 .map(|((name, kind), offset)| PackedElementField {
                     name: name.into(),
                     offset,
-                    kind: kind.into(),
+                    r#type: kind.into(),
                 })
                 .collect(),
             data: Bytes::from(data),

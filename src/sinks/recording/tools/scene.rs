@@ -199,7 +199,7 @@ fn reach(set: &CurveSet, i: usize, scene: f64) -> f64 {
 
 fn line(kind: LineType, points: Vec<Xyz>, (color, width): ([u8; 4], f64)) -> LinePrimitive {
     LinePrimitive {
-        kind: kind.into(),
+        r#type: kind.into(),
         pose: Some(pose([0.0; 3])),
         thickness: width,
         scale_invariant: true,

@@ -80,7 +80,7 @@ fn an_intact_frame_has_all_curves_in_one_list_of_lines() {
     let [line] = &entity.lines[..] else {
         panic!("{:?}", entity.lines);
     };
-    assert_eq!(line.kind(), LineType::List);
+    assert_eq!(line.r#type, LineType::List as i32);
     assert!(line.scale_invariant);
     assert_eq!(line.points.len(), 15);
     // Closed, open, closed.
@@ -98,9 +98,9 @@ fn curves_with_findings_are_entities_that_later_frames_delete() {
     let broken = update(&mut scene, &set, broken(1), &["a", "b", "c"]);
     assert_eq!(ids(&broken), ["curves", "curve a", "curve c", "findings"]);
     assert!(broken.deletions.is_empty());
-    let kind = |k: usize| broken.entities[k].lines[0].kind();
-    assert_eq!(kind(1), LineType::Loop);
-    assert_eq!(kind(2), LineType::Strip);
+    let kind = |k: usize| broken.entities[k].lines[0].r#type;
+    assert_eq!(kind(1), LineType::Loop as i32);
+    assert_eq!(kind(2), LineType::Strip as i32);
     assert_eq!(broken.entities[2].lines[0].points.len(), 5);
     let findings = &broken.entities[3];
     let texts: Vec<&str> = findings.texts.iter().map(|t| t.text.as_str()).collect();
