@@ -14,8 +14,8 @@ mod measure;
 use linkwatch::scenes::Scene;
 use linkwatch::{
     Basis, Client, ClientOptions, CurveSet, FrameInfo, FrameRecord, Outcome, Overflow, Positions,
-    Precision, RecordedItem, RecordingReader, RecordingSink, RecordingTool, Session,
-    SessionOptions, Sink, SinkQueue, Verdict, ViewerSink, ViewerTarget, Work,
+    Precision, RecordedItem, RecordingReader, RecordingSink, RecordingTool, RunProgress, Session,
+    SessionOptions, Sink, SinkQueue, Verdict, ViewerSink, ViewerTarget,
 };
 use measure::timed;
 use std::process::{Command, Stdio};
@@ -70,14 +70,11 @@ fn frames(count: u64) -> Vec<FrameRecord> {
             curves: Some(curves.clone()),
             info,
             report: Arc::new(report),
-            verified: seq + 1,
-            skipped: 0,
-            rejected: 0,
-            recovered: 0,
-            accepted: 0,
-            times: Default::default(),
-            work: Work::default(),
-            received: SystemTime::now(),
+            progress: RunProgress {
+                verified: seq + 1,
+                ..RunProgress::default()
+            }
+            .received(SystemTime::now()),
         }
     };
     (0..count).map(record).collect()

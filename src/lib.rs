@@ -218,12 +218,13 @@ pub use session::{Continuation, Given, Received, Session, SessionState, Verified
 #[cfg(feature = "mcap")]
 pub use sinks::{
     Alignment, CurveDiff, Ending, FrameDiff, FramePlace, OnlyIn, Outline, OutlinedVerdict,
-    RecordedFrame, RecordedItem, RecordedProgress, RecordedVerdict, RecordingOptions,
-    RecordingReader, RecordingSink, RecordingTool, Retention, RunDiff, diff_runs,
+    RecordedFrame, RecordedItem, RecordedVerdict, RecordingOptions, RecordingReader, RecordingSink,
+    RecordingTool, Retention, RunDiff, diff_runs,
 };
 #[cfg(feature = "verify")]
 pub use sinks::{
-    BaselineRecord, FrameRecord, FrameTimes, LiveTimes, Overflow, Sink, SinkQueue, SinkSummary,
+    BaselineRecord, FrameRecord, FrameTimes, LiveTimes, Overflow, RunProgress, Sink, SinkQueue,
+    SinkSummary,
 };
 #[cfg(feature = "rerun")]
 pub use sinks::{ViewerOptions, ViewerSink, ViewerTarget};

@@ -12,12 +12,12 @@ mod support;
 use linkwatch::{
     BaselineRecord, Basis, Certificate, Change, CurveSet, Defect, DefectKind, Events, FrameInfo,
     FrameRecord, FrameTimes, Link, LiveTimes, Overflow, Place, Positions, PullThrough, Report,
-    Route, Session, SessionOptions, Sink, SinkQueue, Timings, Verdict, VerifiedFrame, ViewerSink,
-    ViewerTarget, Work,
+    Route, RunProgress, Session, SessionOptions, Sink, SinkQueue, Timings, Verdict, VerifiedFrame,
+    ViewerSink, ViewerTarget, Work,
 };
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::time::{Duration, SystemTime};
+use std::time::Duration;
 use support::session::Step;
 
 const SIDE: usize = 12;
@@ -142,23 +142,23 @@ fn verified(set: Arc<CurveSet>, report: Report, work: Work) -> FrameRecord {
         curves: Some(set),
         info: FrameInfo::default(),
         report: Arc::new(report),
-        verified: seq,
-        skipped: seq / 10,
-        rejected: 0,
-        recovered: 0,
-        accepted: 0,
-        times: FrameTimes {
-            ingest: Duration::from_micros(400 + 50 * (seq * 3 % 7)),
-            verification: Duration::from_micros(1400 + 300 * (seq * 7 % 5)),
-            stages: Timings::default(),
-            live: (seq > 0).then(|| LiveTimes {
-                interval: Duration::from_millis(16),
-                wait: Duration::from_micros(14_000 - 300 * (seq * 7 % 5)),
-                send: Duration::from_micros(8),
-            }),
+        progress: RunProgress {
+            verified: seq,
+            skipped: seq / 10,
+            times: FrameTimes {
+                ingest: Duration::from_micros(400 + 50 * (seq * 3 % 7)),
+                verification: Duration::from_micros(1400 + 300 * (seq * 7 % 5)),
+                stages: Timings::default(),
+                live: (seq > 0).then(|| LiveTimes {
+                    interval: Duration::from_millis(16),
+                    wait: Duration::from_micros(14_000 - 300 * (seq * 7 % 5)),
+                    send: Duration::from_micros(8),
+                }),
+            },
+            work,
+            received_ns: 16_000_000 * seq,
+            ..RunProgress::default()
         },
-        work,
-        received: SystemTime::UNIX_EPOCH + Duration::from_millis(16 * seq),
     }
 }
 

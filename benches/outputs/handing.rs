@@ -4,7 +4,8 @@
 use linkwatch::scenes::Scene;
 use linkwatch::{
     BaselineRecord, FrameInfo, FrameRecord, Overflow, Positions, RawFrame, RecordingOptions,
-    Report, Retention, Session, SessionOptions, SinkQueue, SinkSummary, Verdict, VerifiedFrame,
+    Report, Retention, RunProgress, Session, SessionOptions, SinkQueue, SinkSummary, Verdict,
+    VerifiedFrame,
 };
 use std::num::NonZeroU64;
 use std::path::Path;
@@ -170,14 +171,11 @@ fn run(raw: RawFrame<'_>, queue: Option<SinkQueue>, frames: usize) -> Cost {
                 curves: verified.curves,
                 info: verified.info,
                 report: Arc::new(Report::new(seq, 0.0, verdict)),
-                verified: seq + 1,
-                skipped: 0,
-                rejected: 0,
-                recovered: 0,
-                accepted: 0,
-                times: Default::default(),
-                work: Default::default(),
-                received: SystemTime::now(),
+                progress: RunProgress {
+                    verified: seq + 1,
+                    ..RunProgress::default()
+                }
+                .received(SystemTime::now()),
             }));
         }
         handed.push(begin.elapsed());

@@ -1,11 +1,13 @@
 //! MCAP container: reads records from a file of any size, in bounded memory. Source:
 //! <https://mcap.dev/spec>.
 //!
-//! A record is an opcode, a length and its bytes; a chunk is a record of records. The reader of the
-//! `mcap` crate is not used for this. In a chunk whose inner lengths are wrong it subtracts below
-//! zero (mcap 0.26, `sans_io/linear_reader.rs`), which panics if overflow is checked. It also does
-//! not distinguish a truncated file from a corrupt one. Linkwatch writes no compressed chunks, but
-//! other tools do: [`unpack`].
+//! A record is an opcode, a length and its bytes; a chunk is a record of records. The readers of
+//! the `mcap` crate (0.26) are not used for this: `LinearReader` allocates the promised length of a
+//! record, and `parse_record` that of a string, before the bytes are there: a damaged length takes
+//! up to 4 GiB. In a chunk whose inner lengths are wrong, the first subtracts below zero, which
+//! panics if overflow is checked. It also does not distinguish a truncated file from a corrupt one,
+//! and cannot skip the content of messages ([`Container::skim`]). Linkwatch writes no compressed
+//! chunks, but other tools do: [`unpack`].
 //!
 //! A finished file ends with the magic bytes. In such a file, any mismatch is corruption. In any
 //! other file, a record that extends past the end marks the point at which the writer was stopped
@@ -16,28 +18,18 @@
 //! Memory: the size of the largest chunk. Buffers are allocated only for bytes that the file has,
 //! or that a chunk unpacks to.
 
+pub(crate) mod foxglove;
+pub(crate) mod protobuf;
 mod unpack;
 
-mod skim;
 use crate::error::{Error, Result};
+use mcap::MAGIC;
+use mcap::records::op;
 use prost::bytes::{Buf, Bytes};
+use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::{BufReader, Read, Seek, SeekFrom};
 use std::path::Path;
-
-/// First and last bytes of a file.
-const MAGIC: [u8; 8] = *b"\x89MCAP0\r\n";
-
-/// Opcodes of the records that are read.
-pub(crate) mod op {
-    pub const FOOTER: u8 = 0x02;
-    pub const SCHEMA: u8 = 0x03;
-    pub const CHANNEL: u8 = 0x04;
-    pub const MESSAGE: u8 = 0x05;
-    pub const CHUNK: u8 = 0x06;
-    pub const METADATA: u8 = 0x0c;
-    pub const DATA_END: u8 = 0x0f;
-}
 
 /// Bytes of the opcode and the length.
 const RECORD_HEADER: u64 = 9;
@@ -52,6 +44,10 @@ const COMPRESSION: std::ops::Range<usize> = 28..32;
 /// Maximum size of a record: a protobuf message has at most 2 GiB, and a chunk written by linkwatch
 /// holds one of them.
 const RECORD_BYTES: u64 = 3 << 30;
+
+/// Bytes of a skimmed message that are read: more than its header, and the number and time at the
+/// start of a frame.
+const SKIMMED_BYTES: u64 = 55;
 
 /// Size of the blocks in which skipped records are read.
 const SKIP_BYTES: u64 = 1 << 20;
@@ -85,9 +81,107 @@ pub(crate) struct Place {
 
 /// A record that readers of messages use.
 pub(crate) struct Record {
-    pub opcode: u8,
-    pub body: Bytes,
+    opcode: u8,
+    body: Bytes,
     pub place: Place,
+}
+
+/// Content of a record.
+pub(crate) enum Content {
+    /// Name of a message type, and its text.
+    Schema {
+        id: u16,
+        name: String,
+        text: Bytes,
+    },
+    /// Messages of one type on a topic.
+    Channel {
+        id: u16,
+        schema: u16,
+        topic: String,
+        encoding: String,
+    },
+    /// `log_time` is in nanoseconds since 1970 (or since any other start).
+    Message {
+        channel: u16,
+        log_time: u64,
+        body: Bytes,
+    },
+    Metadata {
+        name: String,
+        entries: BTreeMap<String, String>,
+    },
+    Other,
+}
+
+impl Record {
+    /// Parses the record.
+    pub fn content(self) -> Result<Content> {
+        let mut body = self.body;
+        let mut parse = || {
+            Some(match self.opcode {
+                op::SCHEMA => Content::Schema {
+                    id: body.try_get_u16_le().ok()?,
+                    name: string(&mut body)?,
+                    text: {
+                        let _encoding = string(&mut body)?;
+                        sized(&mut body)?
+                    },
+                },
+                op::CHANNEL => Content::Channel {
+                    id: body.try_get_u16_le().ok()?,
+                    schema: body.try_get_u16_le().ok()?,
+                    topic: string(&mut body)?,
+                    encoding: string(&mut body)?,
+                },
+                op::MESSAGE => {
+                    let channel = body.try_get_u16_le().ok()?;
+                    let _sequence = body.try_get_u32_le().ok()?;
+                    let log_time = body.try_get_u64_le().ok()?;
+                    let _publish_time = body.try_get_u64_le().ok()?;
+                    let body = std::mem::take(&mut body);
+                    Content::Message {
+                        channel,
+                        log_time,
+                        body,
+                    }
+                }
+                op::METADATA => {
+                    let (name, mut rest) = (string(&mut body)?, sized(&mut body)?);
+                    let mut entries = BTreeMap::new();
+                    while !rest.is_empty() {
+                        entries.insert(string(&mut rest)?, string(&mut rest)?);
+                    }
+                    Content::Metadata { name, entries }
+                }
+                _ => Content::Other,
+            })
+        };
+        parse().ok_or_else(|| {
+            let what = match self.opcode {
+                op::SCHEMA => "an invalid schema",
+                op::CHANNEL => "an invalid channel",
+                op::MESSAGE => "a message without a header",
+                _ => "an invalid metadata record",
+            };
+            invalid(&format!("byte {}", self.place.at), what)
+        })
+    }
+}
+
+/// Returns the bytes after a length. `None` if there are fewer.
+fn sized(bytes: &mut Bytes) -> Option<Bytes> {
+    let n = bytes.try_get_u32_le().ok()? as usize;
+    (n <= bytes.len()).then(|| bytes.split_to(n))
+}
+
+fn string(bytes: &mut Bytes) -> Option<String> {
+    String::from_utf8(sized(bytes)?.into()).ok()
+}
+
+/// Creates the error of a file or message with invalid content.
+pub(crate) fn invalid(place: &str, what: impl std::fmt::Display) -> Error {
+    Error::format("recording", place, what)
 }
 
 /// Reads records. Returns no more after the first error or the end.
@@ -98,8 +192,8 @@ pub(crate) struct Container<R> {
     at: u64,
     /// True if the end of the file is that of a finished one.
     closed: bool,
-    /// Records of the last chunk, last first, and the place of the next one.
-    chunk: Vec<Bytes>,
+    /// Records of the last chunk that are left in memory, and the place of the first of them.
+    chunk: Bytes,
     next: Place,
     /// Chunk whose records are read from the file one by one: its position, that of its first
     /// record, and its end.
@@ -140,7 +234,7 @@ impl<R: Read + Seek> Container<R> {
             length,
             at: 0,
             closed: false,
-            chunk: Vec::new(),
+            chunk: Bytes::new(),
             next: Place { at: 0, within: 0 },
             walked: None,
             ending: None,
@@ -171,55 +265,37 @@ impl<R: Read + Seek> Container<R> {
 
     /// Returns the next record. The records of chunks are returned one by one.
     pub fn next(&mut self) -> Result<Option<Record>> {
-        loop {
-            if let Some(record) = self.pop() {
-                return Ok(Some(record));
+        self.advance(None)
+    }
+
+    /// Returns the next record like [`Container::next`], but reads only the first bytes of a
+    /// message, unless `whole` returns true for its channel. Verifies no checksum. It needs no
+    /// index, so it works for files that were cut off.
+    ///
+    /// Cost: a read of a few bytes for each record. Compressed chunks are read and unpacked.
+    pub fn skim(&mut self, whole: impl Fn(u16) -> bool) -> Result<Option<Record>> {
+        self.checksum = None;
+        self.advance(Some(&whole))
+    }
+
+    /// Goes to a record that was read or skimmed before. [`Container::next`] returns it next.
+    pub fn go_to(&mut self, place: Place) -> Result<()> {
+        self.restart_at(place.at)?;
+        if place.within > 0 {
+            self.step(None)?;
+            if let Some([_, first, _]) = self.walked {
+                self.skip_to(first + place.within)?;
             }
-            if self.failed || self.ending.is_some() {
-                return Ok(None);
-            }
-            match self.step() {
-                Ok(Some(record)) => return Ok(Some(record)),
-                Ok(None) => {}
-                Err(e) => {
-                    self.fail();
-                    return Err(e);
-                }
+            while !self.chunk.is_empty() && self.next.within < place.within {
+                self.pop()?;
             }
         }
+        Ok(())
     }
 
-    /// Returns the next record of a chunk in memory.
-    fn pop(&mut self) -> Option<Record> {
-        let bytes = self.chunk.pop()?;
-        let place = self.next;
-        self.next.within += bytes.len() as u64;
-        Some(Record {
-            opcode: bytes[0],
-            body: bytes.slice(RECORD_HEADER as usize..),
-            place,
-        })
-    }
-
-    /// Returns the end of the file, or of the chunk whose records are read one by one.
-    fn end(&self) -> u64 {
-        self.walked.map_or(self.length, |[_, _, end]| end)
-    }
-
-    /// Leaves the chunk whose records are read one by one, if this is its end.
-    fn leave_chunk(&mut self) {
-        self.walked.take_if(|[_, _, end]| self.at >= *end);
-    }
-
-    /// Returns the place of a record that is read from the file.
-    fn place_of(&self, at: u64) -> Place {
-        match self.walked {
-            Some([chunk, first, _]) => Place {
-                at: chunk,
-                within: at - first,
-            },
-            None => Place { at, within: 0 },
-        }
+    /// Goes to the first record of the file.
+    pub fn go_to_start(&mut self) -> Result<()> {
+        self.restart_at(self.length.min(MAGIC.len() as u64))
     }
 
     /// Returns no more records, because after damage the length of a record may be wrong.
@@ -228,15 +304,66 @@ impl<R: Read + Seek> Container<R> {
         (self.failed, self.ending) = (true, None);
     }
 
+    fn restart_at(&mut self, at: u64) -> Result<()> {
+        self.input.seek(SeekFrom::Start(at))?;
+        self.at = at;
+        self.chunk.clear();
+        (self.walked, self.ending, self.checksum) = (None, None, None);
+        Ok(())
+    }
+
+    /// Goes to a byte near the current one.
+    fn skip_to(&mut self, at: u64) -> Result<()> {
+        self.input.seek_relative(at as i64 - self.at as i64)?;
+        self.at = at;
+        Ok(())
+    }
+
+    /// Returns the next record, or its first bytes ([`Container::skim`]).
+    fn advance(&mut self, whole: Option<&dyn Fn(u16) -> bool>) -> Result<Option<Record>> {
+        while !self.failed && self.ending.is_none() {
+            let found = match self.chunk.is_empty() {
+                true => self.step(whole),
+                false => self.pop().map(Some),
+            };
+            match found {
+                Ok(None) => {}
+                Ok(record) => return Ok(record),
+                Err(e) => {
+                    self.fail();
+                    return Err(e);
+                }
+            }
+        }
+        Ok(None)
+    }
+
+    /// Returns the next record of the chunk in memory.
+    fn pop(&mut self) -> Result<Record> {
+        let (left, place) = (self.chunk.len(), self.next);
+        let opcode = self.chunk.get_u8();
+        let length = self.chunk.try_get_u64_le().unwrap_or(RECORD_HEADER);
+        if length > self.chunk.len() as u64 {
+            let what = format!("a record of {length} bytes, {left} are left in the chunk");
+            return Err(invalid(&format!("chunk at byte {}", place.at), what));
+        }
+        self.next.within += RECORD_HEADER + length;
+        Ok(Record {
+            opcode,
+            body: self.chunk.split_to(length as usize),
+            place,
+        })
+    }
+
     fn cut(&mut self, at: u64, what: &'static str) {
         self.ending.get_or_insert(Ending::Cut { at, what });
     }
 
-    /// Reads one record of the file. The records of a chunk are stored for [`Container::next`].
-    fn step(&mut self) -> Result<Option<Record>> {
-        self.leave_chunk();
+    /// Reads one record of the file, or enters a chunk.
+    fn step(&mut self, whole: Option<&dyn Fn(u16) -> bool>) -> Result<Option<Record>> {
+        self.walked.take_if(|[.., end]| self.at >= *end);
         let at = self.at;
-        let left = self.end() - at;
+        let left = self.walked.map_or(self.length, |[.., end]| end) - at;
         if left == 0 && !self.closed {
             self.cut(at, "the end of the file");
             return Ok(None);
@@ -246,8 +373,7 @@ impl<R: Read + Seek> Container<R> {
         }
         let before = self.checksum.clone();
         let mut header = self.take(RECORD_HEADER)?;
-        let opcode = header.get_u8();
-        let length = header.get_u64_le();
+        let (opcode, length) = (header.get_u8(), header.get_u64_le());
         let left = left - RECORD_HEADER;
         if length <= left && length > RECORD_BYTES {
             let what = format!("a record of {length} bytes, at most {RECORD_BYTES} are read");
@@ -263,14 +389,22 @@ impl<R: Read + Seek> Container<R> {
                 }
                 self.ending = Some(Ending::Finished);
             }
-            op::CHUNK if length > left && !self.closed => self.open_tail(at)?,
-            _ if length > left => self.overrun(at, length, "a record")?,
-            op::CHUNK => {
-                let body = self.take(length)?;
-                self.open_chunk(body, at)?;
+            op::CHUNK if length <= left || !self.closed => {
+                self.enter(at, length, left, whole.is_some())?;
             }
+            _ if length > left => self.overrun(at, length, "a record")?,
             op::SCHEMA | op::CHANNEL | op::MESSAGE | op::METADATA => {
-                let (place, body) = (self.place_of(at), self.take(length)?);
+                let place = match self.walked {
+                    Some([chunk, first, _]) => Place {
+                        at: chunk,
+                        within: at - first,
+                    },
+                    None => Place { at, within: 0 },
+                };
+                let body = match whole.filter(|_| opcode == op::MESSAGE && length >= 2) {
+                    Some(whole) => self.take_begin(length, whole)?,
+                    None => self.take(length)?,
+                };
                 return Ok(Some(Record {
                     opcode,
                     body,
@@ -294,21 +428,15 @@ impl<R: Read + Seek> Container<R> {
         Ok(None)
     }
 
-    /// Enters the chunk in which a truncated file ends. Its records are then read like those
-    /// outside of chunks, up to the first incomplete one.
-    fn open_tail(&mut self, at: u64) -> Result<()> {
-        if self.length - self.at < CHUNK_HEADER {
-            self.cut(at, "a chunk");
-            return Ok(());
+    /// Reads the first bytes of a message, or all if `whole` returns true for its channel.
+    fn take_begin(&mut self, length: u64, whole: &dyn Fn(u16) -> bool) -> Result<Bytes> {
+        let begin = self.take(length.min(SKIMMED_BYTES))?;
+        let rest = length - begin.len() as u64;
+        if whole((&begin[..2]).get_u16_le()) {
+            return Ok([begin, self.take(rest)?].concat().into());
         }
-        let head = self.take(CHUNK_HEADER)?;
-        if head[COMPRESSION] != [0; 4] {
-            // Truncated compressed data may end in the middle of any record.
-            self.cut(at, "a compressed chunk");
-            return Ok(());
-        }
-        self.walked = Some([at, self.at, self.length]);
-        Ok(())
+        self.skip_to(self.at + rest)?;
+        Ok(begin)
     }
 
     /// Handles a record that extends past the end of the file.
@@ -340,21 +468,49 @@ impl<R: Read + Seek> Container<R> {
         Ok(bytes.into())
     }
 
-    /// Stores the records of a chunk, last first.
-    fn open_chunk(&mut self, body: Bytes, at: u64) -> Result<()> {
-        self.next = Place { at, within: 0 };
+    /// Enters a chunk. Its records come from memory, after its checksum was verified. If it is
+    /// skimmed, or a truncated file ends in it, they are read like those outside of chunks, up to
+    /// the first incomplete one.
+    fn enter(&mut self, at: u64, length: u64, left: u64, skims: bool) -> Result<()> {
+        let is_complete = length <= left;
+        if !is_complete && left < CHUNK_HEADER {
+            self.cut(at, "a chunk");
+            return Ok(());
+        }
+        if !is_complete || skims && length >= CHUNK_HEADER {
+            let first = self.at + CHUNK_HEADER;
+            let head = self.take(CHUNK_HEADER)?;
+            if head[COMPRESSION] == [0; 4] {
+                let stored = (&head[32..])
+                    .get_u64_le()
+                    .min(length - CHUNK_HEADER.min(length));
+                let end = if is_complete {
+                    first + stored
+                } else {
+                    self.length
+                };
+                self.walked = Some([at, first, end]);
+                return Ok(());
+            }
+            if !is_complete {
+                // Truncated compressed data may end in the middle of any record.
+                self.cut(at, "a compressed chunk");
+                return Ok(());
+            }
+            self.skip_to(first - CHUNK_HEADER)?;
+        }
+        let mut rest = self.take(length)?;
         let place = || format!("chunk at byte {at}");
-        let mut rest = body.clone();
         // Start and end time, length and checksum of the records, compression, length as stored.
-        let parsed = (|| {
+        let mut parse = || {
             rest.try_get_u64_le().ok()?;
             rest.try_get_u64_le().ok()?;
             let unpacked = rest.try_get_u64_le().ok()?;
             let checksum = rest.try_get_u32_le().ok()?;
             let compression = string(&mut rest)?;
             Some((unpacked, checksum, compression, rest.try_get_u64_le().ok()?))
-        })();
-        let Some((unpacked, checksum, compression, stored)) = parsed else {
+        };
+        let Some((unpacked, checksum, compression, stored)) = parse() else {
             return Err(invalid(&place(), "its header is too short"));
         };
         let there = rest.len();
@@ -376,93 +532,8 @@ impl<R: Read + Seek> Container<R> {
             let what = format!("checksum {found:08x}, expected {checksum:08x}");
             return Err(invalid(&place(), what));
         }
-        let mut records = Vec::new();
-        while !rest.is_empty() {
-            let length = rest
-                .get(1..RECORD_HEADER as usize)
-                .and_then(|b| b.try_into().ok())
-                .map(u64::from_le_bytes);
-            let whole = length
-                .and_then(|n| n.checked_add(RECORD_HEADER))
-                .filter(|&n| n <= rest.len() as u64);
-            let Some(n) = whole else {
-                let what = format!(
-                    "a record of {} bytes, {} are left in the chunk",
-                    length.unwrap_or(RECORD_HEADER),
-                    rest.len()
-                );
-                return Err(invalid(&place(), what));
-            };
-            records.push(rest.split_to(n as usize));
-        }
-        records.reverse();
-        self.chunk = records;
+        self.chunk = rest;
+        self.next = Place { at, within: 0 };
         Ok(())
     }
-}
-
-/// Creates the error of a file or message with invalid content.
-pub(crate) fn invalid(place: &str, what: impl std::fmt::Display) -> Error {
-    Error::format("recording", place, what)
-}
-
-/// Header of a message, before its content.
-pub(crate) struct MessageHeader {
-    pub channel: u16,
-    /// Time logged, in nanoseconds since 1970 (or since any other start).
-    pub log_time: u64,
-}
-
-/// Reads the header of a message record. `None` if it is too short.
-pub(crate) fn message(body: &mut Bytes) -> Option<MessageHeader> {
-    let channel = body.try_get_u16_le().ok()?;
-    let _sequence = body.try_get_u32_le().ok()?;
-    let log_time = body.try_get_u64_le().ok()?;
-    let _publish_time = body.try_get_u64_le().ok()?;
-    Some(MessageHeader { channel, log_time })
-}
-
-/// A schema: the name of a message type, and its text.
-pub(crate) struct Schema {
-    pub name: String,
-    pub text: Bytes,
-}
-
-/// Reads a schema record, and its number. `None` if it is invalid.
-pub(crate) fn schema(body: &mut Bytes) -> Option<(u16, Schema)> {
-    let id = body.try_get_u16_le().ok()?;
-    let name = string(body)?;
-    let _encoding = string(body)?;
-    let bytes = body.try_get_u32_le().ok()? as usize;
-    let text = (bytes <= body.len()).then(|| body.split_to(bytes))?;
-    Some((id, Schema { name, text }))
-}
-
-/// A channel: messages of one type on a topic.
-pub(crate) struct Channel {
-    pub schema: u16,
-    pub topic: String,
-    pub encoding: String,
-}
-
-/// Reads a channel record, and its number. `None` if it is invalid.
-pub(crate) fn channel(body: &mut Bytes) -> Option<(u16, Channel)> {
-    let id = body.try_get_u16_le().ok()?;
-    let schema = body.try_get_u16_le().ok()?;
-    let (topic, encoding) = (string(body)?, string(body)?);
-    let channel = Channel {
-        schema,
-        topic,
-        encoding,
-    };
-    Some((id, channel))
-}
-
-/// Reads a string with a length prefix. `None` if the bytes end before the string.
-pub(crate) fn string(bytes: &mut Bytes) -> Option<String> {
-    let n = bytes.try_get_u32_le().ok()? as usize;
-    if n > bytes.len() {
-        return None;
-    }
-    String::from_utf8(bytes.split_to(n).into()).ok()
 }

@@ -5,13 +5,12 @@ mod clearance;
 use super::*;
 use crate::certificate::Certificate;
 use crate::curve::{Basis, Cell, CurveLabels, CurveSet, Positions};
-use crate::incremental::Work;
 use crate::ingest::FrameInfo;
-use crate::sinks::{BaselineRecord, FrameRecord, FrameTimes, RecordingSink, Sink};
+use crate::sinks::{BaselineRecord, FrameRecord, FrameTimes, RecordingSink, RunProgress, Sink};
 use crate::verdict::{Change, Clearance, Defect, DefectKind, Place, PullThrough, Report, Verdict};
 use std::collections::BTreeMap;
 use std::sync::Arc;
-use std::time::{Duration, SystemTime};
+use std::time::Duration;
 
 /// A square in the plane z = 0, and one in the plane y = 0 at `shift`.
 fn squares(shift: f64) -> CurveSet {
@@ -145,17 +144,17 @@ impl Recorded {
                 curves: curves.map(Arc::new),
                 info: info.clone(),
                 report: Arc::new(report),
-                verified,
-                skipped: if is_last { self.skipped } else { 0 },
-                rejected,
-                recovered: 0,
-                accepted: 0,
-                times: FrameTimes {
-                    verification: Duration::from_millis(2),
-                    ..FrameTimes::default()
+                progress: RunProgress {
+                    verified,
+                    skipped: if is_last { self.skipped } else { 0 },
+                    rejected,
+                    times: FrameTimes {
+                        verification: Duration::from_millis(2),
+                        ..FrameTimes::default()
+                    },
+                    received_ns: 1_700_000_000_000_000_000,
+                    ..RunProgress::default()
                 },
-                work: Work::default(),
-                received: SystemTime::UNIX_EPOCH + Duration::from_secs(1_700_000_000),
             })
             .unwrap();
         }

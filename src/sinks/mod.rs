@@ -15,10 +15,10 @@ pub use queue::{Overflow, SinkQueue, SinkSummary};
 #[cfg(feature = "mcap")]
 pub use recording::{
     Alignment, CurveDiff, Ending, FrameDiff, FramePlace, OnlyIn, Outline, OutlinedVerdict,
-    RecordedFrame, RecordedItem, RecordedProgress, RecordedVerdict, RecordingOptions,
-    RecordingReader, RecordingSink, RecordingTool, Retention, RunDiff, diff_runs,
+    RecordedFrame, RecordedItem, RecordedVerdict, RecordingOptions, RecordingReader, RecordingSink,
+    RecordingTool, Retention, RunDiff, diff_runs,
 };
-pub use times::{FrameTimes, LiveTimes};
+pub use times::{FrameTimes, LiveTimes, RunProgress};
 #[cfg(feature = "rerun")]
 pub use viewer::{ViewerOptions, ViewerSink, ViewerTarget};
 
@@ -27,11 +27,9 @@ use crate::curve::CurveSet;
 #[cfg(feature = "rerun")]
 use crate::error::Error;
 use crate::error::Result;
-use crate::incremental::Work;
 use crate::ingest::FrameInfo;
 use crate::verdict::Report;
 use std::sync::Arc;
-use std::time::SystemTime;
 
 /// Certificate that every frame is compared with, and its origin.
 #[derive(Clone, Debug, PartialEq)]
@@ -55,22 +53,8 @@ pub struct FrameRecord {
     pub info: FrameInfo,
     /// Report on the frame. The same for every run over the same frames.
     pub report: Arc<Report>,
-    /// Number of frames verified so far, this one included.
-    pub verified: u64,
-    /// Number of frames that were published but not verified, so far.
-    pub skipped: u64,
-    /// Number of frames rejected so far.
-    pub rejected: u64,
-    /// Number of violations so far that the simulator rolled back, so that a later frame is intact.
-    pub recovered: u32,
-    /// Number of violations so far that the simulator accepted as a new baseline.
-    pub accepted: u32,
-    /// Times of the frame.
-    pub times: FrameTimes,
-    /// Work of the verification. Another run may take another route to the same report.
-    pub work: Work,
-    /// Time at which the frame arrived.
-    pub received: SystemTime,
+    /// State of the run.
+    pub progress: RunProgress,
 }
 
 /// Destination for verified frames.

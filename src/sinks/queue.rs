@@ -49,7 +49,7 @@ impl Overflow {
 }
 
 /// Result of a sink.
-#[derive(Clone, Debug, PartialEq, Eq, serde::Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, serde::Serialize)]
 #[non_exhaustive]
 pub struct SinkSummary {
     /// Name of the sink.
@@ -84,12 +84,9 @@ struct State {
     patience: Duration,
     opening: Opening,
     last_verdict: Option<Verdict>,
-    written: u64,
+    summary: SinkSummary,
     /// Number of frames written at the last flush.
     flushed: u64,
-    dropped: u64,
-    failed: Option<String>,
-    note: Option<String>,
     closing: bool,
     done: bool,
 }
@@ -104,6 +101,12 @@ enum Opening {
     Now,
     /// Result of opening the sink; an error is returned to the waiting caller.
     Done(Result<()>),
+}
+
+impl State {
+    fn has_failed(&self) -> bool {
+        self.summary.failed.is_some()
+    }
 }
 
 struct Shared {
@@ -155,29 +158,26 @@ impl Shared {
         state
     }
 
-    /// Marks the sink as failed. Waiting frames are lost, and no caller waits any more.
-    fn fail(&self, why: String) {
-        let state = self.lock();
-        if state.failed.is_none() {
-            tracing::error!(
-                "{} failed and is closed for the rest of the run: {why}",
-                self.name
-            );
-        }
-        self.give_up(state, why);
-    }
-
-    /// Like [`Shared::fail`], but logs nothing.
-    fn give_up(&self, mut state: MutexGuard<'_, State>, why: String) {
-        if state.failed.is_some() {
+    /// Marks the sink as failed, unless it is. Waiting frames are lost, and no caller waits any
+    /// more. The error of opening is passed to the caller that waits for it, or else logged.
+    fn fail(&self, why: String, of_opening: Option<Error>) {
+        let mut state = self.lock();
+        if state.has_failed() {
             return;
         }
-        let unflushed = state.written - state.flushed;
-        state.dropped += state.frames as u64 + state.in_flight + unflushed;
-        state.written = state.flushed;
+        match (&state.opening, of_opening) {
+            (Opening::Now, Some(error)) => state.opening = Opening::Done(Err(error)),
+            _ => {
+                let name = self.name;
+                tracing::error!("{name} failed and is closed for the rest of the run: {why}");
+            }
+        }
+        let unflushed = state.summary.written - state.flushed;
+        state.summary.dropped += state.frames as u64 + state.in_flight + unflushed;
+        state.summary.written = state.flushed;
+        state.summary.failed = Some(why);
         state.events.clear();
         (state.frames, state.points, state.in_flight) = (0, 0, 0);
-        state.failed = Some(why);
         drop(state);
         self.drained.notify_all();
     }
@@ -207,7 +207,10 @@ impl SinkQueue {
             filled: Condvar::new(),
             drained: Condvar::new(),
         });
-        shared.lock().patience = overflow.max_wait();
+        let mut state = shared.lock();
+        state.patience = overflow.max_wait();
+        state.summary.name = name;
+        drop(state);
         let worker = Worker {
             shared: Arc::clone(&shared),
         };
@@ -243,7 +246,7 @@ impl SinkQueue {
             state.opening = Opening::Now;
             self.shared.filled.notify_one();
         }
-        let opening = |s: &State| matches!(s.opening, Opening::Now) && s.failed.is_none();
+        let opening = |s: &State| matches!(s.opening, Opening::Now) && !s.has_failed();
         state = self.shared.wait_while(state, limit, opening);
         match &mut state.opening {
             Opening::Done(outcome) => std::mem::replace(outcome, Ok(())),
@@ -277,7 +280,7 @@ impl SinkQueue {
 
     fn push(&self, event: Event) {
         let mut state = self.shared.lock();
-        if state.failed.is_none() {
+        if !state.has_failed() {
             state.events.push_back(event);
             self.shared.filled.notify_one();
         }
@@ -287,13 +290,13 @@ impl SinkQueue {
     /// a sink that has failed.
     pub fn frame(&self, record: Arc<FrameRecord>) {
         let mut state = self.wait_for_capacity(self.shared.lock());
-        if state.failed.is_some() {
-            state.dropped += 1;
+        if state.has_failed() {
+            state.summary.dropped += 1;
             return;
         }
         if self.is_full(&state) {
             drop_oldest(&mut state);
-            if state.dropped == 1 {
+            if state.summary.dropped == 1 {
                 tracing::warn!(
                     "{} is slower than the frames and misses some of them",
                     self.shared.name
@@ -310,7 +313,7 @@ impl SinkQueue {
 
     /// Waits until there is capacity, the sink has failed, or the time limit of the caller is over.
     fn wait_for_capacity<'a>(&'a self, mut state: MutexGuard<'a, State>) -> MutexGuard<'a, State> {
-        let full = |s: &State| self.is_full(s) && s.failed.is_none();
+        let full = |s: &State| self.is_full(s) && !s.has_failed();
         let start = Instant::now();
         let patience = state.patience;
         state = self
@@ -326,14 +329,7 @@ impl SinkQueue {
 
     /// Returns the result of the sink so far.
     pub fn summary(&self) -> SinkSummary {
-        let state = self.shared.lock();
-        SinkSummary {
-            name: self.shared.name,
-            written: state.written,
-            dropped: state.dropped,
-            failed: state.failed.clone(),
-            note: state.note.clone(),
-        }
+        self.shared.lock().summary.clone()
     }
 
     /// Closes the sink after it has written the waiting frames, and returns its result. After
@@ -347,7 +343,7 @@ impl SinkQueue {
         let mut state = self.shared.lock();
         state.closing = true;
         self.shared.filled.notify_one();
-        let working = |s: &State| !s.done && s.failed.is_none();
+        let working = |s: &State| !s.done && !s.has_failed();
         loop {
             let waiting = state.frames;
             state = self.shared.wait_with_warning(
@@ -360,14 +356,11 @@ impl SinkQueue {
                 break;
             }
         }
-        let late = working(&state);
-        let done = state.done;
+        let (late, done) = (working(&state), state.done);
         drop(state);
         if late {
-            self.shared.fail(format!(
-                "did not finish within {:.1} s",
-                limit.as_secs_f64()
-            ));
+            let why = format!("did not finish within {:.1} s", limit.as_secs_f64());
+            self.shared.fail(why, None);
         }
         if let Some(thread) = self.thread.take().filter(|_| done) {
             // The thread has reported its end; the summary includes a panic.
@@ -407,7 +400,7 @@ fn drop_oldest(state: &mut State) {
     if let Some(Event::Frame(record, _)) = at.and_then(|at| state.events.remove(at)) {
         state.frames -= 1;
         state.points -= points(&record);
-        state.dropped += 1;
+        state.summary.dropped += 1;
     }
 }
 
@@ -421,15 +414,14 @@ impl Worker {
         if !self.is_wanted() {
             return;
         }
-        let sink = match open() {
+        let mut sink = match open() {
             Ok(sink) => sink,
-            Err(e) => return self.could_not_open(e),
+            Err(e) => return self.shared.fail(e.to_string(), Some(e)),
         };
         self.shared.lock().opening = Opening::Done(Ok(()));
         self.shared.drained.notify_all();
-        let mut sink = sink;
         let processed = self.process_events(sink.as_mut());
-        self.shared.lock().note = sink.note();
+        self.shared.lock().summary.note = sink.note();
         let outcome = match processed {
             Ok(true) => sink.finish(),
             // Another thread marked it as failed because it was late: the sink is dropped here, on
@@ -438,34 +430,18 @@ impl Worker {
             Err(e) => Err(e),
         };
         if let Err(e) = outcome {
-            self.shared.fail(e.to_string());
+            self.shared.fail(e.to_string(), None);
         }
     }
 
     /// Waits until the sink is to be opened (returns true), or the queue closes without an event
     /// (returns false).
     fn is_wanted(&self) -> bool {
-        let idle = |s: &mut State| {
-            let now = matches!(s.opening, Opening::Now);
-            s.events.is_empty() && !now && !s.closing && s.failed.is_none()
-        };
+        let wanted = |s: &State| !s.events.is_empty() || matches!(s.opening, Opening::Now);
+        let idle = |s: &mut State| !(wanted(s) || s.closing || s.has_failed());
         let wait = self.shared.filled.wait_while(self.shared.lock(), idle);
         let state = wait.unwrap_or_else(PoisonError::into_inner);
-        let now = matches!(state.opening, Opening::Now);
-        state.failed.is_none() && (now || !state.events.is_empty())
-    }
-
-    /// Passes the error to the caller that waits for it, or else logs it.
-    fn could_not_open(&self, e: Error) {
-        let mut state = self.shared.lock();
-        let why = e.to_string();
-        if let Opening::Now = state.opening {
-            state.opening = Opening::Done(Err(e));
-            self.shared.give_up(state, why);
-        } else {
-            drop(state);
-            self.shared.fail(why);
-        }
+        wanted(&state) && !state.has_failed()
     }
 
     /// Passes events to the sink until the queue closes (returns true) or the sink has failed
@@ -478,7 +454,7 @@ impl Worker {
         loop {
             let mut state = self.shared.lock();
             let event = loop {
-                if state.failed.is_some() {
+                if state.has_failed() {
                     return Ok(false);
                 }
                 if let Some(event) = state.events.pop_front() {
@@ -519,7 +495,7 @@ impl Worker {
                 Some(Event::Frame(record, _)) => {
                     sink.frame(&record)?;
                     let mut state = self.shared.lock();
-                    state.written += std::mem::take(&mut state.in_flight);
+                    state.summary.written += std::mem::take(&mut state.in_flight);
                     let caught_up = match self.shared.overflow {
                         Overflow::Wait(_) => state.frames == 0,
                         Overflow::WaitForProgress(_) | Overflow::DropOldest => true,
@@ -536,7 +512,7 @@ impl Worker {
             if urgent || flushed.elapsed() >= FLUSH_EVERY {
                 sink.flush()?;
                 let mut state = self.shared.lock();
-                state.flushed = state.written;
+                state.flushed = state.summary.written;
                 drop(state);
                 flushed = Instant::now();
                 dirty = false;
@@ -549,7 +525,7 @@ impl Drop for Worker {
     /// Runs at every end of the thread, including a panic of the sink.
     fn drop(&mut self) {
         if std::thread::panicking() {
-            self.shared.fail("panicked".into());
+            self.shared.fail("panicked".into(), None);
         }
         self.shared.lock().done = true;
         self.shared.drained.notify_all();

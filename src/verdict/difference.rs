@@ -1,5 +1,6 @@
 //! Difference of two reports on the same frame, from two runs.
 
+use super::finding::Finding;
 use super::{Report, Verdict};
 use crate::curve::Image;
 use serde::Serialize;
@@ -48,17 +49,16 @@ impl Report {
 
     /// Returns all findings in words, by their identity.
     fn by_identity(&self, names: &[String]) -> BTreeMap<Key, Vec<String>> {
-        // In the order of the sentences.
-        let changes = self.changes.iter();
-        let changes = changes.map(|c| (0, c.i, Some(c.j), c.image, [c.expected, c.found]));
-        let pull_through = |kind| {
-            move |p: &super::PullThrough| (kind, p.i, Some(p.j), p.image, [p.sign.into(), 0])
-        };
-        let events = self.events.iter().map(pull_through(1));
-        let defects = self.defects.iter();
-        let defects = defects.map(|d| (2, d.i, d.j, d.image, [i64::from(d.kind as u32), 0]));
-        let unresolved = self.unresolved.iter().map(pull_through(3));
-        let keys = changes.chain(events).chain(defects).chain(unresolved);
+        let keys = self.all_findings().map(|finding| {
+            let (kind, numbers) = match finding {
+                Finding::Change(c) => (0, [c.expected, c.found]),
+                Finding::PullThrough(e) => (1, [e.sign.into(), 0]),
+                Finding::Defect(d) => (2, [i64::from(d.kind as u32), 0]),
+                Finding::Unresolved(e) => (3, [e.sign.into(), 0]),
+            };
+            let (i, j, image) = finding.pair();
+            (kind, i, j, image, numbers)
+        });
         let mut all = BTreeMap::<Key, Vec<String>>::new();
         for (key, sentence) in keys.zip(self.findings_named(names)) {
             all.entry(key).or_default().push(sentence);

@@ -1,5 +1,6 @@
 //! Findings that last over several frames.
 
+use super::finding::Finding;
 use super::{DefectKind, Report};
 use crate::curve::Image;
 
@@ -24,27 +25,21 @@ impl Report {
     /// Returns the identity of each finding, in the order of [`Report::findings`]. Pull-throughs
     /// have none: they do not last, each one is new.
     pub fn lasting(&self) -> impl Iterator<Item = Option<Lasting>> + '_ {
-        let changes = self.changes.iter().map(|c| {
+        self.all_findings().map(|finding| {
+            let (found, kind) = match finding {
+                Finding::Change(c) => (Some(c.found), None),
+                Finding::Defect(d) => (None, Some(d.kind)),
+                Finding::PullThrough(_) | Finding::Unresolved(_) => return None,
+            };
+            let (i, j, image) = finding.pair();
             Some(Lasting {
-                i: c.i,
-                j: Some(c.j),
-                image: c.image,
-                found: Some(c.found),
-                kind: None,
+                i,
+                j,
+                image,
+                found,
+                kind,
             })
-        });
-        let defects = self.defects.iter().map(|d| {
-            Some(Lasting {
-                i: d.i,
-                j: d.j,
-                image: d.image,
-                found: None,
-                kind: Some(d.kind),
-            })
-        });
-        let events = self.events.iter().map(|_| None);
-        let unresolved = self.unresolved.iter().map(|_| None);
-        changes.chain(events).chain(defects).chain(unresolved)
+        })
     }
 }
 

@@ -1,5 +1,6 @@
 //! Messages about verdicts, which the command, the log and the viewer print.
 
+use super::finding::Finding;
 use super::{
     Change, ChangeKind, Clearance, CloseStrands, Defect, DefectKind, ImageLink, LoopPair, Place,
     PullThrough, Report, Verdict,
@@ -411,21 +412,19 @@ impl Report {
     /// Same as [`findings`](Report::findings), with the names of all curves, or without if empty.
     pub fn findings_named<'a>(&'a self, names: &'a [String]) -> impl Iterator<Item = String> + 'a {
         let extent = self.stats.extent;
-        let changes = self.changes.iter();
-        let changes = changes.map(move |c| match self.loops_of(c.i, Some(c.j)) {
-            Some(pair) => pair.change(c, extent, names),
-            None => c.sentence_named(extent, names),
-        });
-        let events = self
-            .events
-            .iter()
-            .map(move |p| p.sentence_named(extent, names));
-        let defects = self.defects.iter().map(|d| self.defect(d, names));
-        let unresolved = self.unresolved.iter().map(move |p| {
-            let (sentence, lengths) = (p.sentence_named(extent, names), p.lengths);
-            format!("unresolved: {sentence}, which moved {lengths:.1} segment lengths in the step")
-        });
-        changes.chain(events).chain(defects).chain(unresolved)
+        self.all_findings().map(move |finding| match finding {
+            Finding::Change(c) => match self.loops_of(c.i, Some(c.j)) {
+                Some(pair) => pair.change(c, extent, names),
+                None => c.sentence_named(extent, names),
+            },
+            Finding::PullThrough(e) => e.sentence_named(extent, names),
+            Finding::Defect(d) => self.defect(d, names),
+            Finding::Unresolved(e) => format!(
+                "unresolved: {}, which moved {:.1} segment lengths in the step",
+                e.sentence_named(extent, names),
+                e.lengths
+            ),
+        })
     }
 
     /// Returns the curves of a finding about virtual loops.

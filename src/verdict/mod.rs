@@ -3,6 +3,7 @@
 mod change;
 mod clearance;
 mod difference;
+mod finding;
 mod lasting;
 mod message;
 mod policy;
@@ -11,6 +12,8 @@ mod pull_through;
 pub use change::{Change, ChangeKind, ImageLink, Link, LoopPair};
 pub use clearance::{Clearance, CloseStrands};
 pub use difference::ReportDifference;
+#[cfg(any(feature = "mcap", feature = "rerun"))]
+pub(crate) use finding::Finding;
 pub use lasting::Lasting;
 #[cfg(any(feature = "mcap", feature = "rerun"))]
 pub(crate) use message::label_of_pair;

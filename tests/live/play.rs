@@ -7,7 +7,6 @@ use linkwatch::{
     Sink,
 };
 use std::sync::Arc;
-use std::time::SystemTime;
 
 /// Publishes a recording as fast as a watch answers. Returns the results of both.
 fn publish(name: &str, recording: &Path, args: &[&str], watch: &[&str]) -> [Ended; 2] {
@@ -133,14 +132,7 @@ fn with_cut_and_change(from: &Path, to: &Path) {
                     curves: curves.take(),
                     info: info.clone(),
                     report: Arc::new(report),
-                    verified: progress.verified,
-                    skipped: progress.skipped,
-                    rejected: progress.rejected,
-                    recovered: progress.recovered,
-                    accepted: progress.accepted,
-                    times: progress.times,
-                    work: progress.work,
-                    received: SystemTime::now(),
+                    progress,
                 };
                 sink.frame(&record).unwrap();
             }

@@ -6,7 +6,6 @@ use linkwatch::{
     FrameInfo, FrameRecord, RecordedItem, RecordingReader, RecordingSink, Report, Sink,
 };
 use std::sync::Arc;
-use std::time::SystemTime;
 
 /// Recordings of earlier versions stay readable, and their verdicts do not change. The script
 /// `recordings/regenerate` writes them again.
@@ -74,19 +73,11 @@ pub fn rewrite_flight(to: &Path, mut keep: impl FnMut(&mut Report) -> bool) {
                 if !keep(&mut verdict.report) {
                     continue;
                 }
-                let progress = verdict.progress;
                 let record = FrameRecord {
                     curves: curves.take(),
                     info: FrameInfo::default(),
                     report: Arc::new(verdict.report),
-                    verified: progress.verified,
-                    skipped: progress.skipped,
-                    rejected: progress.rejected,
-                    recovered: progress.recovered,
-                    accepted: progress.accepted,
-                    times: progress.times,
-                    work: progress.work,
-                    received: SystemTime::now(),
+                    progress: verdict.progress,
                 };
                 sink.frame(&record).unwrap();
             }

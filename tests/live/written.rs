@@ -3,8 +3,8 @@
 use crate::support::session::Step;
 use linkwatch::scenes::{Frames, Motion, Pull, Scene, pull_throughs};
 use linkwatch::{
-    BaselineRecord, CurveLabels, CurveSet, Events, FrameInfo, FrameRecord, FrameTimes,
-    RecordingSink, Session, SessionOptions, Sink, Strategy,
+    BaselineRecord, CurveLabels, CurveSet, Events, FrameInfo, FrameRecord, RecordingSink,
+    RunProgress, Session, SessionOptions, Sink, Strategy,
 };
 use std::collections::BTreeMap;
 use std::io::Cursor;
@@ -80,14 +80,12 @@ impl Chainmail {
                 curves: verified.curves,
                 info: verified.info,
                 report: Arc::new(verified.report),
-                verified: seq + 1,
-                skipped: 0,
-                rejected: 0,
-                recovered: 0,
-                accepted: 0,
-                times: FrameTimes::default(),
-                work: verified.work,
-                received: received + Duration::from_millis(seq),
+                progress: RunProgress {
+                    verified: seq + 1,
+                    work: verified.work,
+                    ..RunProgress::default()
+                }
+                .received(received + Duration::from_millis(seq)),
             })
             .unwrap();
         });

@@ -1,7 +1,6 @@
 //! Generates the files that follow from others: from `schemas/linkwatch.proto` and
-//! `schemas/foxglove.proto` their compiled forms, which recordings carry, and the Rust structs of
-//! their messages; from the sources of `bindings/c` its header; from `src/bus/wire.rs` the layout
-//! in shared memory as a C header.
+//! `schemas/foxglove.proto` their compiled forms, which recordings carry; from the sources of
+//! `bindings/c` its header; from `src/bus/wire.rs` the layout in shared memory as a C header.
 //!
 //! `cargo run -p schemas` writes them; `cargo test -p schemas` compares them with those committed.
 
@@ -30,39 +29,15 @@ fn generate() -> Result<Vec<(PathBuf, Vec<u8>)>> {
         .join("../..")
         .canonicalize()?;
     let folder = root.join("schemas");
-    let mut config = prost_build::Config::new();
-    // Positions are written from a buffer that is reused.
-    config.bytes(["CurveFrame.positions", "PointCloud.data"]);
-    for name in ["Timestamp", "Duration"] {
-        config.extern_path(format!(".google.protobuf.{name}"), "super::Time");
-    }
-    let mut messages = |name: &str| -> Result<[Vec<u8>; 2]> {
+    let bytes = |name: &str| -> Result<Vec<u8>> {
         let mut set = protox::compile([folder.join(name)], [&folder])?;
-        // Imported files come before those that import them.
-        let modules = set
-            .file
-            .iter()
-            .map(|file| prost_build::Module::from_protobuf_package_name(file.package()));
-        let modules: Vec<_> = modules.collect();
-        let own = modules.last().ok_or("no file")?.clone();
-        let files = modules.into_iter().zip(set.file.iter().cloned());
-        let code = config.generate(files.collect())?;
-        let code = format!(
-            "// Generated from schemas/{name} by `cargo run -p schemas`. Do not edit.\n{}",
-            code[&own]
-        );
         // Comments and positions in the text are not part of the schema.
         set.file.iter_mut().for_each(|f| f.source_code_info = None);
-        Ok([set.encode_to_vec(), code.into()])
+        Ok(set.encode_to_vec())
     };
-    let [linkwatch, linkwatch_code] = messages("linkwatch.proto")?;
-    let [foxglove, foxglove_code] = messages("foxglove.proto")?;
-    let recording = root.join("src/sinks/recording");
     Ok(vec![
-        (folder.join("linkwatch.binpb"), linkwatch),
-        (recording.join("schema.rs"), linkwatch_code),
-        (folder.join("foxglove.binpb"), foxglove),
-        (recording.join("tools/foxglove.rs"), foxglove_code),
+        (folder.join("linkwatch.binpb"), bytes("linkwatch.proto")?),
+        (folder.join("foxglove.binpb"), bytes("foxglove.proto")?),
         (
             root.join("bindings/c/include/linkwatch.h"),
             c_library(&root)?,

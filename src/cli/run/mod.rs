@@ -47,7 +47,7 @@ use linkwatch::model::LeftOut;
 use linkwatch::{
     AbortOn, BaselineRecord, Braids, Certificate, ClearanceOptions, Continuation, CurveSet, Error,
     Events, FrameInfo, FrameRecord, FrameTimes, Overflow, Progress, Received, Report, Result,
-    Route, Session, SessionOptions, SinkQueue, SinkSummary, Strategy, Verdict, Work,
+    Route, RunProgress, Session, SessionOptions, SinkQueue, SinkSummary, Strategy, Verdict, Work,
 };
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -600,14 +600,17 @@ impl Run {
             curves: judged.curves,
             info: judged.info,
             report: judged.report,
-            verified: own.verified,
-            skipped: own.skipped,
-            rejected: own.rejected,
-            recovered: self.violations.recovered,
-            accepted: self.violations.accepted,
-            times: judged.times,
-            work: judged.work,
-            received: SystemTime::now(),
+            progress: RunProgress {
+                verified: own.verified,
+                skipped: own.skipped,
+                rejected: own.rejected,
+                recovered: self.violations.recovered,
+                accepted: self.violations.accepted,
+                times: judged.times,
+                work: judged.work,
+                ..RunProgress::default()
+            }
+            .received(SystemTime::now()),
         });
         self.queues
             .iter()

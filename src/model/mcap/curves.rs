@@ -9,17 +9,11 @@
 //! A pose is applied to the points, in double precision. An identity leaves them bit for bit.
 
 use super::state::Strip;
+use crate::container::foxglove::LineType;
 use crate::curve::Point;
+use crate::curve::vector::{add, add_scaled, cross, dot};
 use crate::model::chains::{Chains, Edge};
 use std::collections::HashMap;
-
-/// Kind of a line.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Kind {
-    Strip,
-    Loop,
-    List,
-}
 
 /// A position and a rotation.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -33,17 +27,13 @@ impl Pose {
     fn apply(&self, p: Point) -> Point {
         let [x, y, z, w] = self.rotation;
         let axis = [x, y, z];
-        let norm = x * x + y * y + z * z + w * w;
         let mut moved = p;
         if axis != [0.0; 3] {
-            let cross = |a: Point, b: Point| {
-                [0, 1, 2].map(|k| a[(k + 1) % 3] * b[(k + 2) % 3] - a[(k + 2) % 3] * b[(k + 1) % 3])
-            };
-            let inner = cross(axis, p);
-            let turn = cross(axis, [0, 1, 2].map(|k| inner[k] + w * p[k]));
+            let norm = dot(axis, axis) + w * w;
+            let turn = cross(axis, add_scaled(cross(axis, p), w, p));
             moved = [0, 1, 2].map(|k| p[k] + 2.0 * turn[k] / norm);
         }
-        [0, 1, 2].map(|k| moved[k] + self.position[k])
+        add(moved, self.position)
     }
 
     fn is_identity(&self) -> bool {
@@ -54,7 +44,7 @@ impl Pose {
 /// Returns the polylines of a line. `indices` are those of its points in order; if there are none,
 /// all points are in order. The error is in words.
 pub(super) fn strips(
-    kind: Kind,
+    kind: LineType,
     mut points: Vec<Point>,
     indices: &[u32],
     pose: &Pose,
@@ -70,10 +60,10 @@ pub(super) fn strips(
         };
         points = indices.iter().map(point).collect::<Result<_, _>>()?;
     }
-    if kind == Kind::List {
+    if kind == LineType::List {
         return join(&points);
     }
-    let closed = kind == Kind::Loop;
+    let closed = kind == LineType::Loop;
     Ok(match points.len() {
         // Nothing is drawn.
         0 | 1 => Vec::new(),
@@ -150,26 +140,26 @@ mod tests {
             shape(&strips(kind, points, &[], &STILL).unwrap())
         };
         let closed = vec![(true, vec![1.0, 2.0, 3.0])];
-        assert_eq!(line(Kind::Loop, &[1.0, 2.0, 3.0]), closed);
+        assert_eq!(line(LineType::Loop, &[1.0, 2.0, 3.0]), closed);
         let repeated = vec![(false, vec![1.0, 2.0, 3.0, 1.0])];
-        assert_eq!(line(Kind::Strip, &[1.0, 2.0, 3.0, 1.0]), repeated);
+        assert_eq!(line(LineType::Strip, &[1.0, 2.0, 3.0, 1.0]), repeated);
         let open = vec![(false, vec![1.0, 2.0, 3.0])];
-        assert_eq!(line(Kind::Strip, &[1.0, 2.0, 3.0]), open);
-        assert_eq!(line(Kind::Strip, &[1.0]), []);
-        assert_eq!(line(Kind::List, &[]), []);
+        assert_eq!(line(LineType::Strip, &[1.0, 2.0, 3.0]), open);
+        assert_eq!(line(LineType::Strip, &[1.0]), []);
+        assert_eq!(line(LineType::List, &[]), []);
     }
 
     #[test]
     fn segments_of_a_list_are_joined() {
         let points: Vec<Point> = [1.0, 2.0, 9.0, 8.0, 3.0, 2.0, 3.0, 1.0].map(at).into();
-        let joined = strips(Kind::List, points, &[], &STILL).unwrap();
+        let joined = strips(LineType::List, points, &[], &STILL).unwrap();
         let expected = [(true, vec![1.0, 2.0, 3.0]), (false, vec![9.0, 8.0])];
         assert_eq!(shape(&joined), expected);
         let points: Vec<Point> = [1.0, 2.0, 3.0].map(at).into();
-        let joined = strips(Kind::List, points.clone(), &[0, 1, 2, 1], &STILL).unwrap();
+        let joined = strips(LineType::List, points.clone(), &[0, 1, 2, 1], &STILL).unwrap();
         assert_eq!(shape(&joined), [(false, vec![1.0, 2.0, 3.0])]);
         let fails =
-            |indices: &[u32]| strips(Kind::List, points.clone(), indices, &STILL).unwrap_err();
+            |indices: &[u32]| strips(LineType::List, points.clone(), indices, &STILL).unwrap_err();
         assert!(fails(&[0, 3]).contains("index 3 of a line of 3 points"));
         assert!(fails(&[0, 1, 2]).contains("odd number"));
         let third = fails(&[0, 1, 1, 2, 1, 0]);
@@ -184,7 +174,7 @@ mod tests {
             rotation: [0.0, 0.0, 3.0, 3.0],
         };
         let moved = strips(
-            Kind::Strip,
+            LineType::Strip,
             vec![[1.0, 0.0, 5.0], [0.0, 2.0, 5.0]],
             &[],
             &pose,
@@ -195,7 +185,7 @@ mod tests {
         }
         let points = vec![[5e-324, -0.0, 1e300]; 2];
         for pose in [STILL, Pose::default()] {
-            let kept = &strips(Kind::Strip, points.clone(), &[], &pose).unwrap()[0].points;
+            let kept = &strips(LineType::Strip, points.clone(), &[], &pose).unwrap()[0].points;
             let bits = |p: &[Point]| p.as_flattened().iter().map(|x| x.to_bits()).collect();
             let bits: [Vec<u64>; 2] = [bits(kept), bits(&points)];
             assert_eq!(bits[0], bits[1]);

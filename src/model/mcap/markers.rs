@@ -2,8 +2,9 @@
 //! <https://github.com/ros2/common_interfaces>, `visualization_msgs/msg`.
 
 use super::cdr::Cdr;
-use super::curves::{self, Kind, Pose};
-use super::state::{self, ARROW_STRIP, CYLINDER, Change, UNKNOWN, Update};
+use super::curves::{self, Pose};
+use super::state::{self, ARROW_STRIP, CYLINDER, Change, Entity, TRIANGLES, UNKNOWN, Update};
+use crate::container::foxglove::LineType;
 use crate::curve::Point;
 
 /// Types of markers with lines.
@@ -21,7 +22,7 @@ const OTHERS: [(i32, state::Kind); 11] = [
     (8, ["list of points", "lists of points"]),
     (9, ["text", "texts"]),
     (10, ["mesh", "meshes"]),
-    (11, ["list of triangles", "lists of triangles"]),
+    (11, TRIANGLES),
     (12, ARROW_STRIP),
 ];
 
@@ -134,8 +135,8 @@ fn marker(cdr: &mut Cdr, layout: Layout) -> Result<(Option<u64>, Change), String
         // Action 1 is deprecated, and was to modify.
         0 | 1 => {
             let strips = match kind {
-                LINE_STRIP => curves::strips(Kind::Strip, points, &[], &pose),
-                LINE_LIST => curves::strips(Kind::List, points, &[], &pose),
+                LINE_STRIP => curves::strips(LineType::Strip, points, &[], &pose),
+                LINE_LIST => curves::strips(LineType::List, points, &[], &pose),
                 _ => Ok(Vec::new()),
             };
             let others = match kind {
@@ -145,14 +146,14 @@ fn marker(cdr: &mut Cdr, layout: Layout) -> Result<(Option<u64>, Change), String
                     vec![(known.map_or(UNKNOWN, |(_, kind)| *kind), 1)]
                 }
             };
-            Change::Put {
-                strips: strips.map_err(|what| format!("{name:?}: {what}"))?,
-                others,
-                name,
+            let entity = Entity {
                 namespace,
                 frame_id,
                 lifetime,
-            }
+                strips: strips.map_err(|what| format!("{name:?}: {what}"))?,
+                others,
+            };
+            Change::Put(name, entity)
         }
         2 => Change::Delete(name),
         3 => Change::DeleteAll((!namespace.is_empty()).then_some(namespace)),

@@ -17,22 +17,22 @@
 //! are counted as left out ([`LeftOut`]). A file without any line is an error.
 //!
 //! Cost: the file is read twice, first for its topics. Memory: that of the scene, of the largest
-//! chunk, and of the values of a message, which has at most 60 times its size (if it is a list of
+//! chunk, and of the values of a message, which has at most 200 times its size (if it is a list of
 //! empty entities). Every count is compared with the bytes that are there.
 
 mod cdr;
 mod curves;
 mod markers;
-mod protobuf;
 mod scene;
 mod state;
 
 use self::markers::Layout;
 use self::state::{State, Update};
 use super::frames::{FrameSource, LeftOut, ModelFrame, ReadOptions};
-use crate::container::{self, Channel, Container, Ending, Schema, invalid, op};
+use crate::container::{self, Container, Ending, invalid};
 use crate::error::{Error, Result};
 use crate::words::plural;
+use prost::bytes::Bytes;
 use std::collections::{BTreeMap, HashMap};
 use std::io::{Read, Seek};
 use std::path::Path;
@@ -70,16 +70,16 @@ enum Content {
 impl Content {
     /// Returns the content of a channel. `None` if it has no curves, an error in words if they are
     /// encoded in a way that is not read.
-    fn of(channel: &Channel, schema: &Schema) -> Option<Result<Content, String>> {
-        let layout = || Layout::of(&schema.text);
-        let content = match (schema.name.as_str(), channel.encoding.as_str()) {
+    fn of((name, text): &Schema, encoding: &str) -> Option<Result<Content, String>> {
+        let layout = || Layout::of(text);
+        let content = match (name.as_str(), encoding) {
             (SCENE_UPDATE, "protobuf") => Content::SceneProtobuf,
             (SCENE_UPDATE, "json") => Content::SceneJson,
             (MARKER_ARRAY, "cdr") => Content::Markers(layout()),
             (MARKER, "cdr") => Content::Marker(layout()),
             (SCENE_UPDATE | MARKER_ARRAY | MARKER, other) => {
                 let what = "is not read: protobuf and json of Foxglove are, and cdr of ROS 2";
-                return Some(Err(format!("{} encoded as {other:?} {what}", schema.name)));
+                return Some(Err(format!("{name} encoded as {other:?} {what}")));
             }
             _ => return None,
         };
@@ -97,6 +97,9 @@ impl Content {
     }
 }
 
+/// Name of a message type, and its text.
+type Schema = (String, Bytes);
+
 /// Channels of a file.
 #[derive(Default)]
 struct Channels {
@@ -113,36 +116,32 @@ impl Channels {
         let mut found = Channels::default();
         let mut schemas: HashMap<u16, Schema> = HashMap::new();
         while let Some(record) = container.next()? {
-            let mut body = record.body;
-            let bad = |what| invalid(&format!("byte {}", record.place.at), what);
-            match record.opcode {
-                op::SCHEMA => {
-                    let schema = container::schema(&mut body);
-                    schemas.extend([schema.ok_or_else(|| bad("an invalid schema"))?]);
+            match record.content()? {
+                container::Content::Schema { id, name, text } => {
+                    schemas.insert(id, (name, text));
                 }
-                op::CHANNEL => {
-                    let channel = container::channel(&mut body);
-                    let (id, channel) = channel.ok_or_else(|| bad("an invalid channel"))?;
-                    found.add(id, channel, &schemas);
-                }
+                container::Content::Channel {
+                    id,
+                    schema,
+                    topic,
+                    encoding,
+                } => found.add(id, topic, schemas.get(&schema), &encoding),
                 _ => {}
             }
         }
         Ok(found)
     }
 
-    fn add(&mut self, id: u16, channel: Channel, schemas: &HashMap<u16, Schema>) {
-        let schema = schemas.get(&channel.schema);
-        let content = schema.and_then(|schema| Content::of(&channel, schema));
-        let name = schema.map_or_else(String::new, |schema| schema.name.clone());
+    fn add(&mut self, id: u16, topic: String, schema: Option<&Schema>, encoding: &str) {
+        let content = schema.and_then(|schema| Content::of(schema, encoding));
+        let name = schema.map_or_else(String::new, |(name, _)| name.clone());
         self.is_recording |= name.starts_with("linkwatch.v");
-        let (content, why) = match content {
-            Some(Ok(content)) => (Some(content), None),
-            Some(Err(why)) => (None, Some(why)),
-            None => (None, None),
+        let (content, why) = match content.transpose() {
+            Ok(content) => (content, None),
+            Err(why) => (None, Some(why)),
         };
-        self.channels.insert(id, (channel.topic.clone(), content));
-        self.topics.insert(channel.topic, (name, why));
+        self.channels.insert(id, (topic.clone(), content));
+        self.topics.insert(topic, (name, why));
     }
 
     /// Returns the topics with lines that are not read.
@@ -166,45 +165,38 @@ impl Channels {
 
     /// Returns the topic that is read.
     fn choose(&self, wanted: Option<&str>) -> Result<String> {
-        let unsupported = |what: String| Err(Error::unsupported(FORMAT, what));
         if self.is_recording {
-            return unsupported(
-                "a recording of linkwatch, which `linkwatch replay` verifies".into(),
-            );
+            let what = "a recording of linkwatch, which `linkwatch replay` verifies";
+            return Err(Error::unsupported(FORMAT, what));
         }
-        let read = self.channels.values().filter(|(_, c)| c.is_some());
-        let mut topics: Vec<&str> = read.map(|(topic, _)| topic.as_str()).collect();
-        topics.sort_unstable();
-        topics.dedup();
-        if let Some(wanted) = wanted {
-            return match self.topics.get(wanted) {
-                Some(_) if topics.contains(&wanted) => Ok(wanted.into()),
-                Some((_, Some(why))) => unsupported(format!("topic {wanted}: {why}")),
-                Some((kind, None)) => unsupported(format!(
-                    "topic {wanted} has messages of type {kind:?}, without curves"
-                )),
-                None => unsupported(format!("no topic {wanted}; {}", self.list())),
-            };
-        }
-        match topics[..] {
-            [topic] => Ok(topic.into()),
-            [] => match self
-                .topics
-                .iter()
-                .find_map(|(t, (_, why))| Some((t, why.as_ref()?)))
-            {
-                Some((topic, why)) => unsupported(format!("topic {topic}: {why}")),
-                None => unsupported(format!(
+        let read = self.topics.keys().filter(|topic| self.reads(topic));
+        let read: Vec<&str> = read.map(String::as_str).collect();
+        let why_not = |topic: &str| self.topics.get(topic)?.1.as_ref();
+        let unread = self.topics.keys().find(|topic| why_not(topic).is_some());
+        let what = match (wanted, &read[..]) {
+            (Some(wanted), topics) if topics.contains(&wanted) => return Ok(wanted.into()),
+            (None, [topic]) => return Ok((*topic).into()),
+            (Some(wanted), _) => match self.topics.get(wanted) {
+                Some((_, Some(why))) => format!("topic {wanted}: {why}"),
+                Some((kind, None)) => {
+                    format!("topic {wanted} has messages of type {kind:?}, without curves")
+                }
+                None => format!("no topic {wanted}; {}", self.list()),
+            },
+            (None, []) => match unread.and_then(|topic| Some((topic, why_not(topic)?))) {
+                Some((topic, why)) => format!("topic {topic}: {why}"),
+                None => format!(
                     "no curves: no topic has the type {SCENE_UPDATE}, {MARKER_ARRAY} or {MARKER}; \
                      {}",
                     self.list()
-                )),
+                ),
             },
-            _ => unsupported(format!(
+            (None, topics) => format!(
                 "several topics have curves: {}; choose one of them (--topic)",
                 topics.join(", ")
-            )),
-        }
+            ),
+        };
+        Err(Error::unsupported(FORMAT, what))
     }
 
     /// Returns the topics in words.
@@ -228,7 +220,8 @@ impl Channels {
 
 /// Opens a file. Errors name it.
 pub(super) fn open(path: &Path, options: &ReadOptions) -> Result<Box<dyn FrameSource>> {
-    let frames = McapFrames::new(|| Container::open(path), options.topic.as_deref());
+    let container = Container::open(path);
+    let frames = container.and_then(|c| McapFrames::new(c, options.topic.as_deref()));
     Ok(Box::new(frames.map_err(|e| e.in_file(path))?))
 }
 
@@ -264,9 +257,10 @@ struct McapFrames<R> {
 }
 
 impl<R: Read + Seek> McapFrames<R> {
-    fn new(open: impl Fn() -> Result<Container<R>>, topic: Option<&str>) -> Result<Self> {
-        let found = Channels::find(&mut open()?)?;
+    fn new(mut container: Container<R>, topic: Option<&str>) -> Result<Self> {
+        let found = Channels::find(&mut container)?;
         let chosen = found.choose(topic)?;
+        container.go_to_start()?;
         let left_out = match topic {
             Some(_) => Vec::new(),
             None => found.left_out(),
@@ -276,7 +270,7 @@ impl<R: Read + Seek> McapFrames<R> {
             (id, content)
         });
         Ok(McapFrames {
-            container: open()?,
+            container,
             channels: channels.collect(),
             state: State::default(),
             topic: chosen,
@@ -292,21 +286,23 @@ impl<R: Read + Seek> McapFrames<R> {
             return Ok(Some(next));
         }
         while let Some(record) = self.container.next()? {
-            if record.opcode != op::MESSAGE {
+            let at = record.place.at;
+            let container::Content::Message {
+                channel,
+                log_time,
+                body,
+            } = record.content()?
+            else {
                 continue;
-            }
-            let place = format!("message at byte {}", record.place.at);
-            let mut body = record.body;
-            let bad = |what| invalid(&place, what);
-            let header = container::message(&mut body);
-            let header = header.ok_or_else(|| bad("a message without a header"))?;
-            let channel = self.channels.get(&header.channel);
-            let channel = channel.ok_or_else(|| bad("a message of an unknown channel"))?;
-            if let Some(content) = channel {
+            };
+            let place = format!("message at byte {at}");
+            let channel = self.channels.get(&channel);
+            let unknown = || invalid(&place, "a message of an unknown channel");
+            if let Some(content) = channel.ok_or_else(unknown)? {
                 let update = content.decode(&body);
                 return Ok(Some(Message {
                     update: update.map_err(|what| Error::format(FORMAT, &place, what))?,
-                    log_time: header.log_time,
+                    log_time,
                     place,
                 }));
             }

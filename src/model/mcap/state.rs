@@ -24,6 +24,7 @@ pub(super) type Kind = [&'static str; 2];
 
 /// Elements that may be parts of curves. (Cubes, spheres, points, texts and meshes are not.)
 pub(super) const CYLINDER: Kind = ["cylinder", "cylinders"];
+pub(super) const TRIANGLES: Kind = ["list of triangles", "lists of triangles"];
 pub(super) const ARROW_STRIP: Kind = ["strip of arrows", "strips of arrows"];
 /// A type of marker that is not known.
 pub(super) const UNKNOWN: Kind = ["marker of unknown type", "markers of unknown types"];
@@ -40,36 +41,37 @@ pub(super) struct Update {
 /// Change of one entity or marker.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Change {
-    /// Adds or replaces the curves of a name.
-    Put {
-        name: String,
-        namespace: String,
-        /// Name of the coordinate system.
-        frame_id: String,
-        /// Nanoseconds; 0 without a limit.
-        lifetime: u64,
-        strips: Vec<Strip>,
-        /// Elements that are no lines.
-        others: Vec<(Kind, u64)>,
-    },
+    /// Adds or replaces the entity of a name.
+    Put(String, Entity),
     Delete(String),
     /// Deletes everything, or everything in a namespace.
     DeleteAll(Option<String>),
 }
 
-struct Entity {
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(super) struct Entity {
+    pub namespace: String,
+    /// Name of the coordinate system.
+    pub frame_id: String,
+    /// Nanoseconds; 0 without a limit.
+    pub lifetime: u64,
+    pub strips: Vec<Strip>,
+    /// Elements that are no lines.
+    pub others: Vec<(Kind, u64)>,
+}
+
+/// An entity of the scene.
+struct Shown {
+    entity: Entity,
     /// Number in the order of appearance.
     order: u64,
-    namespace: String,
     /// Time in the log after which it is gone.
     expires: Option<u64>,
-    strips: Vec<Strip>,
-    others: Vec<(Kind, u64)>,
 }
 
 #[derive(Default)]
 pub(super) struct State {
-    entities: HashMap<String, Entity>,
+    entities: HashMap<String, Shown>,
     /// Number of entities that appeared so far.
     appeared: u64,
     /// First curve of the file, and its coordinate system.
@@ -89,14 +91,14 @@ impl State {
         self.changed.clear();
         self.before = self.entities.keys().cloned().collect();
         self.log_time = log_time;
-        let is_alive = |e: &Entity| e.expires.is_none_or(|at| at >= log_time);
+        let is_alive = |e: &Shown| e.expires.is_none_or(|at| at >= log_time);
         self.entities.retain(|_, e| is_alive(e));
     }
 
     /// Returns true if an update changes something again that was changed since the frame began.
     pub fn is_changed_by(&self, update: &Update) -> bool {
         update.changes.iter().any(|change| match change {
-            Change::Put { name, .. } | Change::Delete(name) => self.changed.contains(name),
+            Change::Put(name, _) | Change::Delete(name) => self.changed.contains(name),
             Change::DeleteAll(_) => !self.changed.is_empty(),
         })
     }
@@ -116,36 +118,27 @@ impl State {
                 }
                 Change::DeleteAll(None) => self.entities.clear(),
                 Change::DeleteAll(Some(namespace)) => {
-                    self.entities.retain(|_, e| e.namespace != namespace);
+                    self.entities.retain(|_, e| e.entity.namespace != namespace);
                 }
-                Change::Put {
-                    name,
-                    namespace,
-                    frame_id,
-                    lifetime,
-                    strips,
-                    others,
-                } => {
-                    self.seen.extend(others.iter().map(|(kind, _)| kind[1]));
-                    if !strips.is_empty() {
-                        self.check_frame_id(&name, frame_id)?;
+                Change::Put(name, entity) => {
+                    self.seen
+                        .extend(entity.others.iter().map(|(kind, _)| kind[1]));
+                    if !entity.strips.is_empty() {
+                        self.check_frame_id(&name, &entity.frame_id)?;
                     }
-                    let order = match self.entities.get(&name) {
-                        Some(before) => before.order,
-                        None => {
-                            self.appeared += 1;
-                            self.appeared
-                        }
-                    };
-                    let expires = (lifetime > 0).then(|| self.log_time.saturating_add(lifetime));
-                    let entity = Entity {
+                    let order = self.entities.get(&name).map(|before| before.order);
+                    let order = order.unwrap_or_else(|| {
+                        self.appeared += 1;
+                        self.appeared
+                    });
+                    let lifetime = Some(entity.lifetime).filter(|&ns| ns > 0);
+                    let expires = lifetime.map(|ns| self.log_time.saturating_add(ns));
+                    let shown = Shown {
+                        entity,
                         order,
-                        namespace,
                         expires,
-                        strips,
-                        others,
                     };
-                    self.entities.insert(name.clone(), entity);
+                    self.entities.insert(name.clone(), shown);
                     self.changed.insert(name);
                 }
             }
@@ -153,10 +146,10 @@ impl State {
         Ok(())
     }
 
-    fn check_frame_id(&mut self, name: &str, frame_id: String) -> Result<(), String> {
+    fn check_frame_id(&mut self, name: &str, frame_id: &str) -> Result<(), String> {
         match &self.frame_id {
-            None => self.frame_id = Some((name.into(), frame_id)),
-            Some((first, of_first)) if *of_first != frame_id => {
+            None => self.frame_id = Some((name.into(), frame_id.into())),
+            Some((first, of_first)) if of_first != frame_id => {
                 return Err(format!(
                     "{name:?} is in the coordinate system {frame_id:?}, but {first:?} in \
                      {of_first:?}; transforms are not read, so write all curves in one of them"
@@ -169,7 +162,7 @@ impl State {
 
     /// Returns true if there are no curves.
     pub fn is_empty(&self) -> bool {
-        self.entities.values().all(|e| e.strips.is_empty())
+        self.entities.values().all(|e| e.entity.strips.is_empty())
     }
 
     /// Returns the names of all elements so far that are no lines, in the plural.
@@ -189,9 +182,10 @@ impl State {
     }
 
     fn in_order(&self) -> Vec<(&String, &Entity)> {
-        let mut entities: Vec<(&String, &Entity)> = self.entities.iter().collect();
+        let mut entities: Vec<(&String, &Shown)> = self.entities.iter().collect();
         entities.sort_unstable_by_key(|(_, e)| e.order);
-        entities
+        let entities = entities.into_iter();
+        entities.map(|(name, e)| (name, &e.entity)).collect()
     }
 
     /// Returns all curves and their names.

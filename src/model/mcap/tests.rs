@@ -3,6 +3,7 @@ use super::*;
 use crate::engine::Certifier;
 use crate::ingest::{Closing, CurveSource};
 use crate::model::Frames;
+use mcap::records::op;
 use std::io::Cursor;
 use std::path::PathBuf;
 
@@ -26,16 +27,15 @@ fn frames(name: &str) -> Vec<ModelFrame> {
 
 /// Returns the messages with curves, and how to decode them.
 fn messages(name: &str) -> Vec<(Content, Vec<u8>)> {
-    let open = || Container::open(&other(name));
-    let channels = Channels::find(&mut open().unwrap()).unwrap();
-    let mut container = open().unwrap();
+    let mut container = Container::open(&other(name)).unwrap();
+    let channels = Channels::find(&mut container).unwrap();
+    container.go_to_start().unwrap();
     let mut messages = Vec::new();
-    while let Some(mut record) = container.next().unwrap() {
-        if record.opcode == op::MESSAGE {
-            let header = container::message(&mut record.body).unwrap();
-            if let (_, Some(content)) = &channels.channels[&header.channel] {
-                messages.push((*content, record.body.into()));
-            }
+    while let Some(record) = container.next().unwrap() {
+        if let container::Content::Message { channel, body, .. } = record.content().unwrap()
+            && let (_, Some(content)) = &channels.channels[&channel]
+        {
+            messages.push((*content, body.into()));
         }
     }
     messages
@@ -132,22 +132,11 @@ fn other_files_are_refused_with_their_topics() {
     assert_eq!(frames.unwrap().count(), 5);
 }
 
-fn channel(topic: &str, encoding: &str) -> Channel {
-    Channel {
-        schema: 1,
-        topic: topic.into(),
-        encoding: encoding.into(),
-    }
-}
-
 fn channels(list: &[(&str, &str, &str)]) -> Channels {
     let mut channels = Channels::default();
     for (id, (topic, schema, encoding)) in (0..).zip(list) {
-        let schema = Schema {
-            name: (*schema).into(),
-            text: Default::default(),
-        };
-        channels.add(id, channel(topic, encoding), &[(1, schema)].into());
+        let schema = ((*schema).into(), Bytes::new());
+        channels.add(id, (*topic).into(), Some(&schema), encoding);
     }
     channels
 }
@@ -176,8 +165,7 @@ fn a_file_with_several_topics_needs_a_choice() {
 }
 
 fn put(name: &str, lifetime: u64, x: f64) -> Change {
-    Change::Put {
-        name: name.into(),
+    let entity = state::Entity {
         namespace: name.into(),
         frame_id: "world".into(),
         lifetime,
@@ -186,7 +174,8 @@ fn put(name: &str, lifetime: u64, x: f64) -> Change {
             points: vec![[x, 0.0, 0.0], [x, 1.0, 0.0]],
         }],
         others: Vec::new(),
-    }
+    };
+    Change::Put(name.into(), entity)
 }
 
 fn names(state: &State) -> Vec<String> {
@@ -244,26 +233,11 @@ fn rejects_two_coordinate_systems_and_names_that_are_not_unique() {
     let mut state = State::default();
     state.begin(0);
     state.apply(update(vec![put("a", 0, 1.0)])).unwrap();
-    let Change::Put {
-        name,
-        namespace,
-        lifetime,
-        strips,
-        others,
-        ..
-    } = put("b", 0, 1.0)
-    else {
+    let Change::Put(name, mut entity) = put("b", 0, 1.0) else {
         panic!();
     };
-    let frame_id = "map".into();
-    let moved = Change::Put {
-        name,
-        namespace,
-        frame_id,
-        lifetime,
-        strips,
-        others,
-    };
+    entity.frame_id = "map".into();
+    let moved = Change::Put(name, entity);
     let e = state.apply(update(vec![moved])).unwrap_err();
     assert!(
         e.contains("\"b\" is in the coordinate system \"map\", but \"a\" in \"world\""),
@@ -302,7 +276,7 @@ fn file(content: (&str, &str), messages: &[(u64, Vec<u8>)]) -> Vec<u8> {
 /// Reads to the end or the first error.
 fn read(bytes: &[u8]) -> (Vec<ModelFrame>, Option<String>) {
     let mut frames = Vec::new();
-    let source = McapFrames::new(|| Container::new(Cursor::new(bytes)), None);
+    let source = Container::new(Cursor::new(bytes)).and_then(|c| McapFrames::new(c, None));
     let mut source = match source {
         Ok(source) => source,
         Err(e) => return (frames, Some(e.to_string())),
@@ -393,11 +367,11 @@ fn cylinders_beside_lines_are_counted_and_other_shapes_are_no_curves() {
     assert_eq!(frames[0].left_out, []);
     // In protobuf: an entity (field 2) with an empty cylinder (field 10) and a sphere (field 9).
     let update = scene::protobuf(&[0x12, 4, 0x52, 0, 0x4a, 0]).unwrap();
-    let Change::Put { others, .. } = &update.changes[0] else {
+    let Change::Put(_, entity) = &update.changes[0] else {
         panic!();
     };
     assert_eq!(
-        others[..],
+        entity.others[..],
         [(["sphere", "spheres"], 1), (state::CYLINDER, 1)]
     );
 }
@@ -524,7 +498,7 @@ fn no_panic_on_one_wrong_byte_anywhere_in_a_file() {
 
 fn points(update: &Update) -> usize {
     let count = |change: &Change| match change {
-        Change::Put { strips, .. } => strips.iter().map(|s| s.points.len()).sum(),
+        Change::Put(_, entity) => entity.strips.iter().map(|s| s.points.len()).sum(),
         _ => 0,
     };
     update.changes.iter().map(count).sum()

@@ -5,7 +5,6 @@ use crate::error::Error;
 use crate::ingest::FrameInfo;
 use crate::verdict::Report;
 use std::sync::mpsc::{Receiver, Sender, channel};
-use std::time::SystemTime;
 
 /// A sink that takes a frame for every permit, and reports its calls.
 struct Probe {
@@ -74,14 +73,7 @@ fn frame(seq: u64, verdict: Verdict) -> Arc<FrameRecord> {
         curves: None,
         info: FrameInfo::default(),
         report: Arc::new(Report::new(seq, 0.0, verdict)),
-        verified: seq,
-        skipped: 0,
-        rejected: 0,
-        recovered: 0,
-        accepted: 0,
-        times: Default::default(),
-        work: Default::default(),
-        received: SystemTime::UNIX_EPOCH,
+        progress: Default::default(),
     })
 }
 

@@ -122,13 +122,9 @@ impl<'a, R: Read + Seek> Run<'a, R> {
             report: None,
         };
         loop {
-            match self.reader.next_item().map_err(|e| e.in_file(self.path))? {
-                Some(RecordedItem::Baseline(_)) => {}
-                Some(RecordedItem::Frame(frame)) => {
-                    if let Some(before) = self.waiting.replace(frame) {
-                        return Ok(Some(alone(before)));
-                    }
-                }
+            let before = match self.reader.next_item().map_err(|e| e.in_file(self.path))? {
+                Some(RecordedItem::Baseline(_)) => continue,
+                Some(RecordedItem::Frame(frame)) => self.waiting.replace(frame),
                 Some(RecordedItem::Verdict(recorded)) => {
                     let report = recorded.report;
                     return Ok(Some(Entry {
@@ -139,12 +135,11 @@ impl<'a, R: Read + Seek> Run<'a, R> {
                     }));
                 }
                 None => return Ok(self.waiting.take().map(alone)),
+            };
+            if before.is_some() {
+                return Ok(before.map(alone));
             }
         }
-    }
-
-    fn was_cut(&self) -> bool {
-        matches!(self.reader.ending(), Some(Ending::Cut { .. }))
     }
 }
 
@@ -183,25 +178,21 @@ pub fn diff_runs<R: Read + Seek>(
             (None, Some(_)) => Ordering::Greater,
             (Some(a), Some(b)) => alignment.compare(a, b),
         };
-        if order == Ordering::Equal
-            && let (Some(a), Some(b)) = (&a, &b)
-        {
-            diff.add(a, b)?;
+        match (order, &a, &b) {
+            (Ordering::Equal, Some(a), Some(b)) => diff.add(a, b)?,
+            (Ordering::Less, Some(a), _) => diff.only[0].add(a.seq),
+            (_, _, Some(b)) => diff.only[1].add(b.seq),
+            _ => {}
         }
         if order.is_le() {
-            if let Some(a) = a.take_if(|_| order.is_lt()) {
-                diff.only[0].add(a.seq);
-            }
             a = first.next()?;
         }
         if order.is_ge() {
-            if let Some(b) = b.take_if(|_| order.is_gt()) {
-                diff.only[1].add(b.seq);
-            }
             b = second.next()?;
         }
     }
-    diff.cut = [first, second].map(|run| run.was_cut());
+    let was_cut = |run: Run<'_, R>| matches!(run.reader.ending(), Some(Ending::Cut { .. }));
+    diff.cut = [first, second].map(was_cut);
     Ok(diff)
 }
 

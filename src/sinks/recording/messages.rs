@@ -4,9 +4,9 @@ use super::schema;
 use crate::certificate::{Certificate, undefined_entry};
 pub(super) use crate::container::invalid;
 use crate::curve::{Basis, Cell, Image, Precision, is_home};
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::incremental::{Route, Work};
-use crate::sinks::{BaselineRecord, FrameTimes, LiveTimes};
+use crate::sinks::{BaselineRecord, FrameTimes, LiveTimes, RunProgress};
 use crate::verdict::{
     Change, Clearance, CloseStrands, Defect, DefectKind, ImageLink, Link, Place, PullThrough,
     Report, Stats, Verdict,
@@ -20,409 +20,257 @@ pub(super) const DESCRIPTORS: &[u8] = include_bytes!("../../../schemas/linkwatch
 /// Package of the messages. Its last part is the version of the format.
 pub(super) const PACKAGE: &str = "linkwatch.v1";
 
-/// Returns the code of a value on disk: its index in `all`, from 1. Code 0 is the value that
-/// protobuf reads for a missing field.
-fn code<T: PartialEq>(all: &[T], value: T) -> i32 {
-    all.iter()
-        .position(|v| *v == value)
-        .map_or(0, |k| k as i32 + 1)
+/// A value that is recorded as `S`, a part of the schema.
+pub(super) trait Recorded<S>: Sized {
+    fn record(&self) -> S;
+    fn read(recorded: S) -> Result<Self>;
 }
 
-fn from_code<T: Copy>(all: &[T], code: i32, what: &'static str) -> Result<T> {
-    usize::try_from(code)
-        .ok()
-        .and_then(|c| c.checked_sub(1))
-        .and_then(|k| all.get(k).copied())
-        .ok_or_else(|| {
-            invalid(
-                what,
-                format_args!("code {code}, expected 1 to {}", all.len()),
-            )
-        })
+/// Records values as they are.
+macro_rules! plain {
+    ($($name:ty),*) => {$(
+        impl Recorded<$name> for $name {
+            fn record(&self) -> $name {
+                self.clone()
+            }
+            fn read(recorded: $name) -> Result<$name> {
+                Ok(recorded)
+            }
+        }
+    )*};
+}
+
+plain!(bool, i32, i64, u32, u64, f64, String);
+
+impl<S, T: Recorded<S>> Recorded<Vec<S>> for Vec<T> {
+    fn record(&self) -> Vec<S> {
+        self.iter().map(T::record).collect()
+    }
+    fn read(recorded: Vec<S>) -> Result<Self> {
+        recorded.into_iter().map(T::read).collect()
+    }
+}
+
+impl<S, T: Recorded<S>> Recorded<Option<S>> for Option<T> {
+    fn record(&self) -> Option<S> {
+        self.as_ref().map(T::record)
+    }
+    fn read(recorded: Option<S>) -> Result<Self> {
+        recorded.map(T::read).transpose()
+    }
+}
+
+/// Records enumerations by a code: the index of a value, from 1. Code 0 is the value that protobuf
+/// reads for a missing field.
+macro_rules! codes {
+    ($($name:ident $all:expr, $what:literal;)*) => {$(
+        impl Recorded<i32> for $name {
+            fn record(&self) -> i32 {
+                $all.iter().position(|v| v == self).map_or(0, |k| k as i32 + 1)
+            }
+            fn read(code: i32) -> Result<$name> {
+                let index = usize::try_from(code).ok().and_then(|c| c.checked_sub(1));
+                index.and_then(|k| $all.get(k).copied()).ok_or_else(|| {
+                    invalid($what, format_args!("code {code}, expected 1 to {}", $all.len()))
+                })
+            }
+        }
+    )*};
 }
 
 const PRECISIONS: [Precision; 2] = [Precision::F32, Precision::F64];
 
-pub(super) fn basis_code(basis: Basis) -> i32 {
-    code(&Basis::ALL, basis)
+codes! {
+    Basis Basis::ALL, "basis of a frame";
+    Precision PRECISIONS, "precision of a frame";
+    Verdict Verdict::ALL, "verdict of a report";
+    DefectKind DefectKind::ALL, "kind of a defect";
+    Route Route::ALL, "route of a frame";
 }
 
-pub(super) fn basis(code: i32) -> Result<Basis> {
-    from_code(&Basis::ALL, code, "basis of a frame")
+/// Nanoseconds, at most the largest number.
+impl Recorded<u64> for Duration {
+    fn record(&self) -> u64 {
+        self.as_nanos().try_into().unwrap_or(u64::MAX)
+    }
+    fn read(nanoseconds: u64) -> Result<Duration> {
+        Ok(Duration::from_nanos(nanoseconds))
+    }
 }
 
-pub(super) fn precision_code(precision: Precision) -> i32 {
-    code(&PRECISIONS, precision)
+/// A translation: nothing for 0.
+impl Recorded<Vec<i32>> for Image {
+    fn record(&self) -> Vec<i32> {
+        match is_home(self) {
+            true => Vec::new(),
+            false => self.to_vec(),
+        }
+    }
+    fn read(numbers: Vec<i32>) -> Result<Image> {
+        match numbers[..] {
+            [] => Ok(Image::default()),
+            [n1, n2, n3] => Ok([n1, n2, n3]),
+            _ => Err(invalid("image", format!("{} numbers", numbers.len()))),
+        }
+    }
 }
 
-pub(super) fn precision(code: i32) -> Result<Precision> {
-    from_code(&PRECISIONS, code, "precision of a frame")
+/// A periodic cell: nothing without one.
+impl Recorded<Vec<f64>> for Option<Cell> {
+    fn record(&self) -> Vec<f64> {
+        let numbers = |c: &Cell| [c.vectors.as_flattened(), &c.origin].concat();
+        self.as_ref().map(numbers).unwrap_or_default()
+    }
+    fn read(numbers: Vec<f64>) -> Result<Self> {
+        if numbers.is_empty() {
+            return Ok(None);
+        }
+        let (&[a, b, c, origin], []) = numbers.as_chunks::<3>() else {
+            return Err(invalid("cell", format!("{} numbers", numbers.len())));
+        };
+        let vectors = [a, b, c];
+        let cell = Cell { origin, vectors };
+        cell.check()?;
+        Ok(Some(cell))
+    }
 }
 
-/// Converts structs whose fields have the same names and types in the schema and in the library.
-macro_rules! convert {
-    ($name:ident { $($field:ident),* $(,)? }) => {
-        impl From<&$name> for schema::$name {
-            fn from(from: &$name) -> Self {
-                schema::$name { $($field: from.$field),* }
+/// A message that every recording has.
+impl Recorded<Option<schema::Place>> for Place {
+    fn record(&self) -> Option<schema::Place> {
+        Some(self.record())
+    }
+    fn read(place: Option<schema::Place>) -> Result<Place> {
+        Place::read(place.ok_or_else(|| invalid("place of a defect", "missing"))?)
+    }
+}
+
+/// Missing counters are 0.
+impl Recorded<Option<schema::Stats>> for Stats {
+    fn record(&self) -> Option<schema::Stats> {
+        Some(self.record())
+    }
+    fn read(stats: Option<schema::Stats>) -> Result<Stats> {
+        Stats::read(stats.unwrap_or_default())
+    }
+}
+
+/// Records structs, field by field. After `;`: fields that are one or several fields with other
+/// names in the schema; after `=>`: a field that is not recorded, and its value.
+macro_rules! messages {
+    ($($name:ident {
+        $($field:ident),*
+        $(; $($parts:ident = $pattern:tt of [$($part:ident),*]),*)?
+        $(=> $missing:ident: $value:expr)?
+    })*) => {$(
+        impl Recorded<schema::$name> for $name {
+            fn record(&self) -> schema::$name {
+                $($(let $pattern = self.$parts;)*)?
+                schema::$name {
+                    $($($($part: $part.record(),)*)*)?
+                    $($field: self.$field.record(),)*
+                }
+            }
+            fn read(recorded: schema::$name) -> Result<$name> {
+                $($($(let $part = Recorded::read(recorded.$part)?;)*)*)?
+                Ok($name {
+                    $($($parts: $pattern,)*)?
+                    $($field: Recorded::read(recorded.$field)?,)*
+                    $($missing: $value,)?
+                })
             }
         }
-
-        impl From<schema::$name> for $name {
-            fn from(from: schema::$name) -> Self {
-                $name { $($field: from.$field),* }
-            }
-        }
-    };
+    )*};
 }
 
-convert!(Link { i, j, lambda });
-
-convert!(Stats {
-    curves,
-    segments,
-    open_curves,
-    repeated_vertices,
-    potential_links,
-    separated,
-    tests,
-    crossings,
-    overlaps,
-    refined,
-    exact,
-    unchecked,
-    extent,
-});
-
-impl From<Place> for schema::Place {
-    fn from(p: Place) -> Self {
-        let ([segment_i, segment_j], [x, y, z]) = (p.segments, p.point);
-        schema::Place {
-            segment_i,
-            segment_j,
-            x,
-            y,
-            z,
-            distance: p.distance,
-        }
+messages! {
+    Link { i, j, lambda }
+    Stats {
+        curves, segments, open_curves, repeated_vertices, potential_links, separated, tests,
+        crossings, overlaps, refined, exact, unchecked, extent
+    }
+    Place {
+        distance;
+        segments = [segment_i, segment_j] of [segment_i, segment_j],
+        point = [x, y, z] of [x, y, z]
+    }
+    Change { i, j, image, expected, found, place }
+    Defect { i, j, image, kind, place }
+    PullThrough {
+        i, j, image, fraction, sign, lengths;
+        segments = [segment_i, segment_j] of [segment_i, segment_j],
+        point = [x, y, z] of [x, y, z]
+    }
+    Clearance { at_least, closest, low, frames_left }
+    CloseStrands {
+        i, j, image, ratio, error, distance;
+        segments = [segment_i, segment_j] of [segment_i, segment_j],
+        points = [[x_i, y_i, z_i], [x_j, y_j, z_j]] of [x_i, y_i, z_i, x_j, y_j, z_j]
+    }
+    Report {
+        seq, time, verdict, abort, changes, events, unresolved, defects, adopted, last_intact,
+        safe_fraction, clearance, appeared, gone, missing, rejected, stats
+        => loops: Vec::new()
+    }
+    FrameTimes {
+        live;
+        ingest = ingest_ns of [ingest_ns],
+        verification = verification_ns of [verification_ns]
+        => stages: Default::default()
+    }
+    LiveTimes {
+        ;
+        interval = interval_ns of [interval_ns],
+        wait = wait_ns of [wait_ns],
+        send = send_ns of [send_ns]
+    }
+    Work {
+        route, blocks, marked, recertified, recomputed, searched, reference_age, disagreed, summed
     }
 }
 
-impl From<schema::Place> for Place {
-    fn from(p: schema::Place) -> Self {
-        Place {
-            segments: [p.segment_i, p.segment_j],
-            point: [p.x, p.y, p.z],
-            distance: p.distance,
-        }
-    }
-}
-
-impl From<&Defect> for schema::Defect {
-    fn from(d: &Defect) -> Self {
-        schema::Defect {
-            i: d.i,
-            j: d.j,
-            kind: code(&DefectKind::ALL, d.kind),
-            place: Some(d.place.into()),
-            image: numbers_of(d.image),
-        }
-    }
-}
-
-impl TryFrom<schema::Defect> for Defect {
-    type Error = Error;
-    fn try_from(d: schema::Defect) -> Result<Self> {
-        Ok(Defect {
-            i: d.i,
-            j: d.j,
-            image: image_of(&d.image)?,
-            kind: from_code(&DefectKind::ALL, d.kind, "kind of a defect")?,
-            place: d
-                .place
-                .ok_or_else(|| invalid("place of a defect", "missing"))?
-                .into(),
-        })
-    }
-}
-
-impl From<&PullThrough> for schema::PullThrough {
-    fn from(e: &PullThrough) -> Self {
-        let ([segment_i, segment_j], [x, y, z]) = (e.segments, e.point);
-        schema::PullThrough {
-            i: e.i,
-            j: e.j,
-            segment_i,
-            segment_j,
-            fraction: e.fraction,
-            sign: e.sign,
-            x,
-            y,
-            z,
-            lengths: e.lengths,
-            image: numbers_of(e.image),
+/// The time at which the frame arrived is that of the message.
+impl Recorded<schema::Progress> for RunProgress {
+    fn record(&self) -> schema::Progress {
+        schema::Progress {
+            verified: self.verified,
+            skipped: self.skipped,
+            rejected: self.rejected,
+            check_ns: self.times.check().record(),
+            work: Some(self.work.record()),
+            times: Some(self.times.record()),
+            left_out: self.left_out,
+            recovered: self.recovered,
+            accepted: self.accepted,
         }
     }
-}
 
-impl TryFrom<schema::PullThrough> for PullThrough {
-    type Error = Error;
-    fn try_from(e: schema::PullThrough) -> Result<Self> {
-        Ok(PullThrough {
-            i: e.i,
-            j: e.j,
-            image: image_of(&e.image)?,
-            segments: [e.segment_i, e.segment_j],
-            fraction: e.fraction,
-            sign: e.sign,
-            point: [e.x, e.y, e.z],
-            lengths: e.lengths,
-        })
-    }
-}
-
-/// Returns a translation as it is recorded: nothing for 0.
-fn numbers_of(image: Image) -> Vec<i32> {
-    match image == Image::default() {
-        true => Vec::new(),
-        false => image.to_vec(),
-    }
-}
-
-fn image_of(numbers: &[i32]) -> Result<Image> {
-    match numbers {
-        [] => Ok(Image::default()),
-        &[n1, n2, n3] => Ok([n1, n2, n3]),
-        _ => Err(invalid("image", format!("{} numbers", numbers.len()))),
-    }
-}
-
-/// Returns a periodic cell as it is recorded.
-pub(super) fn numbers_of_cell(cell: Option<&Cell>) -> Vec<f64> {
-    let Some(cell) = cell else {
-        return Vec::new();
-    };
-    let vectors = cell.vectors.as_flattened();
-    vectors.iter().chain(&cell.origin).copied().collect()
-}
-
-/// Returns the periodic cell of a recorded frame.
-pub(super) fn cell_of(numbers: &[f64]) -> Result<Option<Cell>> {
-    if numbers.is_empty() {
-        return Ok(None);
-    }
-    let (&[a, b, c, origin], []) = numbers.as_chunks::<3>() else {
-        return Err(invalid("cell", format!("{} numbers", numbers.len())));
-    };
-    let cell = Cell {
-        origin,
-        vectors: [a, b, c],
-    };
-    cell.check()?;
-    Ok(Some(cell))
-}
-
-impl From<&FrameTimes> for schema::FrameTimes {
-    fn from(t: &FrameTimes) -> Self {
-        schema::FrameTimes {
-            ingest_ns: nanoseconds(t.ingest),
-            verification_ns: nanoseconds(t.verification),
-            live: t.live.map(|live| schema::LiveTimes {
-                interval_ns: nanoseconds(live.interval),
-                wait_ns: nanoseconds(live.wait),
-                send_ns: nanoseconds(live.send),
+    /// Recordings of earlier versions lack the work, and have the sum of the times.
+    fn read(p: schema::Progress) -> Result<RunProgress> {
+        Ok(RunProgress {
+            verified: p.verified,
+            skipped: p.skipped,
+            rejected: p.rejected,
+            times: Option::read(p.times)?.unwrap_or(FrameTimes {
+                verification: Duration::from_nanos(p.check_ns),
+                ..FrameTimes::default()
             }),
-        }
-    }
-}
-
-impl From<schema::FrameTimes> for FrameTimes {
-    fn from(t: schema::FrameTimes) -> Self {
-        FrameTimes {
-            ingest: Duration::from_nanos(t.ingest_ns),
-            verification: Duration::from_nanos(t.verification_ns),
-            live: t.live.map(|live| LiveTimes {
-                interval: Duration::from_nanos(live.interval_ns),
-                wait: Duration::from_nanos(live.wait_ns),
-                send: Duration::from_nanos(live.send_ns),
-            }),
-            ..FrameTimes::default()
-        }
-    }
-}
-
-/// Returns a duration in nanoseconds, at most the largest number.
-pub(super) fn nanoseconds(duration: Duration) -> u64 {
-    duration.as_nanos().try_into().unwrap_or(u64::MAX)
-}
-
-impl From<&Work> for schema::Work {
-    fn from(w: &Work) -> Self {
-        schema::Work {
-            route: code(&Route::ALL, w.route),
-            blocks: w.blocks,
-            marked: w.marked,
-            recertified: w.recertified,
-            recomputed: w.recomputed,
-            searched: w.searched,
-            reference_age: w.reference_age,
-            disagreed: w.disagreed,
-            summed: w.summed,
-        }
-    }
-}
-
-impl TryFrom<schema::Work> for Work {
-    type Error = Error;
-    fn try_from(w: schema::Work) -> Result<Self> {
-        Ok(Work {
-            route: from_code(&Route::ALL, w.route, "route of a frame")?,
-            blocks: w.blocks,
-            marked: w.marked,
-            recertified: w.recertified,
-            recomputed: w.recomputed,
-            searched: w.searched,
-            reference_age: w.reference_age,
-            disagreed: w.disagreed,
-            summed: w.summed,
+            work: Option::read(p.work)?.unwrap_or_default(),
+            received_ns: 0,
+            left_out: p.left_out,
+            recovered: p.recovered,
+            accepted: p.accepted,
         })
     }
 }
 
-impl From<&Report> for schema::Report {
-    fn from(r: &Report) -> Self {
-        let change = |c: &Change| schema::Change {
-            i: c.i,
-            j: c.j,
-            expected: c.expected,
-            found: c.found,
-            place: c.place.map(Into::into),
-            image: numbers_of(c.image),
-        };
-        schema::Report {
-            seq: r.seq,
-            time: r.time,
-            verdict: code(&Verdict::ALL, r.verdict),
-            abort: r.abort,
-            changes: r.changes.iter().map(change).collect(),
-            events: r.events.iter().map(Into::into).collect(),
-            unresolved: r.unresolved.iter().map(Into::into).collect(),
-            defects: r.defects.iter().map(Into::into).collect(),
-            adopted: r.adopted.iter().map(Into::into).collect(),
-            last_intact: r.last_intact,
-            safe_fraction: r.safe_fraction,
-            clearance: r.clearance.as_ref().map(Into::into),
-            appeared: r.appeared.clone(),
-            gone: r.gone.clone(),
-            missing: r.missing.clone(),
-            rejected: r.rejected.clone(),
-            stats: Some((&r.stats).into()),
-        }
-    }
-}
-
-impl TryFrom<schema::Report> for Report {
-    type Error = Error;
-    fn try_from(r: schema::Report) -> Result<Self> {
-        let change = |c: schema::Change| {
-            Ok(Change {
-                i: c.i,
-                j: c.j,
-                image: image_of(&c.image)?,
-                expected: c.expected,
-                found: c.found,
-                place: c.place.map(Into::into),
-            })
-        };
-        let changes: Result<Vec<Change>> = r.changes.into_iter().map(change).collect();
-        let pull_throughs = |all: Vec<schema::PullThrough>| -> Result<Vec<PullThrough>> {
-            all.into_iter().map(PullThrough::try_from).collect()
-        };
-        Ok(Report {
-            seq: r.seq,
-            time: r.time,
-            verdict: from_code(&Verdict::ALL, r.verdict, "verdict of a report")?,
-            abort: r.abort,
-            changes: changes?,
-            events: pull_throughs(r.events)?,
-            unresolved: pull_throughs(r.unresolved)?,
-            defects: collect(r.defects)?,
-            adopted: r.adopted.into_iter().map(Into::into).collect(),
-            last_intact: r.last_intact,
-            safe_fraction: r.safe_fraction,
-            clearance: r.clearance.map(TryInto::try_into).transpose()?,
-            appeared: r.appeared,
-            gone: r.gone,
-            missing: r.missing,
-            loops: Vec::new(),
-            rejected: r.rejected,
-            stats: r.stats.unwrap_or_default().into(),
-        })
-    }
-}
-
-impl From<&Clearance> for schema::Clearance {
-    fn from(c: &Clearance) -> Self {
-        let strands = |c: CloseStrands| {
-            let [[x_i, y_i, z_i], [x_j, y_j, z_j]] = c.points;
-            schema::CloseStrands {
-                i: c.i,
-                j: c.j,
-                segment_i: c.segments[0],
-                segment_j: c.segments[1],
-                x_i,
-                y_i,
-                z_i,
-                x_j,
-                y_j,
-                z_j,
-                distance: c.distance,
-                ratio: c.ratio,
-                error: c.error,
-                image: numbers_of(c.image),
-            }
-        };
-        schema::Clearance {
-            at_least: c.at_least,
-            closest: c.closest.map(strands),
-            low: c.low,
-            frames_left: c.frames_left,
-        }
-    }
-}
-
-impl TryFrom<schema::Clearance> for Clearance {
-    type Error = Error;
-
-    fn try_from(c: schema::Clearance) -> Result<Self> {
-        let strands = |c: schema::CloseStrands| -> Result<CloseStrands> {
-            Ok(CloseStrands {
-                i: c.i,
-                j: c.j,
-                image: image_of(&c.image)?,
-                segments: [c.segment_i, c.segment_j],
-                points: [[c.x_i, c.y_i, c.z_i], [c.x_j, c.y_j, c.z_j]],
-                distance: c.distance,
-                ratio: c.ratio,
-                error: c.error,
-            })
-        };
-        Ok(Clearance {
-            at_least: c.at_least,
-            closest: c.closest.map(strands).transpose()?,
-            low: c.low,
-            frames_left: c.frames_left,
-        })
-    }
-}
-
-impl From<&BaselineRecord> for schema::Baseline {
-    fn from(b: &BaselineRecord) -> Self {
-        let c = &b.certificate;
+impl Recorded<schema::Baseline> for BaselineRecord {
+    fn record(&self) -> schema::Baseline {
+        let (b, c) = (self, &self.certificate);
         let image = |l: &ImageLink| schema::ImageLink {
             i: l.i,
             j: l.j,
-            image: l.image.to_vec(),
+            image: l.image.record(),
             lambda: Some(l.lambda),
         };
         let period = |(i, period): &(u32, Image)| schema::YarnPeriod {
@@ -431,8 +279,8 @@ impl From<&BaselineRecord> for schema::Baseline {
         };
         schema::Baseline {
             curves: c.curves as u64,
-            links: c.links.iter().map(Into::into).collect(),
-            undefined: c.undefined.iter().map(Into::into).collect(),
+            links: c.links.record(),
+            undefined: c.undefined.record(),
             origin: b.origin.clone(),
             frame: b.frame,
             unverified: b.unverified,
@@ -441,13 +289,10 @@ impl From<&BaselineRecord> for schema::Baseline {
             periods: c.periods.iter().map(period).collect(),
         }
     }
-}
 
-impl TryFrom<schema::Baseline> for BaselineRecord {
-    type Error = Error;
     /// Checks the preconditions of comparing certificates: pairs in range and sorted, no number 0.
-    fn try_from(b: schema::Baseline) -> Result<Self> {
-        let links: Vec<Link> = b.links.into_iter().map(Into::into).collect();
+    fn read(b: schema::Baseline) -> Result<Self> {
+        let links: Vec<Link> = Recorded::read(b.links)?;
         let bad = |l: &&Link| l.i >= l.j || u64::from(l.j) >= b.curves || l.lambda == 0;
         if let Some(l) = links.iter().find(bad) {
             let what = format!("{},{},{} of {} curves", l.i, l.j, l.lambda, b.curves);
@@ -463,7 +308,7 @@ impl TryFrom<schema::Baseline> for BaselineRecord {
             );
             return Err(invalid("link of the baseline", what));
         }
-        let mut undefined: Vec<Defect> = collect(b.undefined)?;
+        let mut undefined: Vec<Defect> = Recorded::read(b.undefined)?;
         let mut images = Vec::with_capacity(b.images.len());
         for schema::ImageLink {
             i,
@@ -472,7 +317,7 @@ impl TryFrom<schema::Baseline> for BaselineRecord {
             lambda,
         } in b.images
         {
-            let image = image_of(&image)?;
+            let image = Image::read(image)?;
             match lambda {
                 Some(lambda) => images.push(ImageLink {
                     i,
@@ -500,7 +345,7 @@ impl TryFrom<schema::Baseline> for BaselineRecord {
         }
         let images = b.periodic.then_some(images);
         let periods = b.periods.into_iter();
-        let periods = periods.map(|p| Ok((p.curve, image_of(&p.period)?)));
+        let periods = periods.map(|p| Ok((p.curve, Image::read(p.period)?)));
         let periods: Result<Vec<(u32, Image)>> = periods.collect();
         let curves =
             usize::try_from(b.curves).map_err(|_| invalid("curves of the baseline", b.curves))?;
@@ -519,46 +364,33 @@ impl TryFrom<schema::Baseline> for BaselineRecord {
     }
 }
 
-fn collect(defects: Vec<schema::Defect>) -> Result<Vec<Defect>> {
-    defects.into_iter().map(Defect::try_from).collect()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::container::protobuf::tests::values;
     use std::fmt::Debug;
 
-    /// Asserts that the codes of `values` are those of an enumeration in the schema: `name` is the
-    /// name of a code there, with the name of the enumeration before that of the value.
-    fn agree<T: Debug>(
-        enumeration: &str,
-        values: &[T],
-        name: impl Fn(i32) -> Option<&'static str>,
-    ) {
-        let last = values.len() as i32;
-        assert_eq!(name(last + 1), None, "{enumeration}");
-        for (code, value) in (1..=last).zip(values) {
-            let found = name(code).map(|n| n.replace('_', "").to_lowercase());
-            let expected = format!("{enumeration}{value:?}").to_lowercase();
-            assert_eq!(found, Some(expected));
-        }
+    /// Asserts that the codes of `all` are those of an enumeration in the schema, whose name
+    /// precedes those of its values.
+    fn agree<T: Debug + Recorded<i32>>(enumeration: &str, all: &[T]) {
+        let code = |value: &T| {
+            (
+                value.record(),
+                format!("{enumeration}{value:?}").to_lowercase(),
+            )
+        };
+        let plain = |(code, name): (i32, String)| (code, name.replace('_', "").to_lowercase());
+        let schema = values(DESCRIPTORS, enumeration).into_iter().map(plain);
+        let schema: Vec<_> = schema.filter(|(code, _)| *code > 0).collect();
+        assert_eq!(all.iter().map(code).collect::<Vec<_>>(), schema);
     }
 
     #[test]
     fn the_codes_equal_the_schema() {
-        macro_rules! check {
-            ($($name:ident $values:expr),*) => {$(
-                agree(stringify!($name), &$values, |code| {
-                    schema::$name::try_from(code).ok().map(|v| v.as_str_name())
-                });
-            )*};
-        }
-        check!(
-            Basis Basis::ALL,
-            Precision PRECISIONS,
-            VerdictCode Verdict::ALL,
-            Route Route::ALL,
-            DefectKind DefectKind::ALL
-        );
+        agree("Basis", &Basis::ALL);
+        agree("Precision", &PRECISIONS);
+        agree("VerdictCode", &Verdict::ALL);
+        agree("Route", &Route::ALL);
+        agree("DefectKind", &DefectKind::ALL);
     }
 }

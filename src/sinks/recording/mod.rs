@@ -13,8 +13,6 @@ mod file;
 mod messages;
 mod reader;
 mod retention;
-#[rustfmt::skip]
-#[allow(dead_code, reason = "generated")]
 mod schema;
 mod tools;
 mod writer;
@@ -22,8 +20,8 @@ mod writer;
 pub use crate::container::Ending;
 pub use diff::{Alignment, CurveDiff, FrameDiff, OnlyIn, RunDiff, diff_runs};
 pub use reader::{
-    FramePlace, Outline, OutlinedVerdict, RecordedFrame, RecordedItem, RecordedProgress,
-    RecordedVerdict, RecordingReader,
+    FramePlace, Outline, OutlinedVerdict, RecordedFrame, RecordedItem, RecordedVerdict,
+    RecordingReader,
 };
 pub use retention::{RecordingOptions, Retention};
 pub use tools::RecordingTool;

@@ -4,24 +4,21 @@ mod outline;
 
 pub use outline::{FramePlace, Outline, OutlinedVerdict};
 
-use super::messages::{self, PACKAGE, cell_of, invalid};
+use super::messages::{PACKAGE, Recorded, invalid};
 use super::schema;
 use super::{BASELINE, FRAMES, LABELS, METADATA, PROTOBUF, RecordingTool, VERDICTS};
-use crate::container::{self, Container, Ending, Record, op, string};
+use crate::container::{Container, Content, Ending, Place};
 use crate::curve::{Basis, CurveLabels, CurveSet, Positions, Precision};
 use crate::error::{Error, Result};
-use crate::incremental::Work;
 use crate::ingest::{FrameInfo, RawFrame, ingest};
-use crate::sinks::{BaselineRecord, FrameTimes};
+use crate::sinks::{BaselineRecord, RunProgress};
 use crate::verdict::Report;
-use prost::Message as _;
-use prost::bytes::{Buf, Bytes};
+use prost::bytes::Bytes;
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::fs::File;
 use std::io::{BufReader, Read, Seek};
 use std::path::Path;
 use std::sync::Arc;
-use std::time::Duration;
 
 /// An item of a recording.
 #[derive(Clone, Debug, PartialEq)]
@@ -41,33 +38,7 @@ pub struct RecordedVerdict {
     /// The report. A replay of the frame must give an equal one.
     pub report: Report,
     /// State of the recorded run.
-    pub progress: RecordedProgress,
-}
-
-/// Data that depends on the recorded run, not on its frames.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-#[non_exhaustive]
-pub struct RecordedProgress {
-    /// Number of frames verified, this one included.
-    pub verified: u64,
-    /// Number of frames that were not verified.
-    pub skipped: u64,
-    /// Number of frames rejected.
-    pub rejected: u64,
-    /// Times of the frame. Recordings of earlier versions have only the sum of ingest and
-    /// verification, as `verification`.
-    pub times: FrameTimes,
-    /// Work of the verification.
-    pub work: Work,
-    /// Time at which the frame arrived, in nanoseconds since 1970.
-    pub received_ns: u64,
-    /// Number of frames before this one that are not in the file on purpose: `verified` and
-    /// `rejected` count them.
-    pub left_out: u64,
-    /// See [`FrameRecord::recovered`](crate::FrameRecord::recovered).
-    pub recovered: u32,
-    /// See [`FrameRecord::accepted`](crate::FrameRecord::accepted).
-    pub accepted: u32,
+    pub progress: RunProgress,
 }
 
 /// Curves of a recorded frame, not yet checked: see [`RecordedFrame::ingest`].
@@ -130,11 +101,6 @@ impl RecordedFrame {
         }
     }
 
-    /// Returns the buffer of the coordinates, without a copy if nothing else uses it.
-    pub(super) fn into_positions(self) -> Vec<u8> {
-        self.positions.into()
-    }
-
     /// Returns true if both frames have the same curves with the same bits, in the same cell.
     pub fn same_curves(&self, other: &RecordedFrame) -> bool {
         (self.basis, self.precision) == (other.basis, other.precision)
@@ -172,8 +138,7 @@ struct Message {
     /// Time at which it was logged.
     time_ns: u64,
     body: Bytes,
-    /// Its place in the file, in words.
-    place: String,
+    place: Place,
 }
 
 /// Reads a recording, item by item, in the order of writing.
@@ -268,91 +233,90 @@ impl<R: Read + Seek> RecordingReader<R> {
     /// Returns the next item, or `None` at the end, finished or truncated.
     pub fn next_item(&mut self) -> Result<Option<RecordedItem>> {
         let item = self.read_item();
-        if item.is_err() {
+        self.stop_at_damage(item)
+    }
+
+    /// After an error, nothing more is read.
+    fn stop_at_damage<T>(&mut self, outcome: Result<T>) -> Result<T> {
+        if outcome.is_err() {
             self.container.fail();
         }
-        item
+        outcome
     }
 
     fn read_item(&mut self) -> Result<Option<RecordedItem>> {
-        while let Some(record) = self.container.next()? {
-            if record.opcode != op::MESSAGE {
-                self.describe(record)?;
-                continue;
+        while let Some(message) = self.next_message(false)? {
+            match self.item(message)? {
+                Some(item) => return Ok(Some(item)),
+                None => self.skipped += 1,
             }
-            let message = self.message(record)?;
-            let place = message.place;
-            if let Channel::Tool = message.channel {
-                continue;
-            }
-            if let Channel::Labels = message.channel {
-                let labels = labels(message.body).map_err(|e| invalid(&place, e))?;
-                self.labels = Arc::new(labels);
-                continue;
-            }
-            let about = (&self.labels, message.time_ns);
-            let item = item(message.channel, message.body, about);
-            if let Some(item) = item.map_err(|e| invalid(&place, e))? {
-                return Ok(Some(item));
-            }
-            self.skipped += 1;
         }
         Ok(None)
     }
 
-    /// Takes note of a record that describes messages, or the run.
-    fn describe(&mut self, record: Record) -> Result<()> {
-        let place = format!("byte {}", record.place.at);
-        let mut body = record.body;
-        let bad = |what| invalid(&place, what);
-        match record.opcode {
-            op::SCHEMA => {
-                let schema = container::schema(&mut body);
-                let (id, schema) = schema.ok_or_else(|| bad("an invalid schema"))?;
-                self.schemas.insert(id, schema.name);
-            }
-            op::CHANNEL => {
-                let channel = container::channel(&mut body);
-                let (id, channel) = channel.ok_or_else(|| bad("an invalid channel"))?;
-                let content = self.content(&channel)?;
-                self.channels.insert(id, content);
-            }
-            op::METADATA => {
-                let parsed = metadata(&mut body);
-                let (name, map) = parsed.ok_or_else(|| bad("an invalid metadata record"))?;
-                if name == METADATA {
-                    self.metadata.extend(map);
+    /// Returns the next message, or its first bytes if it has curves and `skims` is true. Takes
+    /// note of what describes messages, or the run, and skips messages for tools.
+    fn next_message(&mut self, skims: bool) -> Result<Option<Message>> {
+        loop {
+            let channels = &self.channels;
+            let whole = |id| matches!(channels.get(&id), Some(Channel::Labels | Channel::Verdicts));
+            let record = match skims {
+                true => self.container.skim(whole)?,
+                false => self.container.next()?,
+            };
+            let Some(record) = record else {
+                return Ok(None);
+            };
+            let place = record.place;
+            match record.content()? {
+                Content::Schema { id, name, .. } => {
+                    self.schemas.insert(id, name);
                 }
+                Content::Channel {
+                    id,
+                    schema,
+                    topic,
+                    encoding,
+                } => {
+                    let content = self.channel(schema, &topic, &encoding)?;
+                    self.channels.insert(id, content);
+                }
+                Content::Metadata { name, entries } if name == METADATA => {
+                    self.metadata.extend(entries);
+                }
+                Content::Metadata { .. } | Content::Other => {}
+                Content::Message {
+                    channel,
+                    log_time,
+                    body,
+                } => match self.channels.get(&channel) {
+                    None => return Err(invalid(&words(place), "a message of an unknown channel")),
+                    Some(Channel::Tool) => {}
+                    Some(Channel::Labels) => {
+                        let m: schema::Labels = decode(body, place)?;
+                        let labels = CurveLabels::named(m.names).with_radii(m.radii);
+                        self.labels = Arc::new(labels);
+                    }
+                    Some(&channel) => {
+                        return Ok(Some(Message {
+                            channel,
+                            time_ns: log_time,
+                            body,
+                            place,
+                        }));
+                    }
+                },
             }
-            // Other opcodes that the container returns from chunks.
-            _ => {}
         }
-        Ok(())
-    }
-
-    /// Parses the header of a message.
-    fn message(&self, record: Record) -> Result<Message> {
-        let place = format!("byte {}", record.place.at);
-        let mut body = record.body;
-        let header = container::message(&mut body);
-        let header = header.ok_or_else(|| invalid(&place, "a message without a header"))?;
-        let channel = self.channels.get(&header.channel).copied();
-        let unknown = || invalid(&place, "a message of an unknown channel");
-        Ok(Message {
-            channel: channel.ok_or_else(unknown)?,
-            time_ns: header.log_time,
-            body,
-            place,
-        })
     }
 
     /// Returns the content of a channel, or an error for a linkwatch topic of another version.
-    fn content(&mut self, channel: &container::Channel) -> Result<Channel> {
-        let schema = self.schemas.get(&channel.schema).map_or("", String::as_str);
-        if channel.encoding != PROTOBUF {
+    fn channel(&mut self, schema: u16, topic: &str, encoding: &str) -> Result<Channel> {
+        let schema = self.schemas.get(&schema).map_or("", String::as_str);
+        if encoding != PROTOBUF {
             return Ok(Channel::Foreign);
         }
-        let is = |tool: &RecordingTool| tool.channel() == (channel.topic.as_str(), schema);
+        let is = |tool: &RecordingTool| tool.channel() == (topic, schema);
         if let Some(tool) = RecordingTool::ALL.into_iter().find(is) {
             self.tools.insert(tool);
             return Ok(Channel::Tool);
@@ -363,7 +327,7 @@ impl<R: Read + Seek> RecordingReader<R> {
             (FRAMES, Channel::Frames),
             (VERDICTS, Channel::Verdicts),
         ];
-        let known = ours.into_iter().find(|((t, _), _)| *t == channel.topic);
+        let known = ours.into_iter().find(|((t, _), _)| *t == topic);
         let (Some(((_, message), content)), Some((package, m))) = (known, schema.rsplit_once('.'))
         else {
             return Ok(Channel::Foreign);
@@ -379,6 +343,57 @@ impl<R: Read + Seek> RecordingReader<R> {
             }),
         }
     }
+
+    /// Decodes a message. `None` if it is not an item.
+    fn item(&self, message: Message) -> Result<Option<RecordedItem>> {
+        let (body, place) = (message.body, message.place);
+        let item = match message.channel {
+            Channel::Foreign | Channel::Tool | Channel::Labels => return Ok(None),
+            Channel::Baseline => {
+                let read = Recorded::<schema::Baseline>::read(decode(body, place)?);
+                read.map(RecordedItem::Baseline)
+            }
+            Channel::Frames => self.frame(decode(body, place)?, message.time_ns),
+            Channel::Verdicts => verdict(decode(body, place)?, message.time_ns),
+        };
+        item.map(Some).map_err(|e| invalid(&words(place), e))
+    }
+
+    fn frame(&self, m: schema::CurveFrame, received_ns: u64) -> Result<RecordedItem> {
+        Ok(RecordedItem::Frame(RecordedFrame {
+            seq: m.seq,
+            time: m.time,
+            basis: Recorded::read(m.basis)?,
+            precision: Recorded::read(m.precision)?,
+            counts: m.counts,
+            info: FrameInfo {
+                seq: m.seq,
+                time: m.time,
+                cuts: m.cuts,
+                baseline: m.baseline,
+                layout: m.layout,
+                time_step: m.time_step,
+                closed_by_default: false,
+                cell: Recorded::read(m.cell)?,
+                labels: Arc::clone(&self.labels),
+            },
+            received_ns,
+            positions: m.positions,
+        }))
+    }
+}
+
+fn verdict(m: schema::Verdict, received_ns: u64) -> Result<RecordedItem> {
+    let report = m.report;
+    let report = report.ok_or_else(|| invalid("verdict", "the report is missing"))?;
+    let progress = RunProgress::read(m.progress.unwrap_or_default())?;
+    Ok(RecordedItem::Verdict(Box::new(RecordedVerdict {
+        report: Report::read(report)?,
+        progress: RunProgress {
+            received_ns,
+            ..progress
+        },
+    })))
 }
 
 /// Returns the version in the name of a linkwatch package.
@@ -386,92 +401,11 @@ fn version(package: &str) -> Option<u64> {
     package.strip_prefix("linkwatch.v")?.parse().ok()
 }
 
-fn broken(e: prost::DecodeError) -> Error {
-    invalid("message", e)
+fn decode<M: prost::Message + Default>(body: Bytes, place: Place) -> Result<M> {
+    let broken = |e| invalid(&words(place), invalid("message", e));
+    M::decode(body).map_err(broken)
 }
 
-fn labels(body: Bytes) -> Result<CurveLabels> {
-    let m = schema::Labels::decode(body).map_err(broken)?;
-    Ok(CurveLabels::named(m.names).with_radii(m.radii))
-}
-
-/// Decodes a message. `None` if it is not an item.
-fn item(
-    channel: Channel,
-    body: Bytes,
-    (labels, received_ns): (&Arc<CurveLabels>, u64),
-) -> Result<Option<RecordedItem>> {
-    Ok(Some(match channel {
-        Channel::Foreign | Channel::Tool | Channel::Labels => return Ok(None),
-        Channel::Baseline => {
-            let message = schema::Baseline::decode(body).map_err(broken)?;
-            RecordedItem::Baseline(message.try_into()?)
-        }
-        Channel::Frames => {
-            let m = schema::CurveFrame::decode(body).map_err(broken)?;
-            RecordedItem::Frame(RecordedFrame {
-                seq: m.seq,
-                time: m.time,
-                basis: messages::basis(m.basis)?,
-                precision: messages::precision(m.precision)?,
-                counts: m.counts,
-                info: FrameInfo {
-                    seq: m.seq,
-                    time: m.time,
-                    cuts: m.cuts,
-                    baseline: m.baseline,
-                    layout: m.layout,
-                    time_step: m.time_step,
-                    closed_by_default: false,
-                    cell: cell_of(&m.cell)?,
-                    labels: Arc::clone(labels),
-                },
-                received_ns,
-                positions: m.positions,
-            })
-        }
-        Channel::Verdicts => {
-            let m = schema::Verdict::decode(body).map_err(broken)?;
-            let report = m
-                .report
-                .ok_or_else(|| invalid("verdict", "the report is missing"))?;
-            let p = m.progress.unwrap_or_default();
-            RecordedItem::Verdict(Box::new(RecordedVerdict {
-                report: report.try_into()?,
-                progress: RecordedProgress {
-                    verified: p.verified,
-                    skipped: p.skipped,
-                    rejected: p.rejected,
-                    times: p.times.map_or_else(
-                        || FrameTimes {
-                            verification: Duration::from_nanos(p.check_ns),
-                            ..FrameTimes::default()
-                        },
-                        FrameTimes::from,
-                    ),
-                    // Recordings of earlier versions lack it.
-                    work: p.work.map_or(Ok(Work::default()), Work::try_from)?,
-                    received_ns,
-                    left_out: p.left_out,
-                    recovered: p.recovered,
-                    accepted: p.accepted,
-                },
-            }))
-        }
-    }))
-}
-
-/// Returns the name and the entries of a metadata record.
-fn metadata(body: &mut Bytes) -> Option<(String, BTreeMap<String, String>)> {
-    let name = string(body)?;
-    let bytes = body.try_get_u32_le().ok()? as usize;
-    if bytes > body.len() {
-        return None;
-    }
-    let mut entries = body.split_to(bytes);
-    let mut map = BTreeMap::new();
-    while !entries.is_empty() {
-        map.insert(string(&mut entries)?, string(&mut entries)?);
-    }
-    Some((name, map))
+fn words(place: Place) -> String {
+    format!("byte {}", place.at)
 }

@@ -11,14 +11,14 @@
 //! nothing on coordinates and to cost 1.4 ms for a frame of 2.5 MB. Each chunk has a checksum, so
 //! damage is still detected.
 
-use super::messages::{self, DESCRIPTORS, PACKAGE, nanoseconds, numbers_of_cell};
+use super::messages::{DESCRIPTORS, PACKAGE, Recorded};
 use super::tools::{self, Points, RecordingTool, Scene};
 use super::{BASELINE, FRAMES, LABELS, METADATA, PROTOBUF, VERDICTS};
 use super::{file, schema};
 use crate::curve::{CurveLabels, CurveSet};
 use crate::error::{Error, Result};
 use crate::ingest::FrameInfo;
-use crate::sinks::{BaselineRecord, FrameRecord, Sink};
+use crate::sinks::{BaselineRecord, FrameRecord, RunProgress, Sink};
 use mcap::records::{MessageHeader, Metadata};
 use mcap::write::NoSeek;
 use mcap::{McapError, WriteOptions, Writer};
@@ -29,7 +29,7 @@ use std::fs::File;
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::time::{Duration, SystemTime, UNIX_EPOCH};
+use std::time::{Duration, SystemTime};
 
 const CHUNK_BYTES: u64 = 768 << 10;
 
@@ -49,8 +49,8 @@ const MESSAGE_BYTES: usize = i32::MAX as usize;
 ///
 /// ```
 /// use linkwatch::{
-///     BaselineRecord, Basis, CurveSet, FrameInfo, FrameRecord, FrameTimes, Overflow, Positions,
-///     Received, RecordingSink, Session, SessionOptions, SinkQueue,
+///     BaselineRecord, Basis, CurveSet, FrameInfo, FrameRecord, Overflow, Positions, Received,
+///     RecordingSink, RunProgress, Session, SessionOptions, SinkQueue,
 /// };
 /// use std::sync::Arc;
 /// use std::time::{Duration, SystemTime};
@@ -77,17 +77,12 @@ const MESSAGE_BYTES: usize = i32::MAX as usize;
 ///     curves: verified.curves,
 ///     info: verified.info,
 ///     report: Arc::new(verified.report),
-///     verified: 1,
-///     skipped: 0,
-///     rejected: 0,
-///     recovered: 0,
-///     accepted: 0,
-///     times: FrameTimes {
-///         verification: verified.verification,
-///         ..FrameTimes::default()
-///     },
-///     work: verified.work,
-///     received: SystemTime::now(),
+///     progress: RunProgress {
+///         verified: 1,
+///         work: verified.work,
+///         ..RunProgress::default()
+///     }
+///     .received(SystemTime::now()),
 /// }));
 /// let summary = queue.finish(Duration::from_secs(60));
 /// assert_eq!((summary.written, summary.failed), (1, None));
@@ -95,8 +90,7 @@ const MESSAGE_BYTES: usize = i32::MAX as usize;
 /// # Ok::<(), linkwatch::Error>(())
 /// ```
 pub struct RecordingSink {
-    path: PathBuf,
-    writer: Writer<NoSeek<BufWriter<Prefix>>>,
+    log: Log,
     frames: u16,
     verdicts: u16,
     baseline: u16,
@@ -108,11 +102,18 @@ pub struct RecordingSink {
     last_labels: Arc<CurveLabels>,
     /// Reused for every frame, so that a frame allocates nothing.
     positions: Vec<u8>,
+    /// See [`RecordingSink::leave_out`].
+    left_out: u64,
+}
+
+/// The messages of a file.
+struct Log {
+    path: PathBuf,
+    writer: Writer<NoSeek<BufWriter<Prefix>>>,
+    /// Reused for every message.
     encoded: Vec<u8>,
     /// Upper bound of the size of the file if it were closed now.
     bytes: u64,
-    /// See [`RecordingSink::leave_out`].
-    left_out: u64,
 }
 
 impl RecordingSink {
@@ -141,7 +142,6 @@ impl RecordingSink {
         metadata: &BTreeMap<String, String>,
     ) -> Result<RecordingSink> {
         let version = env!("CARGO_PKG_VERSION");
-        let failed = |e| sink_error(path, e);
         let mut writer = WriteOptions::new()
             .compression(None)
             .chunk_size(Some(CHUNK_BYTES))
@@ -151,33 +151,31 @@ impl RecordingSink {
                 output,
                 failed: false,
             })))
-            .map_err(failed)?;
+            .map_err(|e| sink_error(path, e))?;
         let mut metadata = metadata.clone();
         metadata.insert("version".into(), version.into());
-        writer
-            .write_metadata(&Metadata {
-                name: METADATA.into(),
-                metadata,
-            })
-            .map_err(failed)?;
+        let name = METADATA.into();
+        let written = writer.write_metadata(&Metadata { name, metadata });
+        written.map_err(|e| sink_error(path, e))?;
+        let mut log = Log {
+            path: path.into(),
+            writer,
+            encoded: Vec::new(),
+            bytes: FIXED_BYTES,
+        };
         let mut channel = |(topic, message): (&str, &str)| {
-            let schema =
-                writer.add_schema(&format!("{PACKAGE}.{message}"), PROTOBUF, DESCRIPTORS)?;
-            writer.add_channel(schema, topic, PROTOBUF, &BTreeMap::new())
+            log.channel(topic, &format!("{PACKAGE}.{message}"), DESCRIPTORS)
         };
         Ok(RecordingSink {
-            baseline: channel(BASELINE).map_err(failed)?,
-            labels: channel(LABELS).map_err(failed)?,
+            baseline: channel(BASELINE)?,
+            labels: channel(LABELS)?,
             scene: None,
             points: None,
             last_labels: Arc::default(),
-            frames: channel(FRAMES).map_err(failed)?,
-            verdicts: channel(VERDICTS).map_err(failed)?,
-            path: path.into(),
-            writer,
+            frames: channel(FRAMES)?,
+            verdicts: channel(VERDICTS)?,
+            log,
             positions: Vec::new(),
-            encoded: Vec::new(),
-            bytes: FIXED_BYTES,
             left_out: 0,
         })
     }
@@ -187,12 +185,7 @@ impl RecordingSink {
     pub fn with_tools(mut self, tools: impl IntoIterator<Item = RecordingTool>) -> Result<Self> {
         for tool in tools {
             let (topic, message) = tool.channel();
-            let failed = |e| sink_error(&self.path, e);
-            let writer = &mut self.writer;
-            let schema = writer.add_schema(message, PROTOBUF, tools::DESCRIPTORS);
-            let channel = schema
-                .and_then(|schema| writer.add_channel(schema, topic, PROTOBUF, &BTreeMap::new()))
-                .map_err(failed)?;
+            let channel = self.log.channel(topic, message, tools::DESCRIPTORS)?;
             match tool {
                 RecordingTool::Foxglove => self.scene = Some((channel, Scene::default())),
                 RecordingTool::Rerun => self.points = Some((channel, Points::default())),
@@ -204,15 +197,13 @@ impl RecordingSink {
     fn write_for_tools(&mut self, set: &CurveSet, record: &FrameRecord, ns: u64) -> Result<()> {
         let seq = record.report.seq;
         if let Some((channel, scene)) = &mut self.scene {
-            let (channel, message) = (*channel, scene.update(set, record));
-            self.write(channel, &message, seq, ns)?;
+            self.log
+                .write(*channel, &scene.update(set, record), seq, ns)?;
         }
         if let Some((channel, points)) = &mut self.points {
-            let (channel, message) = (*channel, points.message(set, &record.report));
-            self.write(channel, &message, seq, ns)?;
-            if let Some((_, points)) = &mut self.points {
-                points.reuse(message);
-            }
+            let message = points.message(set, &record.report);
+            self.log.write(*channel, &message, seq, ns)?;
+            points.reuse(message);
         }
         Ok(())
     }
@@ -225,18 +216,17 @@ impl RecordingSink {
 
     /// Returns an upper bound of the size of the file if it were closed now.
     pub(super) fn bytes(&self) -> u64 {
-        self.bytes
+        self.log.bytes
     }
 
     /// Writes the index and the end of the file, without waiting for the disk.
-    pub(super) fn close(mut self) -> Result<Box<dyn Output>> {
-        self.writer
-            .finish()
-            .map_err(|e| sink_error(&self.path, e))?;
-        let buffer = self.writer.into_inner().into_inner();
-        let prefix = buffer
-            .into_inner()
-            .map_err(|e| Error::file(&self.path)(e.into_error()))?;
+    pub(super) fn close(self) -> Result<Box<dyn Output>> {
+        let Log {
+            path, mut writer, ..
+        } = self.log;
+        writer.finish().map_err(|e| sink_error(&path, e))?;
+        let prefix = writer.into_inner().into_inner().into_inner();
+        let prefix = prefix.map_err(|e| Error::file(&path)(e.into_error()))?;
         Ok(prefix.output)
     }
 
@@ -250,7 +240,7 @@ impl RecordingSink {
         info: &FrameInfo,
     ) -> Result<()> {
         let since_start = Duration::try_from_secs_f64(time).unwrap_or_default();
-        self.write_curves((seq, time), curves, info, nanoseconds(since_start))
+        self.write_curves((seq, time), curves, info, since_start.record())
     }
 
     fn write_curves(
@@ -266,7 +256,7 @@ impl RecordingSink {
                 names: labels.names.clone(),
                 radii: labels.radii.clone(),
             };
-            self.write(self.labels, &message, seq, time_ns)?;
+            self.log.write(self.labels, &message, seq, time_ns)?;
             self.last_labels = Arc::clone(labels);
         }
         self.positions.clear();
@@ -274,20 +264,33 @@ impl RecordingSink {
         let message = schema::CurveFrame {
             seq,
             time,
-            basis: messages::basis_code(set.basis()),
-            precision: messages::precision_code(set.precision()),
+            basis: set.basis().record(),
+            precision: set.precision().record(),
             counts: set.counts().collect(),
             positions: Bytes::from(std::mem::take(&mut self.positions)),
             cuts: info.cuts,
             baseline: info.baseline,
             layout: info.layout,
             time_step: info.time_step,
-            cell: numbers_of_cell(info.cell.as_ref()),
+            cell: info.cell.record(),
         };
-        let outcome = self.write(self.frames, &message, seq, time_ns);
+        let outcome = self.log.write(self.frames, &message, seq, time_ns);
         // The message was the only owner of the bytes, so this returns the buffer without a copy.
         self.positions = message.positions.into();
         outcome
+    }
+}
+
+impl Log {
+    /// Adds a channel of protobuf messages.
+    fn channel(&mut self, topic: &str, message: &str, descriptors: &[u8]) -> Result<u16> {
+        let schema = self.writer.add_schema(message, PROTOBUF, descriptors);
+        schema
+            .and_then(|schema| {
+                let writer = &mut self.writer;
+                writer.add_channel(schema, topic, PROTOBUF, &BTreeMap::new())
+            })
+            .map_err(|e| sink_error(&self.path, e))
     }
 
     fn write(&mut self, channel: u16, message: &impl Message, seq: u64, ns: u64) -> Result<()> {
@@ -324,31 +327,26 @@ impl Sink for RecordingSink {
     }
 
     fn begin(&mut self, baseline: &BaselineRecord) -> Result<()> {
-        let message = schema::Baseline::from(baseline);
-        self.write(self.baseline, &message, 0, since_epoch(SystemTime::now()))
+        let now = RunProgress::default().received(SystemTime::now());
+        self.log
+            .write(self.baseline, &baseline.record(), 0, now.received_ns)
     }
 
     fn frame(&mut self, record: &FrameRecord) -> Result<()> {
-        let time = since_epoch(record.received);
+        let time = record.progress.received_ns;
+        let seq = record.report.seq;
         if let Some(curves) = &record.curves {
-            let (seq, time_s) = (record.report.seq, record.report.time);
-            self.write_curves((seq, time_s), curves, &record.info, time)?;
+            self.write_curves((seq, record.report.time), curves, &record.info, time)?;
         }
-        let message = schema::Verdict {
-            report: Some(record.report.as_ref().into()),
-            progress: Some(schema::Progress {
-                verified: record.verified,
-                skipped: record.skipped,
-                rejected: record.rejected,
-                check_ns: nanoseconds(record.times.check()),
-                work: Some((&record.work).into()),
-                times: Some((&record.times).into()),
-                left_out: self.left_out,
-                recovered: record.recovered,
-                accepted: record.accepted,
-            }),
+        let progress = RunProgress {
+            left_out: self.left_out,
+            ..record.progress
         };
-        self.write(self.verdicts, &message, record.report.seq, time)?;
+        let message = schema::Verdict {
+            report: Some(record.report.record()),
+            progress: Some(progress.record()),
+        };
+        self.log.write(self.verdicts, &message, seq, time)?;
         match &record.curves {
             Some(curves) => self.write_for_tools(curves, record, time),
             None => Ok(()),
@@ -356,12 +354,13 @@ impl Sink for RecordingSink {
     }
 
     fn flush(&mut self) -> Result<()> {
-        self.bytes += CHUNK_OVERHEAD;
-        self.writer.flush().map_err(|e| sink_error(&self.path, e))
+        self.log.bytes += CHUNK_OVERHEAD;
+        let flushed = self.log.writer.flush();
+        flushed.map_err(|e| sink_error(&self.log.path, e))
     }
 
     fn finish(self: Box<Self>) -> Result<()> {
-        let path = self.path.clone();
+        let path = self.log.path.clone();
         self.close()?.sync().map_err(Error::file(&path))
     }
 }
@@ -400,11 +399,6 @@ impl Write for Prefix {
     }
 }
 
-/// Returns the nanoseconds since 1970, or 0 if the clock is set before that.
-fn since_epoch(time: SystemTime) -> u64 {
-    nanoseconds(time.duration_since(UNIX_EPOCH).unwrap_or_default())
-}
-
 fn sink_error(path: &Path, error: McapError) -> Error {
     match error {
         McapError::Io(source) => Error::file(path)(source),
@@ -419,7 +413,6 @@ fn sink_error(path: &Path, error: McapError) -> Error {
 mod tests {
     use super::*;
     use crate::curve::{Basis, Positions};
-    use crate::sinks::FrameTimes;
     use crate::sinks::{Ending, RecordedItem, RecordingReader};
     use crate::verdict::{Report, Verdict};
     use std::sync::Mutex;
@@ -460,14 +453,7 @@ mod tests {
             info: FrameInfo::default(),
             curves: Some(Arc::new(set)),
             report: Arc::new(Report::new(seq, 0.0, Verdict::Intact)),
-            verified: seq,
-            skipped: 0,
-            rejected: 0,
-            recovered: 0,
-            accepted: 0,
-            times: FrameTimes::default(),
-            work: Default::default(),
-            received: UNIX_EPOCH,
+            progress: Default::default(),
         }
     }
 

@@ -3,12 +3,11 @@
 use super::names::entity;
 use super::stream::log;
 use super::style::{DIMMED, FAINT_RED, lines, narrow};
-use crate::curve::{Cell, CurveSet, Image, Point};
+use crate::curve::vector::add;
+use crate::curve::{Cell, CurveSet, Image, Point, is_home};
 use crate::error::Result;
 use crate::verdict::Report;
 use re_sdk::RecordingStream;
-use re_sdk_types::archetypes::LineStrips3D;
-use re_sdk_types::components::Radius;
 use std::collections::BTreeSet;
 
 /// Maximum number of images that are drawn; more would hide the curves.
@@ -51,49 +50,44 @@ impl CellView {
             strip.map(move |p| [0, 1, 2].map(|x| p[x] + by[x]))
         });
         let strips: Vec<Vec<[f32; 3]>> = strips.map(Iterator::collect).collect();
-        let strips = LineStrips3D::new(strips)
-            .with_radii([Radius::new_ui_points(1.0)])
-            .with_colors([FAINT_RED]);
-        log(rec, entity::IMAGES, &strips)
+        log(
+            rec,
+            entity::IMAGES,
+            &lines(strips, 1.0).with_colors([FAINT_RED]),
+        )
     }
 }
 
 /// Returns the translated curves of the findings of a report.
 fn images_of(report: &Report) -> BTreeSet<(u32, Image)> {
-    let changes = report.changes.iter().map(|c| (c.j, c.image));
-    let passages = report.events.iter().chain(&report.unresolved);
-    let passages = passages.map(|e| (e.j, e.image));
-    let defects = report.defects.iter();
-    let defects = defects.filter_map(|d| Some((d.j?, d.image)));
-    let all = changes.chain(passages).chain(defects);
-    all.filter(|(_, image)| *image != Image::default())
-        .collect()
+    let seconds = report.all_findings().filter_map(|finding| {
+        let (_, j, image) = finding.pair();
+        Some((j?, image))
+    });
+    seconds.filter(|(_, image)| !is_home(image)).collect()
 }
 
 /// Returns the edges of a cell. Directions without repetition have none.
 fn edges(cell: &Cell) -> Vec<[Point; 2]> {
-    let mut edges = Vec::new();
     let directions: Vec<Point> = cell
         .vectors
         .into_iter()
-        .filter(|v| *v != Point::default())
+        .filter(|v| *v != [0.0; 3])
         .collect();
-    for (k, along) in directions.iter().enumerate() {
-        let others: Vec<&Point> = (0..directions.len())
-            .filter(|&l| l != k)
-            .map(|l| &directions[l])
-            .collect();
-        for subset in 0..1 << others.len() {
-            let mut from = cell.origin;
-            for (l, other) in others.iter().enumerate() {
-                if subset >> l & 1 != 0 {
-                    from = [0, 1, 2].map(|x| from[x] + other[x]);
-                }
-            }
-            edges.push([from, [0, 1, 2].map(|x| from[x] + along[x])]);
-        }
-    }
-    edges
+    // A corner is a set of directions.
+    let corner = |set: usize| {
+        let taken = directions
+            .iter()
+            .enumerate()
+            .filter(|(k, _)| set >> k & 1 != 0);
+        taken.fold(cell.origin, |p, (_, &v)| add(p, v))
+    };
+    let corners = 0..1 << directions.len();
+    let along = |k: usize| {
+        let starts = corners.clone().filter(move |set| set >> k & 1 == 0);
+        starts.map(move |set| [corner(set), corner(set | 1 << k)])
+    };
+    (0..directions.len()).flat_map(along).collect()
 }
 
 #[cfg(test)]

@@ -3,8 +3,8 @@
 
 use super::names::entity;
 use super::passed::pair;
-use super::plots::{ms, plot};
-use super::stream::{log, log_static};
+use super::plots;
+use super::stream::log;
 use super::style::{ORANGE, RED, YELLOW, lines, narrow, points};
 use crate::curve::vector::distance;
 use crate::curve::{Cell, CurveSet, Point};
@@ -14,8 +14,6 @@ use crate::sinks::FrameRecord;
 use crate::thickness::{ClearanceOptions, CloseBlock, REACH, close_blocks};
 use crate::verdict::{Clearance, CloseStrands};
 use re_sdk::RecordingStream;
-use re_sdk_types::archetypes::{LineStrips3D, SeriesLines};
-use re_sdk_types::components::Radius;
 
 /// Maximum number of marks.
 const MARKS: usize = 20;
@@ -31,21 +29,6 @@ const POINTS_PER_SEGMENT: usize = 4;
 
 /// Colour of the strands at a clearance of [`REACH`], where they begin to be drawn.
 const FAR: u32 = 0x3d7a8cff;
-
-/// Logs the names and colours of the plots.
-pub(super) fn describe(rec: &RecordingStream) -> Result<()> {
-    for (path, color, name) in [
-        (entity::CLEARANCE, YELLOW, "clearance, diameters"),
-        (entity::CLEARANCE_LOW, RED, "warning"),
-    ] {
-        let style = SeriesLines::new()
-            .with_colors([color])
-            .with_names([name])
-            .with_widths([2.5]);
-        log_static(rec, path, &style)?;
-    }
-    super::plots::describe_clearance(rec)
-}
 
 /// What is shown of the clearance.
 pub(super) struct ClearanceView {
@@ -113,14 +96,9 @@ impl ClearanceView {
         Vec::new()
     }
 
-    /// Logs the clearance of a frame, if it was measured, and the limit of the warning.
+    /// Logs the clearance of a frame in the plots.
     pub fn plot(&self, rec: &RecordingStream, record: &FrameRecord) -> Result<()> {
-        let found = record.report.clearance.as_ref();
-        let ratio = found.map(|found| found.closest.map_or(REACH, |c| c.ratio));
-        plot(rec, entity::CLEARANCE, ratio)?;
-        plot(rec, entity::CLEARANCE_LOW, found.map(|_| self.options.low))?;
-        let time = found.map(|_| ms(record.times.stages.clearance));
-        plot(rec, entity::MEASURE, time)
+        plots::add_clearance(rec, record, self.options.low)
     }
 }
 
@@ -149,10 +127,7 @@ fn draw_strands(
         strip
     });
     let colors = blocks.iter().map(|block| color(block.closest.ratio, low));
-    let strips = LineStrips3D::new(strips)
-        .with_colors(colors)
-        .with_radii([Radius::new_ui_points(1.6)]);
-    log(rec, entity::CLOSE, &strips)
+    log(rec, entity::CLOSE, &lines(strips, 1.6).with_colors(colors))
 }
 
 /// Logs a line with two dots at the closest place, and at others whose clearance is low.

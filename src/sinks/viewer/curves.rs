@@ -278,12 +278,11 @@ fn path(group: u32) -> String {
 
 /// Returns the curves of each finding, and their group.
 fn groups_of_findings(report: &Report) -> impl Iterator<Item = ([u32; 2], u32)> + '_ {
-    let changes = report.changes.iter().map(|c| ([c.i, c.j], BROKEN));
-    let events = report.events.iter().map(|e| ([e.i, e.j], BROKEN));
-    let defects = report
-        .defects
-        .iter()
-        .map(|d| ([d.i, d.j.unwrap_or(d.i)], UNDECIDED));
-    let unresolved = report.unresolved.iter().map(|e| ([e.i, e.j], UNDECIDED));
-    changes.chain(events).chain(defects).chain(unresolved)
+    report.all_findings().map(|finding| {
+        let group = match finding.is_change() {
+            true => BROKEN,
+            false => UNDECIDED,
+        };
+        (finding.curves(), group)
+    })
 }

@@ -45,62 +45,57 @@ pub(super) fn send(
     eye: Option<&EyeControls3D>,
     clearance: bool,
 ) -> RecordingStreamResult<()> {
+    let mut properties: Vec<(EntityPath, Box<dyn AsComponents>)> = Vec::new();
+    let mut property = |view: &ContainerLike, name: &str, what: Box<dyn AsComponents>| {
+        if let ContainerLike::View(view) = view {
+            properties.push((format!("{}/{name}", view.blueprint_path()).into(), what));
+        }
+    };
     let scene = Spatial3DView::new("curves").with_contents(["/curves/**"]);
+    let scene = ContainerLike::from(scene);
+    let background =
+        Background::new(BackgroundKind::SolidColor).with_color(Color::from_u32(BACKGROUND));
+    property(&scene, "Background", Box::new(background));
+    let grid = LineGrid3D::new().with_visible(false);
+    property(&scene, "LineGrid3D", Box::new(grid));
+    if let Some(eye) = eye {
+        property(&scene, "EyeControls3D", Box::new(eye.clone()));
+    }
     let status = TextDocumentView::new("status").with_origin(entity::STATUS);
     let key = TextDocumentView::new("colours").with_origin(entity::KEY);
-    let log = TextLogView::new("log").with_origin(entity::LOG);
-    let links = TimeSeriesView::new("links and pull-throughs").with_contents(["/links/**"]);
-    let close = TimeSeriesView::new("clearance, diameters").with_contents(["/clearance/**"]);
-    let check = TimeSeriesView::new("check, ms").with_contents(["/check/**"]);
-    let times = TimeSeriesView::new("stages, ms").with_contents(["/times/**"]);
-    let wait = TimeSeriesView::new("wait for the frame, ms").with_contents(["/wait/**"]);
-    let marked = TimeSeriesView::new("blocks marked, %").with_contents(["/marked/**"]);
-    let recomputed = TimeSeriesView::new("pairs recomputed").with_contents(["/recomputed/**"]);
-    let skipped = TimeSeriesView::new("skipped").with_contents(["/skipped/**"]);
-    let (scene, log) = (ContainerLike::from(scene), ContainerLike::from(log));
-    let mut properties: Vec<(EntityPath, Box<dyn AsComponents>)> = Vec::new();
-    if let ContainerLike::View(view) = &scene {
-        let mut property = |name: &str, what| {
-            properties.push((format!("{}/{name}", view.blueprint_path()).into(), what));
-        };
-        let background =
-            Background::new(BackgroundKind::SolidColor).with_color(Color::from_u32(BACKGROUND));
-        property("Background", Box::new(background));
-        property(
-            "LineGrid3D",
-            Box::new(LineGrid3D::new().with_visible(false)),
-        );
-        if let Some(eye) = eye {
-            property("EyeControls3D", Box::new(eye.clone()));
-        }
-    }
-    if let ContainerLike::View(view) = &log {
-        // All lines come from one entity, so a column for its name is not needed.
-        let columns =
-            [TextLogColumnKind::LogLevel, TextLogColumnKind::Body].map(|kind| TextLogColumn {
-                visible: true.into(),
-                kind,
-            });
-        // The frame on every timeline, so that a click jumps to it.
-        let frame = TimelineColumn {
+    let log = ContainerLike::from(TextLogView::new("log").with_origin(entity::LOG));
+    // All lines come from one entity, so a column for its name is not needed.
+    let columns =
+        [TextLogColumnKind::LogLevel, TextLogColumnKind::Body].map(|kind| TextLogColumn {
             visible: true.into(),
-            timeline: FRAME.into(),
-        };
-        let columns = TextLogColumns::new()
-            .with_timeline_columns([frame])
-            .with_text_log_columns(columns);
-        let path = format!("{}/TextLogColumns", view.blueprint_path());
-        properties.push((path.into(), Box::new(columns)));
-    }
-    let plots = [links, close, check, wait, marked, recomputed, skipped].map(ContainerLike::from);
-    for plot in &plots {
-        if let ContainerLike::View(view) = plot {
-            let legend = PlotLegend::new().with_visible(false);
-            let path = format!("{}/PlotLegend", view.blueprint_path());
-            properties.push((path.into(), Box::new(legend)));
-        }
-    }
-    let [links, close, check, wait, marked, recomputed, skipped] = plots;
+            kind,
+        });
+    // The frame on every timeline, so that a click jumps to it.
+    let frame = TimelineColumn {
+        visible: true.into(),
+        timeline: FRAME.into(),
+    };
+    let columns = TextLogColumns::new()
+        .with_timeline_columns([frame])
+        .with_text_log_columns(columns);
+    property(&log, "TextLogColumns", Box::new(columns));
+    let plot = |name: &str, contents: &str| TimeSeriesView::new(name).with_contents([contents]);
+    let [links, close, check, wait, marked, recomputed, skipped] = [
+        ("links and pull-throughs", "/links/**"),
+        ("clearance, diameters", "/clearance/**"),
+        ("check, ms", "/check/**"),
+        ("wait for the frame, ms", "/wait/**"),
+        ("blocks marked, %", "/marked/**"),
+        ("pairs recomputed", "/recomputed/**"),
+        ("skipped", "/skipped/**"),
+    ]
+    .map(|(name, contents)| {
+        let plot = ContainerLike::from(plot(name, contents));
+        let legend = PlotLegend::new().with_visible(false);
+        property(&plot, "PlotLegend", Box::new(legend));
+        plot
+    });
+    let times = plot("stages, ms", "/times/**");
     let links = match clearance {
         true => Vertical::new([close, links]).into(),
         false => links,

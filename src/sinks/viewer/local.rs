@@ -4,7 +4,7 @@
 use crate::curve::vector::{add, sub};
 use crate::curve::{CurveSet, Point};
 pub(super) use crate::curve::{feature, nearest};
-use crate::verdict::Report;
+use crate::verdict::{Finding, Report};
 
 /// Place of a finding, for the picture.
 pub(super) struct Spot {
@@ -51,17 +51,13 @@ pub(super) fn spot(
 /// Returns the curves, the segments and the point of each finding that has a place. Pull-throughs
 /// come first, because their places are more specific than the closest approach after them.
 pub(super) fn places(report: &Report) -> impl Iterator<Item = ([u32; 2], [u32; 2], Point)> + '_ {
-    let events = report.events.iter().chain(&report.unresolved);
-    let events = events.map(|e| ([e.i, e.j], e.segments, e.point));
-    let changes = report.changes.iter().filter_map(|c| {
-        let place = c.place?;
-        Some(([c.i, c.j], place.segments, place.point))
-    });
-    let defects = report.defects.iter().map(|d| {
-        let place = d.place;
-        ([d.i, d.j.unwrap_or(d.i)], place.segments, place.point)
-    });
-    events.chain(changes).chain(defects)
+    let is_passage = |f: &Finding| matches!(f, Finding::PullThrough(_) | Finding::Unresolved(_));
+    let others = report.all_findings().filter(move |f| !is_passage(f));
+    let findings = report.all_findings().filter(is_passage).chain(others);
+    findings.filter_map(|finding| {
+        let (segments, point) = finding.place()?;
+        Some((finding.curves(), segments, point))
+    })
 }
 
 /// Returns the place of the first finding of a report, and the size of its surroundings.

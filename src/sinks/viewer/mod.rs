@@ -51,13 +51,14 @@ use self::curves::Curves;
 use self::log::{Log, line};
 use self::names::{FRAME, SIM_TIME, UNTIL, entity};
 use self::passed::Passed;
-use self::stream::{failed, log, log_static};
+use self::stream::{failed, log, log_static, write};
 use self::view::View;
 use crate::curve::Point;
 use crate::error::{Error, Result};
 use crate::sinks::{BaselineRecord, FrameRecord, Sink};
 use crate::thickness::ClearanceOptions;
 use crate::verdict::Verdict;
+use crate::words::plural_of;
 use re_sdk::RecordingStream;
 use re_sdk_types::archetypes::{TextDocument, TextLog, Transform3D};
 use re_sdk_types::blueprint::archetypes::EyeControls3D;
@@ -164,7 +165,7 @@ impl ViewerSink {
         self.layout(FRAME, None)?;
         let key = format!("{}\n{}", layout::KEY, layout::CLEARANCE_KEY);
         log_static(&self.rec, entity::KEY, &TextDocument::from_markdown(key))?;
-        clearance::describe(&self.rec)?;
+        plots::describe_clearance(&self.rec)?;
         Ok(self)
     }
 
@@ -222,8 +223,7 @@ impl ViewerSink {
         if was_earlier {
             // The timeline misses what was logged at earlier times.
             self.redraws = true;
-            let status = TextDocument::from_markdown(self.status.clone());
-            log(&self.rec, entity::STATUS, &status)?;
+            write(&self.rec, entity::STATUS, &self.status)?;
         }
         Ok(())
     }
@@ -286,24 +286,17 @@ impl ViewerSink {
     fn open_at_first(&mut self) -> Result<()> {
         let (timeline, near) = match self.first.take() {
             Some(first) if first.later > 0 => {
-                let (frames, follow) = match first.later {
-                    1 => ("frame", "follows"),
-                    _ => ("frames", "follow"),
-                };
+                let follow = plural_of(first.later, "frame follows", "frames follow");
                 let status = format!(
                     "{}
-This is the first violation. {} {frames} {follow}: click on a frame of the \
-                     log, or choose the timeline *{}* below.
+This is the first violation. {follow}: click on a frame of the log, or choose \
+                     the timeline *{FRAME}* below.
 ",
-                    first.status, first.later, FRAME
+                    first.status
                 );
                 self.rec.reset_time();
                 self.rec.set_time_sequence(UNTIL, first.frame);
-                log(
-                    &self.rec,
-                    entity::STATUS,
-                    &TextDocument::from_markdown(status),
-                )?;
+                write(&self.rec, entity::STATUS, &status)?;
                 (UNTIL, first.eye)
             }
             Some(first) => (FRAME, first.eye),
@@ -373,11 +366,7 @@ impl Sink for ViewerSink {
             self.log_line(line)?;
         }
         if let Some(status) = news.status {
-            log(
-                &self.rec,
-                entity::STATUS,
-                &TextDocument::from_markdown(status.clone()),
-            )?;
+            write(&self.rec, entity::STATUS, &status)?;
             self.status = status;
         }
         self.note_first(seq, record)

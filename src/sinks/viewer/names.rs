@@ -34,25 +34,5 @@ pub(super) mod entity {
     pub const LOG: &str = "log";
     pub const STATUS: &str = "status";
     pub const KEY: &str = "key";
-    pub const LOST: &str = "links/lost";
-    pub const GAINED: &str = "links/gained";
-    pub const CHANGED: &str = "links/changed";
-    pub const EVENT_COUNT: &str = "links/pull-throughs";
-    pub const CLEARANCE: &str = "clearance/closest";
-    pub const CLEARANCE_LOW: &str = "clearance/warning";
-    pub const CHECK: &str = "check/time";
-    /// In the order of [`crate::Route::ALL`].
-    pub const ROUTES: [&str; 3] = ["check/full", "check/quiet", "check/partial"];
-    pub const WAIT: &str = "wait/time";
-    pub const INGEST: &str = "times/ingest";
-    pub const VERIFICATION: &str = "times/verification";
-    pub const SEND: &str = "times/send";
-    pub const BOXES: &str = "times/verification/boxes";
-    pub const PAIRS: &str = "times/verification/pairs";
-    pub const LINKING: &str = "times/verification/links";
-    pub const SEARCH: &str = "times/verification/pull-throughs";
-    pub const MEASURE: &str = "times/verification/clearance";
-    pub const MARKED: &str = "marked/blocks";
-    pub const RECOMPUTED: &str = "recomputed/pairs";
     pub const SKIPPED: &str = "skipped/frames";
 }

@@ -3,7 +3,7 @@
 
 use super::local;
 use crate::curve::{CurveSet, Image, Point};
-use crate::verdict::{PullThrough, Report, label_of_pair};
+use crate::verdict::{Report, label_of_pair};
 use std::collections::VecDeque;
 
 /// Maximum number of marks, the newest; more would hide the curves.
@@ -61,11 +61,6 @@ impl Passed {
     }
 }
 
-/// Returns the name of an event for its mark and the status.
-pub(super) fn name(e: &PullThrough) -> String {
-    e.label(&[])
-}
-
 /// Returns two curves in words, as the log has them if one is an image: "3 & 4", "curve 3 and the
 /// image 1,0,0 of curve 4".
 pub(super) fn pair(i: u32, j: u32, image: Image) -> String {
@@ -76,7 +71,7 @@ pub(super) fn pair(i: u32, j: u32, image: Image) -> String {
 mod tests {
     use super::*;
     use crate::curve::{Basis, Positions};
-    use crate::verdict::Verdict;
+    use crate::verdict::{PullThrough, Verdict};
 
     fn report(seq: u64, events: Vec<PullThrough>) -> Report {
         Report {

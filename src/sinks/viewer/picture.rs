@@ -7,9 +7,9 @@ use super::passed::{self, Passed};
 use super::stream::log;
 use super::style::{CYAN, PALE_ORANGE, PALE_RED, lines, narrow, points};
 use super::view::View;
-use crate::curve::{Cell, CurveSet, Image, is_home};
+use crate::curve::{Cell, CurveSet, is_home};
 use crate::error::Result;
-use crate::verdict::Report;
+use crate::verdict::{Finding, Report};
 use re_sdk::RecordingStream;
 
 /// Maximum number of findings of a kind with a mark and a table row, and of findings with a log
@@ -35,46 +35,29 @@ pub(super) fn draw_places(
     cell: Option<&Cell>,
     report: &Report,
 ) -> Result<()> {
-    let by = |image: Image| cell.map_or([0.0; 3], |cell| cell.translation(image));
-    let changes = report.changes.iter().filter_map(|c| {
-        let (numbers, place) = ((c.expected, c.found), c.place?);
-        let text = format!(
-            "{}: linking number was {}, is {}",
-            passed::pair(c.i, c.j, c.image),
-            numbers.0,
-            numbers.1
-        );
-        let segments = (place.segments, by(c.image));
-        let spot = local::spot(set, [c.i, c.j], segments, place.point);
-        Some((spot, text, PALE_RED))
-    });
-    let defects = report.defects.iter().map(|d| {
-        let text = match d.j {
-            Some(j) => format!("{} {}", passed::pair(d.i, j, d.image), d.kind.words()),
-            None => format!("{} {}", d.i, d.kind.words()),
+    let spot = |finding: Finding| {
+        let (segments, point) = finding.place()?;
+        let by = cell.map_or([0.0; 3], |cell| cell.translation(finding.pair().2));
+        let mut spot = local::spot(set, finding.curves(), (segments, by), point);
+        let mut text = finding.label(&[]);
+        let color = match finding {
+            Finding::Change(_) => PALE_RED,
+            Finding::Defect(_) | Finding::Unresolved(_) => PALE_ORANGE,
+            Finding::PullThrough(e) => {
+                spot.marks = vec![point];
+                if e.i == e.j && is_home(&e.image) {
+                    text = e.label(&[]);
+                }
+                CYAN
+            }
         };
-        let curves = [d.i, d.j.unwrap_or(d.i)];
-        let segments = (d.place.segments, by(d.image));
-        let spot = local::spot(set, curves, segments, d.place.point);
-        (spot, text, PALE_ORANGE)
-    });
-    let unresolved = report.unresolved.iter().map(|e| {
-        let text = format!("{}: unresolved", passed::name(e));
-        let spot = local::spot(set, [e.i, e.j], (e.segments, by(e.image)), e.point);
-        (spot, text, PALE_ORANGE)
-    });
-    let undecided = defects.take(SHOWN).chain(unresolved.take(SHOWN));
-    let marked: Vec<(Spot, String, u32)> = changes.take(SHOWN).chain(undecided).collect();
-    let events = report.events.iter().take(passed::KEPT).map(|e| {
-        let text = match e.i == e.j && is_home(&e.image) {
-            true => passed::name(e),
-            false => format!("{}, {:+}", passed::name(e), e.sign),
-        };
-        let mut spot = local::spot(set, [e.i, e.j], (e.segments, by(e.image)), e.point);
-        spot.marks = vec![e.point];
-        (spot, text, CYAN)
-    });
-    let events: Vec<(Spot, String, u32)> = events.collect();
+        Some((spot, text, color))
+    };
+    let is_event = |finding: &Finding| matches!(finding, Finding::PullThrough(_));
+    let marked = report.first_findings(SHOWN).filter(|f| !is_event(f));
+    let marked: Vec<(Spot, String, u32)> = marked.filter_map(spot).collect();
+    let events = report.first_findings(passed::KEPT).filter(is_event);
+    let events: Vec<(Spot, String, u32)> = events.filter_map(spot).collect();
 
     let dots = marked
         .iter()

@@ -1,6 +1,6 @@
 //! Status of a run in words, and the findings that last over several frames.
 
-use super::passed::{Passed, name, pair};
+use super::passed::{Passed, pair};
 use crate::verdict::{Lasting, Report, Verdict};
 use std::collections::BTreeMap;
 
@@ -73,7 +73,12 @@ pub(super) fn status(
         text.push_str("\n| pulled in this frame | sign | moment |\n|---|---|---|\n");
     }
     for e in report.events.iter().take(shown) {
-        let row = format!("| **{}** | {:+} | {:.3} |\n", name(e), e.sign, e.fraction);
+        let row = format!(
+            "| **{}** | {:+} | {:.3} |\n",
+            e.label(&[]),
+            e.sign,
+            e.fraction
+        );
         text.push_str(&row);
     }
     text.extend(more(report.events.len()));

@@ -1,9 +1,8 @@
 //! Colours, and styles of points, lines and series.
 
 use crate::curve::Point;
-use re_sdk_types::archetypes::{LineStrips3D, Points3D, SeriesPoints};
-use re_sdk_types::components::MarkerShape;
-use re_sdk_types::components::Radius;
+use re_sdk_types::archetypes::{LineStrips3D, Points3D};
+use re_sdk_types::components::{LineStrip3D, Radius};
 
 pub(super) const QUIET: u32 = 0x6f809cff;
 /// Of the curves beside a violation. Viewers draw no transparent lines.
@@ -22,22 +21,16 @@ pub(super) const GREEN: u32 = 0x30d158ff;
 pub(super) const CYAN: u32 = 0x40d8ffff;
 pub(super) const DARK_GREEN: u32 = 0x1d6b33ff;
 
-/// Returns the style of a series of points.
-pub(super) fn series_points(color: u32, name: &str, shape: MarkerShape, size: f32) -> SeriesPoints {
-    SeriesPoints::new()
-        .with_colors([color])
-        .with_names([name])
-        .with_markers([shape])
-        .with_marker_sizes([size])
-}
-
 /// Returns points with a size on the screen.
 pub(super) fn points(points: impl IntoIterator<Item = [f32; 3]>, size: f32) -> Points3D {
     Points3D::new(points).with_radii([Radius::new_ui_points(size)])
 }
 
 /// Returns lines with a width on the screen.
-pub(super) fn lines(lines: impl IntoIterator<Item = [[f32; 3]; 2]>, width: f32) -> LineStrips3D {
+pub(super) fn lines<L: Into<LineStrip3D>>(
+    lines: impl IntoIterator<Item = L>,
+    width: f32,
+) -> LineStrips3D {
     LineStrips3D::new(lines).with_radii([Radius::new_ui_points(width)])
 }
 

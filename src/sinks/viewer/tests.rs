@@ -3,9 +3,8 @@
 use super::names::APPLICATION;
 use super::*;
 use crate::curve::{Basis, CurveSet, Positions};
-use crate::incremental::Work;
 use crate::ingest::FrameInfo;
-use crate::sinks::FrameTimes;
+use crate::sinks::{FrameTimes, RunProgress};
 use crate::verdict::{PullThrough, Report};
 use re_sdk::RecordingStreamBuilder;
 use re_sdk::log::{Chunk, LogMsg};
@@ -14,7 +13,7 @@ use re_sdk_types::archetypes::{LineStrips3D, Points3D, Scalars};
 use re_sdk_types::blueprint::archetypes::TimePanelBlueprint;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
-use std::time::{Duration, SystemTime};
+use std::time::Duration;
 
 /// A triangle at height `z`; `None` for a frame without curves.
 pub(super) fn record(seq: u64, z: Option<f32>, events: Vec<PullThrough>) -> FrameRecord {
@@ -36,17 +35,14 @@ pub(super) fn record(seq: u64, z: Option<f32>, events: Vec<PullThrough>) -> Fram
         curves: z.map(set).map(Arc::new),
         info: FrameInfo::default(),
         report: Arc::new(report),
-        verified: seq,
-        skipped: 0,
-        rejected: 0,
-        recovered: 0,
-        accepted: 0,
-        times: FrameTimes {
-            verification: Duration::from_millis(1),
-            ..FrameTimes::default()
+        progress: RunProgress {
+            verified: seq,
+            times: FrameTimes {
+                verification: Duration::from_millis(1),
+                ..FrameTimes::default()
+            },
+            ..RunProgress::default()
         },
-        work: Work::default(),
-        received: SystemTime::UNIX_EPOCH,
     }
 }
 
@@ -231,10 +227,10 @@ fn a_file_opens_at_its_end_if_nothing_follows_the_violation() {
 #[test]
 fn every_series_exists_on_every_timeline() {
     let mut rejected = record(1, None, Vec::new());
-    rejected.times.live = None;
+    rejected.progress.times.live = None;
     let live = |mut frame: FrameRecord| {
-        frame.times.live = Some(Default::default());
-        frame.work.blocks = 3;
+        frame.progress.times.live = Some(Default::default());
+        frame.progress.work.blocks = 3;
         frame
     };
     let messages = ended(&[rejected, live(intact(2)), live(broken(3))], true);

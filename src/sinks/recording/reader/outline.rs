@@ -1,12 +1,10 @@
 //! Outline of a recording: numbers, times and places of its frames, without their curves.
 
-use super::{Channel, RecordedItem, RecordingReader, item, labels};
+use super::{Channel, RecordedItem, RecordingReader};
 use crate::container::Place;
 use crate::curve::CurveLabels;
 use crate::error::Result;
-use crate::sinks::recording::messages::invalid;
 use crate::verdict::Verdict;
-use mcap::records::op;
 use prost::bytes::Buf;
 use std::io::{Read, Seek};
 use std::sync::Arc;
@@ -77,69 +75,43 @@ impl<R: Read + Seek> RecordingReader<R> {
     /// ```
     pub fn outline(&mut self) -> Result<Outline> {
         let outline = self.container.go_to_start().and_then(|()| self.skim());
-        if outline.is_err() {
-            self.container.fail();
-        }
-        outline
+        self.stop_at_damage(outline)
     }
 
     fn skim(&mut self) -> Result<Outline> {
         let mut outline = Outline::default();
-        let mut current = Arc::default();
-        loop {
-            let channels = &self.channels;
-            let whole = |id| {
-                let channel = channels.get(&id);
-                matches!(channel, Some(Channel::Labels | Channel::Verdicts))
-            };
-            let Some(record) = self.container.skim(whole)? else {
-                return Ok(outline);
-            };
-            if record.opcode != op::MESSAGE {
-                self.describe(record)?;
-                continue;
-            }
-            let place = record.place;
+        self.labels = Arc::default();
+        while let Some(message) = self.next_message(true)? {
+            let place = message.place;
             let at = |(seq, time), labels: &Arc<CurveLabels>| FramePlace {
                 seq,
                 time,
                 place,
                 labels: Arc::clone(labels),
             };
-            let message = self.message(record)?;
-            let bad = |e| invalid(&message.place, e);
-            match message.channel {
-                Channel::Labels => current = Arc::new(labels(message.body).map_err(bad)?),
-                Channel::Frames => {
-                    let begin = begin_of_frame(&message.body);
-                    outline.frames.push(at(begin, &current));
-                }
-                Channel::Verdicts => {
-                    let about = (&current, message.time_ns);
-                    let item = item(message.channel, message.body, about).map_err(bad)?;
-                    if let Some(RecordedItem::Verdict(recorded)) = item {
-                        let report = recorded.report;
-                        outline.verdicts.push(OutlinedVerdict {
-                            at: at((report.seq, report.time), &current),
-                            verdict: report.verdict,
-                            changes: report.changes.len(),
-                            events: report.events.len(),
-                        });
-                    }
-                }
-                Channel::Baseline | Channel::Foreign | Channel::Tool => {}
+            if let Channel::Frames = message.channel {
+                let begin = begin_of_frame(&message.body);
+                outline.frames.push(at(begin, &self.labels));
+            } else if let Channel::Verdicts = message.channel
+                && let Some(RecordedItem::Verdict(recorded)) = self.item(message)?
+            {
+                let report = recorded.report;
+                outline.verdicts.push(OutlinedVerdict {
+                    at: at((report.seq, report.time), &self.labels),
+                    verdict: report.verdict,
+                    changes: report.changes.len(),
+                    events: report.events.len(),
+                });
             }
         }
+        Ok(outline)
     }
 
     /// Continues with a frame or a verdict of the [outline](RecordingReader::outline).
     pub fn go_to(&mut self, frame: &FramePlace) -> Result<()> {
         self.labels = Arc::clone(&frame.labels);
         let gone = self.container.go_to(frame.place);
-        if gone.is_err() {
-            self.container.fail();
-        }
-        gone
+        self.stop_at_damage(gone)
     }
 }
 
@@ -165,6 +137,7 @@ fn begin_of_frame(mut body: &[u8]) -> (u64, f64) {
 mod tests {
     use super::*;
     use crate::sinks::Ending;
+    use mcap::records::op;
     use std::io::Cursor;
 
     fn recording(name: &str) -> Vec<u8> {
@@ -316,14 +289,7 @@ mod tests {
                     ..Default::default()
                 },
                 report: Arc::new(report),
-                verified: seq + 1,
-                skipped: 0,
-                rejected: 0,
-                recovered: 0,
-                accepted: 0,
-                times: Default::default(),
-                work: Default::default(),
-                received: std::time::UNIX_EPOCH,
+                progress: Default::default(),
             };
             sink.frame(&record).unwrap();
         }

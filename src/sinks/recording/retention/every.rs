@@ -4,14 +4,12 @@
 //! intact. A kill therefore loses the verdict on the last intact frame.
 
 use super::files::Files;
-use super::{InForce, NAME, Start, is_intact};
+use super::{Keep, Start, is_intact};
 use crate::error::Result;
-use crate::sinks::{BaselineRecord, FrameRecord, Sink};
+use crate::sinks::FrameRecord;
 use std::num::NonZeroU64;
 
 pub(super) struct Every {
-    files: Files,
-    state: InForce,
     every: NonZeroU64,
     /// Number of frames with curves so far.
     seen: u64,
@@ -22,10 +20,8 @@ pub(super) struct Every {
 }
 
 impl Every {
-    pub fn new(files: Files, every: NonZeroU64) -> Every {
+    pub fn new(every: NonZeroU64) -> Every {
         Every {
-            files,
-            state: InForce::default(),
             every,
             seen: 0,
             recorded: 0,
@@ -33,75 +29,40 @@ impl Every {
         }
     }
 
-    fn write(&mut self, mut record: FrameRecord, start: &Start, curves: bool) -> Result<()> {
-        if !curves {
-            record.curves = None;
-        }
+    fn write_held(&mut self, files: &mut Files, curves: bool) -> Result<()> {
+        let Some((mut record, start)) = self.held.take() else {
+            return Ok(());
+        };
+        record.curves.take_if(|_| !curves);
         self.recorded += u64::from(record.curves.is_some());
-        self.files.write(&record, start)
-    }
-
-    fn write_held(&mut self, curves: bool) -> Result<()> {
-        match self.held.take() {
-            Some((record, start)) => self.write(record, &start, curves),
-            None => Ok(()),
-        }
+        files.write(&record, &start)
     }
 }
 
-impl Sink for Every {
-    fn name(&self) -> &'static str {
-        NAME
-    }
-
-    fn begin(&mut self, baseline: &BaselineRecord) -> Result<()> {
-        self.write_held(false)?;
-        self.state.begin(baseline);
-        self.files.begin_again();
-        Ok(())
-    }
-
-    fn expect(&mut self, baseline: &BaselineRecord) -> Result<()> {
-        self.state.expect(baseline);
-        Ok(())
-    }
-
-    fn frame(&mut self, record: &FrameRecord) -> Result<()> {
-        let start = self.state.pass(record);
-        self.write_held(!is_intact(record))?;
+impl Keep for Every {
+    fn frame(&mut self, files: &mut Files, record: &FrameRecord, start: Start) -> Result<()> {
+        let is_intact = is_intact(record);
+        self.write_held(files, !is_intact)?;
         let due = self.seen.is_multiple_of(self.every.get());
         self.seen += u64::from(record.curves.is_some());
-        let record = record.clone();
-        if due || start.new || !is_intact(&record) {
-            return self.write(record, &start, true);
+        let kept = due || start.new || !is_intact;
+        self.held = Some((record.clone(), start));
+        match kept {
+            true => self.write_held(files, true),
+            false => Ok(()),
         }
-        self.held = Some((record, start));
-        Ok(())
     }
 
-    fn flush(&mut self) -> Result<()> {
-        self.files.flush()
+    fn end(&mut self, files: &mut Files) -> Result<()> {
+        self.write_held(files, false)
     }
 
-    fn note(&self) -> Option<String> {
-        let frames = self.files.frames() + u64::from(self.held.is_some());
+    fn note(&self, files: &Files) -> Option<String> {
+        let frames = files.frames() + u64::from(self.held.is_some());
         let (recorded, every) = (self.recorded, self.every);
-        let words = format!(
+        Some(format!(
             "recording: curves of {recorded} of {frames} frames (--record-every {every}), verdicts \
              of all"
-        );
-        let files = self.files.note().into_iter();
-        Some(
-            [words]
-                .into_iter()
-                .chain(files)
-                .collect::<Vec<_>>()
-                .join("\n"),
-        )
-    }
-
-    fn finish(mut self: Box<Self>) -> Result<()> {
-        self.write_held(false)?;
-        self.files.finish()
+        ))
     }
 }

@@ -9,7 +9,8 @@
 
 use super::super::file::is_taken;
 use super::super::writer::RecordingSink;
-use super::{CONTINUES, PART, RecordingOptions, Start, answered, is_intact, part_of};
+use super::{CONTINUES, PART, RecordingOptions, Start};
+use super::{answered, bytes_of_findings, is_intact, part_of};
 use crate::error::{Error, Result};
 use crate::sinks::{FrameRecord, Sink};
 use std::collections::{BTreeMap, VecDeque};
@@ -18,9 +19,6 @@ use std::path::{Path, PathBuf};
 
 /// Number of names that are tried for a file.
 pub(super) const NAMES: u64 = 10_000;
-
-/// Memory of a finding in a file, in bytes, at most.
-const FINDING_BYTES: u64 = 160;
 
 /// Creates a file with metadata. Fails if the name is taken.
 pub(super) type Create =
@@ -262,7 +260,6 @@ impl Files {
 
 /// Returns an upper bound of the size of a frame in a file.
 fn bytes_of(record: &FrameRecord, start: &Start) -> u64 {
-    let report = &record.report;
     let curves = record.curves.as_ref().map_or(0, |set| {
         let positions = set.points() as u64 * 3 * set.precision().bytes() as u64;
         // Of a new file: names and radii.
@@ -270,14 +267,9 @@ fn bytes_of(record: &FrameRecord, start: &Start) -> u64 {
         let names: usize = labels.names.iter().map(|name| name.len() + 4).sum();
         positions + (5 * set.len() + names + 4 * labels.radii.len()) as u64
     });
-    let findings = report.changes.len()
-        + report.events.len()
-        + report.defects.len()
-        + report.unresolved.len()
-        + report.adopted.len();
     let baseline = start.baseline.as_ref().map_or(0, |b| {
         let c = &b.certificate;
         24 * (c.links.len() + c.undefined.len()) as u64
     });
-    curves + FINDING_BYTES * findings as u64 + baseline + 2048
+    curves + bytes_of_findings(&record.report) + baseline + 2048
 }

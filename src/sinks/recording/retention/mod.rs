@@ -2,14 +2,13 @@
 //!
 //! Every file replays by itself: it has the metadata of the run, the baseline and the names of the
 //! curves before its first frame, and again after frames that were left out. What was left out is
-//! counted in the file ([`RecordedProgress::left_out`](crate::RecordedProgress)), so that a reader
+//! counted in the file ([`RunProgress::left_out`](crate::RunProgress)), so that a reader
 //! can tell it from what was lost.
 //!
 //! All of this is single-threaded code on the thread of a [`SinkQueue`](crate::SinkQueue).
 
 mod every;
 mod files;
-mod packed;
 mod window;
 
 use self::every::Every;
@@ -18,7 +17,7 @@ use self::window::Window;
 use super::RecordingTool;
 use crate::error::{Error, Result};
 use crate::sinks::{BaselineRecord, FrameRecord, Sink};
-use crate::verdict::Verdict;
+use crate::verdict::{Report, Verdict};
 use std::collections::{BTreeMap, BTreeSet};
 use std::num::NonZeroU64;
 use std::path::{Path, PathBuf};
@@ -148,9 +147,9 @@ fn sink(mut files: Files, retention: Retention) -> Result<Box<dyn Sink>> {
         files.create_first()?;
     }
     Ok(match retention {
-        Retention::All => Box::new(All::new(files)),
-        Retention::Every(n) => Box::new(Every::new(files, n)),
-        Retention::Window { span, memory } => Box::new(Window::new(files, span, memory)),
+        Retention::All => Box::new(Kept::new(files, All)),
+        Retention::Every(n) => Box::new(Kept::new(files, Every::new(n))),
+        Retention::Window { span, memory } => Box::new(Kept::new(files, Window::new(span, memory))),
     })
 }
 
@@ -218,34 +217,61 @@ impl InForce {
 
 /// Number of frames verified or rejected so far, this one included.
 fn answered(record: &FrameRecord) -> u64 {
-    record.verified + record.rejected
+    record.progress.verified + record.progress.rejected
 }
 
 fn is_intact(record: &FrameRecord) -> bool {
     record.report.verdict == Verdict::Intact
 }
 
-/// Records all frames.
-struct All {
-    files: Files,
-    state: InForce,
+/// Memory of a finding, and its size in a file, in bytes, at most.
+const FINDING_BYTES: u64 = 160;
+
+/// Returns the memory of the findings of a frame in bytes.
+fn bytes_of_findings(report: &Report) -> u64 {
+    let passages = report.events.len() + report.unresolved.len();
+    let others = report.changes.len() + report.defects.len() + report.adopted.len();
+    FINDING_BYTES * (passages + others) as u64
 }
 
-impl All {
-    fn new(files: Files) -> All {
-        All {
-            files,
-            state: InForce::default(),
-        }
+/// Chooses the frames that are written.
+trait Keep: Send {
+    /// Takes a frame, in the state of the run before it.
+    fn frame(&mut self, files: &mut Files, record: &FrameRecord, start: Start) -> Result<()>;
+
+    /// Writes what is due. What else waits has nothing to do with the next frames.
+    fn end(&mut self, files: &mut Files) -> Result<()>;
+
+    /// See [`Sink::work`].
+    fn work(&mut self, _files: &mut Files) -> Result<bool> {
+        Ok(false)
+    }
+
+    /// Returns the number of frames in words.
+    fn note(&self, files: &Files) -> Option<String>;
+}
+
+/// Records the frames that `K` chooses.
+struct Kept<K> {
+    files: Files,
+    state: InForce,
+    keep: K,
+}
+
+impl<K: Keep> Kept<K> {
+    fn new(files: Files, keep: K) -> Kept<K> {
+        let state = InForce::default();
+        Kept { files, state, keep }
     }
 }
 
-impl Sink for All {
+impl<K: Keep> Sink for Kept<K> {
     fn name(&self) -> &'static str {
-        NAME
+        "recording"
     }
 
     fn begin(&mut self, baseline: &BaselineRecord) -> Result<()> {
+        self.keep.end(&mut self.files)?;
         self.state.begin(baseline);
         self.files.begin_again();
         Ok(())
@@ -258,24 +284,45 @@ impl Sink for All {
 
     fn frame(&mut self, record: &FrameRecord) -> Result<()> {
         let start = self.state.pass(record);
-        self.files.write(record, &start)
+        self.keep.frame(&mut self.files, record, start)
     }
 
     fn flush(&mut self) -> Result<()> {
         self.files.flush()
     }
 
-    fn note(&self) -> Option<String> {
-        self.files.note()
+    fn work(&mut self) -> Result<bool> {
+        self.keep.work(&mut self.files)
     }
 
-    fn finish(self: Box<Self>) -> Result<()> {
+    fn note(&self) -> Option<String> {
+        let notes = [self.keep.note(&self.files), self.files.note()];
+        let notes: Vec<String> = notes.into_iter().flatten().collect();
+        (!notes.is_empty()).then(|| notes.join("\n"))
+    }
+
+    fn finish(mut self: Box<Self>) -> Result<()> {
+        self.keep.end(&mut self.files)?;
         self.files.finish()
     }
 }
 
-/// Name of the sink.
-const NAME: &str = "recording";
+/// Keeps all frames.
+struct All;
+
+impl Keep for All {
+    fn frame(&mut self, files: &mut Files, record: &FrameRecord, start: Start) -> Result<()> {
+        files.write(record, &start)
+    }
+
+    fn end(&mut self, _files: &mut Files) -> Result<()> {
+        Ok(())
+    }
+
+    fn note(&self, _files: &Files) -> Option<String> {
+        None
+    }
+}
 
 /// Returns the name of a file of a recording in several files.
 fn part_of(path: &Path, number: u64) -> PathBuf {

@@ -10,50 +10,64 @@
 //!
 //! Times are measured by the monotonic clock at which frames reach the sink.
 
+use super::super::reader::RecordedFrame;
 use super::files::Files;
-use super::packed::{Packed, Packer};
-use super::{InForce, NAME, Start};
+use super::{Keep, Start, bytes_of_findings};
 use crate::error::Result;
-use crate::sinks::{BaselineRecord, FrameRecord, Sink};
+use crate::sinks::FrameRecord;
 use crate::verdict::{Lasting, Report, Verdict};
+use crate::words::plural;
 use std::collections::{BTreeSet, VecDeque};
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-/// Memory of a frame without positions, and of a finding, in bytes.
+/// Memory of a frame without positions and findings, in bytes.
 pub(super) const RECORD_BYTES: u64 = 1024;
-const FINDING_BYTES: u64 = 160;
 
 /// A frame that waits in memory.
 struct Waiting {
     /// The frame without its curves.
     record: FrameRecord,
-    curves: Option<Packed>,
+    /// The bits that were verified. A set of curves is larger: it also has its coordinates by axis,
+    /// and it would keep a frame of the engine's pool busy.
+    curves: Option<RecordedFrame>,
     start: Start,
     at: Duration,
 }
 
 impl Waiting {
-    fn bytes(&self) -> u64 {
-        let report = &self.record.report;
-        let findings = report.changes.len()
-            + report.events.len()
-            + report.defects.len()
-            + report.unresolved.len()
-            + report.adopted.len();
-        let positions = self.curves.as_ref().map_or(0, Packed::bytes);
-        positions + RECORD_BYTES + FINDING_BYTES * findings as u64
+    fn new(record: &FrameRecord, start: Start, at: Duration) -> Waiting {
+        let mut record = record.clone();
+        let curves = record.curves.take().map(|set| {
+            let mut positions = Vec::with_capacity(3 * set.points() * set.precision().bytes());
+            set.write_positions(&mut positions);
+            RecordedFrame {
+                seq: record.report.seq,
+                time: record.report.time,
+                basis: set.basis(),
+                precision: set.precision(),
+                counts: set.counts().collect(),
+                info: record.info.clone(),
+                // The time is in the record.
+                received_ns: 0,
+                positions: positions.into(),
+            }
+        });
+        Waiting {
+            record,
+            curves,
+            start,
+            at,
+        }
     }
 
-    fn discard(self, packer: &mut Packer) {
-        if let Some(curves) = self.curves {
-            packer.discard(curves);
-        }
+    fn bytes(&self) -> u64 {
+        let positions = self.curves.as_ref().map_or(0, |c| c.positions.len());
+        positions as u64 + RECORD_BYTES + bytes_of_findings(&self.record.report)
     }
 }
 
 pub(super) struct Window {
-    files: Files,
-    state: InForce,
     span: Duration,
     memory: u64,
     clock: Instant,
@@ -62,7 +76,6 @@ pub(super) struct Window {
     bytes: u64,
     /// Number of frames at the front that are to be written.
     due: usize,
-    packer: Packer,
     known: Known,
     /// Frames are recorded until then.
     until: Option<Duration>,
@@ -75,17 +88,14 @@ pub(super) struct Window {
 }
 
 impl Window {
-    pub fn new(files: Files, span: Duration, memory: u64) -> Window {
+    pub fn new(span: Duration, memory: u64) -> Window {
         Window {
-            files,
-            state: InForce::default(),
             span,
             memory,
             clock: Instant::now(),
             waiting: VecDeque::new(),
             bytes: 0,
             due: 0,
-            packer: Packer::default(),
             known: Known::default(),
             until: None,
             dropped: None,
@@ -96,35 +106,31 @@ impl Window {
     }
 
     /// Takes a frame that arrived at a time.
-    pub(super) fn take(&mut self, record: &FrameRecord, now: Duration) -> Result<()> {
+    pub(super) fn take(
+        &mut self,
+        files: &mut Files,
+        record: &FrameRecord,
+        start: Start,
+        now: Duration,
+    ) -> Result<()> {
         self.seen += 1;
         self.expire(now);
-        let start = self.state.pass(record);
-        let violation = self.known.is_new(&record.report);
         let open = self.until.is_some_and(|until| now <= until);
-        if violation {
+        if self.known.is_new(&record.report) {
             self.begin_window(record, now, open);
         } else if !open {
             self.until = None;
         }
         if self.until.is_some() && self.waiting.is_empty() {
-            return self.files.write(record, &start);
+            return files.write(record, &start);
         }
-        let mut waiting = Waiting {
-            record: record.clone(),
-            curves: None,
-            start,
-            at: now,
-        };
-        if let Some(set) = waiting.record.curves.take() {
-            waiting.curves = Some(self.packer.pack(&set));
-        }
+        let waiting = Waiting::new(record, start, now);
         self.bytes += waiting.bytes();
         self.waiting.push_back(waiting);
         if self.until.is_some() {
             self.due = self.waiting.len();
         }
-        self.make_room()
+        self.make_room(files)
     }
 
     /// Begins a window at a violation, or prolongs the one that is open.
@@ -157,47 +163,37 @@ impl Window {
         while self.waiting.len() > self.due + 1 && is_old(&self.waiting[self.due]) {
             if let Some(old) = self.waiting.remove(self.due) {
                 self.bytes -= old.bytes();
-                old.discard(&mut self.packer);
             }
         }
     }
 
     /// Writes or drops frames that the memory does not hold, except for the last one.
-    fn make_room(&mut self) -> Result<()> {
+    fn make_room(&mut self, files: &mut Files) -> Result<()> {
         while self.bytes > self.memory && self.due > 0 {
-            self.write_one()?;
+            self.write_one(files)?;
         }
         while self.bytes > self.memory && self.waiting.len() > 1 {
             if let Some(oldest) = self.waiting.pop_front() {
                 self.bytes -= oldest.bytes();
                 self.dropped = Some(oldest.at);
-                oldest.discard(&mut self.packer);
             }
         }
         Ok(())
     }
 
     /// Writes the oldest frame, which is due.
-    fn write_one(&mut self) -> Result<()> {
-        let Some(oldest) = self.waiting.pop_front() else {
+    fn write_one(&mut self, files: &mut Files) -> Result<()> {
+        let Some(mut oldest) = self.waiting.pop_front() else {
             return Ok(());
         };
         self.due -= 1;
         self.bytes -= oldest.bytes();
-        let Waiting {
-            record,
-            curves,
-            start,
-            ..
-        } = oldest;
-        let files = &mut self.files;
-        match curves {
-            Some(curves) => {
-                let write = |record: &FrameRecord| files.write(record, &start);
-                self.packer.with_curves(record, curves, write)
-            }
-            None => files.write(&record, &start),
+        if let Some(curves) = oldest.curves {
+            let mut set = None;
+            curves.ingest(&mut set)?;
+            oldest.record.curves = set.map(Arc::new);
         }
+        files.write(&oldest.record, &oldest.start)
     }
 
     #[cfg(test)]
@@ -206,84 +202,51 @@ impl Window {
     }
 }
 
-impl Sink for Window {
-    fn name(&self) -> &'static str {
-        NAME
+impl Keep for Window {
+    fn frame(&mut self, files: &mut Files, record: &FrameRecord, start: Start) -> Result<()> {
+        self.take(files, record, start, self.clock.elapsed())
     }
 
-    fn begin(&mut self, baseline: &BaselineRecord) -> Result<()> {
-        self.state.begin(baseline);
-        // The frames that wait have nothing to do with the next ones.
+    fn end(&mut self, files: &mut Files) -> Result<()> {
         while self.due > 0 {
-            self.write_one()?;
+            self.write_one(files)?;
         }
         self.waiting.clear();
         (self.bytes, self.until) = (0, None);
-        self.files.begin_again();
         Ok(())
     }
 
-    fn expect(&mut self, baseline: &BaselineRecord) -> Result<()> {
-        self.state.expect(baseline);
-        Ok(())
-    }
-
-    fn frame(&mut self, record: &FrameRecord) -> Result<()> {
-        self.take(record, self.clock.elapsed())
-    }
-
-    fn work(&mut self) -> Result<bool> {
+    fn work(&mut self, files: &mut Files) -> Result<bool> {
         if self.due == 0 {
             return Ok(false);
         }
-        self.write_one()?;
+        self.write_one(files)?;
         if self.due == 0 {
-            self.files.flush()?;
+            files.flush()?;
         }
         Ok(self.due > 0)
     }
 
-    fn flush(&mut self) -> Result<()> {
-        self.files.flush()
-    }
-
-    fn note(&self) -> Option<String> {
+    fn note(&self, files: &Files) -> Option<String> {
         let (seen, seconds) = (self.seen, self.span.as_secs_f64());
-        if self.windows == 0 {
-            return Some(format!(
-                "recording: no violation in {seen} frames, so no file was written (--record-window \
-                 {seconds})"
-            ));
-        }
         let windows = match self.windows {
-            1 => "1 violation".to_owned(),
-            n => format!("{n} violations"),
+            0 => {
+                return Some(format!(
+                    "recording: no violation in {seen} frames, so no file was written \
+                     (--record-window {seconds})"
+                ));
+            }
+            n => plural(n, "violation"),
         };
-        let frames = self.files.frames() + self.due as u64;
-        let mut words = format!(
-            "recording: {frames} of {seen} frames, around {windows} (--record-window {seconds})"
-        );
-        if self.short > 0 {
-            words += &format!(
-                "; {} shorter before the violation: --record-window-memory is too small",
-                self.short
-            );
-        }
-        let files = self.files.note().into_iter();
-        Some(
-            [words]
-                .into_iter()
-                .chain(files)
-                .collect::<Vec<_>>()
-                .join("\n"),
-        )
-    }
-
-    fn finish(mut self: Box<Self>) -> Result<()> {
-        while self.due > 0 {
-            self.write_one()?;
-        }
-        self.files.finish()
+        let frames = files.frames() + self.due as u64;
+        let short = match self.short {
+            0 => String::new(),
+            n => format!("; {n} shorter before the violation: --record-window-memory is too small"),
+        };
+        Some(format!(
+            "recording: {frames} of {seen} frames, around {windows} (--record-window \
+             {seconds}){short}"
+        ))
     }
 }
 

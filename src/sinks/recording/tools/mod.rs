@@ -16,9 +16,6 @@
 //! Cost: linear in the number of curves and in the number of points that are written, which is
 //! bounded (see [`sample`]). Memory: a message. All on the thread of the recording.
 
-#[rustfmt::skip]
-#[allow(dead_code, clippy::enum_variant_names, reason = "generated")]
-mod foxglove;
 mod points;
 mod sample;
 mod scene;
@@ -26,6 +23,7 @@ mod scene;
 pub(super) use points::Points;
 pub(super) use scene::Scene;
 
+use crate::container::foxglove::Time;
 use crate::verdict::Report;
 
 /// Compiled form of `schemas/foxglove.proto`.
@@ -57,24 +55,13 @@ impl RecordingTool {
     }
 }
 
-/// A time or a duration: `google.protobuf.Timestamp` and `google.protobuf.Duration`.
-#[derive(Clone, Copy, PartialEq, Eq, Hash, prost::Message)]
-pub(super) struct Time {
-    #[prost(int64, tag = "1")]
-    seconds: i64,
-    #[prost(int32, tag = "2")]
-    nanos: i32,
-}
-
-impl Time {
-    /// Returns the time of a frame; 0 if it is not a number.
-    fn of(report: &Report) -> Time {
-        let (seconds, rest) = (report.time.floor(), report.time - report.time.floor());
-        Time {
-            // Conversions saturate.
-            seconds: seconds as i64,
-            nanos: ((rest * 1e9) as i32).clamp(0, 999_999_999),
-        }
+/// Returns the time of a frame; 0 if it is not a number.
+fn time_of(report: &Report) -> Time {
+    let (seconds, rest) = (report.time.floor(), report.time - report.time.floor());
+    Time {
+        // Conversions saturate.
+        seconds: seconds as i64,
+        nanos: ((rest * 1e9) as i32).clamp(0, 999_999_999),
     }
 }
 
@@ -102,25 +89,16 @@ impl State {
 /// Returns the state of each curve.
 fn states(report: &Report, curves: usize) -> Vec<State> {
     let mut states = vec![State::Intact; curves];
-    let mut mark = |i: u32, state: State| {
-        if let Some(s) = states.get_mut(i as usize) {
-            *s = state.max(*s);
+    for finding in report.all_findings() {
+        let state = match finding.is_change() {
+            true => State::Broken,
+            false => State::Undecided,
+        };
+        for i in finding.curves() {
+            if let Some(s) = states.get_mut(i as usize) {
+                *s = state.max(*s);
+            }
         }
-    };
-    for d in &report.defects {
-        mark(d.i, State::Undecided);
-        d.j.into_iter().for_each(|j| mark(j, State::Undecided));
-    }
-    for e in &report.unresolved {
-        [e.i, e.j]
-            .into_iter()
-            .for_each(|i| mark(i, State::Undecided));
-    }
-    for e in &report.events {
-        [e.i, e.j].into_iter().for_each(|i| mark(i, State::Broken));
-    }
-    for c in &report.changes {
-        [c.i, c.j].into_iter().for_each(|i| mark(i, State::Broken));
     }
     states
 }

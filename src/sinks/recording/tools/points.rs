@@ -1,10 +1,9 @@
 //! The curves as a cloud of points with colours: `foxglove.PointCloud`.
 
-use super::foxglove::packed_element_field::NumericType;
-use super::foxglove::{PackedElementField, PointCloud};
 use super::sample::{Limits, Sample};
 use super::scene::pose;
-use super::{FRAME_ID, State, Time, states};
+use super::{FRAME_ID, State, states, time_of};
+use crate::container::foxglove::{NumericType, PackedElementField, PointCloud};
 use crate::curve::CurveSet;
 use crate::verdict::Report;
 use prost::bytes::Bytes;
@@ -53,7 +52,7 @@ impl Points {
         let offsets = [0, 4, 8, 12, 13, 14, 15];
         let fields = coordinates.into_iter().chain(colors).zip(offsets);
         PointCloud {
-            timestamp: Some(Time::of(report)),
+            timestamp: Some(time_of(report)),
             frame_id: FRAME_ID.into(),
             pose: Some(pose([0.0; 3])),
             point_stride: STRIDE as u32,

@@ -11,17 +11,15 @@
 //!
 //! Lines and labels have sizes in pixels, for scenes of any size.
 
-use super::foxglove::line_primitive::Type as LineType;
-use super::foxglove::scene_entity_deletion::Type as DeletionType;
-use super::foxglove::{
-    Color, KeyValuePair, LinePrimitive, Point3, Pose, Quaternion, SceneEntity, SceneEntityDeletion,
-    SceneUpdate, TextPrimitive, Vector3,
-};
 use super::sample::{Limits, Sample};
-use super::{FRAME_ID, State, Time, states};
+use super::{FRAME_ID, State, states, time_of};
+use crate::container::foxglove::{
+    Color, KeyValuePair, LinePrimitive, LineType, Pose, Quaternion, SceneEntity,
+    SceneEntityDeletion, SceneUpdate, TextPrimitive, Xyz,
+};
 use crate::curve::{CurveSet, Point, words_of_curve};
 use crate::sinks::FrameRecord;
-use crate::verdict::label_of_pair;
+use crate::verdict::Finding;
 use std::collections::BTreeSet;
 
 /// A point of the list of lines takes 37 bytes.
@@ -66,7 +64,7 @@ impl Scene {
         let report = &record.report;
         let names = &record.info.labels.names;
         let states = states(report, set.len());
-        let timestamp = Some(Time::of(report));
+        let timestamp = Some(time_of(report));
         let entity = |id: String| SceneEntity {
             timestamp,
             frame_id: FRAME_ID.into(),
@@ -88,13 +86,13 @@ impl Scene {
         }
         let found = Sample::new(set, &states, |s| s != State::Intact, FOUND);
         for (i, &state) in states.iter().enumerate() {
-            let points: Vec<Point3> = match state {
+            let points: Vec<Xyz> = match state {
                 State::Intact => continue,
-                _ => found.points(i).map(point3).collect(),
+                _ => found.points(i).map(Xyz::from).collect(),
             };
             let kind = match set.curve(i).closed {
-                true => LineType::LineLoop,
-                false => LineType::LineStrip,
+                true => LineType::Loop,
+                false => LineType::Strip,
             };
             let name = names.get(i).cloned().unwrap_or_else(|| i.to_string());
             entities.push(SceneEntity {
@@ -114,8 +112,8 @@ impl Scene {
         let shown: BTreeSet<String> = entities.iter().map(|e| e.id.clone()).collect();
         let deletions = self.shown.difference(&shown).map(|id| SceneEntityDeletion {
             timestamp,
-            r#type: DeletionType::MatchingId.into(),
             id: id.clone(),
+            ..SceneEntityDeletion::default()
         });
         let deletions = deletions.collect();
         self.shown = shown;
@@ -133,7 +131,7 @@ fn rest(set: &CurveSet, states: &[State]) -> LinePrimitive {
     let (mut points, mut indices) = (Vec::new(), Vec::new());
     for (i, _) in (0..).zip(states).filter(|(_, s)| **s == State::Intact) {
         let first = points.len() as u32;
-        points.extend(sample.points(i).map(point3));
+        points.extend(sample.points(i).map(Xyz::from));
         let end = points.len() as u32;
         indices.extend((first + 1..end).flat_map(|k| [k - 1, k]));
         if set.curve(i).closed && first < end {
@@ -142,7 +140,7 @@ fn rest(set: &CurveSet, states: &[State]) -> LinePrimitive {
     }
     LinePrimitive {
         indices,
-        ..line(LineType::LineList, points, (State::Intact.color(), THIN))
+        ..line(LineType::List, points, (State::Intact.color(), THIN))
     }
 }
 
@@ -150,49 +148,29 @@ fn rest(set: &CurveSet, states: &[State]) -> LinePrimitive {
 fn findings(set: &CurveSet, record: &FrameRecord) -> (Option<LinePrimitive>, Vec<TextPrimitive>) {
     let report = &record.report;
     let names = &record.info.labels.names;
-    let broken = State::Broken.color();
-    let changes = report.changes.iter().filter_map(|c| {
-        let numbers = format!("linking number was {}, is {}", c.expected, c.found);
-        let text = format!("{}: {numbers}", label_of_pair((c.i, c.j), c.image, names));
-        Some(label(c.place?.point, text, broken))
-    });
-    let undecided = State::Undecided.color();
-    let defects = report.defects.iter().map(|d| {
-        let text = match d.j {
-            Some(j) => {
-                let pair = label_of_pair((d.i, j), d.image, names);
-                format!("{pair} {}", d.kind.words())
-            }
-            None => format!("{} {}", words_of_curve(d.i, names), d.kind.words()),
+    let texts = report.first_findings(SHOWN).filter_map(|finding| {
+        let color = match finding {
+            Finding::Change(_) => State::Broken.color(),
+            Finding::PullThrough(_) => CYAN,
+            Finding::Defect(_) | Finding::Unresolved(_) => State::Undecided.color(),
         };
-        label(d.place.point, text, undecided)
+        let (_, point) = finding.place()?;
+        Some(label(point, finding.label(names), color))
     });
-    let unresolved = report.unresolved.iter().map(|e| {
-        let text = format!("{}: unresolved", e.label(names));
-        label(e.point, text, undecided)
-    });
-    let events = report.events.iter().map(|e| {
-        let text = format!("{}, {:+}", e.label(names), e.sign);
-        label(e.point, text, CYAN)
-    });
-    let texts = changes.take(SHOWN).chain(defects.take(SHOWN));
-    let texts = texts
-        .chain(unresolved.take(SHOWN))
-        .chain(events.take(SHOWN));
     let rays = report.events.iter().flat_map(|e| {
         let reach = reach(set, e.i as usize, report.stats.extent);
         (0..3).flat_map(move |x| {
             [-reach, reach].map(|reach| {
                 let mut end = e.point;
                 end[x] += reach;
-                point3(end)
+                Xyz::from(end)
             })
         })
     });
-    let rays: Vec<Point3> = rays.collect();
+    let rays: Vec<Xyz> = rays.collect();
     let stars = match rays.is_empty() {
         true => None,
-        false => Some(line(LineType::LineList, rays, (CYAN, THICK))),
+        false => Some(line(LineType::List, rays, (CYAN, THICK))),
     };
     (stars, texts.collect())
 }
@@ -219,7 +197,7 @@ fn reach(set: &CurveSet, i: usize, scene: f64) -> f64 {
     }
 }
 
-fn line(kind: LineType, points: Vec<Point3>, (color, width): ([u8; 4], f64)) -> LinePrimitive {
+fn line(kind: LineType, points: Vec<Xyz>, (color, width): ([u8; 4], f64)) -> LinePrimitive {
     LinePrimitive {
         r#type: kind.into(),
         pose: Some(pose([0.0; 3])),
@@ -243,18 +221,14 @@ fn label(place: Point, text: String, color: [u8; 4]) -> TextPrimitive {
 }
 
 /// Returns a pose without rotation.
-pub(super) fn pose([x, y, z]: Point) -> Pose {
+pub(super) fn pose(place: Point) -> Pose {
     Pose {
-        position: Some(Vector3 { x, y, z }),
+        position: Some(place.into()),
         orientation: Some(Quaternion {
             w: 1.0,
             ..Quaternion::default()
         }),
     }
-}
-
-fn point3([x, y, z]: Point) -> Point3 {
-    Point3 { x, y, z }
 }
 
 fn color4(color: [u8; 4]) -> Color {

@@ -1,12 +1,10 @@
-use super::foxglove::line_primitive::Type as LineType;
-use super::foxglove::{PointCloud, SceneUpdate};
 use super::*;
+use crate::container::foxglove::{LineType, PointCloud, SceneUpdate};
 use crate::curve::{Basis, CurveLabels, CurveSet, Positions};
 use crate::ingest::FrameInfo;
-use crate::sinks::{FrameRecord, FrameTimes};
+use crate::sinks::FrameRecord;
 use crate::verdict::{Change, Place, PullThrough, Verdict};
 use std::sync::Arc;
-use std::time::UNIX_EPOCH;
 
 /// Rings of `points` points each, one above the other; those in `open` are open.
 fn rings(basis: Basis, count: usize, points: usize, open: &[usize]) -> CurveSet {
@@ -61,14 +59,7 @@ fn update(scene: &mut Scene, set: &CurveSet, report: Report, names: &[&str]) -> 
             ..FrameInfo::default()
         },
         report: Arc::new(report),
-        verified: 0,
-        skipped: 0,
-        rejected: 0,
-        recovered: 0,
-        accepted: 0,
-        times: FrameTimes::default(),
-        work: Default::default(),
-        received: UNIX_EPOCH,
+        progress: Default::default(),
     };
     scene.update(set, &record)
 }
@@ -89,7 +80,7 @@ fn an_intact_frame_has_all_curves_in_one_list_of_lines() {
     let [line] = &entity.lines[..] else {
         panic!("{:?}", entity.lines);
     };
-    assert_eq!(line.r#type(), LineType::LineList);
+    assert_eq!(line.r#type, LineType::List as i32);
     assert!(line.scale_invariant);
     assert_eq!(line.points.len(), 15);
     // Closed, open, closed.
@@ -107,9 +98,9 @@ fn curves_with_findings_are_entities_that_later_frames_delete() {
     let broken = update(&mut scene, &set, broken(1), &["a", "b", "c"]);
     assert_eq!(ids(&broken), ["curves", "curve a", "curve c", "findings"]);
     assert!(broken.deletions.is_empty());
-    let kind = |k: usize| broken.entities[k].lines[0].r#type();
-    assert_eq!(kind(1), LineType::LineLoop);
-    assert_eq!(kind(2), LineType::LineStrip);
+    let kind = |k: usize| broken.entities[k].lines[0].r#type;
+    assert_eq!(kind(1), LineType::Loop as i32);
+    assert_eq!(kind(2), LineType::Strip as i32);
     assert_eq!(broken.entities[2].lines[0].points.len(), 5);
     let findings = &broken.entities[3];
     let texts: Vec<&str> = findings.texts.iter().map(|t| t.text.as_str()).collect();
@@ -216,7 +207,7 @@ fn any_time_has_a_timestamp() {
         (f64::NAN, (0, 0)),
         (f64::INFINITY, (i64::MAX, 0)),
     ] {
-        let time = Time::of(&Report::new(0, time, Verdict::Intact));
+        let time = time_of(&Report::new(0, time, Verdict::Intact));
         assert_eq!((time.seconds, time.nanos), expected);
     }
 }

@@ -4,7 +4,7 @@ use super::*;
 use crate::certificate::Certificate;
 use crate::curve::{Basis, CurveLabels, CurveSet, Positions};
 use crate::ingest::FrameInfo;
-use crate::sinks::{Ending, RecordedItem, RecordingReader};
+use crate::sinks::{Ending, RecordedItem, RecordingReader, RunProgress};
 use crate::verdict::{Change, Report};
 use std::io::{Read, Seek};
 use tempfile::TempDir;
@@ -38,14 +38,10 @@ fn frame(seq: u64, curves: usize, changed: Option<u32>) -> FrameRecord {
         info: FrameInfo::default(),
         curves: Some(Arc::new(set)),
         report: Arc::new(report),
-        verified: seq + 1,
-        skipped: 0,
-        rejected: 0,
-        recovered: 0,
-        accepted: 0,
-        times: Default::default(),
-        work: Default::default(),
-        received: std::time::UNIX_EPOCH,
+        progress: RunProgress {
+            verified: seq + 1,
+            ..RunProgress::default()
+        },
     }
 }
 

@@ -3,19 +3,30 @@
 use super::*;
 use proptest::prelude::*;
 
+fn window(folder: &TempDir, span: Duration, memory: u64) -> Box<Kept<Window>> {
+    let files = Files::new(options(folder, Retention::All));
+    Box::new(Kept::new(files, Window::new(span, memory)))
+}
+
+/// Takes a frame that arrived at a time.
+fn take(window: &mut Kept<Window>, record: &FrameRecord, at: Duration) {
+    let start = window.state.pass(record);
+    let taken = window.keep.take(&mut window.files, record, start, at);
+    taken.unwrap();
+}
+
 /// Records frames in windows. Each has a time in seconds, and the curve that is violated.
 fn record_windows(
     folder: &TempDir,
     (span, memory): (f64, u64),
     frames: &[(f64, Option<u32>)],
 ) -> (Option<Content>, String) {
-    let files = Files::new(options(folder, Retention::All));
-    let mut window = Box::new(Window::new(files, Duration::from_secs_f64(span), memory));
+    let mut window = window(folder, Duration::from_secs_f64(span), memory);
     window.begin(&baseline(3)).unwrap();
     for (seq, (at, changed)) in frames.iter().enumerate() {
         let record = frame(seq as u64, 3, *changed);
-        window.take(&record, Duration::from_secs_f64(*at)).unwrap();
-        let (bytes, waiting) = window.memory();
+        take(&mut window, &record, Duration::from_secs_f64(*at));
+        let (bytes, waiting) = window.keep.memory();
         assert!(
             bytes <= memory || waiting == 1,
             "{bytes} in {waiting} frames"
@@ -25,7 +36,7 @@ fn record_windows(
         }
     }
     let note = window.note().unwrap();
-    (window as Box<dyn Sink>).finish().unwrap();
+    window.finish().unwrap();
     let path = folder.path().join("run.mcap");
     (path.exists().then(|| read(&path)), note)
 }
@@ -130,8 +141,7 @@ proptest! {
 #[test]
 fn a_window_has_the_baseline_and_the_names_of_its_own_frames() {
     let folder = TempDir::new().unwrap();
-    let files = Files::new(options(&folder, Retention::All));
-    let mut window = Window::new(files, Duration::from_secs(1), MEMORY);
+    let mut window = window(&folder, Duration::from_secs(1), MEMORY);
     let labels = |curves: usize| {
         let names = (0..curves).map(|k| format!("curve {k}"));
         Arc::new(CurveLabels::named(names))
@@ -146,9 +156,9 @@ fn a_window_has_the_baseline_and_the_names_of_its_own_frames() {
         let mut record = frame(seq, curves, changed);
         record.info.labels = labels(curves);
         record.info.layout = u32::from(seq >= 5);
-        window.take(&record, Duration::from_secs(seq)).unwrap();
+        take(&mut window, &record, Duration::from_secs(seq));
     }
-    Box::new(window).finish().unwrap();
+    window.finish().unwrap();
     let content = read(&folder.path().join("run.mcap"));
     assert_eq!(content.seqs(), [1, 2, 3, 9, 10, 11]);
     assert_eq!(content.baselines, [(1, 2), (9, 3)]);

@@ -1,0 +1,88 @@
+//! Findings of a report, of all kinds alike.
+
+use super::{Change, Defect, PullThrough, Report};
+use crate::curve::Image;
+#[cfg(any(feature = "mcap", feature = "rerun"))]
+use crate::curve::{Point, words_of_curve};
+
+/// A finding of a report.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Finding<'a> {
+    Change(&'a Change),
+    PullThrough(&'a PullThrough),
+    Defect(&'a Defect),
+    Unresolved(&'a PullThrough),
+}
+
+impl Report {
+    /// Returns all findings, in the order of [`Report::findings`].
+    pub(crate) fn all_findings(&self) -> impl Iterator<Item = Finding<'_>> {
+        self.first_findings(usize::MAX)
+    }
+
+    /// Returns the findings in this order, at most so many of each kind.
+    pub(crate) fn first_findings(&self, most: usize) -> impl Iterator<Item = Finding<'_>> {
+        let changes = self.changes.iter().take(most).map(Finding::Change);
+        let events = self.events.iter().take(most).map(Finding::PullThrough);
+        let defects = self.defects.iter().take(most).map(Finding::Defect);
+        let unresolved = self.unresolved.iter().take(most).map(Finding::Unresolved);
+        changes.chain(events).chain(defects).chain(unresolved)
+    }
+}
+
+impl Finding<'_> {
+    /// Returns the first curve, the second one if there is one, and its translation.
+    pub fn pair(self) -> (u32, Option<u32>, Image) {
+        match self {
+            Finding::Change(c) => (c.i, Some(c.j), c.image),
+            Finding::PullThrough(e) | Finding::Unresolved(e) => (e.i, Some(e.j), e.image),
+            Finding::Defect(d) => (d.i, d.j, d.image),
+        }
+    }
+}
+
+#[cfg(any(feature = "mcap", feature = "rerun"))]
+impl Finding<'_> {
+    /// Returns both curves; one curve twice if it is alone.
+    pub fn curves(self) -> [u32; 2] {
+        let (i, j, _) = self.pair();
+        [i, j.unwrap_or(i)]
+    }
+
+    /// Returns true if the topology changed, false if it is undecided.
+    pub fn is_change(self) -> bool {
+        matches!(self, Finding::Change(_) | Finding::PullThrough(_))
+    }
+
+    /// Returns the segments and the point of the place, if it has one.
+    pub fn place(self) -> Option<([u32; 2], Point)> {
+        let place = match self {
+            Finding::Change(c) => c.place?,
+            Finding::Defect(d) => d.place,
+            Finding::PullThrough(e) | Finding::Unresolved(e) => {
+                return Some((e.segments, e.point));
+            }
+        };
+        Some((place.segments, place.point))
+    }
+
+    /// Returns a few words for a label beside the place. `names` are those of the curves, or empty.
+    pub fn label(self, names: &[String]) -> String {
+        let (i, j, image) = self.pair();
+        let curves = match j {
+            Some(j) => super::label_of_pair((i, j), image, names),
+            None => words_of_curve(i, names),
+        };
+        match self {
+            Finding::Change(c) => {
+                format!(
+                    "{curves}: linking number was {}, is {}",
+                    c.expected, c.found
+                )
+            }
+            Finding::PullThrough(e) => format!("{}, {:+}", e.label(names), e.sign),
+            Finding::Defect(d) => format!("{curves} {}", d.kind.words()),
+            Finding::Unresolved(e) => format!("{}: unresolved", e.label(names)),
+        }
+    }
+}
