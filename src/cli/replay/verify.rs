@@ -7,11 +7,11 @@ use super::source::{Item, Source};
 use crate::cli::cell_args::KEEP_OPEN;
 use crate::cli::check::nothing_to_compare;
 use crate::cli::output::{self, count, plural};
-use crate::cli::run::{FrameCounts, Ingested, Judge, Judged, MOTION_LIMIT, Run, Setup};
+use crate::cli::run::{FrameCounts, Ingested, Judge, Judged, MOTION_LIMIT, Recorded, Run, Setup};
 use crate::cli::{Outcome, braid_args, clearance_args, signals};
 use linkwatch::{
-    AbortOn, BaselineRecord, Braids, Continuation, Ending, Error, Events, FrameInfo, Overflow,
-    RecordedVerdict, Report, Result, Retention, SessionOptions, Verdict,
+    AbortOn, BaselineRecord, Braids, Ending, Error, Events, Overflow, RecordedVerdict, Report,
+    Result, Retention, SessionOptions, Verdict,
 };
 use std::collections::{BTreeMap, VecDeque};
 use std::path::Path;
@@ -107,10 +107,12 @@ pub fn run(args: &Args, mut source: Source, json: bool) -> Result<Outcome> {
             models: false,
             live: false,
             from_now: false,
-            baseline,
-            recorded_events: source.recording().map(|_| (recorded_events, limit)),
-            recorded_braids: recorded_braids.clone(),
-            recorded_clearance,
+            recorded: Recorded {
+                baseline,
+                events: source.recording().map(|_| (recorded_events, limit)),
+                clearance: recorded_clearance,
+                braids: recorded_braids.clone(),
+            },
             title: &title,
             metadata,
             overflow,
@@ -423,19 +425,7 @@ impl Replay {
                 }
                 self.comparison.rejected += 1;
                 self.count(report.verdict);
-                let judged = Judged {
-                    latency: None,
-                    clearance: None,
-                    report: Arc::new(report),
-                    times: progress.times,
-                    work: progress.work,
-                    offload: Default::default(),
-                    curves: None,
-                    info: FrameInfo::default(),
-                    model: None,
-                    left_out: Vec::new(),
-                    step: Continuation::Continues,
-                };
+                let judged = Judged::of(report, progress.times, progress.work);
                 self.session.publish(judged, self.tally);
             }
             None if self.comparison.recorded_with.every => {

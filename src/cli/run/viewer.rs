@@ -1,22 +1,29 @@
 //! The options `--view`, `--rrd`, `--connect` and `--serve`: viewers of verified frames.
 
+#[cfg(feature = "rerun")]
 use super::sinks::{WAITING, WAITING_POINTS};
+#[cfg(feature = "rerun")]
+use crate::cli::files::claim;
 #[cfg(feature = "bus")]
 use crate::cli::files::with_suffix;
-use crate::cli::files::{Content, Files, Overwrite, claim};
+use crate::cli::files::{Content, Files, Overwrite};
 use crate::cli::number::at_least_one;
-use linkwatch::{
-    ClearanceOptions, Error, Overflow, Result, Sink, SinkQueue, ViewerOptions, ViewerSink,
-    ViewerTarget,
-};
+use linkwatch::{ClearanceOptions, Error, Overflow, Result, SinkQueue};
+#[cfg(feature = "rerun")]
+use linkwatch::{Sink, ViewerOptions, ViewerSink, ViewerTarget};
 use std::num::NonZeroU64;
 #[cfg(any(feature = "bus", feature = "mcap"))]
 use std::path::Path;
 use std::path::PathBuf;
+#[cfg(feature = "rerun")]
 use std::time::Duration;
+
+/// True in a build without the viewer: its options say how to get one.
+const NONE: bool = cfg!(not(feature = "rerun"));
 
 /// Time limit for a viewer of a live simulation to open before the run begins. After that it opens
 /// in the background.
+#[cfg(feature = "rerun")]
 const OPEN: Duration = Duration::from_secs(10);
 
 /// Port of `--serve` alone: that of the viewer for browsers.
@@ -34,21 +41,25 @@ enum Shown {
 /// Where frames are shown, and which ones.
 #[derive(Clone, Debug, clap::Args)]
 #[command(next_help_heading = crate::cli::WRITE)]
+#[cfg_attr(
+    not(feature = "rerun"),
+    allow(dead_code, reason = "none of them reaches a viewer")
+)]
 pub struct ViewerArgs {
     /// Show every frame in the viewer (opens an installed `rerun`)
-    #[arg(long, group = "shown")]
+    #[arg(long, group = "shown", hide = NONE)]
     view: bool,
     /// Write every frame to a file for the viewer (`rerun FILE.rrd` opens it)
-    #[arg(long, value_name = "FILE.rrd", group = "shown")]
+    #[arg(long, value_name = "FILE.rrd", group = "shown", hide = NONE)]
     rrd: Option<PathBuf>,
     /// Show every frame in a running viewer
-    #[arg(long, value_name = "URL", group = "shown")]
+    #[arg(long, value_name = "URL", group = "shown", hide = NONE)]
     connect: Option<String>,
     /// Show every frame in a browser on this machine: starts an installed `rerun` as a server,
     /// which stays when the run ends, and prints the address. PORT + 1 is
     /// used, too [default PORT: 9090]
     #[arg(
-        long, value_name = "PORT", group = "shown", num_args = 0..=1,
+        long, value_name = "PORT", group = "shown", num_args = 0..=1, hide = NONE,
         default_missing_value = SERVE, value_parser = clap::value_parser!(u16).range(1..65535)
     )]
     serve: Option<u16>,
@@ -59,7 +70,8 @@ pub struct ViewerArgs {
         value_name = "N",
         requires = "shown",
         value_parser = at_least_one,
-        hide_short_help = true
+        hide_short_help = true,
+        hide = NONE
     )]
     view_every: Option<NonZeroU64>,
     /// Curves to show [default: all]
@@ -67,7 +79,8 @@ pub struct ViewerArgs {
         long,
         value_name = "CURVES",
         requires = "shown",
-        hide_short_help = true
+        hide_short_help = true,
+        hide = NONE
     )]
     view_only: Option<Shown>,
     /// True if the run does not wait until the viewer is open, and continues without it if it
@@ -78,7 +91,23 @@ pub struct ViewerArgs {
 
 impl ViewerArgs {
     /// Checks the output file, which must differ from all other files of the command.
+    ///
+    /// Errors: the build has no viewer.
     pub fn check_files(&self, files: &mut Files) -> Result<()> {
+        let options = [
+            ("--view", self.view),
+            ("--rrd", self.rrd.is_some()),
+            ("--connect", self.connect.is_some()),
+            ("--serve", self.serve.is_some()),
+        ];
+        if let Some((option, _)) = options.iter().find(|(_, given)| NONE && *given) {
+            return Err(Error::Usage(format!(
+                "{option}: this build of linkwatch has no viewer, like that of the Python package; \
+                 `cargo install --path . --locked` in its source builds one that has it; --record \
+                 FILE.mcap records the run here, and `linkwatch replay FILE.mcap {option}` shows \
+                 it there"
+            )));
+        }
         match &self.rrd {
             Some(path) => files.writes("--rrd", path, Content::Viewer),
             None => Ok(()),
@@ -115,10 +144,21 @@ impl ViewerArgs {
         }
     }
 
+    #[cfg(not(feature = "rerun"))]
+    pub fn open(
+        &self,
+        _: &str,
+        _: Option<ClearanceOptions>,
+        _: (Overflow, Overwrite),
+    ) -> Result<Option<SinkQueue>> {
+        Ok(None)
+    }
+
     /// Opens the viewer, or the file at the first frame. `title` names the run. The viewer shows
     /// the clearance if it is measured.
     ///
     /// Errors: a viewer cannot be reached or started.
+    #[cfg(feature = "rerun")]
     pub fn open(
         &self,
         title: &str,
@@ -173,6 +213,7 @@ impl ViewerArgs {
 ///
 /// No simulator waits for a replay, so that its viewer gets all frames. A file must be complete,
 /// because a gap would mislead, but the viewer of a live simulation may miss a frame.
+#[cfg(feature = "rerun")]
 fn of_viewer(overflow: Overflow) -> (Overflow, Duration) {
     match overflow {
         Overflow::WaitForProgress(limit) => (overflow, limit),
@@ -180,7 +221,7 @@ fn of_viewer(overflow: Overflow) -> (Overflow, Duration) {
     }
 }
 
-#[cfg(test)]
+#[cfg(all(test, feature = "rerun"))]
 mod tests {
     use super::*;
 

@@ -8,7 +8,7 @@ use crate::cli::files::Files;
 use crate::cli::label::Label;
 use crate::cli::metrics::ServiceMetrics;
 use crate::cli::output::{percent, plural};
-use crate::cli::run::{FrameCounts, Ingested, Judge, Run, Setup, Sinks};
+use crate::cli::run::{FrameCounts, Ingested, Judge, Recorded, Run, Setup, Sinks};
 use crate::cli::signals::TICK;
 use crate::cli::{Outcome, services};
 use linkwatch::{
@@ -93,10 +93,7 @@ impl Follower<'_> {
             models: false,
             live: true,
             from_now: self.args.from_now,
-            baseline: None,
-            recorded_events: None,
-            recorded_clearance: None,
-            recorded_braids: None,
+            recorded: Recorded::default(),
             title: &title,
             metadata: BTreeMap::from([("service".to_owned(), self.service.to_owned())]),
             overflow: Overflow::Wait(PATIENCE),
