@@ -192,6 +192,12 @@ impl PullThrough {
         let point = Notation::of_scene(extent, self.point).point(self.point);
         format!("{what} at {fraction:.3} of the step ({sign:+}), at {point}, segments {s} and {t}")
     }
+
+    /// Returns a sentence with the motion in the step.
+    pub(crate) fn with_motion(&self, names: &[String], extent: f64) -> String {
+        let (sentence, lengths) = (self.sentence_named(extent, names), self.lengths);
+        format!("{sentence}, which moved {lengths:.1} segment lengths in the step")
+    }
 }
 
 impl fmt::Display for PullThrough {
@@ -421,10 +427,9 @@ impl Report {
             .iter()
             .map(move |p| p.sentence_named(extent, names));
         let defects = self.defects.iter().map(|d| self.defect(d, names));
-        let unresolved = self.unresolved.iter().map(move |p| {
-            let (sentence, lengths) = (p.sentence_named(extent, names), p.lengths);
-            format!("unresolved: {sentence}, which moved {lengths:.1} segment lengths in the step")
-        });
+        let unresolved = self.unresolved.iter();
+        let unresolved =
+            unresolved.map(move |p| format!("unresolved: {}", p.with_motion(names, extent)));
         changes.chain(events).chain(defects).chain(unresolved)
     }
 
