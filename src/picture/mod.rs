@@ -113,7 +113,6 @@ pub fn draw(set: &CurveSet, title: &str, subtitle: &str, marked: &[Marked]) -> S
             text x="12" y="48" font-size="13" { (plain(subtitle, 140)) }
             @for (k, panel) in panels.iter().enumerate() {
                 svg x=(k as f64 * STEP) y=(TITLE) width=(PANEL) height=(PANEL) {
-                    rect width="100%" height="100%" fill="#f4f6f8" {}
                     (panel)
                 }
             }
@@ -135,6 +134,7 @@ fn around(set: &CurveSet, curves: [u32; 2], place: Place) -> Option<Markup> {
     let [i, j] = curves;
     let picture = scene.svg(scene.views()[0], Radii::default(), "the place of a link");
     Some(html! {
+        rect width="100%" height="100%" fill="#f4f6f8" {}
         (picture)
         text x="12" y="24" font-size="14" font-weight="bold" {
             tspan.at { "curve " (i) } " " tspan.bt { "curve " (j) }

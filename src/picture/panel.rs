@@ -189,29 +189,31 @@ pub(super) fn frame(label: &str, reach: f64, view: View, content: &Markup) -> Ma
     }
 }
 
-/// Omits points that would not be visible.
+/// Omits points closer than the spacing, and points of nearly straight parts.
 pub(super) fn simplify(points: Vec<Point>, spacing: f64) -> Vec<Point> {
-    let Some((&last, rest)) = points.split_last() else {
+    let Some(&first) = points.first() else {
         return points;
     };
-    let mut out: Vec<Point> = Vec::with_capacity(points.len());
-    for (k, p) in rest.iter().enumerate() {
-        let Some(kept) = out.last() else {
-            out.push(*p);
+    let mut out = vec![first];
+    // Bound of the deviation of the points that were omitted since the last one that was kept.
+    let mut drift = 0.0;
+    for pair in points[1..].windows(2) {
+        let kept = out[out.len() - 1];
+        let [u, v] = [0, 1].map(|k| [pair[k][0] - kept[0], pair[k][1] - kept[1]]);
+        let ahead = u[0] * (v[0] - u[0]) + u[1] * (v[1] - u[1]) > 0.0;
+        let off = (u[0] * v[1] - u[1] * v[0]).abs() / v[0].hypot(v[1]);
+        if u[0].hypot(u[1]) < spacing {
             continue;
-        };
-        let next = points[k + 1];
-        let [u, v] = [p, &next].map(|q| [q[0] - kept[0], q[1] - kept[1]]);
-        let base = v[0].hypot(v[1]);
-        let ahead = u[0] * v[0] + u[1] * v[1] > 0.0;
-        let off = (u[0] * v[1] - u[1] * v[0]).abs() / base;
-        let close = u[0].hypot(u[1]) < spacing;
+        }
         // A NaN, if the next point is the kept one, omits nothing.
-        if !(close || ahead && off < DEVIATION) {
-            out.push(*p);
+        if ahead && drift + off < DEVIATION {
+            drift += off;
+        } else {
+            out.push(pair[0]);
+            drift = 0.0;
         }
     }
-    out.push(last);
+    out.extend(points[1..].last());
     out
 }
 

@@ -1,7 +1,7 @@
 //! Directions from which a place is drawn.
 //!
 //! The first direction is the one of many in which both strands are open and cross at a wide angle:
-//! the product of the area that the crossing tangents span, and of the smaller area of the two
+//! the product of the area that the crossing tangents span, and of the smaller width of the two
 //! strands, both as seen. A ring that is seen from the side would be a line, which shows no
 //! linking. The second direction is the best one orthogonal to the first: the same view after a
 //! quarter turn about the vertical.
@@ -16,8 +16,8 @@ use std::f64::consts::{PI, TAU};
 const FIRST: usize = 400;
 const SECOND: usize = 48;
 
-/// Share of the best area that counts even if it is not visible, so that parallel strands and flat
-/// ones can be compared.
+/// Share of the best area or width that counts even if it is not visible, so that parallel strands
+/// and flat ones can be compared.
 const LEAST: f64 = 0.12;
 
 /// Axes of a picture: to the right, up, and towards the viewer. Orthonormal.
@@ -57,16 +57,18 @@ impl View {
 
 /// Returns both views of the strands of a finding.
 pub(super) fn views(strands: &[Strand]) -> [View; 2] {
-    let [(s, a), (t, b)] = [Part::First, Part::Second].map(|part| shape(strands, part));
-    let crossing = cross(s, t);
+    let shapes = [Part::First, Part::Second].map(|part| Shape::of(strands, part));
     let score = |d: Point| {
-        let normals = [a, b].into_iter().filter(|n| *n != [0.0; 3]);
-        let open = normals.map(|n| dot(n, d).abs()).fold(1.0, f64::min);
-        (dot(crossing, d).abs() + LEAST) * (open + LEAST)
+        let normal = cross(shapes[0].tangent, shapes[1].tangent);
+        let crossing = dot(normal, d).abs();
+        let widths = shapes.iter().filter_map(|shape| shape.width(d));
+        let width = widths.fold(1.0, f64::min);
+        (crossing + LEAST) * (width + LEAST)
     };
     let best = |directions: &mut dyn Iterator<Item = Point>| {
-        let best = directions.max_by(|d, e| score(*d).total_cmp(&score(*e)));
-        best.unwrap_or([0.0, 0.0, 1.0])
+        let scored = directions.map(|d| (score(d), d));
+        let best = scored.max_by(|a, b| a.0.total_cmp(&b.0));
+        best.map_or([0.0, 0.0, 1.0], |(_, d)| d)
     };
     // From above: the opposite direction shows the same.
     let towards = best(&mut (0..FIRST).map(half_sphere));
@@ -100,24 +102,67 @@ fn half_sphere(k: usize) -> Point {
     [radius * cos, radius * sin, z]
 }
 
-/// Returns the direction of a strand at its point closest to the place, and the normal of its area.
-/// Both have length 1, or are 0 if there is none.
-fn shape(strands: &[Strand], part: Part) -> (Point, Point) {
-    let (mut tangent, mut area, mut closest) = ([0.0; 3], [0.0; 3], f64::INFINITY);
-    for strand in strands.iter().filter(|s| s.part == part) {
-        for edge in strand.points.windows(2) {
+/// Direction and extent of a strand near the place.
+struct Shape {
+    /// Direction at the point closest to the place, of length 1, or 0.
+    tangent: Point,
+    /// Second moments of its points; `None` without points.
+    moments: Option<[Point; 3]>,
+}
+
+impl Shape {
+    fn of(strands: &[Strand], part: Part) -> Shape {
+        let mut tangent = [0.0; 3];
+        let mut closest = f64::INFINITY;
+        let (mut sum, mut count) = ([0.0; 3], 0.0);
+        let own = || strands.iter().filter(|s| s.part == part);
+        for edge in own().flat_map(|s| s.points.windows(2)) {
             let along = sub(edge[1], edge[0]);
+            let middle = mix(edge[0], edge[1], 0.5);
             let length = norm(along);
-            let distance = norm(mix(edge[0], edge[1], 0.5)) - 0.5 * length;
+            let distance = norm(middle) - 0.5 * length;
             if length > 0.0 && distance < closest {
                 (closest, tangent) = (distance, along.map(|x| x / length));
             }
-            // An open strand is closed by its chord.
-            let triangle = cross(sub(edge[0], strand.points[0]), along);
-            (0..3).for_each(|x| area[x] += triangle[x]);
+            // Edges count by their length, so that the sampling does not matter.
+            (0..3).for_each(|x| sum[x] += length * middle[x]);
+            count += length;
+        }
+        if count == 0.0 {
+            return Shape {
+                tangent,
+                moments: None,
+            };
+        }
+        let mean = sum.map(|x| x / count);
+        let mut moments = [[0.0; 3]; 3];
+        for edge in own().flat_map(|s| s.points.windows(2)) {
+            let length = norm(sub(edge[1], edge[0])) / count;
+            for p in edge {
+                let d = sub(*p, mean);
+                for (row, x) in moments.iter_mut().zip(d) {
+                    (0..3).for_each(|k| row[k] += 0.5 * length * x * d[k]);
+                }
+            }
+        }
+        Shape {
+            tangent,
+            moments: Some(moments),
         }
     }
-    (tangent, unit(area))
+
+    /// Returns the width of the strand, as seen from a direction, as a share of its length. `None`
+    /// without points.
+    fn width(&self, d: Point) -> Option<f64> {
+        let m = self.moments.as_ref()?;
+        let a = unit(cross(d, least_axis(d)));
+        let b = cross(d, a);
+        let entry = |p: Point, q: Point| dot(p, m.map(|row| dot(row, q)));
+        let (aa, ab, bb) = (entry(a, a), entry(a, b), entry(b, b));
+        let (mean, half) = (0.5 * (aa + bb), (0.5 * (aa - bb)).hypot(ab));
+        let largest = (0..3).map(|k| m[k][k]).sum::<f64>();
+        Some(((mean - half).max(0.0) / largest.max(f64::MIN_POSITIVE)).sqrt())
+    }
 }
 
 /// Returns the axis that is farthest from a direction.

@@ -332,8 +332,8 @@ impl Replay {
                 }
                 let info = frame.info.clone();
                 let left_out = std::mem::take(&mut frame.left_out);
-                let frame = self.session.ingest(info, |receive| frame.read(receive));
-                let frame = frame.without(left_out);
+                let mut frame = self.session.ingest(info, |receive| frame.read(receive));
+                frame.left_out.extend(left_out);
                 self.session.announce(&frame);
                 self.finish_waiting()?;
                 let frame = Box::new(frame);

@@ -1,8 +1,6 @@
 //! Frames of a run: before they are verified, and their results.
 
 use crate::cli::sequence::Frame;
-#[cfg(feature = "bus")]
-use linkwatch::Error;
 use linkwatch::kernels::Offload;
 use linkwatch::model::LeftOut;
 use linkwatch::{Continuation, CurveSet, FrameInfo, FrameTimes, Received, Report, Work};
@@ -11,9 +9,9 @@ use std::time::Duration;
 
 /// A frame to judge.
 pub struct Ingested {
-    pub(super) received: Received,
+    pub received: Received,
     /// Elements of a file that may be curves of the frame, and were not read.
-    pub(super) left_out: Vec<LeftOut>,
+    pub left_out: Vec<LeftOut>,
 }
 
 impl From<Received> for Ingested {
@@ -25,14 +23,6 @@ impl From<Received> for Ingested {
     }
 }
 
-#[cfg(feature = "bus")]
-impl Ingested {
-    /// Returns a frame that is rejected for this reason.
-    pub fn invalid(info: FrameInfo, why: Error) -> Ingested {
-        Received::new(info, Err(why)).into()
-    }
-}
-
 impl From<Frame> for Ingested {
     /// Wraps a frame that was read already.
     fn from(frame: Frame) -> Ingested {
@@ -40,15 +30,6 @@ impl From<Frame> for Ingested {
             received: Received::new(frame.info, frame.curves.map(Arc::new)),
             left_out: frame.left_out,
         }
-    }
-}
-
-#[cfg(feature = "mcap")]
-impl Ingested {
-    /// Returns the frame of a file of which these elements were not read.
-    pub fn without(mut self, left_out: Vec<LeftOut>) -> Ingested {
-        self.left_out.extend(left_out);
-        self
     }
 }
 

@@ -133,11 +133,15 @@ impl Sinks {
         metadata: &BTreeMap<String, String>,
         (clearance, overflow): (Option<ClearanceOptions>, Overflow),
     ) -> Result<Vec<SinkQueue>> {
-        let queues = [
+        let queues: [Option<SinkQueue>; _] = [
+            #[cfg(feature = "mcap")]
             self.open_recording(metadata, overflow)?,
+            #[cfg(feature = "rerun")]
             self.viewer
                 .open(title, clearance, (overflow, self.overwrite))?,
         ];
+        // Not all builds have all sinks.
+        let _ = (title, metadata, clearance, overflow);
         Ok(queues.into_iter().flatten().collect())
     }
 
@@ -157,14 +161,5 @@ impl Sinks {
         self.keep.apply(&mut options);
         let queue = SinkQueue::spawn("recording", WAITING, overflow, move || options.open())?;
         Ok(Some(queue.with_points(WAITING_POINTS)))
-    }
-
-    #[cfg(not(feature = "mcap"))]
-    fn open_recording(
-        &self,
-        _: &BTreeMap<String, String>,
-        _: Overflow,
-    ) -> Result<Option<SinkQueue>> {
-        Ok(None)
     }
 }

@@ -1,30 +1,20 @@
 //! The options `--view`, `--rrd`, `--connect` and `--serve`: viewers of verified frames.
 
 #[cfg(feature = "rerun")]
-use super::sinks::{WAITING, WAITING_POINTS};
-#[cfg(feature = "rerun")]
-use crate::cli::files::claim;
+mod open;
+
 #[cfg(feature = "bus")]
 use crate::cli::files::with_suffix;
-use crate::cli::files::{Content, Files, Overwrite};
+use crate::cli::files::{Content, Files};
 use crate::cli::number::at_least_one;
-use linkwatch::{ClearanceOptions, Error, Overflow, Result, SinkQueue};
-#[cfg(feature = "rerun")]
-use linkwatch::{Sink, ViewerOptions, ViewerSink, ViewerTarget};
+use linkwatch::{Error, Result};
 use std::num::NonZeroU64;
 #[cfg(any(feature = "bus", feature = "mcap"))]
 use std::path::Path;
 use std::path::PathBuf;
-#[cfg(feature = "rerun")]
-use std::time::Duration;
 
 /// True in a build without the viewer: its options say how to get one.
 const NONE: bool = cfg!(not(feature = "rerun"));
-
-/// Time limit for a viewer of a live simulation to open before the run begins. After that it opens
-/// in the background.
-#[cfg(feature = "rerun")]
-const OPEN: Duration = Duration::from_secs(10);
 
 /// Port of `--serve` alone: that of the viewer for browsers.
 const SERVE: &str = "9090";
@@ -142,95 +132,5 @@ impl ViewerArgs {
             later: true,
             ..self
         }
-    }
-
-    #[cfg(not(feature = "rerun"))]
-    pub fn open(
-        &self,
-        _: &str,
-        _: Option<ClearanceOptions>,
-        _: (Overflow, Overwrite),
-    ) -> Result<Option<SinkQueue>> {
-        Ok(None)
-    }
-
-    /// Opens the viewer, or the file at the first frame. `title` names the run. The viewer shows
-    /// the clearance if it is measured.
-    ///
-    /// Errors: a viewer cannot be reached or started.
-    #[cfg(feature = "rerun")]
-    pub fn open(
-        &self,
-        title: &str,
-        clearance: Option<ClearanceOptions>,
-        (overflow, overwrite): (Overflow, Overwrite),
-    ) -> Result<Option<SinkQueue>> {
-        let title = title.to_owned();
-        let options = ViewerOptions {
-            every: self.view_every.unwrap_or(NonZeroU64::MIN),
-            only_violated: self.view_only == Some(Shown::Violated),
-        };
-        let open = move |target: &ViewerTarget| {
-            let sink = ViewerSink::open(target, &title)?.with_options(options);
-            let sink = match clearance {
-                Some(clearance) => sink.with_clearance(clearance)?,
-                None => sink,
-            };
-            Ok(Box::new(sink) as Box<dyn Sink>)
-        };
-        if let Some(path) = self.rrd.clone() {
-            let queue = SinkQueue::spawn("viewer", WAITING, overflow, move || {
-                claim(&path, overwrite)?;
-                open(&ViewerTarget::File(path))
-            });
-            return Ok(Some(queue?.with_points(WAITING_POINTS)));
-        }
-        let target = match (&self.connect, self.serve) {
-            (Some(url), _) => ViewerTarget::Connect(url.clone()),
-            (None, Some(port)) => ViewerTarget::Serve(port),
-            (None, None) if self.view => ViewerTarget::Spawn,
-            (None, None) => return Ok(None),
-        };
-        let others = match target {
-            ViewerTarget::Spawn => ", and --serve shows the frames in a browser",
-            _ => "",
-        };
-        let (overflow, limit) = of_viewer(overflow);
-        let queue = SinkQueue::spawn("viewer", WAITING, overflow, move || open(&target))?;
-        if !self.later {
-            // If the viewer cannot be reached, the command fails at once, not at its first frame.
-            queue.open(limit).map_err(|e| {
-                let file = "--rrd FILE.rrd writes a file for a viewer on any machine";
-                Error::Usage(format!("{e}; {file}{others}"))
-            })?;
-        }
-        Ok(Some(queue))
-    }
-}
-
-/// Returns the policy of a viewer if it is slower than the frames, and the time limit for it to
-/// open, from the policy of a file.
-///
-/// No simulator waits for a replay, so that its viewer gets all frames. A file must be complete,
-/// because a gap would mislead, but the viewer of a live simulation may miss a frame.
-#[cfg(feature = "rerun")]
-fn of_viewer(overflow: Overflow) -> (Overflow, Duration) {
-    match overflow {
-        Overflow::WaitForProgress(limit) => (overflow, limit),
-        Overflow::Wait(_) | Overflow::DropOldest => (Overflow::DropOldest, OPEN),
-    }
-}
-
-#[cfg(all(test, feature = "rerun"))]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_viewer_gets_all_frames_of_a_replay_and_delays_no_live_run() {
-        let second = Duration::from_secs(1);
-        let replay = Overflow::WaitForProgress(second);
-        assert_eq!(of_viewer(replay), (replay, second));
-        let live = Overflow::Wait(second);
-        assert_eq!(of_viewer(live), (Overflow::DropOldest, OPEN));
     }
 }

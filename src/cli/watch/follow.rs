@@ -8,12 +8,12 @@ use crate::cli::files::Files;
 use crate::cli::label::Label;
 use crate::cli::metrics::ServiceMetrics;
 use crate::cli::output::{percent, plural};
-use crate::cli::run::{FrameCounts, Ingested, Judge, Recorded, Run, Setup, Sinks};
+use crate::cli::run::{FrameCounts, Judge, Recorded, Run, Setup, Sinks};
 use crate::cli::signals::TICK;
 use crate::cli::{Outcome, services};
 use linkwatch::{
-    Counters, Error, Event, FrameInfo, LastLabels, LiveTimes, Overflow, Report, Result, Sidecar,
-    Verdict,
+    Counters, Error, Event, FrameInfo, LastLabels, LiveTimes, Overflow, Received, Report, Result,
+    Sidecar, Verdict,
 };
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -354,7 +354,7 @@ impl Follower<'_> {
                     }
                     let ingested = match frame.info(&mut labels) {
                         Ok(info) => session.ingest(info, |receive| frame.read(receive)),
-                        Err(why) => Ingested::invalid(FrameInfo::at(seq, time), why),
+                        Err(why) => Received::new(FrameInfo::at(seq, time), Err(why)).into(),
                     };
                     // Returns the memory to the simulator.
                     drop(frame);
