@@ -219,15 +219,15 @@ fn bad_options_of_moving_scenes_exit_with_2() {
     let [bcc, npz] = ["a.bcc", "a.npz"].map(|n| folder.path().join(n));
     let scene = "chainmail:rows=4,columns=5";
     for (file, args, says) in [
-        (
-            &bcc,
-            &["--frames", "2,diameter=0.2"][..],
-            "holds one frame",
-        ),
+        (&bcc, &["--frames", "2,diameter=0.2"][..], "holds one frame"),
         (&npz, &[], "scenes are written as .bcc"),
         (&npz, &["--frames", "2"], "chainmail has no diameter"),
         (&npz, &["--frames", "2,motion=fast"], "expected"),
-        (&npz, &["--frames", "2,pull=2"], "expected a frame from 0 to 1"),
+        (
+            &npz,
+            &["--frames", "2,pull=2"],
+            "expected a frame from 0 to 1",
+        ),
     ] {
         let run = linkwatch(&[&["generate", scene, "-o", text(file)][..], args].concat());
         assert_eq!(run.code, 2, "{args:?}: {}", run.stderr);

@@ -7,7 +7,7 @@ use super::clearance_args::ClearanceArgs;
 use super::event_args::EventArgs;
 use super::input::{self, FormatArgs};
 use super::output::with_progress;
-use super::run::{Baseline, FrameCounts, Judge, JunitArgs, Run, Setup, Sinks};
+use super::run::{Baseline, FrameCounts, Judge, JunitArgs, Recorded, Run, Setup, Sinks};
 use super::sequence::{Frame, Sequence};
 use linkwatch::{AbortOn, Error, Overflow, Result, Strategy, Verdict};
 use std::collections::BTreeMap;
@@ -97,10 +97,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         models: true,
         live: false,
         from_now: false,
-        baseline: None,
-        recorded_events: None,
-        recorded_clearance: None,
-        recorded_braids: None,
+        recorded: Recorded::default(),
         title: &title,
         metadata,
         overflow: Overflow::WaitForProgress(PATIENCE),

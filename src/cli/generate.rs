@@ -53,7 +53,11 @@ pub fn run(args: &Args, as_json: bool) -> Result<Outcome> {
         return Ok(Outcome::Fine);
     };
     let mut files = Files::new(args.overwrite);
-    let moving = args.frames.as_ref().map(|frames| frames.of(scene)).transpose()?;
+    let moving = args
+        .frames
+        .as_ref()
+        .map(|frames| frames.of(scene))
+        .transpose()?;
     let format = moving.as_ref().map(|_| frame_format(path)).transpose()?;
     let content = match moving {
         Some(_) => Content::Model,
@@ -156,7 +160,8 @@ impl Moving {
     fn of(&self, scene: &Scene) -> Result<MovingScene> {
         let length = self.diameter.or(scene.value("diameter")).ok_or_else(|| {
             let name = scene.kind().name;
-            let what = "has no diameter, the unit of the motion: give it, `--frames 9,diameter=0.2`";
+            let what =
+                "has no diameter, the unit of the motion: give it, `--frames 9,diameter=0.2`";
             Error::Usage(format!("{name} {what}"))
         })?;
         Ok(MovingScene {

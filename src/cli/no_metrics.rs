@@ -5,8 +5,7 @@ use linkwatch::{Report, SinkSummary};
 use std::time::Duration;
 
 /// Ignores the figures of a session.
-#[derive(Default)]
-pub struct SessionMetrics {}
+pub struct SessionMetrics;
 
 impl SessionMetrics {
     pub fn add(&self, _: &Report, _: Option<Duration>) {}
@@ -43,7 +42,7 @@ mod watch {
 
     impl ServiceMetrics {
         pub fn session(&self, _: bool) -> SessionMetrics {
-            SessionMetrics {}
+            SessionMetrics
         }
         pub fn connected(&self) {}
         pub fn restarted(&self, _: u64) {}

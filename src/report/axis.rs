@@ -1,32 +1,30 @@
 //! The horizontal axis of the timeline and of the plots: the frames in order, with their numbers
 //! and simulation times.
 
-use super::series::Series;
-use super::svg::px;
+use super::series::Bin;
 use crate::curve::significant;
+use crate::svg::px;
+use maud::{Markup, html};
 
 /// Width of a picture with a time axis, and its margins.
 pub(super) const WIDTH: f64 = 1000.0;
-const LEFT: f64 = 72.0;
-const RIGHT: f64 = 14.0;
+pub(super) const LEFT: f64 = 72.0;
+pub(super) const RIGHT: f64 = WIDTH - 14.0;
 
 /// Maximum number of labels.
 const LABELS: usize = 10;
 
 /// Positions of bins.
 pub(super) struct Axis<'a> {
-    series: &'a Series,
+    bins: &'a [Bin],
     /// Width of a bin.
     pub step: f64,
 }
 
 impl<'a> Axis<'a> {
-    pub fn of(series: &'a Series) -> Axis<'a> {
-        let bins = series.bins.len().max(1);
-        Axis {
-            series,
-            step: (WIDTH - LEFT - RIGHT) / bins as f64,
-        }
+    pub fn of(bins: &'a [Bin]) -> Axis<'a> {
+        let step = (RIGHT - LEFT) / bins.len().max(1) as f64;
+        Axis { bins, step }
     }
 
     /// Returns the left end of a bin, or the end of the last one, if `bin` is their number.
@@ -39,55 +37,34 @@ impl<'a> Axis<'a> {
         self.x(bin) + 0.5 * self.step
     }
 
-    /// Returns the left and the right end of the axis.
-    pub fn ends(&self) -> [f64; 2] {
-        [LEFT, WIDTH - RIGHT]
-    }
-
     /// Draws ticks below `y`, with the number of the first frame of a bin, and its time.
-    pub fn draw(&self, y: f64, out: &mut String) {
-        let bins = &self.series.bins;
-        let step = round_above(bins.len().div_ceil(LABELS));
-        let timed = bins.iter().any(|b| b.first.time != 0.0);
-        for (k, bin) in bins.iter().enumerate().step_by(step) {
-            let x = px(self.middle(k));
-            *out += &format!(
-                "<path class=\"x\" d=\"M{x} {}v5\"/><text class=\"t c\" x=\"{x}\" y=\"{}\">{}\
-                 </text>\n",
-                px(y),
-                px(y + 17.0),
-                bin.first.frame
-            );
-            if timed {
-                *out += &format!(
-                    "<text class=\"t c d\" x=\"{x}\" y=\"{}\">{} s</text>\n",
-                    px(y + 30.0),
-                    significant((bin.first.time * 1e6).round() / 1e6)
-                );
+    pub fn draw(&self, y: f64) -> Markup {
+        let bins = self.bins.iter().enumerate();
+        let bins = bins.step_by(round_above(self.bins.len().div_ceil(LABELS)));
+        let timed = self.bins.iter().any(|b| b.first.time != 0.0);
+        let [tick, frame, time] = [y, y + 17.0, y + 30.0].map(px);
+        html! {
+            @for (k, bin) in bins {
+                @let x = px(self.middle(k));
+                path.x d={"M" (x) " " (tick) "v5"} {}
+                text.t.c x=(x) y=(frame) { (bin.first.frame) }
+                @if timed {
+                    text.t.c.d x=(x) y=(time) {
+                        (significant((bin.first.time * 1e6).round() / 1e6)) " s"
+                    }
+                }
             }
-        }
-        *out += &format!(
-            "<text class=\"t d\" x=\"0\" y=\"{}\">frame</text>\n",
-            px(y + 17.0)
-        );
-        if timed {
-            *out += &format!(
-                "<text class=\"t d\" x=\"0\" y=\"{}\">time</text>\n",
-                px(y + 30.0)
-            );
+            text.t.d x="0" y=(frame) { "frame" }
+            @if timed { text.t.d x="0" y=(time) { "time" } }
         }
     }
 }
 
 /// Returns the smallest of 1, 2 and 5 times a power of ten that is at least `n`.
 fn round_above(n: usize) -> usize {
-    let mut power = 1;
-    loop {
-        if let Some(step) = [1, 2, 5].map(|k| k * power).into_iter().find(|s| *s >= n) {
-            return step;
-        }
-        power *= 10;
-    }
+    let powers = std::iter::successors(Some(1), |power| Some(10 * power));
+    let mut steps = powers.flat_map(|power| [power, 2 * power, 5 * power]);
+    steps.find(|step| *step >= n).expect("steps grow")
 }
 
 #[cfg(test)]

@@ -2,13 +2,14 @@
 
 use super::rows::{Moment, PullThroughRow, Remark, Rows};
 use super::series::{Sample, Series};
-use super::svg::plain;
-use super::violations::{Shot, Spot, Violations};
+use super::violations::{Shot, Violations};
 use crate::curve::vector::mix;
 use crate::curve::{CurveLabels, Image, Notation};
 use crate::error::Result;
 use crate::incremental::Events;
+use crate::picture::Spot;
 use crate::sinks::{Ending, RecordedItem, RecordedVerdict, RecordingReader};
+use crate::svg::plain;
 use crate::verdict::{DefectKind, Report, Stats, Verdict};
 use std::collections::BTreeMap;
 use std::io::{Read, Seek};
@@ -36,15 +37,16 @@ const PULL_THROUGHS: usize = 400;
 const REMARKS: usize = 100;
 
 /// Finding that the first sentence names.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, serde::Serialize)]
 pub(super) struct Found {
+    #[serde(flatten)]
     pub moment: Moment,
     pub verdict: Verdict,
     /// The finding in a few words: "curves 3 and 4 came apart". `None` if the frame has none.
-    pub what: Option<String>,
-    /// Its place.
+    pub finding: Option<String>,
     pub place: Option<String>,
     /// Number of other findings of the frame.
+    #[serde(skip)]
     pub more: usize,
 }
 
@@ -172,6 +174,11 @@ impl Facts {
             (None, _) => End::Finished,
         };
         Ok(facts)
+    }
+
+    /// Returns the number of frames with a verdict.
+    pub fn of(&self, verdict: Verdict) -> u64 {
+        self.verdicts[verdict as usize]
     }
 
     /// Returns the pull-throughs that were searched for.
@@ -348,7 +355,10 @@ impl Collector {
                 names: super::rows::names_of([event.i, event.j], names),
                 event: *event,
                 unresolved,
-                place: Notation::of_scene(extent, event.point).point(event.point),
+                sentence: {
+                    let prefix = if unresolved { "unresolved: " } else { "" };
+                    format!("{prefix}{}", event.with_motion(names, extent))
+                },
             });
         }
         if report.verdict == Verdict::Changed && facts.changed.is_none() {
@@ -408,7 +418,7 @@ fn found(report: &Report, names: &[String]) -> Found {
         DefectKind::Contact => 0,
         kind => 1 + u32::from(kind.is_of_step()),
     });
-    let (what, place) = match (change, event, defect) {
+    let (finding, place) = match (change, event, defect) {
         (Some(c), ..) => (Some(c.words(names)), c.place.and_then(|p| at(p.point))),
         (None, Some(e), _) if !report.events.is_empty() => (Some(e.words(names)), at(e.point)),
         (None, _, Some(d)) => (Some(d.words(names)), at(d.place.point)),
@@ -426,7 +436,7 @@ fn found(report: &Report, names: &[String]) -> Found {
     Found {
         moment: Moment::of(report),
         verdict: report.verdict,
-        what,
+        finding,
         place,
         more: findings.saturating_sub(1),
     }

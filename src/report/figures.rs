@@ -5,12 +5,10 @@
 //! frames, and the finished pictures.
 
 use super::facts::Facts;
-use super::picture::{Named, Panel};
 use super::rows::Moment;
-use super::strands::{Part, Radii, Window, strands};
-use super::view::views;
-use super::violations::{Shot, Spot, Violation, Violations};
+use super::violations::{Shot, Violation, Violations};
 use crate::curve::{Cell, CurveLabels, CurveSet, Image, Translated, is_home};
+use crate::picture::{Radii, Scene, Spot, Window};
 use crate::sinks::{RecordedFrame, RecordedItem, RecordingReader};
 use crate::words::plural;
 use std::collections::VecDeque;
@@ -28,15 +26,6 @@ pub(super) const CHOICE: &str = "The first four violations, the pair with the mo
      The window moves with both strands; the second row is the first one after a quarter turn \
      about its vertical.";
 
-/// A violation with pictures.
-#[derive(Clone, Debug)]
-pub(super) struct Choice {
-    /// Position of the pair.
-    pub pair: usize,
-    /// Reasons for the choice.
-    pub reason: String,
-}
-
 /// Pictures of one finding.
 pub(super) struct Figure {
     /// Reason for the choice, as a sentence.
@@ -50,47 +39,45 @@ pub(super) struct Figure {
     pub rows: [[Option<String>; 3]; 2],
 }
 
-/// Chooses the violations that have pictures: see [`CHOICE`]. Pairs that are undecided have
-/// pictures only if no pair changed.
-pub(super) fn choose(violations: &Violations) -> Vec<Choice> {
-    let recorded = |v: &Violation| v.shot.as_ref().is_some_and(|s| s.ordinal.is_some());
+/// Chooses the violations that have pictures: see [`CHOICE`]. Returns the position of each pair,
+/// and the reasons. Pairs that are undecided have pictures only if no pair changed.
+pub(super) fn choose(violations: &Violations) -> Vec<(usize, String)> {
+    let ordinal = |v: &Violation| v.shot.as_ref().and_then(|s| s.ordinal);
     let pairs = violations.pairs.iter().enumerate();
-    let mut all: Vec<(usize, &Violation)> = pairs.filter(|(_, v)| recorded(v)).collect();
+    let mut all: Vec<(usize, &Violation)> = pairs.filter(|(_, v)| ordinal(v).is_some()).collect();
     if all.iter().any(|(_, v)| v.changed()) {
         all.retain(|(_, v)| v.changed());
     }
     // In the order of the pictures; a pair may have touched before it changed.
-    all.sort_by_key(|(_, v)| v.shot.as_ref().and_then(|s| s.ordinal));
-    let mut chosen: Vec<Choice> = Vec::new();
-    let mut add = |pair: usize, reason: String| match chosen.iter().position(|c| c.pair == pair) {
-        Some(k) => chosen[k].reason += &format!(", {reason}"),
-        None if chosen.len() < MOST => chosen.push(Choice { pair, reason }),
-        None => {}
+    all.sort_by_key(|(_, v)| ordinal(v));
+    let rank = |(k, (pair, _)): (usize, &(usize, &Violation))| match k {
+        0 => (*pair, "first".to_owned()),
+        k => (*pair, format!("number {}", k + 1)),
     };
-    let rank = |k: usize| match k {
-        0 => "first".to_owned(),
-        k => format!("number {}", k + 1),
+    let mut ranks = all.iter().enumerate().map(rank);
+    let mut chosen: Vec<(usize, String)> = ranks.by_ref().take(FIRST).collect();
+    let depth = |v: &Violation| {
+        v.link
+            .as_ref()
+            .and_then(|l| l.place)
+            .map_or(0.0, |p| p.distance)
     };
-    for (k, (pair, _)) in all.iter().enumerate().take(FIRST) {
-        add(*pair, rank(k));
+    let last_first = || all.iter().rev();
+    let most = last_first().max_by_key(|(_, v)| v.pull_throughs);
+    let most = most.filter(|(_, v)| v.pull_throughs > 1);
+    let most = most.map(|(pair, v)| (*pair, format!("most pull-throughs ({})", v.pull_throughs)));
+    let deepest = last_first().max_by(|a, b| depth(a.1).total_cmp(&depth(b.1)));
+    let deepest = deepest.filter(|(_, v)| depth(v) > 0.0 && all.len() > 1);
+    let deepest = deepest.map(|(pair, _)| (*pair, "deepest".to_owned()));
+    for (pair, reason) in most.into_iter().chain(deepest) {
+        match chosen.iter_mut().find(|(known, _)| *known == pair) {
+            Some((_, reasons)) => *reasons += &format!(", {reason}"),
+            None => chosen.push((pair, reason)),
+        }
     }
-    let most = all.iter().rev().max_by_key(|(_, v)| v.pull_throughs);
-    if let Some((pair, v)) = most.filter(|(_, v)| v.pull_throughs > 1) {
-        add(*pair, format!("most pull-throughs ({})", v.pull_throughs));
-    }
-    let depth = |v: &Violation| v.link.as_ref().and_then(|l| l.distance).unwrap_or(0.0);
-    let deepest = all
-        .iter()
-        .rev()
-        .max_by(|a, b| depth(a.1).total_cmp(&depth(b.1)));
-    if let Some((pair, _)) = deepest.filter(|(_, v)| depth(v) > 0.0 && all.len() > 1) {
-        add(*pair, "deepest".into());
-    }
-    for (k, (pair, _)) in all.iter().enumerate().skip(FIRST) {
-        let known = chosen.iter().any(|c| c.pair == *pair);
-        if !known && chosen.len() < MOST {
-            let (pair, reason) = (*pair, rank(k));
-            chosen.push(Choice { pair, reason });
+    for (pair, reason) in ranks {
+        if chosen.len() < MOST && chosen.iter().all(|(known, _)| *known != pair) {
+            chosen.push((pair, reason));
         }
     }
     chosen
@@ -166,14 +153,6 @@ impl Held {
 /// Curves of a frame, a place in them, and the radii of the curves, or none.
 type Drawn = (Arc<CurveSet>, Spot, Vec<f32>);
 
-/// A picture to draw: its position on the page, that of its frame, and the rest.
-struct Order {
-    rank: usize,
-    ordinal: u64,
-    reason: String,
-    shot: Shot,
-}
-
 /// Draws the pictures of the worst violations, and of the lowest clearance if it is too low and no
 /// violation shows it, from a second pass over the recording.
 pub(super) fn draw<R: Read + Seek>(
@@ -181,70 +160,58 @@ pub(super) fn draw<R: Read + Seek>(
     facts: &Facts,
 ) -> (Vec<Figure>, Option<Figure>) {
     let pairs = &facts.violations.pairs;
-    let choices = choose(&facts.violations).into_iter().filter_map(|choice| {
-        let reason = format!("Chosen as: {}.", choice.reason);
-        Some((reason, pairs[choice.pair].shot.clone()?))
+    let chosen = choose(&facts.violations).into_iter();
+    let chosen = chosen.filter_map(|(pair, reason)| {
+        Some((format!("Chosen as: {reason}."), pairs[pair].shot.clone()?))
     });
-    let mut choices: Vec<(String, Shot)> = choices.collect();
-    let violations = choices.len();
-    let shown = |low: &Shot| {
-        let mut shots = choices.iter().map(|(_, shot)| shot);
-        shots.any(|s| {
-            (s.moment, s.spot.curves, s.spot.image) == (low.moment, low.spot.curves, low.spot.image)
-        })
+    let mut shots: Vec<(String, Shot)> = chosen.collect();
+    let violations = shots.len();
+    let is_low = |(_, s): &(String, Shot), low: &Shot| {
+        (s.moment, s.spot.curves, s.spot.image) == (low.moment, low.spot.curves, low.spot.image)
     };
-    if let Some((_, low)) = facts.low.as_ref().filter(|(_, low)| !shown(low)) {
+    if let Some((_, low)) = &facts.low
+        && !shots.iter().any(|shot| is_low(shot, low))
+    {
         let frames = plural(facts.clearances[1], "frame");
         let reason = format!(
             "The clearance is below the limit in {frames}: the lowest one of those whose curves \
              are recorded."
         );
-        choices.push((reason, low.clone()));
+        shots.push((reason, low.clone()));
     }
-    let orders = choices.into_iter().enumerate();
-    let orders = orders.filter_map(|(rank, (reason, shot))| {
-        Some(Order {
-            rank,
-            ordinal: shot.ordinal?,
-            reason,
-            shot,
-        })
-    });
-    let mut orders: Vec<Order> = orders.collect();
-    orders.sort_by_key(|order| std::cmp::Reverse(order.ordinal));
+    let mut orders: Vec<(usize, (String, Shot))> = shots.into_iter().enumerate().collect();
+    orders.sort_by_key(|(_, (_, shot))| std::cmp::Reverse(shot.ordinal));
     let mut figures = Vec::new();
     let mut held: VecDeque<Held> = VecDeque::new();
     let mut ordinal = 0;
-    loop {
-        let item = match orders.is_empty() {
-            true => None,
-            // The first pass has reported damage.
-            false => reader.next_item().unwrap_or(None),
-        };
-        if let Some(RecordedItem::Frame(frame)) = &item {
-            if orders.iter().any(|o| o.ordinal.abs_diff(ordinal) <= 1) {
-                held.extend(Held::of(ordinal, frame));
+    let at = |(_, (_, shot)): &(usize, (String, Shot))| shot.ordinal.unwrap_or(0);
+    while !orders.is_empty() {
+        // The first pass has reported damage.
+        let item = reader.next_item().unwrap_or(None);
+        let ended = item.is_none();
+        if let Some(RecordedItem::Frame(frame)) = item {
+            if orders.iter().any(|order| at(order).abs_diff(ordinal) <= 1) {
+                held.extend(Held::of(ordinal, &frame));
                 if held.len() > 3 {
                     held.pop_front();
                 }
             }
             ordinal += 1;
         }
-        let ended = item.is_none();
         // A picture is drawn once its next frame is there.
-        while let Some(order) = orders.pop_if(|o| ended || ordinal > o.ordinal + 1) {
-            let at = order.ordinal;
+        while let Some(order) = orders.pop_if(|order| ended || ordinal > at(order) + 1) {
+            let at = at(&order);
             let find = |ordinal: Option<u64>| held.iter().find(|h| Some(h.ordinal) == ordinal);
             let frames = [at.checked_sub(1), Some(at), at.checked_add(1)].map(find);
-            let what = match order.rank < violations {
+            let (rank, (reason, shot)) = order;
+            let what = match rank < violations {
                 true => "at the violation",
                 false => "lowest clearance",
             };
-            let figure = figure(order, what, frames, facts.radius());
-            figures.push(figure);
-        }
-        if ended {
-            break;
+            figures.push((
+                rank,
+                Figure::draw(reason, shot, what, frames, facts.radius()),
+            ));
         }
     }
     figures.sort_by_key(|(rank, _)| *rank);
@@ -253,92 +220,63 @@ pub(super) fn draw<R: Read + Seek>(
     (figures, low.map(|(_, figure)| figure))
 }
 
-/// Draws the pictures of one finding. `what` are words for its frame, `measured` is the radius of
-/// all strands if there is one.
-fn figure(
-    order: Order,
-    what: &str,
-    frames: [Option<&Held>; 3],
-    measured: Option<f64>,
-) -> (usize, Figure) {
-    let Order {
-        rank, reason, shot, ..
-    } = order;
-    let mut rows: [[Option<String>; 3]; 2] = Default::default();
-    let mut captions = ["before", what, "after"].map(str::to_owned);
-    let place = |held: &Held| frames[1].and_then(|at| held.spot(at, shot.spot));
-    for (k, frame) in frames.iter().enumerate() {
-        captions[k] += &match frame {
-            None if k == 0 => ": no earlier frame was recorded".to_owned(),
-            None if k == 2 => ": no later frame was recorded".to_owned(),
-            None => ": the curves of the frame are not valid".to_owned(),
-            Some(held) if place(held).is_none() => format!(": {} has other curves", held.moment),
-            Some(held) => {
-                let cut = frames[1].is_some_and(|at| at.cuts != held.cuts);
-                let cut = if cut { ", not continuous" } else { "" };
-                format!(": {}{cut}", held.moment)
+impl Figure {
+    /// Draws the pictures of one finding. `what` are words for its frame, `measured` is the radius
+    /// of all strands if there is one.
+    fn draw(
+        reason: String,
+        shot: Shot,
+        what: &str,
+        frames: [Option<&Held>; 3],
+        measured: Option<f64>,
+    ) -> Figure {
+        let at = frames[1];
+        let place = |held: &Held| held.spot(at?, shot.spot);
+        let captions = [0, 1, 2].map(|k| {
+            let name = ["before", what, "after"][k];
+            match frames[k] {
+                None if k == 0 => format!("{name}: no earlier frame was recorded"),
+                None if k == 2 => format!("{name}: no later frame was recorded"),
+                None => format!("{name}: the curves of the frame are not valid"),
+                Some(held) => {
+                    let note = match at {
+                        _ if place(held).is_none() => " has other curves",
+                        Some(at) if at.cuts != held.cuts => ", not continuous",
+                        _ => "",
+                    };
+                    format!("{name}: {}{note}", held.moment)
+                }
             }
-        };
-    }
-    let drawn = frames.map(|frame| {
-        let held = frame?;
-        held.with_image(place(held)?)
-    });
-    let drawn = drawn.each_ref().map(Option::as_ref);
-    let placed = drawn.map(|drawn| drawn.map(|(set, spot, _)| (&**set, *spot)));
-    let radii = drawn.map(|drawn| Radii {
-        published: drawn.map_or(&[], |(.., radii)| radii),
-        measured,
-    });
-    let both = shot.spot.curves.map(|i| radii[1].of(i));
-    let windows = Window::around(placed, both.iter().sum());
-    let shown: [Option<_>; 3] = std::array::from_fn(|k| {
-        let ((set, spot), window) = (placed[k]?, windows[k]?);
-        Some((strands(set, spot, window), named(set, spot, window), window))
-    });
-    // The views are those that suit the frame of the violation.
-    let views = shown[1].as_ref().map(|(strands, ..)| views(strands));
-    for (row, view) in rows.iter_mut().zip(views.into_iter().flatten()) {
-        for (k, picture) in row.iter_mut().enumerate() {
-            *picture = shown[k].as_ref().map(|(strands, named, window)| {
-                let panel = Panel {
-                    strands,
-                    window: *window,
-                    view,
-                    named,
-                    radii: radii[k],
-                    label: captions[k].clone(),
-                };
-                panel.svg()
-            });
+        });
+        let drawn = frames.map(|frame| {
+            let held = frame?;
+            held.with_image(place(held)?)
+        });
+        let placed = [0, 1, 2].map(|k| drawn[k].as_ref().map(|(set, spot, _)| (&**set, *spot)));
+        let radii = [0, 1, 2].map(|k| Radii {
+            published: drawn[k].as_ref().map_or(&[], |(.., radii)| radii),
+            measured,
+        });
+        let both = shot.spot.curves.map(|i| radii[1].of(i));
+        let windows = Window::around(placed, both.iter().sum());
+        let scenes = [0, 1, 2].map(|k| {
+            let (set, spot) = placed[k]?;
+            Some(Scene::of(set, spot, windows[k]?))
+        });
+        // The views are those that suit the frame of the violation.
+        let views = scenes[1].as_ref().map(Scene::views);
+        let rows = [0, 1].map(|row| {
+            [0, 1, 2].map(|k| {
+                let picture = scenes[k].as_ref()?.svg(views?[row], radii[k], &captions[k]);
+                Some(picture.into_string())
+            })
+        });
+        Figure {
+            reason,
+            shot,
+            thick: both.iter().all(|r| *r > 0.0),
+            captions,
+            rows,
         }
     }
-    let figure = Figure {
-        reason,
-        shot,
-        thick: both.iter().all(|r| *r > 0.0),
-        captions,
-        rows,
-    };
-    (rank, figure)
-}
-
-/// Returns the segments of a finding.
-fn named(set: &CurveSet, spot: Spot, window: Window) -> Vec<Named> {
-    let ends = spot.curves.into_iter().zip(spot.segments);
-    let ends = ends.zip([Part::First, Part::Second]);
-    let named = ends.filter_map(|((i, segment), part)| {
-        let curve = set.curves().get(i as usize)?;
-        (segment < curve.segments).then(|| Named {
-            segment,
-            part,
-            middle: window.local(set.eval(i as usize, segment as usize, 0.5)),
-        })
-    });
-    let mut named: Vec<Named> = named.collect();
-    // A curve alone is named twice.
-    if spot.curves[0] == spot.curves[1] && spot.segments[0] == spot.segments[1] {
-        named.truncate(1);
-    }
-    named
 }

@@ -17,30 +17,24 @@
 mod axis;
 mod facts;
 mod figures;
-mod gaps;
 mod html;
-mod picture;
 mod plots;
 mod rows;
 mod run;
 mod sentence;
 mod series;
-mod strands;
 #[cfg(test)]
 mod tests;
 mod text;
 mod timeline;
-mod view;
 mod violations;
 
 pub use sentence::Conclusion;
 
 use self::facts::Facts;
 use self::figures::Figure;
-use crate::curve::{Image, is_home};
 use crate::error::{Error, Result};
 use crate::sinks::RecordingReader;
-use crate::svg;
 use std::path::{Path, PathBuf};
 
 /// Report of a recorded run: what happened, for people without a viewer.
@@ -99,21 +93,5 @@ impl RunReport {
     /// Returns the number of violations with pictures.
     pub fn figures(&self) -> usize {
         self.figures.len()
-    }
-}
-
-/// Returns two curves with their names, if they have some: "3 (sleeve) and 4 (cuff)", "3 and the
-/// image 1,0,0 of curve 4".
-fn words_of_curves([i, j]: [u32; 2], image: Image, names: &Option<[String; 2]>) -> String {
-    let words = |i: u32, k: usize| match names {
-        Some(names) => format!("{i} ({})", names[k]),
-        None => i.to_string(),
-    };
-    let (first, second, [n1, n2, n3]) = (words(i, 0), words(j, 1), image);
-    match (is_home(&image), i == j) {
-        (true, true) => first,
-        (true, false) => format!("{first} and {second}"),
-        (false, true) => format!("{first} and its image {n1},{n2},{n3}"),
-        (false, false) => format!("{first} and the image {n1},{n2},{n3} of curve {second}"),
     }
 }

@@ -1,10 +1,11 @@
 //! Plots of figures over the frames, as SVG.
 
-use super::axis::{Axis, WIDTH};
+use super::axis::{Axis, LEFT, RIGHT, WIDTH};
 use super::facts::Facts;
 use super::series::Bin;
-use super::svg::{escape, px, ticks};
 use crate::curve::significant;
+use crate::svg::{px, ticks};
+use maud::{Markup, html};
 
 /// Vertical positions.
 const TOP: f64 = 8.0;
@@ -23,85 +24,91 @@ pub(super) struct Plot {
     pub title: String,
     /// Class and name of each curve.
     pub legend: Vec<(&'static str, &'static str)>,
-    pub svg: String,
+    pub svg: Markup,
 }
 
 impl Facts {
     /// Returns the plots of the figures that are not 0 in all frames, and names of the others.
     pub fn plots(&self) -> (Vec<Plot>, Vec<&'static str>) {
-        let bins = &self.series.bins;
-        let each = |of: &dyn Fn(&Bin) -> f64| bins.iter().map(|b| Some(of(b))).collect::<Vec<_>>();
-        let figures = |name, class, values| Figures {
-            name,
-            class,
-            values,
+        let (bins, frames) = (&self.series.bins, self.series.width);
+        let each = |name, class, of: &dyn Fn(&Bin) -> Option<f64>| {
+            let values = bins.iter().map(of).collect();
+            Figures {
+                name,
+                class,
+                values,
+            }
         };
-        let wide = self.series.width > 1;
-        let of_bin = |what: &str, how: &str| match wide {
-            true => format!("{what} ({how} of each {} frames)", self.series.width),
-            false => what.to_owned(),
+        let sum = |name, class, of: fn(&Bin) -> u64| each(name, class, &|b| Some(of(b) as f64));
+        let links = |name, class, k| each(name, class, &move |b| Some(b.links?[k] as f64));
+        let mean = |b: &Bin| Some(b.total_ms / b.frames as f64);
+        let times = match frames {
+            1 => vec![each("ms", "k4", &mean)],
+            _ => vec![
+                each("longest", "k5", &|b| Some(b.max_ms)),
+                each("mean", "k4", &mean),
+            ],
         };
+        let percent = |b: &Bin| b.clearance.map(|c| 100.0 * c);
+        let mut clearance = vec![each("closest strands", "k4", &percent)];
+        let level = self
+            .metadata
+            .get("min_clearance")
+            .and_then(|low| low.parse::<f64>().ok());
+        clearance.extend(level.map(|x| each("level of the warning", "k1", &|_| Some(100.0 * x))));
         let (mut plots, mut zero) = (Vec::new(), Vec::new());
-        let mut add = |what: &'static str, title: String, content: Vec<Figures>, kind: Kind| {
-            let largest = content.iter().flat_map(|f| &f.values).flatten();
-            match largest.fold(0.0, |a: f64, x| a.max(*x)) {
-                x if x > 0.0 => plots.push(draw(&Axis::of(&self.series), title, &content, kind)),
-                _ => zero.push(what),
+        for (what, title, how, content, kind) in [
+            (
+                "changed links",
+                "Links that differ from the baseline",
+                "maximum",
+                vec![
+                    links("lost", "k1", 0),
+                    links("gained", "k2", 1),
+                    links("other number", "k3", 2),
+                ],
+                Kind::Counts,
+            ),
+            (
+                "pull-throughs",
+                "Pull-throughs",
+                "sum",
+                vec![
+                    sum("pull-throughs", "k4", |b| b.pull_throughs),
+                    sum("unresolved", "k5", |b| b.unresolved),
+                ],
+                Kind::Bars,
+            ),
+            ("time", "Milliseconds per frame", "", times, Kind::Times),
+            (
+                "skipped and missing frames",
+                "Frames skipped or missing before a frame",
+                "sum",
+                vec![
+                    sum("skipped", "k3", |b| b.skipped),
+                    sum("missing", "k2", |b| b.missing),
+                ],
+                Kind::Bars,
+            ),
+            (
+                "clearance",
+                "Clearance of the closest strands, % of their diameter",
+                "minimum",
+                clearance,
+                Kind::Lines,
+            ),
+        ] {
+            let title = match frames > 1 && !how.is_empty() {
+                true => format!("{title} ({how} of each {frames} frames)"),
+                false => title.to_owned(),
+            };
+            let some = |f: &Figures| f.values.iter().flatten().any(|x| *x > 0.0);
+            if content.iter().any(some) {
+                let content = content.into_iter().filter(some).collect();
+                plots.push(draw(&Axis::of(bins), title, content, kind));
+            } else if what != "clearance" || self.clearances[0] > 0 {
+                zero.push(what);
             }
-        };
-        let links = |k: usize| {
-            let count = |b: &Bin| Some(b.links?[k] as f64);
-            bins.iter().map(count).collect::<Vec<_>>()
-        };
-        add(
-            "changed links",
-            of_bin("Links that differ from the baseline", "maximum"),
-            vec![
-                figures("lost", "k1", links(0)),
-                figures("gained", "k2", links(1)),
-                figures("other number", "k3", links(2)),
-            ],
-            Kind::Counts,
-        );
-        add(
-            "pull-throughs",
-            of_bin("Pull-throughs", "sum"),
-            vec![
-                figures("pull-throughs", "k4", each(&|b| b.pull_throughs as f64)),
-                figures("unresolved", "k5", each(&|b| b.unresolved as f64)),
-            ],
-            Kind::Bars,
-        );
-        let mean = |b: &Bin| b.total_ms / b.frames as f64;
-        let mut times = vec![figures("ms", "k4", each(&mean))];
-        if wide {
-            times = vec![
-                figures("longest", "k5", each(&|b| b.max_ms)),
-                figures("mean", "k4", each(&mean)),
-            ];
-        }
-        add("time", "Milliseconds per frame".into(), times, Kind::Times);
-        add(
-            "skipped and missing frames",
-            of_bin("Frames skipped or missing before a frame", "sum"),
-            vec![
-                figures("skipped", "k3", each(&|b| b.skipped as f64)),
-                figures("missing", "k2", each(&|b| b.missing as f64)),
-            ],
-            Kind::Bars,
-        );
-        if self.clearances[0] > 0 {
-            let percent = |b: &Bin| b.clearance.map(|c| 100.0 * c);
-            let low = self.metadata.get("min_clearance");
-            let low: Option<f64> = low.and_then(|low| low.parse().ok());
-            let level = low.map(|low| 100.0 * low);
-            let values = bins.iter().map(percent).collect();
-            let mut content = vec![figures("closest strands", "k4", values)];
-            if let Some(level) = level {
-                content.push(figures("level of the warning", "k1", each(&|_| level)));
-            }
-            let title = "Clearance of the closest strands, % of their diameter";
-            add("clearance", of_bin(title, "minimum"), content, Kind::Lines);
         }
         (plots, zero)
     }
@@ -118,114 +125,89 @@ enum Kind {
     Times,
 }
 
-/// Vertical axis.
+/// Vertical axis from the power of ten `low` to `high` if it is logarithmic, and else from 0.
 struct Scale {
-    low: f64,
+    low: Option<f64>,
     high: f64,
-    log: bool,
-    /// True if the values are whole numbers.
-    whole: bool,
 }
 
 impl Scale {
-    fn of(content: &[&Figures], kind: Kind) -> Scale {
-        let values = || content.iter().flat_map(|f| &f.values).flatten().copied();
-        let values = || values().filter(|x| x.is_finite());
-        let high = values().fold(0.0, f64::max);
-        let low = values().filter(|x| *x > 0.0).fold(high, f64::min);
+    fn of(content: &[Figures], kind: Kind) -> Scale {
+        let values = content.iter().flat_map(|f| &f.values).flatten().copied();
+        let values: Vec<f64> = values.filter(|x| x.is_finite()).collect();
+        let high = values.iter().copied().fold(0.0, f64::max);
+        let low = values.into_iter().filter(|x| *x > 0.0).fold(high, f64::min);
         match kind == Kind::Times && high > 20.0 * low {
             true => Scale {
-                low: 10f64.powf(low.log10().floor()),
+                low: Some(10f64.powf(low.log10().floor())),
                 high: 10f64.powf(high.log10().ceil()),
-                log: true,
-                whole: false,
             },
             false => Scale {
-                low: 0.0,
+                low: None,
                 high: 1.05 * high,
-                log: false,
-                whole: matches!(kind, Kind::Counts | Kind::Bars),
             },
         }
     }
 
     fn y(&self, x: f64) -> f64 {
-        let share = match self.log {
-            true => (x.max(self.low) / self.low).log10() / (self.high / self.low).log10(),
-            false => x / self.high,
+        let share = match self.low {
+            Some(low) => (x.max(low) / low).log10() / (self.high / low).log10(),
+            None => x / self.high,
         };
         BOTTOM - (BOTTOM - TOP) * share.clamp(0.0, 1.0)
     }
 
-    fn ticks(&self) -> Vec<f64> {
-        if !self.log {
+    fn ticks(&self, kind: Kind) -> Vec<f64> {
+        let Some(low) = self.low else {
+            let whole = matches!(kind, Kind::Counts | Kind::Bars);
             let ticks = ticks(self.high, 3).into_iter();
-            return ticks.filter(|t| !self.whole || t.fract() == 0.0).collect();
-        }
-        let decades = (self.high / self.low).log10().round() as i32;
-        let step = (decades / 5 + 1) as usize;
-        (0..=decades)
-            .step_by(step)
-            .map(|k| self.low * 10f64.powi(k))
-            .collect()
+            return ticks.filter(|t| !whole || t.fract() == 0.0).collect();
+        };
+        let decades = (self.high / low).log10().round() as i32;
+        let powers = (0..=decades).step_by((decades / 5 + 1) as usize);
+        powers.map(|k| low * 10f64.powi(k)).collect()
     }
 }
 
-fn draw(axis: &Axis<'_>, title: String, content: &[Figures], kind: Kind) -> Plot {
-    let some = |f: &&Figures| f.values.iter().flatten().any(|x| *x > 0.0);
-    let content: Vec<&Figures> = content.iter().filter(some).collect();
+fn draw(axis: &Axis<'_>, title: String, content: Vec<Figures>, kind: Kind) -> Plot {
     let scale = Scale::of(&content, kind);
-    let mut svg = format!(
-        "<svg viewBox=\"0 0 {WIDTH} {HEIGHT}\" role=\"img\" aria-label=\"{}\">\n",
-        escape(&title)
-    );
-    let [left, right] = axis.ends();
-    for tick in scale.ticks() {
-        let y = scale.y(tick);
-        svg += &format!(
-            "<path class=\"g\" d=\"M{} {}H{}\"/><text class=\"t e d\" x=\"{}\" y=\"{}\">{}\
-             </text>\n",
-            px(left),
-            px(y),
-            px(right),
-            px(left - 8.0),
-            px(y + 4.0),
-            significant(tick)
-        );
-    }
-    for f in &content {
+    let is_bar = kind == Kind::Bars;
+    let data = |f: &Figures| {
         let mut data = String::new();
         let mut open = false;
         for (k, value) in f.values.iter().enumerate() {
-            let value = value.filter(|x| x.is_finite() && (kind != Kind::Bars || *x > 0.0));
-            let Some(value) = value else {
+            let value = value.filter(|x| x.is_finite() && (!is_bar || *x > 0.0));
+            let Some(y) = value.map(|value| px(scale.y(value))) else {
                 open = false;
                 continue;
             };
-            let (from, to, y) = (axis.x(k), axis.x(k + 1), scale.y(value));
-            data += &match kind {
-                Kind::Bars => {
-                    let width = (to - from).clamp(1.5, 24.0);
-                    let x = axis.middle(k) - 0.5 * width;
-                    format!(
-                        "M{} {}V{}h{}V{}Z",
-                        px(x),
-                        px(BOTTOM),
-                        px(y),
-                        px(width),
-                        px(BOTTOM)
-                    )
-                }
-                _ if open => format!("V{}H{}", px(y), px(to)),
-                _ => format!("M{} {}H{}", px(from), px(y), px(to)),
+            let (from, to) = (px(axis.x(k)), px(axis.x(k + 1)));
+            data += &if is_bar {
+                let width = axis.step.clamp(1.5, 24.0);
+                let x = px(axis.middle(k) - 0.5 * width);
+                format!("M{x} {BOTTOM}V{y}h{}V{BOTTOM}Z", px(width))
+            } else if open {
+                format!("V{y}H{to}")
+            } else {
+                format!("M{from} {y}H{to}")
             };
             open = true;
         }
-        let fill = if kind == Kind::Bars { "f" } else { "n" };
-        svg += &format!("<path class=\"{} {fill}\" d=\"{data}\"/>\n", f.class);
-    }
-    axis.draw(BOTTOM, &mut svg);
-    svg += "</svg>\n";
+        data
+    };
+    let svg = html! {
+        svg viewBox={"0 0 " (WIDTH) " " (HEIGHT)} role="img" aria-label=(title) {
+            @for tick in scale.ticks(kind) {
+                @let y = scale.y(tick);
+                path.g d={"M" (LEFT) " " (px(y)) "H" (RIGHT)} {}
+                text.t.e.d x=(LEFT - 8.0) y=(px(y + 4.0)) { (significant(tick)) }
+            }
+            @for f in &content {
+                path class={(f.class) " " (if is_bar { "f" } else { "n" })} d=(data(f)) {}
+            }
+            (axis.draw(BOTTOM))
+        }
+    };
     Plot {
         title,
         legend: content.iter().map(|f| (f.class, f.name)).collect(),

@@ -1,6 +1,8 @@
-//! Rows of the tables of a report.
+//! Tables of a report.
 
+use super::facts::Facts;
 use crate::verdict::{PullThrough, Report, Verdict, words_of_frame};
+use crate::words::{count, plural};
 use std::fmt;
 
 /// A frame, by its number and its simulation time in seconds.
@@ -57,9 +59,12 @@ impl<T> Rows<T> {
         }
     }
 
-    /// Returns the number of rows that were counted, but not kept.
-    pub fn more(&self) -> u64 {
-        self.total - self.rows.len() as u64
+    /// Returns a sentence about the rows that were counted, but not kept.
+    fn more(&self) -> Option<String> {
+        match self.total - self.rows.len() as u64 {
+            0 => None,
+            n => Some(format!("{} more are not listed.", count(n))),
+        }
     }
 }
 
@@ -75,9 +80,7 @@ pub(super) struct PullThroughRow {
     pub event: PullThrough,
     /// True if it cannot be resolved, because the frames are too far apart.
     pub unresolved: bool,
-    /// The place in words.
-    #[serde(skip)]
-    pub place: String,
+    pub sentence: String,
 }
 
 /// A rejected or incomplete frame.
@@ -87,6 +90,73 @@ pub(super) struct Remark {
     pub moment: Moment,
     pub verdict: Verdict,
     pub reason: String,
+}
+
+/// A table, unless it is empty.
+pub(super) struct Table {
+    pub title: &'static str,
+    /// The frame, the finding, and how long it lasted, if it did.
+    pub rows: Vec<[String; 3]>,
+    /// A sentence about rows that are not listed.
+    pub more: Option<String>,
+}
+
+impl Facts {
+    /// Returns the tables of all findings.
+    pub fn tables(&self) -> impl Iterator<Item = Table> {
+        let pairs = &self.violations.pairs;
+        let lasted = |frames: u64, last: String| match frames {
+            1 => "1 frame".to_owned(),
+            n => format!("{} frames{last}", count(n)),
+        };
+        let links = pairs.iter().filter_map(|pair| {
+            let link = pair.link.as_ref()?;
+            let passages = match pair.pull_throughs {
+                0 => String::new(),
+                n => format!("; {}", plural(n, "pull-through")),
+            };
+            let last = format!(", to {}", link.last.frame);
+            let finding = format!("{}{passages}", link.sentence);
+            Some([link.first.to_string(), finding, lasted(link.frames, last)])
+        });
+        let unlisted = format!(
+            "Only the first {} are listed.",
+            plural(pairs.len() as u64, "pair")
+        );
+        let passages = self.pull_throughs.rows.iter();
+        let passages = passages.map(|p| [p.moment.to_string(), p.sentence.clone(), String::new()]);
+        let defects = pairs.iter().filter_map(|pair| {
+            let row = pair.defect.as_ref()?;
+            let lasted = lasted(row.frames, String::new());
+            Some([row.first.to_string(), row.sentence.clone(), lasted])
+        });
+        let remarks = self.remarks.rows.iter().map(|remark| {
+            let reason = format!("{}: {}", remark.verdict, remark.reason);
+            [remark.moment.to_string(), reason, String::new()]
+        });
+        let table = |title, rows, more| Table { title, rows, more };
+        let tables = [
+            table(
+                "Violated links",
+                links.collect(),
+                self.violations.more.then_some(unlisted),
+            ),
+            table(
+                "Pull-throughs",
+                passages.collect(),
+                self.pull_throughs.more(),
+            ),
+            table("Pairs that could not be decided", defects.collect(), None),
+            table(
+                "Rejected and incomplete frames",
+                remarks.collect(),
+                self.remarks.more(),
+            ),
+        ];
+        tables
+            .into_iter()
+            .filter(|table: &Table| !table.rows.is_empty())
+    }
 }
 
 /// Returns the names of two curves, if they have some.

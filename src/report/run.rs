@@ -3,7 +3,7 @@
 use super::facts::Facts;
 use crate::curve::significant;
 use crate::incremental::Events;
-use crate::words::{count, plural, plural_of};
+use crate::words::{count, plural};
 use std::path::Path;
 use std::time::Duration;
 
@@ -46,75 +46,62 @@ impl Facts {
 
     /// Returns the facts of the run as names and values.
     pub fn run(&self, recording: &Path) -> Vec<(String, String)> {
-        let mut rows: Vec<(String, String)> = Vec::new();
-        let mut add = |name: &str, value: String| rows.push((name.to_owned(), value));
-        add("recording", recording.display().to_string());
-        let counts = &self.counts;
-        add("frames", self.frames());
-        if let Some([first, last]) = self.span {
-            add("from", first.to_string());
-            add("to", last.to_string());
-            let [start, end] = self.received_ns;
-            if start > 0 {
-                let lasted = Duration::from_nanos(end.saturating_sub(start)).as_secs_f64();
-                let lasted = significant((lasted * 1e3).round() / 1e3);
-                add("recorded", format!("{}, in {lasted} s", date(start)));
-            }
-        }
-        if counts.cuts > 0 {
-            let cuts = plural_of(counts.cuts, "time", "times");
-            add("rolled back or jumped", cuts);
-        }
-        for (name, n) in [
-            ("violations rolled back", counts.recovered),
-            ("violations accepted", counts.accepted),
-        ] {
-            if n > 0 {
-                add(name, count(n.into()));
-            }
-        }
-        if counts.verified > 0 {
-            add("curves", self.curves());
-            if self.stats.extent > 0.0 {
-                add("extent", significant(self.stats.extent));
-            }
-            let total: f64 = self.series.bins.iter().map(|b| b.total_ms).sum();
-            let frames: u64 = self.series.bins.iter().map(|b| b.frames).sum();
-            let longest = self
-                .series
-                .bins
-                .iter()
-                .map(|b| b.max_ms)
-                .fold(0.0, f64::max);
-            let mean = significant((1e3 * total / frames as f64).round() / 1e3);
-            let longest = significant((1e3 * longest).round() / 1e3);
-            add(
-                "a check took",
-                format!("{mean} ms on average, {longest} ms at most"),
-            );
-        }
-        if let Some(baseline) = &self.baseline {
+        let (counts, bins) = (&self.counts, &self.series.bins);
+        let some = |there: bool, value: String| there.then_some(value);
+        let rounded = |x: f64| significant((1e3 * x).round() / 1e3);
+        let number = |n: u32| some(n > 0, count(n.into()));
+        let [start, end] = self.received_ns;
+        let lasted = Duration::from_nanos(end.saturating_sub(start)).as_secs_f64();
+        let recorded = format!("{}, in {} s", date(start), rounded(lasted));
+        let total: f64 = bins.iter().map(|b| b.total_ms).sum();
+        let mean = rounded(total / bins.iter().map(|b| b.frames).sum::<u64>() as f64);
+        let longest = rounded(bins.iter().map(|b| b.max_ms).fold(0.0, f64::max));
+        let took = format!("{mean} ms on average, {longest} ms at most");
+        let baseline = self.baseline.as_ref().map(|baseline| {
             let links = plural(baseline.links as u64, "link");
             let undefined = match baseline.undefined {
                 0 => String::new(),
                 n => format!(", {} without a linking number", count(n as u64)),
             };
-            add(
-                "baseline",
-                format!("{}: {links}{undefined}", baseline.origin),
-            );
-        }
-        if self.metadata.contains_key("events") {
-            let words = match self.events() {
-                Events::Off => "not searched for",
-                Events::Between => "between two curves",
-                Events::All => "between two curves, and of a curve through itself",
-            };
-            add("pull-throughs", words.into());
-        }
-        for (key, value) in &self.metadata {
+            format!("{}: {links}{undefined}", baseline.origin)
+        });
+        let events = match self.events() {
+            Events::Off => "not searched for",
+            Events::Between => "between two curves",
+            Events::All => "between two curves, and of a curve through itself",
+        };
+        let is_verified = counts.verified > 0;
+        let rows = [
+            ("recording", Some(recording.display().to_string())),
+            ("frames", Some(self.frames())),
+            ("from", self.span.map(|[first, _]| first.to_string())),
+            ("to", self.span.map(|[_, last]| last.to_string())),
+            ("recorded", some(start > 0, recorded)),
+            (
+                "rolled back or jumped",
+                some(counts.cuts > 0, plural(counts.cuts, "time")),
+            ),
+            ("violations rolled back", number(counts.recovered)),
+            ("violations accepted", number(counts.accepted)),
+            ("curves", some(is_verified, self.curves())),
+            (
+                "extent",
+                some(
+                    is_verified && self.stats.extent > 0.0,
+                    significant(self.stats.extent),
+                ),
+            ),
+            ("a check took", some(is_verified, took)),
+            ("baseline", baseline),
+            (
+                "pull-throughs",
+                some(self.metadata.contains_key("events"), events.into()),
+            ),
+        ];
+        let rows = rows.map(|(name, value)| Some((name.to_owned(), value?)));
+        let metadata = self.metadata.iter().map(|(key, value)| {
             let name = match key.as_str() {
-                "events" => continue,
+                "events" => return None,
                 "abort_on" => "stops the simulator on",
                 "version" => "recorded by linkwatch",
                 "motion_limit" => "motion limit",
@@ -122,9 +109,9 @@ impl Facts {
                 "replay_of" => "replay of",
                 other => other,
             };
-            add(name, value.clone());
-        }
-        rows
+            Some((name.to_owned(), value.clone()))
+        });
+        rows.into_iter().chain(metadata).flatten().collect()
     }
 }
 

@@ -4,6 +4,7 @@ use super::facts::{End, Facts, Found, RECORD_EVERY};
 use crate::incremental::Events;
 use crate::verdict::Verdict;
 use crate::words::{count, percent, plural, plural_of};
+use std::fmt;
 
 /// Conclusion of a recorded run: the worst of its frames, and of what it lacks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
@@ -67,72 +68,72 @@ impl Facts {
 
     /// Returns what happened, in one sentence.
     pub fn sentence(&self) -> String {
-        let verified = plural(self.counts.verified, "frame");
-        match (self.conclusion(), &self.changed, &self.unsettled) {
-            (Conclusion::Changed, Some(found), _) => {
-                format!("The topology changed in {}.", words(found))
-            }
-            (Conclusion::Incomplete, ..) if self.counts.verified == 0 => {
-                let of = match self.foreign {
-                    0 => String::new(),
-                    n => format!(", only {} of other programs", plural(n, "message")),
-                };
-                format!("Nothing was verified: the recording has no verdict{of}.")
-            }
-            (Conclusion::Recovered, _, Some(found)) => {
-                let n = self.counts.recovered.into();
+        let conclusion = self.conclusion();
+        let found = match conclusion {
+            Conclusion::Changed => &self.changed,
+            Conclusion::Intact | Conclusion::Incomplete => &None,
+            _ => &self.unsettled,
+        };
+        let Some(found) = found else {
+            return self.intact();
+        };
+        match conclusion {
+            Conclusion::Changed => format!("The topology changed in {found}."),
+            Conclusion::Recovered => {
                 let violations = plural_of(
-                    n,
+                    self.counts.recovered.into(),
                     "violation was rolled back",
                     "violations were rolled back",
                 );
                 format!(
                     "Recovered: {violations}, and the simulation went on from an intact frame; the \
-                     first was in {}.",
-                    words(found)
+                     first was in {found}."
                 )
             }
-            (Conclusion::Accepted, _, Some(found)) => {
-                format!(
-                    "Accepted: the simulator went on from a changed topology; the first violation \
-                     was in {}.",
-                    words(found)
-                )
-            }
-            (Conclusion::Intact | Conclusion::Incomplete, ..) => {
-                let gaps = self.gaps().join(", ");
-                let span = self.span.map(|[first, last]| match first == last {
-                    true => format!(", {first}"),
-                    false => format!(", from {first} to {last}"),
-                });
-                let open = match self.unverified_curves() {
-                    0 => String::new(),
-                    n => format!(
-                        "; {} not verified",
-                        plural_of(n, "open curve was", "open curves were")
-                    ),
-                };
-                let frames = format!("{verified}{}{open}", span.unwrap_or_default());
-                match gaps.as_str() {
-                    "" => format!("Intact: {frames}."),
-                    gaps if self.is_incomplete() => {
-                        format!("Not complete: {gaps}; what was recorded is intact: {frames}.")
-                    }
-                    gaps => format!("Intact as far as verified: {frames}; {gaps}."),
-                }
-            }
-            (_, _, Some(found)) => {
-                let intact = self.verdicts[Verdict::Intact as usize];
+            Conclusion::Accepted => format!(
+                "Accepted: the simulator went on from a changed topology; the first violation was \
+                 in {found}."
+            ),
+            _ => {
                 let all = self.counts.verified + self.counts.rejected;
-                let unproven = count(all - intact);
+                let unproven = count(all - self.of(Verdict::Intact));
+                let frames = plural_of(all, "frame is", "frames are");
                 format!(
-                    "No change was found, but {unproven} of {} not known to be intact; the first \
-                     is {}.",
-                    plural_of(all, "frame is", "frames are"),
-                    words(found),
+                    "No change was found, but {unproven} of {frames} not known to be intact; the \
+                     first is {found}."
                 )
             }
-            (_, _, None) => unreachable!("every conclusion but intact has a frame"),
+        }
+    }
+
+    /// Returns the sentence of a run whose recorded frames are all intact.
+    fn intact(&self) -> String {
+        if self.counts.verified == 0 {
+            let of = match self.foreign {
+                0 => String::new(),
+                n => format!(", only {} of other programs", plural(n, "message")),
+            };
+            return format!("Nothing was verified: the recording has no verdict{of}.");
+        }
+        let span = self.span.map(|[first, last]| match first == last {
+            true => format!(", {first}"),
+            false => format!(", from {first} to {last}"),
+        });
+        let open = match self.unverified_curves() {
+            0 => String::new(),
+            n => {
+                let curves = plural_of(n, "open curve was", "open curves were");
+                format!("; {curves} not verified")
+            }
+        };
+        let frames = plural(self.counts.verified, "frame");
+        let frames = format!("{frames}{}{open}", span.unwrap_or_default());
+        match self.gaps().join(", ").as_str() {
+            "" => format!("Intact: {frames}."),
+            gaps if self.is_incomplete() => {
+                format!("Not complete: {gaps}; what was recorded is intact: {frames}.")
+            }
+            gaps => format!("Intact as far as verified: {frames}; {gaps}."),
         }
     }
 
@@ -176,31 +177,23 @@ impl Facts {
     /// Returns what limits the first sentence, and what a reader should know beside it.
     pub fn notes(&self) -> Vec<String> {
         let counts = &self.counts;
-        let mut notes = Vec::new();
-        if let Some(Found {
-            more: n @ 1..,
-            moment,
-            ..
-        }) = &self.changed
-        {
-            let findings = plural_of(*n as u64, "more finding", "more findings");
-            notes.push(format!("{moment} has {findings}"));
-        }
-        if self.changed.is_some() {
-            let changed = self.verdicts[Verdict::Changed as usize];
-            let frames = plural_of(changed, "frame has", "frames have");
-            let pairs = self.violations.pairs.iter().filter(|pair| pair.changed());
-            let pairs = plural(pairs.count() as u64, "pair");
-            let more = if self.violations.more {
-                "more than "
-            } else {
-                ""
-            };
-            notes.push(format!(
-                "{frames} a changed topology, in {more}{pairs} of curves"
-            ));
-        }
-        for (verdict, what) in [
+        let frames = |n: u64| plural(n, "frame");
+        let some = |n: u64, words: String| (n > 0).then_some(words);
+        let more = self.changed.as_ref().filter(|found| found.more > 0);
+        let more = more.map(|found| {
+            let findings = plural(found.more as u64, "more finding");
+            format!("{} has {findings}", found.moment)
+        });
+        let pairs = self.violations.pairs.iter().filter(|pair| pair.changed());
+        let pairs = plural(pairs.count() as u64, "pair");
+        let at_least = if self.violations.more {
+            "more than "
+        } else {
+            ""
+        };
+        let changed = plural_of(self.of(Verdict::Changed), "frame has", "frames have");
+        let changed = format!("{changed} a changed topology, in {at_least}{pairs} of curves");
+        let verdicts = [
             (
                 Verdict::Contact,
                 "curves touch, so that their linking number is not defined",
@@ -211,111 +204,108 @@ impl Facts {
                 Verdict::Rejected,
                 "the frame is invalid and was not verified",
             ),
-        ] {
-            let n = self.verdicts[verdict as usize];
-            if n > 0 {
-                notes.push(format!(
-                    "{} {verdict}: {what}",
-                    plural_of(n, "frame is", "frames are")
-                ));
-            }
-        }
-        if counts.skipped > 0 {
-            let all = counts.verified + counts.rejected;
-            let share = counts.skipped as f64 / (all as f64 + counts.skipped as f64);
-            notes.push(format!(
-                "{} skipped ({}): published, but not verified, because the simulator was faster",
-                plural_of(counts.skipped, "frame was", "frames were"),
-                percent(share)
-            ));
-        }
-        if counts.missing > 0 {
-            let frames = plural(counts.missing, "frame");
-            notes.push(format!("{frames} missing: verified, but not recorded"));
-        }
-        if counts.left_out > 0 {
-            let frames = plural(counts.left_out, "frame");
-            notes.push(format!(
-                "{frames} left out on purpose (--record-window or --record-max): verified, but \
-                 their verdicts are not in this file"
-            ));
-        }
-        if counts.unanswered > 0 {
-            let frames = plural(counts.unanswered, "frame");
-            notes.push(format!("{frames} without a verdict"));
-        }
-        if counts.without_curves > 0 {
-            let verdicts = plural(counts.without_curves, "verdict");
-            let why = match self.metadata.get(RECORD_EVERY) {
-                Some(n) => format!(", left out on purpose (--record-every {n})"),
-                None => String::new(),
-            };
-            notes.push(format!("{verdicts} without the curves of the frame{why}"));
-        }
-        match &self.end {
-            End::Finished => {}
-            End::Cut(at, what) => notes.push(format!(
+        ];
+        let verdicts = verdicts.map(|(verdict, what)| {
+            let n = self.of(verdict);
+            let frames = plural_of(n, "frame is", "frames are");
+            some(n, format!("{frames} {verdict}: {what}"))
+        });
+        let all = counts.verified + counts.rejected;
+        let share = counts.skipped as f64 / (all as f64 + counts.skipped as f64);
+        let skipped = format!(
+            "{} skipped ({}): published, but not verified, because the simulator was faster",
+            plural_of(counts.skipped, "frame was", "frames were"),
+            percent(share)
+        );
+        let missing = format!(
+            "{} missing: verified, but not recorded",
+            frames(counts.missing)
+        );
+        let left_out = format!(
+            "{} left out on purpose (--record-window or --record-max): verified, but their \
+             verdicts are not in this file",
+            frames(counts.left_out)
+        );
+        let every = self.metadata.get(RECORD_EVERY);
+        let every = every.map(|n| format!(", left out on purpose (--record-every {n})"));
+        let without_curves = format!(
+            "{} without the curves of the frame{}",
+            plural(counts.without_curves, "verdict"),
+            every.unwrap_or_default()
+        );
+        let end = match &self.end {
+            End::Finished => None,
+            End::Cut(at, what) => Some(format!(
                 "the recording is truncated at byte {}, in {what}: the recorder was stopped, or \
                  its disk was full; later frames are lost",
                 count(*at)
             )),
-            End::Damaged(why) => {
-                notes.push(format!(
-                    "the recording is damaged, and is read up to there: {why}"
-                ));
-            }
-        }
-        if self.unresolved > 0 {
-            let passages = plural(self.unresolved, "pull-through");
-            notes.push(format!(
-                "{passages} cannot be resolved, because the frames are too far apart"
-            ));
-        }
-        if counts.verified > 0 && self.events() == Events::Off {
-            let open = match self.unverified_curves() {
-                0 => "",
-                _ => ", nor are those of open curves",
-            };
-            notes.push(format!(
-                "pull-throughs were not searched for (--events): two that cancel are not \
-                 detected{open}"
-            ));
-        }
-        if self.unmeasured() > 0 {
-            let frames = plural(self.unmeasured(), "frame");
-            notes.push(format!("the clearance of {frames} was not measured"));
-        }
-        if let Some(closest) = &self.closest {
-            let low = match self.clearances[1] {
-                0 => String::new(),
-                n => format!("; low in {}", plural(n, "frame")),
-            };
-            notes.push(format!(
+            End::Damaged(why) => Some(format!(
+                "the recording is damaged, and is read up to there: {why}"
+            )),
+        };
+        let unresolved = format!(
+            "{} cannot be resolved, because the frames are too far apart",
+            plural(self.unresolved, "pull-through")
+        );
+        let open = match self.unverified_curves() {
+            0 => "",
+            _ => ", nor are those of open curves",
+        };
+        let unsearched = format!(
+            "pull-throughs were not searched for (--events): two that cancel are not detected{open}"
+        );
+        let is_unsearched = counts.verified > 0 && self.events() == Events::Off;
+        let unmeasured = self.unmeasured();
+        let closest = self.closest.as_ref().map(|closest| {
+            let low = some(self.clearances[1], frames(self.clearances[1]));
+            let low = low.map(|frames| format!("; low in {frames}"));
+            let low = low.unwrap_or_default();
+            format!(
                 "lowest clearance: {}, in {}{low}",
                 closest.sentence, closest.moment
-            ));
-        }
-        if counts.disagreed > 0 {
-            let frames = plural_of(counts.disagreed, "frame", "frames");
-            notes.push(format!(
-                "the incremental verification was wrong in {frames}, which is a bug of linkwatch"
-            ));
-        }
-        notes
+            )
+        });
+        let disagreed = format!(
+            "the incremental verification was wrong in {}, which is a bug of linkwatch",
+            frames(counts.disagreed)
+        );
+        let unanswered = format!("{} without a verdict", frames(counts.unanswered));
+        let first = [more, self.changed.is_some().then_some(changed)];
+        let others = [
+            some(counts.skipped, skipped),
+            some(counts.missing, missing),
+            some(counts.left_out, left_out),
+            some(counts.unanswered, unanswered),
+            some(counts.without_curves, without_curves),
+            end,
+            some(self.unresolved, unresolved),
+            is_unsearched.then_some(unsearched),
+            some(
+                unmeasured,
+                format!("the clearance of {} was not measured", frames(unmeasured)),
+            ),
+            closest,
+            some(counts.disagreed, disagreed),
+        ];
+        let notes = first.into_iter().chain(verdicts).chain(others);
+        notes.flatten().collect()
     }
 }
 
-/// Returns a frame and its finding: "frame 28 at 0.93 s: curves 17 and 18 came apart, near ..".
-fn words(found: &Found) -> String {
-    let mut text = found.moment.to_string();
-    if found.verdict != Verdict::Changed {
-        text += &format!(" ({})", found.verdict);
+impl fmt::Display for Found {
+    /// Writes a frame and its finding: "frame 28 at 0.93 s: curves 17 and 18 came apart, near ..".
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}", self.moment)?;
+        if self.verdict != Verdict::Changed {
+            write!(f, " ({})", self.verdict)?;
+        }
+        if let Some(what) = &self.finding {
+            write!(f, ": {what}")?;
+        }
+        match &self.place {
+            Some(place) => write!(f, ", near {place}"),
+            None => Ok(()),
+        }
     }
-    if let Some(what) = &found.what {
-        text += &format!(": {what}");
-    }
-    if let Some(place) = &found.place {
-        text += &format!(", near {place}");
-    }
-    text
 }

@@ -74,20 +74,16 @@ impl Bin {
         for (sum, n) in self.verdicts.iter_mut().zip(next.verdicts) {
             *sum += n;
         }
-        self.links = match (self.links, next.links) {
-            (Some(a), Some(b)) => Some([0, 1, 2].map(|k| a[k].max(b[k]))),
-            (a, b) => a.or(b),
-        };
+        let links = self.links.into_iter().chain(next.links);
+        self.links = links.reduce(|a, b| [0, 1, 2].map(|k| a[k].max(b[k])));
         self.pull_throughs += next.pull_throughs;
         self.unresolved += next.unresolved;
         self.skipped = self.skipped.saturating_add(next.skipped);
         self.missing = self.missing.saturating_add(next.missing);
         self.total_ms += next.total_ms;
         self.max_ms = self.max_ms.max(next.max_ms);
-        self.clearance = match (self.clearance, next.clearance) {
-            (Some(a), Some(b)) => Some(a.min(b)),
-            (a, b) => a.or(b),
-        };
+        let clearances = self.clearance.into_iter().chain(next.clearance);
+        self.clearance = clearances.reduce(f64::min);
     }
 }
 
@@ -114,13 +110,9 @@ impl Series {
         let bin = Bin::of(sample);
         let full = self.bins.last().is_none_or(|b| b.frames == self.width);
         if full && self.bins.len() == MOST {
-            let pairs = self.bins.as_chunks().0.iter();
-            let merged = pairs.map(|[a, b]: &[Bin; 2]| {
-                let mut merged = a.clone();
-                merged.add(b);
-                merged
-            });
-            self.bins = merged.collect();
+            let (pairs, _) = self.bins.as_chunks_mut();
+            pairs.iter_mut().for_each(|[a, b]| a.add(b));
+            self.bins = self.bins.drain(..).step_by(2).collect();
             self.width *= 2;
         }
         match self.bins.last_mut() {

@@ -3,9 +3,10 @@
 use super::axis::{Axis, WIDTH};
 use super::facts::Facts;
 use super::series::Bin;
-use super::svg::{escape, px};
+use crate::svg::px;
 use crate::verdict::Verdict;
-use crate::words::{count, plural, plural_of};
+use crate::words::{count, plural};
+use maud::{Markup, html};
 
 /// Vertical positions: names of frames, marks of pull-throughs, the band, marks of lost frames, the
 /// axis.
@@ -25,114 +26,91 @@ const BORDERED: f64 = 6.0;
 
 impl Facts {
     /// Returns the timeline.
-    pub fn timeline(&self) -> String {
-        let (series, axis) = (&self.series, Axis::of(&self.series));
-        let mut out = format!(
-            "<svg viewBox=\"0 0 {WIDTH} {HEIGHT}\" role=\"img\" aria-label=\"{}\">\n",
-            escape(&self.timeline_words())
-        );
+    pub fn timeline(&self) -> Markup {
+        let bins = &self.series.bins;
+        let axis = Axis::of(bins);
         let gap = if axis.step >= BORDERED { 1.0 } else { 0.0 };
-        let mut k = 0;
-        while k < series.bins.len() {
-            let bin = &series.bins[k];
-            // Equal columns without borders are one rectangle.
-            let alike = |b: &&Bin| gap == 0.0 && is_plain(bin) && is_plain(b);
-            let same = series.bins[k + 1..].iter().take_while(alike).count();
-            let last = &series.bins[k + same];
-            let width = axis.x(k + same + 1) - axis.x(k) - gap;
-            out += "<g>";
-            column(bin, axis.x(k), width, &mut out);
-            out += &format!("<title>{}</title></g>\n", title(bin, last));
-            k += same + 1;
-        }
-        for (k, bin) in series.bins.iter().enumerate() {
-            let x = axis.middle(k);
-            if bin.pull_throughs + bin.unresolved > 0 {
-                let class = if bin.pull_throughs > 0 { "p" } else { "p u" };
-                out += &format!(
-                    "<path class=\"{class}\" d=\"M{} {}l-5 -9h10Z\"/>\n",
-                    px(x),
-                    px(MARKS + 10.0)
-                );
-            }
-            if bin.skipped + bin.missing > 0 {
-                let class = if bin.missing > 0 { "lost" } else { "skip" };
-                out += &format!(
-                    "<path class=\"{class}\" d=\"M{} {}l-3.5 7h7Z\"/>\n",
-                    px(axis.x(k)),
-                    px(LOST - 5.0)
-                );
-            }
-        }
-        if let Some(found) = self.changed.as_ref().or(self.unsettled.as_ref())
-            && let Some(bin) = series.bin_of(found.moment.frame)
-        {
-            let x = axis.middle(bin);
+        // Equal columns without borders are one rectangle.
+        let alike = |a: &Bin, b: &Bin| gap == 0.0 && is_plain(a) && is_plain(b);
+        let columns = bins.chunk_by(alike).scan(0, |end, columns| {
+            *end += columns.len();
+            Some((axis.x(*end - columns.len()), axis.x(*end), columns))
+        });
+        let first = self.changed.as_ref().or(self.unsettled.as_ref());
+        let first = first.and_then(|found| {
+            let x = axis.middle(self.series.bin_of(found.moment.frame)?);
             let (class, aside) = if x > 0.7 * WIDTH {
-                ("e", -9.0)
+                ("t e", -9.0)
             } else {
-                ("", 9.0)
+                ("t", 9.0)
             };
-            out += &format!(
-                "<path class=\"x\" d=\"M{} 3V{}\"/><text class=\"t {class}\" x=\"{}\" \
-                 y=\"{NAMES}\">frame {}: first {}</text>\n",
-                px(x),
-                px(MARKS),
-                px(x + aside),
-                found.moment.frame,
-                found.verdict
-            );
+            Some((found, class, px(x), px(x + aside)))
+        });
+        let words = format!(
+            "timeline of {}",
+            plural(bins.iter().map(|b| b.frames).sum(), "frame")
+        );
+        html! {
+            svg viewBox={"0 0 " (WIDTH) " " (HEIGHT)} role="img"
+                aria-label={(words) ": " (words_of(&self.verdicts))}
+            {
+                @for (from, to, columns) in columns {
+                    g {
+                        (column(&columns[0], from, to - from - gap))
+                        title { (title(columns)) }
+                    }
+                }
+                @for (k, bin) in bins.iter().enumerate() {
+                    @if bin.pull_throughs + bin.unresolved > 0 {
+                        @let class = if bin.pull_throughs > 0 { "p" } else { "p u" };
+                        @let (x, y) = (px(axis.middle(k)), px(MARKS + 10.0));
+                        path class=(class) d={"M" (x) " " (y) "l-5 -9h10Z"} {}
+                    }
+                    @if bin.skipped + bin.missing > 0 {
+                        @let class = if bin.missing > 0 { "lost" } else { "skip" };
+                        @let (x, y) = (px(axis.x(k)), px(LOST - 5.0));
+                        path class=(class) d={"M" (x) " " (y) "l-3.5 7h7Z"} {}
+                    }
+                }
+                @if let Some((found, class, x, aside)) = first {
+                    path.x d={"M" (x) " 3V" (px(MARKS))} {}
+                    text class=(class) x=(aside) y=(NAMES) {
+                        "frame " (found.moment.frame) ": first " (found.verdict)
+                    }
+                }
+                (axis.draw(AXIS))
+            }
         }
-        axis.draw(AXIS, &mut out);
-        out += "</svg>\n";
-        out
     }
 
     /// Returns the meaning of the colours and marks that the timeline has, each with its class.
     pub fn legend(&self) -> Vec<(String, String)> {
-        let mut legend = Vec::new();
-        for verdict in Verdict::ALL {
-            let n = self.verdicts[verdict as usize];
-            if n > 0 {
-                legend.push((
-                    format!("v{}", verdict as u32),
-                    format!("{verdict} ({})", count(n)),
-                ));
-            }
-        }
-        let bins = &self.series.bins;
-        for (class, what, there) in [
-            (
-                "p",
-                "pull-through",
-                bins.iter().any(|b| b.pull_throughs > 0),
-            ),
+        let verdicts = Verdict::ALL.into_iter().filter(|v| self.of(*v) > 0);
+        let verdicts = verdicts.map(|v| {
+            let class = format!("v{}", v as u32);
+            (class, format!("{v} ({})", count(self.of(v))))
+        });
+        let pulled = self.series.bins.iter().any(|b| b.pull_throughs > 0);
+        let marks = [
+            ("p", "pull-through", pulled),
             ("p u", "unresolved pull-through", self.unresolved > 0),
             ("skip", "frames skipped before", self.counts.skipped > 0),
             ("lost", "frames missing before", self.counts.missing > 0),
-        ] {
-            if there {
-                legend.push((class.into(), what.into()));
-            }
-        }
-        legend
+        ];
+        let marks = marks.into_iter().filter(|(.., there)| *there);
+        let marks = marks.map(|(class, what, _)| (class.to_owned(), what.to_owned()));
+        verdicts.chain(marks).collect()
     }
+}
 
-    /// Describes the timeline.
-    fn timeline_words(&self) -> String {
-        let bins = &self.series.bins;
-        let frames: u64 = bins.iter().map(|b| b.frames).sum();
-        let words = Verdict::ALL.into_iter().filter_map(|verdict| {
-            let n = self.verdicts[verdict as usize];
-            (n > 0).then(|| format!("{} {verdict}", count(n)))
-        });
-        let words: Vec<String> = words.collect();
-        format!(
-            "timeline of {}: {}",
-            plural(frames, "frame"),
-            words.join(", ")
-        )
-    }
+/// Returns the numbers of verdicts in words: "24 intact, 1 changed".
+fn words_of(verdicts: &[u64; 6]) -> String {
+    let words = Verdict::ALL
+        .into_iter()
+        .zip(verdicts)
+        .filter(|(_, n)| **n > 0);
+    let words: Vec<String> = words.map(|(v, n)| format!("{} {v}", count(*n))).collect();
+    words.join(", ")
 }
 
 /// Returns true if all frames of a column are intact.
@@ -141,7 +119,7 @@ fn is_plain(bin: &Bin) -> bool {
 }
 
 /// Draws the column of a bin: the share of each verdict, the worst on top.
-fn column(bin: &Bin, x: f64, width: f64, out: &mut String) {
+fn column(bin: &Bin, x: f64, width: f64) -> Markup {
     const BEST_FIRST: [Verdict; 6] = [
         Verdict::Intact,
         Verdict::Stale,
@@ -150,62 +128,42 @@ fn column(bin: &Bin, x: f64, width: f64, out: &mut String) {
         Verdict::Rejected,
         Verdict::Changed,
     ];
-    let mut top = END;
-    let mut rects = Vec::new();
-    for verdict in BEST_FIRST {
-        let n = bin.verdicts[verdict as usize];
-        if n == 0 {
-            continue;
-        }
-        let height = (END - BAND) * n as f64 / bin.frames as f64;
-        let height = if verdict == Verdict::Intact {
-            height
-        } else {
-            height.max(LEAST)
-        };
-        rects.push((verdict, height));
-    }
-    let all: f64 = rects.iter().map(|(_, height)| height).sum();
-    for (verdict, height) in rects {
-        let height = height * (END - BAND) / all;
-        top -= height;
-        *out += &format!(
-            "<rect class=\"v{}\" x=\"{}\" y=\"{}\" width=\"{}\" height=\"{}\"/>",
-            verdict as u32,
-            px(x),
-            px(top),
-            px(width.max(0.5)),
-            px(height)
-        );
-    }
-}
-
-/// Describes the frames of the bins from `first` to `last`.
-fn title(first: &Bin, last: &Bin) -> String {
-    if first.first.frame == last.last_frame {
-        let words = Verdict::ALL
-            .into_iter()
-            .find(|v| first.verdicts[*v as usize] > 0);
-        let word = words.map_or("", Verdict::word);
-        return format!("{}: {word}{}", first.first, passages(first));
-    }
-    let frames = format!("frames {} to {}", first.first.frame, last.last_frame);
-    let verdicts = match is_plain(first) {
-        true => "intact".to_owned(),
-        false => {
-            let words = Verdict::ALL.into_iter().filter_map(|verdict| {
-                let n = first.verdicts[verdict as usize];
-                (n > 0).then(|| format!("{} {verdict}", count(n)))
-            });
-            words.collect::<Vec<_>>().join(", ")
+    let height = |verdict: Verdict| {
+        let height = (END - BAND) * bin.verdicts[verdict as usize] as f64 / bin.frames as f64;
+        match verdict {
+            Verdict::Intact => height,
+            _ if height > 0.0 => height.max(LEAST),
+            _ => 0.0,
         }
     };
-    format!("{frames}: {verdicts}{}", passages(first))
+    let stretch = (END - BAND) / BEST_FIRST.map(height).iter().sum::<f64>();
+    let parts = BEST_FIRST.into_iter().filter(|v| height(*v) > 0.0);
+    let parts = parts.scan(END, |top, verdict| {
+        let height = height(verdict) * stretch;
+        *top -= height;
+        Some((verdict as u32, px(*top), px(height)))
+    });
+    html! {
+        @for (verdict, top, height) in parts {
+            rect class={"v" (verdict)} x=(px(x)) y=(top) width=(px(width.max(0.5)))
+                height=(height) {}
+        }
+    }
 }
 
-fn passages(bin: &Bin) -> String {
-    match bin.pull_throughs {
-        0 => String::new(),
-        n => format!(", {}", plural_of(n, "pull-through", "pull-throughs")),
+/// Describes the frames of columns, of which all or one have the same verdicts.
+fn title(columns: &[Bin]) -> String {
+    let (first, last) = (&columns[0], columns[columns.len() - 1].last_frame);
+    let frames = match first.first.frame == last {
+        true => first.first.to_string(),
+        false => format!("frames {} to {last}", first.first.frame),
+    };
+    let verdict = Verdict::ALL
+        .into_iter()
+        .find(|v| first.verdicts[*v as usize] == first.frames);
+    let verdicts = verdict.map_or_else(|| words_of(&first.verdicts), |v| v.to_string());
+    match first.pull_throughs {
+        0 => format!("{frames}: {verdicts}"),
+        n => format!("{frames}: {verdicts}, {}", plural(n, "pull-through")),
     }
 }

@@ -1,23 +1,13 @@
 //! Violations: what happened to each pair of curves, over all frames.
 
 use super::rows::{Moment, names_of};
-use crate::curve::{Image, Notation, Point};
-use crate::verdict::{Change, ChangeKind, DefectKind, Report};
+use crate::curve::Image;
+use crate::picture::Spot;
+use crate::verdict::{ChangeKind, DefectKind, Place, Report};
 use std::collections::HashMap;
 
 /// Maximum number of pairs that are listed: the first ones.
 const MOST: usize = 400;
-
-/// A place between two curves, for a picture.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Spot {
-    /// Both curves; the same one twice if it meets itself, or if there is only one.
-    pub curves: [u32; 2],
-    /// Translation of the second curve, in vectors of the cell.
-    pub image: Image,
-    pub segments: [u32; 2],
-    pub point: Point,
-}
 
 /// The frame of a violation that a picture shows.
 #[derive(Clone, Debug)]
@@ -41,14 +31,11 @@ pub(super) struct LinkRow {
     pub expected: i64,
     /// Linking number in the first frame in which it differed.
     pub found: i64,
-    /// Segments at the place of the closest approach.
-    pub segments: Option<[u32; 2]>,
-    pub point: Option<Point>,
-    /// Distance of the curves in this frame.
-    pub distance: Option<f64>,
-    /// The place and the distance in words.
-    #[serde(skip)]
-    pub words: Option<[String; 2]>,
+    /// Place of the closest approach in this frame.
+    #[serde(flatten)]
+    pub place: Option<Place>,
+    /// The change in words.
+    pub sentence: String,
     pub first: Moment,
     pub last: Moment,
     /// Number of frames in which it differed.
@@ -109,45 +96,50 @@ impl Violations {
     /// Adds the findings of a frame.
     pub fn add(&mut self, report: &Report, names: &[String], ordinal: Option<u64>) {
         let (moment, extent) = (Moment::of(report), report.stats.extent);
-        let shot = |spot, sentence, changed| Shot {
+        let shot = |(curves, image), segments, point, sentence, changed| Shot {
             ordinal,
             moment,
-            spot,
+            spot: Spot {
+                curves,
+                image,
+                segments,
+                point,
+            },
             sentence,
             passage: None,
             changed,
         };
         let resolved = report.events.iter().map(|event| (event, true));
         let unresolved = report.unresolved.iter().map(|event| (event, false));
-        for (event, resolved) in resolved.chain(unresolved) {
-            let Some(pair) = self.pair([event.i, event.j], event.image, names) else {
+        for (e, resolved) in resolved.chain(unresolved) {
+            let key = ([e.i, e.j], e.image);
+            let Some(pair) = self.pair(key, names) else {
                 continue;
             };
-            match resolved {
-                true => pair.pull_throughs += 1,
-                false => pair.unresolved += 1,
-            }
-            let spot = Spot {
-                curves: [event.i, event.j],
-                image: event.image,
-                segments: event.segments,
-                point: event.point,
-            };
-            let sentence = || event.sentence_named(extent, names);
-            pair.shoot(|| shot(spot, sentence(), resolved), resolved);
+            pair.pull_throughs += u64::from(resolved);
+            pair.unresolved += u64::from(!resolved);
+            let sentence = || e.sentence_named(extent, names);
+            let shot = || shot(key, e.segments, e.point, sentence(), resolved);
+            pair.shoot(shot, resolved);
         }
-        for change in &report.changes {
-            let Some(pair) = self.pair([change.i, change.j], change.image, names) else {
+        for c in &report.changes {
+            let key = ([c.i, c.j], c.image);
+            let Some(pair) = self.pair(key, names) else {
                 continue;
             };
-            match &mut pair.link {
-                Some(link) => {
-                    link.frames += 1;
-                    link.last = moment;
-                }
-                None => pair.link = Some(link_row(change, extent, moment)),
-            }
-            let sentence = || change.sentence_named(extent, names);
+            let sentence = || c.sentence_named(extent, names);
+            let link = pair.link.get_or_insert_with(|| LinkRow {
+                kind: c.kind(),
+                expected: c.expected,
+                found: c.found,
+                place: c.place,
+                sentence: sentence(),
+                first: moment,
+                last: moment,
+                frames: 0,
+            });
+            link.frames += 1;
+            link.last = moment;
             if let Some(shot) = &mut pair.shot
                 && shot.changed
                 && shot.moment == moment
@@ -155,40 +147,26 @@ impl Violations {
             {
                 shot.passage = Some(std::mem::replace(&mut shot.sentence, sentence()));
             }
-            if let Some(place) = &change.place {
-                let spot = Spot {
-                    curves: [change.i, change.j],
-                    image: change.image,
-                    segments: place.segments,
-                    point: place.point,
-                };
-                pair.shoot(|| shot(spot, sentence(), true), true);
+            if let Some(place) = &c.place {
+                let shot = || shot(key, place.segments, place.point, sentence(), true);
+                pair.shoot(shot, true);
             }
         }
-        for defect in &report.defects {
-            let sentence = || report.defect(defect, names);
-            let curves = [defect.i, defect.j.unwrap_or(defect.i)];
-            let Some(pair) = self.pair(curves, defect.image, names) else {
+        for d in &report.defects {
+            let key = ([d.i, d.j.unwrap_or(d.i)], d.image);
+            let Some(pair) = self.pair(key, names) else {
                 continue;
             };
-            match &mut pair.defect {
-                Some(row) => row.frames += 1,
-                None => {
-                    pair.defect = Some(DefectRow {
-                        kind: defect.kind,
-                        first: moment,
-                        frames: 1,
-                        sentence: sentence(),
-                    });
-                }
-            }
-            let spot = Spot {
-                curves,
-                image: defect.image,
-                segments: defect.place.segments,
-                point: defect.place.point,
-            };
-            pair.shoot(|| shot(spot, sentence(), false), false);
+            let sentence = || report.defect(d, names);
+            let row = pair.defect.get_or_insert_with(|| DefectRow {
+                kind: d.kind,
+                first: moment,
+                frames: 0,
+                sentence: sentence(),
+            });
+            row.frames += 1;
+            let shot = || shot(key, d.place.segments, d.place.point, sentence(), false);
+            pair.shoot(shot, false);
         }
     }
 
@@ -217,20 +195,20 @@ impl Violations {
         }
     }
 
-    fn pair(&mut self, curves: [u32; 2], image: Image, names: &[String]) -> Option<&mut Violation> {
+    fn pair(&mut self, key: ([u32; 2], Image), names: &[String]) -> Option<&mut Violation> {
         let next = self.pairs.len();
-        let k = match self.index.get(&(curves, image)) {
+        let k = match self.index.get(&key) {
             Some(&k) => k,
             None if next == MOST => {
                 self.more = true;
                 return None;
             }
             None => {
-                self.index.insert((curves, image), next);
+                self.index.insert(key, next);
                 self.pairs.push(Violation {
-                    curves,
-                    image,
-                    names: names_of(curves, names),
+                    curves: key.0,
+                    image: key.1,
+                    names: names_of(key.0, names),
                     link: None,
                     defect: None,
                     pull_throughs: 0,
@@ -241,24 +219,5 @@ impl Violations {
             }
         };
         Some(&mut self.pairs[k])
-    }
-}
-
-fn link_row(change: &Change, extent: f64, moment: Moment) -> LinkRow {
-    let words = change.place.map(|place| {
-        let notation = Notation::of_scene(extent, place.point);
-        [notation.point(place.point), notation.length(place.distance)]
-    });
-    LinkRow {
-        kind: change.kind(),
-        expected: change.expected,
-        found: change.found,
-        segments: change.place.map(|p| p.segments),
-        point: change.place.map(|p| p.point),
-        distance: change.place.map(|p| p.distance),
-        words,
-        first: moment,
-        last: moment,
-        frames: 1,
     }
 }

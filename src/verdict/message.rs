@@ -193,6 +193,12 @@ impl PullThrough {
         let point = Notation::of_scene(extent, self.point).point(self.point);
         format!("{what} at {fraction:.3} of the step ({sign:+}), at {point}, segments {s} and {t}")
     }
+
+    /// Returns a sentence with the motion in the step.
+    pub(crate) fn with_motion(&self, names: &[String], extent: f64) -> String {
+        let (sentence, lengths) = (self.sentence_named(extent, names), self.lengths);
+        format!("{sentence}, which moved {lengths:.1} segment lengths in the step")
+    }
 }
 
 impl fmt::Display for PullThrough {
@@ -419,11 +425,7 @@ impl Report {
             },
             Finding::PullThrough(e) => e.sentence_named(extent, names),
             Finding::Defect(d) => self.defect(d, names),
-            Finding::Unresolved(e) => format!(
-                "unresolved: {}, which moved {:.1} segment lengths in the step",
-                e.sentence_named(extent, names),
-                e.lengths
-            ),
+            Finding::Unresolved(e) => format!("unresolved: {}", e.with_motion(names, extent)),
         })
     }
 

@@ -13,15 +13,12 @@ mod tests;
 use clap::Parser;
 use linkwatch::{Basis, Client, ClientOptions, CurveLabels, Precision, Result, Verdict};
 use scene::{Bands, FRAME_DT, FRAMES, POINTS, THICKNESS};
-use sidecar::{DEADLINE, Scene, SidecarArgs, publish, step_safely, wait_for_watcher};
+use sidecar::{DEADLINE, Scene, Sidecar, SidecarArgs, publish, step_safely, wait_for_watcher};
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
 /// Stretch of a band, in lengths at rest, from which on a person would see that something pulls.
 const SEEN: f32 = 1.25;
-
-/// Half the width of the picture: a band at rest has the radius 1.
-const REACH: f64 = 2.5;
 
 /// Time to wait for a watcher before the first frame.
 const WAIT: Duration = Duration::from_secs(60);
@@ -86,10 +83,7 @@ fn run(args: &Args) -> Result<ExitCode> {
         false => println!("simulator: ended after {seconds:.1} s"),
     }
     client.finish_within(DEADLINE)?;
-    let code = sidecar
-        .map(|s| s.join_and_draw(REACH))
-        .transpose()?
-        .flatten();
+    let code = sidecar.map(Sidecar::join_and_draw).transpose()?.flatten();
     // The watcher says if the topology changed or could not be decided.
     Ok(match (intact, code) {
         (true, _) => ExitCode::SUCCESS,

@@ -21,9 +21,6 @@ use sidecar::{DEADLINE, Sidecar, SidecarArgs, step_safely, wait_for_watcher};
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
-/// Half the width of the picture, in units of the simulation: a flat ring has the radius 1.
-const REACH: f64 = 4.0;
-
 /// Drops a sheet of chainmail into a box, with time steps that are too large.
 #[derive(Debug, Parser)]
 struct Args {
@@ -155,7 +152,7 @@ fn run(args: &Args) -> Result<ExitCode> {
 
 /// Waits for the watcher to end. Returns its exit code.
 fn join(sidecar: Option<Sidecar>) -> Result<Option<u8>> {
-    let code = sidecar.map(|s| s.join_and_draw(REACH)).transpose()?;
+    let code = sidecar.map(Sidecar::join_and_draw).transpose()?;
     Ok(code.flatten())
 }
 

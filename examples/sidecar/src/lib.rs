@@ -107,13 +107,12 @@ impl Sidecar {
         Ok(status.code().and_then(|code| u8::try_from(code).ok()))
     }
 
-    /// Same as [`Sidecar::join`], and draws the first violation, up to the distance `reach` from
-    /// its place, beside the recording.
-    pub fn join_and_draw(self, reach: f64) -> Result<Option<u8>> {
+    /// Same as [`Sidecar::join`], and draws the first violation beside the recording.
+    pub fn join_and_draw(self) -> Result<Option<u8>> {
         let recording = self.recording.clone();
         let code = self.join()?;
         let picture = recording.with_extension("svg");
-        if picture::draw(&recording, &picture, reach)? {
+        if picture::draw(&recording, &picture)? {
             println!("the place where it broke: {}", picture.display());
         }
         Ok(code)

@@ -3,20 +3,15 @@
 use linkwatch::{Error, Result};
 use std::fmt;
 use std::io::ErrorKind;
-use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, TcpListener, ToSocketAddrs};
+use std::net::{Ipv4Addr, Ipv6Addr, TcpListener};
 use std::str::FromStr;
 
 /// A host and a port. A port alone means the loopback interface of this machine.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Address {
-    host: Host,
+    /// A name, or an address of either kind, without brackets.
+    host: String,
     port: u16,
-}
-
-#[derive(Clone, Debug, PartialEq, Eq)]
-enum Host {
-    Ip(IpAddr),
-    Name(String),
 }
 
 impl Address {
@@ -24,13 +19,7 @@ impl Address {
     ///
     /// Errors: [`Error::Usage`] if the address is in use, not permitted, or of another machine.
     pub fn listen(&self) -> Result<TcpListener> {
-        let bound = match &self.host {
-            Host::Ip(ip) => TcpListener::bind((*ip, self.port)),
-            Host::Name(name) => (name.as_str(), self.port)
-                .to_socket_addrs()
-                .and_then(|addresses| TcpListener::bind(&addresses.collect::<Vec<_>>()[..])),
-        };
-        bound.map_err(|e| {
+        TcpListener::bind((self.host.as_str(), self.port)).map_err(|e| {
             let advice = match e.kind() {
                 ErrorKind::AddrInUse => "; give another port, or port 0 for a free one",
                 ErrorKind::AddrNotAvailable => "; give an address of this machine",
@@ -52,26 +41,24 @@ impl FromStr for Address {
         let digits = port.bytes().all(|b| b.is_ascii_digit());
         let port = port.parse().ok().filter(|_| digits).ok_or(MALFORMED)?;
         let v6 = host.strip_prefix('[').and_then(|h| h.strip_suffix(']'));
-        let host = if let Some(v6) = v6 {
-            Host::Ip(v6.parse::<Ipv6Addr>().map_err(|_| MALFORMED)?.into())
+        let valid = if let Some(v6) = v6 {
+            v6.parse::<Ipv6Addr>().is_ok()
         } else if host.bytes().all(|b| b.is_ascii_digit() || b == b'.') {
             // The system would take "0" for 0.0.0.0: all interfaces of the machine.
-            Host::Ip(host.parse::<Ipv4Addr>().map_err(|_| MALFORMED)?.into())
-        } else if host.contains([':', '[', ']', '/', '*']) || host.contains(char::is_whitespace) {
-            return Err(MALFORMED);
+            host.parse::<Ipv4Addr>().is_ok()
         } else {
-            Host::Name(host.to_owned())
+            !host.contains(|c: char| c.is_whitespace() || ":[]/*".contains(c))
         };
-        Ok(Address { host, port })
+        let host = v6.unwrap_or(host).to_owned();
+        valid.then_some(Address { host, port }).ok_or(MALFORMED)
     }
 }
 
 impl fmt::Display for Address {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match &self.host {
-            Host::Ip(IpAddr::V6(ip)) => write!(f, "[{ip}]:{}", self.port),
-            Host::Ip(IpAddr::V4(ip)) => write!(f, "{ip}:{}", self.port),
-            Host::Name(name) => write!(f, "{name}:{}", self.port),
+        match self.host.contains(':') {
+            true => write!(f, "[{}]:{}", self.host, self.port),
+            false => write!(f, "{}:{}", self.host, self.port),
         }
     }
 }

@@ -32,7 +32,7 @@ fn verdicts() -> impl Iterator<Item = Verdict> {
 pub struct Figures {
     registry: Registry,
     memory: Option<IntGauge>,
-    services: BTreeMap<String, Arc<Service>>,
+    services: BTreeMap<String, ServiceMetrics>,
 }
 
 impl Figures {
@@ -57,9 +57,9 @@ impl Figures {
         }
     }
 
-    /// Returns the figures of a service.
-    pub fn service(&self, name: &str) -> Option<Arc<Service>> {
-        self.services.get(name).cloned()
+    /// Returns the figures of a service, one of those named at first.
+    pub fn service(&self, name: &str) -> ServiceMetrics {
+        Arc::clone(&self.services[name])
     }
 
     /// Returns all figures in the text format of Prometheus.
@@ -96,6 +96,9 @@ fn registered<M: Collector + Clone + 'static>(
     added.expect("the names of metrics differ");
     metric
 }
+
+/// Figures of a service, shared by its sessions.
+pub type ServiceMetrics = Arc<Service>;
 
 /// Figures of a service.
 pub struct Service {
@@ -212,6 +215,19 @@ impl Service {
         figures
     }
 
+    /// Prepares a session. `events` is true if it searches for pull-throughs.
+    pub fn session(self: &Arc<Service>, events: bool) -> SessionMetrics {
+        if events {
+            self.pull_throughs.with_label_values::<&str>(&[]);
+            self.unresolved.with_label_values::<&str>(&[]);
+        }
+        SessionMetrics {
+            service: Arc::clone(self),
+            frames: FrameCounts::default(),
+            dropped: BTreeMap::new(),
+        }
+    }
+
     /// Counts a simulator that connected.
     pub fn connected(&self) {
         self.sessions.inc();
@@ -238,34 +254,18 @@ impl Service {
     }
 }
 
-/// Adds the figures of one session to those of its service. The default adds them to none.
-#[derive(Default)]
+/// Adds the figures of one session to those of its service.
 pub struct SessionMetrics {
-    service: Option<Arc<Service>>,
+    service: ServiceMetrics,
     /// Counts of this session that were added.
     frames: FrameCounts,
     dropped: BTreeMap<&'static str, u64>,
 }
 
 impl SessionMetrics {
-    /// Prepares a session. `events` is true if it searches for pull-throughs.
-    pub fn new(service: Arc<Service>, events: bool) -> SessionMetrics {
-        if events {
-            service.pull_throughs.with_label_values::<&str>(&[]);
-            service.unresolved.with_label_values::<&str>(&[]);
-        }
-        SessionMetrics {
-            service: Some(service),
-            ..SessionMetrics::default()
-        }
-    }
-
     /// Adds the verdict on a frame, and the time from the receipt of the frame until it was sent.
     pub fn add(&self, report: &Report, latency: Option<Duration>) {
-        let Some(service) = &self.service else {
-            return;
-        };
-        let verdict = report.verdict;
+        let (service, verdict) = (&self.service, report.verdict);
         service.verdicts.with_label_values(&[verdict.word()]).inc();
         service.last.store(verdict as u32, Ordering::Relaxed);
         service.aborts.inc_by(report.abort.into());
@@ -293,9 +293,7 @@ impl SessionMetrics {
     /// Updates the counts of this session. A count that decreases, because the simulator numbered
     /// its frames wrongly at first, has no effect until it exceeds its maximum.
     pub fn count(&mut self, frames: FrameCounts, outputs: impl Iterator<Item = SinkSummary>) {
-        let Some(service) = &self.service else {
-            return;
-        };
+        let service = &self.service;
         let add = |counter: &IntCounter, added: &mut u64, now: u64| {
             counter.inc_by(now.saturating_sub(*added));
             *added = now.max(*added);

@@ -1,18 +1,17 @@
-//! Answers HTTP requests, on a thread of its own.
+//! Answers HTTP requests, on threads of their own.
 //!
-//! The thread never blocks on a client: all connections are non-blocking, each has a time limit,
-//! and the oldest one is closed if there are too many. So clients that send nothing, send slowly or
-//! do not read cost one of a fixed number of connections for a limited time, and nothing else.
+//! One thread accepts connections, and each connection has a thread. All connections have a time
+//! limit, and the oldest one is closed if there are too many. So clients that send nothing, send
+//! slowly or do not read cost one of a fixed number of connections for a limited time, and nothing
+//! else.
 
 use linkwatch::Result;
-use mio::net::{TcpListener, TcpStream};
-use mio::{Events, Interest, Poll, Token, Waker};
 use std::collections::VecDeque;
-use std::io::{self, ErrorKind, Read, Write};
-use std::net::Shutdown;
-use std::sync::Arc;
+use std::io::{self, BufRead, BufReader, ErrorKind, Read, Write};
+use std::net::{Ipv4Addr, Ipv6Addr, Shutdown, SocketAddr, TcpListener, TcpStream};
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::thread::JoinHandle;
+use std::sync::{Arc, Weak};
+use std::thread::{Builder, JoinHandle};
 use std::time::{Duration, Instant};
 
 /// Path of the metrics.
@@ -21,9 +20,6 @@ pub const PATH: &str = "/metrics";
 /// Maximum number of open connections.
 const CONNECTIONS: usize = 64;
 
-/// Maximum number of connections accepted before the open ones are served.
-const BATCH: usize = 16;
-
 /// Time limit of a connection, from the first to the last byte: that of a scrape by Prometheus.
 pub const LIMIT: Duration = Duration::from_secs(10);
 
@@ -31,16 +27,18 @@ pub const LIMIT: Duration = Duration::from_secs(10);
 /// example.
 const RETRY: Duration = Duration::from_millis(100);
 
-/// Maximum size of a request, in bytes.
-const REQUEST: usize = 8 << 10;
+/// Maximum size of a request, in bytes, and maximum number of its lines.
+const REQUEST: u64 = 8 << 10;
+const LINES: usize = 64;
 
-/// Maximum number of bytes read from a connection. What exceeds a request is discarded, because a
-/// connection that is closed with unread bytes may lose its answer.
-const RECEIVED: usize = 1 << 20;
+/// Maximum number of bytes read after a request. They are discarded, because a connection that is
+/// closed with unread bytes may lose its answer.
+const REST: u64 = 1 << 20;
 
 /// Stops the thread when it is dropped.
 pub struct Server {
-    stop: Arc<(AtomicBool, Waker)>,
+    address: SocketAddr,
+    stop: Arc<AtomicBool>,
     thread: Option<JoinHandle<()>>,
 }
 
@@ -48,218 +46,170 @@ impl Server {
     /// Starts the thread. It calls `page` for each request for [`PATH`], and closes connections
     /// after `limit`.
     pub fn start(
-        listener: std::net::TcpListener,
+        listener: TcpListener,
         limit: Duration,
-        page: impl Fn() -> String + Send + 'static,
+        page: impl Fn() -> String + Send + Sync + 'static,
     ) -> Result<Server> {
-        listener.set_nonblocking(true)?;
-        let mut listener = TcpListener::from_std(listener);
-        let poll = Poll::new()?;
-        let all = Interest::READABLE | Interest::WRITABLE;
-        poll.registry().register(&mut listener, Token(0), all)?;
-        let waker = Waker::new(poll.registry(), Token(0))?;
-        let stop = Arc::new((AtomicBool::new(false), waker));
-        let stopped = Arc::clone(&stop);
-        let serve = move || {
-            if let Err(e) = serve(&listener, poll, limit, &page, &stopped.0) {
-                tracing::error!("metrics are not served any more: {e}");
-            }
-        };
-        let thread = std::thread::Builder::new().name("linkwatch-http".into());
-        let thread = Some(thread.spawn(serve)?);
-        Ok(Server { stop, thread })
+        let address = listener.local_addr()?;
+        let stop = Arc::new(AtomicBool::new(false));
+        let (stopped, page) = (Arc::clone(&stop), Arc::new(page));
+        let serve = move || accept(&listener, limit, &page, &stopped);
+        let thread = Some(thread().spawn(serve)?);
+        Ok(Server {
+            address,
+            stop,
+            thread,
+        })
     }
 }
 
 impl Drop for Server {
     fn drop(&mut self) {
-        self.stop.0.store(true, Ordering::Relaxed);
-        // Without the signal, the process ends without waiting for the thread.
-        if self.stop.1.wake().is_ok() {
+        self.stop.store(true, Ordering::Relaxed);
+        // A connection wakes the thread. Some systems do not connect to an unspecified address.
+        let mut address = self.address;
+        if address.ip().is_unspecified() {
+            address.set_ip(match address {
+                SocketAddr::V4(_) => Ipv4Addr::LOCALHOST.into(),
+                SocketAddr::V6(_) => Ipv6Addr::LOCALHOST.into(),
+            });
+        }
+        // Without it, the process ends without waiting for the thread.
+        if TcpStream::connect_timeout(&address, RETRY).is_ok() {
             // If the thread panicked, the panic was printed.
             self.thread.take().map(JoinHandle::join);
         }
     }
 }
 
-/// Serves connections until `stop` is set.
-fn serve(
+fn thread() -> Builder {
+    Builder::new().name("linkwatch-http".into())
+}
+
+/// Accepts connections until `stop` is set.
+fn accept<P: Fn() -> String + Send + Sync + 'static>(
     listener: &TcpListener,
-    mut poll: Poll,
     limit: Duration,
-    page: &impl Fn() -> String,
+    page: &Arc<P>,
     stop: &AtomicBool,
-) -> io::Result<()> {
-    let mut events = Events::with_capacity(CONNECTIONS);
-    // Oldest first.
-    let mut connections = VecDeque::new();
+) {
+    // Oldest first. The thread of a connection owns it.
+    let mut open: VecDeque<Weak<TcpStream>> = VecDeque::new();
+    let close = |stream: Weak<TcpStream>| {
+        if let Some(stream) = stream.upgrade() {
+            // It is closed already otherwise.
+            let _ = stream.shutdown(Shutdown::Both);
+        }
+    };
     while !stop.load(Ordering::Relaxed) {
-        let mut wait = accept(listener, &poll, &mut connections);
-        connections.retain_mut(
-            |connection: &mut Connection| match connection.advance(page) {
-                Ok(Step::Waits) => connection.opened.elapsed() < limit,
-                Ok(Step::Advanced) => {
-                    wait = Some(Duration::ZERO);
-                    connection.opened.elapsed() < limit
-                }
-                Ok(Step::Ended) | Err(_) => false,
-            },
-        );
-        // An event is reported only once, but here every connection and the listener are blocked.
-        let oldest = connections.front();
-        let left = oldest.map(|oldest| limit.saturating_sub(oldest.opened.elapsed()));
-        match poll.poll(&mut events, wait.into_iter().chain(left).min()) {
-            Err(e) if e.kind() != ErrorKind::Interrupted => return Err(e),
-            _ => {}
-        }
-    }
-    Ok(())
-}
-
-/// Accepts connections. Returns the time after which there may be more of them without an event.
-fn accept(
-    listener: &TcpListener,
-    poll: &Poll,
-    connections: &mut VecDeque<Connection>,
-) -> Option<Duration> {
-    for _ in 0..BATCH {
-        let accepted = listener.accept().and_then(|(mut stream, _)| {
-            let all = Interest::READABLE | Interest::WRITABLE;
-            poll.registry().register(&mut stream, Token(0), all)?;
-            Ok(stream)
-        });
-        match accepted {
-            Ok(stream) => {
-                if connections.len() == CONNECTIONS {
-                    connections.pop_front();
-                }
-                connections.push_back(Connection {
-                    stream,
-                    opened: Instant::now(),
-                    received: 0,
-                    request: Vec::new(),
-                    answer: None,
-                });
-            }
-            Err(e) if e.kind() == ErrorKind::WouldBlock => return None,
-            Err(_) => return Some(RETRY),
-        }
-    }
-    Some(Duration::ZERO)
-}
-
-struct Connection {
-    stream: TcpStream,
-    opened: Instant,
-    /// Number of bytes received.
-    received: usize,
-    /// The request so far.
-    request: Vec<u8>,
-    /// Set once the request is complete.
-    answer: Option<Answer>,
-}
-
-struct Answer {
-    bytes: Vec<u8>,
-    /// Number of bytes sent.
-    sent: usize,
-}
-
-enum Step {
-    Waits,
-    Advanced,
-    Ended,
-}
-
-impl Connection {
-    /// Reads or writes once, without blocking.
-    fn advance(&mut self, page: &impl Fn() -> String) -> io::Result<Step> {
-        let step = match &mut self.answer {
-            Some(Answer { bytes, sent }) if *sent < bytes.len() => {
-                self.stream.write(&bytes[*sent..]).and_then(|n| {
-                    *sent += n;
-                    if *sent == bytes.len() {
-                        self.stream.shutdown(Shutdown::Write)?;
-                    }
-                    Ok(Step::Advanced)
-                })
-            }
-            _ => self.read(page),
+        let Ok((stream, _)) = listener.accept() else {
+            std::thread::sleep(RETRY);
+            continue;
         };
-        match step {
-            Err(e) if e.kind() == ErrorKind::WouldBlock => Ok(Step::Waits),
-            Err(e) if e.kind() == ErrorKind::Interrupted => Ok(Step::Advanced),
-            step => step,
+        open.retain(|stream| stream.strong_count() > 0);
+        if open.len() == CONNECTIONS {
+            open.drain(..1).for_each(close);
         }
+        let stream = Arc::new(stream);
+        open.push_back(Arc::downgrade(&stream));
+        let page = Arc::clone(page);
+        // An error ends the connection; without a thread there is no answer.
+        let answer = move || answer(&Timed::new(&stream, limit), &*page);
+        let _ = thread().spawn(answer);
+    }
+    open.into_iter().for_each(close);
+}
+
+/// A connection with a time limit for all that is read and written.
+struct Timed<'a> {
+    stream: &'a TcpStream,
+    end: Instant,
+}
+
+impl Timed<'_> {
+    fn new(stream: &TcpStream, limit: Duration) -> Timed<'_> {
+        let end = Instant::now() + limit;
+        Timed { stream, end }
     }
 
-    fn read(&mut self, page: &impl Fn() -> String) -> io::Result<Step> {
-        let mut bytes = [0; 4 << 10];
-        let n = self.stream.read(&mut bytes)?;
-        self.received += n;
-        if n == 0 || self.received > RECEIVED {
-            return Ok(Step::Ended);
-        }
-        if self.answer.is_none() {
-            self.request.extend_from_slice(&bytes[..n]);
-            let answer = answer(&self.request, page);
-            self.answer = answer.map(|bytes| Answer { bytes, sent: 0 });
-        }
-        Ok(Step::Advanced)
+    fn left(&self) -> io::Result<Option<Duration>> {
+        let left = self.end.checked_duration_since(Instant::now());
+        left.map(Some).ok_or(ErrorKind::TimedOut.into())
     }
 }
 
-/// Returns the answer to a request, or `None` if the request is not complete.
-fn answer(request: &[u8], page: &impl Fn() -> String) -> Option<Vec<u8>> {
-    let mut headers = [httparse::EMPTY_HEADER; 64];
-    let mut parsed = httparse::Request::new(&mut headers);
-    let complete = parsed.parse(request);
-    let (method, path) = (parsed.method, parsed.path.unwrap_or_default());
-    let path = path.split_once('?').map_or(path, |(path, _)| path);
-    let text = "Content-Type: text/plain; charset=utf-8";
-    let (status, header, body) = match complete {
-        Ok(httparse::Status::Partial) if request.len() <= REQUEST => return None,
-        Ok(httparse::Status::Partial) | Err(httparse::Error::TooManyHeaders) => {
-            let why = "the request is too large\n".to_owned();
-            ("431 Request Header Fields Too Large", text, why)
-        }
-        Err(e) => (
-            "400 Bad Request",
+impl Read for &Timed<'_> {
+    fn read(&mut self, bytes: &mut [u8]) -> io::Result<usize> {
+        self.stream.set_read_timeout(self.left()?)?;
+        (&mut &*self.stream).read(bytes)
+    }
+}
+
+impl Write for &Timed<'_> {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        self.stream.set_write_timeout(self.left()?)?;
+        (&mut &*self.stream).write(bytes)
+    }
+    fn flush(&mut self) -> io::Result<()> {
+        Ok(())
+    }
+}
+
+/// Reads a request, answers it, and waits until the client closes the connection.
+fn answer(mut connection: &Timed<'_>, page: impl Fn() -> String) -> io::Result<()> {
+    let mut request = BufReader::new(connection.take(REQUEST));
+    let mut head = Vec::new();
+    let ends = |head: &[u8]| head.ends_with(b"\n\r\n") || head.ends_with(b"\n\n");
+    while !ends(&head) && request.read_until(b'\n', &mut head)? > 0 {}
+    let is_large = head.iter().filter(|byte| **byte == b'\n').count() > LINES;
+    if !ends(&head) && request.get_ref().limit() > 0 {
+        // The client ended the request before its end.
+        return Ok(());
+    }
+    let is_complete = ends(&head) && !is_large;
+    let head = String::from_utf8_lossy(&head);
+    let line = head.lines().next().unwrap_or_default();
+    let words: Vec<&str> = line.split_ascii_whitespace().collect();
+    let text = "text/plain; charset=utf-8";
+    let (status, kind, body) = match words[..] {
+        _ if !is_complete => (
+            "431 Request Header Fields Too Large",
             text,
-            format!("not an HTTP request: {e}\n"),
+            "the request is too large\n".into(),
         ),
-        Ok(_) if path != PATH => {
-            let why = format!("the metrics of linkwatch are at {PATH}\n");
-            ("404 Not Found", text, why)
-        }
-        Ok(_) if !matches!(method, Some("GET" | "HEAD")) => {
-            let allowed = "Content-Type: text/plain; charset=utf-8\r\nAllow: GET, HEAD";
-            (
-                "405 Method Not Allowed",
-                allowed,
+        [method, path, "HTTP/1.0" | "HTTP/1.1"] => match (method, path.split('?').next()) {
+            ("GET" | "HEAD", Some(PATH)) => {
+                ("200 OK", "text/plain; version=0.0.4; charset=utf-8", page())
+            }
+            (_, Some(PATH)) => (
+                "405 Method Not Allowed\r\nAllow: GET, HEAD",
+                text,
                 "only GET and HEAD are supported\n".into(),
-            )
-        }
-        Ok(_) => (
-            "200 OK",
-            "Content-Type: text/plain; version=0.0.4; charset=utf-8",
-            page(),
-        ),
+            ),
+            _ => {
+                let why = format!("the metrics of linkwatch are at {PATH}\n");
+                ("404 Not Found", text, why)
+            }
+        },
+        _ => ("400 Bad Request", text, "not an HTTP request\n".into()),
     };
     let length = body.len();
-    let mut answer = format!(
-        "HTTP/1.1 {status}\r\n{header}\r\nContent-Length: {length}\r\nConnection: close\r\n\r\n"
-    );
-    if method != Some("HEAD") {
-        answer += &body;
+    write!(
+        connection,
+        "HTTP/1.1 {status}\r\nContent-Type: {kind}\r\nContent-Length: {length}\r\n\
+         Connection: close\r\n\r\n"
+    )?;
+    if words.first() != Some(&"HEAD") {
+        connection.write_all(body.as_bytes())?;
     }
-    Some(answer.into_bytes())
+    connection.stream.shutdown(Shutdown::Write)?;
+    io::copy(&mut connection.take(REST), &mut io::sink())?;
+    Ok(())
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::net::{SocketAddr, TcpListener, TcpStream};
 
     const PATIENCE: Duration = Duration::from_secs(30);
 

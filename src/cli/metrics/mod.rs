@@ -4,10 +4,10 @@ mod address;
 mod figures;
 mod http;
 
-pub use self::figures::SessionMetrics;
+pub use self::figures::{ServiceMetrics, SessionMetrics};
 
 use self::address::Address;
-use self::figures::{Figures, Service};
+use self::figures::Figures;
 use self::http::{LIMIT, PATH, Server};
 use linkwatch::Result;
 use std::sync::Arc;
@@ -25,74 +25,40 @@ pub struct MetricsArgs {
 }
 
 impl MetricsArgs {
-    /// Serves the figures of these services, if that is requested.
+    /// Prepares the figures of these services, and serves them if that is requested.
     pub fn serve(&self, services: &[String]) -> Result<Metrics> {
-        let Some(address) = &self.metrics else {
-            return Ok(Metrics::default());
-        };
-        let listener = address.listen()?;
-        let local = listener.local_addr()?;
         let figures = Arc::new(Figures::new(services));
-        let page = Arc::clone(&figures);
-        let server = Server::start(listener, LIMIT, move || page.page())?;
-        tracing::info!("metrics are at http://{local}{PATH}");
-        if !local.ip().to_canonical().is_loopback() {
-            tracing::warn!(
-                "anybody on the network can read the metrics, because {} is not an address of the \
-                 loopback interface",
-                local.ip()
-            );
+        let mut server = None;
+        if let Some(address) = &self.metrics {
+            let listener = address.listen()?;
+            let local = listener.local_addr()?;
+            let page = Arc::clone(&figures);
+            server = Some(Server::start(listener, LIMIT, move || page.page())?);
+            tracing::info!("metrics are at http://{local}{PATH}");
+            if !local.ip().to_canonical().is_loopback() {
+                tracing::warn!(
+                    "anybody on the network can read the metrics, because {} is not an address of \
+                     the loopback interface",
+                    local.ip()
+                );
+            }
         }
         Ok(Metrics {
-            figures: Some(figures),
-            _server: Some(server),
+            figures,
+            _server: server,
         })
     }
 }
 
 /// Figures of all services. They are served until this value is dropped.
-#[derive(Default)]
 pub struct Metrics {
-    figures: Option<Arc<Figures>>,
+    figures: Arc<Figures>,
     _server: Option<Server>,
 }
 
 impl Metrics {
     /// Returns the figures of a service.
     pub fn service(&self, name: &str) -> ServiceMetrics {
-        let figures = self.figures.as_ref();
-        ServiceMetrics(figures.and_then(|figures| figures.service(name)))
-    }
-}
-
-/// Figures of a service, if they are served.
-pub struct ServiceMetrics(Option<Arc<Service>>);
-
-impl ServiceMetrics {
-    /// Prepares a session. `events` is true if it searches for pull-throughs.
-    pub fn session(&self, events: bool) -> SessionMetrics {
-        let service = self.0.clone();
-        service.map_or_else(SessionMetrics::default, |s| SessionMetrics::new(s, events))
-    }
-
-    /// Counts a simulator that connected.
-    pub fn connected(&self) {
-        if let Some(service) = &self.0 {
-            service.connected();
-        }
-    }
-
-    /// Adds the times that the watch was started again before this process began.
-    pub fn restarted(&self, times: u64) {
-        if let Some(service) = &self.0 {
-            service.restarted(times);
-        }
-    }
-
-    /// Records that the simulator is not watched any more.
-    pub fn disconnected(&self) {
-        if let Some(service) = &self.0 {
-            service.disconnected();
-        }
+        self.figures.service(name)
     }
 }

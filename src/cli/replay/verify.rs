@@ -6,12 +6,12 @@ use crate::cli::cell_args::KEEP_OPEN;
 use crate::cli::check::nothing_to_compare;
 use crate::cli::output::{self, plural};
 use crate::cli::range::Range;
-use crate::cli::run::{FrameCounts, Ingested, Judge, Judged, MOTION_LIMIT, Run, Setup};
+use crate::cli::run::{FrameCounts, Ingested, Judge, Judged, MOTION_LIMIT, Recorded, Run, Setup};
 use crate::cli::source::{Item, PATIENCE, Source, warn_of_cut};
 use crate::cli::{Outcome, braid_args, clearance_args, signals};
 use linkwatch::{
-    AbortOn, BaselineRecord, Braids, Continuation, Error, Events, FrameInfo, Overflow,
-    RecordedVerdict, Report, Result, Retention, SessionOptions, Strategy, Verdict,
+    AbortOn, BaselineRecord, Braids, Error, Events, Overflow, RecordedVerdict, Report, Result,
+    Retention, SessionOptions, Strategy, Verdict,
 };
 use std::collections::{BTreeMap, VecDeque};
 use std::sync::Arc;
@@ -105,10 +105,12 @@ pub fn run(args: &Args, mut source: Source, json: bool) -> Result<Outcome> {
             models: false,
             live: false,
             from_now: false,
-            baseline,
-            recorded_events: source.recording().map(|_| (recorded_events, limit)),
-            recorded_braids: recorded_braids.clone(),
-            recorded_clearance,
+            recorded: Recorded {
+                baseline,
+                events: source.recording().map(|_| (recorded_events, limit)),
+                clearance: recorded_clearance,
+                braids: recorded_braids.clone(),
+            },
             title: &title,
             metadata,
             overflow,
@@ -314,8 +316,8 @@ impl Replay {
                 }
                 let info = frame.info.clone();
                 let left_out = std::mem::take(&mut frame.left_out);
-                let frame = self.session.ingest(info, |receive| frame.read(receive));
-                let frame = frame.without(left_out);
+                let mut frame = self.session.ingest(info, |receive| frame.read(receive));
+                frame.left_out.extend(left_out);
                 self.session.announce(&frame);
                 self.finish_waiting()?;
                 let frame = Box::new(frame);
@@ -407,19 +409,7 @@ impl Replay {
                 }
                 self.comparison.rejected += 1;
                 self.count(report.verdict);
-                let judged = Judged {
-                    latency: None,
-                    clearance: None,
-                    report: Arc::new(report),
-                    times: progress.times,
-                    work: progress.work,
-                    offload: Default::default(),
-                    curves: None,
-                    info: FrameInfo::default(),
-                    model: None,
-                    left_out: Vec::new(),
-                    step: Continuation::Continues,
-                };
+                let judged = Judged::of(report, progress.times, progress.work);
                 self.session.publish(judged, self.tally);
             }
             None if self.comparison.recorded_with.every => {

@@ -54,13 +54,13 @@ impl Run {
         self.session.begin_run();
         self.last_layout = None;
         self.news.forget();
-        self.violations.begin_run();
+        self.sum.violations.begin_run();
         if let Some(junit) = &mut self.junit {
             junit.begin_run();
         }
         self.begun = false;
         self.is_new_run = true;
-        self.runs += 1;
+        self.sum.further_runs += 1;
     }
 
     /// Takes note of the first verified frame of a baseline, before the verdict on it is sent and

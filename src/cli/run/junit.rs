@@ -6,6 +6,7 @@
 
 use crate::cli::files::{Content, Files, Overwrite, write_text};
 use linkwatch::{Report, Result, Verdict};
+use maud::{PreEscaped, html};
 use std::path::PathBuf;
 use std::time::Duration;
 
@@ -30,50 +31,20 @@ impl JunitArgs {
             // If this run fails early, no verdicts of an earlier run remain.
             std::fs::remove_file(path)?;
         }
-        Ok(Some(Junit {
-            path: path.clone(),
-            suite: Suite::new(title),
-        }))
+        Ok(Some(Junit::new(path.clone(), title)))
     }
 }
 
 /// A report in the making.
 pub struct Junit {
     path: PathBuf,
-    suite: Suite,
-}
-
-impl Junit {
-    /// Adds a frame. `names` are those of its curves, or empty; `model` is its file, if it has one.
-    pub fn add(&mut self, report: &Report, names: &[String], model: Option<&str>, check: Duration) {
-        self.suite.add(report, names, model, check);
-    }
-
-    /// Marks the frames of the current violation as skipped: the simulator rolled them back, or
-    /// accepted them.
-    pub fn end_violation(&mut self) {
-        self.suite.end_violation();
-    }
-
-    /// Begins another run, in which nothing ends a violation of the one before.
-    pub fn begin_run(&mut self) {
-        self.suite.violation = None;
-    }
-
-    /// Writes the file. `complete` is false if frames are missing, or differ from those recorded.
-    pub fn write(self, complete: bool, overwrite: Overwrite) -> Result<()> {
-        write_text(&self.path, overwrite, &self.suite.finish(complete))
-    }
-}
-
-/// Test cases of a run.
-struct Suite {
     title: String,
     cases: Vec<Case>,
     /// First frame of the current violation.
     violation: Option<usize>,
 }
 
+/// A test case: a frame.
 struct Case {
     name: String,
     check: Duration,
@@ -81,32 +52,29 @@ struct Case {
 }
 
 struct Problem {
+    /// Name of the element: failure, error or skipped.
     element: &'static str,
     kind: &'static str,
     message: String,
     text: String,
 }
 
-impl Suite {
-    fn new(title: &str) -> Suite {
-        Suite {
-            title: escape(title),
+impl Junit {
+    fn new(path: PathBuf, title: &str) -> Junit {
+        Junit {
+            path,
+            title: legal(title),
             cases: Vec::new(),
             violation: None,
         }
     }
 
-    fn add(&mut self, report: &Report, names: &[String], model: Option<&str>, check: Duration) {
-        let name = model.map_or_else(|| report.frame(), str::to_owned);
-        let kind = match report.verdict {
-            Verdict::Intact => None,
-            Verdict::Changed => Some("failure"),
-            _ => Some("error"),
-        };
+    /// Adds a frame. `names` are those of its curves, or empty; `model` is its file, if it has one.
+    pub fn add(&mut self, report: &Report, names: &[String], model: Option<&str>, check: Duration) {
         if report.abort || report.verdict == Verdict::Changed {
             self.violation.get_or_insert(self.cases.len());
         }
-        let problem = kind.map(|element| {
+        let problem = (report.verdict != Verdict::Intact).then(|| {
             let findings = report.findings_named(names);
             let findings = findings.chain(report.missing.clone());
             let findings = findings.chain(report.rejected.clone());
@@ -114,31 +82,44 @@ impl Suite {
             let roll_back = report.roll_back().filter(|_| model.is_none());
             let lines: Vec<String> = findings.chain(roll_back).collect();
             Problem {
-                element,
+                element: match report.verdict {
+                    Verdict::Changed => "failure",
+                    _ => "error",
+                },
                 kind: report.verdict.word(),
-                message: report.headline(),
-                text: lines.join("\n"),
+                message: legal(&report.headline()),
+                text: legal(&lines.join("\n")),
             }
         });
         self.cases.push(Case {
-            name,
+            name: legal(&model.map_or_else(|| report.frame(), str::to_owned)),
             check,
             problem,
         });
     }
 
-    fn end_violation(&mut self) {
+    /// Marks the frames of the current violation as skipped: the simulator rolled them back, or
+    /// accepted them.
+    pub fn end_violation(&mut self) {
         let first = self.violation.take().unwrap_or(self.cases.len());
-        for problem in self.cases[first..]
-            .iter_mut()
-            .filter_map(|c| c.problem.as_mut())
-        {
+        let problems = self.cases[first..].iter_mut();
+        for problem in problems.filter_map(|case| case.problem.as_mut()) {
             problem.element = "skipped";
             problem.message += "; rolled back or accepted by the simulator";
         }
     }
 
-    fn finish(mut self, complete: bool) -> String {
+    /// Begins another run, in which nothing ends a violation of the one before.
+    pub fn begin_run(&mut self) {
+        self.violation = None;
+    }
+
+    /// Writes the file. `complete` is false if frames are missing, or differ from those recorded.
+    pub fn write(self, complete: bool, overwrite: Overwrite) -> Result<()> {
+        write_text(&self.path.clone(), overwrite, &self.xml(complete))
+    }
+
+    fn xml(mut self, complete: bool) -> String {
         self.cases.push(Case {
             name: "the run is complete".into(),
             check: Duration::ZERO,
@@ -149,66 +130,53 @@ impl Suite {
                 text: String::new(),
             }),
         });
-        let Suite { title, cases, .. } = &self;
+        let (cases, title) = (&self.cases, &self.title);
         let of = |element: &str| {
             let problems = cases.iter().filter_map(|case| case.problem.as_ref());
             problems.filter(|p| p.element == element).count()
         };
         let [failures, errors, skipped] = ["failure", "error", "skipped"].map(of);
         let time: Duration = cases.iter().map(|case| case.check).sum();
-        let (tests, seconds) = (cases.len(), time.as_secs_f64());
-        let counts = format!(
-            "tests=\"{tests}\" failures=\"{failures}\" errors=\"{errors}\" \
-             skipped=\"{skipped}\" time=\"{seconds}\""
-        );
-        let cases: String = cases.iter().map(|case| case.xml(title)).collect();
-        format!(
-            "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n\
-             <testsuites name=\"linkwatch\" {counts}>\n  \
-             <testsuite name=\"{title}\" {counts}>\n{cases}  </testsuite>\n</testsuites>\n"
-        )
-    }
-}
-
-impl Case {
-    /// Returns the element of a suite with this title, which is escaped already.
-    fn xml(&self, title: &str) -> String {
-        let (name, seconds) = (escape(&self.name), self.check.as_secs_f64());
-        let head = format!("<testcase classname=\"{title}\" name=\"{name}\" time=\"{seconds}\"");
-        match &self.problem {
-            None => format!("    {head}/>\n"),
-            Some(problem) => {
-                let Problem { element, kind, .. } = problem;
-                let [message, text] = [&problem.message, &problem.text].map(|t| escape(t));
-                // The schema of JUnit gives an element `skipped` no type.
-                let kind = match *element {
-                    "skipped" => String::new(),
-                    _ => format!(" type=\"{kind}\""),
-                };
-                format!(
-                    "    {head}>\n      <{element}{kind} message=\"{message}\">{text}\
-                     </{element}>\n    </testcase>\n"
-                )
+        let (tests, time) = (cases.len(), time.as_secs_f64());
+        html! {
+            (PreEscaped("<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n"))
+            testsuites name="linkwatch" tests=(tests) failures=(failures) errors=(errors)
+                skipped=(skipped) time=(time)
+            {
+                "\n"
+                testsuite name=(title) tests=(tests) failures=(failures) errors=(errors)
+                    skipped=(skipped) time=(time)
+                {
+                    "\n"
+                    @for Case { name, check, problem } in cases {
+                        testcase classname=(title) name=(name) time=(check.as_secs_f64()) {
+                            @if let Some(Problem { element, kind, message, text }) = problem {
+                                @match *element {
+                                    "failure" => failure type=(kind) message=(message) { (text) },
+                                    "error" => error type=(kind) message=(message) { (text) },
+                                    // The schema of JUnit gives this element no type.
+                                    _ => skipped message=(message) { (text) },
+                                }
+                            }
+                        }
+                        "\n"
+                    }
+                }
+                "\n"
             }
+            "\n"
         }
+        .into_string()
     }
 }
 
-/// Escapes text for an attribute or an element of XML 1.0. Replaces characters that it excludes.
-fn escape(text: &str) -> String {
-    let mut out = String::with_capacity(text.len());
-    for c in text.chars() {
-        match c {
-            '&' => out += "&amp;",
-            '<' => out += "&lt;",
-            '>' => out += "&gt;",
-            '"' => out += "&quot;",
-            '\n' | '\t' => out.push(c),
-            '\0'..' ' | '\u{7f}' | '\u{fffe}' | '\u{ffff}' => out.push('\u{fffd}'),
-            c => out.push(c),
-        }
-    }
-    out
+/// Replaces characters that XML 1.0 excludes.
+fn legal(text: &str) -> String {
+    let control = |c: char| c.is_ascii_control() && !matches!(c, '\n' | '\t');
+    text.replace(
+        |c| control(c) || matches!(c, '\u{fffe}' | '\u{ffff}'),
+        "\u{fffd}",
+    )
 }
 
 #[cfg(test)]
@@ -217,7 +185,7 @@ mod tests {
 
     #[test]
     fn a_suite_counts_failures_and_errors_and_escapes_names() {
-        let mut suite = Suite::new("check of <a & b>");
+        let mut suite = Junit::new(PathBuf::new(), "check of <a & b>");
         for (seq, verdict) in Verdict::ALL.into_iter().enumerate() {
             let report = Report::new(seq as u64, 0.0, verdict);
             suite.add(
@@ -227,23 +195,26 @@ mod tests {
                 Duration::from_millis(1),
             );
         }
-        let text = suite.finish(true);
+        let text = suite.xml(true);
         let counts = "tests=\"7\" failures=\"1\" errors=\"4\" skipped=\"0\" time=\"0.006\"";
         assert_eq!(text.matches(counts).count(), 2, "{text}");
         let suite = format!("<testsuite name=\"check of &lt;a &amp; b&gt;\" {counts}>");
         assert!(text.contains(&suite), "{text}");
         assert!(
-            text.contains("name=\"&quot;x&quot;\u{fffd}.obj\" time=\"0.001\">\n"),
+            text.contains("name=\"&quot;x&quot;\u{fffd}.obj\" time=\"0.001\"><"),
             "{text}"
         );
         let failure = "<failure type=\"changed\" message=\"frame 1: changed\"></failure>";
         assert!(text.contains(failure), "{text}");
-        assert!(text.contains("name=\"frame 0\" time=\"0.001\"/>"), "{text}");
+        assert!(
+            text.contains("name=\"frame 0\" time=\"0.001\"></testcase>"),
+            "{text}"
+        );
     }
 
     #[test]
     fn frames_of_a_recovered_violation_are_skipped() {
-        let mut suite = Suite::new("replay");
+        let mut suite = Junit::new(PathBuf::new(), "replay");
         let verdicts = [
             Verdict::Undecided,
             Verdict::Changed,
@@ -261,7 +232,7 @@ mod tests {
                 Duration::ZERO,
             );
         }
-        let text = suite.finish(true);
+        let text = suite.xml(true);
         let counts = "tests=\"5\" failures=\"0\" errors=\"1\" skipped=\"2\"";
         assert_eq!(text.matches(counts).count(), 2, "{text}");
         let skipped = "<skipped message=\"frame 1: changed; rolled back or accepted by";
@@ -270,7 +241,7 @@ mod tests {
 
     #[test]
     fn an_incomplete_run_has_an_error() {
-        let text = Suite::new("replay").finish(false);
+        let text = Junit::new(PathBuf::new(), "replay").xml(false);
         assert!(
             text.contains("tests=\"1\" failures=\"0\" errors=\"1\""),
             "{text}"

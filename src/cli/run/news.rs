@@ -1,30 +1,22 @@
 //! New findings of a frame: a finding that lasts over several frames is printed once.
 
-use linkwatch::{Lasting, Point, Report, Verdict};
+use linkwatch::{Lasting, Point, PullThrough, Report, Verdict};
 use std::collections::BTreeSet;
 
-/// Location of a finding.
-struct Located {
-    curves: Vec<u32>,
-    point: Option<Point>,
-}
+/// Curves and place of a finding.
+type Located = (Vec<u32>, Option<Point>);
 
-/// Returns the locations of all findings, in the order of [`Report::findings`].
+/// Returns the curves and places of all findings, in the order of [`Report::findings`].
 fn located(report: &Report) -> impl Iterator<Item = Located> + '_ {
-    let changes = report.changes.iter().map(|c| Located {
-        curves: vec![c.i, c.j],
-        point: c.place.map(|place| place.point),
+    let changes = report.changes.iter();
+    let changes = changes.map(|c| (vec![c.i, c.j], c.place.map(|place| place.point)));
+    let passage = |p: &PullThrough| (vec![p.i, p.j], Some(p.point));
+    let events = report.events.iter().map(passage);
+    let unresolved = report.unresolved.iter().map(passage);
+    let defects = report.defects.iter().map(|d| {
+        let curves = std::iter::once(d.i).chain(d.j);
+        (curves.collect(), Some(d.place.point))
     });
-    let pull_through = |p: &linkwatch::PullThrough| Located {
-        curves: vec![p.i, p.j],
-        point: Some(p.point),
-    };
-    let defects = report.defects.iter().map(|d| Located {
-        curves: std::iter::once(d.i).chain(d.j).collect(),
-        point: Some(d.place.point),
-    });
-    let events = report.events.iter().map(pull_through);
-    let unresolved = report.unresolved.iter().map(pull_through);
     changes.chain(events).chain(defects).chain(unresolved)
 }
 
@@ -105,18 +97,16 @@ impl News {
         }
         new.notable |= !new.sentences.is_empty();
         if report.verdict != Verdict::Intact && self.first_violation.is_none() {
-            let first = first.as_ref();
+            let (curves, point) = first.unwrap_or_default();
+            let others = report.rejected.iter().chain(&report.missing);
             self.first_violation = Some(Violation {
                 frame: report.seq,
                 time: report.time,
                 name: model.map_or_else(|| report.frame(), str::to_owned),
                 verdict: report.verdict,
-                curves: first.map_or_else(Vec::new, |f| f.curves.clone()),
-                point: first.and_then(|f| f.point),
-                finding: {
-                    let others = report.rejected.iter().chain(&report.missing);
-                    new.sentences.iter().chain(others).next().cloned()
-                },
+                curves,
+                point,
+                finding: new.sentences.iter().chain(others).next().cloned(),
             });
         }
         self.last_verdict = Some(report.verdict);

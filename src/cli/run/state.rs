@@ -2,9 +2,8 @@
 
 use super::baseline::BaselineFrame;
 use super::{FrameCounts, Judged, Run};
-use linkwatch::{Continuation, FrameInfo, FrameTimes, Result, Session, SessionState};
+use linkwatch::{FrameTimes, Result, Session, SessionState, Work};
 use serde::{Deserialize, Serialize};
-use std::sync::Arc;
 
 /// State of a run after a frame.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
@@ -68,18 +67,7 @@ impl Run {
     /// Returns the result of a frame that the other process did not finish. It is not verified
     /// again, because it may be the reason of the crash, and does not ask the simulator to stop.
     pub fn give_up(&self, seq: u64, time: f64, why: &str) -> Judged {
-        Judged {
-            report: Arc::new(self.session.give_up((seq, time), why)),
-            times: FrameTimes::default(),
-            work: Default::default(),
-            offload: Default::default(),
-            curves: None,
-            info: FrameInfo::at(seq, time),
-            model: None,
-            left_out: Vec::new(),
-            latency: None,
-            clearance: None,
-            step: Continuation::Continues,
-        }
+        let report = self.session.give_up((seq, time), why);
+        Judged::of(report, FrameTimes::default(), Work::default())
     }
 }

@@ -1,7 +1,14 @@
-//! Summary of a run: numbers of frames, and unresolved pull-throughs.
+//! Summary of a run.
 
-use crate::cli::output::{count, percent, plural};
-use linkwatch::Report;
+use super::Run;
+use super::clearance::ClearanceLog;
+use super::times::RunTimes;
+use super::violations::Violations;
+use crate::cli::Outcome;
+use crate::cli::output::{count, percent, plural, plural_of};
+use linkwatch::model::LeftOut;
+use linkwatch::{Events, Report, SinkSummary};
+use serde_json::json;
 
 /// Numbers of frames verified, skipped and rejected so far.
 #[derive(Clone, Copy, Debug, Default)]
@@ -42,6 +49,159 @@ impl FrameCounts {
         parts.push(format!("{} rejected", count(self.rejected)));
         parts.join(", ")
     }
+}
+
+/// Figures of all frames of a run.
+#[derive(Default)]
+pub struct Summary {
+    pub violations: Violations,
+    pub unresolved: Unresolved,
+    pub clearance: ClearanceLog,
+    pub times: RunTimes,
+    /// Frames on the full, the quiet and the partial route.
+    pub routes: [u64; 3],
+    /// Number of open curves of the frames of all runs, once a frame was verified.
+    pub open_curves: Option<u64>,
+    /// Numbers of curves that end where they start, and of jumps by a lattice vector.
+    pub joined: usize,
+    pub jumps: u64,
+    /// Elements of the files that were not read, over all frames.
+    pub left_out: Vec<LeftOut>,
+    /// Reason why clearance is not measured, although the user asked for it.
+    pub unmeasured: Option<String>,
+    /// Number of runs that began after the first one.
+    pub further_runs: u64,
+    /// Comparison with the recorded verdicts, in words and as JSON, if this is a replay.
+    pub comparison: Option<(String, serde_json::Value)>,
+}
+
+impl Run {
+    /// Prints the summary.
+    pub(super) fn sum_up(&self, sinks: &[SinkSummary], notes: Vec<String>) {
+        let (tally, sum) = (self.tally, &self.sum);
+        let Violations {
+            recovered,
+            accepted,
+            ..
+        } = sum.violations;
+        let word = match (tally.verified, self.outcome()) {
+            (0, _) => "nothing was verified",
+            (_, Outcome::Fine) if accepted > 0 => "accepted",
+            (_, Outcome::Fine) if recovered > 0 => "recovered",
+            (_, Outcome::Fine) => "intact",
+            (_, Outcome::Changed) => "changed",
+            (_, Outcome::Undecided) => "undecided or incomplete",
+        };
+        let [full, quiet, partial] = sum.routes;
+        let first = &self.news.first_violation;
+        let checked = self.options.events != Events::Off;
+        let (runs, yarns) = (1 + sum.further_runs, self.yarns());
+        if self.json {
+            self.label.json(json!({
+                "summary": {
+                    "verdict": word,
+                    "recovered": recovered,
+                    "accepted": accepted,
+                    "baseline": self.baseline_json(),
+                    "verified": tally.verified,
+                    "skipped": tally.skipped,
+                    "skipped_share": tally.skipped_share(),
+                    "rejected": tally.rejected,
+                    "median_ms": sum.times.checks.median().as_secs_f64() * 1e3,
+                    "max_ms": sum.times.checks.longest.as_secs_f64() * 1e3,
+                    "times_ms": sum.times.to_json(),
+                    "first_violation": first,
+                    "routes": { "full": full, "quiet": quiet, "partial": partial },
+                    "runs": runs,
+                    "open_curves": sum.open_curves,
+                    "joined_curves": sum.joined,
+                    "open_curves_verified": checked,
+                    "left_out": sum.left_out,
+                    "curves_through_the_cell": yarns,
+                    "jumps": sum.jumps,
+                    "sinks": sinks,
+                    "recorded_verdicts": sum.comparison.as_ref().map(|(_, json)| json),
+                    "unresolved": sum.unresolved,
+                    "clearance": sum.clearance.to_json(),
+                    "unmeasured_clearance": sum.unmeasured,
+                }
+            }));
+            return;
+        }
+        let some = |there: bool, words: String| there.then_some(words);
+        let checks = match tally.verified {
+            0 => String::new(),
+            _ => format!("; {}", sum.times.checks.words()),
+        };
+        let ended = |n: u32, what: &str| {
+            let violations = plural_of(n.into(), "violation was", "violations were");
+            some(n > 0, format!("{violations} {what}"))
+        };
+        let open = sum.open_curves.unwrap_or(0);
+        let open_words = match (plural(open, "open curve"), checked) {
+            (curves, true) => {
+                format!("{curves} verified for pull-throughs, without linking numbers")
+            }
+            (curves, false) => format!("not verified: {curves} (--events verifies pull-throughs)"),
+        };
+        let [n_quiet, n_partial, n_full] = [quiet, partial, full].map(count);
+        let low = self.options.clearance.map_or(0.0, |options| options.low);
+        let lines = [
+            Some(format!("{word}: {}{checks}", tally.words(self.models))),
+            some(
+                runs > 1,
+                format!(
+                    "{}, each compared with its own first frame (--one-motion: all files are one \
+                     motion)",
+                    plural(runs, "run")
+                ),
+            ),
+            some(
+                quiet + partial > 0,
+                format!("frames: {n_quiet} quiet, {n_partial} partial, {n_full} full"),
+            ),
+            sum.times.words(),
+            self.baseline_words().filter(|_| self.is_live),
+            ended(
+                recovered,
+                "rolled back, and the simulation went on from an intact frame",
+            ),
+            ended(accepted, "accepted by the simulator as a new baseline"),
+            first.as_ref().map(|first| match self.models {
+                // The findings of each model are printed above.
+                true => format!("first violation: {}", first.name),
+                false => format!("first violation: {first}"),
+            }),
+            sum.clearance.words(low),
+            sum.unmeasured
+                .as_ref()
+                .map(|why| format!("clearance was not measured in all frames: {why}")),
+            some(sum.unresolved.pull_throughs > 0, sum.unresolved.words()),
+            some(open > 0, open_words),
+            some(!sum.left_out.is_empty(), LeftOut::sentence(&sum.left_out)),
+            some(
+                sum.jumps > 0,
+                format!("{}, and were followed", jumped(sum.jumps)),
+            ),
+            some(
+                yarns > 1 && !checked,
+                format!(
+                    "not verified: pull-throughs of {} curves that run through the cell (--events \
+                     verifies them)",
+                    count(yarns as u64)
+                ),
+            ),
+            sum.comparison.as_ref().map(|(words, _)| words.clone()),
+        ];
+        let lines: Vec<String> = lines.into_iter().flatten().chain(notes).collect();
+        self.label.line(lines.join("\n"));
+    }
+}
+
+/// Returns how many times curves jumped, in words.
+pub fn jumped(count: u64) -> String {
+    let times = plural(count, "time");
+    format!("curves jumped by a vector of the periodic cell {times}")
 }
 
 /// Pull-throughs that cannot be resolved, because the frames are too far apart.

@@ -8,12 +8,12 @@ use crate::cli::files::Files;
 use crate::cli::label::Label;
 use crate::cli::metrics::ServiceMetrics;
 use crate::cli::output::{percent, plural};
-use crate::cli::run::{FrameCounts, Ingested, Judge, Run, Setup, Sinks};
+use crate::cli::run::{FrameCounts, Judge, Recorded, Run, Setup, Sinks};
 use crate::cli::signals::TICK;
 use crate::cli::{Outcome, services};
 use linkwatch::{
-    Counters, Error, Event, FrameInfo, LastLabels, LiveTimes, Overflow, Report, Result, Sidecar,
-    Strategy, Verdict,
+    Counters, Error, Event, FrameInfo, LastLabels, LiveTimes, Overflow, Received, Report, Result,
+    Sidecar, Strategy, Verdict,
 };
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -93,10 +93,7 @@ impl Follower<'_> {
             models: false,
             live: true,
             from_now: self.args.from_now,
-            baseline: None,
-            recorded_events: None,
-            recorded_clearance: None,
-            recorded_braids: None,
+            recorded: Recorded::default(),
             title: &title,
             metadata: BTreeMap::from([("service".to_owned(), self.service.to_owned())]),
             overflow: Overflow::Wait(PATIENCE),
@@ -357,7 +354,7 @@ impl Follower<'_> {
                     }
                     let ingested = match frame.info(&mut labels) {
                         Ok(info) => session.ingest(info, |receive| frame.read(receive)),
-                        Err(why) => Ingested::invalid(FrameInfo::at(seq, time), why),
+                        Err(why) => Received::new(FrameInfo::at(seq, time), Err(why)).into(),
                     };
                     // Returns the memory to the simulator.
                     drop(frame);

@@ -6,9 +6,10 @@
 //! linking. The second direction is the best one orthogonal to the first: the same view after a
 //! quarter turn about the vertical.
 
+use super::panel::HALF;
 use super::strands::{Part, Strand};
 use crate::curve::Point;
-use crate::curve::vector::{cross, dot, norm, sub};
+use crate::curve::vector::{cross, dot, mix, norm, sub};
 use std::f64::consts::{PI, TAU};
 
 /// Number of first and of second directions that are compared.
@@ -21,16 +22,36 @@ const LEAST: f64 = 0.12;
 
 /// Axes of a picture: to the right, up, and towards the viewer. Orthonormal.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct View {
+pub(crate) struct View {
     pub across: Point,
     pub up: Point,
     pub towards: Point,
 }
 
 impl View {
-    /// Returns a point with its coordinates to the right, up and towards the viewer.
-    pub fn project(&self, p: Point) -> Point {
-        [self.across, self.up, self.towards].map(|axis| dot(axis, p))
+    /// Returns the view along the thinnest axis of a box with these sides, with z or else y up.
+    pub fn along_thinnest(sides: Point) -> View {
+        let axes = [[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]];
+        let thinnest = (0..3).min_by(|&a, &b| sides[a].total_cmp(&sides[b]));
+        let (across, up) = match thinnest {
+            Some(0) => (axes[0], axes[1]),
+            Some(1) => (axes[2], axes[1]),
+            _ => (axes[2], axes[0]),
+        };
+        View {
+            across,
+            up,
+            towards: cross(across, up),
+        }
+    }
+
+    /// Returns points of a window in pixels to the right and down, and their depth.
+    pub fn pixels(&self, points: &[Point]) -> Vec<Point> {
+        let pixel = |p: &Point| {
+            let [x, y, z] = [self.across, self.up, self.towards].map(|axis| dot(axis, *p));
+            [HALF + HALF * x, HALF - HALF * y, HALF * z]
+        };
+        points.iter().map(pixel).collect()
     }
 }
 
@@ -97,7 +118,7 @@ impl Shape {
         let own = || strands.iter().filter(|s| s.part == part);
         for edge in own().flat_map(|s| s.points.windows(2)) {
             let along = sub(edge[1], edge[0]);
-            let middle = [0, 1, 2].map(|x| 0.5 * (edge[0][x] + edge[1][x]));
+            let middle = mix(edge[0], edge[1], 0.5);
             let length = norm(along);
             let distance = norm(middle) - 0.5 * length;
             if length > 0.0 && distance < closest {

@@ -4,7 +4,7 @@
 //! to a ball, and of those of the finding and of all others only the parts closest to the place are
 //! kept if there are too many, so that curves of any length give a small picture.
 
-use super::violations::Spot;
+use super::Spot;
 use crate::curve::vector::{dot, hypot, mix, sub};
 use crate::curve::{CurveSet, Point, feature, nearest, point_at};
 
@@ -24,7 +24,7 @@ const DOT: f64 = 0.01;
 
 /// A window around a place.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Window {
+pub(crate) struct Window {
     pub centre: Point,
     /// Half of its width.
     pub reach: f64,
@@ -32,7 +32,7 @@ pub(super) struct Window {
 
 /// Radii of the strands of a frame, as far as the recording has them.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Radii<'a> {
+pub(crate) struct Radii<'a> {
     /// Radii that the simulator published: one per curve, or none.
     pub published: &'a [f32],
     /// The one of all strands for which clearance was measured.
@@ -43,17 +43,13 @@ impl Radii<'_> {
     /// Returns the radius of a curve; 0 if it is unknown.
     pub fn of(&self, curve: u32) -> f64 {
         let published = self.published.get(curve as usize).map(|r| f64::from(*r));
-        let radius = self.measured.or(published).unwrap_or(0.0);
-        if radius.is_finite() {
-            radius.max(0.0)
-        } else {
-            0.0
-        }
+        let radius = self.measured.or(published);
+        radius.filter(|r| r.is_finite()).unwrap_or(0.0).max(0.0)
     }
 }
 
 /// A frame, and the place of the finding in it.
-pub(super) type Placed<'a> = (&'a CurveSet, Spot);
+pub(crate) type Placed<'a> = (&'a CurveSet, Spot);
 
 impl Window {
     /// Returns the windows of the frames before, at and after a finding. They have one reach, in
@@ -204,7 +200,7 @@ fn part_of(set: &CurveSet, spot: Spot, i: u32, s: u32) -> Part {
 }
 
 /// Appends the parts of curve `i` in a ball around the window, of this radius.
-fn clip(
+pub(super) fn clip(
     set: &CurveSet,
     i: usize,
     window: Window,

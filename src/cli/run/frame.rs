@@ -1,0 +1,73 @@
+//! Frames of a run: before they are verified, and their results.
+
+use crate::cli::sequence::Frame;
+use linkwatch::kernels::Offload;
+use linkwatch::model::LeftOut;
+use linkwatch::{Continuation, CurveSet, FrameInfo, FrameTimes, Received, Report, Work};
+use std::sync::Arc;
+use std::time::Duration;
+
+/// A frame to judge.
+pub struct Ingested {
+    pub received: Received,
+    /// Elements of a file that may be curves of the frame, and were not read.
+    pub left_out: Vec<LeftOut>,
+}
+
+impl From<Received> for Ingested {
+    fn from(received: Received) -> Ingested {
+        Ingested {
+            received,
+            left_out: Vec::new(),
+        }
+    }
+}
+
+impl From<Frame> for Ingested {
+    /// Wraps a frame that was read already.
+    fn from(frame: Frame) -> Ingested {
+        Ingested {
+            received: Received::new(frame.info, frame.curves.map(Arc::new)),
+            left_out: frame.left_out,
+        }
+    }
+}
+
+/// Result of a frame, before it goes to the sinks.
+pub struct Judged {
+    pub report: Arc<Report>,
+    pub times: FrameTimes,
+    pub work: Work,
+    /// Work done on the GPU.
+    pub offload: Offload,
+    pub curves: Option<Arc<CurveSet>>,
+    /// What the simulator told about the frame.
+    pub info: FrameInfo,
+    /// Model file of the frame, if it comes from one.
+    pub model: Option<String>,
+    /// Elements of its file that were not read.
+    pub left_out: Vec<LeftOut>,
+    /// Time from the receipt of the frame until its verdict was sent, if it is live.
+    pub latency: Option<Duration>,
+    /// How the frame follows the last one.
+    pub step: Continuation,
+}
+
+impl Judged {
+    /// Returns a result without the curves of the frame.
+    #[cfg(any(feature = "bus", feature = "mcap"))]
+    pub fn of(report: Report, times: FrameTimes, work: Work) -> Judged {
+        Judged {
+            info: FrameInfo::at(report.seq, report.time),
+            report: Arc::new(report),
+            times,
+            work,
+            offload: Offload::default(),
+            curves: None,
+            model: None,
+            left_out: Vec::new(),
+            latency: None,
+            step: Continuation::Continues,
+        }
+    }
+}
