@@ -219,16 +219,7 @@ fn the_page_has_the_fields_of_the_output() {
     std::fs::write(&partial, lines).unwrap();
 
     let scene = "chainmail:rows=2,columns=2";
-    let moves = [
-        "--frames",
-        "6",
-        "--pull",
-        "3",
-        "--diameter",
-        "0.2",
-        "-o",
-        &sheet,
-    ];
+    let moves = ["--frames", "6,pull=3,diameter=0.2", "-o", &sheet];
     let generate = [&["generate", scene][..], &moves, &["--certificate", &cert]].concat();
     schema.run("generated scene", &generate);
     schema.run("kind of scene", &["generate"]);
@@ -253,11 +244,13 @@ fn the_page_has_the_fields_of_the_output() {
     schema.run("certified frame", &["certify", &sheet, "--cell", "3,3,3"]);
     schema.run("certified frame", &["certify", &touching, "--closed"]);
     schema.run("certified frame", &["certify", &partial]);
+    schema.run("explanation", &["certify", &sheet, "--explain"]);
     schema.run(
         "integral",
         &["certify", &sheet, "--open", "--frame", "last"],
     );
     let thickness = [
+        "measure",
         "thickness",
         &sheet,
         "--struts",
@@ -268,9 +261,9 @@ fn the_page_has_the_fields_of_the_output() {
         "0",
     ];
     schema.run("measured frame", &thickness);
-    schema.run("writhe", &["writhe", &sheet, "--frame", "0"]);
+    schema.run("writhe", &["measure", "writhe", &sheet, "--frame", "0"]);
     let ribbon = "ribbon:segments=200,lambda=3";
-    schema.run("ribbon", &["writhe", ribbon, "--ribbon", "0,1"]);
+    schema.run("ribbon", &["measure", "writhe", ribbon, "--ribbon", "0,1"]);
     schema.run("conversion", &["convert", &sheet, &path("converted.npz")]);
 
     // A live simulation.
