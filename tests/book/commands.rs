@@ -78,7 +78,9 @@ impl Help {
                         .split(',')
                         .skip(1)
                         .map(|s| s.split('=').next().unwrap());
-                    let unknown = |name: &&str| !self.text.contains(&format!("{name}="));
+                    let described = |name: &str, sign| self.text.contains(&format!("{name}{sign}"));
+                    // `every=N: ..` or `motion: ..`.
+                    let unknown = |n: &&str| !described(n, '=') && !described(n, ':');
                     if let Some(name) = names.into_iter().find(unknown) {
                         return Some(format!("no setting {name}"));
                     }
