@@ -345,7 +345,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
             if args.explain {
                 let options = SessionOptions {
                     cell: frame.cell,
-                    ..args.kernel.options()?
+                    ..args.kernel.options()
                 };
                 return explain::print(path, &frame, &options, json);
             }

@@ -5,12 +5,6 @@ use super::{Page, book, pages};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
-/// Options that pages name before the command has them. Delete each one with its change.
-const PENDING_OPTIONS: [(&str, &str); 1] = [("certify", "--explain")];
-
-/// Commands that pages no longer name, before they leave the command. Delete them with the change.
-const PENDING_COMMANDS: [&str; 3] = ["plan", "study", "sweep"];
-
 /// Options of other programs and of examples in code spans.
 const FOREIGN: [&str; 9] = [
     "--",
@@ -101,9 +95,6 @@ impl Help {
                 continue;
             }
             let (name, given) = word.split_once('=').unwrap_or((word, ""));
-            if PENDING_OPTIONS.contains(&(command, name)) {
-                continue;
-            }
             match self.options[command].get(name) {
                 Some(of) if given.is_empty() => takes = *of,
                 Some(_) => {}
@@ -217,11 +208,10 @@ fn options_in_the_text_exist() {
             let mut problem = None;
             let name = words[0].split(['=', '[']).next().unwrap();
             if name.starts_with("--") && !FOREIGN.contains(&name) {
-                let pending = PENDING_OPTIONS.iter().any(|(_, option)| *option == name);
                 // An option of any command; `""` has only those that all have.
                 let commands = help.commands().into_iter();
                 let mut problems = commands.map(|c| help.problem(&[&[c], &words[..]].concat()));
-                if !pending && problems.all(|problem| problem.is_some()) {
+                if problems.all(|problem| problem.is_some()) {
                     problem = Some("in no command".to_owned());
                 }
             } else if help.commands().contains(words[0]) && span.contains(" --") {
@@ -248,7 +238,5 @@ fn the_page_of_the_command_has_all_commands() {
     // Another table has the options.
     let names = names.iter().map(String::as_str);
     let names: BTreeSet<&str> = names.filter(|name| !name.starts_with('-')).collect();
-    let mut commands = help.commands();
-    commands.retain(|name| !PENDING_COMMANDS.contains(name));
-    assert_eq!(names, commands);
+    assert_eq!(names, help.commands());
 }

@@ -20,9 +20,6 @@ use std::collections::BTreeSet;
 use std::path::{Component, Path, PathBuf};
 use std::process::{Command, Stdio};
 
-/// Files that the product gets soon: with the commands for developers.
-const PENDING_PATHS: [&str; 1] = ["benches/study"];
-
 /// Folders of the repository that pages name.
 const FOLDERS: [&str; 8] = [
     "benches/",
@@ -246,10 +243,9 @@ fn paths_in_code_exist() {
             for word in text.split_whitespace() {
                 let path = word.trim_matches(|c: char| !c.is_alphanumeric());
                 let named = FOLDERS.iter().any(|folder| word.starts_with(folder));
-                let pending = PENDING_PATHS.iter().any(|p| path.starts_with(p));
                 // `schemas/*.binpb` stands for several.
                 let path = path.split('*').next().unwrap();
-                if named && !pending {
+                if named {
                     let found = root().join(path).exists();
                     assert!(found, "{}: {word}: no such file", page.name());
                 }
