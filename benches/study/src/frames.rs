@@ -59,7 +59,8 @@ pub struct Args {
     /// Amplitudes in diameters, separated by commas
     #[arg(
         long, value_name = "LIST", value_delimiter = ',',
-        default_value = "0,1e-4,1e-3,1e-2,0.05,0.1,0.2,0.5", value_parser = |text: &str| at_least(0.0, text)
+        default_value = "0,1e-4,1e-3,1e-2,0.05,0.1,0.2,0.5",
+        value_parser = |text: &str| at_least(0.0, text)
     )]
     amplitudes: Vec<f64>,
     /// Measure the clearance of strands of this radius as well, in units of the model: its time,

@@ -99,11 +99,19 @@ fn kernels_have_exact_certificates_errors_that_fall_with_beta_and_plots() {
     // Straight sides: the terms of odd degree cancel.
     let scene = "square_link:loops=16,segments=3200";
     let short = [
-        "--repeat", "1", "--limit", "1", "--sizes", "400,3200", "--plot",
+        "--repeat",
+        "1",
+        "--limit",
+        "1",
+        "--threads",
+        "2",
+        "--sizes",
+        "400,3200",
+        "--plot",
     ];
     let out = study(&[&["kernels", scene][..], &short, &[text(&plots)]].concat());
     assert!(out.contains("78 potential links"), "{out}");
-    assert_eq!(out.matches(" equal\n").count(), 23 + 6 - 1, "{out}");
+    assert_eq!(out.matches(" equal\n").count(), 24 + 6 - 1, "{out}");
     assert!(out.contains("\n400 segments:\ncrossings "), "{out}");
     let power = |order: &str| -> f64 {
         let line = out.lines().find(|line| line.starts_with(order)).unwrap();
