@@ -66,7 +66,7 @@ pub struct Args {
     /// Measure the clearance of strands of this radius as well, in units of the model: its time,
     /// and the share of a full run
     #[arg(long, value_name = "R", value_parser = positive)]
-    thickness: Option<f64>,
+    radius: Option<f64>,
     /// Search for pull-throughs of two curves as well
     #[arg(long)]
     events: bool,
@@ -165,7 +165,7 @@ impl Study {
                 (false, true) => Events::Between,
                 (false, false) => Events::Off,
             },
-            clearance: args.thickness.map(|r| ClearanceOptions::new(Some(r))),
+            clearance: args.radius.map(|r| ClearanceOptions::new(Some(r))),
             table: table(),
             rows: Vec::new(),
         }

@@ -70,7 +70,7 @@ fn frames_have_a_row_for_each_motion_and_amplitude() {
         "--amplitudes",
         "2",
         "--self",
-        "--thickness",
+        "--radius",
         "0.1",
     ];
     let out = study(&[&["frames", KNIT, "--frames", "6"][..], &far].concat());
@@ -283,7 +283,7 @@ fn bad_input_is_named_in_plain_words_and_exits_with_2() {
         ),
         (&["sweep", KNIT], "--quantize"),
         (
-            &["calibrate", "--device", "cpu"],
+            &["devices", "--device", "cpu"],
             "--device must name an adapter",
         ),
     ] {
