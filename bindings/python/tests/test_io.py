@@ -51,16 +51,26 @@ def test_a_file_is_overwritten_only_by_force(tmp_path):
 @pytest.mark.parametrize(
     "frames, words",
     [
-        ([], "no frames to write"),
+        ([], "no valid frame to write"),
         ([frame(1), frame(1)], "frame 1 after frame 1"),
         ([frame(0), frame(1, cell=np.eye(4, 3))], "others without one"),
-        ([frame(rejected="torn")], "the first frame is invalid: torn"),
+        ([frame(3, rejected="torn")], "no valid frame to write; frame 3, which is invalid: torn"),
     ],
 )
 def test_frames_that_an_archive_cannot_hold_leave_no_file(tmp_path, frames, words):
     with pytest.raises(ValueError, match=words):
         io.write(tmp_path / "run.npz", frames)
     assert list(tmp_path.iterdir()) == []
+
+
+def test_invalid_frames_are_rejected_or_counted(tmp_path):
+    path = tmp_path / "run.npz"
+    io.write(path, [frame(0, rejected="torn"), frame(1), frame(2, rejected="lost"), frame(3)])
+    code, out, err = run("check", path)
+    assert code == 3, err
+    assert "frame 2: rejected" in out
+    assert "frame 0, which is invalid: torn" in out
+    assert "2 frames verified, 1 rejected" in out
 
 
 def test_a_session_takes_the_frames(tmp_path):

@@ -89,7 +89,7 @@ def test_linked_rings_of_every_basis_are_linked(tmp_path, basis, suffix):
     out = tmp_path / "a.npz"
     code, _, err = run("convert", path, out)
     assert code == 0, err
-    assert "2 curves, 2 of them closed" in err
+    assert "2 curves, 2 closed" in err
     assert run("certify", out)[:2] == (0, "2 # lines: 1\n0,1,-1\n")
 
 
@@ -244,7 +244,7 @@ def test_hidden_curves_are_read_and_those_that_are_not_are_counted(stage, tmp_pa
     missing.GetPrim().GetReferences().AddReference("nowhere.usda")
     found = io.read(saved(stage))
     text = str(found.summary)
-    assert "2 curves, 2 of them closed" in text
+    assert "2 curves, 2 closed" in text
     assert "2 prims with curves of purpose proxy or guide (the first one: /guide)" in text
     assert "1 prim of an unknown type with curves (/strange of type Spaghetti)" in text
     assert "prims with curves that are not read (the first one: /hermite: no" in text

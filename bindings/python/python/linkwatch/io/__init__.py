@@ -3,7 +3,7 @@
 >>> import linkwatch
 >>> frames = linkwatch.io.read("scene.usdc")  # doctest: +SKIP
 >>> print(frames.summary)  # doctest: +SKIP
-70 curves, 70 of them closed
+70 curves, 70 closed
 >>> linkwatch.io.write("scene.npz", frames)  # doctest: +SKIP
 [PosixPath('scene.npz')]
 

@@ -57,7 +57,8 @@ class Summary:
     rejected: list[str] = field(default_factory=list)
 
     def __str__(self) -> str:
-        lines = [f"{self.curves} curves, {self.closed} of them closed", *self.notes]
+        curves = "1 curve" if self.curves == 1 else f"{self.curves} curves"
+        lines = [f"{curves}, {self.closed} closed", *self.notes]
         if self.left_out:
             lines.append(f"not read, so not verified: {', '.join(self.left_out)}")
         return "\n".join([*lines, *self.rejected])

@@ -29,23 +29,33 @@ def write(
     are written to further files: ``run.npz``, ``run-2.npz``, ``run-3.npz``; the command checks them
     as one motion with ``--one-motion``. If radii change, a file has the largest one of each curve.
 
+    A frame that is invalid is written as NaN, which the command rejects; before the first valid one
+    it is left out, and counted.
+
     The memory is that of a frame. A file appears under its name when it is complete.
 
     Raises:
         FileExistsError: a file is there already, and ``force`` is false.
-        ValueError: there are no frames, the first one is invalid, or some frames have a cell and
-            others none.
+        ValueError: there is no valid frame, the numbers of the frames do not increase, or some
+            frames have a cell and others none.
     """
     path = Path(path)
     if path.suffix.lower() != ".npz":
         raise ValueError(
             f"{path}: the name must end with .npz; `linkwatch convert` makes .bcc and .mcap of it"
         )
-    left_out = frames.summary.left_out if isinstance(frames, Frames) else []
+    left_out = [*frames.summary.left_out] if isinstance(frames, Frames) else []
     written: list[Path] = []
     part: _Part | None = None
+    last = -1
     try:
         for frame in frames:
+            if frame.seq <= last:
+                raise ValueError(f"frame {frame.seq} after frame {last}")
+            last = frame.seq
+            if part is None and frame.rejected is not None:
+                left_out.append(f"frame {frame.seq}, which is invalid: {frame.rejected}")
+                continue
             if part is None or not part.continues(frame):
                 if part is not None:
                     part.save(left_out)
@@ -53,13 +63,11 @@ def write(
                 target = path.with_name(name) if written else path
                 if target.exists() and not force:
                     raise FileExistsError(f"{target} exists already: `force` overwrites it")
-                if frame.rejected is not None:
-                    raise ValueError(f"the first frame is invalid: {frame.rejected}")
                 written.append(target)
                 part = _Part(target, frame)
             part.add(frame)
         if part is None:
-            raise ValueError("no frames to write")
+            raise ValueError("; ".join(["no valid frame to write", *left_out]))
         part.save(left_out)
     finally:
         if part is not None:
@@ -92,8 +100,6 @@ class _Part:
         if frame.rejected is not None:
             # The command rejects a frame of NaN.
             points = np.full_like(first.positions, np.nan)
-        if self.seqs and frame.seq <= self.seqs[-1]:
-            raise ValueError(f"frame {frame.seq} after frame {self.seqs[-1]}")
         if (frame.cell is None) != (first.cell is None) and frame.rejected is None:
             raise ValueError("frames with a periodic cell and others without one")
         self.spool.write(np.ascontiguousarray(points).data)

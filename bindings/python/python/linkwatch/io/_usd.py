@@ -233,6 +233,7 @@ class _Batch:
         own = prim.GetAttribute("linkwatch:names")
         # Names in files that linkwatch wrote. They are empty if the curves have none.
         self.own_names = [str(name) for name in own.Get() or []] if own else None
+        self.counted = not self.counts.GetTimeSamples()
         if copied:
             names = ("protoIndices", "positions", "orientations", "orientationsf", "scales", "ids")
             attributes += [copied[0].GetAttribute(name) for name in names]
@@ -376,7 +377,7 @@ class _Batch:
         """Returns the names of the curves of a copy: the path, with an index if there are several."""
         if self.own_names and len(self.own_names) == curves and self.copied is None:
             return self.own_names
-        if curves == 1 and not self.counts.GetTimeSamples():
+        if curves == 1 and self.counted:
             return [path]
         return [f"{path}[{k}]" for k in range(curves)]
 
