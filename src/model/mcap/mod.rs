@@ -23,13 +23,13 @@
 mod cdr;
 mod curves;
 mod markers;
-mod protobuf;
 mod scene;
 mod state;
 
 use self::markers::Layout;
 use self::state::{State, Update};
 use super::frames::{FrameSource, LeftOut, ModelFrame, ReadOptions};
+use super::is_in;
 use crate::container::{self, Channel, Container, Ending, Schema, invalid, op};
 use crate::error::{Error, Result};
 use crate::words::plural;
@@ -45,18 +45,11 @@ const MARKER_ARRAY: &str = "visualization_msgs/msg/MarkerArray";
 const MARKER: &str = "visualization_msgs/msg/Marker";
 
 /// Types of messages with lines that are not read.
-const UNREAD: [&str; 10] = [
-    "foxglove.PosesInFrame",
-    "geometry_msgs/Polygon",
-    "geometry_msgs/PolygonStamped",
-    "geometry_msgs/PoseArray",
-    "nav_msgs/Path",
-    "visualization_msgs/InteractiveMarker",
-    "visualization_msgs/InteractiveMarkerInit",
-    "visualization_msgs/InteractiveMarkerUpdate",
-    "visualization_msgs/Marker",
-    "visualization_msgs/MarkerArray",
-];
+const UNREAD: &str = "\
+    foxglove.PosesInFrame geometry_msgs/Polygon geometry_msgs/PolygonStamped \
+    geometry_msgs/PoseArray nav_msgs/Path visualization_msgs/InteractiveMarker \
+    visualization_msgs/InteractiveMarkerInit visualization_msgs/InteractiveMarkerUpdate \
+    visualization_msgs/Marker visualization_msgs/MarkerArray";
 
 /// Messages of a channel that are read.
 #[derive(Clone, Copy, Debug)]
@@ -149,9 +142,7 @@ impl Channels {
     fn left_out(&self) -> Vec<LeftOut> {
         let mut list = Vec::new();
         for (topic, (name, why)) in &self.topics {
-            if why.is_some()
-                || UNREAD.contains(&name.replace("/msg/", "/").as_str()) && !self.reads(topic)
-            {
+            if why.is_some() || is_in(UNREAD, &name.replace("/msg/", "/")) && !self.reads(topic) {
                 let kind = ["topic that may have lines", "topics that may have lines"];
                 LeftOut::add(&mut list, kind, || format!("{topic} ({name})"));
             }

@@ -2,105 +2,135 @@
 //! <https://docs.foxglove.dev/docs/sdk/schemas> and `schemas/foxglove.proto`.
 
 use super::curves::{self, Kind, Pose};
-use super::protobuf::{Message, Value, merge};
 use super::state::{self, CYLINDER, Change, Update};
 use crate::curve::Point;
+use prost::Message;
 use serde::de::IgnoredAny;
 use serde::{Deserialize, Deserializer};
 
-#[derive(Default, Deserialize)]
+#[derive(Deserialize, Message)]
 #[serde(default)]
 struct SceneUpdate {
+    #[prost(message, repeated, tag = "1")]
     deletions: Vec<Deletion>,
+    #[prost(message, repeated, tag = "2")]
     entities: Vec<Entity>,
 }
 
-#[derive(Default, Deserialize)]
+#[derive(Deserialize, Message)]
 #[serde(default)]
 struct Deletion {
+    #[prost(int32, tag = "2")]
     #[serde(rename = "type")]
-    kind: i64,
+    kind: i32,
+    #[prost(string, tag = "3")]
     id: String,
 }
 
-#[derive(Default, Deserialize)]
+/// An entity. Elements that are no lines are counted without their content.
+#[derive(Deserialize, Message)]
 #[serde(default)]
 struct Entity {
-    timestamp: Time,
+    #[prost(message, optional, tag = "1")]
+    timestamp: Option<Time>,
+    #[prost(string, tag = "2")]
     frame_id: String,
+    #[prost(string, tag = "3")]
     id: String,
-    lifetime: Time,
+    #[prost(message, optional, tag = "4")]
+    lifetime: Option<Time>,
+    #[prost(message, repeated, tag = "7")]
+    #[serde(deserialize_with = "count")]
+    arrows: Vec<()>,
+    #[prost(message, repeated, tag = "8")]
+    #[serde(deserialize_with = "count")]
+    cubes: Vec<()>,
+    #[prost(message, repeated, tag = "9")]
+    #[serde(deserialize_with = "count")]
+    spheres: Vec<()>,
+    #[prost(message, repeated, tag = "10")]
+    #[serde(deserialize_with = "count")]
+    cylinders: Vec<()>,
+    #[prost(message, repeated, tag = "11")]
     lines: Vec<Line>,
+    #[prost(message, repeated, tag = "12")]
     #[serde(deserialize_with = "count")]
-    arrows: u64,
+    triangles: Vec<()>,
+    #[prost(message, repeated, tag = "13")]
     #[serde(deserialize_with = "count")]
-    cubes: u64,
+    texts: Vec<()>,
+    #[prost(message, repeated, tag = "14")]
     #[serde(deserialize_with = "count")]
-    spheres: u64,
-    #[serde(deserialize_with = "count")]
-    cylinders: u64,
-    #[serde(deserialize_with = "count")]
-    triangles: u64,
-    #[serde(deserialize_with = "count")]
-    texts: u64,
-    #[serde(deserialize_with = "count")]
-    models: u64,
+    models: Vec<()>,
 }
 
-/// Returns the number of elements of a list.
-fn count<'de, D: Deserializer<'de>>(list: D) -> Result<u64, D::Error> {
+/// Returns the elements of a list without their content.
+fn count<'de, D: Deserializer<'de>>(list: D) -> Result<Vec<()>, D::Error> {
     let list = Option::<Vec<IgnoredAny>>::deserialize(list)?;
-    Ok(list.map_or(0, |list| list.len() as u64))
+    Ok(vec![(); list.map_or(0, |list| list.len())])
 }
 
-#[derive(Default, Deserialize)]
+#[derive(Deserialize, Message)]
 #[serde(default)]
 struct Line {
+    #[prost(int32, tag = "1")]
     #[serde(rename = "type")]
-    kind: i64,
-    pose: LinePose,
+    kind: i32,
+    #[prost(message, optional, tag = "2")]
+    pose: Option<LinePose>,
+    #[prost(message, repeated, tag = "5")]
     points: Vec<Xyz>,
+    #[prost(fixed32, repeated, tag = "8")]
     indices: Vec<u32>,
 }
 
-#[derive(Clone, Copy, Default, Deserialize)]
+#[derive(Clone, Copy, Deserialize, Message)]
 #[serde(default)]
 struct Time {
+    #[prost(int64, tag = "1")]
     #[serde(rename = "sec")]
     seconds: i64,
+    #[prost(int64, tag = "2")]
     #[serde(rename = "nsec")]
     nanos: i64,
 }
 
-#[derive(Clone, Copy, Default, Deserialize)]
+#[derive(Clone, Copy, Deserialize, Message)]
 #[serde(default)]
 struct LinePose {
-    position: Xyz,
-    orientation: Quaternion,
+    #[prost(message, optional, tag = "1")]
+    position: Option<Xyz>,
+    #[prost(message, optional, tag = "2")]
+    orientation: Option<Quaternion>,
 }
 
-#[derive(Clone, Copy, Default, Deserialize)]
+#[derive(Clone, Copy, Deserialize, Message)]
 #[serde(default)]
 struct Xyz {
+    #[prost(double, tag = "1")]
     x: f64,
+    #[prost(double, tag = "2")]
     y: f64,
+    #[prost(double, tag = "3")]
     z: f64,
 }
 
-#[derive(Clone, Copy, Default, Deserialize)]
+#[derive(Clone, Copy, Deserialize, Message)]
 #[serde(default)]
 struct Quaternion {
+    #[prost(double, tag = "1")]
     x: f64,
+    #[prost(double, tag = "2")]
     y: f64,
+    #[prost(double, tag = "3")]
     z: f64,
+    #[prost(double, tag = "4")]
     w: f64,
 }
 
 /// Reads a message in protobuf.
 pub(super) fn protobuf(message: &[u8]) -> Result<Update, String> {
-    let mut update = SceneUpdate::default();
-    merge(&mut update, message)?;
-    changes(update)
+    changes(SceneUpdate::decode(message).map_err(|e| e.to_string())?)
 }
 
 /// Reads a message in JSON.
@@ -110,8 +140,8 @@ pub(super) fn json(message: &[u8]) -> Result<Update, String> {
 }
 
 fn changes(update: SceneUpdate) -> Result<Update, String> {
-    let stamps = update.entities.iter().map(|e| e.timestamp.nanoseconds());
-    let stamp = stamps.max().filter(|&ns| ns > 0);
+    let stamps = update.entities.iter().filter_map(|e| e.timestamp);
+    let stamp = stamps.map(Time::nanoseconds).max().filter(|&ns| ns > 0);
     let mut changes = Vec::new();
     for deletion in update.deletions {
         changes.push(match deletion.kind {
@@ -131,10 +161,15 @@ fn changes(update: SceneUpdate) -> Result<Update, String> {
                 other => return Err(format!("{name:?}: a line of type {other}, expected 0 to 2")),
             };
             let points = line.points.into_iter().map(Xyz::point).collect();
-            let found = curves::strips(kind, points, &line.indices, &line.pose.pose());
+            let found = curves::strips(
+                kind,
+                points,
+                &line.indices,
+                &line.pose.unwrap_or_default().pose(),
+            );
             strips.extend(found.map_err(|what| format!("{name:?}: {what}"))?);
         }
-        let others: [(state::Kind, u64); 7] = [
+        let others: [(state::Kind, Vec<()>); 7] = [
             (["arrow", "arrows"], entity.arrows),
             (["cube", "cubes"], entity.cubes),
             (["sphere", "spheres"], entity.spheres),
@@ -150,9 +185,12 @@ fn changes(update: SceneUpdate) -> Result<Update, String> {
             name,
             namespace: String::new(),
             frame_id: entity.frame_id,
-            lifetime: entity.lifetime.nanoseconds(),
+            lifetime: entity.lifetime.map_or(0, Time::nanoseconds),
             strips,
-            others: others.into_iter().filter(|other| other.1 > 0).collect(),
+            others: (others.into_iter())
+                .filter(|(_, found)| !found.is_empty())
+                .map(|(kind, found)| (kind, found.len() as u64))
+                .collect(),
         });
     }
     Ok(Update { stamp, changes })
@@ -182,119 +220,10 @@ impl Xyz {
 
 impl LinePose {
     fn pose(self) -> Pose {
-        let Quaternion { x, y, z, w } = self.orientation;
+        let Quaternion { x, y, z, w } = self.orientation.unwrap_or_default();
         Pose {
-            position: self.position.point(),
+            position: self.position.unwrap_or_default().point(),
             rotation: [x, y, z, w],
         }
-    }
-}
-
-/// Reads a message and appends it.
-fn push<M: Message + Default>(to: &mut Vec<M>, value: &Value<'_>) -> Result<(), String> {
-    let mut message = M::default();
-    merge(&mut message, value.bytes()?)?;
-    to.push(message);
-    Ok(())
-}
-
-impl Message for SceneUpdate {
-    fn field(&mut self, number: u64, value: &Value<'_>) -> Result<(), String> {
-        match number {
-            1 => push(&mut self.deletions, value),
-            2 => push(&mut self.entities, value),
-            _ => Ok(()),
-        }
-    }
-}
-
-impl Message for Deletion {
-    fn field(&mut self, number: u64, value: &Value<'_>) -> Result<(), String> {
-        match number {
-            2 => self.kind = value.integer()?,
-            3 => self.id = value.string()?,
-            _ => {}
-        }
-        Ok(())
-    }
-}
-
-impl Message for Entity {
-    fn field(&mut self, number: u64, value: &Value<'_>) -> Result<(), String> {
-        match number {
-            1 => merge(&mut self.timestamp, value.bytes()?)?,
-            2 => self.frame_id = value.string()?,
-            3 => self.id = value.string()?,
-            4 => merge(&mut self.lifetime, value.bytes()?)?,
-            7 => self.arrows += 1,
-            8 => self.cubes += 1,
-            9 => self.spheres += 1,
-            10 => self.cylinders += 1,
-            11 => push(&mut self.lines, value)?,
-            12 => self.triangles += 1,
-            13 => self.texts += 1,
-            14 => self.models += 1,
-            _ => {}
-        }
-        Ok(())
-    }
-}
-
-impl Message for Line {
-    fn field(&mut self, number: u64, value: &Value<'_>) -> Result<(), String> {
-        match number {
-            1 => self.kind = value.integer()?,
-            2 => merge(&mut self.pose, value.bytes()?)?,
-            5 => push(&mut self.points, value)?,
-            8 => value.fixed32(&mut self.indices)?,
-            _ => {}
-        }
-        Ok(())
-    }
-}
-
-impl Message for Time {
-    fn field(&mut self, number: u64, value: &Value<'_>) -> Result<(), String> {
-        match number {
-            1 => self.seconds = value.integer()?,
-            2 => self.nanos = value.integer()?,
-            _ => {}
-        }
-        Ok(())
-    }
-}
-
-impl Message for LinePose {
-    fn field(&mut self, number: u64, value: &Value<'_>) -> Result<(), String> {
-        match number {
-            1 => merge(&mut self.position, value.bytes()?),
-            2 => merge(&mut self.orientation, value.bytes()?),
-            _ => Ok(()),
-        }
-    }
-}
-
-impl Message for Xyz {
-    fn field(&mut self, number: u64, value: &Value<'_>) -> Result<(), String> {
-        match number {
-            1 => self.x = value.double()?,
-            2 => self.y = value.double()?,
-            3 => self.z = value.double()?,
-            _ => {}
-        }
-        Ok(())
-    }
-}
-
-impl Message for Quaternion {
-    fn field(&mut self, number: u64, value: &Value<'_>) -> Result<(), String> {
-        match number {
-            1 => self.x = value.double()?,
-            2 => self.y = value.double()?,
-            3 => self.z = value.double()?,
-            4 => self.w = value.double()?,
-            _ => {}
-        }
-        Ok(())
     }
 }

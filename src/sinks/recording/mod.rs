@@ -6,7 +6,7 @@
 //!
 //! On request it also has messages of types that other tools draw: [`RecordingTool`].
 //!
-//! Only this module knows the crates `mcap` and `prost`; the container module reads records.
+//! Only this module knows the crate `mcap`; the container module reads records.
 
 mod diff;
 mod file;
