@@ -167,7 +167,7 @@ fn measure(case: &Case, rounds: u64) {
                 false => "the verdict is sent without verification",
                 true => "incremental verification, with pull-throughs",
             };
-            println!("  both sides wait by --wait-mode {mode}; {verdict}:");
+            println!("  both sides wait by {mode}; {verdict}:");
             exchange(&input, rounds, mode, verify, &show);
         }
     }

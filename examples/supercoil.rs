@@ -2,7 +2,7 @@
 //! itself, as a topoisomerase does. Publishes both edges of the ribbon on the bus.
 //!
 //! ```sh
-//! linkwatch watch --service supercoil --self --events --abort-on never --record supercoil.mcap &
+//! linkwatch watch --service supercoil --events=all --abort-on never --record supercoil.mcap &
 //! cargo run --release --example supercoil -- supercoil
 //! linkwatch measure writhe supercoil.mcap --ribbon 0,1
 //! ```

@@ -16,11 +16,6 @@ pub(crate) fn plain(text: &str, most: usize) -> String {
     out
 }
 
-/// Escapes a text for HTML and SVG, for content and for attributes in double quotes.
-pub(crate) fn escape(text: &str) -> String {
-    maud::html!((text)).into_string()
-}
-
 /// Formats a coordinate in pixels with at most one decimal.
 pub(crate) fn px(x: f64) -> String {
     let text = format!("{x:.1}");
@@ -61,8 +56,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn texts_are_escaped_and_without_control_characters() {
-        assert_eq!(escape("a<b>&\"c'"), "a&lt;b&gt;&amp;&quot;c'");
+    fn texts_have_no_control_characters() {
         let shown = plain("a\u{1b}[31m\u{202e}b\nc", 100);
         assert_eq!(shown, "a\u{fffd}[31m\u{fffd}b\u{fffd}c");
         assert_eq!(plain(&"ä".repeat(10), 3), "äää…");

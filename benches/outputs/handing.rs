@@ -56,9 +56,9 @@ pub fn measure(frames: usize, rounds: usize) {
     let cases = [
         ("no recording", None, None),
         ("--record", Some(Retention::All), None),
-        ("--record-every 10", Some(Retention::Every(ten)), None),
-        ("--record-max 50MB", Some(Retention::All), Some(50_000_000)),
-        ("--record-window, 256 MiB", Some(window), None),
+        ("every=10", Some(Retention::Every(ten)), None),
+        ("max=50MB", Some(Retention::All), Some(50_000_000)),
+        ("window, memory=256MiB", Some(window), None),
     ];
     // The cases alternate, so that a disturbance of one round does not decide a median.
     let mut runs: Vec<Vec<Cost>> = cases.iter().map(|_| Vec::new()).collect();

@@ -55,7 +55,7 @@ fn lines(d: &DeviceInfo, calibration: Option<&Calibration>) -> Vec<String> {
             output::plural(c.threads as u64, "thread")
         ),
         None => "not calibrated: --device auto does not use it (in a clone of linkwatch: cargo \
-                 run --release -p study -- calibrate)"
+                 run --release -p study -- devices)"
             .into(),
     });
     lines

@@ -1,7 +1,7 @@
 //! Measured cost of the kernels on an adapter and on the CPU, from which the faster one is chosen.
 //!
 //! A calibration belongs to an adapter, a driver and a number of threads. It is stored in a file in
-//! the user's cache folder. It is made on request only (`study calibrate`, in
+//! the user's cache folder. It is made on request only (`study devices`, in
 //! benches/study), never during verification. Without a calibration the CPU is chosen.
 //!
 //! An entry of the file with a missing field is one of an older version, and is ignored. Fields

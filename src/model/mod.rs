@@ -358,6 +358,11 @@ fn needs_python(path: &Path) -> Error {
     Error::unsupported("USD", what).in_file(path)
 }
 
+/// Returns true if a list of words has this one.
+fn is_in(list: &str, word: &str) -> bool {
+    list.split(' ').any(|known| known == word)
+}
+
 /// Parses a finite decimal number, or returns an error text.
 fn number(token: &[u8]) -> Result<f64, String> {
     let parsed = std::str::from_utf8(token).ok().and_then(|t| t.parse().ok());

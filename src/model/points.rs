@@ -33,7 +33,7 @@
 
 use super::frames::{FrameSource, ModelFrame, ReadOptions};
 use super::lines::{Lines, integer};
-use super::{number, quote};
+use super::{is_in, number, quote};
 use crate::curve::{Basis, CurveSet, Point, Positions};
 use crate::error::{Error, Result};
 use crate::ingest::ends_meet;
@@ -46,56 +46,13 @@ const FORMAT: &str = "text file of points";
 const POINT_BYTES: u64 = 6;
 
 /// Names of columns that say to which curve a point belongs.
-const GROUPS: [&str; 11] = [
-    "curve",
-    "component",
-    "strand",
-    "chain",
-    "molecule",
-    "mol",
-    "polyline",
-    "line",
-    "ring",
-    "loop",
-    "filament",
-];
+const GROUPS: &str = "\
+    curve component strand chain molecule mol polyline line ring loop filament";
 
 /// Names of columns that do not divide the points.
-const OTHERS: [&str; 33] = [
-    "arclength",
-    "curvature",
-    "diameter",
-    "fx",
-    "fy",
-    "fz",
-    "i",
-    "id",
-    "index",
-    "length",
-    "mass",
-    "n",
-    "nx",
-    "ny",
-    "nz",
-    "point",
-    "r",
-    "radius",
-    "s",
-    "species",
-    "temperature",
-    "torsion",
-    "tx",
-    "ty",
-    "tz",
-    "type",
-    "vertex",
-    "vx",
-    "vy",
-    "vz",
-    "w",
-    "weight",
-    "width",
-];
+const OTHERS: &str = "\
+    arclength curvature diameter fx fy fz i id index length mass n nx ny nz point r radius s \
+    species temperature torsion tx ty tz type vertex vx vy vz w weight width";
 
 /// Opens a file.
 pub(super) fn open(path: &Path, options: &ReadOptions) -> Result<Box<dyn FrameSource>> {
@@ -283,11 +240,11 @@ impl Columns {
         };
         let mut group = None;
         for (k, name) in names.iter().enumerate() {
-            let is_group = GROUPS.contains(&name.as_str());
+            let is_group = is_in(GROUPS, name);
             match (at.contains(&k), is_group) {
                 (true, _) => {}
                 (false, true) if group.is_none() => group = Some(k),
-                _ if OTHERS.contains(&name.as_str()) => {}
+                _ if is_in(OTHERS, name) => {}
                 _ => {
                     return Err(format!(
                         "a column {}, which may say which points belong together: name it curve \

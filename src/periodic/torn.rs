@@ -94,7 +94,7 @@ impl std::fmt::Display for Torn {
             f,
             "curve {curve} is {share:.3} of the {vector} vector of the periodic cell long from \
              point {p} to {q}, more than half: pass `--wrapped` if coordinates are wrapped, else \
-             `--unwrapped` (Python, C: wrapped)"
+             `--wrapped=false` (Python, C: wrapped)"
         )
     }
 }

@@ -82,7 +82,7 @@ pub(super) struct Counts {
     pub without_curves: u64,
     /// Frames that do not continue the previous one: the simulator rolled back or jumped.
     pub cuts: u64,
-    /// Frames in which the verification in full disagreed (`--paranoid`).
+    /// Frames in which the verification in full disagreed (`Strategy::Paranoid`).
     pub disagreed: u64,
     /// Violations that the simulator rolled back, and that it accepted as a new baseline.
     pub recovered: u32,

@@ -83,7 +83,7 @@ impl RunReport {
                     footer {
                         "Report of linkwatch " (env!("CARGO_PKG_VERSION")) " about recorded \
                          verdicts; " code { "linkwatch replay" } " verifies them again, and "
-                        code { "--view" } " shows all frames."
+                        code { "--show live" } " shows all frames."
                     }
                 } }
             }

@@ -222,12 +222,12 @@ impl Facts {
             frames(counts.missing)
         );
         let left_out = format!(
-            "{} left out on purpose (--record-window or --record-max): verified, but their \
+            "{} left out on purpose (outside a window, or in another file): verified, but their \
              verdicts are not in this file",
             frames(counts.left_out)
         );
         let every = self.metadata.get(RECORD_EVERY);
-        let every = every.map(|n| format!(", left out on purpose (--record-every {n})"));
+        let every = every.map(|n| format!(", left out on purpose (every {n})"));
         let without_curves = format!(
             "{} without the curves of the frame{}",
             plural(counts.without_curves, "verdict"),

@@ -254,10 +254,7 @@ fn curves_that_were_left_out_on_purpose_are_not_lost() {
     let report = run.with("record_every", "2").report();
     assert_eq!(report.conclusion(), Conclusion::Intact);
     let text = report.to_string();
-    assert!(
-        text.contains("left out on purpose (--record-every 2)"),
-        "{text}"
-    );
+    assert!(text.contains("left out on purpose (every 2)"), "{text}");
 }
 
 #[test]

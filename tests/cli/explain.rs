@@ -47,7 +47,8 @@ fn names_skipped_and_discarded_pairs() {
     let model = folder.path().join("a.obj");
     // Two rings, a closed curve of one point inside the boxes of both, and an open curve.
     let text = "v 0 0 0\nv 4 0 0\nv 4 4 4\nv 0 4 0\nv 0 0 0\nv 4 0 0\nv 4 4 4\nv 0 4 0\nv 1 1 1\n\
-                v 1 1 1\nv 1 1 1\nv 9 0 0\nv 9 1 0\nl 1 2 3 4 1\nl 5 6 7 8 5\nl 9 10 11 9\nl 12 13\n";
+                v 1 1 1\nv 1 1 1\nv 9 0 0\nv 9 1 0\nl 1 2 3 4 1\nl 5 6 7 8 5\n\
+                l 9 10 11 9\nl 12 13\n";
     std::fs::write(&model, text).unwrap();
     let run = linkwatch(&["certify", "--explain", model.to_str().unwrap()]);
     let says = "1 of 1 pair of 4 curves with 12 segments, 1 open curve skipped, 1 degenerate curve \

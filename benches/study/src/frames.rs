@@ -59,13 +59,14 @@ pub struct Args {
     /// Amplitudes in diameters, separated by commas
     #[arg(
         long, value_name = "LIST", value_delimiter = ',',
-        default_value = "0,1e-4,1e-3,1e-2,0.05,0.1,0.2,0.5", value_parser = |text: &str| at_least(0.0, text)
+        default_value = "0,1e-4,1e-3,1e-2,0.05,0.1,0.2,0.5",
+        value_parser = |text: &str| at_least(0.0, text)
     )]
     amplitudes: Vec<f64>,
     /// Measure the clearance of strands of this radius as well, in units of the model: its time,
     /// and the share of a full run
     #[arg(long, value_name = "R", value_parser = positive)]
-    thickness: Option<f64>,
+    radius: Option<f64>,
     /// Search for pull-throughs of two curves as well
     #[arg(long)]
     events: bool,
@@ -164,7 +165,7 @@ impl Study {
                 (false, true) => Events::Between,
                 (false, false) => Events::Off,
             },
-            clearance: args.thickness.map(|r| ClearanceOptions::new(Some(r))),
+            clearance: args.radius.map(|r| ClearanceOptions::new(Some(r))),
             table: table(),
             rows: Vec::new(),
         }

@@ -273,7 +273,8 @@ impl Row {
         })
     }
 
-    fn counts(&self) -> bool {
+    /// Returns true if the kernel counts crossings.
+    pub fn counts(&self) -> bool {
         matches!(self.setting.method, Method::Auto | Method::Crossings)
     }
 
@@ -290,7 +291,7 @@ impl Row {
     }
 
     /// Returns the largest bound of the sums that decided a pair, if any did.
-    pub fn largest_bound(&self) -> Option<f64> {
+    fn largest_bound(&self) -> Option<f64> {
         let ladder = self.run()?.ladder;
         (ladder.summed > 0).then_some(ladder.largest_bound)
     }
@@ -435,8 +436,8 @@ fn mean_errors(rows: &[&Row], order: &str) -> Vec<(f64, f64)> {
     rows.iter().filter(of_order).filter_map(point).collect()
 }
 
-/// Returns the power of x to which y is proportional, by least squares over the logarithms. Rounding
-/// errors do not count. `None` for fewer than three points, or if all have the same x.
+/// Returns the power of x to which y is proportional, by least squares over the logarithms.
+/// Rounding errors do not count. `None` for fewer than three points, or if all have the same x.
 fn power(points: &[(f64, f64)]) -> Option<f64> {
     const ROUNDING: f64 = 1e-12;
     let points = points.iter().filter(|p| p.1 > ROUNDING);

@@ -4,7 +4,7 @@
 //! Every measurement compares its results with the exact ones. Only the public API of the library
 //! is used.
 
-mod calibrate;
+mod devices;
 mod fit;
 mod frames;
 mod input;
@@ -47,7 +47,7 @@ enum Study {
     Sizes(sizes::Args),
     Sweep(sweep::Args),
     Stages(stages::Args),
-    Calibrate(calibrate::Args),
+    Devices(devices::Args),
 }
 
 fn main() -> ExitCode {
@@ -74,6 +74,6 @@ fn run(cli: &Cli) -> Result<u8> {
         Study::Sizes(args) => sizes::run(args),
         Study::Sweep(args) => sweep::run(args),
         Study::Stages(args) => stages::run(args),
-        Study::Calibrate(args) => calibrate::run(args),
+        Study::Devices(args) => devices::run(args),
     }
 }

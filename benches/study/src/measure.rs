@@ -1,4 +1,5 @@
-//! Times and results of certificates, and tables of them. The benches of the stages share this file.
+//! Times and results of certificates, and tables of them. The benches of the stages share this
+//! file.
 
 use linkwatch::kernels::Device;
 use linkwatch::scenes::Scene;
@@ -11,7 +12,8 @@ use std::time::{Duration, Instant};
 #[derive(Clone, Copy)]
 pub struct Elapsed {
     pub wall_ms: f64,
-    /// CPU time of all threads of this process; the wall-clock time on systems without such a clock.
+    /// CPU time of all threads of this process; on systems without such a clock, the wall-clock
+    /// time.
     pub cpu_ms: f64,
 }
 

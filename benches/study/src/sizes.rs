@@ -1,8 +1,8 @@
-//! `study sizes`: time and memory of a moving scene against its size. Its frames are on disk, one is
-//! read at a time.
+//! `study sizes`: time and memory of a moving scene against its size. Its frames are on disk, one
+//! is read at a time.
 //!
-//! Each size has three stages, each with its own peak memory of this process: the frames are
-//! generated and written; the first one is read and certified; all frames are read and compared
+//! The frames of each size are generated and written. Two stages follow, each with its own peak
+//! memory of this process: the first frame is read and certified; all frames are read and compared
 //! with the first one. The certificate is compared with the one that follows from the construction.
 //!
 //! Limits: peak memory is measured on Linux only. Memory that the allocator kept from an earlier
@@ -10,7 +10,7 @@
 //! order.
 
 use crate::input::{self, count, plural, positive, segments, threads, usage};
-use crate::measure::{Elapsed, Table, median, timed};
+use crate::measure::{Table, median, timed};
 use crate::plot::{Plot, Series};
 use linkwatch::model::{self, Format, FrameWriter, ModelFrame, ReadOptions};
 use linkwatch::scenes::{MotionKind, MovingScene, Scene};
@@ -56,28 +56,19 @@ pub struct Args {
 /// Amplitude of the smooth motion, in diameters.
 const AMPLITUDE: f64 = 0.05;
 
-/// Time and peak memory of a stage.
-struct Cost {
-    elapsed: Elapsed,
-    /// Peak memory of the process during the stage, in MB, if the system reports it.
-    peak_mb: Option<f64>,
-}
-
 /// Measurement of one size.
 struct Row {
     curves: usize,
     segments: usize,
     /// Size of the positions of a frame, in MB.
     frame_mb: f64,
-    generate: Cost,
-    /// Reading and certification of the first frame.
-    certify: Cost,
-    /// Part of it without reading.
-    certificate: Elapsed,
-    /// Reading and verification of all frames.
-    check: Cost,
-    /// Parts of it without reading: the first frame, and the median of the later ones.
-    frames: [Elapsed; 2],
+    /// CPU time of the certificate of the first frame, without reading it, in milliseconds.
+    certify_ms: f64,
+    /// Those of the verification of the first frame, and the median of the later ones.
+    frames_ms: [f64; 2],
+    /// Peak memory of the process in MB while one frame is read and certified, and while all are
+    /// read and verified, if the system reports it.
+    peak_mb: [Option<f64>; 2],
     /// True if the certificate and the verdicts are those that follow from the construction.
     as_constructed: bool,
 }
@@ -105,8 +96,8 @@ pub fn run(args: &Args) -> Result<u8> {
         input::create_folder(folder)?;
     }
     println!(
-        "{}: {}, {}, events {events}; CPU times in ms unless marked, memory is the peak of the \
-         process in MB",
+        "{}: {}, {}, events {events}; CPU times without reading the file, peak memory of the \
+         process",
         args.scene,
         plural(args.frames as usize, "frame"),
         plural(threads(), "thread"),
@@ -136,13 +127,12 @@ impl Drop for Scratch {
     }
 }
 
-/// Runs a stage.
-fn stage<T>(work: impl FnOnce() -> Result<T>) -> Result<(T, Cost)> {
+/// Runs a stage. Returns its peak memory as well, if the system reports it.
+fn stage<T>(work: impl FnOnce() -> Result<T>) -> Result<(T, Option<f64>)> {
     // Forgets the peak memory so far.
     let measurable = std::fs::write("/proc/self/clear_refs", "5").is_ok();
-    let (found, elapsed) = timed(work);
-    let peak_mb = peak_mb().filter(|_| measurable);
-    Ok((found?, Cost { elapsed, peak_mb }))
+    let found = work()?;
+    Ok((found, peak_mb().filter(|_| measurable)))
 }
 
 /// Returns the peak memory of this process in MB, if the system reports it.
@@ -157,8 +147,8 @@ fn peak_mb() -> Option<f64> {
 ///
 /// Errors: those of the scene, of the file, and of the session.
 fn measure(scene: &Scene, moving: &MovingScene, events: Events, file: &Path) -> Result<Row> {
-    let ((known, sizes), generate) = stage(|| write_frames(scene, moving, file))?;
-    let ((found, certificate), certify) = stage(|| {
+    let (known, sizes) = write_frames(scene, moving, file)?;
+    let ((found, certifying), certify_mb) = stage(|| {
         let set = model::read(file)?;
         let mut certifier = Certifier::default();
         let (found, elapsed) = timed(|| certifier.certify(&set).0.clone());
@@ -167,7 +157,7 @@ fn measure(scene: &Scene, moving: &MovingScene, events: Events, file: &Path) -> 
     let mut as_constructed = found == known;
     drop(found);
     let mut times = Vec::new();
-    let (baseline, check) = stage(|| {
+    let (baseline, check_mb) = stage(|| {
         let mut session = Session::new(SessionOptions {
             strategy: Strategy::Incremental,
             events,
@@ -180,7 +170,7 @@ fn measure(scene: &Scene, moving: &MovingScene, events: Events, file: &Path) -> 
             let info = FrameInfo::at(frame.seq, frame.time);
             let frame = Received::new(info, Ok(Arc::new(curves)));
             let (verified, elapsed) = timed(|| session.verify(frame));
-            times.push(elapsed);
+            times.push(elapsed.cpu_ms);
             as_constructed &= verified?.report.verdict == Verdict::Intact;
         }
         Ok(session.baseline().cloned())
@@ -189,22 +179,15 @@ fn measure(scene: &Scene, moving: &MovingScene, events: Events, file: &Path) -> 
     let (first, later) = times
         .split_first()
         .ok_or_else(|| usage(format!("{}: no frames", file.display())))?;
-    let median = |time: fn(&Elapsed) -> f64| median(later.iter().map(time));
-    let later = Elapsed {
-        wall_ms: median(|t| t.wall_ms),
-        cpu_ms: median(|t| t.cpu_ms),
-    };
     let [curves, segments, points] = sizes;
     Ok(Row {
         curves,
         segments,
         // Generated scenes are in single precision.
         frame_mb: 12e-6 * points as f64,
-        generate,
-        certify,
-        certificate,
-        check,
-        frames: [*first, later],
+        certify_ms: certifying.cpu_ms,
+        frames_ms: [*first, median(later.iter().copied())],
+        peak_mb: [certify_mb, check_mb],
         as_constructed,
     })
 }
@@ -234,9 +217,6 @@ fn table() -> Table {
         ("\ncurves", 10),
         ("\nsegments", 12),
         ("frame\nMB", 8),
-        ("generate\nelapsed s", 9),
-        ("\nMB", 7),
-        ("read\nelapsed s", 9),
         ("certify\nms", 10),
         ("\nMB", 7),
         ("check:\nfirst", 10),
@@ -246,10 +226,10 @@ fn table() -> Table {
     ])
 }
 
-fn cells(row: &Row) -> [String; 12] {
-    let mb = |cost: &Cost| cost.peak_mb.map_or("-".into(), |x| count(x.round() as u64));
-    let cpu = |elapsed: Elapsed| format!("{:.1}", elapsed.cpu_ms);
-    let s = |ms: f64| format!("{:.2}", 1e-3 * ms.max(0.0));
+fn cells(row: &Row) -> [String; 9] {
+    let [certify_mb, check_mb] = row.peak_mb;
+    let mb = |mb: Option<f64>| mb.map_or("-".into(), |x| count(x.round() as u64));
+    let ms = |ms: f64| format!("{ms:.1}");
     let results = match row.as_constructed {
         true => " as constructed",
         false => " NOT as constructed",
@@ -257,15 +237,12 @@ fn cells(row: &Row) -> [String; 12] {
     [
         count(row.curves as u64),
         count(row.segments as u64),
-        format!("{:.1}", row.frame_mb),
-        s(row.generate.elapsed.wall_ms),
-        mb(&row.generate),
-        s(row.certify.elapsed.wall_ms - row.certificate.wall_ms),
-        cpu(row.certificate),
-        mb(&row.certify),
-        cpu(row.frames[0]),
-        cpu(row.frames[1]),
-        mb(&row.check),
+        ms(row.frame_mb),
+        ms(row.certify_ms),
+        mb(certify_mb),
+        ms(row.frames_ms[0]),
+        ms(row.frames_ms[1]),
+        mb(check_mb),
         results.into(),
     ]
 }
@@ -275,9 +252,9 @@ fn cells(row: &Row) -> [String; 12] {
 fn plot(scene: &str, rows: &[Row]) -> Plot {
     type Value = fn(&Row) -> f64;
     let all: [(&str, Value); 3] = [
-        ("certify", |row| row.certificate.cpu_ms),
-        ("first frame", |row| row.frames[0].cpu_ms),
-        ("later frames", |row| row.frames[1].cpu_ms),
+        ("certify", |row| row.certify_ms),
+        ("first frame", |row| row.frames_ms[0]),
+        ("later frames", |row| row.frames_ms[1]),
     ];
     let points = |value: Value| {
         rows.iter()

@@ -16,8 +16,8 @@ use std::path::PathBuf;
 /// size are measured: files of that folder which `examples/table1.sh` makes, and generated scenes;
 /// a line says what differs. Each model has three lines: the elapsed time of the linking numbers
 /// here, the CPU time of all stages and threads, and the published time of the linking numbers, on
-/// another machine. Times are in seconds. The exit code is 1 if a certificate is not the one that follows
-/// from the construction.
+/// another machine. Times are in seconds. The exit code is 1 if a certificate is not the one that
+/// follows from the construction.
 #[derive(clap::Args)]
 pub struct Args {
     /// Only models whose names contain one of these, separated by commas
@@ -111,7 +111,7 @@ pub fn run(args: &Args) -> Result<u8> {
                         Row::measure(c.setting, &subject, &args.effort, device)
                     };
                     let rows: Vec<Row> = columns.iter().map(measure).collect::<Result<_>>()?;
-                    println!("{}", table.row(cells(published, &subject, &columns, &rows)));
+                    println!("{}", table.row(cells(published, &subject, &rows)));
                     println!("{}", table.row(cpu_cells(&rows)));
                     if let Some(differs) = input.differs {
                         println!("  {}: {differs}", subject.name);
@@ -197,18 +197,15 @@ fn table(columns: &[Column]) -> Table {
         ("segments", 10),
         ("curves", 7),
         ("pairs", 9),
-        ("search", 10),
-        ("splines", 10),
     ];
     all.extend(columns.iter().map(|column| (column.title, 10)));
-    for column in columns.iter().filter(|c| c.sums()) {
-        all.extend([(column.title, 10), ("bound", 8)]);
-    }
+    let sums = columns.iter().filter(|c| c.sums());
+    all.extend(sums.map(|column| (column.title, 11)));
     Table::new(all)
 }
 
 /// Returns the cells of a measured model.
-fn cells(p: &Published, subject: &Subject, columns: &[Column], rows: &[Row]) -> Vec<String> {
+fn cells(p: &Published, subject: &Subject, rows: &[Row]) -> Vec<String> {
     let curves = &subject.curves;
     let sizes = [
         curves.segments(),
@@ -217,26 +214,18 @@ fn cells(p: &Published, subject: &Subject, columns: &[Column], rows: &[Row]) -> 
     ];
     let mut cells = vec![p.model.into(), "here".into()];
     cells.extend(sizes.map(|n| count(n as u64)));
-    let counted = rows.iter().find_map(Row::run).map(|run| run.times);
-    cells.push(seconds(counted.map(|t| 1e-3 * (t.boxes_ms + t.pairs_ms))));
-    let runs = rows.iter().filter_map(Row::run);
-    let splines = runs
-        .map(|run| 1e-3 * run.times.discretizing_ms)
-        .find(|&s| s > 0.0);
-    cells.push(seconds(splines));
     cells.extend(rows.iter().map(|row| match &row.measured {
         Ok(_) => seconds(row.linking_ms().map(|ms| 1e-3 * ms)),
         Err(s) => format!("~{}", seconds(Some(*s))),
     }));
-    for (row, _) in rows.iter().zip(columns).filter(|(_, c)| c.sums()) {
-        cells.extend([row.largest_error(), row.largest_bound()].map(brief));
-    }
+    let sums = rows.iter().filter(|row| !row.counts());
+    cells.extend(sums.map(|row| brief(row.largest_error())));
     cells
 }
 
 /// Returns the cells with the CPU times of all stages, for each kernel.
 fn cpu_cells(rows: &[Row]) -> Vec<String> {
-    let mut cells = vec![String::new(); 7];
+    let mut cells = vec![String::new(); 5];
     cells[1] = "cpu".into();
     let cpu_s = |row: &Row| row.run().map(|run| 1e-3 * run.times.cpu_ms);
     cells.extend(rows.iter().map(|row| seconds(cpu_s(row))));
@@ -246,11 +235,9 @@ fn cpu_cells(rows: &[Row]) -> Vec<String> {
 fn published_cells(p: &Published, columns: &[Column]) -> Vec<String> {
     let mut cells = vec![String::new(), "published".into()];
     cells.extend(p.sizes.map(count));
-    cells.extend(p.prepared_s.map(|s| seconds(Some(s))));
     cells.extend(columns.iter().map(|column| seconds((column.time)(p))));
-    for column in columns.iter().filter(|c| c.sums()) {
-        cells.extend([brief((column.error)(p)), String::new()]);
-    }
+    let sums = columns.iter().filter(|c| c.sums());
+    cells.extend(sums.map(|column| brief((column.error)(p))));
     cells
 }
 

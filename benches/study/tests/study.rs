@@ -70,7 +70,7 @@ fn frames_have_a_row_for_each_motion_and_amplitude() {
         "--amplitudes",
         "2",
         "--self",
-        "--thickness",
+        "--radius",
         "0.1",
     ];
     let out = study(&[&["frames", KNIT, "--frames", "6"][..], &far].concat());
@@ -99,11 +99,19 @@ fn kernels_have_exact_certificates_errors_that_fall_with_beta_and_plots() {
     // Straight sides: the terms of odd degree cancel.
     let scene = "square_link:loops=16,segments=3200";
     let short = [
-        "--repeat", "1", "--limit", "1", "--sizes", "400,3200", "--plot",
+        "--repeat",
+        "1",
+        "--limit",
+        "1",
+        "--threads",
+        "2",
+        "--sizes",
+        "400,3200",
+        "--plot",
     ];
     let out = study(&[&["kernels", scene][..], &short, &[text(&plots)]].concat());
     assert!(out.contains("78 potential links"), "{out}");
-    assert_eq!(out.matches(" equal\n").count(), 23 + 6 - 1, "{out}");
+    assert_eq!(out.matches(" equal\n").count(), 24 + 6 - 1, "{out}");
     assert!(out.contains("\n400 segments:\ncrossings "), "{out}");
     let power = |order: &str| -> f64 {
         let line = out.lines().find(|line| line.starts_with(order)).unwrap();
@@ -275,7 +283,7 @@ fn bad_input_is_named_in_plain_words_and_exits_with_2() {
         ),
         (&["sweep", KNIT], "--quantize"),
         (
-            &["calibrate", "--device", "cpu"],
+            &["devices", "--device", "cpu"],
             "--device must name an adapter",
         ),
     ] {

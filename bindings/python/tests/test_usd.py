@@ -224,6 +224,26 @@ def test_a_point_instancer_copies_its_prototypes(stage):
     np.testing.assert_allclose(frame.positions[24], [21, 7, 5])
 
 
+def test_prototypes_that_are_not_defined_are_copied(stage):
+    stage.CreateClassPrim("/kinds")
+    curves(stage, "/kinds/a", [ring()])
+    instancer = UsdGeom.PointInstancer.Define(stage, "/copies")
+    instancer.CreatePrototypesRel().SetTargets(["/kinds/a", "/kinds/none", "/nested"])
+    instancer.CreateProtoIndicesAttr([0])
+    instancer.CreatePositionsAttr([(1, 2, 3)])
+    UsdGeom.PointInstancer.Define(stage, "/nested")
+    found = io.read(saved(stage))
+    assert "1 missing prototype (/kinds/none)" in str(found.summary)
+    assert "1 PointInstancer in the prototype of another one (/nested)" in str(found.summary)
+    (frame,) = found
+    assert frame.names == ["/copies[0]/a"]
+    np.testing.assert_allclose(frame.positions[0], [2, 2, 3])
+    instancer.CreatePositionsAttr([])
+    found = io.read(saved(stage))
+    assert found.summary.curves == 0
+    assert "arrays of different lengths" in next(iter(found)).rejected
+
+
 def test_hidden_curves_are_read_and_those_that_are_not_are_counted(stage, tmp_path):
     curves(stage, "/rings", linked()).MakeInvisible()
     curves(stage, "/off", [ring()]).GetPrim().SetActive(False)

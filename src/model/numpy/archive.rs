@@ -6,7 +6,7 @@
 use super::FORMAT;
 use super::array::{Array, Unread, fill};
 use crate::error::{Error, Result};
-use crate::model::quote;
+use crate::model::{is_in, quote};
 use crc32fast::Hasher;
 use flate2::bufread::DeflateDecoder;
 use std::io::{self, BufRead, ErrorKind, Read, Seek, SeekFrom};
@@ -133,9 +133,9 @@ impl<R: BufRead + Seek> Archive<R> {
         self.members.iter().find(|m| m.name == name).cloned()
     }
 
-    /// Returns the arrays of other names.
+    /// Returns the arrays of other names than these lists have.
     pub fn others(&self, names: &[&str]) -> Vec<Member> {
-        let is_other = |m: &&Member| !names.contains(&m.name.as_str());
+        let is_other = |m: &&Member| !names.iter().any(|list| is_in(list, &m.name));
         self.members.iter().filter(is_other).cloned().collect()
     }
 

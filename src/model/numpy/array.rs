@@ -29,7 +29,7 @@ pub(super) struct Array {
     /// The type as NumPy writes it, `<f8` for example.
     pub descr: String,
     pub kind: Kind,
-    pub little: bool,
+    little: bool,
     /// Bytes of a value.
     pub size: u64,
     pub shape: Vec<u64>,
@@ -163,6 +163,18 @@ impl Array {
             shape: header.shape,
             descr,
         })
+    }
+
+    /// Brings the bytes of values to little-endian order.
+    pub fn to_little_endian(&self, bytes: &mut [u8]) {
+        let unit = if self.kind == Kind::Text {
+            4
+        } else {
+            self.size as usize
+        };
+        if !self.little && unit > 0 {
+            bytes.chunks_exact_mut(unit).for_each(<[u8]>::reverse);
+        }
     }
 
     /// Returns the shape in words.

@@ -11,8 +11,7 @@ use std::sync::Arc;
 /// Reader of the frames.
 pub(super) struct ArrayFrames<R> {
     input: R,
-    precision: Precision,
-    little: bool,
+    array: Array,
     layout: Layout,
     next: u64,
     basis: Basis,
@@ -39,27 +38,18 @@ struct Chunk {
 
 impl Chunk {
     /// Returns the coordinates of the bytes.
-    fn decode(&mut self, precision: Precision, little: bool) -> Positions<'_> {
-        match precision {
-            Precision::F32 => {
-                let values = self.bytes.as_chunks().0.iter();
-                self.singles.clear();
-                match little {
-                    true => self.singles.extend(values.map(|&b| f32::from_le_bytes(b))),
-                    false => self.singles.extend(values.map(|&b| f32::from_be_bytes(b))),
-                }
-                Positions::F32(&self.singles)
-            }
-            Precision::F64 => {
-                let values = self.bytes.as_chunks().0.iter();
-                self.doubles.clear();
-                match little {
-                    true => self.doubles.extend(values.map(|&b| f64::from_le_bytes(b))),
-                    false => self.doubles.extend(values.map(|&b| f64::from_be_bytes(b))),
-                }
-                Positions::F64(&self.doubles)
-            }
+    fn decode(&mut self, array: &Array) -> Positions<'_> {
+        array.to_little_endian(&mut self.bytes);
+        if array.size == 4 {
+            let values = self.bytes.as_chunks().0.iter();
+            self.singles.clear();
+            self.singles.extend(values.map(|&b| f32::from_le_bytes(b)));
+            return Positions::F32(&self.singles);
         }
+        let values = self.bytes.as_chunks().0.iter();
+        self.doubles.clear();
+        self.doubles.extend(values.map(|&b| f64::from_le_bytes(b)));
+        Positions::F64(&self.doubles)
     }
 }
 
@@ -166,7 +156,7 @@ impl<R: Read> ArrayFrames<R> {
     /// Starts before the first frame. A frame may have at most `limit` bytes.
     pub fn new(
         input: R,
-        positions: &Array,
+        positions: Array,
         others: Others,
         options: &ReadOptions,
         limit: u64,
@@ -178,7 +168,7 @@ impl<R: Read> ArrayFrames<R> {
             );
             return Err(Error::unsupported(FORMAT, what));
         }
-        let layout = Layout::new(positions, others.counts, limit)?;
+        let layout = Layout::new(&positions, others.counts, limit)?;
         others.labels.check(layout.counts.len())?;
         check_length("times", others.times.as_ref(), layout.frames)?;
         check_length("seq", others.seq.as_ref(), layout.frames)?;
@@ -187,11 +177,7 @@ impl<R: Read> ArrayFrames<R> {
         }
         Ok(ArrayFrames {
             input,
-            precision: match positions.size {
-                8 => Precision::F64,
-                _ => Precision::F32,
-            },
-            little: positions.little,
+            array: positions,
             layout,
             next: 0,
             basis: others.basis.unwrap_or(Basis::Polyline),
@@ -207,7 +193,11 @@ impl<R: Read> ArrayFrames<R> {
 
     /// Reads a frame to its end, also if its curves are invalid.
     fn curves(&mut self) -> Result<Result<CurveSet>, Unread> {
-        let (precision, counts) = (self.precision, &self.layout.counts);
+        let counts = &self.layout.counts;
+        let precision = match self.array.size {
+            8 => Precision::F64,
+            _ => Precision::F32,
+        };
         let mut built = Ok(CurveSet::builder_of(self.basis, precision, counts));
         let mut left = self.layout.frame_bytes;
         for &count in counts {
@@ -224,7 +214,7 @@ impl<R: Read> ArrayFrames<R> {
                     e => e,
                 })?;
                 built = built.and_then(|mut builder| {
-                    builder.push(self.chunk.decode(precision, self.little))?;
+                    builder.push(self.chunk.decode(&self.array))?;
                     Ok(builder)
                 });
             }

@@ -14,41 +14,14 @@ const FREE_NUMBERS: u64 = 16 << 20;
 const FREE_TEXTS: u64 = 1 << 20;
 
 /// Names of the arrays that are read.
-const READ: [&str; 9] = [
-    "positions",
-    "counts",
-    "basis",
-    "times",
-    "seq",
-    "names",
-    "radii",
-    "cell",
-    "left_out",
-];
+const READ: &str = "\
+    positions counts basis times seq names radii cell left_out";
 
 /// Names of arrays of vectors that are no points.
-const VECTORS: [&str; 20] = [
-    "acceleration",
-    "accelerations",
-    "angular_velocities",
-    "angular_velocity",
-    "box",
-    "boxes",
-    "color",
-    "colors",
-    "colours",
-    "directors",
-    "force",
-    "forces",
-    "lattice",
-    "normals",
-    "origin",
-    "tangents",
-    "torques",
-    "velocities",
-    "velocity",
-    "vel",
-];
+const VECTORS: &str = "\
+    acceleration accelerations angular_velocities angular_velocity box boxes color colors \
+    colours directors force forces lattice normals origin tangents torques velocities \
+    velocity vel";
 
 /// Returns what the writer of the archive left out, and counts the arrays of other names that may
 /// hold points of curves.
@@ -63,7 +36,7 @@ pub(super) fn left_out(archive: &mut Archive<impl BufRead + Seek>) -> Result<Vec
             LeftOut::add(&mut list, kind, || text);
         }
     }
-    for member in archive.others(&[&READ[..], &VECTORS].concat()) {
+    for member in archive.others(&[READ, VECTORS]) {
         let array = archive.header(&member)?;
         let name = member.name();
         let what = match array {
@@ -127,6 +100,7 @@ pub(super) fn read(archive: &mut Archive<impl BufRead + Seek>) -> Result<Others>
 struct Values {
     name: &'static str,
     array: Array,
+    /// In little-endian order.
     bytes: Vec<u8>,
 }
 
@@ -147,6 +121,7 @@ impl Values {
         let array = Array::parse(&mut content, member.size, name)?;
         let header = bytes.len() - content.len();
         bytes.drain(..header);
+        array.to_little_endian(&mut bytes);
         let values = Values { name, array, bytes };
         let most = if name == "cell" { 3 } else { 1 };
         match values.array.shape.len() {
@@ -182,14 +157,9 @@ impl Values {
         if self.array.size > 8 {
             return Err(self.wrong_type("integers"));
         }
-        let little = self.array.little;
         self.each()
             .map(|bytes| {
-                let digit = |n: i128, b: &u8| (n << 8) | i128::from(*b);
-                let value = match little {
-                    true => bytes.iter().rfold(0, digit),
-                    false => bytes.iter().fold(0, digit),
-                };
+                let value = bytes.iter().rfold(0, |n, b| (n << 8) | i128::from(*b));
                 let range = 1_i128 << (8 * bytes.len());
                 let value = match signed && value >= range / 2 {
                     true => value - range,
@@ -201,22 +171,9 @@ impl Values {
     }
 
     fn floats(&self) -> Result<Vec<f64>> {
-        let little = self.array.little;
-        let value = |bytes: &[u8]| -> Option<f64> {
-            if let Ok(b) = <[u8; 4]>::try_from(bytes) {
-                let value = if little {
-                    f32::from_le_bytes(b)
-                } else {
-                    f32::from_be_bytes(b)
-                };
-                return Some(value.into());
-            }
-            let b = <[u8; 8]>::try_from(bytes).ok()?;
-            Some(if little {
-                f64::from_le_bytes(b)
-            } else {
-                f64::from_be_bytes(b)
-            })
+        let value = |bytes: &[u8]| match *bytes {
+            [a, b, c, d] => Some(f32::from_le_bytes([a, b, c, d]).into()),
+            _ => Some(f64::from_le_bytes(bytes.try_into().ok()?)),
         };
         if self.array.kind != Kind::Float {
             return Err(self.wrong_type("f4 or f8"));
@@ -269,15 +226,11 @@ impl Values {
     }
 
     fn texts(&self) -> Result<Vec<String>> {
-        let little = self.array.little;
         let text = |bytes: &[u8]| -> Option<String> {
             match self.array.kind {
                 Kind::Bytes => String::from_utf8(bytes.to_vec()).ok(),
                 Kind::Text => (bytes.as_chunks().0.iter())
-                    .map(|&b| match little {
-                        true => char::from_u32(u32::from_le_bytes(b)),
-                        false => char::from_u32(u32::from_be_bytes(b)),
-                    })
+                    .map(|&b| char::from_u32(u32::from_le_bytes(b)))
                     .collect(),
                 _ => None,
             }

@@ -83,7 +83,7 @@ pub(super) fn read_npy<R: BufRead>(
         counts: options.counts.clone(),
         ..Others::default()
     };
-    ArrayFrames::new(input, &positions, others, options, u64::MAX)
+    ArrayFrames::new(input, positions, others, options, u64::MAX)
 }
 
 /// Reads the arrays of an `.npz` file of `len` bytes, up to the positions of the first frame.
@@ -106,7 +106,7 @@ pub(super) fn read_npz<R: BufRead + Seek>(
     let (len, limit) = (member.size, member.limit(FREE_FRAME));
     let mut input = archive.into_member(member)?;
     let positions = Array::parse(&mut input, len, "positions")?;
-    ArrayFrames::new(input, &positions, others, options, limit)
+    ArrayFrames::new(input, positions, others, options, limit)
 }
 
 /// Returns the name of a basis in an array `basis`.

@@ -522,7 +522,7 @@ fn a_curve_that_the_cell_of_an_archive_tears_is_refused_unless_it_is_unwrapped()
             ..Others::default()
         };
         let mut source =
-            ArrayFrames::new(&points[..], &positions.unwrap(), others, &options, 999).unwrap();
+            ArrayFrames::new(&points[..], positions.unwrap(), others, &options, 999).unwrap();
         let frame = source.next_frame().unwrap().unwrap();
         assert_eq!(frame.cell.unwrap().to_string(), "9,0,0");
         match frame.curves {
@@ -687,11 +687,17 @@ fn writes_the_bytes_that_numpy_writes() {
 }
 
 #[test]
-fn headers_of_arrays_have_their_types() {
-    for (descr, size, little) in [("<f8", 8, true), (">f4", 4, false), ("=f8", 8, true)] {
+fn values_of_each_byte_order_become_little_endian() {
+    let little = 1.5_f64.to_le_bytes();
+    for (descr, bytes) in [
+        ("<f8", little),
+        (">f8", 1.5_f64.to_be_bytes()),
+        ("=f8", little),
+    ] {
         let header = format!("{{'descr': '{descr}', 'fortran_order': False, 'shape': (1,)}}");
-        let bytes = array(&header, &vec![0; size]);
-        let array = Array::parse(&mut &bytes[..], bytes.len() as u64, "x").unwrap();
-        assert_eq!((array.size, array.little), (size as u64, little));
+        let (whole, mut bytes) = (array(&header, &bytes), bytes);
+        let array = Array::parse(&mut &whole[..], whole.len() as u64, "x").unwrap();
+        array.to_little_endian(&mut bytes);
+        assert_eq!((array.size, bytes), (8, little), "{descr}");
     }
 }

@@ -23,7 +23,7 @@ const HEADER_BYTES: usize = 128;
 const PIECE: usize = 1 << 16;
 
 /// Returns the header of an array.
-fn header(descr: &str, shape: &str) -> [u8; HEADER_BYTES] {
+fn array_header(descr: &str, shape: &str) -> [u8; HEADER_BYTES] {
     let mut bytes = [b' '; HEADER_BYTES];
     bytes[..10].copy_from_slice(b"\x93NUMPY\x01\x00\x76\x00");
     let text = format!("{{'descr': '{descr}', 'fortran_order': False, 'shape': ({shape}), }}");
@@ -115,7 +115,7 @@ impl Stream {
             }
             _ => format!("{frames}, {}, 3", self.points),
         };
-        header(descr, &shape)
+        array_header(descr, &shape)
     }
 }
 
@@ -235,61 +235,36 @@ impl FrameSink for NpzFile {
         let mut members = vec![Member::entry(POSITIONS, crc, size, 0)];
         let mut at = first.len() as u64 + size;
 
-        let counts = stream.counts.iter().flat_map(|c| c.to_le_bytes());
-        let basis = Texts::of(&[basis_name(stream.basis).to_owned()]);
-        let names = Texts::of(&self.labels.names);
-        let radii = self.labels.radii.iter().flat_map(|r| r.to_le_bytes());
-        let times = self.times.iter().flat_map(|t| t.to_le_bytes());
-        let seq = self.seq.iter().flat_map(|n| n.to_le_bytes());
-        let list = |len: usize| format!("{len},");
         let one = self.cells.windows(2).all(|w| w[0] == w[1]);
-        let cells = &self.cells[..if one {
-            self.cells.len().min(1)
-        } else {
-            self.cells.len()
-        }];
-        let shape = match one {
-            true => "4, 3".into(),
-            false => format!("{}, 4, 3", cells.len()),
+        let (cells, cell_shape) = match one {
+            true => (&self.cells[..self.cells.len().min(1)], "4, 3".into()),
+            false => (&self.cells[..], format!("{}, 4, 3", self.cells.len())),
         };
-        let rows = cells
-            .iter()
-            .flat_map(|cell| cell.vectors.into_iter().chain([cell.origin]));
-        let cell = rows.flatten().flat_map(f64::to_le_bytes);
+        let rows = (cells.iter()).flat_map(|cell| cell.vectors.into_iter().chain([cell.origin]));
+        let timed = self.times.iter().any(|t| *t != 0.0);
+        let numbered = !self.seq.iter().copied().eq(0..stream.frames);
+        let labels = &self.labels;
+        let basis = Texts::of(&[basis_name(stream.basis).to_owned()]);
+        let names = Texts::of(&labels.names);
+        let list = |len: usize| format!("{len},");
+        let counts = flat(stream.counts.iter().map(|c| c.to_le_bytes()));
+        let radii = flat(labels.radii.iter().map(|r| r.to_le_bytes()));
+        let times = flat((self.times.iter().filter(|_| timed)).map(|t| t.to_le_bytes()));
+        let seq = flat((self.seq.iter().filter(|_| numbered)).map(|n| n.to_le_bytes()));
+        let cell = flat(rows.flatten().map(f64::to_le_bytes));
+        let frames = self.seq.len();
         let arrays = [
-            (
-                "counts",
-                true,
-                array_of("<i4", &list(stream.counts.len()), counts.collect()),
-            ),
-            ("basis", true, array_of(&basis.descr, "", basis.bytes)),
-            (
-                "names",
-                !self.labels.names.is_empty(),
-                array_of(&names.descr, &list(self.labels.names.len()), names.bytes),
-            ),
-            (
-                "radii",
-                !self.labels.radii.is_empty(),
-                array_of("<f4", &list(self.labels.radii.len()), radii.collect()),
-            ),
-            (
-                "times",
-                self.times.iter().any(|t| *t != 0.0),
-                array_of("<f8", &list(self.times.len()), times.collect()),
-            ),
-            (
-                "cell",
-                !cells.is_empty(),
-                array_of("<f8", &shape, cell.collect()),
-            ),
-            (
-                "seq",
-                !self.seq.iter().copied().eq(0..stream.frames),
-                array_of("<u8", &list(self.seq.len()), seq.collect()),
-            ),
+            ("counts", "<i4", list(stream.counts.len()), counts),
+            ("basis", &basis.descr, String::new(), basis.bytes),
+            ("names", &names.descr, list(labels.names.len()), names.bytes),
+            ("radii", "<f4", list(labels.radii.len()), radii),
+            ("times", "<f8", list(frames), times),
+            ("cell", "<f8", cell_shape, cell),
+            ("seq", "<u8", list(frames), seq),
         ];
-        for (name, _, bytes) in arrays.into_iter().filter(|(_, wanted, _)| *wanted) {
+        // An array without values is not needed.
+        for (name, descr, shape, values) in arrays.into_iter().filter(|a| !a.3.is_empty()) {
+            let bytes = [&array_header(descr, &shape)[..], &values].concat();
             let (crc, size) = (crc32fast::hash(&bytes), bytes.len() as u64);
             let local = Member::local_header(name, crc, size);
             stream.out.write_all(&local)?;
@@ -305,9 +280,9 @@ impl FrameSink for NpzFile {
     }
 }
 
-/// Returns an array: its header and its values.
-fn array_of(descr: &str, shape: &str, values: Vec<u8>) -> Vec<u8> {
-    [&header(descr, shape)[..], &values].concat()
+/// Returns the bytes of some values.
+fn flat<const N: usize>(values: impl Iterator<Item = [u8; N]>) -> Vec<u8> {
+    values.flatten().collect()
 }
 
 /// Texts as characters of four bytes, filled up to the longest one.

@@ -32,7 +32,7 @@ use self::free_form::{Element, Form, Spline, State};
 use super::chains::{Chains, Edge, ThirdEdge};
 use super::frames::LeftOut;
 use super::write::{check_polylines, text_file};
-use super::{number, quote};
+use super::{is_in, number, quote};
 use crate::curve::{Basis, CurveSet, CurveSetBuilder, Point, Positions, Precision};
 use crate::error::{Error, Result};
 use std::io::BufRead;
@@ -43,44 +43,9 @@ const FORMAT: &str = "OBJ";
 const CHUNK: usize = 1024;
 
 /// Statements that are no curves.
-const IGNORED: [&[u8]; 36] = [
-    b"bevel",
-    b"bmat",
-    b"bsp",
-    b"bzp",
-    b"c_interp",
-    b"cdp",
-    b"con",
-    b"csh",
-    b"ctech",
-    b"d_interp",
-    b"f",
-    b"fo",
-    b"g",
-    b"hole",
-    b"lod",
-    b"maplib",
-    b"mg",
-    b"mtllib",
-    b"o",
-    b"p",
-    b"res",
-    b"s",
-    b"scrv",
-    b"shadow_obj",
-    b"sp",
-    b"stech",
-    b"step",
-    b"surf",
-    b"trace_obj",
-    b"trim",
-    b"usemap",
-    b"usemtl",
-    b"vc",
-    b"vn",
-    b"vp",
-    b"vt",
-];
+const IGNORED: &str = "\
+    bevel bmat bsp bzp c_interp cdp con csh ctech d_interp f fo g hole lod maplib mg mtllib \
+    o p res s scrv shadow_obj sp stech step surf trace_obj trim usemap usemtl vc vn vp vt";
 
 /// Kind of the free-form curves that are left out.
 const FREE_FORM: [&str; 2] = ["free-form curve", "free-form curves"];
@@ -216,7 +181,9 @@ impl Statements {
             b"v" | b"l" | b"cstype" | b"deg" | b"curv" | b"parm" | b"end" => return Ok(()),
             b"curv2" => ["curve on a surface (curv2)", "curves on surfaces (curv2)"],
             b"cdc" => FREE_FORM,
-            name if IGNORED.contains(&name) => return Ok(()),
+            name if std::str::from_utf8(name).is_ok_and(|name| is_in(IGNORED, name)) => {
+                return Ok(());
+            }
             _ => ["unknown statement", "unknown statements"],
         };
         LeftOut::add(&mut self.left_out, kind, || {

@@ -77,7 +77,7 @@ pub(super) fn serve(port: u16) -> Result<String> {
             let used = if used { port } else { frames };
             return Err(failed(format_args!(
                 "port {used} is in use; a server for browsers needs ports {port} and {frames}: \
-                 choose others (--serve PORT)"
+                 choose others"
             )));
         }
     }

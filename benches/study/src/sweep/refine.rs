@@ -1,5 +1,5 @@
-//! Common refinement of two closed curves that differ in their numbers of points, so that the motion from
-//! one to the other is defined.
+//! Common refinement of two closed curves that differ in their numbers of points, so that the
+//! motion from one to the other is defined.
 //!
 //! The points at the same share of both curves belong together: the share of the length of the
 //! original curve, and of the segments of a resampled one, which are equally long. The ends of all

@@ -61,7 +61,7 @@ impl Keep for Every {
         let frames = files.frames() + u64::from(self.held.is_some());
         let (recorded, every) = (self.recorded, self.every);
         Some(format!(
-            "recording: curves of {recorded} of {frames} frames (--record-every {every}), verdicts \
+            "recording: curves of {recorded} of {frames} frames (every {every}), verdicts \
              of all"
         ))
     }

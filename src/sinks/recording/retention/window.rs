@@ -146,7 +146,7 @@ impl Window {
             let first = self.waiting.get(self.due).map_or(now, |w| w.at);
             tracing::warn!(
                 "recording: the window before frame {} has {:.1} of {} s: {} bytes of memory hold \
-                 no more (--record-window-memory)",
+                 no more",
                 record.report.seq,
                 (now - first).as_secs_f64(),
                 self.span.as_secs_f64(),
@@ -232,8 +232,8 @@ impl Keep for Window {
         let windows = match self.windows {
             0 => {
                 return Some(format!(
-                    "recording: no violation in {seen} frames, so no file was written \
-                     (--record-window {seconds})"
+                    "recording: no violation in {seen} frames, so no file was written (a window \
+                     of {seconds} s)"
                 ));
             }
             n => plural(n, "violation"),
@@ -241,11 +241,11 @@ impl Keep for Window {
         let frames = files.frames() + self.due as u64;
         let short = match self.short {
             0 => String::new(),
-            n => format!("; {n} shorter before the violation: --record-window-memory is too small"),
+            n => format!("; {n} shorter before the violation: the memory for them is too small"),
         };
         Some(format!(
-            "recording: {frames} of {seen} frames, around {windows} (--record-window \
-             {seconds}){short}"
+            "recording: {frames} of {seen} frames, around {windows} (a window of {seconds} \
+             s){short}"
         ))
     }
 }

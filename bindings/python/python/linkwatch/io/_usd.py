@@ -81,7 +81,7 @@ class _Scene:
         for error in stage.GetCompositionErrors():
             kind = "that cannot be opened"
             self.left_out.add(f"part of the stage {kind}", f"parts of the stage {kind}", str(error))
-        prims = iter(self._below(stage.GetPseudoRoot()))
+        prims = self._below(stage.GetPseudoRoot(), self.usd.PrimDefaultPredicate)
         for prim in prims:
             if prim.IsA(self.geom.PointInstancer):
                 # Its prototypes are drawn where they are copied, and not where they are defined.
@@ -97,23 +97,28 @@ class _Scene:
         # Times of frames in seconds, in files that linkwatch wrote.
         self.seconds = top and top.GetAttribute("linkwatch:time")
 
-    def _below(self, prim: Any) -> Any:
-        """Returns a prim and those below it, of instances, too."""
-        predicate = self.usd.TraverseInstanceProxies(self.usd.PrimDefaultPredicate)
-        return self.usd.PrimRange(prim, predicate)
+    def _below(self, prim: Any, predicate: Any) -> Any:
+        """Returns an iterator over a prim and those below it, of instances, too."""
+        return iter(self.usd.PrimRange(prim, self.usd.TraverseInstanceProxies(predicate)))
 
     def _copy(self, instancer: Any) -> None:
         """Adds the curves that a ``PointInstancer`` copies."""
         stage = instancer.GetStage()
         targets = self.geom.PointInstancer(instancer).GetPrototypesRel().GetForwardedTargets()
+        # Prototypes are often below a prim that is not defined, so that only copies are drawn.
+        predicate = self.usd.PrimIsActive & self.usd.PrimIsLoaded
         for k, target in enumerate(targets):
             prototype = stage.GetPrimAtPath(target)
-            prims = iter(self._below(prototype)) if prototype else iter(())
+            if not prototype:
+                self.left_out.add("missing prototype", "missing prototypes", str(target))
+                continue
+            prims = self._below(prototype, predicate)
             for prim in prims:
                 if prim.IsA(self.geom.PointInstancer):
                     prims.PruneChildren()
-                    kind = "PointInstancer of a PointInstancer"
-                    self.left_out.add(f"a {kind}", f"cases of a {kind}", str(prim.GetPath()))
+                    kind = "in the prototype of another one"
+                    path = str(prim.GetPath())
+                    self.left_out.add(f"PointInstancer {kind}", f"PointInstancers {kind}", path)
                 else:
                     self._add(prim, (instancer, k, prototype))
 
@@ -227,9 +232,13 @@ class _Batch:
             raise Unread(f"type {prim.GetTypeName()}: convert them to BasisCurves")
         attributes = [self.points, self.counts]
         primvar, attribute = primvars.GetPrimvar("widths"), curves.GetWidthsAttr()
-        self.widths: Any = primvar if primvar.HasValue() else attribute if attribute.HasValue() else None
-        if self.widths is not None:
-            attributes.append(primvar.GetAttr() if primvar.HasValue() else attribute)
+        self.widths: Any = None
+        if primvar.HasValue():
+            self.widths = primvar
+            attributes.append(primvar.GetAttr())
+        elif attribute.HasValue():
+            self.widths = attribute
+            attributes.append(attribute)
         own = prim.GetAttribute("linkwatch:names")
         # Names in files that linkwatch wrote. They are empty if the curves have none.
         self.own_names = [str(name) for name in own.Get() or []] if own else None
@@ -270,7 +279,10 @@ class _Batch:
 
     def number_of_curves(self, code: float) -> int:
         """Returns the number of curves at a time, with all copies."""
-        copies = sum(1 for _ in self.places(self.geom.XformCache(code), code))
+        try:
+            copies = sum(1 for _ in self.places(self.geom.XformCache(code), code))
+        except Unread:  # the frame is invalid
+            copies = 0
         return len(self.counts.Get(code) or []) * copies
 
     def at(self, code: float) -> _Given:
@@ -279,6 +291,8 @@ class _Batch:
         if points is None or counts is None:
             raise Unread(f"{'points' if points is None else 'curveVertexCounts'} has no value")
         points, sizes = np.asarray(points), np.asarray(counts, np.int64)
+        if points.dtype != np.float64:
+            points = points.astype(np.float32, copy=False)  # from half precision
         for k in np.flatnonzero(sizes < 1)[:1]:
             raise Unread(f"curve {k} of curveVertexCounts has {sizes[k]} points")
         if sizes.sum() != len(points):
@@ -304,7 +318,8 @@ class _Batch:
         """Returns half of the largest width of each curve."""
         if isinstance(self.widths, self.geom.Primvar):
             found = self.widths.ComputeFlattened(code)
-            rule = self.widths.GetInterpolation() if self.widths.HasAuthoredInterpolation() else None
+            authored = self.widths.HasAuthoredInterpolation()
+            rule = self.widths.GetInterpolation() if authored else None
         else:
             found = self.widths.Get(code)
             rule = self.widths.GetMetadata("interpolation")
@@ -374,7 +389,7 @@ class _Batch:
         return moved
 
     def names(self, path: str, curves: int) -> list[str]:
-        """Returns the names of the curves of a copy: the path, with an index if there are several."""
+        """Returns the names of the curves of a copy: its path, with an index if it has several."""
         if self.own_names and len(self.own_names) == curves and self.copied is None:
             return self.own_names
         if curves == 1 and self.counted:

@@ -1,4 +1,4 @@
-//! `study calibrate`: costs of the kernels on an adapter and on the CPU, for `--device auto`.
+//! `study devices`: costs of the kernels on an adapter and on the CPU, for `--device auto`.
 
 use crate::fit::{Counts, fit};
 use crate::input::{self, count, plural, threads, usage};
@@ -6,7 +6,7 @@ use crate::measure::{Run, StageTimes, Subject, certifier, repeat};
 use linkwatch::kernels::{Calibration, CountingCost, Device, DeviceInfo, Method, SumCost};
 use linkwatch::{Certifier, Error, Plan, Result, SessionOptions, homotopic_polylines};
 
-/// Calibrate an adapter, so that `--device auto` of linkwatch may choose it
+/// Measure an adapter, and store its costs, so that `--device auto` of linkwatch may choose it
 ///
 /// Measures the costs of counting crossings, direct sums and Barnes-Hut for whole frames on the
 /// adapter and on the CPU, and stores them for this user.
