@@ -1,5 +1,5 @@
-//! `linkwatch measure writhe`: computes the writhe of curves, and linking number, twist and writhe of
-//! ribbons.
+//! `linkwatch measure writhe`: computes the writhe of curves, and linking number, twist and writhe
+//! of ribbons.
 
 use crate::cli::Outcome;
 use crate::cli::cell_args::CellArgs;

@@ -18,8 +18,9 @@ use std::sync::Arc;
 pub struct MetricsArgs {
     /// Serve figures for Prometheus at http://ADDRESS/metrics
     ///
-    /// Counters and latencies. A port alone is on the loopback interface (127.0.0.1); port 0 is a free one, which the log names.
-    /// Without a password: at any other address (HOST:PORT) whoever reaches it can read them
+    /// Counters and latencies. A port alone is on the loopback interface (127.0.0.1); port 0 is a
+    /// free one, which the log names. Without a password: at any other address (HOST:PORT) whoever
+    /// reaches it can read them
     #[arg(long, value_name = "[HOST:]PORT")]
     metrics: Option<Address>,
 }
