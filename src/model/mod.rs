@@ -331,8 +331,13 @@ impl Format {
 
 /// Returns the error of a format that is not written.
 fn only_read(path: &Path) -> Error {
-    let what = "written are .bcc, .npz and .mcap, and polylines as .obj, .vect and .npy; for other \
-                formats write .npz, whose arrays Python reads (`numpy.load`)";
+    let what = match Format::named(path) {
+        Some(Format::Mcap) => "MCAP is written by `linkwatch convert` alone: write .npz first",
+        _ => {
+            "written are .bcc, .npz and .mcap, and polylines as .obj, .vect and .npy; for other \
+             formats write .npz, whose arrays Python reads (`numpy.load`)"
+        }
+    };
     Error::unsupported("output", what).in_file(path)
 }
 
@@ -618,6 +623,25 @@ mod tests {
         let folder = dir.path().join("folder.vect");
         std::fs::create_dir(&folder).unwrap();
         assert_error_contains(read(&folder), "folder.vect: not a regular file");
+    }
+
+    #[test]
+    fn errors_name_the_formats_that_are_written() {
+        for (name, expected) in [
+            (
+                "a.xyz",
+                "a.xyz: unsupported output: written are .bcc, .npz and .mcap, ",
+            ),
+            (
+                "a.mcap",
+                "a.mcap: unsupported output: MCAP is written by `linkwatch convert`",
+            ),
+            ("a", "a: unsupported output: written are"),
+        ] {
+            let error = Format::to_write(Path::new(name)).unwrap_err().to_string();
+            assert!(error.starts_with(expected), "{error}");
+        }
+        assert_eq!(Format::to_write(Path::new("A.NPZ")).unwrap(), Format::Npz);
     }
 
     #[test]
