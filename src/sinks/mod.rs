@@ -24,6 +24,8 @@ pub use viewer::{ViewerOptions, ViewerSink, ViewerTarget};
 
 use crate::certificate::Certificate;
 use crate::curve::CurveSet;
+#[cfg(any(feature = "mcap", feature = "rerun"))]
+use crate::curve::{AXES, Point, vector::add_scaled};
 #[cfg(feature = "rerun")]
 use crate::error::Error;
 use crate::error::Result;
@@ -108,4 +110,10 @@ fn create_file(path: &std::path::Path) -> Result<std::fs::File> {
         return Err(Error::file(path)(source));
     }
     std::fs::File::create(path).map_err(Error::file(path))
+}
+
+/// Returns the rays of a star: both ends of a line along each axis.
+#[cfg(any(feature = "mcap", feature = "rerun"))]
+fn star(center: Point, reach: f64) -> [[Point; 2]; 3] {
+    AXES.map(|axis| [-reach, reach].map(|t| add_scaled(center, t, axis)))
 }

@@ -1,11 +1,11 @@
 //! `visualization_msgs/msg/Marker` and `MarkerArray` of ROS 2. Source:
 //! <https://github.com/ros2/common_interfaces>, `visualization_msgs/msg`.
 
-use super::cdr::Cdr;
 use super::curves::{self, Pose};
 use super::state::{self, ARROW_STRIP, CYLINDER, Change, Entity, TRIANGLES, UNKNOWN, Update};
 use crate::container::foxglove::LineType;
 use crate::curve::Point;
+use serde::Deserialize;
 
 /// Types of markers with lines.
 const LINE_STRIP: i32 = 4;
@@ -56,128 +56,155 @@ impl Layout {
     }
 }
 
-/// Reads a `MarkerArray`.
-pub(super) fn array(message: &[u8], layout: Layout) -> Result<Update, String> {
-    read(message, layout, |cdr| cdr.count(1))
+#[derive(Deserialize)]
+struct Header<'a> {
+    seconds: i32,
+    nanos: u32,
+    frame_id: &'a str,
 }
 
-/// Reads a `Marker`.
-pub(super) fn single(message: &[u8], layout: Layout) -> Result<Update, String> {
-    read(message, layout, |_| Ok(1))
+/// A marker. `T` is [`Texture`], and `M` is [`MeshFile`], or nothing in older versions.
+#[derive(Deserialize)]
+struct Marker<'a, T, M> {
+    #[serde(borrow)]
+    header: Header<'a>,
+    namespace: &'a str,
+    id: i32,
+    kind: i32,
+    action: i32,
+    position: Point,
+    rotation: [f64; 4],
+    _scale: [f64; 3],
+    _rgba: [f32; 4],
+    lifetime: (i32, u32),
+    _frame_locked: u8,
+    points: Vec<Point>,
+    _colors: Vec<[f32; 4]>,
+    _texture: T,
+    _text: &'a str,
+    _mesh_resource: &'a str,
+    _mesh_file: M,
+    _mesh_use_embedded_materials: u8,
 }
 
-fn read(
-    message: &[u8],
-    layout: Layout,
-    count: impl Fn(&mut Cdr) -> Result<usize, String>,
-) -> Result<Update, String> {
-    /// Maximum number of bytes that pad a message.
-    const PADDING: usize = 3;
-    let mut cdr = Cdr::new(message)?;
+#[derive(Deserialize)]
+struct Texture<'a> {
+    _resource: &'a str,
+    #[serde(borrow)]
+    _header: Header<'a>,
+    _format: &'a str,
+    _image: &'a [u8],
+    _coordinates: Vec<[f32; 2]>,
+}
+
+#[derive(Deserialize)]
+struct MeshFile<'a> {
+    _filename: &'a str,
+    _file: &'a [u8],
+}
+
+/// Reads a `MarkerArray`, or a `Marker`.
+pub(super) fn read(message: &[u8], layout: Layout, is_array: bool) -> Result<Update, String> {
+    match (layout.texture, layout.mesh_file) {
+        (false, false) => update::<(), ()>(message, is_array),
+        (false, true) => update::<(), MeshFile>(message, is_array),
+        (true, false) => update::<Texture, ()>(message, is_array),
+        (true, true) => update::<Texture, MeshFile>(message, is_array),
+    }
+}
+
+fn update<'a, T, M>(message: &'a [u8], is_array: bool) -> Result<Update, String>
+where
+    T: Deserialize<'a>,
+    M: Deserialize<'a>,
+{
+    let markers: Vec<Marker<'a, T, M>> = match is_array {
+        true => decode(message)?,
+        false => vec![decode(message)?],
+    };
     let mut update = Update::default();
-    for k in 0..count(&mut cdr)? {
-        let marker = marker(&mut cdr, layout);
-        let (stamp, change) = marker.map_err(|what| format!("marker {k}: {what}"))?;
-        update.stamp = update.stamp.max(stamp);
+    for (k, marker) in markers.into_iter().enumerate() {
+        let stamp = nanoseconds(marker.header.seconds, marker.header.nanos);
+        update.stamp = update.stamp.max((stamp > 0).then_some(stamp));
+        let change = change(marker).map_err(|what| format!("marker {k}: {what}"))?;
         update.changes.push(change);
     }
-    match cdr.left() {
-        0..=PADDING => Ok(update),
+    Ok(update)
+}
+
+/// Reads a message: CDR, little-endian (XCDR version 1). Source: OMG *DDS-XTypes* 1.3, section 7.4.
+fn decode<'a, M: Deserialize<'a>>(message: &'a [u8]) -> Result<M, String> {
+    /// Maximum number of bytes that pad a message.
+    const PADDING: usize = 3;
+    let bytes = match message {
+        [0, 1, _, _, bytes @ ..] => bytes,
+        [0, 0, ..] => return Err("big-endian CDR; only little-endian is read".into()),
+        [a, b, ..] => {
+            return Err(format!(
+                "CDR of the kind {a:02x} {b:02x}; only 00 01 (plain, little-endian) is read"
+            ));
+        }
+        _ => return Err("a message without the header of CDR".into()),
+    };
+    let decoded = re_cdr::from_bytes::<M, re_cdr::LittleEndian>(bytes);
+    let (message, used) = decoded.map_err(|e| format!("not a message of its schema: {e}"))?;
+    match bytes.len() - used {
+        0..=PADDING => Ok(message),
         left => Err(format!(
             "{left} bytes are left after the last marker, whose fields differ from its schema"
         )),
     }
 }
 
-/// Reads a marker, and its time if it has one.
-fn marker(cdr: &mut Cdr, layout: Layout) -> Result<(Option<u64>, Change), String> {
-    let (stamp, frame_id) = header(cdr)?;
-    let namespace = cdr.string()?;
-    let id = cdr.i32()?;
-    let kind = cdr.i32()?;
-    let action = cdr.i32()?;
-    let pose = Pose {
-        position: cdr.f64s()?,
-        rotation: cdr.f64s()?,
-    };
-    let _scale: [f64; 3] = cdr.f64s()?;
-    for _rgba in 0..4 {
-        cdr.u32()?;
-    }
-    let lifetime = time(cdr)?;
-    let _frame_locked = cdr.u8()?;
-    let points = (0..cdr.count(24)?).map(|_| cdr.f64s());
-    let points: Vec<Point> = points.collect::<Result<_, _>>()?;
-    // Colours of the points.
-    cdr.skip(16)?;
-    if layout.texture {
-        let _resource = cdr.string()?;
-        let _header = header(cdr)?;
-        let _format = cdr.string()?;
-        // The image, and its coordinates at the points.
-        cdr.skip(1)?;
-        cdr.skip(8)?;
-    }
-    let _text = cdr.string()?;
-    let _mesh_resource = cdr.string()?;
-    if layout.mesh_file {
-        let _filename = cdr.string()?;
-        // The file.
-        cdr.skip(1)?;
-    }
-    let _mesh_use_embedded_materials = cdr.u8()?;
-
+fn change<T, M>(marker: Marker<'_, T, M>) -> Result<Change, String> {
+    let (id, namespace) = (marker.id, marker.namespace);
     let name = match namespace.is_empty() {
         true => id.to_string(),
         false => format!("{namespace}/{id}"),
     };
-    let change = match action {
+    let line = match marker.kind {
+        LINE_STRIP => Some(LineType::Strip),
+        LINE_LIST => Some(LineType::List),
+        _ => None,
+    };
+    match marker.action {
         // Action 1 is deprecated, and was to modify.
         0 | 1 => {
-            let strips = match kind {
-                LINE_STRIP => curves::strips(LineType::Strip, points, &[], &pose),
-                LINE_LIST => curves::strips(LineType::List, points, &[], &pose),
-                _ => Ok(Vec::new()),
-            };
-            let others = match kind {
-                LINE_STRIP | LINE_LIST => Vec::new(),
-                other => {
-                    let known = OTHERS.iter().find(|(number, _)| *number == other);
-                    vec![(known.map_or(UNKNOWN, |(_, kind)| *kind), 1)]
-                }
-            };
+            let (mut strips, mut others) = (Vec::new(), Vec::new());
+            if let Some(line) = line {
+                let pose = Pose {
+                    position: marker.position,
+                    rotation: marker.rotation,
+                };
+                let found = curves::strips(line, marker.points, &[], &pose);
+                strips = found.map_err(|what| format!("{name:?}: {what}"))?;
+            } else {
+                let known = OTHERS.iter().find(|(number, _)| *number == marker.kind);
+                others.push((known.map_or(UNKNOWN, |(_, kind)| *kind), 1));
+            }
+            // Names with and without a slash were the same in ROS 1.
+            let frame_id = marker.header.frame_id;
             let entity = Entity {
-                namespace,
-                frame_id,
-                lifetime,
-                strips: strips.map_err(|what| format!("{name:?}: {what}"))?,
+                namespace: namespace.into(),
+                frame_id: frame_id.strip_prefix('/').unwrap_or(frame_id).into(),
+                lifetime: nanoseconds(marker.lifetime.0, marker.lifetime.1),
+                strips,
                 others,
             };
-            Change::Put(name, entity)
+            Ok(Change::Put(name, entity))
         }
-        2 => Change::Delete(name),
-        3 => Change::DeleteAll((!namespace.is_empty()).then_some(namespace)),
-        other => return Err(format!("action {other}, expected 0 to 3")),
-    };
-    Ok(((stamp > 0).then_some(stamp), change))
+        2 => Ok(Change::Delete(name)),
+        3 => {
+            let namespace = Some(namespace).filter(|n| !n.is_empty());
+            Ok(Change::DeleteAll(namespace.map(str::to_owned)))
+        }
+        other => Err(format!("action {other}, expected 0 to 3")),
+    }
 }
 
-/// Reads the time and the coordinate system of a message.
-fn header(cdr: &mut Cdr) -> Result<(u64, String), String> {
-    let (stamp, frame_id) = (time(cdr)?, cdr.string()?);
-    // Names with and without a slash were the same in ROS 1.
-    let frame_id = frame_id
-        .strip_prefix('/')
-        .map(str::to_owned)
-        .unwrap_or(frame_id);
-    Ok((stamp, frame_id))
-}
-
-/// Reads a time or a duration, in nanoseconds; 0 if it is negative.
-fn time(cdr: &mut Cdr) -> Result<u64, String> {
-    let (seconds, nanos) = (cdr.i32()?, cdr.u32()?);
-    let seconds = u64::try_from(seconds).unwrap_or(0);
-    Ok(seconds * 1_000_000_000 + u64::from(nanos))
+/// Returns a time or a duration; 0 if it is negative.
+fn nanoseconds(seconds: i32, nanos: u32) -> u64 {
+    u64::try_from(seconds).unwrap_or(0) * 1_000_000_000 + u64::from(nanos)
 }
 
 #[cfg(test)]
@@ -200,5 +227,15 @@ mod tests {
         );
         let idl = "string texture_resource;\nvisualization_msgs::msg::MeshFile mesh_file;\n";
         assert_eq!(of(idl), (true, true));
+    }
+
+    #[test]
+    fn names_other_kinds_of_cdr() {
+        let fails = |message: &[u8]| decode::<u32>(message).unwrap_err();
+        assert!(fails(&[0, 0, 0, 0, 1]).contains("big-endian"));
+        assert!(fails(&[0, 9, 0, 0, 1]).contains("00 09"));
+        assert!(fails(&[0, 1]).contains("00 01"));
+        assert!(fails(&[]).contains("without the header"));
+        assert!(fails(&[0, 1, 0, 0, 1]).contains("end of input"));
     }
 }

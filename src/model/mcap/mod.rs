@@ -20,7 +20,6 @@
 //! chunk, and of the values of a message, which has at most 200 times its size (if it is a list of
 //! empty entities). Every count is compared with the bytes that are there.
 
-mod cdr;
 mod curves;
 mod markers;
 mod scene;
@@ -91,8 +90,8 @@ impl Content {
         match self {
             Content::SceneProtobuf => scene::protobuf(message),
             Content::SceneJson => scene::json(message),
-            Content::Markers(layout) => markers::array(message, layout),
-            Content::Marker(layout) => markers::single(message, layout),
+            Content::Markers(layout) => markers::read(message, layout, true),
+            Content::Marker(layout) => markers::read(message, layout, false),
         }
     }
 }

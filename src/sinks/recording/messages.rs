@@ -264,6 +264,16 @@ impl Recorded<schema::Progress> for RunProgress {
     }
 }
 
+impl Recorded<schema::YarnPeriod> for (u32, Image) {
+    fn record(&self) -> schema::YarnPeriod {
+        let (curve, period) = (self.0, self.1.to_vec());
+        schema::YarnPeriod { curve, period }
+    }
+    fn read(period: schema::YarnPeriod) -> Result<Self> {
+        Ok((period.curve, Image::read(period.period)?))
+    }
+}
+
 impl Recorded<schema::Baseline> for BaselineRecord {
     fn record(&self) -> schema::Baseline {
         let (b, c) = (self, &self.certificate);
@@ -272,10 +282,6 @@ impl Recorded<schema::Baseline> for BaselineRecord {
             j: l.j,
             image: l.image.record(),
             lambda: Some(l.lambda),
-        };
-        let period = |(i, period): &(u32, Image)| schema::YarnPeriod {
-            curve: *i,
-            period: period.to_vec(),
         };
         schema::Baseline {
             curves: c.curves as u64,
@@ -286,76 +292,63 @@ impl Recorded<schema::Baseline> for BaselineRecord {
             unverified: b.unverified,
             periodic: c.images.is_some(),
             images: c.images.iter().flatten().map(image).collect(),
-            periods: c.periods.iter().map(period).collect(),
+            periods: c.periods.record(),
         }
     }
 
     /// Checks the preconditions of comparing certificates: pairs in range and sorted, no number 0.
     fn read(b: schema::Baseline) -> Result<Self> {
+        let bad_link = |what: String| Err(invalid("link of the baseline", what));
         let links: Vec<Link> = Recorded::read(b.links)?;
         let bad = |l: &&Link| l.i >= l.j || u64::from(l.j) >= b.curves || l.lambda == 0;
         if let Some(l) = links.iter().find(bad) {
-            let what = format!("{},{},{} of {} curves", l.i, l.j, l.lambda, b.curves);
-            return Err(invalid("link of the baseline", what));
+            return bad_link(format!(
+                "{},{},{} of {} curves",
+                l.i, l.j, l.lambda, b.curves
+            ));
         }
-        if let Some(w) = links
-            .windows(2)
-            .find(|w| (w[0].i, w[0].j) >= (w[1].i, w[1].j))
-        {
-            let what = format!(
-                "{},{} is not sorted after the previous pair",
-                w[1].i, w[1].j
-            );
-            return Err(invalid("link of the baseline", what));
+        let mut pairs = links.windows(2).map(|w| (&w[0], &w[1]));
+        if let Some((_, l)) = pairs.find(|(k, l)| (k.i, k.j) >= (l.i, l.j)) {
+            let what = "is not sorted after the previous pair";
+            return bad_link(format!("{},{} {what}", l.i, l.j));
         }
         let mut undefined: Vec<Defect> = Recorded::read(b.undefined)?;
         let mut images = Vec::with_capacity(b.images.len());
-        for schema::ImageLink {
-            i,
-            j,
-            image,
-            lambda,
-        } in b.images
-        {
-            let image = Image::read(image)?;
-            match lambda {
+        for l in b.images {
+            let (i, j, image) = (l.i, l.j, Image::read(l.image)?);
+            // Earlier versions recorded pairs without a linking number here.
+            let undefined_pair = || Defect {
+                image,
+                ..undefined_entry(i, Some(j))
+            };
+            match l.lambda {
                 Some(lambda) => images.push(ImageLink {
                     i,
                     j,
                     image,
                     lambda,
                 }),
-                // As earlier versions recorded a pair without a linking number.
-                None => undefined.push(Defect {
-                    image,
-                    ..undefined_entry(i, Some(j))
-                }),
+                None => undefined.push(undefined_pair()),
             }
         }
         undefined.sort_by_key(|d| (d.i, d.j, d.image));
-        let of_one = |d: &Defect| {
-            d.j.is_some_and(|j| d.i > j || d.i == j && is_home(&d.image))
+        let bad = |d: &&Defect| {
+            let j = d.j.unwrap_or(d.i);
+            let of_one = d.j.is_some() && (d.i > j || d.i == j && is_home(&d.image));
+            of_one || u64::from(j) >= b.curves
         };
-        if let Some(d) = undefined
-            .iter()
-            .find(|d| u64::from(d.j.unwrap_or(d.i)) >= b.curves || of_one(d))
-        {
+        if let Some(d) = undefined.iter().find(bad) {
             let what = format!("{d}, of {} curves", b.curves);
             return Err(invalid("defect of the baseline", what));
         }
-        let images = b.periodic.then_some(images);
-        let periods = b.periods.into_iter();
-        let periods = periods.map(|p| Ok((p.curve, Image::read(p.period)?)));
-        let periods: Result<Vec<(u32, Image)>> = periods.collect();
-        let curves =
-            usize::try_from(b.curves).map_err(|_| invalid("curves of the baseline", b.curves))?;
+        let curves = usize::try_from(b.curves);
         Ok(BaselineRecord {
             certificate: Arc::new(Certificate {
-                curves,
+                curves: curves.map_err(|_| invalid("curves of the baseline", b.curves))?,
                 links,
                 undefined,
-                images,
-                periods: periods?,
+                images: b.periodic.then_some(images),
+                periods: Recorded::read(b.periods)?,
             }),
             origin: b.origin,
             frame: b.frame,

@@ -132,14 +132,8 @@ enum Channel {
     Foreign,
 }
 
-/// A message with its channel.
-struct Message {
-    channel: Channel,
-    /// Time at which it was logged.
-    time_ns: u64,
-    body: Bytes,
-    place: Place,
-}
+/// A message with its channel, the time at which it was logged, and its place.
+type Message = (Channel, u64, Bytes, Place);
 
 /// Reads a recording, item by item, in the order of writing.
 ///
@@ -297,14 +291,7 @@ impl<R: Read + Seek> RecordingReader<R> {
                         let labels = CurveLabels::named(m.names).with_radii(m.radii);
                         self.labels = Arc::new(labels);
                     }
-                    Some(&channel) => {
-                        return Ok(Some(Message {
-                            channel,
-                            time_ns: log_time,
-                            body,
-                            place,
-                        }));
-                    }
+                    Some(&channel) => return Ok(Some((channel, log_time, body, place))),
                 },
             }
         }
@@ -345,16 +332,15 @@ impl<R: Read + Seek> RecordingReader<R> {
     }
 
     /// Decodes a message. `None` if it is not an item.
-    fn item(&self, message: Message) -> Result<Option<RecordedItem>> {
-        let (body, place) = (message.body, message.place);
-        let item = match message.channel {
+    fn item(&self, (channel, time, body, place): Message) -> Result<Option<RecordedItem>> {
+        let item = match channel {
             Channel::Foreign | Channel::Tool | Channel::Labels => return Ok(None),
             Channel::Baseline => {
                 let read = Recorded::<schema::Baseline>::read(decode(body, place)?);
                 read.map(RecordedItem::Baseline)
             }
-            Channel::Frames => self.frame(decode(body, place)?, message.time_ns),
-            Channel::Verdicts => verdict(decode(body, place)?, message.time_ns),
+            Channel::Frames => self.frame(decode(body, place)?, time),
+            Channel::Verdicts => verdict(decode(body, place)?, time),
         };
         item.map(Some).map_err(|e| invalid(&words(place), e))
     }

@@ -9,6 +9,7 @@ use super::style::{CYAN, PALE_ORANGE, PALE_RED, lines, narrow, points};
 use super::view::View;
 use crate::curve::{Cell, CurveSet, is_home};
 use crate::error::Result;
+use crate::sinks::star;
 use crate::verdict::{Finding, Report};
 use re_sdk::RecordingStream;
 
@@ -80,16 +81,9 @@ pub(super) fn draw_places(
         true => spot.size.min(radius),
         false => DOT * radius,
     };
-    let rays = events.iter().flat_map(|(spot, ..)| {
-        let (center, reach) = (spot.marks[0], STAR * size(spot));
-        [0, 1, 2].map(|x| {
-            [-reach, reach].map(|reach| {
-                let mut end = center;
-                end[x] += reach;
-                narrow(end)
-            })
-        })
-    });
+    let star = |(spot, ..): &(Spot, _, _)| star(spot.marks[0], STAR * size(spot));
+    let rays = events.iter().flat_map(star);
+    let rays = rays.map(|ray| ray.map(narrow));
     log(rec, entity::STARS, &lines(rays, 2.0).with_colors([CYAN]))?;
 
     let near_sq = (NEAR * radius).powi(2);

@@ -1,7 +1,7 @@
 //! View of a scene: the direction and the distance of the eye, and the enlargement of small scenes.
 
 use crate::curve::vector::{dot, hypot, sub};
-use crate::curve::{CurveSet, Point};
+use crate::curve::{CurveSet, Point, bounds};
 use re_sdk_types::blueprint::archetypes::EyeControls3D;
 
 /// Distance of the eye from the centre of the scene, in radii of the scene.
@@ -35,15 +35,9 @@ pub(super) struct View {
 impl View {
     /// Returns `None` if the scene has no extent.
     pub fn of(set: &CurveSet) -> Option<View> {
-        let (mut lo, mut hi) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
-        for (i, curve) in set.curves().iter().enumerate() {
-            for k in 0..curve.points as usize {
-                let p = set.point(i, k);
-                for x in 0..3 {
-                    (lo[x], hi[x]) = (lo[x].min(p[x]), hi[x].max(p[x]));
-                }
-            }
-        }
+        let curves = set.curves().iter().enumerate();
+        let points = curves.flat_map(|(i, c)| (0..c.points as usize).map(move |k| set.point(i, k)));
+        let [lo, hi] = bounds(points);
         let size = sub(hi, lo);
         let radius = 0.5 * hypot(size);
         let thinnest = (0..3).min_by(|&a, &b| size[a].total_cmp(&size[b]))?;

@@ -82,17 +82,17 @@ impl<R: Read + Seek> RecordingReader<R> {
         let mut outline = Outline::default();
         self.labels = Arc::default();
         while let Some(message) = self.next_message(true)? {
-            let place = message.place;
+            let (channel, place) = (message.0, message.3);
             let at = |(seq, time), labels: &Arc<CurveLabels>| FramePlace {
                 seq,
                 time,
                 place,
                 labels: Arc::clone(labels),
             };
-            if let Channel::Frames = message.channel {
-                let begin = begin_of_frame(&message.body);
+            if let Channel::Frames = channel {
+                let begin = begin_of_frame(&message.2);
                 outline.frames.push(at(begin, &self.labels));
-            } else if let Channel::Verdicts = message.channel
+            } else if let Channel::Verdicts = channel
                 && let Some(RecordedItem::Verdict(recorded)) = self.item(message)?
             {
                 let report = recorded.report;

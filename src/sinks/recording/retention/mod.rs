@@ -240,7 +240,9 @@ trait Keep: Send {
     fn frame(&mut self, files: &mut Files, record: &FrameRecord, start: Start) -> Result<()>;
 
     /// Writes what is due. What else waits has nothing to do with the next frames.
-    fn end(&mut self, files: &mut Files) -> Result<()>;
+    fn end(&mut self, _files: &mut Files) -> Result<()> {
+        Ok(())
+    }
 
     /// See [`Sink::work`].
     fn work(&mut self, _files: &mut Files) -> Result<bool> {
@@ -248,7 +250,9 @@ trait Keep: Send {
     }
 
     /// Returns the number of frames in words.
-    fn note(&self, files: &Files) -> Option<String>;
+    fn note(&self, _files: &Files) -> Option<String> {
+        None
+    }
 }
 
 /// Records the frames that `K` chooses.
@@ -313,14 +317,6 @@ struct All;
 impl Keep for All {
     fn frame(&mut self, files: &mut Files, record: &FrameRecord, start: Start) -> Result<()> {
         files.write(record, &start)
-    }
-
-    fn end(&mut self, _files: &mut Files) -> Result<()> {
-        Ok(())
-    }
-
-    fn note(&self, _files: &Files) -> Option<String> {
-        None
     }
 }
 

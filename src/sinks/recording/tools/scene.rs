@@ -17,8 +17,8 @@ use crate::container::foxglove::{
     Color, KeyValuePair, LinePrimitive, LineType, Pose, Quaternion, SceneEntity,
     SceneEntityDeletion, SceneUpdate, TextPrimitive, Xyz,
 };
-use crate::curve::{CurveSet, Point, words_of_curve};
-use crate::sinks::FrameRecord;
+use crate::curve::{CurveSet, Point, bounds, words_of_curve};
+use crate::sinks::{FrameRecord, star};
 use crate::verdict::Finding;
 use std::collections::BTreeSet;
 
@@ -159,13 +159,7 @@ fn findings(set: &CurveSet, record: &FrameRecord) -> (Option<LinePrimitive>, Vec
     });
     let rays = report.events.iter().flat_map(|e| {
         let reach = reach(set, e.i as usize, report.stats.extent);
-        (0..3).flat_map(move |x| {
-            [-reach, reach].map(|reach| {
-                let mut end = e.point;
-                end[x] += reach;
-                Xyz::from(end)
-            })
-        })
+        star(e.point, reach).into_iter().flatten().map(Xyz::from)
     });
     let rays: Vec<Xyz> = rays.collect();
     let stars = match rays.is_empty() {
@@ -183,13 +177,8 @@ fn reach(set: &CurveSet, i: usize, scene: f64) -> f64 {
         return 0.0;
     };
     let step = (curve.segments as usize).div_ceil(KNOTS);
-    let (mut lo, mut hi) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
-    for s in (0..=curve.segments as usize).step_by(step.max(1)) {
-        let p = set.knot(i, s);
-        for x in 0..3 {
-            (lo[x], hi[x]) = (lo[x].min(p[x]), hi[x].max(p[x]));
-        }
-    }
+    let knots = (0..=curve.segments as usize).step_by(step.max(1));
+    let [lo, hi] = bounds(knots.map(|s| set.knot(i, s)));
     let size = (0..3).map(|x| hi[x] - lo[x]).fold(0.0, f64::max);
     match scene > 0.0 {
         true => (STAR[0] * scene).min(STAR[1] * size),
