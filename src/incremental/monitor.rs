@@ -342,7 +342,7 @@ impl Monitor {
         self.next_reference = self.frame + self.backoff;
     }
 
-    /// Compares the reference frame with a baseline that has adopted linking numbers.
+    /// Compares the reference frame with the baseline after it adopted linking numbers.
     pub fn set_baseline(&mut self, baseline: &Certificate) {
         if let Some(known) = &mut self.reference {
             // Cannot fail: both have the same number of curves.

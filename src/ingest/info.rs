@@ -39,8 +39,8 @@ pub struct FrameInfo {
     /// none. Another basis of the same lattice, as simulations take it that shear their cell, is
     /// replaced by that of the previous frame, in which all images have their names.
     pub cell: Option<Cell>,
-    /// True if nothing says which curves are closed, and the format closes them all
-    /// ([`CurveSource::closed_by_default`](crate::CurveSource::closed_by_default)).
+    /// True if neither the file nor the caller says which curves are closed, so that the default of
+    /// the format, all closed, applies ([`CurveSource::closed_by_default`](crate::CurveSource::closed_by_default)).
     pub closed_by_default: bool,
     /// Names and radii of the curves.
     pub labels: Arc<CurveLabels>,
@@ -64,8 +64,8 @@ impl FrameInfo {
         }
     }
 
-    /// Returns this information with names and radii of the curves, and the number of the layout,
-    /// which is another one whenever they change.
+    /// Returns this information with names and radii of the curves. Use another number of the
+    /// layout whenever they change.
     pub fn with_labels(self, layout: u32, labels: impl Into<Arc<CurveLabels>>) -> FrameInfo {
         FrameInfo {
             layout,

@@ -26,8 +26,8 @@
 //! 1. Symmetry: `lambda(i, j) = lambda(j, i)`.
 //! 2. Reversing one curve changes the sign; reversing both does not.
 //! 3. Cyclic shifts of the vertices do not change the result.
-//! 4. Rigid motions and positive scaling do not change the result (if they are exact on the input
-//!    floats).
+//! 4. Rigid motions and positive scaling do not change the result, provided that they are exact in
+//!    floating point.
 //! 5. Inserting a vertex on a segment does not change the result.
 //! 6. If a plane separates the curves, the result is 0.
 //! 7. The sign is that of Arai's sum (Arai 2013).

@@ -349,7 +349,7 @@ impl Curves {
                     format_args!(
                         "nothing says if {n} of {curves} curves are closed: pass `--closed` if all \
                          are, `--closed=false` if none is, or the number of points of each curve, \
-                         below 0 if it is closed (`--counts=-{}`)",
+                         negative if it is closed (`--counts=-{}`)",
                         self.sizes[0]
                     ),
                 ))

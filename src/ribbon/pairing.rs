@@ -47,12 +47,12 @@ const RIGID: f64 = 1e-5;
 /// Maximum number of vertices at which pairings are compared.
 const SAMPLES: usize = 256;
 
-/// Maximum number of rivals.
+/// Maximum number of alternative pairings that are returned.
 const RIVALS: usize = 4;
 
-/// Vertices of the second strand that belong to those of the first one.
+/// Maps each vertex of the first strand to its partner on the second strand.
 ///
-/// Its text is `parallel`, `antiparallel`, or one of these with a shift, `antiparallel:1`.
+/// Displayed as `parallel`, `antiparallel`, or one of these with a shift, `antiparallel:1`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Pairing {
     /// True if the strands run in opposite directions, as those of DNA do.

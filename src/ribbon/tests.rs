@@ -81,9 +81,9 @@ fn clearance(axis: &[Point]) -> f64 {
     least
 }
 
-/// Returns true if no corner turns by more than 60 degrees. The ribbon cannot pass through the axis
-/// near a corner then, because the vector across it is never between the tangents: it is more than
-/// 70 degrees from them.
+/// Returns true if every corner of the axis turns by less than 60 degrees. Then the ribbon does not
+/// cross the axis at a corner: that needs an edge whose direction is between both tangents, but
+/// edges are more than 70 degrees from the tangents.
 fn is_blunt(axis: &[Point]) -> bool {
     let n = axis.len();
     (0..n).all(|k| {

@@ -574,7 +574,10 @@ fn a_second_watch_with_the_same_file_is_refused() {
     let other = service("second-other");
     let refused = Watch::start(watches.folder.path(), "refused", &other, &args).end();
     assert_eq!(refused.code, Some(2), "{}", refused.stderr);
-    let words = format!("{}: another watch uses it", state.display());
+    let words = format!(
+        "{}: another `linkwatch watch` has locked it",
+        state.display()
+    );
     assert!(refused.stderr.contains(&words), "{}", refused.stderr);
     // The first one is not disturbed, and neither is the next one.
     assert_eq!(step(&mut sim, 1, 0.0), Verdict::Intact);

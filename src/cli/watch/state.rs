@@ -373,12 +373,14 @@ fn read_session(path: &Path) -> Result<Option<RunState>> {
 fn lock(path: &Path, file: File) -> Result<File> {
     match file.try_lock() {
         Ok(()) => Ok(file),
-        Err(TryLockError::WouldBlock) => Err(unusable(path, "another watch uses it")),
+        Err(TryLockError::WouldBlock) => {
+            Err(unusable(path, "another `linkwatch watch` has locked it"))
+        }
         Err(TryLockError::Error(e)) => Err(unusable(path, e)),
     }
 }
 
-/// Reads a note; `None` if the file is empty.
+/// Reads the progress note of a watch; `None` if the file is empty.
 fn read_note(path: &Path, file: &mut File) -> Result<Option<Note>> {
     let mut content = Vec::new();
     let read = file.take(NOTE_BYTES as u64).read_to_end(&mut content);
@@ -452,7 +454,7 @@ mod tests {
         assert_eq!((third.sessions(), third.restarts()), (2, 3));
         third.end_session(Outcome::Changed).unwrap();
         let e = State::open(Some(&path)).err().unwrap().to_string();
-        assert!(e.contains("another watch uses it"), "{e}");
+        assert!(e.contains("another `linkwatch watch` has locked it"), "{e}");
         drop(third);
         let mut fourth = open();
         assert_eq!(fourth.outcome(), Outcome::Changed);

@@ -103,16 +103,16 @@ impl Neighbours {
     }
 }
 
-/// Calls `near` with every leaf of one tree and every leaf of another one, and the distance of
-/// their boxes along some axis, if that is not above the range.
+/// Calls `near` for each pair of leaves, one from each tree, whose boxes are at most `range` apart
+/// along every axis: with both leaves and the largest of the three gaps.
 pub(super) fn near_leaves(
     [first, second]: [CurveTree<'_>; 2],
     range: f32,
     mut near: impl FnMut(u32, u32, f32) -> bool,
 ) {
-    let mut agenda = vec![(first.root(), second.root())];
+    let mut stack = vec![(first.root(), second.root())];
     let mut leaf = BoxGroup::EMPTY;
-    while let Some((t, u)) = agenda.pop() {
+    while let Some((t, u)) = stack.pop() {
         let [a, b] = [first.node_box(t), second.node_box(u)];
         let gap = gap_along_an_axis(&a, &b);
         if gap > range {
@@ -130,11 +130,11 @@ pub(super) fn near_leaves(
             }
             (p, q) if p >= q => {
                 let group = first.children(t, &mut leaf);
-                agenda.extend(lanes(&b, group).map(|k| (t.child(k), u)));
+                stack.extend(lanes(&b, group).map(|k| (t.child(k), u)));
             }
             _ => {
                 let group = second.children(u, &mut leaf);
-                agenda.extend(lanes(&a, group).map(|k| (t, u.child(k))));
+                stack.extend(lanes(&a, group).map(|k| (t, u.child(k))));
             }
         }
     }

@@ -247,7 +247,7 @@ fn bond(text: &[u8]) -> Result<[u64; 2], String> {
         None => Err("too few words, expected `id type atom atom`".into()),
     };
     match [atom()?, atom()?] {
-        [a, b] if a == b => Err(format!("a bond of atom {a} with itself")),
+        [a, b] if a == b => Err(format!("the bond connects atom {a} to itself")),
         atoms => Ok(atoms),
     }
 }
@@ -256,8 +256,9 @@ fn bond(text: &[u8]) -> Result<[u64; 2], String> {
 struct Columns {
     /// Column of x.
     x: usize,
-    /// Column of the type, to check a style that was guessed.
+    /// Column of the atom type, to validate a style that was guessed from the number of columns.
     checked_type: Option<usize>,
+    /// True if three image flags follow the coordinates.
     flags: bool,
 }
 

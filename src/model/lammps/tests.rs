@@ -497,7 +497,7 @@ fn errors_of_data_files_name_the_line() {
         (
             "1 1 2 3",
             "1 1 2 2",
-            "line 18): a bond of atom 2 with itself",
+            "line 18): the bond connects atom 2 to itself",
         ),
         ("1 1 2 3", "1 1 2", "too few words"),
         ("1 1 2 3", "1 1 2 -3", "'-3', expected the id of an atom"),
