@@ -1,13 +1,13 @@
 //! Values of options that carry settings: `FILE.mcap,every=10,max=1GB`.
 
+/// Keys of settings with their values.
+type Settings<'a> = Vec<(&'a str, &'a str)>;
+
 /// Splits a value into what stands before its settings, and the settings. A comma that no setting
 /// follows belongs to what stands before, so that names of files may have commas.
 ///
 /// Errors: a setting that `known` lacks or that is given twice, in words.
-pub fn split<'a>(
-    value: &'a str,
-    known: &[&str],
-) -> Result<(&'a str, Vec<(&'a str, &'a str)>), String> {
+pub fn split<'a>(value: &'a str, known: &[&str]) -> Result<(&'a str, Settings<'a>), String> {
     let (mut what, mut settings) = (value, Vec::new());
     while let Some((before, last)) = what.rsplit_once(',')
         && let Some((key, setting)) = last.split_once('=')
