@@ -6,9 +6,11 @@ use crate::cli::clearance_args::{self, ClearanceArgs};
 use crate::cli::event_args::EventArgs;
 use crate::cli::files::{Files, Overwrite};
 use crate::cli::kernel::KernelArgs;
+#[cfg(any(feature = "bus", feature = "mcap"))]
+use linkwatch::Strategy;
 use linkwatch::{
     AbortOn, BaselineRecord, Braids, Certificate, ClearanceOptions, Error, Events, Result,
-    SessionOptions, Strategy,
+    SessionOptions,
 };
 use std::collections::BTreeMap;
 use std::path::PathBuf;
