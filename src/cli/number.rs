@@ -12,7 +12,6 @@ pub fn positive(text: &str) -> Result<f64, String> {
 }
 
 /// Parses an integer of at least 1.
-#[cfg(any(feature = "mcap", feature = "rerun"))]
 pub fn at_least_one(text: &str) -> Result<std::num::NonZeroU64, String> {
     let parsed = text.parse();
     parsed.map_err(|_| "expected an integer of at least 1".into())

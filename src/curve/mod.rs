@@ -31,7 +31,7 @@ mod labels;
 mod lazy;
 #[cfg(feature = "verify")]
 mod leaf_boxes;
-#[cfg(any(feature = "mcap", feature = "rerun"))]
+#[cfg(feature = "verify")]
 mod local;
 mod notation;
 #[cfg(feature = "verify")]
@@ -82,7 +82,7 @@ pub use labels::CurveLabels;
 pub(crate) use labels::{words_of_change, words_of_curve};
 #[cfg(feature = "verify")]
 pub(crate) use lazy::Received;
-#[cfg(any(feature = "mcap", feature = "rerun"))]
+#[cfg(feature = "verify")]
 pub(crate) use local::{feature, nearest};
 pub(crate) use notation::{Notation, significant};
 #[cfg(feature = "verify")]

@@ -51,10 +51,9 @@ impl Facts {
         };
         let percent = |b: &Bin| b.clearance.map(|c| 100.0 * c);
         let mut clearance = vec![each("closest strands", "k4", &percent)];
-        let level = self
-            .metadata
-            .get("min_clearance")
-            .and_then(|low| low.parse::<f64>().ok());
+        let level = self.metadata.get("min_clearance");
+        let level = level.filter(|_| self.clearances[0] > 0);
+        let level = level.and_then(|low| low.parse::<f64>().ok());
         clearance.extend(level.map(|x| each("level of the warning", "k1", &|_| Some(100.0 * x))));
         let (mut plots, mut zero) = (Vec::new(), Vec::new());
         for (what, title, how, content, kind) in [

@@ -68,8 +68,9 @@ fn images_of_one_pair_are_findings_of_their_own() {
     assert_eq!(run.stdout.matches(lost).count(), 1, "{}", run.stdout);
     let report = linkwatch(&["report", text(&recording), "--text"]);
     let rows = [
-        "frame 2 at 1 s: curve 0 and the image -1,0,0 of curve 1: link gained: expected 0, found 1",
-        "frame 2 at 1 s: curves 0 and 1: link lost: expected -1, found 0",
+        "frame 2 at 1 s: curve 0 and the image -1,0,0 of curve 1 became linked: linking number \
+         was 0, is 1",
+        "frame 2 at 1 s: curves 0 and 1 came apart: linking number was -1, is 0",
     ];
     for (row, frames) in rows.into_iter().zip(["3 frames, to 4", "5 frames, to 6"]) {
         let line = report.stdout.lines().find(|line| line.contains(row));

@@ -22,6 +22,26 @@ const LATENCIES: [f64; 25] = [
     0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0,
 ];
 
+/// Names of the figures of a service without the prefix `linkwatch_`, and their help.
+const FAMILIES: &str = "\
+frames_verified_total: Frames that were verified, with any verdict.
+frames_skipped_total: Frames that were not verified, because a newer one replaced them.
+frames_rejected_total: Frames that broke their contract (NaN, other curves).
+verdicts_total: Verified and rejected frames by verdict.
+aborts_total: Frames whose verdict asked the simulator to stop.
+pull_throughs_total: Pull-throughs found. Absent if none are searched for.
+unresolved_pull_throughs_total: Pull-throughs left open, because frames are too far apart. Absent \
+                                if none are searched for.
+output_frames_dropped_total: Frames that a recording or a viewer missed.
+sessions_total: Simulators that connected.
+restarts_total: Times that the watch was started again (--state).
+simulator_connected: 1 if a simulator is connected, else 0.
+verdict: 1 for the verdict on the last frame, else 0. Stays when the simulator ends.
+changed_links: Linking numbers in the last frame that are not the expected ones.
+last_frame: Number of the last verified frame. Absent before the first one.
+verdict_latency_seconds: Time from the receipt of a verified frame until its verdict was sent.
+";
+
 /// Verdicts that a watcher gives. Only a simulator can know that a verdict is stale.
 fn verdicts() -> impl Iterator<Item = Verdict> {
     let all = Verdict::ALL.into_iter();
@@ -128,85 +148,37 @@ pub struct Service {
 impl Service {
     /// Creates the figures of a service and adds them to the page.
     fn new(registry: &Registry, service: &str) -> Service {
-        let opts = |name: &str, help: &str| Opts::new(name, help).const_label("service", service);
-        let counter =
-            |name: &str, help: &str| registered(registry, IntCounter::with_opts(opts(name, help)));
-        let counters = |name: &str, help: &str, labels: &[&str]| {
-            registered(registry, IntCounterVec::new(opts(name, help), labels))
+        let opts = |name: &str| {
+            let mut rows = FAMILIES.lines().filter_map(|row| row.split_once(": "));
+            let (_, help) = rows.find(|(family, _)| *family == name).unwrap_or_default();
+            Opts::new(format!("linkwatch_{name}"), help).const_label("service", service)
         };
-        let gauge =
-            |name: &str, help: &str| registered(registry, IntGauge::with_opts(opts(name, help)));
-        let gauges = |name: &str, help: &str, labels: &[&str]| {
-            registered(registry, IntGaugeVec::new(opts(name, help), labels))
+        let counter = |name: &str| registered(registry, IntCounter::with_opts(opts(name)));
+        let counters = |name: &str, labels: &[&str]| {
+            registered(registry, IntCounterVec::new(opts(name), labels))
         };
-        let latency = HistogramOpts::new(
-            "linkwatch_verdict_latency_seconds",
-            "Time from the receipt of a verified frame until its verdict was sent.",
-        );
-        let latency = latency.const_label("service", service);
+        let gauge = |name: &str| registered(registry, IntGauge::with_opts(opts(name)));
+        let gauges = |name: &str, labels: &[&str]| {
+            registered(registry, IntGaugeVec::new(opts(name), labels))
+        };
+        let latency = HistogramOpts::from(opts("verdict_latency_seconds"));
         let latency = Histogram::with_opts(latency.buckets(LATENCIES.to_vec()));
         let figures = Service {
-            verified: counter(
-                "linkwatch_frames_verified_total",
-                "Frames that were verified, with any verdict.",
-            ),
-            skipped: counter(
-                "linkwatch_frames_skipped_total",
-                "Frames that were not verified, because a newer one replaced them.",
-            ),
-            rejected: counter(
-                "linkwatch_frames_rejected_total",
-                "Frames that broke their contract (NaN, other curves).",
-            ),
-            verdicts: counters(
-                "linkwatch_verdicts_total",
-                "Verified and rejected frames by verdict.",
-                &["verdict"],
-            ),
-            aborts: counter(
-                "linkwatch_aborts_total",
-                "Frames whose verdict asked the simulator to stop.",
-            ),
-            pull_throughs: counters(
-                "linkwatch_pull_throughs_total",
-                "Pull-throughs found. Absent if none are searched for.",
-                &[],
-            ),
-            unresolved: counters(
-                "linkwatch_unresolved_pull_throughs_total",
-                "Pull-throughs left open, because frames are too far apart. Absent if none are \
-                 searched for.",
-                &[],
-            ),
-            dropped: counters(
-                "linkwatch_output_frames_dropped_total",
-                "Frames that a recording or a viewer missed.",
-                &["output"],
-            ),
-            sessions: counter("linkwatch_sessions_total", "Simulators that connected."),
-            restarts: counter(
-                "linkwatch_restarts_total",
-                "Times that the watch was started again (--state).",
-            ),
-            connected: gauge(
-                "linkwatch_simulator_connected",
-                "1 if a simulator is connected, else 0.",
-            ),
+            verified: counter("frames_verified_total"),
+            skipped: counter("frames_skipped_total"),
+            rejected: counter("frames_rejected_total"),
+            verdicts: counters("verdicts_total", &["verdict"]),
+            aborts: counter("aborts_total"),
+            pull_throughs: counters("pull_throughs_total", &[]),
+            unresolved: counters("unresolved_pull_throughs_total", &[]),
+            dropped: counters("output_frames_dropped_total", &["output"]),
+            sessions: counter("sessions_total"),
+            restarts: counter("restarts_total"),
+            connected: gauge("simulator_connected"),
             last: AtomicU32::new(u32::MAX),
-            verdict: gauges(
-                "linkwatch_verdict",
-                "1 for the verdict on the last frame, else 0. Stays when the simulator ends.",
-                &["verdict"],
-            ),
-            changed_links: gauge(
-                "linkwatch_changed_links",
-                "Linking numbers in the last frame that are not the expected ones.",
-            ),
-            last_frame: gauges(
-                "linkwatch_last_frame",
-                "Number of the last verified frame. Absent before the first one.",
-                &[],
-            ),
+            verdict: gauges("verdict", &["verdict"]),
+            changed_links: gauge("changed_links"),
+            last_frame: gauges("last_frame", &[]),
             latency: registered(registry, latency),
         };
         for verdict in verdicts() {

@@ -170,34 +170,32 @@ fn answer(mut connection: &Timed<'_>, page: impl Fn() -> String) -> io::Result<(
     let head = String::from_utf8_lossy(&head);
     let line = head.lines().next().unwrap_or_default();
     let words: Vec<&str> = line.split_ascii_whitespace().collect();
-    let text = "text/plain; charset=utf-8";
-    let (status, kind, body) = match words[..] {
+    let (status, body) = match words[..] {
         _ if !is_complete => (
             "431 Request Header Fields Too Large",
-            text,
             "the request is too large\n".into(),
         ),
         [method, path, "HTTP/1.0" | "HTTP/1.1"] => match (method, path.split('?').next()) {
-            ("GET" | "HEAD", Some(PATH)) => {
-                ("200 OK", "text/plain; version=0.0.4; charset=utf-8", page())
-            }
+            ("GET" | "HEAD", Some(PATH)) => ("200 OK", page()),
             (_, Some(PATH)) => (
                 "405 Method Not Allowed\r\nAllow: GET, HEAD",
-                text,
                 "only GET and HEAD are supported\n".into(),
             ),
-            _ => {
-                let why = format!("the metrics of linkwatch are at {PATH}\n");
-                ("404 Not Found", text, why)
-            }
+            _ => ("404 Not Found", format!("the metrics are at {PATH}\n")),
         },
-        _ => ("400 Bad Request", text, "not an HTTP request\n".into()),
+        _ => ("400 Bad Request", "not an HTTP request\n".into()),
+    };
+    // The version of the format of Prometheus.
+    let version = if status == "200 OK" {
+        "; version=0.0.4"
+    } else {
+        ""
     };
     let length = body.len();
     write!(
         connection,
-        "HTTP/1.1 {status}\r\nContent-Type: {kind}\r\nContent-Length: {length}\r\n\
-         Connection: close\r\n\r\n"
+        "HTTP/1.1 {status}\r\nContent-Type: text/plain{version}; charset=utf-8\r\n\
+         Content-Length: {length}\r\nConnection: close\r\n\r\n"
     )?;
     if words.first() != Some(&"HEAD") {
         connection.write_all(body.as_bytes())?;

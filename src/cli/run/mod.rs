@@ -28,7 +28,9 @@ mod violations;
 
 pub use frame::{Ingested, Judged};
 pub use junit::JunitArgs;
-pub use settings::{Baseline, Judge, MOTION_LIMIT, Recorded};
+#[cfg(feature = "mcap")]
+pub use settings::MOTION_LIMIT;
+pub use settings::{Baseline, Judge, Recorded};
 pub use sinks::Sinks;
 #[cfg(feature = "bus")]
 pub use state::RunState;
