@@ -6,7 +6,7 @@
 //!
 //! On request it also has messages of types that other tools draw: [`RecordingTool`].
 //!
-//! Only this module knows the crates `mcap` and `prost`; the container module reads records.
+//! The container module reads the records.
 
 mod diff;
 mod file;
