@@ -81,8 +81,8 @@ mod tests {
             &(packed.len() as u64).to_le_bytes(),
             &packed,
         ];
-        let end = [&record(op::DATA_END, &[0; 4])[..], &MAGIC].concat();
-        [&MAGIC[..], &record(op::CHUNK, &chunk.concat()), &end].concat()
+        let end = [&record(op::DATA_END, &[0; 4])[..], MAGIC].concat();
+        [MAGIC, &record(op::CHUNK, &chunk.concat()), &end].concat()
     }
 
     /// Reads to the end or the first error.
