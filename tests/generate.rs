@@ -222,7 +222,11 @@ fn bad_options_of_moving_scenes_exit_with_2() {
         (&bcc, &["--frames", "2,diameter=0.2"][..], "holds one frame"),
         (&npz, &[], "scenes are written as .bcc"),
         (&npz, &["--frames", "2"], "chainmail has no diameter"),
-        (&npz, &["--frames", "2,motion=fast"], "expected"),
+        (
+            &npz,
+            &["--frames", "2,motion=fast"],
+            "unknown motion 'fast'",
+        ),
         (
             &npz,
             &["--frames", "2,pull=2"],

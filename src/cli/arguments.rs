@@ -25,7 +25,7 @@ const IN_WORDS: [(&str, &str); 6] = [
 ];
 
 /// Commands and options of earlier versions, and what to use instead.
-const GONE: [(&str, &str); 33] = [
+const GONE: [(&str, &str); 37] = [
     (
         "plan",
         "`linkwatch certify --explain MODEL` prints the plan",
@@ -36,6 +36,7 @@ const GONE: [(&str, &str); 33] = [
     ("--measure", STUDY),
     ("--calibrate", STUDY),
     ("--against", "--baseline"),
+    ("--amplitude", "--frames N,amplitude=A"),
     (
         "--beta",
         "--kernel barnes-hut,beta=B, of `linkwatch certify`",
@@ -50,18 +51,21 @@ const GONE: [(&str, &str); 33] = [
         "`linkwatch certify --device`; other commands choose it",
     ),
     ("--diff", "`linkwatch diff FIRST.mcap SECOND.mcap`"),
+    ("--diameter", "--frames N,diameter=D"),
     ("--diff-curves", "--json, which prints all changes"),
     ("--diff-pairs", "--json, which prints all changes"),
     (
         "--kernel",
         "`linkwatch certify --kernel`; other commands choose it",
     ),
+    ("--motion", "--frames N,motion=MOTION"),
     ("--order", "--kernel fmm,order=P, of `linkwatch certify`"),
     (
         "--paranoid",
         "Strategy::Paranoid, in a program that uses the library",
     ),
     ("--publish", "`linkwatch play FILE --service NAME`"),
+    ("--pull", "--frames N,pull=SEQ"),
     ("--record-every", "--record FILE.mcap,every=N"),
     ("--record-for", "--record FILE.mcap,for=TOOL"),
     ("--record-keep", "--record FILE.mcap,max=SIZE,keep=K"),
@@ -113,7 +117,10 @@ fn with_negative_numbers(command: Command) -> Command {
 /// pass an unknown option as a file name.
 fn in_words(mut error: Error) -> Error {
     if let Some((name, instead)) = gone(&error) {
-        return Error::raw(error.kind(), format!("{name} is gone: {instead}\n"));
+        return Error::raw(
+            error.kind(),
+            format!("{name} is gone; instead: {instead}\n"),
+        );
     }
     if error.kind() == ErrorKind::UnknownArgument {
         error.remove(ContextKind::Suggested);

@@ -62,14 +62,26 @@ fn bad_arguments_exit_with_2() {
 
 #[test]
 fn a_command_or_option_that_is_gone_says_in_one_line_what_to_use() {
-    let explain = "plan is gone: `linkwatch certify --explain MODEL`";
-    let study = "is gone: measurements are commands for developers";
+    let explain = "plan is gone; instead: `linkwatch certify --explain MODEL`";
+    let study = "is gone; instead: measurements are commands for developers";
     for (args, says) in [
         (&["plan", "ribbon"][..], explain),
         (&["study", "frames", "knit"], study),
         (&["sweep", "a.bcc", "--quantize", "24..8"], study),
         (&["certify", "a.bcc", "--repeat", "3"], "--repeat is gone"),
         (&["devices", "--calibrate"], "--calibrate is gone"),
+        (
+            &["check", "a.bcc", "--rrd", "a.rrd"],
+            "--rrd is gone; instead: --show FILE.rrd",
+        ),
+        (
+            &["watch", "--record-every=3"],
+            "--record-every is gone; instead: --record FILE.mcap,every=N",
+        ),
+        (
+            &["replay", "a.mcap", "--diff", "b.mcap"],
+            "--diff is gone; instead: `linkwatch diff",
+        ),
     ] {
         let run = linkwatch(args);
         assert_eq!((run.code, run.stdout.as_str()), (2, ""), "{args:?}");
