@@ -25,6 +25,7 @@ pub enum Content {
     Model,
     #[cfg(feature = "mcap")]
     Recording,
+    #[cfg(feature = "rerun")]
     Viewer,
 }
 
@@ -44,9 +45,11 @@ impl Content {
             }
             #[cfg(feature = "mcap")]
             (Content::Recording, other) if other != "mcap" => Some("a recording is an .mcap file"),
+            #[cfg(feature = "rerun")]
             (Content::Viewer, "mcap") => {
                 Some("a file for the viewer is an .rrd file; --record writes a recording (.mcap)")
             }
+            #[cfg(feature = "rerun")]
             (Content::Viewer, other) if other != "rrd" => {
                 Some("a file for the viewer is an .rrd file")
             }

@@ -40,7 +40,8 @@ pub struct FrameInfo {
     /// replaced by that of the previous frame, in which all images have their names.
     pub cell: Option<Cell>,
     /// True if neither the file nor the caller says which curves are closed, so that the default of
-    /// the format, all closed, applies ([`CurveSource::closed_by_default`](crate::CurveSource::closed_by_default)).
+    /// the format, all closed, applies
+    /// ([`CurveSource::closed_by_default`](crate::CurveSource::closed_by_default)).
     pub closed_by_default: bool,
     /// Names and radii of the curves.
     pub labels: Arc<CurveLabels>,

@@ -128,6 +128,7 @@ fn is_radius(radius: f64) -> bool {
 
 /// Clearance of a part of a curve, for display.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(not(feature = "rerun"), allow(dead_code, reason = "for the viewer"))]
 pub(crate) struct CloseBlock {
     /// Curve, from 0.
     pub curve: u32,
@@ -145,6 +146,7 @@ pub(crate) struct CloseBlock {
 /// Errors: [`Error::Usage`] if a curve has no radius, or one that is not a positive length, the
 /// vectors of the cell do not span a lattice, or curves span too many cells;
 /// [`Error::Unsupported`] if coordinates are too large, or too many strands are close.
+#[cfg_attr(not(feature = "rerun"), allow(dead_code, reason = "for the viewer"))]
 pub(crate) fn close_blocks(
     set: &CurveSet,
     cell: Option<&Cell>,
