@@ -82,7 +82,7 @@ impl Strut {
     /// let line = |z: f64| [0.0, 0.0, z, 1.0, 0.0, z];
     /// let crossed = [&line(0.0)[..], &[0.5, -1.0, 0.25, 0.5, 1.0, 0.25]].concat();
     /// let set = CurveSet::from_counts(Basis::Polyline, &[2, 2], Positions::F64(&crossed))?;
-    /// let strut = Thickness::of(&set)?.poca.unwrap();
+    /// let strut = Thickness::of(&set, None)?.poca.unwrap();
     /// let gradient = strut.gradient().unwrap();
     /// assert_eq!(strut.length, 0.25);
     /// assert_eq!(gradient[0], [[0.0, 0.0, -0.5]; 2]);
