@@ -230,7 +230,7 @@ fn bad_options_of_moving_scenes_exit_with_2() {
         (
             &npz,
             &["--frames", "2,pull=2"],
-            "expected a frame from 0 to 1",
+            "expected a frame from 1 to 1",
         ),
     ] {
         let run = linkwatch(&[&["generate", scene, "-o", text(file)][..], args].concat());

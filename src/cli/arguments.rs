@@ -25,7 +25,7 @@ const IN_WORDS: [(&str, &str); 6] = [
 ];
 
 /// Commands and options of earlier versions, and what to use instead.
-const GONE: [(&str, &str); 37] = [
+const GONE: [(&str, &str); 43] = [
     (
         "plan",
         "`linkwatch certify --explain MODEL` prints the plan",
@@ -84,10 +84,21 @@ const GONE: [(&str, &str); 37] = [
     ),
     ("--thickness", "--radius"),
     ("--unwrapped", "--wrapped=false"),
+    ("--bonds", CHECK),
+    ("--closed", CHECK),
+    ("--counts", CHECK),
+    ("--one-motion", CHECK),
+    ("--topic", CHECK),
     ("--view", "--show live"),
     ("--view-every", "--show WHERE,every=N"),
     ("--view-only", "--show WHERE,only=violated"),
+    (
+        "--wait-mode",
+        "nothing: a watch sleeps until a frame arrives",
+    ),
 ];
+
+const CHECK: &str = "`linkwatch check` reads files that need it";
 
 const STUDY: &str = "measurements are commands for developers, in a clone of linkwatch: `cargo run \
                      --release -p study -- --help` (benches/study)";

@@ -264,6 +264,7 @@ impl Converter {
             converted.time = frame.time;
             converted.cell = frame.info.cell;
             converted.labels = Arc::clone(&frame.info.labels);
+            converted.left_out = frame.left_out;
             write(converted, frame.info)?;
         }
         self.check_frames()

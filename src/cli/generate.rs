@@ -146,8 +146,8 @@ impl FromStr for Moving {
                 "amplitude" => moving.amplitude = named(key, not_negative(value))?,
                 "diameter" => moving.diameter = Some(named(key, positive(value))?),
                 _ => match value.parse() {
-                    Ok(pull) if pull < frames => moving.pull = Some(pull),
-                    _ => return Err(format!("pull: expected a frame from 0 to {}", frames - 1)),
+                    Ok(pull) if (1..frames).contains(&pull) => moving.pull = Some(pull),
+                    _ => return Err(format!("pull: expected a frame from 1 to {}", frames - 1)),
                 },
             }
         }

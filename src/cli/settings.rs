@@ -9,6 +9,12 @@ type Settings<'a> = Vec<(&'a str, &'a str)>;
 /// Errors: a setting that `known` lacks or that is given twice, in words.
 pub fn split<'a>(value: &'a str, known: &[&str]) -> Result<(&'a str, Settings<'a>), String> {
     let (mut what, mut settings) = (value, Vec::new());
+    if let Some((_, last)) = what.rsplit_once(',')
+        && known.contains(&last.trim_end_matches('='))
+    {
+        let last = last.trim_end_matches('=');
+        return Err(format!("{last} needs a value: {last}=.."));
+    }
     while let Some((before, last)) = what.rsplit_once(',')
         && let Some((key, setting)) = last.split_once('=')
         && key.bytes().all(|byte| byte.is_ascii_lowercase())
@@ -49,6 +55,8 @@ mod tests {
         for (bad, word) in [
             ("run.mcap,evry=10", "no setting 'evry'"),
             ("run.mcap,every=1,every=2", "given twice"),
+            ("run.mcap,every", "every needs a value"),
+            ("run.mcap,max=1GB,every=", "every needs a value"),
             (",every=1", "expected a name"),
         ] {
             let error = split(bad).unwrap_err();

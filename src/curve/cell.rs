@@ -227,6 +227,10 @@ impl FromStr for Cell {
         let parts = text.split([',', ' ']).filter(|part| !part.is_empty());
         let numbers: Option<Vec<f64>> = parts.map(|part| part.parse().ok()).collect();
         let cell = match numbers.as_deref() {
+            Some(&[x, y, z]) if [x, y, z].iter().any(|edge| *edge < 0.0) => {
+                let what = format!("'{text}': the edges of a cell are at least 0");
+                return Err(Error::Usage(what));
+            }
             Some(&[x, y, z]) => Cell::orthogonal([0.0; 3], [x, y, z]),
             Some(numbers) if matches!(numbers.len(), 9 | 12) => {
                 let (points, _) = numbers.as_chunks::<3>();

@@ -356,7 +356,7 @@ fn is_usd(path: &Path) -> bool {
 /// Returns the error of a USD file, with what to do instead.
 fn needs_python(path: &Path) -> Error {
     let what = format!(
-        "the Python package reads it: `pip install \"linkwatch[usd]\"`, then `python -m linkwatch \
+        "the Python package reads it with usd-core (`pip install usd-core`): `python -m linkwatch \
          convert {} OUT.npz`",
         path.display()
     );

@@ -339,3 +339,20 @@ fn an_invalid_frame_is_left_out_of_numbered_files_and_of_one_file() {
         assert!(files_in(to.path()).is_empty());
     }
 }
+
+/// A conversion must not make an incomplete file look complete.
+#[test]
+fn a_converted_archive_says_what_was_not_read() {
+    let folder = TempDir::new().unwrap();
+    let [obj, npz, again] = ["a.obj", "a.npz", "b.npz"].map(|name| folder.path().join(name));
+    let square = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nl 1 2 3 4 1\n";
+    let unknown = "cstype cardinal\ndeg 3\ncurv 0 1 1 2 3 4\nparm u 0 1\nend\n";
+    std::fs::write(&obj, format!("{square}{unknown}")).unwrap();
+    for [from, to] in [[&obj, &npz], [&npz, &again]] {
+        let run = linkwatch(&["convert", text(from), text(to)]);
+        assert_eq!(run.code, 3, "{}", run.stderr);
+        let run = linkwatch(&["certify", text(to)]);
+        assert_eq!(run.code, 3, "{}", run.stderr);
+        assert!(run.stderr.contains("cardinal"), "{}", run.stderr);
+    }
+}

@@ -125,7 +125,7 @@ fn a_usd_file_is_refused_with_the_way_to_convert_it() {
             assert_eq!(run.code, 2, "{command}: {}", run.stderr);
             assert_eq!(run.stderr.lines().count(), 1, "{}", run.stderr);
             says(&run, &format!("{name}: unsupported USD: "));
-            says(&run, "`pip install \"linkwatch[usd]\"`");
+            says(&run, "`pip install usd-core`");
             says(
                 &run,
                 &format!("`python -m linkwatch convert {} OUT.npz`", text(&file)),

@@ -330,7 +330,7 @@ impl Publisher {
         self.live.clear();
         let took = start.elapsed();
         let cut = warn_of_cut(source.path(), source.ending());
-        let mut complete = !cut && !source.lacks_curves();
+        let mut complete = !cut && !source.lacks_curves() && self.left_out == 0;
         let mut wait = SILENCE;
         match &end {
             End::AllPublished => {}
@@ -379,6 +379,12 @@ impl Publisher {
                     count(c.verified),
                     count(c.skipped),
                     count(c.rejected)
+                );
+            }
+            if self.left_out > 0 {
+                line += &format!(
+                    "\nnot published: {}",
+                    plural(self.left_out, "invalid frame")
                 );
             }
             if self.answers.rejected > 0 {

@@ -8,7 +8,7 @@
 use super::{FORMAT, basis_name};
 use crate::curve::{Basis, Cell, CurveLabels, CurveSet, Precision};
 use crate::error::{Error, Result};
-use crate::model::frames::ModelFrame;
+use crate::model::frames::{LeftOut, ModelFrame};
 use crate::model::write::{FrameSink, check_polylines, curves_of, same_curves};
 use crc32fast::Hasher;
 use std::fs::File;
@@ -178,6 +178,8 @@ pub(in crate::model) struct NpzFile {
     times: Vec<f64>,
     /// Cells of all frames so far; empty if the frames have none.
     cells: Vec<Cell>,
+    /// Elements of the inputs that were not read.
+    left_out: Vec<LeftOut>,
 }
 
 /// Name of the member with the positions, the first one.
@@ -192,6 +194,7 @@ impl NpzFile {
             seq: Vec::new(),
             times: Vec::new(),
             cells: Vec::new(),
+            left_out: Vec::new(),
         }
     }
 }
@@ -220,6 +223,7 @@ impl FrameSink for NpzFile {
         self.seq.push(frame.seq);
         self.times.push(frame.time);
         self.cells.extend(frame.cell);
+        LeftOut::merge(&mut self.left_out, &frame.left_out);
         Ok(())
     }
 
@@ -246,6 +250,8 @@ impl FrameSink for NpzFile {
         let labels = &self.labels;
         let basis = Texts::of(&[basis_name(stream.basis).to_owned()]);
         let names = Texts::of(&labels.names);
+        let said: Vec<String> = self.left_out.iter().map(LeftOut::to_string).collect();
+        let left_out = Texts::of(&said);
         let list = |len: usize| format!("{len},");
         let counts = flat(stream.counts.iter().map(|c| c.to_le_bytes()));
         let radii = flat(labels.radii.iter().map(|r| r.to_le_bytes()));
@@ -257,6 +263,12 @@ impl FrameSink for NpzFile {
             ("counts", "<i4", list(stream.counts.len()), counts),
             ("basis", &basis.descr, String::new(), basis.bytes),
             ("names", &names.descr, list(labels.names.len()), names.bytes),
+            (
+                "left_out",
+                &left_out.descr,
+                list(said.len()),
+                left_out.bytes,
+            ),
             ("radii", "<f4", list(labels.radii.len()), radii),
             ("times", "<f8", list(frames), times),
             ("cell", "<f8", cell_shape, cell),
