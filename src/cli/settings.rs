@@ -9,19 +9,18 @@ type Settings<'a> = Vec<(&'a str, &'a str)>;
 /// Errors: a setting that `known` lacks or that is given twice, in words.
 pub fn split<'a>(value: &'a str, known: &[&str]) -> Result<(&'a str, Settings<'a>), String> {
     let (mut what, mut settings) = (value, Vec::new());
-    if let Some((_, last)) = what.rsplit_once(',')
-        && known.contains(&last.trim_end_matches('='))
-    {
-        let last = last.trim_end_matches('=');
-        return Err(format!("{last} needs a value: {last}=.."));
-    }
-    while let Some((before, last)) = what.rsplit_once(',')
-        && let Some((key, setting)) = last.split_once('=')
-        && key.bytes().all(|byte| byte.is_ascii_lowercase())
-    {
+    while let Some((before, last)) = what.rsplit_once(',') {
+        let (key, setting) = last.split_once('=').unwrap_or((last, ""));
         if !known.contains(&key) {
+            let is_setting = last.contains('=') && key.bytes().all(|b| b.is_ascii_lowercase());
+            if !is_setting {
+                break;
+            }
             let known = known.join(", ");
             return Err(format!("no setting '{key}': expected one of {known}"));
+        }
+        if setting.is_empty() {
+            return Err(format!("{key} needs a value: {key}=.."));
         }
         if settings.iter().any(|(other, _)| *other == key) {
             return Err(format!("the setting '{key}' is given twice"));
@@ -57,6 +56,7 @@ mod tests {
             ("run.mcap,every=1,every=2", "given twice"),
             ("run.mcap,every", "every needs a value"),
             ("run.mcap,max=1GB,every=", "every needs a value"),
+            ("run.mcap,every,max=1GB", "every needs a value"),
             (",every=1", "expected a name"),
         ] {
             let error = split(bad).unwrap_err();

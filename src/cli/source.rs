@@ -2,9 +2,9 @@
 //! frames.
 
 use super::input::{self, FormatArgs};
-use super::output::count;
 use super::range::Range;
 use super::sequence::{self, Sequence};
+use crate::container::truncated;
 use linkwatch::model::LeftOut;
 use linkwatch::{
     BaselineRecord, CurveSet, Ending, Error, FrameInfo, Positions, Precision, RawFrame,
@@ -272,10 +272,9 @@ pub fn warn_of_cut(path: &Path, ending: Option<&Ending>) -> bool {
         return false;
     };
     tracing::warn!(
-        "{}: the recording is truncated at byte {}, in {what}: the recorder was stopped, or its \
-         disk was full; the complete frames were replayed",
+        "{}: {}; the complete frames were replayed",
         path.display(),
-        count(*at),
+        truncated(*at, what),
     );
     true
 }

@@ -1,6 +1,7 @@
 //! What happened, in one sentence, and what limits it.
 
 use super::facts::{End, Facts, Found, RECORD_EVERY};
+use crate::container::truncated;
 use crate::incremental::Events;
 use crate::verdict::Verdict;
 use crate::words::{count, percent, plural, plural_of};
@@ -235,11 +236,7 @@ impl Facts {
         );
         let end = match &self.end {
             End::Finished => None,
-            End::Cut(at, what) => Some(format!(
-                "the recording is truncated at byte {}, in {what}: the recorder was stopped, or \
-                 its disk was full; later frames are lost",
-                count(*at)
-            )),
+            End::Cut(at, what) => Some(format!("{}; later frames are lost", truncated(*at, what))),
             End::Damaged(why) => Some(format!(
                 "the recording is damaged, and is read up to there: {why}"
             )),

@@ -102,7 +102,8 @@ pub enum Continuation {
 pub struct VerifiedFrame {
     /// The findings.
     pub report: Report,
-    /// What the simulator told about the frame, with the cell in which the report names images.
+    /// Information of the simulator about the frame, with the cell in which the report names
+    /// images.
     pub info: FrameInfo,
     /// The curves, unwrapped; `None` if the frame was rejected.
     pub curves: Option<Arc<CurveSet>>,

@@ -51,7 +51,7 @@ pub struct BaselineRecord {
 pub struct FrameRecord {
     /// The curves; `None` if the frame was rejected before it became curves.
     pub curves: Option<Arc<CurveSet>>,
-    /// What the simulator told about the frame.
+    /// Information of the simulator about the frame.
     pub info: FrameInfo,
     /// Report on the frame. The same for every run over the same frames.
     pub report: Arc<Report>,

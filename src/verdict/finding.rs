@@ -20,7 +20,7 @@ impl Report {
         self.first_findings(usize::MAX)
     }
 
-    /// Returns the findings in this order, at most so many of each kind.
+    /// Returns the findings in the order of [`Report::findings`], at most `most` of each kind.
     pub(crate) fn first_findings(&self, most: usize) -> impl Iterator<Item = Finding<'_>> {
         let changes = self.changes.iter().take(most).map(Finding::Change);
         let events = self.events.iter().take(most).map(Finding::PullThrough);

@@ -1,5 +1,5 @@
-//! What the contract says about a frame. Written from the words of `docs/reference/bus.md` alone:
-//! it shares no code with the crate.
+//! Oracle of frames that keep or break the contract. Written from `docs/reference/bus.md` alone; it
+//! shares no code with the crate.
 
 use super::frame::Frame;
 use super::support::raw_bus::Header;

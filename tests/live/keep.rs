@@ -1,4 +1,5 @@
-//! What recordings keep: `--record FILE,every=..,window=..,max=..`; files in use; kills.
+//! Frames and files that recordings keep (`--record FILE,every=..,window=..,max=..`), files in use,
+//! and killed recorders.
 
 use super::support::polygons::square;
 use super::support::random::Random;

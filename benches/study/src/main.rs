@@ -1,5 +1,5 @@
-//! Measurements of linkwatch for its authors: the figures of `docs/accuracy.md` and
-//! `docs/applications.md`, and the calibration of GPU adapters.
+//! Measurements of linkwatch for its authors: the figures of `docs/design/accuracy.md` and
+//! `docs/design/applications.md`, and the calibration of GPU adapters.
 //!
 //! Every measurement compares its results with the exact ones. Only the public API of the library
 //! is used.

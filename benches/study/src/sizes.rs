@@ -64,7 +64,8 @@ struct Row {
     frame_mb: f64,
     /// CPU time of the certificate of the first frame, without reading it, in milliseconds.
     certify_ms: f64,
-    /// Those of the verification of the first frame, and the median of the later ones.
+    /// CPU time of the verification of the first frame, and the median of that of the later ones,
+    /// in milliseconds.
     frames_ms: [f64; 2],
     /// Peak memory of the process in MB while one frame is read and certified, and while all are
     /// read and verified, if the system reports it.

@@ -41,7 +41,7 @@ pub struct Judged {
     /// Work done on the GPU.
     pub offload: Offload,
     pub curves: Option<Arc<CurveSet>>,
-    /// What the simulator told about the frame.
+    /// Information of the simulator about the frame.
     pub info: FrameInfo,
     /// Model file of the frame, if it comes from one.
     pub model: Option<String>,

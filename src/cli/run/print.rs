@@ -1,4 +1,4 @@
-//! What a run prints about its frames.
+//! Prints the results of the frames of a run.
 
 use super::news::New;
 use super::times::to_json;

@@ -51,9 +51,9 @@ pub struct Args {
     ///
     /// The state of the watch is written to it and to FILE.session: after a crash or a signal, the
     /// next watch with the same option expects what this one did. A frame that was being verified
-    /// is not verified again: the simulator is told that it is unknown. The output files are
-    /// numbered then (`run-2.mcap`, ..). The files are removed when the simulation ends. With
-    /// several services each has its own (`watch-NAME.state`)
+    /// is not verified again: the simulator gets the answer that its verdict is unknown. The output
+    /// files are numbered then (`run-2.mcap`, ..). The files are removed when the simulation ends.
+    /// With several services each has its own (`watch-NAME.state`)
     #[arg(long, help_heading = super::WATCH, value_name = "FILE")]
     state: Option<PathBuf>,
     /// Send nothing to the simulator

@@ -54,7 +54,7 @@ pub struct RecordedFrame {
     pub precision: Precision,
     /// Number of control points of each curve, negative if the curve is closed.
     pub counts: Vec<i32>,
-    /// What the simulator told about the frame; the default in recordings of earlier versions.
+    /// Information of the simulator about the frame; the default in recordings of earlier versions.
     pub info: FrameInfo,
     /// Time at which the frame arrived, in nanoseconds since 1970.
     pub received_ns: u64,

@@ -1,4 +1,4 @@
-"""Writes frames as ``.npz`` files, in the layout that the command reads (docs/formats.md)."""
+"""Writes frames as ``.npz`` files, in the layout of docs/reference/formats.md."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Curves of USD stages, read by Pixar's library (``usd-core``). docs/formats.md has the rules."""
+"""Curves of USD stages, read by ``usd-core``, by the rules of docs/reference/formats.md."""
 
 from __future__ import annotations
 
