@@ -251,17 +251,18 @@ impl Frames {
         connection.connect()?;
         let header = self.header(flags);
         let publishers = self.publishers(connection, 1)?;
-        let send = |publisher: &FramePublisher| {
+        let send = |publisher: &FramePublisher, flag| {
             let mut sample = publisher.loan_slice(0).map_err(bus("loan"))?;
             *sample.user_header_mut() = header;
+            sample.user_header_mut().flags |= flag;
             sample.send().map_err(bus("send"))
         };
         if flags & FLAG_ANNOUNCE != 0 {
-            send(&publishers.baselines)?;
+            send(&publishers.baselines, FLAG_BASELINE)?;
         }
         // First, because a watcher reads nothing after the end of the session.
         let _ = publishers.baselines.update_connections();
-        send(&publishers.frames)?;
+        send(&publishers.frames, 0)?;
         publishers.connect();
         connection.endpoint.notify();
         Ok(())

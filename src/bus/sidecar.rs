@@ -381,8 +381,8 @@ impl Sidecar {
         }))
     }
 
-    /// Receives the baseline if it has arrived. The end of a session may arrive first, because they
-    /// have different publishers.
+    /// Receives what the publisher of baselines has sent. Messages of the other publisher may arrive
+    /// before it.
     fn receive_baseline(&mut self, session: u64) {
         for _ in 0..BATCH {
             // A failure shows in the next call.
@@ -427,6 +427,12 @@ impl Sidecar {
             self.pending.push_back(Pending::Unreadable(e));
             return;
         }
+        let is = |flag| header.flags & flag != 0;
+        let is_baseline = is(FLAG_BASELINE);
+        if is(FLAG_ANNOUNCE) && is_baseline {
+            // Only maps the memory of baselines. The announcement that is answered follows it.
+            return;
+        }
         match &self.session {
             Some(session) if session.id == header.session => {}
             // A leftover of a simulator that ended, or a second simulator on another host. The
@@ -461,8 +467,7 @@ impl Sidecar {
         }
         let session = self.session.as_mut().expect("set or compared above");
         session.heard = Instant::now();
-        let is_baseline = header.flags & FLAG_BASELINE != 0;
-        if header.flags & FLAG_END != 0 {
+        if is(FLAG_END) {
             self.receive_baseline(header.session);
             let session = self.session.as_ref().expect("as above");
             let (published, why) = session.published(header.seq);
@@ -470,11 +475,12 @@ impl Sidecar {
             self.pending.extend(why.map(Pending::Unreadable));
             self.pending.push_back(Pending::End {
                 published,
-                clean: header.flags & FLAG_UNFINISHED == 0,
+                clean: !is(FLAG_UNFINISHED),
             });
-        } else if header.flags & FLAG_ANNOUNCE != 0 {
-            // Repeated until the simulator answers, because the first message may be lost. A
-            // failure shows in the next heartbeat.
+        } else if is(FLAG_ANNOUNCE) {
+            // After the answer, the simulator may end at any time, and memory that is not mapped by
+            // then is lost. A failure shows in the next heartbeat.
+            self.receive_baseline(header.session);
             let _ = self.heartbeat();
         } else if self.resumed.is_some_and(|state| header.seq <= state.last)
             || is_baseline && session.baseline.is_some_and(|last| header.seq <= last)
