@@ -1,6 +1,6 @@
 """Rows of knitting between two rigid bars that are pulled apart: a braid of open curves.
 
-    linkwatch watch --service braid --braid auto --events &
+    linkwatch watch --service braid --braid auto &
     python examples/braid.py --live braid              # small steps: intact
     python examples/braid.py --live braid --step 0.12  # large: rows are pulled through others
     python examples/braid.py knit.npz                  # as a file, without the bus

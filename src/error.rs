@@ -108,8 +108,8 @@ pub enum Error {
     /// No curve of the frame is closed, so there are no linking numbers, and the search for
     /// pull-throughs is off ([`SessionOptions::events`](crate::SessionOptions::events)).
     #[error(
-        "nothing to verify: none of {curves} curves is closed{}; a search for pull-throughs \
-         (--events of check, watch and replay) verifies open ones",
+        "nothing to verify: none of {curves} curves is closed{}; open ones are verified by a \
+         search for pull-throughs, from one frame to the next",
         through_the_cell(*yarns)
     )]
     NothingClosed {

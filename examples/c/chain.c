@@ -1,6 +1,6 @@
 // A chain of 32 rings that hangs from the first one and is pulled at the last one, watched live.
 //
-//     linkwatch watch --service chain --events     in one terminal
+//     linkwatch watch --service chain     in one terminal
 //     chain chain 0.02                             in another one: every link is intact
 //     chain chain 0.2                              a step that is too large: the chain breaks
 //     chain chain 0.2 --roll-back                  goes on with smaller steps, and stays intact

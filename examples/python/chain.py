@@ -4,7 +4,7 @@
     python examples/python/chain.py --step 0.06  # too large: rings are pulled through others
     python examples/python/chain.py --step 0.06 --roll-back
 
-    linkwatch watch --service chain --events     # in another terminal: watched live
+    linkwatch watch --service chain     # in another terminal: watched live
     python examples/python/chain.py --step 0.06 --roll-back --live chain
 
 With --roll-back the simulation returns to a moment before the first pull-through and goes on with

@@ -1,7 +1,7 @@
 """A chain of flexible rings in MuJoCo that is pulled at both ends, watched live.
 
     pip install ./bindings/python mujoco-core
-    linkwatch watch --service chain --events                         # in another terminal
+    linkwatch watch --service chain                         # in another terminal
 
     python examples/python/chain_mujoco.py                           # the chain holds
     python examples/python/chain_mujoco.py --step 0.05               # the time step is too large
@@ -67,7 +67,7 @@ def main():
         lockstep=True,
     ) as sim:
         if not sim.wait_for_watcher():
-            raise SystemExit(f"no watcher came: linkwatch watch --service {args.service} --events")
+            raise SystemExit(f"no watcher came: linkwatch watch --service {args.service}")
         before = d.qpos.copy()
         while d.time < END_TIME:
             sim.begin(d.time)[:] = d.flexvert_xpos

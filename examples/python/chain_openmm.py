@@ -1,7 +1,7 @@
 """A chain of bead-spring rings in OpenMM that is pulled at both ends, watched live by a reporter.
 
     pip install ./bindings/python openmm
-    linkwatch watch --service chain --events                            # in another terminal
+    linkwatch watch --service chain                            # in another terminal
 
     python examples/python/chain_openmm.py                              # the chain holds
     python examples/python/chain_openmm.py --repulsion 10               # the beads are too soft
@@ -40,7 +40,7 @@ class LinkwatchReporter:
     def __init__(self, service, counts):
         self.client = linkwatch.Client(service, counts=counts, dtype="float64", lockstep=True)
         if not self.client.wait_for_watcher():
-            raise SystemExit(f"no watcher came: linkwatch watch --service {service} --events")
+            raise SystemExit(f"no watcher came: linkwatch watch --service {service}")
 
     def describeNextReport(self, simulation):
         return {"steps": 1, "periodic": False, "include": ["positions"]}

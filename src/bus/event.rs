@@ -130,6 +130,7 @@ impl Frame {
             closed_by_default: false,
             cell: self.header.cell()?,
             labels: Arc::clone(&last.labels),
+            left_out: Vec::new(),
         })
     }
 

@@ -381,8 +381,8 @@ impl Sidecar {
         }))
     }
 
-    /// Receives what the publisher of baselines has sent. Messages of the other publisher may arrive
-    /// before it.
+    /// Receives what the publisher of baselines has sent. Messages of the other publisher may
+    /// arrive before it.
     fn receive_baseline(&mut self, session: u64) {
         for _ in 0..BATCH {
             // A failure shows in the next call.

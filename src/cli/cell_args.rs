@@ -2,7 +2,7 @@
 
 use super::input::Read;
 use super::output;
-use linkwatch::model::LeftOut;
+use linkwatch::LeftOut;
 use linkwatch::{
     Cell, Closing, ClosingNote, CurveSet, CurveSource, Error, FrameInfo, Result, Unwrap,
 };
@@ -230,7 +230,6 @@ impl Cells {
 /// Says which curves were closed or stay open. Returns those that may be meant to be closed, and
 /// cannot be.
 pub fn say(name: &dyn fmt::Display, notes: &[ClosingNote]) -> Vec<LeftOut> {
-    let mut unclear = Vec::new();
     for note in notes {
         match note {
             ClosingNote::Joined { .. } => {
@@ -242,15 +241,10 @@ pub fn say(name: &dyn fmt::Display, notes: &[ClosingNote]) -> Vec<LeftOut> {
             ClosingNote::Long { .. } => tracing::warn!(
                 "{name}: {note} Open chains have a positive count, or F in a column closed:L:1"
             ),
-            ClosingNote::Corner { count, first } => {
+            ClosingNote::Corner { .. } => {
                 tracing::warn!("{name}: {note}; --keep-open takes it as an open curve");
-                unclear.push(LeftOut {
-                    count: *count as u64,
-                    kind: ["spline with ends that meet", "splines with ends that meet"],
-                    first: format!("curve {first}"),
-                });
             }
         }
     }
-    unclear
+    notes.iter().filter_map(ClosingNote::left_out).collect()
 }

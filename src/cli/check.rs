@@ -60,7 +60,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     let name = models[0].display().to_string();
     let title = format!("check of {name}");
     let metadata = BTreeMap::from([("models".to_owned(), models.len().to_string())]);
-    let judge = Judge {
+    let mut judge = Judge {
         baseline: args.baseline.clone(),
         abort_on: Some(AbortOn::Never),
         event_args: args.event_args,
@@ -83,6 +83,9 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         let Frame { curves, path, .. } = first?;
         curves.map_err(|e| e.in_file(&path))?;
         return Err(nothing_to_compare("--baseline"));
+    }
+    if second.is_none() || args.early_exit {
+        judge.event_args = args.event_args.off_by_default();
     }
     let mut session = Run::new(Setup {
         judge: &judge,

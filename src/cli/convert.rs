@@ -8,9 +8,10 @@ use super::output::{self, count, plural};
 #[cfg(feature = "mcap")]
 use super::run::MOTION_LIMIT;
 use super::sequence::{Frame, Sequence};
+use linkwatch::LeftOut;
 #[cfg(feature = "mcap")]
 use linkwatch::SessionOptions;
-use linkwatch::model::{Format, FrameWriter, LeftOut, ModelFrame};
+use linkwatch::model::{Format, FrameWriter, ModelFrame};
 use linkwatch::{
     Basis, Certifier, CurveSet, Error, FrameInfo, Result, chords, homotopic_polylines,
 };
@@ -239,7 +240,7 @@ impl Converter {
             if !self.is_valid(&frame) {
                 continue;
             }
-            LeftOut::merge(&mut self.left_out, &frame.left_out);
+            LeftOut::merge(&mut self.left_out, &frame.info.left_out);
             if let Some(cell) = frame.info.cell.filter(|_| !self.target.holds_cells()) {
                 if self.lost_cells == 0 {
                     tracing::warn!(
@@ -264,7 +265,7 @@ impl Converter {
             converted.time = frame.time;
             converted.cell = frame.info.cell;
             converted.labels = Arc::clone(&frame.info.labels);
-            converted.left_out = frame.left_out;
+            converted.left_out = frame.info.left_out.clone();
             write(converted, frame.info)?;
         }
         self.check_frames()

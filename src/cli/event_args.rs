@@ -6,10 +6,11 @@ use linkwatch::{AbortOn, Events};
 #[derive(Clone, Copy, Debug, clap::Args)]
 #[command(next_help_heading = super::COMPARE)]
 pub struct EventArgs {
-    /// Report every pull-through with its place and moment
+    /// Pull-throughs to search for, each with its place and moment
     ///
-    /// Also those that cancel, and those of open curves. `between` (the value unless given): of two
-    /// curves; `all`: also of a curve through itself [default: off; replay: as recorded]
+    /// Also those that cancel, and those of open curves. `between`: of two curves; `all`: also of a
+    /// curve through itself; `off`: linking numbers alone, for frames without the motion between
+    /// them [default: between; replay: as recorded]
     #[arg(
         long, value_name = "off|between|all", num_args = 0..=1, require_equals = true,
         default_missing_value = "between"
@@ -24,6 +25,15 @@ pub struct EventArgs {
 }
 
 impl EventArgs {
+    /// Searches for no pull-throughs, unless the user asks for them: there is no step to search, or
+    /// another option excludes it.
+    pub fn off_by_default(self) -> EventArgs {
+        EventArgs {
+            events: self.events.or(Some(Events::Off)),
+            ..self
+        }
+    }
+
     /// Returns the events of the user, or those of a recording; at least those that the policy
     /// needs.
     pub fn events(self, abort_on: AbortOn, recorded: Events) -> Events {

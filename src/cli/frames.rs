@@ -4,7 +4,7 @@ use super::Outcome;
 use super::cell_args::{CellArgs, Cells};
 use super::input::{self, FileFrames, FormatArgs, Read};
 use crate::verdict::words_of_frame;
-use linkwatch::model::LeftOut;
+use linkwatch::LeftOut;
 use linkwatch::{Cell, CurveSet, Error, Result};
 use std::collections::VecDeque;
 use std::path::{Path, PathBuf};
@@ -278,9 +278,9 @@ impl Selected {
         let name = self.name(&frame);
         let of_frame = frame.info.cell;
         let set = self.closing.closed(frame.curves?, &frame.info)?;
-        let mut left_out = frame.left_out.clone();
+        let mut left_out = frame.info.left_out.clone();
         left_out.extend(self.closing.say(&name));
-        input::warn_of_new(&self.path, &mut self.left_out, &frame.left_out);
+        input::warn_of_new(&self.path, &mut self.left_out, &frame.info.left_out);
         let cell = self.cells.cell(of_frame);
         let unwrapped = Cells::new(self.cells).unwrap(&set, of_frame)?;
         if let Some(cell) = cell.as_ref().filter(|_| self.is_whole) {

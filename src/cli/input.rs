@@ -3,9 +3,10 @@
 #[cfg(feature = "mcap")]
 use super::recorded::Recorded;
 use super::{Outcome, order, output};
+use linkwatch::LeftOut;
 #[cfg(feature = "mcap")]
 use linkwatch::RecordingReader;
-use linkwatch::model::{Frames, LeftOut, ModelFrame, ReadOptions};
+use linkwatch::model::{Frames, ModelFrame, ReadOptions};
 use linkwatch::scenes::Scene;
 use linkwatch::{CurveSet, Error, FrameInfo, Result, model};
 use std::path::{Path, PathBuf};
@@ -233,8 +234,6 @@ pub struct Read {
     pub time: f64,
     /// Cell, names and radii; for a recording, all that the simulator told about the frame.
     pub info: FrameInfo,
-    /// Elements of the file that may be curves of this frame, and were not read.
-    pub left_out: Vec<LeftOut>,
     /// The curves, or the reason why the frame is invalid.
     pub curves: Result<CurveSet>,
 }
@@ -264,13 +263,13 @@ impl From<ModelFrame> for Read {
             cell,
             closed_by_default,
             labels,
+            left_out,
             ..FrameInfo::default()
         };
         Read {
             seq,
             time,
             info,
-            left_out,
             curves,
         }
     }

@@ -3,7 +3,7 @@
 use super::stream::{self, Lost, Target};
 pub use crate::words::{count, millis, percent, plural, plural_of};
 use indicatif::{HumanDuration, ProgressBar, ProgressState, ProgressStyle};
-use linkwatch::model::LeftOut;
+use linkwatch::LeftOut;
 use linkwatch::{Cell, CurveSet, Events, Progress, Stats, Unwrap};
 use std::fmt;
 use std::io::{self, Write};
@@ -187,7 +187,7 @@ pub fn warn_of_open_curves(name: &str, stats: &Stats, events: Option<Events>) {
     match events {
         Some(Events::Off) => tracing::warn!(
             "{name}: {curves} skipped: linking numbers are defined for closed curves only; \
-             --events verifies pull-throughs of open curves"
+             --events=between verifies pull-throughs of open curves"
         ),
         Some(_) => tracing::info!(
             "{name}: {curves}, verified for pull-throughs; linking numbers are defined for closed \
@@ -195,7 +195,7 @@ pub fn warn_of_open_curves(name: &str, stats: &Stats, events: Option<Events>) {
         ),
         None => tracing::warn!(
             "{name}: {curves} skipped: linking numbers are defined for closed curves only; `check` \
-             and `watch` verify pull-throughs of open curves with --events"
+             and `watch` verify pull-throughs of open curves"
         ),
     }
 }
@@ -215,10 +215,10 @@ pub fn tell_of_yarns(name: &str, yarns: usize, events: Option<Events>) {
     let words = format!("{name}: {curves} {run} through the cell: {numbers}");
     match events {
         Some(Events::Off) if yarns > 1 => {
-            tracing::warn!("{words}; --events verifies their pull-throughs");
+            tracing::warn!("{words}; --events=between verifies their pull-throughs");
         }
         None if yarns > 1 => {
-            tracing::warn!("{words}; `check` and `watch` verify their pull-throughs with --events")
+            tracing::warn!("{words}; `check` and `watch` verify their pull-throughs")
         }
         _ => tracing::info!("{words}"),
     }

@@ -55,7 +55,6 @@ impl Recorded {
             seq: frame.seq,
             time: frame.time,
             info,
-            left_out: Vec::new(),
             curves: curves.map(|()| set.expect("set by a frame without errors")),
         }
     }

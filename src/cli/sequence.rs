@@ -1,7 +1,7 @@
 //! Frames of several files, one after the other: those of one motion, or of several runs.
 
 use super::input::{self, FileFrames, FormatArgs, Read};
-use linkwatch::model::LeftOut;
+use linkwatch::LeftOut;
 use linkwatch::{CurveSet, Error, FrameInfo, Result};
 use std::collections::VecDeque;
 use std::path::PathBuf;
@@ -55,8 +55,6 @@ pub struct Frame {
     pub info: FrameInfo,
     /// True if the frame does not belong to the motion of the frames before it.
     pub begins_run: bool,
-    /// Elements of the file that may be curves of this frame, and were not read.
-    pub left_out: Vec<LeftOut>,
     /// The curves, or the reason why the frame is invalid.
     pub curves: Result<CurveSet>,
 }
@@ -188,7 +186,7 @@ impl Iterator for Sequence {
         if let Ok(curves) = &frame.curves {
             self.note(curves, &frame.info);
         }
-        input::warn_of_new(&path, &mut self.left_out, &frame.left_out);
+        input::warn_of_new(&path, &mut self.left_out, &frame.info.left_out);
         let name = match input::holds_frames(&path) {
             true => format!("{}, frame {}", path.display(), frame.seq),
             false => path.display().to_string(),
@@ -203,10 +201,10 @@ impl Iterator for Sequence {
                 time: frame.time,
                 cell: frame.info.cell,
                 closed_by_default: frame.info.closed_by_default,
+                left_out: frame.info.left_out,
                 ..self.info.clone()
             },
             begins_run,
-            left_out: frame.left_out,
             curves: frame.curves,
         }))
     }

@@ -5,7 +5,6 @@ use super::input::{self, FormatArgs};
 use super::range::Range;
 use super::sequence::{self, Sequence};
 use crate::container::truncated;
-use linkwatch::model::LeftOut;
 use linkwatch::{
     BaselineRecord, CurveSet, Ending, Error, FrameInfo, Positions, Precision, RawFrame,
     RecordedFrame, RecordedItem, RecordedVerdict, RecordingReader, Result,
@@ -37,8 +36,6 @@ pub struct Frame {
     pub received_ns: Option<u64>,
     /// True if the frame does not belong to the motion of the frames before it.
     pub begins_run: bool,
-    /// Elements of a model file that were not read.
-    pub left_out: Vec<LeftOut>,
     curves: Curves,
 }
 
@@ -108,7 +105,6 @@ impl From<RecordedFrame> for Frame {
             info: frame.info.clone(),
             received_ns: Some(frame.received_ns),
             begins_run: false,
-            left_out: Vec::new(),
             curves: Curves::Recorded(frame),
         }
     }
@@ -122,7 +118,6 @@ impl From<sequence::Frame> for Frame {
             info: frame.info,
             received_ns: None,
             begins_run: frame.begins_run,
-            left_out: frame.left_out,
             curves: Curves::Model(frame.curves),
         }
     }
@@ -199,15 +194,19 @@ impl Source {
         let item = match &mut self.input {
             Input::Models(models) => {
                 let frame = models.next().transpose()?;
-                let left_out = frame.iter().flat_map(|frame| &frame.left_out);
-                self.lacks_curves |= left_out.count() > 0;
-                return Ok(frame.map(|frame| Item::Frame(Box::new(frame.into()))));
+                return Ok(frame.map(|frame| {
+                    self.lacks_curves |= !frame.info.left_out.is_empty();
+                    Item::Frame(Box::new(frame.into()))
+                }));
             }
             Input::Recording(reader) => reader.next_item().map_err(|e| e.in_file(&self.path))?,
         };
         Ok(item.map(|item| match item {
             RecordedItem::Baseline(baseline) => Item::Baseline(baseline),
-            RecordedItem::Frame(frame) => Item::Frame(Box::new(frame.into())),
+            RecordedItem::Frame(frame) => {
+                self.lacks_curves |= !frame.info.left_out.is_empty();
+                Item::Frame(Box::new(frame.into()))
+            }
             RecordedItem::Verdict(verdict) => Item::Verdict(verdict),
         }))
     }

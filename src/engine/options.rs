@@ -240,10 +240,7 @@ impl SessionOptions {
                 ));
             }
             if !searches {
-                return refuse(
-                    "the motion limit (--motion-limit) needs a search for pull-throughs (--events)"
-                        .into(),
-                );
+                return refuse("a motion limit needs a search for pull-throughs (events)".into());
             }
         }
         let Accuracy {

@@ -1,5 +1,6 @@
 //! What a simulator tells about a frame, beside its positions.
 
+use super::LeftOut;
 use crate::curve::{Cell, CurveChange, CurveLabels};
 use crate::error::{Error, Result};
 use std::sync::Arc;
@@ -45,6 +46,10 @@ pub struct FrameInfo {
     pub closed_by_default: bool,
     /// Names and radii of the curves.
     pub labels: Arc<CurveLabels>,
+    /// Elements that may be curves of the frame and are not among its curves, because a reader did
+    /// not read them. The frame counts as verified in part.
+    #[serde(skip)]
+    pub left_out: Vec<LeftOut>,
 }
 
 impl FrameInfo {

@@ -41,7 +41,7 @@ mod xyz;
 
 pub use crate::error::MODEL_FILES;
 pub use bcc::write_bcc;
-pub use frames::{Frames, LeftOut, ModelFrame, ReadOptions};
+pub use frames::{Frames, ModelFrame, ReadOptions};
 pub use write::FrameWriter;
 
 use self::frames::{FrameSource, Single};

@@ -7,6 +7,7 @@ use crate::curve::vector::mix;
 use crate::curve::{CurveLabels, Image, Notation};
 use crate::error::Result;
 use crate::incremental::Events;
+use crate::ingest::LeftOut;
 use crate::picture::Spot;
 use crate::sinks::{Ending, RecordedItem, RecordedVerdict, RecordingReader};
 use crate::svg::plain;
@@ -113,6 +114,8 @@ pub(super) enum End {
 /// Facts of a run.
 #[derive(Debug, Default)]
 pub(super) struct Facts {
+    /// Elements that may be curves and were not read.
+    pub left_out: Vec<LeftOut>,
     pub metadata: BTreeMap<String, String>,
     pub baseline: Option<Baseline>,
     pub counts: Counts,
@@ -224,7 +227,8 @@ impl Facts {
         let lost = self.recorded_in_part() + self.unmeasured();
         let lost = self.counts.missing.saturating_add(lost);
         let lost = lost.saturating_add(self.unverified());
-        self.counts.verified == 0 || lost > 0 || self.end != End::Finished
+        let lost = lost > 0 || !self.left_out.is_empty();
+        self.counts.verified == 0 || lost || self.end != End::Finished
     }
 }
 
@@ -265,6 +269,7 @@ impl Collector {
             RecordedItem::Frame(frame) => {
                 let before = self.frame.replace((frame.seq, self.frames));
                 self.facts.counts.unanswered += u64::from(before.is_some());
+                LeftOut::merge(&mut self.facts.left_out, &frame.info.left_out);
                 self.frames += 1;
                 let cuts = self.cuts.replace(frame.info.cuts);
                 self.facts.counts.cuts += u64::from(cuts.is_some_and(|c| c != frame.info.cuts));
@@ -282,6 +287,7 @@ impl Collector {
     fn judge(&mut self, recorded: RecordedVerdict) {
         let RecordedVerdict { report, progress } = recorded;
         let facts = &mut self.facts;
+        LeftOut::merge(&mut facts.left_out, &report.left_out);
         let ordinal = self.frame.take_if(|(seq, _)| *seq == report.seq);
         let ordinal = ordinal.map(|(_, ordinal)| ordinal);
         let answered = progress.verified.saturating_add(progress.rejected);

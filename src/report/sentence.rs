@@ -3,6 +3,7 @@
 use super::facts::{End, Facts, Found, RECORD_EVERY};
 use crate::container::truncated;
 use crate::incremental::Events;
+use crate::ingest::LeftOut;
 use crate::verdict::Verdict;
 use crate::words::{count, percent, plural, plural_of};
 use std::fmt;
@@ -167,6 +168,11 @@ impl Facts {
         gap(counts.left_out, "left out of the recording on purpose");
         gap(self.recorded_in_part(), "recorded in part");
         gap(self.unmeasured(), "verified without the clearance");
+        gaps.extend(
+            self.left_out
+                .iter()
+                .map(|found| format!("not read: {found}")),
+        );
         match &self.end {
             End::Finished => {}
             End::Cut(..) => gaps.push("the recording was cut off".into()),
@@ -249,9 +255,8 @@ impl Facts {
             0 => "",
             _ => ", nor are those of open curves",
         };
-        let unsearched = format!(
-            "pull-throughs were not searched for (--events): two that cancel are not detected{open}"
-        );
+        let unsearched =
+            format!("pull-throughs were not searched for: two that cancel are not detected{open}");
         let is_unsearched = counts.verified > 0 && self.events() == Events::Off;
         let unmeasured = self.unmeasured();
         let closest = self.closest.as_ref().map(|closest| {
@@ -269,7 +274,9 @@ impl Facts {
         );
         let unanswered = format!("{} without a verdict", frames(counts.unanswered));
         let first = [more, self.changed.is_some().then_some(changed)];
+        let unread = LeftOut::sentence(&self.left_out);
         let others = [
+            (!self.left_out.is_empty()).then_some(unread),
             some(counts.skipped, skipped),
             some(counts.missing, missing),
             some(counts.left_out, left_out),

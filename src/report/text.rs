@@ -60,6 +60,7 @@ impl RunReport {
             "metadata": facts.metadata,
             "baseline": facts.baseline,
             "frames": facts.counts,
+            "left_out": facts.left_out,
             "verdicts": Map::from_iter(verdicts),
             "first": facts.span.map(|[first, _]| first),
             "last": facts.span.map(|[_, last]| last),

@@ -24,7 +24,7 @@ use crate::curve::{Cell, CurveChange, CurveSet};
 use crate::discretize::Braids;
 use crate::engine::{Engine, Next as NextFrame, Progress, SessionOptions, Timings};
 use crate::error::{Error, Result};
-use crate::ingest::{CurveSource, FrameInfo, FramePool, RawFrame};
+use crate::ingest::{ClosingNote, CurveSource, FrameInfo, FramePool, LeftOut, RawFrame};
 use crate::pool;
 use crate::verdict::{Report, Verdict};
 use std::sync::Arc;
@@ -221,6 +221,9 @@ impl Session {
                 verified.report = self.engine.reject(seq, time, &why);
             }
         }
+        let notes = verified.notes.iter().filter_map(ClosingNote::left_out);
+        LeftOut::merge(&mut verified.info.left_out, &Vec::from_iter(notes));
+        verified.report.left_out = verified.info.left_out.clone();
         verified.unmeasured = self.strands.unmeasured().map(str::to_owned);
         verified.verification = start.elapsed();
         Ok(verified)

@@ -27,6 +27,7 @@ pub use policy::AbortOn;
 pub use pull_through::PullThrough;
 
 use crate::curve::{Image, Point};
+use crate::ingest::LeftOut;
 #[cfg(feature = "verify")]
 use crate::periodic::ImagePair;
 
@@ -322,6 +323,10 @@ pub struct Report {
     /// Reasons why a part of the frame was not verified.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub missing: Vec<String>,
+    /// Elements that may be curves and were not read ([`FrameInfo::left_out`](crate::FrameInfo)).
+    /// They change no verdict.
+    #[serde(skip)]
+    pub left_out: Vec<LeftOut>,
     /// The real curves of findings about virtual loops of braids
     /// ([`SessionOptions::braids`](crate::SessionOptions::braids)), sorted by pair.
     #[serde(skip_serializing_if = "Vec::is_empty")]
@@ -370,6 +375,7 @@ impl Report {
             appeared: Vec::new(),
             gone: Vec::new(),
             missing: Vec::new(),
+            left_out: Vec::new(),
             loops: Vec::new(),
             rejected: None,
             stats: Stats::default(),

@@ -207,11 +207,17 @@ fn a_cell_of_yarns_has_a_certificate_with_their_periods() {
     let periods = "periodic 2 # lines: 2\n0,,1,0,0,period\n1,,0,1,0,period\n";
     assert_eq!((run.code, run.stdout.as_str()), (0, periods));
     let says = "2 curves run through the cell: they have linking numbers with closed curves, but \
-                not with one another; `check` and `watch` verify their pull-throughs with --events";
+                not with one another; `check` and `watch` verify their pull-throughs";
     assert!(run.stderr.contains(says), "{}", run.stderr);
     assert!(!run.stderr.contains("skipped"), "{}", run.stderr);
     // Without pull-throughs, `check` verifies nothing.
-    let run = linkwatch(&["check", text(&path), text(&path), "--keep-order"]);
+    let run = linkwatch(&[
+        "check",
+        text(&path),
+        text(&path),
+        "--keep-order",
+        "--events=off",
+    ]);
     assert_eq!(run.code, 2);
     assert!(
         run.stderr.contains("2 of them run through the cell"),

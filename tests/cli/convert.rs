@@ -356,3 +356,41 @@ fn a_converted_archive_says_what_was_not_read() {
         assert!(run.stderr.contains("cardinal"), "{}", run.stderr);
     }
 }
+
+/// A recording must not make an incomplete file look complete.
+#[test]
+fn a_recording_says_what_its_files_left_out() {
+    let folder = TempDir::new().unwrap();
+    let path = |name: &str| folder.path().join(name);
+    let square = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nl 1 2 3 4 1\n";
+    let unknown = "cstype cardinal\ndeg 3\ncurv 0 1 1 2 3 4\nparm u 0 1\nend\n";
+    let files = ["f0.obj", "f1.obj", "f2.obj"].map(path);
+    for (file, content) in files.iter().zip(["", "", unknown]) {
+        std::fs::write(file, format!("{square}{content}")).unwrap();
+    }
+    let [all, some, converted, again] = ["a.mcap", "some.mcap", "c.mcap", "again.mcap"].map(path);
+    let every = format!("{},every=2", text(&some));
+    let files = files.each_ref().map(|file| text(file));
+    for (record, to) in [("--record", text(&all)), ("--record", &every)] {
+        let run = linkwatch(&[&["check", record, to], &files[..]].concat());
+        assert_eq!(run.code, 3, "{}", run.stderr);
+    }
+    let run = linkwatch(&[&["convert"], &files[..], &[text(&converted)]].concat());
+    assert_eq!(run.code, 3, "{}", run.stderr);
+    let last = ["replay", text(&all), "--record", text(&again)];
+    for args in [
+        &last[..],
+        &["replay", text(&again)],
+        &["check", text(&all)],
+        &["check", text(&converted)],
+        &["certify", text(&all), "--frame", "2"],
+        &["report", text(&all), "-o", text(&path("a.html"))],
+        &["report", text(&some), "-o", text(&path("b.html"))],
+        &["report", text(&again), "-o", text(&path("c.html"))],
+    ] {
+        let run = linkwatch(args);
+        let all = format!("{}{}", run.stdout, run.stderr);
+        assert_eq!(run.code, 3, "{args:?}: {all}");
+        assert!(all.contains("cardinal"), "{args:?}: {all}");
+    }
+}

@@ -55,7 +55,7 @@ fn summary(run: &Run) -> serde_json::Value {
 fn a_sequence_is_compared_with_its_first_frame_and_summarised() {
     let folder = TempDir::new().unwrap();
     let models = motion(folder.path(), 1.0, true);
-    let run = check(&models, &[]);
+    let run = check(&models, &["--events=off"]);
     assert_eq!(run.code, 1, "{}", run.stderr);
     let lines: Vec<&str> = run.stdout.lines().collect();
     for line in &lines[..7] {
@@ -224,10 +224,10 @@ fn places_have_six_significant_digits_in_any_unit() {
 }
 
 #[test]
-fn open_curves_are_verified_with_events_and_reported_without() {
+fn open_curves_are_verified_for_pull_throughs_and_reported_without() {
     let folder = TempDir::new().unwrap();
     let models = motion(folder.path(), 1.0, false);
-    let run = check(&models, &["--events"]);
+    let run = check(&models, &[]);
     assert_eq!(run.code, 1, "{}", run.stderr);
     assert!(
         run.stdout
@@ -245,7 +245,7 @@ fn open_curves_are_verified_with_events_and_reported_without() {
         let text = [&run.stdout[..], &run.stderr].concat();
         assert!(!text.contains(says), "{text}");
     }
-    let run = check(&models, &[]);
+    let run = check(&models, &["--events=off"]);
     assert_eq!(
         (run.code, run.stdout.lines().count()),
         (2, 0),
@@ -254,7 +254,7 @@ fn open_curves_are_verified_with_events_and_reported_without() {
     );
     assert!(
         run.stderr
-            .contains("(--events of check, watch and replay) verifies open ones")
+            .contains("open ones are verified by a search for pull-throughs")
     );
     assert_eq!(
         run.stderr.matches("nothing to verify").count(),
@@ -277,10 +277,16 @@ fn a_baseline_takes_the_number_of_an_undefined_pair_once() {
     assert!(written.contains("\n0,1,undefined\n"), "{written}");
     let check = |models: &[&Path]| {
         let models = models.iter().map(|m| text(m));
-        let args: Vec<&str> = ["check", "--keep-order", "--baseline", text(&cert)]
-            .into_iter()
-            .chain(models)
-            .collect();
+        let args: Vec<&str> = [
+            "check",
+            "--events=off",
+            "--keep-order",
+            "--baseline",
+            text(&cert),
+        ]
+        .into_iter()
+        .chain(models)
+        .collect();
         linkwatch(&args)
     };
     // A pair that stays undefined is no change, but no proof either.

@@ -205,7 +205,7 @@ fn frames_are_compared_with_the_accepted_one() {
 fn the_simulator_learns_why_the_watch_left() {
     let folder = TempDir::new().unwrap();
     let service = service("refused");
-    let watch = Watch::start(folder.path(), "watch", &service, &[]);
+    let watch = Watch::start(folder.path(), "watch", &service, &["--events=off"]);
     let mut sim = Client::open(&service, &ClientOptions::lockstep()).unwrap();
     sim.describe(Basis::Polyline, Precision::F32, &[4, 4])
         .unwrap();

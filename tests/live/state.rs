@@ -157,7 +157,7 @@ fn counts(summary: &Value) -> [u64; 3] {
 
 #[test]
 fn the_next_process_expects_what_the_first_one_did() {
-    let mut watches = Restarted::start("expects", &[]);
+    let mut watches = Restarted::start("expects", &["--events=off"]);
     let mut sim = simulator(&watches.service);
     for frame in 0..5 {
         assert_eq!(step(&mut sim, frame, 0.0), Verdict::Intact);
@@ -626,7 +626,7 @@ fn the_metrics_count_restarts() {
 /// that of a watch that was not killed, or says that the frame is not known to be intact.
 fn killed_watches(test: &str, events: bool, kills: usize, seed: u64) {
     let mut random = Random::new(seed);
-    let args: &[&str] = if events { &["--events"] } else { &[] };
+    let args: &[&str] = if events { &[] } else { &["--events=off"] };
     let mut watches = Restarted::start(test, args);
     let mut sim = simulator(&watches.service);
     assert_eq!(step(&mut sim, 0, 0.0), Verdict::Intact);

@@ -1,7 +1,7 @@
 //! Starts `linkwatch watch` as a separate process, for the simulators in Rust.
 //!
 //! A simulator calls [`SidecarArgs::start`], publishes its frames, and calls [`Sidecar::join`]. The
-//! watcher verifies every frame with `--events` and records it.
+//! watcher verifies every frame and records it.
 
 mod picture;
 mod roll_back;
@@ -67,7 +67,7 @@ impl Sidecar {
         }
         let program = program()?;
         let mut command = Command::new(&program);
-        command.args(["watch", "--service", service, "--wait", "60", "--events"]);
+        command.args(["watch", "--service", service, "--wait", "60"]);
         // The file belongs to an earlier run of the example.
         command.arg("--force").arg("--record").arg(recording);
         let process = command.spawn().map_err(|source| Error::File {

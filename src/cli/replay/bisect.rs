@@ -112,7 +112,7 @@ pub fn run(args: &Args, mut source: Source, json: bool) -> Result<Outcome> {
     let in_file = |e: Error| match e {
         Error::NothingClosed { curves, .. } => Error::Usage(format!(
             "{}: none of {curves} curves is closed, and --bisect compares linking numbers; \
-             `linkwatch replay --events` verifies every step",
+             `linkwatch replay --events=between` verifies every step",
             path.display()
         )),
         other => other.in_file(&path),
@@ -346,8 +346,8 @@ impl<'a> Search<'a> {
                 agrees: false,
                 words: format!(
                     "the recorded verdicts disagree: their first changed frame is {}; verify all \
-                     frames without --bisect, with --events for pull-throughs that change no \
-                     linking number",
+                     frames without --bisect, with --events=between for pull-throughs that change \
+                     no linking number",
                     seq(frame)
                 ),
             },

@@ -27,6 +27,7 @@ pub fn run(args: &Args, mut source: Source, json: bool) -> Result<Outcome> {
         mut before,
         mut answered,
     } = Start::read(&mut source)?;
+    let begin = baseline.as_ref().and_then(|baseline| baseline.frame);
     let mut left_out = false;
     // Windows have baselines of their own, which must be read.
     let windows = source.metadata().contains_key(Retention::WINDOW);
@@ -128,6 +129,7 @@ pub fn run(args: &Args, mut source: Source, json: bool) -> Result<Outcome> {
         last: None,
         answered,
         missing: 0,
+        begin,
         motion: recorded_events != Events::Off,
         range,
         left_out,
@@ -269,6 +271,8 @@ struct Replay {
     answered: Option<u64>,
     /// Frames that the recorder dropped.
     missing: u64,
+    /// Frame of the first baseline.
+    begin: Option<u64>,
     /// True if the recorded verdicts depend on the previous frame.
     motion: bool,
     /// Frames to verify.
@@ -309,15 +313,13 @@ impl Replay {
                 self.answered = Some(progress.verified + progress.rejected);
                 self.comparison.left_out = progress.left_out;
             }
-            Item::Frame(mut frame) => {
+            Item::Frame(frame) => {
                 if frame.begins_run {
                     self.finish_waiting()?;
                     self.session.begin_run();
                 }
                 let info = frame.info.clone();
-                let left_out = std::mem::take(&mut frame.left_out);
-                let mut frame = self.session.ingest(info, |receive| frame.read(receive));
-                frame.left_out.extend(left_out);
+                let frame = self.session.ingest(info, |receive| frame.read(receive));
                 self.session.announce(&frame);
                 self.finish_waiting()?;
                 let frame = Box::new(frame);
@@ -378,7 +380,11 @@ impl Replay {
         self.comparison.left_out = progress.left_out.max(self.comparison.left_out);
         let last = self.last.take().filter(|r| r.seq == report.seq);
         // Frames before this one are not here, so the motion to it differs from the recorded one.
-        let after_gap = last.is_some() && std::mem::take(&mut self.left_out) || gap > 0;
+        // The watch of a restarted process has the last frame of the one before in its state.
+        let is_first = self.comparison.recorded == 1;
+        let continues = is_first && self.begin.is_some_and(|baseline| baseline < report.seq);
+        let after_gap =
+            last.is_some() && std::mem::take(&mut self.left_out) || gap > 0 || continues;
         let restarted = last.is_some() && std::mem::take(&mut self.restarted);
         let moved = after_gap && self.motion;
         let has_defects = |r: &Report| !r.defects.is_empty();

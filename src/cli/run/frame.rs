@@ -2,7 +2,6 @@
 
 use crate::cli::sequence::Frame;
 use linkwatch::kernels::Offload;
-use linkwatch::model::LeftOut;
 use linkwatch::{Continuation, CurveSet, FrameInfo, FrameTimes, Received, Report, Work};
 use std::sync::Arc;
 use std::time::Duration;
@@ -10,16 +9,11 @@ use std::time::Duration;
 /// A frame to judge.
 pub struct Ingested {
     pub received: Received,
-    /// Elements of a file that may be curves of the frame, and were not read.
-    pub left_out: Vec<LeftOut>,
 }
 
 impl From<Received> for Ingested {
     fn from(received: Received) -> Ingested {
-        Ingested {
-            received,
-            left_out: Vec::new(),
-        }
+        Ingested { received }
     }
 }
 
@@ -28,7 +22,6 @@ impl From<Frame> for Ingested {
     fn from(frame: Frame) -> Ingested {
         Ingested {
             received: Received::new(frame.info, frame.curves.map(Arc::new)),
-            left_out: frame.left_out,
         }
     }
 }
@@ -45,8 +38,6 @@ pub struct Judged {
     pub info: FrameInfo,
     /// Model file of the frame, if it comes from one.
     pub model: Option<String>,
-    /// Elements of its file that were not read.
-    pub left_out: Vec<LeftOut>,
     /// Time from the receipt of the frame until its verdict was sent, if it is live.
     pub latency: Option<Duration>,
     /// How the frame follows the last one.
@@ -65,7 +56,6 @@ impl Judged {
             offload: Offload::default(),
             curves: None,
             model: None,
-            left_out: Vec::new(),
             latency: None,
             step: Continuation::Continues,
         }

@@ -271,13 +271,9 @@ impl Run {
     ///
     /// Errors: those of [`Session::verify`].
     pub fn judge(&mut self, frame: Ingested) -> Result<Judged> {
-        let Ingested {
-            received,
-            mut left_out,
-        } = frame;
-        let verified = self.session.verify(received)?;
+        let verified = self.session.verify(frame.received)?;
         let seq = verified.report.seq;
-        left_out.extend(say(&THE_FRAMES, &verified.notes));
+        say(&THE_FRAMES, &verified.notes);
         if verified.continuation == Continuation::Cut {
             self.live.note(format_args!(
                 "frame {seq} does not continue the previous one: the simulator rolled back or \
@@ -321,7 +317,6 @@ impl Run {
             curves: verified.curves,
             info: verified.info,
             model: None,
-            left_out,
             latency: None,
             step: verified.continuation,
         })
@@ -360,6 +355,8 @@ impl Run {
                 self.warn_of_scene(&judged);
                 *self.sum.open_curves.get_or_insert(0) += judged.report.stats.open_curves;
             }
+            let stats = judged.report.stats;
+            self.sum.only_open = stats.curves > 0 && stats.open_curves == stats.curves;
             self.sum.times.add(&judged.times);
             self.sum.routes[judged.work.route as usize] += 1;
         }
@@ -444,6 +441,13 @@ impl Run {
         }
         if let Some(metrics) = &mut self.metrics {
             metrics.count(tally.since(self.before), summaries.iter().cloned());
+        }
+        if tally.verified == 1 && self.sum.only_open {
+            tracing::warn!(
+                "nothing was verified: open curves are searched for pull-throughs from one frame \
+                 to the next, and there was one frame"
+            );
+            self.data_lost();
         }
         if tally.verified == 0 || self.sum.unmeasured.is_some() {
             self.data_lost();

@@ -5,8 +5,8 @@ use super::times::to_json;
 use super::{Judged, Run, THE_FRAMES};
 use crate::cli::label::Label;
 use crate::cli::output::{self, count, millis, plural};
+use linkwatch::LeftOut;
 use linkwatch::kernels::Offload;
-use linkwatch::model::LeftOut;
 use linkwatch::{Report, Route, Work};
 
 /// Maximum number of sentences printed about one frame of a stream; the rest is counted.
@@ -38,9 +38,9 @@ impl Run {
             offload,
             model,
             info,
-            left_out,
             ..
         } = judged;
+        let left_out = &report.left_out;
         let new_kind = LeftOut::merge(&mut self.sum.left_out, left_out);
         if !left_out.is_empty() {
             self.data_lost();

@@ -84,7 +84,7 @@ impl Judge {
     ) -> Result<SessionOptions> {
         let abort_on = self.abort_on.unwrap_or_default();
         metadata.insert("abort_on".into(), abort_on.to_string());
-        let default = (Events::Off, SessionOptions::MOTION_LIMIT);
+        let default = (Events::Between, SessionOptions::MOTION_LIMIT);
         let (default_events, default_limit) = recorded.events.unwrap_or(default);
         let events = self.event_args.events(abort_on, default_events);
         metadata.insert("events".into(), events.to_string());

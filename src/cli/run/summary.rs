@@ -6,7 +6,7 @@ use super::times::RunTimes;
 use super::violations::Violations;
 use crate::cli::Outcome;
 use crate::cli::output::{count, percent, plural, plural_of};
-use linkwatch::model::LeftOut;
+use linkwatch::LeftOut;
 use linkwatch::{Events, Report, SinkSummary};
 use serde_json::json;
 
@@ -62,6 +62,8 @@ pub struct Summary {
     pub routes: [u64; 3],
     /// Number of open curves of the frames of all runs, once a frame was verified.
     pub open_curves: Option<u64>,
+    /// True if the last frame has open curves alone.
+    pub only_open: bool,
     /// Numbers of curves that end where they start, and of jumps by a lattice vector.
     pub joined: usize,
     pub jumps: u64,
@@ -142,7 +144,9 @@ impl Run {
             (curves, true) => {
                 format!("{curves} verified for pull-throughs, without linking numbers")
             }
-            (curves, false) => format!("not verified: {curves} (--events verifies pull-throughs)"),
+            (curves, false) => {
+                format!("not verified: {curves} (--events=between verifies pull-throughs)")
+            }
         };
         let [n_quiet, n_partial, n_full] = [quiet, partial, full].map(count);
         let low = self.options.clearance.map_or(0.0, |options| options.low);
@@ -186,8 +190,8 @@ impl Run {
             some(
                 yarns > 1 && !checked,
                 format!(
-                    "not verified: pull-throughs of {} curves that run through the cell (--events \
-                     verifies them)",
+                    "not verified: pull-throughs of {} curves that run through the cell \
+                     (--events=between verifies them)",
                     count(yarns as u64)
                 ),
             ),
@@ -235,7 +239,7 @@ impl Unresolved {
         };
         format!(
             "unresolved pull-throughs: {} in {}, with motions of up to {:.1} segment lengths a \
-             frame; {remedy} (--motion-limit {})",
+             frame; {remedy} (--motion-limit {}); --events=off compares linking numbers alone",
             count(self.pull_throughs),
             plural(self.frames, "frame"),
             self.lengths,

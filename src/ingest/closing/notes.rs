@@ -1,5 +1,6 @@
 //! What is said about the curves that a rule closed or opened.
 
+use crate::ingest::LeftOut;
 use crate::words::plural;
 use std::fmt;
 
@@ -80,9 +81,13 @@ impl ClosingNote {
         notes.into_iter().flatten().collect()
     }
 
-    /// Returns true if curves that may be closed are not verified as closed ones.
-    pub fn is_incomplete(&self) -> bool {
-        matches!(self, ClosingNote::Corner { .. })
+    /// Counts the curves that may be meant to be closed, and are not verified as closed ones.
+    pub fn left_out(&self) -> Option<LeftOut> {
+        let ClosingNote::Corner { count, first } = self else {
+            return None;
+        };
+        let kind = ["spline with ends that meet", "splines with ends that meet"];
+        Some(LeftOut::new(*count as u64, kind, format!("curve {first}")))
     }
 }
 

@@ -186,7 +186,7 @@ fn a_spline_that_would_change_its_shape_stays_open_and_is_named() {
                 [ClosingNote::Corner { count: 1, first: 0 }],
                 "{basis:?}"
             );
-            assert!(notes[0].is_incomplete());
+            assert!(notes[0].left_out().is_some());
         }
     }
 }

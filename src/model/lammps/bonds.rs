@@ -6,7 +6,7 @@
 use super::cell::Unwrapped;
 use crate::curve::{Basis, Cell, CurveSet, Positions};
 use crate::error::{Error, Result};
-use crate::model::frames::LeftOut;
+use crate::ingest::LeftOut;
 use crate::periodic::{Torn, find_torn};
 use std::ops::Range;
 
@@ -176,10 +176,10 @@ impl Curves {
                 places,
                 counts,
                 points: points as usize,
-                left_out: Vec::from_iter(branch.map(|(atom, bonds)| LeftOut {
-                    count: branched as u64,
-                    kind: ["molecule with branches", "molecules with branches"],
-                    first: format!("atom {atom} has {bonds} bonds"),
+                left_out: Vec::from_iter(branch.map(|(atom, bonds)| {
+                    let kind = ["molecule with branches", "molecules with branches"];
+                    let first = format!("atom {atom} has {bonds} bonds");
+                    LeftOut::new(branched as u64, kind, first)
                 })),
             }),
         }

@@ -11,7 +11,7 @@
 use super::cell::SimulationBox;
 use crate::curve::Point;
 use crate::error::{Error, Result};
-use crate::model::frames::LeftOut;
+use crate::ingest::LeftOut;
 use crate::model::lines::{Lines, integer, words};
 use crate::model::{number, quote};
 use std::io::BufRead;

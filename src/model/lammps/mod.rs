@@ -2,7 +2,7 @@
 //!
 //! The bonds define the curves. A molecule in which every atom has two bonds is a closed curve; a
 //! chain with two ends is an open one. Molecules with branches are counted as left out
-//! ([`super::LeftOut`]); atoms without bonds are no curves. Curves have the order of their smallest
+//! ([`crate::LeftOut`]); atoms without bonds are no curves. Curves have the order of their smallest
 //! atom ids. A closed curve starts with its smallest atom and goes on to the smaller neighbour of
 //! that atom, an open one starts at its end with the smaller id.
 //!

@@ -2,9 +2,10 @@
 
 use super::*;
 use crate::Certifier;
+use crate::LeftOut;
 use crate::curve::CurveSet;
 use crate::model::tests::{assert_error_contains, curves};
-use crate::model::{Format, Frames, LeftOut, ModelFrame, read};
+use crate::model::{Format, Frames, ModelFrame, read};
 use proptest::prelude::*;
 
 /// Linking numbers of the rings: the middle one is linked with both others. (The Gauss integrals in

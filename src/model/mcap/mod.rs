@@ -27,9 +27,10 @@ mod state;
 
 use self::markers::Layout;
 use self::state::{State, Update};
-use super::frames::{FrameSource, LeftOut, ModelFrame, ReadOptions};
+use super::frames::{FrameSource, ModelFrame, ReadOptions};
 use crate::container::{self, Container, Ending, invalid};
 use crate::error::{Error, Result};
+use crate::ingest::LeftOut;
 use crate::words::plural;
 use prost::bytes::Bytes;
 use std::collections::{BTreeMap, HashMap};

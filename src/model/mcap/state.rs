@@ -8,7 +8,7 @@
 
 use crate::curve::{Basis, CurveLabels, CurveSet, Point, Positions, Precision};
 use crate::error::Result;
-use crate::model::frames::LeftOut;
+use crate::ingest::LeftOut;
 use std::collections::{BTreeSet, HashMap, HashSet};
 use std::sync::Arc;
 

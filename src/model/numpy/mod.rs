@@ -48,9 +48,10 @@ pub(super) use self::write::{NpyFile, NpzFile};
 
 use self::array::Array;
 use self::frames::ArrayFrames;
-use super::frames::{FrameSource, LeftOut, ReadOptions};
+use super::frames::{FrameSource, ReadOptions};
 use crate::curve::{Basis, Cell, CurveLabels};
 use crate::error::{Error, Result};
+use crate::ingest::LeftOut;
 use std::io::{BufRead, Seek};
 use std::path::Path;
 

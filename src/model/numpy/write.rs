@@ -8,7 +8,8 @@
 use super::{FORMAT, basis_name};
 use crate::curve::{Basis, Cell, CurveLabels, CurveSet, Precision};
 use crate::error::{Error, Result};
-use crate::model::frames::{LeftOut, ModelFrame};
+use crate::ingest::LeftOut;
+use crate::model::frames::ModelFrame;
 use crate::model::write::{FrameSink, check_polylines, curves_of, same_curves};
 use crc32fast::Hasher;
 use std::fs::File;

@@ -30,11 +30,11 @@ mod free_form;
 
 use self::free_form::{Element, Form, Spline, State};
 use super::chains::{Chains, Edge, ThirdEdge};
-use super::frames::LeftOut;
 use super::write::{check_polylines, text_file};
 use super::{is_in, number, quote};
 use crate::curve::{Basis, CurveSet, CurveSetBuilder, Point, Positions, Precision};
 use crate::error::{Error, Result};
+use crate::ingest::LeftOut;
 use std::io::BufRead;
 use std::path::Path;
 

@@ -6,11 +6,13 @@ pub(super) use crate::container::invalid;
 use crate::curve::{Basis, Cell, Image, Precision, is_home};
 use crate::error::Result;
 use crate::incremental::{Route, Work};
+use crate::ingest::LeftOut;
 use crate::sinks::{BaselineRecord, FrameTimes, LiveTimes, RunProgress};
 use crate::verdict::{
     Change, Clearance, CloseStrands, Defect, DefectKind, ImageLink, Link, Place, PullThrough,
     Report, Stats, Verdict,
 };
+use std::borrow::Cow;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -145,6 +147,25 @@ impl Recorded<Option<schema::Place>> for Place {
     }
 }
 
+impl Recorded<schema::LeftOut> for LeftOut {
+    fn record(&self) -> schema::LeftOut {
+        let [one, several] = self.kind.each_ref().map(|kind| kind.to_string());
+        schema::LeftOut {
+            count: self.count,
+            one,
+            several,
+            first: self.first.clone(),
+        }
+    }
+    fn read(recorded: schema::LeftOut) -> Result<LeftOut> {
+        Ok(LeftOut {
+            count: recorded.count,
+            kind: [recorded.one, recorded.several].map(Cow::Owned),
+            first: recorded.first,
+        })
+    }
+}
+
 /// Missing counters are 0.
 impl Recorded<Option<schema::Stats>> for Stats {
     fn record(&self) -> Option<schema::Stats> {
@@ -209,7 +230,7 @@ messages! {
     }
     Report {
         seq, time, verdict, abort, changes, events, unresolved, defects, adopted, last_intact,
-        safe_fraction, clearance, appeared, gone, missing, rejected, stats
+        safe_fraction, clearance, appeared, gone, missing, left_out, rejected, stats
         => loops: Vec::new()
     }
     FrameTimes {

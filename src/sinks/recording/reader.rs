@@ -361,6 +361,7 @@ impl<R: Read + Seek> RecordingReader<R> {
                 time_step: m.time_step,
                 closed_by_default: false,
                 cell: Recorded::read(m.cell)?,
+                left_out: Recorded::read(m.left_out)?,
                 labels: Arc::clone(&self.labels),
             },
             received_ns,

@@ -16,6 +16,14 @@ protobuf! {
         9 time_step: f64, (double);
         10 cell: Vec<f64>, (double, repeated);
         11 baseline: u64, (uint64);
+        12 left_out: Vec<LeftOut>, (message, repeated);
+    }
+
+    LeftOut {
+        1 count: u64, (uint64);
+        2 one: String, (string);
+        3 several: String, (string);
+        4 first: String, (string);
     }
 
     Labels {
@@ -46,6 +54,7 @@ protobuf! {
         15 gone: Vec<String>, (string, repeated);
         16 missing: Vec<String>, (string, repeated);
         17 clearance: Option<Clearance>, (message, optional);
+        18 left_out: Vec<LeftOut>, (message, repeated);
     }
 
     Clearance {

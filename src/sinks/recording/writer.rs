@@ -273,6 +273,7 @@ impl RecordingSink {
             layout: info.layout,
             time_step: info.time_step,
             cell: info.cell.record(),
+            left_out: info.left_out.record(),
         };
         let outcome = self.log.write(self.frames, &message, seq, time_ns);
         // The message was the only owner of the bytes, so this returns the buffer without a copy.
