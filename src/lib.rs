@@ -195,44 +195,49 @@ pub use certificate::{Certificate, Comparison};
 pub use cli::run_command;
 pub use curve::{Basis, Cell, CurveLabels, Image, Point, Positions, Precision};
 #[cfg(feature = "verify")]
-pub use curve::{Curve, CurveSet, CurveSetBuilder, LongSegment};
+pub use curve::{Curve, CurveSet};
 #[cfg(feature = "verify")]
 pub use discretize::{Braid, BraidLoops, Braids, End, Polylines, chords, homotopic_polylines};
 #[cfg(feature = "verify")]
 pub use engine::{Certifier, Ladder, Progress, SessionOptions, Strategy, Timings, bisect};
 pub use error::{Error, Result};
+#[cfg(all(feature = "mcap", feature = "cli"))]
+use incremental::Cause;
 #[cfg(feature = "verify")]
-pub use incremental::{Cause, Events, Route, Work};
+pub use incremental::{Events, Route, Work};
 #[cfg(feature = "verify")]
-pub use ingest::{Closing, ClosingNote, CurveSource, FrameInfo, LeftOut, RawFrame};
+pub use ingest::{Closing, ClosingNote, CurveSource, FrameInfo, RawFrame};
 #[cfg(feature = "verify")]
 pub use periodic::{Unwrap, beside, period};
 #[cfg(feature = "verify")]
 pub use plan::Plan;
-#[cfg(feature = "mcap")]
-pub use report::{Conclusion, RunReport};
+#[cfg(all(feature = "mcap", feature = "cli"))]
+use report::{Conclusion, RunReport};
 #[cfg(feature = "verify")]
 pub use ribbon::{Axis, GaussIntegrals, Pairing, PairingReason, Ribbon, RibbonOptions};
 #[cfg(feature = "verify")]
 pub use session::{Continuation, Given, Received, Session, SessionState, VerifiedFrame};
-#[cfg(feature = "mcap")]
-pub use sinks::{
-    Alignment, CurveDiff, Ending, FrameDiff, FramePlace, OnlyIn, Outline, OutlinedVerdict,
-    RecordedFrame, RecordedItem, RecordedVerdict, RecordingOptions, RecordingReader, RecordingSink,
-    RecordingTool, Retention, RunDiff, diff_runs,
-};
+#[cfg(all(feature = "mcap", feature = "cli"))]
+use sinks::{Alignment, FrameDiff, FramePlace, OnlyIn, Outline, RunDiff, diff_runs};
 #[cfg(feature = "verify")]
 pub use sinks::{
     BaselineRecord, FrameRecord, FrameTimes, LiveTimes, Overflow, RunProgress, Sink, SinkQueue,
     SinkSummary,
 };
+#[cfg(feature = "mcap")]
+pub use sinks::{
+    Ending, RecordedFrame, RecordedItem, RecordedVerdict, RecordingOptions, RecordingReader,
+    RecordingSink, RecordingTool, Retention,
+};
 #[cfg(feature = "rerun")]
 pub use sinks::{ViewerOptions, ViewerSink, ViewerTarget};
 #[cfg(feature = "verify")]
 pub use thickness::{ClearanceOptions, CurvePoint, MinRad, Strut, Thickness, struts};
+#[cfg(feature = "cli")]
+use verdict::Lasting;
 pub use verdict::{
-    AbortOn, Change, ChangeKind, Clearance, CloseStrands, Defect, DefectKind, ImageLink, Lasting,
-    Link, LoopPair, Place, PullThrough, Report, ReportDifference, Stats, Verdict,
+    AbortOn, Change, ChangeKind, Clearance, CloseStrands, Defect, DefectKind, ImageLink, LeftOut,
+    Link, LoopPair, Place, PullThrough, Report, Stats, Verdict,
 };
 
 /// Compiles the examples of the README and of the book. `tests/book` compares this list with the

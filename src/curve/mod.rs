@@ -73,7 +73,6 @@ pub(crate) use coordinates::{Axes, Knots, ReadKnots, Scalar};
 #[cfg(feature = "verify")]
 pub(crate) use diagonals::Diagonals;
 #[cfg(feature = "verify")]
-pub use extent::LongSegment;
 #[cfg(feature = "verify")]
 pub(crate) use frame::{Frame, Images};
 #[cfg(feature = "verify")]

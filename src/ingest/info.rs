@@ -1,8 +1,8 @@
 //! What a simulator tells about a frame, beside its positions.
 
-use super::LeftOut;
 use crate::curve::{Cell, CurveChange, CurveLabels};
 use crate::error::{Error, Result};
+use crate::verdict::LeftOut;
 use std::sync::Arc;
 
 /// Information about a frame that comes with its curves.

@@ -10,13 +10,11 @@
 
 mod closing;
 mod info;
-mod left_out;
 
 pub(crate) use crate::curve::FramePool;
 pub use closing::{Closing, ClosingNote, CurveSource};
 pub(crate) use closing::{Decisions, ends_meet};
 pub use info::FrameInfo;
-pub use left_out::LeftOut;
 
 use crate::curve::{Basis, CurveSet, Positions};
 use crate::error::Result;

@@ -7,7 +7,7 @@
 use super::Format;
 use crate::curve::{Cell, CurveLabels, CurveSet};
 use crate::error::Result;
-use crate::ingest::LeftOut;
+use crate::verdict::LeftOut;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 

@@ -24,7 +24,7 @@ impl RunReport {
     ///
     /// Texts of the recording are escaped. The size is limited: tables have at most 400 rows,
     /// there are pictures of at most six violations and of the lowest clearance, and plots have at
-    /// most 400 columns. Usual pages have 20 to 100 kB; it stays below [`RunReport::MOST_BYTES`].
+    /// most 400 columns. Usual pages have 20 to 100 kB; it stays below 8 MiB.
     pub fn html(&self) -> String {
         let facts = &self.facts;
         let conclusion = facts.conclusion();

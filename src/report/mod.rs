@@ -59,9 +59,6 @@ pub struct RunReport {
 }
 
 impl RunReport {
-    /// Upper bound of the size of the HTML page.
-    pub const MOST_BYTES: usize = 8 << 20;
-
     /// Reads a recording, also one that was cut off. Damage after the first verdict is a part of
     /// the report.
     ///

@@ -3,7 +3,7 @@
 use super::facts::{End, Facts, Found, RECORD_EVERY};
 use crate::container::truncated;
 use crate::incremental::Events;
-use crate::ingest::LeftOut;
+use crate::verdict::LeftOut;
 use crate::verdict::Verdict;
 use crate::words::{count, percent, plural, plural_of};
 use std::fmt;

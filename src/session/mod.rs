@@ -24,9 +24,9 @@ use crate::curve::{Cell, CurveChange, CurveSet};
 use crate::discretize::Braids;
 use crate::engine::{Engine, Next as NextFrame, Progress, SessionOptions, Timings};
 use crate::error::{Error, Result};
-use crate::ingest::{ClosingNote, CurveSource, FrameInfo, FramePool, LeftOut, RawFrame};
+use crate::ingest::{ClosingNote, CurveSource, FrameInfo, FramePool, RawFrame};
 use crate::pool;
-use crate::verdict::{Report, Verdict};
+use crate::verdict::{LeftOut, Report, Verdict};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 

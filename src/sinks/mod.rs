@@ -14,9 +14,9 @@ mod viewer;
 pub use queue::{Overflow, SinkQueue, SinkSummary};
 #[cfg(feature = "mcap")]
 pub use recording::{
-    Alignment, CurveDiff, Ending, FrameDiff, FramePlace, OnlyIn, Outline, OutlinedVerdict,
-    RecordedFrame, RecordedItem, RecordedVerdict, RecordingOptions, RecordingReader, RecordingSink,
-    RecordingTool, Retention, RunDiff, diff_runs,
+    Alignment, Ending, FrameDiff, FramePlace, OnlyIn, Outline, RecordedFrame, RecordedItem,
+    RecordedVerdict, RecordingOptions, RecordingReader, RecordingSink, RecordingTool, Retention,
+    RunDiff, diff_runs,
 };
 pub use times::{FrameTimes, LiveTimes, RunProgress};
 #[cfg(feature = "rerun")]

@@ -5,6 +5,7 @@ mod clearance;
 mod difference;
 mod finding;
 mod lasting;
+mod left_out;
 mod message;
 mod policy;
 mod pull_through;
@@ -15,6 +16,7 @@ pub use difference::ReportDifference;
 #[cfg(any(feature = "mcap", feature = "rerun"))]
 pub(crate) use finding::Finding;
 pub use lasting::Lasting;
+pub use left_out::LeftOut;
 #[cfg(any(feature = "mcap", feature = "rerun"))]
 pub(crate) use message::label_of_pair;
 #[cfg(any(feature = "mcap", feature = "cli"))]
@@ -27,7 +29,6 @@ pub use policy::AbortOn;
 pub use pull_through::PullThrough;
 
 use crate::curve::{Image, Point};
-use crate::ingest::LeftOut;
 #[cfg(feature = "verify")]
 use crate::periodic::ImagePair;
 

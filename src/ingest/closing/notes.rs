@@ -1,6 +1,6 @@
 //! What is said about the curves that a rule closed or opened.
 
-use crate::ingest::LeftOut;
+use crate::verdict::LeftOut;
 use crate::words::plural;
 use std::fmt;
 

@@ -6,8 +6,8 @@
 use super::cell::Unwrapped;
 use crate::curve::{Basis, Cell, CurveSet, Positions};
 use crate::error::{Error, Result};
-use crate::ingest::LeftOut;
 use crate::periodic::{Torn, find_torn};
+use crate::verdict::LeftOut;
 use std::ops::Range;
 
 /// Marks an atom that belongs to no curve.

@@ -11,9 +11,9 @@
 use super::cell::SimulationBox;
 use crate::curve::Point;
 use crate::error::{Error, Result};
-use crate::ingest::LeftOut;
 use crate::model::lines::{Lines, integer, words};
 use crate::model::{number, quote};
+use crate::verdict::LeftOut;
 use std::io::BufRead;
 
 pub(super) const FORMAT: &str = "LAMMPS data file";

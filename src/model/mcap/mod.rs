@@ -30,7 +30,7 @@ use self::state::{State, Update};
 use super::frames::{FrameSource, ModelFrame, ReadOptions};
 use crate::container::{self, Container, Ending, invalid};
 use crate::error::{Error, Result};
-use crate::ingest::LeftOut;
+use crate::verdict::LeftOut;
 use crate::words::plural;
 use prost::bytes::Bytes;
 use std::collections::{BTreeMap, HashMap};

@@ -8,7 +8,7 @@
 
 use crate::curve::{Basis, CurveLabels, CurveSet, Point, Positions, Precision};
 use crate::error::Result;
-use crate::ingest::LeftOut;
+use crate::verdict::LeftOut;
 use std::collections::{BTreeSet, HashMap, HashSet};
 use std::sync::Arc;
 

@@ -4,8 +4,8 @@ use super::array::{Array, Kind, Unread, fill};
 use super::{Cells, FORMAT, Others};
 use crate::curve::{Basis, CurveLabels, CurveSet, CurveSetBuilder, Positions, Precision};
 use crate::error::{Error, Result};
-use crate::ingest::LeftOut;
 use crate::model::frames::{FrameSource, ModelFrame, ReadOptions};
+use crate::verdict::LeftOut;
 use std::io::Read;
 use std::sync::Arc;
 

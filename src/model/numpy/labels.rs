@@ -5,7 +5,7 @@ use super::array::{Array, Kind};
 use super::{Cells, FORMAT, Others, basis_name};
 use crate::curve::{Basis, Cell, Point};
 use crate::error::{Error, Result};
-use crate::ingest::LeftOut;
+use crate::verdict::LeftOut;
 use std::io::{BufRead, Seek};
 
 /// Bytes that an array of numbers, and one of texts, may have at any compression. A text takes many

@@ -51,7 +51,7 @@ use self::frames::ArrayFrames;
 use super::frames::{FrameSource, ReadOptions};
 use crate::curve::{Basis, Cell, CurveLabels};
 use crate::error::{Error, Result};
-use crate::ingest::LeftOut;
+use crate::verdict::LeftOut;
 use std::io::{BufRead, Seek};
 use std::path::Path;
 

@@ -8,9 +8,9 @@
 use super::{FORMAT, basis_name};
 use crate::curve::{Basis, Cell, CurveLabels, CurveSet, Precision};
 use crate::error::{Error, Result};
-use crate::ingest::LeftOut;
 use crate::model::frames::ModelFrame;
 use crate::model::write::{FrameSink, check_polylines, curves_of, same_curves};
+use crate::verdict::LeftOut;
 use crc32fast::Hasher;
 use std::fs::File;
 use std::io::{self, BufWriter, Seek, SeekFrom, Write};

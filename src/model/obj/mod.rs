@@ -34,7 +34,7 @@ use super::write::{check_polylines, text_file};
 use super::{is_in, number, quote};
 use crate::curve::{Basis, CurveSet, CurveSetBuilder, Point, Positions, Precision};
 use crate::error::{Error, Result};
-use crate::ingest::LeftOut;
+use crate::verdict::LeftOut;
 use std::io::BufRead;
 use std::path::Path;
 

@@ -6,8 +6,8 @@ pub(super) use crate::container::invalid;
 use crate::curve::{Basis, Cell, Image, Precision, is_home};
 use crate::error::Result;
 use crate::incremental::{Route, Work};
-use crate::ingest::LeftOut;
 use crate::sinks::{BaselineRecord, FrameTimes, LiveTimes, RunProgress};
+use crate::verdict::LeftOut;
 use crate::verdict::{
     Change, Clearance, CloseStrands, Defect, DefectKind, ImageLink, Link, Place, PullThrough,
     Report, Stats, Verdict,

@@ -18,10 +18,9 @@ mod tools;
 mod writer;
 
 pub use crate::container::Ending;
-pub use diff::{Alignment, CurveDiff, FrameDiff, OnlyIn, RunDiff, diff_runs};
+pub use diff::{Alignment, FrameDiff, OnlyIn, RunDiff, diff_runs};
 pub use reader::{
-    FramePlace, Outline, OutlinedVerdict, RecordedFrame, RecordedItem, RecordedVerdict,
-    RecordingReader,
+    FramePlace, Outline, RecordedFrame, RecordedItem, RecordedVerdict, RecordingReader,
 };
 pub use retention::{RecordingOptions, Retention};
 pub use tools::RecordingTool;

@@ -22,6 +22,10 @@ use std::sync::Arc;
 
 /// An item of a recording.
 #[derive(Clone, Debug, PartialEq)]
+#[expect(
+    clippy::large_enum_variant,
+    reason = "a box would be an allocation per frame"
+)]
 pub enum RecordedItem {
     /// The baseline; precedes the first frame that is compared with it.
     Baseline(BaselineRecord),
