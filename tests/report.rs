@@ -95,4 +95,8 @@ fn bad_input_is_an_error_with_the_name_of_the_file() {
     let path = recording("squares");
     let run = linkwatch(&["report", text(&path), "-o", text(&path), "--force"]);
     assert_eq!(run.code, 2);
+    let words = folder.path().join("words.txt");
+    let run = linkwatch(&["report", text(&path), "-o", text(&words)]);
+    assert_eq!((run.code, words.exists()), (2, false), "{run:?}");
+    assert!(run.stderr.contains("name it .html"), "{run:?}");
 }

@@ -105,10 +105,25 @@ const STUDY: &str = "measurements are commands for developers, in a clone of lin
 
 /// Parses the arguments, the first of which is the name of the program.
 pub fn parse(args: impl IntoIterator<Item = OsString>) -> Result<Cli, Error> {
+    let args: Vec<OsString> = args.into_iter().collect();
+    let value =
+        |pair: &&[OsString]| pair[0] == "--events" && pair[1].to_str().is_some_and(is_events);
+    if let Some(value) = args.windows(2).find(value) {
+        // It would be taken as the name of a file.
+        let words = format!(
+            "write --events={}, with an equals sign\n",
+            value[1].display()
+        );
+        return Err(Error::raw(ErrorKind::ValueValidation, words));
+    }
     let command = with_negative_numbers(Cli::command());
     let parsed = command.try_get_matches_from(args);
     let parsed = parsed.and_then(|matches| Cli::from_arg_matches(&matches));
     parsed.map_err(in_words)
+}
+
+fn is_events(word: &str) -> bool {
+    word.parse::<linkwatch::Events>().is_ok()
 }
 
 /// Lets all options take a negative number, so that the error names the option and its range.

@@ -128,6 +128,8 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
                 // The other models still get their verdicts.
                 match &failed {
                     None => failed = Some(e),
+                    // The frames of a file fail in the same way.
+                    Some(first) if first.to_string() == e.to_string() => {}
                     Some(_) => tracing::error!("{e}"),
                 }
                 // Without a first frame there is no baseline for the others.

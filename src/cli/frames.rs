@@ -116,6 +116,8 @@ pub struct Selected {
     ahead: VecDeque<Result<Read>>,
     /// True if all chosen frames were read.
     ended: bool,
+    /// Number of the last frame that was read, for a range of numbers.
+    last: Option<u64>,
     /// True if the file may have several frames.
     numbered: bool,
     /// True if several frames are chosen.
@@ -143,6 +145,7 @@ impl Selected {
             frames: input::open_or_build(argument, &format.wrapped(cells.wrapped().is_some()))?,
             ahead: VecDeque::new(),
             ended: false,
+            last: None,
             numbered: input::holds_frames(argument),
             several: false,
             left_out: Vec::new(),
@@ -233,13 +236,20 @@ impl Selected {
                 return Some(frame);
             };
             // Numbers increase.
-            self.ended = read.seq >= to;
+            (self.ended, self.last) = (read.seq >= to, Some(read.seq));
             match frame {
                 Ok(read) if !(from..=to).contains(&read.seq) => self.closing.pass(read),
                 frame => return Some(frame),
             }
         }
-        self.ended = true;
+        if !std::mem::replace(&mut self.ended, true)
+            && let (Selection::Numbers(_, to), Some(last)) = (self.selection, self.last)
+        {
+            tracing::warn!(
+                "{}: no frame {to}: the last one is {last}",
+                self.path.display()
+            );
+        }
         None
     }
 
@@ -267,7 +277,7 @@ impl Selected {
 
     fn name(&self, frame: &Read) -> String {
         let path = self.path.display();
-        match self.several || self.numbered && matches!(self.selection, Selection::Numbers(..)) {
+        match self.several || self.numbered && self.selection != Selection::All {
             true => format!("{path}, {}", words_of_frame(frame.seq, frame.time)),
             false => path.to_string(),
         }

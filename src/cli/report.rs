@@ -52,6 +52,11 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     files.reads(&args.recording);
     if let Some(path) = &page {
         files.writes("-o", path, Content::Text)?;
+        if path.extension().is_none_or(|e| e != "html" && e != "htm") {
+            let path = path.display();
+            let what = format!("-o {path}: the page is HTML: name it .html (--text prints words)");
+            return Err(Error::Usage(what));
+        }
     }
     let report = RunReport::read(&args.recording)?;
     if json {

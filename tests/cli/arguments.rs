@@ -61,7 +61,7 @@ fn bad_arguments_exit_with_2() {
 }
 
 #[test]
-fn a_command_or_option_that_is_gone_says_in_one_line_what_to_use() {
+fn what_is_written_in_another_way_says_so_in_one_line() {
     let explain = "plan is gone; instead: `linkwatch certify --explain MODEL`";
     let study = "is gone; instead: measurements are commands for developers";
     for (args, says) in [
@@ -70,6 +70,7 @@ fn a_command_or_option_that_is_gone_says_in_one_line_what_to_use() {
         (&["sweep", "a.bcc", "--quantize", "24..8"], study),
         (&["certify", "a.bcc", "--repeat", "3"], "--repeat is gone"),
         (&["devices", "--calibrate"], "--calibrate is gone"),
+        (&["check", "a.bcc", "--events", "all"], "write --events=all"),
         (
             &["check", "a.bcc", "--rrd", "a.rrd"],
             "--rrd is gone; instead: --show FILE.rrd",

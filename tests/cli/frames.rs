@@ -98,6 +98,14 @@ fn frames_are_chosen_by_number_by_range_and_from_the_end() {
     assert_eq!(frames("1..2"), [1, 2]);
     assert_eq!(frames("2..99"), [2, 3]);
     assert_eq!(frames("all"), [0, 1, 2, 3]);
+    let run = linkwatch(&["certify", name, "--frame", "2..99"]);
+    assert!(
+        run.stderr.contains("no frame 99: the last one is 3"),
+        "{}",
+        run.stderr
+    );
+    let last = linkwatch(&["certify", name, "--frame", "last"]);
+    assert!(last.stderr.contains("frame 3"), "{}", last.stderr);
     let none = linkwatch(&["measure", "writhe", name, "--frame", "7"]);
     assert_eq!(none.code, 2);
     assert!(none.stderr.contains("no frame 7"), "{}", none.stderr);

@@ -2,7 +2,7 @@
 
 mod outline;
 
-pub use outline::{FramePlace, Outline, OutlinedVerdict};
+pub use outline::{FramePlace, Outline};
 
 use super::messages::{PACKAGE, Recorded, invalid};
 use super::schema;
