@@ -37,7 +37,7 @@ fn hard_cases(kernel: Kernel) -> Result<(), Failed> {
     // Large cases take minutes on a software renderer.
     let most = match std::env::var_os("LINKWATCH_LARGE_CASES") {
         Some(_) => usize::MAX,
-        None => 20_000,
+        None => 3000,
     };
     let complaints: Vec<String> = (runner::collection().iter().enumerate())
         .filter(|(_, case)| case.curves.segments() <= most)

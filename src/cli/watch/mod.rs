@@ -171,7 +171,7 @@ fn open<'a>(
             true => with_suffix(path, service),
             false => path.to_owned(),
         });
-        let mut state = State::open(path.as_deref())?;
+        let mut state = State::open(path.as_deref(), &format!("{judge:?}"))?;
         let sinks = match several {
             true => args.sinks.with_suffix(service),
             false => args.sinks.clone(),

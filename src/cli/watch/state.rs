@@ -11,6 +11,7 @@ use linkwatch::{Error, Report, Result, SidecarState};
 use serde::{Deserialize, Serialize};
 use std::ffi::OsString;
 use std::fs::{File, TryLockError};
+use std::hash::{DefaultHasher, Hash, Hasher};
 use std::io::{Read, Seek, Write};
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::{SyncSender, sync_channel};
@@ -18,7 +19,7 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 /// First bytes of a note. They change with its format.
-const MAGIC: &[u8; 8] = b"LWSTATE2";
+const MAGIC: &[u8; 8] = b"LWSTATE3";
 
 /// Number of bytes of a note in its file. The rest is zero.
 const NOTE_BYTES: usize = 256;
@@ -37,6 +38,8 @@ const STOPPED: &str =
 /// Note of a watch.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 struct Note {
+    /// Fingerprint of the settings on which verdicts depend.
+    settings: u64,
     /// The simulator that is watched, once it has sent a frame.
     simulator: Option<SidecarState>,
     /// Number and time of the frame that is being verified.
@@ -84,10 +87,12 @@ struct Files {
 }
 
 impl State {
-    /// Opens the files of a service, and reads what an earlier process left there.
+    /// Opens the files of a service, and reads what an earlier process left there. `settings` are
+    /// those on which verdicts depend.
     ///
-    /// Errors: the file is something else, or cannot be read or written.
-    pub fn open(path: Option<&Path>) -> Result<State> {
+    /// Errors: the file is something else, is of a watch with other settings, or cannot be read or
+    /// written.
+    pub fn open(path: Option<&Path>, settings: &str) -> Result<State> {
         let Some(path) = path else {
             return Ok(State {
                 files: None,
@@ -99,6 +104,17 @@ impl State {
         let options = options.read(true).write(true).create(true).truncate(false);
         let mut file = lock(path, options.open(path).map_err(|e| unusable(path, e))?)?;
         let earlier = read_note(path, &mut file)?;
+        let mut fingerprint = DefaultHasher::new();
+        settings.hash(&mut fingerprint);
+        let settings = fingerprint.finish();
+        if earlier
+            .as_ref()
+            .is_some_and(|note| note.settings != settings)
+        {
+            let why = "it is of a watch with other settings (--baseline, --events, ..) or of another \
+                       version of linkwatch: give the same ones, or remove it to begin anew";
+            return Err(unusable(path, why));
+        }
         let mut name = OsString::from(path);
         name.push(".session");
         let session = PathBuf::from(name);
@@ -121,7 +137,10 @@ impl State {
                     },
                     ..note
                 },
-                None => Note::default(),
+                None => Note {
+                    settings,
+                    ..Note::default()
+                },
             },
             earlier,
         };
@@ -426,7 +445,7 @@ mod tests {
     fn the_next_process_finds_the_session_and_the_frame_in_hand() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("watch.state");
-        let open = || State::open(Some(&path)).unwrap();
+        let open = || State::open(Some(&path), "").unwrap();
         let mut first = open();
         assert_eq!((first.outcome(), first.file_number()), (Outcome::Fine, 0));
         first.begin_files(1).unwrap();
@@ -453,9 +472,11 @@ mod tests {
         let mut third = open();
         assert_eq!((third.sessions(), third.restarts()), (2, 3));
         third.end_session(Outcome::Changed).unwrap();
-        let e = State::open(Some(&path)).err().unwrap().to_string();
+        let e = State::open(Some(&path), "").err().unwrap().to_string();
         assert!(e.contains("another `linkwatch watch` has locked it"), "{e}");
         drop(third);
+        let e = State::open(Some(&path), "--events=off").err().unwrap();
+        assert!(e.to_string().contains("other settings"), "{e}");
         let mut fourth = open();
         assert_eq!(fourth.outcome(), Outcome::Changed);
         fourth.end().unwrap();
@@ -466,7 +487,7 @@ mod tests {
     fn a_damaged_state_is_an_error_and_not_a_new_baseline() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("watch.state");
-        let mut first = State::open(Some(&path)).unwrap();
+        let mut first = State::open(Some(&path), "").unwrap();
         first.begin_session(5, 1).unwrap();
         first.keep(RunState::default).unwrap();
         first.begin_frame(Some(simulator(5)), (7, 0.7), 0).unwrap();
@@ -474,7 +495,7 @@ mod tests {
         let session = folder.path().join("watch.state.session");
         let whole = std::fs::read(&session).unwrap();
         std::fs::write(&session, &whole[..whole.len() - 1]).unwrap();
-        let mut second = State::open(Some(&path)).unwrap();
+        let mut second = State::open(Some(&path), "").unwrap();
         let e = second.begin_session(5, 1).err().unwrap().to_string();
         assert!(e.contains("cannot be used"), "{e}");
     }
@@ -484,7 +505,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("notes.txt");
         std::fs::write(&path, "my notes").unwrap();
-        let e = State::open(Some(&path)).err().unwrap().to_string();
+        let e = State::open(Some(&path), "").err().unwrap().to_string();
         assert!(e.contains("not the state of a watch"), "{e}");
         assert_eq!(std::fs::read_to_string(&path).unwrap(), "my notes");
     }
