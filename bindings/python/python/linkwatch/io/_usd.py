@@ -10,13 +10,11 @@ import numpy as np
 from ._frames import Frame, Frames, LeftOut, Summary, library
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
     from pathlib import Path
     from typing import Any
 
-    import numpy.typing as npt
-
-    Array = npt.NDArray[Any]
+    from ._curves import Array, Options
 
 # Bases by `type` and `basis`.
 BASES = {"bezier": "bezier", "bspline": "b-spline", "catmullRom": "catmull-rom"}
@@ -30,14 +28,17 @@ class Unread(Exception):
     """Reason why a prim with curves is not read."""
 
 
-def read(path: Path) -> Frames:
+def read(paths: Sequence[Path], options: Options) -> Frames:
     """Opens a stage, composed with all that it refers to."""
+    if len(paths) != 1:
+        raise ValueError(f"{len(paths)} stages: give one that refers to the others")
+    path = paths[0]
     usd = library("pxr.Usd", "usd")
     try:
         stage = usd.Stage.Open(str(path))
     except RuntimeError as why:
         raise ValueError(f"{path}: not a valid USD file: {_reason(why)}") from None
-    scene = _Scene(stage)
+    scene = _Scene(stage, options)
     if not scene.batches:
         found = scene.left_out.sentences()
         what = f"not read: {', '.join(found)}" if found else "no BasisCurves are defined and active"
@@ -51,6 +52,7 @@ def read(path: Path) -> Frames:
                 "or convert their curves in the program that made them"
             )
     summary = Summary(left_out=scene.left_out.sentences())
+    summary.time_unit = "seconds" if scene.animated else ""
     for batch in scene.batches:
         summary.curves += (n := batch.number_of_curves(scene.times[0]))
         summary.closed += n if batch.wrap == "periodic" else 0
@@ -71,9 +73,10 @@ def _reason(why: RuntimeError) -> str:
 class _Scene:
     """The prims of a stage that have curves."""
 
-    def __init__(self, stage: Any) -> None:
+    def __init__(self, stage: Any, options: Options) -> None:
         # A stage that nothing refers to is closed, and its prims are invalid then.
         self.stage = stage
+        self.cell = options.cell_or(None)
         self.usd = library("pxr.Usd", "usd")
         self.geom = library("pxr.UsdGeom", "usd")
         self.left_out = LeftOut()
@@ -156,9 +159,7 @@ class _Scene:
             try:
                 frame = self._frame(code)
             except Unread as why:
-                nothing = last or Frame(np.empty((0, 3)), [])
-                points = np.full_like(nothing.positions, np.nan)
-                frame = dataclasses.replace(nothing, positions=points, rejected=str(why))
+                frame = (last or Frame(np.empty((0, 3)), [])).invalid(str(why))
             else:
                 last = frame
             yield dataclasses.replace(frame, seq=seq, time=seconds)
@@ -188,6 +189,7 @@ class _Scene:
             positions=np.concatenate(positions) if positions else np.empty((0, 3)),
             counts=counts,
             basis=self.batches[0].basis,
+            cell=self.cell,
             names=names if any(batch.own_names != [] for batch in self.batches) else [],
             radii=np.concatenate(radii).tolist() if radii and with_radii else [],
         )

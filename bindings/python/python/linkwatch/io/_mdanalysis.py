@@ -1,0 +1,195 @@
+"""Molecules of every format that ``MDAnalysis`` reads, as curves along their bonds."""
+
+from __future__ import annotations
+
+import warnings
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ._curves import Curve, Molecule, Options, Scene, frames_of_scenes, molecules, plural
+from ._frames import library
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+    from typing import Any
+
+    from ._curves import Array
+    from ._frames import Frames
+
+# Units of the times of files without times.
+COUNTED = ("steps of the simulation", "frames")
+
+
+def read(paths: Sequence[Path], options: Options) -> Frames:
+    """Opens a topology and trajectories; the first file is the topology."""
+    mda = library("MDAnalysis", "mdanalysis")
+    topology, *trajectories = map(str, paths)
+    ways: list[dict[str, Any]] = [{}]
+    if any(path.suffix.lower() in (".h5md", ".h5", ".hdf5") for path in paths[1:]):
+        # H5MD has several suffixes, and need not have units.
+        ways = [{"format": "H5MD"}, {"format": "H5MD", "convert_units": False}]
+    with warnings.catch_warnings():
+        # About elements and masses that are guessed, which are not used here.
+        warnings.simplefilter("ignore")
+        for way in ways:
+            try:
+                universe = mda.Universe(topology, *trajectories, to_guess=(), **way)
+                atoms = universe.select_atoms(options.select)
+                break
+            except ImportError:
+                raise
+            except Exception as why:  # MDAnalysis raises many kinds
+                if way is ways[-1]:
+                    named = " ".join(map(str, paths))
+                    said = _said(why)
+                    raise ValueError(f"{named}: MDAnalysis cannot read this: {said}") from why
+    return frames_of_atoms(atoms, options, universe.trajectory, paths[0])
+
+
+def _said(why: Exception) -> str:
+    """Returns the message of an exception in one line."""
+    return " ".join(str(why).split()) or type(why).__name__
+
+
+def frames_of_atoms(
+    atoms: Any, options: Options, trajectory: Any = None, path: Path | None = None
+) -> Frames:
+    """Returns the frames of a trajectory: see :func:`linkwatch.io.from_mdanalysis`."""
+    atoms = atoms.atoms
+    universe = atoms.universe
+    trajectory = universe.trajectory if trajectory is None else trajectory
+    path = path or Path(str(universe.trajectory.filename or "the universe"))
+    if not len(atoms):
+        raise ValueError(f"{path}: no atoms are selected")
+    options.unwrap = options.unwrap is not False
+    topology = Scene()
+    found = _bonded(atoms, topology)
+    if found is None:
+        found = _grouped(atoms, topology, path)
+    names = _names(universe, found)
+    radii = _radii(universe, found)
+    unit = _unit(universe.trajectory)
+
+    def scenes() -> Iterator[Scene]:
+        frames = iter(trajectory)
+        while True:
+            try:
+                with warnings.catch_warnings():
+                    warnings.simplefilter("ignore")
+                    now = next(frames, None)
+            except (OSError, EOFError, ValueError, RuntimeError, IndexError) as why:
+                raise ValueError(f"{path}: MDAnalysis cannot read on: {_said(why)}") from why
+            if now is None:
+                return
+            positions = now.positions
+            scene = Scene(
+                left_out=topology.left_out,
+                notes=topology.notes,
+                cell=_cell(now),
+                time=float(now.data.get("step", now.frame) if unit in COUNTED else now.time),
+                place=f"{path}, frame {now.frame}",
+                seq=int(now.frame),
+            )
+            scene.curves = [
+                Curve(positions[one.nodes], one.closed, name, radius)
+                for one, name, radius in zip(found, names, radii)
+            ]
+            yield scene
+
+    frames = frames_of_scenes(path, scenes, options, len(trajectory))
+    frames.summary.time_unit = unit
+    return frames
+
+
+def _unit(trajectory: Any) -> str:
+    """Returns the unit of times: MDAnalysis converts to ps, and counts frames if there is none."""
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        _ = trajectory.ts.time
+    if any("no dt information" in str(warning.message) for warning in said):
+        return COUNTED[0] if "step" in trajectory.ts.data else COUNTED[1]
+    converted = getattr(trajectory, "convert_units", True)
+    return "ps" if converted else str(trajectory.units.get("time") or "the unit of the simulation")
+
+
+def _cell(now: Any) -> Array | None:
+    """Returns the cell of a frame, if it has one."""
+    if now.dimensions is None or not now.dimensions[:3].all():
+        return None
+    core = library("MDAnalysis.lib.mdamath", "mdanalysis")
+    vectors = core.triclinic_vectors(now.dimensions, dtype=np.float64)
+    return np.vstack([vectors, np.zeros(3)])
+
+
+def _bonded(atoms: Any, scene: Scene) -> list[Molecule] | None:
+    """Returns the curves of molecules with bonds, or ``None`` if there are no bonds."""
+    try:
+        bonds = atoms.universe.bonds.to_indices()
+    except AttributeError:  # NoDataError of MDAnalysis
+        return None
+    chosen = np.zeros(atoms.universe.atoms.n_atoms, bool)
+    chosen[atoms.indices] = True
+    bonds = bonds[chosen[bonds].all(axis=1)]
+    if not len(bonds):
+        return None
+    found, networks = molecules(bonds)
+    for nodes in networks:
+        kind = "with several loops, or a loop and a longer chain"
+        place = f"{len(nodes)} atoms, the first one with the index {min(nodes)}"
+        scene.left_out.add(f"molecule {kind}", f"molecules {kind}", place)
+    branched = [one for one in found if one.side]
+    if branched:
+        rings = sum(one.closed for one in branched)
+        side = sum(one.side for one in branched)
+        scene.notes.append(
+            f"{plural(len(branched), 'molecule has', 'molecules have')} branches: the curve is the "
+            f"ring of {rings} and the longest chain of {len(branched) - rings}; "
+            f"{plural(side, 'atom', 'atoms')} beside it are ignored"
+        )
+    bonded = np.unique(bonds)
+    if len(bonded) < len(atoms):
+        scene.notes.append(f"{len(atoms) - len(bonded)} atoms without bonds are no curves")
+    return found
+
+
+def _grouped(atoms: Any, scene: Scene, path: Path) -> list[Molecule]:
+    """Returns chains of the atoms of each segment, or residue, in the order of the file."""
+    segments, residues = atoms.segindices, atoms.resindices
+    level, of_atom = "segment", segments
+    if (np.bincount(residues)[np.unique(residues)] > 1).any():
+        # Several beads in a residue: a residue is a molecule, as in LAMMPS.
+        level, of_atom = "residue", residues
+        if len(np.unique(segments)) > 1:
+            raise ValueError(
+                f"{path}: no bonds, and residues of several atoms: give a topology with bonds, or "
+                "select one atom of each residue, such as select='name CA'"
+            )
+    found = [
+        Molecule(atoms.indices[of_atom == group].tolist(), False) for group in np.unique(of_atom)
+    ]
+    single = sum(len(one.nodes) < 2 for one in found)
+    if single:
+        scene.notes.append(f"{single} atoms that are alone in their {level} are no curves")
+    scene.notes.append(
+        f"there are no bonds: the atoms of each {level} are a chain, in the order of the file"
+    )
+    return [one for one in found if len(one.nodes) > 1]
+
+
+def _names(universe: Any, found: list[Molecule]) -> list[str]:
+    """Returns the names of the segments, if each has one curve."""
+    ids = getattr(universe.atoms, "segids", None)
+    names = ["" if ids is None else str(ids[one.nodes[0]]) for one in found]
+    return names if len(set(names)) == len(names) > 1 else [""] * len(found)
+
+
+def _radii(universe: Any, found: list[Molecule]) -> list[float | None]:
+    """Returns the largest radius of each curve, if the topology has radii."""
+    try:
+        radii = np.asarray(universe.atoms.radii, float)
+    except AttributeError:
+        return [None] * len(found)
+    largest = [float(radii[one.nodes].max()) for one in found]
+    return list(largest) if all(radius > 0 for radius in largest) else [None] * len(found)
