@@ -62,12 +62,8 @@ class Format:
 #: The formats, of which the first one that has a file reads it. All others are the command's.
 FORMATS = [
     Format("usd", ".usd .usda .usdc .usdz", _usd.read, options="cell"),
-    Format(
-        "oxdna",
-        ".top .dat .conf .oxdna",
-        _oxdna.read,
-        r"t *=|[ \t]*\d+[ \t]+\d+([ \t]+5->3)?[ \t]*\r?\n",
-    ),
+    Format("oxdna", ".top", _oxdna.read, r"\s*\d+[ \t]+\d+\s"),
+    Format("oxdna", ".dat .conf .oxdna", _oxdna.read, "t *="),
     Format(
         "mdanalysis",
         ".pdb .ent .xpdb .pdbqt .pqr .cif .mmcif .mmtf .gro .psf .top .prmtop .parm7 .tpr .itp "

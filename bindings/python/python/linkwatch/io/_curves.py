@@ -58,9 +58,14 @@ class Curve:
 
 @dataclasses.dataclass
 class Scene:
-    """Curves of one time."""
+    """Curves of one time: a list, or the points of all with their numbers."""
 
     curves: list[Curve] = dataclasses.field(default_factory=list)
+    points: Array | None = None
+    #: Number of points of each curve, negative if it is closed.
+    counts: list[int] = dataclasses.field(default_factory=list)
+    names: list[str] = dataclasses.field(default_factory=list)
+    radii: list[float] = dataclasses.field(default_factory=list)
     left_out: LeftOut = dataclasses.field(default_factory=LeftOut)
     notes: list[str] = dataclasses.field(default_factory=list)
     basis: str = "polyline"
@@ -69,6 +74,25 @@ class Scene:
     seq: int | None = None
     #: Names the scene in messages.
     place: str = ""
+
+    def flat(self) -> Array:
+        """Returns the points of all curves, and describes those of a list."""
+        curves = self.curves
+        if self.points is None and curves:
+            self.points = np.concatenate([curve.points for curve in curves])
+            self.counts = [-len(c.points) if c.closed else len(c.points) for c in curves]
+            names = [curve.name for curve in curves]
+            if all(names) and len(set(names)) == len(names):
+                self.names = names
+            radii = [curve.radius for curve in curves if curve.radius is not None]
+            if len(radii) == len(curves):
+                self.radii = radii
+        if self.points is None or not len(self.points):
+            found = [f"not read: {said}" for said in self.left_out.sentences()]
+            raise ValueError(": ".join([f"{self.place}: no curves", *found, *self.notes]))
+        if self.points.dtype not in (np.float32, np.float64):
+            self.points = self.points.astype(np.float64)
+        return self.points
 
 
 class Rules:
@@ -79,14 +103,14 @@ class Rules:
         self.summary = summary
         for said in (summary.left_out, summary.notes, summary.rejected):
             said.clear()
-        self._sizes: list[int] | None = None
-        self._joined: set[int] = set()
+        self._counts: list[int] | None = None
+        self._joined: list[int] = []
         self._last = Frame(np.empty((0, 3)), [])
 
     def frame(self, scene: Scene, seq: int) -> Frame:
         """Returns the frame of a scene, invalid if a curve does not fit the first frame."""
         seq = seq if scene.seq is None else scene.seq
-        first = self._sizes is None
+        first = self._counts is None
         try:
             self._last = self._frame(scene, seq)
         except Unfit as why:
@@ -96,61 +120,44 @@ class Rules:
         return self._last
 
     def _frame(self, scene: Scene, seq: int) -> Frame:
-        options, curves = self.options, scene.curves
-        sizes = [len(c.points) * (-1 if c.closed else 1) for c in curves]
-        decide = sizes != self._sizes
+        options, points, given = self.options, scene.flat(), scene.counts
+        decide = given != self._counts
+        ends = np.cumsum(np.abs(given))
+        straight = scene.basis == "polyline"
+        keep_open = options.closed is False
+        parts = np.split(points, ends[:-1]) if decide or self._joined else []
         if decide:
-            if not curves:
-                found = [f"not read: {said}" for said in scene.left_out.sentences()]
-                raise ValueError(": ".join([f"{scene.place}: no curves", *found, *scene.notes]))
-            self._joined = {k for k, c in enumerate(curves) if self._returns(scene, c)}
-        single = all(curve.points.dtype == np.float32 for curve in curves)
-        parts, counts = [], []
+            self._joined = [
+                k
+                for k, part in enumerate(parts)
+                if straight and not (keep_open and given[k] > 0) and ends_meet(part)
+            ]
+        for k in self._joined:
+            if not ends_meet(parts[k]):
+                raise Unfit(f"the ends of curve {k}, which is closed, are apart: it was cut")
+        counts = [*given]
+        if self._joined:
+            points = np.delete(points, ends[self._joined] - 1, axis=0)
+            for k in self._joined:
+                counts[k] = 1 - abs(counts[k])
         by_request = 0
-        for k, curve in enumerate(curves):
-            points = curve.points.astype(np.float32 if single else np.float64, copy=False)
-            closed = curve.closed
-            if k in self._joined:
-                if not ends_meet(points):
-                    raise Unfit(f"the ends of curve {k}, which is closed, are apart: it was cut")
-                points, closed = points[:-1], True
-            elif not closed and options.closed and scene.basis == "polyline":
-                closed = len(points) > 2
-                by_request += closed
-            parts.append(points)
-            counts.append(-len(points) if closed else len(points))
-        points = np.concatenate(parts)
+        if options.closed and straight:
+            by_request = sum(count > 2 for count in counts)
+            counts = [-count if count > 2 else count for count in counts]
         cell = options.cell_or(scene.cell)
         crossing = 0
         if cell is not None and options.unwrap:
             points, counts, crossing = unwrapped(points, counts, cell)
         if decide:
             self._say(scene, seq, counts, by_request, crossing)
-            self._sizes = sizes
-        names = [curve.name for curve in curves]
-        radii = [curve.radius for curve in curves]
-        return Frame(
-            points,
-            counts,
-            scene.basis,
-            names if all(names) and len(set(names)) == len(names) else [],
-            [] if None in radii else [float(radius or 0.0) for radius in radii],
-            cell,
-            seq,
-            scene.time,
-        )
-
-    def _returns(self, scene: Scene, curve: Curve) -> bool:
-        """Returns if a curve is closed because it ends where it starts."""
-        if scene.basis != "polyline" or (self.options.closed is False and not curve.closed):
-            return False
-        return ends_meet(curve.points)
+            self._counts = given
+        return Frame(points, counts, scene.basis, scene.names, scene.radii, cell, seq, scene.time)
 
     def _say(
         self, scene: Scene, seq: int, counts: list[int], by_request: int, crossing: int
     ) -> None:
         """Adds what was decided to the summary."""
-        summary, first = self.summary, self._sizes is None
+        summary, first = self.summary, self._counts is None
         before = "" if first else f"{scene.place}: "
         if first:
             summary.curves, summary.closed = len(counts), sum(count < 0 for count in counts)
@@ -203,32 +210,32 @@ def unwrapped(points: Array, counts: list[int], cell: Array) -> tuple[Array, lis
     sizes = np.abs(counts)
     ends = np.cumsum(sizes)
     starts = ends - sizes
-    vectors = cell[:3]
-    # A vector of zeros stands for a direction without repetition.
-    to_cell = np.linalg.pinv(vectors)
-    points = points.astype(np.float64)
-    steps = np.zeros_like(points)
-    steps[1:] = np.diff(points, axis=0)
-    # The step to the first vertex of a curve is that from its last one, which closes it.
-    steps[starts] = points[starts] - points[ends - 1]
-    steps = steps @ to_cell
-    images = np.rint(steps)
     is_closed = np.asarray(counts) < 0
-    unsure = (np.abs(steps - images) > CERTAIN).any(axis=1)
-    unsure[starts[~is_closed]] = False
-    if unsure.any():
-        at = int(np.argmax(unsure))
+    # A vector of zeros stands for a direction without repetition.
+    vectors, to_cell = cell[:3], np.linalg.pinv(cell[:3])
+    steps = np.empty_like(points)
+    np.subtract(points[1:], points[:-1], out=steps[1:])
+    # The step to the first vertex of a curve is that from its last one, if that closes it.
+    steps[starts] = (points[starts] - points[ends - 1]) * is_closed[:, None]
+    steps = _times(steps, to_cell.astype(steps.dtype))
+    images = np.rint(steps)
+    steps -= images
+    if max(steps.max(), -steps.min()) > CERTAIN:
+        at = int(np.argmax(np.abs(steps).max(axis=1)))
         k = int(np.searchsorted(ends, at, side="right"))
         raise Unfit(
             f"the segment before point {at - starts[k]} of curve {k} is longer than a third of the "
             "cell, so its image would be a guess (`unwrap=False` takes coordinates as they are)"
         )
+    points = points.astype(np.float64)
+    crossing = int(images.any(axis=1).sum()) if images.any() else 0
+    if not crossing:
+        return points, counts, 0
     around = images[starts]
     images[starts] = 0
-    moved = np.cumsum(images, axis=0)
+    moved = np.cumsum(images, axis=0, dtype=np.float64)
     moved -= np.repeat(moved[starts], sizes, axis=0)
-    points -= moved @ vectors
-    crossing = int((images != 0).any(axis=1).sum() + (around != 0).any(axis=1)[is_closed].sum())
+    points -= _times(moved, vectors)
     # Steps of a curve around the cell add up to its period.
     period = around + moved[ends - 1]
     yarns = np.flatnonzero(is_closed & (period != 0).any(axis=1))
@@ -276,6 +283,13 @@ def in_order(path: Path) -> list[Any]:
     """Returns a key that sorts names by the numbers in them."""
     parts = re.split(r"(\d+)", path.stem)
     return [str(path.parent), *(int(p) if k % 2 else p for k, p in enumerate(parts)), path.suffix]
+
+
+def _times(vectors: Array, matrix: Array) -> Array:
+    """Returns vectors times a matrix, faster if it is diagonal."""
+    edges = np.diag(matrix)
+    product: Array = vectors * edges if (np.diag(edges) == matrix).all() else vectors @ matrix
+    return product
 
 
 @dataclasses.dataclass

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ._curves import Curve, Molecule, Options, Scene, frames_of_scenes, molecules, plural
+from ._curves import Molecule, Options, Scene, frames_of_scenes, molecules, plural
 from ._frames import library
 
 if TYPE_CHECKING:
@@ -37,6 +37,7 @@ def read(paths: Sequence[Path], options: Options) -> Frames:
             try:
                 universe = mda.Universe(topology, *trajectories, to_guess=(), **way)
                 atoms = universe.select_atoms(options.select)
+                trajectory = universe.trajectory
                 break
             except ImportError:
                 raise
@@ -45,7 +46,7 @@ def read(paths: Sequence[Path], options: Options) -> Frames:
                     named = " ".join(map(str, paths))
                     said = _said(why)
                     raise ValueError(f"{named}: MDAnalysis cannot read this: {said}") from why
-    return frames_of_atoms(atoms, options, universe.trajectory, paths[0])
+    return frames_of_atoms(atoms, options, trajectory, paths[0])
 
 
 def _said(why: Exception) -> str:
@@ -68,8 +69,9 @@ def frames_of_atoms(
     found = _bonded(atoms, topology)
     if found is None:
         found = _grouped(atoms, topology, path)
-    names = _names(universe, found)
-    radii = _radii(universe, found)
+    order = np.concatenate([one.nodes for one in found] or [[]]).astype(np.int64)
+    counts = [-len(one.nodes) if one.closed else len(one.nodes) for one in found]
+    names, radii = _names(universe, found), _radii(universe, found)
     unit = _unit(universe.trajectory)
 
     def scenes() -> Iterator[Scene]:
@@ -83,8 +85,11 @@ def frames_of_atoms(
                 raise ValueError(f"{path}: MDAnalysis cannot read on: {_said(why)}") from why
             if now is None:
                 return
-            positions = now.positions
-            scene = Scene(
+            yield Scene(
+                points=np.take(now.positions, order, axis=0),
+                counts=counts,
+                names=names,
+                radii=radii,
                 left_out=topology.left_out,
                 notes=topology.notes,
                 cell=_cell(now),
@@ -92,11 +97,6 @@ def frames_of_atoms(
                 place=f"{path}, frame {now.frame}",
                 seq=int(now.frame),
             )
-            scene.curves = [
-                Curve(positions[one.nodes], one.closed, name, radius)
-                for one, name, radius in zip(found, names, radii)
-            ]
-            yield scene
 
     frames = frames_of_scenes(path, scenes, options, len(trajectory))
     frames.summary.time_unit = unit
@@ -137,20 +137,28 @@ def _bonded(atoms: Any, scene: Scene) -> list[Molecule] | None:
     found, networks = molecules(bonds)
     for nodes in networks:
         kind = "with several loops, or a loop and a longer chain"
-        place = f"{len(nodes)} atoms, the first one with the index {min(nodes)}"
+        place = f"{len(nodes)} atoms from the index {min(nodes)} on"
         scene.left_out.add(f"molecule {kind}", f"molecules {kind}", place)
     branched = [one for one in found if one.side]
     if branched:
         rings = sum(one.closed for one in branched)
         side = sum(one.side for one in branched)
+        kinds = ((rings, "ring"), (len(branched) - rings, "longest chain"))
         scene.notes.append(
-            f"{plural(len(branched), 'molecule has', 'molecules have')} branches: the curve is the "
-            f"ring of {rings} and the longest chain of {len(branched) - rings}; "
-            f"{plural(side, 'atom', 'atoms')} beside it are ignored"
+            f"{plural(len(branched), 'molecule has', 'molecules have')} branches: the curve is "
+            + " and ".join(f"the {kind} of {number}" for number, kind in kinds if number)
+            + f"; {plural(side, 'atom', 'atoms')} beside it are ignored"
         )
-    bonded = np.unique(bonds)
-    if len(bonded) < len(atoms):
-        scene.notes.append(f"{len(atoms) - len(bonded)} atoms without bonds are no curves")
+    chosen[bonds] = False
+    single = atoms.universe.atoms[chosen]
+    chains = _of_life(single)
+    if len(chains):
+        # Some files have the bonds of ligands only.
+        kind = "of proteins or nucleic acids without bonds"
+        place = f"the index {chains[0].index}"
+        scene.left_out.add(f"atom {kind}", f"atoms {kind}", place, len(chains))
+    if len(single) > len(chains):
+        scene.notes.append(f"{len(single) - len(chains)} atoms without bonds are no curves")
     return found
 
 
@@ -161,7 +169,7 @@ def _grouped(atoms: Any, scene: Scene, path: Path) -> list[Molecule]:
     if (np.bincount(residues)[np.unique(residues)] > 1).any():
         # Several beads in a residue: a residue is a molecule, as in LAMMPS.
         level, of_atom = "residue", residues
-        if len(np.unique(segments)) > 1:
+        if len(np.unique(segments)) > 1 or len(_of_life(atoms)):
             raise ValueError(
                 f"{path}: no bonds, and residues of several atoms: give a topology with bonds, or "
                 "select one atom of each residue, such as select='name CA'"
@@ -178,18 +186,26 @@ def _grouped(atoms: Any, scene: Scene, path: Path) -> list[Molecule]:
     return [one for one in found if len(one.nodes) > 1]
 
 
+def _of_life(atoms: Any) -> Any:
+    """Returns the atoms of amino acids and nucleotides, of which a residue is no chain."""
+    try:
+        return atoms.select_atoms("protein or nucleic")
+    except AttributeError:  # no names
+        return atoms[:0]
+
+
 def _names(universe: Any, found: list[Molecule]) -> list[str]:
     """Returns the names of the segments, if each has one curve."""
     ids = getattr(universe.atoms, "segids", None)
     names = ["" if ids is None else str(ids[one.nodes[0]]) for one in found]
-    return names if len(set(names)) == len(names) > 1 else [""] * len(found)
+    return names if all(names) and len(set(names)) == len(names) > 1 else []
 
 
-def _radii(universe: Any, found: list[Molecule]) -> list[float | None]:
+def _radii(universe: Any, found: list[Molecule]) -> list[float]:
     """Returns the largest radius of each curve, if the topology has radii."""
     try:
         radii = np.asarray(universe.atoms.radii, float)
     except AttributeError:
-        return [None] * len(found)
+        return []
     largest = [float(radii[one.nodes].max()) for one in found]
-    return list(largest) if all(radius > 0 for radius in largest) else [None] * len(found)
+    return largest if all(radius > 0 for radius in largest) else []

@@ -41,7 +41,8 @@ class Lines:
     def numbers(self, words: Sequence[str], expected: int) -> list[float]:
         """Returns the first words as finite numbers."""
         try:
-            found = [float(word) for word in words[:expected]]
+            # Fortran writes exponents with D, too.
+            found = [float(word.upper().replace("D", "E")) for word in words[:expected]]
         except ValueError:
             found = []
         if len(found) < expected or not np.isfinite(found).all():
@@ -56,9 +57,10 @@ def read_coils(path: Path) -> Scene:
     points: list[list[float]] = []
     ended = False
     for words in lines:
-        if words[0].lower() in ("periods", "begin", "mirror"):
-            if words[0].lower() == "mirror" and words[1:] not in (["NIL"], ["NUL"]):
-                scene.notes.append(f"mirror {' '.join(words[1:])}: no coils are mirrored")
+        if lines.number <= 3:
+            # The last of three lines of a header is `mirror NIL`, or free text.
+            if lines.number == 1 and words[0].lower() != "periods":
+                raise lines.error("expected `periods N`, as MAKEGRID has it")
             continue
         if words[0].lower() == "end":
             ended = True
