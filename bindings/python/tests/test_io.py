@@ -97,3 +97,19 @@ def test_the_module_is_the_command(tmp_path):
     code, _, err = run("convert", path, tmp_path / "run.bcc")
     assert code == 0, err
     assert (tmp_path / "run.bcc").exists()
+
+
+def test_the_command_names_the_way_to_read_other_files(tmp_path):
+    path = tmp_path / "a.ply"
+    path.write_text("ply\n")
+    code, _, err = run("certify", path)
+    assert code == 2
+    assert f"`linkwatch convert {path} {tmp_path / 'a.npz'}` makes a file of it" in err
+
+
+def test_a_missing_library_is_named(tmp_path, monkeypatch):
+    for module, name, extra in (("MDAnalysis", "a.pdb", "mdanalysis"), ("meshio", "a.msh", "mesh")):
+        (tmp_path / name).write_text("")
+        monkeypatch.setitem(sys.modules, module, None)
+        with pytest.raises(ImportError, match=rf'pip install "linkwatch\[{extra}\]"'):
+            linkwatch.read(tmp_path / name)

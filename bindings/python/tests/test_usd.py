@@ -7,8 +7,10 @@ import linkwatch
 import numpy as np
 import pytest
 from linkwatch import io
-from pxr import Gf, Sdf, Ts, Usd, UsdGeom
 from test_command import run
+
+pytest.importorskip("pxr", reason="usd-core is not installed")
+from pxr import Gf, Sdf, Ts, Usd, UsdGeom
 
 X, Y, Z = np.eye(3)
 BASES = {

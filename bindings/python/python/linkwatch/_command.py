@@ -30,7 +30,24 @@ def main() -> int:
     args = sys.argv[1:]
     if args[:1] == ["convert"] and (code := convert(args[1:])) is not None:
         return code
-    return command(["linkwatch", *args])
+    code = command(["linkwatch", *args])
+    for arg in filter(_is_other, args[1:] if code == 2 else []):
+        archive = pathlib.Path(arg).with_suffix(".npz")
+        print(
+            f"`linkwatch convert {arg} {archive}` makes a file of it that all of the command reads",
+            file=sys.stderr,
+        )
+    return code
+
+
+def _is_other(arg: str) -> bool:
+    """Returns if an argument is a file that only this package reads."""
+    from . import io
+
+    try:
+        return pathlib.Path(arg).is_file() and io.format_of(pathlib.Path(arg)) is not io.FORMATS[-1]
+    except OSError:
+        return False
 
 
 def convert(args: list[str]) -> int | None:
@@ -38,17 +55,11 @@ def convert(args: list[str]) -> int | None:
 
     Returns ``None`` if no argument is such a file: the command itself converts all others.
     """
-    from . import io
-
-    def other(arg: str) -> bool:
-        """Returns if an argument is a file that only the package reads."""
-        path = pathlib.Path(arg)
-        return path.is_file() and io.format_of(path) is not io.FORMATS[-1]
-
-    words = [arg for arg in args[:-1] if not arg.startswith("-")]
-    if not any(map(other, words)) and not any(arg.startswith("--format") for arg in args):
+    if not any(map(_is_other, args[:-1])) and not any(a.startswith("--format") for a in args):
         return None
     import argparse
+
+    from . import io
 
     formats = " ".join(one.suffixes for one in io.FORMATS)
     parser = argparse.ArgumentParser(
