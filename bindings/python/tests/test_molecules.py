@@ -244,7 +244,9 @@ def test_networks_are_left_out():
     made = universe(bonds=EDGES[12:], residues=[0] * 12 + [1] * 12, segments=[0, 0])
     made.residues.resnames = ["ALA", "LIG"]
     (said,) = io.from_mdanalysis(made).summary.left_out
-    assert said == "12 atoms of proteins or nucleic acids without bonds (the first one: the index 0)"
+    assert (
+        said == "12 atoms of proteins or nucleic acids without bonds (the first one: the index 0)"
+    )
 
 
 def test_without_bonds_segments_or_residues_are_chains(tmp_path):
@@ -360,10 +362,13 @@ def test_open_strands_of_oxdna_are_unwrapped(tmp_path):
         (OLD.replace("1 A 11 1", "1 A 11 2"), oxdna(), "line 2: nucleotide 2 is a neighbour only"),
         (OLD.replace("1 A 11 1", "1 A 11"), oxdna(), "line 2: expected strand, base"),
         (NEW.replace("24", "25"), oxdna(), "24 nucleotides in 2 strands"),
-        (OLD, oxdna(2)[:-900], "a.dat, line 33: the file ends after 3 of"),
+        (OLD, oxdna(2)[:-900], "a.dat, line 33: the file ends within the 24"),
         (OLD, oxdna().replace("E =", "F ="), "line 3: expected `E = ..`, found 'F ="),
-        (OLD, oxdna().replace("b = 20 20", "b = 20"), "line 3: expected three edges"),
-        (OLD, oxdna().replace("0.5 0.8660254 0", "0.5 zero 0"), "could not convert"),
+        (OLD, oxdna().replace("b = 20 20", "b = 20"), "line 2: expected 3 numbers"),
+        (OLD, oxdna().replace("0.5 0.8660254 0", "0.5 zero 0"), "line 27: in the 24 lines up to"),
+        (OLD, oxdna()[:-5], "line 27: the file ends within"),
+        (NEW.replace("circular=true", "circular=yes"), oxdna(), "line 2: circular=yes, expected"),
+        (OLD, oxdna().replace("0.5 0.8660254 0", "0.5 nan 0"), "point 2 has a coordinate that is"),
     ],
 )
 def test_damaged_files_of_oxdna_are_refused(tmp_path, top, data, words):

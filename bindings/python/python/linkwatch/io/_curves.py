@@ -121,6 +121,9 @@ class Rules:
 
     def _frame(self, scene: Scene, seq: int) -> Frame:
         options, points, given = self.options, scene.flat(), scene.counts
+        if not np.isfinite(points).all():
+            at = int(np.argmin(np.isfinite(points).all(axis=1)))
+            raise Unfit(f"point {at} has a coordinate that is not finite")
         decide = given != self._counts
         ends = np.cumsum(np.abs(given))
         straight = scene.basis == "polyline"

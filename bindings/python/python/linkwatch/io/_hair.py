@@ -23,6 +23,8 @@ def read_hair(path: Path) -> Scene:
     if len(data) < HEADER.size or data[:4] != b"HAIR":
         raise ValueError(f"{path}: not a .hair file: it does not begin with HAIR and a header")
     _, strands, points, arrays, segments, thickness, *_ = HEADER.unpack_from(data)
+    if max(strands, points) > len(data):
+        raise ValueError(f"{path}: {strands} strands of {points} points in {len(data)} bytes")
     at = HEADER.size
     sizes = np.full(strands, segments + 1, np.int64)
 

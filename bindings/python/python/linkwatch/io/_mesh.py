@@ -70,33 +70,30 @@ def read_vtk(path: Path) -> Scene:
     """Reads a legacy VTK file of the kinds POLYDATA and UNSTRUCTURED_GRID."""
     file = _Legacy(path)
     scene = Scene(place=str(path))
-    points: Array = np.empty((0, 3))
-    cells: list[Array] = []
-    kinds: Array = np.empty(0, int)
-    lines: list[Array] = []
+    found: dict[str, Any] = {"POINTS": np.empty((0, 3)), "CELL_TYPES": np.empty(0, int)}
     while (words := file.line()) is not None:
         key = words[0].upper()
-        if key == "POINTS":
-            points = file.array(3 * file.size(words[1]), words[2]).reshape(-1, 3)
-        elif key in ("LINES", "VERTICES", "POLYGONS", "TRIANGLE_STRIPS", "CELLS"):
-            found = file.cells(file.size(words[1]), file.size(words[2]))
-            if key == "LINES":
-                lines = found
-            elif key == "CELLS":
-                cells = found
-        elif key == "CELL_TYPES":
-            kinds = file.array(file.size(words[1]), "int")
-        elif key == "FIELD":
-            for name, values in file.fields(int(words[2])):
-                if name.upper() in ("TIME", "TIMEVALUE") and len(values):
-                    scene.time = float(values[0])
-        elif key == "METADATA":
-            file.skip_metadata()
-        elif key in ("POINT_DATA", "CELL_DATA"):
-            break
-        else:
-            raise file.error(f"section {words[0]}: POLYDATA and UNSTRUCTURED_GRID are read")
-    return _lines(scene, points, lines or _cells_with_lines(scene, cells, kinds))
+        try:
+            if key == "POINTS":
+                found[key] = file.array(3 * file.size(words[1]), words[2]).reshape(-1, 3)
+            elif key in ("LINES", "VERTICES", "POLYGONS", "TRIANGLE_STRIPS", "CELLS"):
+                found[key] = file.cells(file.size(words[1]), file.size(words[2]))
+            elif key == "CELL_TYPES":
+                found[key] = file.array(file.size(words[1]), "int")
+            elif key == "FIELD":
+                for name, values in file.fields(file.size(words[2])):
+                    if name.upper() in ("TIME", "TIMEVALUE") and len(values):
+                        scene.time = float(values[0])
+            elif key == "METADATA":
+                file.skip_metadata()
+            elif key in ("POINT_DATA", "CELL_DATA"):
+                break
+            else:
+                raise file.error(f"section {words[0]}: POLYDATA and UNSTRUCTURED_GRID are read")
+        except IndexError:
+            raise file.error("the line is incomplete") from None
+    cells = _cells_with_lines(scene, found.get("CELLS", []), found["CELL_TYPES"])
+    return _lines(scene, found["POINTS"], found.get("LINES") or cells)
 
 
 def _cells_with_lines(scene: Scene, cells: Sequence[Array], kinds: Array) -> list[Array]:
@@ -279,7 +276,10 @@ class _Xml:
             self.appended = self.appended.split(b"<")[0].strip()
         self.raw = raw
         self.order = ">" if self.root.get("byte_order") == "BigEndian" else "<"
-        self.header = np.dtype(self.order + TYPES[self.root.get("header_type", "UInt32")])
+        header = self.root.get("header_type", "UInt32")
+        if header not in ("UInt32", "UInt64"):
+            raise self.error(f"header_type {header}")
+        self.header = np.dtype(self.order + TYPES[header])
         self.compressor = self.root.get("compressor", "")
 
     def error(self, why: str) -> ValueError:
@@ -418,7 +418,7 @@ def _elements(path: Path) -> Iterator[tuple[str, dict[str, Array], int]]:
     if not mark or lines[0] != ["ply"]:
         raise ValueError(f"{path}: not a PLY file: no header from `ply` to `end_header`")
     body = body[body.find(b"\n") + 1 :]
-    form = next((words[1] for words in lines if words[:1] == ["format"]), "")
+    form = next((words[1] for words in lines if words[:1] == ["format"] and words[1:]), "")
     orders = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
     if form not in orders:
         raise ValueError(f"{path}: format {form!r}")
@@ -427,6 +427,8 @@ def _elements(path: Path) -> Iterator[tuple[str, dict[str, Array], int]]:
         try:
             if words[:1] == ["element"]:
                 kinds.append((words[1], int(words[2]), []))
+                if not 0 <= kinds[-1][1] <= len(body):
+                    raise ValueError
             elif words[:1] == ["property"]:
                 # Name, type, and for lists the type of their number.
                 types = [PLY_TYPES[word] for word in words[1 + (words[1] == "list") : -1]]

@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ._curves import Curve, Scene, frames_of_scenes, in_order
+from ._curves import Scene, frames_of_scenes, in_order
 from ._text import Lines
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
     from pathlib import Path
 
-    from ._curves import Options
+    from ._curves import Array, Options
     from ._frames import Frames
 
 
@@ -51,7 +51,9 @@ def _strands(path: Path) -> tuple[list[tuple[list[int], bool]], int]:
         for words in rows:
             size = len(_bases(words[0]))
             keys = dict(word.partition("=")[::2] for word in words[1:])
-            found.append((list(range(first, first + size)), keys.get("circular") == "true"))
+            if (ring := keys.get("circular", "false")) not in ("true", "false"):
+                raise lines.error(f"circular={ring}, expected true or false")
+            found.append((list(range(first, first + size)), ring == "true"))
             first += size
         total = first
     else:
@@ -103,49 +105,47 @@ def _scenes(
     paths: Sequence[Path], strands: list[tuple[list[int], bool]], number: int
 ) -> Iterator[Scene]:
     """Yields the configurations of files."""
+    curves = [(k, nodes, ring) for k, (nodes, ring) in enumerate(strands) if len(nodes) > 1]
+    order = [node for _, nodes, _ in curves for node in nodes]
+    single = len(strands) - len(curves)
     for path in paths:
-        line = 0
+        lines = Lines(path)
+        with lines.file:
+            while (found := _configuration(lines, number)) is not None:
+                time, box, points = found
+                yield Scene(
+                    points=points[order],
+                    counts=[-len(nodes) if ring else len(nodes) for _, nodes, ring in curves],
+                    names=[f"strand {k + 1}" for k, _, _ in curves],
+                    notes=[f"{single} strands of one nucleotide are no curves"] if single else [],
+                    cell=np.vstack([np.diag(box), np.zeros(3)]) if all(box) else None,
+                    time=time,
+                    place=str(path),
+                )
 
-        def error(why: str) -> ValueError:
-            return ValueError(f"{path}, line {line}: {why}")
 
-        with open(path, encoding="utf-8", errors="replace") as file:
-            while True:
-                header = []
-                for key in "tbE":
-                    text = next(file, "")
-                    line += 1
-                    name, _, value = text.partition("=")
-                    if name.strip() != key:
-                        if not text and key == "t":
-                            break
-                        raise error(f"expected `{key} = ..`, found {text.strip()!r}")
-                    header.append(value)
-                if not header:
-                    break
-                try:
-                    time = float(header[0])
-                    box = np.array([float(edge) for edge in header[1].split()])
-                    if box.shape != (3,):
-                        raise ValueError("expected three edges of the box")
-                    rows = list(islice(file, number))
-                    if len(rows) < number:
-                        line += len(rows)
-                        raise ValueError(f"the file ends after {len(rows)} of {number} nucleotides")
-                    points = np.loadtxt(rows, float, usecols=(0, 1, 2), ndmin=2, comments=None)
-                    if len(points) < number:
-                        raise ValueError(
-                            f"{len(points)} of {number} nucleotides before line {line + number}"
-                        )
-                except ValueError as why:
-                    raise error(str(why)) from None
-                scene = Scene(time=time, place=str(path))
-                for k, (nodes, closed) in enumerate(strands):
-                    if len(nodes) > 1:
-                        scene.curves.append(Curve(points[nodes], closed, f"strand {k + 1}"))
-                single = len(strands) - len(scene.curves)
-                if single:
-                    scene.notes.append(f"{single} strands of one nucleotide are no curves")
-                scene.cell = np.vstack([np.diag(box), np.zeros(3)]) if box.all() else None
-                line += number
-                yield scene
+def _configuration(lines: Lines, number: int) -> tuple[float, list[float], Array] | None:
+    """Returns the time, the box and the positions of the next configuration, if there is one."""
+    values = {}
+    for key in "tbE":
+        text = lines.file.readline()
+        if not text and key == "t":
+            return None
+        lines.number += 1
+        name, _, value = text.partition("=")
+        if name.strip() != key:
+            raise lines.error(f"expected `{key} = ..`, found {text.strip()!r}")
+        if key != "E":
+            values[key] = lines.numbers(value.split(), 1 if key == "t" else 3)
+    rows = list(islice(lines.file, number))
+    lines.number += len(rows)
+    # The last line may be cut off.
+    if len(rows) < number or len(rows[0].split()) != len(rows[-1].split()):
+        raise lines.error(f"the file ends within the {number} nucleotides of a configuration")
+    try:
+        points = np.loadtxt(rows, float, usecols=(0, 1, 2), ndmin=2, comments=None)
+    except ValueError as why:
+        raise lines.error(f"in the {number} lines up to this one: {why}") from None
+    if len(points) < number:
+        raise lines.error(f"{len(points)} of {number} nucleotides in the lines up to this one")
+    return values["t"][0], values["b"], points

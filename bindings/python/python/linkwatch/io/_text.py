@@ -22,13 +22,13 @@ class Lines:
     def __init__(self, path: Path, comment: str | None = None) -> None:
         self.path = path
         self.number = 0
-        self._file = open(path, encoding="utf-8-sig", errors="replace")
+        self.file = open(path, encoding="utf-8-sig", errors="replace")
         self._comment = comment
 
     def __iter__(self) -> Iterator[list[str]]:
         """Yields the words of each line that is not empty."""
-        with self._file:
-            for line in self._file:
+        with self.file:
+            for line in self.file:
                 self.number += 1
                 words = (line.split(self._comment)[0] if self._comment else line).split()
                 if words:
