@@ -444,6 +444,20 @@ def test_formats_of_meshio_are_read(tmp_path):
         linkwatch.read(written(tmp_path, "b.msh", "solid x"))
 
 
+@pytest.mark.parametrize("how", [{}, {"binary": False}, {"compression": None}])
+@pytest.mark.parametrize("name", ["a.vtk", "a.vtu"])
+def test_lines_that_meshio_writes_are_read(tmp_path, name, how):
+    needs("meshio")
+    import meshio
+
+    if name == "a.vtk" and "compression" in how:
+        how = {"file_format": "vtk42"}
+    cells = [("line", EDGES), ("triangle", [[0, 1, 2]])]
+    meshio.Mesh(POINTS, cells).write(tmp_path / name, **how)
+    (frame,) = linkwatch.read(tmp_path / name)
+    assert linkwatch.certify(frame.positions, frame.counts).links == [(0, 1, -1)]
+
+
 TEXT = {
     "a.txt": rows(RING) + "\n" + rows(OTHER),
     "a.csv": "x,y,z,curve\n" + "".join(

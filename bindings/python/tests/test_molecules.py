@@ -76,7 +76,7 @@ def test_bonds_are_rings_and_chains():
     assert next(iter(io.from_mdanalysis(made, cell="none"))).cell is None
 
 
-@pytest.mark.parametrize("suffix", ["xtc", "trr", "dcd", "nc", "h5md", "lammpsdump", "xyz"])
+@pytest.mark.parametrize("suffix", ["xtc", "trr", "dcd", "nc", "h5md", "lammpstrj", "xyz"])
 def test_trajectories_follow_their_topology(tmp_path, suffix):
     made = universe(frames=3)
     top = save(made, tmp_path / "a.pdb", bonds="all")
@@ -85,7 +85,7 @@ def test_trajectories_follow_their_topology(tmp_path, suffix):
         needs("h5py")
         made.load_new(str(save(made, tmp_path / "a.xtc")))
         save(made, run_)
-    elif suffix == "lammpsdump":
+    elif suffix == "lammpstrj":
         rows = [
             [f"{i + 1} {x} {y} {z}" for i, (x, y, z) in enumerate(ts.positions)]
             for ts in made.trajectory
@@ -99,7 +99,7 @@ def test_trajectories_follow_their_topology(tmp_path, suffix):
         save(made, run_)
     frames = linkwatch.read(top, run_)
     assert "2 curves, 2 closed" in str(frames.summary)
-    unit = {"xyz": "frames", "lammpsdump": "ps"}.get(suffix, "ps")
+    unit = {"xyz": "frames", "lammpstrj": "ps"}.get(suffix, "ps")
     assert frames.summary.time_unit == unit
     found = list(frames)
     assert [frame.seq for frame in found] == [0, 1, 2]

@@ -389,7 +389,7 @@ def test_uniform_cubic_nurbs_are_b_splines(stage):
 @pytest.mark.parametrize(
     "change, words",
     [
-        (lambda p: p.CreateKnotsAttr([0.0, 1, 2, 3, 4, 4, 4, 4, 5, 6, 7, 8, 9, 10, 11, 12]), "4 equal"),
+        (lambda p: p.CreateKnotsAttr([0, 1, 2, 3, 4, 4, 4, 4, *np.arange(5.0, 13)]), "4 equal"),
         (lambda p: p.CreateKnotsAttr([1.0] + [0.0] * 15), "has knots that decrease"),
         (lambda p: p.CreateKnotsAttr([0.0, 1.0]), "do not fit their points"),
         (lambda p: p.CreateOrderAttr([3]), "do not fit their points"),

@@ -26,10 +26,16 @@ def read(paths: Sequence[Path], options: Options) -> Frames:
     """Opens a topology and trajectories; the first file is the topology."""
     mda = library("MDAnalysis", "mdanalysis")
     topology, *trajectories = map(str, paths)
+    # MDAnalysis goes by the suffix, of which H5MD and dumps of LAMMPS have several.
     ways: list[dict[str, Any]] = [{}]
-    if any(path.suffix.lower() in (".h5md", ".h5", ".hdf5") for path in paths[1:]):
-        # H5MD has several suffixes, and need not have units.
-        ways = [{"format": "H5MD"}, {"format": "H5MD", "convert_units": False}]
+    for path in paths[1:]:
+        with open(path, "rb") as file:
+            head = file.read(5)
+        if head == b"ITEM:":
+            ways = [{"format": "LAMMPSDUMP"}]
+        elif path.suffix.lower() in (".h5md", ".h5", ".hdf5"):
+            # Units are optional.
+            ways = [{"format": "H5MD"}, {"format": "H5MD", "convert_units": False}]
     with warnings.catch_warnings():
         # About elements and masses that are guessed, which are not used here.
         warnings.simplefilter("ignore")

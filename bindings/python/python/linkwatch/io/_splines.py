@@ -18,17 +18,17 @@ def bezier(points: Array, basis: str, closed: bool) -> Array:
     if basis == "polyline":
         # The pieces p, p, q, q are the segments exactly.
         p, q = (points, np.roll(points, -1, 0)) if closed else (points[:-1], points[1:])
-        return _joined([p, p, q, q], closed)
+        return joined([p, p, q, q], closed)
     if closed:
         points = np.concatenate([points, points[:3]])
     p0, p1, p2, p3 = (points[k : len(points) - 3 + k] for k in range(4))
     if basis == "b-spline":
         first, last = (p0 + 4 * p1 + p2) / 6, (p1 + 4 * p2 + p3) / 6
-        return _joined([first, (2 * p1 + p2) / 3, (p1 + 2 * p2) / 3, last], closed)
-    return _joined([p1, p1 + (p2 - p0) / 6, p2 - (p3 - p1) / 6, p2], closed)
+        return joined([first, (2 * p1 + p2) / 3, (p1 + 2 * p2) / 3, last], closed)
+    return joined([p1, p1 + (p2 - p0) / 6, p2 - (p3 - p1) / 6, p2], closed)
 
 
-def _joined(pieces: list[Array], closed: bool) -> Array:
+def joined(pieces: list[Array], closed: bool) -> Array:
     """Returns the control points of pieces, of which each one begins where the last one ends."""
     control = np.stack(pieces[:3], axis=1).reshape(-1, 3)
     return control if closed else np.concatenate([control, pieces[3][-1:]])
@@ -37,7 +37,7 @@ def _joined(pieces: list[Array], closed: bool) -> Array:
 def hermite(points: Array, tangents: Array) -> Array:
     """Returns the Bezier pieces of an open curve with a tangent at each of its points."""
     points, tangents = points.astype(np.float64), tangents.astype(np.float64) / 3
-    return _joined(
+    return joined(
         [points[:-1], points[:-1] + tangents[:-1], points[1:] - tangents[1:], points[1:]], False
     )
 
@@ -67,4 +67,4 @@ def nurbs(points: Array, order: int, knots: Array, ends: tuple[float, float]) ->
     elif degree == 2:
         a, b, c = corners
         corners = [a, (a + 2 * b) / 3, (2 * b + c) / 3, c]
-    return _joined(corners, False)
+    return joined(corners, False)

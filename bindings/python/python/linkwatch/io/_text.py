@@ -7,6 +7,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 
+from . import _splines
 from ._curves import Curve, Scene
 
 if TYPE_CHECKING:
@@ -204,33 +205,25 @@ def _spline(points: Array, tangents: Array, how: ElementTree.Element, basis: str
     kind, periodic = how.get("type", ""), how.get("Periodic", "1") not in ("0", "false")
     if basis == "polyline":
         return points
-    chords = np.diff(points, axis=0)
     if kind == "CInterpolationLinear":
-        before = after = chords / 3
-    elif kind == "CInterpolationCubic":
-        slopes = _slopes(points, periodic)
-        before, after = slopes[:-1] / 3, slopes[1:] / 3
-    elif kind == "CInterpolationBezier":
-        ends = [points[-2] - (points[-1] - points[0]), points[1] + (points[-1] - points[0])]
-        around = (
-            np.vstack([ends[:1], points, ends[1:]])
-            if periodic
-            else np.pad(points, ((1, 1), (0, 0)), "edge")
-        )
-        found = around[2:] - around[:-2]
-        found /= np.linalg.norm(found, axis=1, keepdims=True)
-        found = np.where(tangents.any(axis=1, keepdims=True), tangents, found)
-        if how.get("ForceMasterNodeTangent", "0") not in ("0", "false"):
-            found[:, 2] = 0
-        third = np.linalg.norm(chords, axis=1, keepdims=True) / 3
-        before, after = found[:-1] * third, found[1:] * third
-    else:
+        return _splines.bezier(points, "polyline", False)
+    if kind == "CInterpolationCubic":
+        return _splines.hermite(points, _slopes(points, periodic))
+    if kind != "CInterpolationBezier":
         raise ValueError(f"interpolation {kind}")
-    control = np.empty((3 * len(chords) + 1, 3))
-    control[::3] = points
-    control[1::3] = points[:-1] + before
-    control[2::3] = points[1:] - after
-    return control
+    # A node points from the previous one to the next one, unless it has a tangent.
+    before, after = points[0], points[-1]
+    if periodic:
+        before, after = points[-2] - (after - before), points[1] + (after - before)
+    around = np.vstack([before, points, after])
+    found = around[2:] - around[:-2]
+    found /= np.linalg.norm(found, axis=1, keepdims=True)
+    found = np.where(tangents.any(axis=1, keepdims=True), tangents, found)
+    if how.get("ForceMasterNodeTangent", "0") not in ("0", "false"):
+        found[:, 2] = 0
+    third = np.linalg.norm(np.diff(points, axis=0), axis=1, keepdims=True) / 3
+    handles = points[:-1] + found[:-1] * third, points[1:] - found[1:] * third
+    return _splines.joined([points[:-1], *handles, points[1:]], False)
 
 
 def _slopes(points: Array, periodic: bool) -> Array:

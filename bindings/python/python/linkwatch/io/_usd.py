@@ -49,8 +49,8 @@ def read(paths: Sequence[Path], options: Options) -> Frames:
     if any(batch.basis != scene.basis for batch in scene.batches):
         bases = ", ".join(sorted({batch.basis for batch in scene.batches}))
         summary.notes.append(
-            f"there are curves of several bases ({bases}): all are converted to Bezier pieces, which "
-            "are rounded to double precision"
+            f"there are curves of several bases ({bases}): all are converted to Bezier pieces, "
+            "which are rounded to double precision"
         )
     for batch in scene.batches:
         summary.curves += (n := batch.number_of_curves(scene.times[0]))
