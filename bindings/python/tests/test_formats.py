@@ -2,6 +2,7 @@
 
 import base64
 import importlib.util
+import lzma
 import struct
 import zlib
 
@@ -32,6 +33,9 @@ def needs(*modules):
 def rows(points, end=""):
     """Returns points as lines of text."""
     return "".join(f"{x:.7g} {y:.7g} {z:.7g}{end}\n" for x, y, z in points)
+
+
+PACKERS = {"ZLib": zlib.compress, "LZMA": lzma.compress}
 
 
 def vtk(version="3.0", lines=LOOPS):
@@ -75,7 +79,7 @@ def vtk_grid():
     )
 
 
-def vtp(form="ascii", compressed=False, header="<u4", lines=LOOPS):
+def vtp(form="ascii", compressed="", header="<u4", lines=LOOPS):
     """Returns a .vtp file, with arrays in each way that VTK writes them."""
     appended = b""
 
@@ -84,7 +88,7 @@ def vtp(form="ascii", compressed=False, header="<u4", lines=LOOPS):
         if not compressed:
             return np.array(len(raw), header).tobytes() + raw, b""
         blocks = [raw[i : i + 64] for i in range(0, len(raw), 64)]
-        small = [zlib.compress(block) for block in blocks]
+        small = [PACKERS[compressed](block) for block in blocks]
         sizes = [len(blocks), 64, len(raw) % 64, *map(len, small)]
         return np.array(sizes, header).tobytes(), b"".join(small)
 
@@ -111,13 +115,13 @@ def vtp(form="ascii", compressed=False, header="<u4", lines=LOOPS):
         f"<Lines>{array('connectivity', flat, 'Int64')}{array('offsets', ends, 'Int64')}</Lines>"
     )
     kind = f'header_type="UInt{8 * int(header[-1])}"'
-    zlib_ = ' compressor="vtkZLibDataCompressor"' if compressed else ""
+    packer = f' compressor="vtk{compressed}DataCompressor"' if compressed else ""
     tail = b"</VTKFile>\n"
     if appended:
         tail = b'<AppendedData encoding="raw">\n_' + appended + b"\n</AppendedData>" + tail
     head = (
         f'<?xml version="1.0"?><VTKFile type="PolyData" version="1.0" byte_order="LittleEndian" '
-        f'{kind}{zlib_}><PolyData><FieldData><DataArray type="Float64" Name="TimeValue" '
+        f'{kind}{packer}><PolyData><FieldData><DataArray type="Float64" Name="TimeValue" '
         f'NumberOfTuples="1" format="ascii">0.25</DataArray></FieldData>'
         f'<Piece NumberOfPoints="24" NumberOfLines="2">{body}</Piece></PolyData>'
     )
@@ -200,9 +204,9 @@ FILES = {
     "grid.vtk": (vtk_grid(), ["edges that share a point are joined", "not read, so not verified"]),
     "a.vtp": (vtp(), []),
     "binary.vtp": (vtp("binary"), []),
-    "zlib.vtp": (vtp("binary", True), []),
-    "appended.vtp": (vtp("appended", False, "<u8"), []),
-    "appended-zlib.vtp": (vtp("appended", True), []),
+    "zlib.vtp": (vtp("binary", "ZLib"), []),
+    "appended.vtp": (vtp("appended", "", "<u8"), []),
+    "appended-lzma.vtp": (vtp("appended", "LZMA"), []),
     "edges.vtp": (vtp(lines=EDGES), ["edges that share a point are joined"]),
     "a.ply": (ply(), ["edges that share a point are joined"]),
     "little.ply": (ply("binary_little_endian"), []),
@@ -442,6 +446,13 @@ def test_formats_of_meshio_are_read(tmp_path):
     assert frames.summary.left_out == ["1 curved line (line3)"]
     with pytest.raises(ValueError, match="not a valid mesh"):
         linkwatch.read(written(tmp_path, "b.msh", "solid x"))
+
+
+def test_blocks_of_lz4_are_read(tmp_path, monkeypatch):
+    block = pytest.importorskip("lz4.block", reason="lz4 is not installed")
+    monkeypatch.setitem(PACKERS, "LZ4", lambda data: block.compress(data, store_size=False))
+    (frame,) = linkwatch.read(written(tmp_path, "a.vtp", vtp("appended", "LZ4")))
+    assert linkwatch.certify(frame.positions, frame.counts).links == [(0, 1, -1)]
 
 
 @pytest.mark.parametrize("how", [{}, {"binary": False}, {"compression": None}])

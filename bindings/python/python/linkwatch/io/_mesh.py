@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import base64
 import lzma
-import struct
 import zlib
 from typing import TYPE_CHECKING
 from xml.etree import ElementTree
@@ -306,7 +305,7 @@ class _Xml:
             else:
                 found = self._decoded("".join(text.split()).encode(), False)
             return np.frombuffer(found, self.order + kind).astype(kind)
-        except (ValueError, IndexError, struct.error, zlib.error, lzma.LZMAError) as why:
+        except (ValueError, RuntimeError, zlib.error, lzma.LZMAError) as why:
             raise self.error(f"{name}: {why}") from None
 
     def _decoded(self, data: bytes, raw: bool) -> bytes:
@@ -331,22 +330,29 @@ class _Xml:
         blocks = numbers(1)[0]
         if blocks > len(data):
             raise ValueError(f"{blocks} blocks in {len(data)} bytes")
-        sizes = numbers(3 + blocks)[3:]
+        _, full, last, *sizes = numbers(3 + blocks)
         head = (3 + blocks) * width
         packed = take(head if raw else 4 * -(-head // 3), sum(sizes))
         unpack = self._unpack()
         found, at = [], 0
-        for size in sizes:
-            found.append(unpack(packed[at : at + size]))
+        for k, size in enumerate(sizes):
+            expected = last if last and k == blocks - 1 else full
+            found.append(unpack(packed[at : at + size], expected))
+            if len(found[-1]) != expected:
+                raise ValueError(f"block {k} has {len(found[-1])} bytes, expected {expected}")
             at += size
         return b"".join(found)
 
-    def _unpack(self) -> Callable[[bytes], bytes]:
-        known: dict[str, Callable[[bytes], bytes]]
-        known = {"vtkZLibDataCompressor": zlib.decompress, "vtkLZMADataCompressor": lzma.decompress}
-        if self.compressor not in known:
-            raise ValueError(f"compressor {self.compressor}; write it with zlib")
-        return known[self.compressor]
+    def _unpack(self) -> Callable[[bytes, int], bytes]:
+        """Returns the function that unpacks a block, given the number of its bytes."""
+        if self.compressor == "vtkZLibDataCompressor":
+            return lambda data, size: zlib.decompressobj().decompress(data, size + 1)
+        if self.compressor == "vtkLZMADataCompressor":
+            return lambda data, size: lzma.LZMADecompressor().decompress(data, size + 1)
+        if self.compressor == "vtkLZ4DataCompressor":
+            lz4 = library("lz4.block", "mesh")
+            return lambda data, size: bytes(lz4.decompress(data, uncompressed_size=size))
+        raise ValueError(f"compressor {self.compressor}; write it with zlib")
 
 
 def read_pvd(paths: Sequence[Path], options: Options) -> Frames:
