@@ -52,6 +52,16 @@ def save(made, path, **options):
     return path
 
 
+def dump(frames):
+    """Returns a dump of LAMMPS."""
+    text = ""
+    for k, points in enumerate(frames):
+        rows = "".join(f"{i + 1} {x} {y} {z}\n" for i, (x, y, z) in enumerate(points))
+        text += f"ITEM: TIMESTEP\n{k}\nITEM: NUMBER OF ATOMS\n24\nITEM: BOX BOUNDS pp pp pp\n"
+        text += f"0 10\n0 11\n0 12\nITEM: ATOMS id x y z\n{rows}"
+    return text
+
+
 def links(frame):
     session = linkwatch.Session(frame.counts)
     report = session.step(frame.positions, cell=frame.cell)
@@ -86,15 +96,7 @@ def test_trajectories_follow_their_topology(tmp_path, suffix):
         made.load_new(str(save(made, tmp_path / "a.xtc")))
         save(made, run_)
     elif suffix == "lammpstrj":
-        rows = [
-            [f"{i + 1} {x} {y} {z}" for i, (x, y, z) in enumerate(ts.positions)]
-            for ts in made.trajectory
-        ]
-        header = (
-            "ITEM: TIMESTEP\n{}\nITEM: NUMBER OF ATOMS\n24\nITEM: BOX BOUNDS pp pp pp\n"
-            "0 10\n0 11\n0 12\nITEM: ATOMS id x y z\n"
-        )
-        run_.write_text("".join(header.format(k) + "\n".join(r) + "\n" for k, r in enumerate(rows)))
+        run_.write_text(dump(ts.positions for ts in made.trajectory))
     else:
         save(made, run_)
     frames = linkwatch.read(top, run_)
@@ -130,6 +132,10 @@ def test_lammps_data_files_are_topologies(tmp_path):
         f"0 12 zlo zhi\n\nMasses\n\n1 1.0\n\nAtoms # bond\n\n{atoms}\nBonds\n\n{bonds}"
     )
     written(tmp_path, "a.data", text)
+    # The command reads both.
+    steps = [POINTS, POINTS + [0.1, 0, 0]]
+    frames = linkwatch.read(tmp_path / "a.data", written(tmp_path, "a.dump", dump(steps)))
+    assert [links(frame) for frame in frames] == [1, 1]
     run_ = save(made, tmp_path / "a.dcd")
     assert [links(frame) for frame in linkwatch.read(tmp_path / "a.data", run_)] == [1, 1]
 

@@ -282,6 +282,12 @@ def frames_of_scenes(
     return Frames(path, load, summary, length)
 
 
+def is_dump(path: Path) -> bool:
+    """Returns if a file is a dump of LAMMPS."""
+    with open(path, "rb") as file:
+        return file.read(5) == b"ITEM:"
+
+
 def in_order(path: Path) -> list[Any]:
     """Returns a key that sorts names by the numbers in them."""
     parts = re.split(r"(\d+)", path.stem)

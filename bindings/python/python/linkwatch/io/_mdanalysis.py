@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ._curves import Molecule, Options, Scene, frames_of_scenes, molecules, plural
+from ._curves import Molecule, Options, Scene, frames_of_scenes, is_dump, molecules, plural
 from ._frames import library
 
 if TYPE_CHECKING:
@@ -29,9 +29,7 @@ def read(paths: Sequence[Path], options: Options) -> Frames:
     # MDAnalysis goes by the suffix, of which H5MD and dumps of LAMMPS have several.
     ways: list[dict[str, Any]] = [{}]
     for path in paths[1:]:
-        with open(path, "rb") as file:
-            head = file.read(5)
-        if head == b"ITEM:":
+        if is_dump(path):
             ways = [{"format": "LAMMPSDUMP"}]
         elif path.suffix.lower() in (".h5md", ".h5", ".hdf5"):
             # Units are optional.

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ._curves import is_dump
 from ._frames import Frame, Frames, Summary
 
 if TYPE_CHECKING:
@@ -30,6 +31,10 @@ def read(paths: Sequence[Path], options: Options) -> Frames:
         words.append("--cell=none")
     elif (cell := options.cell_or(None)) is not None:
         words.append(f"--cell={','.join(map(repr, cell.ravel().tolist()))}")
+    if len(paths) > 1 and not is_dump(paths[0]) and all(map(is_dump, paths[1:])):
+        # As a topology comes before its trajectories.
+        words += ["--bonds", str(paths[0])]
+        paths = paths[1:]
     # The archive is mapped to memory, which keeps it until the frames are gone.
     with tempfile.TemporaryDirectory(prefix="linkwatch-") as folder:
         archive = Path(folder) / "frames.npz"
