@@ -310,6 +310,17 @@ def test_a_stage_without_curves_is_refused_with_the_reason(stage, change, words)
     assert words in str(error.value)
 
 
+def test_rings_that_repeat_their_first_point_are_noted(stage):
+    curves(stage, "/a", [[*loop, loop[0]] for loop in linked()], wrap="nonperiodic")
+    found = io.read(saved(stage))
+    assert "2 open curves end where they start; a session and the command close" in str(
+        found.summary
+    )
+    (frame,) = found
+    with pytest.warns(linkwatch.ClosingWarning):
+        assert certify(frame).links == [(0, 1, -1)]
+
+
 @pytest.mark.parametrize("basis", BASES)
 def test_curves_of_several_bases_become_bezier_pieces(stage, basis):
     first, second = linked(basis == "bezier")

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from . import _splines
+from ._curves import ends_meet, plural
 from ._frames import Frame, Frames, LeftOut, Summary, library
 
 if TYPE_CHECKING:
@@ -58,6 +59,13 @@ def read(paths: Sequence[Path], options: Options) -> Frames:
         if batch.source:
             what = f"{batch.source} curves, read as {batch.basis} curves"
             summary.notes.append(f"{batch.path}: {what}")
+    first = next(scene.frames())
+    if first.basis == "polyline" and first.rejected is None:
+        parts = np.split(first.positions, np.cumsum(np.abs(first.counts))[:-1])
+        met = sum(n > 0 and ends_meet(part) for n, part in zip(first.counts, parts))
+        if met:
+            are = plural(met, "open curve ends where it starts", "open curves end where they start")
+            summary.notes.append(f"{are}; a session and the command close such curves")
     bare = [batch.path for batch in scene.batches if batch.widths is None]
     if bare and len(bare) < len(scene.batches):
         summary.notes.append(f"no radii, because {bare[0]} has no widths")
