@@ -10,6 +10,7 @@ import linkwatch
 import numpy as np
 import pytest
 from linkwatch import io
+from linkwatch._command import convert
 from test_command import run
 
 # Rings of 12 points; one is in the plane z = 0, the other one in y = 0.
@@ -323,6 +324,20 @@ def test_curves_that_are_not_read_are_counted(tmp_path):
     assert frames.summary.left_out == ["1 element with lists of points (strand) (strand 0)"]
 
 
+def test_what_later_files_leave_out_is_said(tmp_path):
+    plain = vtk(lines=EDGES)
+    written(tmp_path, "f1.vtk", plain)
+    written(tmp_path, "f2.vtk", vtk(lines=[*EDGES, (3, 4, 3)]))
+    frames = linkwatch.read(tmp_path / "f1.vtk", tmp_path / "f2.vtk")
+    assert frames.summary.left_out == []
+    for _ in range(2):
+        assert len(list(frames)) == 2
+        (said,) = frames.summary.left_out
+        assert said == f"{tmp_path / 'f2.vtk'}: 1 line that returns after two points (line 24)"
+    linkwatch.write(frames, tmp_path / "out.npz")
+    assert run("certify", tmp_path / "out.npz")[0] == 3
+
+
 def test_edges_that_share_no_point_are_joined_by_their_places(tmp_path):
     points = POINTS[np.ravel(EDGES)]
     text = vtk(lines=[(2 * k, 2 * k + 1) for k in range(24)])
@@ -359,6 +374,11 @@ def test_edges_that_share_no_point_are_joined_by_their_places(tmp_path):
         ("coils.a", coils().replace(" 0.0 1 lower", " 1.0"), "the file ends before a line with"),
         ("coils.a", coils().replace("1 0 0 100.0", "1 0 O 100.0"), "line 4: expected 4 numbers"),
         ("a.poly", poly().replace("END", ""), "the file ends without a line END"),
+        (
+            "a.poly",
+            poly().replace("1: 1 2 3 4 5 6 7 8 9 10 11 12 <", "1: 1 2 <"),
+            "line 27: a poly",
+        ),
         ("a.poly", poly().replace("24 <", "25 <"), "line 28: there is no point 25"),
         ("a.poly", "24 3 0 0\n1 0 0 0\n", "line 1: expected `NUMBER: ..` below POINTS"),
         ("a.hair", hair()[:-1], "the file ends at byte 547, expected 548"),
@@ -371,13 +391,13 @@ def test_edges_that_share_no_point_are_joined_by_their_places(tmp_path):
         ("a.pvd", "<a><DataSet file='b'/></a>", "not a valid collection"),
     ],
 )
-def test_a_damaged_file_is_refused(tmp_path, name, content, words):
+def test_a_damaged_file_is_refused(tmp_path, capsys, name, content, words):
     path = written(tmp_path, name, content)
     with pytest.raises(ValueError, match=words) as error:
         linkwatch.read(path)
     assert str(error.value).startswith(str(path))
-    code, _, err = run("convert", path, tmp_path / "out.npz")
-    assert (code, err[:6]) == (2, "error:")
+    assert convert([str(path), str(tmp_path / "out.npz")]) == 2
+    assert capsys.readouterr().err.startswith(f"error: {path}")
     assert list(tmp_path.iterdir()) == [path]
 
 

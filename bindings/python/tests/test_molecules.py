@@ -172,6 +172,15 @@ def test_wrapped_rings_are_unwrapped_along_their_bonds():
         np.testing.assert_allclose(shift, np.broadcast_to(shift[0], shift.shape), atol=1e-6)
     torn = next(iter(io.from_mdanalysis(wrapped, unwrap=False)))
     assert np.abs(np.diff(torn.positions[:12, 0])).max() > 1
+    # A ring that leaves the cell later.
+    later = universe(POINTS + [5, 5, 5], frames=1)
+    outside = POINTS + [9.5, 5, 5]
+    outside -= CELL[:3] * np.floor(outside / CELL[:3])
+    later.load_new(np.float32([POINTS + [5, 5, 5], outside]), dimensions=np.array(CELL))
+    frames = io.from_mdanalysis(later)
+    assert "unwrapped" not in str(frames.summary)
+    assert [links(frame) for frame in frames] == [1, 1]
+    assert "segments of frame 1 crossed" in str(frames.summary)
     # A triclinic cell.
     tilted = universe(POINTS, cell=[9, 9, 9, 70, 80, 60])
     vectors = next(iter(io.from_mdanalysis(tilted))).cell[:3]

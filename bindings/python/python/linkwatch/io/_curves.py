@@ -12,7 +12,7 @@ from .. import _arguments as arguments
 from ._frames import Frame, Frames, LeftOut, Summary
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator, Sequence
+    from collections.abc import Callable, Iterator, Sequence
     from pathlib import Path
     from typing import Any
 
@@ -105,6 +105,8 @@ class Rules:
             said.clear()
         self._counts: list[int] | None = None
         self._joined: list[int] = []
+        self._left_out: list[str] = []
+        self._unwrapped = False
         self._last = Frame(np.empty((0, 3)), [])
 
     def frame(self, scene: Scene, seq: int) -> Frame:
@@ -127,22 +129,22 @@ class Rules:
         decide = given != self._counts
         ends = np.cumsum(np.abs(given))
         straight = scene.basis == "polyline"
-        keep_open = options.closed is False
-        parts = np.split(points, ends[:-1]) if decide or self._joined else []
+        joined = self._joined
+        parts = np.split(points, ends[:-1]) if decide or joined else []
         if decide:
-            self._joined = [
+            keep_open = options.closed is False
+            joined = [
                 k
                 for k, part in enumerate(parts)
                 if straight and not (keep_open and given[k] > 0) and ends_meet(part)
             ]
-        for k in self._joined:
+        counts = [*given]
+        for k in joined:
             if not ends_meet(parts[k]):
                 raise Unfit(f"the ends of curve {k}, which is closed, are apart: it was cut")
-        counts = [*given]
-        if self._joined:
-            points = np.delete(points, ends[self._joined] - 1, axis=0)
-            for k in self._joined:
-                counts[k] = 1 - abs(counts[k])
+            counts[k] = 1 - abs(counts[k])
+        if joined:
+            points = np.delete(points, ends[joined] - 1, axis=0)
         by_request = 0
         if options.closed and straight:
             by_request = sum(count > 2 for count in counts)
@@ -151,33 +153,40 @@ class Rules:
         crossing = 0
         if cell is not None and options.unwrap:
             points, counts, crossing = unwrapped(points, counts, cell)
+        self._say(scene, seq, crossing)
         if decide:
-            self._say(scene, seq, counts, by_request, crossing)
-            self._counts = given
+            self._say_closed(scene, counts, len(joined), by_request)
+            self._counts, self._joined = given, joined
         return Frame(points, counts, scene.basis, scene.names, scene.radii, cell, seq, scene.time)
 
-    def _say(
-        self, scene: Scene, seq: int, counts: list[int], by_request: int, crossing: int
-    ) -> None:
-        """Adds what was decided to the summary."""
-        summary, first = self.summary, self._counts is None
-        before = "" if first else f"{scene.place}: "
-        if first:
+    def _say_closed(self, scene: Scene, counts: list[int], joined: int, by_request: int) -> None:
+        """Adds which curves there are, and which ones were closed, to the summary."""
+        summary, before = self.summary, f"{scene.place}: "
+        if self._counts is None:
+            before = ""
             summary.curves, summary.closed = len(counts), sum(count < 0 for count in counts)
-        summary.left_out += [before + said for said in scene.left_out.sentences()]
         for number, what in (
-            (len(self._joined), "closed, because the last point repeats the first one"),
+            (joined, "closed, because the last point repeats the first one"),
             (by_request, "closed by a segment from the last point to the first one, as asked for"),
         ):
             if number:
                 summary.notes.append(f"{before}{plural(number, 'curve is', 'curves are')} {what}")
-        if crossing:
+        summary.notes += [before + note for note in scene.notes]
+
+    def _say(self, scene: Scene, seq: int, crossing: int) -> None:
+        """Adds what was left out, other than before, and the first unwrapping to the summary."""
+        summary, left_out = self.summary, scene.left_out.sentences()
+        if left_out != self._left_out:
+            before = "" if self._counts is None else f"{scene.place}: "
+            summary.left_out += [before + said for said in left_out]
+            self._left_out = left_out
+        if crossing and not self._unwrapped:
+            self._unwrapped = True
             segments = plural(crossing, "segment", "segments")
             summary.notes.append(
-                f"{before}unwrapped: every vertex is moved to the image nearest to the previous "
-                f"one; {segments} of frame {seq} crossed the boundary of the cell"
+                f"unwrapped: every vertex is moved to the image nearest to the previous one; "
+                f"{segments} of frame {seq} crossed the boundary of the cell"
             )
-        summary.notes += [before + note for note in scene.notes]
 
 
 class Unfit(Exception):

@@ -52,6 +52,12 @@ def _lines(scene: Scene, points: Array, lines: Sequence[Array]) -> Scene:
             scene.left_out.add("line of one point", "lines of one point", f"line {k}")
         else:
             closed = bool(line[0] == line[-1])
+            if closed and len(line) < 4:
+                kind = "after two points"
+                scene.left_out.add(
+                    f"line that returns {kind}", f"lines that return {kind}", f"line {k}"
+                )
+                continue
             scene.curves.append(Curve(points[line[: len(line) - closed]], closed))
     if edges:
         joined = np.array(edges)

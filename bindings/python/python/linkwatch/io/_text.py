@@ -123,8 +123,8 @@ def read_poly(path: Path) -> Scene:
             raise lines.error(f"there is no point {missing[0]}")
         if polygon[:1] == polygon[-1:] and len(polygon) > 1:
             polygon, closed = polygon[:-1], True
-        if len(polygon) < 2:
-            raise lines.error("a polygon of fewer than 2 points")
+        if len(polygon) < 2 + closed:
+            raise lines.error(f"a polygon of fewer than {2 + closed} points")
         scene.curves.append(Curve(np.array([points[number] for number in polygon]), closed))
     return scene
 
