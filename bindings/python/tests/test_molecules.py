@@ -6,6 +6,7 @@ import linkwatch
 import numpy as np
 import pytest
 from linkwatch import io
+from linkwatch.io._curves import molecules, unwrapped
 from test_command import run
 from test_formats import EDGES, POINTS, needs, written
 
@@ -398,3 +399,50 @@ def test_oxdna_needs_both_files(tmp_path):
         linkwatch.read(path)
     with pytest.raises(ValueError, match=r"give its topology \(.top\), too: 0 are given"):
         linkwatch.read(written(tmp_path, "c.dat", oxdna()))
+
+
+def test_rings_and_chains_are_found_in_any_order_of_their_bonds():
+    rng = np.random.default_rng(5)
+    for _ in range(200):
+        label, at, edges, expected = rng.permutation(200), 0, [], []
+        for _ in range(rng.integers(1, 8)):
+            nodes = label[at : at + rng.integers(3, 20)].tolist()
+            ring = bool(rng.random() < 0.5)
+            at += len(nodes)
+            own = [*zip(nodes, nodes[1:]), *([(nodes[-1], nodes[0])] if ring else [])]
+            edges += own
+            expected.append((ring, {frozenset(bond) for bond in own}))
+        edges = np.array(edges + edges[:2])  # some twice
+        edges = rng.permuted(edges[rng.permutation(len(edges))], axis=1)
+        found, networks = molecules(edges)
+        assert networks == []
+        got = []
+        for one in found:
+            ends = one.nodes[1:] + one.nodes[: one.closed]
+            got.append((one.closed, {frozenset(bond) for bond in zip(one.nodes, ends)}))
+            assert one.nodes[0] == min(one.nodes if one.closed else (one.nodes[0], one.nodes[-1]))
+        assert all(one in expected for one in got)
+        assert len(got) == len(expected)
+
+
+def test_wrapped_curves_are_whole_again_in_any_cell():
+    rng = np.random.default_rng(6)
+    for _ in range(200):
+        cell = np.zeros((4, 3))
+        cell[:3] = np.diag(rng.uniform(8, 12, 3)) + rng.uniform(-2, 2, (3, 3))
+        curves, counts = [], []
+        for _ in range(rng.integers(1, 6)):
+            steps = rng.uniform(-0.8, 0.8, (rng.integers(3, 40), 3))
+            closed = rng.random() < 0.5
+            steps -= steps.mean(axis=0) * closed
+            curves.append(np.cumsum(steps, axis=0) + rng.uniform(-30, 30, 3))
+            counts.append(-len(steps) if closed else len(steps))
+        points = np.concatenate(curves)
+        images = rng.integers(-3, 4, points.shape) @ cell[:3]
+        found, same, _ = unwrapped(points + images, counts, cell)
+        assert same == counts
+        for one, whole in zip(np.split(found, np.cumsum(np.abs(counts))[:-1]), curves):
+            shift = (one - whole) @ np.linalg.inv(cell[:3])
+            np.testing.assert_allclose(
+                shift, np.broadcast_to(np.rint(shift[0]), shift.shape), atol=1e-9
+            )
