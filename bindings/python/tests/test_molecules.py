@@ -312,6 +312,24 @@ def test_files_that_mdanalysis_cannot_read_are_errors(tmp_path):
         linkwatch.read(top, select="name X")
 
 
+@pytest.mark.parametrize("suffix", ["xtc", "trr", "dcd", "nc", "lammpstrj"])
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
+def test_trajectories_that_are_cut_off_are_errors(tmp_path, suffix):
+    made = universe(frames=3)
+    top = save(universe(), tmp_path / "a.pdb", bonds="all")
+    whole = tmp_path / f"a.{suffix}"
+    if suffix == "lammpstrj":
+        whole.write_text(dump(ts.positions for ts in made.trajectory))
+    else:
+        save(made, whole)
+    data = whole.read_bytes()
+    for share in (0.5, 0.75, 0.9, 0.99):
+        cut = tmp_path / f"{share}.{suffix}"
+        cut.write_bytes(data[: int(share * len(data))])
+        with pytest.raises(ValueError, match="cut off|can be read|cannot read"):
+            list(linkwatch.read(top, cut))
+
+
 def test_a_part_of_a_trajectory_is_read():
     made = universe(frames=10)
     frames = io.from_mdanalysis(made, trajectory=made.trajectory[2::4])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import struct
 import warnings
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -18,6 +19,8 @@ if TYPE_CHECKING:
     from ._curves import Array
     from ._frames import Frames
 
+# First bytes of the frames of an .xtc file.
+XTC = 1995
 # Units of the times of files without times.
 COUNTED = ("steps of the simulation", "frames")
 
@@ -50,7 +53,43 @@ def read(paths: Sequence[Path], options: Options) -> Frames:
                     named = " ".join(map(str, paths))
                     said = _said(why)
                     raise ValueError(f"{named}: MDAnalysis cannot read this: {said}") from why
+    _check_ends(paths[1:] or paths, trajectory)
     return frames_of_atoms(atoms, options, trajectory, paths[0])
+
+
+def _check_ends(paths: Sequence[Path], trajectory: Any) -> None:
+    """Raises an error if the last frame of a trajectory is cut off, which MDAnalysis ignores."""
+    atoms, frames = trajectory.n_atoms, len(trajectory)
+    offsets = getattr(getattr(trajectory, "_xdr", None), "offsets", [])
+    for path in paths:
+        suffix, whole = path.suffix.lower(), True
+        with open(path, "rb") as file:
+            size = file.seek(0, 2)
+
+            def head(start: int, form: str) -> tuple[int, ...]:
+                """Returns integers from a place on."""
+                file.seek(start)
+                return struct.unpack(form, file.read(struct.calcsize(form)))
+
+            if suffix == ".dcd" and size > 100:
+                order = "<" if head(0, "<i") == (84,) else ">"
+                (_, *control), (titles,) = head(4, f"{order}21i"), head(96, f"{order}i")
+                # A frame has records of coordinates, and of the cell and a fourth coordinate.
+                record = 4 * atoms + 8
+                frame = 3 * record + (56 * control[10] + record * control[11]) * bool(control[19])
+                # Fixed atoms are in the first frame only.
+                whole = control[8] > 0 or (size - 116 - 80 * titles) % frame == 0
+            elif suffix == ".xtc" and len(offsets) == frames and atoms > 9:
+                at = int(offsets[-1])
+                # Coordinates are padded to a multiple of 4 bytes.
+                magic, length = head(at, ">i84xi") if size >= at + 92 else (XTC, 0)
+                whole = magic != XTC or size == at + 92 + length + -length % 4
+            elif is_dump(path):
+                file.seek(max(0, size - 2 * size // frames))
+                last = file.read().rpartition(b"ITEM: TIMESTEP")[2]
+                whole = last.count(b"\n") + (not last.endswith(b"\n")) >= atoms + 9
+        if not whole:
+            raise ValueError(f"{path}: the last frame is cut off")
 
 
 def _said(why: Exception) -> str:
@@ -80,6 +119,7 @@ def frames_of_atoms(
 
     def scenes() -> Iterator[Scene]:
         frames = iter(trajectory)
+        read = 0
         while True:
             try:
                 with warnings.catch_warnings():
@@ -88,7 +128,10 @@ def frames_of_atoms(
             except (OSError, EOFError, ValueError, RuntimeError, IndexError) as why:
                 raise ValueError(f"{path}: MDAnalysis cannot read on: {_said(why)}") from why
             if now is None:
+                if read < len(trajectory):
+                    raise ValueError(f"{path}: only {read} of {len(trajectory)} frames can be read")
                 return
+            read += 1
             yield Scene(
                 points=np.take(now.positions, order, axis=0),
                 counts=counts,
