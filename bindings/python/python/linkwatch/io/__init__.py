@@ -78,7 +78,7 @@ FORMATS = [
     Format("meshio", ".msh .inp .xdmf .med .mesh .bdf .nas .fem", read_files(_mesh.read_meshio)),
     Format("makegrid", ".coils", read_files(_text.read_coils)),
     Format("houdini", ".poly", read_files(_text.read_poly)),
-    Format("texgen", ".tg3", read_files(_text.read_texgen)),
+    Format("texgen", ".tg3", read_files(_text.read_texgen), options="unwrap cell"),
     Format("hair", ".hair", read_files(_hair.read_hair)),
     Format("usc-hair", ".data", read_files(_hair.read_usc), r"[\s\S]{0,1000}\x00"),
     # What a name does not tell.
