@@ -25,7 +25,7 @@ def test_written_frames_are_those_that_the_command_reads(tmp_path):
         frame(3, cell=cell, radii=[0.1, 0.3]),
         frame(7, cell=1.1 * cell, radii=[0.2, 0.1], positions=moved),
     ]
-    assert io.write(path, iter(given)) == [path]
+    assert io.write(iter(given), path) == [path]
     with np.load(path) as arrays:
         assert arrays["radii"].tolist() == np.float32([0.2, 0.3]).tolist()
         assert arrays["cell"].shape == (2, 4, 3)
@@ -40,12 +40,12 @@ def test_written_frames_are_those_that_the_command_reads(tmp_path):
 
 def test_a_file_is_overwritten_only_by_force(tmp_path):
     path = tmp_path / "run.npz"
-    io.write(path, [frame()])
+    io.write([frame()], path)
     with pytest.raises(FileExistsError, match="run.npz exists already"):
-        io.write(path, [frame()])
-    io.write(path, [frame()], force=True)
+        io.write([frame()], path)
+    io.write([frame()], path, force=True)
     with pytest.raises(ValueError, match="must end with .npz"):
-        io.write(tmp_path / "run.bcc", [frame()])
+        io.write([frame()], tmp_path / "run.bcc")
 
 
 @pytest.mark.parametrize(
@@ -59,13 +59,13 @@ def test_a_file_is_overwritten_only_by_force(tmp_path):
 )
 def test_frames_that_an_archive_cannot_hold_leave_no_file(tmp_path, frames, words):
     with pytest.raises(ValueError, match=words):
-        io.write(tmp_path / "run.npz", frames)
+        io.write(frames, tmp_path / "run.npz")
     assert list(tmp_path.iterdir()) == []
 
 
 def test_invalid_frames_are_rejected_or_counted(tmp_path):
     path = tmp_path / "run.npz"
-    io.write(path, [frame(0, rejected="torn"), frame(1), frame(2, rejected="lost"), frame(3)])
+    io.write([frame(0, rejected="torn"), frame(1), frame(2, rejected="lost"), frame(3)], path)
     code, out, err = run("check", path)
     assert code == 3, err
     assert "frame 2: rejected" in out
@@ -79,14 +79,17 @@ def test_a_session_takes_the_frames(tmp_path):
     assert session.step(first.positions, first.time, cell=first.cell).intact
 
 
-def test_an_unknown_suffix_is_refused(tmp_path):
-    with pytest.raises(ValueError, match=r"scene.abc: files of this name are not read here \(.usd"):
+def test_an_unknown_kind_of_file_is_refused(tmp_path):
+    (tmp_path / "scene.abc").write_bytes(b"\0\0\0")
+    with pytest.raises(ValueError, match=r"scene.abc: unknown kind of file \(known: .bcc"):
         io.read(tmp_path / "scene.abc")
+    with pytest.raises(FileNotFoundError):
+        io.read(tmp_path / "scene.vtk")
 
 
 def test_the_module_is_the_command(tmp_path):
     path = tmp_path / "run.npz"
-    io.write(path, [frame()])
+    io.write([frame()], path)
     words = [sys.executable, "-m", "linkwatch"]
     ended = subprocess.run([*words, "certify", path], capture_output=True, text=True)
     assert (ended.returncode, ended.stdout) == (0, "2 # lines: 1\n0,1,-1\n"), ended.stderr
@@ -94,3 +97,19 @@ def test_the_module_is_the_command(tmp_path):
     code, _, err = run("convert", path, tmp_path / "run.bcc")
     assert code == 0, err
     assert (tmp_path / "run.bcc").exists()
+
+
+def test_the_command_names_the_way_to_read_other_files(tmp_path):
+    path = tmp_path / "a.ply"
+    path.write_text("ply\n")
+    code, _, err = run("certify", path)
+    assert code == 2
+    assert f"`linkwatch convert {path} {tmp_path / 'a.npz'}` makes a file of it" in err
+
+
+def test_a_missing_library_is_named(tmp_path, monkeypatch):
+    for module, name, extra in (("MDAnalysis", "a.pdb", "mdanalysis"), ("meshio", "a.msh", "mesh")):
+        (tmp_path / name).write_text("")
+        monkeypatch.setitem(sys.modules, module, None)
+        with pytest.raises(ImportError, match=rf'pip install "linkwatch\[{extra}\]"'):
+            linkwatch.read(tmp_path / name)

@@ -7,8 +7,10 @@ import linkwatch
 import numpy as np
 import pytest
 from linkwatch import io
-from pxr import Gf, Sdf, Ts, Usd, UsdGeom
 from test_command import run
+
+pytest.importorskip("pxr", reason="usd-core is not installed")
+from pxr import Gf, Sdf, Ts, Usd, UsdGeom
 
 X, Y, Z = np.eye(3)
 BASES = {
@@ -308,11 +310,62 @@ def test_a_stage_without_curves_is_refused_with_the_reason(stage, change, words)
     assert words in str(error.value)
 
 
-def test_curves_of_two_bases_are_refused_by_name(stage):
-    curves(stage, "/a", [ring()])
-    curves(stage, "/b", [ring()], "b-spline")
-    with pytest.raises(ValueError, match="/a has polyline curves, /b b-spline curves"):
-        io.read(saved(stage))
+def test_rings_that_repeat_their_first_point_are_noted(stage):
+    curves(stage, "/a", [[*loop, loop[0]] for loop in linked()], wrap="nonperiodic")
+    found = io.read(saved(stage))
+    assert "2 open curves end where they start; a session and the command close" in str(
+        found.summary
+    )
+    (frame,) = found
+    with pytest.warns(linkwatch.ClosingWarning):
+        assert certify(frame).links == [(0, 1, -1)]
+
+
+@pytest.mark.parametrize("basis", BASES)
+def test_curves_of_several_bases_become_bezier_pieces(stage, basis):
+    first, second = linked(basis == "bezier")
+    a = curves(stage, "/a", [first], basis)
+    a.CreateWidthsAttr([0.5])
+    b = curves(stage, "/b", [second if basis != "bezier" else linked()[1]])
+    b.CreateWidthsAttr([0.5] * 12)
+    curves(stage, "/c", [ring()[:7]], "catmull-rom", "pinned").CreateWidthsAttr([0.25])
+    found = io.read(saved(stage))
+    assert "all are converted to Bezier pieces" in str(found.summary)
+    (frame,) = found
+    first_piece = {"bezier": 12}.get(basis, 36)
+    assert (frame.basis, frame.counts) == ("bezier", [-first_piece, -36, 19])
+    assert frame.radii == [0.25, 0.25, 0.125]
+    with pytest.warns(linkwatch.UnverifiedWarning):
+        assert certify(frame).links == [(0, 1, -1)]
+    # Points of the same parameters are equal: the pieces begin at corners of the polyline.
+    np.testing.assert_array_equal(frame.positions[first_piece : first_piece + 36 : 3], linked()[1])
+    curves(stage, "/c", [ring()[:3]], "b-spline", "nonperiodic")
+    (frame,) = io.read(saved(stage))
+    assert frame.rejected == "/c, time code 0: curve 0 has 3 points, expected 4 or more"
+
+
+def test_hermite_curves_are_bezier_pieces(stage):
+    angle = 2 * math.pi * np.arange(9) / 8
+    points = np.stack([np.cos(angle), np.sin(angle), 0 * angle], 1).astype(np.float32)
+    points[-1] = points[0]
+    tangents = 2 * math.pi / 8 * np.stack([-np.sin(angle), np.cos(angle), 0 * angle], 1)
+    prim = UsdGeom.HermiteCurves.Define(stage, "/hermite")
+    prim.CreatePointsAttr(points)
+    prim.CreateCurveVertexCountsAttr([9])
+    prim.CreateTangentsAttr(tangents.astype(np.float32))
+    curves(stage, "/other", [ring(center=X, axes=(X, Z), bezier=True)], "bezier")
+    found = io.read(saved(stage))
+    assert "/hermite: Hermite curves, read as bezier curves" in str(found.summary)
+    (frame,) = found
+    assert frame.counts == [25, -12]
+    a, b, c, d = frame.positions[:4]
+    middle = [math.cos(math.pi / 8), math.sin(math.pi / 8), 0]
+    np.testing.assert_allclose((a + 3 * b + 3 * c + d) / 8, middle, atol=1e-3)
+    with pytest.warns(linkwatch.ClosingWarning):
+        assert certify(frame).links == [(0, 1, -1)]
+    prim.CreateTangentsAttr(tangents[:3].astype(np.float32))
+    (frame,) = io.read(saved(stage))
+    assert "3 tangents for 9 points" in frame.rejected
 
 
 def nurbs(stage, loops, order=4, knots=None):
@@ -347,10 +400,11 @@ def test_uniform_cubic_nurbs_are_b_splines(stage):
 @pytest.mark.parametrize(
     "change, words",
     [
-        (lambda p: p.CreateKnotsAttr([0.0] * 4 + [1, 2, 3, 4, 5, 6, 7, 8] + [9.0] * 4), "uniform"),
+        (lambda p: p.CreateKnotsAttr([0, 1, 2, 3, 4, 4, 4, 4, *np.arange(5.0, 13)]), "4 equal"),
+        (lambda p: p.CreateKnotsAttr([1.0] + [0.0] * 15), "has knots that decrease"),
         (lambda p: p.CreateKnotsAttr([0.0, 1.0]), "do not fit their points"),
         (lambda p: p.CreateOrderAttr([3]), "do not fit their points"),
-        (lambda p: p.CreateRangesAttr([Gf.Vec2d(0.5, 1)]), "is cut by its range"),
+        (lambda p: p.CreateRangesAttr([Gf.Vec2d(0.1, 1)]), "has a range outside of its knots"),
         (lambda p: p.CreatePointWeightsAttr([1.0] * 11 + [2.0]), "has different weights"),
         (lambda p: p.CreatePointWeightsAttr([1.0]), "1 pointWeights for 12 points"),
     ],
@@ -359,6 +413,41 @@ def test_other_nurbs_are_counted(stage, change, words):
     change(nurbs(stage, [ring()]))
     with pytest.raises(ValueError, match="no curves: not read: 1 prim .*/nurbs: .*" + words):
         io.read(saved(stage))
+
+
+@pytest.mark.parametrize("order", [2, 3, 4])
+def test_other_nurbs_are_their_bezier_pieces(stage, order):
+    interpolate = pytest.importorskip("scipy.interpolate", reason="scipy is not installed")
+    loop = ring(12)
+    inside = [1, 1.5, 4, 4, 5, 6, 7.5, 8, 9, 10][: 12 - order]
+    if order == 2:
+        inside[3] = 4.5
+    knots = np.array([0.0] * order + inside + [11.0] * order)
+    ends = (0.5, 10.5)
+    prim = nurbs(stage, [loop, loop], order, np.concatenate([knots, knots]))
+    prim.CreateRangesAttr([Gf.Vec2d(*ends), Gf.Vec2d(0, 11)])
+    prim.CreateWidthsAttr(np.linspace(1, 2, 2 * (14 - order)).astype(np.float32))
+    prim.SetWidthsInterpolation("varying")
+    (frame,) = frames(stage)
+    assert frame.basis == "bezier"
+    spline = interpolate.BSpline(knots, loop.astype(float), order - 1)
+    corners = np.array([ends[0], *sorted({k for k in inside if ends[0] < k < ends[1]}), ends[1]])
+    p = frame.positions[: frame.counts[0]]
+    assert len(p) == 3 * len(corners) - 2
+    np.testing.assert_allclose(p[::3], spline(corners), atol=1e-6)
+    middle = (p[:-1:3] + 3 * p[1::3] + 3 * p[2::3] + p[3::3]) / 8
+    np.testing.assert_allclose(middle, spline((corners[1:] + corners[:-1]) / 2), atol=1e-6)
+    assert frame.radii[1] == 1.0
+
+
+def test_clamped_nurbs_that_return_are_closed(stage):
+    loops = [np.concatenate([loop, loop[:1]]) for loop in linked()]
+    knots = [0.0] * 4 + [*range(1, 10)] + [10.0] * 4
+    nurbs(stage, loops, 4, knots * 2)
+    (frame,) = frames(stage)
+    assert frame.basis == "bezier"
+    with pytest.warns(linkwatch.ClosingWarning):
+        assert certify(frame).links == [(0, 1, -1)]
 
 
 @pytest.mark.parametrize(

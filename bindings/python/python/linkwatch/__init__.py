@@ -50,6 +50,8 @@ if TYPE_CHECKING:
     import numpy.typing as npt
 
     from . import io as io
+    from .io import read as read
+    from .io import write as write
     from ._arguments import Cell, Closed, Counts, Frame
 
 __all__ = [
@@ -73,10 +75,12 @@ __all__ = [
     "certify",
     "io",
     "pull_throughs",
+    "read",
     "ribbon",
     "safe_fraction",
     "struts",
     "thickness",
+    "write",
 ]
 
 
@@ -781,9 +785,10 @@ def assert_intact(
 if not TYPE_CHECKING:
 
     def __getattr__(name):
-        if name == "io":  # here, so that importing the package takes no time
+        if name in ("io", "read", "write"):  # here, so that importing the package takes no time
             import importlib
 
-            return importlib.import_module(".io", __name__)
+            io = importlib.import_module(".io", __name__)
+            return io if name == "io" else getattr(io, name)
         instead = " (it is Session now)" if name == "Verifier" else ""
         raise AttributeError(f"module 'linkwatch' has no attribute {name!r}{instead}")

@@ -3,10 +3,17 @@
 from __future__ import annotations
 
 import os
+import pathlib
 import signal
 import sys
 
 from ._linkwatch import command
+
+# Options of `convert` that are true without a value.
+FLAGS = {
+    "--closed": "close open curves; =false: keep open those that end where they start",
+    "--wrapped": "unwrap coordinates; =false: take them as they are",
+}
 
 
 def main() -> int:
@@ -23,34 +30,66 @@ def main() -> int:
     args = sys.argv[1:]
     if args[:1] == ["convert"] and (code := convert(args[1:])) is not None:
         return code
-    return command(["linkwatch", *args])
+    code = command(["linkwatch", *args])
+    for arg in filter(_is_other, args[1:] if code == 2 else []):
+        archive = pathlib.Path(arg).with_suffix(".npz")
+        print(
+            f"`linkwatch convert {arg} {archive}` makes a file of it that all of the command reads",
+            file=sys.stderr,
+        )
+    return code
+
+
+def _is_other(arg: str) -> bool:
+    """Returns if an argument is a file that only this package reads."""
+    from . import io
+
+    try:
+        return pathlib.Path(arg).is_file() and io.format_of(pathlib.Path(arg)) is not io.FORMATS[-1]
+    except OSError:
+        return False
 
 
 def convert(args: list[str]) -> int | None:
-    """Converts a file that only this package reads to ``.npz``, and returns the exit code.
+    """Converts files that only this package reads to ``.npz``, and returns the exit code.
 
     Returns ``None`` if no argument is such a file: the command itself converts all others.
     """
-    from . import io
-
-    if not any(arg.lower().endswith(tuple(io.READERS)) for arg in args[:-1]):
+    if not any(map(_is_other, args[:-1])) and not any(a.startswith("--format") for a in args):
         return None
     import argparse
 
-    what = "Converts a file to .npz, which all of the command reads."
-    parser = argparse.ArgumentParser("linkwatch convert", description=what)
-    parser.add_argument("input", metavar="IN", help=", ".join(io.READERS))
+    from . import io
+
+    formats = " ".join(one.suffixes for one in io.FORMATS)
+    parser = argparse.ArgumentParser(
+        "linkwatch convert", description=f"Converts files to .npz: coils.* {formats}"
+    )
+    parser.add_argument("input", metavar="IN", nargs="+", help="files of one motion")
     parser.add_argument("output", metavar="OUT.npz")
     parser.add_argument("--force", action="store_true", help="overwrite existing files")
-    given = parser.parse_args(args)
+    for option, what in FLAGS.items():
+        parser.add_argument(option, choices=("true", "false"), help=what)
+    parser.add_argument("--cell", help="periodic cell: 10,10,12; or none")
+    parser.add_argument("--select", help="atoms of molecules to read: 'name CA'")
+    parser.add_argument("--format", choices=[one.name for one in io.FORMATS])
+    given = parser.parse_intermixed_args([f"{a}=true" if a in FLAGS else a for a in args])
+    truth = {"true": True, "false": False, None: None}
     try:
-        frames = io.read(given.input)
-        written = io.write(given.output, frames, force=given.force)
+        frames = io.read(
+            *given.input,
+            closed=truth[given.closed],
+            unwrap=truth[given.wrapped],
+            cell=given.cell,
+            select=given.select,
+            format=given.format,
+        )
+        written = io.write(frames, given.output, force=given.force)
     except (ImportError, OSError, ValueError) as why:
         print(f"error: {why}", file=sys.stderr)
         return 2
     summary = frames.summary
-    print(f"{given.input}: {summary}", file=sys.stderr)
+    print(f"{', '.join(given.input)}: {summary}", file=sys.stderr)
     if len(written) > 1:
         names = " ".join(map(str, written))
         print(

@@ -1,53 +1,184 @@
 """Reads frames of curves from files of other programs, and writes what the command reads.
 
 >>> import linkwatch
->>> frames = linkwatch.io.read("scene.usdc")  # doctest: +SKIP
+>>> frames = linkwatch.read("scene.usdc")  # doctest: +SKIP
 >>> print(frames.summary)  # doctest: +SKIP
 70 curves, 70 closed
->>> linkwatch.io.write("scene.npz", frames)  # doctest: +SKIP
+>>> linkwatch.write(frames, "scene.npz")  # doctest: +SKIP
 [PosixPath('scene.npz')]
 
-``python -m linkwatch convert scene.usdc scene.npz`` does the same. Each reader needs a library,
-which is an extra of this package: ``pip install "linkwatch[usd]"``.
+``python -m linkwatch convert scene.usdc scene.npz`` does the same. Some readers need a library,
+which is an extra of this package: ``pip install "linkwatch[mdanalysis]"``. ``FORMATS`` has them
+all.
 
-To add a format, write a function from a path to :class:`Frames`, and name it in ``READERS``.
+To add a format of one frame a file, write a function from a path to a ``Scene`` of curves, and name
+it in ``FORMATS``.
 """
 
 from __future__ import annotations
 
+import re
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from . import _usd
+from . import _hair, _mdanalysis, _mesh, _native, _oxdna, _text, _usd
+from ._curves import Options
 from ._frames import Frame, Frames, Summary
+from ._mesh import read_files
 from ._npz import write
 
 if TYPE_CHECKING:
     import os
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
+    from typing import Any
 
-__all__ = ["READERS", "Frame", "Frames", "Summary", "read", "write"]
+__all__ = ["FORMATS", "Format", "Frame", "Frames", "Summary", "from_mdanalysis", "read", "write"]
 
-#: Reader of each suffix, in lower case.
-READERS: dict[str, Callable[[Path], Frames]] = {
-    **dict.fromkeys((".usd", ".usda", ".usdc", ".usdz"), _usd.read),
-}
+#: Bytes at the beginning of a file that may tell its format.
+HEAD = 1 << 10
 
 
-def read(path: str | os.PathLike[str]) -> Frames:
-    """Opens a file, whose suffix selects the reader. Frames are read when they are iterated over.
+@dataclass(frozen=True)
+class Format:
+    """A format of files, and its reader."""
+
+    name: str
+    #: Suffixes in lower case, separated by spaces.
+    suffixes: str
+    read: Callable[[Sequence[Path], Options], Frames]
+    #: Pattern that the file begins with, if other formats have the same suffixes.
+    begins: str = ""
+    #: Options of :func:`read` that the reader has, besides those of all.
+    options: str = "closed unwrap cell"
+
+    def has(self, path: Path) -> bool:
+        """Returns if a file has this format."""
+        if path.suffix.lower() not in self.suffixes.split():
+            return False
+        return not self.begins or re.match(self.begins.encode(), _head(path), re.I) is not None
+
+
+#: The formats, of which the first one that has a file reads it. All others are the command's.
+FORMATS = [
+    Format("usd", ".usd .usda .usdc .usdz", _usd.read, options="cell"),
+    Format("oxdna", ".top", _oxdna.read, r"\s*\d+[ \t]+\d+\s"),
+    Format("oxdna", ".dat .conf .oxdna", _oxdna.read, "t *="),
+    Format(
+        "mdanalysis",
+        ".pdb .ent .xpdb .pdbqt .pqr .cif .mmcif .mmtf .gro .psf .top .prmtop .parm7 .tpr .itp "
+        ".mol2 .dms .txyz .arc .crd .gsd .xtc .trr .dcd .nc .ncdf .trz .tng .h5md .h5 .hdf5",
+        _mdanalysis.read,
+        options="closed unwrap cell select",
+    ),
+    Format("vtk", ".vtk", read_files(_mesh.read_vtk)),
+    Format("vtk-xml", ".vtp .vtu", read_files(_mesh.read_xml)),
+    Format("pvd", ".pvd", _mesh.read_pvd),
+    Format("ply", ".ply", read_files(_mesh.read_ply)),
+    Format("meshio", ".msh .inp .xdmf .med .mesh .bdf .nas .fem", read_files(_mesh.read_meshio)),
+    Format("makegrid", ".coils", read_files(_text.read_coils)),
+    Format("houdini", ".poly", read_files(_text.read_poly)),
+    Format("texgen", ".tg3", read_files(_text.read_texgen), options="unwrap cell"),
+    Format("hair", ".hair", read_files(_hair.read_hair)),
+    Format("usc-hair", ".data", read_files(_hair.read_usc), r"[\s\S]{0,1000}\x00"),
+    # What a name does not tell.
+    Format("linkwatch", "", _native.read),
+]
+
+
+def _head(path: Path) -> bytes:
+    """Returns the beginning of a file."""
+    with open(path, "rb") as file:
+        return file.read(HEAD)
+
+
+def format_of(path: Path) -> Format:
+    """Returns the format of a file; the last one, that of the command, if it is no other."""
+    if path.name.lower().startswith("coils."):
+        return next(one for one in FORMATS if one.name == "makegrid")
+    return next((one for one in FORMATS if one.has(path)), FORMATS[-1])
+
+
+def _format_of_all(paths: Sequence[Path]) -> Format:
+    """Returns the format of files that are read together."""
+    found = [format_of(path) for path in paths]
+    both = {one.name for one in found}
+    if len(both) == 1:
+        return found[0]
+    # A topology, such as a data file of LAMMPS, that the command reads as well.
+    if both == {"mdanalysis", "linkwatch"} or both == {"mdanalysis", "oxdna"}:
+        return next(one for one in found if one.name == "mdanalysis")
+    raise ValueError(
+        "these files have different formats, so they are no frames of one motion: "
+        + ", ".join(f"{path} ({one.name})" for path, one in zip(paths, found))
+    )
+
+
+def read(
+    path: str | os.PathLike[str],
+    *more: str | os.PathLike[str],
+    closed: bool | None = None,
+    unwrap: bool | None = None,
+    select: str | None = None,
+    cell: Any = None,
+    format: str | None = None,
+) -> Frames:
+    """Opens files, whose names and contents select the reader. Frames are read one at a time.
+
+    Args:
+        path: a file. Formats that the command reads itself are read by it.
+        more: further files: trajectories that follow a topology, or one file for each frame.
+        closed: True closes curves that the files leave open, False keeps curves open that only end
+            where they start.
+        unwrap: whether every vertex is moved to the image nearest to the previous one, in a
+            periodic cell. By default, as the format needs it: True for molecules and oxDNA.
+        select: atoms to read of molecules, in the language of MDAnalysis.
+        cell: periodic cell in place of that of the files: see ``help(linkwatch)``. ``"none"``
+            ignores the cell.
+        format: name of one of ``FORMATS``, if the names of the files do not say it.
+
+    Returns:
+        Frames: an iterable of :class:`Frame`. Its ``summary`` says what was read, closed,
+        unwrapped, and left out.
 
     Raises:
         ImportError: the library that reads this format is not installed. The message says how.
-        OSError: the file cannot be opened.
-        ValueError: the suffix is unknown, or the file is damaged or has no curves.
+        OSError: a file cannot be opened.
+        ValueError: a file is damaged, has no curves, or is of an unknown kind.
     """
-    path = Path(path)
-    reader = READERS.get(path.suffix.lower())
-    if reader is None:
-        raise ValueError(
-            f"{path}: files of this name are not read here ({', '.join(READERS)}); the command "
-            "`linkwatch` reads other formats itself"
-        )
-    with open(path, "rb"):
-        return reader(path)
+    paths = [Path(one) for one in (path, *more)]
+    for one in paths:
+        with open(one, "rb"):
+            pass
+    named = {one.name: one for one in FORMATS}
+    if format is not None and format not in named:
+        raise ValueError(f"format is {format!r}, expected one of {', '.join(named)}")
+    found = named[format] if format else _format_of_all(paths)
+    given = {"closed": closed, "unwrap": unwrap, "cell": cell, "select": select}
+    for name, value in given.items():
+        if value is not None and name not in found.options.split():
+            raise ValueError(f"{path}: `{name}` is no option for files of the format {found.name}")
+    return found.read(paths, Options(closed, unwrap, cell, select or "all"))
+
+
+def from_mdanalysis(
+    atoms: Any,
+    *,
+    trajectory: Any = None,
+    closed: bool | None = None,
+    unwrap: bool = True,
+    cell: Any = None,
+) -> Frames:
+    """Returns the frames of a ``Universe`` or an ``AtomGroup`` of MDAnalysis.
+
+    A connected set of bonds is a curve: a ring is closed, a chain open. The curve of a molecule
+    with branches is its longest chain, or its only ring of more than 12 atoms if that is longer.
+    Networks are left out. Without bonds, the atoms of each segment are a chain, or those of each
+    residue if residues have several atoms. The summary says so.
+
+    Args:
+        atoms: a universe or a group of atoms, of which bonds within the group count.
+        trajectory: frames to read, such as ``universe.trajectory[::10]``.
+        closed, unwrap, cell: those of :func:`read`.
+    """
+    return _mdanalysis.frames_of_atoms(atoms, Options(closed, unwrap, cell), trajectory)

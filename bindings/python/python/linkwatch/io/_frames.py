@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import dataclasses
 import importlib
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
+
+import numpy as np
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -31,7 +34,7 @@ class Frame:
     cell: npt.NDArray[Any] | None = None
     #: Number of the frame, larger than that of the previous one.
     seq: int = 0
-    #: Seconds.
+    #: In :attr:`Summary.time_unit`.
     time: float = 0.0
     #: Reason why the frame is invalid, although later ones can be read.
     rejected: str | None = None
@@ -40,6 +43,11 @@ class Frame:
     def closed(self) -> list[bool]:
         """For each curve, if it is closed."""
         return [count < 0 for count in self.counts]
+
+    def invalid(self, why: str, **changes: Any) -> Frame:
+        """Returns the invalid frame in place of one that cannot be read, after this one."""
+        nothing = np.full_like(self.positions, np.nan)
+        return dataclasses.replace(self, positions=nothing, rejected=why, **changes)
 
 
 @dataclass
@@ -51,14 +59,18 @@ class Summary:
     closed: int = 0
     #: Elements that may be curves and are not read, by kind, with the first one.
     left_out: list[str] = field(default_factory=list)
-    #: Decisions that the file leaves open.
+    #: Decisions that the file leaves open: curves that were closed, joined or unwrapped.
     notes: list[str] = field(default_factory=list)
     #: Frames that are invalid, with the reasons, as far as frames were read.
     rejected: list[str] = field(default_factory=list)
+    #: Unit of the times of the frames, if the file states it.
+    time_unit: str = ""
 
     def __str__(self) -> str:
         curves = "1 curve" if self.curves == 1 else f"{self.curves} curves"
         lines = [f"{curves}, {self.closed} closed", *self.notes]
+        if self.time_unit:
+            lines.append(f"times in {self.time_unit}")
         if self.left_out:
             lines.append(f"not read, so not verified: {', '.join(self.left_out)}")
         return "\n".join([*lines, *self.rejected])
@@ -106,10 +118,11 @@ class LeftOut:
     def __init__(self) -> None:
         self._found: dict[tuple[str, str], tuple[int, str]] = {}
 
-    def add(self, one: str, many: str, place: str) -> None:
-        """Counts an element of a kind, whose name is given in singular and plural."""
+    def add(self, one: str, many: str, place: str, number: int = 1) -> None:
+        """Counts elements of a kind, whose name is given in singular and plural."""
         count, first = self._found.get((one, many), (0, place))
-        self._found[one, many] = count + 1, first
+        if number:
+            self._found[one, many] = count + number, first
 
     def sentences(self) -> list[str]:
         """Returns a sentence for each kind, as the command prints it."""

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 def write(
-    path: str | os.PathLike[str], frames: Iterable[Frame], *, force: bool = False
+    frames: Iterable[Frame], path: str | os.PathLike[str], *, force: bool = False
 ) -> list[Path]:
     """Writes frames to an ``.npz`` file, and returns the files that were written.
 
@@ -44,7 +44,12 @@ def write(
         raise ValueError(
             f"{path}: the name must end with .npz; `linkwatch convert` makes .bcc and .mcap of it"
         )
-    left_out = [*frames.summary.left_out] if isinstance(frames, Frames) else []
+    invalid: list[str] = []
+
+    def left_out() -> list[str]:
+        """Returns what was left out so far."""
+        return [*frames.summary.left_out, *invalid] if isinstance(frames, Frames) else invalid
+
     written: list[Path] = []
     part: _Part | None = None
     last = -1
@@ -54,11 +59,11 @@ def write(
                 raise ValueError(f"frame {frame.seq} after frame {last}")
             last = frame.seq
             if part is None and frame.rejected is not None:
-                left_out.append(f"frame {frame.seq}, which is invalid: {frame.rejected}")
+                invalid.append(f"frame {frame.seq}, which is invalid: {frame.rejected}")
                 continue
             if part is None or not part.continues(frame):
                 if part is not None:
-                    part.save(left_out)
+                    part.save(left_out())
                 name = f"{path.stem}-{len(written) + 1}{path.suffix}"
                 target = path.with_name(name) if written else path
                 if target.exists() and not force:
@@ -67,8 +72,8 @@ def write(
                 part = _Part(target, frame)
             part.add(frame)
         if part is None:
-            raise ValueError("; ".join(["no valid frame to write", *left_out]))
-        part.save(left_out)
+            raise ValueError("; ".join(["no valid frame to write", *left_out()]))
+        part.save(left_out())
     finally:
         if part is not None:
             part.spool.close()

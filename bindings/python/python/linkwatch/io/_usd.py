@@ -3,20 +3,20 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from . import _splines
+from ._curves import ends_meet, plural
 from ._frames import Frame, Frames, LeftOut, Summary, library
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
     from pathlib import Path
     from typing import Any
 
-    import numpy.typing as npt
-
-    Array = npt.NDArray[Any]
+    from ._curves import Array, Options
 
 # Bases by `type` and `basis`.
 BASES = {"bezier": "bezier", "bspline": "b-spline", "catmullRom": "catmull-rom"}
@@ -30,32 +30,42 @@ class Unread(Exception):
     """Reason why a prim with curves is not read."""
 
 
-def read(path: Path) -> Frames:
+def read(paths: Sequence[Path], options: Options) -> Frames:
     """Opens a stage, composed with all that it refers to."""
+    if len(paths) != 1:
+        raise ValueError(f"{len(paths)} stages: give one that refers to the others")
+    path = paths[0]
     usd = library("pxr.Usd", "usd")
     try:
         stage = usd.Stage.Open(str(path))
     except RuntimeError as why:
         raise ValueError(f"{path}: not a valid USD file: {_reason(why)}") from None
-    scene = _Scene(stage)
+    scene = _Scene(stage, options)
     if not scene.batches:
         found = scene.left_out.sentences()
         what = f"not read: {', '.join(found)}" if found else "no BasisCurves are defined and active"
         raise ValueError(f"{path}: no curves: {what}")
-    first = scene.batches[0]
-    for other in scene.batches:
-        if other.basis != first.basis:
-            raise ValueError(
-                f"{path}: {first.path} has {first.basis} curves, {other.path} {other.basis} "
-                "curves: all curves must have one type and basis. Deactivate some of the prims, "
-                "or convert their curves in the program that made them"
-            )
     summary = Summary(left_out=scene.left_out.sentences())
+    summary.time_unit = "seconds" if scene.animated else ""
+    if any(batch.basis != scene.basis for batch in scene.batches):
+        bases = ", ".join(sorted({batch.basis for batch in scene.batches}))
+        summary.notes.append(
+            f"there are curves of several bases ({bases}): all are converted to Bezier pieces, "
+            "which are rounded to double precision"
+        )
     for batch in scene.batches:
         summary.curves += (n := batch.number_of_curves(scene.times[0]))
         summary.closed += n if batch.wrap == "periodic" else 0
-        if batch.nurbs:
-            summary.notes.append(f"{batch.path}: NURBS curves, read as {batch.basis} curves")
+        if batch.source:
+            what = f"{batch.source} curves, read as {batch.basis} curves"
+            summary.notes.append(f"{batch.path}: {what}")
+    first = next(scene.frames())
+    if first.basis == "polyline" and first.rejected is None:
+        parts = np.split(first.positions, np.cumsum(np.abs(first.counts))[:-1])
+        met = sum(n > 0 and ends_meet(part) for n, part in zip(first.counts, parts))
+        if met:
+            are = plural(met, "open curve ends where it starts", "open curves end where they start")
+            summary.notes.append(f"{are}; a session and the command close such curves")
     bare = [batch.path for batch in scene.batches if batch.widths is None]
     if bare and len(bare) < len(scene.batches):
         summary.notes.append(f"no radii, because {bare[0]} has no widths")
@@ -71,9 +81,10 @@ def _reason(why: RuntimeError) -> str:
 class _Scene:
     """The prims of a stage that have curves."""
 
-    def __init__(self, stage: Any) -> None:
+    def __init__(self, stage: Any, options: Options) -> None:
         # A stage that nothing refers to is closed, and its prims are invalid then.
         self.stage = stage
+        self.cell = options.cell_or(None)
         self.usd = library("pxr.Usd", "usd")
         self.geom = library("pxr.UsdGeom", "usd")
         self.left_out = LeftOut()
@@ -89,6 +100,9 @@ class _Scene:
                 self._copy(prim)
             else:
                 self._add(prim, None)
+        bases = {batch.basis for batch in self.batches}
+        # A set of curves has one basis.
+        self.basis = bases.pop() if len(bases) == 1 else "bezier"
         samples = {t for batch in self.batches for t in batch.samples}
         self.animated = bool(samples)
         self.times = sorted(samples) or [0.0]
@@ -156,16 +170,14 @@ class _Scene:
             try:
                 frame = self._frame(code)
             except Unread as why:
-                nothing = last or Frame(np.empty((0, 3)), [])
-                points = np.full_like(nothing.positions, np.nan)
-                frame = dataclasses.replace(nothing, positions=points, rejected=str(why))
+                frame = (last or Frame(np.empty((0, 3)), [])).invalid(str(why))
             else:
                 last = frame
             yield dataclasses.replace(frame, seq=seq, time=seconds)
 
     def _frame(self, code: float) -> Frame:
         # Single precision is kept if no coordinate has to be computed.
-        single = not any(batch.computed for batch in self.batches)
+        single = not any(b.computed or b.basis != self.basis for b in self.batches)
         cache = self.geom.XformCache(code)
         positions: list[Array] = []
         counts: list[int] = []
@@ -173,7 +185,7 @@ class _Scene:
         radii: list[Array] = []
         for batch in self.batches:
             try:
-                given = batch.at(code)
+                given = batch.at(code, self.basis)
                 for path, matrix in batch.places(cache, code):
                     points = batch.transformed(given.points, matrix)
                     positions.append(points if single else points.astype(np.float64, copy=False))
@@ -187,7 +199,8 @@ class _Scene:
         return Frame(
             positions=np.concatenate(positions) if positions else np.empty((0, 3)),
             counts=counts,
-            basis=self.batches[0].basis,
+            basis=self.basis,
+            cell=self.cell,
             names=names if any(batch.own_names != [] for batch in self.batches) else [],
             radii=np.concatenate(radii).tolist() if radii and with_radii else [],
         )
@@ -222,15 +235,23 @@ class _Batch:
         primvars = geom.PrimvarsAPI(prim)
         if primvars.FindPrimvarWithInheritance("skel:jointIndices").HasValue():
             raise Unread("a skeleton moves them")
-        self.nurbs = prim.IsA(geom.NurbsCurves)
         self.wrap = "nonperiodic"
-        if self.nurbs:
-            self.basis = _basis_of_nurbs(geom.NurbsCurves(prim))
+        # What the curves are if they are no BasisCurves, and what makes Bezier pieces of them.
+        self.source = ""
+        self.knots: list[_Knots] = []
+        self.tangents: Any = None
+        attributes = [self.points, self.counts]
+        if prim.IsA(geom.NurbsCurves):
+            self.source = "NURBS"
+            self.basis, self.knots = _basis_of_nurbs(geom.NurbsCurves(prim))
+        elif prim.IsA(geom.HermiteCurves):
+            self.source, self.basis = "Hermite", "bezier"
+            self.tangents = geom.HermiteCurves(prim).GetTangentsAttr()
+            attributes.append(self.tangents)
         elif prim.IsA(geom.BasisCurves):
             self.basis, self.wrap = _basis_and_wrap(geom.BasisCurves(prim))
         else:
             raise Unread(f"type {prim.GetTypeName()}: convert them to BasisCurves")
-        attributes = [self.points, self.counts]
         primvar, attribute = primvars.GetPrimvar("widths"), curves.GetWidthsAttr()
         self.widths: Any = None
         if primvar.HasValue():
@@ -254,7 +275,8 @@ class _Batch:
         world = np.array(geom.XformCache(0.0).GetLocalToWorldTransform(prim))
         moved = copied or moving or not np.array_equal(world, np.eye(4))
         # A point beyond the end of a pinned spline may need more than single precision.
-        self.computed = bool(moved) or self.wrap == "pinned"
+        pieces = bool(self.knots) or self.tangents is not None
+        self.computed = bool(moved) or self.wrap == "pinned" or pieces
 
     def _times_of_transforms(self, prim: Any) -> Iterator[float]:
         """Yields the times of the samples of all transforms that move a prim."""
@@ -285,8 +307,8 @@ class _Batch:
             copies = 0
         return len(self.counts.Get(code) or []) * copies
 
-    def at(self, code: float) -> _Given:
-        """Reads the curves at a time."""
+    def at(self, code: float, basis: str) -> _Given:
+        """Reads the curves at a time, in their own basis or as Bezier pieces."""
         points, counts = self.points.Get(code), self.counts.Get(code)
         if points is None or counts is None:
             raise Unread(f"{'points' if points is None else 'curveVertexCounts'} has no value")
@@ -311,8 +333,30 @@ class _Batch:
             at = np.concatenate([ends, starts])
             points = np.insert(points, at, np.concatenate([last, first]), axis=0)
             sizes = sizes + 2
-        signed = -sizes if self.wrap == "periodic" else sizes
-        return _Given(points, signed.tolist(), radii)
+        closed = self.wrap == "periodic"
+        if self.knots or self.tangents is not None or basis != self.basis:
+            parts = np.split(points, np.cumsum(sizes)[:-1])
+            parts = self._pieces(parts, closed, code)
+            points, sizes = np.concatenate(parts), np.array([len(part) for part in parts])
+        return _Given(points, (-sizes if closed else sizes).tolist(), radii)
+
+    def _pieces(self, parts: list[Array], closed: bool, code: float) -> list[Array]:
+        """Returns the curves as Bezier pieces."""
+        if self.knots:
+            if [len(part) for part in parts] != [one.points for one in self.knots]:
+                raise Unread("curveVertexCounts that do not fit the knots")
+            return [_splines.nurbs(part, *one[1:]) for part, one in zip(parts, self.knots)]
+        if self.tangents is not None:
+            tangents = np.asarray(self.tangents.Get(code) or np.empty((0, 3)))
+            sizes = [len(part) for part in parts]
+            if len(tangents) != sum(sizes):
+                raise Unread(f"{len(tangents)} tangents for {sum(sizes)} points")
+            return list(map(_splines.hermite, parts, np.split(tangents, np.cumsum(sizes)[:-1])))
+        least = {"polyline": 2, "bezier": 1}.get(self.basis, 3 if closed else 4)
+        for k, part in enumerate(parts):
+            if len(part) < least:
+                raise Unread(f"curve {k} has {len(part)} points, expected {least} or more")
+        return [_splines.bezier(part, self.basis, closed) for part in parts]
 
     def _radii(self, code: float, sizes: Array) -> Array:
         """Returns half of the largest width of each curve."""
@@ -348,6 +392,11 @@ class _Batch:
 
     def _ends_of_segments(self, sizes: Array) -> Array:
         """Returns the number of ends of segments of each curve."""
+        if self.tangents is not None:
+            return sizes
+        if self.source:
+            orders = [one.order for one in self.knots] or (2 if self.basis == "polyline" else 4)
+            return sizes - orders + 2
         closed = self.wrap == "periodic"
         step, less = {"polyline": (1, 1), "bezier": (3, 1)}.get(self.basis, (1, 3))
         if self.wrap == "pinned":
@@ -418,8 +467,17 @@ def _basis_and_wrap(curves: Any) -> tuple[str, str]:
     return basis, wrap
 
 
-def _basis_of_nurbs(curves: Any) -> str:
-    """Returns the basis whose curves are exactly these NURBS curves."""
+class _Knots(NamedTuple):
+    """Parameters of a NURBS curve: its order, knots, and the range that is drawn."""
+
+    points: int
+    order: int
+    knots: Array
+    ends: tuple[float, float]
+
+
+def _basis_of_nurbs(curves: Any) -> tuple[str, list[_Knots]]:
+    """Returns the basis of NURBS curves, and their parameters if they become Bezier pieces."""
     attributes = {
         "curveVertexCounts": curves.GetCurveVertexCountsAttr(),
         "order": curves.GetOrderAttr(),
@@ -435,30 +493,38 @@ def _basis_of_nurbs(curves: Any) -> str:
     ranges, weights = given["ranges"], given["pointWeights"]
     if len(orders) != len(sizes) or len(knots) != sizes.sum() + orders.sum():
         raise Unread("NURBS curves whose orders and knots do not fit their points")
-    if len(set(orders.tolist())) != 1 or orders[0] not in (2, 4):
-        raise Unread("NURBS curves whose order is not 4 for all, or 2")
-    order = int(orders[0])
-    advice = "convert them to BasisCurves"
     if len(weights) and len(weights) != sizes.sum():
         raise Unread(f"{len(weights)} pointWeights for {sizes.sum()} points")
     if len(ranges) and len(ranges) != len(sizes):
         raise Unread(f"{len(ranges)} ranges for {len(sizes)} curves")
-    for k, (n, end) in enumerate(zip(sizes, np.cumsum(sizes))):
+    found = []
+    uniform = True
+    for k, (n, order, end) in enumerate(zip(sizes, orders, np.cumsum(sizes))):
         curve = f"NURBS curve {k}"
-        own = knots[end - n + order * k : end + order * (k + 1)]
-        if n < order:
-            raise Unread(f"{curve} of {n} points and order {order}")
+        if not 2 <= order <= 4 or n < order:
+            raise Unread(f"{curve} of {n} points and order {order}; orders 2 to 4 are read")
         if len(weights) and np.ptp(weights[end - n : end]) > 0:
-            raise Unread(f"{curve} has different weights; {advice}")
-        # The outermost knots have no influence.
+            raise Unread(f"{curve} has different weights; convert it to BasisCurves")
+        start = end - n + orders[:k].sum()
+        own = knots[start : start + n + order].astype(np.float64)
+        # The outermost knots have no influence, and as many equal ones as the order make a gap.
         gaps = np.diff(own[1:-1])
-        if not (gaps > 0).all() or (order == 4 and np.ptp(gaps) > KNOTS * np.ptp(own[1:-1])):
-            raise Unread(f"{curve} has knots that are not uniform; {advice}")
-        if len(ranges):
-            whole = own[[order - 1, n]]
-            if not np.allclose(ranges[k], whole, rtol=0, atol=KNOTS * np.ptp(whole)):
-                raise Unread(f"{curve} is cut by its range; {advice}")
-    return "polyline" if order == 2 else "b-spline"
+        if not np.isfinite(own).all() or (np.diff(own) < 0).any():
+            raise Unread(f"{curve} has knots that decrease, or are not finite")
+        if (own[order:-1] - own[1:-order] <= 0).any():
+            raise Unread(f"{curve} has {order} equal knots")
+        whole = own[[order - 1, n]]
+        ends = np.array(ranges[k], float) if len(ranges) else whole
+        near = KNOTS * np.ptp(whole)
+        if not (whole[0] - near <= ends[0] < ends[1] <= whole[1] + near):
+            raise Unread(f"{curve} has a range outside of its knots")
+        simple = order == 2 or (order == 4 and np.ptp(gaps) <= near)
+        uniform &= bool(simple and np.allclose(ends, whole, rtol=0, atol=near))
+        ends = np.clip(ends, *whole)
+        found.append(_Knots(int(n), int(order), own, (float(ends[0]), float(ends[1]))))
+    if uniform and len(set(orders.tolist())) == 1:
+        return "polyline" if orders[0] == 2 else "b-spline", []
+    return "bezier", found
 
 
 def _stretch(matrix: Array) -> float:

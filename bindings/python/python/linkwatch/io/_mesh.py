@@ -1,0 +1,522 @@
+"""Lines of meshes: VTK files (legacy and XML), PLY, and the formats of ``meshio``."""
+
+from __future__ import annotations
+
+import base64
+import lzma
+import zlib
+from typing import TYPE_CHECKING
+from xml.etree import ElementTree
+
+import numpy as np
+
+from ._curves import Curve, Scene, curves_of_edges, frames_of_files, frames_of_scenes
+from ._frames import library
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator, Sequence
+    from pathlib import Path
+    from typing import Any
+
+    from ._curves import Array, Options
+    from ._frames import Frames
+
+# Types of cells of VTK: edges and polylines are read, other curves are counted.
+LINE, POLYLINE = 3, 4
+CURVED = {
+    21: "quadratic edge",
+    35: "cubic line",
+    68: "Lagrange curve",
+    75: "Bezier curve",
+}
+# Types of arrays in legacy and in XML files.
+TYPES = {
+    "char": "i1", "unsigned_char": "u1", "short": "i2", "unsigned_short": "u2", "int": "i4",
+    "unsigned_int": "u4", "long": "i8", "unsigned_long": "u8", "float": "f4", "double": "f8",
+    "vtktypeint64": "i8", "vtkidtype": "i8", "bit": "u1",
+    **{f"{sign}Int{8 * n}": f"{kind}{n}" for sign, kind in (("", "i"), ("U", "u")) for n in
+       (1, 2, 4, 8)},
+    "Float32": "f4", "Float64": "f8",
+}  # fmt: skip
+
+
+def _lines(scene: Scene, points: Array, lines: Sequence[Array]) -> Scene:
+    """Adds polylines, which are lists of points, and joins those of two points."""
+    edges = []
+    for k, line in enumerate(lines):
+        if len(line) and not 0 <= line.min() <= line.max() < len(points):
+            raise ValueError(f"{scene.place}: line {k} has points beyond the {len(points)} points")
+        if len(line) == 2:
+            edges.append(line)
+        elif len(line) < 2:
+            scene.left_out.add("line of one point", "lines of one point", f"line {k}")
+        else:
+            closed = bool(line[0] == line[-1])
+            if closed and len(line) < 4:
+                kind = "after two points"
+                scene.left_out.add(
+                    f"line that returns {kind}", f"lines that return {kind}", f"line {k}"
+                )
+                continue
+            scene.curves.append(Curve(points[line[: len(line) - closed]], closed))
+    if edges:
+        joined = np.array(edges)
+        if len(np.unique(joined)) == joined.size:
+            # No edge shares a point with another one: places tell which ones meet.
+            used, same = np.unique(points[joined.ravel()], axis=0, return_inverse=True)
+            if len(used) < joined.size:
+                scene.notes.append("edges whose ends have equal coordinates are joined")
+                points, joined = used, same.reshape(-1, 2)
+        curves_of_edges(points, joined, scene, "edges")
+    return scene
+
+
+def read_vtk(path: Path) -> Scene:
+    """Reads a legacy VTK file of the kinds POLYDATA and UNSTRUCTURED_GRID."""
+    file = _Legacy(path)
+    scene = Scene(place=str(path))
+    found: dict[str, Any] = {"POINTS": np.empty((0, 3)), "CELL_TYPES": np.empty(0, int)}
+    while (words := file.line()) is not None:
+        key = words[0].upper()
+        try:
+            if key == "POINTS":
+                found[key] = file.array(3 * file.size(words[1]), words[2]).reshape(-1, 3)
+            elif key in ("LINES", "VERTICES", "POLYGONS", "TRIANGLE_STRIPS", "CELLS"):
+                found[key] = file.cells(file.size(words[1]), file.size(words[2]))
+            elif key == "CELL_TYPES":
+                found[key] = file.array(file.size(words[1]), "int")
+            elif key == "FIELD":
+                for name, values in file.fields(file.size(words[2])):
+                    if name.upper() in ("TIME", "TIMEVALUE") and len(values):
+                        scene.time = float(values[0])
+            elif key == "METADATA":
+                file.skip_metadata()
+            elif key in ("POINT_DATA", "CELL_DATA"):
+                break
+            else:
+                raise file.error(f"section {words[0]}: POLYDATA and UNSTRUCTURED_GRID are read")
+        except IndexError:
+            raise file.error("the line is incomplete") from None
+    cells = _cells_with_lines(scene, found.get("CELLS", []), found["CELL_TYPES"])
+    return _lines(scene, found["POINTS"], found.get("LINES") or cells)
+
+
+def _cells_with_lines(scene: Scene, cells: Sequence[Array], kinds: Array) -> list[Array]:
+    """Returns the cells that are lines, and counts other curves."""
+    if len(cells) != len(kinds):
+        raise ValueError(f"{scene.place}: {len(cells)} cells, but {len(kinds)} types of cells")
+    for kind, name in CURVED.items():
+        found = np.flatnonzero(kinds == kind)
+        if len(found):
+            scene.left_out.add(name, f"{name}s", f"cell {found[0]}", len(found))
+    return [cell for cell, kind in zip(cells, kinds) if kind in (LINE, POLYLINE)]
+
+
+class _Legacy:
+    """A legacy VTK file."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.data = path.read_bytes()
+        self.at = 0
+        self.number = 0
+        first, _, kind = self._text(), self._text(), self._text().strip().upper()
+        if not first.startswith("# vtk DataFile") or kind not in ("ASCII", "BINARY"):
+            raise ValueError(f"{path}: not a legacy VTK file")
+        self.binary = kind == "BINARY"
+        words = self.line() or [""]
+        if words[0].upper() != "DATASET" or words[-1].upper() not in (
+            "POLYDATA",
+            "UNSTRUCTURED_GRID",
+        ):
+            raise self.error(f"{' '.join(words)}: POLYDATA and UNSTRUCTURED_GRID have lines")
+
+    def error(self, why: str) -> ValueError:
+        where = f"byte {self.at}" if self.binary else f"line {self.number}"
+        return ValueError(f"{self.path}, {where}: {why}")
+
+    def _text(self) -> str:
+        end = self.data.find(b"\n", self.at)
+        end = len(self.data) if end < 0 else end
+        text = self.data[self.at : end].decode("latin-1")
+        self.at = end + 1
+        self.number += 1
+        return text
+
+    def line(self) -> list[str] | None:
+        """Returns the words of the next line that is not empty."""
+        while self.at < len(self.data):
+            words = self._text().split()
+            if words:
+                return words
+        return None
+
+    def size(self, word: str) -> int:
+        """Returns a number of elements, which cannot be larger than the file."""
+        if not word.isdigit() or int(word) > len(self.data):
+            raise self.error(f"{word} elements in a file of {len(self.data)} bytes")
+        return int(word)
+
+    def array(self, number: int, kind: str) -> Array:
+        """Reads numbers."""
+        if kind.lower() not in TYPES:
+            raise self.error(f"type {kind}")
+        dtype = np.dtype(TYPES[kind.lower()])
+        if self.binary:
+            start, self.at = self.at, self.at + number * dtype.itemsize
+            if self.at > len(self.data):
+                raise self.error(f"the file ends before {number} numbers")
+            values = np.frombuffer(self.data, dtype.newbyteorder(">"), number, start)
+            if self.data[self.at : self.at + 1] == b"\n":
+                self.at += 1
+            return values.astype(dtype)
+        words: list[str] = []
+        while len(words) < number:
+            more = self.line()
+            if more is None:
+                raise self.error(f"the file ends after {len(words)} of {number} numbers")
+            words += more
+        try:
+            # Decimals are read in double precision, and written ones in the file's precision.
+            return np.array(words, float if dtype.kind == "f" else np.int64)
+        except ValueError as why:
+            raise self.error(str(why)) from None
+
+    def cells(self, number: int, size: int) -> list[Array]:
+        """Reads lists of points: with a count before each, or, from version 5.1 on, offsets."""
+        start, line = self.at, self.number
+        words = self.line() or [""]
+        if words[0].upper() == "OFFSETS":
+            offsets = self.array(number, words[1])
+            words = self.line() or [""]
+            points = self.array(size, words[-1])
+            return _split(self.error, points, offsets[1:])
+        self.at, self.number = start, line
+        flat = self.array(size, "int")
+        found: list[Array] = []
+        at = 0
+        for _ in range(number):
+            n = int(flat[at]) if at < size else -1
+            if n < 0 or at + n >= size:
+                raise self.error(f"{size} numbers do not hold {number} cells")
+            found.append(flat[at + 1 : at + 1 + n])
+            at += n + 1
+        return found
+
+    def fields(self, number: int) -> Iterator[tuple[str, Array]]:
+        """Yields names and values of arrays."""
+        for _ in range(number):
+            words = self.line() or []
+            if len(words) != 4:
+                raise self.error(f"expected name, components, tuples and type: {' '.join(words)}")
+            yield words[0], self.array(self.size(words[1]) * self.size(words[2]), words[3])
+
+    def skip_metadata(self) -> None:
+        """Skips lines up to an empty one."""
+        while self.at < len(self.data) and self._text().strip():
+            pass
+
+
+def _split(error: Callable[[str], ValueError], points: Array, ends: Array) -> list[Array]:
+    """Returns the lists of points that end at some places."""
+    if len(ends) and (ends[0] < 0 or (np.diff(ends) < 0).any() or ends[-1] != len(points)):
+        raise error("offsets that do not fit the connectivity")
+    return np.split(points, ends[:-1]) if len(ends) else []
+
+
+def read_xml(path: Path) -> Scene:
+    """Reads the lines of a ``.vtp`` or ``.vtu`` file."""
+    file = _Xml(path)
+    scene = Scene(place=str(path))
+    points: list[Array] = []
+    lines: list[Array] = []
+    shift = 0
+    for piece in file.root.iter("Piece"):
+        found = file.arrays(piece.find("Points"))
+        here = next(iter(found.values()), np.empty(0)).reshape(-1, 3)
+        for section in ("Lines", "Cells"):
+            arrays = file.arrays(piece.find(section))
+            if not arrays:
+                continue
+            if not {"connectivity", "offsets"} <= arrays.keys():
+                raise file.error(f"{section} without the arrays connectivity and offsets")
+            cells = _split(file.error, arrays["connectivity"], arrays["offsets"])
+            if section == "Cells":
+                kinds = arrays.get("types", np.empty(0, int))
+                cells = _cells_with_lines(scene, cells, kinds)
+            if any(len(cell) and not 0 <= cell.min() <= cell.max() < len(here) for cell in cells):
+                raise file.error(f"{section} have points beyond the {len(here)} of the piece")
+            lines += [cell.astype(np.int64) + shift for cell in cells]
+        points.append(here)
+        shift += len(here)
+    for array in file.root.iter("DataArray"):
+        if (array.get("Name") or "").lower() == "timevalue":
+            scene.time = float(file.array(array)[0])
+    return _lines(scene, np.concatenate(points) if points else np.empty((0, 3)), lines)
+
+
+class _Xml:
+    """An XML file of VTK."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        data = path.read_bytes()
+        head, mark, tail = data.partition(b"<AppendedData")
+        self.appended = b""
+        raw = b'"raw"' in tail[:100]
+        if mark:
+            # Raw bytes are no XML.
+            self.appended = tail[tail.find(b"_") + 1 :]
+            head += b"</VTKFile>"
+        try:
+            self.root = ElementTree.fromstring(head)
+        except ElementTree.ParseError as why:
+            raise self.error(f"not a valid VTK file: {why}") from None
+        if self.root.tag != "VTKFile":
+            raise self.error(f"not a VTK file, but {self.root.tag}")
+        kind = self.root.get("type")
+        if kind not in ("PolyData", "UnstructuredGrid"):
+            raise self.error(f"type {kind}; PolyData and UnstructuredGrid are read")
+        if mark and not raw:
+            self.appended = self.appended.split(b"<")[0].strip()
+        self.raw = raw
+        self.order = ">" if self.root.get("byte_order") == "BigEndian" else "<"
+        header = self.root.get("header_type", "UInt32")
+        if header not in ("UInt32", "UInt64"):
+            raise self.error(f"header_type {header}")
+        self.header = np.dtype(self.order + TYPES[header])
+        self.compressor = self.root.get("compressor", "")
+
+    def error(self, why: str) -> ValueError:
+        return ValueError(f"{self.path}: {why}")
+
+    def arrays(self, section: Any) -> dict[str, Array]:
+        """Returns the arrays of a section by name."""
+        found = [] if section is None else section.findall("DataArray")
+        return {array.get("Name") or str(k): self.array(array) for k, array in enumerate(found)}
+
+    def array(self, element: Any) -> Array:
+        """Returns the values of an array."""
+        kind, form = TYPES.get(element.get("type", "")), element.get("format", "ascii")
+        name = f"array {element.get('Name')}"
+        if kind is None:
+            raise self.error(f"{name} of type {element.get('type')}")
+        text = element.text or ""
+        try:
+            if form == "ascii":
+                return np.array(text.split(), float if kind[0] == "f" else np.int64)
+            if form == "appended":
+                data = self.appended[int(element.get("offset", 0)) :]
+                found = self._decoded(data, self.raw)
+            else:
+                found = self._decoded("".join(text.split()).encode(), False)
+            return np.frombuffer(found, self.order + kind).astype(kind)
+        except (ValueError, RuntimeError, zlib.error, lzma.LZMAError) as why:
+            raise self.error(f"{name}: {why}") from None
+
+    def _decoded(self, data: bytes, raw: bool) -> bytes:
+        """Returns the bytes of an array, which follow a header with their number."""
+        width = self.header.itemsize
+
+        def take(start: int, number: int) -> bytes:
+            """Returns bytes from a place on: of base64, one from which an encoding begins."""
+            if raw:
+                part = data[start : start + number]
+            else:
+                part = base64.b64decode(data[start : start + 4 * -(-number // 3)])[:number]
+            if len(part) < number:
+                raise ValueError(f"{len(part)} of {number} bytes")
+            return part
+
+        def numbers(count: int) -> list[int]:
+            return [int(n) for n in np.frombuffer(take(0, count * width), self.header)]
+
+        if not self.compressor:
+            return take(0, width + numbers(1)[0])[width:]
+        blocks = numbers(1)[0]
+        if blocks > len(data):
+            raise ValueError(f"{blocks} blocks in {len(data)} bytes")
+        _, full, last, *sizes = numbers(3 + blocks)
+        head = (3 + blocks) * width
+        packed = take(head if raw else 4 * -(-head // 3), sum(sizes))
+        unpack = self._unpack()
+        found, at = [], 0
+        for k, size in enumerate(sizes):
+            expected = last if last and k == blocks - 1 else full
+            found.append(unpack(packed[at : at + size], expected))
+            if len(found[-1]) != expected:
+                raise ValueError(f"block {k} has {len(found[-1])} bytes, expected {expected}")
+            at += size
+        return b"".join(found)
+
+    def _unpack(self) -> Callable[[bytes, int], bytes]:
+        """Returns the function that unpacks a block, given the number of its bytes."""
+        if self.compressor == "vtkZLibDataCompressor":
+            return lambda data, size: zlib.decompressobj().decompress(data, size + 1)
+        if self.compressor == "vtkLZMADataCompressor":
+            return lambda data, size: lzma.LZMADecompressor().decompress(data, size + 1)
+        if self.compressor == "vtkLZ4DataCompressor":
+            lz4 = library("lz4.block", "mesh")
+            return lambda data, size: bytes(lz4.decompress(data, uncompressed_size=size))
+        raise ValueError(f"compressor {self.compressor}; write it with zlib")
+
+
+def read_pvd(paths: Sequence[Path], options: Options) -> Frames:
+    """Opens a ``.pvd`` collection of ParaView, whose files are frames with times."""
+    if len(paths) != 1:
+        raise ValueError(f"{len(paths)} collections: give one .pvd file")
+    path = paths[0]
+    try:
+        found = list(ElementTree.parse(path).getroot().iter("DataSet"))
+        sets = [(float(one.attrib["timestep"]), path.parent / one.attrib["file"]) for one in found]
+    except (ElementTree.ParseError, KeyError, ValueError) as why:
+        raise ValueError(f"{path}: not a valid collection: {why}") from None
+    if len({time for time, _ in sets}) < len(sets):
+        raise ValueError(f"{path}: several files of one time; merge their parts into one")
+
+    def scenes() -> Iterator[Scene]:
+        for time, one in sorted(sets):
+            scene = read_xml(one)
+            scene.time = time
+            yield scene
+
+    return frames_of_scenes(path, scenes, options, len(sets))
+
+
+def read_ply(path: Path) -> Scene:
+    """Reads the elements ``edge`` of a PLY file."""
+    scene = Scene(place=str(path))
+    elements = {name: (rows, lists) for name, rows, lists in _elements(path)}
+    if "vertex" not in elements:
+        raise ValueError(f"{path}: no element vertex")
+    vertices = elements["vertex"][0]
+    points = _columns(path, vertices, "vertex", ("x", "y", "z"))
+    for name, (_, lists) in elements.items():
+        if name not in ("vertex", "edge", "face", "tristrips", "material", "camera") and lists:
+            what = f"with lists of points ({name})"
+            scene.left_out.add(f"element {what}", f"elements {what}", f"{name} 0", lists)
+    if "edge" not in elements:
+        return scene
+    edges = elements["edge"][0]
+    names = ("vertex1", "vertex2")
+    if "v1" in edges:
+        names = ("v1", "v2")
+    ends = _columns(path, edges, "edge", names).astype(np.int64)
+    return _lines(scene, points, list(ends))
+
+
+def _columns(path: Path, rows: Any, element: str, names: Sequence[str]) -> Array:
+    """Returns properties of all elements of a kind."""
+    missing = [name for name in names if name not in rows]
+    if missing:
+        raise ValueError(f"{path}: element {element} without property {missing[0]}")
+    return np.stack([rows[name] for name in names], axis=1)
+
+
+# Types of properties of PLY.
+PLY_TYPES = {
+    **{f"{sign}int{8 * n}": f"{kind}{n}" for sign, kind in (("", "i"), ("u", "u")) for n in
+       (1, 2, 4)},
+    "char": "i1", "uchar": "u1", "short": "i2", "ushort": "u2", "int": "i4", "uint": "u4",
+    "float": "f4", "float32": "f4", "double": "f8", "float64": "f8",
+}  # fmt: skip
+
+
+def _elements(path: Path) -> Iterator[tuple[str, dict[str, Array], int]]:
+    """Yields name, properties, and the number of elements with lists, of each kind of elements."""
+    data = path.read_bytes()
+    head, mark, body = data.partition(b"end_header")
+    lines = [line.split() for line in head.decode("latin-1").splitlines()]
+    if not mark or lines[0] != ["ply"]:
+        raise ValueError(f"{path}: not a PLY file: no header from `ply` to `end_header`")
+    body = body[body.find(b"\n") + 1 :]
+    form = next((words[1] for words in lines if words[:1] == ["format"] and words[1:]), "")
+    orders = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
+    if form not in orders:
+        raise ValueError(f"{path}: format {form!r}")
+    kinds: list[tuple[str, int, list[list[str]]]] = []
+    for number, words in enumerate(lines, 1):
+        try:
+            if words[:1] == ["element"]:
+                kinds.append((words[1], int(words[2]), []))
+                if not 0 <= kinds[-1][1] <= len(body):
+                    raise ValueError
+            elif words[:1] == ["property"]:
+                # Name, type, and for lists the type of their number.
+                types = [PLY_TYPES[word] for word in words[1 + (words[1] == "list") : -1]]
+                if len(types) != 1 + (words[1] == "list"):
+                    raise ValueError
+                kinds[-1][2].append([words[-1], *types])
+        except (IndexError, KeyError, ValueError):
+            raise ValueError(f"{path}, line {number}: {' '.join(words)}") from None
+    order, at = orders[form], 0
+    text = body.decode("latin-1").splitlines() if not order else []
+    for name, count, properties in kinds:
+        lists = any(len(one) == 3 for one in properties)
+        try:
+            if not order:
+                rows = [line.split() for line in text[at : at + count]]
+                at += count
+                if len(rows) < count:
+                    raise ValueError(f"{len(rows)} of {count} elements")
+                found = {} if lists else _text_columns(rows, properties)
+            elif lists:
+                for _ in range(count):
+                    for one in properties:
+                        if len(one) == 2:
+                            at += np.dtype(one[1]).itemsize
+                            continue
+                        n = int(np.frombuffer(body, order + one[1], 1, at)[0])
+                        at += np.dtype(one[1]).itemsize + n * np.dtype(one[2]).itemsize
+                found = {}
+            else:
+                dtype = np.dtype([(one[0], order + one[1]) for one in properties])
+                table = np.frombuffer(body, dtype, count, at)
+                at += dtype.itemsize * count
+                found = {
+                    key: table[key].astype(table[key].dtype.newbyteorder("="))
+                    for key in dtype.names or ()
+                }
+        except ValueError as why:
+            raise ValueError(f"{path}: element {name}: {why}") from None
+        yield name, found, count if lists else 0
+
+
+def _text_columns(rows: list[list[str]], properties: list[list[str]]) -> dict[str, Array]:
+    """Returns the columns of a table."""
+    for k, row in enumerate(rows):
+        if len(row) < len(properties):
+            raise ValueError(f"row {k} has {len(row)} of {len(properties)} numbers")
+    return {
+        one[0]: np.array([row[k] for row in rows], float if one[1][0] == "f" else np.int64)
+        for k, one in enumerate(properties)
+    }
+
+
+def read_meshio(path: Path) -> Scene:
+    """Reads the edges (beams, trusses) of a mesh by ``meshio``."""
+    meshio = library("meshio", "mesh")
+    try:
+        mesh = meshio.read(path)
+    except (meshio.ReadError, SystemExit) as why:
+        raise ValueError(f"{path}: not a valid mesh: {why}") from None
+    scene = Scene(place=str(path))
+    points = np.asarray(mesh.points)
+    if points.shape[1] != 3:
+        raise ValueError(f"{path}: points in {points.shape[1]} dimensions, expected 3")
+    lines: list[Array] = []
+    for block in mesh.cells:
+        if block.type == "line":
+            lines += list(np.asarray(block.data, np.int64))
+        elif block.type.startswith(("line", "VTK_LAGRANGE_CURVE", "VTK_BEZIER_CURVE")):
+            scene.left_out.add("curved line", "curved lines", block.type, len(block.data))
+    return _lines(scene, points, lines)
+
+
+def read_files(parse: Callable[[Path], Scene]) -> Callable[[Sequence[Path], Options], Frames]:
+    """Returns a reader of files that have one frame each."""
+
+    def read(paths: Sequence[Path], options: Options) -> Frames:
+        return frames_of_files(paths, parse, options)
+
+    return read

@@ -1,0 +1,111 @@
+"""Files that the command reads itself, through an archive that it writes."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import tempfile
+import zipfile
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ._curves import is_dump
+from ._frames import Frame, Frames, Summary
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from ._curves import Array, Options
+
+
+def read(paths: Sequence[Path], options: Options) -> Frames:
+    """Opens files by ``linkwatch convert``; its archive is on the disk while it is read."""
+    words = [sys.executable, "-m", "linkwatch", "convert", "--json"]
+    for option, value in (("closed", options.closed), ("wrapped", options.unwrap)):
+        if value is not None:
+            words.append(f"--{option}={str(value).lower()}")
+    if options.cell == "none":
+        words.append("--cell=none")
+    elif (cell := options.cell_or(None)) is not None:
+        words.append(f"--cell={','.join(map(repr, cell.ravel().tolist()))}")
+    if len(paths) > 1 and not is_dump(paths[0]) and all(map(is_dump, paths[1:])):
+        # As a topology comes before its trajectories.
+        words += ["--bonds", str(paths[0])]
+        paths = paths[1:]
+    # The archive is mapped to memory, which keeps it until the frames are gone.
+    with tempfile.TemporaryDirectory(prefix="linkwatch-") as folder:
+        archive = Path(folder) / "frames.npz"
+        words += [*map(str, paths), str(archive)]
+        ended = subprocess.run(words, capture_output=True, text=True, check=False)
+        # Lines are an error, or begin with a level.
+        said = [line.strip().split(maxsplit=1) for line in ended.stderr.splitlines()]
+        if not archive.exists():
+            lines = [" ".join(words[words[0] in LEVELS :]) for words in said if words]
+            raise ValueError("; ".join(lines).removeprefix("error: "))
+        frames = _opened(archive, paths[0])
+        result = json.loads(ended.stdout.splitlines()[-1])
+    summary = frames.summary
+    summary.left_out += [
+        f"{found['count']} {found['kind']} (the first one: {found['first']})"
+        for found in result["left_out"]
+    ]
+    for level, *rest in filter(None, said):
+        # Invalid frames are errors; they are not in the archive.
+        if level == "ERROR":
+            summary.left_out += rest
+        elif "not read, so not verified" not in rest[0]:
+            summary.notes += rest
+    return frames
+
+
+# Levels of the lines on stderr.
+LEVELS = ("WARN", "INFO", "ERROR")
+
+
+def _opened(archive: Path, path: Path) -> Frames:
+    """Returns the frames of an archive of the command."""
+    with np.load(archive) as arrays:
+        counts = np.asarray(arrays["counts"])
+        names = [str(name) for name in arrays["names"]] if "names" in arrays else []
+        radii = arrays["radii"].tolist() if "radii" in arrays else []
+        basis = str(arrays["basis"])
+        others = {key: arrays[key] for key in ("times", "seq", "cell") if key in arrays}
+    positions = _mapped(archive)
+    frames = len(positions)
+    summary = Summary(len(counts), int((counts < 0).sum()))
+    cell = others.get("cell")
+
+    def load() -> Iterator[Frame]:
+        for k in range(frames):
+            points = np.array(positions[k]).reshape(-1, 3)
+            yield Frame(
+                points,
+                counts.tolist(),
+                basis,
+                names,
+                radii,
+                None if cell is None else cell[k] if cell.ndim == 3 else cell,
+                int(others["seq"][k]) if "seq" in others else k,
+                float(others["times"][k]) if "times" in others else 0.0,
+            )
+
+    return Frames(path, load, summary, frames)
+
+
+def _mapped(archive: Path) -> Array:
+    """Returns the positions in an archive without compression, which are read from the disk."""
+    with zipfile.ZipFile(archive) as members:
+        with members.open("positions.npy") as member:
+            version = np.lib.format.read_magic(member)
+            read_header = getattr(np.lib.format, f"read_array_header_{version[0]}_{version[1]}")
+            shape, _, dtype = read_header(member)
+            header = member.tell()
+        info = members.getinfo("positions.npy")
+    with open(archive, "rb") as file:
+        file.seek(info.header_offset + 26)
+        name, extra = np.frombuffer(file.read(4), "<u2")
+    start = info.header_offset + 30 + int(name) + int(extra) + header
+    return np.memmap(archive, dtype, "r", start, shape)

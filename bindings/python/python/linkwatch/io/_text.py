@@ -1,0 +1,247 @@
+"""Text files with curves: coils of MAKEGRID, ``.poly`` of Houdini, yarns of TexGen."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+from xml.etree import ElementTree
+
+import numpy as np
+
+from . import _splines
+from ._curves import Curve, Scene
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+    from pathlib import Path
+
+    from ._curves import Array
+
+
+class Lines:
+    """The lines of a text file as words, with their numbers for messages."""
+
+    def __init__(self, path: Path, comment: str | None = None) -> None:
+        self.path = path
+        self.number = 0
+        self.file = open(path, encoding="utf-8-sig", errors="replace")
+        self._comment = comment
+
+    def __iter__(self) -> Iterator[list[str]]:
+        """Yields the words of each line that is not empty."""
+        with self.file:
+            for line in self.file:
+                self.number += 1
+                words = (line.split(self._comment)[0] if self._comment else line).split()
+                if words:
+                    yield words
+
+    def error(self, why: str) -> ValueError:
+        """Returns an error that names the line."""
+        return ValueError(f"{self.path}, line {self.number}: {why}")
+
+    def numbers(self, words: Sequence[str], expected: int) -> list[float]:
+        """Returns the first words as finite numbers."""
+        try:
+            # Fortran writes exponents with D, too.
+            found = [float(word.upper().replace("D", "E")) for word in words[:expected]]
+        except ValueError:
+            found = []
+        if len(found) < expected or not np.isfinite(found).all():
+            raise self.error(f"expected {expected} numbers, found {' '.join(words)!r}")
+        return found
+
+
+def read_coils(path: Path) -> Scene:
+    """Reads the filaments of a ``coils.*`` file of MAKEGRID: a current of 0 ends one."""
+    scene, lines = Scene(), Lines(path)
+    names: dict[str, int] = {}
+    points: list[list[float]] = []
+    ended = False
+    for words in lines:
+        if lines.number <= 3:
+            # The last of three lines of a header is `mirror NIL`, or free text.
+            if lines.number == 1 and words[0].lower() != "periods":
+                raise lines.error("expected `periods N`, as MAKEGRID has it")
+            continue
+        if words[0].lower() == "end":
+            ended = True
+            break
+        x, y, z, current = lines.numbers(words, 4)
+        points.append([x, y, z])
+        if current == 0:
+            group = " ".join(words[4:]) or f"line {lines.number}"
+            names[group] = names.get(group, 0) + 1
+            name = group if names[group] == 1 else f"{group} [{names[group]}]"
+            if len(points) > 2:
+                scene.curves.append(Curve(np.array(points), False, name))
+            else:  # a circular filament has its radius, height and current in one line
+                kind = "of MAKEGRID with fewer than 3 points"
+                scene.left_out.add(f"coil {kind}", f"coils {kind}", f"line {lines.number}")
+            points = []
+    if points or not ended:
+        what = "before a line with the current 0" if points else "without a line `end`"
+        raise lines.error(f"the file ends {what}")
+    return scene
+
+
+def read_poly(path: Path) -> Scene:
+    """Reads the polygons of a ``.poly`` file of Houdini: ``POINTS``, ``POLYS``, ``END``.
+
+    A polygon that ends with ``<`` is closed. Points have the numbers before the colon.
+    """
+    scene, lines = Scene(), Lines(path)
+    points: dict[int, list[float]] = {}
+    section = ""
+    polygons: list[tuple[int, list[int], bool]] = []
+    for words in lines:
+        if words[0] in ("POINTS", "POLYS", "END"):
+            section = words[0]
+            continue
+        label, colon, rest = " ".join(words).partition(":")
+        if section not in ("POINTS", "POLYS") or not colon or not label.strip().isdigit():
+            what = "expected `NUMBER: ..` below POINTS or POLYS, as Houdini writes it"
+            raise lines.error(f"{what} (files of TetGen and Triangle have faces, and no curves)")
+        found = rest.split()
+        if section == "POINTS":
+            points[int(label)] = lines.numbers(found, 3)
+            continue
+        closed = found[-1:] == ["<"]
+        try:
+            numbers = [int(word) for word in found[: len(found) - closed]]
+        except ValueError:
+            raise lines.error(f"expected numbers of points, found {rest.strip()!r}") from None
+        polygons.append((lines.number, numbers, closed))
+    if section != "END":
+        raise lines.error("the file ends without a line END")
+    if any(0 in polygon for _, polygon, _ in polygons) and 0 not in points:
+        # The documentation counts points from 0, whatever their labels are.
+        points = dict(enumerate(points.values()))
+        scene.notes.append("points are counted from 0, in their order")
+    for lines.number, polygon, closed in polygons:
+        missing = [number for number in polygon if number not in points]
+        if missing:
+            raise lines.error(f"there is no point {missing[0]}")
+        if polygon[:1] == polygon[-1:] and len(polygon) > 1:
+            polygon, closed = polygon[:-1], True
+        if len(polygon) < 2 + closed:
+            raise lines.error(f"a polygon of fewer than {2 + closed} points")
+        scene.curves.append(Curve(np.array([points[number] for number in polygon]), closed))
+    return scene
+
+
+def read_texgen(path: Path) -> Scene:
+    """Reads the yarns of a ``.tg3`` model of TexGen, as the splines through their nodes."""
+    try:
+        root = ElementTree.parse(path).getroot()
+    except ElementTree.ParseError as why:
+        raise ValueError(f"{path}: not a valid TexGen model: {why}") from None
+    textiles = root.findall("Textile")
+    if len(textiles) != 1:
+        raise ValueError(f"{path}: {len(textiles)} elements Textile, expected 1: save one textile")
+    yarns = textiles[0].findall("Yarn")
+    if not yarns:
+        raise ValueError(
+            f"{path}: the textile has no yarns, because it was saved with minimal output; save it "
+            "with standard or full output"
+        )
+    scene = Scene()
+    repeats: list[Array] = []
+    kinds = {(_interpolation(yarn).get("type") or "") for yarn in yarns}
+    scene.basis = "polyline" if kinds == {"CInterpolationLinear"} else "bezier"
+    for k, yarn in enumerate(yarns):
+        name = f"yarn {yarn.get('index', k)}"
+        nodes = yarn.findall("MasterNode")
+        if len(nodes) < 2:
+            raise ValueError(f"{path}: {name} has {len(nodes)} nodes, expected 2 or more")
+        points, tangents = (
+            np.array([_vector(path, name, node, key) for node in nodes])
+            for key in ("Position", "Tangent")
+        )
+        try:
+            points = _spline(points, tangents, _interpolation(yarn), scene.basis)
+        except ValueError as why:
+            scene.left_out.add("yarn that is not read", "yarns that are not read", f"{name}: {why}")
+            continue
+        scene.curves.append(Curve(points, False, name))
+        for repeat in yarn.findall("Repeat"):
+            vector = _vector(path, name, repeat, "value")
+            if not any(np.array_equal(vector, other) for other in repeats):
+                repeats.append(vector)
+    if repeats:
+        if len(repeats) > 3 or np.linalg.matrix_rank(repeats) < len(repeats):
+            raise ValueError(f"{path}: {len(repeats)} repeat vectors, which span no cell")
+        scene.cell = np.zeros((4, 3))
+        scene.cell[: len(repeats)] = repeats
+        scene.notes.append(f"the cell has the {len(repeats)} repeat vectors of the yarns")
+    return scene
+
+
+def _interpolation(yarn: ElementTree.Element) -> ElementTree.Element:
+    """Returns how a yarn is interpolated; TexGen's default is Bezier."""
+    found = yarn.find("Interpolation")
+    if found is None:
+        found = ElementTree.Element("Interpolation", type="CInterpolationBezier")
+    return found
+
+
+def _vector(path: Path, name: str, element: ElementTree.Element, key: str) -> Array:
+    """Returns an attribute with three numbers."""
+    text = element.get(key, "0, 0, 0" if key == "Tangent" else "")
+    try:
+        vector = np.array([float(number) for number in text.split(",")])
+    except ValueError:
+        vector = np.empty(0)
+    if vector.shape != (3,) or not np.isfinite(vector).all():
+        raise ValueError(f"{path}: {name}: {element.tag} has {key} {text!r}, expected 3 numbers")
+    return vector
+
+
+def _spline(points: Array, tangents: Array, how: ElementTree.Element, basis: str) -> Array:
+    """Returns control points of the curve that TexGen makes of the nodes of a yarn.
+
+    ``CInterpolationCubic`` is the cubic spline with knots at the integers, ``CInterpolationBezier``
+    has Bezier segments whose handles are a third of the segment long.
+    """
+    kind, periodic = how.get("type", ""), how.get("Periodic", "1") not in ("0", "false")
+    if basis == "polyline":
+        return points
+    if kind == "CInterpolationLinear":
+        return _splines.bezier(points, "polyline", False)
+    if kind == "CInterpolationCubic":
+        return _splines.hermite(points, _slopes(points, periodic))
+    if kind != "CInterpolationBezier":
+        raise ValueError(f"interpolation {kind}")
+    # A node points from the previous one to the next one, unless it has a tangent.
+    before, after = points[0], points[-1]
+    if periodic:
+        before, after = points[-2] - (after - before), points[1] + (after - before)
+    around = np.vstack([before, points, after])
+    found = around[2:] - around[:-2]
+    found /= np.linalg.norm(found, axis=1, keepdims=True)
+    found = np.where(tangents.any(axis=1, keepdims=True), tangents, found)
+    if how.get("ForceMasterNodeTangent", "0") not in ("0", "false"):
+        found[:, 2] = 0
+    third = np.linalg.norm(np.diff(points, axis=0), axis=1, keepdims=True) / 3
+    handles = points[:-1] + found[:-1] * third, points[1:] - found[1:] * third
+    return _splines.joined([points[:-1], *handles, points[1:]], False)
+
+
+def _slopes(points: Array, periodic: bool) -> Array:
+    """Returns the derivatives of the cubic spline through points at the integers.
+
+    Its ends are natural, or those of a spline that goes on after its period.
+    """
+    n = len(points) - periodic
+    chords = np.diff(points, axis=0)
+    matrix = np.diag(np.full(n, 4.0)) + np.diag(np.ones(n - 1), 1) + np.diag(np.ones(n - 1), -1)
+    right = np.zeros((n, 3))
+    right[: len(chords)] += 3 * chords[:n]
+    right[1:] += 3 * chords[: n - 1]
+    if periodic:
+        matrix[0, -1] += 1
+        matrix[-1, 0] += 1
+        right[0] += 3 * chords[-1]
+    else:
+        matrix[0, 0] = matrix[-1, -1] = 2
+    slopes = np.linalg.solve(matrix, right)
+    return np.vstack([slopes, slopes[:1]]) if periodic else slopes

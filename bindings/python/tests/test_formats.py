@@ -1,0 +1,539 @@
+"""Files of other programs, each with the same two linked rings."""
+
+import base64
+import importlib.util
+import lzma
+import struct
+import zlib
+
+import linkwatch
+import numpy as np
+import pytest
+from linkwatch import io
+from linkwatch._command import convert
+from test_command import run
+
+# Rings of 12 points; one is in the plane z = 0, the other one in y = 0.
+ANGLE = 2 * np.pi * np.arange(12) / 12
+RING = np.stack([np.cos(ANGLE), np.sin(ANGLE), 0 * ANGLE], axis=1)
+OTHER = np.stack([1 + np.cos(ANGLE), 0.02 + 0 * ANGLE, np.sin(ANGLE)], axis=1)
+POINTS = np.concatenate([RING, OTHER])
+# Edges of the rings, and lists of points that return.
+EDGES = [(12 * k + i, 12 * k + (i + 1) % 12) for k in range(2) for i in range(12)]
+LOOPS = [[*range(12 * k, 12 * k + 12), 12 * k] for k in range(2)]
+
+
+def needs(*modules):
+    """Skips a test if one of these libraries is not installed."""
+    for module in modules:
+        found = importlib.util.find_spec(module.split(".")[0])
+        if found is None:
+            pytest.skip(f"{module} is not installed")
+
+
+def rows(points, end=""):
+    """Returns points as lines of text."""
+    return "".join(f"{x:.7g} {y:.7g} {z:.7g}{end}\n" for x, y, z in points)
+
+
+PACKERS = {"ZLib": zlib.compress, "LZMA": lzma.compress}
+
+
+def vtk(version="3.0", lines=LOOPS):
+    if version == "5.1":
+        ends = np.cumsum([0, *map(len, lines)])
+        flat = " ".join(str(i) for line in lines for i in line)
+        section = (
+            f"LINES {len(ends)} {ends[-1]}\nOFFSETS vtktypeint64\n{' '.join(map(str, ends))}\n"
+            f"CONNECTIVITY vtktypeint64\n{flat}\n"
+        )
+    else:
+        size = sum(map(len, lines)) + len(lines)
+        section = f"LINES {len(lines)} {size}\n" + "".join(
+            " ".join(map(str, [len(line), *line])) + "\n" for line in lines
+        )
+    return (
+        f"# vtk DataFile Version {version}\ncoils\nASCII\nDATASET POLYDATA\n"
+        "FIELD FieldData 1\nTIME 1 1 double\n0.25\n"
+        f"POINTS 24 float\n{rows(POINTS)}\nMETADATA\nINFORMATION 0\n\n{section}"
+        "POINT_DATA 24\nSCALARS s float\n"
+    )
+
+
+def vtk_binary():
+    lines = np.array([[13, *loop] for loop in LOOPS], ">i4")
+    return (
+        b"# vtk DataFile Version 3.0\ncoils\nBINARY\nDATASET POLYDATA\nPOINTS 24 float\n"
+        + POINTS.astype(">f4").tobytes()
+        + b"\nLINES 2 28\n"
+        + lines.tobytes()
+        + b"\n"
+    )
+
+
+def vtk_grid():
+    cells = "".join(f"2 {a} {b}\n" for a, b in EDGES)
+    return (
+        "# vtk DataFile Version 2.0\nbeams\nASCII\nDATASET UNSTRUCTURED_GRID\n"
+        f"POINTS 24 double\n{rows(POINTS)}CELLS 26 80\n{cells}3 0 1 2\n3 0 2 3\n"
+        f"CELL_TYPES 26\n{'3 ' * 24}5 21\n"
+    )
+
+
+def vtp(form="ascii", compressed="", header="<u4", lines=LOOPS):
+    """Returns a .vtp file, with arrays in each way that VTK writes them."""
+    appended = b""
+
+    def packed(values):
+        raw = values.tobytes()
+        if not compressed:
+            return np.array(len(raw), header).tobytes() + raw, b""
+        blocks = [raw[i : i + 64] for i in range(0, len(raw), 64)]
+        small = [PACKERS[compressed](block) for block in blocks]
+        sizes = [len(blocks), 64, len(raw) % 64, *map(len, small)]
+        return np.array(sizes, header).tobytes(), b"".join(small)
+
+    def array(name, values, kind, components=1):
+        nonlocal appended
+        head, data = packed(values)
+        text, offset = "", ""
+        if form == "ascii":
+            text = " ".join(f"{v:.9g}" if kind[0] == "F" else str(v) for v in values.ravel())
+        elif form == "binary":
+            text = "".join(base64.b64encode(part).decode() for part in (head, data))
+        else:
+            offset = f' offset="{len(appended)}"'
+            appended += head + data
+        shape = f'NumberOfComponents="{components}"'
+        how = form.split("-")[0]
+        kind_ = f'type="{kind}" Name="{name}" {shape} format="{how}"{offset}'
+        return f"<DataArray {kind_}>{text}</DataArray>"
+
+    flat = np.array([i for line in lines for i in line], "<i8")
+    ends = np.cumsum([len(line) for line in lines]).astype("<i8")
+    body = (
+        f"<Points>{array('Points', POINTS.astype('<f8'), 'Float64', 3)}</Points>"
+        f"<Lines>{array('connectivity', flat, 'Int64')}{array('offsets', ends, 'Int64')}</Lines>"
+    )
+    kind = f'header_type="UInt{8 * int(header[-1])}"'
+    packer = f' compressor="vtk{compressed}DataCompressor"' if compressed else ""
+    tail = b"</VTKFile>\n"
+    if appended:
+        tail = b'<AppendedData encoding="raw">\n_' + appended + b"\n</AppendedData>" + tail
+    head = (
+        f'<?xml version="1.0"?><VTKFile type="PolyData" version="1.0" byte_order="LittleEndian" '
+        f'{kind}{packer}><PolyData><FieldData><DataArray type="Float64" Name="TimeValue" '
+        f'NumberOfTuples="1" format="ascii">0.25</DataArray></FieldData>'
+        f'<Piece NumberOfPoints="24" NumberOfLines="2">{body}</Piece></PolyData>'
+    )
+    return head.encode() + tail
+
+
+def ply(form="ascii"):
+    order = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}[form]
+    header = (
+        f"ply\nformat {form} 1.0\ncomment blender\nelement vertex 24\nproperty float x\n"
+        "property float y\nproperty float z\nelement face 1\n"
+        "property list uchar int vertex_indices\nelement edge 24\nproperty int vertex1\n"
+        "property int vertex2\nend_header\n"
+    ).encode()
+    if not order:
+        edges = "".join(f"{a} {b}\n" for a, b in EDGES)
+        return header + (rows(POINTS) + "3 0 1 2\n" + edges).encode()
+    face = struct.pack(order + "B3i", 3, 0, 1, 2)
+    return (
+        header
+        + POINTS.astype(order + "f4").tobytes()
+        + face
+        + np.array(EDGES, order + "i4").tobytes()
+    )
+
+
+def coils():
+    text = "periods 2\nbegin filament\nmirror NIL\n"
+    for ring, name in ((RING, "upper"), (OTHER, "lower")):
+        text += rows(ring, " 100.0")
+        x, y, z = ring[0]
+        text += f"{x:.7g} {y:.7g} {z:.7g} 0.0 1 {name}\n"
+    return text + "end\n"
+
+
+def poly(first=1):
+    points = "".join(
+        f"{first + k}: {row}" for k, row in enumerate(rows(POINTS, " 1").splitlines(1))
+    )
+    loops = "".join(
+        f"{k + 1}: {' '.join(str(first + i) for i in loop[:-1])} <\n"
+        for k, loop in enumerate(LOOPS)
+    )
+    return f"POINTS\n{points}POLYS\n{loops}END\n"
+
+
+def hair():
+    header = struct.pack("<4s4If f3f88s", b"HAIR", 2, 26, 7, 0, 0.5, 0, 1, 1, 1, b"test")
+    loops = POINTS[np.concatenate(LOOPS)].astype("<f4")
+    widths = np.linspace(0.1, 0.2, 26, dtype="<f4")
+    return header + np.array([12, 12], "<u2").tobytes() + loops.tobytes() + widths.tobytes()
+
+
+def usc():
+    loops = [POINTS[loop].astype("<f4") for loop in LOOPS]
+    strands = b"".join(struct.pack("<i", len(loop)) + loop.tobytes() for loop in loops)
+    return struct.pack("<i", 3) + strands + struct.pack("<i3f", 1, 0, 0, 0)
+
+
+def tg3(kind="Linear", repeats=(), rings=(RING, OTHER), periodic=1):
+    yarns = ""
+    for k, ring in enumerate(rings):
+        nodes = "".join(
+            f'<MasterNode index="{i}" Position="{x:.9g}, {y:.9g}, {z:.9g}" Tangent="0, 0, 0"/>'
+            for i, (x, y, z) in enumerate([*ring, ring[0]] if not repeats else ring)
+        )
+        vectors = "".join(f'<Repeat value="{x}, {y}, {z}"/>' for x, y, z in repeats)
+        how = f'<Interpolation Periodic="{periodic}" type="CInterpolation{kind}"/>'
+        yarns += f'<Yarn index="{k}">{how}{vectors}{nodes}</Yarn>'
+    return (
+        f'<?xml version="1.0"?><TexGenModel version="3.5"><Textile>{yarns}</Textile></TexGenModel>'
+    )
+
+
+# Files by name, and what their summaries must say besides "2 curves, 2 closed".
+FILES = {
+    "a.vtk": (vtk(), []),
+    "new.vtk": (vtk("5.1"), []),
+    "binary.vtk": (vtk_binary(), []),
+    "grid.vtk": (vtk_grid(), ["edges that share a point are joined", "not read, so not verified"]),
+    "a.vtp": (vtp(), []),
+    "binary.vtp": (vtp("binary"), []),
+    "zlib.vtp": (vtp("binary", "ZLib"), []),
+    "appended.vtp": (vtp("appended", "", "<u8"), []),
+    "appended-lzma.vtp": (vtp("appended", "LZMA"), []),
+    "edges.vtp": (vtp(lines=EDGES), ["edges that share a point are joined"]),
+    "a.ply": (ply(), ["edges that share a point are joined"]),
+    "little.ply": (ply("binary_little_endian"), []),
+    "big.ply": (ply("binary_big_endian"), []),
+    "coils.test": (coils(), ["2 curves are closed, because the last point repeats the first one"]),
+    "a.coils": (coils().replace(" 100.0", " 1.0D+02").replace("mirror NIL", "FOCUS"), []),
+    "a.poly": (poly(), []),
+    "from-0.poly": (poly(0), []),
+    "a.hair": (hair(), ["2 curves are closed, because"]),
+    "usc.data": (usc(), ["1 strands of one point are no curves"]),
+    "a.tg3": (tg3(), ["2 curves are closed, because"]),
+}
+
+
+def written(tmp_path, name, content):
+    path = tmp_path / name
+    path.write_bytes(content if isinstance(content, bytes) else content.encode())
+    return path
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_two_linked_rings_are_linked(tmp_path, name):
+    content, words = FILES[name]
+    path = written(tmp_path, name, content)
+    frames = linkwatch.read(path)
+    (frame,) = frames
+    assert (frame.counts, frame.basis) == ([-12, -12], "polyline")
+    np.testing.assert_allclose(np.sort(frame.positions, axis=0), np.sort(POINTS, axis=0), atol=1e-6)
+    assert linkwatch.certify(frame.positions, frame.counts).links == [(0, 1, -1)]
+    for word in ["2 curves, 2 closed", *words]:
+        assert word in str(frames.summary)
+    # The command does the same, and its archive keeps what was left out.
+    out = tmp_path / "out.npz"
+    code, _, err = run("convert", path, out)
+    assert code == (3 if frames.summary.left_out else 0), err
+    assert "2 curves, 2 closed" in err
+    code, said, err = run("certify", out)
+    assert (code == 3) == bool(frames.summary.left_out), err
+    assert said == "2 # lines: 1\n0,1,-1\n"
+
+
+def test_names_radii_and_times_are_read(tmp_path):
+    (frame,) = linkwatch.read(written(tmp_path, "coils.w7x", coils()))
+    assert frame.names == ["1 upper", "1 lower"]
+    (frame,) = linkwatch.read(written(tmp_path, "a.hair", hair()))
+    assert frame.radii == pytest.approx([0.5 * (0.1 + 12 * 0.004), 0.1])
+    for name, content in (("a.vtk", vtk()), ("a.vtp", vtp())):
+        (frame,) = linkwatch.read(written(tmp_path, name, content))
+        assert frame.time == 0.25
+    assert frame.positions.dtype == np.float64
+    (frame,) = linkwatch.read(written(tmp_path, "binary.vtk", vtk_binary()))
+    assert frame.positions.dtype == np.float32
+
+
+def test_several_files_are_frames(tmp_path):
+    for k in (10, 9, 11):
+        moved = POINTS + np.repeat([[0, 0, 0], [2.5 * (k > 10), 0, 0]], 12, axis=0)
+        written(tmp_path, f"f{k}.ply", ply().replace(rows(POINTS).encode(), rows(moved).encode()))
+    frames = linkwatch.read(*tmp_path.glob("*.ply"))
+    assert [frame.seq for frame in frames] == [0, 1, 2]
+    assert len(frames) == 3
+    links = [len(linkwatch.certify(f.positions, f.counts).links) for f in frames]
+    assert links == [1, 1, 0]
+    out = tmp_path / "out.npz"
+    code, _, err = run("convert", *tmp_path.glob("*.ply"), out)
+    assert code == 0, err
+    code, said, _ = run("check", out)
+    assert (code, "curves 0 and 1 came apart" in said) == (1, True)
+    with pytest.raises(ValueError, match="different formats"):
+        linkwatch.read(tmp_path / "f9.ply", written(tmp_path, "a.vtk", vtk()))
+
+
+def test_a_collection_of_paraview_has_times(tmp_path):
+    for name in ("a.vtp", "b.vtp"):
+        written(tmp_path, name, vtp())
+    sets = '<DataSet timestep="2.5" file="b.vtp"/><DataSet timestep="0.5" file="a.vtp"/>'
+    text = f'<VTKFile type="Collection"><Collection>{sets}</Collection></VTKFile>'
+    frames = linkwatch.read(written(tmp_path, "run.pvd", text))
+    assert [frame.time for frame in frames] == [0.5, 2.5]
+
+
+def test_a_closed_curve_that_was_cut_is_an_invalid_frame(tmp_path):
+    written(tmp_path, "coils.1", coils())
+    x, y, z = RING[0]
+    cut = coils().replace(f"{x:.7g} {y:.7g} {z:.7g} 0.0 1 upper", "0.8 0 0 0.0 1 upper")
+    written(tmp_path, "coils.2", cut)
+    frames = list(linkwatch.read(tmp_path / "coils.1", tmp_path / "coils.2"))
+    assert frames[0].rejected is None
+    assert "the ends of curve 0, which is closed, are apart" in frames[1].rejected
+
+
+def test_open_curves_are_closed_only_on_request(tmp_path):
+    path = written(tmp_path, "a.vtk", vtk(lines=[loop[:-1] for loop in LOOPS]))
+    assert next(iter(linkwatch.read(path))).counts == [12, 12]
+    frames = linkwatch.read(path, closed=True)
+    assert "2 curves are closed by a segment" in str(frames.summary)
+    (frame,) = frames
+    assert linkwatch.certify(frame.positions, frame.counts).links == [(0, 1, -1)]
+    path = written(tmp_path, "coils.a", coils())
+    assert next(iter(linkwatch.read(path, closed=False))).counts == [13, 13]
+    out = tmp_path / "out.npz"
+    assert run("convert", "--closed", written(tmp_path, "b.vtk", vtk()), out)[0] == 0
+
+
+def test_curves_that_are_not_read_are_counted(tmp_path):
+    star = [*EDGES, (0, 12)]
+    with pytest.raises(ValueError, match="no curves: not read: 1 set of edges with branches"):
+        linkwatch.read(written(tmp_path, "a.vtp", vtp(lines=star)))
+    frames = linkwatch.read(written(tmp_path, "grid.vtk", vtk_grid()))
+    assert frames.summary.left_out == ["1 quadratic edge (cell 25)"]
+    lists = "element strand 1\nproperty list uchar int vertex_indices\nend_header"
+    content = ply().replace(b"end_header", lists.encode()) + b"2 0 1\n"
+    frames = linkwatch.read(written(tmp_path, "a.ply", content))
+    assert frames.summary.left_out == ["1 element with lists of points (strand) (strand 0)"]
+
+
+def test_what_later_files_leave_out_is_said(tmp_path):
+    plain = vtk(lines=EDGES)
+    written(tmp_path, "f1.vtk", plain)
+    written(tmp_path, "f2.vtk", vtk(lines=[*EDGES, (3, 4, 3)]))
+    frames = linkwatch.read(tmp_path / "f1.vtk", tmp_path / "f2.vtk")
+    assert frames.summary.left_out == []
+    for _ in range(2):
+        assert len(list(frames)) == 2
+        (said,) = frames.summary.left_out
+        assert said == f"{tmp_path / 'f2.vtk'}: 1 line that returns after two points (line 24)"
+    linkwatch.write(frames, tmp_path / "out.npz")
+    assert run("certify", tmp_path / "out.npz")[0] == 3
+
+
+def test_edges_that_share_no_point_are_joined_by_their_places(tmp_path):
+    points = POINTS[np.ravel(EDGES)]
+    text = vtk(lines=[(2 * k, 2 * k + 1) for k in range(24)])
+    text = text.replace(f"POINTS 24 float\n{rows(POINTS)}", f"POINTS 48 float\n{rows(points)}")
+    frames = linkwatch.read(written(tmp_path, "a.vtk", text))
+    assert "edges whose ends have equal coordinates are joined" in str(frames.summary)
+    (frame,) = frames
+    assert len(linkwatch.certify(frame.positions, frame.counts).links) == 1
+
+
+@pytest.mark.parametrize(
+    "name, content, words",
+    [
+        ("a.vtk", vtk()[:400], "line 27: the file ends after 55 of 72 numbers"),
+        ("a.vtk", vtk().replace("\n1 0 0\n", "\n1 zero 0\n"), "could not convert"),
+        ("a.vtk", vtk().replace("POLYDATA", "STRUCTURED_GRID"), "POLYDATA and UNSTRUCTURED_GRID"),
+        ("a.vtk", vtk().replace("LINES 2 28", "LINES 3 28"), "28 numbers do not hold 3 cells"),
+        ("a.vtk", vtk(lines=[[0, 1, 24]]), "line 0 has points beyond the 24 points"),
+        ("a.vtk", vtk_binary()[:300], "the file ends before 72 numbers"),
+        ("a.vtk", "solid x", "not a legacy VTK file"),
+        ("a.vtp", vtp()[:-30], "not a valid VTK file"),
+        ("a.vtp", vtp("appended")[:900], "array Points: 221 of 580 bytes"),
+        ("a.vtp", vtp("binary").replace(b"PolyData", b"ImageData"), "type ImageData"),
+        ("a.ply", ply()[:500], "element face: 0 of 1 elements|element vertex"),
+        ("a.ply", ply("binary_big_endian")[:-1], "element edge: buffer is smaller"),
+        (
+            "a.ply",
+            ply().replace(b"property int vertex1", b"property list vertex1"),
+            "line 11: prop",
+        ),
+        ("a.ply", b"ply\nformat ascii 1.0\n", "no header from `ply` to `end_header`"),
+        ("coils.a", coils().replace("periods 2", "# coils"), "line 1: expected `periods N`"),
+        ("coils.a", coils().replace("end\n", ""), "the file ends without a line `end`"),
+        ("coils.a", coils().replace(" 0.0 1 lower", " 1.0"), "the file ends before a line with"),
+        ("coils.a", coils().replace("1 0 0 100.0", "1 0 O 100.0"), "line 4: expected 4 numbers"),
+        ("a.poly", poly().replace("END", ""), "the file ends without a line END"),
+        (
+            "a.poly",
+            poly().replace("1: 1 2 3 4 5 6 7 8 9 10 11 12 <", "1: 1 2 <"),
+            "line 27: a poly",
+        ),
+        ("a.poly", poly().replace("24 <", "25 <"), "line 28: there is no point 25"),
+        ("a.poly", "24 3 0 0\n1 0 0 0\n", "line 1: expected `NUMBER: ..` below POINTS"),
+        ("a.hair", hair()[:-1], "the file ends at byte 547, expected 548"),
+        ("a.hair", b"HAIR" + bytes(124), "no array of points"),
+        ("a.data", usc()[:-4], "byte 324: strand 2 has 1 points, which do not fit"),
+        ("a.data", usc() + b"1234", "expected 340 for its strands"),
+        ("a.tg3", tg3()[:-9], "not a valid TexGen model"),
+        ("a.tg3", tg3().replace("1, 0, 0", "1, 0"), "yarn 0: MasterNode has Position '1, 0'"),
+        ("a.tg3", "<TexGenModel><Textile/></TexGenModel>", "saved with minimal output"),
+        ("a.pvd", "<a><DataSet file='b'/></a>", "not a valid collection"),
+    ],
+)
+def test_a_damaged_file_is_refused(tmp_path, capsys, name, content, words):
+    path = written(tmp_path, name, content)
+    with pytest.raises(ValueError, match=words) as error:
+        linkwatch.read(path)
+    assert str(error.value).startswith(str(path))
+    assert convert([str(path), str(tmp_path / "out.npz")]) == 2
+    assert capsys.readouterr().err.startswith(f"error: {path}")
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_options_that_a_format_does_not_have_are_refused(tmp_path):
+    path = written(tmp_path, "a.vtk", vtk())
+    with pytest.raises(ValueError, match="`select` is no option for files of the format vtk"):
+        linkwatch.read(path, select="all")
+    with pytest.raises(ValueError, match="format is 'abc', expected one of usd, oxdna"):
+        linkwatch.read(path, format="abc")
+    assert len(linkwatch.read(path.rename(tmp_path / "a.txt"), format="vtk")) == 1
+
+
+# A weave of four yarns in a cell of 2 x 2.
+WEAVE = [[(x, y, 0.3 * (-1) ** (k + x)) for x in range(3)] for k, y in enumerate((0.5, 1.5))] + [
+    [(x, y, 0.3 * (-1) ** (k + y + 1)) for y in range(3)] for k, x in enumerate((0, 1))
+]
+
+
+@pytest.mark.parametrize("kind", ["Linear", "Cubic", "Bezier"])
+def test_yarns_of_texgen_run_through_their_cell(tmp_path, kind):
+    repeats = [(2, 0, 0), (0, 2, 0)]
+    frames = linkwatch.read(written(tmp_path, "a.tg3", tg3(kind, repeats, WEAVE)))
+    (frame,) = frames
+    assert "the cell has the 2 repeat vectors of the yarns" in str(frames.summary)
+    assert frame.basis == ("polyline" if kind == "Linear" else "bezier")
+    np.testing.assert_array_equal(frame.cell, np.diag([2, 2, 0, 0])[:, :3])
+    assert frame.names == [f"yarn {k}" for k in range(4)]
+    session = linkwatch.Session(frame.counts, basis=frame.basis, names=frame.names)
+    report = session.step(frame.positions, cell=frame.cell)
+    assert report.intact, report
+
+
+@pytest.mark.parametrize("periodic", [0, 1])
+def test_cubic_yarns_are_the_spline_of_texgen(tmp_path, periodic):
+    scipy = pytest.importorskip("scipy.interpolate", reason="scipy is not installed")
+    nodes = np.random.default_rng(1).normal(size=(6, 3))
+    if periodic:
+        nodes[-1] = nodes[0]
+    text = tg3("Cubic", [(9, 0, 0)], [nodes], periodic)
+    (frame,) = linkwatch.read(written(tmp_path, "a.tg3", text))
+    rule = "periodic" if periodic else "natural"
+    spline = scipy.CubicSpline(range(6), nodes, bc_type=rule)
+    p = frame.positions.reshape(-1, 3)
+    for k in range(5):
+        a, b, c, d = p[3 * k : 3 * k + 4]
+        np.testing.assert_allclose((a + 3 * b + 3 * c + d) / 8, spline(k + 0.5), atol=1e-8)
+
+
+def test_an_unknown_interpolation_is_counted(tmp_path):
+    text = tg3("Cubic").replace("CInterpolationCubic", "CInterpolationAdjusted", 1)
+    frames = linkwatch.read(written(tmp_path, "a.tg3", text))
+    expected = "1 yarn that is not read (yarn 0: interpolation CInterpolationAdjusted)"
+    assert frames.summary.left_out == [expected]
+
+
+def test_formats_of_meshio_are_read(tmp_path):
+    needs("meshio")
+    import meshio
+
+    cells = [("line", EDGES), ("triangle", [[0, 1, 2]]), ("line3", [[0, 1, 2]])]
+    path = tmp_path / "a.msh"
+    meshio.Mesh(POINTS, cells).write(path, "gmsh22", binary=False)
+    frames = linkwatch.read(path)
+    (frame,) = frames
+    assert linkwatch.certify(frame.positions, frame.counts).links == [(0, 1, -1)]
+    assert frames.summary.left_out == ["1 curved line (line3)"]
+    with pytest.raises(ValueError, match="not a valid mesh"):
+        linkwatch.read(written(tmp_path, "b.msh", "solid x"))
+
+
+def test_blocks_of_lz4_are_read(tmp_path, monkeypatch):
+    block = pytest.importorskip("lz4.block", reason="lz4 is not installed")
+    monkeypatch.setitem(PACKERS, "LZ4", lambda data: block.compress(data, store_size=False))
+    (frame,) = linkwatch.read(written(tmp_path, "a.vtp", vtp("appended", "LZ4")))
+    assert linkwatch.certify(frame.positions, frame.counts).links == [(0, 1, -1)]
+
+
+@pytest.mark.parametrize("how", [{}, {"binary": False}, {"compression": None}])
+@pytest.mark.parametrize("name", ["a.vtk", "a.vtu"])
+def test_lines_that_meshio_writes_are_read(tmp_path, name, how):
+    needs("meshio")
+    import meshio
+
+    if name == "a.vtk" and "compression" in how:
+        how = {"file_format": "vtk42"}
+    cells = [("line", EDGES), ("triangle", [[0, 1, 2]])]
+    meshio.Mesh(POINTS, cells).write(tmp_path / name, **how)
+    (frame,) = linkwatch.read(tmp_path / name)
+    assert linkwatch.certify(frame.positions, frame.counts).links == [(0, 1, -1)]
+
+
+TEXT = {
+    "a.txt": rows(RING) + "\n" + rows(OTHER),
+    "a.csv": "x,y,z,curve\n" + "".join(
+        f"{x:.7g},{y:.7g},{z:.7g},{k // 12}\n" for k, (x, y, z) in enumerate(POINTS)
+    ),
+    "a.obj": "".join(f"v {row}\n" for row in rows(POINTS).splitlines())
+    + "".join(f"l {' '.join(str(i + 1) for i in loop)}\n" for loop in LOOPS),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", TEXT)
+def test_formats_of_the_command_are_read(tmp_path, name):
+    path = written(tmp_path, name, TEXT[name])
+    frames = linkwatch.read(path, closed=None if name == "a.obj" else True)
+    for _ in range(2):
+        (frame,) = frames
+        assert frame.counts == [-12, -12]
+        assert linkwatch.certify(frame.positions, frame.counts).links == [(0, 1, -1)]
+    with pytest.raises(ValueError, match="a.raw.*--closed"):
+        linkwatch.read(written(tmp_path, "a.raw", rows(RING)))
+
+
+def test_archives_are_read_back(tmp_path):
+    cell = np.vstack([10 * np.eye(3), np.zeros(3)])
+    given = [
+        io.Frame(POINTS + k, [-12, -12], "polyline", ["a", "b"], [0.1, 0.2], cell, 2 * k, 0.5 * k)
+        for k in range(3)
+    ]
+    given[1] = given[0].invalid("torn", seq=2, time=0.5)
+    linkwatch.write(given, tmp_path / "a.npz")
+    found = linkwatch.read(tmp_path / "a.npz")
+    assert len(found) == 2
+    for one, other in zip(found, given[::2]):
+        np.testing.assert_array_equal(one.positions, other.positions)
+        np.testing.assert_array_equal(one.cell, cell)
+        assert (one.seq, one.time, one.counts) == (other.seq, other.time, other.counts)
+        assert one.names == ["a", "b"]
+        assert one.radii == pytest.approx([0.1, 0.2])
+    (said,) = found.summary.left_out
+    assert "frame 2: left out: curve 0, point 0: coordinate x is NaN" in said
+
+
+def test_what_the_command_leaves_out_is_said(tmp_path):
+    text = TEXT["a.obj"] + "curv2 1 2\n"
+    frames = linkwatch.read(written(tmp_path, "a.obj", text))
+    assert "curv2" in str(frames.summary.left_out)
+    linkwatch.write(frames, tmp_path / "b.npz")
+    assert run("certify", tmp_path / "b.npz")[0] == 3

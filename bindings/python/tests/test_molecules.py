@@ -1,0 +1,466 @@
+"""Molecules that MDAnalysis reads, and strands of oxDNA."""
+
+import warnings
+
+import linkwatch
+import numpy as np
+import pytest
+from linkwatch import io
+from linkwatch.io._curves import molecules, unwrapped
+from test_command import run
+from test_formats import EDGES, POINTS, needs, written
+
+# Two linked rings of 12 beads, 10 apart in each direction of a cell of 10 x 11 x 12.
+CELL = [10, 11, 12, 90, 90, 90]
+
+
+def universe(points=POINTS, bonds=EDGES, frames=1, cell=CELL, residues=None, segments=None):
+    """Returns a universe whose frames move along x."""
+    mda = pytest.importorskip("MDAnalysis", reason="MDAnalysis is not installed")
+    n = len(points)
+    residues = np.zeros(n, int) if residues is None else np.asarray(residues)
+    segments = [0] * (residues.max() + 1) if segments is None else segments
+    made = mda.Universe.empty(
+        n,
+        len(segments),
+        max(segments) + 1,
+        atom_resindex=residues,
+        residue_segindex=segments,
+        trajectory=True,
+    )
+    steps = np.arange(frames)[:, None, None] * [0.1, 0, 0]
+    made.load_new(np.float32(points + steps), dimensions=None if cell is None else np.array(cell))
+    for name, values in {
+        "names": ["C"] * n,
+        "types": ["1"] * n,
+        "masses": [1.0] * n,
+        "resids": range(1, len(segments) + 1),
+        "resnames": ["RNG"] * len(segments),
+        "segids": [chr(65 + k) for k in range(max(segments) + 1)],
+        "chainIDs": [chr(65 + segments[r]) for r in residues],
+    }.items():
+        made.add_TopologyAttr(name, list(values))
+    if bonds is not None:
+        made.add_TopologyAttr("bonds", [tuple(map(int, bond)) for bond in bonds])
+    return made
+
+
+def save(made, path, **options):
+    """Writes all frames, as MDAnalysis does."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        made.atoms.write(str(path), frames="all", **options)
+    return path
+
+
+def dump(frames):
+    """Returns a dump of LAMMPS."""
+    text = ""
+    for k, points in enumerate(frames):
+        rows = "".join(f"{i + 1} {x} {y} {z}\n" for i, (x, y, z) in enumerate(points))
+        text += f"ITEM: TIMESTEP\n{k}\nITEM: NUMBER OF ATOMS\n24\nITEM: BOX BOUNDS pp pp pp\n"
+        text += f"0 10\n0 11\n0 12\nITEM: ATOMS id x y z\n{rows}"
+    return text
+
+
+def links(frame):
+    session = linkwatch.Session(frame.counts)
+    report = session.step(frame.positions, cell=frame.cell)
+    assert report.intact, report
+    found = linkwatch.certify(frame.positions, frame.counts, cell=frame.cell)
+    return len(found.links) + len(found.images or [])
+
+
+def test_bonds_are_rings_and_chains():
+    made = universe(
+        np.vstack([POINTS, POINTS[:12] + 5]), EDGES + [(24 + i, 25 + i) for i in range(10)]
+    )
+    frames = io.from_mdanalysis(made)
+    (frame,) = frames
+    assert frame.counts == [-12, -12, 11]
+    assert "1 atoms without bonds are no curves" in str(frames.summary)
+    with pytest.warns(linkwatch.UnverifiedWarning, match="1 of 3 curves is open"):
+        assert links(frame) == 1
+    np.testing.assert_array_equal(frame.cell, np.vstack([np.diag(CELL[:3]), np.zeros(3)]))
+    # Of a group, its own bonds count.
+    assert next(iter(io.from_mdanalysis(made.atoms[:20]))).counts == [-12, 8]
+    assert next(iter(io.from_mdanalysis(made, cell="none"))).cell is None
+
+
+@pytest.mark.parametrize("suffix", ["xtc", "trr", "dcd", "nc", "h5md", "lammpstrj", "xyz"])
+def test_trajectories_follow_their_topology(tmp_path, suffix):
+    made = universe(frames=3)
+    top = save(made, tmp_path / "a.pdb", bonds="all")
+    run_ = tmp_path / f"a.{suffix}"
+    if suffix == "h5md":
+        needs("h5py")
+        made.load_new(str(save(made, tmp_path / "a.xtc")))
+        save(made, run_)
+    elif suffix == "lammpstrj":
+        run_.write_text(dump(ts.positions for ts in made.trajectory))
+    else:
+        save(made, run_)
+    frames = linkwatch.read(top, run_)
+    assert "2 curves, 2 closed" in str(frames.summary)
+    unit = {"xyz": "frames", "lammpstrj": "ps"}.get(suffix, "ps")
+    assert frames.summary.time_unit == unit
+    found = list(frames)
+    assert [frame.seq for frame in found] == [0, 1, 2]
+    assert [links(frame) for frame in found] == [1, 1, 1]
+    np.testing.assert_allclose(found[2].positions[0, 0] - found[0].positions[0, 0], 0.2, atol=1e-2)
+    out = tmp_path / "out.npz"
+    code, _, err = run("convert", top, run_, out)
+    assert code == 0, err
+    assert f"times in {unit}" in err
+    assert run("check", out)[0] == 0
+
+
+def test_h5md_files_need_no_units(tmp_path):
+    needs("h5py")
+    made = universe(frames=2)
+    top = save(made, tmp_path / "a.pdb", bonds="all")
+    frames = linkwatch.read(top, save(made, tmp_path / "a.h5md", convert_units=False))
+    assert [links(frame) for frame in frames] == [1, 1]
+    assert frames.summary.time_unit == "the unit of the simulation"
+
+
+def test_lammps_data_files_are_topologies(tmp_path):
+    made = universe(frames=2)
+    atoms = "".join(f"{i + 1} {i // 12 + 1} 1 {x} {y} {z}\n" for i, (x, y, z) in enumerate(POINTS))
+    bonds = "".join(f"{k + 1} 1 {a + 1} {b + 1}\n" for k, (a, b) in enumerate(EDGES))
+    text = (
+        "rings\n\n24 atoms\n24 bonds\n1 atom types\n1 bond types\n\n0 10 xlo xhi\n0 11 ylo yhi\n"
+        f"0 12 zlo zhi\n\nMasses\n\n1 1.0\n\nAtoms # bond\n\n{atoms}\nBonds\n\n{bonds}"
+    )
+    written(tmp_path, "a.data", text)
+    # The command reads both.
+    steps = [POINTS, POINTS + [0.1, 0, 0]]
+    frames = linkwatch.read(tmp_path / "a.data", written(tmp_path, "a.dump", dump(steps)))
+    assert [links(frame) for frame in frames] == [1, 1]
+    run_ = save(made, tmp_path / "a.dcd")
+    assert [links(frame) for frame in linkwatch.read(tmp_path / "a.data", run_)] == [1, 1]
+
+
+def test_gsd_files_have_all(tmp_path):
+    needs("MDAnalysis", "gsd")
+    hoomd = pytest.importorskip("gsd.hoomd", reason="gsd is not installed")
+    with hoomd.open(tmp_path / "a.gsd", "w") as file:
+        for k in range(2):
+            frame = hoomd.Frame()
+            frame.configuration.step = 100 * k
+            frame.configuration.box = [*CELL[:3], 0, 0, 0]
+            frame.particles.N = 24
+            frame.particles.position = POINTS
+            frame.particles.diameter = [0.2] * 12 + [0.3] * 12
+            frame.bonds.N = 24
+            frame.bonds.group = EDGES
+            file.append(frame)
+    frames = linkwatch.read(tmp_path / "a.gsd")
+    found = list(frames)
+    assert [links(frame) for frame in found] == [1, 1]
+    assert found[0].radii == pytest.approx([0.1, 0.15])
+
+
+def test_wrapped_rings_are_unwrapped_along_their_bonds():
+    cell = np.array([2.4, 11, 12])
+    wrapped = universe(POINTS - cell * np.floor(POINTS / cell), cell=[*cell, 90, 90, 90])
+    frames = io.from_mdanalysis(wrapped)
+    (frame,) = frames
+    assert "unwrapped: every vertex is moved to the image nearest" in str(frames.summary)
+    for k in range(2):
+        part = slice(12 * k, 12 * k + 12)
+        shift = frame.positions[part] - POINTS[part]
+        np.testing.assert_allclose(shift, np.broadcast_to(shift[0], shift.shape), atol=1e-6)
+    torn = next(iter(io.from_mdanalysis(wrapped, unwrap=False)))
+    assert np.abs(np.diff(torn.positions[:12, 0])).max() > 1
+    # A ring that leaves the cell later.
+    later = universe(POINTS + [5, 5, 5], frames=1)
+    outside = POINTS + [9.5, 5, 5]
+    outside -= CELL[:3] * np.floor(outside / CELL[:3])
+    later.load_new(np.float32([POINTS + [5, 5, 5], outside]), dimensions=np.array(CELL))
+    frames = io.from_mdanalysis(later)
+    assert "unwrapped" not in str(frames.summary)
+    assert [links(frame) for frame in frames] == [1, 1]
+    assert "segments of frame 1 crossed" in str(frames.summary)
+    # A triclinic cell.
+    tilted = universe(POINTS, cell=[9, 9, 9, 70, 80, 60])
+    vectors = next(iter(io.from_mdanalysis(tilted))).cell[:3]
+    inside = POINTS @ np.linalg.inv(vectors)
+    inside = (inside - np.floor(inside)) @ vectors
+    (frame,) = io.from_mdanalysis(universe(inside, cell=[9, 9, 9, 70, 80, 60]))
+    assert links(frame) == 1
+
+
+def test_a_ring_around_the_cell_is_a_yarn():
+    line = np.stack([np.arange(10.0), np.zeros(10), np.zeros(10)], axis=1)
+    bonds = [(i, (i + 1) % 10) for i in range(10)]
+    made = universe(line, bonds, cell=[10, 9, 8, 90, 90, 90])
+    frames = io.from_mdanalysis(made)
+    (frame,) = frames
+    assert frame.counts == [11]
+    np.testing.assert_array_equal(frame.positions[-1] - frame.positions[0], [10, 0, 0])
+    # The nearest image of a bond that is longer than a third of the cell is a guess.
+    with pytest.raises(ValueError, match="longer than a third of the cell"):
+        io.from_mdanalysis(universe(2 * line, bonds, cell=[5.5, 9, 8, 90, 90, 90]))
+
+
+def star(arms, length):
+    """Returns the bonds of chains that begin at the atom 0."""
+    chains = [[0, *range(1 + k * length, 1 + (k + 1) * length)] for k in range(arms)]
+    return [bond for chain in chains for bond in zip(chain, chain[1:])]
+
+
+@pytest.mark.parametrize(
+    "bonds, counts, words",
+    [
+        # A chain of 13 with an arm of 6; a ring of 20 with side groups of one atom.
+        (star(3, 6), [13], "1 molecule has branches: the curve is the longest chain of 1; 6 atoms"),
+        (
+            [(i, (i + 1) % 20) for i in range(20)] + [(i, 20 + i) for i in range(20)],
+            [-20],
+            "the curve is the ring of 1; 20 atoms beside it are ignored",
+        ),
+        # A chain through the shorter side of a small ring.
+        (
+            [(i, i + 1) for i in range(20)] + [(5, 21), (21, 22), (22, 23), (23, 8)],
+            [21],
+            "3 atoms beside it are ignored",
+        ),
+        # A ring of 30 with a small ring in it, which is followed along its shorter side.
+        (
+            [(i, (i + 1) % 30) for i in range(30)] + [(3, 30), (30, 31), (31, 32), (32, 5)],
+            [-30],
+            "3 atoms beside it are ignored",
+        ),
+    ],
+)
+def test_molecules_with_branches_have_a_backbone(bonds, counts, words):
+    n = np.max(bonds) + 1
+    points = np.random.default_rng(2).normal(size=(n, 3))
+    frames = io.from_mdanalysis(universe(points, bonds, cell=None))
+    assert next(iter(frames)).counts == counts
+    assert words in str(frames.summary)
+
+
+def test_networks_are_left_out():
+    theta = [(i, (i + 1) % 40) for i in range(40)] + [(0, 40), (40, 41), (41, 20)]
+    lasso = [(i + 50, (i + 1) % 20 + 50) for i in range(20)] + [
+        (50 + 19 + i, 70 + i) for i in range(20)
+    ]
+    bonds = [*theta, *lasso, (95, 96), (96, 97)]
+    points = np.random.default_rng(2).normal(size=(98, 3))
+    frames = io.from_mdanalysis(universe(points, bonds, cell=None))
+    assert next(iter(frames)).counts == [3]
+    (said,) = frames.summary.left_out
+    assert said.startswith(
+        "2 molecules with several loops, or a loop and a longer chain (the first"
+    )
+    assert "42 atoms from the index 0 on" in said
+    # A file with the bonds of a ligand only.
+    made = universe(bonds=EDGES[12:], residues=[0] * 12 + [1] * 12, segments=[0, 0])
+    made.residues.resnames = ["ALA", "LIG"]
+    (said,) = io.from_mdanalysis(made).summary.left_out
+    assert (
+        said == "12 atoms of proteins or nucleic acids without bonds (the first one: the index 0)"
+    )
+
+
+def test_without_bonds_segments_or_residues_are_chains(tmp_path):
+    chains = universe(bonds=None, residues=range(24), segments=[0] * 12 + [1] * 12)
+    frames = io.from_mdanalysis(chains)
+    (frame,) = frames
+    assert (frame.counts, frame.names) == ([12, 12], ["A", "B"])
+    assert "there are no bonds: the atoms of each segment are a chain" in str(frames.summary)
+    (frame,) = io.from_mdanalysis(chains, closed=True)
+    assert links(frame) == 1
+    molecules = universe(bonds=None, residues=[0] * 12 + [1] * 12, segments=[0, 0])
+    frames = io.from_mdanalysis(molecules)
+    assert next(iter(frames)).counts == [12, 12]
+    assert "the atoms of each residue are a chain" in str(frames.summary)
+    molecules.residues.resnames = ["ALA", "DA"]
+    with pytest.raises(ValueError, match="select one atom of each residue"):
+        io.from_mdanalysis(molecules)
+    unclear = universe(bonds=None, residues=np.arange(24) // 3, segments=[0] * 4 + [1] * 4)
+    with pytest.raises(ValueError, match="select one atom of each residue"):
+        io.from_mdanalysis(unclear)
+    # From a file, with a selection.
+    path = save(
+        universe(bonds=None, residues=range(24), segments=[0] * 12 + [1] * 12),
+        tmp_path / "a.pdb",
+        bonds=None,
+    )
+    (frame,) = linkwatch.read(path, select="segid B")
+    assert frame.counts == [12]
+    out = tmp_path / "out.npz"
+    code, _, err = run("convert", path, out, "--select", "name C", "--closed")
+    assert code == 0, err
+    assert run("certify", out, "--cell", "none")[1] == "2 # lines: 1\n0,1,-1\n"
+
+
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
+def test_files_that_mdanalysis_cannot_read_are_errors(tmp_path):
+    needs("MDAnalysis")
+    path = written(tmp_path, "a.psf", "not a psf")
+    with pytest.raises(ValueError, match="a.psf: MDAnalysis cannot read this: "):
+        linkwatch.read(path)
+    top = save(universe(), tmp_path / "a.pdb", bonds="all")
+    with pytest.raises(ValueError, match="MDAnalysis cannot read this"):
+        linkwatch.read(top, written(tmp_path, "a.xtc", "x" * 100))
+    with pytest.raises(ValueError, match="MDAnalysis cannot read this"):
+        linkwatch.read(top, select="nam C")
+    with pytest.raises(ValueError, match="no atoms are selected"):
+        linkwatch.read(top, select="name X")
+
+
+@pytest.mark.parametrize("suffix", ["xtc", "trr", "dcd", "nc", "lammpstrj"])
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
+def test_trajectories_that_are_cut_off_are_errors(tmp_path, suffix):
+    made = universe(frames=3)
+    top = save(universe(), tmp_path / "a.pdb", bonds="all")
+    whole = tmp_path / f"a.{suffix}"
+    if suffix == "lammpstrj":
+        whole.write_text(dump(ts.positions for ts in made.trajectory))
+    else:
+        save(made, whole)
+    data = whole.read_bytes()
+    for share in (0.5, 0.75, 0.9, 0.99):
+        cut = tmp_path / f"{share}.{suffix}"
+        cut.write_bytes(data[: int(share * len(data))])
+        with pytest.raises(ValueError, match="cut off|can be read|cannot read"):
+            list(linkwatch.read(top, cut))
+
+
+def test_a_part_of_a_trajectory_is_read():
+    made = universe(frames=10)
+    frames = io.from_mdanalysis(made, trajectory=made.trajectory[2::4])
+    assert len(frames) == 2
+    assert [frame.seq for frame in frames] == [2, 6]
+
+
+OLD = "24 2\n" + "".join(
+    f"{k // 12 + 1} A {12 * (k // 12) + (k - 1) % 12} {12 * (k // 12) + (k + 1) % 12}\n"
+    for k in range(24)
+)
+NEW = "24 2 5->3\nACGT(-10)CGTACGT type=DNA circular=true\nACGTACGTACGT circular=true\n"
+
+
+def oxdna(frames=1, points=POINTS, box=20):
+    rest = " 1 0 0 0 0 1 0 0 0 0 0 0\n"
+    text = ""
+    for k in range(frames):
+        text += f"t = {100 * k}\nb = {box} {box} {box}\nE = -1.4 -1.5 0.1\n"
+        text += "".join(f"{x:.8g} {y:.8g} {z:.8g}{rest}" for x, y, z in points)
+    return text
+
+
+@pytest.mark.parametrize("top", [OLD, NEW])
+def test_ring_strands_of_oxdna_are_linked(tmp_path, top):
+    path = written(tmp_path, "a.top", top)
+    data = written(tmp_path, "trajectory.dat", oxdna(3))
+    frames = linkwatch.read(data, path)
+    found = list(frames)
+    assert [frame.counts for frame in found] == [[-12, -12]] * 3
+    assert [frame.time for frame in found] == [0, 100, 200]
+    assert (found[0].names, frames.summary.time_unit) == (
+        ["strand 1", "strand 2"],
+        "steps of the simulation",
+    )
+    assert linkwatch.certify(found[0].positions, found[0].counts).links == [(0, 1, -1)]
+    assert [links(frame) for frame in found] == [1, 1, 1]
+    code, _, err = run("convert", path, data, tmp_path / "out.npz")
+    assert code == 0, err
+    # The topology of the same name is taken.
+    alone = written(tmp_path, "a.conf", oxdna())
+    assert len(list(linkwatch.read(alone))) == 1
+
+
+def test_open_strands_of_oxdna_are_unwrapped(tmp_path):
+    top = "24 2\n" + "".join(
+        f"{k // 12 + 1} A {k - 1 if k % 12 else -1} {k + 1 if k % 12 < 11 else -1}\n"
+        for k in range(24)
+    )
+    path = written(tmp_path, "a.top", top)
+    wrapped = POINTS - 3 * np.floor(POINTS / 3)
+    frames = linkwatch.read(path, written(tmp_path, "a.dat", oxdna(1, wrapped, 3)))
+    (frame,) = frames
+    assert (frame.counts, frames.summary.closed) == ([12, 12], 0)
+    assert "unwrapped" in str(frames.summary)
+    shift = frame.positions[:12] - POINTS[:12]
+    np.testing.assert_allclose(shift, np.broadcast_to(shift[0], shift.shape), atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    "top, data, words",
+    [
+        (OLD.replace("24 2", "24 3"), oxdna(), "24 nucleotides in 2 strands, but the first line"),
+        (OLD.replace("1 A 11 1", "1 A 11 2"), oxdna(), "line 2: nucleotide 2 is a neighbour only"),
+        (OLD.replace("1 A 11 1", "1 A 11"), oxdna(), "line 2: expected strand, base"),
+        (NEW.replace("24", "25"), oxdna(), "24 nucleotides in 2 strands"),
+        (OLD, oxdna(2)[:-900], "a.dat, line 33: the file ends within the 24"),
+        (OLD, oxdna().replace("E =", "F ="), "line 3: expected `E = ..`, found 'F ="),
+        (OLD, oxdna().replace("b = 20 20", "b = 20"), "line 2: expected 3 numbers"),
+        (OLD, oxdna().replace("0.5 0.8660254 0", "0.5 zero 0"), "line 27: in the 24 lines up to"),
+        (OLD, oxdna()[:-5], "line 27: the file ends within"),
+        (NEW.replace("circular=true", "circular=yes"), oxdna(), "line 2: circular=yes, expected"),
+        (OLD, oxdna().replace("0.5 0.8660254 0", "0.5 nan 0"), "point 2 has a coordinate that is"),
+    ],
+)
+def test_damaged_files_of_oxdna_are_refused(tmp_path, top, data, words):
+    paths = written(tmp_path, "a.top", top), written(tmp_path, "a.dat", data)
+    with pytest.raises(ValueError, match=words):
+        list(linkwatch.read(*paths))
+
+
+def test_oxdna_needs_both_files(tmp_path):
+    path = written(tmp_path, "b.top", OLD)
+    with pytest.raises(ValueError, match="a topology without a configuration"):
+        linkwatch.read(path)
+    with pytest.raises(ValueError, match=r"give its topology \(.top\), too: 0 are given"):
+        linkwatch.read(written(tmp_path, "c.dat", oxdna()))
+
+
+def test_rings_and_chains_are_found_in_any_order_of_their_bonds():
+    rng = np.random.default_rng(5)
+    for _ in range(200):
+        label, at, edges, expected = rng.permutation(200), 0, [], []
+        for _ in range(rng.integers(1, 8)):
+            nodes = label[at : at + rng.integers(3, 20)].tolist()
+            ring = bool(rng.random() < 0.5)
+            at += len(nodes)
+            own = [*zip(nodes, nodes[1:]), *([(nodes[-1], nodes[0])] if ring else [])]
+            edges += own
+            expected.append((ring, {frozenset(bond) for bond in own}))
+        edges = np.array(edges + edges[:2])  # some twice
+        edges = rng.permuted(edges[rng.permutation(len(edges))], axis=1)
+        found, networks = molecules(edges)
+        assert networks == []
+        got = []
+        for one in found:
+            ends = one.nodes[1:] + one.nodes[: one.closed]
+            got.append((one.closed, {frozenset(bond) for bond in zip(one.nodes, ends)}))
+            assert one.nodes[0] == min(one.nodes if one.closed else (one.nodes[0], one.nodes[-1]))
+        assert all(one in expected for one in got)
+        assert len(got) == len(expected)
+
+
+def test_wrapped_curves_are_whole_again_in_any_cell():
+    rng = np.random.default_rng(6)
+    for _ in range(200):
+        cell = np.zeros((4, 3))
+        cell[:3] = np.diag(rng.uniform(8, 12, 3)) + rng.uniform(-2, 2, (3, 3))
+        curves, counts = [], []
+        for _ in range(rng.integers(1, 6)):
+            steps = rng.uniform(-0.8, 0.8, (rng.integers(3, 40), 3))
+            closed = rng.random() < 0.5
+            steps -= steps.mean(axis=0) * closed
+            curves.append(np.cumsum(steps, axis=0) + rng.uniform(-30, 30, 3))
+            counts.append(-len(steps) if closed else len(steps))
+        points = np.concatenate(curves)
+        images = rng.integers(-3, 4, points.shape) @ cell[:3]
+        found, same, _ = unwrapped(points + images, counts, cell)
+        assert same == counts
+        for one, whole in zip(np.split(found, np.cumsum(np.abs(counts))[:-1]), curves):
+            shift = (one - whole) @ np.linalg.inv(cell[:3])
+            np.testing.assert_allclose(
+                shift, np.broadcast_to(np.rint(shift[0]), shift.shape), atol=1e-9
+            )
