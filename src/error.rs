@@ -245,6 +245,15 @@ impl Error {
         }
     }
 
+    /// Creates the error of a count that promises more than is available, or allowed.
+    pub(crate) fn count(what: &'static str, promised: u64, available: u64) -> Self {
+        Self::Count {
+            what,
+            promised,
+            available,
+        }
+    }
+
     /// Creates the error of a valid format that is not supported.
     pub(crate) fn unsupported(format: &'static str, what: impl std::fmt::Display) -> Self {
         Self::Unsupported {

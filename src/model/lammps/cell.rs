@@ -2,6 +2,24 @@
 
 use crate::curve::{Cell, Point};
 use crate::error::Result;
+use crate::model::lines::integer;
+use crate::model::number;
+
+/// Id of an atom, its coordinates, and its image flags (0 without).
+pub(super) type Atom = (u64, Point, [f64; 3]);
+
+/// Parses an atom.
+pub(super) fn atom(id: &[u8], at: &[&[u8]], flags: Option<&[&[u8]]>) -> Result<Atom, String> {
+    let id = integer(id, "the id of an atom")?;
+    let mut atom = (id, [0.0; 3], [0.0; 3]);
+    for (x, word) in atom.1.iter_mut().zip(at) {
+        *x = number(word).map_err(|what| format!("atom {id}: {what}"))?;
+    }
+    for (flag, word) in atom.2.iter_mut().zip(flags.unwrap_or_default()) {
+        *flag = f64::from(integer::<i32>(word, "an image flag")?);
+    }
+    Ok(atom)
+}
 
 /// The box: three edges from its lower corner. Unless it is general, they are `(lx, 0, 0)`,
 /// `(xy, ly, 0)` and `(xz, yz, lz)`.

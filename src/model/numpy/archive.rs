@@ -6,7 +6,7 @@
 use super::FORMAT;
 use super::array::{Array, Unread, fill};
 use crate::error::{Error, Result};
-use crate::model::{is_in, quote};
+use crate::model::{is_in, little_endian, quote};
 use crc32fast::Hasher;
 use flate2::bufread::DeflateDecoder;
 use std::io::{self, BufRead, ErrorKind, Read, Seek, SeekFrom};
@@ -62,9 +62,7 @@ fn bad(what: impl std::fmt::Display) -> Error {
 
 /// Returns the little-endian number in `N` bytes at an offset.
 fn number<const N: usize>(bytes: &[u8], at: usize) -> u64 {
-    bytes[at..at + N]
-        .iter()
-        .rfold(0, |n, &b| (n << 8) | u64::from(b))
+    little_endian(&bytes[at..at + N])
 }
 
 impl<R: BufRead + Seek> Archive<R> {

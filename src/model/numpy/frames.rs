@@ -4,6 +4,7 @@ use super::array::{Array, Kind, Unread, fill};
 use super::{Cells, FORMAT, Others};
 use crate::curve::{Basis, CurveLabels, CurveSet, CurveSetBuilder, Positions, Precision};
 use crate::error::{Error, Result};
+use crate::model::count_of;
 use crate::model::frames::{FrameSource, LeftOut, ModelFrame, ReadOptions};
 use std::io::Read;
 use std::sync::Arc;
@@ -110,14 +111,7 @@ impl Layout {
         let closed_by_default = counts.is_none();
         let counts = match counts {
             Some(counts) => counts,
-            None => {
-                let count = i32::try_from(points).map_err(|_| Error::Count {
-                    what: "points of a curve",
-                    promised: points,
-                    available: i32::MAX as u64,
-                })?;
-                vec![-count; curves as usize]
-            }
+            None => vec![count_of(points as usize, true)?; curves as usize],
         };
         let sizes = counts.iter().map(|c| u64::from(c.unsigned_abs()));
         let sum: u64 = sizes.clone().sum();
@@ -130,11 +124,8 @@ impl Layout {
         }
         Ok(Layout {
             frames,
-            frame_bytes: usize::try_from(frame_bytes).map_err(|_| Error::Count {
-                what: "bytes of a frame",
-                promised: frame_bytes,
-                available: usize::MAX as u64,
-            })?,
+            frame_bytes: usize::try_from(frame_bytes)
+                .map_err(|_| Error::count("bytes of a frame", frame_bytes, usize::MAX as u64))?,
             counts,
             closed_by_default,
         })

@@ -30,9 +30,10 @@ mod free_form;
 
 use self::free_form::{Element, Form, Spline, State};
 use super::chains::{Chains, Edge, ThirdEdge};
-use super::frames::LeftOut;
-use super::write::{check_polylines, text_file};
-use super::{is_in, number, quote};
+use super::frames::{LeftOut, ModelFrame, Source};
+use super::lines::{Lines, words};
+use super::write::{check_polylines, create};
+use super::{Input, is_in, number, quote};
 use crate::curve::{Basis, CurveSet, CurveSetBuilder, Point, Positions, Precision};
 use crate::error::{Error, Result};
 use std::io::BufRead;
@@ -78,21 +79,19 @@ struct Statements {
 }
 
 /// Reads a file to its end.
-pub(super) fn read(input: impl BufRead) -> Result<(CurveSet, Vec<LeftOut>)> {
-    let mut lines = Lines {
-        input,
-        statement: Vec::new(),
-        read: 0,
-    };
+pub(super) fn read(input: Input<impl BufRead>) -> Result<Source<'static>> {
+    let (curves, left_out) = curves_in(input)?;
+    let frame = ModelFrame::new(0, Ok(curves));
+    Ok(ModelFrame { left_out, ..frame }.into())
+}
+
+/// Reads the curves of a file, and what is left out.
+fn curves_in(input: Input<impl BufRead>) -> Result<(CurveSet, Vec<LeftOut>)> {
+    let mut lines = Lines::new(FORMAT, input)?.with_long_lines();
     let mut found = Statements::default();
-    while let Some(line) = lines.advance()? {
-        let tokens = lines
-            .statement
-            .split(u8::is_ascii_whitespace)
-            .filter(|t| !t.is_empty());
-        found
-            .statement(tokens, line)
-            .map_err(|what| bad(line, what))?;
+    while let Some(line) = next_statement(&mut lines)? {
+        let read = found.statement(words(lines.text()), line);
+        read.map_err(|what| bad(line, what))?;
     }
     let (index, line) = found.furthest;
     if index as usize >= found.vertices.len() && line > 0 {
@@ -119,39 +118,30 @@ fn bad(line: u64, what: impl std::fmt::Display) -> Error {
     Error::format(FORMAT, format_args!("line {line}"), what)
 }
 
-/// Reads statements one by one, with comments removed and continued lines joined.
-struct Lines<R> {
-    input: R,
-    statement: Vec<u8>,
-    /// Number of lines read.
-    read: u64,
-}
-
-impl<R: BufRead> Lines<R> {
-    /// Fills `statement`. Returns its first line, from 1, or `None` at the end.
-    fn advance(&mut self) -> Result<Option<u64>> {
-        self.statement.clear();
-        let first = self.read + 1;
-        loop {
-            let start = self.statement.len();
-            if self.input.read_until(b'\n', &mut self.statement)? == 0 {
-                return Ok((self.read >= first).then_some(first));
-            }
-            self.read += 1;
-            let new = &self.statement[start..];
-            // A comment ends with its line even after a backslash, because it may end with a
-            // Windows path.
-            if let Some(comment) = new.iter().position(|&b| b == b'#') {
-                self.statement.truncate(start + comment);
-                return Ok(Some(first));
-            }
-            let end = start + new.trim_ascii_end().len();
-            if end == start || self.statement[end - 1] != b'\\' {
-                return Ok(Some(first));
-            }
-            self.statement.truncate(end - 1);
-            self.statement.push(b' ');
+/// Steps to the next statement: its comment is removed, and lines that continue it are joined.
+/// Returns its first line, from 1, or `None` at the end.
+fn next_statement(lines: &mut Lines<impl BufRead>) -> Result<Option<u64>> {
+    if !lines.advance()? {
+        return Ok(None);
+    }
+    let (first, mut start) = (lines.number(), 0);
+    loop {
+        let statement = lines.text_mut();
+        let new = &statement[start..];
+        // A comment ends with its line even after a backslash, because it may end with a Windows
+        // path.
+        if let Some(comment) = new.iter().position(|&b| b == b'#') {
+            statement.truncate(start + comment);
+            return Ok(Some(first));
         }
+        let end = start + new.trim_ascii_end().len();
+        if end == start || statement[end - 1] != b'\\' {
+            return Ok(Some(first));
+        }
+        statement.truncate(end - 1);
+        statement.push(b' ');
+        start = end;
+        lines.append()?;
     }
 }
 
@@ -455,7 +445,7 @@ pub(super) fn write(path: &Path, set: &CurveSet) -> Result<()> {
         let what = format!("curve {i}, a closed curve of one point");
         return Err(Error::unsupported(FORMAT, what));
     }
-    text_file(path, |out| {
+    create(path, |out| {
         for i in 0..set.len() {
             for k in 0..set.curve(i).points as usize {
                 let [x, y, z] = set.point(i, k);
@@ -484,7 +474,7 @@ mod tests {
     use crate::model::tests::{assert_error_contains, curves};
 
     fn parse(text: &str) -> Result<CurveSet> {
-        read(text.as_bytes()).map(|(set, _)| set)
+        curves_in(text.as_bytes().into()).map(|(set, _)| set)
     }
 
     /// Returns vertex `n` of [`with_vertices`], from 1.
@@ -584,7 +574,7 @@ mod tests {
                     v 1 2 3 0.5\n\tv 4 5 6 0.1 0.2 0.3 # red\nusemtl #\nl 1 2#3\n";
         // A Latin-1 byte, as old exporters write it.
         let bytes: Vec<u8> = text.chars().map(|c| c as u8).collect();
-        let (set, left_out) = read(&bytes[..]).unwrap();
+        let (set, left_out) = curves_in((&bytes[..]).into()).unwrap();
         assert_eq!(left_out, []);
         assert_eq!(curves(&set), [(false, vec![[1., 2., 3.], [4., 5., 6.]])]);
     }
