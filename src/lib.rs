@@ -107,6 +107,9 @@
 #[cfg(feature = "cli")]
 extern crate self as linkwatch;
 
+#[macro_use]
+mod vocabulary;
+
 #[cfg(feature = "client")]
 mod bus;
 #[cfg(feature = "verify")]

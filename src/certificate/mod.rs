@@ -7,6 +7,7 @@ mod images;
 
 pub use compare::Comparison;
 pub(crate) use file::undefined_entry;
+pub(crate) use images::{Differences, no_baseline};
 
 use crate::curve::Image;
 use crate::verdict::{Defect, ImageLink, Link};

@@ -2,7 +2,7 @@
 
 use super::archive::Archive;
 use super::array::{Array, Kind};
-use super::{Cells, FORMAT, Others, basis_name};
+use super::{Cells, FORMAT, Others};
 use crate::curve::{Basis, Cell, Point};
 use crate::error::{Error, Result};
 use crate::model::frames::LeftOut;
@@ -254,7 +254,7 @@ impl Values {
         }
         let texts = self.texts()?;
         let found = match &texts[..] {
-            [name] => Basis::ALL.into_iter().find(|b| basis_name(*b) == name),
+            [name] => name.parse().ok(),
             _ => None,
         };
         let given = crate::model::quote(texts.join(", ").as_bytes());

@@ -95,16 +95,6 @@ pub(super) fn read_npz<'a>(
     Ok(Box::new(frames))
 }
 
-/// Returns the name of a basis in an array `basis`.
-fn basis_name(basis: Basis) -> &'static str {
-    match basis {
-        Basis::Polyline => "polyline",
-        Basis::CatmullRom => "catmull-rom",
-        Basis::BSpline => "b-spline",
-        Basis::Bezier => "bezier",
-    }
-}
-
 /// What a file may say beside the positions.
 #[derive(Default)]
 struct Others {

@@ -5,7 +5,7 @@
 //! archive needs no second pass. Members are stored and have 64-bit sizes, as `np.savez` writes
 //! them.
 
-use super::{FORMAT, basis_name};
+use super::FORMAT;
 use crate::curve::{Basis, Cell, CurveLabels, CurveSet, Precision};
 use crate::error::{Error, Result};
 use crate::model::frames::{LeftOut, ModelFrame};
@@ -248,7 +248,7 @@ impl FrameSink for NpzFile {
         let timed = self.times.iter().any(|t| *t != 0.0);
         let numbered = !self.seq.iter().copied().eq(0..stream.frames);
         let labels = &self.labels;
-        let basis = Texts::of(&[basis_name(stream.basis).to_owned()]);
+        let basis = Texts::of(&[stream.basis.to_string()]);
         let names = Texts::of(&labels.names);
         let said: Vec<String> = self.left_out.iter().map(LeftOut::to_string).collect();
         let left_out = Texts::of(&said);
