@@ -246,11 +246,15 @@ impl Error {
     }
 
     /// Creates the error of a count that promises more than is available, or allowed.
-    pub(crate) fn count(what: &'static str, promised: u64, available: u64) -> Self {
+    pub(crate) fn count(
+        what: &'static str,
+        promised: impl TryInto<u64>,
+        available: impl TryInto<u64>,
+    ) -> Self {
         Self::Count {
             what,
-            promised,
-            available,
+            promised: promised.try_into().unwrap_or(u64::MAX),
+            available: available.try_into().unwrap_or(u64::MAX),
         }
     }
 

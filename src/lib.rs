@@ -207,7 +207,7 @@ pub use error::{Error, Result};
 #[cfg(feature = "verify")]
 pub use incremental::{Cause, Events, Route, Work};
 #[cfg(feature = "verify")]
-pub use ingest::{Closing, ClosingNote, CurveSource, FrameInfo, RawFrame};
+pub use ingest::{Closing, ClosingKind, ClosingNote, CurveSource, FrameInfo, RawFrame};
 #[cfg(feature = "verify")]
 pub use periodic::{Unwrap, beside, period};
 #[cfg(feature = "verify")]

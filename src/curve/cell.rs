@@ -15,13 +15,11 @@ pub(crate) fn is_home(image: &Image) -> bool {
 }
 
 /// Returns the sum of two translations.
-#[cfg(feature = "verify")]
 pub(crate) fn plus(a: Image, b: Image) -> Image {
     [0, 1, 2].map(|k| a[k].wrapping_add(b[k]))
 }
 
 /// Returns the difference of two translations.
-#[cfg(feature = "verify")]
 pub(crate) fn minus(a: Image, b: Image) -> Image {
     [0, 1, 2].map(|k| a[k].wrapping_sub(b[k]))
 }

@@ -13,11 +13,6 @@ pub(crate) struct Splits {
 }
 
 impl Splits {
-    /// Returns the number of added points.
-    pub fn len(&self) -> usize {
-        self.at.len()
-    }
-
     /// Removes all splits.
     pub fn clear(&mut self) {
         for &(segment, _) in &self.at {

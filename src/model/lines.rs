@@ -81,6 +81,16 @@ impl<R: BufRead> Lines<R> {
         Ok(read > 0)
     }
 
+    /// Steps to the next line that is not empty; false at the end of the file.
+    pub fn advance_to_text(&mut self) -> Result<bool> {
+        while self.advance()? {
+            if !self.line.trim_ascii().is_empty() {
+                return Ok(true);
+            }
+        }
+        Ok(false)
+    }
+
     /// Steps to the next line, which the file must have.
     pub fn expect(&mut self, expected: impl Display) -> Result<()> {
         match self.advance()? {

@@ -388,8 +388,8 @@ fn number(token: &[u8]) -> Result<f64, String> {
 
 /// Returns the number of points of a curve, negative if it is closed.
 fn count_of(points: usize, closed: bool) -> Result<i32> {
-    let count = i32::try_from(points)
-        .map_err(|_| Error::count("points of a curve", points as u64, i32::MAX as u64))?;
+    let count =
+        i32::try_from(points).map_err(|_| Error::count("points of a curve", points, i32::MAX))?;
     Ok(if closed { -count } else { count })
 }
 

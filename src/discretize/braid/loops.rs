@@ -125,11 +125,8 @@ impl BraidLoops {
             }
         });
         let short = |n: i64| {
-            i32::try_from(n).map_err(|_| Error::Count {
-                what: "points of a virtual loop",
-                promised: n.unsigned_abs(),
-                available: i32::MAX as u64,
-            })
+            i32::try_from(n)
+                .map_err(|_| Error::count("points of a virtual loop", n.unsigned_abs(), i32::MAX))
         };
         loops.counts = own.chain(of_loops).map(short).collect::<Result<_>>()?;
         let mut first = Vec::new();

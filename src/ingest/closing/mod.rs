@@ -11,7 +11,7 @@
 mod ends;
 mod notes;
 
-pub use self::notes::ClosingNote;
+pub use self::notes::{ClosingKind, ClosingNote};
 
 use self::ends::{Ends, Layout, Metric};
 use super::RawFrame;
@@ -36,11 +36,11 @@ use std::ops::Range;
 ///   control point, so it may repeat the first one, as a polyline may. Catmull-Rom curves and
 ///   B-splines must repeat three: their last three control points are the first three. Others stay
 ///   open, even if they end where they start, since a closed spline has no corner
-///   ([`ClosingNote::Corner`]).
+///   ([`ClosingKind::Corner`]).
 /// - **A curve that only the format closes stays open** if the closing segment is more than twice
 ///   as long as the longest other one ([`CurveSource::closed_by_default`]). If the source itself
 ///   says that a curve is closed, it is closed by such a segment all the same
-///   ([`ClosingNote::Long`]).
+///   ([`ClosingKind::Long`]).
 ///
 /// The first frame decides. Later frames are treated in the same way, until
 /// [`Closing::forget`]: a closed curve whose ends have come apart is an error, and an open curve
@@ -262,7 +262,8 @@ impl Closing {
     fn decide(&mut self, frame: &RawFrame<'_>, source: &CurveSource) {
         let plain = Metric::new(None);
         let nearest = Metric::new(source.cell.as_ref());
-        let [mut joined, mut corners, mut opened, mut long] = [const { Vec::new() }; 4];
+        let mut notes = Vec::new();
+        let mut note = |kind, i, factor| ClosingNote::add(&mut notes, kind, i, factor);
         let mut first = 0;
         for (i, &count) in self.counts.iter().enumerate() {
             let layout = Layout::new(frame.basis, first, count);
@@ -278,15 +279,15 @@ impl Closing {
                     false => factor.max(layout.closing_factor(at, &plain)),
                 };
                 if is_long(factor) && source.closed_by_default {
-                    opened.push((i, factor));
+                    note(ClosingKind::Opened, i, factor);
                     Known::Open
                 } else {
                     if is_long(apart) {
-                        long.push((i, apart));
+                        note(ClosingKind::Long, i, apart);
                     }
                     match layout.repeats(at, metric).filter(|_| !self.keep_open) {
                         Some(within) => {
-                            joined.push((i, 0.0));
+                            note(ClosingKind::Joined, i, 0.0);
                             Known::Repeated(within)
                         }
                         None => Known::Closed,
@@ -297,18 +298,19 @@ impl Closing {
             } else {
                 match layout.ends(at, metric) {
                     Ends::Meet { within } => {
-                        joined.push((i, 0.0));
+                        note(ClosingKind::Joined, i, 0.0);
                         Known::Joined(within)
                     }
                     Ends::Corner => {
-                        corners.push((i, 0.0));
+                        note(ClosingKind::Corner, i, 0.0);
                         Known::Open
                     }
                     Ends::Apart => Known::Open,
                 }
             });
         }
-        self.notes = ClosingNote::all(&joined, &corners, &opened, &long);
+        notes.sort_by_key(|note| note.kind);
+        self.notes = notes;
     }
 
     /// Copies a frame with the changes of its curves.

@@ -109,7 +109,7 @@ fn find(ids: &[u64], id: u64) -> Option<usize> {
 fn check_number(what: &'static str, found: usize) -> Result<()> {
     match found as u64 <= u64::from(u32::MAX) {
         true => Ok(()),
-        false => Err(Error::count(what, found as u64, u64::from(u32::MAX))),
+        false => Err(Error::count(what, found, u32::MAX)),
     }
 }
 

@@ -109,17 +109,11 @@ fn header(lines: &mut Lines<impl BufRead>) -> Result<Option<(Header, Columns)>> 
     let mut header = Header::default();
     let mut begun = false;
     loop {
-        if !begun {
-            if !lines.advance()? {
-                return Ok(None);
-            }
-            if lines.text().trim_ascii().is_empty() {
-                continue;
-            }
-        } else {
-            lines.expect("an ITEM of the frame")?;
+        match begun {
+            false if !lines.advance_to_text()? => return Ok(None),
+            false => begun = true,
+            true => lines.expect("an ITEM of the frame")?,
         }
-        begun = true;
         let Some(item) = lines.text().strip_prefix(b"ITEM: ") else {
             let what = format!("{}, expected an ITEM", quote(lines.text()));
             return Err(lines.bad(what));

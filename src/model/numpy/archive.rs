@@ -22,7 +22,8 @@ const MAX_RATIO: u64 = 100;
 /// A file of the archive.
 #[derive(Clone, Debug)]
 pub(super) struct Member {
-    name: String,
+    /// Its name, without the extension `.npy`.
+    pub name: String,
     deflated: bool,
     crc: u32,
     compressed: u64,
@@ -33,11 +34,6 @@ pub(super) struct Member {
 }
 
 impl Member {
-    /// Returns its name, without the extension `.npy`.
-    pub fn name(&self) -> &str {
-        &self.name
-    }
-
     /// Returns the maximum number of bytes that may be decompressed to memory at once: `free`
     /// bytes, or 100 times the compressed size. It protects from archives of little more than
     /// zeros, which take a thousandth of their content.

@@ -279,7 +279,7 @@ fn equidistant(knots: &[f64]) -> bool {
 impl Spline {
     /// Writes the cubic Bezier pieces of the spline with these control points: three points each,
     /// and the last point unless the curve is closed.
-    pub fn pieces(&self, points: &[Point], closed: bool, xyz: &mut Vec<f64>) {
+    pub fn pieces(&self, points: &[Point], closed: bool, out: &mut Vec<Point>) {
         let mut end = points[0];
         for span in self.degree..points.len() {
             let from = self.knots[span].max(self.range[0]);
@@ -296,13 +296,11 @@ impl Spline {
                 2 => [mix(first, value(1)), mix(last, value(1))],
                 _ => [value(1), value(2)],
             };
-            for point in [first, inner[0], inner[1]] {
-                xyz.extend(point);
-            }
+            out.extend([first, inner[0], inner[1]]);
             end = last;
         }
         if !closed {
-            xyz.extend(end);
+            out.push(end);
         }
     }
 

@@ -40,8 +40,6 @@ use std::io::BufRead;
 use std::path::Path;
 
 const FORMAT: &str = "OBJ";
-/// Number of points that are stored at once.
-const CHUNK: usize = 1024;
 
 /// Statements that are no curves.
 const IGNORED: &str = "\
@@ -344,7 +342,7 @@ impl Statements {
             builder: CurveSet::builder(basis, Precision::F64, points),
             basis,
             vertices: &self.vertices,
-            xyz: Vec::with_capacity(3 * CHUNK),
+            points: Vec::new(),
         };
         let mut curves = self.curves.iter().peekable();
         let mut chain = Vec::new();
@@ -371,7 +369,7 @@ struct Output<'a> {
     builder: CurveSetBuilder,
     basis: Basis,
     vertices: &'a [Point],
-    xyz: Vec<f64>,
+    points: Vec<Point>,
 }
 
 impl Output<'_> {
@@ -387,34 +385,21 @@ impl Output<'_> {
 
     /// Adds a polyline, or the control points of a curve of the basis of the set.
     fn polyline(&mut self, indices: &[u32], closed: bool) -> Result<()> {
+        self.points.clear();
+        self.points
+            .extend(indices.iter().map(|&v| self.vertices[v as usize]));
         if self.basis == Basis::Bezier {
-            return self.straight(indices, closed);
+            // Pieces `p p q q`.
+            let vertices = std::mem::take(&mut self.points);
+            let next = vertices.iter().cycle().skip(1);
+            let pieces = vertices
+                .iter()
+                .zip(next)
+                .take(vertices.len() - usize::from(!closed));
+            self.points.extend(pieces.flat_map(|(p, q)| [*p, *p, *q]));
+            self.points.extend(vertices.last().filter(|_| !closed));
         }
-        self.builder.start_curve(indices.len(), closed)?;
-        for chunk in indices.chunks(CHUNK) {
-            self.xyz.clear();
-            for &v in chunk {
-                self.xyz.extend(self.vertices[v as usize]);
-            }
-            self.builder.push(Positions::F64(&self.xyz))?;
-        }
-        Ok(())
-    }
-
-    /// Adds a polyline as Bezier pieces `p p q q`.
-    fn straight(&mut self, indices: &[u32], closed: bool) -> Result<()> {
-        let at = |k: usize| self.vertices[indices[k % indices.len()] as usize];
-        let pieces = indices.len() - usize::from(!closed);
-        self.xyz.clear();
-        for k in 0..pieces {
-            for point in [at(k), at(k), at(k + 1)] {
-                self.xyz.extend(point);
-            }
-        }
-        if !closed {
-            self.xyz.extend(at(pieces));
-        }
-        self.pieces(closed)
+        self.finish_curve(closed)
     }
 
     fn spline(&mut self, spline: &Spline, indices: &[u32], closed: bool) -> Result<()> {
@@ -423,15 +408,16 @@ impl Output<'_> {
             // The control points that closing removed.
             points.extend_from_within(..3);
         }
-        self.xyz.clear();
-        spline.pieces(&points, closed, &mut self.xyz);
-        self.pieces(closed)
+        self.points.clear();
+        spline.pieces(&points, closed, &mut self.points);
+        self.finish_curve(closed)
     }
 
-    /// Adds the Bezier curve of the coordinates in `xyz`.
-    fn pieces(&mut self, closed: bool) -> Result<()> {
-        self.builder.start_curve(self.xyz.len() / 3, closed)?;
-        self.builder.push(Positions::F64(&self.xyz))
+    /// Adds the curve of the points.
+    fn finish_curve(&mut self, closed: bool) -> Result<()> {
+        self.builder.start_curve(self.points.len(), closed)?;
+        self.builder
+            .push(Positions::F64(self.points.as_flattened()))
     }
 }
 
@@ -618,7 +604,7 @@ mod tests {
 
     #[test]
     fn reads_long_curves_in_chunks() {
-        let n = 2 * CHUNK + 1;
+        let n = 2049;
         let mut text: String = (0..n).map(|k| format!("v {k} 0 0\n")).collect();
         text += "l";
         (1..=n).for_each(|k| text += &format!(" {k}"));

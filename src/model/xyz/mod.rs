@@ -95,13 +95,8 @@ impl<R: BufRead> XyzFrames<R> {
 
 impl<R: BufRead> FrameSource for XyzFrames<R> {
     fn next_frame(&mut self) -> Result<Option<ModelFrame>> {
-        loop {
-            if !self.lines.advance()? {
-                return Ok(None);
-            }
-            if !self.lines.text().trim_ascii().is_empty() {
-                break;
-            }
+        if !self.lines.advance_to_text()? {
+            return Ok(None);
         }
         let text = self.lines.text().trim_ascii();
         let count = integer(text, "the number of atoms of a frame");
