@@ -64,7 +64,7 @@ pub struct Curve {
 
 impl Curve {
     /// Returns the number of control points, negative for a closed curve.
-    fn count(&self) -> i32 {
+    pub(crate) fn count(&self) -> i32 {
         let n = self.points as i32;
         if self.closed { -n } else { n }
     }

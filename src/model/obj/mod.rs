@@ -433,8 +433,7 @@ pub(super) fn write(path: &Path, set: &CurveSet) -> Result<()> {
     }
     create(path, |out| {
         for i in 0..set.len() {
-            for k in 0..set.curve(i).points as usize {
-                let [x, y, z] = set.point(i, k);
+            for [x, y, z] in set.points_in(i) {
                 writeln!(out, "v {x:?} {y:?} {z:?}")?;
             }
         }
