@@ -148,16 +148,11 @@ pub(crate) fn words_of_change(appeared: &[String], gone: &[String]) -> Option<St
         0 => names.join(", "),
         more => format!("{} and {more} more", names[..NAMED].join(", ")),
     };
-    match (appeared.is_empty(), gone.is_empty()) {
-        (true, true) => None,
-        (false, true) => Some(format!("curves appeared: {}", list(appeared))),
-        (true, false) => Some(format!("curves gone: {}", list(gone))),
-        (false, false) => Some(format!(
-            "curves appeared: {}; gone: {}",
-            list(appeared),
-            list(gone)
-        )),
-    }
+    let both = [("appeared", appeared), ("gone", gone)].into_iter();
+    let both = both.filter(|(_, names)| !names.is_empty());
+    let words = both.map(|(what, names)| format!("{what}: {}", list(names)));
+    let words: Vec<String> = words.collect();
+    (!words.is_empty()).then(|| format!("curves {}", words.join("; ")))
 }
 
 #[cfg(test)]

@@ -275,42 +275,39 @@ impl Columns {
     /// Returns the columns of the style in the comment of the heading, or of the style that the
     /// number of columns suggests.
     fn new(style: Option<&str>, columns: usize) -> Result<Columns, String> {
-        let Some(style) = style else {
+        let (x, least) = match style {
             // Only styles with bonds, because other files have no curves.
-            let (x, least) = match columns {
-                6 | 9 => (3, 6),
-                7 | 10 => (4, 7),
-                _ => {
+            None if matches!(columns, 6 | 9) => (3, 6),
+            None if matches!(columns, 7 | 10) => (4, 7),
+            None => {
+                return Err(format!(
+                    "atoms of {columns} columns, from which their style cannot be told: name it in \
+                     the heading (`Atoms # bond`)"
+                ));
+            }
+            Some(style) => {
+                let known = STYLES.iter().find(|(name, ..)| *name == style);
+                let &(_, x, least) = known.ok_or_else(|| {
+                    let known = STYLES.map(|(name, ..)| name).join(", ");
+                    format!(
+                        "atoms of style {}, which is not read (known: {known}): give a dump of the \
+                         coordinates, and this file for its bonds",
+                        quote(style.as_bytes())
+                    )
+                })?;
+                if columns != least && columns != least + 3 {
                     return Err(format!(
-                        "atoms of {columns} columns, from which their style cannot be told: name \
-                         it in the heading (`Atoms # bond`)"
+                        "{columns} columns, but atoms of style {style} have {least}, or {} with \
+                         image flags",
+                        least + 3
                     ));
                 }
-            };
-            return Ok(Columns {
-                x,
-                checked_type: Some(2),
-                flags: columns > least,
-            });
+                (x, least)
+            }
         };
-        let Some(&(_, x, least)) = STYLES.iter().find(|(name, ..)| *name == style) else {
-            let known = STYLES.map(|(name, ..)| name).join(", ");
-            return Err(format!(
-                "atoms of style {}, which is not read (known: {known}): give a dump of the \
-                 coordinates, and this file for its bonds",
-                quote(style.as_bytes())
-            ));
-        };
-        if columns != least && columns != least + 3 {
-            return Err(format!(
-                "{columns} columns, but atoms of style {style} have {least}, or {} with image \
-                 flags",
-                least + 3
-            ));
-        }
         Ok(Columns {
             x,
-            checked_type: None,
+            checked_type: style.is_none().then_some(2),
             flags: columns > least,
         })
     }
