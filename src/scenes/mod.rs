@@ -170,9 +170,7 @@ impl Generated {
         let certificate = Certificate {
             curves: curves.len(),
             links,
-            undefined: Vec::new(),
-            images: None,
-            periods: Vec::new(),
+            ..Certificate::default()
         };
         Generated {
             curves,

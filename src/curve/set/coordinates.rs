@@ -71,16 +71,24 @@ impl Coordinates {
     /// Returns the point in a slot.
     #[inline]
     pub fn at(&self, slot: usize) -> Point {
-        either!(self, v => [0, 1, 2].map(|x| v[x][slot].into()))
+        match self {
+            Self::F32(v) => [0, 1, 2].map(|x| f64::from(v[x][slot])),
+            Self::F64(v) => [0, 1, 2].map(|x| v[x][slot]),
+        }
     }
 
     /// Returns coordinate `x` of the points in `N` slots from `slot` on.
     #[inline(always)]
     pub fn window<const N: usize>(&self, x: usize, slot: usize) -> [f64; N] {
         let mut out = [0.0; N];
-        either!(self, v => for (out, &p) in out.iter_mut().zip(&v[x][slot..slot + N]) {
-            *out = p.into();
-        });
+        match self {
+            Self::F32(v) => {
+                for (out, &p) in out.iter_mut().zip(&v[x][slot..slot + N]) {
+                    *out = p.into();
+                }
+            }
+            Self::F64(v) => out.copy_from_slice(&v[x][slot..slot + N]),
+        }
         out
     }
 

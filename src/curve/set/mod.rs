@@ -279,6 +279,13 @@ fn slots_of_all(curves: &[Curve], basis: Basis) -> usize {
     curves.last().map_or(0, end)
 }
 
+/// Returns true if three or more points differ from one another.
+pub(crate) fn are_three_distinct(mut points: impl Iterator<Item = Point>) -> bool {
+    let a = points.next();
+    let b = points.find(|p| Some(*p) != a);
+    points.any(|p| Some(p) != a && Some(p) != b)
+}
+
 /// Returns a new number of contents.
 fn next_contents() -> u64 {
     static NEXT: AtomicU64 = AtomicU64::new(0);
@@ -307,12 +314,8 @@ impl CurveSet {
     /// that no verdict on the set is intact.
     pub fn update(&mut self, positions: Positions<'_>) -> Result<()> {
         self.check(positions)?;
-        self.contents = next_contents();
-        let (slots, limit) = (self.slots(), self.limit());
-        let arrays = self.coordinates.arrays_mut(slots);
-        arrays.max_abs = 0.0;
-        let written = arrays.write_curves(&self.curves, self.basis, positions, limit);
-        self.finish_update(written)
+        let all = 0..self.len();
+        self.write_parts(|mut writer| writer.write_curves(all, positions))
     }
 
     /// [`CurveSet::update`] by a function that copies all positions. It checks the copy, and fails
@@ -490,29 +493,19 @@ impl CurveSet {
         if counts.len() != before.len() {
             return changed("number of curves", before.len() as u64, counts.len() as u64);
         }
-        for (before, now) in before.counts().zip(counts) {
-            if before == now {
-                continue;
-            }
-            let points = |count: i32| u64::from(count.unsigned_abs());
-            return if points(before) == points(now) {
-                changed(
-                    "closed (1) or open (0)",
-                    u64::from(before < 0),
-                    u64::from(now < 0),
-                )
-            } else {
-                changed("control points of a curve", points(before), points(now))
+        if let Some((before, now)) = before.counts().zip(counts).find(|(a, b)| a != b) {
+            let points = [before, now].map(|count| u64::from(count.unsigned_abs()));
+            let closed = [before, now].map(|count| u64::from(count < 0));
+            let (what, [before, now]) = match points[0] == points[1] {
+                true => ("closed (1) or open (0)", closed),
+                false => ("control points of a curve", points),
             };
+            return changed(what, before, now);
         }
-        let bytes = |precision: Precision| precision.bytes() as u64;
-        match before.precision() == precision {
+        let [before, now] = [before.precision(), precision].map(|p| p.bytes() as u64);
+        match before == now {
             true => Ok(()),
-            false => changed(
-                "bytes of a coordinate",
-                bytes(before.precision()),
-                bytes(precision),
-            ),
+            false => changed("bytes of a coordinate", before, now),
         }
     }
 
@@ -828,23 +821,11 @@ impl CurveSet {
     /// Returns true if curve `i` has at least three distinct control points. A loop with fewer
     /// bounds no area.
     pub fn has_three_distinct_points(&self, i: usize) -> bool {
-        let (coordinates, slots) = (self.coordinates(), self.body(i));
-        let a = coordinates.at(slots.start);
-        let mut b = None;
-        for slot in slots.skip(1) {
-            let p = coordinates.at(slot);
-            if p == a {
-                continue;
-            }
-            match b {
-                None => b = Some(p),
-                Some(q) if p != q => return true,
-                Some(_) => {}
-            }
-        }
+        let coordinates = self.coordinates();
         // Rounding may have made points equal.
-        let sums = self.sums.as_ref();
-        sums.is_some_and(|sums| sums.has_three_distinct_points(i))
+        let sums = || self.sums.as_ref();
+        are_three_distinct(self.body(i).map(|slot| coordinates.at(slot)))
+            || sums().is_some_and(|sums| sums.has_three_distinct_points(i))
     }
 }
 

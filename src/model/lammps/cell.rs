@@ -67,12 +67,13 @@ impl SimulationBox {
     /// Returns a box from the bounds of a dump, which are those of the axis-parallel box around a
     /// tilted one.
     pub fn of_dump(mut bounds: [Point; 2], tilt: [f64; 3], periodic: [bool; 3]) -> SimulationBox {
-        let [[low_x, high_x], [low_y, high_y]] = overhang(tilt);
+        let [xy, xz, yz] = tilt;
+        // A tilted box reaches beyond its bounds in x and in y.
         let [low, high] = &mut bounds;
-        low[0] -= low_x;
-        high[0] -= high_x;
-        low[1] -= low_y;
-        high[1] -= high_y;
+        low[0] -= xy.min(xz).min(xy + xz).min(0.0);
+        high[0] -= xy.max(xz).max(xy + xz).max(0.0);
+        low[1] -= yz.min(0.0);
+        high[1] -= yz.max(0.0);
         SimulationBox::new(bounds, tilt, periodic)
     }
 
@@ -106,15 +107,4 @@ impl SimulationBox {
         cell.check()?;
         Ok(Some(cell))
     }
-}
-
-/// Returns how far a tilted box reaches below and above its bounds, in x and in y.
-fn overhang([xy, xz, yz]: [f64; 3]) -> [[f64; 2]; 2] {
-    [
-        [
-            xy.min(xz).min(xy + xz).min(0.0),
-            xy.max(xz).max(xy + xz).max(0.0),
-        ],
-        [yz.min(0.0), yz.max(0.0)],
-    ]
 }

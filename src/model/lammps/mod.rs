@@ -137,11 +137,10 @@ fn beside(dump: &Path) -> Option<PathBuf> {
 
 /// Returns the format of a file of LAMMPS by its first bytes.
 pub(super) fn format_of(start: &[u8]) -> Option<Format> {
-    let dumps = [b"ITEM: TIME".as_slice(), b"ITEM: UNITS"];
-    match start {
-        start if dumps.iter().any(|dump| start.starts_with(dump)) => Some(Format::LammpsDump),
-        start if data::begins(start) => Some(Format::LammpsData),
-        _ => None,
+    let mut dumps = [b"ITEM: TIME".as_slice(), b"ITEM: UNITS"].into_iter();
+    match dumps.any(|dump| start.starts_with(dump)) {
+        true => Some(Format::LammpsDump),
+        false => data::begins(start).then_some(Format::LammpsData),
     }
 }
 
