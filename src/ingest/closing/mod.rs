@@ -97,7 +97,7 @@ pub struct CurveSource {
 
 /// Decision of the first frame about a curve.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
-enum Known {
+pub(crate) enum Known {
     Open,
     /// Closed by the source.
     Closed,
@@ -107,25 +107,14 @@ enum Known {
     Repeated(f64),
 }
 
-/// Treatment of a curve of a frame.
-#[derive(Clone, Copy, Debug, PartialEq)]
-enum Change {
-    None,
-    /// Closed, without the repeated points.
-    Join,
-    /// Opened.
-    Open,
-}
-
 /// Decisions about the curves of a layout.
-#[derive(Clone, Debug, Default, Serialize, Deserialize)]
-pub(crate) struct Decisions(Vec<Known>);
+pub(crate) type Decisions = Vec<Known>;
 
 impl Closing {
     /// Continues with decisions of a verified frame.
     pub(crate) fn decided(keep_open: bool, decisions: Decisions) -> Closing {
         Closing {
-            known: decisions.0,
+            known: decisions,
             accepted: true,
             ..Closing::new(keep_open)
         }
@@ -133,7 +122,7 @@ impl Closing {
 
     /// Returns the decisions about the curves.
     pub(crate) fn decisions(&self) -> Decisions {
-        Decisions(self.known.clone())
+        self.known.clone()
     }
 
     /// Creates a rule that keeps open curves open if `keep_open` is true.
@@ -204,20 +193,18 @@ impl Closing {
             let count = self.counts[i];
             let layout = Layout::new(frame.basis, first, count);
             first += layout.points;
-            let change = match (known, count < 0) {
-                (Known::Open, true) if source.closed_by_default => Change::Open,
-                (Known::Closed | Known::Joined(_), false) if !self.keep_open => Change::Join,
-                (Known::Repeated(_), _) => Change::Join,
-                _ => Change::None,
+            let joins_within = match (known, count < 0) {
+                (Known::Open, true) if source.closed_by_default => {
+                    changed = true;
+                    continue;
+                }
+                (Known::Closed, false) if !self.keep_open => 0.0,
+                (Known::Joined(within), false) if !self.keep_open => *within,
+                (Known::Repeated(within), _) => *within,
+                _ => continue,
             };
-            if change == Change::Join {
-                let within = match known {
-                    Known::Joined(within) | Known::Repeated(within) => *within,
-                    _ => 0.0,
-                };
-                layout.check_ends(i, &frame.positions, &metric, within)?;
-            }
-            changed |= change != Change::None;
+            layout.check_ends(i, &frame.positions, &metric, joins_within)?;
+            changed = true;
         }
         if !changed {
             return Ok(frame);
