@@ -48,11 +48,6 @@ impl ClosingNote {
             }),
         }
     }
-
-    /// Returns true if curves that may be closed are not verified as closed ones.
-    pub fn is_incomplete(&self) -> bool {
-        self.kind == ClosingKind::Corner
-    }
 }
 
 impl fmt::Display for ClosingNote {
