@@ -245,6 +245,19 @@ impl Error {
         }
     }
 
+    /// Creates the error of a count that promises more than is available, or allowed.
+    pub(crate) fn count(
+        what: &'static str,
+        promised: impl TryInto<u64>,
+        available: impl TryInto<u64>,
+    ) -> Self {
+        Self::Count {
+            what,
+            promised: promised.try_into().unwrap_or(u64::MAX),
+            available: available.try_into().unwrap_or(u64::MAX),
+        }
+    }
+
     /// Creates the error of a valid format that is not supported.
     pub(crate) fn unsupported(format: &'static str, what: impl std::fmt::Display) -> Self {
         Self::Unsupported {

@@ -107,6 +107,9 @@
 #[cfg(feature = "cli")]
 extern crate self as linkwatch;
 
+#[macro_use]
+mod vocabulary;
+
 #[cfg(feature = "client")]
 mod bus;
 #[cfg(feature = "verify")]
@@ -206,7 +209,7 @@ use incremental::Cause;
 #[cfg(feature = "verify")]
 pub use incremental::{Events, Route, Work};
 #[cfg(feature = "verify")]
-pub use ingest::{Closing, ClosingNote, CurveSource, FrameInfo, RawFrame};
+pub use ingest::{Closing, ClosingKind, ClosingNote, CurveSource, FrameInfo, RawFrame};
 #[cfg(feature = "verify")]
 pub use periodic::{Unwrap, beside, period};
 #[cfg(feature = "verify")]

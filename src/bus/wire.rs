@@ -368,7 +368,7 @@ impl FrameHeader {
                 // Counted first: thousands of empty names take 24 times their bytes.
                 let found = 1 + names.iter().filter(|&&byte| byte == 0).count();
                 if found != curves {
-                    return Err(CurveLabels::wrong_number("names of curves", curves, found));
+                    return Err(Error::count("names of curves", curves, found));
                 }
                 match std::str::from_utf8(names) {
                     Ok(names) => names.split('\0').map(str::to_owned).collect(),

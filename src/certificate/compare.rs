@@ -4,7 +4,7 @@ use super::Certificate;
 use crate::curve::Image;
 use crate::error::{Error, Result};
 use crate::pairs::Pair;
-use crate::verdict::{Change, Defect, DefectKind, Link, Place};
+use crate::verdict::{Change, Defect, DefectKind, Link};
 
 /// Result of comparing a frame with its baseline.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -69,23 +69,14 @@ impl Certificate {
                 None => self.undefined.extend(d.with_each_of(&curves)),
             }
         }
-        self.undefined.sort_by_key(|d| (d.i, d.j));
-        self.undefined.dedup_by_key(|d| (d.i, d.j));
         self.links.extend_from_slice(&comparison.adopted);
-        self.links.sort_unstable_by_key(|l| (l.i, l.j));
-        self.links.dedup_by_key(|l| (l.i, l.j));
+        self.sort();
         true
     }
 
     /// Returns true if the pair, or one of its curves, has no linking number here.
     pub(crate) fn lacks(&self, i: u32, j: Option<u32>) -> bool {
-        let missing = |i, j| {
-            let key = (i, j, Image::default());
-            self.undefined
-                .binary_search_by_key(&key, |d| (d.i, d.j, d.image))
-                .is_ok()
-        };
-        missing(i, j) || missing(i, None) || j.is_some_and(|j| missing(j, None))
+        lacks(&self.undefined, i, j)
     }
 
     /// Compares this frame with its baseline.
@@ -117,50 +108,30 @@ impl Certificate {
         if self.images.is_some() || baseline.images.is_some() {
             return self.compare_periodic(baseline);
         }
-        let mut out = Comparison {
-            changes: Vec::new(),
-            defects: self.undefined.clone(),
-            adopted: Vec::new(),
-        };
+        let mut defects = self.undefined.clone();
         let is_undefined = |d: &Defect| self.lacks(d.i, d.j);
         let checked = |d: &Defect| {
             d.j.is_none_or(|j| unchecked.binary_search(&(d.i, j)).is_err())
         };
-        let missing = baseline
-            .undefined
-            .iter()
-            .filter(|d| !is_undefined(d) && checked(d));
-        out.defects.extend(missing.map(|d| Defect {
+        let missing = baseline.undefined.iter();
+        let missing = missing.filter(|d| !is_undefined(d) && checked(d));
+        defects.extend(missing.map(|d| Defect {
             kind: DefectKind::NoBaseline,
             ..*d
         }));
-        out.defects.sort_by_key(|d| (d.i, d.j));
-        let mut unknown_curves: Vec<u32> = Vec::new();
-        let mut unknown_pairs: Vec<(u32, u32)> = Vec::new();
-        for d in &out.defects {
-            match d.j {
-                Some(j) => unknown_pairs.push((d.i, j)),
-                None => unknown_curves.push(d.i),
-            }
-        }
+        defects.sort_by_key(|d| (d.i, d.j));
         let checked = |l: &Link| unchecked.binary_search(&(l.i, l.j)).is_err();
-        let known = |l: &Link| {
-            checked(l)
-                && unknown_pairs.binary_search(&(l.i, l.j)).is_err()
-                && unknown_curves.binary_search(&l.i).is_err()
-                && unknown_curves.binary_search(&l.j).is_err()
-        };
-        let adopted = self.links.iter().filter(|l| checked(l) && !known(l));
-        out.adopted.extend(adopted);
+        let known = |l: &Link| !lacks(&defects, l.i, Some(l.j));
+        let mut changes = Vec::new();
         let mut change = |l: &Link, expected: i64, found: i64| {
-            if expected != found && known(l) {
-                out.changes.push(Change {
+            if expected != found && checked(l) && known(l) {
+                changes.push(Change {
                     i: l.i,
                     j: l.j,
-                    image: Default::default(),
+                    image: Image::default(),
                     expected,
                     found,
-                    place: None::<Place>,
+                    place: None,
                 });
             }
         };
@@ -187,14 +158,29 @@ impl Certificate {
                 (_, None) => break,
             }
         }
-        Ok(out)
+        let adopted = self.links.iter().filter(|l| checked(l) && !known(l));
+        Ok(Comparison {
+            adopted: adopted.copied().collect(),
+            changes,
+            defects,
+        })
     }
+}
+
+/// Returns true if the pair, or one of its curves, is in a sorted list.
+fn lacks(undefined: &[Defect], i: u32, j: Option<u32>) -> bool {
+    let missing = |i, j| {
+        let key = (i, j, Image::default());
+        let found = undefined.binary_search_by_key(&key, |d| (d.i, d.j, d.image));
+        found.is_ok()
+    };
+    missing(i, j) || missing(i, None) || j.is_some_and(|j| missing(j, None))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::verdict::ChangeKind;
+    use crate::verdict::{ChangeKind, Place};
 
     fn certificate(links: &[(u32, u32, i64)], undefined: &[(u32, Option<u32>)]) -> Certificate {
         Certificate {

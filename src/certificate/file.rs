@@ -40,10 +40,10 @@
 
 use super::Certificate;
 use super::is_near;
-use crate::curve::Image;
+use crate::curve::{Image, is_home};
 use crate::error::{Error, Result};
-use crate::periodic::{Entry, ImagePair, YarnPeriod, canonical};
-use crate::verdict::{Defect, DefectKind, Link, Place};
+use crate::periodic::{ImagePair, YarnPeriod, canonical};
+use crate::verdict::{Defect, DefectKind, Place};
 use std::fmt;
 use std::path::Path;
 
@@ -110,125 +110,95 @@ impl Certificate {
         let (at, first) = lines
             .next()
             .ok_or_else(|| bad(0, "empty; expected the number of curves".into()))?;
-        let (periodic, first) = match first.trim_start().strip_prefix(PERIODIC) {
-            Some(rest) => (true, rest),
-            None => (false, first),
-        };
+        let after = first.trim_start().strip_prefix(PERIODIC);
+        let (periodic, first) = (after.is_some(), after.unwrap_or(first));
         let (number, comment) = match first.split_once('#') {
             Some((number, _)) => (number, Some(&first[number.len()..])),
             None => (first, None),
         };
         let curves: usize = number.trim().parse().map_err(|_| {
-            bad(
-                at,
-                format!("'{}', expected the number of curves", clip(first)),
-            )
+            let what = format!("'{}', expected the number of curves", clip(first));
+            bad(at, what)
         })?;
-        let mut links = Vec::new();
-        let mut undefined = Vec::new();
-        let (mut images, mut periods) = (Vec::new(), Vec::new());
+        let expected = match periodic {
+            true => "expected i,j,n1,n2,n3,lambda or i,j,n1,n2,n3,undefined or i,,n1,n2,n3,period",
+            false => "expected i,j,lambda or i,j,undefined",
+        };
+        let (mut entries, mut singles, mut periods) = (Vec::new(), Vec::new(), Vec::new());
         let mut found = 0;
         for (at, line) in lines {
             found += 1;
-            if periodic && let Some((pair, lambda)) = image_entry(line) {
-                let ImagePair { i, j, image } = pair;
-                let valid = i < j || i == j && image > Image::default();
-                if !valid || j as usize >= curves {
-                    let what = format!(
-                        "pair {i},{j} of {curves} curves; expected i < j < {curves}, or i = j and \
-                         a positive translation"
-                    );
-                    return Err(bad(at, what));
-                }
-                images.push((pair, lambda));
-                continue;
-            }
-            if periodic && let Some((i, period)) = period_entry(line) {
-                if i as usize >= curves || period == Image::default() {
-                    let what = format!("period {period:?} of curve {i} of {curves} curves");
-                    return Err(bad(at, what));
-                }
-                periods.push((i, period));
-                continue;
-            }
-            let entry = entry(line).filter(|e| !periodic || e.1.is_none());
-            let Some((i, j, lambda)) = entry else {
-                let expected = match periodic {
-                    true => {
-                        "expected i,j,n1,n2,n3,lambda or i,j,n1,n2,n3,undefined or \
-                         i,,n1,n2,n3,period"
+            let parsed = Line::parse(line, periodic);
+            let parsed = parsed.ok_or_else(|| bad(at, format!("'{}', {expected}", clip(line))));
+            match parsed? {
+                Line::Pair(pair, lambda) => {
+                    let ImagePair { i, j, image } = pair;
+                    let valid = i < j || i == j && image > Image::default();
+                    if !valid || j as usize >= curves {
+                        let or = match periodic {
+                            true => ", or i = j and a positive translation",
+                            false => "",
+                        };
+                        let expected = format!("expected i < j < {curves}{or}");
+                        let what = format!("pair {i},{j} of {curves} curves; {expected}");
+                        return Err(bad(at, what));
                     }
-                    false => "expected i,j,lambda or i,j,undefined",
-                };
-                return Err(bad(at, format!("'{}', {expected}", clip(line))));
-            };
-            if j.is_some_and(|j| i >= j) || j.unwrap_or(i) as usize >= curves {
-                let expected = match j {
-                    Some(j) => {
-                        format!("pair {i},{j} of {curves} curves; expected i < j < {curves}")
+                    entries.push((pair, lambda));
+                }
+                Line::Single(i) if i as usize >= curves => {
+                    return Err(bad(at, format!("curve {i} of {curves} curves")));
+                }
+                Line::Single(i) => singles.push(i),
+                Line::Period((i, period)) => {
+                    if i as usize >= curves || period == Image::default() {
+                        let what = format!("period {period:?} of curve {i} of {curves} curves");
+                        return Err(bad(at, what));
                     }
-                    None => format!("curve {i} of {curves} curves"),
-                };
-                return Err(bad(at, expected));
-            }
-            match (j, lambda) {
-                (Some(j), Some(lambda)) if lambda != 0 => links.push(Link { i, j, lambda }),
-                (_, Some(_)) => {}
-                (_, None) => undefined.push(undefined_entry(i, j)),
+                    periods.push((i, period));
+                }
             }
         }
         // The last line may be truncated within its number.
         let whole =
             comment.is_none_or(|c| text.ends_with('\n') && c.trim_end() == line_count(found));
         if !whole {
-            return Err(Error::format(
-                "certificate",
-                format_args!("line {}", at + 1),
-                format_args!(
-                    "'{}', found {found}: the file was cut or edited (remove the comment to \
-                     read it anyway)",
-                    clip(first)
-                ),
-            ));
+            let what = format!(
+                "'{}', found {found}: the file was cut or edited (remove the comment to read it \
+                 anyway)",
+                clip(first)
+            );
+            return Err(bad(at, what));
         }
-        links.sort_unstable();
-        undefined.sort_by_key(|d| (d.i, d.j));
-        let keys = undefined.iter().map(|d| (d.i, d.j));
-        let mut listed: Vec<_> = links.iter().map(|l| (l.i, Some(l.j))).chain(keys).collect();
-        listed.sort_unstable();
-        if let Some(&[(i, j), _]) = listed.array_windows().find(|[a, b]| a == b) {
-            let j = j.map_or(String::new(), |j| j.to_string());
-            let what = format!("pair {i},{j} is listed twice");
+        entries.sort_unstable();
+        singles.sort_unstable();
+        periods.sort_unstable();
+        let pair = entries.array_windows().find(|[a, b]| a.0 == b.0);
+        let pair = pair.map(|[(ImagePair { i, j, image }, _), _]| match is_home(image) {
+            true => format!("pair {i},{j}"),
+            false => format!("pair {i},{j} {image:?}"),
+        });
+        let single = singles.array_windows().find(|[a, b]| a == b);
+        let period = periods.array_windows().find(|[a, b]| a.0 == b.0);
+        let twice = pair
+            .or(single.map(|[i, _]| format!("pair {i},")))
+            .or(period.map(|[(i, _), _]| format!("the period of curve {i}")));
+        if let Some(twice) = twice {
+            let what = format!("{twice} is listed twice");
             return Err(Error::format("certificate", "whole file", what));
         }
+        entries.retain(|e| e.1 != Some(0));
         let certificate = Certificate {
             curves,
-            links,
-            undefined,
-            images: None,
-            periods: Vec::new(),
-        };
-        if !periodic {
-            return Ok(certificate);
-        }
-        images.sort_unstable();
-        periods.sort_unstable();
-        if let Some([(i, _), _]) = periods.array_windows().find(|[a, b]| a.0 == b.0) {
-            let what = format!("the period of curve {i} is listed twice");
-            return Err(Error::format("certificate", "whole file", what));
-        }
-        if let Some([(pair, _), _]) = images.array_windows().find(|[a, b]| a.0 == b.0) {
-            let what = format!(
-                "pair {},{} {:?} is listed twice",
-                pair.i, pair.j, pair.image
-            );
-            return Err(Error::format("certificate", "whole file", what));
-        }
-        images.retain(|e| e.1 != Some(0));
-        Ok(Certificate {
+            undefined: singles
+                .into_iter()
+                .map(|i| undefined_entry(i, None))
+                .collect(),
             periods,
-            ..certificate.with_entries(&images, &[])
-        })
+            ..Certificate::default()
+        };
+        let mut certificate = certificate.with_entries(&entries, &[]);
+        certificate.images.take_if(|_| !periodic);
+        Ok(certificate)
     }
 
     /// Reads a certificate file.
@@ -266,47 +236,41 @@ impl Certificate {
     }
 }
 
-/// Parses a line: a curve, the other curve (or `None` for all curves), and the linking number (or
-/// `None` if it is undefined). Returns `None` if the line is malformed.
-fn entry(line: &str) -> Option<(u32, Option<u32>, Option<i64>)> {
-    let mut fields = line.split(',').map(str::trim);
-    let (i, j, lambda) = (fields.next()?.parse().ok()?, fields.next()?, fields.next()?);
-    let entry = match (j, lambda) {
-        ("", UNDEFINED) => (i, None, None),
-        (j, UNDEFINED) => (i, Some(j.parse().ok()?), None),
-        (j, lambda) => (i, Some(j.parse().ok()?), Some(lambda.parse().ok()?)),
-    };
-    fields.next().is_none().then_some(entry)
+/// A line after the first one.
+enum Line {
+    /// A pair, and its linking number, or `None` if it is undefined.
+    Pair(ImagePair, Option<i64>),
+    /// A curve without a linking number with any other one.
+    Single(u32),
+    /// A yarn.
+    Period(YarnPeriod),
 }
 
-/// Parses the line of a yarn, or returns `None` if it is malformed.
-fn period_entry(line: &str) -> Option<YarnPeriod> {
-    let fields: Vec<&str> = line.split(',').map(str::trim).collect();
-    let [i, "", n1, n2, n3, PERIOD] = fields[..] else {
-        return None;
-    };
-    Some((i.parse().ok()?, translation([n1, n2, n3])?))
-}
-
-/// Parses the translation of an image, or returns `None` if it is malformed or too large.
-fn translation([a, b, c]: [&str; 3]) -> Option<Image> {
-    let image = [a.parse().ok()?, b.parse().ok()?, c.parse().ok()?];
-    is_near(image).then_some(image)
-}
-
-/// Parses a line of a periodic scene, or returns `None` if it is malformed.
-fn image_entry(line: &str) -> Option<Entry> {
-    let fields: Vec<&str> = line.split(',').map(str::trim).collect();
-    let [i, j, n1, n2, n3, lambda] = fields[..] else {
-        return None;
-    };
-    let image = translation([n1, n2, n3])?;
-    let lambda = match lambda {
-        UNDEFINED => None,
-        number => Some(number.parse().ok()?),
-    };
-    let (i, j) = (i.parse().ok()?, j.parse().ok()?);
-    Some((ImagePair { i, j, image }, lambda))
+impl Line {
+    /// Parses a line, or returns `None` if it is malformed, or a translation is too large.
+    fn parse(line: &str, periodic: bool) -> Option<Line> {
+        let fields: Vec<&str> = line.split(',').map(str::trim).collect();
+        let index = |text: &str| text.parse().ok();
+        let translation = |[a, b, c]: [&str; 3]| {
+            let image = [a.parse().ok()?, b.parse().ok()?, c.parse().ok()?];
+            is_near(image).then_some(image)
+        };
+        let (i, j, image, lambda) = match (periodic, &fields[..]) {
+            (_, &[i, "", UNDEFINED]) => return Some(Line::Single(index(i)?)),
+            (true, &[i, "", n1, n2, n3, PERIOD]) => {
+                return Some(Line::Period((index(i)?, translation([n1, n2, n3])?)));
+            }
+            (true, &[i, j, n1, n2, n3, lambda]) => (i, j, translation([n1, n2, n3])?, lambda),
+            (false, &[i, j, lambda]) => (i, j, Image::default(), lambda),
+            _ => return None,
+        };
+        let lambda = match lambda {
+            UNDEFINED => None,
+            number => Some(number.parse().ok()?),
+        };
+        let (i, j) = (index(i)?, index(j)?);
+        Some(Line::Pair(ImagePair { i, j, image }, lambda))
+    }
 }
 
 /// Returns a defect of a pair, or of all pairs of a curve, for an unknown reason.

@@ -1,11 +1,57 @@
 //! Linking numbers with periodic images, and their comparison.
 
 use super::{Certificate, Comparison};
-use crate::curve::Image;
+use crate::curve::{Image, is_home};
 use crate::error::{Error, Result};
 use crate::periodic::{Entry, ImagePair, aligned, reduced_all};
-use crate::verdict::{Change, Defect, DefectKind, ImageLink, Link, Place};
+use crate::verdict::{Change, Defect, DefectKind, ImageLink, Link};
 use std::collections::BTreeMap;
+
+/// Differences of two lists of entries. Pairs that are not in a list have the number 0.
+pub(crate) struct Differences {
+    /// Other numbers, sorted by pair.
+    pub changes: Vec<Change>,
+    /// Numbers of pairs that had none before, sorted.
+    pub fresh: Vec<(ImagePair, i64)>,
+}
+
+impl Differences {
+    pub fn between(before: &[Entry], now: &[Entry]) -> Differences {
+        let mut both = BTreeMap::<ImagePair, [Option<i64>; 2]>::new();
+        for (side, entries) in [before, now].into_iter().enumerate() {
+            for &(pair, lambda) in entries {
+                both.entry(pair).or_insert([Some(0); 2])[side] = lambda;
+            }
+        }
+        let (mut changes, mut fresh) = (Vec::new(), Vec::new());
+        for (pair, numbers) in both {
+            let ImagePair { i, j, image } = pair;
+            match numbers {
+                [None, Some(lambda)] => fresh.push((pair, lambda)),
+                [Some(expected), Some(found)] if expected != found => changes.push(Change {
+                    i,
+                    j,
+                    image,
+                    expected,
+                    found,
+                    place: None,
+                }),
+                // A pair without a number is a defect of its own.
+                _ => {}
+            }
+        }
+        Differences { changes, fresh }
+    }
+}
+
+/// Returns the defect of a pair that has a number now, but none to compare with.
+pub(crate) fn no_baseline(ImagePair { i, j, image }: ImagePair) -> Defect {
+    Defect {
+        image,
+        kind: DefectKind::NoBaseline,
+        ..super::file::undefined_entry(i, Some(j))
+    }
+}
 
 impl Certificate {
     /// Returns the entries of all pairs of a periodic scene, sorted; `None` if it is not periodic.
@@ -21,14 +67,10 @@ impl Certificate {
             .undefined
             .iter()
             .filter_map(|d| Some((d.pair()?, None)));
-        let images = images.iter().map(
-            |&ImageLink {
-                 i,
-                 j,
-                 image,
-                 lambda,
-             }| { (ImagePair { i, j, image }, Some(lambda)) },
-        );
+        let images = images.iter().map(|l| {
+            let (i, j, image) = (l.i, l.j, l.image);
+            (ImagePair { i, j, image }, Some(l.lambda))
+        });
         let mut all: Vec<Entry> = links.chain(undefined).chain(images).collect();
         all.sort_unstable();
         Some(all)
@@ -55,10 +97,8 @@ impl Certificate {
                 (_, None) => {
                     let mut known = self.undefined.iter().chain(others);
                     let known = known.find(|d| d.pair() == Some(ImagePair { i, j, image }));
-                    let unknown = Defect {
-                        image,
-                        ..super::file::undefined_entry(i, Some(j))
-                    };
+                    let unknown = super::file::undefined_entry(i, Some(j));
+                    let unknown = Defect { image, ..unknown };
                     out.undefined.push(known.copied().unwrap_or(unknown));
                 }
             }
@@ -111,54 +151,34 @@ impl Certificate {
             return Err(Error::Usage(what.into()));
         };
         let now = reduced_all(&now, &self.periods);
-        let mut both = BTreeMap::<ImagePair, [Option<i64>; 2]>::new();
-        for (side, entries) in [before, now].into_iter().enumerate() {
-            for (pair, lambda) in entries {
-                both.entry(pair).or_insert([Some(0); 2])[side] = lambda;
-            }
-        }
-        let mut out = Comparison {
-            defects: self.undefined.clone(),
-            ..Comparison::default()
-        };
         let without = |i: u32| {
             let of_curve = |c: &Certificate| c.undefined.iter().any(|d| (d.i, d.j) == (i, None));
             of_curve(self) || of_curve(&baseline)
         };
-        for (ImagePair { i, j, image }, numbers) in both {
-            let home = image == Image::default();
-            let defect = |kind| Defect {
-                image,
-                kind,
-                ..super::file::undefined_entry(i, Some(j))
-            };
-            match numbers {
-                _ if without(i) || without(j) => {}
-                // The list has them already.
-                [_, None] => {}
-                [None, Some(lambda)] => {
-                    out.defects.push(defect(DefectKind::NoBaseline));
-                    if home && lambda != 0 {
-                        out.adopted.push(Link { i, j, lambda });
-                    }
-                }
-                [Some(expected), Some(found)] if expected != found => out.changes.push(Change {
-                    i,
-                    j,
-                    image,
-                    expected,
-                    found,
-                    place: None::<Place>,
-                }),
-                _ => {}
-            }
-        }
-        let known = |d: &&Defect| d.j.is_none() && !self.lacks(d.i, None);
+        let mut differences = Differences::between(&before, &now);
+        differences
+            .changes
+            .retain(|c| !without(c.i) && !without(c.j));
+        differences
+            .fresh
+            .retain(|(pair, _)| !without(pair.i) && !without(pair.j));
+        let fresh = || differences.fresh.iter();
+        let own = fresh().filter(|(pair, lambda)| is_home(&pair.image) && *lambda != 0);
+        let mut out = Comparison {
+            adopted: own
+                .map(|&(ImagePair { i, j, .. }, lambda)| Link { i, j, lambda })
+                .collect(),
+            defects: self.undefined.clone(),
+            changes: differences.changes,
+        };
         out.defects
-            .extend(baseline.undefined.iter().filter(known).map(|d| Defect {
-                kind: DefectKind::NoBaseline,
-                ..*d
-            }));
+            .extend(fresh().map(|(pair, _)| no_baseline(*pair)));
+        let known = baseline.undefined.iter();
+        let known = known.filter(|d| d.j.is_none() && !self.lacks(d.i, None));
+        out.defects.extend(known.map(|d| Defect {
+            kind: DefectKind::NoBaseline,
+            ..*d
+        }));
         out.defects.sort_by_key(|d| (d.i, d.j, d.image));
         Ok(out)
     }

@@ -7,6 +7,7 @@ mod images;
 
 pub use compare::Comparison;
 pub(crate) use file::undefined_entry;
+pub(crate) use images::{Differences, no_baseline};
 
 use crate::curve::Image;
 use crate::verdict::{Defect, ImageLink, Link};
@@ -58,12 +59,17 @@ impl Certificate {
     /// Returns this certificate with the entries of these pairs, which must be sorted, replaced by
     /// those of another certificate.
     pub(crate) fn with_replaced(&self, pairs: &[(u32, u32)], by: &Certificate) -> Certificate {
-        let mut out = self.filtered(|i, j| j.is_none_or(|j| pairs.binary_search(&(i, j)).is_err()));
-        out.links.extend_from_slice(&by.links);
-        out.links.sort_unstable_by_key(|l| (l.i, l.j));
-        out.undefined.extend_from_slice(&by.undefined);
-        out.undefined.sort_by_key(|d| (d.i, d.j));
-        out.undefined.dedup_by_key(|d| (d.i, d.j));
+        let keep = |i: u32, j: u32| pairs.binary_search(&(i, j)).is_err();
+        let links = self.links.iter().filter(|l| keep(l.i, l.j));
+        let undefined = self.undefined.iter();
+        let undefined = undefined.filter(|d| d.j.is_none_or(|j| keep(d.i, j)));
+        let mut out = Certificate {
+            curves: self.curves,
+            links: links.chain(&by.links).copied().collect(),
+            undefined: undefined.chain(&by.undefined).copied().collect(),
+            ..Certificate::default()
+        };
+        out.sort();
         out
     }
 
@@ -133,35 +139,23 @@ impl Certificate {
         self.sort();
     }
 
+    /// Sorts all entries. Of several of one pair, the first one stays.
     fn sort(&mut self) {
-        self.links.sort_unstable_by_key(|l| (l.i, l.j));
-        self.undefined.sort_by_key(|d| (d.i, d.j));
-    }
-
-    fn filtered(&self, keep: impl Fn(u32, Option<u32>) -> bool) -> Certificate {
-        let links = self.links.iter().filter(|l| keep(l.i, Some(l.j)));
-        let undefined = self.undefined.iter().filter(|d| keep(d.i, d.j));
-        Certificate {
-            curves: self.curves,
-            links: links.copied().collect(),
-            undefined: undefined.copied().collect(),
-            ..Certificate::default()
-        }
+        self.links.sort_by_key(|l| (l.i, l.j));
+        self.links.dedup_by_key(|l| (l.i, l.j));
+        self.undefined.sort_by_key(|d| (d.i, d.j, d.image));
+        self.undefined.dedup_by_key(|d| (d.i, d.j, d.image));
     }
 
     /// Withdraws the linking numbers of pairs that turned out not to be proven.
     pub fn withdraw(&mut self, defects: impl IntoIterator<Item = Defect>) {
         self.undefined.extend(defects);
-        self.undefined.sort_by_key(|d| (d.i, d.j));
-        self.undefined.dedup_by_key(|d| (d.i, d.j));
-        let Certificate {
-            links, undefined, ..
-        } = self;
-        links.retain(|l| {
+        self.sort();
+        let undefined = &self.undefined;
+        self.links.retain(|l| {
             let key = (l.i, Some(l.j));
-            undefined
-                .binary_search_by_key(&key, |d| (d.i, d.j))
-                .is_err()
+            let found = undefined.binary_search_by_key(&key, |d| (d.i, d.j));
+            found.is_err()
         });
     }
 }

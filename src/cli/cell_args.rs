@@ -4,7 +4,8 @@ use super::input::Read;
 use super::output;
 use linkwatch::LeftOut;
 use linkwatch::{
-    Cell, Closing, ClosingNote, CurveSet, CurveSource, Error, FrameInfo, Result, Unwrap,
+    Cell, Closing, ClosingKind, ClosingNote, CurveSet, CurveSource, Error, FrameInfo, Result,
+    Unwrap,
 };
 #[cfg(feature = "mcap")]
 use std::collections::BTreeMap;
@@ -231,17 +232,17 @@ impl Cells {
 /// cannot be.
 pub fn say(name: &dyn fmt::Display, notes: &[ClosingNote]) -> Vec<LeftOut> {
     for note in notes {
-        match note {
-            ClosingNote::Joined { .. } => {
+        match note.kind {
+            ClosingKind::Joined => {
                 tracing::info!("{name}: {note}; --keep-open keeps such curves open");
             }
-            ClosingNote::Opened { .. } => tracing::warn!(
+            ClosingKind::Opened => tracing::warn!(
                 "{name}: {note}; a column closed:L:1 of extended XYZ, or --counts, decides"
             ),
-            ClosingNote::Long { .. } => tracing::warn!(
+            ClosingKind::Long => tracing::warn!(
                 "{name}: {note} Open chains have a positive count, or F in a column closed:L:1"
             ),
-            ClosingNote::Corner { .. } => {
+            ClosingKind::Corner => {
                 tracing::warn!("{name}: {note}; --keep-open takes it as an open curve");
             }
         }

@@ -182,7 +182,7 @@ fn certify(frame: Picked, args: &Args) -> Result<Certified> {
     if !certificate.undefined.is_empty() {
         let extent = set.extent();
         for defect in &certificate.undefined {
-            tracing::warn!("{name}: {}", defect.sentence(extent));
+            tracing::warn!("{name}: {}", defect.sentence_named(extent, &[]));
         }
     }
     Ok(certified)

@@ -465,11 +465,11 @@ impl<R: Read + Seek> Container<R> {
         let mut bytes = Vec::with_capacity(usize::try_from(n).unwrap_or(usize::MAX));
         let got = (&mut self.input).take(n).read_to_end(&mut bytes)? as u64;
         if got < n {
-            return Err(Error::Count {
-                what: "bytes of a recording (it became shorter while it was read)",
-                promised: n,
-                available: got,
-            });
+            return Err(Error::count(
+                "bytes of a recording (it became shorter while it was read)",
+                n,
+                got,
+            ));
         }
         self.at += n;
         if let Some(checksum) = &mut self.checksum {

@@ -3,30 +3,22 @@
 use super::Point;
 use std::ops::{Add, Mul, Sub};
 
-/// Rule that turns control points into a curve. All curves of a [`crate::CurveSet`] have the same
-/// basis.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Basis {
-    /// Straight segments between the points (`PL`): chains of beads, molecules, straight rods.
-    Polyline,
-    /// Uniform Catmull-Rom: passes through its control points (`C0`).
-    CatmullRom,
-    /// Uniform cubic B-spline: approximates its control points (`BS`).
-    BSpline,
-    /// Cubic Bezier pieces that share their ends: three points a segment (`BZ`).
-    Bezier,
+vocabulary! {
+    /// Rule that turns control points into a curve. All curves of a [`crate::CurveSet`] have the
+    /// same basis.
+    pub enum Basis {
+        /// Straight segments between the points (`PL`): chains of beads, molecules, straight rods.
+        Polyline = "polyline",
+        /// Uniform Catmull-Rom: passes through its control points (`C0`).
+        CatmullRom = "catmull-rom",
+        /// Uniform cubic B-spline: approximates its control points (`BS`).
+        BSpline = "b-spline",
+        /// Cubic Bezier pieces that share their ends: three points a segment (`BZ`).
+        Bezier = "bezier",
+    }
 }
 
 impl Basis {
-    /// All bases, in the order of their wire codes.
-    pub const ALL: [Basis; 4] = [
-        Basis::Polyline,
-        Basis::CatmullRom,
-        Basis::BSpline,
-        Basis::Bezier,
-    ];
-
     /// Returns the wire code: the index in [`Basis::ALL`].
     #[cfg(any(feature = "client", feature = "verify"))]
     pub(crate) fn code(self) -> u32 {

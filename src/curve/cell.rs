@@ -1,6 +1,7 @@
 //! Periodic cell of a frame.
 
 use super::Point;
+use super::vector::{cross, dot, norm};
 use crate::error::{Error, Result};
 use std::fmt;
 use std::str::FromStr;
@@ -15,13 +16,11 @@ pub(crate) fn is_home(image: &Image) -> bool {
 }
 
 /// Returns the sum of two translations.
-#[cfg(feature = "verify")]
 pub(crate) fn plus(a: Image, b: Image) -> Image {
     [0, 1, 2].map(|k| a[k].wrapping_add(b[k]))
 }
 
 /// Returns the difference of two translations.
-#[cfg(feature = "verify")]
 pub(crate) fn minus(a: Image, b: Image) -> Image {
     [0, 1, 2].map(|k| a[k].wrapping_sub(b[k]))
 }
@@ -97,11 +96,10 @@ impl Cell {
     /// lattice vectors `a`. A vector without repetition is replaced by a unit vector orthogonal to
     /// the others. `None` if the vectors are almost linearly dependent.
     pub(crate) fn inverse(&self) -> Option<[Point; 3]> {
-        use super::vector::{cross, dot};
         let a = self.basis()?;
         let normals = [0, 1, 2].map(|k| cross(a[(k + 1) % 3], a[(k + 2) % 3]));
         let volume = dot(a[0], normals[0]);
-        let box_volume: f64 = a.map(|v| dot(v, v).sqrt()).iter().product();
+        let box_volume: f64 = a.map(norm).iter().product();
         // Also false if a number is not finite.
         let spans = volume.abs() > 1e-6 * box_volume;
         spans.then(|| normals.map(|n| n.map(|x| x / volume)))
@@ -110,19 +108,17 @@ impl Cell {
     /// Returns the lattice vectors, with a unit vector orthogonal to the others for each one
     /// without repetition. `None` if there are too few.
     pub(crate) fn basis(&self) -> Option<[Point; 3]> {
-        use super::vector::{cross, dot};
-        let length = |v: Point| dot(v, v).sqrt();
         let mut a = self.vectors;
         let periodic = self.periodic();
         for k in (0..3).filter(|&k| !periodic[k]) {
             let [p, q] = [a[(k + 1) % 3], a[(k + 2) % 3]];
-            let normal = match (length(p) > 0.0, length(q) > 0.0) {
+            let normal = match (norm(p) > 0.0, norm(q) > 0.0) {
                 (true, true) => cross(p, q),
                 (true, false) => orthogonal_to(p),
                 (false, true) => orthogonal_to(q),
                 (false, false) => return None,
             };
-            let size = length(normal);
+            let size = norm(normal);
             a[k] = normal.map(|x| x / size);
         }
         Some(a)
@@ -132,7 +128,7 @@ impl Cell {
     /// of the longest lattice vector if the scene does not repeat along it. Its coordinates are
     /// lengths.
     pub(crate) fn units(&self) -> Point {
-        let lengths = self.vectors.map(|v| super::vector::dot(v, v).sqrt());
+        let lengths = self.vectors.map(norm);
         let longest = lengths.into_iter().fold(0.0, f64::max);
         self.periodic()
             .map(|periodic| if periodic { 1.0 } else { longest })
@@ -147,13 +143,9 @@ impl Cell {
         };
         let periodic = self.periodic();
         // `vectors[l]` is the sum of `m[k][l]` times the vector `k` of the other cell.
-        let multiple = |k: usize, l: usize| {
-            let (b, v) = (inverse[k], self.vectors[l]);
-            let u = b[0] * v[0] + b[1] * v[1] + b[2] * v[2];
-            match periodic[l] {
-                true => u.round(),
-                false => f64::from(u8::from(k == l)),
-            }
+        let multiple = |k: usize, l: usize| match periodic[l] {
+            true => dot(inverse[k], self.vectors[l]).round(),
+            false => f64::from(u8::from(k == l)),
         };
         let m = [0, 1, 2].map(|k| [0, 1, 2].map(|l| multiple(k, l)));
         let minor = |r: usize, c: usize| {
@@ -188,7 +180,6 @@ impl Cell {
 /// Returns some vector orthogonal to a vector that is not 0. A small change of the vector rarely
 /// leads to another choice.
 fn orthogonal_to(v: Point) -> Point {
-    use super::vector::{cross, dot};
     let mut axis = [0.0; 3];
     // The first axis that is not almost parallel. At most one is.
     let differs = |&k: &usize| v[k] * v[k] < 0.81 * dot(v, v);

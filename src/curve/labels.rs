@@ -3,7 +3,6 @@
 use crate::error::{Error, Result};
 use serde::{Deserialize, Serialize};
 use std::collections::HashMap;
-#[cfg(feature = "verify")]
 use std::collections::HashSet;
 
 /// Maximum number of bytes of a name.
@@ -54,15 +53,6 @@ impl CurveLabels {
         self.names.is_empty() && self.radii.is_empty()
     }
 
-    /// Returns the error of labels of another number of curves.
-    pub(crate) fn wrong_number(what: &'static str, curves: usize, found: usize) -> Error {
-        Error::Count {
-            what,
-            promised: curves as u64,
-            available: found as u64,
-        }
-    }
-
     /// Checks labels of this number of curves.
     ///
     /// Errors: [`Error::Count`] if there is another number of names or radii; [`Error::Format`] if
@@ -71,7 +61,7 @@ impl CurveLabels {
         let count = |what, n: usize| match n {
             0 => Ok(()),
             n if n == curves => Ok(()),
-            n => Err(CurveLabels::wrong_number(what, curves, n)),
+            n => Err(Error::count(what, curves, n)),
         };
         count("names of curves", self.names.len())?;
         count("radii of curves", self.radii.len())?;
@@ -104,18 +94,18 @@ pub(crate) fn words_of_curve(i: u32, names: &[String]) -> String {
 
 /// Change of the curves between two frames: some appeared, some are gone, others may have another
 /// index.
-#[cfg(feature = "verify")]
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct CurveChange {
     /// Number of curves before.
-    before: usize,
+    pub before: usize,
     /// Index of each curve before; `None` if it appeared.
-    origins: Vec<Option<u32>>,
-    appeared: Vec<String>,
-    gone: Vec<String>,
+    pub origins: Vec<Option<u32>>,
+    /// Names of the curves that appeared, in the order of the frame.
+    pub appeared: Vec<String>,
+    /// Names of the curves that are gone, in the order of the frame before.
+    pub gone: Vec<String>,
 }
 
-#[cfg(feature = "verify")]
 impl CurveChange {
     /// Compares curves by their names.
     ///
@@ -131,15 +121,12 @@ impl CurveChange {
         let indices = before.names.iter().zip(0_u32..);
         let indices: HashMap<&String, u32> = indices.collect();
         let kept: HashSet<&String> = after.names.iter().collect();
+        let index = |name| indices.get(name).copied();
         let is_new = |name: &&String| !indices.contains_key(*name);
         let is_gone = |name: &&String| !kept.contains(*name);
         Ok(CurveChange {
             before: before.names.len(),
-            origins: after
-                .names
-                .iter()
-                .map(|n| indices.get(n).copied())
-                .collect(),
+            origins: after.names.iter().map(index).collect(),
             appeared: after.names.iter().filter(is_new).cloned().collect(),
             gone: before.names.iter().filter(is_gone).cloned().collect(),
         })
@@ -149,26 +136,6 @@ impl CurveChange {
     pub fn is_identity(&self) -> bool {
         let same = |(i, origin): (u32, &Option<u32>)| *origin == Some(i);
         self.before == self.origins.len() && (0..).zip(&self.origins).all(same)
-    }
-
-    /// Returns the names of the curves that appeared, in the order of the frame.
-    pub fn appeared(&self) -> &[String] {
-        &self.appeared
-    }
-
-    /// Returns the names of the curves that are gone, in the order of the frame before.
-    pub fn gone(&self) -> &[String] {
-        &self.gone
-    }
-
-    /// Returns the number of curves before.
-    pub fn before(&self) -> usize {
-        self.before
-    }
-
-    /// Returns the index of each curve before; `None` if it appeared.
-    pub fn origins(&self) -> &[Option<u32>] {
-        &self.origins
     }
 }
 
@@ -181,16 +148,11 @@ pub(crate) fn words_of_change(appeared: &[String], gone: &[String]) -> Option<St
         0 => names.join(", "),
         more => format!("{} and {more} more", names[..NAMED].join(", ")),
     };
-    match (appeared.is_empty(), gone.is_empty()) {
-        (true, true) => None,
-        (false, true) => Some(format!("curves appeared: {}", list(appeared))),
-        (true, false) => Some(format!("curves gone: {}", list(gone))),
-        (false, false) => Some(format!(
-            "curves appeared: {}; gone: {}",
-            list(appeared),
-            list(gone)
-        )),
-    }
+    let both = [("appeared", appeared), ("gone", gone)].into_iter();
+    let both = both.filter(|(_, names)| !names.is_empty());
+    let words = both.map(|(what, names)| format!("{what}: {}", list(names)));
+    let words: Vec<String> = words.collect();
+    (!words.is_empty()).then(|| format!("curves {}", words.join("; ")))
 }
 
 #[cfg(test)]
@@ -204,10 +166,10 @@ mod tests {
         let after = CurveLabels::named(["c", "d", "a"]);
         let change = CurveChange::by_name(&before, &after).unwrap();
         assert_eq!(change.origins, [Some(2), None, Some(0)]);
-        let words = words_of_change(change.appeared(), change.gone()).unwrap();
+        let words = words_of_change(&change.appeared, &change.gone).unwrap();
         assert_eq!(words, "curves appeared: d; gone: b");
         let same = CurveChange::by_name(&before, &before).unwrap();
-        assert_eq!(words_of_change(same.appeared(), same.gone()), None);
+        assert_eq!(words_of_change(&same.appeared, &same.gone), None);
         assert!(CurveChange::by_name(&before, &CurveLabels::default()).is_err());
     }
 

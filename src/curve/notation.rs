@@ -1,7 +1,6 @@
 //! Numbers in messages: coordinates, lengths and times, readable in any unit.
 
 use super::Point;
-use std::fmt::Write;
 
 /// Significant digits of a coordinate at the scale of the scene.
 const DIGITS: i32 = 6;
@@ -80,12 +79,11 @@ impl Notation {
         }
     }
 
-    fn with_factor(self, mut text: String) -> String {
-        if self.factor != 0 {
-            // Writing to a string cannot fail.
-            let _ = write!(text, " x 10^{}", self.factor);
+    fn with_factor(self, text: String) -> String {
+        match self.factor {
+            0 => text,
+            factor => format!("{text} x 10^{factor}"),
         }
-        text
     }
 }
 

@@ -1,8 +1,6 @@
 //! Coordinates of the input, as they come from outside.
 
-#[cfg(feature = "verify")]
 use super::Point;
-#[cfg(feature = "verify")]
 use std::ops::Range;
 
 /// Floating-point type of the input coordinates. They are stored in this type, without rounding.
@@ -57,7 +55,6 @@ impl<'a> Positions<'a> {
     }
 
     /// Returns a point, counted over all curves.
-    #[cfg(feature = "verify")]
     #[inline]
     pub(crate) fn point(&self, k: usize) -> Point {
         match self {
@@ -67,7 +64,6 @@ impl<'a> Positions<'a> {
     }
 
     /// Returns the coordinates in a range.
-    #[cfg(feature = "verify")]
     pub(super) fn part(&self, range: Range<usize>) -> Self {
         match self {
             Positions::F32(v) => Positions::F32(&v[range]),

@@ -11,7 +11,7 @@
 //! garments.
 
 use super::MAX_LEVEL;
-use super::halving::Halving;
+use super::halving::{Halving, sort_splits, vertices};
 use super::hulls::{boxes_apart, separation_margin, tight_bounds};
 use crate::curve::{Basis, Bounds, CurveSet, Positions, Precision};
 use crate::error::Result;
@@ -71,10 +71,7 @@ pub fn homotopic_polylines(set: &CurveSet) -> Result<Polylines> {
             }
         }
     }
-    splits.par_iter_mut().for_each(|s| {
-        s.sort_unstable_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)));
-        s.dedup();
-    });
+    splits.par_iter_mut().for_each(sort_splits);
     Ok(Polylines {
         curves: polylines(set, &splits)?,
         overlaps,
@@ -130,13 +127,7 @@ fn polylines(set: &CurveSet, splits: &[Vec<(u32, f64)>]) -> Result<CurveSet> {
     let mut xyz: Vec<f64> = Vec::new();
     for (i, c) in set.curves().iter().enumerate() {
         xyz.clear();
-        let mut rest = splits[i].iter().peekable();
-        for s in 0..c.segments {
-            xyz.extend(set.knot(i, s as usize));
-            while let Some(&(_, t)) = rest.next_if(|&&(at, _)| at == s) {
-                xyz.extend(set.eval(i, s as usize, t));
-            }
-        }
+        vertices(set, i, &splits[i], |_, p| xyz.extend(p));
         if !c.closed {
             xyz.extend(set.knot(i, c.segments as usize));
         }

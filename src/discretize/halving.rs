@@ -13,11 +13,6 @@ pub(crate) struct Splits {
 }
 
 impl Splits {
-    /// Returns the number of added points.
-    pub fn len(&self) -> usize {
-        self.at.len()
-    }
-
     /// Removes all splits.
     pub fn clear(&mut self) {
         for &(segment, _) in &self.at {
@@ -37,12 +32,6 @@ impl Splits {
         for &(segment, _) in &self.at {
             self.marked[segment as usize / 64] |= 1 << (segment % 64);
         }
-    }
-
-    fn sort(&mut self) {
-        self.at
-            .sort_unstable_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)));
-        self.at.dedup();
     }
 
     fn of(&self, segment: u32) -> &[(u32, f64)] {
@@ -69,6 +58,29 @@ impl Splits {
             out.extend(splits.iter().map(|&(_, t)| point_at(&b, t)));
         }
         out.push(set.knot(i, s as usize + 1));
+    }
+}
+
+/// Sorts splits, and removes those that are there twice.
+pub(crate) fn sort_splits(splits: &mut Vec<(u32, f64)>) {
+    splits.sort_unstable_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)));
+    splits.dedup();
+}
+
+/// Visits the knots and the splits, which are sorted, of a curve in their order, except for the end
+/// of its last segment: segments and points.
+pub(crate) fn vertices(
+    set: &CurveSet,
+    curve: usize,
+    splits: &[(u32, f64)],
+    mut visit: impl FnMut(u32, Point),
+) {
+    let mut splits = splits.iter().peekable();
+    for s in 0..set.curve(curve).segments {
+        visit(s, set.knot(curve, s as usize));
+        while let Some((_, t)) = splits.next_if(|split| split.0 == s) {
+            visit(s, set.eval(curve, s as usize, *t));
+        }
     }
 }
 
@@ -148,7 +160,9 @@ impl Halving {
                 }
             }
             // A piece that overlaps several others was split once for each of them.
-            splits.iter_mut().for_each(Splits::sort);
+            splits
+                .iter_mut()
+                .for_each(|splits| sort_splits(&mut splits.at));
             std::mem::swap(front, next);
         }
         for (splits, curve) in splits.iter_mut().zip(curves) {

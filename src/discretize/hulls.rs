@@ -1,7 +1,7 @@
 //! Separation of the convex hulls of two cubic segments, by more than rounding errors.
 
-use crate::curve::vector::{add, cross, dot, sub};
-use crate::curve::{Bezier, Bounds, Point, pow2};
+use crate::curve::vector::{add, add_scaled, cross, dot, sub};
+use crate::curve::{Bezier, Bounds, Point, larger, pow2, smaller};
 
 /// Convex hull of a cubic segment, given by its control points: `points[axis][k]`.
 #[derive(Clone, Copy, Debug)]
@@ -132,11 +132,7 @@ impl Hull {
             let length_sq = dot(d, d);
             if length_sq > 0.0 {
                 let c = dot(between, d) / length_sq;
-                let normal = [
-                    between[0] - c * d[0],
-                    between[1] - c * d[1],
-                    between[2] - c * d[2],
-                ];
+                let normal = add_scaled(between, -c, d);
                 if apart_along(frames, normal, margin) {
                     return true;
                 }
@@ -226,8 +222,6 @@ fn apart_along<const N: usize>(frames: [[&Hull; 2]; N], n: Point, margin: f64) -
 /// Returns the smallest and the largest of four numbers that are not NaN.
 #[inline(always)]
 fn extent(v: &[f64; 4]) -> [f64; 2] {
-    let smaller = |a: f64, b: f64| if a < b { a } else { b };
-    let larger = |a: f64, b: f64| if a > b { a } else { b };
     [
         smaller(smaller(v[0], v[1]), smaller(v[2], v[3])),
         larger(larger(v[0], v[1]), larger(v[2], v[3])),

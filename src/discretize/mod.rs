@@ -26,7 +26,7 @@ mod pieces;
 pub use braid::{Braid, BraidLoops, Braids, End};
 pub use chords::chords;
 pub use global::{Polylines, homotopic_polylines};
-pub(crate) use halving::{Halving, Splits};
+pub(crate) use halving::{Halving, Splits, sort_splits, vertices};
 pub(crate) use hulls::Hull;
 pub(crate) use pair::{MovingSeparation, Separation};
 pub(crate) use pieces::{Sieve, pieces_between, pieces_within};

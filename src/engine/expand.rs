@@ -28,7 +28,7 @@ impl Engine {
                         all frames";
             return Err(Error::Usage(what.into()));
         }
-        let origins = change.origins();
+        let origins = &change.origins;
         if origins.len() != next.curves.len() {
             return Err(Error::Count {
                 what: "curves of a frame after a change",

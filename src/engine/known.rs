@@ -134,7 +134,7 @@ impl Known {
 
     /// Returns true if the frame breaks a condition of the braids.
     pub fn has_broken_braids(&self) -> bool {
-        self.braids.as_ref().is_some_and(BraidScene::is_broken)
+        self.braids.as_ref().is_some_and(|braids| braids.is_broken)
     }
 
     /// Returns the pairs that are verified; `None`: all.
@@ -217,8 +217,8 @@ impl Known {
         set: &CurveSet,
         events: Events,
     ) -> Result<Vec<u32>> {
-        let origins = change.origins();
-        self.check_number(change.before())?;
+        let origins = &change.origins;
+        self.check_number(change.before)?;
         let mut appeared = Vec::new();
         if let Some(baseline) = &mut self.baseline {
             *baseline = Arc::new(baseline.with_curves(origins));

@@ -318,8 +318,8 @@ impl Engine {
             defects,
             adopted: comparison.adopted.clone(),
             safe_fraction,
-            appeared: next.change.map_or_else(Vec::new, |c| c.appeared().to_vec()),
-            gone: next.change.map_or_else(Vec::new, |c| c.gone().to_vec()),
+            appeared: next.change.map_or_else(Vec::new, |c| c.appeared.clone()),
+            gone: next.change.map_or_else(Vec::new, |c| c.gone.clone()),
             missing,
             stats: Stats {
                 extent,

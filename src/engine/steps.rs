@@ -8,7 +8,6 @@ use crate::curve::{CurveSet, Frame};
 use crate::error::Result;
 use crate::incremental::{Contacts, Coverage, Events, Ledger, Outcome, Touching};
 use crate::pairs::{Pair, PairFilter, degenerate_curves};
-use crate::scene::BraidScene;
 use crate::verdict::{Defect, DefectKind, Place};
 use std::sync::Arc;
 
@@ -198,7 +197,7 @@ impl Steps {
     /// frame instead.
     pub fn begin(&mut self, known: &mut Known, set: &CurveSet) -> Result<()> {
         (self.met, self.undecided, self.contacts) = (None, false, Contacts::default());
-        let jumps = known.braids.as_ref().is_some_and(BraidScene::jumps);
+        let jumps = known.braids.as_ref().is_some_and(|braids| braids.jumps);
         self.search_loops(!jumps);
         known.widen_to(set)?;
         if self.events == Events::Off {

@@ -138,7 +138,7 @@ mod tests {
             .unwrap()
             .unwrap();
         assert_eq!(
-            (change.appeared(), change.gone()),
+            (&change.appeared[..], &change.gone[..]),
             (&["c".into()][..], &["a".into()][..])
         );
     }

@@ -12,7 +12,7 @@ mod closing;
 mod info;
 
 pub(crate) use crate::curve::FramePool;
-pub use closing::{Closing, ClosingNote, CurveSource};
+pub use closing::{Closing, ClosingKind, ClosingNote, CurveSource};
 pub(crate) use closing::{Decisions, ends_meet};
 pub use info::FrameInfo;
 

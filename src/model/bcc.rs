@@ -12,10 +12,11 @@
 //! | 24 | 40 bytes of text; some writers leave them undefined |
 //! | 64 | for each curve: i32 number of control points, negative if closed; f32 `x y z` of each |
 
+use super::little_endian;
+use super::write::create;
 use crate::curve::{Basis, CurveSet, Positions, Precision};
 use crate::error::{Error, Result};
-use std::fs::File;
-use std::io::{BufWriter, ErrorKind, Read, Write};
+use std::io::{ErrorKind, Read, Write};
 use std::path::Path;
 
 const FORMAT: &str = "BCC";
@@ -43,11 +44,6 @@ struct Header {
 
 impl Header {
     fn parse(bytes: &[u8; HEADER_BYTES], len: u64) -> Result<Header> {
-        let u64_at = |at: usize| {
-            bytes[at..at + 8]
-                .iter()
-                .rfold(0, |n, &b| (n << 8) | u64::from(b))
-        };
         if &bytes[..3] != b"BCC" {
             let what = format!("{}, expected 'BCC'", super::quote(&bytes[..3]));
             return Err(Error::format(FORMAT, "byte 0", what));
@@ -70,7 +66,7 @@ impl Header {
             let what = format!("curves in {} dimensions; supported are 3", bytes[6]);
             return Err(Error::unsupported(FORMAT, what));
         }
-        let (curves, points) = (u64_at(8), u64_at(16));
+        let [curves, points] = [8, 16].map(|at| little_endian(&bytes[at..at + 8]));
         let promised = HEADER_BYTES as u128
             + u128::from(COUNT_BYTES) * u128::from(curves)
             + POINT_BYTES as u128 * u128::from(points);
@@ -81,11 +77,8 @@ impl Header {
             return Err(Error::format(FORMAT, "header", what));
         }
         if points > u64::from(u32::MAX) {
-            return Err(Error::Count {
-                what: "points of all curves",
-                promised: points,
-                available: u64::from(u32::MAX),
-            });
+            let most = u64::from(u32::MAX);
+            return Err(Error::count("points of all curves", points, most));
         }
         Ok(Header {
             basis,
@@ -166,11 +159,7 @@ fn fill(input: &mut impl Read, bytes: &mut [u8], place: impl FnOnce() -> String)
 /// created, unless single precision represents each of its coordinates exactly.
 pub fn write_bcc(path: &Path, set: &CurveSet) -> Result<()> {
     check_precision(FORMAT, set).map_err(|e| e.in_file(path))?;
-    let file = File::create(path).map_err(Error::file(path))?;
-    let mut out = BufWriter::with_capacity(1 << 16, file);
-    write(&mut out, set)
-        .and_then(|()| out.flush())
-        .map_err(Error::file(path))
+    create(path, |out| write(out, set))
 }
 
 /// Fails if single precision would round a coordinate.
@@ -194,7 +183,7 @@ pub(super) fn check_precision(format: &'static str, set: &CurveSet) -> Result<()
     Ok(())
 }
 
-fn write(out: &mut impl Write, set: &CurveSet) -> std::io::Result<()> {
+fn write(out: &mut dyn Write, set: &CurveSet) -> std::io::Result<()> {
     let mut text = [0; 40];
     let name = b"linkwatch";
     text[..name.len()].copy_from_slice(name);

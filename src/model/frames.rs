@@ -66,6 +66,9 @@ impl ModelFrame {
     }
 }
 
+/// A reader of a file.
+pub(super) type Source<'a> = Box<dyn FrameSource + 'a>;
+
 /// A reader of one format.
 pub(super) trait FrameSource {
     /// Reads the next frame. `None` at the end of the file.
@@ -92,7 +95,7 @@ pub(super) trait FrameSource {
 pub struct Frames {
     path: PathBuf,
     /// `None` after the last frame and after an error.
-    source: Option<Box<dyn FrameSource>>,
+    source: Option<Source<'static>>,
 }
 
 impl Frames {
@@ -100,10 +103,10 @@ impl Frames {
     ///
     /// Errors: those of [`super::read`], as far as they show before the first frame is read.
     pub fn open(path: &Path, options: &ReadOptions) -> Result<Frames> {
-        let source = Format::of(path)?.open(path, options)?;
+        let source = Format::of(path)?.open(path, options);
         Ok(Frames {
             path: path.into(),
-            source: Some(source),
+            source: Some(source.map_err(|e| e.in_file(path))?),
         })
     }
 }
@@ -122,26 +125,14 @@ impl Iterator for Frames {
 }
 
 /// A file of one frame, which was read as a whole.
-pub(super) struct Single(Option<ModelFrame>);
-
-impl Single {
-    pub(super) fn new(curves: CurveSet) -> Single {
-        Single(Some(ModelFrame::new(0, Ok(curves))))
-    }
-
-    /// Adds the elements that are left out.
-    pub(super) fn leaving_out(self, left_out: Vec<LeftOut>) -> Single {
-        Single(self.0.map(|frame| ModelFrame { left_out, ..frame }))
-    }
-
-    /// Adds the periodic cell of the frame.
-    pub(super) fn in_cell(self, cell: Option<Cell>) -> Single {
-        Single(self.0.map(|frame| ModelFrame { cell, ..frame }))
+impl FrameSource for Option<ModelFrame> {
+    fn next_frame(&mut self) -> Result<Option<ModelFrame>> {
+        Ok(self.take())
     }
 }
 
-impl FrameSource for Single {
-    fn next_frame(&mut self) -> Result<Option<ModelFrame>> {
-        Ok(self.0.take())
+impl From<ModelFrame> for Source<'_> {
+    fn from(frame: ModelFrame) -> Self {
+        Box::new(Some(frame))
     }
 }

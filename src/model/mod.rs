@@ -44,10 +44,10 @@ pub use bcc::write_bcc;
 pub use frames::{Frames, ModelFrame, ReadOptions};
 pub use write::FrameWriter;
 
-use self::frames::{FrameSource, Single};
+use self::frames::Source;
 use self::write::{FrameSink, OneFrame};
 
-use crate::curve::CurveSet;
+use crate::curve::{Basis, CurveSet, Point, Positions};
 use crate::error::{Error, Result};
 use std::fs::File;
 use std::io::{BufRead, BufReader, ErrorKind, Read, Take};
@@ -80,9 +80,17 @@ pub fn read(path: &Path) -> Result<CurveSet> {
     }
 }
 
-/// Opens a regular file for reading, and returns its length. The reader is limited to this length,
-/// so that checks against it stay valid if the file grows meanwhile.
-fn open(path: &Path) -> Result<(BufReader<Take<File>>, u64)> {
+/// Bytes of a file that is to be read.
+struct Input<R> {
+    bytes: R,
+    len: u64,
+    /// Name of the file, for the log.
+    name: String,
+}
+
+/// Opens a regular file for reading. The reader is limited to its length, so that checks against it
+/// stay valid if the file grows meanwhile.
+fn open(path: &Path) -> Result<Input<BufReader<Take<File>>>> {
     // Read before opening the file, because opening a pipe would wait for its writer.
     let metadata = std::fs::metadata(path).map_err(Error::file(path))?;
     if !metadata.is_file() {
@@ -92,20 +100,24 @@ fn open(path: &Path) -> Result<(BufReader<Take<File>>, u64)> {
     }
     let len = metadata.len();
     let file = File::open(path).map_err(Error::file(path))?.take(len);
-    Ok((BufReader::with_capacity(1 << 16, file), len))
+    Ok(Input {
+        bytes: BufReader::with_capacity(1 << 16, file),
+        len,
+        name: path.display().to_string(),
+    })
 }
 
 /// Mark at the start of a text file, which some programs write.
 const BYTE_ORDER_MARK: &[u8] = b"\xef\xbb\xbf";
 
-/// Opens a text file after its byte order mark. Returns the number of bytes that follow.
-fn open_text(path: &Path) -> Result<(BufReader<Take<File>>, u64)> {
-    let (mut input, mut len) = open(path)?;
-    if input.fill_buf()?.starts_with(BYTE_ORDER_MARK) {
-        input.consume(BYTE_ORDER_MARK.len());
-        len -= BYTE_ORDER_MARK.len() as u64;
+/// Opens a text file after its byte order mark.
+fn open_text(path: &Path) -> Result<Input<BufReader<Take<File>>>> {
+    let mut input = open(path)?;
+    if input.bytes.fill_buf()?.starts_with(BYTE_ORDER_MARK) {
+        input.bytes.consume(BYTE_ORDER_MARK.len());
+        input.len -= BYTE_ORDER_MARK.len() as u64;
     }
-    Ok((input, len))
+    Ok(input)
 }
 
 /// Format of a model file.
@@ -196,10 +208,10 @@ impl Format {
 
     /// Returns the format of a text file by its first lines.
     fn of_content(path: &Path) -> Option<Format> {
-        let (mut input, len) = open(path).ok()?;
-        let start = input.fill_buf().ok()?;
+        let mut input = open(path).ok()?;
+        let start = input.bytes.fill_buf().ok()?;
         // A line that is cut off is not considered.
-        let whole = start.len() as u64 == len;
+        let whole = start.len() as u64 == input.len;
         let lines = start.rsplitn(2, |&b| b == b'\n').last().filter(|_| !whole);
         let start = lines.unwrap_or(start);
         let start = start.strip_prefix(BYTE_ORDER_MARK).unwrap_or(start);
@@ -241,49 +253,40 @@ impl Format {
             ),
             (options.topic.is_some(), "topic", &[Mcap]),
         ];
-        match given
-            .iter()
-            .find(|(given, _, of)| *given && !of.contains(&self))
-        {
-            Some((_, name, _)) => {
+        for (_, name, of) in given.into_iter().filter(|given| given.0) {
+            if !of.contains(&self) {
                 let what = format!("`{name}`, which this format does not have");
-                Err(Error::unsupported("option", what))
+                return Err(Error::unsupported("option", what));
             }
-            None => Ok(()),
         }
+        Ok(())
     }
 
-    /// Opens a file of this format. Errors name the file.
-    fn open(self, path: &Path, options: &ReadOptions) -> Result<Box<dyn FrameSource>> {
-        self.check(options).map_err(|e| e.in_file(path))?;
-        let curves = match self {
-            Format::LammpsData => return lammps::open_data(path, options),
-            Format::LammpsDump => return lammps::open_dump(path, options),
-            Format::Npy => return numpy::open_npy(path, options),
-            Format::Npz => return numpy::open_npz(path, options),
+    /// Opens a file of this format.
+    fn open(self, path: &Path, options: &ReadOptions) -> Result<Source<'static>> {
+        self.check(options)?;
+        let single = |curves| ModelFrame::new(0, Ok(curves)).into();
+        match self {
+            Format::Bcc => open(path).and_then(|file| bcc::read(file.bytes, file.len).map(single)),
+            Format::Obj => obj::read(open_text(path)?),
+            Format::Vect => vect::read(open_text(path)?).map(single),
+            Format::LammpsData => lammps::read_data(open_text(path)?, options),
+            Format::LammpsDump => lammps::open_dump(path, options),
+            Format::Npy => numpy::read_npy(open(path)?, options),
+            Format::Npz => numpy::read_npz(open(path)?, options),
             // Some programs call columns of coordinates so.
-            Format::Xyz if Format::of_content(path) == Some(Format::Points) => {
-                return points::open(path, options);
+            Format::Xyz if Format::of_content(path) != Some(Format::Points) => {
+                xyz::read(open_text(path)?, options)
             }
-            Format::Xyz => return xyz::open(path, options),
-            Format::Points => return points::open(path, options),
+            Format::Xyz | Format::Points => points::read(open_text(path)?, options),
             #[cfg(feature = "mcap")]
-            Format::Mcap => return mcap::open(path, options),
+            Format::Mcap => mcap::open(path, options),
             #[cfg(not(feature = "mcap"))]
             Format::Mcap => {
                 let why = "an MCAP file, which this build does not read (feature mcap)";
-                return Err(Error::unsupported("model", why).in_file(path));
+                Err(Error::unsupported("model", why))
             }
-            Format::Bcc => open(path).and_then(|(input, len)| bcc::read(input, len)),
-            Format::Obj => {
-                let read = || obj::read(open_text(path)?.0);
-                let (curves, left_out) = read().map_err(|e| e.in_file(path))?;
-                return Ok(Box::new(Single::new(curves).leaving_out(left_out)));
-            }
-            Format::Vect => open_text(path).and_then(|(input, len)| vect::read(input, len)),
-        };
-        let curves = curves.map_err(|e| e.in_file(path))?;
-        Ok(Box::new(Single::new(curves)))
+        }
     }
 
     /// Returns the format of a file that is to be written, by its name.
@@ -346,7 +349,7 @@ fn is_usd(path: &Path) -> bool {
     let extension = path.extension().unwrap_or_default();
     let named = USD.iter().any(|usd| extension.eq_ignore_ascii_case(usd));
     let begins = || {
-        let (mut input, _) = open(path).ok()?;
+        let mut input = open(path).ok()?.bytes;
         let start = input.fill_buf().ok()?;
         Some(start.starts_with(b"PXR-USDC") || start.starts_with(b"#usda"))
     };
@@ -368,6 +371,11 @@ fn is_in(list: &str, word: &str) -> bool {
     list.split(' ').any(|known| known == word)
 }
 
+/// Returns the little-endian number in some bytes, at most eight.
+fn little_endian(bytes: &[u8]) -> u64 {
+    bytes.iter().rfold(0, |n, &b| (n << 8) | u64::from(b))
+}
+
 /// Parses a finite decimal number, or returns an error text.
 fn number(token: &[u8]) -> Result<f64, String> {
     let parsed = std::str::from_utf8(token).ok().and_then(|t| t.parse().ok());
@@ -376,6 +384,35 @@ fn number(token: &[u8]) -> Result<f64, String> {
         Some(_) => Err(format!("{} is not a finite number", quote(token))),
         None => Err(format!("{}, expected a number", quote(token))),
     }
+}
+
+/// Returns the number of points of a curve, negative if it is closed.
+fn count_of(points: usize, closed: bool) -> Result<i32> {
+    let count =
+        i32::try_from(points).map_err(|_| Error::count("points of a curve", points, i32::MAX))?;
+    Ok(if closed { -count } else { count })
+}
+
+/// Returns the curves of these points.
+///
+/// Errors: there are not as many as the counts promise.
+fn divided(
+    format: &'static str,
+    kind: &'static str,
+    points: &[Point],
+    counts: &[i32],
+) -> Result<CurveSet> {
+    let sum: u64 = counts.iter().map(|c| u64::from(c.unsigned_abs())).sum();
+    if sum != points.len() as u64 {
+        let (all, n) = (points.len(), counts.len());
+        let what = format!("{all} {kind} do not fit {n} curves with {sum} points");
+        return Err(Error::format(format, kind, what));
+    }
+    CurveSet::from_counts(
+        Basis::Polyline,
+        counts,
+        Positions::F64(points.as_flattened()),
+    )
 }
 
 /// Quotes a part of a file for a message: short, and with control characters escaped.
@@ -391,12 +428,12 @@ fn quote(token: &[u8]) -> String {
 }
 
 #[cfg(test)]
-mod round_trips;
+mod round_trip_tests;
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::curve::{Basis, Point, Precision};
+    use crate::curve::Precision;
     use proptest::prelude::*;
     use std::io::Cursor;
     use std::path::PathBuf;
@@ -415,9 +452,30 @@ mod tests {
         assert!(message.contains(expected), "{message:?} lacks {expected:?}");
     }
 
+    impl<'a> From<&'a [u8]> for Input<&'a [u8]> {
+        fn from(bytes: &'a [u8]) -> Self {
+            let (len, name) = (bytes.len() as u64, "memory".into());
+            Input { bytes, len, name }
+        }
+    }
+
+    /// Reads the frames of a file in memory.
+    pub(super) fn frames_of(mut source: Source<'_>) -> Result<Vec<ModelFrame>> {
+        std::iter::from_fn(|| source.next_frame().transpose()).collect()
+    }
+
+    /// Returns bytes in which a reader may go to any place.
+    pub(super) fn seekable(bytes: &[u8]) -> Input<Cursor<&[u8]>> {
+        Input {
+            bytes: Cursor::new(bytes),
+            len: bytes.len() as u64,
+            name: "memory".into(),
+        }
+    }
+
     /// Reads the frames of a file in memory, up to the first one that is invalid.
     fn parse(format: Format, bytes: &[u8]) -> Result<Vec<CurveSet>> {
-        let len = bytes.len() as u64;
+        let input = Input::from(bytes);
         let counts = Some(vec![-3, 2]);
         let npy = ReadOptions {
             counts,
@@ -428,18 +486,16 @@ mod tests {
             closed: Some(true),
             ..ReadOptions::default()
         };
-        let mut frames: Box<dyn FrameSource + '_> = match format {
-            Format::Bcc => Box::new(Single::new(bcc::read(bytes, len)?)),
-            Format::Obj => Box::new(Single::new(obj::read(bytes)?.0)),
-            Format::Vect => Box::new(Single::new(vect::read(bytes, len)?)),
-            Format::LammpsData => Box::new(lammps::read_data(bytes, len, "a.data", false)?),
-            Format::LammpsDump => {
-                Box::new(lammps::read_dump(bytes, &[[4, 2], [2, 9], [9, 4]], false)?)
-            }
-            Format::Npy => Box::new(numpy::read_npy(bytes, len, &npy)?),
-            Format::Npz => Box::new(numpy::read_npz(Cursor::new(bytes), len, &npz)?),
-            Format::Xyz => Box::new(xyz::read(bytes, len, &npz)?),
-            Format::Points => Box::new(points::read(bytes, len, &text, "memory")?),
+        let mut frames = match format {
+            Format::Bcc => return Ok(vec![bcc::read(bytes, input.len)?]),
+            Format::Obj => obj::read(input)?,
+            Format::Vect => return Ok(vec![vect::read(input)?]),
+            Format::LammpsData => lammps::read_data(input, &npz)?,
+            Format::LammpsDump => lammps::read_dump(bytes, &[[4, 2], [2, 9], [9, 4]], false)?,
+            Format::Npy => numpy::read_npy(input, &npy)?,
+            Format::Npz => numpy::read_npz(seekable(bytes), &npz)?,
+            Format::Xyz => xyz::read(input, &npz)?,
+            Format::Points => points::read(input, &text)?,
             Format::Mcap => unreachable!("its tests are in mcap"),
         };
         let mut curves = Vec::new();

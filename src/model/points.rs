@@ -31,10 +31,10 @@
 //!
 //! Cost: one pass, with the memory of a frame.
 
-use super::frames::{FrameSource, ModelFrame, ReadOptions};
-use super::lines::{Lines, integer};
-use super::{is_in, number, quote};
-use crate::curve::{Basis, CurveSet, Point, Positions};
+use super::frames::{FrameSource, ModelFrame, ReadOptions, Source};
+use super::lines::{Lines, integer, words};
+use super::{Input, count_of, divided, is_in, number, quote};
+use crate::curve::{CurveSet, Point};
 use crate::error::{Error, Result};
 use crate::ingest::ends_meet;
 use std::collections::HashSet;
@@ -54,30 +54,19 @@ const OTHERS: &str = "\
     arclength curvature diameter fx fy fz i id index length mass n nx ny nz point r radius s \
     species temperature torsion tx ty tz type vertex vx vy vz w weight width";
 
-/// Opens a file.
-pub(super) fn open(path: &Path, options: &ReadOptions) -> Result<Box<dyn FrameSource>> {
-    let (input, len) = super::open_text(path)?;
-    let name = path.display().to_string();
-    let source = read(input, len, options, &name).map_err(|e| e.in_file(path))?;
-    Ok(Box::new(source))
-}
-
-/// Starts before the first frame of a file of `len` bytes.
-pub(super) fn read<R: BufRead>(
-    input: R,
-    len: u64,
+/// Starts before the first frame of a file.
+pub(super) fn read<'a>(
+    input: Input<impl BufRead + 'a>,
     options: &ReadOptions,
-    name: &str,
-) -> Result<impl FrameSource + use<R>> {
-    Ok(Points {
-        lines: Lines::new(FORMAT, input, len)?,
+) -> Result<Source<'a>> {
+    Ok(Box::new(Points {
+        lines: Lines::new(FORMAT, input)?,
         options: options.clone(),
-        name: name.to_owned(),
         columns: Columns::default(),
         count: None,
         frames: 0,
         ended: false,
-    })
+    }))
 }
 
 /// Returns true if a text has points in lines of this format, and nothing else.
@@ -105,7 +94,7 @@ pub(super) fn is_table(path: &Path) -> bool {
     {
         return false;
     }
-    let start = super::open_text(path).and_then(|(mut input, _)| Ok(input.fill_buf()?.to_vec()));
+    let start = super::open_text(path).and_then(|mut input| Ok(input.bytes.fill_buf()?.to_vec()));
     let start = start.unwrap_or_default();
     let lines = start
         .split(|&b| b == b'\n')
@@ -155,10 +144,7 @@ fn fields(line: &[u8]) -> Vec<&[u8]> {
     let separator = [b';', b',', b'\t'].into_iter().find(|b| line.contains(b));
     let mut fields: Vec<&[u8]> = match separator {
         Some(separator) => line.split(|&b| b == separator).collect(),
-        None => line
-            .split(u8::is_ascii_whitespace)
-            .filter(|f| !f.is_empty())
-            .collect(),
+        None => words(line).collect(),
     };
     fields
         .iter_mut()
@@ -303,20 +289,11 @@ impl Curves {
         if let Some(bad) = self.bad.take() {
             return Err(bad);
         }
-        let bad = |what: String| Error::format(FORMAT, "points", what);
         let counts = match &options.counts {
-            Some(counts) => {
-                let sum: u64 = counts.iter().map(|c| u64::from(c.unsigned_abs())).sum();
-                let (all, n) = (self.points.len(), counts.len());
-                if sum != all as u64 {
-                    return Err(bad(format!("{all} points do not fit {n} counts of {sum}")));
-                }
-                counts.clone()
-            }
+            Some(counts) => counts.clone(),
             None => self.counts(options.closed, is_first)?,
         };
-        let xyz = Positions::F64(self.points.as_flattened());
-        CurveSet::from_counts(Basis::Polyline, &counts, xyz)
+        divided(FORMAT, "points", &self.points, &counts)
     }
 
     /// Returns the number of points of each curve, below 0 if it is closed, and removes points that
@@ -332,12 +309,7 @@ impl Curves {
             self.points.copy_within(first..first + size_of_curve, kept);
             first += size;
             kept += size_of_curve;
-            let count = i32::try_from(size_of_curve).map_err(|_| Error::Count {
-                what: "points of a curve",
-                promised: size_of_curve as u64,
-                available: i32::MAX as u64,
-            })?;
-            counts.push(if is_closed { -count } else { count });
+            counts.push(count_of(size_of_curve, is_closed)?);
         }
         self.points.truncate(kept);
         match undecided {
@@ -362,8 +334,6 @@ impl Curves {
 struct Points<R> {
     lines: Lines<R>,
     options: ReadOptions,
-    /// Name of the file, for the log.
-    name: String,
     columns: Columns,
     /// Number of points of the next frame, if it was read.
     count: Option<u64>,
@@ -443,7 +413,7 @@ impl<R: BufRead> FrameSource for Points<R> {
             tracing::warn!(
                 "{}: each line with a number of points begins a frame; if the file has curves of \
                  one frame, separate them by empty lines in place of the numbers",
-                self.name
+                self.lines.name
             );
         }
         let seq = self.frames;
@@ -456,7 +426,7 @@ impl<R: BufRead> FrameSource for Points<R> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::model::tests::curves;
+    use crate::model::tests::{curves, frames_of};
 
     /// Returns the frames of a text.
     fn frames(text: &str, closed: Option<bool>, counts: Option<&[i32]>) -> Result<Vec<ModelFrame>> {
@@ -465,12 +435,7 @@ mod tests {
             counts: counts.map(<[i32]>::to_vec),
             ..ReadOptions::default()
         };
-        let mut source = read(text.as_bytes(), text.len() as u64, &options, "memory")?;
-        let mut frames = Vec::new();
-        while let Some(frame) = source.next_frame()? {
-            frames.push(frame);
-        }
-        Ok(frames)
+        frames_of(read(text.as_bytes().into(), &options)?)
     }
 
     /// Returns the curves of the only frame of a text: true if closed, and x of all points.
@@ -603,7 +568,7 @@ mod tests {
         assert!(
             error
                 .to_string()
-                .contains("3 points do not fit 1 counts of 4"),
+                .contains("3 points do not fit 1 curves with 4 points"),
             "{error}"
         );
     }

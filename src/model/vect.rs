@@ -5,26 +5,26 @@
 //! (negative if closed), the number of colours of each, the vertices `x y z`, the colours `r g b
 //! a`, and nothing more. Colours are checked to be numbers, and discarded.
 
-use super::write::{check_polylines, text_file};
-use super::{number, quote};
+use super::lines::{Lines, integer};
+use super::write::{check_polylines, create};
+use super::{Input, number, quote};
 use crate::curve::{Basis, CurveSet, Positions, Precision};
 use crate::error::{Error, Result};
 use std::fmt::{Arguments, Display};
-use std::io::{BufRead, ErrorKind};
+use std::io::BufRead;
+use std::ops::Range;
 use std::path::Path;
 use std::str::FromStr;
 
 const FORMAT: &str = "VECT";
-/// Maximum length of a word: far more digits than a number needs, and a bound on memory.
-const MAX_WORD_LENGTH: usize = 1024;
 /// Number of points that are stored at once.
 const CHUNK: usize = 1024;
 
-/// Reads a file of `len` bytes.
-pub(super) fn read(input: impl BufRead, len: u64) -> Result<CurveSet> {
-    let mut words = Words::new(input);
+/// Reads a file.
+pub(super) fn read(input: Input<impl BufRead>) -> Result<CurveSet> {
+    let mut words = Words::new(input)?;
     if words.next(format_args!("the word VECT"))? != b"VECT" {
-        return Err(words.bad(format_args!("{}, expected VECT", quote(&words.word))));
+        return Err(words.bad(format_args!("{}, expected VECT", quote(words.word()))));
     }
     if words.next(format_args!("the number of polylines"))? == b"BINARY" {
         return Err(Error::unsupported(
@@ -32,12 +32,12 @@ pub(super) fn read(input: impl BufRead, len: u64) -> Result<CurveSet> {
             "binary files; only text files are supported",
         ));
     }
-    let polylines: u64 = words.parse(format_args!("the number of polylines"))?;
+    let polylines: u64 = words.parse("the number of polylines")?;
     let vertices: u64 = words.integer(format_args!("the number of vertices"))?;
     let colours: u64 = words.integer(format_args!("the number of colours"))?;
     // Each number takes at least a digit and, except for the last, a space.
     let numbers = 2 * u128::from(polylines) + 3 * u128::from(vertices) + 4 * u128::from(colours);
-    let left = len.saturating_sub(words.consumed);
+    let left = words.left();
     if 2 * numbers > u128::from(left) + 1 {
         return Err(words.bad(format_args!(
             "{polylines} polylines, {vertices} vertices and {colours} colours \
@@ -85,7 +85,7 @@ pub(super) fn read(input: impl BufRead, len: u64) -> Result<CurveSet> {
         words.number(format_args!("colour {}", k / 4))?;
     }
     if words.advance()? {
-        return Err(words.bad(format_args!("{}, expected the end", quote(&words.word))));
+        return Err(words.bad(format_args!("{}, expected the end", quote(words.word()))));
     }
     builder.finish()
 }
@@ -95,7 +95,7 @@ pub(super) fn read(input: impl BufRead, len: u64) -> Result<CurveSet> {
 /// Errors: splines.
 pub(super) fn write(path: &Path, set: &CurveSet) -> Result<()> {
     check_polylines(FORMAT, set)?;
-    text_file(path, |out| {
+    create(path, |out| {
         writeln!(out, "VECT\n{} {} 0", set.len(), set.points())?;
         for count in set.counts() {
             writeln!(out, "{count}")?;
@@ -104,8 +104,7 @@ pub(super) fn write(path: &Path, set: &CurveSet) -> Result<()> {
             writeln!(out, "0")?;
         }
         for i in 0..set.len() {
-            for k in 0..set.curve(i).points as usize {
-                let [x, y, z] = set.point(i, k);
+            for [x, y, z] in set.points_in(i) {
                 writeln!(out, "{x:?} {y:?} {z:?}")?;
             }
         }
@@ -115,75 +114,48 @@ pub(super) fn write(path: &Path, set: &CurveSet) -> Result<()> {
 
 /// Words of a file, one at a time.
 struct Words<R> {
-    input: R,
-    word: Vec<u8>,
-    /// Line of the word, from 1.
-    line: u64,
-    /// Bytes up to the end of the word.
-    consumed: u64,
+    lines: Lines<R>,
+    /// Word in the current line.
+    word: Range<usize>,
 }
 
 impl<R: BufRead> Words<R> {
-    fn new(input: R) -> Self {
-        Self {
-            input,
-            word: Vec::new(),
-            line: 1,
-            consumed: 0,
-        }
+    fn new(input: Input<R>) -> Result<Self> {
+        Ok(Self {
+            lines: Lines::new(FORMAT, input)?.with_long_lines(),
+            word: 0..0,
+        })
     }
 
     fn bad(&self, what: impl Display) -> Error {
-        Error::format(FORMAT, format_args!("line {}", self.line), what)
+        self.lines.bad(what)
+    }
+
+    fn word(&self) -> &[u8] {
+        &self.lines.text()[self.word.clone()]
+    }
+
+    /// Returns the number of bytes after the word.
+    fn left(&self) -> u64 {
+        self.lines.left() + (self.lines.text().len() - self.word.end) as u64
     }
 
     /// Steps to the next word; false at the end of the file.
     fn advance(&mut self) -> Result<bool> {
-        self.word.clear();
-        let mut comment = false;
         loop {
-            let bytes = match self.input.fill_buf() {
-                Ok(bytes) => bytes,
-                Err(e) if e.kind() == ErrorKind::Interrupted => continue,
-                Err(e) => return Err(e.into()),
-            };
-            if bytes.is_empty() {
-                return Ok(!self.word.is_empty());
-            }
-            let mut used = 0;
-            let mut ended = false;
-            for &b in bytes {
-                let between = comment || b == b'#' || b.is_ascii_whitespace();
-                if between && !self.word.is_empty() {
-                    // Kept for the next step, so that a message names the line of the word.
-                    ended = true;
-                    break;
-                }
-                used += 1;
-                if b == b'\n' {
-                    self.line += 1;
-                    comment = false;
-                } else if b == b'#' {
-                    comment = true;
-                } else if !between {
-                    self.word.push(b);
-                    if self.word.len() > MAX_WORD_LENGTH {
-                        ended = true;
-                        break;
-                    }
-                }
-            }
-            self.input.consume(used);
-            self.consumed += used as u64;
-            if self.word.len() > MAX_WORD_LENGTH {
-                let what = format!(
-                    "{}.. is a word of more than {MAX_WORD_LENGTH} bytes",
-                    quote(&self.word)
-                );
-                return Err(self.bad(what));
-            }
-            if ended {
+            let rest = &self.lines.text()[self.word.end..];
+            let text = rest.trim_ascii_start();
+            let between = |b: &u8| b.is_ascii_whitespace() || *b == b'#';
+            let len = text.iter().position(between).unwrap_or(text.len());
+            if len > 0 {
+                let start = self.word.end + rest.len() - text.len();
+                self.word = start..start + len;
                 return Ok(true);
+            }
+            // The rest is a comment, or nothing.
+            self.word = 0..0;
+            if !self.lines.advance()? {
+                return Ok(false);
             }
         }
     }
@@ -192,15 +164,12 @@ impl<R: BufRead> Words<R> {
         if !self.advance()? {
             return Err(self.bad(format_args!("the file ends, expected {expected}")));
         }
-        Ok(&self.word)
+        Ok(self.word())
     }
 
     /// Parses the word as an integer.
-    fn parse<T: FromStr>(&self, expected: Arguments<'_>) -> Result<T> {
-        std::str::from_utf8(&self.word)
-            .ok()
-            .and_then(|w| w.parse().ok())
-            .ok_or_else(|| self.bad(format_args!("{}, expected {expected}", quote(&self.word))))
+    fn parse<T: FromStr>(&self, expected: impl Display) -> Result<T> {
+        integer(self.word(), expected).map_err(|what| self.bad(what))
     }
 
     fn integer<T: FromStr>(&mut self, expected: Arguments<'_>) -> Result<T> {
@@ -210,7 +179,7 @@ impl<R: BufRead> Words<R> {
 
     fn number(&mut self, expected: Arguments<'_>) -> Result<f64> {
         self.next(expected)?;
-        number(&self.word).map_err(|what| self.bad(format_args!("{expected}: {what}")))
+        number(self.word()).map_err(|what| self.bad(format_args!("{expected}: {what}")))
     }
 
     fn expect_sum(&self, what: &str, sum: u64, promised: u64) -> Result<()> {
@@ -230,7 +199,7 @@ mod tests {
     use proptest::prelude::*;
 
     fn parse(text: &str) -> Result<CurveSet> {
-        read(text.as_bytes(), text.len() as u64)
+        read(text.as_bytes().into())
     }
 
     #[test]
@@ -323,7 +292,7 @@ mod tests {
             ),
             (
                 format!("VECT {}", "1".repeat(5000)),
-                "a word of more than 1024 bytes",
+                "expected the number of polylines",
             ),
         ] {
             assert_error_contains(parse(&text), expected);

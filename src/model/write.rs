@@ -127,8 +127,8 @@ pub(super) fn same_curves(format: &'static str, counts: &[i32], set: &CurveSet) 
     Err(Error::unsupported(format, what))
 }
 
-/// Writes a text file. Errors name it.
-pub(super) fn text_file(
+/// Writes a file. Errors name it.
+pub(super) fn create(
     path: &Path,
     write: impl FnOnce(&mut dyn Write) -> std::io::Result<()>,
 ) -> Result<()> {

@@ -1,5 +1,6 @@
 //! The image of a curve that lies beside another curve.
 
+use crate::curve::vector::{add, dot, sub};
 use crate::curve::{Cell, CurveSet, Image, Point, Positions};
 use crate::error::Result;
 
@@ -15,34 +16,22 @@ use crate::error::Result;
 pub fn beside(set: &CurveSet, [i, j]: [usize; 2], cell: &Cell) -> Result<(CurveSet, Image)> {
     cell.check()?;
     let inverse = cell.inverse().unwrap_or_default();
-    let points = |i: usize| (0..set.curve(i).points as usize).map(move |k| set.point(i, k));
     let centre = |i: usize| -> Point {
         let n = f64::from(set.curve(i).points);
-        let sum = |x: usize| points(i).map(|p| p[x] / n).sum();
-        [sum(0), sum(1), sum(2)]
+        set.points_in(i)
+            .fold([0.0; 3], |sum, p| add(sum, p.map(|x| x / n)))
     };
-    let (to, from) = (centre(i), centre(j));
-    let apart = [0, 1, 2].map(|x| to[x] - from[x]);
+    let apart = sub(centre(i), centre(j));
     let image: Image = [0, 1, 2].map(|x| match cell.periodic()[x] {
-        true => {
-            let [a, b, c] = inverse[x];
-            let share = a * apart[0] + b * apart[1] + c * apart[2];
-            share.round().clamp(-1e9, 1e9) as i32
-        }
+        true => dot(inverse[x], apart).round().clamp(-1e9, 1e9) as i32,
         false => 0,
     });
     let by = cell.translation(image);
-    let moved = points(j).map(|p| [0, 1, 2].map(|x| p[x] + by[x]));
-    let xyz: Vec<f64> = points(i).chain(moved).flatten().collect();
-    let counts = [i, j].map(|i| {
-        let curve = set.curve(i);
-        let n = curve.points as i32;
-        if curve.closed { -n } else { n }
-    });
-    Ok((
-        CurveSet::from_counts(set.basis(), &counts, Positions::F64(&xyz))?,
-        image,
-    ))
+    let moved = set.points_in(j).map(|p| add(p, by));
+    let xyz: Vec<f64> = set.points_in(i).chain(moved).flatten().collect();
+    let counts = [i, j].map(|i| set.curve(i).count());
+    let pair = CurveSet::from_counts(set.basis(), &counts, Positions::F64(&xyz))?;
+    Ok((pair, image))
 }
 
 #[cfg(test)]

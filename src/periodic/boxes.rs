@@ -16,8 +16,8 @@
 //! image of its start. Along a direction without repetition, the length of a lattice vector takes
 //! the place of 1.
 
-use crate::curve::vector::{dot, sub};
-use crate::curve::{Basis, Box3, Cell, CurveSet, Point, above, below};
+use crate::curve::vector::{add, dot, sub};
+use crate::curve::{Basis, Box3, Cell, CurveSet, Point, above, below, union};
 use crate::error::{Error, Result};
 use crate::incremental::{PointMap, QuietBounds};
 use crate::pool;
@@ -70,10 +70,7 @@ impl<'a> Boxer<'a> {
             let size = lo[x].abs().max(hi[x].abs()).max(self.units[x]);
             self.spline * (hi[x] - lo[x]) + PAD * size
         });
-        [
-            [0, 1, 2].map(|x| lo[x] - pad[x]),
-            [0, 1, 2].map(|x| hi[x] + pad[x]),
-        ]
+        grown(&[lo, hi], pad)
     }
 
     /// Returns the box of a curve, from its points.
@@ -142,10 +139,8 @@ impl FractionalBoxes {
     pub fn swept_from(&self, before: &FractionalBoxes, bend: &Bend) -> FractionalBoxes {
         let both = before.bounds.iter().zip(&self.bounds);
         let swept = both.map(|(a, b)| {
-            let lo = [0, 1, 2].map(|x| a[0][x].min(b[0][x]));
-            let hi = [0, 1, 2].map(|x| a[1][x].max(b[1][x]));
-            let most = bend.of([0, 1, 2].map(|x| hi[x] - lo[x]));
-            grown(&[lo, hi], most)
+            let around = union(*a, *b);
+            grown(&around, bend.of(sides(&around)))
         });
         FractionalBoxes {
             bounds: swept.collect(),
@@ -154,23 +149,14 @@ impl FractionalBoxes {
 
     /// Returns the mean size of the curves along a direction.
     pub fn mean_size(&self, x: usize) -> f64 {
-        let total: f64 = self.bounds.iter().map(|b| b[1][x] - b[0][x]).sum();
+        let total: f64 = self.bounds.iter().map(|b| sides(b)[x]).sum();
         total / self.bounds.len().max(1) as f64
     }
 
     /// Returns the size of the scene along a direction.
     pub fn extent(&self, x: usize) -> f64 {
-        let lo = self
-            .bounds
-            .iter()
-            .map(|b| b[0][x])
-            .fold(f64::INFINITY, f64::min);
-        let hi = self
-            .bounds
-            .iter()
-            .map(|b| b[1][x])
-            .fold(f64::NEG_INFINITY, f64::max);
-        (hi - lo).max(0.0)
+        let all = self.bounds.iter().copied().reduce(union);
+        all.map_or(0.0, |all| sides(&all)[x].max(0.0))
     }
 
     /// Returns the boxes grown by a margin on all sides: of these shares of the cell, or of these
@@ -191,10 +177,7 @@ impl FractionalBoxes {
 
     /// Returns the largest side of all boxes along each direction.
     pub fn largest_sides(&self) -> Point {
-        let sides = self
-            .bounds
-            .iter()
-            .map(|b| [0, 1, 2].map(|x| b[1][x] - b[0][x]));
+        let sides = self.bounds.iter().map(sides);
         sides.fold([0.0; 3], |a, b| [0, 1, 2].map(|x| a[x].max(b[x])))
     }
 
@@ -202,7 +185,7 @@ impl FractionalBoxes {
     /// have no segment of this length.
     pub fn wide(&self, cell: &Cell) -> Vec<usize> {
         let periodic = cell.periodic();
-        let is_wide = |b: &Bounds| (0..3).any(|x| periodic[x] && b[1][x] - b[0][x] > 0.5);
+        let is_wide = |b: &Bounds| (0..3).any(|x| periodic[x] && sides(b)[x] > 0.5);
         let all = self.bounds.iter().enumerate();
         all.filter(|(_, b)| is_wide(b)).map(|(i, _)| i).collect()
     }
@@ -211,8 +194,8 @@ impl FractionalBoxes {
     pub fn widest(&self, cell: &Cell) -> usize {
         let periodic = cell.periodic();
         let side = |b: &Bounds| {
-            let sides = (0..3).filter(|&x| periodic[x]).map(|x| b[1][x] - b[0][x]);
-            sides.fold(0.0, f64::max)
+            let along = (0..3).filter(|&x| periodic[x]).map(|x| sides(b)[x]);
+            along.fold(0.0, f64::max)
         };
         let sides = self.bounds.iter().map(side).enumerate();
         let widest = sides.max_by(|a, b| a.1.total_cmp(&b.1));
@@ -222,10 +205,12 @@ impl FractionalBoxes {
 
 /// Returns a box grown by these lengths on both sides.
 fn grown([lo, hi]: &Bounds, by: Point) -> Bounds {
-    [
-        [0, 1, 2].map(|x| lo[x] - by[x]),
-        [0, 1, 2].map(|x| hi[x] + by[x]),
-    ]
+    [sub(*lo, by), add(*hi, by)]
+}
+
+/// Returns the sides of a box.
+fn sides([lo, hi]: &Bounds) -> Point {
+    sub(*hi, *lo)
 }
 
 /// Returns the smaller one of two rooms along each direction.
@@ -287,8 +272,7 @@ impl Bend {
 
     /// Returns the largest deviation along each direction in a box of these sides.
     pub fn of(&self, sides: Point) -> Point {
-        self.0
-            .map(|row| row[0] * sides[0] + row[1] * sides[1] + row[2] * sides[2])
+        self.0.map(|row| dot(row, sides))
     }
 }
 

@@ -20,7 +20,7 @@
 //! motions do not change. If several entries of one ring and such a yarn differ by a fraction of
 //! the period, the names may then depend on the coordinates.
 
-use super::names::Entry;
+use super::names::{Entry, neighbours};
 use super::{ImagePair, YarnPeriod, period_of_pair};
 use crate::curve::{Image, minus, plus};
 use std::collections::{BTreeMap, VecDeque};
@@ -82,14 +82,10 @@ struct Tree {
 
 impl Tree {
     fn new(curves: usize, entries: &[Entry], periods: &[YarnPeriod]) -> Tree {
-        let mut of = vec![Vec::new(); curves];
-        for &(ImagePair { i, j, image }, _) in entries.iter().filter(|e| e.0.i != e.0.j) {
-            of[i as usize].push((j as usize, image));
-            of[j as usize].push((i as usize, minus(Image::default(), image)));
-        }
-        for (i, list) in of.iter_mut().enumerate() {
-            let period = |j: usize| period_of_pair(periods, i as u32, j as u32);
-            list.sort_by_key(|&(j, image)| (j, rank(image, period(j)), image));
+        let mut of = neighbours(curves, entries);
+        for (i, list) in (0..).zip(&mut of) {
+            let period = |j: u32| period_of_pair(periods, i, j);
+            list.sort_by_key(|&(j, image, _)| (j, rank(image, period(j)), image));
         }
         let mut shifts: Vec<Option<Image>> = vec![None; curves];
         let mut children = vec![Vec::new(); curves];
@@ -101,12 +97,13 @@ impl Tree {
                 queue.push_back((root, Image::default()));
             }
             while let Some((i, shift)) = queue.pop_front() {
-                for &(j, image) in &of[i] {
+                for &(other, image, _) in &of[i] {
+                    let j = other as usize;
                     if shifts[j].is_none() {
                         let moved = plus(image, shift);
                         shifts[j] = Some(moved);
                         children[i].push(j);
-                        let period = period_of_pair(periods, i as u32, j as u32);
+                        let period = period_of_pair(periods, i as u32, other);
                         free.extend(period.map(|period| (j, period)));
                         queue.push_back((j, moved));
                     }

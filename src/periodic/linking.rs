@@ -22,8 +22,8 @@
 
 use super::pairs::PointLimit;
 use super::through::RingAndYarn;
-use crate::curve::{Cell, CurveSet, Image, Point, SumEdges, Translated, bounds, point_at, single};
-use crate::discretize::{Halving, Separation};
+use crate::curve::{Cell, CurveSet, Image, Point, SumEdges, Translated, bounds, single};
+use crate::discretize::{self, Halving, Separation, sort_splits};
 use crate::error::{Error, Result};
 use crate::exact::{Batch, Crossing, crossing_of_sums, sums_touch};
 use crate::pairs::closest_of_segments;
@@ -194,18 +194,12 @@ struct Strand {
 impl Strand {
     /// `splits` are sorted: segments, and parameters in them.
     fn new(set: &CurveSet, curve: usize, splits: &[(u32, f64)]) -> Strand {
-        let count = set.curve(curve).segments;
         let (mut vertices, mut segments) = (Vec::new(), Vec::new());
-        let mut splits = splits.iter().peekable();
-        for s in 0..count {
-            vertices.push(set.knot(curve, s as usize));
+        discretize::vertices(set, curve, splits, |s, p| {
+            vertices.push(p);
             segments.push(s);
-            while let Some((_, t)) = splits.next_if(|split| split.0 == s) {
-                vertices.push(point_at(&set.segment(curve, s as usize), *t));
-                segments.push(s);
-            }
-        }
-        vertices.push(set.knot(curve, count as usize));
+        });
+        vertices.push(set.knot(curve, set.curve(curve).segments as usize));
         Strand {
             curve,
             vertices,
@@ -255,8 +249,7 @@ fn split(
         of_ring.extend_from_slice(&first.at);
         strands.push(Strand::new(set, yarn, &second.at));
     }
-    of_ring.sort_unstable_by(|a: &(u32, f64), b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)));
-    of_ring.dedup();
+    sort_splits(&mut of_ring);
     // A period ends where the next one starts.
     for k in 1..strands.len() {
         let start = strands[k].vertices[0];

@@ -64,15 +64,11 @@ pub(crate) struct ImagePair {
 impl ImagePair {
     /// Returns the pair of curve `i` and curve `j` translated by `image`, in any order.
     pub fn new(i: u32, j: u32, image: Image) -> ImagePair {
-        let backward = image.map(|n| -n);
-        match i < j || i == j && image > Image::default() {
-            true => ImagePair { i, j, image },
-            false => ImagePair {
-                i: j,
-                j: i,
-                image: backward,
-            },
-        }
+        let (i, j, image) = match i < j || i == j && image > Image::default() {
+            true => (i, j, image),
+            false => (j, i, image.map(|n| -n)),
+        };
+        ImagePair { i, j, image }
     }
 }
 

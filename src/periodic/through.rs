@@ -66,18 +66,14 @@ impl RingAndYarn {
 
     /// Returns the pair under the name that certificates have for it.
     pub fn pair(&self) -> ImagePair {
-        match self.ring < self.yarn {
-            true => ImagePair {
-                i: self.ring,
-                j: self.yarn,
-                image: self.image,
-            },
-            false => ImagePair {
-                i: self.yarn,
-                j: self.ring,
-                image: reduced(self.image.map(|n| -n), self.period),
-            },
-        }
+        let (i, j, image) = match self.ring < self.yarn {
+            true => (self.ring, self.yarn, self.image),
+            false => {
+                let image = reduced(self.image.map(|n| -n), self.period);
+                (self.yarn, self.ring, image)
+            }
+        };
+        ImagePair { i, j, image }
     }
 }
 

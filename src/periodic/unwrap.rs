@@ -1,5 +1,6 @@
 //! Unwrapping of coordinates that a simulation wrapped into its periodic cell.
 
+use crate::curve::vector::{add, dot, sub};
 use crate::curve::{Basis, Cell, CurveSet, Image, Point, Positions};
 use crate::error::{Error, Result};
 
@@ -52,11 +53,10 @@ impl Unwrap {
         // The translation that brings the second point nearest to the first one, and the share of
         // the cell by which they are then apart.
         let nearest = |from: Point, to: Point| -> (Image, (usize, f64)) {
-            let d = [0, 1, 2].map(|x| to[x] - from[x]);
+            let d = sub(to, from);
             let (mut image, mut most) = (Image::default(), (0, 0.0));
             for x in (0..3).filter(|&x| periodic[x]) {
-                let b = inverse[x];
-                let u = b[0] * d[0] + b[1] * d[1] + b[2] * d[2];
+                let u = dot(inverse[x], d);
                 image[x] = -u.round().clamp(-1e9, 1e9) as i32;
                 let apart = (u + f64::from(image[x])).abs();
                 if apart > most.1 {
@@ -65,10 +65,7 @@ impl Unwrap {
             }
             (image, most)
         };
-        let moved = |p: Point, image: Image| {
-            let by = cell.translation(image);
-            [0, 1, 2].map(|x| p[x] + by[x])
-        };
+        let moved = |p: Point, image: Image| add(p, cell.translation(image));
         let known = self.before.as_ref().filter(|b| b.len() == set.len());
         let mut firsts = Vec::with_capacity(set.len());
         let (mut counts, mut xyz) = (Vec::with_capacity(set.len()), Vec::new());
@@ -79,9 +76,9 @@ impl Unwrap {
             let mut image = match known {
                 None => Image::default(),
                 Some(before) => {
-                    let (image, (x, share)) = nearest(before[i], raw(0));
-                    if share > LONGEST {
-                        guess.get_or_insert_with(|| moved_too_far(i, x, share));
+                    let (image, share) = nearest(before[i], raw(0));
+                    if share.1 > LONGEST {
+                        guess.get_or_insert_with(|| moved_too_far(i, share));
                     }
                     image
                 }
@@ -93,16 +90,16 @@ impl Unwrap {
             let closing = usize::from(curve.closed);
             let start = image;
             for k in 0..count - 1 + closing {
-                let (by, (x, share)) = nearest(raw(k), raw((k + 1) % count));
-                if share > LONGEST {
-                    guess.get_or_insert_with(|| too_long(i, k, x, share));
+                let (by, share) = nearest(raw(k), raw((k + 1) % count));
+                if share.1 > LONGEST {
+                    guess.get_or_insert_with(|| too_long(i, k, share));
                 }
-                image = [0, 1, 2].map(|x| image[x] + by[x]);
+                image = add(image, by);
                 if k + 1 < count {
                     unwrapped.push(moved(raw(k + 1), image));
                 }
             }
-            let period = [0, 1, 2].map(|x| image[x] - start[x]);
+            let period = sub(image, start);
             let through = curve.closed && period != Image::default();
             if through {
                 lengthen(&mut unwrapped, set.basis(), |p, times: i32| {
@@ -110,11 +107,8 @@ impl Unwrap {
                 });
             }
             let count = unwrapped.len() as i32;
-            counts.push(if curve.closed && !through {
-                -count
-            } else {
-                count
-            });
+            let closed = curve.closed && !through;
+            counts.push(if closed { -count } else { count });
             xyz.extend_from_slice(unwrapped.as_flattened());
         }
         if let Some(guess) = guess {
@@ -138,26 +132,25 @@ fn lengthen(points: &mut Vec<Point>, basis: Basis, moved: impl Fn(Point, i32) ->
     }
 }
 
-fn percent(share: f64) -> String {
-    format!("{:.0} %", 100.0 * share)
+/// Returns a share of the cell along vector `x` in words.
+fn words((x, share): (usize, f64)) -> String {
+    let (percent, vector) = (100.0 * share, x + 1);
+    format!("{percent:.0} % of the periodic cell along vector {vector}")
 }
 
-fn too_long(curve: usize, vertex: usize, x: usize, share: f64) -> Error {
+fn too_long(curve: usize, vertex: usize, share: (usize, f64)) -> Error {
     Error::Usage(format!(
-        "curve {curve}: the segment after vertex {vertex} has {} of the periodic cell along vector \
-         {}, so the image of its end is a guess (at most a third): write unwrapped coordinates, or \
-         finer curves",
-        percent(share),
-        x + 1,
+        "curve {curve}: the segment after vertex {vertex} has {}, so the image of its end is a \
+         guess (at most a third): write unwrapped coordinates, or finer curves",
+        words(share)
     ))
 }
 
-fn moved_too_far(curve: usize, x: usize, share: f64) -> Error {
+fn moved_too_far(curve: usize, share: (usize, f64)) -> Error {
     Error::Usage(format!(
-        "curve {curve} moved by {} of the periodic cell along vector {} since the previous frame, \
-         so its image is a guess (at most a third): publish more frames, or unwrapped coordinates",
-        percent(share),
-        x + 1,
+        "curve {curve} moved by {} since the previous frame, so its image is a guess (at most a \
+         third): publish more frames, or unwrapped coordinates",
+        words(share)
     ))
 }
 

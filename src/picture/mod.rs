@@ -144,7 +144,7 @@ fn around(set: &CurveSet, curves: [u32; 2], place: Place) -> Option<Markup> {
 
 /// Draws the whole model.
 fn whole(set: &CurveSet, marked: &[Marked]) -> Markup {
-    let (low, high) = set.corners();
+    let [low, high] = set.corners();
     let half = [0, 1, 2].map(|x| (0.5 * high[x] - 0.5 * low[x]).max(0.0));
     let view = View::along_thinnest(half);
     let reach = match half.into_iter().fold(0.0, f64::max) / FILLED {

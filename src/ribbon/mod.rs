@@ -129,13 +129,8 @@ impl Ribbon {
         pool::check_process()?;
         check(set, [i, j])?;
         let scale = Scale::new(set.max_abs());
-        let points = |i: usize| -> Vec<Point> {
-            let n = set.curve(i).points as usize;
-            (0..n)
-                .map(|k| set.point(i, k).map(|x| scale.apply(x)))
-                .collect()
-        };
-        let (first, second) = (points(i), points(j));
+        let points = |i: usize| set.points_in(i).map(|p| p.map(|x| scale.apply(x)));
+        let [first, second]: [Vec<Point>; 2] = [i, j].map(|i| points(i).collect());
         let (pairing, reason, rivals) = match options.pairing {
             Some(pairing) => (pairing, PairingReason::Given, Vec::new()),
             None => {

@@ -68,11 +68,6 @@ impl Pairing {
         antiparallel: false,
         shift: 0,
     };
-    /// Pairs vertex `k` with vertex `n - 1 - k`.
-    pub const ANTIPARALLEL: Pairing = Pairing {
-        antiparallel: true,
-        shift: 0,
-    };
 
     /// Returns the vertex of the second strand that belongs to vertex `k < n` of the first one.
     pub fn partner(self, k: usize, n: usize) -> usize {
@@ -88,26 +83,29 @@ impl Pairing {
 
     /// Returns the pairing in words: `antiparallel, vertex k with n - 1 - k`.
     pub fn words(self) -> String {
-        let (word, partner) = match self.antiparallel {
-            false => ("parallel", "k"),
-            true => ("antiparallel", "n - 1 - k"),
+        let partner = match self.antiparallel {
+            false => "k",
+            true => "n - 1 - k",
         };
-        match self.shift {
-            0 => format!("{word}, vertex k with {partner}"),
-            shift => format!("{word}, vertex k with {partner} + {shift}"),
+        match (self.word(), self.shift) {
+            (word, 0) => format!("{word}, vertex k with {partner}"),
+            (word, shift) => format!("{word}, vertex k with {partner} + {shift}"),
+        }
+    }
+
+    fn word(self) -> &'static str {
+        match self.antiparallel {
+            false => "parallel",
+            true => "antiparallel",
         }
     }
 }
 
 impl fmt::Display for Pairing {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let word = match self.antiparallel {
-            false => "parallel",
-            true => "antiparallel",
-        };
-        match self.shift {
-            0 => write!(f, "{word}"),
-            shift => write!(f, "{word}:{shift}"),
+        match (self.word(), self.shift) {
+            (word, 0) => write!(f, "{word}"),
+            (word, shift) => write!(f, "{word}:{shift}"),
         }
     }
 }

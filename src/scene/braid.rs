@@ -19,9 +19,9 @@ pub(crate) struct BraidScene {
     given: [Arc<CurveSet>; 2],
     /// True if the frame breaks a condition of the braids. Its loops are those of the first frame,
     /// and findings about them mean nothing.
-    is_broken: bool,
+    pub is_broken: bool,
     /// True if only one of this frame and the one before is broken, so that the loops jump.
-    jumps: bool,
+    pub jumps: bool,
 }
 
 /// Braids whose ends are known from the first frame.
@@ -68,16 +68,6 @@ impl BraidScene {
         self.given.rotate_right(1);
         self.given[0] = Arc::clone(given);
         Ok((set, broken))
-    }
-
-    /// Returns true if the last frame breaks a condition of the braids.
-    pub fn is_broken(&self) -> bool {
-        self.is_broken
-    }
-
-    /// Returns true if the loops jump in the step to the last frame.
-    pub fn jumps(&self) -> bool {
-        self.jumps
     }
 
     /// Returns the curves of the frame before the last one and of the last one, as they are given.

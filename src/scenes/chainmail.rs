@@ -13,18 +13,11 @@ pub(super) const KIND: Kind = Kind {
     purpose: "sheet of chainmail, flat or crumpled: very many small curves, few potential links \
               each",
     parameters: &[
-        Parameter::integer("rows", 56, (1, 4000), "rows of flat rings"),
-        Parameter::integer(
-            "columns",
-            84,
-            (1, 4000),
-            "flat rings of a row; 3 * rows * columns rings in all",
-        ),
-        Parameter::real("crumple", 0.0, (0.0, 1.0), "degree of crumpling: 0 is flat"),
-        Parameter::real(
-            "tilt",
-            2.0,
-            (0.0, 5.0),
+        Parameter::integer("rows", 56, 1, 4000).is("rows of flat rings"),
+        Parameter::integer("columns", 84, 1, 4000)
+            .is("flat rings of a row; 3 * rows * columns rings in all"),
+        Parameter::real("crumple", 0.0, 0.0, 1.0).is("degree of crumpling: 0 is flat"),
+        Parameter::real("tilt", 2.0, 0.0, 5.0).is(
             "individual rotation of each ring in degrees: at 0 rings lie exactly in axis planes",
         ),
     ],

@@ -19,7 +19,7 @@
 use super::motion::{Motion, MotionKind};
 use super::pull_through::Pull;
 use crate::curve::vector::dot;
-use crate::curve::{CurveSet, Point, Positions, Precision};
+use crate::curve::{CurveSet, Point, Positions, Received};
 use crate::random::Random;
 use rayon::prelude::*;
 use std::f64::consts::TAU;
@@ -56,43 +56,22 @@ pub struct Frames {
     centre: Point,
     length: f64,
     seed: u64,
-    frame: Buffer,
-}
-
-/// Control points in the precision of the set.
-#[derive(Clone, Debug)]
-enum Buffer {
-    F32(Vec<f32>),
-    F64(Vec<f64>),
+    /// Control points in the precision of the set.
+    frame: Received,
 }
 
 impl Frames {
     /// Creates the frames of a set. `length` (in units of the set) is the unit of motions, for
     /// example the diameter of a yarn.
     pub fn new(set: &CurveSet, length: f64) -> Frames {
-        let curves = set.curves().iter().enumerate();
-        let base: Vec<Point> = curves
-            .flat_map(|(i, c)| (0..c.points as usize).map(move |k| set.point(i, k)))
-            .collect();
-        let centre = [0, 1, 2].map(|x| {
-            let along = base.iter().map(|p| p[x]);
-            let (lo, hi) = (
-                along.clone().fold(f64::INFINITY, f64::min),
-                along.fold(f64::NEG_INFINITY, f64::max),
-            );
-            lo + (hi - lo) / 2.0
-        });
-        let coordinates = 3 * base.len();
+        let [lo, hi] = set.corners();
         Frames {
-            base,
+            base: (0..set.len()).flat_map(|i| set.points_in(i)).collect(),
             replaced: Vec::new(),
-            centre,
+            centre: [0, 1, 2].map(|x| lo[x] + (hi[x] - lo[x]) / 2.0),
             length,
             seed: 0,
-            frame: match set.precision() {
-                Precision::F32 => Buffer::F32(vec![0.0; coordinates]),
-                Precision::F64 => Buffer::F64(vec![0.0; coordinates]),
-            },
+            frame: set.positions().into_copy(),
         }
     }
 
@@ -115,11 +94,11 @@ impl Frames {
                 .collect(),
         };
         match &mut self.frame {
-            Buffer::F32(to) => {
+            Received::F32(to) => {
                 fill(to, &self.base, &steps, |x| x as f32);
                 Positions::F32(to)
             }
-            Buffer::F64(to) => {
+            Received::F64(to) => {
                 fill(to, &self.base, &steps, |x| x);
                 Positions::F64(to)
             }

@@ -11,25 +11,12 @@ pub(super) const KIND: Kind = Kind {
     purpose: "knitted tube of stockinette, Catmull-Rom splines: a garment; rows go through the \
               loops of the row below",
     parameters: &[
-        Parameter::integer(
-            "rows",
-            250,
-            (1, 20_000),
-            "rows, each a closed yarn around the tube",
-        ),
-        Parameter::integer("stitches", 90, (16, 20_000), "stitches of a row"),
-        Parameter::integer(
-            "segments",
-            270_000,
-            (128, MOST_SEGMENTS),
-            "segments of all rows; 8 or more, equal for all stitches",
-        ),
-        Parameter::real(
-            "diameter",
-            1.0,
-            (1e-3, 1e3),
-            "diameter of the yarn, in units of the scene",
-        ),
+        Parameter::integer("rows", 250, 1, 20_000).is("rows, each a closed yarn around the tube"),
+        Parameter::integer("stitches", 90, 16, 20_000).is("stitches of a row"),
+        Parameter::integer("segments", 270_000, 128, MOST_SEGMENTS)
+            .is("segments of all rows; 8 or more, equal for all stitches"),
+        Parameter::real("diameter", 1.0, 1e-3, 1e3)
+            .is("diameter of the yarn, in units of the scene"),
     ],
     build,
 };

@@ -98,36 +98,26 @@ pub struct Parameter {
 }
 
 impl Parameter {
-    const fn integer(
-        name: &'static str,
-        default: i64,
-        (min, max): (i64, i64),
-        meaning: &'static str,
-    ) -> Parameter {
+    const fn integer(name: &'static str, default: i64, min: i64, max: i64) -> Parameter {
         Parameter {
-            name,
-            meaning,
-            default: default as f64,
-            min: min as f64,
-            max: max as f64,
             integer: true,
+            ..Parameter::real(name, default as f64, min as f64, max as f64)
         }
     }
 
-    const fn real(
-        name: &'static str,
-        default: f64,
-        (min, max): (f64, f64),
-        meaning: &'static str,
-    ) -> Parameter {
+    const fn real(name: &'static str, default: f64, min: f64, max: f64) -> Parameter {
         Parameter {
             name,
-            meaning,
+            meaning: "",
             default,
             min,
             max,
             integer: false,
         }
+    }
+
+    const fn is(self, meaning: &'static str) -> Parameter {
+        Parameter { meaning, ..self }
     }
 
     /// Parses a value, or returns an error text.
@@ -180,9 +170,7 @@ impl Generated {
         let certificate = Certificate {
             curves: curves.len(),
             links,
-            undefined: Vec::new(),
-            images: None,
-            periods: Vec::new(),
+            ..Certificate::default()
         };
         Generated {
             curves,

@@ -5,64 +5,41 @@ use crate::error::{Error, Result};
 use std::fmt;
 use std::str::FromStr;
 
-/// Kind of a motion. "Lengths" are multiples of the length given to
-/// [`Frames::new`](super::Frames::new), a yarn's diameter for example.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-#[non_exhaustive]
-pub enum MotionKind {
-    /// Nothing moves.
-    Still,
-    /// Waves of 40 lengths that move each coordinate by at most the amplitude; other waves in every
-    /// frame.
-    ///
-    /// An isotopy of space if the amplitude is below `40 / (4 pi)`, about 3 lengths. Only points
-    /// are moved, and the segments between them stay straight (or splines). Therefore topology is
-    /// kept if segments are short compared with the waves, or the amplitude is small compared with
-    /// the distances of the curves.
-    Smooth,
-    /// Uniform noise that moves each coordinate of each control point by at most the amplitude,
-    /// independently in every frame. Keeps the topology only if the amplitude is small compared
-    /// with the distances of the curves.
-    Iid,
-    /// Rigid: 5 lengths further in every frame, for any amplitude.
-    ///
-    /// Coordinates grow and are rounded to the precision of the set, which is visible as a motion
-    /// after very many frames.
-    Translate,
-    /// Rigid: 3 degrees further in every frame about the centre of the set, for any amplitude.
-    Rotate,
-    /// Stretching along x about the centre, by factors between 0.8 and 1.25 with a period of 40
-    /// frames, for any amplitude.
-    Stretch,
-    /// Stretching along all axes likewise.
-    Scale,
+vocabulary! {
+    /// Kind of a motion. "Lengths" are multiples of the length given to
+    /// [`Frames::new`](super::Frames::new), a yarn's diameter for example.
+    #[non_exhaustive]
+    pub enum MotionKind {
+        /// Nothing moves.
+        Still = "still",
+        /// Waves of 40 lengths that move each coordinate by at most the amplitude; other waves in
+        /// every frame.
+        ///
+        /// An isotopy of space if the amplitude is below `40 / (4 pi)`, about 3 lengths. Only
+        /// points are moved, and the segments between them stay straight (or splines). Therefore
+        /// topology is kept if segments are short compared with the waves, or the amplitude is
+        /// small compared with the distances of the curves.
+        Smooth = "smooth",
+        /// Uniform noise that moves each coordinate of each control point by at most the amplitude,
+        /// independently in every frame. Keeps the topology only if the amplitude is small compared
+        /// with the distances of the curves.
+        Iid = "iid",
+        /// Rigid: 5 lengths further in every frame, for any amplitude.
+        ///
+        /// Coordinates grow and are rounded to the precision of the set, which is visible as a
+        /// motion after very many frames.
+        Translate = "translate",
+        /// Rigid: 3 degrees further in every frame about the centre of the set, for any amplitude.
+        Rotate = "rotate",
+        /// Stretching along x about the centre, by factors between 0.8 and 1.25 with a period of 40
+        /// frames, for any amplitude.
+        Stretch = "stretch",
+        /// Stretching along all axes likewise.
+        Scale = "scale",
+    }
 }
 
 impl MotionKind {
-    /// All kinds.
-    pub const ALL: [MotionKind; 7] = [
-        MotionKind::Still,
-        MotionKind::Smooth,
-        MotionKind::Iid,
-        MotionKind::Translate,
-        MotionKind::Rotate,
-        MotionKind::Stretch,
-        MotionKind::Scale,
-    ];
-
-    /// Returns the name of the kind, one word.
-    pub fn word(self) -> &'static str {
-        match self {
-            MotionKind::Still => "still",
-            MotionKind::Smooth => "smooth",
-            MotionKind::Iid => "iid",
-            MotionKind::Translate => "translate",
-            MotionKind::Rotate => "rotate",
-            MotionKind::Stretch => "stretch",
-            MotionKind::Scale => "scale",
-        }
-    }
-
     /// Returns true if the amplitude has an effect. If not, the motion is affine and changes no
     /// linking number.
     pub fn has_amplitude(self) -> bool {

@@ -44,18 +44,9 @@ pub fn pull_throughs(set: &CurveSet) -> Vec<Pull> {
     trees.refit(set);
     let mut search = LinkSearch::default();
     let pairs = search.find(trees.roots());
-    let first: Vec<usize> = set
-        .curves()
-        .iter()
-        .scan(0, |at, c| {
-            let first = *at;
-            *at += c.points as usize;
-            Some(first)
-        })
-        .collect();
     let mut found: Vec<Pull> = pairs
         .par_iter()
-        .filter_map(|&pair| pull_through(set, &trees, pair, first[pair.0 as usize]))
+        .filter_map(|&pair| pull_through(set, &trees, pair))
         .collect();
     found.sort_by(|a, b| {
         let distances = a.place.distance.total_cmp(&b.place.distance);
@@ -64,9 +55,8 @@ pub fn pull_throughs(set: &CurveSet) -> Vec<Pull> {
     found
 }
 
-/// Returns the pull-through of a pair, if it has one. `first` is the first control point of the
-/// first curve.
-fn pull_through(set: &CurveSet, trees: &Trees, pair: Pair, first: usize) -> Option<Pull> {
+/// Returns the pull-through of a pair, if it has one.
+fn pull_through(set: &CurveSet, trees: &Trees, pair: Pair) -> Option<Pull> {
     let (i, j) = (pair.0 as usize, pair.1 as usize);
     let (basis, points) = (set.basis(), set.curve(i).points as usize);
     if points <= basis.window() {
@@ -82,6 +72,7 @@ fn pull_through(set: &CurveSet, trees: &Trees, pair: Pair, first: usize) -> Opti
         return None;
     }
     let start = place.segments[0] as usize * basis.stride() + points - basis.lead(true);
+    let first = set.points_of(i).start;
     let window = (start..start + basis.window()).map(|k| first + k % points);
     Some(Pull {
         pair,

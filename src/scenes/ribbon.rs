@@ -12,18 +12,8 @@ pub(super) const KIND: Kind = Kind {
     purpose: "double helix ribbon: one pair of long curves, for the cost of a single pair by \
               length and twist",
     parameters: &[
-        Parameter::integer(
-            "segments",
-            200_000,
-            (6, MOST_SEGMENTS),
-            "segments of both strands",
-        ),
-        Parameter::integer(
-            "lambda",
-            10,
-            (-1_000_000, 1_000_000),
-            "twists: the linking number",
-        ),
+        Parameter::integer("segments", 200_000, 6, MOST_SEGMENTS).is("segments of both strands"),
+        Parameter::integer("lambda", 10, -1_000_000, 1_000_000).is("twists: the linking number"),
     ],
     build,
 };

@@ -13,13 +13,9 @@ pub(super) const KIND: Kind = Kind {
     purpose: "pile of rubber bands: many small curves and many potential links, none of them \
               linked",
     parameters: &[
-        Parameter::integer("bands", 1024, (1, 1_000_000), "bands, of 50 segments each"),
-        Parameter::integer(
-            "seed",
-            1,
-            (0, u32::MAX as i64),
-            "seed of the shapes and places of the bands",
-        ),
+        Parameter::integer("bands", 1024, 1, 1_000_000).is("bands, of 50 segments each"),
+        Parameter::integer("seed", 1, 0, u32::MAX as i64)
+            .is("seed of the shapes and places of the bands"),
     ],
     build,
 };

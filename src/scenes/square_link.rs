@@ -12,18 +12,9 @@ pub(super) const KIND: Kind = Kind {
     purpose: "thick square link: two bundles of squares, each square linked with all of the other \
               bundle; very many links",
     parameters: &[
-        Parameter::integer(
-            "loops",
-            1250,
-            (2, 20_000),
-            "squares of both bundles, an even number",
-        ),
-        Parameter::integer(
-            "segments",
-            500_000,
-            (8, MOST_SEGMENTS),
-            "segments of all squares, at least four each",
-        ),
+        Parameter::integer("loops", 1250, 2, 20_000).is("squares of both bundles, an even number"),
+        Parameter::integer("segments", 500_000, 8, MOST_SEGMENTS)
+            .is("segments of all squares, at least four each"),
     ],
     build,
 };

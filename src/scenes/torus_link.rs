@@ -12,24 +12,11 @@ pub(super) const KIND: Kind = Kind {
     purpose: "two curves wound on nested tori: one pair with a huge linking number, toroidal * \
               poloidal",
     parameters: &[
-        Parameter::integer(
-            "segments",
-            20_000_000,
-            (6, MOST_SEGMENTS),
-            "segments of both curves",
-        ),
-        Parameter::integer(
-            "toroidal",
-            1000,
-            (-1_000_000, 1_000_000),
-            "toroidal periods of the inner curve",
-        ),
-        Parameter::integer(
-            "poloidal",
-            1000,
-            (-1_000_000, 1_000_000),
-            "poloidal periods of the outer curve",
-        ),
+        Parameter::integer("segments", 20_000_000, 6, MOST_SEGMENTS).is("segments of both curves"),
+        Parameter::integer("toroidal", 1000, -1_000_000, 1_000_000)
+            .is("toroidal periods of the inner curve"),
+        Parameter::integer("poloidal", 1000, -1_000_000, 1_000_000)
+            .is("poloidal periods of the outer curve"),
     ],
     build,
 };

@@ -12,18 +12,9 @@ pub(super) const KIND: Kind = Kind {
     purpose: "four curves on nested tori that turn back after every period: many crossings, all \
               of which cancel",
     parameters: &[
-        Parameter::integer(
-            "segments",
-            400_000,
-            (12, MOST_SEGMENTS),
-            "segments of all curves",
-        ),
-        Parameter::integer(
-            "periods",
-            100,
-            (2, 1_000_000),
-            "periods of each curve; even, so that it closes",
-        ),
+        Parameter::integer("segments", 400_000, 12, MOST_SEGMENTS).is("segments of all curves"),
+        Parameter::integer("periods", 100, 2, 1_000_000)
+            .is("periods of each curve; even, so that it closes"),
     ],
     build,
 };

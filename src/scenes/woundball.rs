@@ -11,18 +11,9 @@ pub(super) const KIND: Kind = Kind {
     purpose: "two concentric spherical curves, one half the size of the other: long segments, \
               unlinked",
     parameters: &[
-        Parameter::integer(
-            "segments",
-            1_000_000,
-            (6, MOST_SEGMENTS),
-            "segments of both curves",
-        ),
-        Parameter::integer(
-            "crossings",
-            1000,
-            (1, 10_000_000),
-            "times that each curve crosses the north pole",
-        ),
+        Parameter::integer("segments", 1_000_000, 6, MOST_SEGMENTS).is("segments of both curves"),
+        Parameter::integer("crossings", 1000, 1, 10_000_000)
+            .is("times that each curve crosses the north pole"),
     ],
     build,
 };

@@ -31,28 +31,15 @@ pub struct ImageLink {
     pub lambda: i64,
 }
 
-/// Kind of the difference between a linking number and the expected one.
-#[derive(
-    Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, serde::Serialize, serde::Deserialize,
-)]
-#[serde(rename_all = "lowercase")]
-pub enum ChangeKind {
-    /// The curves were linked in the baseline and no longer are.
-    Lost,
-    /// The curves were not linked in the baseline and now are.
-    Gained,
-    /// The curves are linked as in the baseline, but with another linking number.
-    Changed,
-}
-
-impl ChangeKind {
-    /// Returns the word for this kind.
-    pub fn word(self) -> &'static str {
-        match self {
-            ChangeKind::Lost => "lost",
-            ChangeKind::Gained => "gained",
-            ChangeKind::Changed => "changed",
-        }
+vocabulary! {
+    /// Kind of the difference between a linking number and the expected one.
+    pub enum ChangeKind {
+        /// The curves were linked in the baseline and no longer are.
+        Lost = "lost",
+        /// The curves were not linked in the baseline and now are.
+        Gained = "gained",
+        /// The curves are linked as in the baseline, but with another linking number.
+        Changed = "changed",
     }
 }
 

@@ -75,10 +75,8 @@ impl Finding<'_> {
         };
         match self {
             Finding::Change(c) => {
-                format!(
-                    "{curves}: linking number was {}, is {}",
-                    c.expected, c.found
-                )
+                let (expected, found) = (c.expected, c.found);
+                format!("{curves}: linking number was {expected}, is {found}")
             }
             Finding::PullThrough(e) => format!("{}, {:+}", e.label(names), e.sign),
             Finding::Defect(d) => format!("{curves} {}", d.kind.words()),

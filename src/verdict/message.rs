@@ -3,16 +3,10 @@
 use super::finding::Finding;
 use super::{
     Change, ChangeKind, Clearance, CloseStrands, Defect, DefectKind, ImageLink, LoopPair, Place,
-    PullThrough, Report, Verdict,
+    PullThrough, Report,
 };
 use crate::curve::{Image, Notation, is_home, significant, words_of_change, words_of_curve};
 use std::fmt;
-
-impl fmt::Display for Verdict {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.pad(self.word())
-    }
-}
 
 impl Place {
     /// Returns the place in words, for a scene of this extent (0: unknown).
@@ -59,12 +53,6 @@ impl fmt::Display for ImageLink {
 }
 
 impl Change {
-    /// Returns a sentence. Coordinates have six significant digits of `extent`, the extent of the
-    /// scene ([`CurveSet::extent`](crate::CurveSet::extent)); 0 if it is unknown.
-    pub fn sentence(&self, extent: f64) -> String {
-        self.sentence_named(extent, &[])
-    }
-
     fn what(&self) -> &'static str {
         match self.kind() {
             ChangeKind::Lost => "came apart",
@@ -79,93 +67,70 @@ impl Change {
         format!("{pair} {}", self.what())
     }
 
-    /// Same as [`sentence`](Self::sentence), with the names of all curves, or without if empty.
+    /// Returns a sentence. Coordinates have six significant digits of `extent`, the extent of the
+    /// scene ([`CurveSet::extent`](crate::CurveSet::extent)); 0 if it is unknown. `names` are those
+    /// of all curves, or empty.
     pub fn sentence_named(&self, extent: f64, names: &[String]) -> String {
-        let mut text = format!(
-            "{}: linking number was {}, is {}",
-            self.words(names),
-            self.expected,
-            self.found
-        );
-        if let Some(place) = &self.place {
-            text += ", ";
-            text += &place.words(extent);
-        }
-        text
+        self.with_numbers(&self.words(names), |place| place.words(extent))
+    }
+
+    /// Returns the numbers after some words, and the place in words if it is known.
+    fn with_numbers(&self, words: &str, place: impl FnOnce(&Place) -> String) -> String {
+        let (expected, found) = (self.expected, self.found);
+        let place = self.place.as_ref().map(place);
+        let place = place.map_or(String::new(), |place| format!(", {place}"));
+        format!("{words}: linking number was {expected}, is {found}{place}")
     }
 }
 
 impl fmt::Display for Change {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(&self.sentence(0.0))
+        f.write_str(&self.sentence_named(0.0, &[]))
     }
 }
 
 impl LoopPair {
     /// Returns the loops in words: "the virtual loops of curves 0 + 1 and 2 + 3".
     fn words(&self, names: &[String]) -> String {
-        let side = |k: usize| {
-            let first = words_of_curve(self.curves[k], names);
-            match self.partners[k] {
-                Some(j) => format!(
-                    "the virtual loop of curves {first} + {}",
-                    words_of_curve(j, names)
-                ),
-                None => format!("curve {first}"),
+        let [first, second] = [0, 1].map(|k| {
+            let own = words_of_curve(self.curves[k], names);
+            match self.partners[k].map(|j| words_of_curve(j, names)) {
+                Some(other) => format!("the virtual loop of curves {own} + {other}"),
+                None => format!("curve {own}"),
             }
-        };
-        format!("{} and {}", side(0), side(1))
+        });
+        format!("{first} and {second}")
     }
 
     /// Returns the place of closest approach in words, on the real curves.
     fn place(&self, place: &Place, extent: f64, names: &[String]) -> String {
         let notation = Notation::of_scene(extent, place.point);
-        let side = |k: usize| match self.nearest[k] {
+        let [first, second] = self.nearest.map(|nearest| match nearest {
             Some([curve, s]) => format!("segment {s} of curve {}", words_of_curve(curve, names)),
             None => "a virtual connection".into(),
-        };
+        });
         let (point, distance) = (notation.point(place.point), notation.length(place.distance));
-        format!(
-            "near {point}, {} and {}, {distance} apart",
-            side(0),
-            side(1)
-        )
+        format!("near {point}, {first} and {second}, {distance} apart")
     }
 
     /// Returns the sentence for a change.
     fn change(&self, change: &Change, extent: f64, names: &[String]) -> String {
-        let numbers = format!(
-            "linking number was {}, is {}",
-            change.expected, change.found
-        );
-        let mut text = format!("{} {}: {numbers}", self.words(names), change.what());
-        if let Some(place) = &change.place {
-            text += ", ";
-            text += &self.place(place, extent, names);
-        }
-        text
+        let words = format!("{} {}", self.words(names), change.what());
+        change.with_numbers(&words, |place| self.place(place, extent, names))
     }
 }
 
 impl PullThrough {
-    /// Returns a sentence. Coordinates have six significant digits of `extent`, the extent of the
-    /// scene ([`CurveSet::extent`](crate::CurveSet::extent)); 0 if it is unknown.
-    pub fn sentence(&self, extent: f64) -> String {
-        self.sentence_named(extent, &[])
-    }
-
     /// Returns the pull-through in a few words: "curves 3 and 4 passed through one another".
     pub(crate) fn words(&self, names: &[String]) -> String {
-        match self.i == self.j && is_home(&self.image) {
-            true => format!(
+        if self.i == self.j && is_home(&self.image) {
+            return format!(
                 "curve {} passed through itself",
                 words_of_curve(self.i, names)
-            ),
-            false => {
-                let pair = words_of_pair((self.i, self.j), self.image, names);
-                format!("{pair} passed through one another")
-            }
+            );
         }
+        let pair = words_of_pair((self.i, self.j), self.image, names);
+        format!("{pair} passed through one another")
     }
 
     /// Returns the pull-through for a label: "3 through 4".
@@ -181,7 +146,7 @@ impl PullThrough {
         }
     }
 
-    /// Same as [`sentence`](Self::sentence), with the names of all curves, or without if empty.
+    /// Returns a sentence: see [`Change::sentence_named`].
     pub fn sentence_named(&self, extent: f64, names: &[String]) -> String {
         let PullThrough {
             fraction,
@@ -203,17 +168,11 @@ impl PullThrough {
 
 impl fmt::Display for PullThrough {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(&self.sentence(0.0))
+        f.write_str(&self.sentence_named(0.0, &[]))
     }
 }
 
 impl Defect {
-    /// Returns a sentence. Coordinates have six significant digits of `extent`, the extent of the
-    /// scene ([`CurveSet::extent`](crate::CurveSet::extent)); 0 if it is unknown.
-    pub fn sentence(&self, extent: f64) -> String {
-        self.sentence_named(extent, &[])
-    }
-
     /// Returns the defect in a few words: "curves 3 and 4 touch".
     pub(crate) fn words(&self, names: &[String]) -> String {
         let (i, what) = (words_of_curve(self.i, names), self.kind.words());
@@ -226,7 +185,7 @@ impl Defect {
         }
     }
 
-    /// Same as [`sentence`](Self::sentence), with the names of all curves, or without if empty.
+    /// Returns a sentence: see [`Change::sentence_named`].
     pub fn sentence_named(&self, extent: f64, names: &[String]) -> String {
         let (what, point) = (self.words(names), self.place.point);
         match self.j {
@@ -241,7 +200,7 @@ impl Defect {
 
 impl fmt::Display for Defect {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(&self.sentence(0.0))
+        f.write_str(&self.sentence_named(0.0, &[]))
     }
 }
 
@@ -254,9 +213,7 @@ impl CloseStrands {
         }
     }
 
-    /// Returns a sentence. Coordinates have six significant digits of `extent`, the extent of the
-    /// scene ([`CurveSet::extent`](crate::CurveSet::extent)); 0 if it is unknown. `names` are those
-    /// of all curves, or empty.
+    /// Returns a sentence: see [`Change::sentence_named`].
     pub fn sentence_named(&self, extent: f64, names: &[String]) -> String {
         let CloseStrands {
             ratio,
@@ -363,42 +320,35 @@ impl Report {
 
     /// Returns one line with the frame, the verdict, and the number of findings of each kind.
     pub fn headline(&self) -> String {
-        let mut parts = Vec::new();
-        for kind in [ChangeKind::Lost, ChangeKind::Gained, ChangeKind::Changed] {
-            match self.count(kind) {
-                0 => {}
-                1 => parts.push(format!("1 link {}", kind.word())),
-                n => parts.push(format!("{n} links {}", kind.word())),
-            }
-        }
-        match self.events.len() {
-            0 => {}
-            1 => parts.push("1 pull-through".into()),
-            n => parts.push(format!("{n} pull-throughs")),
-        }
-        let undecided_steps = self.defects.iter().filter(|d| d.kind.is_of_step()).count();
-        match self.defects.len() - undecided_steps {
-            0 => {}
-            1 => parts.push("1 pair or curve without a linking number".into()),
-            n => parts.push(format!("{n} pairs or curves without a linking number")),
-        }
-        match undecided_steps {
-            0 => {}
-            1 => parts.push("1 step of a pair or curve undecided".into()),
-            n => parts.push(format!("{n} steps of pairs or curves undecided")),
-        }
-        match self.unresolved.len() {
-            0 => {}
-            1 => parts.push("1 unresolved pull-through".into()),
-            n => parts.push(format!("{n} unresolved pull-throughs")),
-        }
+        let of_step = self.defects.iter().filter(|d| d.kind.is_of_step()).count();
+        let [lost, gained, changed] = ChangeKind::ALL.map(|kind| self.count(kind));
+        let step = match of_step {
+            1 => "step of a pair or curve undecided",
+            _ => "step* of pair* or curve* undecided",
+        };
+        // An asterisk stands for the plural.
+        let counts = [
+            (lost, "link* lost"),
+            (gained, "link* gained"),
+            (changed, "link* changed"),
+            (self.events.len(), "pull-through*"),
+            (
+                self.defects.len() - of_step,
+                "pair* or curve* without a linking number",
+            ),
+            (of_step, step),
+            (self.unresolved.len(), "unresolved pull-through*"),
+        ];
+        let counts = counts.into_iter().filter(|(n, _)| *n > 0);
+        let plural = |n: usize| if n == 1 { "" } else { "s" };
+        let counts = counts.map(|(n, what)| format!("{n} {}", what.replace('*', plural(n))));
+        let mut parts: Vec<String> = counts.collect();
         parts.extend(self.missing.iter().cloned());
         parts.extend(self.rejected.clone());
         parts.extend(self.change_of_curves());
-        let detail = if parts.is_empty() {
-            String::new()
-        } else {
-            format!(" ({})", parts.join(", "))
+        let detail = match parts.is_empty() {
+            true => String::new(),
+            false => format!(" ({})", parts.join(", ")),
         };
         format!("{}: {}{detail}", self.frame(), self.verdict)
     }
@@ -448,18 +398,14 @@ impl Report {
         if defect.kind != DefectKind::NoBaseline {
             return sentence;
         }
-        match defect.j {
-            Some(_) if !is_home(&defect.image) => {
-                format!("{sentence}; its linking number in this frame is expected from here on")
-            }
+        let numbers = match defect.j {
+            Some(_) if !is_home(&defect.image) => "its linking number in this frame is".into(),
             Some(j) => {
                 let adopted = self.adopted.iter().find(|l| (l.i, l.j) == (defect.i, j));
-                let lambda = adopted.map_or(0, |l| l.lambda);
-                format!("{sentence}; {lambda} is expected from here on")
+                format!("{} is", adopted.map_or(0, |l| l.lambda))
             }
-            None => {
-                format!("{sentence}; the linking numbers of this frame are expected from here on")
-            }
-        }
+            None => "the linking numbers of this frame are".to_owned(),
+        };
+        format!("{sentence}; {numbers} expected from here on")
     }
 }

@@ -32,55 +32,32 @@ use crate::curve::{Image, Point};
 #[cfg(feature = "verify")]
 use crate::periodic::ImagePair;
 
-/// Result of comparing the topology of a frame with that of the baseline.
-#[derive(
-    Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, serde::Serialize, serde::Deserialize,
-)]
-#[serde(rename_all = "lowercase")]
-#[repr(u32)]
-pub enum Verdict {
-    /// Every linking number was proven to be the expected one.
-    Intact = 0,
-    /// At least one linking number differs from the expected one, or a curve was pulled through
-    /// another one or through itself since the previous frame.
-    Changed = 1,
-    /// Curves touch, so their linking number is undefined. No pair is known to have changed.
-    Contact = 2,
-    /// Some pair could not be decided or compared. No pair is known to have changed or to touch.
-    Undecided = 3,
-    /// The frame was not verified in time.
-    Stale = 4,
-    /// The frame is invalid: NaN, counts that do not match the data, or other curves than in the
-    /// previous frame.
-    Rejected = 5,
+vocabulary! {
+    /// Result of comparing the topology of a frame with that of the baseline.
+    #[repr(u32)]
+    pub enum Verdict {
+        /// Every linking number was proven to be the expected one.
+        Intact = "intact",
+        /// At least one linking number differs from the expected one, or a curve was pulled through
+        /// another one or through itself since the previous frame.
+        Changed = "changed",
+        /// Curves touch, so their linking number is undefined. No pair is known to have changed.
+        Contact = "contact",
+        /// Some pair could not be decided or compared. No pair is known to have changed or to
+        /// touch.
+        Undecided = "undecided",
+        /// The frame was not verified in time.
+        Stale = "stale",
+        /// The frame is invalid: NaN, counts that do not match the data, or other curves than in
+        /// the previous frame.
+        Rejected = "rejected",
+    }
 }
 
 impl Verdict {
-    /// All verdicts, in the order of their codes on the wire.
-    pub const ALL: [Verdict; 6] = [
-        Verdict::Intact,
-        Verdict::Changed,
-        Verdict::Contact,
-        Verdict::Undecided,
-        Verdict::Stale,
-        Verdict::Rejected,
-    ];
-
     /// Returns the verdict with this code on the wire.
     pub fn from_code(code: u32) -> Option<Verdict> {
         Self::ALL.get(code as usize).copied()
-    }
-
-    /// Returns the word for this verdict.
-    pub fn word(self) -> &'static str {
-        match self {
-            Verdict::Intact => "intact",
-            Verdict::Changed => "changed",
-            Verdict::Contact => "contact",
-            Verdict::Undecided => "undecided",
-            Verdict::Stale => "stale",
-            Verdict::Rejected => "rejected",
-        }
     }
 }
 
@@ -95,56 +72,32 @@ pub struct Place {
     pub distance: f64,
 }
 
-/// Reason why a pair, or every pair of a curve, has no linking number, or why its pull-throughs in
-/// a step are unknown.
-#[derive(
-    Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, serde::Serialize, serde::Deserialize,
-)]
-#[serde(rename_all = "kebab-case")]
-#[repr(u32)]
-#[non_exhaustive]
-pub enum DefectKind {
-    /// The curves share a point.
-    Contact = 0,
-    /// The splines are closer than their points can be computed, or too close over too long a
-    /// distance to refine.
-    TooClose = 1,
-    /// The loop has fewer than three distinct vertices, so it bounds no area.
-    Degenerate = 2,
-    /// The pair has a linking number now, but none in the baseline to compare it with. This linking
-    /// number is expected from this frame on.
-    NoBaseline = 3,
-    /// It is undecided if one curve was pulled through the other one since the previous frame,
-    /// because they touched or came too close.
-    UndecidedStep = 4,
-    /// The change of the linking number differs from the sum of the pull-throughs since the
-    /// previous frame.
-    Unaccounted = 5,
+vocabulary! {
+    /// Reason why a pair, or every pair of a curve, has no linking number, or why its pull-throughs
+    /// in a step are unknown.
+    #[non_exhaustive]
+    #[repr(u32)]
+    pub enum DefectKind {
+        /// The curves share a point.
+        Contact = "contact",
+        /// The splines are closer than their points can be computed, or too close over too long a
+        /// distance to refine.
+        TooClose = "too-close",
+        /// The loop has fewer than three distinct vertices, so it bounds no area.
+        Degenerate = "degenerate",
+        /// The pair has a linking number now, but none in the baseline to compare it with. This
+        /// linking number is expected from this frame on.
+        NoBaseline = "no-baseline",
+        /// It is undecided if one curve was pulled through the other one since the previous frame,
+        /// because they touched or came too close.
+        UndecidedStep = "undecided-step",
+        /// The change of the linking number differs from the sum of the pull-throughs since the
+        /// previous frame.
+        Unaccounted = "unaccounted",
+    }
 }
 
 impl DefectKind {
-    /// All kinds, in the order of their codes in recordings.
-    pub const ALL: [DefectKind; 6] = [
-        DefectKind::Contact,
-        DefectKind::TooClose,
-        DefectKind::Degenerate,
-        DefectKind::NoBaseline,
-        DefectKind::UndecidedStep,
-        DefectKind::Unaccounted,
-    ];
-
-    /// Returns the word for this kind.
-    pub fn word(self) -> &'static str {
-        match self {
-            DefectKind::Contact => "contact",
-            DefectKind::TooClose => "too-close",
-            DefectKind::Degenerate => "degenerate",
-            DefectKind::NoBaseline => "no-baseline",
-            DefectKind::UndecidedStep => "undecided-step",
-            DefectKind::Unaccounted => "unaccounted",
-        }
-    }
-
     /// Returns true if the defect concerns the step from the previous frame, not a linking number.
     pub fn is_of_step(self) -> bool {
         matches!(self, DefectKind::UndecidedStep | DefectKind::Unaccounted)

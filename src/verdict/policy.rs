@@ -1,50 +1,37 @@
 //! Policy that decides when the simulator is asked to stop.
 
 use super::{ChangeKind, Defect, DefectKind, Report, Verdict};
-use crate::error::{Error, Result};
-use std::fmt;
-use std::str::FromStr;
 
-/// Findings that send the abort signal.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
-#[serde(rename_all = "lowercase")]
-#[non_exhaustive]
-pub enum AbortOn {
-    /// Any change of a linking number, any contact, any pull-through, or a rejected frame.
-    #[default]
-    Any,
-    /// A link was lost, or its linking number changed.
-    Lost,
-    /// A link was gained, or its linking number changed.
-    Gained,
-    /// Curves touch.
-    Contact,
-    /// A curve was pulled through another one, or through itself ([`Events`](crate::Events)).
-    Event,
-    /// A frame is invalid: NaN, an infinite coordinate, or other curves than in the previous frame.
-    Rejected,
-    /// Strands are closer than the level of the warning ([`Clearance::low`]), or a finding of
-    /// [`AbortOn::Any`].
-    ///
-    /// [`Clearance::low`]: crate::Clearance::low
-    Clearance,
-    /// No finding: watch and record only.
-    Never,
+vocabulary! {
+    /// Findings that send the abort signal.
+    #[non_exhaustive]
+    #[derive(Default)]
+    pub enum AbortOn {
+        /// Any change of a linking number, any contact, any pull-through, or a rejected frame.
+        #[default]
+        Any = "any",
+        /// A link was lost, or its linking number changed.
+        Lost = "lost",
+        /// A link was gained, or its linking number changed.
+        Gained = "gained",
+        /// Curves touch.
+        Contact = "contact",
+        /// A curve was pulled through another one, or through itself ([`Events`](crate::Events)).
+        Event = "event",
+        /// A frame is invalid: NaN, an infinite coordinate, or other curves than in the previous
+        /// frame.
+        Rejected = "rejected",
+        /// Strands are closer than the level of the warning ([`Clearance::low`]), or a finding of
+        /// [`AbortOn::Any`].
+        ///
+        /// [`Clearance::low`]: crate::Clearance::low
+        Clearance = "clearance",
+        /// No finding: watch and record only.
+        Never = "never",
+    }
 }
 
 impl AbortOn {
-    /// All policies.
-    pub const ALL: [AbortOn; 8] = [
-        AbortOn::Any,
-        AbortOn::Lost,
-        AbortOn::Gained,
-        AbortOn::Contact,
-        AbortOn::Event,
-        AbortOn::Rejected,
-        AbortOn::Clearance,
-        AbortOn::Never,
-    ];
-
     /// Returns true if the findings ask the simulator to stop. Contacts that are `expected`,
     /// because the curves touch in the baseline, do not.
     pub fn aborts(self, report: &Report, expected: impl Fn(&Defect) -> bool) -> bool {
@@ -65,35 +52,6 @@ impl AbortOn {
             AbortOn::Rejected => report.verdict == Verdict::Rejected,
             AbortOn::Never => false,
         }
-    }
-
-    /// Returns the word for this policy on the command line.
-    pub fn word(self) -> &'static str {
-        match self {
-            AbortOn::Any => "any",
-            AbortOn::Lost => "lost",
-            AbortOn::Gained => "gained",
-            AbortOn::Contact => "contact",
-            AbortOn::Event => "event",
-            AbortOn::Rejected => "rejected",
-            AbortOn::Clearance => "clearance",
-            AbortOn::Never => "never",
-        }
-    }
-}
-
-impl fmt::Display for AbortOn {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(self.word())
-    }
-}
-
-impl FromStr for AbortOn {
-    type Err = Error;
-    fn from_str(s: &str) -> Result<Self> {
-        let known = "expected any, lost, gained, contact, event, rejected, clearance or never";
-        let found = Self::ALL.into_iter().find(|a| a.word() == s);
-        found.ok_or_else(|| Error::Usage(known.into()))
     }
 }
 

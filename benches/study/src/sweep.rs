@@ -369,7 +369,10 @@ pub fn run(args: &Args) -> Result<u8> {
     }
     let (mut sweep, original) = Sweep::new(set, &reductions)?;
     for defect in &original.defects {
-        println!("{name}: {}", defect.sentence(original.stats.extent));
+        println!(
+            "{name}: {}",
+            defect.sentence_named(original.stats.extent, &[])
+        );
     }
     println!(
         "{name}: {} of {}, {}",

@@ -187,7 +187,7 @@ impl Certificate {
     /// Returns an error if a pair has no linking number.
     fn check_defined(&self) -> PyResult<()> {
         let first = match (self.numbers.undefined.first(), self.open.first()) {
-            (Some(defect), _) => defect.sentence(0.0),
+            (Some(defect), _) => defect.sentence_named(0.0, &[]),
             (None, Some(curve)) => format!("curve {curve} is open"),
             (None, None) => return Ok(()),
         };

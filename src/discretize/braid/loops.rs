@@ -125,11 +125,8 @@ impl BraidLoops {
             }
         });
         let short = |n: i64| {
-            i32::try_from(n).map_err(|_| Error::Count {
-                what: "points of a virtual loop",
-                promised: n.unsigned_abs(),
-                available: i32::MAX as u64,
-            })
+            i32::try_from(n)
+                .map_err(|_| Error::count("points of a virtual loop", n.unsigned_abs(), i32::MAX))
         };
         loops.counts = own.chain(of_loops).map(short).collect::<Result<_>>()?;
         let mut first = Vec::new();
@@ -169,17 +166,9 @@ impl BraidLoops {
             let candidates = candidates.map_err(|why| format!("{name}: {why}"))?;
             let mut why = None;
             let fits = candidates.into_iter().find(|end| {
-                let pose = end.pose(&points[side], now[1 - side]);
-                let placed = pose.map_err(|m| format!("{name} {}", m.words(&braid.curves)));
-                let clear =
-                    placed.and_then(|pose| self.clear(set, (end, pose, &braid.curves), &name));
-                match clear {
-                    Ok(()) => true,
-                    Err(e) => {
-                        why.get_or_insert(e);
-                        false
-                    }
-                }
+                let at = (&points[side][..], now[1 - side]);
+                let placed = self.place(set, (end, &braid.curves), at, &name);
+                placed.map_err(|e| why.get_or_insert(e)).is_ok()
             });
             ends.push(fits.ok_or_else(|| why.unwrap_or_default())?);
         }
@@ -196,6 +185,21 @@ impl BraidLoops {
     /// Returns a bound of the rounding errors in a frame.
     fn slack(set: &CurveSet) -> f64 {
         ROUNDING * set.max_abs()
+    }
+
+    /// Returns the pose of an end, given its points and the middle of the other end, or which
+    /// condition it breaks.
+    fn place(
+        &self,
+        set: &CurveSet,
+        (end, curves): (&End, &[u32]),
+        (points, other): (&[Vector3<f64>], Vector3<f64>),
+        name: &str,
+    ) -> Result<Pose, String> {
+        let pose = end.pose(points, other);
+        let pose = pose.map_err(|m| format!("{name} {}", m.words(curves)))?;
+        self.clear(set, (end, pose, curves), name)?;
+        Ok(pose)
     }
 
     /// Checks that no curve is in the volume of an end, except each curve of the braid in the tube
@@ -250,11 +254,8 @@ impl BraidLoops {
             let middles = points.each_ref().map(|points| mean(points));
             let pose = |side: usize| {
                 let name = format!("the {} end of braid {b}", SIDES[side]);
-                let end = &braid.ends[side];
-                let pose = end.pose(&points[side], middles[1 - side]);
-                let pose = pose.map_err(|m| format!("{name} {}", m.words(&braid.curves)))?;
-                self.clear(set, (end, pose, &braid.curves), &name)?;
-                Ok::<_, String>(pose)
+                let at = (&points[side][..], middles[1 - side]);
+                self.place(set, (&braid.ends[side], &braid.curves), at, &name)
             };
             poses.push([pose(0)?, pose(1)?]);
         }
@@ -457,13 +458,8 @@ fn check(b: usize, braid: &Braid, set: &CurveSet, next: &mut [u32]) -> Result<()
                 "braid {b} has {n} curves, but {points} points of its {side} end"
             ));
         }
-        if end
-            .points
-            .iter()
-            .chain(&end.outward)
-            .flatten()
-            .any(|x| !x.is_finite())
-        {
+        let mut numbers = end.points.iter().chain(&end.outward).flatten();
+        if numbers.any(|x| !x.is_finite()) {
             return Err(format!(
                 "a point of the {side} end of braid {b} is not finite"
             ));
@@ -514,22 +510,13 @@ impl<'a> Pen<'a> {
     fn curve(&mut self, i: usize, backward: bool) {
         let c = self.set.curve(i);
         if self.set.basis().is_polyline() {
-            for k in 0..c.points as usize {
-                let k = if backward {
-                    c.points as usize - 1 - k
-                } else {
-                    k
-                };
-                self.vertex(self.set.point(i, k));
-            }
+            let n = c.points as usize;
+            let order = |k: usize| if backward { n - 1 - k } else { k };
+            (0..n).for_each(|k| self.vertex(self.set.point(i, order(k))));
             return;
         }
-        for s in 0..c.segments as usize {
-            let s = if backward {
-                c.segments as usize - 1 - s
-            } else {
-                s
-            };
+        let n = c.segments as usize;
+        for s in (0..n).map(|s| if backward { n - 1 - s } else { s }) {
             let mut b = self.set.segment(i, s);
             if backward {
                 b.reverse();

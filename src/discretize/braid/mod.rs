@@ -132,10 +132,7 @@ impl Braids {
     ///
     /// Errors: [`Error::File`] and those of [`Braids::from_json`].
     pub fn read(path: &Path) -> Result<Braids> {
-        let text = std::fs::read_to_string(path).map_err(|source| Error::File {
-            path: path.into(),
-            source,
-        })?;
+        let text = std::fs::read_to_string(path).map_err(Error::file(path))?;
         Braids::from_json(&text).map_err(|e| e.in_file(path))
     }
 

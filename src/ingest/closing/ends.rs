@@ -1,7 +1,7 @@
 //! Distances of the ends of a curve.
 
 use crate::curve::vector::{dot, hypot, sub};
-use crate::curve::{Basis, Cell, Point, Positions, Precision, bspline_knot};
+use crate::curve::{Basis, Cell, Point, Positions, Precision, are_three_distinct, bspline_knot};
 use crate::error::{Error, Result};
 use std::ops::Range;
 
@@ -126,10 +126,7 @@ impl Layout {
     }
 
     fn has_three_distinct_points(&self, at: &Positions<'_>) -> bool {
-        let mut points = (0..self.points - self.repeated()).map(|k| self.point(at, k));
-        let a = points.next();
-        let b = points.find(|p| Some(*p) != a);
-        points.any(|p| Some(p) != a && Some(p) != b)
+        are_three_distinct((0..self.points - self.repeated()).map(|k| self.point(at, k)))
     }
 
     /// Compares the ends of an open curve.

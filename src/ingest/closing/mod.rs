@@ -11,7 +11,7 @@
 mod ends;
 mod notes;
 
-pub use self::notes::ClosingNote;
+pub use self::notes::{ClosingKind, ClosingNote};
 
 use self::ends::{Ends, Layout, Metric};
 use super::RawFrame;
@@ -36,11 +36,11 @@ use std::ops::Range;
 ///   control point, so it may repeat the first one, as a polyline may. Catmull-Rom curves and
 ///   B-splines must repeat three: their last three control points are the first three. Others stay
 ///   open, even if they end where they start, since a closed spline has no corner
-///   ([`ClosingNote::Corner`]).
+///   ([`ClosingKind::Corner`]).
 /// - **A curve that only the format closes stays open** if the closing segment is more than twice
 ///   as long as the longest other one ([`CurveSource::closed_by_default`]). If the source itself
 ///   says that a curve is closed, it is closed by such a segment all the same
-///   ([`ClosingNote::Long`]).
+///   ([`ClosingKind::Long`]).
 ///
 /// The first frame decides. Later frames are treated in the same way, until
 /// [`Closing::forget`]: a closed curve whose ends have come apart is an error, and an open curve
@@ -97,7 +97,7 @@ pub struct CurveSource {
 
 /// Decision of the first frame about a curve.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
-enum Known {
+pub(crate) enum Known {
     Open,
     /// Closed by the source.
     Closed,
@@ -107,25 +107,14 @@ enum Known {
     Repeated(f64),
 }
 
-/// Treatment of a curve of a frame.
-#[derive(Clone, Copy, Debug, PartialEq)]
-enum Change {
-    None,
-    /// Closed, without the repeated points.
-    Join,
-    /// Opened.
-    Open,
-}
-
 /// Decisions about the curves of a layout.
-#[derive(Clone, Debug, Default, Serialize, Deserialize)]
-pub(crate) struct Decisions(Vec<Known>);
+pub(crate) type Decisions = Vec<Known>;
 
 impl Closing {
     /// Continues with decisions of a verified frame.
     pub(crate) fn decided(keep_open: bool, decisions: Decisions) -> Closing {
         Closing {
-            known: decisions.0,
+            known: decisions,
             accepted: true,
             ..Closing::new(keep_open)
         }
@@ -133,7 +122,7 @@ impl Closing {
 
     /// Returns the decisions about the curves.
     pub(crate) fn decisions(&self) -> Decisions {
-        Decisions(self.known.clone())
+        self.known.clone()
     }
 
     /// Creates a rule that keeps open curves open if `keep_open` is true.
@@ -204,20 +193,18 @@ impl Closing {
             let count = self.counts[i];
             let layout = Layout::new(frame.basis, first, count);
             first += layout.points;
-            let change = match (known, count < 0) {
-                (Known::Open, true) if source.closed_by_default => Change::Open,
-                (Known::Closed | Known::Joined(_), false) if !self.keep_open => Change::Join,
-                (Known::Repeated(_), _) => Change::Join,
-                _ => Change::None,
+            let joins_within = match (known, count < 0) {
+                (Known::Open, true) if source.closed_by_default => {
+                    changed = true;
+                    continue;
+                }
+                (Known::Closed, false) if !self.keep_open => 0.0,
+                (Known::Joined(within), false) if !self.keep_open => *within,
+                (Known::Repeated(within), _) => *within,
+                _ => continue,
             };
-            if change == Change::Join {
-                let within = match known {
-                    Known::Joined(within) | Known::Repeated(within) => *within,
-                    _ => 0.0,
-                };
-                layout.check_ends(i, &frame.positions, &metric, within)?;
-            }
-            changed |= change != Change::None;
+            layout.check_ends(i, &frame.positions, &metric, joins_within)?;
+            changed = true;
         }
         if !changed {
             return Ok(frame);
@@ -262,7 +249,8 @@ impl Closing {
     fn decide(&mut self, frame: &RawFrame<'_>, source: &CurveSource) {
         let plain = Metric::new(None);
         let nearest = Metric::new(source.cell.as_ref());
-        let [mut joined, mut corners, mut opened, mut long] = [const { Vec::new() }; 4];
+        let mut notes = Vec::new();
+        let mut note = |kind, i, factor| ClosingNote::add(&mut notes, kind, i, factor);
         let mut first = 0;
         for (i, &count) in self.counts.iter().enumerate() {
             let layout = Layout::new(frame.basis, first, count);
@@ -278,15 +266,15 @@ impl Closing {
                     false => factor.max(layout.closing_factor(at, &plain)),
                 };
                 if is_long(factor) && source.closed_by_default {
-                    opened.push((i, factor));
+                    note(ClosingKind::Opened, i, factor);
                     Known::Open
                 } else {
                     if is_long(apart) {
-                        long.push((i, apart));
+                        note(ClosingKind::Long, i, apart);
                     }
                     match layout.repeats(at, metric).filter(|_| !self.keep_open) {
                         Some(within) => {
-                            joined.push((i, 0.0));
+                            note(ClosingKind::Joined, i, 0.0);
                             Known::Repeated(within)
                         }
                         None => Known::Closed,
@@ -297,18 +285,19 @@ impl Closing {
             } else {
                 match layout.ends(at, metric) {
                     Ends::Meet { within } => {
-                        joined.push((i, 0.0));
+                        note(ClosingKind::Joined, i, 0.0);
                         Known::Joined(within)
                     }
                     Ends::Corner => {
-                        corners.push((i, 0.0));
+                        note(ClosingKind::Corner, i, 0.0);
                         Known::Open
                     }
                     Ends::Apart => Known::Open,
                 }
             });
         }
-        self.notes = ClosingNote::all(&joined, &corners, &opened, &long);
+        notes.sort_by_key(|note| note.kind);
+        self.notes = notes;
     }
 
     /// Copies a frame with the changes of its curves.

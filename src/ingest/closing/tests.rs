@@ -1,6 +1,15 @@
 use super::*;
 use crate::curve::{Basis, Point};
 
+fn note(kind: ClosingKind, count: usize, first: usize, factor: f64) -> ClosingNote {
+    ClosingNote {
+        kind,
+        count,
+        first,
+        factor,
+    }
+}
+
 fn counts_of(set: &CurveSet) -> Vec<i32> {
     set.counts().collect()
 }
@@ -40,10 +49,7 @@ fn a_repeated_point_closes_a_curve_up_to_rounding() {
                 [-(n as i32)]
             );
             assert_eq!(closing.joined(), 1);
-            assert_eq!(
-                closing.take_notes(),
-                [ClosingNote::Joined { count: 1, first: 0 }]
-            );
+            assert_eq!(closing.take_notes(), [note(ClosingKind::Joined, 1, 0, 0.0)]);
             assert!(closing.take_notes().is_empty());
         }
         let segment = 6.0 * (std::f64::consts::PI / n as f64).sin();
@@ -181,11 +187,7 @@ fn a_spline_that_would_change_its_shape_stays_open_and_is_named() {
             let found = closing.curves(frame, CurveSource::default()).unwrap();
             assert_eq!(counts_of(&found), counts);
             let notes = closing.take_notes();
-            assert_eq!(
-                notes,
-                [ClosingNote::Corner { count: 1, first: 0 }],
-                "{basis:?}"
-            );
+            assert_eq!(notes, [note(ClosingKind::Corner, 1, 0, 0.0)], "{basis:?}");
             assert!(notes[0].left_out().is_some());
         }
     }
@@ -310,11 +312,7 @@ fn a_curve_that_only_the_format_closes_stays_open_if_that_takes_a_long_segment()
     let (count, first, factor) = (1, 0, 9.0);
     assert_eq!(
         closing.take_notes(),
-        [ClosingNote::Opened {
-            count,
-            first,
-            factor
-        }]
+        [note(ClosingKind::Opened, count, first, factor)]
     );
     // The first frame decides.
     let swapped = [&ring(10, 1.0)[..], &ring(10, 1.0)].concat();
@@ -331,11 +329,7 @@ fn a_curve_that_only_the_format_closes_stays_open_if_that_takes_a_long_segment()
     );
     assert_eq!(
         closing.take_notes(),
-        [ClosingNote::Long {
-            count,
-            first,
-            factor
-        }]
+        [note(ClosingKind::Long, count, first, factor)]
     );
 }
 

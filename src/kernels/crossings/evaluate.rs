@@ -215,7 +215,7 @@ impl SignedCount {
             });
             false
         });
-        let added = splits[0].len() + splits[1].len();
+        let added = splits[0].at.len() + splits[1].at.len();
         self.stats.refined += added as u64;
     }
 

@@ -6,6 +6,7 @@
 use super::cell::Unwrapped;
 use crate::curve::{Basis, Cell, CurveSet, Positions};
 use crate::error::{Error, Result};
+use crate::model::count_of;
 use crate::periodic::{Torn, find_torn};
 use crate::verdict::LeftOut;
 use std::ops::Range;
@@ -104,23 +105,12 @@ fn find(ids: &[u64], id: u64) -> Option<usize> {
     }
 }
 
-/// Fails if there are more things than `most`.
-fn check_number(what: &'static str, found: usize, most: u64) -> Result<()> {
-    match found as u64 {
-        promised if promised > most => Err(Error::Count {
-            what,
-            promised,
-            available: most,
-        }),
-        _ => Ok(()),
+/// Fails if there are more atoms than indices.
+fn check_number(what: &'static str, found: usize) -> Result<()> {
+    match found as u64 <= u64::from(u32::MAX) {
+        true => Ok(()),
+        false => Err(Error::count(what, found, u32::MAX)),
     }
-}
-
-/// Returns the number of points of a curve, negative if it is closed.
-fn count_of(points: usize, closed: bool) -> Result<i32> {
-    check_number("points of a curve", points, i32::MAX as u64)?;
-    let count = points as i32;
-    Ok(if closed { -count } else { count })
 }
 
 impl Curves {
@@ -131,7 +121,7 @@ impl Curves {
         let mut ids: Vec<u64> = bonds.as_flattened().to_vec();
         ids.sort_unstable();
         ids.dedup();
-        check_number("atoms with bonds", ids.len(), u64::from(u32::MAX))?;
+        check_number("atoms with bonds", ids.len())?;
         let neighbours = Neighbours::new(&bonds, &ids);
         drop(bonds);
         let mut places = vec![NONE; ids.len()];
@@ -157,19 +147,18 @@ impl Curves {
             });
             counts.push(count_of(molecule.len(), end.is_none())?);
         }
-        let reason = branch.map(|(atom, bonds)| {
-            format!(
-                "{branched} of {} molecules ({branched_atoms} atoms) have branches, so that they \
-                 are no curves: atom {atom} has {bonds} bonds",
-                branched + counts.len(),
-            )
-        });
-        match reason {
-            _ if ids.is_empty() => Err(Error::unsupported(
-                format,
-                "no bonds, which define the curves",
-            )),
-            Some(reason) if counts.is_empty() => Err(Error::unsupported(format, reason)),
+        match branch {
+            _ if ids.is_empty() => {
+                let what = "no bonds, which define the curves";
+                Err(Error::unsupported(format, what))
+            }
+            Some((atom, bonds)) if counts.is_empty() => {
+                let what = format!(
+                    "{branched} of {branched} molecules ({branched_atoms} atoms) have branches, so \
+                     that they are no curves: atom {atom} has {bonds} bonds"
+                );
+                Err(Error::unsupported(format, what))
+            }
             _ => Ok(Curves {
                 format,
                 ids,
@@ -197,7 +186,7 @@ impl Curves {
         members.retain(|member| member.0 != 0);
         members.sort_unstable();
         members.dedup();
-        check_number("atoms of molecules", members.len(), u64::from(u32::MAX))?;
+        check_number("atoms of molecules", members.len())?;
         let mut chains: Vec<&[(i64, u64)]> = members.chunk_by(|a, b| a.0 == b.0).collect();
         chains.retain(|chain| chain.len() > 1);
         chains.sort_unstable_by_key(|chain| chain[0].1);

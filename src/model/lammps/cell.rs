@@ -2,6 +2,24 @@
 
 use crate::curve::{Cell, Point};
 use crate::error::Result;
+use crate::model::lines::integer;
+use crate::model::number;
+
+/// Id of an atom, its coordinates, and its image flags (0 without).
+pub(super) type Atom = (u64, Point, [f64; 3]);
+
+/// Parses an atom.
+pub(super) fn atom(id: &[u8], at: &[&[u8]], flags: Option<&[&[u8]]>) -> Result<Atom, String> {
+    let id = integer(id, "the id of an atom")?;
+    let mut atom = (id, [0.0; 3], [0.0; 3]);
+    for (x, word) in atom.1.iter_mut().zip(at) {
+        *x = number(word).map_err(|what| format!("atom {id}: {what}"))?;
+    }
+    for (flag, word) in atom.2.iter_mut().zip(flags.unwrap_or_default()) {
+        *flag = f64::from(integer::<i32>(word, "an image flag")?);
+    }
+    Ok(atom)
+}
 
 /// The box: three edges from its lower corner. Unless it is general, they are `(lx, 0, 0)`,
 /// `(xy, ly, 0)` and `(xz, yz, lz)`.
@@ -49,12 +67,13 @@ impl SimulationBox {
     /// Returns a box from the bounds of a dump, which are those of the axis-parallel box around a
     /// tilted one.
     pub fn of_dump(mut bounds: [Point; 2], tilt: [f64; 3], periodic: [bool; 3]) -> SimulationBox {
-        let [[low_x, high_x], [low_y, high_y]] = overhang(tilt);
+        let [xy, xz, yz] = tilt;
+        // A tilted box reaches beyond its bounds in x and in y.
         let [low, high] = &mut bounds;
-        low[0] -= low_x;
-        high[0] -= high_x;
-        low[1] -= low_y;
-        high[1] -= high_y;
+        low[0] -= xy.min(xz).min(xy + xz).min(0.0);
+        high[0] -= xy.max(xz).max(xy + xz).max(0.0);
+        low[1] -= yz.min(0.0);
+        high[1] -= yz.max(0.0);
         SimulationBox::new(bounds, tilt, periodic)
     }
 
@@ -88,15 +107,4 @@ impl SimulationBox {
         cell.check()?;
         Ok(Some(cell))
     }
-}
-
-/// Returns how far a tilted box reaches below and above its bounds, in x and in y.
-fn overhang([xy, xz, yz]: [f64; 3]) -> [[f64; 2]; 2] {
-    [
-        [
-            xy.min(xz).min(xy + xz).min(0.0),
-            xy.max(xz).max(xy + xz).max(0.0),
-        ],
-        [yz.min(0.0), yz.max(0.0)],
-    ]
 }

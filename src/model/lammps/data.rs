@@ -8,8 +8,9 @@
 //! an image, and nothing is wrong.) Files that linkwatch writes have the command `boundary` in
 //! their title, which is understood in the title of any file: `boundary p p f`.
 
-use super::cell::SimulationBox;
+use super::cell::{Atom, SimulationBox, atom};
 use crate::curve::Point;
+use crate::curve::vector::add;
 use crate::error::{Error, Result};
 use crate::model::lines::{Lines, integer, words};
 use crate::model::{number, quote};
@@ -147,24 +148,22 @@ impl Header {
     fn line(&mut self, text: &[u8]) -> Result<(), String> {
         let all: Vec<&[u8]> = words(text).take(9).collect();
         let count = || integer(all[0], "a number of atoms or bonds");
+        let numbers =
+            |y, z| -> Result<Point, String> { Ok([number(all[0])?, number(y)?, number(z)?]) };
         match all[1..] {
             [b"atoms"] => self.atoms = count()?,
             [b"bonds"] => self.bonds = count()?,
             [b"atom", b"types"] => self.types = count()?,
             [y, z, name @ (b"avec" | b"bvec" | b"cvec")] => {
-                let edge = [number(all[0])?, number(y)?, number(z)?];
-                self.edges[usize::from(name[0] - b'a')] = Some(edge);
+                self.edges[usize::from(name[0] - b'a')] = Some(numbers(y, z)?);
             }
-            [y, z, b"abc", b"origin"] => {
-                self.origin = [number(all[0])?, number(y)?, number(z)?];
-            }
+            [y, z, b"abc", b"origin"] => self.origin = numbers(y, z)?,
             // Particles that are segments or chains of them.
-            [b"lines"] => {
-                let kind = ["line particle", "line particles"];
-                LeftOut::add_all(&mut self.left_out, kind, count()?, || "header".into());
-            }
-            [b"bodies"] => {
-                let kind = ["body particle", "body particles"];
+            [name @ (b"lines" | b"bodies")] => {
+                let kind = match name {
+                    b"lines" => ["line particle", "line particles"],
+                    _ => ["body particle", "body particles"],
+                };
                 LeftOut::add_all(&mut self.left_out, kind, count()?, || "header".into());
             }
             [high, low_name, high_name] => {
@@ -174,9 +173,7 @@ impl Header {
                     }
                 }
             }
-            [xz, yz, b"xy", b"xz", b"yz"] => {
-                self.tilt = [number(all[0])?, number(xz)?, number(yz)?];
-            }
+            [xz, yz, b"xy", b"xz", b"yz"] => self.tilt = numbers(xz, yz)?,
             // Counts of angles, velocities and others.
             _ => {}
         }
@@ -278,48 +275,45 @@ impl Columns {
     /// Returns the columns of the style in the comment of the heading, or of the style that the
     /// number of columns suggests.
     fn new(style: Option<&str>, columns: usize) -> Result<Columns, String> {
-        let Some(style) = style else {
+        let (x, least) = match style {
             // Only styles with bonds, because other files have no curves.
-            let (x, least) = match columns {
-                6 | 9 => (3, 6),
-                7 | 10 => (4, 7),
-                _ => {
+            None if matches!(columns, 6 | 9) => (3, 6),
+            None if matches!(columns, 7 | 10) => (4, 7),
+            None => {
+                return Err(format!(
+                    "atoms of {columns} columns, from which their style cannot be told: name it in \
+                     the heading (`Atoms # bond`)"
+                ));
+            }
+            Some(style) => {
+                let known = STYLES.iter().find(|(name, ..)| *name == style);
+                let &(_, x, least) = known.ok_or_else(|| {
+                    let known = STYLES.map(|(name, ..)| name).join(", ");
+                    format!(
+                        "atoms of style {}, which is not read (known: {known}): give a dump of the \
+                         coordinates, and this file for its bonds",
+                        quote(style.as_bytes())
+                    )
+                })?;
+                if columns != least && columns != least + 3 {
                     return Err(format!(
-                        "atoms of {columns} columns, from which their style cannot be told: name \
-                         it in the heading (`Atoms # bond`)"
+                        "{columns} columns, but atoms of style {style} have {least}, or {} with \
+                         image flags",
+                        least + 3
                     ));
                 }
-            };
-            return Ok(Columns {
-                x,
-                checked_type: Some(2),
-                flags: columns > least,
-            });
+                (x, least)
+            }
         };
-        let Some(&(_, x, least)) = STYLES.iter().find(|(name, ..)| *name == style) else {
-            let known = STYLES.map(|(name, ..)| name).join(", ");
-            return Err(format!(
-                "atoms of style {}, which is not read (known: {known}): give a dump of the \
-                 coordinates, and this file for its bonds",
-                quote(style.as_bytes())
-            ));
-        };
-        if columns != least && columns != least + 3 {
-            return Err(format!(
-                "{columns} columns, but atoms of style {style} have {least}, or {} with image \
-                 flags",
-                least + 3
-            ));
-        }
         Ok(Columns {
             x,
-            checked_type: None,
+            checked_type: style.is_none().then_some(2),
             flags: columns > least,
         })
     }
 
     /// Returns the id of an atom, its coordinates, and its image flags (0 without).
-    fn atom(&self, words: &[&[u8]], types: u64) -> Result<(u64, Point, [f64; 3]), String> {
+    fn atom(&self, words: &[&[u8]], types: u64) -> Result<Atom, String> {
         if let Some(k) = self.checked_type {
             let given: u64 = integer(words[k], "the type of an atom: name the style of the atoms")?;
             if !(1..=types).contains(&given) {
@@ -329,18 +323,8 @@ impl Columns {
                 ));
             }
         }
-        let id = integer(words[0], "the id of an atom")?;
-        let mut at = [0.0; 3];
-        for (at, word) in at.iter_mut().zip(&words[self.x..]) {
-            *at = number(word).map_err(|what| format!("atom {id}: {what}"))?;
-        }
-        let mut flags = [0.0; 3];
-        if self.flags {
-            for (flag, word) in flags.iter_mut().zip(&words[words.len() - 3..]) {
-                *flag = f64::from(integer::<i32>(word, "an image flag")?);
-            }
-        }
-        Ok((id, at, flags))
+        let flags = self.flags.then(|| &words[words.len() - 3..]);
+        atom(words[0], &words[self.x..], flags)
     }
 }
 
@@ -367,8 +351,7 @@ fn atoms(lines: &mut Lines<impl BufRead>, header: &Header, data: &mut Data) -> R
         }
         let (id, at, flags) = columns.atom(&words, header.types).map_err(bad)?;
         data.flags = columns.flags;
-        let shift = data.space.shift(flags);
-        data.atoms.push((id, [0, 1, 2].map(|x| at[x] + shift[x])));
+        data.atoms.push((id, add(at, data.space.shift(flags))));
     }
     Ok(())
 }

@@ -4,8 +4,9 @@
 //! curve is invalid, but those after it can be read; a frame of another shape ends the file.
 
 use super::bonds::{Curves, Frame};
-use super::cell::{SimulationBox, Unwrapped};
-use crate::curve::{Cell, CurveSet, Point};
+use super::cell::{SimulationBox, Unwrapped, atom};
+use crate::curve::vector::add;
+use crate::curve::{Cell, CurveSet};
 use crate::error::Result;
 use crate::model::frames::{FrameSource, ModelFrame};
 use crate::model::lines::{Lines, integer, words};
@@ -49,8 +50,6 @@ fn member(line: &[u8], mol: usize, id: usize) -> Result<(i64, u64), String> {
 pub(super) struct Dump<R> {
     lines: Lines<R>,
     curves: Curves,
-    /// Name of the file, for the log.
-    name: String,
     /// True if torn curves are not refused.
     wrapped: bool,
     /// Time step of the previous frame.
@@ -67,11 +66,10 @@ struct Header {
 }
 
 impl<R: BufRead> Dump<R> {
-    pub fn new(lines: Lines<R>, curves: Curves, name: String, wrapped: bool) -> Self {
+    pub fn new(lines: Lines<R>, curves: Curves, wrapped: bool) -> Self {
         Dump {
             lines,
             curves,
-            name,
             wrapped,
             last: None,
         }
@@ -101,7 +99,7 @@ impl<R: BufRead> Dump<R> {
         }
         Ok(match wrong {
             Some(wrong) => Err(wrong),
-            None => frame.finish(cell, columns.unwrapped()),
+            None => frame.finish(cell, columns.unwrapped),
         })
     }
 }
@@ -111,17 +109,11 @@ fn header(lines: &mut Lines<impl BufRead>) -> Result<Option<(Header, Columns)>> 
     let mut header = Header::default();
     let mut begun = false;
     loop {
-        if !begun {
-            if !lines.advance()? {
-                return Ok(None);
-            }
-            if lines.text().trim_ascii().is_empty() {
-                continue;
-            }
-        } else {
-            lines.expect("an ITEM of the frame")?;
+        match begun {
+            false if !lines.advance_to_text()? => return Ok(None),
+            false => begun = true,
+            true => lines.expect("an ITEM of the frame")?,
         }
-        begun = true;
         let Some(item) = lines.text().strip_prefix(b"ITEM: ") else {
             let what = format!("{}, expected an ITEM", quote(lines.text()));
             return Err(lines.bad(what));
@@ -169,7 +161,7 @@ impl<R: BufRead> FrameSource for Dump<R> {
                 )));
             }
             Some(_) => {}
-            None => self.curves.report_others(atoms, &self.name),
+            None => self.curves.report_others(atoms, &self.lines.name),
         }
         self.last = Some(step);
         let (cell, no_lattice) = match space.cell() {
@@ -298,10 +290,6 @@ impl Columns {
         })
     }
 
-    fn unwrapped(&self) -> Unwrapped {
-        self.unwrapped
-    }
-
     /// Adds the atom of a line to a frame.
     fn put(&self, line: &[u8], space: &SimulationBox, frame: &mut Frame<'_>) -> Result<(), String> {
         let mut found: [&[u8]; 7] = [b""; 7];
@@ -317,23 +305,11 @@ impl Columns {
         if all != self.all {
             return Err(format!("{all} columns, expected {}", self.all));
         }
-        let id = integer(found[0], "the id of an atom")?;
-        let mut at: Point = [0.0; 3];
-        for (at, word) in at.iter_mut().zip(&found[1..4]) {
-            *at = number(word).map_err(|what| format!("atom {id}: {what}"))?;
-        }
-        let mut flags = [0.0; 3];
-        if self.unwrapped == Unwrapped::ByFlags {
-            for (flag, word) in flags.iter_mut().zip(&found[4..]) {
-                *flag = f64::from(integer::<i32>(word, "an image flag")?);
-            }
-        }
-        let at = if self.scaled {
-            let edges = space.shift([0, 1, 2].map(|x| at[x] + flags[x]));
-            [0, 1, 2].map(|x| space.low[x] + edges[x])
-        } else {
-            let shift = space.shift(flags);
-            [0, 1, 2].map(|x| at[x] + shift[x])
+        let flags = (self.unwrapped == Unwrapped::ByFlags).then_some(&found[4..]);
+        let (id, at, flags) = atom(found[0], &found[1..4], flags)?;
+        let at = match self.scaled {
+            true => add(space.low, space.shift(add(at, flags))),
+            false => add(at, space.shift(flags)),
         };
         frame.put(id, at)
     }

@@ -29,9 +29,9 @@ mod dump;
 use self::bonds::Curves;
 use self::cell::Unwrapped;
 use self::data::Wanted;
-use super::Format;
-use super::frames::{FrameSource, ReadOptions, Single};
+use super::frames::{ModelFrame, ReadOptions, Source};
 use super::lines::Lines;
+use super::{Format, Input};
 use crate::error::{Error, Result};
 use crate::words::plural;
 use std::ffi::OsStr;
@@ -41,27 +41,17 @@ use std::path::{Path, PathBuf};
 /// Extensions of data files.
 const DATA: [&str; 3] = ["data", "lmp", "lammps"];
 
-/// Opens a data file.
-pub(super) fn open_data(path: &Path, options: &ReadOptions) -> Result<Box<dyn FrameSource>> {
-    let (input, len) = super::open_text(path)?;
-    let name = path.display().to_string();
-    let read = || read_data(input, len, &name, options.wrapped);
-    let source = read().map_err(|e| e.in_file(path))?;
-    Ok(Box::new(source))
-}
-
-/// Reads the curves of a data file of `len` bytes. Torn curves are refused, unless `wrapped`.
+/// Reads the curves of a data file. Torn curves are refused, unless the caller unwraps them.
 pub(super) fn read_data(
-    input: impl BufRead,
-    len: u64,
-    name: &str,
-    wrapped: bool,
-) -> Result<Single> {
-    let data = data::read(Lines::new(data::FORMAT, input, len)?, Wanted::Everything)?;
+    input: Input<impl BufRead>,
+    options: &ReadOptions,
+) -> Result<Source<'static>> {
+    let name = input.name.clone();
+    let data = data::read(Lines::new(data::FORMAT, input)?, Wanted::Everything)?;
     let mut curves = Curves::of_bonds(data.bonds, data::FORMAT)?;
     let mut left_out = std::mem::take(&mut curves.left_out);
     left_out.extend(data.left_out);
-    curves.report_others(data.atoms.len() as u64, name);
+    curves.report_others(data.atoms.len() as u64, &name);
     let cell = data.space.cell()?;
     let mut frame = curves.frame();
     for (id, at) in data.atoms {
@@ -73,32 +63,28 @@ pub(super) fn read_data(
         true => Unwrapped::ByFlags,
         false => Unwrapped::Unknown,
     };
-    let closest = cell.as_ref().filter(|_| !wrapped);
-    let frame = Single::new(frame.finish(closest, unwrapped)?);
-    Ok(frame.in_cell(cell).leaving_out(left_out))
+    let closest = cell.as_ref().filter(|_| !options.wrapped);
+    let frame = ModelFrame {
+        cell,
+        left_out,
+        ..ModelFrame::new(0, Ok(frame.finish(closest, unwrapped)?))
+    };
+    Ok(frame.into())
 }
 
 /// Opens a dump.
-pub(super) fn open_dump(path: &Path, options: &ReadOptions) -> Result<Box<dyn FrameSource>> {
-    let (input, len) = super::open_text(path)?;
-    let lines = Lines::new(dump::FORMAT, input, len).map_err(|e| e.in_file(path))?;
-    let name = path.display().to_string();
+pub(super) fn open_dump(path: &Path, options: &ReadOptions) -> Result<Source<'static>> {
+    let lines = Lines::new(dump::FORMAT, super::open_text(path)?)?;
     let curves = match options.bonds.clone().or_else(|| beside(path)) {
-        Some(bonds) => read_bonds(&bonds)?,
-        None => chains(path, options.closed).map_err(|e| e.in_file(path))?,
+        Some(bonds) => read_bonds(&bonds).map_err(|e| e.in_file(bonds))?,
+        None => chains(path, options.closed)?,
     };
-    Ok(Box::new(dump::Dump::new(
-        lines,
-        curves,
-        name,
-        options.wrapped,
-    )))
+    Ok(Box::new(dump::Dump::new(lines, curves, options.wrapped)))
 }
 
 /// Returns the curves of a dump without bonds, and says what is assumed.
 fn chains(path: &Path, closed: Option<bool>) -> Result<Curves> {
-    let (input, len) = super::open_text(path)?;
-    let lines = Lines::new(dump::FORMAT, input, len)?;
+    let lines = Lines::new(dump::FORMAT, super::open_text(path)?)?;
     let Some(curves) = dump::chains(lines, closed == Some(true))? else {
         let what = "a dump has no bonds, which define the curves: give a data file with them \
                     (`--bonds FILE`; LAMMPS: `write_data FILE`), or write the column mol, whose \
@@ -124,22 +110,19 @@ pub(super) fn read_dump<'a>(
     bytes: &'a [u8],
     bonds: &[[u64; 2]],
     wrapped: bool,
-) -> Result<impl FrameSource + 'a> {
-    let lines = Lines::new(dump::FORMAT, bytes, bytes.len() as u64)?;
+) -> Result<Source<'a>> {
+    let lines = Lines::new(dump::FORMAT, bytes.into())?;
     let curves = Curves::of_bonds(bonds.to_vec(), data::FORMAT)?;
-    Ok(dump::Dump::new(lines, curves, "memory".into(), wrapped))
+    Ok(Box::new(dump::Dump::new(lines, curves, wrapped)))
 }
 
 /// Reads the curves that the bonds of a data file define.
 fn read_bonds(path: &Path) -> Result<Curves> {
-    let read = || -> Result<Curves> {
-        let (input, len) = super::open_text(path)?;
-        let data = data::read(Lines::new(data::FORMAT, input, len)?, Wanted::Bonds)?;
-        let mut curves = Curves::of_bonds(data.bonds, data::FORMAT)?;
-        curves.left_out.extend(data.left_out);
-        Ok(curves)
-    };
-    read().map_err(|e| e.in_file(path))
+    let lines = Lines::new(data::FORMAT, super::open_text(path)?)?;
+    let data = data::read(lines, Wanted::Bonds)?;
+    let mut curves = Curves::of_bonds(data.bonds, data::FORMAT)?;
+    curves.left_out.extend(data.left_out);
+    Ok(curves)
 }
 
 /// Returns the data file that belongs to a dump by its name, if there is one: `melt.data` (or
@@ -154,11 +137,10 @@ fn beside(dump: &Path) -> Option<PathBuf> {
 
 /// Returns the format of a file of LAMMPS by its first bytes.
 pub(super) fn format_of(start: &[u8]) -> Option<Format> {
-    let dumps = [b"ITEM: TIME".as_slice(), b"ITEM: UNITS"];
-    match start {
-        start if dumps.iter().any(|dump| start.starts_with(dump)) => Some(Format::LammpsDump),
-        start if data::begins(start) => Some(Format::LammpsData),
-        _ => None,
+    let mut dumps = [b"ITEM: TIME".as_slice(), b"ITEM: UNITS"].into_iter();
+    match dumps.any(|dump| start.starts_with(dump)) {
+        true => Some(Format::LammpsDump),
+        false => data::begins(start).then_some(Format::LammpsData),
     }
 }
 

@@ -4,7 +4,7 @@ use super::*;
 use crate::Certifier;
 use crate::LeftOut;
 use crate::curve::CurveSet;
-use crate::model::tests::{assert_error_contains, curves};
+use crate::model::tests::{assert_error_contains, curves, frames_of};
 use crate::model::{Format, Frames, ModelFrame, read};
 use proptest::prelude::*;
 
@@ -282,7 +282,11 @@ fn data(text: &str) -> Result<CurveSet> {
 }
 
 fn data_frame(text: &str, wrapped: bool) -> Result<ModelFrame> {
-    let mut source = read_data(text.as_bytes(), text.len() as u64, "memory", wrapped)?;
+    let options = ReadOptions {
+        wrapped,
+        ..ReadOptions::default()
+    };
+    let mut source = read_data(text.as_bytes().into(), &options)?;
     Ok(source.next_frame()?.expect("a frame"))
 }
 
@@ -531,12 +535,11 @@ fn dump(text: &str) -> Result<Vec<ModelFrame>> {
 }
 
 fn dump_frames(text: &str, wrapped: bool) -> Result<Vec<ModelFrame>> {
-    let mut source = read_dump(text.as_bytes(), &[[1, 2], [2, 3], [3, 1]], wrapped)?;
-    let mut frames = Vec::new();
-    while let Some(frame) = source.next_frame()? {
-        frames.push(frame);
-    }
-    Ok(frames)
+    frames_of(read_dump(
+        text.as_bytes(),
+        &[[1, 2], [2, 3], [3, 1]],
+        wrapped,
+    )?)
 }
 
 const DUMP: &str = "ITEM: TIMESTEP\n5\nITEM: NUMBER OF ATOMS\n3\nITEM: BOX BOUNDS pp pp ff\n0 9\n\

@@ -27,7 +27,7 @@ mod state;
 
 use self::markers::Layout;
 use self::state::{State, Update};
-use super::frames::{FrameSource, ModelFrame, ReadOptions};
+use super::frames::{FrameSource, ModelFrame, ReadOptions, Source};
 use crate::container::{self, Container, Ending, invalid};
 use crate::error::{Error, Result};
 use crate::verdict::LeftOut;
@@ -218,11 +218,11 @@ impl Channels {
     }
 }
 
-/// Opens a file. Errors name it.
-pub(super) fn open(path: &Path, options: &ReadOptions) -> Result<Box<dyn FrameSource>> {
-    let container = Container::open(path);
-    let frames = container.and_then(|c| McapFrames::new(c, options.topic.as_deref()));
-    Ok(Box::new(frames.map_err(|e| e.in_file(path))?))
+/// Opens a file.
+pub(super) fn open(path: &Path, options: &ReadOptions) -> Result<Source<'static>> {
+    let container = Container::open(path)?;
+    let frames = McapFrames::new(container, options.topic.as_deref())?;
+    Ok(Box::new(frames))
 }
 
 /// A message of the chosen topic.

@@ -6,7 +6,7 @@
 use super::FORMAT;
 use super::array::{Array, Unread, fill};
 use crate::error::{Error, Result};
-use crate::model::{is_in, quote};
+use crate::model::{is_in, little_endian, quote};
 use crc32fast::Hasher;
 use flate2::bufread::DeflateDecoder;
 use std::io::{self, BufRead, ErrorKind, Read, Seek, SeekFrom};
@@ -22,7 +22,8 @@ const MAX_RATIO: u64 = 100;
 /// A file of the archive.
 #[derive(Clone, Debug)]
 pub(super) struct Member {
-    name: String,
+    /// Its name, without the extension `.npy`.
+    pub name: String,
     deflated: bool,
     crc: u32,
     compressed: u64,
@@ -33,11 +34,6 @@ pub(super) struct Member {
 }
 
 impl Member {
-    /// Returns its name, without the extension `.npy`.
-    pub fn name(&self) -> &str {
-        &self.name
-    }
-
     /// Returns the maximum number of bytes that may be decompressed to memory at once: `free`
     /// bytes, or 100 times the compressed size. It protects from archives of little more than
     /// zeros, which take a thousandth of their content.
@@ -62,9 +58,7 @@ fn bad(what: impl std::fmt::Display) -> Error {
 
 /// Returns the little-endian number in `N` bytes at an offset.
 fn number<const N: usize>(bytes: &[u8], at: usize) -> u64 {
-    bytes[at..at + N]
-        .iter()
-        .rfold(0, |n, &b| (n << 8) | u64::from(b))
+    little_endian(&bytes[at..at + N])
 }
 
 impl<R: BufRead + Seek> Archive<R> {

@@ -2,7 +2,8 @@
 
 use super::FORMAT;
 use crate::error::{Error, Result};
-use crate::model::quote;
+use crate::model::{little_endian, quote};
+use serde::Deserialize;
 use std::fmt::Display;
 use std::io::{ErrorKind, Read};
 
@@ -93,7 +94,7 @@ impl Array {
             other => return Err(bad(&format_args!("version {other}, expected 1, 2 or 3"))),
         };
         read(length_bytes, &mut bytes)?;
-        let header_len = bytes.iter().rfold(0, |n, &b| (n << 8) | usize::from(b));
+        let header_len = little_endian(&bytes) as usize;
         if header_len > MAX_HEADER {
             let what = format!("a header of {header_len} bytes, expected at most {MAX_HEADER}");
             return Err(bad(&what));
@@ -116,14 +117,20 @@ impl Array {
 
     /// Parses the text of a header.
     fn of_header(text: &[u8], name: &str) -> Result<Array> {
-        let bad = |what| Error::format(FORMAT, format_args!("header of array {name}"), what);
-        let header = Dictionary::parse(text).map_err(bad)?;
+        let json = json_of(&String::from_utf8_lossy(text));
+        let header: Header = serde_json::from_str(&json).map_err(|e| {
+            let what = format!(
+                "{}, expected the keys descr, fortran_order and shape: {e}",
+                quote(text)
+            );
+            Error::format(FORMAT, format_args!("header of array {name}"), what)
+        })?;
         let unsupported = |what: String| Err(Error::unsupported(FORMAT, what));
-        let Some(descr) = header.descr else {
+        let Some(descr) = header.descr.as_str() else {
             let what = format!("array {name}: a structured array; store plain numbers");
             return unsupported(what);
         };
-        if header.fortran && header.shape.len() > 1 {
+        if header.fortran_order && header.shape.len() > 1 {
             let what = format!(
                 "array {name}: Fortran order; store `np.ascontiguousarray({name})`, an array in C \
                  order"
@@ -160,8 +167,8 @@ impl Array {
             kind,
             little: order != Some('>'),
             size: unit * u64::from(size),
+            descr: descr.to_owned(),
             shape: header.shape,
-            descr,
         })
     }
 
@@ -187,138 +194,44 @@ impl Array {
     }
 }
 
-/// A header as a Python dictionary.
-#[derive(Default)]
-struct Dictionary {
-    /// `None` if the type is a list of fields.
-    descr: Option<String>,
-    fortran: bool,
+/// Header of an array.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Header {
+    /// A text, or the list of the fields of a structured array.
+    descr: serde_json::Value,
+    fortran_order: bool,
     shape: Vec<u64>,
 }
 
-impl Dictionary {
-    /// Parses `{'descr': '<f8', 'fortran_order': False, 'shape': (2, 3), }`.
-    fn parse(text: &[u8]) -> Result<Dictionary, String> {
-        let mut text = Text(text);
-        let mut found = Dictionary::default();
-        let mut seen = [false; 3];
-        text.expect(b'{')?;
-        while !text.skip(b'}') {
-            let key = text.string()?;
-            text.expect(b':')?;
-            let k = match &key[..] {
-                "descr" => {
-                    if text.peek() == Some(b'[') {
-                        // The fields are not needed: no such array is read.
-                        return Ok(Dictionary::default());
-                    }
-                    found.descr = Some(text.string()?);
-                    0
-                }
-                "fortran_order" => {
-                    found.fortran = text.boolean()?;
-                    1
-                }
-                "shape" => {
-                    found.shape = text.tuple()?;
-                    2
-                }
-                other => {
-                    return Err(format!(
-                        "key {}, which is not known",
-                        quote(other.as_bytes())
-                    ));
-                }
-            };
-            if std::mem::replace(&mut seen[k], true) {
-                return Err(format!("key '{key}' is there twice"));
+/// Returns the JSON of a Python dictionary:
+/// `{'descr': '<f8', 'fortran_order': False, 'shape': (2, 3), }`.
+fn json_of(python: &str) -> String {
+    let (mut json, mut quote) = (String::new(), None);
+    for c in python.chars() {
+        match (c, quote) {
+            ('\'' | '"', None) => {
+                quote = Some(c);
+                json.push('"');
             }
-            if !text.skip(b',') {
-                text.expect(b'}')?;
-                break;
+            (c, Some(q)) if c == q => {
+                quote = None;
+                json.push('"');
             }
-        }
-        match seen {
-            [true, true, true] => Ok(found),
-            _ => Err("expected the keys descr, fortran_order and shape".into()),
-        }
-    }
-}
-
-/// Text of a header that is not parsed yet.
-struct Text<'a>(&'a [u8]);
-
-impl Text<'_> {
-    fn peek(&mut self) -> Option<u8> {
-        self.0 = self.0.trim_ascii_start();
-        self.0.first().copied()
-    }
-
-    /// Skips a character if it is the next one.
-    fn skip(&mut self, wanted: u8) -> bool {
-        let found = self.peek() == Some(wanted);
-        if found {
-            self.0 = &self.0[1..];
-        }
-        found
-    }
-
-    fn expect(&mut self, wanted: u8) -> Result<(), String> {
-        match self.skip(wanted) {
-            true => Ok(()),
-            false => Err(format!(
-                "{}, expected '{}'",
-                quote(self.0),
-                char::from(wanted)
-            )),
-        }
-    }
-
-    fn string(&mut self) -> Result<String, String> {
-        let quoted = |q: &u8| matches!(q, b'\'' | b'"');
-        let delimiter = self.peek().filter(quoted);
-        let end = delimiter.and_then(|q| self.0[1..].iter().position(|&b| b == q));
-        let Some(end) = end else {
-            return Err(format!("{}, expected a text in quotes", quote(self.0)));
-        };
-        let text = String::from_utf8_lossy(&self.0[1..=end]).into_owned();
-        self.0 = &self.0[end + 2..];
-        Ok(text)
-    }
-
-    fn boolean(&mut self) -> Result<bool, String> {
-        self.peek();
-        for (word, value) in [(&b"True"[..], true), (b"False", false)] {
-            if let Some(rest) = self.0.strip_prefix(word) {
-                self.0 = rest;
-                return Ok(value);
+            ('"' | '\\', Some(_)) => json.extend(['\\', c]),
+            (c, Some(_)) => json.push(c),
+            ('(', None) => json.push('['),
+            (')' | ']' | '}', None) => {
+                // A comma may follow the last item.
+                json.truncate(json.trim_end_matches(',').len());
+                json.push(if c == '}' { '}' } else { ']' });
             }
-        }
-        Err(format!("{}, expected True or False", quote(self.0)))
-    }
-
-    fn tuple(&mut self) -> Result<Vec<u64>, String> {
-        let mut numbers = Vec::new();
-        self.expect(b'(')?;
-        while !self.skip(b')') {
-            self.peek();
-            let digits = self.0.iter().take_while(|b| b.is_ascii_digit()).count();
-            let number = std::str::from_utf8(&self.0[..digits]).ok();
-            let Some(number) = number.and_then(|n| n.parse().ok()) else {
-                return Err(format!(
-                    "{}, expected the size of a dimension",
-                    quote(self.0)
-                ));
-            };
-            numbers.push(number);
-            self.0 = &self.0[digits..];
             // Python 2 wrote `3L`.
-            self.skip(b'L');
-            if !self.skip(b',') {
-                self.expect(b')')?;
-                break;
-            }
+            ('L', None) => {}
+            (c, None) if c.is_whitespace() => {}
+            // True and False.
+            (c, None) => json.push(c.to_ascii_lowercase()),
         }
-        Ok(numbers)
     }
+    json
 }

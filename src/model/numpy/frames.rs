@@ -4,8 +4,8 @@ use super::array::{Array, Kind, Unread, fill};
 use super::{Cells, FORMAT, Others};
 use crate::curve::{Basis, CurveLabels, CurveSet, CurveSetBuilder, Positions, Precision};
 use crate::error::{Error, Result};
+use crate::model::count_of;
 use crate::model::frames::{FrameSource, ModelFrame, ReadOptions};
-use crate::verdict::LeftOut;
 use std::io::Read;
 use std::sync::Arc;
 
@@ -15,12 +15,8 @@ pub(super) struct ArrayFrames<R> {
     array: Array,
     layout: Layout,
     next: u64,
-    basis: Basis,
-    times: Option<Vec<f64>>,
-    seq: Option<Vec<u64>>,
+    others: Others,
     labels: Arc<CurveLabels>,
-    cells: Cells,
-    left_out: Vec<LeftOut>,
     options: ReadOptions,
     chunk: Chunk,
 }
@@ -111,14 +107,7 @@ impl Layout {
         let closed_by_default = counts.is_none();
         let counts = match counts {
             Some(counts) => counts,
-            None => {
-                let count = i32::try_from(points).map_err(|_| Error::Count {
-                    what: "points of a curve",
-                    promised: points,
-                    available: i32::MAX as u64,
-                })?;
-                vec![-count; curves as usize]
-            }
+            None => vec![count_of(points as usize, true)?; curves as usize],
         };
         let sizes = counts.iter().map(|c| u64::from(c.unsigned_abs()));
         let sum: u64 = sizes.clone().sum();
@@ -131,11 +120,8 @@ impl Layout {
         }
         Ok(Layout {
             frames,
-            frame_bytes: usize::try_from(frame_bytes).map_err(|_| Error::Count {
-                what: "bytes of a frame",
-                promised: frame_bytes,
-                available: usize::MAX as u64,
-            })?,
+            frame_bytes: usize::try_from(frame_bytes)
+                .map_err(|_| Error::count("bytes of a frame", frame_bytes, usize::MAX))?,
             counts,
             closed_by_default,
         })
@@ -158,7 +144,7 @@ impl<R: Read> ArrayFrames<R> {
     pub fn new(
         input: R,
         positions: Array,
-        others: Others,
+        mut others: Others,
         options: &ReadOptions,
         limit: u64,
     ) -> Result<Self> {
@@ -169,7 +155,7 @@ impl<R: Read> ArrayFrames<R> {
             );
             return Err(Error::unsupported(FORMAT, what));
         }
-        let layout = Layout::new(&positions, others.counts, limit)?;
+        let layout = Layout::new(&positions, others.counts.take(), limit)?;
         others.labels.check(layout.counts.len())?;
         check_length("times", others.times.as_ref(), layout.frames)?;
         check_length("seq", others.seq.as_ref(), layout.frames)?;
@@ -181,12 +167,8 @@ impl<R: Read> ArrayFrames<R> {
             array: positions,
             layout,
             next: 0,
-            basis: others.basis.unwrap_or(Basis::Polyline),
-            times: others.times,
-            seq: others.seq,
-            labels: Arc::new(others.labels),
-            cells: others.cells,
-            left_out: others.left_out,
+            labels: Arc::new(std::mem::take(&mut others.labels)),
+            others,
             options: options.clone(),
             chunk: Chunk::default(),
         })
@@ -199,7 +181,8 @@ impl<R: Read> ArrayFrames<R> {
             8 => Precision::F64,
             _ => Precision::F32,
         };
-        let mut built = Ok(CurveSet::builder_of(self.basis, precision, counts));
+        let basis = self.others.basis.unwrap_or(Basis::Polyline);
+        let mut built = Ok(CurveSet::builder_of(basis, precision, counts));
         let mut left = self.layout.frame_bytes;
         for &count in counts {
             let points = count.unsigned_abs() as usize;
@@ -235,16 +218,22 @@ impl<R: Read> FrameSource for ArrayFrames<R> {
             .map_err(|e| e.at(format_args!("frame {frame}")))?;
         self.next += 1;
         let k = frame as usize;
-        let seq = self.seq.as_ref().map_or(frame, |seq| seq[k]);
-        let cell = match &self.cells {
+        let Others {
+            times,
+            seq,
+            left_out,
+            ..
+        } = &self.others;
+        let seq = seq.as_ref().map_or(frame, |seq| seq[k]);
+        let cell = match &self.others.cells {
             Cells::None => None,
             Cells::One(cell) => Some(*cell),
             Cells::Each(cells) => Some(cells[k]),
         };
         let frame = ModelFrame {
-            time: self.times.as_ref().map_or(0.0, |times| times[k]),
+            time: times.as_ref().map_or(0.0, |times| times[k]),
             labels: self.labels.clone(),
-            left_out: self.left_out.clone(),
+            left_out: left_out.clone(),
             closed_by_default: self.layout.closed_by_default,
             ..ModelFrame::new(seq, curves)
         };

@@ -2,8 +2,8 @@
 
 use super::archive::Archive;
 use super::array::{Array, Kind};
-use super::{Cells, FORMAT, Others, basis_name};
-use crate::curve::{Basis, Cell, Point};
+use super::{Cells, FORMAT, Others};
+use crate::curve::{Basis, Cell, CurveLabels, Point};
 use crate::error::{Error, Result};
 use crate::verdict::LeftOut;
 use std::io::{BufRead, Seek};
@@ -38,7 +38,7 @@ pub(super) fn left_out(archive: &mut Archive<impl BufRead + Seek>) -> Result<Vec
     }
     for member in archive.others(&[READ, VECTORS]) {
         let array = archive.header(&member)?;
-        let name = member.name();
+        let name = &member.name;
         let what = match array {
             Ok(array) if may_hold_points(&array) => {
                 format!("{name}, {} of type {}", array.shape_text(), array.descr)
@@ -66,34 +66,26 @@ fn may_hold_points(array: &Array) -> bool {
 
 /// Reads the arrays of these names that a file has.
 pub(super) fn read(archive: &mut Archive<impl BufRead + Seek>) -> Result<Others> {
-    let mut others = Others::default();
-    if let Some(counts) = Values::find(archive, "counts")? {
-        others.counts = Some(counts.integers()?);
-    }
-    if let Some(basis) = Values::find(archive, "basis")? {
-        others.basis = Some(basis.basis()?);
-    }
-    if let Some(times) = Values::find(archive, "times")? {
-        others.times = Some(times.floats()?);
-    }
-    if let Some(seq) = Values::find(archive, "seq")? {
-        let numbers: Vec<u64> = seq.integers()?;
-        if let Some(k) = numbers.windows(2).position(|w| w[0] >= w[1]) {
-            let what = format!("frame {} after frame {}", numbers[k + 1], numbers[k]);
-            return Err(seq.bad(what));
-        }
-        others.seq = Some(numbers);
-    }
-    if let Some(names) = Values::find(archive, "names")? {
-        others.labels.names = names.texts()?;
-    }
-    if let Some(radii) = Values::find(archive, "radii")? {
-        others.labels.radii = radii.floats()?.into_iter().map(|r| r as f32).collect();
-    }
-    if let Some(cell) = Values::find(archive, "cell")? {
-        others.cells = cell.cells()?;
-    }
-    Ok(others)
+    let mut find = |name| Values::find(archive, name);
+    let [counts, basis, times, seq] = [
+        find("counts")?,
+        find("basis")?,
+        find("times")?,
+        find("seq")?,
+    ];
+    let [names, radii, cell] = [find("names")?, find("radii")?, find("cell")?];
+    let floats = |values: Values| values.floats();
+    let radii = radii.map(floats).transpose()?.unwrap_or_default();
+    Ok(Others {
+        counts: counts.map(|counts| counts.integers()).transpose()?,
+        basis: basis.map(|basis| basis.basis()).transpose()?,
+        times: times.map(floats).transpose()?,
+        seq: seq.map(|seq| seq.increasing()).transpose()?,
+        labels: CurveLabels::named(names.map_or(Ok(Vec::new()), |names| names.texts())?)
+            .with_radii(radii.into_iter().map(|r| r as f32)),
+        cells: cell.map_or(Ok(Cells::None), |cell| cell.cells())?,
+        left_out: Vec::new(),
+    })
 }
 
 /// Values of an array of one dimension, or of none; of a cell, of up to three.
@@ -168,6 +160,15 @@ impl Values {
                 T::try_from(value).map_err(|_| self.bad(format_args!("{value} is out of range")))
             })
             .collect()
+    }
+
+    /// Returns the numbers of frames.
+    fn increasing(&self) -> Result<Vec<u64>> {
+        let numbers: Vec<u64> = self.integers()?;
+        match numbers.array_windows().find(|[a, b]| a >= b) {
+            Some([a, b]) => Err(self.bad(format_args!("frame {b} after frame {a}"))),
+            None => Ok(numbers),
+        }
     }
 
     fn floats(&self) -> Result<Vec<f64>> {
@@ -254,7 +255,7 @@ impl Values {
         }
         let texts = self.texts()?;
         let found = match &texts[..] {
-            [name] => Basis::ALL.into_iter().find(|b| basis_name(*b) == name),
+            [name] => name.parse().ok(),
             _ => None,
         };
         let given = crate::model::quote(texts.join(", ").as_bytes());

@@ -48,52 +48,37 @@ pub(super) use self::write::{NpyFile, NpzFile};
 
 use self::array::Array;
 use self::frames::ArrayFrames;
-use super::frames::{FrameSource, ReadOptions};
+use super::Input;
+use super::frames::{ReadOptions, Source};
 use crate::curve::{Basis, Cell, CurveLabels};
 use crate::error::{Error, Result};
 use crate::verdict::LeftOut;
 use std::io::{BufRead, Seek};
-use std::path::Path;
 
 const FORMAT: &str = "NumPy file";
 /// Bytes that a frame may have at any compression.
 const FREE_FRAME: u64 = 64 << 20;
 
-/// Opens an `.npy` file.
-pub(super) fn open_npy(path: &Path, options: &ReadOptions) -> Result<Box<dyn FrameSource>> {
-    let (input, len) = super::open(path)?;
-    let source = read_npy(input, len, options).map_err(|e| e.in_file(path))?;
-    Ok(Box::new(source))
-}
-
-/// Opens an `.npz` file.
-pub(super) fn open_npz(path: &Path, options: &ReadOptions) -> Result<Box<dyn FrameSource>> {
-    let (input, len) = super::open(path)?;
-    let source = read_npz(input, len, options).map_err(|e| e.in_file(path))?;
-    Ok(Box::new(source))
-}
-
-/// Reads the header of an `.npy` file of `len` bytes.
-pub(super) fn read_npy<R: BufRead>(
-    mut input: R,
-    len: u64,
+/// Reads the header of an `.npy` file.
+pub(super) fn read_npy<'a>(
+    mut input: Input<impl BufRead + 'a>,
     options: &ReadOptions,
-) -> Result<impl FrameSource + use<R>> {
-    let positions = Array::parse(&mut input, len, "positions")?;
+) -> Result<Source<'a>> {
+    let positions = Array::parse(&mut input.bytes, input.len, "positions")?;
     let others = Others {
         counts: options.counts.clone(),
         ..Others::default()
     };
-    ArrayFrames::new(input, positions, others, options, u64::MAX)
+    let frames = ArrayFrames::new(input.bytes, positions, others, options, u64::MAX)?;
+    Ok(Box::new(frames))
 }
 
-/// Reads the arrays of an `.npz` file of `len` bytes, up to the positions of the first frame.
-pub(super) fn read_npz<R: BufRead + Seek>(
-    input: R,
-    len: u64,
+/// Reads the arrays of an `.npz` file, up to the positions of the first frame.
+pub(super) fn read_npz<'a>(
+    input: Input<impl BufRead + Seek + 'a>,
     options: &ReadOptions,
-) -> Result<impl FrameSource + use<R>> {
-    let mut archive = archive::Archive::open(input, len)?;
+) -> Result<Source<'a>> {
+    let mut archive = archive::Archive::open(input.bytes, input.len)?;
     let mut others = labels::read(&mut archive)?;
     others.left_out = labels::left_out(&mut archive)?;
     if options.counts.is_some() {
@@ -107,17 +92,8 @@ pub(super) fn read_npz<R: BufRead + Seek>(
     let (len, limit) = (member.size, member.limit(FREE_FRAME));
     let mut input = archive.into_member(member)?;
     let positions = Array::parse(&mut input, len, "positions")?;
-    ArrayFrames::new(input, positions, others, options, limit)
-}
-
-/// Returns the name of a basis in an array `basis`.
-fn basis_name(basis: Basis) -> &'static str {
-    match basis {
-        Basis::Polyline => "polyline",
-        Basis::CatmullRom => "catmull-rom",
-        Basis::BSpline => "b-spline",
-        Basis::Bezier => "bezier",
-    }
+    let frames = ArrayFrames::new(input, positions, others, options, limit)?;
+    Ok(Box::new(frames))
 }
 
 /// What a file may say beside the positions.

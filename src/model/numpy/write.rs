@@ -5,7 +5,7 @@
 //! archive needs no second pass. Members are stored and have 64-bit sizes, as `np.savez` writes
 //! them.
 
-use super::{FORMAT, basis_name};
+use super::FORMAT;
 use crate::curve::{Basis, Cell, CurveLabels, CurveSet, Precision};
 use crate::error::{Error, Result};
 use crate::model::frames::ModelFrame;
@@ -74,17 +74,13 @@ impl Stream {
             return Err(Error::unsupported(FORMAT, what));
         }
         // Piece by piece, because a frame may have gigabytes.
-        for (i, curve) in set.curves().iter().enumerate() {
-            for k in 0..curve.points as usize {
-                for x in set.point(i, k) {
-                    match self.precision {
-                        Precision::F32 => self.buffer.extend((x as f32).to_le_bytes()),
-                        Precision::F64 => self.buffer.extend(x.to_le_bytes()),
-                    }
-                }
-                if self.buffer.len() >= PIECE {
-                    self.write_buffer()?;
-                }
+        for x in (0..set.len()).flat_map(|i| set.points_in(i)).flatten() {
+            match self.precision {
+                Precision::F32 => self.buffer.extend((x as f32).to_le_bytes()),
+                Precision::F64 => self.buffer.extend(x.to_le_bytes()),
+            }
+            if self.buffer.len() >= PIECE {
+                self.write_buffer()?;
             }
         }
         self.write_buffer()?;
@@ -108,11 +104,8 @@ impl Stream {
         let frames = self.frames;
         let shape = match self.counts[..] {
             [count, ref rest @ ..] if count < 0 && rest.iter().all(|c| *c == count) => {
-                format!(
-                    "{frames}, {}, {}, 3",
-                    self.counts.len(),
-                    count.unsigned_abs()
-                )
+                let (curves, points) = (self.counts.len(), count.unsigned_abs());
+                format!("{frames}, {curves}, {points}, 3")
             }
             _ => format!("{frames}, {}, 3", self.points),
         };
@@ -120,36 +113,42 @@ impl Stream {
     }
 }
 
-/// Returns the stream of a file, which the first frame creates.
-fn stream<'a>(
-    stream: &'a mut Option<Stream>,
-    path: &Path,
-    set: &CurveSet,
-    lead: usize,
-) -> Result<&'a mut Stream> {
-    match stream {
-        Some(stream) => Ok(stream),
-        none => Ok(none.insert(Stream::create(path, set, lead)?)),
-    }
-}
-
-fn no_frames() -> Error {
-    Error::unsupported(FORMAT, "a file without frames")
-}
-
-/// An `.npy` file: the positions. Unless all curves are closed and have equal numbers of points,
-/// these numbers are not in the file.
-pub(in crate::model) struct NpyFile {
+/// A file whose stream the first frame creates.
+struct Lazy {
     path: PathBuf,
     stream: Option<Stream>,
 }
 
-impl NpyFile {
-    pub fn new(path: &Path) -> NpyFile {
-        NpyFile {
+impl Lazy {
+    fn new(path: &Path) -> Lazy {
+        Lazy {
             path: path.into(),
             stream: None,
         }
+    }
+
+    /// Writes a frame. The array begins after `lead` bytes.
+    fn frame(&mut self, set: &CurveSet, lead: usize) -> Result<()> {
+        let stream = match &mut self.stream {
+            Some(stream) => stream,
+            none => none.insert(Stream::create(&self.path, set, lead)?),
+        };
+        stream.frame(set)
+    }
+
+    fn finish(self) -> Result<Stream> {
+        let no_frames = || Error::unsupported(FORMAT, "a file without frames");
+        self.stream.ok_or_else(no_frames)
+    }
+}
+
+/// An `.npy` file: the positions. Unless all curves are closed and have equal numbers of points,
+/// these numbers are not in the file.
+pub(in crate::model) struct NpyFile(Lazy);
+
+impl NpyFile {
+    pub fn new(path: &Path) -> NpyFile {
+        NpyFile(Lazy::new(path))
     }
 }
 
@@ -157,11 +156,11 @@ impl FrameSink for NpyFile {
     fn frame(&mut self, frame: &ModelFrame) -> Result<()> {
         let set = curves_of(FORMAT, frame)?;
         check_polylines("NumPy file (.npy)", set)?;
-        stream(&mut self.stream, &self.path, set, 0)?.frame(set)
+        self.0.frame(set, 0)
     }
 
     fn finish(self: Box<Self>) -> Result<()> {
-        let mut stream = self.stream.ok_or_else(no_frames)?;
+        let mut stream = self.0.finish()?;
         let header = stream.header();
         stream.out.seek(SeekFrom::Start(0))?;
         stream.out.write_all(&header)?;
@@ -172,8 +171,7 @@ impl FrameSink for NpyFile {
 /// An `.npz` file: everything that a frame has. The curves, their basis, names and radii must be
 /// those of the first frame.
 pub(in crate::model) struct NpzFile {
-    path: PathBuf,
-    stream: Option<Stream>,
+    file: Lazy,
     labels: Arc<CurveLabels>,
     seq: Vec<u64>,
     times: Vec<f64>,
@@ -189,8 +187,7 @@ const POSITIONS: &str = "positions";
 impl NpzFile {
     pub fn new(path: &Path) -> NpzFile {
         NpzFile {
-            path: path.into(),
-            stream: None,
+            file: Lazy::new(path),
             labels: Arc::default(),
             seq: Vec::new(),
             times: Vec::new(),
@@ -203,7 +200,7 @@ impl NpzFile {
 impl FrameSink for NpzFile {
     fn frame(&mut self, frame: &ModelFrame) -> Result<()> {
         let set = curves_of(FORMAT, frame)?;
-        if self.stream.is_none() {
+        if self.seq.is_empty() {
             frame.labels.check(set.len())?;
             self.labels = frame.labels.clone();
         }
@@ -220,7 +217,7 @@ impl FrameSink for NpzFile {
             return Err(Error::unsupported(FORMAT, what));
         }
         let lead = Member::local_header(POSITIONS, 0, 0).len();
-        stream(&mut self.stream, &self.path, set, lead)?.frame(set)?;
+        self.file.frame(set, lead)?;
         self.seq.push(frame.seq);
         self.times.push(frame.time);
         self.cells.extend(frame.cell);
@@ -229,7 +226,7 @@ impl FrameSink for NpzFile {
     }
 
     fn finish(self: Box<Self>) -> Result<()> {
-        let mut stream = self.stream.ok_or_else(no_frames)?;
+        let mut stream = self.file.finish()?;
         let header = stream.header();
         let mut hasher = Hasher::new();
         hasher.update(&header);
@@ -249,7 +246,7 @@ impl FrameSink for NpzFile {
         let timed = self.times.iter().any(|t| *t != 0.0);
         let numbered = !self.seq.iter().copied().eq(0..stream.frames);
         let labels = &self.labels;
-        let basis = Texts::of(&[basis_name(stream.basis).to_owned()]);
+        let basis = Texts::of(&[stream.basis.to_string()]);
         let names = Texts::of(&labels.names);
         let said: Vec<String> = self.left_out.iter().map(LeftOut::to_string).collect();
         let left_out = Texts::of(&said);

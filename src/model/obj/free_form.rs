@@ -279,7 +279,7 @@ fn equidistant(knots: &[f64]) -> bool {
 impl Spline {
     /// Writes the cubic Bezier pieces of the spline with these control points: three points each,
     /// and the last point unless the curve is closed.
-    pub fn pieces(&self, points: &[Point], closed: bool, xyz: &mut Vec<f64>) {
+    pub fn pieces(&self, points: &[Point], closed: bool, out: &mut Vec<Point>) {
         let mut end = points[0];
         for span in self.degree..points.len() {
             let from = self.knots[span].max(self.range[0]);
@@ -296,13 +296,11 @@ impl Spline {
                 2 => [mix(first, value(1)), mix(last, value(1))],
                 _ => [value(1), value(2)],
             };
-            for point in [first, inner[0], inner[1]] {
-                xyz.extend(point);
-            }
+            out.extend([first, inner[0], inner[1]]);
             end = last;
         }
         if !closed {
-            xyz.extend(end);
+            out.push(end);
         }
     }
 
@@ -333,7 +331,7 @@ impl Spline {
 
 #[cfg(test)]
 mod tests {
-    use super::super::read;
+    use super::super::curves_in;
     use crate::curve::{Basis, CurveSet, Point};
     use crate::engine::Certifier;
     use crate::model::tests::curves;
@@ -351,7 +349,7 @@ mod tests {
     }
 
     fn parse(text: &str) -> CurveSet {
-        let (set, left_out) = read(text.as_bytes()).unwrap();
+        let (set, left_out) = curves_in(text.as_bytes().into()).unwrap();
         assert_eq!(left_out, []);
         set
     }
@@ -554,7 +552,8 @@ mod tests {
                 "with 3 knots at 0.5",
             ),
         ] {
-            let (set, left_out) = read(format!("{text}{statements}\n").as_bytes()).unwrap();
+            let (set, left_out) =
+                curves_in(format!("{text}{statements}\n").as_bytes().into()).unwrap();
             assert_eq!(set.len(), 1);
             let said = left_out[0].to_string();
             assert!(
@@ -567,7 +566,7 @@ mod tests {
             );
             // Without a curve that is read, the reason is in the error.
             let alone = text.replace("l 1 2 3 1", "f 1 2 3") + statements;
-            let error = read(alone.as_bytes()).unwrap_err().to_string();
+            let error = curves_in(alone.as_bytes().into()).unwrap_err().to_string();
             assert!(
                 error.contains("no curves; not read, so not verified: 1 free"),
                 "{error}"
@@ -580,7 +579,7 @@ mod tests {
         let text = vertices(&points(6), 1.0)
             + "polyline 1 2 3\nl 1 2 3 1\ncurv2 1 2\ncall other.obj\ncstype bspline\ndeg 3 3\n\
                surf 0 1 0 1 1 2 3 4\nparm u 0 1\ntrim 0 1 1\nend\ncdc 1 2 3 4\ncurv2 3 4\nsp 1\n";
-        let (set, left_out) = read(text.as_bytes()).unwrap();
+        let (set, left_out) = curves_in(text.as_bytes().into()).unwrap();
         assert_eq!(set.len(), 1);
         let said: Vec<String> = left_out.iter().map(ToString::to_string).collect();
         let expected = [

@@ -30,8 +30,10 @@ mod free_form;
 
 use self::free_form::{Element, Form, Spline, State};
 use super::chains::{Chains, Edge, ThirdEdge};
-use super::write::{check_polylines, text_file};
-use super::{is_in, number, quote};
+use super::frames::{ModelFrame, Source};
+use super::lines::{Lines, words};
+use super::write::{check_polylines, create};
+use super::{Input, is_in, number, quote};
 use crate::curve::{Basis, CurveSet, CurveSetBuilder, Point, Positions, Precision};
 use crate::error::{Error, Result};
 use crate::verdict::LeftOut;
@@ -39,8 +41,6 @@ use std::io::BufRead;
 use std::path::Path;
 
 const FORMAT: &str = "OBJ";
-/// Number of points that are stored at once.
-const CHUNK: usize = 1024;
 
 /// Statements that are no curves.
 const IGNORED: &str = "\
@@ -78,21 +78,19 @@ struct Statements {
 }
 
 /// Reads a file to its end.
-pub(super) fn read(input: impl BufRead) -> Result<(CurveSet, Vec<LeftOut>)> {
-    let mut lines = Lines {
-        input,
-        statement: Vec::new(),
-        read: 0,
-    };
+pub(super) fn read(input: Input<impl BufRead>) -> Result<Source<'static>> {
+    let (curves, left_out) = curves_in(input)?;
+    let frame = ModelFrame::new(0, Ok(curves));
+    Ok(ModelFrame { left_out, ..frame }.into())
+}
+
+/// Reads the curves of a file, and what is left out.
+fn curves_in(input: Input<impl BufRead>) -> Result<(CurveSet, Vec<LeftOut>)> {
+    let mut lines = Lines::new(FORMAT, input)?.with_long_lines();
     let mut found = Statements::default();
-    while let Some(line) = lines.advance()? {
-        let tokens = lines
-            .statement
-            .split(u8::is_ascii_whitespace)
-            .filter(|t| !t.is_empty());
-        found
-            .statement(tokens, line)
-            .map_err(|what| bad(line, what))?;
+    while let Some(line) = next_statement(&mut lines)? {
+        let read = found.statement(words(lines.text()), line);
+        read.map_err(|what| bad(line, what))?;
     }
     let (index, line) = found.furthest;
     if index as usize >= found.vertices.len() && line > 0 {
@@ -119,39 +117,30 @@ fn bad(line: u64, what: impl std::fmt::Display) -> Error {
     Error::format(FORMAT, format_args!("line {line}"), what)
 }
 
-/// Reads statements one by one, with comments removed and continued lines joined.
-struct Lines<R> {
-    input: R,
-    statement: Vec<u8>,
-    /// Number of lines read.
-    read: u64,
-}
-
-impl<R: BufRead> Lines<R> {
-    /// Fills `statement`. Returns its first line, from 1, or `None` at the end.
-    fn advance(&mut self) -> Result<Option<u64>> {
-        self.statement.clear();
-        let first = self.read + 1;
-        loop {
-            let start = self.statement.len();
-            if self.input.read_until(b'\n', &mut self.statement)? == 0 {
-                return Ok((self.read >= first).then_some(first));
-            }
-            self.read += 1;
-            let new = &self.statement[start..];
-            // A comment ends with its line even after a backslash, because it may end with a
-            // Windows path.
-            if let Some(comment) = new.iter().position(|&b| b == b'#') {
-                self.statement.truncate(start + comment);
-                return Ok(Some(first));
-            }
-            let end = start + new.trim_ascii_end().len();
-            if end == start || self.statement[end - 1] != b'\\' {
-                return Ok(Some(first));
-            }
-            self.statement.truncate(end - 1);
-            self.statement.push(b' ');
+/// Steps to the next statement: its comment is removed, and lines that continue it are joined.
+/// Returns its first line, from 1, or `None` at the end.
+fn next_statement(lines: &mut Lines<impl BufRead>) -> Result<Option<u64>> {
+    if !lines.advance()? {
+        return Ok(None);
+    }
+    let (first, mut start) = (lines.number(), 0);
+    loop {
+        let statement = lines.text_mut();
+        let new = &statement[start..];
+        // A comment ends with its line even after a backslash, because it may end with a Windows
+        // path.
+        if let Some(comment) = new.iter().position(|&b| b == b'#') {
+            statement.truncate(start + comment);
+            return Ok(Some(first));
         }
+        let end = start + new.trim_ascii_end().len();
+        if end == start || statement[end - 1] != b'\\' {
+            return Ok(Some(first));
+        }
+        statement.truncate(end - 1);
+        statement.push(b' ');
+        start = end;
+        lines.append()?;
     }
 }
 
@@ -354,7 +343,7 @@ impl Statements {
             builder: CurveSet::builder(basis, Precision::F64, points),
             basis,
             vertices: &self.vertices,
-            xyz: Vec::with_capacity(3 * CHUNK),
+            points: Vec::new(),
         };
         let mut curves = self.curves.iter().peekable();
         let mut chain = Vec::new();
@@ -381,7 +370,7 @@ struct Output<'a> {
     builder: CurveSetBuilder,
     basis: Basis,
     vertices: &'a [Point],
-    xyz: Vec<f64>,
+    points: Vec<Point>,
 }
 
 impl Output<'_> {
@@ -397,34 +386,21 @@ impl Output<'_> {
 
     /// Adds a polyline, or the control points of a curve of the basis of the set.
     fn polyline(&mut self, indices: &[u32], closed: bool) -> Result<()> {
+        self.points.clear();
+        self.points
+            .extend(indices.iter().map(|&v| self.vertices[v as usize]));
         if self.basis == Basis::Bezier {
-            return self.straight(indices, closed);
+            // Pieces `p p q q`.
+            let vertices = std::mem::take(&mut self.points);
+            let next = vertices.iter().cycle().skip(1);
+            let pieces = vertices
+                .iter()
+                .zip(next)
+                .take(vertices.len() - usize::from(!closed));
+            self.points.extend(pieces.flat_map(|(p, q)| [*p, *p, *q]));
+            self.points.extend(vertices.last().filter(|_| !closed));
         }
-        self.builder.start_curve(indices.len(), closed)?;
-        for chunk in indices.chunks(CHUNK) {
-            self.xyz.clear();
-            for &v in chunk {
-                self.xyz.extend(self.vertices[v as usize]);
-            }
-            self.builder.push(Positions::F64(&self.xyz))?;
-        }
-        Ok(())
-    }
-
-    /// Adds a polyline as Bezier pieces `p p q q`.
-    fn straight(&mut self, indices: &[u32], closed: bool) -> Result<()> {
-        let at = |k: usize| self.vertices[indices[k % indices.len()] as usize];
-        let pieces = indices.len() - usize::from(!closed);
-        self.xyz.clear();
-        for k in 0..pieces {
-            for point in [at(k), at(k), at(k + 1)] {
-                self.xyz.extend(point);
-            }
-        }
-        if !closed {
-            self.xyz.extend(at(pieces));
-        }
-        self.pieces(closed)
+        self.finish_curve(closed)
     }
 
     fn spline(&mut self, spline: &Spline, indices: &[u32], closed: bool) -> Result<()> {
@@ -433,15 +409,16 @@ impl Output<'_> {
             // The control points that closing removed.
             points.extend_from_within(..3);
         }
-        self.xyz.clear();
-        spline.pieces(&points, closed, &mut self.xyz);
-        self.pieces(closed)
+        self.points.clear();
+        spline.pieces(&points, closed, &mut self.points);
+        self.finish_curve(closed)
     }
 
-    /// Adds the Bezier curve of the coordinates in `xyz`.
-    fn pieces(&mut self, closed: bool) -> Result<()> {
-        self.builder.start_curve(self.xyz.len() / 3, closed)?;
-        self.builder.push(Positions::F64(&self.xyz))
+    /// Adds the curve of the points.
+    fn finish_curve(&mut self, closed: bool) -> Result<()> {
+        self.builder.start_curve(self.points.len(), closed)?;
+        self.builder
+            .push(Positions::F64(self.points.as_flattened()))
     }
 }
 
@@ -455,10 +432,9 @@ pub(super) fn write(path: &Path, set: &CurveSet) -> Result<()> {
         let what = format!("curve {i}, a closed curve of one point");
         return Err(Error::unsupported(FORMAT, what));
     }
-    text_file(path, |out| {
+    create(path, |out| {
         for i in 0..set.len() {
-            for k in 0..set.curve(i).points as usize {
-                let [x, y, z] = set.point(i, k);
+            for [x, y, z] in set.points_in(i) {
                 writeln!(out, "v {x:?} {y:?} {z:?}")?;
             }
         }
@@ -484,7 +460,7 @@ mod tests {
     use crate::model::tests::{assert_error_contains, curves};
 
     fn parse(text: &str) -> Result<CurveSet> {
-        read(text.as_bytes()).map(|(set, _)| set)
+        curves_in(text.as_bytes().into()).map(|(set, _)| set)
     }
 
     /// Returns vertex `n` of [`with_vertices`], from 1.
@@ -584,7 +560,7 @@ mod tests {
                     v 1 2 3 0.5\n\tv 4 5 6 0.1 0.2 0.3 # red\nusemtl #\nl 1 2#3\n";
         // A Latin-1 byte, as old exporters write it.
         let bytes: Vec<u8> = text.chars().map(|c| c as u8).collect();
-        let (set, left_out) = read(&bytes[..]).unwrap();
+        let (set, left_out) = curves_in((&bytes[..]).into()).unwrap();
         assert_eq!(left_out, []);
         assert_eq!(curves(&set), [(false, vec![[1., 2., 3.], [4., 5., 6.]])]);
     }
@@ -628,7 +604,7 @@ mod tests {
 
     #[test]
     fn reads_long_curves_in_chunks() {
-        let n = 2 * CHUNK + 1;
+        let n = 2049;
         let mut text: String = (0..n).map(|k| format!("v {k} 0 0\n")).collect();
         text += "l";
         (1..=n).for_each(|k| text += &format!(" {k}"));

@@ -2,10 +2,10 @@
 
 use super::comment::{Columns, Comment, flag};
 use super::{FORMAT, GROUPS};
-use crate::curve::{Basis, CurveSet, Point, Positions};
+use crate::curve::{CurveSet, Point};
 use crate::error::{Error, Result};
 use crate::model::lines::{Lines, integer, words};
-use crate::model::number;
+use crate::model::{count_of, divided, number};
 use std::collections::HashMap;
 use std::io::BufRead;
 
@@ -95,15 +95,8 @@ fn curves(mut atoms: Vec<Atom>, columns: &Columns, counts: Option<&[i32]>) -> Re
         }
     }
     if let Some(counts) = counts {
-        let sum: u64 = counts.iter().map(|c| u64::from(c.unsigned_abs())).sum();
-        if sum != atoms.len() as u64 {
-            let (n, all) = (counts.len(), atoms.len());
-            return bad(format!(
-                "{all} atoms do not fit {n} curves with {sum} points"
-            ));
-        }
-        let xyz: Vec<Point> = atoms.iter().map(|atom| atom.at).collect();
-        return CurveSet::from_counts(Basis::Polyline, counts, Positions::F64(xyz.as_flattened()));
+        let points: Vec<Point> = atoms.iter().map(|atom| atom.at).collect();
+        return divided(FORMAT, "atoms", &points, counts);
     }
     // Index of the curve of each group, in the order of their first atoms.
     let mut known: HashMap<i64, usize> = HashMap::new();
@@ -126,20 +119,15 @@ fn curves(mut atoms: Vec<Atom>, columns: &Columns, counts: Option<&[i32]>) -> Re
     let mut places = Vec::with_capacity(sizes.len());
     let mut first = 0;
     for &(size, closed) in &sizes {
-        let count = i32::try_from(size).map_err(|_| Error::Count {
-            what: "points of a curve",
-            promised: size as u64,
-            available: i32::MAX as u64,
-        })?;
-        counts.push(if closed { -count } else { count });
+        counts.push(count_of(size, closed)?);
         places.push(first);
         first += size;
     }
-    let mut xyz = vec![[0.0; 3]; atoms.len()];
+    let mut points = vec![[0.0; 3]; atoms.len()];
     for atom in &atoms {
         let place = &mut places[known[&atom.group]];
-        xyz[*place] = atom.at;
+        points[*place] = atom.at;
         *place += 1;
     }
-    CurveSet::from_counts(Basis::Polyline, &counts, Positions::F64(xyz.as_flattened()))
+    divided(FORMAT, "atoms", &points, &counts)
 }

@@ -130,18 +130,12 @@ fn parts(value: &[u8]) -> impl Iterator<Item = &[u8]> {
 }
 
 fn numbers<const N: usize>(value: &[u8]) -> Result<[f64; N], String> {
-    let mut found = [0.0; N];
-    let mut all = parts(value);
-    for (k, found) in found.iter_mut().enumerate() {
-        let part = all
-            .next()
-            .ok_or_else(|| format!("{k} numbers, expected {N}"))?;
-        *found = number(part)?;
-    }
-    match all.next() {
-        None => Ok(found),
-        Some(_) => Err(format!("more than {N} numbers")),
-    }
+    let found = parts(value).take(N + 1).map(number);
+    let found = found.collect::<Result<Vec<_>, _>>()?;
+    <[f64; N]>::try_from(found).map_err(|found| match found.len() > N {
+        true => format!("more than {N} numbers"),
+        false => format!("{} numbers, expected {N}", found.len()),
+    })
 }
 
 /// Parses `T` or `F`.

@@ -28,27 +28,16 @@ mod atoms;
 mod comment;
 
 use self::comment::Comment;
-use super::frames::{FrameSource, ModelFrame, ReadOptions};
+use super::Input;
+use super::frames::{FrameSource, ModelFrame, ReadOptions, Source};
 use super::lines::{Lines, integer};
 use crate::error::{Error, Result};
 use std::io::BufRead;
-use std::path::Path;
 
 const FORMAT: &str = "extended XYZ";
 
 /// Names of the columns of integers that say to which curve an atom belongs.
 const GROUPS: [&str; 6] = ["molecule", "mol", "mol-id", "molid", "resid", "chain"];
-
-/// Opens a file.
-pub(super) fn open(path: &Path, options: &ReadOptions) -> Result<Box<dyn FrameSource>> {
-    if options.closed.is_some() {
-        let what = "`closed`, which extended XYZ does not have: a column closed:L:1 has it";
-        return Err(Error::unsupported("option", what).in_file(path));
-    }
-    let (input, len) = super::open_text(path)?;
-    let source = read(input, len, options).map_err(|e| e.in_file(path))?;
-    Ok(Box::new(source))
-}
 
 /// Returns true if a text begins as extended XYZ does: with a count, and a comment of keys.
 pub(super) fn begins(text: &[u8]) -> bool {
@@ -59,18 +48,21 @@ pub(super) fn begins(text: &[u8]) -> bool {
     integer::<u64>(count, "a count").is_ok() && (names(b"properties=") || names(b"lattice="))
 }
 
-/// Starts before the first frame of a file of `len` bytes.
-pub(super) fn read<R: BufRead>(
-    input: R,
-    len: u64,
+/// Starts before the first frame of a file.
+pub(super) fn read<'a>(
+    input: Input<impl BufRead + 'a>,
     options: &ReadOptions,
-) -> Result<impl FrameSource + use<R>> {
-    Ok(XyzFrames {
-        lines: Lines::new(FORMAT, input, len)?,
+) -> Result<Source<'a>> {
+    if options.closed.is_some() {
+        let what = "`closed`, which extended XYZ does not have: a column closed:L:1 has it";
+        return Err(Error::unsupported("option", what));
+    }
+    Ok(Box::new(XyzFrames {
+        lines: Lines::new(FORMAT, input)?,
         options: options.clone(),
         frames: 0,
         last: None,
-    })
+    }))
 }
 
 /// Reader of the frames.
@@ -103,35 +95,25 @@ impl<R: BufRead> XyzFrames<R> {
 
 impl<R: BufRead> FrameSource for XyzFrames<R> {
     fn next_frame(&mut self) -> Result<Option<ModelFrame>> {
-        loop {
-            if !self.lines.advance()? {
-                return Ok(None);
-            }
-            if !self.lines.text().trim_ascii().is_empty() {
-                break;
-            }
+        if !self.lines.advance_to_text()? {
+            return Ok(None);
         }
-        let count = integer(
-            self.lines.text().trim_ascii(),
-            "the number of atoms of a frame",
-        );
-        let count: u64 = count.map_err(|what| self.lines.bad(what))?;
+        let text = self.lines.text().trim_ascii();
+        let count = integer(text, "the number of atoms of a frame");
+        let count = count.map_err(|what| self.lines.bad(what))?;
         self.lines.expect("the comment of a frame")?;
-        let comment = Comment::parse(self.lines.text());
-        let comment = comment.map_err(|what| self.lines.bad(what))?;
-        let seq = self
-            .number(comment.step)
-            .map_err(|what| self.lines.bad(what))?;
-        let cell = comment.cell().map_err(|what| self.lines.bad(what))?;
-        let curves = atoms::read(
-            &mut self.lines,
-            count,
-            &comment,
-            self.options.counts.as_deref(),
-        )?;
+        let mut begin = || {
+            let comment = Comment::parse(self.lines.text())?;
+            let (seq, cell) = (self.number(comment.step)?, comment.cell()?);
+            Ok((comment, seq, cell))
+        };
+        let begun = begin();
+        let (comment, seq, cell) = begun.map_err(|what: String| self.lines.bad(what))?;
+        let counts = self.options.counts.as_deref();
+        let curves = atoms::read(&mut self.lines, count, &comment, counts)?;
         let frame = ModelFrame {
             time: comment.time,
-            closed_by_default: comment.columns.closed.is_none() && self.options.counts.is_none(),
+            closed_by_default: comment.columns.closed.is_none() && counts.is_none(),
             ..ModelFrame::new(seq, curves)
         };
         Ok(Some(frame.in_cell(cell, &self.options, FORMAT)))

@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::curve::CurveSet;
-use crate::model::tests::curves;
+use crate::model::tests::{curves, frames_of};
 
 fn options(counts: Option<&[i32]>, wrapped: bool) -> ReadOptions {
     ReadOptions {
@@ -13,12 +13,7 @@ fn options(counts: Option<&[i32]>, wrapped: bool) -> ReadOptions {
 }
 
 fn frames_with(text: &str, options: &ReadOptions) -> Result<Vec<ModelFrame>> {
-    let mut source = read(text.as_bytes(), text.len() as u64, options)?;
-    let mut frames = Vec::new();
-    while let Some(frame) = source.next_frame()? {
-        frames.push(frame);
-    }
-    Ok(frames)
+    frames_of(read(text.as_bytes().into(), options)?)
 }
 
 fn frames(text: &str) -> Result<Vec<ModelFrame>> {

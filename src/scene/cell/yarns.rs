@@ -14,14 +14,14 @@
 //! - The end of a period that is not translated is the given one, not the exact image of its start.
 //!   If a closed curve may have passed between the two, the pair counts as undecided, too.
 
-use crate::certificate::undefined_entry;
+use crate::certificate::{Differences, no_baseline};
 use crate::curve::{AXES, Cell, CurveSet, Image, Point, Precision, bounds, pow2, union};
 use crate::error::Result;
 use crate::periodic::{
     Entry, ImagePair, Number, RingAndYarn, YarnPeriod, almost_yarns, linking_numbers, period_in,
 };
-use crate::verdict::{Change, Defect, DefectKind};
-use std::collections::{BTreeMap, BTreeSet};
+use crate::verdict::{Change, Defect};
+use std::collections::BTreeSet;
 use std::sync::Arc;
 
 /// Closed curves and yarns that run through the cell.
@@ -167,38 +167,15 @@ impl Yarns {
             self.expected = Some(found);
             return;
         };
-        // Pairs that are not in a list have the number 0; those that touch have none.
-        let mut both = BTreeMap::<ImagePair, [Option<i64>; 2]>::new();
-        for (side, entries) in [expected, &found].into_iter().enumerate() {
-            for &(pair, lambda) in entries {
-                both.entry(pair).or_insert([Some(0); 2])[side] = lambda;
+        let Differences { changes, fresh } = Differences::between(expected, &found);
+        out.changes.extend(changes);
+        for (pair, lambda) in fresh {
+            out.defects.push(no_baseline(pair));
+            expected.retain(|e| e.0 != pair);
+            if lambda != 0 {
+                expected.push((pair, Some(lambda)));
             }
-        }
-        for (pair, numbers) in both {
-            let ImagePair { i, j, image } = pair;
-            match numbers {
-                [None, Some(lambda)] => {
-                    out.defects.push(Defect {
-                        image,
-                        kind: DefectKind::NoBaseline,
-                        ..undefined_entry(i, Some(j))
-                    });
-                    expected.retain(|e| e.0 != pair);
-                    if lambda != 0 {
-                        expected.push((pair, Some(lambda)));
-                    }
-                    out.adopted.push((pair, Some(lambda)));
-                }
-                [Some(expected), Some(found)] if expected != found => out.changes.push(Change {
-                    i,
-                    j,
-                    image,
-                    expected,
-                    found,
-                    place: None,
-                }),
-                _ => {}
-            }
+            out.adopted.push((pair, Some(lambda)));
         }
         expected.sort_unstable();
     }

@@ -33,11 +33,11 @@ impl CurveSet {
     pub fn from_counts(basis: Basis, counts: &[i32], positions: Positions<'_>) -> Result<CurveSet> {
         let points: u64 = counts.iter().map(|c| u64::from(c.unsigned_abs())).sum();
         if points.checked_mul(3) != Some(positions.len() as u64) {
-            return Err(Error::Count {
-                what: "coordinates",
-                promised: points.saturating_mul(3),
-                available: positions.len() as u64,
-            });
+            return Err(Error::count(
+                "coordinates",
+                points.saturating_mul(3),
+                positions.len(),
+            ));
         }
         let mut builder = CurveSet::builder_of(basis, positions.precision(), counts);
         let mut at = 0;
@@ -74,11 +74,7 @@ impl CurveSetBuilder {
         self.check_complete()?;
         // The bus and files store counts as signed 32-bit integers.
         if i32::try_from(points).is_err() {
-            return Err(Error::Count {
-                what: "points of a curve",
-                promised: points as u64,
-                available: i32::MAX as u64,
-            });
+            return Err(Error::count("points of a curve", points, i32::MAX));
         }
         let set = &mut self.set;
         let i = set.curves.len();
@@ -96,11 +92,11 @@ impl CurveSetBuilder {
         // Checked before anything is allocated.
         let first = set.slots();
         if u32::try_from(first + slots).is_err() {
-            return Err(Error::Count {
-                what: "points of all curves",
-                promised: (first + slots) as u64,
-                available: u64::from(u32::MAX),
-            });
+            return Err(Error::count(
+                "points of all curves",
+                first + slots,
+                u32::MAX,
+            ));
         }
         let arrays = set.coordinates.arrays_mut(first);
         arrays.coordinates.grow(slots);
@@ -124,11 +120,11 @@ impl CurveSetBuilder {
         let missing = self.set.curves.last().map_or(0, |c| c.points as usize) - self.written;
         let n = positions.len() / 3;
         if n > missing || !positions.len().is_multiple_of(3) {
-            return Err(Error::Count {
-                what: "coordinates of a curve",
-                promised: 3 * missing as u64,
-                available: positions.len() as u64,
-            });
+            return Err(Error::count(
+                "coordinates of a curve",
+                3 * missing,
+                positions.len(),
+            ));
         }
         if positions.precision() != self.set.precision() {
             return Err(Error::LayoutChanged {
@@ -150,11 +146,9 @@ impl CurveSetBuilder {
 
     fn check_complete(&self) -> Result<()> {
         match self.set.curves.last() {
-            Some(c) if (c.points as usize) != self.written => Err(Error::Count {
-                what: "points of a curve",
-                promised: u64::from(c.points),
-                available: self.written as u64,
-            }),
+            Some(c) if (c.points as usize) != self.written => {
+                Err(Error::count("points of a curve", c.points, self.written))
+            }
             _ => Ok(()),
         }
     }

@@ -1,6 +1,7 @@
 //! The extent of a scene, and segments that are too long for it.
 
-use super::{CurveSet, Point, significant};
+use super::vector::{half_difference, hypot, sub};
+use super::{CurveSet, Point, bounds, significant};
 use std::fmt;
 
 /// Share of the extent of a scene along an axis above which the extent of a segment along it is
@@ -46,48 +47,28 @@ impl fmt::Display for LongSegment {
     }
 }
 
-/// Bounding box of points.
-struct Bounds {
-    low: Point,
-    high: Point,
-}
-
-impl Bounds {
-    const EMPTY: Bounds = Bounds {
-        low: [f64::INFINITY; 3],
-        high: [f64::NEG_INFINITY; 3],
-    };
-
-    fn add(&mut self, p: Point) {
-        self.low = [0, 1, 2].map(|x| self.low[x].min(p[x]));
-        self.high = [0, 1, 2].map(|x| self.high[x].max(p[x]));
-    }
-
-    /// Returns the sides of the box. An infinite side counts as the largest number.
-    fn sides(&self) -> Point {
-        // Halved, since the difference of two finite numbers may be infinite.
-        [0, 1, 2].map(|x| (2.0 * (0.5 * self.high[x] - 0.5 * self.low[x])).clamp(0.0, f64::MAX))
-    }
+/// Returns the sides of a box. An infinite side counts as the largest number.
+fn sides([low, high]: [Point; 2]) -> Point {
+    // Halved, since the difference of two finite numbers may be infinite.
+    half_difference(high, low).map(|x| (2.0 * x).clamp(0.0, f64::MAX))
 }
 
 impl CurveSet {
     /// Returns the longest side of the bounding box of all control points, in the units of the
     /// simulation. Infinite extents count as the largest number. Costs a pass over all points.
     pub fn extent(&self) -> f64 {
-        let (low, high) = self.corners();
-        Bounds { low, high }.sides().into_iter().fold(0.0, f64::max)
+        sides(self.corners()).into_iter().fold(0.0, f64::max)
     }
 
     /// Returns the lowest and the highest corner of the bounding box of all control points. They
     /// are infinite if there are none.
-    pub(crate) fn corners(&self) -> (Point, Point) {
-        let mut bounds = Bounds::EMPTY;
-        for i in 0..self.len() {
-            for k in 0..self.curve(i).points as usize {
-                bounds.add(self.point(i, k));
-            }
-        }
-        (bounds.low, bounds.high)
+    pub(crate) fn corners(&self) -> [Point; 2] {
+        bounds((0..self.len()).flat_map(|i| self.points_in(i)))
+    }
+
+    /// Returns the control points of curve `i`.
+    pub(crate) fn points_in(&self, i: usize) -> impl Iterator<Item = Point> + Clone + '_ {
+        (0..self.curve(i).points as usize).map(move |k| self.point(i, k))
     }
 
     /// Returns the longest of the segments that span more than half of the scene along an axis and
@@ -96,22 +77,15 @@ impl CurveSet {
     ///
     /// In a scene without a periodic box such a segment is unusual, but valid.
     pub fn long_segment(&self) -> Option<LongSegment> {
-        let mut bounds = Bounds::EMPTY;
         let (mut sum, mut edges) = (0.0, 0.0);
         let mut most = [0.0f64; 3];
         self.for_each_edge(|_, _, a, b| {
-            bounds.add(a);
-            bounds.add(b);
-            let [x, y, z] = vector(a, b);
+            let d = sub(b, a);
             edges += 1.0;
-            sum += x.hypot(y).hypot(z);
-            most = [
-                most[0].max(x.abs()),
-                most[1].max(y.abs()),
-                most[2].max(z.abs()),
-            ];
+            sum += hypot(d);
+            most = [0, 1, 2].map(|x| most[x].max(d[x].abs()));
         });
-        let sides = bounds.sides();
+        let sides = sides(self.corners());
         let limit = sides.map(|side| (SHARE * side).max(AVERAGES * sum / edges));
         if (0..3).all(|x| most[x] <= limit[x]) {
             return None;
@@ -119,7 +93,7 @@ impl CurveSet {
         let mut longest: Option<LongSegment> = None;
         let mut count = 0;
         self.for_each_edge(|curve, segment, a, b| {
-            let d = vector(a, b);
+            let d = sub(b, a);
             let axes = (0..3).filter(|&x| d[x].abs() > limit[x]);
             let Some(x) = axes.max_by(|&a, &b| d[a].abs().total_cmp(&d[b].abs())) else {
                 return;
@@ -150,11 +124,6 @@ impl CurveSet {
             }
         }
     }
-}
-
-/// Returns the vector from one point to another.
-fn vector(from: Point, to: Point) -> Point {
-    [0, 1, 2].map(|x| to[x] - from[x])
 }
 
 #[cfg(test)]

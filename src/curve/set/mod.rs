@@ -1,11 +1,44 @@
 //! All curves of one frame, as a structure of arrays.
 
-use super::basis::bspline_knot;
-use super::coordinates::{Axes, Coordinates, Knots, Scalar};
-use super::lazy::{Arrays, LazyCoordinates, Received};
-use super::sums::Sums;
-use super::tile::{Bad, largest_within};
-use super::{Basis, Bezier, Point, Positions, Precision, point_at, pow2};
+mod bounds;
+mod boxes;
+mod builder;
+mod coarse_boxes;
+mod coordinates;
+mod diagonals;
+mod extent;
+mod frame;
+mod lazy;
+mod leaf_boxes;
+mod local;
+mod parts;
+mod pool;
+mod stored;
+mod sums;
+mod support;
+mod tile;
+
+pub(crate) use super::basis::{Bezier, Bounds, bspline_knot, point_at, sub_segment};
+pub(crate) use super::cell::{minus, plus};
+pub(crate) use super::labels::CurveChange;
+pub(crate) use bounds::{AXES, bounds, union};
+pub(crate) use boxes::{Box3, BoxGroup, above, below, larger, smaller};
+pub use builder::CurveSetBuilder;
+pub(crate) use coordinates::{Axes, Knots, ReadKnots, Scalar};
+pub(crate) use diagonals::Diagonals;
+pub(crate) use frame::{Frame, Images};
+pub(crate) use lazy::Received;
+pub(crate) use local::{feature, nearest};
+pub(crate) use parts::{Parts, multiple};
+pub(crate) use pool::FramePool;
+pub(crate) use stored::StoredCurves;
+pub(crate) use sums::{SumEdges, SumPoint, TERMS, Translated, single};
+pub(crate) use tile::{Bad, largest_within};
+
+use self::coordinates::Coordinates;
+use self::lazy::{Arrays, LazyCoordinates};
+use self::sums::Sums;
+use super::*;
 use crate::error::{Error, Result};
 use crate::simd::LANES;
 use std::ops::Range;
@@ -17,9 +50,9 @@ use std::sync::atomic::{AtomicU64, Ordering};
 pub struct Curve {
     /// First slot of the curve in the coordinate arrays (a wrapped control point if the basis needs
     /// one).
-    pub(super) first: u32,
+    first: u32,
     /// Number of control points of all curves before this one.
-    pub(super) first_point: u32,
+    first_point: u32,
     /// Number of control points.
     pub points: u32,
     /// Number of spline segments (for polylines: edges).
@@ -30,7 +63,7 @@ pub struct Curve {
 
 impl Curve {
     /// Returns the number of control points, negative for a closed curve.
-    pub(super) fn count(&self) -> i32 {
+    pub(crate) fn count(&self) -> i32 {
         let n = self.points as i32;
         if self.closed { -n } else { n }
     }
@@ -78,19 +111,19 @@ const SPLINE_RANGE: f64 = pow2(300);
 /// Invariant: every coordinate is finite, and every curve has as many points as its basis needs.
 #[derive(Debug)]
 pub struct CurveSet {
-    pub(super) basis: Basis,
+    basis: Basis,
     /// Shared by clones, so that clones of one set are recognized as having the same layout at
     /// once.
-    pub(super) curves: Arc<Vec<Curve>>,
-    pub(super) coordinates: LazyCoordinates,
-    pub(super) points: usize,
+    curves: Arc<Vec<Curve>>,
+    coordinates: LazyCoordinates,
+    points: usize,
     /// Counted during construction, so that reading it costs no pass over the curves.
-    pub(super) segments: usize,
-    pub(super) open_curves: usize,
+    segments: usize,
+    open_curves: usize,
     /// Number of the positions; see [`CurveSet::contents`].
-    pub(super) contents: u64,
+    contents: u64,
     /// Origin of the coordinates, if they are sums.
-    pub(super) sums: Option<Arc<Sums>>,
+    sums: Option<Arc<Sums>>,
 }
 
 impl Clone for CurveSet {
@@ -140,14 +173,14 @@ impl PartialEq for Shape {
 }
 
 /// Writer of the positions of a set, part after part: of the first curves before the others.
-pub(super) struct Parts<'a> {
+struct Writer<'a> {
     arrays: &'a mut Arrays,
     curves: &'a [Curve],
     basis: Basis,
     limit: f64,
 }
 
-impl Parts<'_> {
+impl Writer<'_> {
     /// Copies the curves of a set in the same precision, which are the first ones of this set.
     pub fn copy(&mut self, source: &CurveSet) -> Result<(), Bad> {
         match source.coordinates.built() {
@@ -227,8 +260,7 @@ impl InOrder<'_> {
 
     pub fn into_copy(self) -> Received {
         match self {
-            InOrder::Received(Positions::F32(v)) => Received::F32(v.to_vec()),
-            InOrder::Received(Positions::F64(v)) => Received::F64(v.to_vec()),
+            InOrder::Received(positions) => positions.into(),
             InOrder::Copied(copy) => copy,
         }
     }
@@ -236,14 +268,21 @@ impl InOrder<'_> {
 
 /// Returns the number of slots of a curve: every window of the last, possibly partial, group of
 /// eight segments fits.
-pub(super) fn slots_of(basis: Basis, segments: usize) -> usize {
+fn slots_of(basis: Basis, segments: usize) -> usize {
     (segments.next_multiple_of(LANES) - 1) * basis.stride() + basis.window()
 }
 
 /// Returns the number of slots of all curves.
-pub(super) fn slots_of_all(curves: &[Curve], basis: Basis) -> usize {
+fn slots_of_all(curves: &[Curve], basis: Basis) -> usize {
     let end = |c: &Curve| c.first as usize + slots_of(basis, c.segments as usize);
     curves.last().map_or(0, end)
+}
+
+/// Returns true if three or more points differ from one another.
+pub(crate) fn are_three_distinct(mut points: impl Iterator<Item = Point>) -> bool {
+    let a = points.next();
+    let b = points.find(|p| Some(*p) != a);
+    points.any(|p| Some(p) != a && Some(p) != b)
 }
 
 /// Returns a new number of contents.
@@ -254,7 +293,7 @@ fn next_contents() -> u64 {
 
 impl CurveSet {
     /// Returns a set without curves.
-    pub(super) fn empty(basis: Basis, precision: Precision, slots: usize) -> CurveSet {
+    fn empty(basis: Basis, precision: Precision, slots: usize) -> CurveSet {
         CurveSet {
             basis,
             curves: Arc::default(),
@@ -274,12 +313,8 @@ impl CurveSet {
     /// that no verdict on the set is intact.
     pub fn update(&mut self, positions: Positions<'_>) -> Result<()> {
         self.check(positions)?;
-        self.contents = next_contents();
-        let (slots, limit) = (self.slots(), self.limit());
-        let arrays = self.coordinates.arrays_mut(slots);
-        arrays.max_abs = 0.0;
-        let written = arrays.write_curves(&self.curves, self.basis, positions, limit);
-        self.finish_update(written)
+        let all = 0..self.len();
+        self.write_parts(|mut writer| writer.write_curves(all, positions))
     }
 
     /// [`CurveSet::update`] by a function that copies all positions. It checks the copy, and fails
@@ -312,15 +347,12 @@ impl CurveSet {
     }
 
     /// Replaces all positions by those that `write` writes, part after part.
-    pub(super) fn write_parts(
-        &mut self,
-        write: impl FnOnce(Parts<'_>) -> Result<(), Bad>,
-    ) -> Result<()> {
+    fn write_parts(&mut self, write: impl FnOnce(Writer<'_>) -> Result<(), Bad>) -> Result<()> {
         self.contents = next_contents();
         let (slots, limit) = (self.slots(), self.limit());
         let arrays = self.coordinates.arrays_mut(slots);
         arrays.max_abs = 0.0;
-        let parts = Parts {
+        let parts = Writer {
             arrays,
             curves: &self.curves,
             basis: self.basis,
@@ -364,11 +396,11 @@ impl CurveSet {
             });
         }
         if positions.len() != 3 * self.points {
-            return Err(Error::Count {
-                what: "coordinates",
-                promised: 3 * self.points as u64,
-                available: positions.len() as u64,
-            });
+            return Err(Error::count(
+                "coordinates",
+                3 * self.points,
+                positions.len(),
+            ));
         }
         Ok(())
     }
@@ -414,7 +446,7 @@ impl CurveSet {
     }
 
     /// Writes control points of curve `i` from its point `start` on. Checks every value once.
-    pub(super) fn write(&mut self, i: usize, start: usize, positions: Positions<'_>) -> Result<()> {
+    fn write(&mut self, i: usize, start: usize, positions: Positions<'_>) -> Result<()> {
         let c = self.curves[i];
         let at = c.first as usize + self.basis.lead(c.closed) + start;
         let (slots, limit) = (self.slots(), self.limit());
@@ -424,7 +456,7 @@ impl CurveSet {
     }
 
     /// Updates the copies of points that a closed curve stores at its ends, and the padding.
-    pub(super) fn wrap(&mut self, i: usize) {
+    fn wrap(&mut self, i: usize) {
         let slots = self.slots();
         let arrays = self.coordinates.arrays_mut(slots);
         arrays.coordinates.finish_curve(&self.curves[i], self.basis);
@@ -460,29 +492,19 @@ impl CurveSet {
         if counts.len() != before.len() {
             return changed("number of curves", before.len() as u64, counts.len() as u64);
         }
-        for (before, now) in before.counts().zip(counts) {
-            if before == now {
-                continue;
-            }
-            let points = |count: i32| u64::from(count.unsigned_abs());
-            return if points(before) == points(now) {
-                changed(
-                    "closed (1) or open (0)",
-                    u64::from(before < 0),
-                    u64::from(now < 0),
-                )
-            } else {
-                changed("control points of a curve", points(before), points(now))
+        if let Some((before, now)) = before.counts().zip(counts).find(|(a, b)| a != b) {
+            let points = [before, now].map(|count| u64::from(count.unsigned_abs()));
+            let closed = [before, now].map(|count| u64::from(count < 0));
+            let (what, [before, now]) = match points[0] == points[1] {
+                true => ("closed (1) or open (0)", closed),
+                false => ("control points of a curve", points),
             };
+            return changed(what, before, now);
         }
-        let bytes = |precision: Precision| precision.bytes() as u64;
-        match before.precision() == precision {
+        let [before, now] = [before.precision(), precision].map(|p| p.bytes() as u64);
+        match before == now {
             true => Ok(()),
-            false => changed(
-                "bytes of a coordinate",
-                bytes(before.precision()),
-                bytes(precision),
-            ),
+            false => changed("bytes of a coordinate", before, now),
         }
     }
 
@@ -564,7 +586,7 @@ impl CurveSet {
 
     /// Returns the coordinates in three arrays.
     #[inline(always)]
-    pub(super) fn coordinates(&self) -> &Coordinates {
+    fn coordinates(&self) -> &Coordinates {
         &self.arrays().coordinates
     }
 
@@ -578,33 +600,23 @@ impl CurveSet {
     /// same layout.
     #[cfg(feature = "rerun")]
     pub(crate) fn moved_since(&self, before: &CurveSet) -> Vec<bool> {
-        fn differ<T: PartialEq, const N: usize>(
-            curves: impl Iterator<Item = Range<usize>>,
-            [now, before]: [[&[T]; N]; 2],
-        ) -> Vec<bool> {
-            let moved = |r: Range<usize>| (0..N).any(|x| now[x][r.clone()] != before[x][r.clone()]);
-            curves.map(moved).collect()
+        fn moved<T: PartialEq>(curves: &[Curve], now: &[T], before: &[T]) -> Vec<bool> {
+            let coordinates = |c: &Curve| {
+                let first = c.first_point as usize;
+                3 * first..3 * (first + c.points as usize)
+            };
+            let curves = curves.iter().map(coordinates);
+            curves.map(|r| now[r.clone()] != before[r]).collect()
         }
         if self.contents == before.contents {
             return vec![false; self.len()];
         }
-        let received = [self, before].map(|set| set.coordinates.received());
-        let in_order = self.curves.iter().map(|c| {
-            let first = c.first_point as usize;
-            3 * first..3 * (first + c.points as usize)
-        });
-        match received {
-            [Some(Positions::F32(v)), Some(Positions::F32(w))] => differ(in_order, [[v], [w]]),
-            [Some(Positions::F64(v)), Some(Positions::F64(w))] => differ(in_order, [[v], [w]]),
-            _ => {
-                let slots = (0..self.len()).map(|i| self.body(i));
-                match (self.axes(), before.axes()) {
-                    (Axes::F32(v), Axes::F32(w)) => differ(slots, [v, w]),
-                    (Axes::F64(v), Axes::F64(w)) => differ(slots, [v, w]),
-                    // Another precision is another layout.
-                    _ => vec![true; self.len()],
-                }
-            }
+        let both = [self, before].map(CurveSet::positions);
+        match both.each_ref().map(InOrder::as_positions) {
+            [Positions::F32(v), Positions::F32(w)] => moved(&self.curves, v, w),
+            [Positions::F64(v), Positions::F64(w)] => moved(&self.curves, v, w),
+            // Another precision is another layout.
+            _ => vec![true; self.len()],
         }
     }
 
@@ -660,7 +672,7 @@ impl CurveSet {
     }
 
     /// Returns the slot at which segment `s` of curve `i` starts.
-    pub(super) fn slot(&self, i: usize, s: usize) -> usize {
+    fn slot(&self, i: usize, s: usize) -> usize {
         self.curves[i].first as usize + s * self.basis.stride()
     }
 
@@ -808,23 +820,11 @@ impl CurveSet {
     /// Returns true if curve `i` has at least three distinct control points. A loop with fewer
     /// bounds no area.
     pub fn has_three_distinct_points(&self, i: usize) -> bool {
-        let (coordinates, slots) = (self.coordinates(), self.body(i));
-        let a = coordinates.at(slots.start);
-        let mut b = None;
-        for slot in slots.skip(1) {
-            let p = coordinates.at(slot);
-            if p == a {
-                continue;
-            }
-            match b {
-                None => b = Some(p),
-                Some(q) if p != q => return true,
-                Some(_) => {}
-            }
-        }
+        let coordinates = self.coordinates();
         // Rounding may have made points equal.
-        let sums = self.sums.as_ref();
-        sums.is_some_and(|sums| sums.has_three_distinct_points(i))
+        let sums = || self.sums.as_ref();
+        are_three_distinct(self.body(i).map(|slot| coordinates.at(slot)))
+            || sums().is_some_and(|sums| sums.has_three_distinct_points(i))
     }
 }
 

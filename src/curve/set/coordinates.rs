@@ -7,6 +7,16 @@ use super::tile::{self, Bad};
 use super::{Basis, Point, Positions, Precision};
 use crate::simd::dispatch;
 
+/// Computes the same of coordinates in either precision.
+macro_rules! either {
+    ($coordinates:expr, $v:ident => $body:expr) => {
+        match $coordinates {
+            Coordinates::F32($v) => $body,
+            Coordinates::F64($v) => $body,
+        }
+    };
+}
+
 /// Coordinates in three arrays, one per axis, in the precision of the input.
 #[derive(Debug)]
 pub(super) enum Coordinates {
@@ -49,19 +59,13 @@ impl Coordinates {
 
     /// Returns the number of slots.
     pub fn len(&self) -> usize {
-        match self {
-            Self::F32(v) => v[0].len(),
-            Self::F64(v) => v[0].len(),
-        }
+        either!(self, v => v[0].len())
     }
 
     /// Appends slots with points at the origin.
     pub fn grow(&mut self, slots: usize) {
         let len = self.len() + slots;
-        match self {
-            Self::F32(v) => v.iter_mut().for_each(|v| v.resize(len, 0.0)),
-            Self::F64(v) => v.iter_mut().for_each(|v| v.resize(len, 0.0)),
-        }
+        either!(self, v => v.iter_mut().for_each(|v| v.resize(len, 0.0)));
     }
 
     /// Returns the point in a slot.
@@ -140,14 +144,7 @@ impl Coordinates {
 
     /// Writes the slots around the points of a curve; see [`tile::finish_curve`].
     pub fn finish_curve(&mut self, curve: &Curve, basis: Basis) {
-        match self {
-            Self::F32(v) => v
-                .iter_mut()
-                .for_each(|v| tile::finish_curve(v, curve, basis, false)),
-            Self::F64(v) => v
-                .iter_mut()
-                .for_each(|v| tile::finish_curve(v, curve, basis, false)),
-        }
+        either!(self, v => v.iter_mut().for_each(|v| tile::finish_curve(v, curve, basis, false)));
     }
 
     /// Returns the number of slots in `first..first + count` that hold the same point as the next
@@ -160,10 +157,7 @@ impl Coordinates {
                 .filter(|&k| same(x, k) & same(y, k) & same(z, k))
                 .count()
         }
-        match self {
-            Self::F32(v) => count_in(v, first, count),
-            Self::F64(v) => count_in(v, first, count),
-        }
+        either!(self, v => count_in(v, first, count))
     }
 
     /// Returns the points of all curves, `x y z x y z ..` in the order of the input.
