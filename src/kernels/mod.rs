@@ -36,8 +36,6 @@
 
 pub(crate) mod calibration;
 pub(crate) mod choice;
-#[cfg(test)]
-mod conformance;
 mod counted;
 pub(crate) mod crossings;
 pub(crate) mod device;
@@ -49,9 +47,9 @@ pub(crate) mod gpu;
 mod gpu_use;
 mod lazy;
 mod method;
-#[doc(hidden)] // For the tests of the kernels only.
-pub mod oracle;
 pub(crate) mod sums;
+#[cfg(test)]
+pub(crate) mod tests;
 
 pub use calibration::{Calibration, CountingCost, SumCost};
 pub(crate) use calibration::{CountingWork, segment_pairs};

@@ -3,8 +3,6 @@
 //! Two curves in disjoint convex volumes are not linked, so only pairs with overlapping boxes are
 //! processed further (Qu & James 2021, section 3.2, Algorithm 2).
 
-#[cfg(test)]
-mod brute;
 mod buckets;
 mod closest;
 mod descent;
@@ -17,8 +15,6 @@ mod suspects;
 mod sweep;
 mod trees;
 
-#[cfg(test)]
-pub(crate) use brute::potential_links_brute;
 pub(crate) use closest::{
     Nearest, Scale, closest_approach, closest_of_segments, closest_points, nearest,
 };

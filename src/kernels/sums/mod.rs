@@ -16,8 +16,6 @@ pub(crate) mod direct;
 mod estimate;
 pub(crate) mod fmm;
 pub(crate) mod interval;
-#[cfg(test)]
-mod truth;
 
 pub(crate) use chain::Chain;
 pub use estimate::Estimate;
