@@ -21,7 +21,7 @@ pub(crate) use closest::{
 pub(crate) use descent::{Agenda, Query, SegmentPairs, descend, overlapping};
 pub(crate) use filter::{LoopPairs, PairFilter};
 pub(crate) use layout::{Leaves, Node, SMALL};
-pub(crate) use links::{degenerate_curves, potential_links};
+pub(crate) use links::degenerate_curves;
 pub(crate) use overlaps::overlapping_segments;
 pub(crate) use refit::refits_in_parallel;
 pub(crate) use suspects::most_suspect_first;

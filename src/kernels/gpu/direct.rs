@@ -291,8 +291,7 @@ pub(super) fn linking_numbers<R: Real>(
     let mut commands = vec![Command::Clear(super::SUMS, size)];
     for ((shape, stage), tiles) in SHAPES.iter().zip(stages::<R>()).zip(&tiles) {
         let per_group = THREADS / shape.rows;
-        let sums = [(super::SUMS, size)];
-        state.dispatch_tiles(&mut commands, stage, frame, tiles, per_group, &sums)?;
+        state.dispatch_tiles(&mut commands, stage, frame, tiles, per_group, size)?;
     }
     commands.push(Command::Download(super::SUMS, size));
     let found = state.run(frame, commands)?;
@@ -321,15 +320,8 @@ pub(super) fn sum_tiles(
     let work = u64::from(LEAF_SEGMENTS * LEAF_SEGMENTS);
     let mut commands = vec![Command::Clear(super::SUMS, size)];
     let per_group = THREADS / shape.rows;
-    let sums = [(super::SUMS, size)];
-    state.dispatch_buffer(
-        &mut commands,
-        stage,
-        frame,
-        (tiles, count, work),
-        per_group,
-        &sums,
-    );
+    let tiles = (tiles, count, work);
+    state.dispatch_buffer(&mut commands, stage, frame, tiles, per_group, size);
     commands.push(Command::Download(super::SUMS, size));
     let found = state.run(frame, commands)?;
     read(state, &found[0], count)

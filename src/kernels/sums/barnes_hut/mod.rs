@@ -26,7 +26,7 @@ use crate::curve::CurveSet;
 use crate::curve::vector::dot;
 use crate::pairs::Pair;
 #[cfg(feature = "gpu")]
-pub(crate) use packed::{LEAF_SEGMENTS, PackedNode, pack};
+pub(crate) use packed::{LEAF_SEGMENTS, pack};
 
 use crate::simd::dispatch;
 use bound::{Bounds, OUTWARD, ROUNDING, bounds};
