@@ -233,7 +233,7 @@ impl Packed {
         let mut row = [T::default(); ROW];
         for (lanes, &origin) in LANES_OF_AXIS.iter().zip(&origin) {
             for (row, &lane) in row.iter_mut().zip(lanes) {
-                *row = *row + T::from_f32(lane) * origin;
+                *row = *row + T::from(lane) * origin;
             }
         }
         // Integers need no masked stores.

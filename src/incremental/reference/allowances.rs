@@ -253,11 +253,7 @@ impl<'a> Allowances<'a> {
     ) {
         let trees = curves.map(|i| self.trees.of(self.covered.set, i));
         agenda.push((trees[0].root(), trees[1].root()));
-        let query = Query {
-            w: 2,
-            meeting: false,
-            reach,
-        };
+        let query = Query::in_space(reach);
         while !agenda.is_empty() {
             descend::<L, _, true>(simd, trees, query, agenda, near, (usize::MAX, BATCH));
             self.keep_all_apart(curves, &near.all, blocks);

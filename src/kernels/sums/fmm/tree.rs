@@ -12,8 +12,9 @@
 )]
 
 use crate::curve::pow2;
-use crate::curve::{CurveSet, Point};
+use crate::curve::{CurveSet, Point, union};
 use crate::kernels::sums::barnes_hut::Node;
+use crate::kernels::sums::join;
 
 /// Number of segments of a leaf.
 pub(super) const LEAF: usize = 16;
@@ -123,14 +124,8 @@ fn sort(segments: &mut [Segment], leaves: usize) {
         segments.select_nth_unstable_by(half * LEAF, order);
     }
     let (left, right) = segments.split_at_mut(half * LEAF);
-    let mut lower = || sort(left, half);
-    let mut upper = || sort(right, leaves - half);
-    if leaves > GRAIN {
-        rayon::join(lower, upper);
-    } else {
-        lower();
-        upper();
-    }
+    let lower = || sort(left, half);
+    join(leaves > GRAIN, lower, || sort(right, leaves - half));
 }
 
 /// Minimum and maximum of each coordinate.
@@ -162,17 +157,10 @@ fn enclose(ends: &[[Vec<f64>; 3]; 2], first: usize, leaves: usize, balls: &mut [
     } else {
         let half = leaves / 2;
         let (left, right) = below.split_at_mut(2 * half - 1);
-        let mut lower = || enclose(ends, first, half, left);
-        let mut upper = || enclose(ends, first + half, leaves - half, right);
-        let [a, b] = if leaves > GRAIN {
-            rayon::join(lower, upper).into()
-        } else {
-            [lower(), upper()]
-        };
-        extent = [
-            [0, 1, 2].map(|x| a[0][x].min(b[0][x])),
-            [0, 1, 2].map(|x| a[1][x].max(b[1][x])),
-        ];
+        let lower = || enclose(ends, first, half, left);
+        let upper = || enclose(ends, first + half, leaves - half, right);
+        let (a, b) = join(leaves > GRAIN, lower, upper);
+        extent = union(a, b);
         ball.length = left[0].length + right[0].length;
     }
     let centre = [0, 1, 2].map(|x| 0.5 * extent[0][x] + 0.5 * extent[1][x]);
