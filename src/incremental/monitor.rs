@@ -241,7 +241,7 @@ impl Monitor {
             return false;
         };
         let reference = &known.reference;
-        work.blocks = reference.neighbours.blocks() as u64;
+        work.blocks = reference.neighbours.blocks.len() as u64;
         work.reference_age = Some(self.frame - reference.frame);
         // The linking numbers of a degenerate loop were not computed in the reference frame.
         let quiet = self.current.moved() == 0 && !reference.certificate.has_degenerate_curves();

@@ -3,6 +3,7 @@
 //! Two curves in disjoint convex volumes are not linked, so only pairs with overlapping boxes are
 //! processed further (Qu & James 2021, section 3.2, Algorithm 2).
 
+mod blocks;
 mod buckets;
 mod closest;
 mod descent;
@@ -15,6 +16,7 @@ mod suspects;
 mod sweep;
 mod trees;
 
+pub(crate) use blocks::{BlockLists, Blocks};
 pub(crate) use closest::{
     Nearest, Scale, closest_approach, closest_of_segments, closest_points, nearest,
 };

@@ -10,15 +10,12 @@ use super::commands::{Binding, Buffer, Command, Stage};
 use super::error::Error;
 use super::fixed;
 use super::layout::Parameters;
-use super::precision::{GpuPrecision, Real};
+use super::precision::Real;
 
 /// Returns the shader that computes the samples.
 pub(super) fn stage<R: Real>() -> Stage {
     Stage {
-        name: match R::PRECISION {
-            GpuPrecision::Single => "self test",
-            GpuPrecision::Double => "self test, double",
-        },
+        name: R::SELF_TEST,
         source: || super::shader_in::<R>(&[], &[], &[include_str!("self_test.wgsl")]),
     }
 }

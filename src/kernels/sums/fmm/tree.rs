@@ -12,7 +12,7 @@
 )]
 
 use crate::curve::pow2;
-use crate::curve::{CurveSet, Point, union};
+use crate::curve::{CurveSet, Point, bounds, union};
 use crate::kernels::sums::barnes_hut::Node;
 use crate::kernels::sums::join;
 
@@ -106,14 +106,9 @@ fn sort(segments: &mut [Segment], leaves: usize) {
         segments.sort_unstable_by_key(|s| s.number);
         return;
     }
-    let mut extent = [[f64::INFINITY; 3], [f64::NEG_INFINITY; 3]];
-    for s in segments.iter() {
-        for x in 0..3 {
-            extent[0][x] = extent[0][x].min(s.middle(x));
-            extent[1][x] = extent[1][x].max(s.middle(x));
-        }
-    }
-    let side = |x: usize| extent[1][x] - extent[0][x];
+    let middles = segments.iter().map(|s| [0, 1, 2].map(|x| s.middle(x)));
+    let [lo, hi] = bounds(middles);
+    let side = |x: usize| hi[x] - lo[x];
     let axis = (1..3).fold(0, |best, x| if side(x) > side(best) { x } else { best });
     let half = leaves / 2;
     let order = |a: &Segment, b: &Segment| {
