@@ -98,7 +98,7 @@ impl FullRun {
                     Predictions::new(self.counting.input(set), self.search.pairs(), method);
                 match predictions.choose(self.gpu.offer()) {
                     Choice::SumFirst => {
-                        let long = predictions.into_long();
+                        let long = predictions.long().to_vec();
                         let pairs = self.search.pairs().to_vec();
                         self.add_sums(set, &Sums::of_long(set, &long, &pairs), &mut stats);
                     }

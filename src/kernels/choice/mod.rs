@@ -74,12 +74,6 @@ impl<'a> Predictions<'a> {
         })
     }
 
-    /// Same as [`Predictions::long`], by value.
-    pub fn into_long(self) -> Vec<LongLink> {
-        self.long();
-        self.long.into_inner().unwrap_or_default()
-    }
-
     /// Returns the estimated work of counting.
     pub fn sample(&self) -> &Sample {
         self.sample
