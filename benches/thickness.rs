@@ -1,5 +1,4 @@
-//! Thickness of trefoils of 50 to 100,000 edges: the octree with one thread and with all, and the
-//! comparison of all pairs of edges.
+//! Thickness of trefoils of 20 to 100,000 edges: the octree with one thread and with all.
 //!
 //! `cargo bench --bench thickness` measures; with `--smoke` (or under `cargo test`) it measures the
 //! smallest ones only. The runs of one size alternate; all times are medians.
@@ -24,9 +23,6 @@ const SIZES: [u32; 16] = [
     20, 36, 50, 80, 100, 120, 150, 200, 500, 1000, 2000, 5000, 10_000, 20_000, 50_000, 100_000,
 ];
 
-/// Maximum number of edges for which all pairs are compared.
-const ALL_PAIRS: u32 = 10_000;
-
 fn main() -> Result<()> {
     let args: Vec<String> = std::env::args().collect();
     let has = |word: &str| args.iter().any(|a| a == word);
@@ -39,29 +35,23 @@ fn main() -> Result<()> {
     let (one, all) = (pool(1), pool(0));
     println!("times in ms, medians");
     println!(
-        "{:>8} {:>9} {:>9} {:>10} {:>10} {:>11} {:>11}",
-        "edges", "1 thread", "all", "ns / edge", "all pairs", "liboctrope", "/ 1 thread"
+        "{:>8} {:>9} {:>9} {:>10} {:>11} {:>11}",
+        "edges", "1 thread", "all", "ns / edge", "liboctrope", "/ 1 thread"
     );
     for n in SIZES.into_iter().filter(|&n| !smoke || n <= 150) {
         let set = trefoil(n)?;
-        let mut times = [Vec::new(), Vec::new(), Vec::new()];
+        let mut times = [Vec::new(), Vec::new()];
         let begin = Instant::now();
         while times[0].len() < 5 || !smoke && begin.elapsed().as_secs_f64() < 1.0 {
             let octree = || black_box(Thickness::of(&set, None)).is_ok();
             times[0].push(ms(|| one.install(octree)));
             times[1].push(ms(|| all.install(octree)));
-            if n <= ALL_PAIRS {
-                times[2].push(ms(|| black_box(Thickness::by_all_pairs(&set)).is_ok()));
-            }
         }
-        let [one, all, pairs] = times.map(|times| match times.is_empty() {
-            true => f64::NAN,
-            false => median(times),
-        });
+        let [one, all] = times.map(median);
         let found = known.iter().find(|(edges, _)| *edges == u64::from(n));
         let theirs = found.map_or(f64::NAN, |(_, ms)| *ms);
         println!(
-            "{n:>8} {one:>9.4} {all:>9.4} {:>10.0} {pairs:>10.4} {theirs:>11.4} {:>11.1}",
+            "{n:>8} {one:>9.4} {all:>9.4} {:>10.0} {theirs:>11.4} {:>11.1}",
             one * 1e6 / f64::from(n),
             theirs / one
         );

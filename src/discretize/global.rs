@@ -61,13 +61,8 @@ pub fn homotopic_polylines(set: &CurveSet) -> Result<Polylines> {
                 splits[curve as usize].extend(added);
             }
             if let Some(segments) = refined.too_close {
-                too_close.push(Defect {
-                    i,
-                    j: Some(j),
-                    image: Default::default(),
-                    kind: DefectKind::TooClose,
-                    place: closest_of_segments(set, [i, j].map(|c| c as usize), segments),
-                });
+                let place = closest_of_segments(set, [i, j].map(|c| c as usize), segments);
+                too_close.push(Defect::of_pair((i, j), DefectKind::TooClose, place));
             }
         }
     }

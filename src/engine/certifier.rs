@@ -58,10 +58,15 @@ impl Certifier {
     /// call would never return.
     pub fn certify(&mut self, set: &CurveSet) -> (&Certificate, Stats) {
         pool::check_process().unwrap_or_else(|forked| panic!("{forked}"));
+        self.complete(|full| pool::run(set.segments(), || full.certify(set)))
+    }
+
+    /// Makes a run to its end.
+    fn complete(&mut self, run: impl FnOnce(&mut FullRun) -> Stats) -> (&Certificate, Stats) {
         let start = Instant::now();
         self.full.heed_cancel(false);
         self.full.progress.limit.begin(usize::MAX);
-        let stats = pool::run(set.segments(), || self.full.certify(set));
+        let stats = run(&mut self.full);
         self.full.timings.total = start.elapsed();
         (&self.full.certificate, stats)
     }
@@ -86,12 +91,7 @@ impl Certifier {
             let what = format!("noise of {noise}, expected a length of at least 0");
             return Err(Error::Usage(what));
         }
-        let start = Instant::now();
-        self.full.heed_cancel(false);
-        self.full.progress.limit.begin(usize::MAX);
-        let stats = self.full.certify_noisy(set, noise);
-        self.full.timings.total = start.elapsed();
-        Ok((&self.full.certificate, stats))
+        Ok(self.complete(|full| full.certify_noisy(set, noise)))
     }
 
     /// Returns which linking numbers of the last full run were decided by sums, and which by

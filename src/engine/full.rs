@@ -11,7 +11,6 @@ use crate::kernels::sums::interval::noise::linking_number as noisy_linking_numbe
 use crate::kernels::{Accuracy, Counted, GpuUse, Linking, Method};
 use crate::pairs::{
     LinkSearch, Pair, PairFilter, Trees, curves_of, degenerate_curves, most_suspect_first,
-    potential_links,
 };
 use crate::verdict::{Link, Stats};
 use rayon::prelude::*;
@@ -29,12 +28,11 @@ const FEW_CURVES: usize = 256;
 /// Computes linking numbers. Its buffers are reused for every frame.
 #[derive(Debug, Default)]
 pub(super) struct FullRun {
-    trees: Trees,
+    counting: Counting,
     search: LinkSearch,
     parts: Vec<Counted>,
     /// Boxes of the previous frame, if the motion since then is needed.
     before: Vec<Box3>,
-    workspaces: Workspaces,
     /// Method and accuracy of sums.
     kernel: (Method, Accuracy),
     /// GPU that runs kernels, if one is used.
@@ -45,6 +43,23 @@ pub(super) struct FullRun {
     pub ladder: Ladder,
     pub progress: Arc<Progress>,
     pub timings: Timings,
+}
+
+/// Trees of the curves, and the buffers of the tasks that count their crossings.
+#[derive(Debug, Default)]
+struct Counting {
+    trees: Trees,
+    workspaces: Workspaces,
+}
+
+impl Counting {
+    fn input<'a>(&'a self, set: &'a CurveSet) -> Input<'a> {
+        Input {
+            set,
+            trees: &self.trees,
+            workspaces: &self.workspaces,
+        }
+    }
 }
 
 impl FullRun {
@@ -79,10 +94,11 @@ impl FullRun {
         let mut stats = self.find_pairs(set);
         match self.kernel {
             (method @ (Method::Auto | Method::Crossings), _) => {
-                let predictions = Predictions::new(self.input(set), self.search.pairs(), method);
+                let predictions =
+                    Predictions::new(self.counting.input(set), self.search.pairs(), method);
                 match predictions.choose(self.gpu.offer()) {
                     Choice::SumFirst => {
-                        let long = predictions.into_long();
+                        let long = predictions.long().to_vec();
                         let pairs = self.search.pairs().to_vec();
                         self.add_sums(set, &Sums::of_long(set, &long, &pairs), &mut stats);
                     }
@@ -107,15 +123,7 @@ impl FullRun {
     /// Sets whether later computations end early once the progress is cancelled. Their results are
     /// incomplete then.
     pub fn heed_cancel(&mut self, heed: bool) {
-        self.workspaces.cancel = heed.then(|| self.progress.cancel.clone());
-    }
-
-    fn input<'a>(&'a self, set: &'a CurveSet) -> Input<'a> {
-        Input {
-            set,
-            trees: &self.trees,
-            workspaces: &self.workspaces,
-        }
+        self.counting.workspaces.cancel = heed.then(|| self.progress.cancel.clone());
     }
 
     /// Adds all linking numbers to the certificate: decided by the bounds of sums, or else counted.
@@ -127,11 +135,7 @@ impl FullRun {
         self.progress
             .done
             .fetch_add(summed as u64, Ordering::Relaxed);
-        let input = Input {
-            set,
-            trees: &self.trees,
-            workspaces: &self.workspaces,
-        };
+        let input = self.counting.input(set);
         let counting = Predictions::new(input, &undecided, Method::Crossings);
         let counting = counting.choose(self.gpu.offer());
         let gpu = (counting == Choice::CountOnGpu).then_some(&mut self.gpu);
@@ -156,7 +160,7 @@ impl FullRun {
         // Curves may become linked only if their boxes, grown by the noise, overlap.
         let rounding = set.max_abs() * pow2(-22);
         let reach = (noise + rounding) as f32;
-        let roots = self.trees.roots().iter();
+        let roots = self.counting.trees.roots().iter();
         let dilated: Vec<Box3> = roots.map(|b| b.dilated(reach.next_up())).collect();
         let whole = |i: u32| {
             let mut undefined = self.certificate.undefined.iter();
@@ -164,11 +168,7 @@ impl FullRun {
         };
         let pairs = self.search.find(&dilated);
         pairs.retain(|&(i, j)| whole(i) && whole(j));
-        let input = Input {
-            set,
-            trees: &self.trees,
-            workspaces: &self.workspaces,
-        };
+        let input = self.counting.input(set);
         let found: Vec<(Pair, Linking)> = pairs
             .par_iter()
             .map(|&pair| {
@@ -195,14 +195,10 @@ impl FullRun {
         let start = Instant::now();
         self.refit(set, pairs);
         // Curves whose boxes do not overlap are not linked, as in a full run.
-        let roots = self.trees.roots();
+        let roots = self.counting.trees.roots();
         let meet = |&(i, j): &Pair| roots[i as usize].overlaps(&roots[j as usize]);
         let meeting: Vec<Pair> = pairs.iter().copied().filter(meet).collect();
-        let input = Input {
-            set,
-            trees: &self.trees,
-            workspaces: &self.workspaces,
-        };
+        let input = self.counting.input(set);
         // Too few to be worth a transfer to the GPU.
         linking_numbers(input, &meeting, &mut self.parts, &self.progress.done);
         let mut certificate = Certificate {
@@ -216,7 +212,8 @@ impl FullRun {
 
     /// Updates the trees of the curves of some pairs to this frame.
     pub fn refit(&mut self, set: &CurveSet, pairs: &[Pair]) {
-        self.trees
+        self.counting
+            .trees
             .refit_some(set, &curves_of(pairs.iter().copied()));
     }
 
@@ -227,7 +224,7 @@ impl FullRun {
 
     /// Returns the trees. They belong to the last frame as far as it needed them.
     pub fn trees(&self) -> &Trees {
-        &self.trees
+        &self.counting.trees
     }
 
     /// Returns the potential links found last.
@@ -242,7 +239,7 @@ impl FullRun {
         // finished work.
         self.progress.total.store(0, Ordering::Relaxed);
         self.progress.done.store(0, Ordering::Relaxed);
-        self.trees.refit(set);
+        self.counting.trees.refit(set);
         let boxed = Instant::now();
         let Certificate {
             curves,
@@ -255,8 +252,8 @@ impl FullRun {
         links.clear();
         undefined.clear();
         undefined.extend(degenerate_curves(set));
-        let pairs = potential_links(set, &self.trees, &mut self.search, undefined);
-        let total = pairs.len() as u64;
+        let roots = self.counting.trees.roots();
+        let total = self.search.find_links(set, roots, undefined).len() as u64;
         self.progress.total.store(total, Ordering::Relaxed);
         self.timings = Timings {
             boxes: boxed - start,
@@ -293,11 +290,7 @@ impl FullRun {
         stats: &mut Stats,
     ) {
         let start = Instant::now();
-        let input = Input {
-            set,
-            trees: &self.trees,
-            workspaces: &self.workspaces,
-        };
+        let input = self.counting.input(set);
         let pairs = &self.search.pairs()[range];
         let gpu = (counting == Choice::CountOnGpu).then_some(&mut self.gpu);
         let to = (&mut self.parts, &*self.progress);
@@ -316,9 +309,9 @@ impl FullRun {
     ) -> Result<(Comparison, Stats)> {
         self.gpu.send_ahead(set);
         self.before.clear();
-        self.before.extend_from_slice(self.trees.roots());
+        self.before.extend_from_slice(self.counting.trees.roots());
         let mut stats = self.find_pairs(set);
-        let (now, pairs) = (self.trees.roots(), self.search.pairs_mut());
+        let (now, pairs) = (self.counting.trees.roots(), self.search.pairs_mut());
         most_suspect_first(pairs, &baseline.links, now, &self.before);
         let count = pairs.len();
         let (mut done, mut block) = (0, FIRST_BLOCK);
@@ -334,7 +327,8 @@ impl FullRun {
             }
             let next = (done + block).min(count);
             let block_pairs = &self.search.pairs()[done..next];
-            let counting = Predictions::new(self.input(set), block_pairs, Method::Crossings);
+            let counting =
+                Predictions::new(self.counting.input(set), block_pairs, Method::Crossings);
             let counting = counting.choose(self.gpu.offer());
             self.compute_pairs(set, done..next, counting, &mut stats);
             self.certificate.links.sort_unstable_by_key(|l| (l.i, l.j));

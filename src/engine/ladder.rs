@@ -5,6 +5,7 @@ use crate::certificate::Certificate;
 use crate::curve::CurveSet;
 use crate::discretize::homotopic_polylines;
 use crate::kernels::choice::LongLink;
+use crate::kernels::choice::costs::MS;
 use crate::kernels::sums::fmm::{self, Fmm};
 use crate::kernels::{Accuracy, Estimate, GpuUse, Method, Summation};
 use crate::pairs::{Pair, curves_of};
@@ -81,7 +82,7 @@ impl<'a> Sums<'a> {
         let needed = |i: u32| needed.binary_search(&i).is_ok();
         // The kernel gives up before it starts if it expects to take nearly as long as counting,
         // because strands are close.
-        let counting = long.iter().map(|link| link.counting.ms());
+        let counting = long.iter().map(|link| link.counting * MS);
         let options = fmm::Options {
             limit: 0.4e3 * counting.fold(0.0, f64::max),
             ..fmm::Options::default()

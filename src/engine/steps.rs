@@ -294,13 +294,7 @@ impl Steps {
         let unaccounted = last.map(|last| outcome.check(&last.linking.comparison, comparison));
         let unaccounted = unaccounted.into_iter().flatten();
         for pair in unaccounted.filter(|&pair| self.reports(pair)) {
-            defects.push(Defect {
-                i: pair.0,
-                j: Some(pair.1),
-                image: Default::default(),
-                kind: DefectKind::Unaccounted,
-                place: place(pair)?,
-            });
+            defects.push(Defect::of_pair(pair, DefectKind::Unaccounted, place(pair)?));
         }
         // The sort is stable: earlier defects of a pair stay first.
         defects.sort_by_key(|d| (d.i, d.j));

@@ -23,6 +23,7 @@ pub(super) trait Real:
     + Add<Output = Self>
     + Sub<Output = Self>
     + Mul<Output = Self>
+    + From<f32>
 {
     /// Half a unit in the last place of 1.
     const U: f64;
@@ -33,7 +34,6 @@ pub(super) trait Real:
     /// A number far above the square root of the smallest positive number.
     const TINY: Self;
     fn from_f64(x: f64) -> Self;
-    fn from_f32(x: f32) -> Self;
     fn narrowed(self) -> f32;
 }
 
@@ -45,10 +45,6 @@ impl Real for f32 {
     #[inline(always)]
     fn from_f64(x: f64) -> f32 {
         x as f32
-    }
-    #[inline(always)]
-    fn from_f32(x: f32) -> f32 {
-        x
     }
     #[inline(always)]
     fn narrowed(self) -> f32 {
@@ -64,10 +60,6 @@ impl Real for f64 {
     #[inline(always)]
     fn from_f64(x: f64) -> f64 {
         x
-    }
-    #[inline(always)]
-    fn from_f32(x: f32) -> f64 {
-        x.into()
     }
     #[inline(always)]
     fn narrowed(self) -> f32 {

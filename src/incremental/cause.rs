@@ -216,7 +216,7 @@ fn rounded_down(x: f64) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use super::super::ledger::planted::{Plant, planted_step};
+    use super::super::ledger::tests::planted::{Plant, planted_step};
     use super::super::{Coverage, Ledger};
     use super::*;
     use crate::curve::{Basis, Positions};

@@ -61,18 +61,9 @@ pub(crate) struct Monitor {
     /// The previous frame and the current frame.
     previous: Survey,
     current: Survey,
-    /// Surveys of the frames that were received last, oldest first.
-    received: VecDeque<ReceivedSurvey>,
-}
-
-/// Survey of a frame that was received, but is not verified yet.
-#[derive(Debug)]
-struct ReceivedSurvey {
-    /// Number of the positions ([`CurveSet::contents`]).
-    contents: u64,
-    /// Frame number of the reference.
-    reference: u64,
-    survey: Survey,
+    /// Surveys of the frames that were received last and are not verified yet, oldest first, each
+    /// with the frame number of its reference.
+    received: VecDeque<(u64, Survey)>,
 }
 
 /// A reference frame, and its comparison with the baseline.
@@ -143,14 +134,16 @@ impl Survey {
 /// Takes the survey of a frame, if it was received and compared with this reference frame. Discards
 /// those of earlier frames.
 fn take_survey(
-    received: &mut VecDeque<ReceivedSurvey>,
+    received: &mut VecDeque<(u64, Survey)>,
     reference: &Reference,
     set: &CurveSet,
     cell: Option<&Cell>,
 ) -> Option<Survey> {
-    let is_it = |r: &ReceivedSurvey| (r.contents, r.reference) == (set.contents(), reference.frame);
-    let k = received.iter().position(is_it)?;
-    let survey = received.drain(..=k).next_back()?.survey;
+    let k = received.iter().position(|(of, survey)| {
+        let contents = survey.contents.map(|(contents, _)| contents);
+        *of == reference.frame && contents == Some(set.contents())
+    })?;
+    let (_, survey) = received.drain(..=k).next_back()?;
     // The cell may be known in another basis by now.
     let same = survey.contents == Some((set.contents(), cell.copied()));
     same.then_some(survey)
@@ -190,13 +183,9 @@ impl Monitor {
         if self.received.len() == RECEIVED {
             self.received.pop_front();
         }
-        self.received.extend(found.map(|survey| ReceivedSurvey {
-            contents: set.contents(),
-            reference: known.reference.frame,
-            survey: Survey {
-                contents: Some((set.contents(), cell.copied())),
-                ..survey
-            },
+        self.received.extend(found.map(|survey| {
+            let contents = Some((set.contents(), cell.copied()));
+            (known.reference.frame, Survey { contents, ..survey })
         }));
         Ok(())
     }
@@ -241,7 +230,7 @@ impl Monitor {
             return false;
         };
         let reference = &known.reference;
-        work.blocks = reference.neighbours.blocks() as u64;
+        work.blocks = reference.neighbours.blocks.len() as u64;
         work.reference_age = Some(self.frame - reference.frame);
         // The linking numbers of a degenerate loop were not computed in the reference frame.
         let quiet = self.current.moved() == 0 && !reference.certificate.has_degenerate_curves();

@@ -106,7 +106,7 @@ impl<'a> MovedBlocks<'a> {
         }
         segments.sort_unstable();
         segments.dedup();
-        let block = |&(i, s): &(u32, u32)| reference.neighbours.block(i, s);
+        let block = |&(i, s): &(u32, u32)| reference.neighbours.blocks.of(i as usize, s);
         let mut marked: Vec<Block> = segments.iter().map(block).collect();
         marked.dedup();
         MovedBlocks {
@@ -130,7 +130,7 @@ impl<'a> MovedBlocks<'a> {
         let neighbours = &self.reference.neighbours;
         // Marked blocks come first, then their neighbours.
         let mut blocks = self.marked.clone();
-        let mut index = vec![NONE; neighbours.blocks()];
+        let mut index = vec![NONE; neighbours.blocks.len()];
         for (k, &a) in self.marked.iter().enumerate() {
             index[a as usize] = k as u32;
         }
@@ -153,7 +153,9 @@ impl<'a> MovedBlocks<'a> {
         let most = 0.5 * neighbours.range - slack;
         let marked = self.marked.iter().zip(&displacements);
         let stray = marked.filter(|(_, d)| !within(most, d.largest_square()));
-        let mut stray: Vec<u32> = stray.map(|(&a, _)| neighbours.place(a).0 as u32).collect();
+        let mut stray: Vec<u32> = stray
+            .map(|(&a, _)| neighbours.blocks.place(a).0 as u32)
+            .collect();
         stray.dedup();
         if stray.len() > FEW_STRAYS {
             return None;
@@ -206,7 +208,7 @@ impl<'a> MovedBlocks<'a> {
     /// step.
     fn met(&self, blocks: [Block; 2]) -> Option<Pair> {
         let [before, after] = self.ends.map(|(_, set)| set);
-        let mut places = blocks.map(|block| self.reference.neighbours.place(block));
+        let mut places = blocks.map(|block| self.reference.neighbours.blocks.place(block));
         places.sort_unstable();
         let [(i, a), (j, b)] = places;
         let boxes = places.map(|(i, g)| [before, after].map(|set| set.leaf_boxes(i, g)));
@@ -246,7 +248,7 @@ impl<'a> MovedBlocks<'a> {
     /// Returns the displacements of the hull points of a block.
     fn displacement(&self, block: Block) -> Displacement {
         let set = &self.reference.set;
-        let (i, block) = self.reference.neighbours.place(block);
+        let (i, block) = self.reference.neighbours.blocks.place(block);
         let first = block * LANES;
         let last = (first + LANES).min(set.curve(i).segments as usize);
         let slots = set.slots_of(i, first..last);

@@ -12,7 +12,7 @@
 use super::affine::Affine;
 use super::blocks::{BLOCK, Real, VALUES};
 use super::stream::IMAGES;
-use crate::curve::{Point, Positions};
+use crate::curve::{Point, Positions, bounds};
 use crate::simd::{LANES, Simd};
 
 /// Half a unit in the last place of 1, in single and in double precision.
@@ -57,12 +57,7 @@ impl Packed {
     }
 
     fn new(points: &[Point; BLOCK], max_abs: f64, allowances: &[f32; BLOCK]) -> Packed {
-        let (mut lo, mut hi) = (points[0], points[0]);
-        for p in points {
-            for x in 0..3 {
-                (lo[x], hi[x]) = (lo[x].min(p[x]), hi[x].max(p[x]));
-            }
-        }
+        let [lo, hi] = bounds(points.iter().copied());
         let origin = [0, 1, 2].map(|x| 0.5 * lo[x] + 0.5 * hi[x]);
         let size = (0..3).map(|x| hi[x] - lo[x]).fold(0.0, f64::max);
         // If the scale is 0 or too large for the type, the offsets are too, and the allowance
@@ -233,7 +228,7 @@ impl Packed {
         let mut row = [T::default(); ROW];
         for (lanes, &origin) in LANES_OF_AXIS.iter().zip(&origin) {
             for (row, &lane) in row.iter_mut().zip(lanes) {
-                *row = *row + T::from_f32(lane) * origin;
+                *row = *row + T::from(lane) * origin;
             }
         }
         // Integers need no masked stores.

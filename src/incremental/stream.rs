@@ -71,7 +71,7 @@ impl<T: Real> Condition<T> {
                 let d = p[l] - (m[0] * q[0] + m[1] * q[1] + m[2] * q[2] + t);
                 square = square + d * d;
             }
-            let most = self.sigma * T::from_f32(allowances[l]) - self.error;
+            let most = self.sigma * T::from(allowances[l]) - self.error;
             *slack = smaller(most * most - square, most);
         }
         slack.into_iter().fold(T::MAX, smaller)

@@ -1,7 +1,7 @@
 //! Tests with pull-throughs planted into the frames of a stream, and a measurement of the cost of
 //! references.
 
-use super::ledger::planted::{Plant, PlantedStep, planted_step};
+use super::ledger::tests::planted::{Plant, PlantedStep, planted_step};
 use super::reference::Reference;
 use super::{Coverage, Events, Route};
 use crate::curve::{Basis, CurveSet, Positions};

@@ -35,17 +35,13 @@ impl Counted {
     }
 
     /// Appends the result of a pair.
-    pub fn add(&mut self, (i, j): Pair, linking: Linking) {
+    pub fn add(&mut self, pair @ (i, j): Pair, linking: Linking) {
         match linking {
             Linking::Number(0) => {}
             Linking::Number(lambda) => self.links.push(Link { i, j, lambda }),
-            Linking::Undefined(kind, place) => self.undefined.push(Defect {
-                i,
-                j: Some(j),
-                image: Default::default(),
-                kind,
-                place,
-            }),
+            Linking::Undefined(kind, place) => {
+                self.undefined.push(Defect::of_pair(pair, kind, place));
+            }
         }
     }
 }

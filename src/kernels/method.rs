@@ -3,7 +3,7 @@
 use super::sums::barnes_hut::{Accept, BarnesHut, Options, Order};
 use super::sums::direct::{Direct, Formula};
 use super::sums::fmm::{self, Fmm};
-use super::sums::interval::{Interval, enclose};
+use super::sums::interval::enclose;
 use super::{Estimate, GpuUse, Summation};
 use crate::curve::CurveSet;
 use crate::error::{Error, Result};
@@ -179,12 +179,6 @@ struct Enclosures<'a>(&'a CurveSet);
 
 impl Summation for Enclosures<'_> {
     fn linking_number(&self, pair: Pair) -> Estimate {
-        let Interval { lo, hi } = enclose(self.0, pair, 0.0);
-        if !(lo.is_finite() && hi.is_finite()) {
-            return Estimate::UNKNOWN;
-        }
-        let value = lo + 0.5 * (hi - lo);
-        let bound = (hi - value).max(value - lo).next_up();
-        Estimate { value, bound }
+        enclose(self.0, pair, 0.0).estimate()
     }
 }

@@ -36,8 +36,6 @@
 
 pub(crate) mod calibration;
 pub(crate) mod choice;
-#[cfg(test)]
-mod conformance;
 mod counted;
 pub(crate) mod crossings;
 pub(crate) mod device;
@@ -49,9 +47,9 @@ pub(crate) mod gpu;
 mod gpu_use;
 mod lazy;
 mod method;
-#[doc(hidden)] // For the tests of the kernels only.
-pub mod oracle;
 pub(crate) mod sums;
+#[cfg(test)]
+pub(crate) mod tests;
 
 pub use calibration::{Calibration, CountingCost, SumCost};
 pub(crate) use calibration::{CountingWork, segment_pairs};
@@ -86,18 +84,22 @@ pub(crate) struct KernelWork {
 }
 
 impl KernelWork {
+    /// Combines each count with that of other work.
+    fn each(self, other: KernelWork, f: impl Fn(u64, u64) -> u64) -> KernelWork {
+        KernelWork {
+            front: f(self.front, other.front),
+            nodes: f(self.nodes, other.nodes),
+            computed: f(self.computed, other.computed),
+            tests: f(self.tests, other.tests),
+            overlaps: f(self.overlaps, other.overlaps),
+            refined: f(self.refined, other.refined),
+            exact: f(self.exact, other.exact),
+        }
+    }
+
     /// Returns `factor` times the work, rounded.
     pub(crate) fn scaled(self, factor: f64) -> KernelWork {
-        let scaled = |count: u64| (count as f64 * factor).round() as u64;
-        KernelWork {
-            front: scaled(self.front),
-            nodes: scaled(self.nodes),
-            computed: scaled(self.computed),
-            tests: scaled(self.tests),
-            overlaps: scaled(self.overlaps),
-            refined: scaled(self.refined),
-            exact: scaled(self.exact),
-        }
+        self.each(self, |count, _| (count as f64 * factor).round() as u64)
     }
 }
 
@@ -105,15 +107,7 @@ impl std::ops::Add for KernelWork {
     type Output = KernelWork;
 
     fn add(self, other: KernelWork) -> KernelWork {
-        KernelWork {
-            front: self.front + other.front,
-            nodes: self.nodes + other.nodes,
-            computed: self.computed + other.computed,
-            tests: self.tests + other.tests,
-            overlaps: self.overlaps + other.overlaps,
-            refined: self.refined + other.refined,
-            exact: self.exact + other.exact,
-        }
+        self.each(other, |a, b| a + b)
     }
 }
 

@@ -4,7 +4,7 @@
 //! polylines (splines: eight chords per segment), in floating point, without an error bound.
 
 use super::layout::Node;
-use super::trees::Trees;
+use super::trees::{CurveTree, Trees};
 use crate::curve::vector::{add_scaled, cross, distance, dot, half_difference, sub};
 use crate::curve::{BoxGroup, CurveSet, Point, point_at, pow2};
 use crate::verdict::Place;
@@ -22,7 +22,6 @@ pub(crate) fn closest_approach(set: &CurveSet, trees: &Trees, i: usize, j: usize
     };
     let (first, second) = (trees.of(set, i), trees.of(set, j));
     let mut stack = vec![(0.0, first.root(), second.root())];
-    let (mut leaf_a, mut leaf_b) = (BoxGroup::EMPTY, BoxGroup::EMPTY);
     let mut next: Vec<(f64, Node, Node)> = Vec::new();
     // Squared distances that overflow or underflow must not prune a point that is nearer than the
     // best one.
@@ -35,43 +34,36 @@ pub(crate) fn closest_approach(set: &CurveSet, trees: &Trees, i: usize, j: usize
             continue;
         }
         next.clear();
-        if a.level > b.level {
-            let other = second.node_box(b);
-            let group = first.children(a, &mut leaf_a);
-            next.extend((0..8).map(|k| {
-                let gap = group.lane(k).dist_sq_below(&other);
-                (gap, a.child(k as u32), b)
-            }));
-        } else if b.level > a.level {
-            let other = first.node_box(a);
-            let group = second.children(b, &mut leaf_b);
-            next.extend((0..8).map(|k| {
-                let gap = group.lane(k).dist_sq_below(&other);
-                (gap, a, b.child(k as u32))
-            }));
-        } else {
-            let group_a = first.children(a, &mut leaf_a);
-            let group_b = second.children(b, &mut leaf_b);
-            for k in 0..8 {
-                for l in 0..8 {
-                    let gap = group_a.lane(k).dist_sq_below(&group_b.lane(l));
-                    if gap.is_infinite() || farther(gap, &best) {
-                        continue;
-                    }
-                    if a.level > 0 {
-                        next.push((gap, a.child(k as u32), b.child(l as u32)));
-                        continue;
-                    }
-                    let (s, t) = (a.lane(k as u32), b.lane(l as u32));
-                    let place = closest_of_segments(set, [i, j], [s, t]);
-                    if place.distance < best.distance {
-                        best = place;
-                    }
+        // The node of the higher level is replaced by its children; both are if they are equal.
+        let below = |tree: CurveTree<'_>, node: Node, splits: bool| match splits {
+            true => {
+                let mut leaf = BoxGroup::EMPTY;
+                let group = *tree.children(node, &mut leaf);
+                (0..8).map(|k| (k, group.lane(k as usize))).collect()
+            }
+            false => vec![(0, tree.node_box(node))],
+        };
+        let (a_splits, b_splits) = (a.level >= b.level, b.level >= a.level);
+        let (below_a, below_b) = (below(first, a, a_splits), below(second, b, b_splits));
+        for &(k, box_a) in &below_a {
+            for &(l, box_b) in &below_b {
+                let gap = box_a.dist_sq_below(&box_b);
+                if gap.is_infinite() || farther(gap, &best) {
+                    continue;
+                }
+                if a.level.max(b.level) > 0 {
+                    let a = if a_splits { a.child(k) } else { a };
+                    let b = if b_splits { b.child(l) } else { b };
+                    next.push((gap, a, b));
+                    continue;
+                }
+                let place = closest_of_segments(set, [i, j], [a.lane(k), b.lane(l)]);
+                if place.distance < best.distance {
+                    best = place;
                 }
             }
         }
         // The nearest is on top of the stack. Empty lanes are infinitely far away.
-        next.retain(|n| n.0.is_finite());
         next.sort_by(|p, q| q.0.total_cmp(&p.0));
         stack.append(&mut next);
     }

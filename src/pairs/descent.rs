@@ -30,6 +30,17 @@ pub(crate) struct Query {
     pub reach: f32,
 }
 
+impl Query {
+    /// Returns the query for pairs whose boxes are within a distance in space.
+    pub const fn in_space(reach: f32) -> Query {
+        Query {
+            w: 2,
+            meeting: false,
+            reach,
+        }
+    }
+}
+
 /// Visits the node pairs of the agenda and their descendants until the agenda is empty, `steps`
 /// node pairs have been visited, or `limit` segment pairs have been found. If `IN_SPACE` is set,
 /// only pairs whose boxes overlap in space are followed. Returns the number of visited node pairs.

@@ -1,19 +1,7 @@
-//! Potential links of a frame: pairs of curves whose boxes overlap, without degenerate curves.
+//! Degenerate curves, which have no linking numbers.
 
-use super::{LinkSearch, Pair, Trees};
 use crate::curve::CurveSet;
 use crate::verdict::{Defect, DefectKind, Place};
-
-/// Returns the pairs that may be linked: those whose bounding volumes overlap, without degenerate
-/// curves (sorted).
-pub(crate) fn potential_links<'a>(
-    set: &CurveSet,
-    trees: &Trees,
-    search: &'a mut LinkSearch,
-    degenerate: &[Defect],
-) -> &'a mut Vec<Pair> {
-    search.find_links(set, trees.roots(), degenerate)
-}
 
 /// Returns the closed curves of fewer than three distinct points, in order.
 pub(crate) fn degenerate_curves(set: &CurveSet) -> impl Iterator<Item = Defect> {

@@ -3,8 +3,7 @@
 //! Two curves in disjoint convex volumes are not linked, so only pairs with overlapping boxes are
 //! processed further (Qu & James 2021, section 3.2, Algorithm 2).
 
-#[cfg(test)]
-mod brute;
+mod blocks;
 mod buckets;
 mod closest;
 mod descent;
@@ -17,15 +16,14 @@ mod suspects;
 mod sweep;
 mod trees;
 
-#[cfg(test)]
-pub(crate) use brute::potential_links_brute;
+pub(crate) use blocks::{BlockLists, Blocks};
 pub(crate) use closest::{
     Nearest, Scale, closest_approach, closest_of_segments, closest_points, nearest,
 };
 pub(crate) use descent::{Agenda, Query, SegmentPairs, descend, overlapping};
 pub(crate) use filter::{LoopPairs, PairFilter};
 pub(crate) use layout::{Leaves, Node, SMALL};
-pub(crate) use links::{degenerate_curves, potential_links};
+pub(crate) use links::degenerate_curves;
 pub(crate) use overlaps::overlapping_segments;
 pub(crate) use refit::refits_in_parallel;
 pub(crate) use suspects::most_suspect_first;

@@ -22,11 +22,7 @@ fn find<L: Lanes>(simd: L, set: &CurveSet, trees: &Trees, pair: [usize; 2]) -> V
     let both = pair.map(|i| trees.of(set, i));
     let mut agenda = vec![(both[0].root(), both[1].root())];
     let mut found = SegmentPairs::default();
-    let query = Query {
-        w: 2,
-        meeting: false,
-        reach: 0.0,
-    };
+    let query = Query::in_space(0.0);
     let all = (usize::MAX, usize::MAX);
     descend::<L, _, true>(simd, both, query, &mut agenda, &mut found, all);
     found.all

@@ -100,32 +100,22 @@ impl<S: Leaves> Strip<'_, S> {
             return dispatch!(simd => Self::refit_part(self, simd));
         }
         let mid = self.below.len() / 2;
-        let Strip {
-            source,
-            i,
-            first,
-            leaves,
-            below,
-            stored,
-        } = self;
+        let Strip { below, stored, .. } = self;
         let left_leaves = mid * LANES;
         let (left_below, right_below) = below.split_at_mut(mid);
         let (left_stored, right_stored) = stored.split_at_mut(left_leaves.min(stored.len()));
         let left = Strip {
-            source,
-            i,
-            first,
             leaves: left_leaves,
             below: left_below,
             stored: left_stored,
+            ..self
         };
         let right = Strip {
-            source,
-            i,
-            first: first + left_leaves,
-            leaves: leaves - left_leaves,
+            first: self.first + left_leaves,
+            leaves: self.leaves - left_leaves,
             below: right_below,
             stored: right_stored,
+            ..self
         };
         rayon::join(|| left.refit(), || right.refit());
     }

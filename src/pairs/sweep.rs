@@ -349,10 +349,23 @@ fn widest_axis(boxes: &[Box3]) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::pairs::{LoopPairs, potential_links_brute};
+    use crate::pairs::LoopPairs;
     use crate::simd::Portable;
     use proptest::prelude::*;
     use std::sync::Arc;
+
+    /// Returns all pairs of overlapping boxes, sorted. Takes quadratic time.
+    fn potential_links_brute(boxes: &[Box3]) -> Vec<Pair> {
+        let mut pairs = Vec::new();
+        for (i, a) in boxes.iter().enumerate() {
+            for (j, b) in boxes.iter().enumerate().skip(i + 1) {
+                if a.overlaps(b) {
+                    pairs.push((i as u32, j as u32));
+                }
+            }
+        }
+        pairs
+    }
 
     proptest! {
         /// The sweep finds all pairs and no others, with ties and empty boxes.

@@ -44,13 +44,11 @@ mod tests;
 use crate::curve::{Cell, CurveSet};
 use crate::engine::SessionOptions;
 use crate::error::Result;
-use crate::kernels::choice::costs::{self, Time};
-use crate::kernels::choice::{Choice, Forecast, Predictions};
+use crate::kernels::choice::costs::{self, MS, Nanoseconds};
+use crate::kernels::choice::{Choice, Forecast, Predictions, with_sums};
 use crate::kernels::crossings::{Input, Workspaces, busy_threads, by_formula};
 use crate::kernels::{Calibration, GpuUse, Method, Offer, SumCost};
-use crate::pairs::{
-    LinkSearch, PairFilter, Trees, degenerate_curves, potential_links, refits_in_parallel,
-};
+use crate::pairs::{LinkSearch, PairFilter, Trees, degenerate_curves, refits_in_parallel};
 use crate::periodic::{Boxer, FractionalBoxes, ImagePairs, Searched, period};
 use rayon::prelude::*;
 use serde::Serialize;
@@ -133,8 +131,8 @@ pub struct Prediction {
 
 impl Prediction {
     /// Returns the prediction for several threads that are all busy.
-    fn of(time: Time, threads: usize) -> Prediction {
-        let one_thread_ms = time.ms();
+    fn of(time: Nanoseconds, threads: usize) -> Prediction {
+        let one_thread_ms = time * MS;
         Prediction {
             one_thread_ms,
             ms: one_thread_ms / threads as f64,
@@ -263,7 +261,7 @@ impl Plan {
         trees.refit(set);
         let mut search = LinkSearch::new(filter);
         let degenerate: Vec<_> = degenerate_curves(set).collect();
-        potential_links(set, &trees, &mut search, &degenerate);
+        search.find_links(set, trees.roots(), &degenerate);
         let links = search.pairs();
         let workspaces = Workspaces::default();
         let input = Input {
@@ -293,7 +291,7 @@ impl Plan {
         let read = 3 * set.points() * set.precision().bytes() + trees.bytes();
         let time = costs::direction(links.len(), sample.work)
             + costs::discretization(sample.work)
-            + costs::crossings(segments, sample.work, read).with_sums(long);
+            + with_sums(costs::crossings(segments, sample.work, read), long);
         let chosen = device.as_ref().filter(|d| d.chosen);
         let linking = match chosen.and_then(|d| d.adapter_ms) {
             Some(ms) => Prediction {

@@ -9,9 +9,6 @@
 //! every image of every other one and with its own images. A curve that runs through the cell goes
 //! on in its next period. Each strut stands for its images.
 
-mod brute;
-#[cfg(test)]
-mod cell_tests;
 mod clearance;
 mod edges;
 mod lattice;
@@ -32,9 +29,6 @@ use crate::curve::{Cell, CurveSet, Image, Point};
 use crate::error::Result;
 use crate::pool;
 use serde::Serialize;
-
-/// Number of edges from which the octree is faster than comparing all pairs.
-const MANY_EDGES: usize = 32;
 
 /// A point of a curve.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -181,29 +175,10 @@ impl Thickness {
     /// # Ok::<(), linkwatch::Error>(())
     /// ```
     pub fn of(set: &CurveSet, cell: Option<&Cell>) -> Result<Thickness> {
-        Thickness::measure(set, cell, |edges| match edges.len() < MANY_EDGES {
-            true => brute::shortest(edges),
-            false => Octree::new(edges).shortest(edges),
-        })
-    }
-
-    /// [`Thickness::of`] by a comparison of all pairs of edges (Algorithm 1), for measurements and
-    /// as its oracle.
-    ///
-    /// Errors: [`Error::Unsupported`](crate::Error::Unsupported) for splines with too many
-    /// segments.
-    pub fn by_all_pairs(set: &CurveSet) -> Result<Thickness> {
-        Thickness::measure(set, None, brute::shortest)
-    }
-
-    fn measure(
-        set: &CurveSet,
-        cell: Option<&Cell>,
-        shortest: impl Fn(&Edges) -> Result<Option<Found>>,
-    ) -> Result<Thickness> {
         pool::check_process()?;
         let poca = |edges: &Edges| -> Result<Option<Strut>> {
-            Ok(shortest(edges)?.map(|found| edges.strut(&found)))
+            let shortest = Octree::new(edges).shortest(edges)?;
+            Ok(shortest.map(|found| edges.strut(&found)))
         };
         if set.basis().is_polyline() {
             let edges = Edges::of(set, cell)?;
@@ -277,10 +252,7 @@ pub fn struts(set: &CurveSet, cell: Option<&Cell>, longest: f64) -> Result<Vec<S
         return Ok(on_splines.collect());
     }
     let edges = Edges::of(set, cell)?;
-    let mut found = match edges.len() < MANY_EDGES {
-        true => brute::up_to(&edges, longest)?,
-        false => Octree::new(&edges).up_to(&edges, longest)?,
-    };
+    let mut found = Octree::new(&edges).up_to(&edges, longest)?;
     found.sort_by(Found::order);
     Ok(found.iter().map(|found| edges.strut(found)).collect())
 }

@@ -3,7 +3,7 @@
 
 use super::edges::{Edge, Edges, Found, TOLERANCE};
 use crate::curve::vector::{add, dot};
-use crate::curve::{Image, Point, is_home};
+use crate::curve::{Image, Point, bounds, is_home, union};
 use crate::error::Result;
 use rayon::prelude::*;
 use std::ops::Range;
@@ -15,50 +15,17 @@ const MOST_BITS: u32 = 21;
 /// Number of edges that a task searches.
 const CHUNK: usize = 128;
 
-/// A box, axis-aligned.
-#[derive(Clone, Copy, Debug)]
-struct Bounds {
-    lo: Point,
-    hi: Point,
+/// A box, axis-aligned: smallest and largest coordinates.
+type Bounds = [Point; 2];
+
+fn bounds_of(edge: &Edge) -> Bounds {
+    bounds([edge.start, add(edge.start, edge.along)])
 }
 
-impl Bounds {
-    const EMPTY: Bounds = Bounds {
-        lo: [f64::INFINITY; 3],
-        hi: [f64::NEG_INFINITY; 3],
-    };
-
-    fn of(edge: &Edge) -> Bounds {
-        let end = add(edge.start, edge.along);
-        Bounds {
-            lo: [0, 1, 2].map(|x| edge.start[x].min(end[x])),
-            hi: [0, 1, 2].map(|x| edge.start[x].max(end[x])),
-        }
-    }
-
-    fn union(self, other: &Bounds) -> Bounds {
-        Bounds {
-            lo: [0, 1, 2].map(|x| self.lo[x].min(other.lo[x])),
-            hi: [0, 1, 2].map(|x| self.hi[x].max(other.hi[x])),
-        }
-    }
-
-    /// Returns the box, translated and padded.
-    fn moved(&self, by: Point, pad: f64) -> Bounds {
-        Bounds {
-            lo: add(self.lo, by).map(|x| x - pad),
-            hi: add(self.hi, by).map(|x| x + pad),
-        }
-    }
-
-    /// Returns a lower bound of the squared distance between two boxes, rounding included.
-    fn distance_sq(&self, other: &Bounds) -> f64 {
-        let gap = [0, 1, 2].map(|x| {
-            let apart = (self.lo[x] - other.hi[x]).max(other.lo[x] - self.hi[x]);
-            apart.max(0.0)
-        });
-        dot(gap, gap) * (1.0 - TOLERANCE)
-    }
+/// Returns a lower bound of the squared distance between two boxes, rounding included.
+fn distance_sq(a: &Bounds, b: &Bounds) -> f64 {
+    let gap = [0, 1, 2].map(|x| (a[0][x] - b[1][x]).max(b[0][x] - a[1][x]).max(0.0));
+    dot(gap, gap) * (1.0 - TOLERANCE)
 }
 
 /// A node in the order of a traversal, children after their parent.
@@ -103,15 +70,15 @@ impl Builder<'_> {
             return self.add(range, digit - 1);
         }
         self.nodes.push(Node {
-            bounds: Bounds::EMPTY,
+            bounds: bounds([]),
             first: range.start as u32,
             end: range.end as u32,
             skip: 0,
             is_leaf,
         });
-        let mut bounds = Bounds::EMPTY;
+        let mut around = bounds([]);
         if is_leaf {
-            bounds = self.bounds[range].iter().fold(bounds, Bounds::union);
+            around = self.bounds[range].iter().copied().fold(around, union);
         } else {
             let mut start = range.start;
             while start < range.end {
@@ -120,11 +87,11 @@ impl Builder<'_> {
                 let end = start + self.tags[start..range.end].partition_point(same);
                 let child = self.nodes.len();
                 self.add(start..end, digit - 1);
-                bounds = bounds.union(&self.nodes[child].bounds);
+                around = union(around, self.nodes[child].bounds);
                 start = end;
             }
         }
-        self.nodes[at].bounds = bounds;
+        self.nodes[at].bounds = around;
         self.nodes[at].skip = self.nodes.len() as u32;
     }
 }
@@ -142,9 +109,9 @@ struct Ramp<'a> {
 
 impl Ramp<'_> {
     /// Returns true if a box may intersect the ramp.
-    fn meets(&self, b: &Bounds) -> bool {
-        let center = [0, 1, 2].map(|x| 0.5 * (b.lo[x] + b.hi[x]) - self.edge.start[x]);
-        let half = [0, 1, 2].map(|x| 0.5 * (b.hi[x] - b.lo[x]));
+    fn meets(&self, [lo, hi]: &Bounds) -> bool {
+        let center = [0, 1, 2].map(|x| 0.5 * (lo[x] + hi[x]) - self.edge.start[x]);
+        let half = [0, 1, 2].map(|x| 0.5 * (hi[x] - lo[x]));
         // Range of the scalar products with a vector, and a bound of the errors.
         let range = |v: Point| {
             let middle = dot(v, center);
@@ -185,7 +152,7 @@ impl Octree {
         let mut order: Vec<(u64, u32)> = tags.into_iter().zip(0..).collect();
         order.par_sort_unstable();
         let (tags, order): (Vec<u64>, Vec<u32>) = order.into_iter().unzip();
-        let bounds: Vec<Bounds> = order.iter().map(|&k| Bounds::of(edges.get(k))).collect();
+        let bounds: Vec<Bounds> = order.iter().map(|&k| bounds_of(edges.get(k))).collect();
         let mut builder = Builder {
             tags: &tags,
             bounds: &bounds,
@@ -304,8 +271,9 @@ impl Octree {
         };
         let (by, pad) = edges.shift(image);
         let may_be_near = |bounds: &Bounds, limit: f64| {
-            let moved = bounds.moved(by, pad);
-            ramp.bounds.distance_sq(&moved) <= limit && ramp.meets(&moved)
+            let [lo, hi] = bounds.map(|p| add(p, by));
+            let moved = [lo.map(|x| x - pad), hi.map(|x| x + pad)];
+            distance_sq(&ramp.bounds, &moved) <= limit && ramp.meets(&moved)
         };
         let mut at = 0;
         while let Some(node) = self.nodes.get(at) {

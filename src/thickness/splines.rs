@@ -110,34 +110,13 @@ pub(super) fn deviation([a, b, c, d]: &Bezier) -> f64 {
     0.75 * second(a, b, c).max(second(b, c, d)) * (1.0 + 1e-9)
 }
 
-/// A part of a segment, ordered by the lower bound of its radius of curvature.
+/// A part of a segment, and a lower bound of its radius of curvature.
+#[derive(Clone, Copy)]
 struct Part {
     least: f64,
     curve: u32,
     segment: u32,
     range: [f64; 2],
-}
-
-impl PartialEq for Part {
-    fn eq(&self, other: &Part) -> bool {
-        self.cmp(other).is_eq()
-    }
-}
-
-impl Eq for Part {}
-
-impl PartialOrd for Part {
-    fn partial_cmp(&self, other: &Part) -> Option<std::cmp::Ordering> {
-        Some(self.cmp(other))
-    }
-}
-
-impl Ord for Part {
-    fn cmp(&self, other: &Part) -> std::cmp::Ordering {
-        let key = |p: &Part| (p.curve, p.segment);
-        let least = self.least.total_cmp(&other.least);
-        least.then(key(self).cmp(&key(other)))
-    }
 }
 
 /// Returns the sharpest bend: 0 at a corner between two segments, else the smallest radius of
@@ -156,36 +135,41 @@ pub(super) fn min_rad(set: &CurveSet, cell: Option<&Cell>) -> Option<MinRad> {
         let hull = set.segment(curve as usize, segment as usize);
         hull.map(|p| scale.apply(p))
     };
-    let mut parts = BinaryHeap::new();
+    let mut parts: Vec<Part> = Vec::new();
+    // Bounds are not negative, so their bit patterns have the same order.
+    let mut smallest = BinaryHeap::new();
     let mut best: Option<(f64, Part)> = None;
-    let mut add = |parts: &mut BinaryHeap<Reverse<Part>>, curve, segment, range: [f64; 2]| {
-        let hull = sub_segment(&scaled(curve, segment), range[0], range[1]);
-        let [least, middle] = radii(&hull);
-        let part = || Part {
-            least,
-            curve,
-            segment,
-            range,
+    let mut add =
+        |heap: &mut BinaryHeap<_>, parts: &mut Vec<Part>, curve, segment, range: [f64; 2]| {
+            let hull = sub_segment(&scaled(curve, segment), range[0], range[1]);
+            let [least, middle] = radii(&hull);
+            let part = Part {
+                least,
+                curve,
+                segment,
+                range,
+            };
+            if best.is_none_or(|(radius, _)| middle < radius) {
+                best = Some((middle, part));
+            }
+            let (radius, _) = best.expect("set above");
+            if least < radius * (1.0 - BEND_ACCURACY) {
+                heap.push(Reverse((least.to_bits(), curve, segment, parts.len())));
+                parts.push(part);
+            }
+            radius
         };
-        if best.as_ref().is_none_or(|(radius, _)| middle < *radius) {
-            best = Some((middle, part()));
-        }
-        let (radius, _) = best.as_ref().expect("set above");
-        if least < radius * (1.0 - BEND_ACCURACY) {
-            parts.push(Reverse(part()));
-        }
-        *radius
-    };
     let mut divisions = DIVISIONS;
     for (i, curve) in set.curves().iter().enumerate() {
         for s in 0..curve.segments {
-            add(&mut parts, i as u32, s, [0.0, 1.0]);
+            add(&mut smallest, &mut parts, i as u32, s, [0.0, 1.0]);
         }
         divisions += 4 * curve.segments as usize;
     }
     let mut least = f64::INFINITY;
     let mut radius = f64::INFINITY;
-    while let Some(Reverse(part)) = parts.pop() {
+    while let Some(Reverse((.., k))) = smallest.pop() {
+        let part = parts[k];
         let [from, to] = part.range;
         let middle = 0.5 * (from + to);
         if divisions == 0 || !(from < middle && middle < to) {
@@ -194,12 +178,10 @@ pub(super) fn min_rad(set: &CurveSet, cell: Option<&Cell>) -> Option<MinRad> {
         }
         divisions -= 1;
         for range in [[from, middle], [middle, to]] {
-            radius = add(&mut parts, part.curve, part.segment, range);
+            radius = add(&mut smallest, &mut parts, part.curve, part.segment, range);
         }
-        if parts
-            .peek()
-            .is_none_or(|Reverse(p)| p.least >= radius * (1.0 - BEND_ACCURACY))
-        {
+        let next = smallest.peek().map(|Reverse((.., k))| parts[*k].least);
+        if next.is_none_or(|least| least >= radius * (1.0 - BEND_ACCURACY)) {
             break;
         }
     }

@@ -137,6 +137,18 @@ pub struct Defect {
 }
 
 impl Defect {
+    /// Returns a defect of two curves, or of a curve and itself, without a cell.
+    #[cfg(feature = "verify")]
+    pub(crate) fn of_pair((i, j): (u32, u32), kind: DefectKind, place: Place) -> Defect {
+        Defect {
+            i,
+            j: Some(j),
+            image: Default::default(),
+            kind,
+            place,
+        }
+    }
+
     /// Returns the two curves, the second one translated, or `None` for a single curve.
     #[cfg(feature = "verify")]
     pub(crate) fn pair(&self) -> Option<ImagePair> {

@@ -1,7 +1,7 @@
 //! Type of a hard case, and transformations that give other views of it.
 
+use crate::support::oracle;
 use crate::support::random::Random;
-use linkwatch::kernels::oracle;
 use linkwatch::{Basis, CurveSet, Point, Positions, Precision};
 use std::collections::{BTreeMap, BTreeSet};
 

@@ -19,8 +19,8 @@ mod splines;
 mod support;
 mod touching;
 
+use crate::support::oracle;
 use case::{Case, Expected};
-use linkwatch::kernels::oracle;
 use runner::{EARLY_EXIT, EVENTS, FULL, GROWTH, INTERVAL, JUMP, Kernel, STILL, SUMS, Views};
 use std::collections::BTreeSet;
 

@@ -7,9 +7,9 @@
 //! degenerate: they touch, have common planes, and projections that coincide.
 
 use crate::scene::{Point, Scene};
+use crate::support::oracle;
 use crate::support::random::Random;
 use crate::support::session::Step;
-use linkwatch::kernels::oracle;
 use linkwatch::{
     Basis, Cell, CurveSet, Events, FrameInfo, Positions, PullThrough, Session, SessionOptions,
     Verdict,

@@ -4,6 +4,8 @@
 
 #[cfg(feature = "cli")]
 pub mod command;
+#[path = "../../src/kernels/tests/oracle.rs"]
+pub mod oracle;
 pub mod polygons;
 #[path = "../../src/random.rs"]
 pub mod random;

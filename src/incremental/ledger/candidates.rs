@@ -104,11 +104,7 @@ impl Task<'_> {
     #[inline(always)]
     fn visit_agenda<L: Lanes>(&self, simd: L, gathered: &mut Gathered) {
         let both = [self.tree(0), self.tree(1)];
-        let query = Query {
-            w: 2,
-            meeting: false,
-            reach: 0.0,
-        };
+        let query = Query::in_space(0.0);
         for round in 0.. {
             let Gathered {
                 agenda, candidates, ..

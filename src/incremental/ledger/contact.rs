@@ -276,13 +276,8 @@ fn touching(components: &[Component], contacts: &[&Contact], set: &CurveSet) -> 
 fn defect(contact: &Contact, set: &CurveSet) -> Defect {
     let (i, j) = contact.pair();
     let curves = [i, j].map(|i| i as usize);
-    Defect {
-        i,
-        j: Some(j),
-        image: Default::default(),
-        kind: DefectKind::Contact,
-        place: closest_of_segments(set, curves, contact.event.segments),
-    }
+    let place = closest_of_segments(set, curves, contact.event.segments);
+    Defect::of_pair((i, j), DefectKind::Contact, place)
 }
 
 /// Returns the components of the contacts of a pair of curves in one frame.

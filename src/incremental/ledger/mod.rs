@@ -63,13 +63,11 @@ mod outcome;
 mod pair;
 mod passages;
 mod pieces;
-#[cfg(test)]
-pub(super) mod planted;
 mod safe_fraction;
 mod swept;
 mod task;
 #[cfg(test)]
-mod tests;
+pub(super) mod tests;
 mod unresolved;
 
 use self::contact::Contact;

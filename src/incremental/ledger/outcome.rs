@@ -56,9 +56,7 @@ impl Outcome {
         self.near.clear();
         self
     }
-}
 
-impl Outcome {
     /// Keeps the findings about some pairs; with `i == j`, about a curve and itself.
     pub fn retain(&mut self, keep: impl Fn(Pair) -> bool) {
         for events in [&mut self.events, &mut self.unresolved] {
@@ -71,35 +69,7 @@ impl Outcome {
         self.near.retain(|&pair| keep(pair));
         self.contacts.retain(keep);
     }
-}
 
-/// Work counters of a step.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(crate) struct Counts {
-    /// Number of pairs of curves with overlapping swept boxes, and of curves tested with
-    /// themselves.
-    pub pairs: u64,
-    /// Number of pairs of segments with overlapping swept boxes.
-    pub candidates: u64,
-    /// Number of candidates that no axis separates.
-    pub near: u64,
-    /// Number of tested pairs of pieces.
-    pub tests: u64,
-    /// Number of tests that exact arithmetic decided.
-    pub exact: u64,
-}
-
-impl Counts {
-    pub fn add(&mut self, o: &Counts) {
-        self.pairs += o.pairs;
-        self.candidates += o.candidates;
-        self.near += o.near;
-        self.tests += o.tests;
-        self.exact += o.exact;
-    }
-}
-
-impl Outcome {
     /// Returns the pairs whose linking numbers the step may have changed, or that may have none in
     /// the last frame: those with a sum, undecided, or in contact. Not sorted; includes pairs of a
     /// curve and itself and of open curves. All other pairs that had a linking number have the same
@@ -147,5 +117,31 @@ impl Outcome {
             }
         }
         rest.into_keys().collect()
+    }
+}
+
+/// Work counters of a step.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct Counts {
+    /// Number of pairs of curves with overlapping swept boxes, and of curves tested with
+    /// themselves.
+    pub pairs: u64,
+    /// Number of pairs of segments with overlapping swept boxes.
+    pub candidates: u64,
+    /// Number of candidates that no axis separates.
+    pub near: u64,
+    /// Number of tested pairs of pieces.
+    pub tests: u64,
+    /// Number of tests that exact arithmetic decided.
+    pub exact: u64,
+}
+
+impl Counts {
+    pub fn add(&mut self, o: &Counts) {
+        self.pairs += o.pairs;
+        self.candidates += o.candidates;
+        self.near += o.near;
+        self.tests += o.tests;
+        self.exact += o.exact;
     }
 }

@@ -111,12 +111,9 @@ impl Task<'_> {
         let frames = self.step.frames;
         let [i, j] = self.curves.map(|i| i as u32);
         part.counts.add(&found.counts);
-        let undecided = |kind, segments| Defect {
-            i,
-            j: Some(j),
-            image: Default::default(),
-            kind,
-            place: closest_of_segments(frames[1], self.curves, segments),
+        let undecided = |kind, segments| {
+            let place = closest_of_segments(frames[1], self.curves, segments);
+            Defect::of_pair((i, j), kind, place)
         };
         if let Err(segments) = done {
             let defect = undecided(DefectKind::TooClose, segments);

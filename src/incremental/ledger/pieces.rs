@@ -2,7 +2,7 @@
 //! keep them link homotopic to the splines.
 
 use super::task::Task;
-use crate::curve::{Point, point_at};
+use crate::curve::{Point, bounds, point_at};
 use crate::discretize::{Halving, Separation, Sieve};
 
 /// Minimum number of pieces of a spline segment.
@@ -27,16 +27,7 @@ impl Sieve<Vertex> for MovingBoxes {
     type Bounds = [[Point; 2]; 2];
 
     fn bounds(&self, vertices: &[Vertex]) -> Self::Bounds {
-        [0, 1].map(|frame| {
-            let (mut lo, mut hi) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
-            for vertex in vertices {
-                for (x, v) in vertex.points[frame].into_iter().enumerate() {
-                    lo[x] = if v < lo[x] { v } else { lo[x] };
-                    hi[x] = if v > hi[x] { v } else { hi[x] };
-                }
-            }
-            [lo, hi]
-        })
+        [0, 1].map(|frame| bounds(vertices.iter().map(|v| v.points[frame])))
     }
 
     fn apart(&self, first: &Self::Bounds, second: &Self::Bounds) -> bool {

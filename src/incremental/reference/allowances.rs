@@ -32,14 +32,14 @@
 
 use super::clearance::typical_clearance;
 use super::gap::{DEPTH, GOOD, gap, least_component};
-use super::neighbours::{Block, NearBlocks, Neighbours, first_blocks, near_leaves};
+use super::neighbours::{NearBlocks, Neighbours, near_leaves};
 use crate::certificate::Certificate;
 use crate::curve::vector::distance;
 use crate::curve::{Basis, Box3, CurveSet, Point, pow2};
 use crate::discretize::Hull;
 use crate::incremental::covered::Covered;
-use crate::pairs::{Agenda, LinkSearch, PairFilter, Query, SegmentPairs, Trees, descend};
-use crate::simd::{LANES, Lanes, dispatch};
+use crate::pairs::{Agenda, Blocks, LinkSearch, PairFilter, Query, SegmentPairs, Trees, descend};
+use crate::simd::{Lanes, dispatch};
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicU32, AtomicUsize, Ordering};
 
@@ -81,8 +81,7 @@ pub(super) struct Allowances<'a> {
     pub reach: f64,
     /// Bit patterns of the allowances. None is negative, so the patterns have the same order.
     slots: Vec<AtomicU32>,
-    /// First block of each curve.
-    first: Vec<Block>,
+    blocks: Blocks,
     /// Maximum number of near pairs of blocks.
     most: usize,
     /// Number of those found so far.
@@ -104,7 +103,7 @@ impl<'a> Allowances<'a> {
             filter,
             reach: typical_clearance(covered, trees, filter) * SHARE * GOOD,
             slots: Vec::new(),
-            first: first_blocks(covered.set),
+            blocks: Blocks::new(covered.set),
         };
         let none = || AtomicU32::new(f32::INFINITY.to_bits());
         all.slots.resize_with(covered.set.slots(), none);
@@ -196,7 +195,7 @@ impl<'a> Allowances<'a> {
         if self.is_full() {
             return None;
         }
-        let neighbours = Neighbours::new(self.first, &near.concat(), RANGE * self.reach / SHARE);
+        let neighbours = Neighbours::new(self.blocks, &near.concat(), RANGE * self.reach / SHARE);
         let slots = (0..set.len()).flat_map(|i| set.body(i));
         let allowances = slots.map(|slot| f32::from_bits(self.slots[slot].load(Ordering::Relaxed)));
         let allowances = allowances.collect();
@@ -253,11 +252,7 @@ impl<'a> Allowances<'a> {
     ) {
         let trees = curves.map(|i| self.trees.of(self.covered.set, i));
         agenda.push((trees[0].root(), trees[1].root()));
-        let query = Query {
-            w: 2,
-            meeting: false,
-            reach,
-        };
+        let query = Query::in_space(reach);
         while !agenda.is_empty() {
             descend::<L, _, true>(simd, trees, query, agenda, near, (usize::MAX, BATCH));
             self.keep_all_apart(curves, &near.all, blocks);
@@ -273,7 +268,7 @@ impl<'a> Allowances<'a> {
     /// another have at least the distance within which pairs bound allowances.
     fn add_leaves(&self, curves: [usize; 2], range: f32, buffers: &mut Buffers) {
         let trees = curves.map(|i| self.trees.of(self.covered.set, i));
-        let [i, j] = curves.map(|i| self.first[i]);
+        let [i, j] = curves.map(|i| self.blocks.first(i));
         let least = ((self.reach / SHARE).min(f32::MAX.into()) as f32) * (1.0 - 1e-6);
         near_leaves(trees, range, |a, b, gap| {
             if i != j || a <= b {
@@ -313,9 +308,8 @@ impl<'a> Allowances<'a> {
                 let enough = f64::from(most) * (1.0 + 1e-5) / share + slack;
                 let b = Hull::new(set.hull(j, t as usize));
                 let gap = gap(&a, &b, enough, DEPTH);
-                let block = |i: usize, s: u32| self.first[i] + s / LANES as u32;
                 blocks.push(NearBlocks {
-                    blocks: [block(i, s), block(j, t)],
+                    blocks: [self.blocks.of(i, s), self.blocks.of(j, t)],
                     gap: (gap - slack).clamp(0.0, f32::MAX.into()) as f32 * (1.0 - 1e-6),
                 });
                 // A larger gap may depend on the order of tests, so it must not be used.

@@ -1,8 +1,8 @@
 //! Neighbours: the blocks of segments that are near one another in the reference frame, with lower
 //! bounds of their distances. Molecular dynamics calls this a Verlet list.
 
-use crate::curve::{Box3, BoxGroup, CurveSet};
-use crate::pairs::{CurveTree, overlapping};
+use crate::curve::{Box3, BoxGroup};
+use crate::pairs::{BlockLists, Blocks, CurveTree, overlapping};
 use crate::simd::{LANES, Portable};
 
 /// A block of eight segments, counted over all curves.
@@ -17,7 +17,7 @@ pub(in crate::incremental) struct NearBlocks {
 }
 
 /// A neighbour of a block.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub(in crate::incremental) struct Neighbour {
     pub block: Block,
     /// Lower bound of the distance between any two segments of both blocks that must stay apart.
@@ -27,79 +27,33 @@ pub(in crate::incremental) struct Neighbour {
 /// The neighbours of every block.
 #[derive(Debug)]
 pub(in crate::incremental) struct Neighbours {
-    /// First block of each curve, and the number of all blocks.
-    first: Vec<Block>,
-    /// Curve of each block.
-    curves: Vec<u32>,
-    /// First neighbour of each block, and the number of all neighbours.
-    starts: Vec<u32>,
-    all: Vec<Neighbour>,
+    pub blocks: Blocks,
+    lists: BlockLists<Neighbour>,
     /// Lower bound of the distance between segments of two blocks that are not neighbours.
     pub range: f64,
 }
 
 impl Neighbours {
-    /// Lists the neighbours. `first` is the result of [`first_blocks`].
-    pub fn new(first: Vec<Block>, near: &[NearBlocks], range: f64) -> Neighbours {
-        let count = *first.last().expect("the number of all blocks") as usize;
-        let mut starts = vec![0u32; count + 1];
+    /// Lists the neighbours.
+    pub fn new(blocks: Blocks, near: &[NearBlocks], range: f64) -> Neighbours {
         // A block of a curve may be near itself.
-        let ways = |n: &NearBlocks| {
-            let [a, b] = n.blocks;
-            let both = [(a, b), (b, a)];
+        let ways = |&NearBlocks {
+                        blocks: [a, b],
+                        gap,
+                    }: &NearBlocks| {
+            let both = [(a, b), (b, a)].map(|(a, block)| (a, Neighbour { block, gap }));
             both.into_iter().take(if a == b { 1 } else { 2 })
         };
-        for (a, _) in near.iter().flat_map(ways) {
-            starts[a as usize + 1] += 1;
-        }
-        for k in 0..count {
-            starts[k + 1] += starts[k];
-        }
-        let none = Neighbour { block: 0, gap: 0.0 };
-        let mut all = vec![none; starts[count] as usize];
-        let mut next = starts.clone();
-        for n in near {
-            for (a, b) in ways(n) {
-                let at = &mut next[a as usize];
-                all[*at as usize] = Neighbour {
-                    block: b,
-                    gap: n.gap,
-                };
-                *at += 1;
-            }
-        }
-        let sizes = first.windows(2).map(|w| (w[1] - w[0]) as usize);
-        let curves = sizes.enumerate();
-        let curves = curves.flat_map(|(i, size)| std::iter::repeat_n(i as u32, size));
         Neighbours {
-            curves: curves.collect(),
-            first,
-            starts,
-            all,
+            lists: BlockLists::new(blocks.len(), near.iter().flat_map(ways)),
+            blocks,
             range,
         }
     }
 
     /// Returns the neighbours of a block.
     pub fn of(&self, block: Block) -> &[Neighbour] {
-        let [from, to] = [0, 1].map(|k| self.starts[block as usize + k] as usize);
-        &self.all[from..to]
-    }
-
-    /// Returns the block that contains a segment of curve `i`.
-    pub fn block(&self, i: u32, segment: u32) -> Block {
-        self.first[i as usize] + segment / LANES as u32
-    }
-
-    /// Returns the curve of a block, and the index of the block in the curve.
-    pub fn place(&self, block: Block) -> (usize, usize) {
-        let i = self.curves[block as usize] as usize;
-        (i, (block - self.first[i]) as usize)
-    }
-
-    /// Returns the number of blocks.
-    pub fn blocks(&self) -> usize {
-        self.starts.len() - 1
+        self.lists.of(block)
     }
 }
 
@@ -145,15 +99,4 @@ fn gap_along_an_axis(a: &Box3, b: &Box3) -> f32 {
     let gap = |x: usize| (a.lo[x] - b.hi[x]).max(b.lo[x] - a.hi[x]);
     let gap = gap(0).max(gap(1)).max(gap(2));
     gap.max(0.0) * (1.0 - 1e-6)
-}
-
-/// Returns the first block of each curve, and the number of all blocks.
-pub(super) fn first_blocks(set: &CurveSet) -> Vec<Block> {
-    let mut first = vec![0];
-    let mut count = 0;
-    for curve in set.curves() {
-        count += curve.segments.div_ceil(LANES as u32);
-        first.push(count);
-    }
-    first
 }

@@ -6,167 +6,100 @@
 use crate::curve::Basis;
 use crate::kernels::KernelWork;
 
-/// Nanoseconds of each kind of work.
-struct Nanoseconds {
-    /// Boxes of a segment of a polyline, with its share of the tree above.
-    polyline_box: f64,
-    /// Boxes of a segment of a spline, likewise.
-    spline_box: f64,
-    /// Tree of a curve of any length.
-    tree: f64,
-    /// A curve in the search for potential links: sorting, columns.
-    sorted: f64,
-    /// Comparison of a box with a group of eight boxes.
-    sweep_step: f64,
-    /// A potential link that is found and sorted.
-    found: f64,
-    /// Overhead of a potential link in the kernel.
-    link: f64,
-    /// A node pair visited to choose the direction.
-    front: f64,
-    /// A node pair visited on the way to the segments, if its boxes are stored.
-    node: f64,
-    /// The same, if its boxes are computed.
-    computed_node: f64,
-    /// Additional memory latency of a node pair of either kind, if the curves and their boxes
-    /// exceed the cache.
-    far_node: f64,
-    /// Test of a segment pair for a crossing.
-    test: f64,
-    /// Additional time of a test that is decided exactly.
-    exact: f64,
-    /// Comparison of two hulls.
-    hulls: f64,
-    /// A point added by the discretization, and the repeated tests of its segments.
-    refined: f64,
-    /// A segment in the fast multipole method, if few pairs of segments are close.
-    multipole: f64,
-    /// Check of a segment for repeated vertices.
-    repeat: f64,
-    /// A point of a periodic scene: its fractional coordinates, for the box of its curve.
-    fractional: f64,
-    /// A point of a translated curve.
-    translated: f64,
-}
+/// Time on one thread, in nanoseconds.
+pub(crate) type Nanoseconds = f64;
+
+/// A nanosecond in milliseconds.
+pub(crate) const MS: f64 = 1e-6;
+
+/// Boxes of a segment of a polyline, with its share of the tree above.
+const POLYLINE_BOX: Nanoseconds = 1.4;
+/// Boxes of a segment of a spline, likewise.
+const SPLINE_BOX: Nanoseconds = 2.8;
+/// Tree of a curve of any length.
+const TREE: Nanoseconds = 60.0;
+/// A curve in the search for potential links: sorting, columns.
+const SORTED: Nanoseconds = 40.0;
+/// Comparison of a box with a group of eight boxes.
+const SWEEP_STEP: Nanoseconds = 2.0;
+/// A potential link that is found and sorted.
+const FOUND: Nanoseconds = 36.0;
+/// Overhead of a potential link in the kernel.
+const LINK: Nanoseconds = 105.0;
+/// A node pair visited to choose the direction.
+const FRONT: Nanoseconds = 20.0;
+/// A node pair visited on the way to the segments, if its boxes are stored.
+const NODE: Nanoseconds = 22.0;
+/// The same, if its boxes are computed.
+const COMPUTED_NODE: Nanoseconds = 30.0;
+/// Additional memory latency of a node pair of either kind, if the curves and their boxes
+/// exceed the cache.
+const FAR_NODE: Nanoseconds = 30.0;
+/// Test of a segment pair for a crossing.
+const TEST: Nanoseconds = 10.0;
+/// Additional time of a test that is decided exactly.
+const EXACT: Nanoseconds = 60.0;
+/// Comparison of two hulls.
+const HULLS: Nanoseconds = 50.0;
+/// A point added by the discretization, and the repeated tests of its segments.
+const REFINED: Nanoseconds = 140.0;
+/// A segment in the fast multipole method, if few pairs of segments are close.
+const MULTIPOLE: Nanoseconds = 1300.0;
+/// Check of a segment for repeated vertices.
+const REPEAT: Nanoseconds = 0.5;
+/// A point of a periodic scene: its fractional coordinates, for the box of its curve.
+const FRACTIONAL: Nanoseconds = 6.0;
+/// A point of a translated curve.
+const TRANSLATED: Nanoseconds = 4.0;
 
 /// Size of the last-level cache.
 const CACHE_BYTES: usize = 32 << 20;
 
-const NS: Nanoseconds = Nanoseconds {
-    polyline_box: 1.4,
-    spline_box: 2.8,
-    tree: 60.0,
-    sorted: 40.0,
-    sweep_step: 2.0,
-    found: 36.0,
-    link: 105.0,
-    front: 20.0,
-    node: 22.0,
-    computed_node: 30.0,
-    far_node: 30.0,
-    test: 10.0,
-    exact: 60.0,
-    hulls: 50.0,
-    refined: 140.0,
-    multipole: 1300.0,
-    repeat: 0.5,
-    fractional: 6.0,
-    translated: 4.0,
-};
-
-/// Time on one thread.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Time {
-    ns: f64,
-}
-
-impl Time {
-    /// Returns the time in milliseconds.
-    pub fn ms(self) -> f64 {
-        self.ns * 1e-6
-    }
-
-    /// Returns this time with a part of it replaced.
-    pub fn instead_of(self, part: Time, other: Time) -> Time {
-        Time {
-            ns: (self.ns - part.ns).max(0.0) + other.ns,
-        }
-    }
-}
-
-impl std::ops::Add for Time {
-    type Output = Time;
-
-    fn add(self, other: Time) -> Time {
-        Time {
-            ns: self.ns + other.ns,
-        }
-    }
-}
-
 /// Returns the time of the boxes of all segments.
-pub(crate) fn boxes(basis: Basis, curves: usize, segments: usize) -> Time {
+pub(crate) fn boxes(basis: Basis, curves: usize, segments: usize) -> Nanoseconds {
     let segment = if basis.is_polyline() {
-        NS.polyline_box
+        POLYLINE_BOX
     } else {
-        NS.spline_box
+        SPLINE_BOX
     };
-    Time {
-        ns: curves as f64 * NS.tree + segments as f64 * segment,
-    }
+    curves as f64 * TREE + segments as f64 * segment
 }
 
 /// Returns the time of the search for potential links.
-pub(crate) fn potential_links(curves: usize, steps: u64, links: usize) -> Time {
-    Time {
-        ns: curves as f64 * NS.sorted + steps as f64 * NS.sweep_step + links as f64 * NS.found,
-    }
+pub(crate) fn potential_links(curves: usize, steps: u64, links: usize) -> Nanoseconds {
+    curves as f64 * SORTED + steps as f64 * SWEEP_STEP + links as f64 * FOUND
 }
 
 /// Returns the time to prepare the periodic images of a frame: the boxes of all curves in
 /// fractional coordinates, and the translated curves.
-pub(crate) fn images(points: usize, translated: usize) -> Time {
-    Time {
-        ns: points as f64 * NS.fractional + translated as f64 * NS.translated,
-    }
+pub(crate) fn images(points: usize, translated: usize) -> Nanoseconds {
+    points as f64 * FRACTIONAL + translated as f64 * TRANSLATED
 }
 
 /// Returns the time of the choice of directions.
-pub(crate) fn direction(links: usize, work: KernelWork) -> Time {
-    Time {
-        ns: links as f64 * NS.link + work.front as f64 * NS.front,
-    }
+pub(crate) fn direction(links: usize, work: KernelWork) -> Nanoseconds {
+    links as f64 * LINK + work.front as f64 * FRONT
 }
 
 /// Returns the time to convert splines to polylines.
-pub(crate) fn discretization(work: KernelWork) -> Time {
-    Time {
-        ns: work.overlaps as f64 * NS.hulls + work.refined as f64 * NS.refined,
-    }
+pub(crate) fn discretization(work: KernelWork) -> Nanoseconds {
+    work.overlaps as f64 * HULLS + work.refined as f64 * REFINED
 }
 
 /// Returns the time of the fast multipole method for this number of segments, in any number of
 /// links that are each predicted to gain by it.
-pub(super) fn multipole(segments: usize) -> Time {
-    Time {
-        ns: segments as f64 * NS.multipole,
-    }
+pub(super) fn multipole(segments: usize) -> Nanoseconds {
+    segments as f64 * MULTIPOLE
 }
 
 /// Returns the time of counting crossings and repeated vertices. `bytes` of curves and boxes are
 /// read.
-pub(crate) fn crossings(segments: usize, work: KernelWork, bytes: usize) -> Time {
-    let far = if bytes > CACHE_BYTES {
-        NS.far_node
-    } else {
-        0.0
-    };
-    Time {
-        ns: work.nodes as f64 * NS.node
-            + work.computed as f64 * NS.computed_node
-            + (work.nodes + work.computed) as f64 * far
-            + work.tests as f64 * NS.test
-            + work.exact as f64 * NS.exact
-            + segments as f64 * NS.repeat,
-    }
+pub(crate) fn crossings(segments: usize, work: KernelWork, bytes: usize) -> Nanoseconds {
+    let far = if bytes > CACHE_BYTES { FAR_NODE } else { 0.0 };
+    work.nodes as f64 * NODE
+        + work.computed as f64 * COMPUTED_NODE
+        + (work.nodes + work.computed) as f64 * far
+        + work.tests as f64 * TEST
+        + work.exact as f64 * EXACT
+        + segments as f64 * REPEAT
 }

@@ -6,18 +6,16 @@
 //! So it wins if thousands of strands pass thousands of others at a distance, as on two wound
 //! balls, and nowhere else.
 
-use super::costs::{self, Time};
+use super::costs::{self, MS, Nanoseconds};
 use crate::kernels::KernelWork;
 use crate::kernels::crossings::{Input, sample};
 use crate::pairs::Pair;
 use rayon::prelude::*;
 
-impl Time {
-    /// Returns this time with long links summed instead of counted.
-    pub fn with_sums(self, long: &[LongLink]) -> Time {
-        let sum = |time: Time, link: &LongLink| time.instead_of(link.counting, link.summing);
-        long.iter().fold(self, sum)
-    }
+/// Returns the time of counting with long links summed instead of counted.
+pub(crate) fn with_sums(counting: Nanoseconds, long: &[LongLink]) -> Nanoseconds {
+    let sum = |time: Nanoseconds, link: &LongLink| (time - link.counting).max(0.0) + link.summing;
+    long.iter().fold(counting, sum)
 }
 
 /// A potential link for which a sum pays.
@@ -26,9 +24,9 @@ pub(crate) struct LongLink {
     /// Index in the list of links.
     pub at: usize,
     /// Predicted time of counting on one thread.
-    pub counting: Time,
+    pub counting: Nanoseconds,
     /// Predicted time of the sum on one thread.
-    pub summing: Time,
+    pub summing: Nanoseconds,
 }
 
 /// Minimum number of segments of two curves: below that, counting is fast however they cross.
@@ -78,7 +76,7 @@ fn decide(at: usize, segments: u32, work: KernelWork) -> Option<LongLink> {
     // Boxes take at least 2 bytes per segment, so curves of this length exceed every cache.
     let counting = costs::crossings(0, work, usize::MAX);
     let summing = costs::multipole(segments);
-    let worth = counting.ms() > SHORT_MS.max(SHORTER * summing.ms());
+    let worth = counting * MS > SHORT_MS.max(SHORTER * (summing * MS));
     worth.then_some(LongLink {
         at,
         counting,

@@ -9,7 +9,7 @@ pub(crate) mod costs;
 mod long;
 mod sample;
 
-pub(crate) use long::LongLink;
+pub(crate) use long::{LongLink, with_sums};
 pub(crate) use sample::Sample;
 
 use super::crossings::{Input, busy_threads};
@@ -74,12 +74,6 @@ impl<'a> Predictions<'a> {
         })
     }
 
-    /// Same as [`Predictions::long`], by value.
-    pub fn into_long(self) -> Vec<LongLink> {
-        self.long();
-        self.long.into_inner().unwrap_or_default()
-    }
-
     /// Returns the estimated work of counting.
     pub fn sample(&self) -> &Sample {
         self.sample
@@ -93,9 +87,9 @@ impl<'a> Predictions<'a> {
         let sample = self.sample();
         let busy = busy_threads(links.len(), input.set.segments(), sample.shared);
         let read = 3 * input.set.points() * input.set.precision().bytes() + input.trees.bytes();
-        let counting = costs::crossings(0, sample.work, read).with_sums(self.long());
+        let counting = with_sums(costs::crossings(0, sample.work, read), self.long());
         let time = costs::direction(links.len(), sample.work) + counting;
-        time.ms() / busy.max(1) as f64
+        time * costs::MS / busy.max(1) as f64
     }
 
     /// Returns the predicted times on a measured adapter and on the CPU, or `None` if the adapter
@@ -143,7 +137,7 @@ impl<'a> Predictions<'a> {
         };
         let links = self.links.len();
         let most = costs::direction(links, most) + costs::crossings(0, most, usize::MAX);
-        cost.cpu_factor * most.ms() <= cost.adapter_ms(self.counting_work(0))
+        cost.cpu_factor * (most * costs::MS) <= cost.adapter_ms(self.counting_work(0))
     }
 
     fn counting_work(&self, tests: u64) -> CountingWork {

@@ -2,7 +2,7 @@
 //! decide one at a time, exactly.
 
 use super::gather::Task;
-use crate::curve::{Knots, Point, ReadKnots};
+use crate::curve::{Knots, Point, ReadKnots, bounds};
 use crate::discretize::{Sieve, Splits, pieces_between};
 use crate::exact::{
     Batch, BatchOutcome, Crossing, Predicates, crossing, crossing_of_sums, segments_touch,
@@ -273,14 +273,7 @@ impl Sieve<Point> for Shadows {
 
     #[inline(always)]
     fn bounds(&self, vertices: &[Point]) -> [Point; 2] {
-        let mut bounds = [vertices[0]; 2];
-        for p in vertices {
-            for x in 0..3 {
-                bounds[0][x] = bounds[0][x].min(p[x]);
-                bounds[1][x] = bounds[1][x].max(p[x]);
-            }
-        }
-        bounds
+        bounds(vertices.iter().copied())
     }
 
     #[inline(always)]

@@ -4,7 +4,7 @@ use super::*;
 use crate::Certifier;
 use crate::curve::{Basis, Positions};
 use crate::discretize::homotopic_polylines;
-use crate::kernels::oracle;
+use crate::kernels::tests::oracle;
 use crate::random::Random;
 
 /// Points per segment of the reference polygons; the finer one is used if the coarser one

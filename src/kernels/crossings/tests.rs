@@ -3,8 +3,8 @@
 
 use super::*;
 use crate::curve::{Basis, Positions};
-use crate::kernels::conformance::polygons::{Polygon, exact_set_of, floats, set_of, winding};
-use crate::kernels::oracle;
+use crate::kernels::tests::oracle;
+use crate::kernels::tests::polygons::{Polygon, exact_set_of, floats, set_of, winding};
 use crate::pairs::{LinkSearch, degenerate_curves};
 use crate::random::Random;
 use crate::simd::Portable;

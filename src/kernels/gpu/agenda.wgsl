@@ -1,13 +1,6 @@
 // Lists of node pairs: those to visit next, and those of the lowest level, which are tiles. The
-// constants are defined in src/kernels/gpu/descent.rs and counters.rs.
-
-// A node pair to visit: a pair of curves and a node of each, that of the upper curve first. The
-// axis of projection is in the highest bits of the pair.
-struct NodePair {
-    pair: u32,
-    first: u32,
-    second: u32,
-}
+// constants are defined in src/kernels/gpu/descent.rs and counters.rs. Of a node pair, the node of
+// the upper curve comes first, and the axis of projection is in the highest bits of the pair.
 
 @group(0) @binding(1) var<storage, read> nodes: array<BoxNode>;
 @group(0) @binding(2) var<storage, read_write> next: array<NodePair>;

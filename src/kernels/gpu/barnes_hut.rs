@@ -38,7 +38,7 @@ use super::frame::Frame;
 use super::layout::{AngleSum, Criterion, FarSum, Node, NodePair, Parameters, word};
 use super::{State, direct};
 use crate::kernels::Estimate;
-use crate::kernels::sums::barnes_hut::{PackedNode, pack};
+use crate::kernels::sums::barnes_hut::pack;
 use crate::pairs::Pair;
 use rayon::prelude::*;
 use std::f64::consts::PI;
@@ -132,10 +132,9 @@ impl Forest {
                     .iter()
                     .map(|p| [0, 1, 2].map(|x| f64::from(p[x])))
                     .collect();
-                let mut packed = Vec::new();
-                let levels = pack(&points, &mut packed);
-                let own = |n: &PackedNode| node(n, range.start as u32);
-                (packed.iter().map(own).collect(), levels)
+                let mut nodes = Vec::new();
+                let levels = pack(&points, range.start as u32, &mut nodes);
+                (nodes, levels)
             })
             .collect();
         let mut forest = Forest {
@@ -152,24 +151,6 @@ impl Forest {
             }));
         }
         forest
-    }
-}
-
-fn node(n: &PackedNode, first_vertex: u32) -> Node {
-    Node {
-        centre: n.centre[0],
-        radius: n.radius,
-        centre_rest: n.centre[1],
-        length: n.length,
-        second: n.second,
-        fourth: n.fourth,
-        first: first_vertex + n.first,
-        segments: n.segments,
-        tangents: n.tangents,
-        right: n.right,
-        leaf: u32::from(n.right == 0),
-        moments: n.moments,
-        padding: [0; 2],
     }
 }
 
@@ -305,12 +286,7 @@ fn pass(
     let criteria: Vec<Criterion> = asked.iter().map(|a| a.1).collect();
     let mut counts = [0u32; COUNTS as usize];
     counts[0] = asked.len() as u32;
-    let own = |level| Parameters {
-        radius: frame.radius,
-        zero: 0,
-        first: 0,
-        items: level,
-    };
+    let own = |level| Parameters::new(frame.radius, 0, level);
     let parameters: Vec<Parameters> = (0..levels).map(own).collect();
     let tile_bytes = u64::from(capacity.tiles) * size_of::<super::Tile>() as u64;
     let far_bytes = (asked.len() * size_of::<FarSum>()) as u64;

@@ -17,12 +17,6 @@ struct Node {
     padding: array<u32, 2>,
 }
 
-struct NodePair {
-    pair: u32,
-    first: u32,
-    second: u32,
-}
-
 struct Criterion {
     beta: f32,
     share: f32,

@@ -141,12 +141,7 @@ pub(super) fn fit(state: &mut State, frame: &Frame) -> [Vec<Command>; 2] {
         return [uploads, Vec::new()];
     }
     let parameters: Vec<Parameters> = (hierarchy.levels.iter())
-        .map(|nodes| Parameters {
-            radius: frame.radius,
-            zero: 0,
-            first: nodes.start,
-            items: nodes.len() as u32,
-        })
+        .map(|nodes| Parameters::new(frame.radius, nodes.start, nodes.len() as u32))
         .collect();
     uploads.push(Command::parameters(PARAMETERS, &parameters));
     let groups = |nodes: &Range<u32>| (nodes.len() as u32).div_ceil(THREADS);

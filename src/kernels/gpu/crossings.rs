@@ -244,12 +244,7 @@ impl Lists {
         commands.extend(uploads);
         let (upload, steps) = descent::descend(state, radius, capacity);
         commands.push(upload);
-        let own = |first| Parameters {
-            radius,
-            zero: 0,
-            first,
-            items: self.part.min(capacity.tiles - first),
-        };
+        let own = |first| Parameters::new(radius, first, self.part.min(capacity.tiles - first));
         let parts = (0..capacity.tiles).step_by(self.part as usize).map(own);
         commands.push(Command::parameters(PARAMETERS, &parts.collect::<Vec<_>>()));
         let [now, next] = descent::AGENDAS;

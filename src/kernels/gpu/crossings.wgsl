@@ -1,12 +1,6 @@
 // Crossings of tiles that single precision decides. The proof of the error bounds and the constants
 // in capitals are in src/kernels/gpu/crossings.rs. Rows are segments of the upper curve.
 
-struct NodePair {
-    pair: u32,
-    first: u32,
-    second: u32,
-}
-
 struct Undecided {
     pair: u32,
     upper: u32,

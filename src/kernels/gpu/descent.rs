@@ -47,12 +47,7 @@ pub(super) const COUNTERS: Binding = counters::binding(STAGE.name);
 pub(super) fn descend(state: &State, radius: f32, capacity: Capacity) -> (Command, Vec<Command>) {
     let steps = state.hierarchy.levels().saturating_sub(1);
     let parameters: Vec<Parameters> = (0..steps)
-        .map(|step| Parameters {
-            radius,
-            zero: 0,
-            first: 0,
-            items: step,
-        })
+        .map(|step| Parameters::new(radius, 0, step))
         .collect();
     let step = |step: u32| {
         let [from, to] = match step % 2 {

@@ -8,7 +8,7 @@ use std::collections::HashMap;
 use std::pin::pin;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError, mpsc};
-use std::task::{Context, Poll, Wake, Waker};
+use std::task::{Context, Poll, Waker};
 use std::time::Duration;
 use wgpu::PollType;
 
@@ -397,21 +397,15 @@ fn failed(e: impl std::fmt::Display) -> Error {
     Error::Failed(e.to_string())
 }
 
-/// Waits for a future that needs no executor.
+/// Waits for a future that needs no executor: the futures of wgpu are ready at once, except in
+/// browsers.
 fn block_on<F: Future>(future: F) -> F::Output {
-    struct Unpark(std::thread::Thread);
-    impl Wake for Unpark {
-        fn wake(self: Arc<Self>) {
-            self.0.unpark();
-        }
-    }
-    let waker = Waker::from(Arc::new(Unpark(std::thread::current())));
-    let mut context = Context::from_waker(&waker);
+    let mut context = Context::from_waker(Waker::noop());
     let mut future = pin!(future);
     loop {
         match future.as_mut().poll(&mut context) {
             Poll::Ready(out) => return out,
-            Poll::Pending => std::thread::park(),
+            Poll::Pending => std::thread::yield_now(),
         }
     }
 }

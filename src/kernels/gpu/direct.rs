@@ -117,7 +117,7 @@ use super::error::Error;
 use super::fixed;
 use super::frame::Frame;
 use super::layout::{AngleSum, Tile, word};
-use super::precision::{GpuPrecision, Real};
+use super::precision::Real;
 use super::tiles::{Shape, cut};
 use crate::kernels::Estimate;
 use crate::kernels::sums::barnes_hut::LEAF_SEGMENTS;
@@ -159,22 +159,6 @@ const SKEW: f64 = 40.0;
 /// Factor on error bounds, for the rounding of the bounds themselves.
 const ROUNDED_UP: f64 = 1.01;
 
-/// Returns the constant that is added to the length of a segment.
-const fn tiny_length(precision: GpuPrecision) -> f64 {
-    match precision {
-        GpuPrecision::Single => 1e-15,
-        GpuPrecision::Double => 1e-18,
-    }
-}
-
-/// Returns the square of the distance below which a segment pair is undecided.
-const fn tiny_square(precision: GpuPrecision) -> f64 {
-    match precision {
-        GpuPrecision::Single => 1e-16,
-        GpuPrecision::Double => 1e-36,
-    }
-}
-
 // Leaves of trees must fit into tiles of the smaller shape.
 const _: () = assert!(LEAF_SEGMENTS <= SHAPES[0].rows && LEAF_SEGMENTS <= SHAPES[0].columns);
 
@@ -192,10 +176,7 @@ pub(super) const SHAPES: [Shape; 2] = [
 
 /// Returns the shaders for each of [`SHAPES`].
 pub(super) fn stages<R: Real>() -> [Stage; 2] {
-    let [small, large] = match R::PRECISION {
-        GpuPrecision::Single => ["direct, small", "direct"],
-        GpuPrecision::Double => ["direct, small, double", "direct, double"],
-    };
+    let [small, large] = R::DIRECT;
     [
         Stage {
             name: small,
@@ -232,8 +213,8 @@ fn source<R: Real>(shape: Shape) -> String {
         ("DOUBT", DOUBT),
         ("REACH", REACH),
         ("SKEW", SKEW * R::UNIT_ERROR),
-        ("TINY_LENGTH", tiny_length(R::PRECISION)),
-        ("TINY_SQUARE", tiny_square(R::PRECISION)),
+        ("TINY_LENGTH", R::TINY_LENGTH),
+        ("TINY_SQUARE", R::TINY_SQUARE),
         ("ROUNDED_UP", ROUNDED_UP * R::UNIT_ERROR),
         ("MOST", 1.0 / R::UNIT_ERROR),
         ("ATAN_HALF", 0.5f64.atan()),
@@ -291,8 +272,7 @@ pub(super) fn linking_numbers<R: Real>(
     let mut commands = vec![Command::Clear(super::SUMS, size)];
     for ((shape, stage), tiles) in SHAPES.iter().zip(stages::<R>()).zip(&tiles) {
         let per_group = THREADS / shape.rows;
-        let sums = [(super::SUMS, size)];
-        state.dispatch_tiles(&mut commands, stage, frame, tiles, per_group, &sums)?;
+        state.dispatch_tiles(&mut commands, stage, frame, tiles, per_group, size)?;
     }
     commands.push(Command::Download(super::SUMS, size));
     let found = state.run(frame, commands)?;
@@ -321,15 +301,8 @@ pub(super) fn sum_tiles(
     let work = u64::from(LEAF_SEGMENTS * LEAF_SEGMENTS);
     let mut commands = vec![Command::Clear(super::SUMS, size)];
     let per_group = THREADS / shape.rows;
-    let sums = [(super::SUMS, size)];
-    state.dispatch_buffer(
-        &mut commands,
-        stage,
-        frame,
-        (tiles, count, work),
-        per_group,
-        &sums,
-    );
+    let tiles = (tiles, count, work);
+    state.dispatch_buffer(&mut commands, stage, frame, tiles, per_group, size);
     commands.push(Command::Download(super::SUMS, size));
     let found = state.run(frame, commands)?;
     read(state, &found[0], count)

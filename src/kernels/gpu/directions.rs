@@ -36,12 +36,7 @@ pub(super) fn choose(
     pairs: &[Pair],
     capacity: Capacity,
 ) -> ([Command; 2], Command) {
-    let parameters = Parameters {
-        radius,
-        zero: 0,
-        first: 0,
-        items: pairs.len() as u32,
-    };
+    let parameters = Parameters::new(radius, 0, pairs.len() as u32);
     let listed: Vec<[u32; 2]> = pairs.iter().map(|&(i, j)| [i, j]).collect();
     let uploads = [
         Command::upload(PAIRS, &listed),

@@ -9,27 +9,18 @@ pub(crate) enum Error {
     NoAdapter(String),
     /// The arithmetic of the adapter does not satisfy the assumptions of the error bounds.
     Arithmetic(String),
-    /// The work exceeds a limit of the adapter.
-    Limit {
-        /// Name of the limited quantity.
-        what: &'static str,
-        /// Needed amount.
-        needed: u64,
-        /// Maximum amount.
-        limit: u64,
-    },
+    /// The work exceeds a limit of the adapter; with a message.
+    Limit(String),
     /// Out of memory, lost, or a driver error; with the message of the driver.
     Failed(String),
 }
 
 impl Error {
     /// Returns the error for a limit that is exceeded.
-    pub fn limit(what: &'static str, needed: u64, limit: u64) -> Error {
-        Error::Limit {
-            what,
-            needed,
-            limit,
-        }
+    pub fn limit(what: &str, needed: u64, limit: u64) -> Error {
+        Error::Limit(format!(
+            "{needed} {what} needed, the adapter allows {limit}"
+        ))
     }
 }
 
@@ -39,12 +30,7 @@ impl fmt::Display for Error {
             Error::Arithmetic(what) => {
                 write!(f, "the arithmetic of the adapter is wrong: {what}")
             }
-            Error::Limit {
-                what,
-                needed,
-                limit,
-            } => write!(f, "{needed} {what} needed, the adapter allows {limit}"),
-            Error::NoAdapter(what) | Error::Failed(what) => f.write_str(what),
+            Error::NoAdapter(what) | Error::Limit(what) | Error::Failed(what) => f.write_str(what),
         }
     }
 }

@@ -2,7 +2,7 @@
 //! of the rounding error.
 
 use super::precision::Real;
-use crate::curve::{Axes, CurveSet};
+use crate::curve::{Axes, CurveSet, bounds};
 use crate::kernels::sums::direct::Scale;
 use crate::pairs::Pair;
 use rayon::prelude::*;
@@ -152,13 +152,8 @@ impl<R: Real> Frame<R> {
 /// Returns the centre of the bounding box of the curves, and an upper bound of half its longest
 /// side.
 fn middle(set: &CurveSet, bodies: &[Range<usize>]) -> ([f64; 3], f64) {
-    let (mut lo, mut hi) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
-    for slot in bodies.iter().cloned().flatten() {
-        let p = set.at(slot);
-        for x in 0..3 {
-            (lo[x], hi[x]) = (lo[x].min(p[x]), hi[x].max(p[x]));
-        }
-    }
+    let slots = bodies.iter().cloned().flatten();
+    let [lo, hi] = bounds(slots.map(|slot| set.at(slot)));
     // Each half is finite, and so is their sum.
     let centre = [0, 1, 2].map(|x| 0.5 * lo[x] + 0.5 * hi[x]);
     let half = (0..3).fold(0.0, |m: f64, x| {

@@ -17,6 +17,17 @@ pub(crate) struct Parameters {
     pub items: u32,
 }
 
+impl Parameters {
+    pub fn new(radius: f32, first: u32, items: u32) -> Parameters {
+        Parameters {
+            radius,
+            zero: 0,
+            first,
+            items,
+        }
+    }
+}
+
 /// A tile of work: a run of segments of one curve, to be paired with a run of segments of another
 /// one.
 #[repr(C)]
@@ -89,7 +100,8 @@ pub(crate) struct Undecided {
     pub lower: u32,
 }
 
-/// A tree node; see [`crate::kernels::sums::barnes_hut::PackedNode`].
+/// A tree node of Barnes-Hut. Upper bounds are rounded up, all other values to the nearest. Moments
+/// are about the centre, divided by the length and, for each order, by the radius.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 pub(crate) struct Node {
@@ -101,9 +113,10 @@ pub(crate) struct Node {
     pub centre_rest: [f32; 3],
     /// Total length of the segments.
     pub length: f32,
-    /// Mean of the squared distance from the centre, divided by the squared radius.
+    /// Upper bound of the mean of the squared distance from the centre, divided by the squared
+    /// radius.
     pub second: f32,
-    /// Mean of the fourth power of the distance, divided by that of the radius.
+    /// Upper bound of the mean of the fourth power of the distance, divided by that of the radius.
     pub fourth: f32,
     /// Index of the first vertex.
     pub first: u32,
@@ -111,7 +124,7 @@ pub(crate) struct Node {
     pub segments: u32,
     /// Means of the products of the coordinates of the tangent.
     pub tangents: [f32; 6],
-    /// Index of the second child; the first child is the next node.
+    /// Index of the second child; the first child is the next node. 0 for a leaf.
     pub right: u32,
     /// 1 if the node is a leaf, else 0.
     pub leaf: u32,

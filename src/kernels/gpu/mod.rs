@@ -61,12 +61,12 @@ pub(super) use tests::direct_in_double;
 
 pub(crate) use error::Error;
 
-use self::barnes_hut::Forest;
 use self::boxes::Hierarchy;
 use self::capacity::Capacity;
 use self::commands::{ALIGNMENT, Binding, Buffer, Command, Stage};
 use self::device::{Adapter, Pending};
 pub(crate) use self::frame::Frame;
+pub(super) use self::layout::Node;
 use self::layout::{Parameters, Tile};
 use self::precision::Real;
 use super::crossings::Input;
@@ -229,18 +229,6 @@ impl Gpu {
     ) -> Result<Vec<Estimate>, Error> {
         direct::linking_numbers(&mut self.lock(), frame, pairs)
     }
-
-    /// Computes Barnes-Hut sums over the trees of a frame. With `beta` the kernel makes one pass
-    /// and accepts node pairs by distance, else by the proven error bound.
-    pub fn sum_by_trees(
-        &self,
-        frame: &Frame,
-        forest: &Forest,
-        pairs: &[Pair],
-        beta: Option<f64>,
-    ) -> Result<Vec<Estimate>, Error> {
-        barnes_hut::linking_numbers(&mut self.lock(), frame, forest, pairs, beta)
-    }
 }
 
 /// An adapter and the contents of its buffers.
@@ -366,7 +354,7 @@ impl State {
     }
 
     /// Appends the commands that run a shader on tiles, `per_group` tiles in each workgroup.
-    /// `results` are bound after the parameters, the vertices and the tiles.
+    /// The sums, of `bytes` bytes, are bound after the parameters, the vertices and the tiles.
     fn dispatch_tiles<R: Real>(
         &self,
         commands: &mut Vec<Command>,
@@ -374,7 +362,7 @@ impl State {
         frame: &Frame<R>,
         tiles: &[Tile],
         per_group: u32,
-        results: &[(Buffer, u64)],
+        bytes: u64,
     ) -> Result<(), Error> {
         let list = Buffer("tiles", stage.name);
         let most = self.adapter.max_buffer_bytes();
@@ -385,7 +373,7 @@ impl State {
             let parts = tiles::parts(tiles, STEP, longest, most);
             let counts: Vec<u32> = parts.iter().map(|part| part.len() as u32).collect();
             commands.push(Command::upload(list, tiles));
-            self.dispatch_parts(commands, stage, frame, (list, &counts), per_group, results);
+            self.dispatch_parts(commands, stage, frame, (list, &counts), per_group, bytes);
         }
         Ok(())
     }
@@ -399,14 +387,14 @@ impl State {
         frame: &Frame,
         (list, count, work): (Buffer, u32, u64),
         per_group: u32,
-        results: &[(Buffer, u64)],
+        bytes: u64,
     ) {
         let most = self.max_work / work.max(1);
         let part = (most as u32).next_multiple_of(STEP as u32).max(STEP as u32);
         let counts: Vec<u32> = (0..count.div_ceil(part))
             .map(|k| part.min(count - k * part))
             .collect();
-        self.dispatch_parts(commands, stage, frame, (list, &counts), per_group, results);
+        self.dispatch_parts(commands, stage, frame, (list, &counts), per_group, bytes);
     }
 
     /// Appends a dispatch for each batch of a list of tiles. The sizes of all batches but the last
@@ -418,40 +406,31 @@ impl State {
         frame: &Frame<R>,
         (list, counts): (Buffer, &[u32]),
         per_group: u32,
-        results: &[(Buffer, u64)],
+        bytes: u64,
     ) {
         let parameters = Buffer("parameters", stage.name);
-        let own = |&items: &u32| Parameters {
-            radius: frame.radius,
-            zero: 0,
-            first: 0,
-            items,
-        };
+        let own = |&items: &u32| Parameters::new(frame.radius, 0, items);
         let all: Vec<Parameters> = counts.iter().map(own).collect();
         commands.push(Command::parameters(parameters, &all));
         let mut at = 0;
         for (k, &count) in (0..).zip(counts) {
-            let bytes = u64::from(count) * size_of::<Tile>() as u64;
-            let mut bindings = vec![
-                Binding::parameters(parameters, k),
-                self.vertices(frame),
-                Binding {
-                    buffer: list,
-                    offset: at,
-                    size: bytes,
-                },
-            ];
-            let results = results
-                .iter()
-                .map(|&(buffer, size)| Binding::whole(buffer, size));
-            bindings.extend(results);
+            let tiles = Binding {
+                buffer: list,
+                offset: at,
+                size: u64::from(count) * size_of::<Tile>() as u64,
+            };
             commands.push(Command::Dispatch {
                 stage,
-                bindings,
+                bindings: vec![
+                    Binding::parameters(parameters, k),
+                    self.vertices(frame),
+                    tiles,
+                    Binding::whole(SUMS, bytes),
+                ],
                 groups: count.div_ceil(per_group),
             });
             commands.push(Command::Submit);
-            at += bytes;
+            at += tiles.size;
         }
     }
 }

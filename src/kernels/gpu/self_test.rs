@@ -10,15 +10,12 @@ use super::commands::{Binding, Buffer, Command, Stage};
 use super::error::Error;
 use super::fixed;
 use super::layout::Parameters;
-use super::precision::{GpuPrecision, Real};
+use super::precision::Real;
 
 /// Returns the shader that computes the samples.
 pub(super) fn stage<R: Real>() -> Stage {
     Stage {
-        name: match R::PRECISION {
-            GpuPrecision::Single => "self test",
-            GpuPrecision::Double => "self test, double",
-        },
+        name: R::SELF_TEST,
         source: || super::shader_in::<R>(&[], &[], &[include_str!("self_test.wgsl")]),
     }
 }
@@ -58,17 +55,7 @@ fn operands<R: Real>() -> Vec<[R; 2]> {
 pub(super) fn run<R: Real>(state: &mut State) -> Result<(), Error> {
     let operands = operands::<R>();
     let n = operands.len() as u64;
-    let parameters = Parameters {
-        radius: 0.0,
-        zero: 0,
-        first: 0,
-        items: n as u32,
-    };
-    let binding = |buffer, size| Binding {
-        buffer,
-        offset: 0,
-        size,
-    };
+    let parameters = Parameters::new(0.0, 0, n as u32);
     let real = size_of::<R>() as u64;
     let sizes = [2 * real * n, 8 * real * n, 16 * n];
     let commands = [
@@ -79,10 +66,10 @@ pub(super) fn run<R: Real>(state: &mut State) -> Result<(), Error> {
         Command::Dispatch {
             stage: stage::<R>(),
             bindings: vec![
-                binding(super::PARAMETERS, size_of::<Parameters>() as u64),
-                binding(OPERANDS, sizes[0]),
-                binding(RESULTS, sizes[1]),
-                binding(HALVES, sizes[2]),
+                Binding::whole(super::PARAMETERS, size_of::<Parameters>() as u64),
+                Binding::whole(OPERANDS, sizes[0]),
+                Binding::whole(RESULTS, sizes[1]),
+                Binding::whole(HALVES, sizes[2]),
             ],
             groups: n.div_ceil(64) as u32,
         },

@@ -16,6 +16,13 @@ struct Tile {
     padding: array<u32, 3>,
 }
 
+// A node pair to visit: a pair of curves, and a node of each.
+struct NodePair {
+    pair: u32,
+    first: u32,
+    second: u32,
+}
+
 @group(0) @binding(0) var<uniform> parameters: Parameters;
 
 // Returns the same number. `parameters.zero` is 0, but the compiler does not know that, so it can

@@ -1,6 +1,6 @@
 //! Summation kernels on an adapter, prepared for a set of polylines.
 
-use super::barnes_hut::Forest;
+use super::barnes_hut::{self, Forest};
 use super::{Error, Frame, Gpu};
 use crate::curve::CurveSet;
 use crate::kernels::Estimate;
@@ -20,10 +20,15 @@ impl Gpu {
     }
 
     /// Returns the Barnes-Hut kernel for a set of polylines. With `beta` it makes one pass and
-    /// accepts node pairs by distance.
+    /// accepts node pairs by distance, else by the proven error bound.
     pub fn barnes_hut<'a>(&'a self, set: &CurveSet, beta: Option<f64>) -> AdapterSum<'a> {
-        let sum = BarnesHutSum::new(self, set, beta);
-        Box::new(move |pairs| sum.linking_numbers(pairs))
+        let frame = Frame::new(set);
+        let forest = Forest::new(&frame);
+        // The lock ends before a fallback sums on the CPU, because rayon threads may steal tasks
+        // that need the lock.
+        Box::new(move |pairs| {
+            barnes_hut::linking_numbers(&mut self.lock(), &frame, &forest, pairs, beta)
+        })
     }
 }
 
@@ -79,35 +84,5 @@ impl<'a> DirectSum<'a> {
             );
         }
         Ok(found)
-    }
-}
-
-/// Barnes-Hut.
-struct BarnesHutSum<'a> {
-    gpu: &'a Gpu,
-    frame: Frame,
-    forest: Forest,
-    beta: Option<f64>,
-}
-
-impl<'a> BarnesHutSum<'a> {
-    /// Builds the trees of a set of polylines. With `beta` the kernel makes one pass and accepts
-    /// node pairs by distance.
-    fn new(gpu: &'a Gpu, set: &CurveSet, beta: Option<f64>) -> BarnesHutSum<'a> {
-        let frame = Frame::new(set);
-        BarnesHutSum {
-            gpu,
-            forest: Forest::new(&frame),
-            frame,
-            beta,
-        }
-    }
-
-    /// Returns the linking numbers of several pairs, in their order.
-    fn linking_numbers(&self, pairs: &[Pair]) -> Result<Vec<Estimate>, Error> {
-        // The lock ends before a fallback sums on the CPU, because rayon threads may steal tasks
-        // that need the lock.
-        self.gpu
-            .sum_by_trees(&self.frame, &self.forest, pairs, self.beta)
     }
 }

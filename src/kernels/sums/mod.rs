@@ -16,9 +16,19 @@ pub(crate) mod direct;
 mod estimate;
 pub(crate) mod fmm;
 pub(crate) mod interval;
-#[cfg(test)]
-mod truth;
 
 pub(crate) use chain::Chain;
 pub use estimate::Estimate;
 pub(crate) use estimate::Summation;
+
+/// Runs two parts of the work on a tree, in parallel tasks if it is large.
+fn join<A: Send, B: Send>(
+    is_large: bool,
+    first: impl FnOnce() -> A + Send,
+    second: impl FnOnce() -> B + Send,
+) -> (A, B) {
+    match is_large {
+        true => rayon::join(first, second),
+        false => (first(), second()),
+    }
+}

@@ -2,6 +2,7 @@
 
 use super::motion::Ranges;
 use crate::curve::{Basis, CurveSet, Image, is_home};
+use crate::pairs;
 use crate::simd::LANES;
 use std::ops::Range;
 
@@ -17,13 +18,10 @@ pub(super) struct BlockPair {
     pub image: Image,
 }
 
-/// The blocks of all curves, counted over all of them.
+/// The blocks of all curves, and the points of which they consist.
 #[derive(Debug)]
 pub(super) struct Blocks {
-    /// First block of each curve, and the number of all.
-    pub first: Vec<u32>,
-    /// Curve of each block.
-    pub curves: Vec<u32>,
+    pub numbers: pairs::Blocks,
     /// Points that each block depends on.
     pub points: Vec<Ranges>,
     /// Points that each chunk of [`CHUNK`] blocks depends on.
@@ -36,8 +34,7 @@ impl Blocks {
     pub fn new(set: &CurveSet) -> Blocks {
         let basis = set.basis();
         let mut blocks = Blocks {
-            first: vec![0],
-            curves: Vec::new(),
+            numbers: pairs::Blocks::new(set),
             points: Vec::new(),
             chunks: Vec::new(),
             widen: match basis {
@@ -60,25 +57,17 @@ impl Blocks {
                 let own = (from.max(lead) - lead).min(n)..(to - lead).min(n);
                 let before = n - (lead - from.min(lead))..n;
                 let after = 0..(to - lead).saturating_sub(n).min(n);
-                blocks.curves.push(i as u32);
                 blocks.points.push([own, before, after].map(shifted));
             }
-            blocks.first.push(blocks.curves.len() as u32);
         }
         blocks.chunks = blocks.points.chunks(CHUNK).map(joined).collect();
         blocks
     }
 
-    /// Returns curve of a block, and its number there.
-    pub fn place(&self, block: u32) -> (u32, u32) {
-        let curve = self.curves[block as usize];
-        (curve, block - self.first[curve as usize])
-    }
-
     /// Returns the pair of a block and an image of another one, or of itself.
     pub fn pair(&self, a: u32, b: u32, image: Image) -> BlockPair {
         let backward = image.map(|n| -n);
-        let [i, j] = [a, b].map(|k| self.curves[k as usize]);
+        let [i, j] = [a, b].map(|k| self.numbers.curves[k as usize]);
         let forward = match is_home(&image) || i != j {
             true => a <= b,
             false => image > backward,
@@ -93,11 +82,6 @@ impl Blocks {
                 image: backward,
             },
         }
-    }
-
-    /// Returns the number of blocks.
-    pub fn len(&self) -> usize {
-        self.curves.len()
     }
 }
 
@@ -154,7 +138,7 @@ mod tests {
                     let (start, n) = (own.start, own.len());
                     let (stride, lead) = (basis.stride(), basis.lead(true));
                     for s in 0..set.curve(i).segments as usize {
-                        let block = blocks.first[i] as usize + s / LANES;
+                        let block = blocks.numbers.of(i, s as u32) as usize;
                         for k in 0..basis.window() {
                             let point = start + (s * stride + k + n - lead) % n;
                             assert!(has(&blocks.points[block], point as u32));

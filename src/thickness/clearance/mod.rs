@@ -171,7 +171,7 @@ pub(crate) fn close_blocks(
     let list = list_pairs(&strands, reach, &mut LinkSearch::default())?;
     let pairs = list.below(within).into_iter().map(|k| list.blocks_of(k));
     let pairs: Vec<BlockPair> = pairs.collect();
-    let mut closest: Vec<Option<CloseStrands>> = vec![None; layout.blocks.len()];
+    let mut closest: Vec<Option<CloseStrands>> = vec![None; layout.blocks.numbers.len()];
     for (pair, measured) in pairs.iter().zip(strands.measure(&pairs, within)) {
         let Some(found) = measured.closest.filter(|found| found.ratio < within) else {
             continue;
@@ -184,10 +184,10 @@ pub(crate) fn close_blocks(
         }
     }
     let close = (0..).zip(closest).filter_map(|(block, closest)| {
-        let (curve, number) = layout.blocks.place(block);
+        let (curve, number) = layout.blocks.numbers.place(block);
         Some(CloseBlock {
-            curve,
-            first: number * LANES as u32,
+            curve: curve as u32,
+            first: (number * LANES) as u32,
             closest: closest?,
         })
     });

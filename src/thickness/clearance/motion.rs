@@ -2,6 +2,7 @@
 
 use crate::curve::{Point, Positions, larger, smaller};
 use nalgebra::{Matrix3, Vector3};
+use std::ops::{Range, Sub};
 
 /// Number of points to which a rigid motion is fitted.
 const SAMPLES: usize = 64;
@@ -148,9 +149,9 @@ impl Step<'_> {
     fn moved<T: Real>(
         &self,
         ranges: &Ranges,
-        add: impl Fn(&mut Extremes<T>, std::ops::Range<usize>),
+        add: impl Fn(&mut Extremes<T>, Range<usize>),
     ) -> Displacements {
-        let mut extremes = Extremes::EMPTY;
+        let mut extremes = Extremes::none();
         for [from, to] in ranges {
             if from < to {
                 add(&mut extremes, 3 * *from as usize..3 * *to as usize);
@@ -197,31 +198,11 @@ impl Step<'_> {
 }
 
 /// A floating-point type of coordinates.
-trait Real: Copy + std::ops::Sub<Output = Self> + PartialOrd {
-    /// The largest number.
-    const MOST: Self;
-    /// The smallest number.
-    const LEAST: Self;
-    fn wide(self) -> f64;
-}
+trait Real: Copy + Sub<Output = Self> + PartialOrd + From<f32> + Into<f64> {}
 
-impl Real for f32 {
-    const MOST: f32 = f32::MAX;
-    const LEAST: f32 = f32::MIN;
-    #[inline(always)]
-    fn wide(self) -> f64 {
-        self.into()
-    }
-}
+impl Real for f32 {}
 
-impl Real for f64 {
-    const MOST: f64 = f64::MAX;
-    const LEAST: f64 = f64::MIN;
-    #[inline(always)]
-    fn wide(self) -> f64 {
-        self
-    }
-}
+impl Real for f64 {}
 
 /// Smallest and largest differences of coordinates, those of eight points side by side.
 struct Extremes<T> {
@@ -230,10 +211,13 @@ struct Extremes<T> {
 }
 
 impl<T: Real> Extremes<T> {
-    const EMPTY: Extremes<T> = Extremes {
-        lo: [T::MOST; 24],
-        hi: [T::LEAST; 24],
-    };
+    /// Returns the extremes of no differences. Larger ones than these numbers only widen the range.
+    fn none() -> Extremes<T> {
+        Extremes {
+            lo: [T::from(f32::MAX); 24],
+            hi: [T::from(f32::MIN); 24],
+        }
+    }
 
     #[inline(always)]
     fn add(&mut self, q: &[T], p: &[T]) {
@@ -259,8 +243,8 @@ impl<T: Real> Extremes<T> {
         let lo: [T; 6] = std::array::from_fn(|k| smaller(lo[k], lo[k + 6]));
         let hi: [T; 6] = std::array::from_fn(|k| larger(hi[k], hi[k + 6]));
         [
-            [0, 1, 2].map(|x| smaller(lo[x], lo[x + 3]).wide()),
-            [0, 1, 2].map(|x| larger(hi[x], hi[x + 3]).wide()),
+            [0, 1, 2].map(|x| smaller(lo[x], lo[x + 3]).into()),
+            [0, 1, 2].map(|x| larger(hi[x], hi[x + 3]).into()),
         ]
     }
 }

@@ -7,7 +7,7 @@ use super::strands::{Measured, Strands};
 use crate::cancel::PairLimit;
 use crate::curve::{Box3, Image, Positions, Received, above, below, larger, pow2};
 use crate::error::{Error, Result};
-use crate::pairs::LinkSearch;
+use crate::pairs::{BlockLists, LinkSearch};
 use crate::periodic::too_far;
 use crate::simd::dispatch;
 use rayon::prelude::*;
@@ -49,9 +49,8 @@ struct NearPair {
 pub(super) struct NearList {
     /// Sorted.
     pairs: Vec<NearPair>,
-    /// First pair of each block in `of`, and the number of all.
-    starts: Vec<u32>,
-    of: Vec<u32>,
+    /// Pairs of each block, once they are needed.
+    of: Option<BlockLists<u32>>,
     /// Positions of the reference frame.
     reference: Received,
     /// Lattice of the reference frame, if the scene is periodic.
@@ -88,7 +87,7 @@ impl Moved {
     fn divide(&mut self, step: &Step<'_>, blocks: &Blocks, chunks: &[usize]) {
         let known = self.blocks.len();
         for &chunk in chunks {
-            let count = blocks.len().min((chunk + 1) * CHUNK) - chunk * CHUNK;
+            let count = blocks.numbers.len().min((chunk + 1) * CHUNK) - chunk * CHUNK;
             self.starts[chunk] = Some(self.blocks.len() as u32);
             let whole = self.chunks[chunk];
             self.blocks.extend(std::iter::repeat_n(whole, count));
@@ -154,11 +153,11 @@ impl NearList {
         // Rounding of single-precision boxes.
         let rounding = set.max_abs() * pow2(-22);
         let bounds = |block: u32| {
-            let (curve, number) = blocks.place(block);
-            set.leaf_boxes(curve as usize, number as usize).bounds()
+            let (curve, number) = blocks.numbers.place(block);
+            set.leaf_boxes(curve, number).bounds()
         };
-        let count = blocks.len() as u32;
-        let boxes: Vec<Box3> = match blocks.len() {
+        let count = blocks.numbers.len() as u32;
+        let boxes: Vec<Box3> = match blocks.numbers.len() {
             ..GRAIN => (0..count).map(bounds).collect(),
             _ => (0..count)
                 .into_par_iter()
@@ -167,7 +166,7 @@ impl NearList {
                 .collect(),
         };
         let dilation = |curve: u32| reach.ratio * radii[curve as usize] + reach.skin + rounding;
-        let dilated = boxes.iter().zip(&blocks.curves);
+        let dilated = boxes.iter().zip(&blocks.numbers.curves);
         let dilated: Vec<Box3> = dilated
             .map(|(b, &curve)| b.dilated(above(dilation(curve))))
             .collect();
@@ -187,7 +186,7 @@ impl NearList {
             }
             Some(lattice) => {
                 let near = lattice.near(&dilated, search);
-                let near = near.map_err(|block| too_far(blocks.curves[block] as usize))?;
+                let near = near.map_err(|block| too_far(blocks.numbers.curves[block] as usize))?;
                 near.map(|(a, b, image)| blocks.pair(a, b, image)).collect()
             }
         };
@@ -208,7 +207,7 @@ impl NearList {
             }
             let [a, b] = pair.blocks.map(|k| k as usize);
             let sum = [a, b]
-                .map(|k| radii[blocks.curves[k] as usize])
+                .map(|k| radii[blocks.numbers.curves[k] as usize])
                 .iter()
                 .sum::<f64>();
             let (other, rounding) = match &lattice {
@@ -235,8 +234,7 @@ impl NearList {
         };
         Ok(NearList {
             pairs,
-            starts: Vec::new(),
-            of: Vec::new(),
+            of: None,
             reference: Received::from(strands.positions),
             lattice,
             reach,
@@ -347,16 +345,17 @@ impl NearList {
         }
         moved.divide(&self.step(blocks, moved.rigid, positions), blocks, &far);
         let moved = &*moved;
+        let of = self.of.as_ref().expect("the level was chosen");
         let look = |&chunk: &usize| {
             let (mut due, mut compared) = (Vec::new(), 0);
-            for block in chunk * CHUNK..blocks.len().min((chunk + 1) * CHUNK) {
+            for block in chunk * CHUNK..blocks.numbers.len().min((chunk + 1) * CHUNK) {
                 let largest = moved.largest(moved.of(block as u32));
                 if largest <= f64::from(self.allowances[block]) {
                     continue;
                 }
-                let of = self.starts[block] as usize..self.starts[block + 1] as usize;
-                compared += of.len();
-                let pairs = self.of[of].iter().map(|&k| &self.pairs[k as usize]);
+                let pairs = of.of(block as u32);
+                compared += pairs.len();
+                let pairs = pairs.iter().map(|&k| &self.pairs[k as usize]);
                 let close = pairs.filter(|pair| moved.bound(pair) <= limit);
                 due.extend(close.map(|pair| pair.pair));
             }
@@ -429,11 +428,16 @@ impl NearList {
         if self.reach.skin == 0.0 {
             return;
         }
-        if self.starts.is_empty() {
-            self.index(blocks.len());
-        }
+        let pairs = (0..).zip(&self.pairs);
+        let sides = pairs.flat_map(|(k, NearPair { pair, .. })| {
+            let [a, b] = pair.blocks;
+            let sides = [a, b].into_iter().take(if a == b { 1 } else { 2 });
+            sides.map(move |block| (block, k))
+        });
+        self.of
+            .get_or_insert_with(|| BlockLists::new(blocks.numbers.len(), sides));
         self.allowances.clear();
-        self.allowances.resize(blocks.len(), f32::MAX);
+        self.allowances.resize(blocks.numbers.len(), f32::MAX);
         for pair in &self.pairs {
             let slack = (f64::from(pair.bound) - level) * f64::from(pair.radii);
             let allowance = below(0.5 * slack);
@@ -445,29 +449,5 @@ impl NearList {
         let chunks = self.allowances.chunks(CHUNK);
         let least = chunks.map(|chunk| chunk.iter().fold(f32::MAX, |a, &b| a.min(b)));
         self.chunk_allowances = least.collect();
-    }
-
-    /// Sorts the pairs by their blocks.
-    fn index(&mut self, blocks: usize) {
-        let sides = |pair: &NearPair| {
-            let [a, b] = pair.pair.blocks;
-            [a, b].into_iter().take(if a == b { 1 } else { 2 })
-        };
-        self.starts = vec![0; blocks + 1];
-        for block in self.pairs.iter().flat_map(sides) {
-            self.starts[block as usize + 1] += 1;
-        }
-        for k in 1..self.starts.len() {
-            self.starts[k] += self.starts[k - 1];
-        }
-        let mut next = self.starts.clone();
-        self.of = vec![0; *next.last().expect("the number of all") as usize];
-        for (k, pair) in self.pairs.iter().enumerate() {
-            for block in sides(pair) {
-                let at = &mut next[block as usize];
-                self.of[*at as usize] = k as u32;
-                *at += 1;
-            }
-        }
     }
 }

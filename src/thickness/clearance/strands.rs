@@ -169,7 +169,9 @@ impl Strands<'_> {
     /// Returns by how many periods the second block of a pair is later on the same curve. `None` if
     /// they are blocks of different curves, or of a curve and an image that does not continue it.
     fn later(&self, pair: &BlockPair) -> Option<i32> {
-        let [i, j] = pair.blocks.map(|k| self.blocks.curves[k as usize] as usize);
+        let [i, j] = pair
+            .blocks
+            .map(|k| self.blocks.numbers.curves[k as usize] as usize);
         if i != j {
             return None;
         }
@@ -181,7 +183,7 @@ impl Strands<'_> {
 
     /// Returns the numbers of two blocks on their curves.
     fn numbers(&self, pair: &BlockPair) -> [u32; 2] {
-        pair.blocks.map(|k| self.blocks.place(k).1)
+        pair.blocks.map(|k| self.blocks.numbers.place(k).1 as u32)
     }
 
     /// Returns true if some segments of two blocks may be two strands: on one curve, if they are
@@ -190,7 +192,7 @@ impl Strands<'_> {
         let Some(later) = self.later(pair) else {
             return true;
         };
-        let i = self.blocks.curves[pair.blocks[0] as usize] as usize;
+        let i = self.blocks.numbers.curves[pair.blocks[0] as usize] as usize;
         let curve = self.set.curve(i);
         let [_, most] = self
             .arcs
@@ -420,11 +422,10 @@ impl Strands<'_> {
     /// Reads a block of a curve.
     #[inline(always)]
     fn block(&self, number: u32) -> Block {
-        let (i, block) = self.blocks.place(number);
-        let i = i as usize;
+        let (i, block) = self.blocks.numbers.place(number);
         let curve = self.set.curve(i);
         let basis = self.set.basis();
-        let first = block * LANES as u32;
+        let first = (block * LANES) as u32;
         let count = (curve.segments - first).min(LANES as u32) as usize;
         let points = self.set.points_of(i);
         let (n, lead) = (points.len(), basis.lead(curve.closed));

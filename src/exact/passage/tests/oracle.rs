@@ -1,7 +1,7 @@
 //! Sums of passages of random polygons, compared with the linking numbers of the oracle.
 
 use super::*;
-use crate::kernels::oracle;
+use crate::kernels::tests::oracle;
 
 /// A polygon in both frames.
 type Moving = [Polygon; 2];

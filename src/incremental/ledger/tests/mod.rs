@@ -2,17 +2,18 @@
 //! passages.
 
 mod dense;
+pub(crate) mod planted;
 mod safe_fraction;
 mod speed;
 
 use super::cancellation::{Found, cancel};
 use super::pair::Part;
-use super::planted::{Plant, planted_step};
 use super::*;
 use crate::certificate::Certificate;
 use crate::curve::{Basis, Point, Positions};
 use crate::engine::Certifier;
 use crate::random::Random;
+use planted::{Plant, planted_step};
 use std::f64::consts::TAU;
 
 const ALL: Coverage = Coverage {

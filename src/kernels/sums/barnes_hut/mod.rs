@@ -26,7 +26,7 @@ use crate::curve::CurveSet;
 use crate::curve::vector::dot;
 use crate::pairs::Pair;
 #[cfg(feature = "gpu")]
-pub(crate) use packed::{LEAF_SEGMENTS, PackedNode, pack};
+pub(crate) use packed::{LEAF_SEGMENTS, pack};
 
 use crate::simd::dispatch;
 use bound::{Bounds, OUTWARD, ROUNDING, bounds};
@@ -274,7 +274,7 @@ enum Criterion {
 }
 
 /// Sums over node pairs, with their errors and their work.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 struct Sum {
     /// Sum of the expansions, times 4 pi.
     far: f64,
@@ -288,21 +288,6 @@ struct Sum {
     expanded: u64,
     summed: u64,
     visited: u64,
-}
-
-impl Default for Sum {
-    fn default() -> Sum {
-        Sum {
-            far: 0.0,
-            bounds: Bounds::default(),
-            near: 0.0,
-            near_error: 0.0,
-            estimate: 0.0,
-            expanded: 0,
-            summed: 0,
-            visited: 0,
-        }
-    }
 }
 
 impl Sum {

@@ -1,5 +1,5 @@
 use super::*;
-use crate::kernels::conformance::polygons::{check, hopf, polylines, scene};
+use crate::kernels::tests::polygons::{check, hopf, polylines, scene};
 use crate::scenes::Scene;
 
 fn options(order: Order, accept: Accept) -> Options {

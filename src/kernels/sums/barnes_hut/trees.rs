@@ -10,7 +10,8 @@ use super::bound::Reach;
 use super::moments::Moments;
 use crate::curve::pow2;
 use crate::curve::vector::{dot, norm, sub};
-use crate::curve::{CurveSet, Point};
+use crate::curve::{CurveSet, Point, union};
+use crate::kernels::sums::join;
 
 /// Number of segments of a leaf, and number of lanes of the near field.
 pub(super) const LEAF: usize = 4;
@@ -145,17 +146,10 @@ fn build(
     let half = leaves / 2;
     let (left, right) = below.split_at_mut(2 * half - 1);
     let (moments_left, moments_right) = moments_below.split_at_mut(2 * half - 1);
-    let mut build_left = || build(vertices, first, half, left, moments_left);
-    let mut build_right = || build(vertices, first + half, leaves - half, right, moments_right);
-    let [a, b] = if leaves > GRAIN {
-        rayon::join(build_left, build_right).into()
-    } else {
-        [build_left(), build_right()]
-    };
-    let extent = [
-        [0, 1, 2].map(|x| a[0][x].min(b[0][x])),
-        [0, 1, 2].map(|x| a[1][x].max(b[1][x])),
-    ];
+    let build_left = || build(vertices, first, half, left, moments_left);
+    let build_right = || build(vertices, first + half, leaves - half, right, moments_right);
+    let (a, b) = join(leaves > GRAIN, build_left, build_right);
+    let extent = union(a, b);
     let parts = [(&left[0], &moments_left[0]), (&right[0], &moments_right[0])];
     let length = parts[0].0.length + parts[1].0.length;
     let shares = if length > 0.0 {

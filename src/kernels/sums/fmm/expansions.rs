@@ -8,6 +8,7 @@
 use super::harmonics::{Buffers, Lanes, ShiftBuffers, add_segments, add_shifted, count};
 use super::norms::Norms;
 use super::tree::{Ball, GRAIN, LEAF, Tree};
+use crate::kernels::sums::join;
 use crate::simd::dispatch;
 use std::ops::Range;
 
@@ -93,18 +94,13 @@ impl Build<'_> {
         if leaves > 1 && leaves - half >= self.least {
             let (left, right) = below.split_at_mut((2 * half - 1) * size);
             let (norms_left, norms_right) = norms_below.split_at_mut((2 * half - 1) * width);
-            let mut lower = || {
+            let lower = || {
                 if both {
                     self.node(at[0], left, norms_left);
                 }
             };
-            let mut upper = || self.node(at[1], right, norms_right);
-            if leaves > GRAIN {
-                rayon::join(lower, upper);
-            } else {
-                lower();
-                upper();
-            }
+            let upper = || self.node(at[1], right, norms_right);
+            join(leaves > GRAIN, lower, upper);
         }
         if leaves <= DIRECT || !both {
             let range = first * LEAF..(first + leaves) * LEAF;

@@ -66,7 +66,7 @@ impl Buffers {
 }
 
 /// Factorials of 0 to twice the maximum order.
-const FACTORIALS: [f64; 2 * MOST + 1] = {
+pub(super) const FACTORIALS: [f64; 2 * MOST + 1] = {
     let mut f = [1.0; 2 * MOST + 1];
     let mut n = 1;
     while n < f.len() {

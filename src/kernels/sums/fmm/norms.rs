@@ -14,7 +14,9 @@
 
 use super::bound::ROUNDING;
 use super::harmonics::{MOST, at};
+use super::interact::FACTORIALS;
 use super::tree::{Ball, GRAIN, LEAF, Tree};
+use crate::kernels::sums::join;
 use crate::simd::dispatch;
 use std::ops::Range;
 
@@ -30,12 +32,7 @@ const SLACK: f64 = ROUNDING;
 
 /// The factors `(n - k)! (n + k)!`, doubled for `k > 0`.
 const WEIGHTS: [[f64; MOST + 1]; MOST + 1] = {
-    let mut f = [1.0; 2 * MOST + 1];
-    let mut n = 1;
-    while n < f.len() {
-        f[n] = f[n - 1] * n as f64;
-        n += 1;
-    }
+    let f = FACTORIALS;
     let mut w = [[0.0; MOST + 1]; MOST + 1];
     let mut n = 0;
     while n <= MOST {
@@ -104,15 +101,10 @@ fn outline(tree: &Tree, order: usize, [place, first, leaves]: [usize; 3], out: &
     if leaves > 1 {
         let half = leaves / 2;
         let (left, right) = below.split_at_mut((2 * half - 1) * Norms::width(order));
-        let mut lower = || outline(tree, order, [place + 1, first, half], left);
+        let lower = || outline(tree, order, [place + 1, first, half], left);
         let at = [place + 2 * half, first + half, leaves - half];
-        let mut upper = || outline(tree, order, at, right);
-        if leaves > GRAIN {
-            rayon::join(lower, upper);
-        } else {
-            lower();
-            upper();
-        }
+        let upper = || outline(tree, order, at, right);
+        join(leaves > GRAIN, lower, upper);
     }
     let ball = &tree.balls[place];
     let (length, radius) = (ball.length / ball.size, ball.radius / ball.size);

@@ -1,7 +1,7 @@
 use super::*;
-use crate::kernels::conformance::polygons::{check, exact_set_of, hopf, polylines, scene};
-use crate::kernels::oracle;
 use crate::kernels::sums::barnes_hut::{self, BarnesHut};
+use crate::kernels::tests::oracle;
+use crate::kernels::tests::polygons::{check, exact_set_of, hopf, polylines, scene};
 use crate::random::Random;
 
 fn options(order: Option<u32>, accept: Accept) -> Options {

@@ -12,8 +12,9 @@
 )]
 
 use crate::curve::pow2;
-use crate::curve::{CurveSet, Point};
+use crate::curve::{CurveSet, Point, bounds, union};
 use crate::kernels::sums::barnes_hut::Node;
+use crate::kernels::sums::join;
 
 /// Number of segments of a leaf.
 pub(super) const LEAF: usize = 16;
@@ -105,14 +106,9 @@ fn sort(segments: &mut [Segment], leaves: usize) {
         segments.sort_unstable_by_key(|s| s.number);
         return;
     }
-    let mut extent = [[f64::INFINITY; 3], [f64::NEG_INFINITY; 3]];
-    for s in segments.iter() {
-        for x in 0..3 {
-            extent[0][x] = extent[0][x].min(s.middle(x));
-            extent[1][x] = extent[1][x].max(s.middle(x));
-        }
-    }
-    let side = |x: usize| extent[1][x] - extent[0][x];
+    let middles = segments.iter().map(|s| [0, 1, 2].map(|x| s.middle(x)));
+    let [lo, hi] = bounds(middles);
+    let side = |x: usize| hi[x] - lo[x];
     let axis = (1..3).fold(0, |best, x| if side(x) > side(best) { x } else { best });
     let half = leaves / 2;
     let order = |a: &Segment, b: &Segment| {
@@ -123,14 +119,8 @@ fn sort(segments: &mut [Segment], leaves: usize) {
         segments.select_nth_unstable_by(half * LEAF, order);
     }
     let (left, right) = segments.split_at_mut(half * LEAF);
-    let mut lower = || sort(left, half);
-    let mut upper = || sort(right, leaves - half);
-    if leaves > GRAIN {
-        rayon::join(lower, upper);
-    } else {
-        lower();
-        upper();
-    }
+    let lower = || sort(left, half);
+    join(leaves > GRAIN, lower, || sort(right, leaves - half));
 }
 
 /// Minimum and maximum of each coordinate.
@@ -162,17 +152,10 @@ fn enclose(ends: &[[Vec<f64>; 3]; 2], first: usize, leaves: usize, balls: &mut [
     } else {
         let half = leaves / 2;
         let (left, right) = below.split_at_mut(2 * half - 1);
-        let mut lower = || enclose(ends, first, half, left);
-        let mut upper = || enclose(ends, first + half, leaves - half, right);
-        let [a, b] = if leaves > GRAIN {
-            rayon::join(lower, upper).into()
-        } else {
-            [lower(), upper()]
-        };
-        extent = [
-            [0, 1, 2].map(|x| a[0][x].min(b[0][x])),
-            [0, 1, 2].map(|x| a[1][x].max(b[1][x])),
-        ];
+        let lower = || enclose(ends, first, half, left);
+        let upper = || enclose(ends, first + half, leaves - half, right);
+        let (a, b) = join(leaves > GRAIN, lower, upper);
+        extent = union(a, b);
         ball.length = left[0].length + right[0].length;
     }
     let centre = [0, 1, 2].map(|x| 0.5 * extent[0][x] + 0.5 * extent[1][x]);

@@ -101,11 +101,7 @@ impl Search<'_> {
     fn run<L: Lanes>(&self, simd: L) -> Meeting {
         /// Number of segment pairs that are collected before they are tested.
         const BATCH: usize = 1 << 10;
-        let query = Query {
-            w: 2,
-            meeting: false,
-            reach: self.reach,
-        };
+        let query = Query::in_space(self.reach);
         let mut agenda = vec![(self.trees[0].root(), self.trees[1].root())];
         let mut found = SegmentPairs::default();
         while !agenda.is_empty() {

@@ -1,9 +1,10 @@
 //! Arai's examples; intervals in comparison to the oracle; noise.
 
 use super::*;
-use crate::kernels::conformance::polygons::{floats, set_of};
+use crate::kernels::Linking;
 use crate::kernels::crossings::{Input, Workspace, Workspaces};
-use crate::kernels::{Linking, oracle};
+use crate::kernels::tests::oracle;
+use crate::kernels::tests::polygons::{floats, set_of};
 use crate::pairs::Trees;
 use crate::random::Random;
 use crate::verdict::{DefectKind, Place};

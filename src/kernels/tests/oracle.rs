@@ -5,10 +5,9 @@
 //! method with the crossing kernel: no trees, no floating point, no axis directions, no
 //! tie-breaking rule.
 //!
-//! Cost: quadratic.
+//! Cost: quadratic. The programs in `tests` compile this file, too.
 
-use crate::curve::vector::{cross, dot, sub};
-use crate::random::Random;
+use super::random::Random;
 
 /// Maximum magnitude of a coordinate: `2^40`. Determinants then stay below `2^126`.
 pub const LIMIT: i64 = 1 << 40;
@@ -89,7 +88,8 @@ fn count(a: &[[i64; 3]], b: &[[i64; 3]], p: i128, q: i128) -> Option<i64> {
     Some(sum)
 }
 
-fn edges<T: Copy>(v: &[T]) -> impl Iterator<Item = (T, T)> + '_ {
+/// Returns the edges of a closed polygon.
+pub fn edges<T: Copy>(v: &[T]) -> impl Iterator<Item = (T, T)> + '_ {
     (0..v.len()).map(|k| (v[k], v[(k + 1) % v.len()]))
 }
 
@@ -102,6 +102,18 @@ fn turn(a: [i128; 2], b: [i128; 2], c: [i128; 2]) -> i128 {
 fn volume(a: [i64; 3], b: [i64; 3], c: [i64; 3], d: [i64; 3]) -> i128 {
     let [a, b, c, d] = [a, b, c, d].map(|p| p.map(i128::from));
     dot(sub(a, d), cross(sub(b, d), sub(c, d)))
+}
+
+fn sub(a: [i128; 3], b: [i128; 3]) -> [i128; 3] {
+    [0, 1, 2].map(|x| a[x] - b[x])
+}
+
+fn dot(a: [i128; 3], b: [i128; 3]) -> i128 {
+    (0..3).map(|x| a[x] * b[x]).sum()
+}
+
+fn cross(a: [i128; 3], b: [i128; 3]) -> [i128; 3] {
+    [(1, 2), (2, 0), (0, 1)].map(|(y, z)| a[y] * b[z] - a[z] * b[y])
 }
 
 /// Returns true if two closed polygons share a point.
@@ -149,81 +161,4 @@ fn segments_touch(p0: [i64; 3], p1: [i64; 3], q0: [i64; 3], q1: [i64; 3]) -> boo
     };
     line && (0..3)
         .all(|x| p0[x].min(p1[x]) <= q0[x].max(q1[x]) && q0[x].min(q1[x]) <= p0[x].max(p1[x]))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::curve::vector::norm;
-
-    const A: [[i64; 3]; 4] = [[-2, -2, 0], [2, -2, 0], [2, 2, 0], [-2, 2, 0]];
-    const B: [[i64; 3]; 4] = [[0, 0, -1], [0, 0, 1], [5, 0, 1], [5, 0, -1]];
-
-    /// Returns Arai's sum (Arai 2013, Theorem 1): two arctangents for every pair of edges.
-    fn arai(a: &[[i64; 3]], b: &[[i64; 3]]) -> f64 {
-        let mut sum = 0.0;
-        for (l0, l1) in edges(a) {
-            for (k0, k1) in edges(b) {
-                let v = [sub(l0, k0), sub(l0, k1), sub(l1, k1), sub(l1, k0)];
-                let v = v.map(|p| p.map(|x| x as f64));
-                let n = v.map(norm);
-                let p = dot(v[0], cross(v[1], v[2]));
-                let angle = |k: usize| {
-                    let d = n[0] * n[k] * n[2]
-                        + dot(v[0], v[k]) * n[2]
-                        + dot(v[k], v[2]) * n[0]
-                        + dot(v[2], v[0]) * n[k];
-                    p.atan2(d)
-                };
-                sum += angle(1) + angle(3);
-            }
-        }
-        sum / std::f64::consts::TAU
-    }
-
-    #[test]
-    fn the_oracle_has_the_sign_of_arais_sum() {
-        let want = arai(&A, &B);
-        assert!((want.abs() - 1.0).abs() < 1e-9);
-        assert_eq!(linking_number(&A, &B), Some(want.round() as i64));
-        assert_eq!(linking_number(&B, &A), Some(want.round() as i64));
-        let mut reversed = B;
-        reversed.reverse();
-        assert_eq!(linking_number(&A, &reversed), Some(-want.round() as i64));
-    }
-
-    #[test]
-    fn the_oracle_agrees_with_arais_sum_on_random_polygons() {
-        let mut random = Random::new(1);
-        let mut linked = 0;
-        for _ in 0..500 {
-            let (a, b) = (random.points(12, 1000), random.points(9, 1000));
-            if let Some(n) = linking_number(&a, &b) {
-                assert!((arai(&a, &b) - n as f64).abs() < 1e-6);
-                linked += usize::from(n != 0);
-            }
-        }
-        assert!(linked > 100);
-    }
-
-    #[test]
-    fn touching_polygons_have_no_linking_number() {
-        let touching = [[2, 0, 0], [5, 0, 1], [5, 0, -1]];
-        assert!(touch(&A, &touching));
-        assert_eq!(linking_number(&A, &touching), None);
-        assert!(
-            touch(&A, &[[-1, -2, 0], [1, -2, 0], [0, -5, 0]]),
-            "overlapping edges"
-        );
-        assert!(
-            touch(&A, &[[2, 2, 0], [3, 3, 0], [3, 3, 9]]),
-            "vertex on vertex"
-        );
-        assert!(!touch(&A, &[[3, 3, 0], [4, 4, 0], [4, 4, 9]]));
-        assert!(
-            !touch(&A, &[[3, -2, 0], [4, -2, 0], [4, -2, 9]]),
-            "on one line, apart"
-        );
-        assert!(!touch(&A, &B));
-    }
 }

@@ -1,5 +1,8 @@
 //! The octree against all pairs, and both against known values.
 
+mod brute;
+mod cell;
+
 use super::*;
 use crate::curve::vector::norm;
 use crate::curve::{Basis, Positions};

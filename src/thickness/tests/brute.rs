@@ -1,14 +1,13 @@
-//! All pairs of edges (section 1, Algorithm 1): the fastest way for few edges, and the oracle of
-//! the octree.
+//! All pairs of edges (section 1, Algorithm 1): the oracle of the octree.
 
-use super::edges::{Edges, Found};
 use crate::curve::Image;
 use crate::error::Result;
+use crate::thickness::edges::{Edges, Found};
 
 /// Returns the shortest strut.
 ///
 /// Errors: those of [`Edges::check_images`].
-pub(super) fn shortest(edges: &Edges) -> Result<Option<Found>> {
+pub fn shortest(edges: &Edges) -> Result<Option<Found>> {
     let mut best: Option<Found> = None;
     let mut compare = |(i, j, image), longest_sq: f64| {
         let limit = best.map_or(longest_sq, |b| b.distance_sq.min(longest_sq));
@@ -27,7 +26,7 @@ pub(super) fn shortest(edges: &Edges) -> Result<Option<Found>> {
 /// Returns all struts up to a length.
 ///
 /// Errors: those of [`Edges::check_images`].
-pub(super) fn up_to(edges: &Edges, longest: f64) -> Result<Vec<Found>> {
+pub fn up_to(edges: &Edges, longest: f64) -> Result<Vec<Found>> {
     let limit_sq = edges.scaled(longest).powi(2);
     edges.check_images(limit_sq)?;
     let all = pairs(edges).chain(image_pairs(edges, limit_sq));

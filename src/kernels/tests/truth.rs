@@ -1,9 +1,9 @@
 //! Gauss integrals in double-double arithmetic (Dekker 1971): the truth for the tests of bounds,
 //! correct to about 28 digits.
 
-use super::interval::Interval;
-use super::{Chain, Estimate};
 use crate::curve::Point;
+use crate::kernels::sums::interval::Interval;
+use crate::kernels::{Chain, Estimate};
 use crate::random::Random;
 
 /// An unevaluated sum of two doubles.

@@ -2,15 +2,20 @@
 //! [`crate::kernels`], error bounds that cover the error, and the minimum number of decisions in
 //! the table of tolerances.
 
+pub mod oracle;
+mod oracle_itself;
 pub mod polygons;
 mod runner;
 mod table;
+mod truth;
+
+use crate::random;
 
 /// Generates one test of each kind for every kernel.
 macro_rules! conformance {
     ($($name:ident: $kernel:ident $([$when:meta])?),* $(,)?) => {$(
         mod $name {
-            use crate::kernels::conformance::{runner, table::$kernel};
+            use crate::kernels::tests::{runner, table::$kernel};
 
             #[test]
             $(#[$when])?

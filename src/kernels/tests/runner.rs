@@ -1,9 +1,10 @@
 //! Conformance checks, each for any kernel.
 
+use super::oracle;
 use super::polygons::{Polygon, exact_set_of, floats, set_of, winding};
 use super::table::Kernel;
 use crate::curve::{Basis, CurveSet, Positions};
-use crate::kernels::{Device, Estimate, Method, oracle};
+use crate::kernels::{Device, Estimate, Method};
 use crate::random::Random;
 use crate::scenes::Scene;
 use proptest::prelude::*;
