@@ -111,8 +111,9 @@ impl State {
             .as_ref()
             .is_some_and(|note| note.settings != settings)
         {
-            let why = "it is of a watch with other settings (--baseline, --events, ..) or of another \
-                       version of linkwatch: give the same ones, or remove it to begin anew";
+            let why = "it is of a watch with other settings (--baseline, --events, ..) or of \
+                       another version of linkwatch: give the same ones, or remove it to begin \
+                       anew";
             return Err(unusable(path, why));
         }
         let mut name = OsString::from(path);
