@@ -9,7 +9,10 @@ use super::input::{self, FormatArgs};
 use super::output::with_progress;
 use super::run::{Baseline, FrameCounts, Judge, JunitArgs, Recorded, Run, Setup, Sinks};
 use super::sequence::{Frame, Sequence};
-use linkwatch::{AbortOn, Error, Overflow, Result, Strategy, Verdict};
+use linkwatch::{
+    AbortOn, CurveSet, Error, Overflow, Point, Result, SessionOptions, Strategy, Verdict,
+};
+use nalgebra::Vector3;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::time::Duration;
@@ -84,7 +87,9 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         curves.map_err(|e| e.in_file(&path))?;
         return Err(nothing_to_compare("--baseline"));
     }
-    if second.is_none() || args.early_exit {
+    let limit = args.event_args.motion_limit;
+    let far = limit.is_none() && !args.event_args.are_given() && are_far_apart(&first, &second);
+    if second.is_none() || args.early_exit || far {
         judge.event_args = args.event_args.off_by_default();
     }
     let mut session = Run::new(Setup {
@@ -150,6 +155,61 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     }
     let outcome = session.finish(tally);
     failed.map_or(Ok(outcome), Err)
+}
+
+/// Returns true, with a warning, if the first two frames are so far apart that straight lines do
+/// not describe the motion between them: most pull-throughs would be unresolved, and a search would
+/// take long.
+fn are_far_apart(first: &Result<Frame>, second: &Option<Result<Frame>>) -> bool {
+    let (Ok(first), Some(Ok(second))) = (first, second) else {
+        return false;
+    };
+    let (Ok(from), Ok(to)) = (&first.curves, &second.curves) else {
+        return false;
+    };
+    let lengths = motion(from, to).unwrap_or(0.0);
+    let is_far = lengths > SessionOptions::MOTION_LIMIT;
+    // Without closed curves there is nothing else to verify.
+    let compares = is_far && !second.begins_run && from.curves().iter().any(|curve| curve.closed);
+    if compares {
+        tracing::warn!(
+            "{} and {} are far apart: half of the points moved by {lengths:.1} segment lengths or \
+             more; linking numbers alone are compared (--events=between searches the steps for \
+             pull-throughs)",
+            first.name,
+            second.name,
+        );
+    }
+    compares
+}
+
+/// Returns the median motion of the points in a step, in median segment lengths, relative to the
+/// median translation; `None` if the curves differ.
+fn motion(from: &CurveSet, to: &CurveSet) -> Option<f64> {
+    if !from.counts().eq(to.counts()) {
+        return None;
+    }
+    let curves = from.curves().iter().enumerate();
+    let slots: Vec<(usize, usize)> = curves
+        .flat_map(|(i, curve)| (0..curve.points as usize).map(move |k| (i, k)))
+        .collect();
+    let distance = |a: Point, b: Point| (Vector3::from(a) - Vector3::from(b)).norm();
+    let within = slots.iter().filter(|(_, k)| *k > 0);
+    let length = median(within.map(|&(i, k)| distance(from.point(i, k - 1), from.point(i, k))))?;
+    let moved = |&(i, k): &(usize, usize)| {
+        let (a, b) = (from.point(i, k), to.point(i, k));
+        [0, 1, 2].map(|x| b[x] - a[x])
+    };
+    let moved: Vec<Point> = slots.iter().map(moved).collect();
+    let all = [0, 1, 2].map(|x| median(moved.iter().map(|by| by[x])).unwrap_or(0.0));
+    Some(median(moved.iter().map(|by| distance(*by, all)))? / length)
+}
+
+/// Returns the median of some numbers, or `None` if there are none.
+fn median(numbers: impl Iterator<Item = f64>) -> Option<f64> {
+    let mut numbers: Vec<f64> = numbers.collect();
+    let middle = numbers.len() / 2;
+    (!numbers.is_empty()).then(|| *numbers.select_nth_unstable_by(middle, f64::total_cmp).1)
 }
 
 /// Returns the error for a single valid frame that is its own baseline.

@@ -10,7 +10,8 @@ pub struct EventArgs {
     ///
     /// Also those that cancel, and those of open curves. `between`: of two curves; `all`: also of a
     /// curve through itself; `off`: linking numbers alone, for frames without the motion between
-    /// them [default: between; replay: as recorded]
+    /// them [default: between; check: off if the first two frames are far apart; replay: as
+    /// recorded]
     #[arg(
         long, value_name = "off|between|all", num_args = 0..=1, require_equals = true,
         default_missing_value = "between"
@@ -25,6 +26,11 @@ pub struct EventArgs {
 }
 
 impl EventArgs {
+    /// Returns true if the user chose the search.
+    pub fn are_given(self) -> bool {
+        self.events.is_some()
+    }
+
     /// Searches for no pull-throughs, unless the user asks for them: there is no step to search, or
     /// another option excludes it.
     pub fn off_by_default(self) -> EventArgs {

@@ -297,3 +297,33 @@ fn check_rejects_a_truncated_certificate() {
     assert_eq!(run.code, 2, "{}", run.stdout);
     assert!(run.stderr.contains("the file was cut"), "{}", run.stderr);
 }
+
+/// Two models of one topology, without the motion between them: two linked rings, upside down.
+#[test]
+fn models_that_are_far_apart_are_compared_by_linking_numbers_alone() {
+    let folder = TempDir::new().unwrap();
+    let model = |name: &str, side: f64| {
+        let ring = |k: u32| f64::from(k) * std::f64::consts::TAU / 40.0;
+        let first = (0..40).map(|k| [ring(k).cos(), side * ring(k).sin(), 0.0]);
+        let second = (0..40).map(|k| [1.0 + ring(k).cos(), 0.0, side * ring(k).sin()]);
+        let points: String = (first.chain(second))
+            .map(|[x, y, z]| format!("v {x} {y} {z}\n"))
+            .collect();
+        let closed = |from: u32| {
+            let points: Vec<_> = (from..from + 40).map(|k| k.to_string()).collect();
+            format!("l {} {from}\n", points.join(" "))
+        };
+        let path = folder.path().join(name);
+        std::fs::write(&path, points + &closed(1) + &closed(41)).unwrap();
+        path
+    };
+    let [first, second] = [("a.obj", 1.0), ("b.obj", -1.0)].map(|(n, side)| model(n, side));
+    let run = linkwatch(&["check", text(&first), text(&second)]);
+    assert_eq!(run.code, 0, "{}{}", run.stdout, run.stderr);
+    assert!(run.stderr.contains("are far apart"), "{}", run.stderr);
+    let run = linkwatch(&["check", text(&first), text(&first)]);
+    assert!(!run.stderr.contains("are far apart"), "{}", run.stderr);
+    let run = linkwatch(&["check", "--events=between", text(&first), text(&second)]);
+    assert_eq!(run.code, 3, "{}{}", run.stdout, run.stderr);
+    assert!(run.stdout.contains("unresolved: "), "{}", run.stdout);
+}

@@ -104,7 +104,8 @@ def test_the_command_names_the_way_to_read_other_files(tmp_path):
     path.write_text("ply\n")
     code, _, err = run("certify", path)
     assert code == 2
-    assert f"`linkwatch convert {path} {tmp_path / 'a.npz'}` makes a file of it" in err
+    way = f"`linkwatch convert {path} {tmp_path / 'a.npz'}`"
+    assert f"only the package reads this format: {way}" in err
 
 
 def test_a_missing_library_is_named(tmp_path, monkeypatch):

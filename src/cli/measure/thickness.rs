@@ -133,7 +133,7 @@ fn print(name: &str, measured: &Measured, several: bool, args: &Args) {
         let none = || "no curve bends".to_owned();
         let bend = found.min_rad.map_or_else(none, |m| m.sentence(*extent));
         output::line(format_args!("  {bend}"));
-        let none = || "no two places are closer than those around them".to_owned();
+        let none = || "no strut: the distance between the curves has no local minimum".to_owned();
         let strut = found.poca.map_or_else(none, |s| s.sentence(*extent));
         output::line(format_args!("  {strut}"));
     }
@@ -159,7 +159,7 @@ fn print(name: &str, measured: &Measured, several: bool, args: &Args) {
         if let Some(bend) = found.min_rad.filter(|bend| bend.radius < radius(bend)) {
             let share = bend.radius / radius(&bend);
             output::line(format_args!(
-                "  the sharpest bend has {} of the radius of its strand",
+                "  a strand bends too sharply: its radius of curvature is {} of its radius",
                 percent(share)
             ));
         }

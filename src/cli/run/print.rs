@@ -12,6 +12,9 @@ use linkwatch::{Report, Route, Work};
 /// Maximum number of sentences printed about one frame of a stream; the rest is counted.
 const SENTENCES: usize = 8;
 
+/// The same for a model file.
+const MODEL_SENTENCES: usize = 100;
+
 impl Run {
     /// Returns the number of curves that run through the cell, once a frame was verified.
     pub(super) fn yarns(&self) -> usize {
@@ -142,8 +145,11 @@ fn abort_words(judged: &Judged) -> &'static str {
 fn print_model(model: &str, report: &Report, news: &New) {
     output::line(format_args!("{model}: {}", report.verdict));
     let others = report.missing.iter().chain(&report.rejected);
-    for sentence in news.sentences.iter().chain(others) {
+    for sentence in news.sentences.iter().take(MODEL_SENTENCES).chain(others) {
         output::line(format_args!("  {sentence}"));
+    }
+    if let Some(more @ 1..) = news.sentences.len().checked_sub(MODEL_SENTENCES) {
+        output::line(format_args!("  and {more} more (--json prints all)"));
     }
     if let Some(words) = report.change_of_curves() {
         output::line(format_args!("  {words}"));

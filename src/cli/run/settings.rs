@@ -120,7 +120,8 @@ impl Judge {
             keep_open: self.cell_args.keep_open(),
             max_pairs: self.max_pairs.unwrap_or(SessionOptions::MAX_PAIRS),
             motion_limit: match (events, recorded.events) {
-                // The limit of a replay may differ from the recorded one without any effect.
+                // A limit needs a search. A replay without one ignores it, since it may come from
+                // the recording; another run passes it on, so that it is refused.
                 (Events::Off, Some(_)) => None,
                 (Events::Off, None) => given_limit,
                 _ => Some(limit),

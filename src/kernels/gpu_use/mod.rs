@@ -211,7 +211,7 @@ impl GpuUse {
         }
     }
 
-    /// Releases a verified frame, uploaded in advance or not.
+    /// Ends a frame, verified or rejected ([`Uploads::end_frame`]).
     pub fn end_frame(&mut self, set: &CurveSet) {
         self.uploads.end_frame(set);
     }

@@ -21,18 +21,18 @@ impl Uploads {
         self.current = None;
     }
 
-    /// Announces the next frame.
+    /// Stores the next frame, so that its vertices can be uploaded in advance.
     pub fn announce(&mut self, next: &Arc<CurveSet>) {
         self.announced = Some(Arc::clone(next));
     }
 
-    /// Returns the announced frame, once.
+    /// Returns the announced frame and clears it, so that it is uploaded once.
     pub fn take_announced(&mut self) -> Option<Arc<CurveSet>> {
         self.announced.take()
     }
 
-    /// Keeps the vertices of the next frame, if some were uploaded. Otherwise those that an earlier
-    /// part of the current frame uploaded stay.
+    /// Stores the uploaded vertices of the next frame. `None` keeps those stored by an earlier call
+    /// for the current frame.
     pub fn keep_next(&mut self, uploaded: Option<(Arc<CurveSet>, Frame)>) {
         if let Some((of, frame)) = uploaded {
             self.next = Some((of, Arc::new(frame)));
@@ -53,7 +53,8 @@ impl Uploads {
         frame
     }
 
-    /// Releases a verified frame, uploaded in advance or not.
+    /// Ends a frame, verified or rejected: clears the announcement, and releases the vertices of
+    /// `set` if they were uploaded in advance but not used.
     pub fn end_frame(&mut self, set: &CurveSet) {
         self.announced = None;
         self.next.take_if(|(of, _)| std::ptr::eq(&**of, set));

@@ -50,16 +50,15 @@ pub(super) fn check_unused(path: &Path) -> Result<()> {
     }
 }
 
-/// Marks a file as being read until it is closed.
+/// Sets a shared lock on a file until it is closed. Best effort: a file that is being written, or
+/// that cannot be locked, is read without a lock.
 pub(super) fn share(file: &File) {
     if cfg!(unix) {
-        // It is being written, or cannot be locked.
         file.try_lock_shared().ok();
     }
 }
 
-/// Returns true if an error says that a name is not free: a file has it, or another process uses
-/// that file.
+/// Returns true if an error says that the file exists already, or that another process uses it.
 pub(super) fn is_taken(error: &Error) -> bool {
     let Error::File { source, .. } = error else {
         return false;
@@ -70,8 +69,8 @@ pub(super) fn is_taken(error: &Error) -> bool {
     )
 }
 
-/// Puts a new file in the place of an existing one. A symbolic link is kept: the file that it names
-/// is replaced.
+/// Replaces an existing file by a new, empty one. If `path` is a symbolic link, its target is
+/// replaced and the link is kept.
 fn replace(path: &Path) -> io::Result<File> {
     let path = path.canonicalize()?;
     let old = File::open(&path)?;

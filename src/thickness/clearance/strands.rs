@@ -181,13 +181,13 @@ impl Strands<'_> {
         }
     }
 
-    /// Returns the numbers of two blocks on their curves.
+    /// Returns the index of each block within its curve.
     fn numbers(&self, pair: &BlockPair) -> [u32; 2] {
         pair.blocks.map(|k| self.blocks.numbers.place(k).1 as u32)
     }
 
-    /// Returns true if some segments of two blocks may be two strands: on one curve, if they are
-    /// far enough from one another along it.
+    /// Returns true if some segments of two blocks count as two strands. On one curve, they must be
+    /// at least `pi` radii apart along it, because neighbouring parts are always close.
     pub fn are_apart(&self, pair: &BlockPair) -> bool {
         let Some(later) = self.later(pair) else {
             return true;
@@ -200,8 +200,8 @@ impl Strands<'_> {
         most >= PI * self.radii[i]
     }
 
-    /// Measures the distances of pairs of blocks: precisely up to `limit`, a share of the sum of
-    /// the radii.
+    /// Measures the distances of pairs of blocks, as shares of the sum of their radii. Distances
+    /// beyond `limit` are only bounded from below.
     pub fn measure(&self, pairs: &[BlockPair], limit: f64) -> Vec<Measured> {
         let run = |pairs: &[BlockPair]| dispatch!(Strands::measure_run(self, pairs, limit));
         match pairs.len() {

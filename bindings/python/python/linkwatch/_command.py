@@ -18,7 +18,7 @@ FLAGS = {
 
 def main() -> int:
     """Runs the command with the arguments of the process, and returns its exit code."""
-    # Files that are opened later must not become the standard streams.
+    # Replaces a closed standard stream, whose descriptor the next opened file would get.
     for stream in range(3):
         try:
             os.fstat(stream)
@@ -31,17 +31,17 @@ def main() -> int:
     if args[:1] == ["convert"] and (code := convert(args[1:])) is not None:
         return code
     code = command(["linkwatch", *args])
-    for arg in filter(_is_other, args[1:] if code == 2 else []):
+    for arg in filter(_only_the_package_reads, args[1:] if code == 2 else []):
         archive = pathlib.Path(arg).with_suffix(".npz")
         print(
-            f"`linkwatch convert {arg} {archive}` makes a file of it that all of the command reads",
+            f"{arg}: only the package reads this format: `linkwatch convert {arg} {archive}`",
             file=sys.stderr,
         )
     return code
 
 
-def _is_other(arg: str) -> bool:
-    """Returns if an argument is a file that only this package reads."""
+def _only_the_package_reads(arg: str) -> bool:
+    """Returns whether this package, but not the command itself, reads the file."""
     from . import io
 
     try:
@@ -55,7 +55,7 @@ def convert(args: list[str]) -> int | None:
 
     Returns ``None`` if no argument is such a file: the command itself converts all others.
     """
-    if not any(map(_is_other, args[:-1])) and not any(a.startswith("--format") for a in args):
+    if not any(map(_only_the_package_reads, args[:-1])) and not any(a.startswith("--format") for a in args):
         return None
     import argparse
 

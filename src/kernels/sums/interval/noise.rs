@@ -57,13 +57,13 @@ pub(crate) fn linking_number(
     }
 }
 
-/// Result of the search for dilated segments that meet.
+/// Result of the search for segments that may meet if every vertex moves by up to the noise.
 enum Meeting {
     Never,
     /// These segments meet, or nearly meet.
     Maybe([u32; 2]),
-    /// Not decided: splines, noise that is not a length or larger than the curves, coordinates
-    /// beyond single precision.
+    /// Not decided: the curves are splines, the noise is negative, NaN or larger than the largest
+    /// coordinate, or coordinates exceed single precision.
     Unknown,
 }
 
@@ -90,9 +90,9 @@ struct Search<'a> {
     set: &'a CurveSet,
     curves: [usize; 2],
     trees: [CurveTree<'a>; 2],
-    /// Minimum distance of segments.
+    /// Segments further apart than this, in the maximum norm, do not meet.
     gap: f64,
-    /// Minimum distance of boxes, at least `gap`.
+    /// Distance up to which boxes count as overlapping: larger than `gap`, to cover rounding.
     reach: f32,
 }
 
