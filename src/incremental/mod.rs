@@ -20,6 +20,7 @@
 
 mod affine;
 mod blocks;
+#[cfg(all(feature = "mcap", feature = "cli"))]
 mod cause;
 mod coverage;
 mod covered;
@@ -35,6 +36,7 @@ mod stream;
 mod tests;
 mod work;
 
+#[cfg(all(feature = "mcap", feature = "cli"))]
 pub use cause::Cause;
 pub(crate) use coverage::Coverage;
 pub use events::Events;

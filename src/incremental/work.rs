@@ -31,31 +31,18 @@ pub struct Work {
     pub disagreed: bool,
 }
 
-/// Route of a frame through the engine.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Route {
-    /// All linking numbers were computed.
-    #[default]
-    Full,
-    /// No point moved further than its allowance, so all linking numbers are those of the reference
-    /// frame.
-    Quiet,
-    /// Pairs that may have passed through each other since the previous frame were searched. All
-    /// other pairs, and those without a passage, have the linking numbers of that frame.
-    Partial,
-}
-
-impl Route {
-    /// All routes, in the order of their codes in recordings.
-    pub const ALL: [Route; 3] = [Route::Full, Route::Quiet, Route::Partial];
-
-    /// Returns the name of the route.
-    pub fn word(self) -> &'static str {
-        match self {
-            Route::Full => "full",
-            Route::Quiet => "quiet",
-            Route::Partial => "partial",
-        }
+vocabulary! {
+    /// Route of a frame through the engine.
+    #[derive(Default)]
+    pub enum Route {
+        /// All linking numbers were computed.
+        #[default]
+        Full = "full",
+        /// No point moved further than its allowance, so all linking numbers are those of the
+        /// reference frame.
+        Quiet = "quiet",
+        /// Pairs that may have passed through each other since the previous frame were searched.
+        /// All other pairs, and those without a passage, have the linking numbers of that frame.
+        Partial = "partial",
     }
 }

@@ -6,33 +6,31 @@ use super::sums::fmm::{self, Fmm};
 use super::sums::interval::enclose;
 use super::{Estimate, GpuUse, Summation};
 use crate::curve::CurveSet;
-use crate::error::{Error, Result};
 use crate::pairs::Pair;
-use std::fmt;
-use std::str::FromStr;
 
-/// A kernel. All but [`Method::Crossings`] sum angles, with an error bound; pairs that the bound
-/// does not decide are counted by [`Method::Crossings`].
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Method {
-    /// The fast multipole method for pairs on which it is predicted to be faster than counting
-    /// ([`Plan`](crate::Plan)); counting for all others.
-    #[default]
-    Auto,
-    /// Exact count of the crossings (Qu & James 2021, section 3.4.1).
-    Crossings,
-    /// The Gauss integral over all segment pairs, one arctangent for each (Arai 2013).
-    Direct,
-    /// The Gauss integral over all segment pairs, without arctangents (Bertolazzi et al. 2019; Qu &
-    /// James 2021, algorithm 7).
-    AngleSum,
-    /// Barnes-Hut with two trees (Qu & James 2021, section 3.4.4), with a proven error bound.
-    BarnesHut,
-    /// A fast multipole method (Qu & James 2021, section 3.4.3), with a proven error bound.
-    Fmm,
-    /// Arai's sum in interval arithmetic (Arai 2013, algorithms 1 and 3).
-    Interval,
+vocabulary! {
+    /// A kernel. All but [`Method::Crossings`] sum angles, with an error bound; pairs that the
+    /// bound does not decide are counted by [`Method::Crossings`].
+    #[derive(Default)]
+    pub enum Method {
+        /// The fast multipole method for pairs on which it is predicted to be faster than counting
+        /// ([`Plan`](crate::Plan)); counting for all others.
+        #[default]
+        Auto = "auto",
+        /// Exact count of the crossings (Qu & James 2021, section 3.4.1).
+        Crossings = "crossings",
+        /// The Gauss integral over all segment pairs, one arctangent for each (Arai 2013).
+        Direct = "direct",
+        /// The Gauss integral over all segment pairs, without arctangents (Bertolazzi et al. 2019;
+        /// Qu & James 2021, algorithm 7).
+        AngleSum = "angle-sum",
+        /// Barnes-Hut with two trees (Qu & James 2021, section 3.4.4), with a proven error bound.
+        BarnesHut = "barnes-hut",
+        /// A fast multipole method (Qu & James 2021, section 3.4.3), with a proven error bound.
+        Fmm = "fmm",
+        /// Arai's sum in interval arithmetic (Arai 2013, algorithms 1 and 3).
+        Interval = "interval",
+    }
 }
 
 /// Accuracy of Barnes-Hut and of the fast multipole method.
@@ -52,30 +50,6 @@ pub struct Accuracy {
 }
 
 impl Method {
-    /// All kernels.
-    pub const ALL: [Method; 7] = [
-        Method::Auto,
-        Method::Crossings,
-        Method::Direct,
-        Method::AngleSum,
-        Method::BarnesHut,
-        Method::Fmm,
-        Method::Interval,
-    ];
-
-    /// Returns the name of the kernel on the command line.
-    pub fn word(self) -> &'static str {
-        match self {
-            Method::Auto => "auto",
-            Method::Crossings => "crossings",
-            Method::Direct => "direct",
-            Method::AngleSum => "angle-sum",
-            Method::BarnesHut => "barnes-hut",
-            Method::Fmm => "fmm",
-            Method::Interval => "interval",
-        }
-    }
-
     /// Returns the summation kernel, prepared for `pairs` of a set of polylines. Returns `None` if
     /// crossings are counted, or if the kernel is not chosen yet ([`Method::Auto`]). On a GPU both
     /// direct sums are the same kernel.
@@ -136,24 +110,6 @@ impl Method {
                 Box::new(Fmm::new(polylines, options))
             }
             Method::Interval => Box::new(Enclosures(polylines)),
-        })
-    }
-}
-
-impl fmt::Display for Method {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.pad(self.word())
-    }
-}
-
-impl FromStr for Method {
-    type Err = Error;
-
-    fn from_str(s: &str) -> Result<Self> {
-        let found = Self::ALL.into_iter().find(|m| m.word() == s);
-        found.ok_or_else(|| {
-            let all = "expected auto, crossings, direct, angle-sum, barnes-hut, fmm or interval";
-            Error::Usage(all.into())
         })
     }
 }

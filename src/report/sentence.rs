@@ -8,42 +8,26 @@ use crate::verdict::Verdict;
 use crate::words::{count, percent, plural, plural_of};
 use std::fmt;
 
-/// Conclusion of a recorded run: the worst of its frames, and of what it lacks.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
-#[serde(rename_all = "lowercase")]
-#[non_exhaustive]
-pub enum Conclusion {
-    /// All frames with a verdict are intact, and the recording lacks none. Frames that the watch
-    /// skipped are not known to be intact.
-    Intact,
-    /// The same, without violations that the simulator rolled back before it went on.
-    Recovered,
-    /// The same, without violations that the simulator accepted as a new baseline.
-    Accepted,
-    /// The topology changed in at least one frame.
-    Changed,
-    /// Curves touch in at least one frame. No frame is known to have changed.
-    Contact,
-    /// At least one frame is undecided, stale or rejected. No frame is known to have changed or to
-    /// have a contact.
-    Undecided,
-    /// All recorded verdicts are intact, but the recording lacks frames or verdicts, or it has
-    /// none.
-    Incomplete,
-}
-
-impl Conclusion {
-    /// Returns the word for this conclusion.
-    pub fn word(self) -> &'static str {
-        match self {
-            Conclusion::Intact => "intact",
-            Conclusion::Recovered => "recovered",
-            Conclusion::Accepted => "accepted",
-            Conclusion::Changed => "changed",
-            Conclusion::Contact => "contact",
-            Conclusion::Undecided => "undecided",
-            Conclusion::Incomplete => "incomplete",
-        }
+vocabulary! {
+    /// Conclusion of a recorded run: the worst of its frames, and of what it lacks.
+    pub enum Conclusion {
+        /// All frames with a verdict are intact, and the recording lacks none. Frames that the
+        /// watch skipped are not known to be intact.
+        Intact = "intact",
+        /// The same, without violations that the simulator rolled back before it went on.
+        Recovered = "recovered",
+        /// The same, without violations that the simulator accepted as a new baseline.
+        Accepted = "accepted",
+        /// The topology changed in at least one frame.
+        Changed = "changed",
+        /// Curves touch in at least one frame. No frame is known to have changed.
+        Contact = "contact",
+        /// At least one frame is undecided, stale or rejected. No frame is known to have changed or
+        /// to have a contact.
+        Undecided = "undecided",
+        /// All recorded verdicts are intact, but the recording lacks frames or verdicts, or it has
+        /// none.
+        Incomplete = "incomplete",
     }
 }
 

@@ -91,6 +91,7 @@ impl fmt::Display for LeftOut {
 }
 
 #[cfg(test)]
+#[cfg(feature = "verify")]
 mod tests {
     use super::*;
 

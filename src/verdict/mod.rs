@@ -2,6 +2,7 @@
 
 mod change;
 mod clearance;
+#[cfg(feature = "mcap")]
 mod difference;
 mod finding;
 mod lasting;
@@ -12,9 +13,11 @@ mod pull_through;
 
 pub use change::{Change, ChangeKind, ImageLink, Link, LoopPair};
 pub use clearance::{Clearance, CloseStrands};
+#[cfg(feature = "mcap")]
 pub use difference::ReportDifference;
 #[cfg(any(feature = "mcap", feature = "rerun"))]
 pub(crate) use finding::Finding;
+#[cfg(any(feature = "client", feature = "mcap", feature = "cli"))]
 pub use lasting::Lasting;
 pub use left_out::LeftOut;
 #[cfg(any(feature = "mcap", feature = "rerun"))]

@@ -213,7 +213,7 @@ def test_an_accepted_state_is_the_new_baseline(service, start):
     with lockstep(service) as sim:
         assert step(sim, 0).intact
         verdict = step(sim, 2.5)
-        assert (verdict.verdict, verdict.findings) == ("changed", 1)
+        assert (verdict.verdict, verdict.findings) == ("changed", 2)
         sim.accept()
         assert sim.aborted is None
         assert step(sim, 2.5).intact
