@@ -200,7 +200,7 @@ fn errors_of_a_folder_and_a_misspelt_scene_give_advice() {
     std::fs::write(folder.path().join("a.vect"), "VECT").unwrap();
     let path = folder.path().to_str().expect("UTF-8");
     for (args, expected) in [
-        (["certify", path], "a.vect: not a valid VECT (line 1)"),
+        (["certify", path], "a.vect: not a valid VECT (line 2)"),
         (["certify", "knti"], "the nearest is 'knit'"),
         (
             ["certify", "ribbon:segmnts=20"],
