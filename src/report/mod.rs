@@ -38,18 +38,6 @@ use crate::sinks::RecordingReader;
 use std::path::{Path, PathBuf};
 
 /// Report of a recorded run: what happened, for people without a viewer.
-///
-/// ```
-/// use linkwatch::{Conclusion, RunReport};
-///
-/// let report = RunReport::read("recordings/squares.mcap".as_ref())?;
-/// assert_eq!(report.conclusion(), Conclusion::Changed);
-/// assert!(report.sentence().starts_with("The topology changed in frame 11"));
-/// println!("{report}"); // as plain text
-/// let page = report.html();
-/// assert!(page.starts_with("<!DOCTYPE html>"));
-/// # Ok::<(), linkwatch::Error>(())
-/// ```
 pub struct RunReport {
     recording: PathBuf,
     facts: Facts,
