@@ -55,7 +55,8 @@ def convert(args: list[str]) -> int | None:
 
     Returns ``None`` if no argument is such a file: the command itself converts all others.
     """
-    if not any(map(_only_the_package_reads, args[:-1])) and not any(a.startswith("--format") for a in args):
+    chosen = any(arg.startswith("--format") for arg in args)
+    if not chosen and not any(map(_only_the_package_reads, args[:-1])):
         return None
     import argparse
 
