@@ -97,7 +97,8 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         sinks: &args.sinks,
         junit: Some(&args.junit),
         files,
-        strategy: match single || args.early_exit {
+        // Frames that are far apart have little in common.
+        strategy: match single || args.early_exit || far {
             true => Strategy::Full,
             false => Strategy::Incremental,
         },
