@@ -207,7 +207,9 @@ impl Cells {
     /// Says which curves were closed or stay open, once. Returns those that may be meant to be
     /// closed, and cannot be.
     pub fn say(&mut self, name: &dyn fmt::Display) -> Vec<LeftOut> {
-        say(name, &self.closing.take_notes())
+        let notes = self.closing.take_notes();
+        say(name, &notes);
+        notes.iter().filter_map(ClosingNote::left_out).collect()
     }
 
     /// Returns the curves of a frame, unwrapped; `None` if they are not wrapped. They are unwrapped
@@ -228,9 +230,8 @@ impl Cells {
     }
 }
 
-/// Says which curves were closed or stay open. Returns those that may be meant to be closed, and
-/// cannot be.
-pub fn say(name: &dyn fmt::Display, notes: &[ClosingNote]) -> Vec<LeftOut> {
+/// Says which curves were closed or stay open.
+pub fn say(name: &dyn fmt::Display, notes: &[ClosingNote]) {
     for note in notes {
         match note.kind {
             ClosingKind::Joined => {
@@ -247,5 +248,4 @@ pub fn say(name: &dyn fmt::Display, notes: &[ClosingNote]) -> Vec<LeftOut> {
             }
         }
     }
-    notes.iter().filter_map(ClosingNote::left_out).collect()
 }

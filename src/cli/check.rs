@@ -87,8 +87,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         curves.map_err(|e| e.in_file(&path))?;
         return Err(nothing_to_compare("--baseline"));
     }
-    let limit = args.event_args.motion_limit;
-    let far = limit.is_none() && !args.event_args.are_given() && are_far_apart(&first, &second);
+    let far = !args.event_args.are_given() && are_far_apart(&first, &second);
     if second.is_none() || args.early_exit || far {
         judge.event_args = args.event_args.off_by_default();
     }
@@ -122,7 +121,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
                 session.begin_run();
             }
             let progress = session.progress();
-            let judged = with_progress(&name, progress, || session.judge(frame.into()));
+            let judged = with_progress(&name, progress, || session.judge(frame.received()));
             let mut judged = judged.map_err(|e| e.in_file(&path))?;
             judged.model = Some(name);
             Ok(judged)

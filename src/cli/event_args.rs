@@ -26,9 +26,9 @@ pub struct EventArgs {
 }
 
 impl EventArgs {
-    /// Returns true if the user chose the search.
+    /// Returns true if the user chose a search or its limit.
     pub fn are_given(self) -> bool {
-        self.events.is_some()
+        self.events.is_some() || self.motion_limit.is_some()
     }
 
     /// Searches for no pull-throughs, unless the user asks for them: there is no step to search, or

@@ -1,8 +1,7 @@
 //! Frames of several files, one after the other: those of one motion, or of several runs.
 
 use super::input::{self, FileFrames, FormatArgs, Read};
-use linkwatch::LeftOut;
-use linkwatch::{CurveSet, Error, FrameInfo, Result};
+use linkwatch::{CurveSet, Error, FrameInfo, LeftOut, Received, Result};
 use std::collections::VecDeque;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -57,6 +56,13 @@ pub struct Frame {
     pub begins_run: bool,
     /// The curves, or the reason why the frame is invalid.
     pub curves: Result<CurveSet>,
+}
+
+impl Frame {
+    /// Returns the frame, to be verified.
+    pub fn received(self) -> Received {
+        Received::new(self.info, self.curves.map(Arc::new))
+    }
 }
 
 impl Sequence {

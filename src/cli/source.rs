@@ -194,21 +194,21 @@ impl Source {
         let item = match &mut self.input {
             Input::Models(models) => {
                 let frame = models.next().transpose()?;
-                return Ok(frame.map(|frame| {
-                    self.lacks_curves |= !frame.info.left_out.is_empty();
-                    Item::Frame(Box::new(frame.into()))
-                }));
+                frame.map(|frame| Item::Frame(Box::new(frame.into())))
             }
-            Input::Recording(reader) => reader.next_item().map_err(|e| e.in_file(&self.path))?,
+            Input::Recording(reader) => {
+                let item = reader.next_item().map_err(|e| e.in_file(&self.path))?;
+                item.map(|item| match item {
+                    RecordedItem::Baseline(baseline) => Item::Baseline(baseline),
+                    RecordedItem::Frame(frame) => Item::Frame(Box::new(frame.into())),
+                    RecordedItem::Verdict(verdict) => Item::Verdict(verdict),
+                })
+            }
         };
-        Ok(item.map(|item| match item {
-            RecordedItem::Baseline(baseline) => Item::Baseline(baseline),
-            RecordedItem::Frame(frame) => {
-                self.lacks_curves |= !frame.info.left_out.is_empty();
-                Item::Frame(Box::new(frame.into()))
-            }
-            RecordedItem::Verdict(verdict) => Item::Verdict(verdict),
-        }))
+        if let Some(Item::Frame(frame)) = &item {
+            self.lacks_curves |= !frame.info.left_out.is_empty();
+        }
+        Ok(item)
     }
 
     /// Goes to the first frame or verdict of a range, if the file allows to skip those before it:

@@ -6,12 +6,12 @@ use crate::cli::cell_args::KEEP_OPEN;
 use crate::cli::check::nothing_to_compare;
 use crate::cli::output::{self, plural};
 use crate::cli::range::Range;
-use crate::cli::run::{FrameCounts, Ingested, Judge, Judged, MOTION_LIMIT, Recorded, Run, Setup};
+use crate::cli::run::{FrameCounts, Judge, Judged, MOTION_LIMIT, Recorded, Run, Setup};
 use crate::cli::source::{Item, PATIENCE, Source, warn_of_cut};
 use crate::cli::{Outcome, braid_args, clearance_args, signals};
 use linkwatch::{
-    AbortOn, BaselineRecord, Braids, Error, Events, Overflow, RecordedVerdict, Report, Result,
-    Retention, SessionOptions, Strategy, Verdict,
+    AbortOn, BaselineRecord, Braids, Error, Events, Overflow, Received, RecordedVerdict, Report,
+    Result, Retention, SessionOptions, Strategy, Verdict,
 };
 use std::collections::{BTreeMap, VecDeque};
 use std::sync::Arc;
@@ -246,7 +246,7 @@ pub fn recorded_events(metadata: &BTreeMap<String, String>) -> (Events, f64) {
 
 /// A frame to judge, or a recorded verdict.
 enum Waiting {
-    Frame(Box<Ingested>),
+    Frame(Box<Received>),
     Verdict(Box<RecordedVerdict>),
 }
 

@@ -1,30 +1,9 @@
-//! Frames of a run: before they are verified, and their results.
+//! Results of the frames of a run.
 
-use crate::cli::sequence::Frame;
 use linkwatch::kernels::Offload;
-use linkwatch::{Continuation, CurveSet, FrameInfo, FrameTimes, Received, Report, Work};
+use linkwatch::{Continuation, CurveSet, FrameInfo, FrameTimes, Report, Work};
 use std::sync::Arc;
 use std::time::Duration;
-
-/// A frame to judge.
-pub struct Ingested {
-    pub received: Received,
-}
-
-impl From<Received> for Ingested {
-    fn from(received: Received) -> Ingested {
-        Ingested { received }
-    }
-}
-
-impl From<Frame> for Ingested {
-    /// Wraps a frame that was read already.
-    fn from(frame: Frame) -> Ingested {
-        Ingested {
-            received: Received::new(frame.info, frame.curves.map(Arc::new)),
-        }
-    }
-}
 
 /// Result of a frame, before it goes to the sinks.
 pub struct Judged {

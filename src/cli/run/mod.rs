@@ -26,7 +26,7 @@ mod viewer;
 mod viewer;
 mod violations;
 
-pub use frame::{Ingested, Judged};
+pub use frame::Judged;
 pub use junit::JunitArgs;
 #[cfg(feature = "mcap")]
 pub use settings::MOTION_LIMIT;
@@ -50,8 +50,8 @@ use super::output::{count, plural};
 #[cfg(feature = "bus")]
 use linkwatch::Events;
 use linkwatch::{
-    Continuation, FrameInfo, FrameRecord, FrameTimes, Overflow, Progress, Result, RunProgress,
-    Session, SessionOptions, SinkQueue, Strategy, Verdict,
+    Continuation, FrameInfo, FrameRecord, FrameTimes, Overflow, Progress, Received, Result,
+    RunProgress, Session, SessionOptions, SinkQueue, Strategy, Verdict,
 };
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -220,9 +220,9 @@ impl Run {
     /// Returns true if verifying the frame likely takes so little time that passing it to another
     /// thread does not pay: the frame is small, and the previous one was quick.
     #[cfg(feature = "bus")]
-    pub fn is_quick(&self, frame: &Ingested) -> bool {
+    pub fn is_quick(&self, frame: &Received) -> bool {
         let quick = self.last_check.is_some_and(|check| check < MOMENT);
-        frame.received.segments() <= SMALL && quick
+        frame.segments() <= SMALL && quick
     }
 
     /// Returns the outcome so far.
@@ -257,21 +257,21 @@ impl Run {
         &mut self,
         info: FrameInfo,
         read: impl FnOnce(&mut dyn FnMut(linkwatch::RawFrame<'_>) -> Result<()>) -> Result<()>,
-    ) -> Ingested {
-        self.session.receive(info, read).into()
+    ) -> Received {
+        self.session.receive(info, read)
     }
 
     /// Announces the frame that will be judged after the next one.
     #[cfg(feature = "mcap")]
-    pub fn announce(&mut self, frame: &Ingested) {
-        self.session.announce(&frame.received);
+    pub fn announce(&mut self, frame: &Received) {
+        self.session.announce(frame);
     }
 
     /// Verifies one frame.
     ///
     /// Errors: those of [`Session::verify`].
-    pub fn judge(&mut self, frame: Ingested) -> Result<Judged> {
-        let verified = self.session.verify(frame.received)?;
+    pub fn judge(&mut self, frame: Received) -> Result<Judged> {
+        let verified = self.session.verify(frame)?;
         let seq = verified.report.seq;
         say(&THE_FRAMES, &verified.notes);
         if verified.continuation == Continuation::Cut {

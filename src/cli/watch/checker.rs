@@ -1,9 +1,9 @@
 //! Thread that judges frames, so that the thread of the bus can send heartbeats meanwhile.
 
 use crate::cli::output::{count, plural};
-use crate::cli::run::{Ingested, Judged, Run};
+use crate::cli::run::{Judged, Run};
 use crate::cli::signals::TICK;
-use linkwatch::Result;
+use linkwatch::{Received, Result};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{self, RecvTimeoutError};
 use std::time::{Duration, Instant};
@@ -15,7 +15,7 @@ const HEARTBEAT: Duration = Duration::from_secs(1);
 pub struct Work {
     pub session: Box<Run>,
     pub seq: u64,
-    pub frame: Ingested,
+    pub frame: Received,
 }
 
 impl Work {

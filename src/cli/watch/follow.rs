@@ -354,7 +354,7 @@ impl Follower<'_> {
                     }
                     let ingested = match frame.info(&mut labels) {
                         Ok(info) => session.ingest(info, |receive| frame.read(receive)),
-                        Err(why) => Received::new(FrameInfo::at(seq, time), Err(why)).into(),
+                        Err(why) => Received::new(FrameInfo::at(seq, time), Err(why)),
                     };
                     // Returns the memory to the simulator.
                     drop(frame);

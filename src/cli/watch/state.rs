@@ -112,8 +112,8 @@ impl State {
             .is_some_and(|note| note.settings != settings)
         {
             let why = "it is of a watch with other settings (--baseline, --events, ..) or of \
-                       another version of linkwatch: give the same ones, or remove it to begin \
-                       anew";
+                       another version of linkwatch: give the same ones, or remove it to start \
+                       with a new baseline";
             return Err(unusable(path, why));
         }
         let mut name = OsString::from(path);

@@ -74,17 +74,17 @@ const DEFAULT: Accuracy = Accuracy {
     order: None,
 };
 
-pub const CROSSINGS: Kernel = by(
-    Method::Crossings,
-    Tolerance {
-        bound: 0.0,
-        general: 1.0,
-        smooth: 1.0,
-        lattice: 1.0,
-        close: 0.999,
-        pairs: 3000,
-    },
-);
+/// Tolerance of the count of crossings.
+const COUNTED: Tolerance = Tolerance {
+    bound: 0.0,
+    general: 1.0,
+    smooth: 1.0,
+    lattice: 1.0,
+    close: 0.999,
+    pairs: 3000,
+};
+
+pub const CROSSINGS: Kernel = by(Method::Crossings, COUNTED);
 
 pub const DIRECT: Kernel = by(
     Method::Direct,
@@ -210,12 +210,8 @@ const fn on_device(method: Method, tolerance: Tolerance) -> Kernel {
 pub const GPU_CROSSINGS: Kernel = on_device(
     Method::Crossings,
     Tolerance {
-        bound: 0.0,
-        general: 1.0,
-        smooth: 1.0,
-        lattice: 1.0,
-        close: 0.999,
         pairs: 300,
+        ..COUNTED
     },
 );
 

@@ -323,10 +323,11 @@ class Molecule:
 def molecules(edges: Array) -> tuple[list[Molecule], list[list[int]]]:
     """Returns a curve for each connected set of edges, and the sets that are no curve.
 
-    A ring starts at its smallest node and goes on to the smaller neighbour, a chain starts at its
-    smaller end. If a set has branches, its curve is its only ring of more than ``SMALL_RING``
-    nodes, if that is longer than every chain. Without such rings, it is the longest chain, which
-    takes the shorter way around smaller rings. Other sets are networks.
+    The first node of a ring is its smallest one, and the second one is the smaller neighbour of
+    that node. The first node of a chain is the smaller one of its ends. If a set has branches,
+    its curve is its only ring of more than ``SMALL_RING`` nodes, if that is longer than every
+    chain. Without such rings, it is the longest chain, which takes the shorter way around smaller
+    rings. Other sets are networks.
     """
     edges = np.sort(np.asarray(edges, np.int64).reshape(-1, 2), axis=1)
     edges = np.unique(edges[edges[:, 0] != edges[:, 1]], axis=0)

@@ -229,7 +229,7 @@ def _spline(points: Array, tangents: Array, how: ElementTree.Element, basis: str
 def _slopes(points: Array, periodic: bool) -> Array:
     """Returns the derivatives of the cubic spline through points at the integers.
 
-    Its ends are natural, or those of a spline that goes on after its period.
+    The second derivative is 0 at its ends, or the spline repeats with a period.
     """
     n = len(points) - periodic
     chords = np.diff(points, axis=0)
