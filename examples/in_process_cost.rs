@@ -12,7 +12,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut args = std::env::args().skip(1);
     let model = args.next().ok_or("expected a model")?;
     let repeat: usize = args.next().map_or(Ok(25), |n| n.parse())?;
-    let curves = linkwatch::model::read(model.as_ref())?;
+    let curves = linkwatch::formats::read(model.as_ref())?;
     let counts: Vec<i32> = curves.counts().collect();
     let mut points: Vec<f32> = Vec::new();
     for (i, curve) in curves.curves().iter().enumerate() {

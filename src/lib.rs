@@ -8,7 +8,7 @@
 //!   [attaching a simulator](./attaching/index.html).
 //! - A program that verifies its own frames feeds them to a [`Session`], and gets a [`Report`] on
 //!   each.
-//! - [`model`] reads and writes curves and frames: BCC, OBJ, VECT, LAMMPS and NumPy
+//! - [`formats`] reads and writes curves and frames: BCC, OBJ, VECT, LAMMPS and NumPy
 //!   files; [`scenes`] generates some with known linking numbers.
 //! - The README has the first run and the verdicts, the book in `docs` everything else: a guide, a
 //!   reference of the command, and the design.
@@ -53,7 +53,7 @@
 //!
 //! | purpose | items |
 //! |---|---|
-//! | curves of a frame | [`CurveSet`], [`Basis`], [`Positions`]; from files: [`model`] |
+//! | curves of a frame | [`CurveSet`], [`Basis`], [`Positions`]; from files: [`formats`] |
 //! | frames in memory of others | [`RawFrame`], for [`Session::receive`] |
 //! | verification | [`Session`] with [`FrameInfo`], [`SessionOptions`], [`Strategy`], [`Events`] |
 //! | single frames | [`Certifier`] |
@@ -122,8 +122,6 @@ mod certificate;
     reason = "the only way for users of the API, whose options are non-exhaustive"
 )]
 mod cli;
-#[cfg(feature = "mcap")]
-mod container;
 mod curve;
 #[cfg(feature = "verify")]
 mod discretize;
@@ -139,13 +137,15 @@ mod exact;
 #[cfg(feature = "client")]
 mod fork;
 #[cfg(feature = "verify")]
+pub mod formats;
+#[cfg(feature = "verify")]
 mod incremental;
 #[cfg(feature = "verify")]
 mod ingest;
 #[cfg(feature = "verify")]
 pub mod kernels;
 #[cfg(feature = "verify")]
-pub mod model;
+mod measure;
 #[cfg(feature = "verify")]
 mod pairs;
 #[cfg(feature = "verify")]
@@ -153,15 +153,13 @@ mod periodic;
 #[cfg(feature = "verify")]
 pub mod picture;
 #[cfg(feature = "verify")]
-pub mod plan;
-#[cfg(feature = "verify")]
 mod pool;
 #[cfg(feature = "verify")]
 mod random;
 #[cfg(feature = "mcap")]
+mod record;
+#[cfg(feature = "mcap")]
 mod report;
-#[cfg(feature = "verify")]
-mod ribbon;
 #[cfg(feature = "verify")]
 mod scene;
 #[cfg(feature = "verify")]
@@ -172,12 +170,9 @@ mod session;
 mod simd;
 #[cfg(feature = "verify")]
 mod sinks;
-#[cfg(feature = "verify")]
-#[cfg_attr(not(feature = "mcap"), allow(dead_code, reason = "reports use all"))]
-mod svg;
-#[cfg(feature = "verify")]
-mod thickness;
 mod verdict;
+#[cfg(feature = "rerun")]
+mod viewer;
 #[cfg(feature = "verify")]
 mod words;
 #[cfg(all(doc, feature = "client"))]
@@ -202,7 +197,7 @@ pub use curve::{Curve, CurveSet};
 #[cfg(feature = "verify")]
 pub use discretize::{Braid, BraidLoops, Braids, End, Polylines, chords, homotopic_polylines};
 #[cfg(feature = "verify")]
-pub use engine::{Certifier, Ladder, Progress, SessionOptions, Strategy, Timings, bisect};
+pub use engine::{Certifier, Ladder, Plan, Progress, SessionOptions, Strategy, Timings, bisect};
 pub use error::{Error, Result};
 #[cfg(all(feature = "mcap", feature = "cli"))]
 use incremental::Cause;
@@ -211,37 +206,36 @@ pub use incremental::{Events, Route, Work};
 #[cfg(feature = "verify")]
 pub use ingest::{Closing, ClosingKind, ClosingNote, CurveSource, FrameInfo, RawFrame};
 #[cfg(feature = "verify")]
-pub use periodic::{Unwrap, beside, period};
+pub use measure::{
+    Axis, ClearanceOptions, CurvePoint, GaussIntegrals, MinRad, Pairing, PairingReason, Ribbon,
+    RibbonOptions, Strut, Thickness, struts,
+};
 #[cfg(feature = "verify")]
-pub use plan::Plan;
+pub use periodic::{Unwrap, beside, period};
+#[cfg(all(feature = "mcap", feature = "cli"))]
+use record::{Alignment, FrameDiff, FramePlace, OnlyIn, Outline, RunDiff, diff_runs};
+#[cfg(feature = "mcap")]
+pub use record::{
+    Ending, RecordedFrame, RecordedItem, RecordedVerdict, RecordingOptions, RecordingReader,
+    RecordingSink, RecordingTool, Retention,
+};
 #[cfg(all(feature = "mcap", feature = "cli"))]
 use report::{Conclusion, RunReport};
 #[cfg(feature = "verify")]
-pub use ribbon::{Axis, GaussIntegrals, Pairing, PairingReason, Ribbon, RibbonOptions};
-#[cfg(feature = "verify")]
 pub use session::{Continuation, Given, Received, Session, SessionState, VerifiedFrame};
-#[cfg(all(feature = "mcap", feature = "cli"))]
-use sinks::{Alignment, FrameDiff, FramePlace, OnlyIn, Outline, RunDiff, diff_runs};
 #[cfg(feature = "verify")]
 pub use sinks::{
     BaselineRecord, FrameRecord, FrameTimes, LiveTimes, Overflow, RunProgress, Sink, SinkQueue,
     SinkSummary,
 };
-#[cfg(feature = "mcap")]
-pub use sinks::{
-    Ending, RecordedFrame, RecordedItem, RecordedVerdict, RecordingOptions, RecordingReader,
-    RecordingSink, RecordingTool, Retention,
-};
-#[cfg(feature = "rerun")]
-pub use sinks::{ViewerOptions, ViewerSink, ViewerTarget};
-#[cfg(feature = "verify")]
-pub use thickness::{ClearanceOptions, CurvePoint, MinRad, Strut, Thickness, struts};
 #[cfg(feature = "cli")]
 use verdict::Lasting;
 pub use verdict::{
     AbortOn, Change, ChangeKind, Clearance, CloseStrands, Defect, DefectKind, ImageLink, LeftOut,
     Link, LoopPair, Place, PullThrough, Report, Stats, Verdict,
 };
+#[cfg(feature = "rerun")]
+pub use viewer::{ViewerOptions, ViewerSink, ViewerTarget};
 
 /// Compiles the examples of the README and of the book. `tests/book` compares this list with the
 /// pages that have some.

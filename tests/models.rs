@@ -4,7 +4,7 @@
 mod support;
 
 use libtest_mimic::{Arguments, Failed, Trial};
-use linkwatch::model::{self, Format, FrameWriter, Frames, ModelFrame, ReadOptions};
+use linkwatch::formats::{self, Format, FrameWriter, Frames, ModelFrame, ReadOptions};
 use linkwatch::{Basis, Certificate, Certifier, homotopic_polylines};
 use std::path::PathBuf;
 use support::trial::trial;
@@ -26,7 +26,7 @@ fn test(
 }
 
 fn certify(file: &str) -> Result<Certificate, Failed> {
-    let set = model::read(&path(file))?;
+    let set = formats::read(&path(file))?;
     let mut certifier = Certifier::default();
     let (certificate, stats) = certifier.certify(&set);
     println!("{file}: {stats:?}");
@@ -57,7 +57,7 @@ fn has_the_published_polylines(
     (model, overlaps, segments): (&'static str, Option<usize>, Option<usize>),
 ) -> Trial {
     test(format!("algorithm_3::{model}"), &[model], move || {
-        let set = model::read(&path(model))?;
+        let set = formats::read(&path(model))?;
         let polylines = homotopic_polylines(&set)?;
         println!(
             "{model}: {} overlaps, {} segments, {} passes",
@@ -80,7 +80,7 @@ fn has_the_published_polylines(
 /// homotopic polylines first.
 fn has_its_certificate_in_every_format(model: &'static str) -> Trial {
     test(format!("convert::{model}"), &[model], move || {
-        let set = model::read(&path(model))?;
+        let set = formats::read(&path(model))?;
         let polylines = homotopic_polylines(&set)?.curves;
         let mut certifier = Certifier::default();
         let expected = certifier.certify(&set).0.clone();

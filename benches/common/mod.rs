@@ -7,7 +7,7 @@
 #[path = "../study/src/measure.rs"]
 pub mod measure;
 
-use linkwatch::{Certificate, Stats, model};
+use linkwatch::{Certificate, Stats, formats};
 use measure::{Run, StageTimes, Subject, Table};
 use rayon::{ThreadPool, ThreadPoolBuilder};
 use serde_json::{Value, json};
@@ -205,7 +205,7 @@ impl Case {
         }
         let certificate = path.with_file_name(format!("{}.certificate.txt", model.name));
         let certificate = Certificate::read(&certificate).expect("its certificate");
-        let curves = model::read(&path).expect("a readable model");
+        let curves = formats::read(&path).expect("a readable model");
         let subject = Subject::new(model.name, curves).expect("a model that can be discretized");
         let case = Case {
             subject: subject.expecting(&certificate),

@@ -310,7 +310,7 @@ fn reads_files_written_by_the_page() {
         file.extend((-3_i32).to_le_bytes());
         file.extend((0..9).flat_map(|x: u8| f32::from(x).to_le_bytes()));
         std::fs::write(&path, &file).unwrap();
-        let set = crate::model::read(&path).unwrap();
+        let set = crate::formats::read(&path).unwrap();
         assert_eq!(
             (set.basis(), set.counts().collect::<Vec<_>>()),
             (basis, vec![-3])

@@ -12,8 +12,8 @@ use super::open;
 use super::output::{self, count, millis, percent, plural, plural_of};
 use super::{Outcome, output::with_progress};
 use clap::ValueEnum;
+use linkwatch::formats::{Format, FrameWriter, ModelFrame};
 use linkwatch::kernels::{Method, Offload};
-use linkwatch::model::{Format, FrameWriter, ModelFrame};
 use linkwatch::{
     BraidLoops, Braids, Certificate, Certifier, CurveSet, Error, Events, FrameInfo, ImageLink,
     Ladder, Received, Result, Session, SessionOptions, Stats, homotopic_polylines, picture,

@@ -11,7 +11,7 @@ use super::sequence::{Frame, Sequence};
 use linkwatch::LeftOut;
 #[cfg(feature = "mcap")]
 use linkwatch::SessionOptions;
-use linkwatch::model::{Format, FrameWriter, ModelFrame};
+use linkwatch::formats::{Format, FrameWriter, ModelFrame};
 use linkwatch::{
     Basis, Certifier, CurveSet, Error, FrameInfo, Result, chords, homotopic_polylines,
 };

@@ -3,8 +3,8 @@
 use super::Outcome;
 use super::frames::Picked;
 use super::output::{self, count, plural};
+use crate::engine::{DevicePlan, ImagePlan, Prediction};
 use linkwatch::kernels::Method;
-use linkwatch::plan::{DevicePlan, ImagePlan, Prediction};
 use linkwatch::{Plan, Result, SessionOptions};
 use serde_json::json;
 use std::path::Path;

@@ -5,9 +5,9 @@ use super::files::{Content, Files, Overwrite, write_text, write_whole};
 use super::number::{not_negative, positive};
 use super::output::{self, count, millis, plural};
 use super::settings::{named, split};
-use linkwatch::model::{Format, FrameWriter, ModelFrame};
+use linkwatch::formats::{Format, FrameWriter, ModelFrame};
 use linkwatch::scenes::{KINDS, Kind, Motion, MotionKind, MovingScene, Scene};
-use linkwatch::{CurveSet, Error, Result, model};
+use linkwatch::{CurveSet, Error, Result, formats};
 use serde_json::json;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
@@ -83,7 +83,9 @@ pub fn run(args: &Args, as_json: bool) -> Result<Outcome> {
                 write_frames(part, format, &moving, curves)
             })?;
         }
-        None => write_whole(path, args.overwrite, |part| model::write_bcc(part, &curves))?,
+        None => write_whole(path, args.overwrite, |part| {
+            formats::write_bcc(part, &curves)
+        })?,
     }
     tracing::info!(
         "{}: wrote {}{} of {}, {} ({})",

@@ -6,9 +6,9 @@ use super::{Outcome, order, output};
 use linkwatch::LeftOut;
 #[cfg(feature = "mcap")]
 use linkwatch::RecordingReader;
-use linkwatch::model::{Frames, ModelFrame, ReadOptions};
+use linkwatch::formats::{Frames, ModelFrame, ReadOptions};
 use linkwatch::scenes::Scene;
-use linkwatch::{CurveSet, Error, FrameInfo, Result, model};
+use linkwatch::{CurveSet, Error, FrameInfo, Result, formats};
 use std::path::{Path, PathBuf};
 
 /// Information on curves that some formats lack.
@@ -94,7 +94,7 @@ fn scene(argument: &Path) -> Result<CurveSet> {
             scene,
             what: format!(
                 "{what}; and no file has this name (kinds of files: {})",
-                model::MODEL_FILES
+                formats::MODEL_FILES
             ),
         },
         other => other,
@@ -146,16 +146,16 @@ fn models_in(folder: &Path) -> Result<Vec<PathBuf>> {
     let refuse = |why: String| Error::Usage(format!("{}: {why}", folder.display()));
     let entries = std::fs::read_dir(folder).map_err(|e| refuse(e.to_string()))?;
     let files = entries.flatten().map(|entry| entry.path());
-    let is_model = |file: &PathBuf| match model::Format::of(file) {
+    let is_model = |file: &PathBuf| match formats::Format::of(file) {
         // A folder may have tables of numbers, which are no points.
-        Ok(format) => file.is_file() && format != model::Format::Points,
+        Ok(format) => file.is_file() && format != formats::Format::Points,
         // USD, which is refused when it is opened.
         Err(e) => matches!(e, Error::InFile { .. }),
     };
     let mut models: Vec<PathBuf> = files.filter(is_model).collect();
     models.sort();
     if models.is_empty() {
-        let known = model::MODEL_FILES;
+        let known = formats::MODEL_FILES;
         return Err(refuse(format!("the folder holds no models ({known})")));
     }
     order::sort(&mut models);
@@ -207,7 +207,7 @@ fn begins_as_mcap(path: &Path) -> bool {
 
 /// Returns true if a file of this name may hold several frames.
 pub fn holds_frames(path: &Path) -> bool {
-    is_mcap(path) || model::Format::of(path).is_ok_and(model::Format::holds_frames)
+    is_mcap(path) || formats::Format::of(path).is_ok_and(formats::Format::holds_frames)
 }
 
 /// Returns true if a file is to be read as a recording of linkwatch: it is one by its content, or

@@ -4,7 +4,7 @@
 use super::input::{self, FormatArgs};
 use super::range::Range;
 use super::sequence::{self, Sequence};
-use crate::container::truncated;
+use crate::formats::container::truncated;
 use linkwatch::{
     BaselineRecord, CurveSet, Ending, Error, FrameInfo, Positions, Precision, RawFrame,
     RecordedFrame, RecordedItem, RecordedVerdict, RecordingReader, Result,

@@ -18,6 +18,7 @@ mod intactness;
 mod known;
 mod ladder;
 mod options;
+mod plan;
 mod progress;
 mod routing;
 mod state;
@@ -29,6 +30,9 @@ pub use bisect::bisect;
 pub use certifier::Certifier;
 pub use ladder::Ladder;
 pub use options::{SessionOptions, Strategy};
+pub use plan::Plan;
+#[cfg(feature = "cli")]
+pub(crate) use plan::{DevicePlan, ImagePlan, Prediction};
 pub use progress::{Progress, Timings};
 pub(crate) use state::EngineState;
 

@@ -6,7 +6,7 @@ use crate::discretize::Braids;
 use crate::error::{Error, Result};
 use crate::incremental::{Events, MOTION_LIMIT};
 use crate::kernels::{Accuracy, Calibration, Device, Method};
-use crate::thickness::ClearanceOptions;
+use crate::measure::ClearanceOptions;
 use crate::verdict::AbortOn;
 
 /// Options of a [`Session`](crate::Session).

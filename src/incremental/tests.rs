@@ -295,5 +295,5 @@ fn scene_or_model(name: &str) -> Option<CurveSet> {
         return Some(scene.build().unwrap().curves);
     }
     let path = format!("../shared/models/{name}.bcc");
-    crate::model::read(&std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join(path)).ok()
+    crate::formats::read(&std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join(path)).ok()
 }

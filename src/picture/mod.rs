@@ -10,6 +10,8 @@
 mod gaps;
 mod panel;
 mod strands;
+#[cfg_attr(not(feature = "mcap"), allow(dead_code, reason = "reports use all"))]
+pub(crate) mod svg;
 mod view;
 
 pub(crate) use self::panel::Scene;
@@ -22,7 +24,7 @@ use crate::certificate::Certificate;
 use crate::curve::vector::dot;
 use crate::curve::{CurveSet, Image, Point};
 use crate::pairs::{Trees, closest_approach};
-use crate::svg::{plain, px};
+use crate::picture::svg::{plain, px};
 use crate::verdict::Place;
 use maud::{Markup, PreEscaped, html};
 use std::collections::BTreeSet;

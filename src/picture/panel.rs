@@ -10,7 +10,7 @@ use super::gaps::{Line, visible};
 use super::strands::{Part, Radii, Strand, Window, strands};
 use super::view::{View, views};
 use crate::curve::{CurveSet, Notation, Point};
-use crate::svg::{px, round_below};
+use crate::picture::svg::{px, round_below};
 use maud::{Markup, html};
 
 /// Width and height of a picture, and their half, in pixels.

@@ -3,7 +3,7 @@
 
 use super::series::Bin;
 use crate::curve::significant;
-use crate::svg::px;
+use crate::picture::svg::px;
 use maud::{Markup, html};
 
 /// Width of a picture with a time axis, and its margins.

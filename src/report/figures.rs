@@ -9,7 +9,7 @@ use super::rows::Moment;
 use super::violations::{Shot, Violation, Violations};
 use crate::curve::{Cell, CurveLabels, CurveSet, Image, Translated, is_home};
 use crate::picture::{Radii, Scene, Spot, Window};
-use crate::sinks::{RecordedFrame, RecordedItem, RecordingReader};
+use crate::record::{RecordedFrame, RecordedItem, RecordingReader};
 use crate::words::plural;
 use std::collections::VecDeque;
 use std::io::{Read, Seek};

@@ -6,7 +6,7 @@ use super::rows::Table;
 use super::sentence::Conclusion;
 use crate::curve::{Image, is_home};
 use crate::picture;
-use crate::svg::plain;
+use crate::picture::svg::plain;
 use crate::words::count;
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 

@@ -34,7 +34,7 @@ pub use sentence::Conclusion;
 use self::facts::Facts;
 use self::figures::Figure;
 use crate::error::{Error, Result};
-use crate::sinks::RecordingReader;
+use crate::record::RecordingReader;
 use std::path::{Path, PathBuf};
 
 /// Report of a recorded run: what happened, for people without a viewer.

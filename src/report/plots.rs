@@ -4,7 +4,7 @@ use super::axis::{Axis, LEFT, RIGHT, WIDTH};
 use super::facts::Facts;
 use super::series::Bin;
 use crate::curve::significant;
-use crate::svg::{px, ticks};
+use crate::picture::svg::{px, ticks};
 use maud::{Markup, html};
 
 /// Vertical positions.

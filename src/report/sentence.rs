@@ -1,7 +1,7 @@
 //! What happened, in one sentence, and what limits it.
 
 use super::facts::{End, Facts, Found, RECORD_EVERY};
-use crate::container::truncated;
+use crate::formats::container::truncated;
 use crate::incremental::Events;
 use crate::verdict::LeftOut;
 use crate::verdict::Verdict;

@@ -3,7 +3,7 @@
 use super::axis::{Axis, WIDTH};
 use super::facts::Facts;
 use super::series::Bin;
-use crate::svg::px;
+use crate::picture::svg::px;
 use crate::verdict::Verdict;
 use crate::words::{count, plural};
 use maud::{Markup, html};

@@ -4,7 +4,7 @@ use crate::curve::CurveSet;
 use crate::engine::SessionOptions;
 use crate::error::Result;
 use crate::ingest::FrameInfo;
-use crate::thickness::{ClearanceMonitor, ClearanceOptions};
+use crate::measure::{ClearanceMonitor, ClearanceOptions};
 use crate::verdict::Clearance;
 use std::time::{Duration, Instant};
 

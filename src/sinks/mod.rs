@@ -5,22 +5,10 @@
 //! queue with a time limit, so that a slow disk or a blocked viewer delays no verdict.
 
 mod queue;
-#[cfg(feature = "mcap")]
-mod recording;
 mod times;
-#[cfg(feature = "rerun")]
-mod viewer;
 
 pub use queue::{Overflow, SinkQueue, SinkSummary};
-#[cfg(feature = "mcap")]
-pub use recording::{
-    Alignment, Ending, FrameDiff, FramePlace, OnlyIn, Outline, RecordedFrame, RecordedItem,
-    RecordedVerdict, RecordingOptions, RecordingReader, RecordingSink, RecordingTool, Retention,
-    RunDiff, diff_runs,
-};
 pub use times::{FrameTimes, LiveTimes, RunProgress};
-#[cfg(feature = "rerun")]
-pub use viewer::{ViewerOptions, ViewerSink, ViewerTarget};
 
 use crate::certificate::Certificate;
 use crate::curve::CurveSet;
@@ -104,7 +92,7 @@ pub trait Sink: Send {
 /// Creates a regular file, or truncates it. Rejects any other kind, because opening a pipe without
 /// a reader would block without limit.
 #[cfg(feature = "rerun")]
-fn create_file(path: &std::path::Path) -> Result<std::fs::File> {
+pub(crate) fn create_file(path: &std::path::Path) -> Result<std::fs::File> {
     if std::fs::metadata(path).is_ok_and(|m| !m.is_file()) {
         let source = std::io::Error::other("not a regular file");
         return Err(Error::file(path)(source));
@@ -114,6 +102,6 @@ fn create_file(path: &std::path::Path) -> Result<std::fs::File> {
 
 /// Returns the rays of a star: both ends of a line along each axis.
 #[cfg(any(feature = "mcap", feature = "rerun"))]
-fn star(center: Point, reach: f64) -> [[Point; 2]; 3] {
+pub(crate) fn star(center: Point, reach: f64) -> [[Point; 2]; 3] {
     AXES.map(|axis| [-reach, reach].map(|t| add_scaled(center, t, axis)))
 }

@@ -1,7 +1,7 @@
 //! Commands on files with a periodic cell.
 
 use crate::support::command::{Run, linkwatch, text};
-use linkwatch::model::{Format, FrameWriter, ModelFrame};
+use linkwatch::formats::{Format, FrameWriter, ModelFrame};
 use linkwatch::{Basis, CurveSet, Positions};
 use std::path::{Path, PathBuf};
 use tempfile::TempDir;

@@ -2,7 +2,7 @@
 
 use crate::support::command::{linkwatch, text};
 use crate::support::polygons::square;
-use linkwatch::{Basis, CurveSet, Positions, model};
+use linkwatch::{Basis, CurveSet, Positions, formats};
 use std::path::Path;
 use tempfile::TempDir;
 
@@ -41,7 +41,7 @@ fn names_degenerate_loops_and_certifies_the_others() {
     .concat();
     let set = CurveSet::from_counts(Basis::Polyline, &[-4, -4, -4], Positions::F32(&xyz)).unwrap();
     let path = folder.path().join("flat.bcc");
-    model::write_bcc(&path, &set).unwrap();
+    formats::write_bcc(&path, &set).unwrap();
     let run = linkwatch(&["certify", text(&path)]);
     assert_eq!(run.code, 3);
     assert!(
@@ -108,7 +108,7 @@ fn noise_keeps_the_number_until_segments_may_touch() {
     let xyz = [square([0., 0., 0.], [0, 1]), square([1., 0., 0.], [0, 2])].concat();
     let set = CurveSet::from_counts(Basis::Polyline, &[-4, -4], Positions::F32(&xyz)).unwrap();
     let model = folder.path().join("hopf.bcc");
-    model::write_bcc(&model, &set).unwrap();
+    formats::write_bcc(&model, &set).unwrap();
     let certify = |noise: &str| linkwatch(&["certify", text(&model), "--noise", noise]);
     let exact = linkwatch(&["certify", text(&model)]).stdout;
     for noise in ["0", "0.1", "0.499"] {
@@ -184,9 +184,10 @@ fn lists_devices_and_rejects_unknown_ones() {
 fn periodic(path: &Path, cell: &str, counts: &[i32], points: &[[f64; 3]]) {
     let positions = Positions::F64(points.as_flattened());
     let set = CurveSet::from_counts(Basis::Polyline, counts, positions).unwrap();
-    let mut frame = model::ModelFrame::new(0, Ok(set));
+    let mut frame = formats::ModelFrame::new(0, Ok(set));
     frame.cell = Some(cell.parse().unwrap());
-    let mut writer = model::FrameWriter::create(path, model::Format::of(path).unwrap()).unwrap();
+    let mut writer =
+        formats::FrameWriter::create(path, formats::Format::of(path).unwrap()).unwrap();
     writer.frame(&frame).unwrap();
     writer.finish().unwrap();
 }

@@ -2,7 +2,7 @@
 
 use super::chain;
 use crate::support::command::{linkwatch, text};
-use linkwatch::{Basis, CurveSet, Positions, model};
+use linkwatch::{Basis, CurveSet, Positions, formats};
 use tempfile::TempDir;
 
 #[test]
@@ -251,7 +251,7 @@ fn check_reports_pull_throughs_between_models() {
         let xyz = xyz.concat();
         let set = CurveSet::from_counts(Basis::Polyline, &[-6], Positions::F32(&xyz)).unwrap();
         let path = folder.path().join(name);
-        model::write_bcc(&path, &set).unwrap();
+        formats::write_bcc(&path, &set).unwrap();
         path
     };
     let [before, after] = [fold("before.bcc", 0.5), fold("after.bcc", -0.5)];

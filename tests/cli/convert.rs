@@ -1,7 +1,7 @@
 //! `linkwatch convert`, and models in folders, patterns and files with several frames.
 
 use crate::support::command::{linkwatch, text};
-use linkwatch::{Basis, CurveSet, Positions, model};
+use linkwatch::{Basis, CurveSet, Positions, formats};
 use std::path::{Path, PathBuf};
 use tempfile::TempDir;
 
@@ -20,7 +20,7 @@ fn squares(folder: &Path, frames: u32) -> Vec<PathBuf> {
             let xyz: Vec<f32> = [first, second].as_flattened().as_flattened().to_vec();
             let set = CurveSet::from_counts(Basis::Polyline, &[-4, -4], Positions::F32(&xyz));
             let path = folder.join(format!("f{k}.bcc"));
-            model::write_bcc(&path, &set.unwrap()).unwrap();
+            formats::write_bcc(&path, &set.unwrap()).unwrap();
             path
         })
         .collect()

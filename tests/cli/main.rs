@@ -17,7 +17,8 @@ mod support;
 mod viewer;
 mod writhe;
 
-use linkwatch::{Basis, CurveSet, Positions, model};
+use linkwatch::formats::write_bcc;
+use linkwatch::{Basis, CurveSet, Positions};
 use std::path::{Path, PathBuf};
 use support::polygons::square;
 
@@ -32,6 +33,6 @@ fn chain(folder: &Path, name: &str, at: f32) -> PathBuf {
     .concat();
     let set = CurveSet::from_counts(Basis::Polyline, &[-4, -4, -4], Positions::F32(&xyz)).unwrap();
     let path = folder.join(name);
-    model::write_bcc(&path, &set).unwrap();
+    write_bcc(&path, &set).unwrap();
     path
 }

@@ -1,7 +1,7 @@
 //! `linkwatch check` over several models: the frames of one motion.
 
 use crate::support::command::{Run, linkwatch, text};
-use linkwatch::{Basis, CurveSet, Positions, model};
+use linkwatch::{Basis, CurveSet, Positions, formats};
 use std::path::Path;
 use tempfile::TempDir;
 
@@ -33,7 +33,7 @@ pub fn motion(folder: &Path, unit: f64, closed: bool) -> Vec<String> {
         let xyz: Vec<f32> = rings(height, unit).iter().map(|&x| x as f32).collect();
         let set = CurveSet::from_counts(Basis::Polyline, &counts, Positions::F32(&xyz)).unwrap();
         let path = folder.join(format!("F{k}.bcc"));
-        model::write_bcc(&path, &set).unwrap();
+        formats::write_bcc(&path, &set).unwrap();
         path.to_str().unwrap().to_owned()
     };
     (1..=11).map(frame).collect()
@@ -185,7 +185,7 @@ fn a_model_with_invalid_content_is_a_rejected_frame() {
     // Other curves than before are rejected, too.
     let xyz: Vec<f32> = rings(0.0, 1.0)[..60].iter().map(|&x| x as f32).collect();
     let set = CurveSet::from_counts(Basis::Polyline, &[-20], Positions::F32(&xyz)).unwrap();
-    model::write_bcc(Path::new(&models[1]), &set).unwrap();
+    formats::write_bcc(Path::new(&models[1]), &set).unwrap();
     let run = check(&models[..3], &[]);
     assert_eq!(run.code, 3, "{}", run.stderr);
     let says =
@@ -361,7 +361,7 @@ fn warns_once_of_a_segment_longer_than_half_the_scene() {
         let xyz: Vec<f32> = xyz.iter().map(|&x| wrap(x) as f32).collect();
         let set = CurveSet::from_counts(Basis::Polyline, &[-20; 2], Positions::F32(&xyz)).unwrap();
         let path = folder.path().join(format!("F{k}.bcc"));
-        model::write_bcc(&path, &set).unwrap();
+        formats::write_bcc(&path, &set).unwrap();
         path.to_str().unwrap().to_owned()
     };
     for wrapped in [true, false] {

@@ -1,7 +1,7 @@
 //! `linkwatch measure writhe` and `linkwatch certify --open`.
 
 use crate::support::command::{linkwatch, text};
-use linkwatch::model::{Format, FrameWriter, ModelFrame};
+use linkwatch::formats::{Format, FrameWriter, ModelFrame};
 use linkwatch::{Basis, CurveSet, Positions};
 use std::path::{Path, PathBuf};
 

@@ -3,7 +3,7 @@
 
 use super::support::random::Random;
 use super::units;
-use linkwatch::model::{Frames, ModelFrame, ReadOptions};
+use linkwatch::formats::{Frames, ModelFrame, ReadOptions};
 use std::fmt::Write;
 use tempfile::TempDir;
 

@@ -5,7 +5,7 @@ use super::memory::peak;
 use super::support::command::{linkwatch, text};
 use super::support::random::Random;
 use super::units;
-use linkwatch::model::{self, Format, FrameWriter, Frames, ModelFrame, ReadOptions};
+use linkwatch::formats::{self, Format, FrameWriter, Frames, ModelFrame, ReadOptions};
 use linkwatch::{Cell, Certificate, Result};
 use std::path::{Path, PathBuf};
 use tempfile::TempDir;
@@ -99,7 +99,7 @@ impl Corpus {
             let format = Format::of(&path(name)).expect("a format");
             let mut writer = FrameWriter::create(&path(name), format).expect("a file");
             for seq in 0..2 {
-                let mut frame = ModelFrame::new(seq, model::read(&path("a.vect")));
+                let mut frame = ModelFrame::new(seq, formats::read(&path("a.vect")));
                 if name != "a.npy" {
                     frame.cell = Some(Cell::orthogonal([0.0; 3], [9.0, 9.0, 0.0]));
                 }

@@ -1,6 +1,6 @@
 //! Arguments of the command, and words for its output.
 
-use linkwatch::model::{Frames, MODEL_FILES, ReadOptions};
+use linkwatch::formats::{Frames, MODEL_FILES, ReadOptions};
 use linkwatch::scenes::Scene;
 use linkwatch::{Closing, CurveSet, CurveSource, Error, Result};
 use std::path::Path;

@@ -12,7 +12,7 @@
 use crate::input::{self, count, plural, positive, segments, threads, usage};
 use crate::measure::{Table, median, timed};
 use crate::plot::{Plot, Series};
-use linkwatch::model::{self, Format, FrameWriter, ModelFrame, ReadOptions};
+use linkwatch::formats::{self, Format, FrameWriter, ModelFrame, ReadOptions};
 use linkwatch::scenes::{MotionKind, MovingScene, Scene};
 use linkwatch::{
     Certificate, Certifier, Events, FrameInfo, Received, Result, Session, SessionOptions, Strategy,
@@ -150,7 +150,7 @@ fn peak_mb() -> Option<f64> {
 fn measure(scene: &Scene, moving: &MovingScene, events: Events, file: &Path) -> Result<Row> {
     let (known, sizes) = write_frames(scene, moving, file)?;
     let ((found, certifying), certify_mb) = stage(|| {
-        let set = model::read(file)?;
+        let set = formats::read(file)?;
         let mut certifier = Certifier::default();
         let (found, elapsed) = timed(|| certifier.certify(&set).0.clone());
         Ok((found, elapsed))
@@ -165,7 +165,7 @@ fn measure(scene: &Scene, moving: &MovingScene, events: Events, file: &Path) -> 
             keep_open: true,
             ..SessionOptions::default()
         })?;
-        for frame in model::Frames::open(file, &ReadOptions::default())? {
+        for frame in formats::Frames::open(file, &ReadOptions::default())? {
             let frame = frame?;
             let curves = frame.curves.map_err(|e| e.in_file(file))?;
             let info = FrameInfo::at(frame.seq, frame.time);

@@ -6,7 +6,7 @@ use crate::kernels::{Effort, Row, Setting, brief};
 use crate::measure::{Subject, Table};
 use crate::published::{Input, MACHINE, Published, Source, TABLE_1};
 use linkwatch::kernels::{Device, Method};
-use linkwatch::{Result, model};
+use linkwatch::{Result, formats};
 use std::path::PathBuf;
 
 /// Measure the models of a published table, next to the published values
@@ -185,7 +185,9 @@ fn inputs(p: &'static Published, args: &Args) -> Result<Vec<&'static Input>, Str
 /// Reads or builds an input, and certifies it.
 fn subject(input: &Input, args: &Args) -> Result<Subject> {
     match (input.source, &args.models) {
-        (Source::File(name), Some(folder)) => Subject::new(name, model::read(&folder.join(name))?),
+        (Source::File(name), Some(folder)) => {
+            Subject::new(name, formats::read(&folder.join(name))?)
+        }
         (Source::File(name) | Source::Scene(name), _) => Subject::scene(name),
     }
 }

@@ -14,7 +14,7 @@ mod tests;
 use cage::{Cage, FRAMES};
 use clap::Parser;
 use linkwatch::scenes::Scene as Generated;
-use linkwatch::{Client, ClientOptions, CurveSet, Precision, Result, Verdict, model};
+use linkwatch::{Client, ClientOptions, CurveSet, Precision, Result, Verdict, formats};
 use sidecar::{DEADLINE, Scene, SidecarArgs, publish, wait_for_watcher};
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -55,7 +55,7 @@ fn main() -> ExitCode {
 
 fn run(args: &Args) -> Result<ExitCode> {
     let model = match &args.model {
-        Some(path) => model::read(path)?,
+        Some(path) => formats::read(path)?,
         None => {
             let knit: Generated = "knit:rows=40,stitches=32,segments=12800".parse()?;
             knit.build()?.curves

@@ -7,7 +7,7 @@ use crate::curve::{Basis, CurveLabels, Point, Positions};
 use crate::engine::known::Last;
 use crate::incremental::Route;
 use crate::kernels::Method;
-use crate::thickness::ClearanceOptions;
+use crate::measure::ClearanceOptions;
 use crate::verdict::{Change, DefectKind};
 use std::time::Duration;
 

@@ -1,7 +1,7 @@
 //! Cost model of all stages: a table of constants, and the sums that use it.
 //!
 //! Measured on one core of a cloud machine, in CPU time, by `study --threads 1 stages SCENE`
-//! (benches/study). The documentation of [`crate::plan`] reports its accuracy.
+//! (benches/study). The documentation of [`crate::engine`] reports its accuracy.
 
 use crate::curve::Basis;
 use crate::kernels::KernelWork;

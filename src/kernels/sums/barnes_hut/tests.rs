@@ -145,7 +145,7 @@ fn measure_one(name: &str) {
     use crate::pairs::{LinkSearch, Trees};
     let path = std::path::Path::new(name);
     let set = if path.exists() {
-        let model = crate::model::read(path).unwrap();
+        let model = crate::formats::read(path).unwrap();
         crate::homotopic_polylines(&model).unwrap().curves
     } else {
         name.parse::<Scene>().unwrap().build().unwrap().curves

@@ -1,0 +1,138 @@
+//! Frames of model files, one after the other.
+//!
+//! A file of most formats holds one frame; LAMMPS dumps and NumPy files hold the frames of a
+//! motion. [`Frames`] reads both alike, one frame at a time, so that the memory is that of a frame
+//! and not that of the file (unless the format has to be read as a whole).
+
+use super::Format;
+use crate::curve::{Cell, CurveLabels, CurveSet};
+use crate::error::Result;
+use crate::verdict::LeftOut;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// Information on curves that some formats lack, and that the caller adds.
+#[derive(Clone, Debug, Default)]
+#[non_exhaustive]
+pub struct ReadOptions {
+    /// LAMMPS data file with the bonds of a dump.
+    pub bonds: Option<PathBuf>,
+    /// Number of points of each curve of a NumPy array, negative if the curve is closed.
+    pub counts: Option<Vec<i32>>,
+    /// True if curves are closed whose file does not say it, and false if they are open: those of
+    /// plain text, and the molecules of a LAMMPS dump without bonds.
+    pub closed: Option<bool>,
+    /// Topic of an MCAP file, if several have curves.
+    pub topic: Option<String>,
+    /// True if coordinates may be wrapped into the periodic cell: the caller unwraps the curves, so
+    /// curves that are torn at the boundary are not refused.
+    pub wrapped: bool,
+}
+
+/// One frame of a model file.
+#[derive(Debug)]
+#[non_exhaustive]
+pub struct ModelFrame {
+    /// Number of the frame: as the file gives it (the time step of LAMMPS),
+    /// or counted from 0. Strictly increasing within a file.
+    pub seq: u64,
+    /// Simulation time in seconds; 0 if the file has none.
+    pub time: f64,
+    /// Periodic cell of the frame, if the file has one.
+    pub cell: Option<Cell>,
+    /// Names and radii of the curves, as far as the file has them.
+    pub labels: Arc<CurveLabels>,
+    /// Elements of the file that may be curves of this frame and are not in `curves`, by kind.
+    pub left_out: Vec<LeftOut>,
+    /// True if the file does not say which curves are closed: all are, because the format closes
+    /// them by default ([`crate::CurveSource`]).
+    pub closed_by_default: bool,
+    /// The curves, or the reason why this frame is invalid although later ones can be read.
+    pub curves: Result<CurveSet>,
+}
+
+impl ModelFrame {
+    /// Creates a frame of curves without time and labels.
+    pub fn new(seq: u64, curves: Result<CurveSet>) -> ModelFrame {
+        ModelFrame {
+            seq,
+            time: 0.0,
+            cell: None,
+            labels: Arc::default(),
+            left_out: Vec::new(),
+            closed_by_default: false,
+            curves,
+        }
+    }
+}
+
+/// A reader of a file.
+pub(super) type Source<'a> = Box<dyn FrameSource + 'a>;
+
+/// A reader of one format.
+pub(super) trait FrameSource {
+    /// Reads the next frame. `None` at the end of the file.
+    ///
+    /// Errors: the file is invalid or truncated, so that nothing more can be read.
+    fn next_frame(&mut self) -> Result<Option<ModelFrame>>;
+}
+
+/// Frames of a model file, in the order of the file.
+///
+/// ```
+/// use linkwatch::{formats, scenes::Scene};
+///
+/// # let file = std::env::temp_dir().join(format!("linkwatch-frames-{}.bcc", std::process::id()));
+/// let ring: Scene = "ribbon:segments=2000,lambda=10".parse()?;
+/// formats::write_bcc(&file, &ring.build()?.curves)?;
+/// for frame in formats::Frames::open(&file, &formats::ReadOptions::default())? {
+///     let frame = frame?;
+///     assert_eq!((frame.seq, frame.curves?.len()), (0, 2));
+/// }
+/// # std::fs::remove_file(file)?;
+/// # Ok::<(), linkwatch::Error>(())
+/// ```
+pub struct Frames {
+    path: PathBuf,
+    /// `None` after the last frame and after an error.
+    source: Option<Source<'static>>,
+}
+
+impl Frames {
+    /// Opens a model file. The extension determines the format.
+    ///
+    /// Errors: those of [`super::read`], as far as they show before the first frame is read.
+    pub fn open(path: &Path, options: &ReadOptions) -> Result<Frames> {
+        let source = Format::of(path)?.open(path, options);
+        Ok(Frames {
+            path: path.into(),
+            source: Some(source.map_err(|e| e.in_file(path))?),
+        })
+    }
+}
+
+impl Iterator for Frames {
+    type Item = Result<ModelFrame>;
+
+    /// Returns the next frame. Errors name the file; after one there are no more frames.
+    fn next(&mut self) -> Option<Result<ModelFrame>> {
+        let next = self.source.as_mut()?.next_frame();
+        if !matches!(next, Ok(Some(_))) {
+            self.source = None;
+        }
+        next.map_err(|e| e.in_file(&self.path)).transpose()
+    }
+}
+
+/// A file of one frame, which was read as a whole.
+impl FrameSource for Option<ModelFrame> {
+    fn next_frame(&mut self) -> Result<Option<ModelFrame>> {
+        Ok(self.take())
+    }
+}
+
+impl From<ModelFrame> for Source<'_> {
+    fn from(frame: ModelFrame) -> Self {
+        Box::new(Some(frame))
+    }
+}

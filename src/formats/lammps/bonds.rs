@@ -1,0 +1,328 @@
+//! Joins bonds to curves, and puts the atoms of a frame in the order of the curves.
+//!
+//! Cost: sorting the bonds, once per file; a search per atom and frame, which is a single look-up
+//! if the ids have no gaps.
+
+use super::cell::Unwrapped;
+use crate::curve::{Basis, Cell, CurveSet, Positions};
+use crate::error::{Error, Result};
+use crate::formats::count_of;
+use crate::periodic::{Torn, find_torn};
+use crate::verdict::LeftOut;
+use std::ops::Range;
+
+/// Marks an atom that belongs to no curve.
+const NONE: u32 = u32::MAX;
+
+/// The curves that bonds define.
+#[derive(Debug)]
+pub(super) struct Curves {
+    format: &'static str,
+    /// Ids of the atoms with bonds, ascending.
+    ids: Vec<u64>,
+    /// Place of each of these atoms among the points of all curves.
+    places: Vec<u32>,
+    /// Points of each curve, negative if it is closed.
+    counts: Vec<i32>,
+    points: usize,
+    /// Molecules that are no curves.
+    pub left_out: Vec<LeftOut>,
+}
+
+/// Neighbours of each atom, by their indices among the sorted ids.
+struct Neighbours {
+    /// Both directions of every bond, sorted, each once.
+    directed: Vec<[u32; 2]>,
+    /// Where the bonds of each atom start.
+    starts: Vec<usize>,
+}
+
+impl Neighbours {
+    fn new(bonds: &[[u64; 2]], ids: &[u64]) -> Neighbours {
+        let index = |id| find(ids, id).expect("an id of a bond") as u32;
+        let mut directed: Vec<[u32; 2]> = bonds
+            .iter()
+            .map(|&[a, b]| [index(a), index(b)])
+            .flat_map(|[a, b]| [[a, b], [b, a]])
+            .collect();
+        directed.sort_unstable();
+        // Two bonds of the same atoms are one edge of a curve.
+        directed.dedup();
+        let mut starts = vec![0; ids.len() + 1];
+        for &[a, _] in &directed {
+            starts[a as usize + 1] += 1;
+        }
+        for a in 0..ids.len() {
+            starts[a + 1] += starts[a];
+        }
+        Neighbours { directed, starts }
+    }
+
+    /// Returns the neighbours of an atom, ascending.
+    fn of(&self, atom: u32) -> &[[u32; 2]] {
+        let a = atom as usize;
+        let range: Range<usize> = self.starts[a]..self.starts[a + 1];
+        &self.directed[range]
+    }
+
+    /// Writes the atoms of the molecule of `first`, and marks them.
+    fn molecule(&self, first: u32, atoms: &mut Vec<u32>, seen: &mut [bool]) {
+        atoms.clear();
+        atoms.push(first);
+        seen[first as usize] = true;
+        let mut next = 0;
+        while let Some(&atom) = atoms.get(next) {
+            next += 1;
+            for &[_, other] in self.of(atom) {
+                if !std::mem::replace(&mut seen[other as usize], true) {
+                    atoms.push(other);
+                }
+            }
+        }
+    }
+
+    /// Calls `visit` with the atoms of a molecule without branches in their order, from `start`.
+    fn follow(&self, start: u32, mut visit: impl FnMut(u32)) {
+        let (mut before, mut atom) = (NONE, start);
+        loop {
+            visit(atom);
+            let next = self.of(atom).iter().map(|b| b[1]).find(|&b| b != before);
+            match next {
+                Some(next) if next != start => (before, atom) = (atom, next),
+                _ => return,
+            }
+        }
+    }
+}
+
+/// Returns the index of an id.
+fn find(ids: &[u64], id: u64) -> Option<usize> {
+    // Ids without gaps need no search.
+    let guess = id.checked_sub(*ids.first()?)?;
+    match ids.get(usize::try_from(guess).ok()?) {
+        Some(&found) if found == id => Some(guess as usize),
+        _ => ids.binary_search(&id).ok(),
+    }
+}
+
+/// Fails if there are more atoms than indices.
+fn check_number(what: &'static str, found: usize) -> Result<()> {
+    match found as u64 <= u64::from(u32::MAX) {
+        true => Ok(()),
+        false => Err(Error::count(what, found, u32::MAX)),
+    }
+}
+
+impl Curves {
+    /// Joins bonds.
+    ///
+    /// Errors: no molecule is a curve.
+    pub fn of_bonds(bonds: Vec<[u64; 2]>, format: &'static str) -> Result<Curves> {
+        let mut ids: Vec<u64> = bonds.as_flattened().to_vec();
+        ids.sort_unstable();
+        ids.dedup();
+        check_number("atoms with bonds", ids.len())?;
+        let neighbours = Neighbours::new(&bonds, &ids);
+        drop(bonds);
+        let mut places = vec![NONE; ids.len()];
+        let (mut counts, mut points) = (Vec::new(), 0);
+        let (mut seen, mut molecule) = (vec![false; ids.len()], Vec::new());
+        let (mut branched, mut branched_atoms, mut branch) = (0, 0, None);
+        for first in 0..ids.len() as u32 {
+            if seen[first as usize] {
+                continue;
+            }
+            neighbours.molecule(first, &mut molecule, &mut seen);
+            let degree = |atom: &u32| neighbours.of(*atom).len();
+            if let Some(&atom) = molecule.iter().filter(|atom| degree(atom) > 2).min() {
+                branched += 1;
+                branched_atoms += molecule.len();
+                branch.get_or_insert((ids[atom as usize], degree(&atom)));
+                continue;
+            }
+            let end = molecule.iter().copied().filter(|a| degree(a) == 1).min();
+            neighbours.follow(end.unwrap_or(first), |atom| {
+                places[atom as usize] = points;
+                points += 1;
+            });
+            counts.push(count_of(molecule.len(), end.is_none())?);
+        }
+        match branch {
+            _ if ids.is_empty() => {
+                let what = "no bonds, which define the curves";
+                Err(Error::unsupported(format, what))
+            }
+            Some((atom, bonds)) if counts.is_empty() => {
+                let what = format!(
+                    "{branched} of {branched} molecules ({branched_atoms} atoms) have branches, so \
+                     that they are no curves: atom {atom} has {bonds} bonds"
+                );
+                Err(Error::unsupported(format, what))
+            }
+            _ => Ok(Curves {
+                format,
+                ids,
+                places,
+                counts,
+                points: points as usize,
+                left_out: Vec::from_iter(branch.map(|(atom, bonds)| {
+                    let kind = ["molecule with branches", "molecules with branches"];
+                    let first = format!("atom {atom} has {bonds} bonds");
+                    LeftOut::new(branched as u64, kind, first)
+                })),
+            }),
+        }
+    }
+
+    /// Returns the curves of atoms, given by molecule and id: the atoms of a molecule in the order
+    /// of their ids. Molecule 0 and those of one atom are no curves.
+    ///
+    /// Errors: no molecule is a curve.
+    pub fn of_molecules(
+        mut members: Vec<(i64, u64)>,
+        closed: bool,
+        format: &'static str,
+    ) -> Result<Curves> {
+        members.retain(|member| member.0 != 0);
+        members.sort_unstable();
+        members.dedup();
+        check_number("atoms of molecules", members.len())?;
+        let mut chains: Vec<&[(i64, u64)]> = members.chunk_by(|a, b| a.0 == b.0).collect();
+        chains.retain(|chain| chain.len() > 1);
+        chains.sort_unstable_by_key(|chain| chain[0].1);
+        if chains.is_empty() {
+            let what = "no molecule (column mol) of two or more atoms";
+            return Err(Error::unsupported(format, what));
+        }
+        let counts = chains.iter().map(|chain| count_of(chain.len(), closed));
+        let counts = counts.collect::<Result<_>>()?;
+        let ids = chains.iter().flat_map(|chain| chain.iter().map(|m| m.1));
+        let mut places: Vec<(u64, u32)> = ids.zip(0..).collect();
+        places.sort_unstable();
+        if let Some(pair) = places.windows(2).find(|pair| pair[0].0 == pair[1].0) {
+            let what = format!("atom {} is in two molecules", pair[0].0);
+            return Err(Error::format(format, "atoms", what));
+        }
+        let (ids, places): (Vec<_>, Vec<_>) = places.into_iter().unzip();
+        Ok(Curves {
+            format,
+            points: ids.len(),
+            ids,
+            places,
+            counts,
+            left_out: Vec::new(),
+        })
+    }
+
+    /// Returns the number of curves.
+    pub fn len(&self) -> usize {
+        self.counts.len()
+    }
+
+    /// Reports how many of all atoms are ignored.
+    pub fn report_others(&self, atoms: u64, name: &str) {
+        let others = atoms.saturating_sub(self.points as u64);
+        if others > 0 {
+            tracing::info!("{name}: {others} of {atoms} atoms are not on curves, and ignored");
+        }
+    }
+
+    /// Starts a frame.
+    pub fn frame(&self) -> Frame<'_> {
+        Frame {
+            curves: self,
+            xyz: vec![0.0; 3 * self.points],
+            seen: vec![false; self.points],
+        }
+    }
+
+    /// Returns the id of the atom at a place.
+    fn id_at(&self, place: usize) -> u64 {
+        let at = self.places.iter().position(|&p| p as usize == place);
+        self.ids[at.expect("every place has an atom")]
+    }
+}
+
+/// Atoms of a frame, in the order of the curves.
+pub(super) struct Frame<'a> {
+    curves: &'a Curves,
+    xyz: Vec<f64>,
+    seen: Vec<bool>,
+}
+
+impl Frame<'_> {
+    /// Adds an atom. One that is on no curve is ignored.
+    ///
+    /// Errors: the atom is there already.
+    pub fn put(&mut self, id: u64, at: [f64; 3]) -> Result<(), String> {
+        let index = find(&self.curves.ids, id);
+        let place = index.map_or(NONE, |k| self.curves.places[k]);
+        if place == NONE {
+            return Ok(());
+        }
+        let place = place as usize;
+        if std::mem::replace(&mut self.seen[place], true) {
+            return Err(format!("atom {id} is there twice"));
+        }
+        self.xyz[3 * place..3 * place + 3].copy_from_slice(&at);
+        Ok(())
+    }
+
+    /// Returns the curves.
+    ///
+    /// Errors: an atom is missing, a coordinate is not finite, or a bond is torn by the boundary of
+    /// a periodic cell (`None` if that is no matter).
+    pub fn finish(self, cell: Option<&Cell>, unwrapped: Unwrapped) -> Result<CurveSet> {
+        let curves = self.curves;
+        if let Some(first) = self.seen.iter().position(|seen| !seen) {
+            let missing = self.seen.iter().filter(|seen| !**seen).count();
+            let what = format!(
+                "{missing} of the {} atoms on curves are missing, atom {} for example",
+                curves.points,
+                curves.id_at(first),
+            );
+            return Err(Error::format(curves.format, "atoms", what));
+        }
+        let positions = Positions::F64(&self.xyz);
+        let set = CurveSet::from_counts(Basis::Polyline, &curves.counts, positions)?;
+        let found = cell.map_or(Ok(None), |cell| find_torn(&set, cell, 0..set.len()))?;
+        if let Some(found) = found {
+            let first: usize = set.curves()[..found.curve]
+                .iter()
+                .map(|c| c.points as usize)
+                .sum();
+            let atoms = found.ends.map(|k| curves.id_at(first + k));
+            return Err(Error::unsupported(
+                curves.format,
+                torn(atoms, &found, unwrapped),
+            ));
+        }
+        Ok(set)
+    }
+}
+
+/// Returns the message for a bond that is too long for the periodic box.
+fn torn([p, q]: [u64; 2], found: &Torn, unwrapped: Unwrapped) -> String {
+    let axis = ["x", "y", "z"][found.direction];
+    let bond = format!(
+        "the bond of atoms {p} and {q} is {:.3} of the periodic box long in {axis}, which is more \
+         than half",
+        found.share
+    );
+    let through = "or the curve closes only through the boundary: pass `--wrapped`, which follows \
+                   each curve from atom to atom";
+    match unwrapped {
+        Unwrapped::Unknown => format!(
+            "{bond}: the curve is wrapped at the boundary; write unwrapped coordinates (`dump .. \
+             custom .. id xu yu zu`) or image flags (`id x y z ix iy iz`, or `write_data`), or \
+             pass `--wrapped`"
+        ),
+        Unwrapped::ByFlags => {
+            format!("{bond}, in spite of image flags: they are inconsistent, {through}")
+        }
+        Unwrapped::Coordinates => format!(
+            "{bond}, although the coordinates are unwrapped: the image flags of the simulation are \
+             inconsistent, {through}"
+        ),
+    }
+}

@@ -1,0 +1,151 @@
+//! Lines of a text file, one at a time.
+
+use crate::error::{Error, Result};
+use crate::formats::{Input, quote};
+use std::fmt::Display;
+use std::io::{BufRead, Read};
+use std::str::FromStr;
+
+/// Maximum length of a line: a bound on memory for files without line breaks.
+const MAX_LINE: u64 = 1 << 16;
+
+/// Reader of lines. It never reads more than the length of the file at its opening.
+pub(super) struct Lines<R> {
+    format: &'static str,
+    /// Name of the file, for the log.
+    pub name: String,
+    input: R,
+    line: Vec<u8>,
+    /// Number of the line, from 1.
+    number: u64,
+    /// Bytes after the line.
+    left: u64,
+    /// Maximum length of a line.
+    longest: u64,
+}
+
+impl<R: BufRead> Lines<R> {
+    /// Starts before the first line of a file.
+    ///
+    /// Errors: the file is compressed.
+    pub fn new(format: &'static str, mut input: Input<R>) -> Result<Self> {
+        let magic: [(&[u8], &str); 3] = [
+            (b"\x1f\x8b", "gunzip"),
+            (b"\x28\xb5\x2f\xfd", "unzstd"),
+            (b"BZh", "bunzip2"),
+        ];
+        let start = input.bytes.fill_buf()?;
+        if let Some((_, tool)) = magic.iter().find(|(magic, _)| start.starts_with(magic)) {
+            let what = format!("compressed files; decompress it first (`{tool}`)");
+            return Err(Error::unsupported(format, what));
+        }
+        Ok(Self {
+            format,
+            name: input.name,
+            input: input.bytes,
+            line: Vec::new(),
+            number: 0,
+            left: input.len,
+            longest: MAX_LINE,
+        })
+    }
+
+    /// Allows lines of any length.
+    pub fn with_long_lines(self) -> Self {
+        Lines {
+            longest: u64::MAX,
+            ..self
+        }
+    }
+
+    /// Steps to the next line; false at the end of the file.
+    pub fn advance(&mut self) -> Result<bool> {
+        self.line.clear();
+        self.append()
+    }
+
+    /// Appends the next line; false at the end of the file.
+    pub fn append(&mut self) -> Result<bool> {
+        let limit = self.longest.min(self.left);
+        let read = (&mut self.input)
+            .take(limit)
+            .read_until(b'\n', &mut self.line)?;
+        self.left -= read as u64;
+        self.number += 1;
+        if self.line.last() == Some(&b'\n') {
+            self.line.pop();
+        } else if read as u64 == self.longest {
+            let start = quote(&self.line);
+            return Err(self.bad(format_args!("{start}.. is longer than {read} bytes")));
+        }
+        Ok(read > 0)
+    }
+
+    /// Steps to the next line that is not empty; false at the end of the file.
+    pub fn advance_to_text(&mut self) -> Result<bool> {
+        while self.advance()? {
+            if !self.line.trim_ascii().is_empty() {
+                return Ok(true);
+            }
+        }
+        Ok(false)
+    }
+
+    /// Steps to the next line, which the file must have.
+    pub fn expect(&mut self, expected: impl Display) -> Result<()> {
+        match self.advance()? {
+            true => Ok(()),
+            false => Err(self.bad(format_args!("the file ends, expected {expected}"))),
+        }
+    }
+
+    /// Returns the line, without the line break.
+    pub fn text(&self) -> &[u8] {
+        &self.line
+    }
+
+    /// Returns the line, to remove what follows it.
+    pub fn text_mut(&mut self) -> &mut Vec<u8> {
+        &mut self.line
+    }
+
+    /// Returns the number of the line, from 1.
+    pub fn number(&self) -> u64 {
+        self.number
+    }
+
+    /// Returns the number of bytes after the line.
+    pub fn left(&self) -> u64 {
+        self.left
+    }
+
+    /// Checks that the rest of the file has room for so many lines of at least `bytes` bytes. (The
+    /// last one may lack its line break.)
+    pub fn check_room(&self, lines: u64, bytes: u64, what: &str) -> Result<()> {
+        let least = u128::from(lines) * u128::from(bytes);
+        if least > u128::from(self.left) + 1 {
+            let left = self.left;
+            return Err(self.bad(format_args!("{lines} {what}, too many for {left} bytes")));
+        }
+        Ok(())
+    }
+
+    /// Creates an error that names the line.
+    pub fn bad(&self, what: impl Display) -> Error {
+        Error::format(self.format, format_args!("line {}", self.number), what)
+    }
+}
+
+/// Returns the words of a text.
+pub(super) fn words(text: &[u8]) -> impl Iterator<Item = &[u8]> {
+    text.split(u8::is_ascii_whitespace)
+        .filter(|w| !w.is_empty())
+}
+
+/// Parses a word as an integer, or returns an error text.
+pub(super) fn integer<T: FromStr>(word: &[u8], expected: impl Display) -> Result<T, String> {
+    std::str::from_utf8(word)
+        .ok()
+        .and_then(|w| w.parse().ok())
+        .ok_or_else(|| format!("{}, expected {expected}", quote(word)))
+}

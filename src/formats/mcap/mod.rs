@@ -1,0 +1,409 @@
+//! MCAP files of other programs: lines that tools draw, as the frames of a motion.
+//!
+//! | type | encoding | curves |
+//! |---|---|---|
+//! | `foxglove.SceneUpdate` | `protobuf`, `json` | lines of the entities, by `id` |
+//! | `visualization_msgs/msg/MarkerArray` | `cdr` (ROS 2) | strips and lists, by `ns` and `id` |
+//! | `visualization_msgs/msg/Marker` | `cdr` (ROS 2) | the same |
+//!
+//! Messages change a scene: they add, replace and delete curves by name ([`state`]). A frame is the
+//! whole scene after all messages of one time: that of the message, or that of the log if the
+//! message has none. A message that changes a curve of the current frame again begins the next
+//! frame, whatever its time.
+//!
+//! All curves of a file must have the same `frame_id`, because transforms between coordinate
+//! systems are not read. Widths and colours are ignored, as are cubes, spheres, points, texts and
+//! meshes, which are no curves. Cylinders, strips of arrows, and topics with lines of other types
+//! are counted as left out ([`LeftOut`]). A file without any line is an error.
+//!
+//! Cost: the file is read twice, first for its topics. Memory: that of the scene, of the largest
+//! chunk, and of the values of a message, which has at most 200 times its size (if it is a list of
+//! empty entities). Every count is compared with the bytes that are there.
+
+mod curves;
+mod markers;
+mod scene;
+mod state;
+
+use self::markers::Layout;
+use self::state::{State, Update};
+use super::frames::{FrameSource, ModelFrame, ReadOptions, Source};
+use crate::error::{Error, Result};
+use crate::formats::container::{self, Container, Ending, invalid};
+use crate::verdict::LeftOut;
+use crate::words::plural;
+use prost::bytes::Bytes;
+use std::collections::{BTreeMap, HashMap};
+use std::io::{Read, Seek};
+use std::path::Path;
+
+const FORMAT: &str = "MCAP file";
+
+/// Types of messages with curves.
+const SCENE_UPDATE: &str = "foxglove.SceneUpdate";
+const MARKER_ARRAY: &str = "visualization_msgs/msg/MarkerArray";
+const MARKER: &str = "visualization_msgs/msg/Marker";
+
+/// Types of messages with lines that are not read.
+const UNREAD: [&str; 10] = [
+    "foxglove.PosesInFrame",
+    "geometry_msgs/Polygon",
+    "geometry_msgs/PolygonStamped",
+    "geometry_msgs/PoseArray",
+    "nav_msgs/Path",
+    "visualization_msgs/InteractiveMarker",
+    "visualization_msgs/InteractiveMarkerInit",
+    "visualization_msgs/InteractiveMarkerUpdate",
+    "visualization_msgs/Marker",
+    "visualization_msgs/MarkerArray",
+];
+
+/// Messages of a channel that are read.
+#[derive(Clone, Copy, Debug)]
+enum Content {
+    SceneProtobuf,
+    SceneJson,
+    Markers(Layout),
+    Marker(Layout),
+}
+
+impl Content {
+    /// Returns the content of a channel. `None` if it has no curves, an error in words if they are
+    /// encoded in a way that is not read.
+    fn of((name, text): &Schema, encoding: &str) -> Option<Result<Content, String>> {
+        let layout = || Layout::of(text);
+        let content = match (name.as_str(), encoding) {
+            (SCENE_UPDATE, "protobuf") => Content::SceneProtobuf,
+            (SCENE_UPDATE, "json") => Content::SceneJson,
+            (MARKER_ARRAY, "cdr") => Content::Markers(layout()),
+            (MARKER, "cdr") => Content::Marker(layout()),
+            (SCENE_UPDATE | MARKER_ARRAY | MARKER, other) => {
+                let what = "is not read: protobuf and json of Foxglove are, and cdr of ROS 2";
+                return Some(Err(format!("{name} encoded as {other:?} {what}")));
+            }
+            _ => return None,
+        };
+        Some(Ok(content))
+    }
+
+    /// Decodes a message. The error is in words.
+    fn decode(self, message: &[u8]) -> Result<Update, String> {
+        match self {
+            Content::SceneProtobuf => scene::protobuf(message),
+            Content::SceneJson => scene::json(message),
+            Content::Markers(layout) => markers::read(message, layout, true),
+            Content::Marker(layout) => markers::read(message, layout, false),
+        }
+    }
+}
+
+/// Name of a message type, and its text.
+type Schema = (String, Bytes);
+
+/// Channels of a file.
+#[derive(Default)]
+struct Channels {
+    /// Topic of each channel, and the content of those that are read.
+    channels: HashMap<u16, (String, Option<Content>)>,
+    /// All topics, with their types, and the reason why curves on them are not read.
+    topics: BTreeMap<String, (String, Option<String>)>,
+    /// True if linkwatch wrote the file.
+    is_recording: bool,
+}
+
+impl Channels {
+    fn find<R: Read + Seek>(container: &mut Container<R>) -> Result<Channels> {
+        let mut found = Channels::default();
+        let mut schemas: HashMap<u16, Schema> = HashMap::new();
+        while let Some(record) = container.next()? {
+            match record.content()? {
+                container::Content::Schema { id, name, text } => {
+                    schemas.insert(id, (name, text));
+                }
+                container::Content::Channel {
+                    id,
+                    schema,
+                    topic,
+                    encoding,
+                } => found.add(id, topic, schemas.get(&schema), &encoding),
+                _ => {}
+            }
+        }
+        Ok(found)
+    }
+
+    fn add(&mut self, id: u16, topic: String, schema: Option<&Schema>, encoding: &str) {
+        let content = schema.and_then(|schema| Content::of(schema, encoding));
+        let name = schema.map_or_else(String::new, |(name, _)| name.clone());
+        self.is_recording |= name.starts_with("linkwatch.v");
+        let (content, why) = match content.transpose() {
+            Ok(content) => (content, None),
+            Err(why) => (None, Some(why)),
+        };
+        self.channels.insert(id, (topic.clone(), content));
+        self.topics.insert(topic, (name, why));
+    }
+
+    /// Returns the topics with lines that are not read.
+    fn left_out(&self) -> Vec<LeftOut> {
+        let mut list = Vec::new();
+        for (topic, (name, why)) in &self.topics {
+            if why.is_some()
+                || UNREAD.contains(&name.replace("/msg/", "/").as_str()) && !self.reads(topic)
+            {
+                let kind = ["topic that may have lines", "topics that may have lines"];
+                LeftOut::add(&mut list, kind, || format!("{topic} ({name})"));
+            }
+        }
+        list
+    }
+
+    fn reads(&self, topic: &str) -> bool {
+        let mut channels = self.channels.values();
+        channels.any(|(name, content)| name == topic && content.is_some())
+    }
+
+    /// Returns the topic that is read.
+    fn choose(&self, wanted: Option<&str>) -> Result<String> {
+        if self.is_recording {
+            let what = "a recording of linkwatch, which `linkwatch replay` verifies";
+            return Err(Error::unsupported(FORMAT, what));
+        }
+        let read = self.topics.keys().filter(|topic| self.reads(topic));
+        let read: Vec<&str> = read.map(String::as_str).collect();
+        let why_not = |topic: &str| self.topics.get(topic)?.1.as_ref();
+        let unread = self.topics.keys().find(|topic| why_not(topic).is_some());
+        let what = match (wanted, &read[..]) {
+            (Some(wanted), topics) if topics.contains(&wanted) => return Ok(wanted.into()),
+            (None, [topic]) => return Ok((*topic).into()),
+            (Some(wanted), _) => match self.topics.get(wanted) {
+                Some((_, Some(why))) => format!("topic {wanted}: {why}"),
+                Some((kind, None)) => {
+                    format!("topic {wanted} has messages of type {kind:?}, without curves")
+                }
+                None => format!("no topic {wanted}; {}", self.list()),
+            },
+            (None, []) => match unread.and_then(|topic| Some((topic, why_not(topic)?))) {
+                Some((topic, why)) => format!("topic {topic}: {why}"),
+                None => format!(
+                    "no curves: no topic has the type {SCENE_UPDATE}, {MARKER_ARRAY} or {MARKER}; \
+                     {}",
+                    self.list()
+                ),
+            },
+            (None, topics) => format!(
+                "several topics have curves: {}; choose one of them (--topic)",
+                topics.join(", ")
+            ),
+        };
+        Err(Error::unsupported(FORMAT, what))
+    }
+
+    /// Returns the topics in words.
+    fn list(&self) -> String {
+        /// Maximum number of topics that are named.
+        const NAMED: usize = 12;
+        if self.topics.is_empty() {
+            return "it has no topics".into();
+        }
+        let named = self.topics.iter().take(NAMED);
+        let named: Vec<String> = named
+            .map(|(t, (kind, _))| format!("{t} ({kind})"))
+            .collect();
+        let more = match self.topics.len().saturating_sub(NAMED) {
+            0 => String::new(),
+            more => format!(" and {more} more"),
+        };
+        format!("its topics: {}{more}", named.join(", "))
+    }
+}
+
+/// Opens a file.
+pub(super) fn open(path: &Path, options: &ReadOptions) -> Result<Source<'static>> {
+    let container = Container::open(path)?;
+    let frames = McapFrames::new(container, options.topic.as_deref())?;
+    Ok(Box::new(frames))
+}
+
+/// A message of the chosen topic.
+struct Message {
+    update: Update,
+    log_time: u64,
+    /// Place in the file, in words.
+    place: String,
+}
+
+impl Message {
+    /// Returns the time of its frame.
+    fn time(&self) -> u64 {
+        self.update.stamp.unwrap_or(self.log_time)
+    }
+}
+
+/// Frames of an MCAP file.
+struct McapFrames<R> {
+    container: Container<R>,
+    /// All channels: those of the chosen topic with their content.
+    channels: HashMap<u16, Option<Content>>,
+    state: State,
+    /// The chosen topic.
+    topic: String,
+    /// Topics with lines that are not read, unless the caller chose the topic.
+    left_out: Vec<LeftOut>,
+    /// First message of the next frame.
+    next: Option<Message>,
+    /// Number of the next frame.
+    seq: u64,
+}
+
+impl<R: Read + Seek> McapFrames<R> {
+    fn new(mut container: Container<R>, topic: Option<&str>) -> Result<Self> {
+        let found = Channels::find(&mut container)?;
+        let chosen = found.choose(topic)?;
+        container.go_to_start()?;
+        let left_out = match topic {
+            Some(_) => Vec::new(),
+            None => found.left_out(),
+        };
+        let channels = found.channels.into_iter().map(|(id, (topic, content))| {
+            let content = content.filter(|_| topic == chosen);
+            (id, content)
+        });
+        Ok(McapFrames {
+            container,
+            channels: channels.collect(),
+            state: State::default(),
+            topic: chosen,
+            left_out,
+            next: None,
+            seq: 0,
+        })
+    }
+
+    /// Returns the next message of the topic.
+    fn next_message(&mut self) -> Result<Option<Message>> {
+        if let Some(next) = self.next.take() {
+            return Ok(Some(next));
+        }
+        while let Some(record) = self.container.next()? {
+            let at = record.place.at;
+            let container::Content::Message {
+                channel,
+                log_time,
+                body,
+            } = record.content()?
+            else {
+                continue;
+            };
+            let place = format!("message at byte {at}");
+            let channel = self.channels.get(&channel);
+            let unknown = || invalid(&place, "a message of an unknown channel");
+            if let Some(content) = channel.ok_or_else(unknown)? {
+                let update = content.decode(&body);
+                return Ok(Some(Message {
+                    update: update.map_err(|what| Error::format(FORMAT, &place, what))?,
+                    log_time,
+                    place,
+                }));
+            }
+        }
+        Ok(None)
+    }
+
+    /// Returns an error if the file was cut off. `lost` is true if a frame at its end was not
+    /// returned, because messages of it may be missing.
+    fn check_end(&self, lost: bool) -> Result<()> {
+        let Some(Ending::Cut { at, what }) = self.container.ending() else {
+            return Ok(());
+        };
+        let frames = plural(self.seq, "frame");
+        let last = match lost {
+            true => ", but not the one at the end: messages of it may be missing",
+            false => "",
+        };
+        let what = format!("the file was cut off in {what}; {frames} before that were read{last}");
+        Err(Error::format(FORMAT, format_args!("byte {at}"), what))
+    }
+
+    /// Returns the error of a file without lines, which names what it has.
+    fn no_lines(&self) -> Error {
+        let seen: Vec<&str> = self.state.seen().collect();
+        let has = match seen.is_empty() {
+            true => "its messages are empty, or it has none".into(),
+            false => format!("only {}, which are not read", seen.join(", ")),
+        };
+        Error::unsupported(
+            FORMAT,
+            format_args!(
+                "no lines on topic {}: {has}; publish each curve as a marker of type LINE_STRIP \
+                 ({MARKER_ARRAY}), or as a line of {SCENE_UPDATE}",
+                self.topic
+            ),
+        )
+    }
+
+    /// Applies the messages of a frame, of which this is the first one. Returns the place of the
+    /// last one.
+    fn apply(&mut self, mut message: Message) -> Result<String> {
+        let time = message.time();
+        self.state.begin(message.log_time);
+        loop {
+            let applied = self.state.apply(message.update);
+            applied.map_err(|what| Error::format(FORMAT, &message.place, what))?;
+            // If the next message cannot be read, the frame is lost: it may belong to it.
+            match self.next_message()? {
+                Some(next) if next.time() == time && !self.state.is_changed_by(&next.update) => {
+                    message = next;
+                }
+                next => {
+                    self.next = next;
+                    return Ok(message.place);
+                }
+            }
+        }
+    }
+}
+
+impl<R: Read + Seek> FrameSource for McapFrames<R> {
+    fn next_frame(&mut self) -> Result<Option<ModelFrame>> {
+        while let Some(message) = self.next_message()? {
+            let time = message.time();
+            let place = self.apply(message)?;
+            if self.next.is_none() && !self.state.is_renewed() {
+                self.check_end(true)?;
+            }
+            let curves = match self.state.is_empty() {
+                // Before the first curve there is nothing to verify.
+                true if self.seq == 0 => continue,
+                true => Err(Error::format(
+                    FORMAT,
+                    place,
+                    "no curves are left in this frame",
+                )),
+                false => self.state.curves(),
+            };
+            let (curves, labels) = match curves {
+                Ok((curves, labels)) => (Ok(curves), labels),
+                Err(e) => (Err(e), Default::default()),
+            };
+            let mut left_out = self.left_out.clone();
+            left_out.extend(self.state.left_out());
+            let frame = ModelFrame {
+                time: time as f64 * 1e-9,
+                labels,
+                left_out,
+                ..ModelFrame::new(self.seq, curves)
+            };
+            self.seq += 1;
+            return Ok(Some(frame));
+        }
+        self.check_end(false)?;
+        match self.seq {
+            0 => Err(self.no_lines()),
+            _ => Ok(None),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

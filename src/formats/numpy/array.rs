@@ -1,0 +1,237 @@
+//! The `.npy` format: a magic string, a header (the text of a Python dictionary), and the values.
+
+use super::FORMAT;
+use crate::error::{Error, Result};
+use crate::formats::{little_endian, quote};
+use serde::Deserialize;
+use std::fmt::Display;
+use std::io::{ErrorKind, Read};
+
+/// Maximum length of a header. NumPy refuses to read longer ones as well.
+const MAX_HEADER: usize = 10_000;
+
+/// Kinds of values.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Kind {
+    Float,
+    Signed,
+    Unsigned,
+    /// Characters of four bytes.
+    Text,
+    /// Bytes of UTF-8.
+    Bytes,
+    /// Truth values, dates and durations: never points.
+    Other,
+}
+
+/// Content of a header, consistent with the length of the array.
+#[derive(Debug)]
+pub(super) struct Array {
+    /// The type as NumPy writes it, `<f8` for example.
+    pub descr: String,
+    pub kind: Kind,
+    little: bool,
+    /// Bytes of a value.
+    pub size: u64,
+    pub shape: Vec<u64>,
+}
+
+/// Reasons why bytes cannot be read.
+pub(super) enum Unread {
+    End(u64),
+    Io(std::io::Error),
+}
+
+impl Unread {
+    /// Adds the place.
+    pub fn at(self, place: impl Display) -> Error {
+        match self {
+            Unread::End(missing) => {
+                let what = format!("the file ends, {missing} bytes are missing");
+                Error::format(FORMAT, place, what)
+            }
+            // Damaged compressed data, and a wrong checksum.
+            Unread::Io(e)
+                if matches!(e.kind(), ErrorKind::InvalidData | ErrorKind::InvalidInput) =>
+            {
+                Error::format(FORMAT, place, e)
+            }
+            Unread::Io(e) => Error::Io(e),
+        }
+    }
+}
+
+/// Reads `len` bytes into `bytes`. The memory is that of the bytes that are there.
+pub(super) fn fill(input: &mut impl Read, len: usize, bytes: &mut Vec<u8>) -> Result<(), Unread> {
+    bytes.clear();
+    let read = input.take(len as u64).read_to_end(bytes);
+    match read.map_err(Unread::Io)? {
+        n if n == len => Ok(()),
+        n => Err(Unread::End((len - n) as u64)),
+    }
+}
+
+impl Array {
+    /// Parses the header of an array of `len` bytes in total.
+    pub fn parse(input: &mut impl Read, len: u64, name: &str) -> Result<Array> {
+        let bad = |what: &dyn Display| Error::format(FORMAT, format_args!("array {name}"), what);
+        let mut bytes = Vec::new();
+        let mut read = |n: usize, bytes: &mut Vec<u8>| {
+            fill(input, n, bytes).map_err(|e| e.at(format_args!("header of array {name}")))
+        };
+        read(8, &mut bytes)?;
+        if &bytes[..6] != b"\x93NUMPY" {
+            let what = format!(
+                "{}, expected the magic bytes of an array",
+                quote(&bytes[..6])
+            );
+            return Err(bad(&what));
+        }
+        let version = bytes[6];
+        let length_bytes = match version {
+            1 => 2,
+            2 | 3 => 4,
+            other => return Err(bad(&format_args!("version {other}, expected 1, 2 or 3"))),
+        };
+        read(length_bytes, &mut bytes)?;
+        let header_len = little_endian(&bytes) as usize;
+        if header_len > MAX_HEADER {
+            let what = format!("a header of {header_len} bytes, expected at most {MAX_HEADER}");
+            return Err(bad(&what));
+        }
+        read(header_len, &mut bytes)?;
+        let array = Array::of_header(&bytes, name)?;
+        let values = len.saturating_sub((8 + length_bytes + header_len) as u64);
+        let promised = (array.shape.iter())
+            .try_fold(u128::from(array.size), |n, &d| n.checked_mul(u128::from(d)));
+        if promised != Some(u128::from(values)) {
+            let what = format!(
+                "{} values of type {} do not take the {values} bytes that follow",
+                array.shape_text(),
+                array.descr
+            );
+            return Err(bad(&what));
+        }
+        Ok(array)
+    }
+
+    /// Parses the text of a header.
+    fn of_header(text: &[u8], name: &str) -> Result<Array> {
+        let json = json_of(&String::from_utf8_lossy(text));
+        let header: Header = serde_json::from_str(&json).map_err(|e| {
+            let what = format!(
+                "{}, expected the keys descr, fortran_order and shape: {e}",
+                quote(text)
+            );
+            Error::format(FORMAT, format_args!("header of array {name}"), what)
+        })?;
+        let unsupported = |what: String| Err(Error::unsupported(FORMAT, what));
+        let Some(descr) = header.descr.as_str() else {
+            let what = format!("array {name}: a structured array; store plain numbers");
+            return unsupported(what);
+        };
+        if header.fortran_order && header.shape.len() > 1 {
+            let what = format!(
+                "array {name}: Fortran order; store `np.ascontiguousarray({name})`, an array in C \
+                 order"
+            );
+            return unsupported(what);
+        }
+        if descr.contains('O') {
+            let what = format!(
+                "array {name}: pickled Python objects (type {descr}); store plain numbers \
+                 (`.astype(np.float64)`)"
+            );
+            return unsupported(what);
+        }
+        let mut letters = descr.chars();
+        let order = letters.next();
+        let kind = match letters.next() {
+            Some('f') => Some((Kind::Float, 1)),
+            Some('i') => Some((Kind::Signed, 1)),
+            Some('u') => Some((Kind::Unsigned, 1)),
+            Some('U') => Some((Kind::Text, 4)),
+            Some('S') => Some((Kind::Bytes, 1)),
+            Some('b' | 'M' | 'm') => Some((Kind::Other, 1)),
+            _ => None,
+        };
+        // A date has its unit after the size: `<M8[ns]`.
+        let digits = letters.as_str().split('[').next().unwrap_or_default();
+        let size: Option<u32> = digits.parse().ok();
+        let (Some('<' | '>' | '|' | '='), Some((kind, unit)), Some(size)) = (order, kind, size)
+        else {
+            let what = format!("array {name}: type {}", quote(descr.as_bytes()));
+            return unsupported(format!("{what}; store numbers of type f8"));
+        };
+        Ok(Array {
+            kind,
+            little: order != Some('>'),
+            size: unit * u64::from(size),
+            descr: descr.to_owned(),
+            shape: header.shape,
+        })
+    }
+
+    /// Brings the bytes of values to little-endian order.
+    pub fn to_little_endian(&self, bytes: &mut [u8]) {
+        let unit = if self.kind == Kind::Text {
+            4
+        } else {
+            self.size as usize
+        };
+        if !self.little && unit > 0 {
+            bytes.chunks_exact_mut(unit).for_each(<[u8]>::reverse);
+        }
+    }
+
+    /// Returns the shape in words.
+    pub fn shape_text(&self) -> String {
+        let sizes: Vec<String> = self.shape.iter().map(u64::to_string).collect();
+        match sizes.is_empty() {
+            true => "1 (no dimensions)".into(),
+            false => sizes.join(" x "),
+        }
+    }
+}
+
+/// Header of an array.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Header {
+    /// A text, or the list of the fields of a structured array.
+    descr: serde_json::Value,
+    fortran_order: bool,
+    shape: Vec<u64>,
+}
+
+/// Returns the JSON of a Python dictionary:
+/// `{'descr': '<f8', 'fortran_order': False, 'shape': (2, 3), }`.
+fn json_of(python: &str) -> String {
+    let (mut json, mut quote) = (String::new(), None);
+    for c in python.chars() {
+        match (c, quote) {
+            ('\'' | '"', None) => {
+                quote = Some(c);
+                json.push('"');
+            }
+            (c, Some(q)) if c == q => {
+                quote = None;
+                json.push('"');
+            }
+            ('"' | '\\', Some(_)) => json.extend(['\\', c]),
+            (c, Some(_)) => json.push(c),
+            ('(', None) => json.push('['),
+            (')' | ']' | '}', None) => {
+                // A comma may follow the last item.
+                json.truncate(json.trim_end_matches(',').len());
+                json.push(if c == '}' { '}' } else { ']' });
+            }
+            // Python 2 wrote `3L`.
+            ('L', None) => {}
+            (c, None) if c.is_whitespace() => {}
+            // True and False.
+            (c, None) => json.push(c.to_ascii_lowercase()),
+        }
+    }
+    json
+}

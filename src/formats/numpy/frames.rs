@@ -1,0 +1,242 @@
+//! Frames of an array of positions.
+
+use super::array::{Array, Kind, Unread, fill};
+use super::{Cells, FORMAT, Others};
+use crate::curve::{Basis, CurveLabels, CurveSet, CurveSetBuilder, Positions, Precision};
+use crate::error::{Error, Result};
+use crate::formats::count_of;
+use crate::formats::frames::{FrameSource, ModelFrame, ReadOptions};
+use std::io::Read;
+use std::sync::Arc;
+
+/// Reader of the frames.
+pub(super) struct ArrayFrames<R> {
+    input: R,
+    array: Array,
+    layout: Layout,
+    next: u64,
+    others: Others,
+    labels: Arc<CurveLabels>,
+    options: ReadOptions,
+    chunk: Chunk,
+}
+
+/// Number of points that are read at once. A frame may have gigabytes, so only the set holds all of
+/// it.
+const CHUNK: usize = 4096;
+
+/// Buffers of some points of a curve.
+#[derive(Default)]
+struct Chunk {
+    bytes: Vec<u8>,
+    singles: Vec<f32>,
+    doubles: Vec<f64>,
+}
+
+impl Chunk {
+    /// Returns the coordinates of the bytes.
+    fn decode(&mut self, array: &Array) -> Positions<'_> {
+        array.to_little_endian(&mut self.bytes);
+        if array.size == 4 {
+            let values = self.bytes.as_chunks().0.iter();
+            self.singles.clear();
+            self.singles.extend(values.map(|&b| f32::from_le_bytes(b)));
+            return Positions::F32(&self.singles);
+        }
+        let values = self.bytes.as_chunks().0.iter();
+        self.doubles.clear();
+        self.doubles.extend(values.map(|&b| f64::from_le_bytes(b)));
+        Positions::F64(&self.doubles)
+    }
+}
+
+/// Division of the positions into frames and curves.
+struct Layout {
+    frames: u64,
+    frame_bytes: usize,
+    counts: Vec<i32>,
+    /// True if nothing says which curves are closed.
+    closed_by_default: bool,
+}
+
+fn bad(what: impl std::fmt::Display) -> Error {
+    Error::format(FORMAT, "array positions", what)
+}
+
+impl Layout {
+    /// Divides positions by the counts of the curves, if there are any.
+    fn new(positions: &Array, counts: Option<Vec<i32>>, limit: u64) -> Result<Layout> {
+        let shape = positions.shape_text();
+        let supported = "frames x points x 3, points x 3 or frames x curves x points x 3";
+        let [frames, curves, points] = match (positions.shape.split_last(), &counts) {
+            (Some((3, &[points])), Some(_)) => [1, 1, points],
+            (Some((3, &[frames, points])), Some(_)) => [frames, 1, points],
+            (Some((3, &[frames, curves, points])), _) => [frames, curves, points],
+            (Some((3, [_] | [_, _])), None) => {
+                let what = format!(
+                    "positions of shape {shape} do not say which points belong to one curve: give \
+                     the numbers of points of the curves, negative if closed (`--counts`, or an \
+                     array `counts` in an .npz), or the shape frames x curves x points x 3 for \
+                     equal closed curves"
+                );
+                return Err(Error::unsupported(FORMAT, what));
+            }
+            _ => {
+                let what = format!("positions of shape {shape}; supported are {supported}");
+                return Err(Error::unsupported(FORMAT, what));
+            }
+        };
+        if frames == 0 {
+            return Err(bad(format_args!("shape {shape}, which has no frames")));
+        }
+        // Compared with the length of the array, so that no later number overflows.
+        let all = (curves.checked_mul(points)).filter(|n| (1..=u64::from(u32::MAX)).contains(n));
+        let Some(all) = all else {
+            return Err(bad(format_args!(
+                "shape {shape}, expected 1 to {} points in a frame",
+                u32::MAX
+            )));
+        };
+        let frame_bytes = 3 * all * positions.size;
+        if frame_bytes > limit {
+            return Err(bad(format_args!(
+                "frames of {frame_bytes} bytes, which is more than 64 MiB and 100 times the \
+                 compressed size: store them without compression (`np.savez`)"
+            )));
+        }
+        let closed_by_default = counts.is_none();
+        let counts = match counts {
+            Some(counts) => counts,
+            None => vec![count_of(points as usize, true)?; curves as usize],
+        };
+        let sizes = counts.iter().map(|c| u64::from(c.unsigned_abs()));
+        let sum: u64 = sizes.clone().sum();
+        let four_dimensions = positions.shape.len() == 4;
+        if sum != all || (four_dimensions && !sizes.into_iter().all(|n| n == points)) {
+            return Err(bad(format_args!(
+                "shape {shape} does not fit {} curves with {sum} points",
+                counts.len()
+            )));
+        }
+        Ok(Layout {
+            frames,
+            frame_bytes: usize::try_from(frame_bytes)
+                .map_err(|_| Error::count("bytes of a frame", frame_bytes, usize::MAX))?,
+            counts,
+            closed_by_default,
+        })
+    }
+}
+
+/// Fails if there is not one value for each frame.
+fn check_length<T>(name: &str, values: Option<&Vec<T>>, frames: u64) -> Result<()> {
+    match values {
+        Some(values) if values.len() as u64 != frames => {
+            let what = format!("{} values for {frames} frames", values.len());
+            Err(Error::format(FORMAT, format_args!("array {name}"), what))
+        }
+        _ => Ok(()),
+    }
+}
+
+impl<R: Read> ArrayFrames<R> {
+    /// Starts before the first frame. A frame may have at most `limit` bytes.
+    pub fn new(
+        input: R,
+        positions: Array,
+        mut others: Others,
+        options: &ReadOptions,
+        limit: u64,
+    ) -> Result<Self> {
+        if positions.kind != Kind::Float || !matches!(positions.size, 4 | 8) {
+            let what = format!(
+                "positions of type {}; convert them with `.astype(np.float64)`",
+                positions.descr
+            );
+            return Err(Error::unsupported(FORMAT, what));
+        }
+        let layout = Layout::new(&positions, others.counts.take(), limit)?;
+        others.labels.check(layout.counts.len())?;
+        check_length("times", others.times.as_ref(), layout.frames)?;
+        check_length("seq", others.seq.as_ref(), layout.frames)?;
+        if let Cells::Each(cells) = &others.cells {
+            check_length("cell", Some(cells), layout.frames)?;
+        }
+        Ok(ArrayFrames {
+            input,
+            array: positions,
+            layout,
+            next: 0,
+            labels: Arc::new(std::mem::take(&mut others.labels)),
+            others,
+            options: options.clone(),
+            chunk: Chunk::default(),
+        })
+    }
+
+    /// Reads a frame to its end, also if its curves are invalid.
+    fn curves(&mut self) -> Result<Result<CurveSet>, Unread> {
+        let counts = &self.layout.counts;
+        let precision = match self.array.size {
+            8 => Precision::F64,
+            _ => Precision::F32,
+        };
+        let basis = self.others.basis.unwrap_or(Basis::Polyline);
+        let mut built = Ok(CurveSet::builder_of(basis, precision, counts));
+        let mut left = self.layout.frame_bytes;
+        for &count in counts {
+            let points = count.unsigned_abs() as usize;
+            built = built.and_then(|mut builder| {
+                builder.start_curve(points, count < 0)?;
+                Ok(builder)
+            });
+            for first in (0..points).step_by(CHUNK) {
+                let bytes = 3 * CHUNK.min(points - first) * precision.bytes();
+                left -= bytes;
+                fill(&mut self.input, bytes, &mut self.chunk.bytes).map_err(|e| match e {
+                    Unread::End(missing) => Unread::End(missing + left as u64),
+                    e => e,
+                })?;
+                built = built.and_then(|mut builder| {
+                    builder.push(self.chunk.decode(&self.array))?;
+                    Ok(builder)
+                });
+            }
+        }
+        Ok(built.and_then(CurveSetBuilder::finish))
+    }
+}
+
+impl<R: Read> FrameSource for ArrayFrames<R> {
+    fn next_frame(&mut self) -> Result<Option<ModelFrame>> {
+        let frame = self.next;
+        if frame == self.layout.frames {
+            return Ok(None);
+        }
+        let curves = self
+            .curves()
+            .map_err(|e| e.at(format_args!("frame {frame}")))?;
+        self.next += 1;
+        let k = frame as usize;
+        let Others {
+            times,
+            seq,
+            left_out,
+            ..
+        } = &self.others;
+        let seq = seq.as_ref().map_or(frame, |seq| seq[k]);
+        let cell = match &self.others.cells {
+            Cells::None => None,
+            Cells::One(cell) => Some(*cell),
+            Cells::Each(cells) => Some(cells[k]),
+        };
+        let frame = ModelFrame {
+            time: times.as_ref().map_or(0.0, |times| times[k]),
+            labels: self.labels.clone(),
+            left_out: left_out.clone(),
+            closed_by_default: self.layout.closed_by_default,
+            ..ModelFrame::new(seq, curves)
+        };
+        Ok(Some(frame.in_cell(cell, &self.options, FORMAT)))
+    }
+}

@@ -1,0 +1,264 @@
+//! The small arrays of an `.npz` file: counts, basis, times, names, radii and cells.
+
+use super::archive::Archive;
+use super::array::{Array, Kind};
+use super::{Cells, FORMAT, Others};
+use crate::curve::{Basis, Cell, CurveLabels, Point};
+use crate::error::{Error, Result};
+use crate::verdict::LeftOut;
+use std::io::{BufRead, Seek};
+
+/// Bytes that an array of numbers, and one of texts, may have at any compression. A text takes many
+/// times its bytes.
+const FREE_NUMBERS: u64 = 16 << 20;
+const FREE_TEXTS: u64 = 1 << 20;
+
+/// Names of the arrays that are read.
+const READ: &str = "\
+    positions counts basis times seq names radii cell left_out";
+
+/// Names of arrays of vectors that are no points.
+const VECTORS: &str = "\
+    acceleration accelerations angular_velocities angular_velocity box boxes color colors \
+    colours directors force forces lattice normals origin tangents torques velocities \
+    velocity vel";
+
+/// Returns what the writer of the archive left out, and counts the arrays of other names that may
+/// hold points of curves.
+pub(super) fn left_out(archive: &mut Archive<impl BufRead + Seek>) -> Result<Vec<LeftOut>> {
+    let mut list = Vec::new();
+    if let Some(said) = Values::find(archive, "left_out")? {
+        for text in said.texts()? {
+            let kind = [
+                "kind of elements that the archive leaves out",
+                "kinds of elements that the archive leaves out",
+            ];
+            LeftOut::add(&mut list, kind, || text);
+        }
+    }
+    for member in archive.others(&[READ, VECTORS]) {
+        let array = archive.header(&member)?;
+        let name = &member.name;
+        let what = match array {
+            Ok(array) if may_hold_points(&array) => {
+                format!("{name}, {} of type {}", array.shape_text(), array.descr)
+            }
+            // Pickled objects may be lists of curves.
+            Err(e @ Error::Unsupported { .. }) => e.to_string(),
+            _ => continue,
+        };
+        let kind = [
+            "array of an unknown name that may hold points",
+            "arrays of unknown names that may hold points",
+        ];
+        LeftOut::add(&mut list, kind, || what);
+    }
+    Ok(list)
+}
+
+/// Returns true if an array has the shape of two or more points.
+fn may_hold_points(array: &Array) -> bool {
+    match array.shape.split_last() {
+        Some((3, sizes)) => array.kind == Kind::Float && sizes.iter().product::<u64>() > 1,
+        _ => false,
+    }
+}
+
+/// Reads the arrays of these names that a file has.
+pub(super) fn read(archive: &mut Archive<impl BufRead + Seek>) -> Result<Others> {
+    let mut find = |name| Values::find(archive, name);
+    let [counts, basis, times, seq] = [
+        find("counts")?,
+        find("basis")?,
+        find("times")?,
+        find("seq")?,
+    ];
+    let [names, radii, cell] = [find("names")?, find("radii")?, find("cell")?];
+    let floats = |values: Values| values.floats();
+    let radii = radii.map(floats).transpose()?.unwrap_or_default();
+    Ok(Others {
+        counts: counts.map(|counts| counts.integers()).transpose()?,
+        basis: basis.map(|basis| basis.basis()).transpose()?,
+        times: times.map(floats).transpose()?,
+        seq: seq.map(|seq| seq.increasing()).transpose()?,
+        labels: CurveLabels::named(names.map_or(Ok(Vec::new()), |names| names.texts())?)
+            .with_radii(radii.into_iter().map(|r| r as f32)),
+        cells: cell.map_or(Ok(Cells::None), |cell| cell.cells())?,
+        left_out: Vec::new(),
+    })
+}
+
+/// Values of an array of one dimension, or of none; of a cell, of up to three.
+struct Values {
+    name: &'static str,
+    array: Array,
+    /// In little-endian order.
+    bytes: Vec<u8>,
+}
+
+impl Values {
+    fn find(
+        archive: &mut Archive<impl BufRead + Seek>,
+        name: &'static str,
+    ) -> Result<Option<Values>> {
+        let Some(member) = archive.find(name) else {
+            return Ok(None);
+        };
+        let free = match name {
+            "names" | "left_out" => FREE_TEXTS,
+            _ => FREE_NUMBERS,
+        };
+        let mut bytes = archive.read(&member, free)?;
+        let mut content = &bytes[..];
+        let array = Array::parse(&mut content, member.size, name)?;
+        let header = bytes.len() - content.len();
+        bytes.drain(..header);
+        array.to_little_endian(&mut bytes);
+        let values = Values { name, array, bytes };
+        let most = if name == "cell" { 3 } else { 1 };
+        match values.array.shape.len() {
+            // Without bytes a value would have any number of them.
+            dimensions if dimensions <= most && values.array.size > 0 => Ok(Some(values)),
+            _ => Err(values.bad(format_args!("{} values", values.array.shape_text()))),
+        }
+    }
+
+    fn bad(&self, what: impl std::fmt::Display) -> Error {
+        Error::format(FORMAT, format_args!("array {}", self.name), what)
+    }
+
+    fn wrong_type(&self, expected: &str) -> Error {
+        self.bad(format_args!(
+            "type {}, expected {expected}",
+            self.array.descr
+        ))
+    }
+
+    /// Returns the bytes of each value.
+    fn each(&self) -> impl Iterator<Item = &[u8]> {
+        self.bytes.chunks_exact(self.array.size as usize)
+    }
+
+    /// Returns the integers, which must fit into `T`.
+    fn integers<T: TryFrom<i128>>(&self) -> Result<Vec<T>> {
+        let signed = match self.array.kind {
+            Kind::Signed => true,
+            Kind::Unsigned => false,
+            _ => return Err(self.wrong_type("integers")),
+        };
+        if self.array.size > 8 {
+            return Err(self.wrong_type("integers"));
+        }
+        self.each()
+            .map(|bytes| {
+                let value = bytes.iter().rfold(0, |n, b| (n << 8) | i128::from(*b));
+                let range = 1_i128 << (8 * bytes.len());
+                let value = match signed && value >= range / 2 {
+                    true => value - range,
+                    false => value,
+                };
+                T::try_from(value).map_err(|_| self.bad(format_args!("{value} is out of range")))
+            })
+            .collect()
+    }
+
+    /// Returns the numbers of frames.
+    fn increasing(&self) -> Result<Vec<u64>> {
+        let numbers: Vec<u64> = self.integers()?;
+        match numbers.array_windows().find(|[a, b]| a >= b) {
+            Some([a, b]) => Err(self.bad(format_args!("frame {b} after frame {a}"))),
+            None => Ok(numbers),
+        }
+    }
+
+    fn floats(&self) -> Result<Vec<f64>> {
+        let value = |bytes: &[u8]| match *bytes {
+            [a, b, c, d] => Some(f32::from_le_bytes([a, b, c, d]).into()),
+            _ => Some(f64::from_le_bytes(bytes.try_into().ok()?)),
+        };
+        if self.array.kind != Kind::Float {
+            return Err(self.wrong_type("f4 or f8"));
+        }
+        let values: Option<Vec<f64>> = self.each().map(value).collect();
+        let values = values.ok_or_else(|| self.wrong_type("f4 or f8"))?;
+        match values.iter().position(|x| !x.is_finite()) {
+            Some(k) => Err(self.bad(format_args!("value {k} is {}", values[k]))),
+            None => Ok(values),
+        }
+    }
+
+    /// Returns a cell for all frames, or for each one.
+    fn cells(&self) -> Result<Cells> {
+        let numbers = self.floats()?;
+        let (rows, one) = match self.array.shape[..] {
+            [3] => (1, true),
+            [rows @ (3 | 4), 3] => (rows, true),
+            [_, 3] => (1, false),
+            [_, rows @ (3 | 4), 3] => (rows, false),
+            _ => {
+                let what = format!(
+                    "shape {}, expected 3 (edges along the axes), 3 x 3 (vectors), 4 x 3 (vectors \
+                     and the corner), or frames x one of these",
+                    self.array.shape_text()
+                );
+                return Err(self.bad(what));
+            }
+        };
+        let points: &[Point] = numbers.as_chunks().0;
+        let cells = points
+            .chunks_exact(rows as usize)
+            .enumerate()
+            .map(|(k, rows)| {
+                let cell = match *rows {
+                    [edges] => Cell::orthogonal([0.0; 3], edges),
+                    [a, b, c, ref corner @ ..] => Cell {
+                        origin: corner.first().copied().unwrap_or_default(),
+                        vectors: [a, b, c],
+                    },
+                    _ => unreachable!("one, three or four rows"),
+                };
+                let checked = cell.check().map(|()| cell);
+                checked.map_err(|e| self.bad(format_args!("cell {k}: {e}")))
+            });
+        match (cells.collect::<Result<Vec<_>>>()?, one) {
+            (cells, false) => Ok(Cells::Each(cells)),
+            (cells, true) => Ok(Cells::One(cells[0])),
+        }
+    }
+
+    fn texts(&self) -> Result<Vec<String>> {
+        let text = |bytes: &[u8]| -> Option<String> {
+            match self.array.kind {
+                Kind::Bytes => String::from_utf8(bytes.to_vec()).ok(),
+                Kind::Text => (bytes.as_chunks().0.iter())
+                    .map(|&b| char::from_u32(u32::from_le_bytes(b)))
+                    .collect(),
+                _ => None,
+            }
+        };
+        let texts = self.each().map(|bytes| {
+            // Shorter texts are filled up.
+            let text = text(bytes)?;
+            Some(text.trim_end_matches('\0').to_owned())
+        });
+        let texts: Option<Vec<String>> = texts.collect();
+        texts.ok_or_else(|| self.wrong_type("texts"))
+    }
+
+    fn basis(&self) -> Result<Basis> {
+        let expected = "expected polyline, catmull-rom, b-spline or bezier, or 0 to 3";
+        if matches!(self.array.kind, Kind::Signed | Kind::Unsigned) {
+            return match self.integers::<usize>()?[..] {
+                [code] if code < Basis::ALL.len() => Ok(Basis::ALL[code]),
+                ref other => Err(self.bad(format_args!("{other:?}, {expected}"))),
+            };
+        }
+        let texts = self.texts()?;
+        let found = match &texts[..] {
+            [name] => name.parse().ok(),
+            _ => None,
+        };
+        let given = crate::formats::quote(texts.join(", ").as_bytes());
+        found.ok_or_else(|| self.bad(format_args!("{given}, {expected}")))
+    }
+}

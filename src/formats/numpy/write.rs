@@ -1,0 +1,382 @@
+//! Writes `.npy` and `.npz` files, with one frame at a time in memory.
+//!
+//! The header of the positions has the number of frames, which is known at the end: it is written
+//! then, over bytes that were left free. The checksum of both parts is combined from theirs, so an
+//! archive needs no second pass. Members are stored and have 64-bit sizes, as `np.savez` writes
+//! them.
+
+use super::FORMAT;
+use crate::curve::{Basis, Cell, CurveLabels, CurveSet, Precision};
+use crate::error::{Error, Result};
+use crate::formats::frames::ModelFrame;
+use crate::formats::write::{FrameSink, check_polylines, curves_of, same_curves};
+use crate::verdict::LeftOut;
+use crc32fast::Hasher;
+use std::fs::File;
+use std::io::{self, BufWriter, Seek, SeekFrom, Write};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// Bytes of a header: long enough for every shape.
+const HEADER_BYTES: usize = 128;
+
+/// Number of bytes that are converted at once.
+const PIECE: usize = 1 << 16;
+
+/// Returns the header of an array.
+fn array_header(descr: &str, shape: &str) -> [u8; HEADER_BYTES] {
+    let mut bytes = [b' '; HEADER_BYTES];
+    bytes[..10].copy_from_slice(b"\x93NUMPY\x01\x00\x76\x00");
+    let text = format!("{{'descr': '{descr}', 'fortran_order': False, 'shape': ({shape}), }}");
+    bytes[10..10 + text.len()].copy_from_slice(text.as_bytes());
+    bytes[HEADER_BYTES - 1] = b'\n';
+    bytes
+}
+
+/// Positions of all frames: `frames x curves x points x 3` for closed curves of equal numbers of
+/// points, which can be read without counts, and otherwise `frames x points x 3`.
+struct Stream {
+    out: BufWriter<File>,
+    basis: Basis,
+    precision: Precision,
+    counts: Vec<i32>,
+    points: usize,
+    frames: u64,
+    /// Bytes and checksum of the values.
+    bytes: u64,
+    hasher: Hasher,
+    buffer: Vec<u8>,
+}
+
+impl Stream {
+    /// Creates a file whose array begins after `lead` bytes.
+    fn create(path: &Path, set: &CurveSet, lead: usize) -> Result<Stream> {
+        let file = File::create(path).map_err(Error::file(path))?;
+        let mut out = BufWriter::with_capacity(1 << 16, file);
+        (out.write_all(&vec![0; lead + HEADER_BYTES])).map_err(Error::file(path))?;
+        Ok(Stream {
+            out,
+            basis: set.basis(),
+            precision: set.precision(),
+            counts: set.counts().collect(),
+            points: set.points(),
+            frames: 0,
+            bytes: 0,
+            hasher: Hasher::new(),
+            buffer: Vec::new(),
+        })
+    }
+
+    fn frame(&mut self, set: &CurveSet) -> Result<()> {
+        same_curves(FORMAT, &self.counts, set)?;
+        if (set.basis(), set.precision()) != (self.basis, self.precision) {
+            let what = "a frame of another basis or precision than the first one";
+            return Err(Error::unsupported(FORMAT, what));
+        }
+        // Piece by piece, because a frame may have gigabytes.
+        for x in (0..set.len()).flat_map(|i| set.points_in(i)).flatten() {
+            match self.precision {
+                Precision::F32 => self.buffer.extend((x as f32).to_le_bytes()),
+                Precision::F64 => self.buffer.extend(x.to_le_bytes()),
+            }
+            if self.buffer.len() >= PIECE {
+                self.write_buffer()?;
+            }
+        }
+        self.write_buffer()?;
+        self.frames += 1;
+        Ok(())
+    }
+
+    fn write_buffer(&mut self) -> Result<()> {
+        self.hasher.update(&self.buffer);
+        self.bytes += self.buffer.len() as u64;
+        self.out.write_all(&self.buffer)?;
+        self.buffer.clear();
+        Ok(())
+    }
+
+    fn header(&self) -> [u8; HEADER_BYTES] {
+        let descr = match self.precision {
+            Precision::F32 => "<f4",
+            Precision::F64 => "<f8",
+        };
+        let frames = self.frames;
+        let shape = match self.counts[..] {
+            [count, ref rest @ ..] if count < 0 && rest.iter().all(|c| *c == count) => {
+                let (curves, points) = (self.counts.len(), count.unsigned_abs());
+                format!("{frames}, {curves}, {points}, 3")
+            }
+            _ => format!("{frames}, {}, 3", self.points),
+        };
+        array_header(descr, &shape)
+    }
+}
+
+/// A file whose stream the first frame creates.
+struct Lazy {
+    path: PathBuf,
+    stream: Option<Stream>,
+}
+
+impl Lazy {
+    fn new(path: &Path) -> Lazy {
+        Lazy {
+            path: path.into(),
+            stream: None,
+        }
+    }
+
+    /// Writes a frame. The array begins after `lead` bytes.
+    fn frame(&mut self, set: &CurveSet, lead: usize) -> Result<()> {
+        let stream = match &mut self.stream {
+            Some(stream) => stream,
+            none => none.insert(Stream::create(&self.path, set, lead)?),
+        };
+        stream.frame(set)
+    }
+
+    fn finish(self) -> Result<Stream> {
+        let no_frames = || Error::unsupported(FORMAT, "a file without frames");
+        self.stream.ok_or_else(no_frames)
+    }
+}
+
+/// An `.npy` file: the positions. Unless all curves are closed and have equal numbers of points,
+/// these numbers are not in the file.
+pub(in crate::formats) struct NpyFile(Lazy);
+
+impl NpyFile {
+    pub fn new(path: &Path) -> NpyFile {
+        NpyFile(Lazy::new(path))
+    }
+}
+
+impl FrameSink for NpyFile {
+    fn frame(&mut self, frame: &ModelFrame) -> Result<()> {
+        let set = curves_of(FORMAT, frame)?;
+        check_polylines("NumPy file (.npy)", set)?;
+        self.0.frame(set, 0)
+    }
+
+    fn finish(self: Box<Self>) -> Result<()> {
+        let mut stream = self.0.finish()?;
+        let header = stream.header();
+        stream.out.seek(SeekFrom::Start(0))?;
+        stream.out.write_all(&header)?;
+        Ok(stream.out.flush()?)
+    }
+}
+
+/// An `.npz` file: everything that a frame has. The curves, their basis, names and radii must be
+/// those of the first frame.
+pub(in crate::formats) struct NpzFile {
+    file: Lazy,
+    labels: Arc<CurveLabels>,
+    seq: Vec<u64>,
+    times: Vec<f64>,
+    /// Cells of all frames so far; empty if the frames have none.
+    cells: Vec<Cell>,
+    /// Elements of the inputs that were not read.
+    left_out: Vec<LeftOut>,
+}
+
+/// Name of the member with the positions, the first one.
+const POSITIONS: &str = "positions";
+
+impl NpzFile {
+    pub fn new(path: &Path) -> NpzFile {
+        NpzFile {
+            file: Lazy::new(path),
+            labels: Arc::default(),
+            seq: Vec::new(),
+            times: Vec::new(),
+            cells: Vec::new(),
+            left_out: Vec::new(),
+        }
+    }
+}
+
+impl FrameSink for NpzFile {
+    fn frame(&mut self, frame: &ModelFrame) -> Result<()> {
+        let set = curves_of(FORMAT, frame)?;
+        if self.seq.is_empty() {
+            frame.labels.check(set.len())?;
+            self.labels = frame.labels.clone();
+        }
+        if self.labels != frame.labels {
+            let what = "a frame with other names or radii than the first one";
+            return Err(Error::unsupported(FORMAT, what));
+        }
+        if let Some(last) = self.seq.last().filter(|last| frame.seq <= **last) {
+            let what = format!("frame {} after frame {last}", frame.seq);
+            return Err(Error::unsupported(FORMAT, what));
+        }
+        if !self.seq.is_empty() && frame.cell.is_some() == self.cells.is_empty() {
+            let what = "frames with a periodic cell and others without one";
+            return Err(Error::unsupported(FORMAT, what));
+        }
+        let lead = Member::local_header(POSITIONS, 0, 0).len();
+        self.file.frame(set, lead)?;
+        self.seq.push(frame.seq);
+        self.times.push(frame.time);
+        self.cells.extend(frame.cell);
+        LeftOut::merge(&mut self.left_out, &frame.left_out);
+        Ok(())
+    }
+
+    fn finish(self: Box<Self>) -> Result<()> {
+        let mut stream = self.file.finish()?;
+        let header = stream.header();
+        let mut hasher = Hasher::new();
+        hasher.update(&header);
+        hasher.combine(&stream.hasher);
+        let crc = hasher.finalize();
+        let size = stream.bytes + HEADER_BYTES as u64;
+        let first = Member::local_header(POSITIONS, crc, size);
+        let mut members = vec![Member::entry(POSITIONS, crc, size, 0)];
+        let mut at = first.len() as u64 + size;
+
+        let one = self.cells.windows(2).all(|w| w[0] == w[1]);
+        let (cells, cell_shape) = match one {
+            true => (&self.cells[..self.cells.len().min(1)], "4, 3".into()),
+            false => (&self.cells[..], format!("{}, 4, 3", self.cells.len())),
+        };
+        let rows = (cells.iter()).flat_map(|cell| cell.vectors.into_iter().chain([cell.origin]));
+        let timed = self.times.iter().any(|t| *t != 0.0);
+        let numbered = !self.seq.iter().copied().eq(0..stream.frames);
+        let labels = &self.labels;
+        let basis = Texts::of(&[stream.basis.to_string()]);
+        let names = Texts::of(&labels.names);
+        let said: Vec<String> = self.left_out.iter().map(LeftOut::to_string).collect();
+        let left_out = Texts::of(&said);
+        let list = |len: usize| format!("{len},");
+        let counts = flat(stream.counts.iter().map(|c| c.to_le_bytes()));
+        let radii = flat(labels.radii.iter().map(|r| r.to_le_bytes()));
+        let times = flat((self.times.iter().filter(|_| timed)).map(|t| t.to_le_bytes()));
+        let seq = flat((self.seq.iter().filter(|_| numbered)).map(|n| n.to_le_bytes()));
+        let cell = flat(rows.flatten().map(f64::to_le_bytes));
+        let frames = self.seq.len();
+        let arrays = [
+            ("counts", "<i4", list(stream.counts.len()), counts),
+            ("basis", &basis.descr, String::new(), basis.bytes),
+            ("names", &names.descr, list(labels.names.len()), names.bytes),
+            (
+                "left_out",
+                &left_out.descr,
+                list(said.len()),
+                left_out.bytes,
+            ),
+            ("radii", "<f4", list(labels.radii.len()), radii),
+            ("times", "<f8", list(frames), times),
+            ("cell", "<f8", cell_shape, cell),
+            ("seq", "<u8", list(frames), seq),
+        ];
+        // An array without values is not needed.
+        for (name, descr, shape, values) in arrays.into_iter().filter(|a| !a.3.is_empty()) {
+            let bytes = [&array_header(descr, &shape)[..], &values].concat();
+            let (crc, size) = (crc32fast::hash(&bytes), bytes.len() as u64);
+            let local = Member::local_header(name, crc, size);
+            stream.out.write_all(&local)?;
+            stream.out.write_all(&bytes)?;
+            members.push(Member::entry(name, crc, size, at));
+            at += local.len() as u64 + size;
+        }
+        directory(&mut stream.out, &members, at)?;
+        stream.out.seek(SeekFrom::Start(0))?;
+        stream.out.write_all(&first)?;
+        stream.out.write_all(&header)?;
+        Ok(stream.out.flush()?)
+    }
+}
+
+/// Returns the bytes of some values.
+fn flat<const N: usize>(values: impl Iterator<Item = [u8; N]>) -> Vec<u8> {
+    values.flatten().collect()
+}
+
+/// Texts as characters of four bytes, filled up to the longest one.
+struct Texts {
+    descr: String,
+    bytes: Vec<u8>,
+}
+
+impl Texts {
+    fn of(texts: &[String]) -> Texts {
+        let longest = texts.iter().map(|t| t.chars().count()).max().unwrap_or(0);
+        let mut bytes = Vec::with_capacity(4 * longest * texts.len());
+        for text in texts {
+            let filled = text.chars().chain(std::iter::repeat('\0'));
+            bytes.extend(
+                filled
+                    .take(longest)
+                    .flat_map(|c| u32::from(c).to_le_bytes()),
+            );
+        }
+        let descr = format!("<U{longest}");
+        Texts { descr, bytes }
+    }
+}
+
+/// Records of a stored member of a zip archive.
+pub(super) struct Member;
+
+impl Member {
+    /// Returns what both records of a member begin with, after the signature: version 4.5 (64-bit
+    /// sizes), no flags, stored, the first day of the format, checksum, sizes in the extra field.
+    fn start(name: &str, crc: u32, extra: u16) -> Vec<u8> {
+        let mut bytes = vec![45, 0, 0, 0, 0, 0, 0, 0, 0x21, 0];
+        bytes.extend(crc.to_le_bytes());
+        bytes.extend([0xFF; 8]);
+        bytes.extend((name.len() as u16 + 4).to_le_bytes());
+        bytes.extend(extra.to_le_bytes());
+        bytes
+    }
+
+    /// Returns the record before the content.
+    pub fn local_header(name: &str, crc: u32, size: u64) -> Vec<u8> {
+        let mut bytes = b"PK\x03\x04".to_vec();
+        bytes.extend(Member::start(name, crc, 20));
+        bytes.extend(format!("{name}.npy").as_bytes());
+        bytes.extend([1, 0, 16, 0]);
+        bytes.extend(size.to_le_bytes());
+        bytes.extend(size.to_le_bytes());
+        bytes
+    }
+
+    /// Returns the entry of the directory.
+    pub fn entry(name: &str, crc: u32, size: u64, at: u64) -> Vec<u8> {
+        let mut bytes = b"PK\x01\x02\x2d\x00".to_vec();
+        bytes.extend(Member::start(name, crc, 28));
+        // No comment, the first disk, no attributes; the offset is in the extra field.
+        bytes.extend([0; 10]);
+        bytes.extend([0xFF; 4]);
+        bytes.extend(format!("{name}.npy").as_bytes());
+        bytes.extend([1, 0, 24, 0]);
+        for number in [size, size, at] {
+            bytes.extend(number.to_le_bytes());
+        }
+        bytes
+    }
+}
+
+/// Writes the directory and the records at the end.
+pub(super) fn directory(out: &mut impl Write, members: &[Vec<u8>], at: u64) -> io::Result<()> {
+    let entries = members.len() as u64;
+    let bytes = members.concat();
+    out.write_all(&bytes)?;
+    // 64-bit record: its length, versions, disks, entries, bytes and offset of the directory.
+    out.write_all(b"PK\x06\x06")?;
+    out.write_all(&44_u64.to_le_bytes())?;
+    out.write_all(&[45, 0, 45, 0, 0, 0, 0, 0, 0, 0, 0, 0])?;
+    for number in [entries, entries, bytes.len() as u64, at] {
+        out.write_all(&number.to_le_bytes())?;
+    }
+    // Its locator, then the record of the original format, which refers to it.
+    out.write_all(b"PK\x06\x07\x00\x00\x00\x00")?;
+    out.write_all(&(at + bytes.len() as u64).to_le_bytes())?;
+    out.write_all(&[1, 0, 0, 0])?;
+    out.write_all(b"PK\x05\x06\x00\x00\x00\x00")?;
+    out.write_all(&[0xFF; 12])?;
+    out.write_all(&[0, 0])
+}

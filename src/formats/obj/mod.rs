@@ -1,0 +1,616 @@
+//! Lines and free-form curves of a Wavefront OBJ file, read in double precision.
+//!
+//! The statements `v`, `l` and `curv` (with `cstype`, `deg`, `parm`, `end`) are used. The weight or
+//! colours of a vertex and the texture index in `a/b` are ignored in an `l`. Exporters write
+//! polylines in two forms:
+//!
+//! - One `l` of many vertices per curve (Houdini, often continued over lines by `\`): each is a
+//!   separate curve, closed if it ends at its first vertex.
+//! - Many `l` of two vertices (Blender): edges, which are joined if they share a vertex, in any
+//!   order. The curve starts with its first edge in the file and keeps the direction of that edge,
+//!   so that edges written in order give the curve in order. A vertex with more than two edges is
+//!   an error, because the continuation is ambiguous.
+//!
+//! Vertices are equal if their indices are; coordinates are not compared. Curves have the order of
+//! their first lines. An index may precede its vertex; a negative index counts back from the line.
+//!
+//! # Basis
+//!
+//! A set has one basis. If all curves are polylines (also `curv` of degree 1), it is that; if all
+//! are uniform cubic B-splines, B-splines; and otherwise Bezier, to which all others are converted
+//! ([`free_form`]). A polyline becomes pieces `p p q q`, which are its segments exactly.
+//!
+//! # Elements that are left out
+//!
+//! Free-form curves that no basis represents, curves on surfaces (`curv2`), and statements with an
+//! unknown name are counted ([`LeftOut`]). Faces, points and surfaces are no curves: they are
+//! ignored, like everything that concerns the display.
+
+mod free_form;
+
+use self::free_form::{Element, Form, Spline, State};
+use super::chains::{Chains, Edge, ThirdEdge};
+use super::frames::{ModelFrame, Source};
+use super::lines::{Lines, words};
+use super::write::{check_polylines, create};
+use super::{Input, is_in, number, quote};
+use crate::curve::{Basis, CurveSet, CurveSetBuilder, Point, Positions, Precision};
+use crate::error::{Error, Result};
+use crate::verdict::LeftOut;
+use std::io::BufRead;
+use std::path::Path;
+
+const FORMAT: &str = "OBJ";
+
+/// Statements that are no curves.
+const IGNORED: &str = "\
+    bevel bmat bsp bzp c_interp cdp con csh ctech d_interp f fo g hole lod maplib mg mtllib \
+    o p res s scrv shadow_obj sp stech step surf trace_obj trim usemap usemtl vc vn vp vt";
+
+/// Kind of the free-form curves that are left out.
+const FREE_FORM: [&str; 2] = ["free-form curve", "free-form curves"];
+
+/// A polyline of more than two vertices or a spline, as a range of the indices.
+struct Curve {
+    start: usize,
+    end: usize,
+    closed: bool,
+    line: u64,
+    form: Form,
+}
+
+/// Statements of a file.
+#[derive(Default)]
+struct Statements {
+    vertices: Vec<Point>,
+    /// Weights of vertices that are not 1, in the order of the vertices.
+    weights: Vec<(u32, f64)>,
+    indices: Vec<u32>,
+    curves: Vec<Curve>,
+    edges: Vec<Edge>,
+    /// Largest index, and its line.
+    furthest: (u32, u64),
+    state: State,
+    elements: Vec<Element>,
+    /// True up to the end of the last element.
+    in_element: bool,
+    left_out: Vec<LeftOut>,
+}
+
+/// Reads a file to its end.
+pub(super) fn read(input: Input<impl BufRead>) -> Result<Source<'static>> {
+    let (curves, left_out) = curves_in(input)?;
+    let frame = ModelFrame::new(0, Ok(curves));
+    Ok(ModelFrame { left_out, ..frame }.into())
+}
+
+/// Reads the curves of a file, and what is left out.
+fn curves_in(input: Input<impl BufRead>) -> Result<(CurveSet, Vec<LeftOut>)> {
+    let mut lines = Lines::new(FORMAT, input)?.with_long_lines();
+    let mut found = Statements::default();
+    while let Some(line) = next_statement(&mut lines)? {
+        let read = found.statement(words(lines.text()), line);
+        read.map_err(|what| bad(line, what))?;
+    }
+    let (index, line) = found.furthest;
+    if index as usize >= found.vertices.len() && line > 0 {
+        let what = format!(
+            "vertex {}, but the file has {}",
+            u64::from(index) + 1,
+            found.vertices.len()
+        );
+        return Err(bad(line, what));
+    }
+    found.finish_elements();
+    let left_out = std::mem::take(&mut found.left_out);
+    if found.edges.is_empty() && found.curves.is_empty() {
+        let what = match left_out.is_empty() {
+            true => "no curves: the file has no statement l or curv".into(),
+            false => format!("no curves; {}", LeftOut::sentence(&left_out)),
+        };
+        return Err(Error::format(FORMAT, "whole file", what));
+    }
+    Ok((found.build()?, left_out))
+}
+
+fn bad(line: u64, what: impl std::fmt::Display) -> Error {
+    Error::format(FORMAT, format_args!("line {line}"), what)
+}
+
+/// Steps to the next statement: its comment is removed, and lines that continue it are joined.
+/// Returns its first line, from 1, or `None` at the end.
+fn next_statement(lines: &mut Lines<impl BufRead>) -> Result<Option<u64>> {
+    if !lines.advance()? {
+        return Ok(None);
+    }
+    let (first, mut start) = (lines.number(), 0);
+    loop {
+        let statement = lines.text_mut();
+        let new = &statement[start..];
+        // A comment ends with its line even after a backslash, because it may end with a Windows
+        // path.
+        if let Some(comment) = new.iter().position(|&b| b == b'#') {
+            statement.truncate(start + comment);
+            return Ok(Some(first));
+        }
+        let end = start + new.trim_ascii_end().len();
+        if end == start || statement[end - 1] != b'\\' {
+            return Ok(Some(first));
+        }
+        statement.truncate(end - 1);
+        statement.push(b' ');
+        start = end;
+        lines.append()?;
+    }
+}
+
+impl Statements {
+    fn statement<'a>(
+        &mut self,
+        mut tokens: impl Iterator<Item = &'a [u8]>,
+        line: u64,
+    ) -> Result<(), String> {
+        let Some(name) = tokens.next() else {
+            return Ok(());
+        };
+        match name {
+            b"v" => self.vertex(tokens)?,
+            b"l" => self.line(tokens, line)?,
+            b"cstype" => self.state.set_type(tokens),
+            b"deg" => self.state.set_degree(tokens),
+            b"curv" => self.element(tokens, line)?,
+            b"parm" if self.in_element => {
+                let element = self.elements.last_mut().expect("an element was begun");
+                element.parameters(tokens)?;
+            }
+            b"surf" | b"curv2" | b"end" => self.in_element = false,
+            _ => {}
+        }
+        let kind = match name {
+            b"v" | b"l" | b"cstype" | b"deg" | b"curv" | b"parm" | b"end" => return Ok(()),
+            b"curv2" => ["curve on a surface (curv2)", "curves on surfaces (curv2)"],
+            b"cdc" => FREE_FORM,
+            name if std::str::from_utf8(name).is_ok_and(|name| is_in(IGNORED, name)) => {
+                return Ok(());
+            }
+            _ => ["unknown statement", "unknown statements"],
+        };
+        LeftOut::add(&mut self.left_out, kind, || {
+            format!("line {line}: {}", quote(name))
+        });
+        Ok(())
+    }
+
+    fn vertex<'a>(&mut self, tokens: impl Iterator<Item = &'a [u8]>) -> Result<(), String> {
+        let mut xyz = [0.0; 3];
+        let (mut n, mut weight) = (0, 1.0);
+        for token in tokens {
+            let x = number(token)?;
+            if let Some(slot) = xyz.get_mut(n) {
+                *slot = x;
+            } else if n == 3 {
+                weight = x;
+            }
+            n += 1;
+        }
+        // More numbers are a colour.
+        if n == 4 && weight != 1.0 {
+            self.weights.push((self.vertices.len() as u32, weight));
+        }
+        if n < 3 {
+            return Err(format!("a vertex with {n} coordinates, expected x y z"));
+        }
+        self.vertices.push(xyz);
+        Ok(())
+    }
+
+    fn line<'a>(
+        &mut self,
+        tokens: impl Iterator<Item = &'a [u8]>,
+        line: u64,
+    ) -> Result<(), String> {
+        let start = self.read_indices(tokens, line)?;
+        match self.indices[start..] {
+            [] | [_] => return Err("a line with fewer than two vertices".into()),
+            [a, b] if a == b => {
+                return Err(format!("a line from vertex {} to itself", u64::from(a) + 1));
+            }
+            [a, b] => {
+                self.indices.truncate(start);
+                self.edges.push(Edge { ends: [a, b], line });
+            }
+            [a, .., b] => {
+                if a == b {
+                    self.indices.pop();
+                }
+                self.curves.push(Curve {
+                    start,
+                    end: self.indices.len(),
+                    closed: a == b,
+                    line,
+                    form: Form::Polyline,
+                });
+            }
+        }
+        Ok(())
+    }
+
+    /// Appends the indices of a statement. Returns the place of the first one.
+    fn read_indices<'a>(
+        &mut self,
+        tokens: impl Iterator<Item = &'a [u8]>,
+        line: u64,
+    ) -> Result<usize, String> {
+        let start = self.indices.len();
+        for token in tokens {
+            let index = self.index(token)?;
+            if index >= self.furthest.0 {
+                self.furthest = (index, line);
+            }
+            self.indices.push(index);
+        }
+        Ok(start)
+    }
+
+    /// Reads `curv u0 u1 v1 v2 ..`.
+    fn element<'a>(
+        &mut self,
+        mut tokens: impl Iterator<Item = &'a [u8]>,
+        line: u64,
+    ) -> Result<(), String> {
+        let mut end = || {
+            tokens
+                .next()
+                .map_or(Err("a curv without a range".into()), number)
+        };
+        let range = [end()?, end()?];
+        let start = self.read_indices(tokens, line)?;
+        let indices = start..self.indices.len();
+        if indices.len() < 2 {
+            return Err("a curv with fewer than two vertices".into());
+        }
+        self.elements
+            .push(Element::new(line, &self.state, range, indices));
+        self.in_element = true;
+        Ok(())
+    }
+
+    /// Turns free-form curves into curves, or counts them as left out.
+    fn finish_elements(&mut self) {
+        let weight = |vertex: u32| match self.weights.binary_search_by_key(&vertex, |w| w.0) {
+            Ok(k) => self.weights[k].1,
+            Err(_) => 1.0,
+        };
+        for element in std::mem::take(&mut self.elements) {
+            let (line, range) = (element.line, element.indices.clone());
+            let mut indices = self.indices[range.clone()].to_vec();
+            match element.finish(&mut indices, weight) {
+                Ok((form, closed)) => self.curves.push(Curve {
+                    start: range.start,
+                    end: range.start + indices.len(),
+                    closed,
+                    line,
+                    form,
+                }),
+                Err(why) => LeftOut::add(&mut self.left_out, FREE_FORM, || {
+                    format!("curv in line {line}, {why}")
+                }),
+            }
+        }
+        self.curves.sort_by_key(|curve| curve.line);
+    }
+
+    /// Returns the index, from 0, of `7`, `-1` or `7/3`.
+    fn index(&self, token: &[u8]) -> Result<u32, String> {
+        let digits = token.split(|&b| b == b'/').next().unwrap_or_default();
+        let given: i64 = std::str::from_utf8(digits)
+            .ok()
+            .and_then(|t| t.parse().ok())
+            .ok_or_else(|| format!("{}, expected the number of a vertex", quote(token)))?;
+        let from_zero = match given {
+            0 => return Err("vertex 0; vertices are numbered from 1".into()),
+            1.. => given - 1,
+            _ => given.saturating_add(self.vertices.len() as i64),
+        };
+        u32::try_from(from_zero).map_err(|_| {
+            let n = self.vertices.len();
+            format!("vertex {given}, but there are {n} vertices before this line")
+        })
+    }
+
+    fn build(self) -> Result<CurveSet> {
+        let chains = Chains::new(&self.edges, self.vertices.len()).map_err(|third| {
+            let ThirdEdge { vertex, lines } = third;
+            let what = format!(
+                "a third line at vertex {}, where the lines {} and {} already meet: \
+                 the continuation of the curve is ambiguous",
+                u64::from(vertex) + 1,
+                lines[0],
+                lines[1]
+            );
+            bad(lines[2], what)
+        })?;
+        let forms = || self.curves.iter().map(|curve| &curve.form);
+        let is_spline = |form: &Form| matches!(form, Form::Spline(_));
+        let is_uniform = |form: &Form| matches!(form, Form::Spline(s) if s.uniform);
+        let basis = match () {
+            () if !forms().any(is_spline) => Basis::Polyline,
+            () if self.edges.is_empty() && forms().all(is_uniform) => Basis::BSpline,
+            () => Basis::Bezier,
+        };
+        let points = (self.indices.len() + self.edges.len()) * basis.stride();
+        let mut out = Output {
+            builder: CurveSet::builder(basis, Precision::F64, points),
+            basis,
+            vertices: &self.vertices,
+            points: Vec::new(),
+        };
+        let mut curves = self.curves.iter().peekable();
+        let mut chain = Vec::new();
+        let mut used = vec![false; self.edges.len()];
+        for (e, edge) in self.edges.iter().enumerate() {
+            if used[e] {
+                continue;
+            }
+            while let Some(curve) = curves.next_if(|curve| curve.line < edge.line) {
+                out.add(curve, &self.indices)?;
+            }
+            let closed = chains.follow(e, &mut chain, &mut used);
+            out.polyline(&chain, closed)?;
+        }
+        for curve in curves {
+            out.add(curve, &self.indices)?;
+        }
+        out.builder.finish()
+    }
+}
+
+/// Curves by their vertex indices, on their way into a set.
+struct Output<'a> {
+    builder: CurveSetBuilder,
+    basis: Basis,
+    vertices: &'a [Point],
+    points: Vec<Point>,
+}
+
+impl Output<'_> {
+    fn add(&mut self, curve: &Curve, indices: &[u32]) -> Result<()> {
+        let indices = &indices[curve.start..curve.end];
+        match &curve.form {
+            Form::Spline(spline) if self.basis == Basis::Bezier => {
+                self.spline(spline, indices, curve.closed)
+            }
+            _ => self.polyline(indices, curve.closed),
+        }
+    }
+
+    /// Adds a polyline, or the control points of a curve of the basis of the set.
+    fn polyline(&mut self, indices: &[u32], closed: bool) -> Result<()> {
+        self.points.clear();
+        self.points
+            .extend(indices.iter().map(|&v| self.vertices[v as usize]));
+        if self.basis == Basis::Bezier {
+            // Pieces `p p q q`.
+            let vertices = std::mem::take(&mut self.points);
+            let next = vertices.iter().cycle().skip(1);
+            let pieces = vertices
+                .iter()
+                .zip(next)
+                .take(vertices.len() - usize::from(!closed));
+            self.points.extend(pieces.flat_map(|(p, q)| [*p, *p, *q]));
+            self.points.extend(vertices.last().filter(|_| !closed));
+        }
+        self.finish_curve(closed)
+    }
+
+    fn spline(&mut self, spline: &Spline, indices: &[u32], closed: bool) -> Result<()> {
+        let mut points: Vec<Point> = indices.iter().map(|&v| self.vertices[v as usize]).collect();
+        if closed && spline.uniform {
+            // The control points that closing removed.
+            points.extend_from_within(..3);
+        }
+        self.points.clear();
+        spline.pieces(&points, closed, &mut self.points);
+        self.finish_curve(closed)
+    }
+
+    /// Adds the curve of the points.
+    fn finish_curve(&mut self, closed: bool) -> Result<()> {
+        self.builder.start_curve(self.points.len(), closed)?;
+        self.builder
+            .push(Positions::F64(self.points.as_flattened()))
+    }
+}
+
+/// Writes polylines: all vertices, then one `l` statement a curve, in which a closed curve ends at
+/// its first vertex. No two curves share a vertex.
+///
+/// Errors: splines, and a closed curve of one point.
+pub(super) fn write(path: &Path, set: &CurveSet) -> Result<()> {
+    check_polylines(FORMAT, set)?;
+    if let Some(i) = set.curves().iter().position(|c| c.points < 2) {
+        let what = format!("curve {i}, a closed curve of one point");
+        return Err(Error::unsupported(FORMAT, what));
+    }
+    create(path, |out| {
+        for i in 0..set.len() {
+            for [x, y, z] in set.points_in(i) {
+                writeln!(out, "v {x:?} {y:?} {z:?}")?;
+            }
+        }
+        let mut first = 1;
+        for curve in set.curves() {
+            write!(out, "l")?;
+            for vertex in first..first + u64::from(curve.points) {
+                write!(out, " {vertex}")?;
+            }
+            match curve.closed {
+                true => writeln!(out, " {first}")?,
+                false => writeln!(out)?,
+            }
+            first += u64::from(curve.points);
+        }
+        Ok(())
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::formats::tests::{assert_error_contains, curves};
+
+    fn parse(text: &str) -> Result<CurveSet> {
+        curves_in(text.as_bytes().into()).map(|(set, _)| set)
+    }
+
+    /// Returns vertex `n` of [`with_vertices`], from 1.
+    fn p(n: usize) -> Point {
+        [n as f64, 0.1 * n as f64, -1e-3]
+    }
+
+    /// Returns `lines` after ten vertices.
+    fn with_vertices(lines: &str) -> String {
+        let v = |n| format!("v {} {} {}\n", p(n)[0], p(n)[1], p(n)[2]);
+        (1..=10).map(v).collect::<String>() + lines
+    }
+
+    /// Asserts the curves of `lines`: true if closed, and the vertices.
+    fn expect(lines: &str, expected: &[(bool, &[usize])]) {
+        let set = parse(&with_vertices(lines)).unwrap();
+        let expected: Vec<_> = expected
+            .iter()
+            .map(|&(closed, ns)| (closed, ns.iter().map(|&n| p(n)).collect()))
+            .collect();
+        assert_eq!(curves(&set), expected, "{lines}");
+        assert_eq!(set.basis(), Basis::Polyline);
+        assert_eq!(set.precision(), Precision::F64);
+    }
+
+    #[test]
+    fn a_long_line_is_one_curve() {
+        expect(
+            "l 1 2 3 4 1\nl 5 6 7\n",
+            &[(true, &[1, 2, 3, 4]), (false, &[5, 6, 7])],
+        );
+        // A shared vertex does not join long lines.
+        expect(
+            "l 1 2 3\nl 3 4 5\n",
+            &[(false, &[1, 2, 3]), (false, &[3, 4, 5])],
+        );
+    }
+
+    #[test]
+    fn a_backslash_continues_a_long_line() {
+        expect("l 1 2 \\\n  3 4\\\r\n 1", &[(true, &[1, 2, 3, 4])]);
+        expect("l 1 2 3 \\", &[(false, &[1, 2, 3])]);
+        // A comment is not continued: the next line is read.
+        expect(
+            "# C:\\models\\\nl 1 2 3 # \\\nl 4 5 6",
+            &[(false, &[1, 2, 3]), (false, &[4, 5, 6])],
+        );
+    }
+
+    #[test]
+    fn short_lines_in_order_become_curves() {
+        expect(
+            "l 1 2\nl 2 3\nl 3 1\nl 4 5\nl 5 6\nl 7 8\n",
+            &[(true, &[1, 2, 3]), (false, &[4, 5, 6]), (false, &[7, 8])],
+        );
+    }
+
+    #[test]
+    fn short_lines_out_of_order_become_curves() {
+        // The second curve is continued, also at its start, after the first one is closed.
+        expect(
+            "l 1 2\nl 5 6\nl 3 1\nl 2 3\nl 4 5\nl 7 6\n",
+            &[(true, &[1, 2, 3]), (false, &[4, 5, 6, 7])],
+        );
+        expect("l 2 1\nl 1 2\n", &[(true, &[2, 1])]);
+    }
+
+    #[test]
+    fn curves_come_in_the_order_of_their_first_lines() {
+        expect(
+            "l 1 2 3\nl 4 5\nl 6 7 8 6\nl 6 5\nl 9 10\nl 1 3 2\n",
+            &[
+                (false, &[1, 2, 3]),
+                (false, &[4, 5, 6]),
+                (true, &[6, 7, 8]),
+                (false, &[9, 10]),
+                (false, &[1, 3, 2]),
+            ],
+        );
+    }
+
+    #[test]
+    fn reads_negative_textured_and_forward_indices() {
+        expect("l -1 -2 -10\n", &[(false, &[10, 9, 1])]);
+        expect(
+            "l 1/4 2/ 3/1/1\nl -3 5\n",
+            &[(false, &[1, 2, 3]), (false, &[8, 5])],
+        );
+        let set = parse("l 1 3 2\nv 0 0 0\nl -1 2\nv 1 1 1\nv 2 2 2").unwrap();
+        assert_eq!(set.point(0, 1), [2.0; 3]);
+        assert_eq!(set.point(1, 0), [0.0; 3]);
+    }
+
+    #[test]
+    fn ignores_other_statements() {
+        let text = "mtllib \u{e4}.mtl\n\no name\nvt 0 0\nvn x y z\nf 1 2 99\n g\n\
+                    v 1 2 3 0.5\n\tv 4 5 6 0.1 0.2 0.3 # red\nusemtl #\nl 1 2#3\n";
+        // A Latin-1 byte, as old exporters write it.
+        let bytes: Vec<u8> = text.chars().map(|c| c as u8).collect();
+        let (set, left_out) = curves_in((&bytes[..]).into()).unwrap();
+        assert_eq!(left_out, []);
+        assert_eq!(curves(&set), [(false, vec![[1., 2., 3.], [4., 5., 6.]])]);
+    }
+
+    #[test]
+    fn errors_name_the_line() {
+        for (lines, expected) in [
+            ("", "whole file): no curves"),
+            ("f 1 2 3\n", "no statement l or curv"),
+            ("l\n", "line 11): a line with fewer than two"),
+            ("l 1\n", "fewer than two"),
+            ("l 4 4\n", "vertex 4 to itself"),
+            ("\nl 1 0\n", "line 12): vertex 0"),
+            ("l 1 x\n", "'x', expected the number of a vertex"),
+            ("l 1 /2\n", "'/2', expected"),
+            ("l 1 2.0\n", "'2.0', expected"),
+            ("l 1 -11\n", "vertex -11, but there are 10"),
+            (
+                "l 1 11\nl 12 2 3\nl 1 2 3\n",
+                "line 12): vertex 12, but the file has 10",
+            ),
+            ("l 4294967296 2\n", "vertex 4294967296, but the file has 10"),
+            ("l 4294967297 2\n", "vertex 4294967297, but"),
+            ("l 99999999999999999999 2\n", "expected the number"),
+            ("l -9223372036854775808 2\n", "but there are 10"),
+            (
+                "l 1 2\nl 3 2\nl 5 6\nl 2 4\n",
+                "line 14): a third line at vertex 2, where the lines 11 and 12",
+            ),
+            ("v 1 2\n", "line 11): a vertex with 2 coordinates"),
+            ("v 1 2 z\n", "'z', expected a number"),
+            ("v 1 2 3 w\n", "'w', expected a number"),
+            ("v 1 2 1e999\n", "'1e999' is not a finite number"),
+            ("v NaN 2 1\n", "'NaN' is not a finite number"),
+            ("v 1 inf 1\n", "'inf' is not a finite number"),
+            ("l 1 \\\n2 \\\n\u{1b}[2J\n", "line 11): '\\u{1b}[2J'"),
+        ] {
+            assert_error_contains(parse(&with_vertices(lines)), expected);
+        }
+    }
+
+    #[test]
+    fn reads_long_curves_in_chunks() {
+        let n = 2049;
+        let mut text: String = (0..n).map(|k| format!("v {k} 0 0\n")).collect();
+        text += "l";
+        (1..=n).for_each(|k| text += &format!(" {k}"));
+        let set = parse(&format!("{text} 1\n")).unwrap();
+        assert_eq!((set.len(), set.points()), (1, n));
+        assert!(set.curve(0).closed);
+        assert_eq!(set.point(0, n - 1), [2048.0, 0.0, 0.0]);
+    }
+}

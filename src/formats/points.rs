@@ -1,0 +1,627 @@
+//! Plain text: lines `x y z`, separated by spaces, tabs, commas or semicolons, as tools for knots,
+//! DNA and polymers write them (KnotPlot, KymoKnot, calc_writhe, spreadsheets).
+//!
+//! | line | meaning |
+//! |---|---|
+//! | `1.0 2.0 3.0` | a point |
+//! | empty; `# text`, `% text`, `// text`; a label, `Component 1 of 2:` | the curve ends here |
+//! | an integer | number of points of a frame, which begins here (KymoKnot) |
+//! | `x,y,z`, `id,x,y,z,curve` | names of the columns |
+//!
+//! A file without counts is one frame. A file with counts is a motion: each of them begins a frame,
+//! and all points of the file belong to one. That is said if there are several frames, as another
+//! program may mean the curves of one frame.
+//!
+//! # Columns
+//!
+//! Without a header there are three columns. A header must name `x`, `y` and `z` (or `Points:0` to
+//! `Points:2`, as ParaView does). A column `curve` (or another of [`GROUPS`]) separates curves
+//! where its value changes. Columns of other names are ignored if it is known that they do not
+//! divide the points ([`OTHERS`]), and refused else: ignored, they would join curves.
+//!
+//! # Closed and open curves
+//!
+//! A curve that ends where it starts is read as it is, and closed by [`Closing`]. Otherwise text
+//! does not say if a curve is closed, and neither does this reader: the caller decides
+//! ([`ReadOptions::closed`]), or gives the number of points of each curve
+//! ([`ReadOptions::counts`], below 0 if it is closed; the points are then divided by them alone).
+//! Without both the file is refused. Curves that the caller closes have no repeated point.
+//!
+//! [`Closing`]: crate::Closing
+//!
+//! Cost: one pass, with the memory of a frame.
+
+use super::frames::{FrameSource, ModelFrame, ReadOptions, Source};
+use super::lines::{Lines, integer, words};
+use super::{Input, count_of, divided, is_in, number, quote};
+use crate::curve::{CurveSet, Point};
+use crate::error::{Error, Result};
+use crate::ingest::ends_meet;
+use std::collections::HashSet;
+use std::io::BufRead;
+use std::path::Path;
+
+const FORMAT: &str = "text file of points";
+/// Shortest line of a point, `0 0 0`, with the line break.
+const POINT_BYTES: u64 = 6;
+
+/// Names of columns that say to which curve a point belongs.
+const GROUPS: &str = "\
+    curve component strand chain molecule mol polyline line ring loop filament";
+
+/// Names of columns that do not divide the points.
+const OTHERS: &str = "\
+    arclength curvature diameter fx fy fz i id index length mass n nx ny nz point r radius s \
+    species temperature torsion tx ty tz type vertex vx vy vz w weight width";
+
+/// Starts before the first frame of a file.
+pub(super) fn read<'a>(
+    input: Input<impl BufRead + 'a>,
+    options: &ReadOptions,
+) -> Result<Source<'a>> {
+    Ok(Box::new(Points {
+        lines: Lines::new(FORMAT, input)?,
+        options: options.clone(),
+        columns: Columns::default(),
+        count: None,
+        frames: 0,
+        ended: false,
+    }))
+}
+
+/// Returns true if a text has points in lines of this format, and nothing else.
+pub(super) fn begins(text: &[u8]) -> bool {
+    let mut columns = Columns::default();
+    let (mut points, mut labels) = (0, 0);
+    for line in text.split(|&b| b == b'\n') {
+        match columns.line(line) {
+            Ok(Line::Point(..)) => points += 1,
+            Ok(Line::Break { label: true }) => labels += 1,
+            Ok(_) => {}
+            Err(_) => return false,
+        }
+    }
+    points > 1 && labels < points
+}
+
+/// Returns true if a text file is a table of numbers by its name and its lines, although some of
+/// them are not lines of this format. The reader says which.
+pub(super) fn is_table(path: &Path) -> bool {
+    let extension = path.extension().unwrap_or_default();
+    if !["txt", "csv", "tsv", "dat", "raw"]
+        .iter()
+        .any(|e| extension.eq_ignore_ascii_case(e))
+    {
+        return false;
+    }
+    let start = super::open_text(path).and_then(|mut input| Ok(input.bytes.fill_buf()?.to_vec()));
+    let start = start.unwrap_or_default();
+    let lines = start
+        .split(|&b| b == b'\n')
+        .map(fields)
+        .filter(|f| !f.iter().all(|f| f.is_empty()));
+    let (mut all, mut numbers) = (0, 0);
+    for fields in lines {
+        all += 1;
+        numbers += usize::from(fields.iter().filter(|field| is_number(field)).count() > 1);
+    }
+    2 * numbers >= all && numbers > 0
+}
+
+/// A line of a file.
+#[derive(Debug, PartialEq)]
+enum Line {
+    /// With the value of the column that groups the points.
+    Point(Point, Option<Vec<u8>>),
+    Count(u64),
+    /// The curve ends. True if the line is neither empty nor a comment.
+    Break {
+        label: bool,
+    },
+}
+
+/// Columns of the points.
+#[derive(Clone, Debug, PartialEq)]
+struct Columns {
+    all: usize,
+    /// Columns of x, y and z.
+    at: [usize; 3],
+    group: Option<usize>,
+}
+
+impl Default for Columns {
+    fn default() -> Columns {
+        Columns {
+            all: 3,
+            at: [0, 1, 2],
+            group: None,
+        }
+    }
+}
+
+/// Returns the fields of a line. Between commas, semicolons or tabs there may be spaces.
+fn fields(line: &[u8]) -> Vec<&[u8]> {
+    let separator = [b';', b',', b'\t'].into_iter().find(|b| line.contains(b));
+    let mut fields: Vec<&[u8]> = match separator {
+        Some(separator) => line.split(|&b| b == separator).collect(),
+        None => words(line).collect(),
+    };
+    fields
+        .iter_mut()
+        .for_each(|field| *field = field.trim_ascii());
+    // A separator at the end of a line.
+    if fields.len() > 1 && fields.last().is_some_and(|field| field.is_empty()) {
+        fields.pop();
+    }
+    fields
+}
+
+fn is_number(field: &&[u8]) -> bool {
+    std::str::from_utf8(field).is_ok_and(|text| text.parse::<f64>().is_ok())
+}
+
+impl Columns {
+    /// Parses a line. A header sets the columns.
+    fn line(&mut self, line: &[u8]) -> Result<Line, String> {
+        let line = line.trim_ascii();
+        let starts = [b"#".as_slice(), b"%", b"//"];
+        if let Some(comment) = starts.iter().find_map(|start| line.strip_prefix(*start)) {
+            // Some programs write the names of the columns as a comment.
+            if let Ok(Some(columns)) = Columns::named(&fields(comment.trim_ascii())) {
+                *self = columns;
+            }
+            return Ok(Line::Break { label: false });
+        }
+        if line.is_empty() {
+            return Ok(Line::Break { label: false });
+        }
+        let fields = fields(line);
+        let numbers = fields.iter().filter(|field| is_number(field)).count();
+        if !is_number(&fields[0]) && self.all > numbers && 2 * numbers <= fields.len() {
+            if let Some(columns) = Columns::named(&fields)? {
+                *self = columns;
+            }
+            return Ok(Line::Break { label: true });
+        }
+        if fields.len() == 1 && self.all > 1 {
+            let expected = "the number of points of a frame, or x y z";
+            return integer(fields[0], expected).map(Line::Count);
+        }
+        if fields.len() != self.all {
+            let (found, all) = (fields.len(), self.all);
+            return Err(format!(
+                "{found} columns, expected {all}; a header names others: `x,y,z,curve`"
+            ));
+        }
+        let mut at = [0.0; 3];
+        for (at, &column) in at.iter_mut().zip(&self.at) {
+            *at = number(fields[column])?;
+        }
+        Ok(Line::Point(
+            at,
+            self.group.map(|column| fields[column].to_vec()),
+        ))
+    }
+
+    /// Returns the columns of a header. `None` if it does not name the coordinates.
+    fn named(fields: &[&[u8]]) -> Result<Option<Columns>, String> {
+        let name = |field: &&[u8]| {
+            let text = String::from_utf8_lossy(field).to_ascii_lowercase();
+            // A unit.
+            let name = text
+                .trim_matches('"')
+                .split(['(', '['])
+                .next()
+                .unwrap_or_default();
+            name.trim().to_owned()
+        };
+        let names: Vec<String> = fields.iter().map(name).collect();
+        let find = |wanted: [&str; 3]| {
+            let [x, y, z] = wanted.map(|wanted| names.iter().position(|name| name == wanted));
+            Some([x?, y?, z?])
+        };
+        let known = find(["x", "y", "z"]).or_else(|| find(["points:0", "points:1", "points:2"]));
+        let Some(at) = known else {
+            return Ok(None);
+        };
+        let mut group = None;
+        for (k, name) in names.iter().enumerate() {
+            let is_group = is_in(GROUPS, name);
+            match (at.contains(&k), is_group) {
+                (true, _) => {}
+                (false, true) if group.is_none() => group = Some(k),
+                _ if is_in(OTHERS, name) => {}
+                _ => {
+                    return Err(format!(
+                        "a column {}, which may say which points belong together: name it curve \
+                         if it does, and remove it if not",
+                        quote(name.as_bytes())
+                    ));
+                }
+            }
+        }
+        let all = names.len();
+        Ok(Some(Columns { all, at, group }))
+    }
+}
+
+/// Points of a frame, and the number of points of each curve.
+#[derive(Default)]
+struct Curves {
+    points: Vec<Point>,
+    sizes: Vec<usize>,
+    /// True if the next point begins a curve.
+    begins: bool,
+    /// Value of the column that groups the points, and those of the curves before.
+    group: Option<Vec<u8>>,
+    groups: HashSet<Vec<u8>>,
+    /// First line of the frame that is no point, although the frame has its number of lines.
+    bad: Option<Error>,
+}
+
+impl Curves {
+    fn push(&mut self, point: Point, group: Option<Vec<u8>>) -> Result<(), String> {
+        if group != self.group || self.sizes.is_empty() {
+            if let Some(group) = &group
+                && !self.groups.insert(group.clone())
+            {
+                let group = quote(group);
+                return Err(format!(
+                    "a point of curve {group} after those of another curve"
+                ));
+            }
+            self.begins = true;
+            self.group = group;
+        }
+        if std::mem::replace(&mut self.begins, false) {
+            self.sizes.push(0);
+        }
+        *self.sizes.last_mut().expect("a curve was begun") += 1;
+        self.points.push(point);
+        Ok(())
+    }
+
+    /// Returns the curves.
+    ///
+    /// Errors: the text does not say which of them are closed, and this is the first frame, which
+    /// decides for all.
+    fn finish(mut self, options: &ReadOptions, is_first: bool) -> Result<CurveSet> {
+        if let Some(bad) = self.bad.take() {
+            return Err(bad);
+        }
+        let counts = match &options.counts {
+            Some(counts) => counts.clone(),
+            None => self.counts(options.closed, is_first)?,
+        };
+        divided(FORMAT, "points", &self.points, &counts)
+    }
+
+    /// Returns the number of points of each curve, below 0 if it is closed, and removes points that
+    /// repeat the first one of a closed curve.
+    fn counts(&mut self, closed: Option<bool>, is_first: bool) -> Result<Vec<i32>> {
+        let (mut counts, mut undecided) = (Vec::with_capacity(self.sizes.len()), 0);
+        let (mut first, mut kept) = (0, 0);
+        for &size in &self.sizes {
+            let repeats = ends_meet(&self.points[first..first + size]);
+            let is_closed = closed.unwrap_or(false);
+            undecided += u64::from(is_first && closed.is_none() && !repeats);
+            let size_of_curve = size - usize::from(is_closed && repeats);
+            self.points.copy_within(first..first + size_of_curve, kept);
+            first += size;
+            kept += size_of_curve;
+            counts.push(count_of(size_of_curve, is_closed)?);
+        }
+        self.points.truncate(kept);
+        match undecided {
+            0 => Ok(counts),
+            n => {
+                let curves = self.sizes.len();
+                Err(Error::unsupported(
+                    FORMAT,
+                    format_args!(
+                        "nothing says if {n} of {curves} curves are closed: pass `--closed` if all \
+                         are, `--closed=false` if none is, or the number of points of each curve, \
+                         negative if it is closed (`--counts=-{}`)",
+                        self.sizes[0]
+                    ),
+                ))
+            }
+        }
+    }
+}
+
+/// Reader of the frames.
+struct Points<R> {
+    lines: Lines<R>,
+    options: ReadOptions,
+    columns: Columns,
+    /// Number of points of the next frame, if it was read.
+    count: Option<u64>,
+    /// Number of frames before the next one.
+    frames: u64,
+    ended: bool,
+}
+
+impl<R: BufRead> Points<R> {
+    /// Reads the points of a frame, up to the count of the next one. `None` at the end of the file.
+    fn curves(&mut self) -> Result<Option<Curves>> {
+        let mut curves = Curves::default();
+        let mut count = self.count.take();
+        while self.lines.advance()? {
+            let line = match self.columns.line(self.lines.text()) {
+                // The next frame begins after the promised number of lines.
+                Err(what) if count > Some(curves.points.len() as u64) => {
+                    curves.bad.get_or_insert(self.lines.bad(what));
+                    curves.points.push([0.0; 3]);
+                    continue;
+                }
+                line => line.map_err(|what| self.lines.bad(what))?,
+            };
+            match line {
+                Line::Break { .. } => curves.begins = true,
+                Line::Count(0) => return Err(self.lines.bad("a frame of 0 points")),
+                Line::Count(n) => {
+                    self.lines.check_room(n, POINT_BYTES, "points")?;
+                    if count.is_none() && self.frames == 0 && curves.points.is_empty() {
+                        count = Some(n);
+                        continue;
+                    }
+                    self.count = Some(n);
+                    self.check_complete(&curves, count)?;
+                    return Ok(Some(curves));
+                }
+                Line::Point(point, group) => {
+                    if count == Some(curves.points.len() as u64) {
+                        let what =
+                            format_args!("a point after the {} of its frame", count.unwrap_or(0));
+                        return Err(self.lines.bad(what));
+                    }
+                    let pushed = curves.push(point, group);
+                    pushed.map_err(|what| self.lines.bad(what))?;
+                }
+            }
+        }
+        self.ended = true;
+        self.check_complete(&curves, count)?;
+        Ok((count.is_some() || !curves.points.is_empty()).then_some(curves))
+    }
+
+    /// Fails if points are missing at the end of a frame, or it has no count.
+    fn check_complete(&self, curves: &Curves, count: Option<u64>) -> Result<()> {
+        let found = curves.points.len() as u64;
+        match count {
+            Some(count) if count != found => Err(self
+                .lines
+                .bad(format_args!("{found} points, {count} promised"))),
+            None if self.count.is_some() => Err(self.lines.bad(format_args!(
+                "the number of points of a frame after {found} points without a number"
+            ))),
+            _ => Ok(()),
+        }
+    }
+}
+
+impl<R: BufRead> FrameSource for Points<R> {
+    fn next_frame(&mut self) -> Result<Option<ModelFrame>> {
+        if self.ended {
+            return Ok(None);
+        }
+        let Some(curves) = self.curves()? else {
+            return Ok(None);
+        };
+        if self.frames == 1 {
+            tracing::warn!(
+                "{}: each line with a number of points begins a frame; if the file has curves of \
+                 one frame, separate them by empty lines in place of the numbers",
+                self.lines.name
+            );
+        }
+        let seq = self.frames;
+        self.frames += 1;
+        let set = curves.finish(&self.options, seq == 0);
+        Ok(Some(ModelFrame::new(seq, set)))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::formats::tests::{curves, frames_of};
+
+    /// Returns the frames of a text.
+    fn frames(text: &str, closed: Option<bool>, counts: Option<&[i32]>) -> Result<Vec<ModelFrame>> {
+        let options = ReadOptions {
+            closed,
+            counts: counts.map(<[i32]>::to_vec),
+            ..ReadOptions::default()
+        };
+        frames_of(read(text.as_bytes().into(), &options)?)
+    }
+
+    /// Returns the curves of the only frame of a text: true if closed, and x of all points.
+    fn shape(text: &str, closed: Option<bool>) -> Result<Vec<(bool, Vec<f64>)>> {
+        let mut frames = frames(text, closed, None)?;
+        assert_eq!(frames.len(), 1, "{text}");
+        let xs =
+            |(closed, points): (bool, Vec<Point>)| (closed, points.iter().map(|p| p[0]).collect());
+        let set = frames.remove(0).curves?;
+        Ok(curves(&set).into_iter().map(xs).collect())
+    }
+
+    #[test]
+    fn empty_lines_comments_and_labels_separate_curves() {
+        let expected = [(true, vec![1.0, 2.0, 3.0]), (true, vec![4.0, 5.0])];
+        for text in [
+            "1 0 0\n2 0 0\n3 0 0\n\n4 0 0\n5 0 0\n",
+            "\n\n1 0 0\n2 0 0\n3 0 0\n \n\n4 0 0\n5 0 0",
+            "# a\n1 0 0\n2 0 0\n3 0 0\n# b\n4 0 0\n5 0 0\n\n# end\n",
+            "Component 1 of 2:\r\n1, 0, 0\r\n2, 0, 0\r\n3, 0, 0\r\n\
+             Component 2 of 2:\r\n4, 0, 0\n5,0,0",
+            "1;0;0\n2;0;0\n3;0;0\nring b\n4;0;0\n5;0;0\n",
+            "1\t0\t0\t\n2\t0\t0\t\n3\t0\t0\t\n% b\n4\t0\t0\n5\t0\t0\n",
+            "x,y,z\n1,0,0\n2,0,0\n3,0,0\n\nx,y,z\n4,0,0\n5,0,0\n",
+            "id,\"X (mm)\",Y [mm],z,curve\n1,1,0,0,7\n2,2,0,0,7\n3,3,0,0,7\n4,4,0,0,9\n5,5,0,0,9",
+            "Points:0,Points:1,Points:2,radius\n1,0,0,9\n2,0,0,9\n3,0,0,9\n\n4,0,0,9\n5,0,0,9",
+            "# z y x\n0 0 1\n0 0 2\n0 0 3\n\n0 0 4\n0 0 5\n",
+            "5\n1 0 0\n2 0 0\n3 0 0\n\n4 0 0\n5 0 0\n",
+        ] {
+            assert_eq!(shape(text, Some(true)).unwrap(), expected, "{text}");
+            assert!(begins(text.as_bytes()), "{text}");
+        }
+    }
+
+    #[test]
+    fn counts_begin_the_frames_of_a_motion() {
+        let text = "3\n1 0 0\n2 0 0\n3 0 0\n3\n4 0 0\n5 0 0\n6 0 0\n";
+        let found = frames(text, Some(true), None).unwrap();
+        let first = |frame: &ModelFrame| (frame.seq, frame.curves.as_ref().unwrap().point(0, 0)[0]);
+        assert_eq!(
+            found.iter().map(first).collect::<Vec<_>>(),
+            [(0, 1.0), (1, 4.0)]
+        );
+        for (text, says) in [
+            ("3\n1 0 0\n2 0 0\n", "3 points, too many for 12 bytes"),
+            (
+                "2\n1 0 0\n2 0 0\n3 0 0\n",
+                "line 4): a point after the 2 of its frame",
+            ),
+            ("2\n2\n1 0 0\n2 0 0\n", "line 2): 0 points, 2 promised"),
+            (
+                "3\n1 0 0\n2 0 0\n2\n3 0 0\n4 0 0\n",
+                "line 4): 2 points, 3 promised",
+            ),
+            (
+                "1 0 0\n2 0 0\n2\n3 0 0\n4 0 0\n",
+                "line 3): the number of points of a frame after 2",
+            ),
+            ("0\n", "a frame of 0 points"),
+            ("9999999999\n1 0 0\n", "too many for 6 bytes"),
+        ] {
+            let error = frames(text, Some(true), None).unwrap_err().to_string();
+            assert!(error.contains(says), "{error}");
+        }
+    }
+
+    /// Regression test: the frames after a bad line were missing.
+    #[test]
+    fn a_bad_line_of_a_frame_with_a_count_makes_that_frame_invalid() {
+        let text = "3\n1 0 0\n2 0 0\n3 1 0\n3\n1 0 0\n2 nan 0\n3 1 0\n3\n4 0 0\n5 0 0\n6 1 0\n";
+        let found = frames(text, Some(true), None).unwrap();
+        let valid: Vec<bool> = found.iter().map(|frame| frame.curves.is_ok()).collect();
+        assert_eq!(valid, [true, false, true]);
+        let error = found[1].curves.as_ref().unwrap_err().to_string();
+        assert!(
+            error.contains("line 7): 'nan' is not a finite number"),
+            "{error}"
+        );
+    }
+
+    #[test]
+    fn text_that_does_not_say_which_curves_are_closed_is_refused() {
+        let open = "1 0 0\n2 0 0\n3 1 0\n";
+        let repeated = "1 0 0\n2 0 0\n3 1 0\n1 0 0\n";
+        let error = shape(open, None).unwrap_err().to_string();
+        let says = "nothing says if 1 of 1 curves are closed: pass `--closed`";
+        assert!(
+            error.contains(says) && error.contains("--counts=-3"),
+            "{error}"
+        );
+        let both = format!("{repeated}\n{open}");
+        let error = shape(&both, None).unwrap_err().to_string();
+        assert!(
+            error.contains("nothing says if 1 of 2 curves are closed"),
+            "{error}"
+        );
+        let ring = vec![1.0, 2.0, 3.0];
+        let rounded = repeated.replace("3 1 0\n1 0 0", "3 1 0\n1.00001 0 5e-15");
+        for repeated in [repeated, rounded.as_str()] {
+            let found = shape(repeated, None).unwrap();
+            let [(false, xs)] = found.as_slice() else {
+                panic!("{found:?}");
+            };
+            assert_eq!(xs.len(), 4);
+            let both = format!("{repeated}\n{open}");
+            assert_eq!(
+                shape(&both, Some(true)).unwrap(),
+                [(true, ring.clone()), (true, ring.clone())]
+            );
+        }
+        // The first frame decides for the later ones.
+        let motion = format!("4\n{repeated}4\n{repeated}4\n{open}9 9 9\n");
+        let found = frames(&motion, None, None).unwrap();
+        let counts = |frame: &ModelFrame| frame.curves.as_ref().unwrap().counts().collect();
+        let counts: Vec<Vec<i32>> = found.iter().map(counts).collect();
+        assert_eq!(counts, [[4], [4], [4]]);
+        assert_eq!(shape(open, Some(false)).unwrap(), [(false, ring)]);
+        // Counts divide the points whatever separates them.
+        let counted = frames(&both, None, Some(&[-3, 4]))
+            .unwrap()
+            .remove(0)
+            .curves
+            .unwrap();
+        assert_eq!(counted.counts().collect::<Vec<_>>(), [-3, 4]);
+        let error = frames(open, None, Some(&[-4]))
+            .unwrap()
+            .remove(0)
+            .curves
+            .unwrap_err();
+        assert!(
+            error
+                .to_string()
+                .contains("3 points do not fit 1 curves with 4 points"),
+            "{error}"
+        );
+    }
+
+    #[test]
+    fn what_may_divide_or_lose_points_is_refused_with_the_line() {
+        for (text, says) in [
+            ("1 0 0\n2 0\n", "line 2): 2 columns, expected 3"),
+            (
+                "1 0 0 4\n",
+                "line 1): 4 columns, expected 3; a header names others",
+            ),
+            ("1 0 0\n2 0 x\n", "line 2): 'x', expected a number"),
+            ("1 0 0\n2 nan 0\n", "'nan' is not a finite number"),
+            ("1 0 0\nl.0 2.0 3.0\n", "'l.0', expected a number"),
+            ("C 1 0 0\nC 2 0 0\n", "line 1): 4 columns, expected 3"),
+            ("1,,0\n", "'', expected a number"),
+            (
+                "1 0 0\n2.5\n",
+                "'2.5', expected the number of points of a frame",
+            ),
+            (
+                "x,y,z,time\n1,0,0,9\n",
+                "line 1): a column 'time', which may say which points",
+            ),
+            ("x,y,z,curve,ring\n", "a column 'ring'"),
+            (
+                "x,y,z,curve\n1,0,0,a\n2,0,0,b\n3,0,0,a\n",
+                "line 4): a point of curve 'a' after",
+            ),
+            ("x,y,z,r\n1,0,0\n", "line 2): 3 columns, expected 4"),
+        ] {
+            let error = frames(text, Some(true), None).unwrap_err().to_string();
+            assert!(error.contains(says), "{text:?}: {error}");
+            // The order of the curves is not part of the lines.
+            assert_eq!(begins(text.as_bytes()), says.contains("after"), "{text}");
+        }
+        assert!(frames("# nothing\n", Some(true), None).unwrap().is_empty());
+    }
+
+    #[test]
+    fn other_texts_do_not_begin_as_points() {
+        for text in [
+            "",
+            "# vtk DataFile Version 3.0\nrings\nASCII\nDATASET POLYDATA\nPOINTS 2 float\n\
+             1 0 0\n2 0 0\nLINES 1 3\n2 0 1\n",
+            "[package]\nname = \"a\"\nversion = \"1\"\n",
+            "ATOM      1  CA  ALA A   1      11.104   6.134  -6.504\n",
+            "v 0 0 0\nv 1 0 0\nl 1 2\n",
+            "OFF\n8 6 12\n0 0 0\n1 0 0\n4 0 1 2 3\n",
+            "a word\nanother\n1 0 0\n2 0 0\n",
+        ] {
+            assert!(!begins(text.as_bytes()), "{text}");
+        }
+    }
+}

@@ -1,0 +1,133 @@
+//! The atoms of a frame, and their curves.
+
+use super::comment::{Columns, Comment, flag};
+use super::{FORMAT, GROUPS};
+use crate::curve::{CurveSet, Point};
+use crate::error::{Error, Result};
+use crate::formats::lines::{Lines, integer, words};
+use crate::formats::{count_of, divided, number};
+use std::collections::HashMap;
+use std::io::BufRead;
+
+struct Atom {
+    at: Point,
+    /// Number by which the atoms are sorted; 0 if there is none.
+    id: i64,
+    group: i64,
+    closed: bool,
+}
+
+/// Reads the atoms of a frame. The inner result is that of this frame alone.
+///
+/// Errors: the file ends, or does not say which atoms belong to one curve.
+pub(super) fn read(
+    lines: &mut Lines<impl BufRead>,
+    count: u64,
+    comment: &Comment,
+    counts: Option<&[i32]>,
+) -> Result<Result<CurveSet>> {
+    let columns = &comment.columns;
+    if columns.group.is_none() && counts.is_none() {
+        return Err(lines.bad(format_args!(
+            "nothing says which atoms belong to one curve: write a column of integers \
+             (`Properties=species:S:1:pos:R:3:molecule:I:1`; also {}), or give the numbers of \
+             points of the curves, negative if closed (`--counts`)",
+            GROUPS[1..].join(", ")
+        )));
+    }
+    // Each column takes a character, and a space or line break after it.
+    lines.check_room(count, 2 * columns.all as u64, "atoms")?;
+    let mut atoms = Vec::with_capacity(count as usize);
+    let mut wrong = None;
+    for k in 0..count {
+        lines.expect(format_args!("{count} atoms, found {k}"))?;
+        if wrong.is_none() {
+            match columns.atom(lines.text()) {
+                Ok(atom) => atoms.push(atom),
+                Err(what) => wrong = Some(lines.bad(format_args!("atom {k}: {what}"))),
+            }
+        }
+    }
+    Ok(match wrong {
+        Some(wrong) => Err(wrong),
+        None => curves(atoms, columns, counts),
+    })
+}
+
+impl Columns {
+    /// Parses the line of an atom.
+    fn atom(&self, line: &[u8]) -> Result<Atom, String> {
+        let words: Vec<&[u8]> = words(line).take(self.all + 1).collect();
+        if words.len() < self.all || words.len() > self.all && !self.more {
+            let found = match words.len() > self.all {
+                true => "more",
+                false => "fewer",
+            };
+            return Err(format!(
+                "{found} columns than the {} of Properties",
+                self.all
+            ));
+        }
+        let mut at = [0.0; 3];
+        for (at, word) in at.iter_mut().zip(&words[self.at..]) {
+            *at = number(word)?;
+        }
+        let number_in = |column: Option<usize>, what| match column {
+            Some(column) => integer(words[column], what),
+            None => Ok(0),
+        };
+        Ok(Atom {
+            at,
+            id: number_in(self.id, "the id of an atom")?,
+            group: number_in(self.group, "the number of a curve")?,
+            closed: self.closed.map_or(Ok(true), |column| flag(words[column]))?,
+        })
+    }
+}
+
+/// Puts the atoms of a frame in the order of the curves.
+fn curves(mut atoms: Vec<Atom>, columns: &Columns, counts: Option<&[i32]>) -> Result<CurveSet> {
+    let bad = |what: String| Err(Error::format(FORMAT, "atoms", what));
+    if columns.id.is_some() {
+        atoms.sort_by_key(|atom| atom.id);
+        if let Some(pair) = atoms.windows(2).find(|pair| pair[0].id == pair[1].id) {
+            return bad(format!("the id {} is there twice", pair[0].id));
+        }
+    }
+    if let Some(counts) = counts {
+        let points: Vec<Point> = atoms.iter().map(|atom| atom.at).collect();
+        return divided(FORMAT, "atoms", &points, counts);
+    }
+    // Index of the curve of each group, in the order of their first atoms.
+    let mut known: HashMap<i64, usize> = HashMap::new();
+    let mut sizes: Vec<(usize, bool)> = Vec::new();
+    for atom in &atoms {
+        let curve = *known.entry(atom.group).or_insert(sizes.len());
+        if curve == sizes.len() {
+            sizes.push((0, atom.closed));
+        }
+        let (size, closed) = &mut sizes[curve];
+        *size += 1;
+        if *closed != atom.closed {
+            return bad(format!(
+                "curve {} is closed by some atoms, but not by others",
+                atom.group
+            ));
+        }
+    }
+    let mut counts = Vec::with_capacity(sizes.len());
+    let mut places = Vec::with_capacity(sizes.len());
+    let mut first = 0;
+    for &(size, closed) in &sizes {
+        counts.push(count_of(size, closed)?);
+        places.push(first);
+        first += size;
+    }
+    let mut points = vec![[0.0; 3]; atoms.len()];
+    for atom in &atoms {
+        let place = &mut places[known[&atom.group]];
+        points[*place] = atom.at;
+        *place += 1;
+    }
+    divided(FORMAT, "atoms", &points, &counts)
+}

@@ -1,0 +1,481 @@
+//! Blocks of eight segments, and the distance between two of them.
+
+use super::blocks::{BlockPair, Blocks};
+use crate::curve::vector::{add, add_scaled, distance, sub};
+use crate::curve::{Cell, Curve, CurveSet, Image, Point, Positions, is_home, multiple, point_at};
+use crate::measure::thickness::splines::deviation;
+use crate::pairs::nearest;
+use crate::simd::{LANES, dispatch};
+use crate::verdict::CloseStrands;
+use rayon::prelude::*;
+use std::f64::consts::PI;
+
+/// Deviation of the chords of a spline, as a share of its radius, up to which they are not divided.
+const DEVIATION: f64 = 0.02;
+
+/// Maximum number of chords of a segment.
+const CHORDS: usize = 8;
+
+/// Number of pairs of blocks from which on several threads measure them.
+const MANY: usize = 512;
+
+/// Positions along the curves.
+#[derive(Debug)]
+pub(super) struct Arcs {
+    /// First segment of each curve, counted over all curves.
+    first: Vec<usize>,
+    /// Length of the curve up to the start of each segment.
+    starts: Vec<f32>,
+    /// Length of each curve.
+    lengths: Vec<f32>,
+}
+
+impl Arcs {
+    /// Measures the chords of all segments.
+    pub fn new(set: &CurveSet) -> Arcs {
+        let (mut first, mut lengths) = (Vec::new(), Vec::new());
+        let mut starts = Vec::with_capacity(set.segments());
+        for (i, curve) in set.curves().iter().enumerate() {
+            first.push(starts.len());
+            let (mut length, mut from) = (0.0, set.knot(i, 0));
+            for s in 0..curve.segments as usize {
+                starts.push(length as f32);
+                let to = set.knot(i, s + 1);
+                length += distance(from, to);
+                from = to;
+            }
+            lengths.push(length as f32);
+        }
+        Arcs {
+            first,
+            starts,
+            lengths,
+        }
+    }
+
+    /// Returns the start and the end of a segment along its curve.
+    fn of(&self, i: usize, curve: &Curve, s: u32) -> [f64; 2] {
+        let at = self.first[i] + s as usize;
+        let end = match s + 1 < curve.segments {
+            true => self.starts[at + 1],
+            false => self.lengths[i],
+        };
+        [self.starts[at], end].map(f64::from)
+    }
+
+    /// Returns the length along curve `i` between two segments. If both are in the same period, `s`
+    /// is before `t`; otherwise `later` is the number of periods from `s` to `t`.
+    fn between(&self, i: usize, curve: &Curve, [s, t]: [u32; 2], later: i32) -> f64 {
+        let [s, t] = [s, t].map(|s| self.of(i, curve, s));
+        if later != 0 {
+            let by = f64::from(later) * f64::from(self.lengths[i]);
+            return (t[0] + by - s[1]).max(s[0] - t[1] - by);
+        }
+        let forward = t[0] - s[1];
+        let around = s[0] + f64::from(self.lengths[i]) - t[1];
+        if curve.closed {
+            forward.min(around)
+        } else {
+            forward
+        }
+    }
+
+    /// Returns the smallest and the largest length along curve `i` between segments of two blocks.
+    /// If both are in the same period, `a` is not after `b`; otherwise `later` is the number of
+    /// periods from `a` to `b`.
+    fn between_blocks(&self, i: usize, curve: &Curve, [a, b]: [u32; 2], later: i32) -> [f64; 2] {
+        let ends = |block: u32| {
+            let first = block * LANES as u32;
+            [first, (first + LANES as u32).min(curve.segments) - 1]
+        };
+        let ([s, last_s], [t, last_t]) = (ends(a), ends(b));
+        if later != 0 {
+            let near = [[last_s, t], [s, last_t]].map(|pair| self.between(i, curve, pair, later));
+            let far = [[s, last_t], [last_s, t]].map(|pair| self.between(i, curve, pair, later));
+            // A later block is further forward, an earlier one further backward.
+            let k = usize::from(later < 0);
+            return [near[k], far[k]];
+        }
+        let lengths = |s: u32, t: u32| {
+            let [s, t] = [s, t].map(|s| self.of(i, curve, s));
+            [t[0] - s[1], s[0] + f64::from(self.lengths[i]) - t[1]]
+        };
+        let [near, far_around] = lengths(last_s, t);
+        let [far, near_around] = lengths(s, last_t);
+        match curve.closed {
+            true => [near.min(near_around), far.min(far_around)],
+            false => [near, far],
+        }
+    }
+}
+
+/// Distance of two blocks.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Measured {
+    /// Lower bound of the distance, as a share of the sum of the radii.
+    pub bound: f64,
+    /// Closest segments, if they were compared: they are not if all are beyond the limit.
+    pub closest: Option<CloseStrands>,
+}
+
+impl Measured {
+    /// Returns the distance as a share of the sum of the radii, or a lower bound if it is beyond
+    /// the limit.
+    pub fn ratio(&self) -> f64 {
+        self.closest.map_or(self.bound, |c| c.ratio)
+    }
+}
+
+/// A part of a curve: its segments, and a sphere around each.
+struct Block {
+    curve: usize,
+    first: u32,
+    count: usize,
+    middles: [[f64; LANES]; 3],
+    radii: [f64; LANES],
+    /// Upper bounds of the distances of the segments from their chords.
+    deviations: [f64; LANES],
+    hulls: [[Point; 4]; LANES],
+}
+
+impl Block {
+    /// Moves the block.
+    fn translate(&mut self, by: Point) {
+        for (middles, by) in self.middles.iter_mut().zip(by) {
+            middles.iter_mut().for_each(|x| *x += by);
+        }
+        for point in self.hulls.as_flattened_mut() {
+            *point = add(*point, by);
+        }
+    }
+}
+
+/// All strands of a frame.
+pub(super) struct Strands<'a> {
+    /// Only asked for its curves, so that a frame that was only compared stays as received.
+    pub set: &'a CurveSet,
+    pub positions: Positions<'a>,
+    /// Radius of each curve.
+    pub radii: &'a [f64],
+    pub arcs: &'a Arcs,
+    pub blocks: &'a Blocks,
+    /// Periodic cell, if there is one.
+    pub cell: Option<&'a Cell>,
+    /// Period of each curve; zeros if it does not run through the cell.
+    pub periods: &'a [Image],
+}
+
+impl Strands<'_> {
+    /// Returns by how many periods the second block of a pair is later on the same curve. `None` if
+    /// they are blocks of different curves, or of a curve and an image that does not continue it.
+    fn later(&self, pair: &BlockPair) -> Option<i32> {
+        let [i, j] = pair
+            .blocks
+            .map(|k| self.blocks.numbers.curves[k as usize] as usize);
+        if i != j {
+            return None;
+        }
+        match is_home(&pair.image) {
+            true => Some(0),
+            false => multiple(pair.image, self.periods[i]),
+        }
+    }
+
+    /// Returns the index of each block within its curve.
+    fn numbers(&self, pair: &BlockPair) -> [u32; 2] {
+        pair.blocks.map(|k| self.blocks.numbers.place(k).1 as u32)
+    }
+
+    /// Returns true if some segments of two blocks count as two strands. On one curve, they must be
+    /// at least `pi` radii apart along it, because neighbouring parts are always close.
+    pub fn are_apart(&self, pair: &BlockPair) -> bool {
+        let Some(later) = self.later(pair) else {
+            return true;
+        };
+        let i = self.blocks.numbers.curves[pair.blocks[0] as usize] as usize;
+        let curve = self.set.curve(i);
+        let [_, most] = self
+            .arcs
+            .between_blocks(i, &curve, self.numbers(pair), later);
+        most >= PI * self.radii[i]
+    }
+
+    /// Measures the distances of pairs of blocks, as shares of the sum of their radii. Distances
+    /// beyond `limit` are only bounded from below.
+    pub fn measure(&self, pairs: &[BlockPair], limit: f64) -> Vec<Measured> {
+        let run = |pairs: &[BlockPair]| dispatch!(Strands::measure_run(self, pairs, limit));
+        match pairs.len() {
+            ..MANY => run(pairs),
+            _ => {
+                let runs = pairs.par_chunks(MANY / 4).map(run);
+                runs.flatten_iter().collect()
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn measure_run(&self, pairs: &[BlockPair], limit: f64) -> Vec<Measured> {
+        let mut last = None;
+        let measure = |pair: &BlockPair| {
+            let [a, b] = pair.blocks;
+            let one = match last.take() {
+                Some((known, block)) if known == a => block,
+                _ => self.block(a),
+            };
+            let mut other = self.block(b);
+            if let Some(cell) = self.cell.filter(|_| !is_home(&pair.image)) {
+                other.translate(cell.translation(pair.image));
+            }
+            let measured = self.measure_pair(pair, [&one, &other], limit);
+            last = Some((a, one));
+            measured
+        };
+        pairs.iter().map(measure).collect()
+    }
+
+    #[inline(always)]
+    fn measure_pair(&self, pair: &BlockPair, [a, b]: [&Block; 2], limit: f64) -> Measured {
+        let (i, j) = (a.curve, b.curve);
+        let radii = self.radii[i] + self.radii[j];
+        let mut squares = [[f64::INFINITY; LANES]; LANES];
+        for (k, squares) in squares.iter_mut().enumerate().take(a.count) {
+            let middle = [0, 1, 2].map(|x| a.middles[x][k]);
+            for (l, square) in squares.iter_mut().enumerate() {
+                let d = [0, 1, 2].map(|x| b.middles[x][l] - middle[x]);
+                *square = (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]) * (1.0 - 1e-12);
+            }
+        }
+        if let Some(later) = self.later(pair) {
+            self.exclude((pair, later), [a, b], &mut squares);
+        }
+        let mut found = [(0, 0); LANES * LANES];
+        let (mut count, mut least) = (0, f64::INFINITY);
+        for (k, squares) in squares.iter().enumerate().take(a.count) {
+            let near = limit * radii + a.radii[k];
+            for (l, &square) in squares.iter().enumerate().take(b.count) {
+                let most = near + b.radii[l];
+                if square < most * most {
+                    found[count] = (k, l);
+                    count += 1;
+                } else {
+                    least = least.min(square);
+                }
+            }
+        }
+        let largest = |block: &Block| block.radii.iter().fold(0.0, |m: f64, &r| m.max(r));
+        // The bound of those that are not measured.
+        let beyond = (least.sqrt() - largest(a) - largest(b)).max(limit * radii) / radii;
+        let found = &mut found[..count];
+        // The closest spheres first.
+        if let Some(k) = (0..count).min_by(|&p, &q| {
+            let square = |k: usize| squares[found[k].0][found[k].1];
+            square(p).total_cmp(&square(q))
+        }) {
+            found.swap(0, k);
+        }
+        let mut rough = [0.0; LANES * LANES];
+        let (mut closest, mut bound) = (None::<CloseStrands>, beyond);
+        for (&mut (k, l), rough) in found.iter_mut().zip(&mut rough) {
+            let best = closest.map_or(f64::INFINITY, |c| c.distance);
+            let most = best + a.radii[k] + b.radii[l];
+            if squares[k][l] >= most * most {
+                *rough = f64::INFINITY;
+                continue;
+            }
+            let strands = self.closest((pair, [a, b]), [k, l], radii, false);
+            *rough = strands.distance - strands.error * radii;
+            bound = bound.min(strands.ratio - strands.error);
+            if strands.distance < best {
+                closest = Some(strands);
+            }
+        }
+        let Some(mut closest) = closest else {
+            return Measured {
+                bound,
+                closest: None,
+            };
+        };
+        if !self.set.basis().is_polyline() && bound <= limit {
+            bound = beyond;
+            closest.distance = f64::INFINITY;
+            for (&mut (k, l), &rough) in found.iter_mut().zip(&rough) {
+                if rough >= closest.distance {
+                    continue;
+                }
+                let strands = self.closest((pair, [a, b]), [k, l], radii, true);
+                bound = bound.min(strands.ratio - strands.error);
+                if strands.distance < closest.distance {
+                    closest = strands;
+                }
+            }
+        }
+        Measured {
+            bound: bound.min(closest.ratio),
+            closest: Some(closest),
+        }
+    }
+
+    /// Excludes pairs of segments of one curve that are near one another along it. `later` is the
+    /// number of periods from the first block to the second one.
+    fn exclude(
+        &self,
+        (pair, later): (&BlockPair, i32),
+        [a, b]: [&Block; 2],
+        squares: &mut [[f64; LANES]; LANES],
+    ) {
+        let i = a.curve;
+        let curve = self.set.curve(i);
+        let apart = PI * self.radii[i];
+        let numbers = self.numbers(pair);
+        let [least, _] = self.arcs.between_blocks(i, &curve, numbers, later);
+        if least >= apart {
+            return;
+        }
+        let is_one = |s: u32, t: u32| later == 0 && (s >= t || curve.adjacent(s, t));
+        for (s, squares) in (a.first..).zip(squares).take(a.count) {
+            for (t, square) in (b.first..).zip(squares) {
+                let near = || self.arcs.between(i, &curve, [s, t], later) < apart;
+                if t >= curve.segments || is_one(s, t) || near() {
+                    *square = f64::INFINITY;
+                }
+            }
+        }
+    }
+
+    /// Returns the closest points of two segments: of their chords, or, if `precise` is set, of
+    /// several chords of each.
+    #[inline(always)]
+    fn closest(
+        &self,
+        (pair, [a, b]): (&BlockPair, [&Block; 2]),
+        [k, l]: [usize; 2],
+        radii: f64,
+        precise: bool,
+    ) -> CloseStrands {
+        let (one, other) = (&a.hulls[k], &b.hulls[l]);
+        let mut error = a.deviations[k] + b.deviations[l];
+        let (distance, points) = if precise {
+            let found = self.closest_of_chords([a, b], [k, l]);
+            error = found.1;
+            found.0
+        } else {
+            closest_of_edges([one[0], one[3]], [other[0], other[3]])
+        };
+        CloseStrands {
+            ratio: distance / radii,
+            error: error / radii,
+            i: a.curve as u32,
+            j: b.curve as u32,
+            image: pair.image,
+            segments: [a.first + k as u32, b.first + l as u32],
+            points,
+            distance,
+        }
+    }
+
+    /// Returns the closest points of two splines, on as many chords as needed, and the bound of the
+    /// error of their distance.
+    fn closest_of_chords(
+        &self,
+        [a, b]: [&Block; 2],
+        [k, l]: [usize; 2],
+    ) -> ((f64, [Point; 2]), f64) {
+        let sides = [(a, k), (b, l)];
+        let [m, n] = sides.map(|(block, k)| {
+            let parts = block.deviations[k] / (DEVIATION * self.radii[block.curve]);
+            (parts.sqrt().ceil() as usize).clamp(1, CHORDS)
+        });
+        let [one, other] = [(a, k, m), (b, l, n)].map(|(block, k, n)| {
+            let hull = &block.hulls[k];
+            let point = |q: usize| match q {
+                0 => hull[0],
+                q if q >= n => hull[3],
+                q => point_at(hull, q as f64 / n as f64),
+            };
+            std::array::from_fn::<Point, { CHORDS + 1 }, _>(point)
+        });
+        let error = a.deviations[k] / (m * m) as f64 + b.deviations[l] / (n * n) as f64;
+        // Middle and half the length of each chord.
+        let [around_one, around_other] = [&one, &other].map(|points| {
+            std::array::from_fn::<(Point, f64), CHORDS, _>(|q| {
+                let [from, to] = [points[q], points[q + 1]];
+                let middle = [0, 1, 2].map(|x| 0.5 * (from[x] + to[x]));
+                (middle, 0.5 * distance(from, to))
+            })
+        });
+        let mut best = (f64::INFINITY, [[0.0; 3]; 2]);
+        for p in 0..m {
+            for q in 0..n {
+                let ((x, r), (y, s)) = (around_one[p], around_other[q]);
+                if distance(x, y) * (1.0 + 1e-12) - r - s >= best.0 {
+                    continue;
+                }
+                let found = closest_of_edges([one[p], one[p + 1]], [other[q], other[q + 1]]);
+                if found.0 < best.0 {
+                    best = found;
+                }
+            }
+        }
+        (best, error)
+    }
+
+    /// Reads a block of a curve.
+    #[inline(always)]
+    fn block(&self, number: u32) -> Block {
+        let (i, block) = self.blocks.numbers.place(number);
+        let curve = self.set.curve(i);
+        let basis = self.set.basis();
+        let first = (block * LANES) as u32;
+        let count = (curve.segments - first).min(LANES as u32) as usize;
+        let points = self.set.points_of(i);
+        let (n, lead) = (points.len(), basis.lead(curve.closed));
+        let control = |s: usize, k: usize| {
+            let at = s * basis.stride() + k + n - lead;
+            // Rarely a division.
+            let at = match at {
+                at if at < n => at,
+                at if at < 2 * n => at - n,
+                at => at % n,
+            };
+            self.positions.point(points.start + at)
+        };
+        let mut out = Block {
+            curve: i,
+            first,
+            count,
+            middles: [[0.0; LANES]; 3],
+            radii: [0.0; LANES],
+            deviations: [0.0; LANES],
+            hulls: [[[0.0; 3]; 4]; LANES],
+        };
+        let mut last = control(first as usize, 0);
+        for k in 0..count {
+            let s = first as usize + k;
+            if basis.is_polyline() {
+                let to = control(s, 1);
+                out.hulls[k] = [last, last, to, to];
+                last = to;
+            } else {
+                let q = [0, 1, 2, 3].map(|k| control(s, k));
+                let axes = [0, 1, 2].map(|x| basis.hull([q[0][x], q[1][x], q[2][x], q[3][x]]));
+                out.hulls[k] = [0, 1, 2, 3].map(|k| [0, 1, 2].map(|x| axes[x][k]));
+                out.deviations[k] = deviation(&out.hulls[k]);
+            }
+            let [from, .., to] = out.hulls[k];
+            for x in 0..3 {
+                out.middles[x][k] = 0.5 * (from[x] + to[x]);
+            }
+            out.radii[k] = (0.5 * distance(from, to)) * (1.0 + 1e-12) + out.deviations[k];
+        }
+        out
+    }
+}
+
+/// Returns the distance of two straight segments, and their nearest points.
+#[inline(always)]
+fn closest_of_edges([p0, p1]: [Point; 2], [q0, q1]: [Point; 2]) -> (f64, [Point; 2]) {
+    let (d, e) = (sub(p1, p0), sub(q1, q0));
+    let near = nearest([p0, d], [q0, e]);
+    let points = [add_scaled(p0, near.s, d), add_scaled(q0, near.t, e)];
+    (near.distance_sq.sqrt(), points)
+}

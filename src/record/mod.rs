@@ -1,0 +1,39 @@
+//! Recordings: MCAP files with every frame, every verdict and the baseline.
+//!
+//! A recording is complete evidence: [`RecordingReader`] returns the same bits that were verified
+//! and the same report, so that a replay can be compared with it. The schema is
+//! `schemas/linkwatch.proto`.
+//!
+//! On request it also has messages of types that other tools draw: [`RecordingTool`].
+//!
+//! The container module reads the records.
+
+mod diff;
+mod file;
+mod messages;
+mod reader;
+mod retention;
+mod schema;
+mod tools;
+mod writer;
+
+pub use crate::formats::container::Ending;
+pub use diff::{Alignment, FrameDiff, OnlyIn, RunDiff, diff_runs};
+pub use reader::{
+    FramePlace, Outline, RecordedFrame, RecordedItem, RecordedVerdict, RecordingReader,
+};
+pub use retention::{RecordingOptions, Retention};
+pub use tools::RecordingTool;
+pub use writer::RecordingSink;
+
+/// Topic and message of each channel.
+const LABELS: (&str, &str) = ("/linkwatch/labels", "Labels");
+const FRAMES: (&str, &str) = ("/linkwatch/frames", "CurveFrame");
+const VERDICTS: (&str, &str) = ("/linkwatch/verdicts", "Verdict");
+const BASELINE: (&str, &str) = ("/linkwatch/baseline", "Baseline");
+
+/// Name of the metadata record, which describes the recorder and its settings.
+const METADATA: &str = "linkwatch";
+
+/// Message encoding and schema encoding of every channel.
+const PROTOBUF: &str = "protobuf";

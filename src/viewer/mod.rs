@@ -1,0 +1,389 @@
+//! Shows frames in the rerun viewer: in a running viewer, in one that is started here, or in a file
+//! for later.
+//!
+//! The picture answers three questions at a glance: is the topology intact, which curves broke, and
+//! since which frame. Intact curves are thin and muted, and more so beside a violation; curves of a
+//! change are thick and red, and those without a verdict are orange. Marks name the pair, its
+//! expected number and its current one. A pull-through is marked at its place, in its own colour; a
+//! small mark stays on the curve from then on. Widths are in screen points, so that scenes of any
+//! size look the same. The size of stars and the distance of labels follow from the curves around
+//! them.
+//!
+//! The eye moves to the first violation, once; later the user controls it.
+//!
+//! Curves are one strip each: one strip per segment was measured to cost seven times as much. Those
+//! that did not move are not logged again (see [`curves`]).
+//!
+//! A simulator that rolls back publishes times that were shown before. These frames are on the
+//! timeline of frames only, because two runs would mix on the timeline of times.
+//!
+//! Only this module knows the crate `rerun`.
+
+mod cell;
+mod clearance;
+#[cfg(test)]
+mod curve_tests;
+mod curves;
+mod label;
+mod layout;
+mod local;
+mod log;
+mod names;
+mod options;
+mod passed;
+mod picture;
+mod plots;
+mod program;
+mod status;
+mod stream;
+mod style;
+mod target;
+#[cfg(test)]
+mod tests;
+mod view;
+
+pub use options::ViewerOptions;
+pub use target::ViewerTarget;
+
+use self::cell::CellView;
+use self::clearance::ClearanceView;
+use self::curves::Curves;
+use self::log::{Log, line};
+use self::names::{FRAME, SIM_TIME, UNTIL, entity};
+use self::passed::Passed;
+use self::stream::{failed, log, log_static, write};
+use self::view::View;
+use crate::curve::Point;
+use crate::error::{Error, Result};
+use crate::measure::ClearanceOptions;
+use crate::sinks::{BaselineRecord, FrameRecord, Sink};
+use crate::verdict::Verdict;
+use crate::words::plural_of;
+use re_sdk::RecordingStream;
+use re_sdk_types::archetypes::{TextDocument, TextLog, Transform3D};
+use re_sdk_types::blueprint::archetypes::EyeControls3D;
+use std::time::Duration;
+
+/// Time limit of the viewer to accept all data so far: some 250 MB may wait for it.
+const FLUSH_LIMIT: Duration = Duration::from_secs(60);
+
+/// Number of frames after which a live viewer receives all curves again. A server drops its oldest
+/// data at some time, and a browser that opens later would not show curves that are at rest.
+const REPEAT: u64 = 1000;
+
+/// Logs frames to rerun. Use it behind a [`crate::SinkQueue`], because a viewer that stops reading
+/// blocks it.
+pub struct ViewerSink {
+    rec: RecordingStream,
+    /// Message about the baseline. Logged with the first frame, because before it there is no time
+    /// on the timelines.
+    greeting: Option<String>,
+    log: Log,
+    is_file: bool,
+    options: ViewerOptions,
+    /// Number of frames so far, and the verdict on the last one.
+    frames: u64,
+    verdict: Option<Verdict>,
+    /// The latest simulation time so far, and true if that of the last frame was earlier.
+    latest: f64,
+    is_earlier: bool,
+    /// True if the next picture has all curves, moved or not.
+    redraws: bool,
+    /// Pull-throughs of the frames so far.
+    passed: Passed,
+    /// Layout of the newest curves.
+    layout: u32,
+    curves: Curves,
+    /// Factor by which curves are enlarged. Known with the first curves.
+    scale: Option<f64>,
+    /// The newest status.
+    status: String,
+    first: Option<First>,
+    cell: CellView,
+    clearance: Option<ClearanceView>,
+}
+
+/// The first violation.
+struct First {
+    frame: i64,
+    /// Eye near the place of the violation, if it has one.
+    eye: Option<EyeControls3D>,
+    status: String,
+    /// Number of frames since then.
+    later: u64,
+}
+
+impl ViewerSink {
+    /// Opens the viewer or the file, and lays out its views. `title` names the run.
+    pub fn open(target: &ViewerTarget, title: &str) -> Result<ViewerSink> {
+        Self::log_to(target.open(title)?, matches!(target, ViewerTarget::File(_)))
+    }
+
+    fn log_to(rec: RecordingStream, is_file: bool) -> Result<ViewerSink> {
+        // The timelines have the simulation time; the time of logging is useless to a reader.
+        rec.set_log_tick_enabled(false);
+        rec.set_log_time_enabled(false);
+        let sink = ViewerSink {
+            rec,
+            greeting: None,
+            log: Log::default(),
+            is_file,
+            options: ViewerOptions::default(),
+            frames: 0,
+            verdict: None,
+            latest: f64::NEG_INFINITY,
+            is_earlier: false,
+            redraws: false,
+            passed: Passed::default(),
+            layout: 0,
+            curves: Curves::default(),
+            scale: None,
+            status: String::new(),
+            first: None,
+            cell: CellView::default(),
+            clearance: None,
+        };
+        sink.layout(FRAME, None)?;
+        let key = TextDocument::from_markdown(layout::KEY);
+        log_static(&sink.rec, entity::KEY, &key)?;
+        plots::describe(&sink.rec)?;
+        Ok(sink)
+    }
+
+    /// Shows a part of the curves or of the frames.
+    pub fn with_options(mut self, options: ViewerOptions) -> ViewerSink {
+        if options.only_violated {
+            self.curves.only_violated();
+        }
+        self.options = options;
+        self
+    }
+
+    /// Also shows the clearance of strands, if the frames have it.
+    pub fn with_clearance(mut self, options: ClearanceOptions) -> Result<ViewerSink> {
+        self.clearance = Some(ClearanceView::new(options));
+        self.layout(FRAME, None)?;
+        let key = format!("{}\n{}", layout::KEY, layout::CLEARANCE_KEY);
+        log_static(&self.rec, entity::KEY, &TextDocument::from_markdown(key))?;
+        plots::describe_clearance(&self.rec)?;
+        Ok(self)
+    }
+
+    /// Shows the clearance of a frame, on its curves if they are drawn, and logs a line if it
+    /// becomes low.
+    fn add_clearance(&mut self, record: &FrameRecord, draws: bool) -> Result<()> {
+        let Some(view) = &mut self.clearance else {
+            return Ok(());
+        };
+        view.plot(&self.rec, record)?;
+        let Some(found) = &record.report.clearance else {
+            return Ok(());
+        };
+        let labels = &record.info.labels;
+        if let Some(set) = record.curves.as_deref().filter(|_| draws) {
+            let cell = record.info.cell.as_ref();
+            view.draw(&self.rec, (set, cell), &labels.radii, found)?;
+        }
+        let becomes_low = view.becomes_low(found);
+        match found.sentence_named(record.report.stats.extent, &labels.names) {
+            Some(text) if becomes_low => {
+                let text = format!("low clearance: {text}");
+                self.log_line(&line(Verdict::Undecided, text))
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// Logs a line. The lines of later frames are also at the end of the timeline of the first
+    /// violation, so that the run opens with the whole log.
+    fn log_line(&self, line: &TextLog) -> Result<()> {
+        match &self.first {
+            Some(first) => {
+                self.rec.set_time_sequence(UNTIL, first.frame);
+                let logged = log(&self.rec, entity::LOG, line);
+                self.rec.disable_timeline(UNTIL);
+                logged
+            }
+            None => log(&self.rec, entity::LOG, line),
+        }
+    }
+
+    /// Places the following data at a simulation time.
+    fn set_time(&mut self, time: f64) -> Result<()> {
+        if !time.is_finite() {
+            return Ok(());
+        }
+        let was_earlier = std::mem::replace(&mut self.is_earlier, time < self.latest);
+        if self.is_earlier {
+            self.rec.disable_timeline(SIM_TIME);
+            return Ok(());
+        }
+        self.rec.set_duration_secs(SIM_TIME, time);
+        self.latest = time;
+        if was_earlier {
+            // The timeline misses what was logged at earlier times.
+            self.redraws = true;
+            write(&self.rec, entity::STATUS, &self.status)?;
+        }
+        Ok(())
+    }
+
+    /// Returns true if the curves of the next frame are to be logged: those of every n-th frame,
+    /// and if its verdict is not intact or differs from the previous one.
+    fn is_drawn(&mut self, verdict: Verdict) -> bool {
+        let turns = self.verdict.replace(verdict) != Some(verdict);
+        let due = self.frames.is_multiple_of(self.options.every.get());
+        self.frames += 1;
+        self.redraws |= !self.is_file && self.frames.is_multiple_of(REPEAT);
+        due || turns || verdict != Verdict::Intact
+    }
+
+    /// Returns the error for data that did not arrive.
+    fn incomplete(&self, e: impl std::fmt::Display) -> Error {
+        match self.is_file {
+            // The library has logged the error of the system.
+            true => failed(format_args!(
+                "its file is not complete: see the error above ({e})"
+            )),
+            false => failed(e),
+        }
+    }
+
+    fn layout(&self, timeline: &str, eye: Option<&EyeControls3D>) -> Result<()> {
+        let clearance = self.clearance.is_some();
+        layout::send(&self.rec, timeline, eye, clearance).map_err(failed)
+    }
+
+    /// Returns an eye that sees all of the newest curves, or those around a place if one is given.
+    fn eye(&self, place: Option<(Point, f64)>) -> Option<EyeControls3D> {
+        let view = View::of(self.curves.shown()?)?;
+        Some(view.eye(place, self.scale.unwrap_or(1.0)))
+    }
+
+    /// Records the first violation, and moves the eye there.
+    fn note_first(&mut self, frame: i64, record: &FrameRecord) -> Result<()> {
+        let report = record.report.as_ref();
+        if let Some(first) = &mut self.first {
+            first.later += 1;
+        } else if report.verdict != Verdict::Intact {
+            let set = record.curves.as_deref();
+            let place = set.and_then(|set| local::first(set, report));
+            let eye = place.and_then(|place| self.eye(Some(place)));
+            if eye.is_some() {
+                self.layout(FRAME, eye.as_ref())?;
+            }
+            self.first = Some(First {
+                frame,
+                eye,
+                status: self.status.clone(),
+                later: 0,
+            });
+        }
+        Ok(())
+    }
+
+    /// Makes a run that has ended open at the first violation, or at its end if there is none.
+    fn open_at_first(&mut self) -> Result<()> {
+        let (timeline, near) = match self.first.take() {
+            Some(first) if first.later > 0 => {
+                let follow = plural_of(first.later, "frame follows", "frames follow");
+                let status = format!(
+                    "{}
+This is the first violation. {follow}: click on a frame of the log, or choose \
+                     the timeline *{FRAME}* below.
+",
+                    first.status
+                );
+                self.rec.reset_time();
+                self.rec.set_time_sequence(UNTIL, first.frame);
+                write(&self.rec, entity::STATUS, &status)?;
+                (UNTIL, first.eye)
+            }
+            Some(first) => (FRAME, first.eye),
+            None => (FRAME, None),
+        };
+        let eye = near.or_else(|| self.eye(None));
+        self.layout(timeline, eye.as_ref())
+    }
+}
+
+impl Sink for ViewerSink {
+    fn name(&self) -> &'static str {
+        "viewer"
+    }
+
+    fn begin(&mut self, baseline: &BaselineRecord) -> Result<()> {
+        let c = &baseline.certificate;
+        self.greeting = Some(format!(
+            "baseline ({}): {} curves, {} linked pairs, {} without a number",
+            baseline.origin,
+            c.curves,
+            c.links.len() + c.images.as_ref().map_or(0, Vec::len),
+            c.undefined.len()
+        ));
+        Ok(())
+    }
+
+    fn frame(&mut self, record: &FrameRecord) -> Result<()> {
+        let report = record.report.as_ref();
+        let seq = i64::try_from(report.seq).unwrap_or(i64::MAX);
+        self.rec.set_time_sequence(FRAME, seq);
+        match &self.first {
+            None => self.rec.set_time_sequence(UNTIL, seq),
+            Some(_) => self.rec.disable_timeline(UNTIL),
+        }
+        self.set_time(report.time)?;
+        if let Some(text) = self.greeting.take() {
+            self.log_line(&line(Verdict::Intact, text))?;
+        }
+        let draws = self.is_drawn(report.verdict);
+        if let Some(set) = record.curves.as_ref().filter(|_| draws) {
+            if std::mem::replace(&mut self.layout, record.info.layout) != record.info.layout {
+                // The marks are on curves with other indices.
+                self.passed.forget_marks();
+                self.curves.forget_violated();
+            }
+            if self.scale.is_none() {
+                let scale = view::scale(set);
+                let larger = Transform3D::from_scale(scale as f32);
+                log_static(&self.rec, entity::CURVES, &larger)?;
+                self.scale = Some(scale);
+            }
+            let all = std::mem::take(&mut self.redraws);
+            self.curves.draw(&self.rec, set, report, all)?;
+            let cell = record.info.cell.as_ref();
+            self.cell.draw(&self.rec, cell, set, report)?;
+            picture::draw_places(&self.rec, set, cell, report)?;
+            picture::draw_passed(&self.rec, &self.passed, set)?;
+        }
+        self.passed.add(report, record.curves.as_deref());
+        plots::add(&self.rec, record)?;
+        self.add_clearance(record, draws)?;
+        let news = self
+            .log
+            .news(report, &record.info.labels.names, &self.passed);
+        for line in &news.lines {
+            self.log_line(line)?;
+        }
+        if let Some(status) = news.status {
+            write(&self.rec, entity::STATUS, &status)?;
+            self.status = status;
+        }
+        self.note_first(seq, record)
+    }
+
+    /// Waits for a viewer: what it has not accepted is lost if it ends.
+    fn flush(&mut self) -> Result<()> {
+        let flushed = match self.is_file {
+            true => self.rec.flush_async(),
+            false => self.rec.flush_with_timeout(FLUSH_LIMIT),
+        };
+        flushed.map_err(|e| self.incomplete(e))
+    }
+
+    fn finish(mut self: Box<Self>) -> Result<()> {
+        self.open_at_first()?;
+        let flushed = self.rec.flush_with_timeout(FLUSH_LIMIT);
+        flushed.map_err(|e| self.incomplete(e))
+    }
+}
