@@ -37,13 +37,13 @@ fn hard_cases(kernel: Kernel) -> Result<(), Failed> {
     // Large cases take minutes on a software renderer.
     let most = match std::env::var_os("LINKWATCH_LARGE_CASES") {
         Some(_) => usize::MAX,
-        None => 3000,
+        None => 800,
     };
     let complaints: Vec<String> = (runner::collection().iter().enumerate())
         .filter(|(_, case)| case.curves.segments() <= most)
         .flat_map(|(k, case)| {
             let views = match case.curves.segments() {
-                0..=200 => Views::All,
+                0..=60 => Views::All,
                 _ => Views::Turn(k),
             };
             runner::complaints(case, kernel, views, &pools)

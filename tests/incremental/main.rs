@@ -1,7 +1,7 @@
 //! Compares incremental with full verification: on every frame of random moving sets, the same
 //! verdict, and the same changes and defects with the same places.
 //!
-//! `cargo test --release --test incremental` runs thousands of sequences in seconds. Many more, for
+//! `cargo test --release --test incremental` runs hundreds of sequences in seconds. Many more, for
 //! about an hour:
 //!
 //! ```sh
@@ -53,15 +53,15 @@ fn snapped_sequences(seeds: Range<u64>) {
     }
     println!("lattice: {all:?}; through contact, not 0: {through_contact:?}");
     let [sums, changes] = through_contact;
-    assert!(sums > 20 && changes > 2, "{through_contact:?}");
+    assert!(sums > 8 && changes > 0, "{through_contact:?}");
 }
 
 #[test]
 fn polylines_that_touch_on_a_lattice() {
-    snapped_sequences(100_000..100_150);
+    snapped_sequences(100_000..100_060);
 }
 
-/// The same test with 20 times as many sequences.
+/// The same test with 50 times as many sequences.
 #[test]
 #[ignore = "takes ten minutes"]
 fn very_many_sequences_on_a_lattice() {
@@ -133,30 +133,30 @@ fn run(
 
 #[test]
 fn polylines_in_single_precision() {
-    sequences(Basis::Polyline, Precision::F32, 0..400);
+    sequences(Basis::Polyline, Precision::F32, 0..150);
 }
 
 #[test]
 fn polylines_in_double_precision() {
-    sequences(Basis::Polyline, Precision::F64, 10_000..10_400);
+    sequences(Basis::Polyline, Precision::F64, 10_000..10_150);
 }
 
 #[test]
 fn catmull_rom_curves() {
-    sequences(Basis::CatmullRom, Precision::F32, 20_000..20_150);
-    sequences(Basis::CatmullRom, Precision::F64, 30_000..30_060);
+    sequences(Basis::CatmullRom, Precision::F32, 20_000..20_060);
+    sequences(Basis::CatmullRom, Precision::F64, 30_000..30_025);
 }
 
 #[test]
 fn b_splines() {
-    sequences(Basis::BSpline, Precision::F32, 40_000..40_150);
-    sequences(Basis::BSpline, Precision::F64, 50_000..50_060);
+    sequences(Basis::BSpline, Precision::F32, 40_000..40_060);
+    sequences(Basis::BSpline, Precision::F64, 50_000..50_025);
 }
 
 #[test]
 fn bezier_curves() {
-    sequences(Basis::Bezier, Precision::F32, 60_000..60_100);
-    sequences(Basis::Bezier, Precision::F64, 70_000..70_060);
+    sequences(Basis::Bezier, Precision::F32, 60_000..60_040);
+    sequences(Basis::Bezier, Precision::F64, 70_000..70_025);
 }
 
 #[test]

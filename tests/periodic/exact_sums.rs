@@ -98,7 +98,7 @@ fn step(frames: [CurveSet; 2], options: SessionOptions) -> (Vec<PullThrough>, Ve
 fn pull_throughs_of_rounded_images_are_exact() {
     let mut random = Random::new(32);
     let mut total = 0;
-    for case in 0..600 {
+    for case in 0..300 {
         let shapes = [random_shapes(&mut random), random_shapes(&mut random)];
         let n = [0, 1].map(|side| shapes[0][side].len().min(shapes[1][side].len()));
         let shapes = shapes.map(|[mut a, mut b]| {
@@ -139,7 +139,7 @@ fn pull_throughs_of_rounded_images_are_exact() {
         assert_eq!(found_verdict, verdict, "case {case}");
         total += expected.len();
     }
-    assert!(total > 300, "{total} pull-throughs");
+    assert!(total > 100, "{total} pull-throughs");
 }
 
 /// A yarn from small integers to even ones near `2^53`. Its next period begins where it ends, at
@@ -199,7 +199,7 @@ fn open(points: Vec<Point>) -> CurveSet {
 fn pull_throughs_of_rounded_periods_of_a_yarn_are_exact() {
     let mut random = Random::new(33);
     let (mut total, mut decided, mut undecided) = (0, 0, 0);
-    for case in 0..900 {
+    for case in 0..300 {
         let sizes = [2 + random.below(4) as usize, 1 + random.below(4) as usize];
         let largest = random.pick(&[8, 30, 200]);
         let frames = [0; 2].map(|_| FarYarn::random(&mut random, sizes, largest));
@@ -248,5 +248,5 @@ fn pull_throughs_of_rounded_periods_of_a_yarn_are_exact() {
         decided += 1;
     }
     println!("{total} pull-throughs, {decided} decided, {undecided} undecided");
-    assert!(total > 100 && decided > 300 && undecided > 50);
+    assert!(total > 30 && decided > 100 && undecided > 15);
 }
