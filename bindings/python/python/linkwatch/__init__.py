@@ -32,8 +32,7 @@ import warnings
 from typing import TYPE_CHECKING
 
 from . import _arguments as arguments
-from ._linkwatch import Certificate, Change, Clearance, Defect, Message, Place, PullThrough, Report
-from ._linkwatch import Ribbon, Strut, Thickness
+from ._linkwatch import Certificate, Message
 from ._linkwatch import Client as _Client
 from ._linkwatch import Session as _Session
 from ._linkwatch import __version__
@@ -41,6 +40,8 @@ from ._linkwatch import certify as _certify
 from ._linkwatch import ribbon as _ribbon
 from ._linkwatch import struts as _struts
 from ._linkwatch import thickness as _thickness
+from ._results import Change, Clearance, Defect, Place, PullThrough, Report, Ribbon, Strut
+from ._results import Thickness
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -178,6 +179,7 @@ class Session:
         cell: Cell | None = None,
         wrapped: bool | None = None,
         keep_open: bool = False,
+        _state: bytes | None = None,
     ) -> None:
         strands: tuple[float | None, float] | None = None
         radii: Sequence[float] | npt.NDArray[Any] = ()
@@ -201,10 +203,12 @@ class Session:
             motion_limit = arguments.number("motion_limit", motion_limit)
         vectors = None if cell is None else arguments.twelve(cell)
         self._session = _Session(
-            basis_name=arguments.word("basis", basis, BASES),
+            words=(
+                arguments.word("basis", basis, BASES),
+                arguments.word("events", events, "'between', 'all' or 'off'"),
+                arguments.word("abort_on", abort_on, "'any', 'lost', .. or 'never'"),
+            ),
             baseline=baseline,
-            events=arguments.word("events", events, "'between', 'all' or 'off'"),
-            abort_on=arguments.word("abort_on", abort_on, "'any', 'lost', .. or 'never'"),
             flags=(
                 arguments.flag("incremental", incremental),
                 arguments.flag("keep_open", keep_open),
@@ -212,13 +216,15 @@ class Session:
             ),
             motion_limit=motion_limit,
             strands=strands,
+            state=_state,
         )
         self._counts: list[int] | None = None
         self._closed: Closed | None = None
         self._searches = events != "off"
         self._clearance = strands is not None
         self._unmeasured: str | None = None
-        self.describe(counts, closed=closed, names=names, radii=radii)
+        if _state is None:
+            self.describe(counts, closed=closed, names=names, radii=radii)
         if vectors is not None:
             self._session.set_cell(vectors)
 
@@ -308,6 +314,18 @@ class Session:
     def cut(self) -> None:
         """Marks the next frame as not continuing the previous one: after a roll back or a jump."""
         self._session.cut()
+
+    def close(self) -> None:
+        """Frees the memory of the session, which cannot be used any more. At the end of a ``with``
+        block as well.
+        """
+        self._session.close()
+
+    def __enter__(self) -> Session:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
 
     @property
     def baseline(self) -> Certificate | None:
@@ -663,6 +681,14 @@ def _frame(
     return arguments.frame(curves, given, closed)
 
 
+def _measured(
+    curves: Frame, counts: Counts | None, closed: Closed | None, basis: str, cell: Cell | None
+) -> tuple[npt.NDArray[Any], list[int], str, list[float] | None]:
+    """Returns points, counts, basis and cell of a frame."""
+    vectors = None if cell is None else arguments.twelve(cell)
+    return *_frame(curves, counts, closed), arguments.word("basis", basis, BASES), vectors
+
+
 def thickness(
     curves: Frame,
     counts: Counts | None = None,
@@ -685,9 +711,7 @@ def thickness(
         ValueError: a coordinate is not finite, a curve has too few points, or the cell is no
             lattice.
     """
-    points, counts = _frame(curves, counts, closed)
-    vectors = None if cell is None else arguments.twelve(cell)
-    return _thickness(points, counts, arguments.word("basis", basis, BASES), vectors)
+    return _thickness(_measured(curves, counts, closed, basis, cell))
 
 
 def struts(
@@ -710,10 +734,8 @@ def struts(
         ValueError: a coordinate is not finite, a curve has too few points, or the cell is no
             lattice, or much smaller than ``longest``.
     """
-    points, counts = _frame(curves, counts, closed)
-    vectors = None if cell is None else arguments.twelve(cell)
     longest = arguments.number("longest", longest, "a length")
-    return _struts(points, counts, arguments.word("basis", basis, BASES), vectors, longest)
+    return _struts(_measured(curves, counts, closed, basis, cell), longest)
 
 
 def ribbon(
@@ -744,15 +766,15 @@ def ribbon(
         TypeError: an argument has the wrong type.
         ValueError: the curves cannot be the strands of a ribbon, or an argument is invalid.
     """
-    points, counts = _frame(curves, counts, None)
+    frame = _measured(curves, counts, None, "polyline", None)
     if arguments.word("axis", axis, "'centre' or 'first'") not in ("centre", "first"):
         raise ValueError(f"axis is {axis!r}, expected 'centre' or 'first'")
-    both = arguments.indices("strands", strands, len(counts))
+    both = arguments.indices("strands", strands, len(frame[1]))
     pairing = arguments.word("pairing", pairing, "'auto', 'parallel' or 'antiparallel'")
     tolerance = arguments.number("tolerance", tolerance, "a number above 0")
     if not tolerance > 0:
         raise ValueError(f"tolerance is {tolerance}, expected a number above 0")
-    return _ribbon(points, counts, both, pairing, axis == "first", tolerance)
+    return _ribbon(frame, both, pairing, axis == "first", tolerance)
 
 
 def assert_intact(

@@ -132,10 +132,10 @@ class LeftOut:
         ]
 
 
-def library(module: str, extra: str) -> Any:
-    """Imports a library that an extra of this package installs."""
+def library(module: str, extra: str, what: str = "reading this file") -> Any:
+    """Imports a library that an extra of this package installs, for some purpose."""
     try:
         return importlib.import_module(module)
     except ImportError as why:
-        what = f'reading this file needs more libraries: pip install "linkwatch[{extra}]"'
-        raise ImportError(f"{what} ({why})") from why
+        needs = f'{what} needs more libraries: pip install "linkwatch[{extra}]"'
+        raise ImportError(f"{needs} ({why})") from why
