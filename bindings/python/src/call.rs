@@ -26,9 +26,9 @@ pub fn guarded<R>(run: impl FnOnce() -> PyResult<R>) -> PyResult<R> {
     })
 }
 
-/// Runs a function on another thread, without the interpreter lock. Ctrl-C cancels the progress, and
-/// is returned beside the result. Without a progress, it ends the call at once, and the function
-/// runs on to its end, unused.
+/// Runs a function on another thread, without the interpreter lock. Ctrl-C cancels the progress,
+/// and is returned beside the result. Without a progress, it ends the call at once, and the
+/// function runs on to its end, unused.
 pub fn watched<R: Send + 'static>(
     py: Python<'_>,
     progress: Option<&Progress>,

@@ -15,6 +15,7 @@ use pyo3::types::PyBytes;
 use serde_json::json;
 use std::hash::{DefaultHasher, Hash, Hasher};
 use std::sync::Arc;
+use std::time::{Duration, Instant};
 
 /// Radius of all strands, or `None` if each curve has its own, and the level of the warning.
 type Strands = (Option<f64>, f64);
@@ -27,8 +28,10 @@ type OfFile = (u64, Option<[f64; 12]>, Option<String>);
 
 const CLOSED: &str = "the session is closed; create a new one";
 
-/// Number of segments from which on a frame may take so long that Ctrl-C is heeded.
+/// Number of segments from which on the first frame may take so long that Ctrl-C is heeded, and
+/// time of a frame after which it is for later ones. Another thread costs up to a millisecond.
 const LARGE: usize = 4096;
+const LONG: Duration = Duration::from_millis(100);
 
 /// Verifies the frames of one simulation.
 #[pyclass(frozen, module = "linkwatch")]
@@ -41,6 +44,8 @@ struct State {
     /// `None` once it was closed.
     session: Option<Box<linkwatch::Session>>,
     options: SessionOptions,
+    /// Time of the frame that took longest.
+    longest: Option<Duration>,
     /// Number, cell, labels and so on of the next frame.
     next: FrameInfo,
     /// True if each curve has its own radius.
@@ -99,6 +104,7 @@ impl Session {
             state: Shared::new(State {
                 session: Some(Box::new(session)),
                 options,
+                longest: None,
                 next,
                 has_radii: strands.is_some_and(|(radius, _)| radius.is_none()),
                 open: None,
@@ -179,7 +185,13 @@ impl Session {
         let (bytes, hash) = self.run(py, |state| {
             let state = state.session()?.state();
             let mut json = json!(state);
-            for name in ["/engine/intactness", "/engine/extent", "/strands"] {
+            // Neither are candidates of images, which are found again when curves move.
+            for name in [
+                "/engine/intactness",
+                "/engine/extent",
+                "/engine/cell/images",
+                "/strands",
+            ] {
                 json.pointer_mut(&format!("/verified{name}"))
                     .map(serde_json::Value::take);
             }
@@ -295,7 +307,12 @@ impl State {
                 None => copy(frame),
             })
         });
-        let (outcome, signals) = match received.segments() < LARGE {
+        let is_quick = match self.longest {
+            None => received.segments() < LARGE,
+            Some(longest) => longest < LONG,
+        };
+        let start = Instant::now();
+        let (outcome, signals) = match is_quick {
             true => (py.detach(|| session.verify(received)), Ok(())),
             false => {
                 let progress = session.progress();
@@ -310,6 +327,7 @@ impl State {
             *session = linkwatch::Session::resume(options, state).map_err(exception)?;
         }
         self.session = Some(session);
+        self.longest = self.longest.max(Some(start.elapsed()));
         signals?;
         self.next.seq += 1;
         let verified = outcome.map_err(exception)?;

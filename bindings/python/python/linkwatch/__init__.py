@@ -50,7 +50,10 @@ if TYPE_CHECKING:
 
     import numpy.typing as npt
 
+    from . import distributed as distributed
     from . import io as io
+    from ._run import Run as Run
+    from ._run import check as check
     from .io import read as read
     from .io import write as write
     from ._arguments import Cell, Closed, Counts, Frame
@@ -67,6 +70,7 @@ __all__ = [
     "PullThrough",
     "Report",
     "Ribbon",
+    "Run",
     "Session",
     "Strut",
     "Thickness",
@@ -74,6 +78,8 @@ __all__ = [
     "UnverifiedWarning",
     "assert_intact",
     "certify",
+    "check",
+    "distributed",
     "io",
     "pull_throughs",
     "read",
@@ -804,13 +810,23 @@ def assert_intact(
         raise AssertionError("no frame was verified")
 
 
+# What is imported when it is needed, so that importing the package takes no time.
+_LATER = {
+    "io": "io",
+    "distributed": "distributed",
+    "read": "io",
+    "write": "io",
+    "Run": "_run",
+    "check": "_run",
+}
+
 if not TYPE_CHECKING:
 
     def __getattr__(name):
-        if name in ("io", "read", "write"):  # here, so that importing the package takes no time
+        if name in _LATER:
             import importlib
 
-            io = importlib.import_module(".io", __name__)
-            return io if name == "io" else getattr(io, name)
+            module = importlib.import_module(f".{_LATER[name]}", __name__)
+            return module if name == _LATER[name] else getattr(module, name)
         instead = " (it is Session now)" if name == "Verifier" else ""
         raise AttributeError(f"module 'linkwatch' has no attribute {name!r}{instead}")

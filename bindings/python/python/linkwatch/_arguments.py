@@ -168,7 +168,8 @@ def frame(
         if closed is not None:
             _agree(counts, _flags(closed, len(counts)))
     single = points.dtype.type is np.float32
-    return np.ascontiguousarray(points, np.float32 if single else np.float64), counts
+    # Arrays that Dask received may be misaligned.
+    return np.require(points, np.float32 if single else np.float64, ["C", "A"]), counts
 
 
 def _flags(closed: Any, curves: int) -> list[bool]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import copy
-import functools
 import json
 import math
 from dataclasses import dataclass, field, fields
@@ -41,7 +40,11 @@ class Result:
     def _made(cls, json: dict[str, Any], words: str, **other: Any) -> Any:
         """Returns the object of this class, whose fields are those of the JSON and others."""
         found: dict[str, Any] = {}
-        for name, kind in _kinds(cls):
+        kinds = _KINDS.get(cls.__name__)
+        if kinds is None:
+            kinds = [(one.name, str(one.type)) for one in fields(cls)[2:]]
+            _KINDS[cls.__name__] = kinds
+        for name, kind in kinds:
             value = other[name] if name in other else json.get(name)
             if value is None and kind == "float":
                 value = math.inf
@@ -51,10 +54,8 @@ class Result:
         return cls(json, words, **found)
 
 
-@functools.cache
-def _kinds(cls: Any) -> list[tuple[str, str]]:
-    """Returns the names and the types of the fields that a result has in addition."""
-    return [(one.name, str(one.type)) for one in fields(cls)[2:]]
+#: Names and types of the fields that a class of results has in addition, by its name.
+_KINDS: dict[str, list[tuple[str, str]]] = {}
 
 
 def _tuple(value: Any) -> Any:

@@ -38,6 +38,8 @@ class Frame:
     time: float = 0.0
     #: Reason why the frame is invalid, although later ones can be read.
     rejected: str | None = None
+    #: True if curves are closed only because nothing says which ones are.
+    closed_by_default: bool = False
 
     @property
     def closed(self) -> list[bool]:
@@ -90,6 +92,12 @@ class Frames:
         self.summary = summary
         #: Number of frames; ``None`` if the file has to be read to count them.
         self.length = length
+        #: Reads the frames from one number to another alone, if the format can.
+        self.part: Callable[[int, int], Iterator[Frame]] | None = None
+        #: Function and arguments that open the same frames again, in another process.
+        self.recipe: tuple[Callable[..., Frames], tuple[Any, ...], dict[str, Any]] | None = None
+        #: ``"file"``, ``"memory"``, or ``"once"`` for a generator, which cannot be read again.
+        self.kind = "file"
         self._load = load
 
     def __iter__(self) -> Iterator[Frame]:
@@ -107,9 +115,19 @@ class Frames:
     def __bool__(self) -> bool:
         return True
 
+    def __reduce__(self) -> Any:
+        if self.recipe is None:
+            raise TypeError(f"{self!r} cannot be opened in another process")
+        return _opened_again, self.recipe
+
     def __repr__(self) -> str:
         frames = "" if self.length is None else f", {self.length} frames"
         return f"<linkwatch.io.Frames of {self.path}{frames}>"
+
+
+def _opened_again(open: Any, args: tuple[Any, ...], options: dict[str, Any]) -> Frames:
+    found: Frames = open(*args, **options)
+    return found
 
 
 class LeftOut:
