@@ -29,7 +29,7 @@ into it. Findings have the ``image`` of the second curve: its translation, in ve
 from __future__ import annotations
 
 import warnings
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, overload
 
 from . import _arguments as arguments
 from ._linkwatch import Certificate, Message
@@ -44,16 +44,22 @@ from ._results import Change, Clearance, Defect, Place, PullThrough, Report, Rib
 from ._results import Thickness
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    import os
+    from collections.abc import Iterable, Iterator, Sequence
     from types import TracebackType
     from typing import Any
 
+    import numpy as np
     import numpy.typing as npt
 
     from . import distributed as distributed
     from . import io as io
     from ._run import Run as Run
     from ._run import check as check
+    from ._series import gauss_integrals as gauss_integrals
+    from ._series import linking as linking
+    from ._series import twist as twist
+    from ._series import writhe as writhe
     from .io import read as read
     from .io import write as write
     from ._arguments import Cell, Closed, Counts, Frame
@@ -80,14 +86,18 @@ __all__ = [
     "certify",
     "check",
     "distributed",
+    "gauss_integrals",
     "io",
+    "linking",
     "pull_throughs",
     "read",
     "ribbon",
     "safe_fraction",
     "struts",
     "thickness",
+    "twist",
     "write",
+    "writhe",
 ]
 
 
@@ -695,6 +705,16 @@ def _measured(
     return *_frame(curves, counts, closed), arguments.word("basis", basis, BASES), vectors
 
 
+@overload
+def thickness(  # type: ignore[overload-overlap]  # a text is a sequence
+    curves: str | os.PathLike[str] | io.Frames | Iterator[Any],
+    counts: Counts | None = None,
+    *,
+    closed: Closed | None = None,
+    basis: str = "polyline",
+    cell: Cell | None = None,
+) -> npt.NDArray[np.float64]: ...
+@overload
 def thickness(
     curves: Frame,
     counts: Counts | None = None,
@@ -702,10 +722,20 @@ def thickness(
     closed: Closed | None = None,
     basis: str = "polyline",
     cell: Cell | None = None,
-) -> Thickness:
+) -> Thickness: ...
+def thickness(
+    curves: Any,
+    counts: Counts | None = None,
+    *,
+    closed: Closed | None = None,
+    basis: str = "polyline",
+    cell: Cell | None = None,
+) -> Any:
     """Measures how sharply curves bend and how close they come (Ashton and Cantarella 2005).
 
-    With a ``cell``, the curves are measured with all their images.
+    With a ``cell``, the curves are measured with all their images. Of a run, that is a path, frames
+    of :func:`linkwatch.read`, a universe of MDAnalysis, or an iterator of frames, it returns the
+    diameter ``Thickness.thickness()`` of each frame as an array; NaN if the frame is invalid.
 
     >>> import linkwatch
     >>> square = [[0, 0, 0], [2, 0, 0], [2, 2, 0], [0, 2, 0]]
@@ -717,6 +747,12 @@ def thickness(
         ValueError: a coordinate is not finite, a curve has too few points, or the cell is no
             lattice.
     """
+    if arguments.is_run(curves):
+        from . import _series
+
+        given = {"counts": counts, "closed": closed, "cell": cell}
+        given["basis"] = None if basis == "polyline" else basis
+        return _series.thickness(curves, given)
     return _thickness(_measured(curves, counts, closed, basis, cell))
 
 
@@ -818,6 +854,10 @@ _LATER = {
     "write": "io",
     "Run": "_run",
     "check": "_run",
+    "writhe": "_series",
+    "linking": "_series",
+    "twist": "_series",
+    "gauss_integrals": "_series",
 }
 
 if not TYPE_CHECKING:

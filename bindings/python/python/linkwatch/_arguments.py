@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import operator
+import os
+from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -136,6 +138,12 @@ def _array(name: str, value: Any) -> npt.NDArray[Any]:
         if max(abs(int(array.min())), abs(int(array.max()))) > EXACT:
             raise ValueError(f"{name} has integers beyond 2**53, which float64 would round")
     return array
+
+
+def is_run(value: Any) -> bool:
+    """Returns if an argument has frames instead of curves."""
+    kinds = (str, os.PathLike, Iterator)
+    return isinstance(value, kinds) or hasattr(value, "universe") or hasattr(value, "summary")
 
 
 def frame(
