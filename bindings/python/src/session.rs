@@ -28,8 +28,8 @@ type OfFile = (u64, Option<[f64; 12]>, Option<String>);
 
 const CLOSED: &str = "the session is closed; create a new one";
 
-/// Number of segments from which on the first frame may take so long that Ctrl-C is heeded, and
-/// time of a frame after which it is for later ones. Another thread costs up to a millisecond.
+/// Number of segments from which on a frame may take so long that Ctrl-C is heeded, unless a frame
+/// of that many took less than this time. Another thread costs up to a millisecond.
 const LARGE: usize = 4096;
 const LONG: Duration = Duration::from_millis(100);
 
@@ -44,8 +44,9 @@ struct State {
     /// `None` once it was closed.
     session: Option<Box<linkwatch::Session>>,
     options: SessionOptions,
-    /// Time of the frame that took longest.
-    longest: Option<Duration>,
+    /// Time of the frame that took longest, and most segments of a frame.
+    longest: Duration,
+    most: usize,
     /// Number, cell, labels and so on of the next frame.
     next: FrameInfo,
     /// True if each curve has its own radius.
@@ -104,7 +105,8 @@ impl Session {
             state: Shared::new(State {
                 session: Some(Box::new(session)),
                 options,
-                longest: None,
+                longest: Duration::ZERO,
+                most: LARGE,
                 next,
                 has_radii: strands.is_some_and(|(radius, _)| radius.is_none()),
                 open: None,
@@ -183,7 +185,7 @@ impl Session {
     /// hash of all of it that findings in later frames depend on.
     fn state(&self, py: Python<'_>) -> PyResult<(Py<PyBytes>, u64)> {
         let (bytes, hash) = self.run(py, |state| {
-            let state = state.session()?.state();
+            let state = state.session().state();
             let mut json = json!(state);
             // Neither are candidates of images, which are found again when curves move.
             for name in [
@@ -206,7 +208,7 @@ impl Session {
     fn begin_part(&self, py: Python<'_>) -> PyResult<()> {
         self.run(py, |state| {
             let in_cell = state.next.cell.is_some();
-            let session = state.session()?;
+            let session = state.session();
             match session.baseline().cloned().filter(|_| in_cell) {
                 // Curves may be cells away from where they were in the first frame.
                 Some(baseline) => session.begin_part(baseline),
@@ -259,7 +261,7 @@ impl Session {
 
     fn baseline(&self, py: Python<'_>) -> PyResult<Option<Certificate>> {
         self.run(py, |state| {
-            let baseline = state.session()?.baseline().cloned();
+            let baseline = state.session().baseline().cloned();
             Ok(baseline.map(|numbers| Certificate::new(numbers, state.open())))
         })
     }
@@ -272,16 +274,19 @@ impl Session {
         py: Python<'_>,
         run: impl FnOnce(&mut State) -> Result<R, Error> + Send,
     ) -> PyResult<R> {
-        let run = |state: &mut State| py.detach(|| run(state)).map_err(exception);
-        self.state.with(py, run)
+        self.state.with(py, |state| {
+            if state.session.is_none() {
+                return Err(PyRuntimeError::new_err(CLOSED));
+            }
+            py.detach(|| run(state)).map_err(exception)
+        })
     }
 }
 
 impl State {
-    /// Returns the session, which must be open.
-    fn session(&mut self) -> Result<&mut linkwatch::Session, Error> {
-        let closed = || Error::Usage(CLOSED.into());
-        self.session.as_deref_mut().ok_or_else(closed)
+    /// Returns the session, in a call of [`Session::run`].
+    fn session(&mut self) -> &mut linkwatch::Session {
+        self.session.as_deref_mut().expect("checked by the caller")
     }
 
     fn step(
@@ -307,10 +312,8 @@ impl State {
                 None => copy(frame),
             })
         });
-        let is_quick = match self.longest {
-            None => received.segments() < LARGE,
-            Some(longest) => longest < LONG,
-        };
+        let segments = received.segments();
+        let is_quick = segments <= self.most && self.longest < LONG;
         let start = Instant::now();
         let (outcome, signals) = match is_quick {
             true => (py.detach(|| session.verify(received)), Ok(())),
@@ -327,7 +330,8 @@ impl State {
             *session = linkwatch::Session::resume(options, state).map_err(exception)?;
         }
         self.session = Some(session);
-        self.longest = self.longest.max(Some(start.elapsed()));
+        self.longest = self.longest.max(start.elapsed());
+        self.most = self.most.max(segments);
         signals?;
         self.next.seq += 1;
         let verified = outcome.map_err(exception)?;

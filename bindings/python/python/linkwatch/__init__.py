@@ -1,5 +1,16 @@
 """Verifies the topology of simulations of yarn, chainmail, rods, ring polymers and other curves.
 
+check(frames)          verifies a run: a file, a universe of MDAnalysis, or arrays; tables and plots
+read, write            frames of files of other programs; ``linkwatch.io`` has the formats
+Session().step(frame)  verifies a simulation in this process, frame by frame
+Client                 publishes frames to the command ``linkwatch watch``, beside the simulation
+assert_intact(frames)  in a test of a simulation
+certify(frame)         all linking numbers of a frame: a Certificate, which can be a baseline
+pull_throughs, safe_fraction                         the step between two frames
+thickness, struts, ribbon                            shape of the curves of a frame
+linking, writhe, twist, gauss_integrals, thickness   of all frames of a run, as arrays
+distributed            runs on many machines; ``check(frames, client=..)`` is its short form
+
 A *frame* is a list of curves. All functions take frames in one of two forms:
 
 - a sequence of arrays of the shape ``(n, 3)``, one for each curve, and ``closed``: one boolean, or
@@ -28,7 +39,9 @@ into it. Findings have the ``image`` of the second curve: its translation, in ve
 
 from __future__ import annotations
 
+import sys
 import warnings
+import weakref
 from typing import TYPE_CHECKING, overload
 
 from . import _arguments as arguments
@@ -354,6 +367,9 @@ class Session:
         return self._session.jumps()
 
 
+#: The last client of this process on each service.
+_clients: weakref.WeakValueDictionary[str, Client] = weakref.WeakValueDictionary()
+
 BASES = "'polyline', 'catmull-rom', 'b-spline' or 'bezier'"
 
 
@@ -374,8 +390,10 @@ class Client:
     Only :meth:`wait`, :meth:`wait_for_watcher` and :meth:`finish` wait for the watcher. A watcher
     that is slow, stopped, killed or absent costs the simulator nothing. At the end of the ``with``
     block the session ends: regularly, with :meth:`finish`, or early if the block raised an
-    exception. Threads may share a client: their calls take turns, also during a wait. A process
-    that was forked from the one that opened the client cannot use it.
+    exception. In a notebook or an interactive interpreter, a client ends the session of the
+    previous one with the same name, so that a cell can be run again. Threads may share a client:
+    their calls take turns, also during a wait. A process that was forked from the one that opened
+    the client cannot use it.
 
     Args:
         service: the name given to ``linkwatch watch --service``.
@@ -422,14 +440,18 @@ class Client:
             raise ValueError(f"dtype is {kind}, expected float32 or float64")
         vectors = None if cell is None else arguments.twelve(cell)
         time_step = arguments.number("time_step", time_step, "a number of seconds")
-        self._client = _Client(
-            arguments.word("service", service, "the name of a service"),
+        before = _clients.get(arguments.word("service", service, "the name of a service"))
+        if before is not None and hasattr(sys, "ps1"):
+            before._client.close()
+        self._client: _Client = _Client(
+            service,
             _curves(counts, names, radii),
             arguments.word("basis", basis, BASES),
             kind == np.float32,
             arguments.flag("lockstep", lockstep),
             arguments.word("wait_mode", wait_mode, "'sleep' or 'spin'"),
         )
+        _clients[service] = self
         self._client.set_time_step(time_step)
         if vectors is not None:
             self._client.set_cell(vectors)
@@ -486,15 +508,26 @@ class Client:
         """Returns the next verdict, in the order of the frames, or ``None``. Never waits."""
         return self._client.poll()
 
-    def wait(self, seconds: float = 10.0) -> Message | None:
-        """Waits for the verdict on the last published frame.
+    def wait(self, seconds: float = 10.0, seq: int | None = None) -> Message | None:
+        """Waits for the verdict on the last published frame, or on the frame ``seq``.
+
+        Verdicts on earlier frames are read meanwhile.
 
         Returns:
             Message | None: ``None`` if there is no verdict in time, if the frame was skipped, or if
             the watcher left or died (:attr:`no_verdict` says which). The frame is not known to be
             intact then.
         """
-        return self._client.wait(arguments.number("seconds", seconds))
+        return self._client.wait(arguments.number("seconds", seconds), seq)
+
+    async def verdict(self, seq: int | None = None, seconds: float = 10.0) -> Message | None:
+        """Waits as :meth:`wait` does, while other tasks of ``asyncio`` run.
+
+        A task that is cancelled ends at once, but reads verdicts until the time is over.
+        """
+        import asyncio
+
+        return await asyncio.to_thread(self.wait, seconds, seq)
 
     @property
     def no_verdict(self) -> str | None:
@@ -546,8 +579,6 @@ class Client:
 
     def finish(self, seconds: float = 10.0) -> Message | None:
         """Ends the session, and waits until the watcher has verified its remaining frames.
-
-        Ctrl-C takes effect after the wait.
 
         Returns:
             Message | None: the last message, which repeats the last abort; ``None`` if there is no
