@@ -162,7 +162,7 @@ def test_tables_plots_and_html_of_a_run(monkeypatch, tmp_path):
     for other in (linkwatch.check(BROKEN[:2]), linkwatch.check([])):
         assert len(other.plot().axes) == 2
     html = run._repr_html_()
-    assert html.startswith("<pre>changed: 6 frames\n") and "data:image/png;base64," in html
+    assert ">changed: 6 frames\n" in html and "data:image/png;base64," in html
     for module, call in (("pandas", run.to_pandas), ("matplotlib.figure", run.plot)):
         monkeypatch.setitem(sys.modules, module, None)
         with pytest.raises(ImportError, match=r'pip install "linkwatch\[analysis\]"'):
@@ -187,6 +187,24 @@ def test_a_page_and_a_recording_of_a_run(tmp_path):
     once = linkwatch.check(frame for frame in BROKEN)
     with pytest.raises(ValueError, match="cannot be read again"):
         once.report(tmp_path / "once.html")
+
+
+def test_the_viewer_shows_a_recording_for_it(monkeypatch):
+    opened, popen = [], subprocess.Popen
+
+    def stub(words, **options):
+        return opened.append(words) if "rerun" in words else popen(words, **options)
+
+    monkeypatch.setitem(sys.modules, "rerun", sys)
+    monkeypatch.setattr(subprocess, "Popen", stub)
+    linkwatch.check(BROKEN).view()
+    ((*words, recording),) = opened
+    assert words == [sys.executable, "-m", "rerun"]
+    with open(recording, "rb") as file:
+        assert b"/linkwatch/points" in file.read()
+    monkeypatch.setitem(sys.modules, "rerun", None)
+    with pytest.raises(ImportError, match=r'pip install "linkwatch\[view\]"'):
+        linkwatch.check(BROKEN).view()
 
 
 def test_a_progress_bar_is_shown_as_wanted(capsys, monkeypatch):

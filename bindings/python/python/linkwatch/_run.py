@@ -309,7 +309,7 @@ class Run:
         import html
         from io import BytesIO
 
-        text = f"<pre>{html.escape(self.summary)}</pre>"
+        text = f"<pre style='white-space: pre-wrap'>{html.escape(self.summary)}</pre>"
         try:
             picture = BytesIO()
             self.plot().savefig(picture, format="png", dpi=80)

@@ -159,7 +159,8 @@ def read(
         if value is not None and name not in found.options.split():
             raise ValueError(f"{path}: `{name}` is no option for files of the format {found.name}")
     frames = found.read(paths, Options(closed, unwrap, cell, select or "all"))
-    frames.recipe = read, (path, *more), {**given, "format": format}
+    again = tuple(one.absolute() for one in paths)
+    frames.recipe = read, again, {**given, "format": format}
     return frames
 
 

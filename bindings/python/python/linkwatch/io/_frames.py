@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import importlib
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
@@ -118,15 +119,28 @@ class Frames:
     def __reduce__(self) -> Any:
         if self.recipe is None:
             raise TypeError(f"{self!r} cannot be opened in another process")
-        return _opened_again, self.recipe
+        known = self.path, self.summary, self.length, self.part is not None
+        return _opened_later, (self.recipe, *known)
 
     def __repr__(self) -> str:
         frames = "" if self.length is None else f", {self.length} frames"
         return f"<linkwatch.io.Frames of {self.path}{frames}>"
 
 
-def _opened_again(open: Any, args: tuple[Any, ...], options: dict[str, Any]) -> Frames:
-    found: Frames = open(*args, **options)
+def _opened_later(
+    recipe: Any, path: Path, summary: Summary, length: int | None, has_parts: bool
+) -> Frames:
+    """Returns frames that are opened again when they are read."""
+    function, args, options = recipe
+
+    @functools.cache
+    def frames() -> Any:
+        return function(*args, **options)
+
+    found = Frames(path, lambda: iter(frames()), summary, length)
+    found.recipe = recipe
+    if has_parts:
+        found.part = lambda start, stop: frames().part(start, stop)
     return found
 
 
