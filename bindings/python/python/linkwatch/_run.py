@@ -134,7 +134,7 @@ class Run:
         for passage in report.pull_throughs + report.unresolved:
             row = {**of_frame, **passage.to_dict(), "unresolved": passage in report.unresolved}
             self.pull_throughs.append(_in_order("pull_throughs", row))
-        for found in report.to_dict()["left_out"]:
+        for found in report._json["left_out"]:
             words = f"{found['count']} {found['kind']} (the first one: {found['first']})"
             self._left_out.setdefault(found["kind"], words)
         if self._first is None and report.verdict not in ("intact", "rejected"):

@@ -113,6 +113,7 @@ def frames_of_atoms(
     if found is None:
         found = _grouped(atoms, topology, path)
     order = np.concatenate([one.nodes for one in found] or [[]]).astype(np.int64)
+    whole = np.array_equal(order, np.arange(trajectory.n_atoms))
     counts = [-len(one.nodes) if one.closed else len(one.nodes) for one in found]
     names, radii = _names(universe, found), _radii(universe, found)
     unit = _unit(universe.trajectory)
@@ -133,7 +134,8 @@ def frames_of_atoms(
                 return
             read += 1
             yield Scene(
-                points=np.take(now.positions, order, axis=0),
+                # The next frame overwrites the positions.
+                points=now.positions.copy() if whole else np.take(now.positions, order, axis=0),
                 counts=counts,
                 names=names,
                 radii=radii,
