@@ -187,8 +187,11 @@ impl Session {
         let (bytes, hash) = self.run(py, |state| {
             let state = state.session().state();
             let mut json = json!(state);
-            // Neither are candidates of images, which are found again when curves move.
+            // Coordinates follow from the frame, and from how curves were moved, which is hashed.
+            // Candidates of images are found again when curves move.
             for name in [
+                "/curves/single",
+                "/curves/double",
                 "/engine/intactness",
                 "/engine/extent",
                 "/engine/cell/images",

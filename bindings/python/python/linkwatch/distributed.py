@@ -37,6 +37,7 @@ import itertools
 import os
 import pickle
 import threading
+import warnings
 from collections import deque
 from typing import TYPE_CHECKING
 
@@ -49,7 +50,7 @@ if TYPE_CHECKING:
     from .io import Frame, Frames
 
 #: Bytes of the positions of a chunk that is sent to a worker, if its size is not given.
-SENT = 1 << 24
+SENT = 1 << 26
 
 _opened = threading.local()
 
@@ -99,11 +100,18 @@ def verify(run: Run, client: Any, chunk: int | None, progress: bool | None) -> N
 
 def _submit(client: Any) -> Callable[..., Any]:
     """Returns the function that sends a call to a worker."""
-    if hasattr(client, "scheduler_info"):
-        # Results of Dask would be found by their arguments, which are large.
-        return functools.partial(client.submit, pure=False)
-    submit: Callable[..., Any] = client.submit
-    return submit
+    if not hasattr(client, "scheduler_info"):
+        submit: Callable[..., Any] = client.submit
+        return submit
+
+    def submit_to_dask(*call: Any) -> Any:
+        with warnings.catch_warnings():
+            # Frames that a lost worker had are sent again, which scattered ones are not.
+            warnings.filterwarnings("ignore", "Sending large graph")
+            # Dask would look for an earlier result of the same arguments, which are large.
+            return client.submit(*call, pure=False)
+
+    return submit_to_dask
 
 
 def _workers(client: Any) -> int:

@@ -113,7 +113,7 @@ def frames_of_atoms(
     if found is None:
         found = _grouped(atoms, topology, path)
     order = np.concatenate([one.nodes for one in found] or [[]]).astype(np.int64)
-    whole = np.array_equal(order, np.arange(trajectory.n_atoms))
+    whole = np.array_equal(order, np.arange(universe.atoms.n_atoms))
     counts = [-len(one.nodes) if one.closed else len(one.nodes) for one in found]
     names, radii = _names(universe, found), _radii(universe, found)
     unit = _unit(universe.trajectory)
