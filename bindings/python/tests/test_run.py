@@ -107,8 +107,10 @@ def test_runs_are_read_from_files_and_universes(tmp_path):
         assert run.changes[0]["time"] == pytest.approx(0.3)
         assert [row["frame"] for row in run.frames] == list(range(6))
         assert run.verdict == expected.verdict and len(run.pull_throughs) == 1
-    with pytest.raises(ValueError, match="counts: pass this to linkwatch.read"):
-        linkwatch.check(linkwatch.read(path), counts=[-4, -4])
+    assert linkwatch.check(path, cell="none", format="linkwatch").verdict == "changed"
+    for given, option in ((linkwatch.read(path), "cell"), (path, "counts"), (BROKEN, "select")):
+        with pytest.raises(TypeError, match=f"no option '{option}' for frames of this kind"):
+            linkwatch.check(given, **{option: "all"})
     mda = pytest.importorskip("MDAnalysis")
     universe = mda.Universe.empty(8, trajectory=True)
     universe.load_new(points.astype("f4"), order="fac")
@@ -141,6 +143,11 @@ def test_options_are_those_of_a_session():
     published = [Frame(np.concatenate(f), [-4, -4], radii=[0.1, 0.3]) for f in BROKEN[:3]]
     run = linkwatch.check(published, thickness="published")
     assert run.frames[2]["clearance"] == pytest.approx(0.2 / 0.4)
+    for given, options in ((3, {}), (BROKEN, {"client": 3}), (BROKEN, {"baseline": 3})):
+        with pytest.raises(TypeError, match="is (a int|3), expected"):
+            linkwatch.check(given, **options)
+    with pytest.raises(ValueError, match="frame 0 has no radii"):
+        linkwatch.check(BROKEN, thickness="published")
     with pytest.raises(ValueError, match="events"):
         linkwatch.check(BROKEN, events="some")
     with pytest.raises(ValueError, match="frame 0: curve 0 has the shape"):

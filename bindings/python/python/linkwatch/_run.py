@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import inspect
 import os
 import subprocess
 import sys
@@ -19,7 +20,7 @@ from .io._curves import plural
 from .io._frames import Frame, Frames, Summary, library
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
+    from collections.abc import Callable, Iterable, Iterator
     from typing import Any
 
     from ._results import Change, Defect, Report
@@ -35,30 +36,40 @@ COLUMNS = {
 PRINTED = 5
 
 
-def frames_of(
+def frames_of(given: Any, **options: Any) -> Frames:
+    """Returns what :func:`check` takes as frames of files."""
+    if isinstance(given, (str, os.PathLike)):
+        given = [given]
+    read: Callable[..., Frames] = frames_in_memory
+    args = [given]
+    if isinstance(given, Frames):
+        read = lambda frames: frames  # noqa: E731
+    elif isinstance(given, (list, tuple)) and given and isinstance(given[0], (str, os.PathLike)):
+        read, args = io.read, list(given)
+    elif hasattr(given, "universe") and hasattr(given, "atoms"):
+        read = io.from_mdanalysis
+    options = {name: value for name, value in options.items() if value is not None}
+    for name in options:
+        if name not in inspect.signature(read).parameters:
+            kind = type(given).__name__
+            raise TypeError(f"there is no option {name!r} for frames of this kind ({kind})")
+    return read(*args, **options)
+
+
+def frames_in_memory(
     given: Any,
     *,
     counts: Any = None,
     closed: Any = None,
-    names: Any = None,
-    basis: str | None = None,
+    names: Any = (),
+    basis: str = "polyline",
     cell: Any = None,
 ) -> Frames:
-    """Returns what :func:`check` takes as frames of files."""
-    options = dict(counts=counts, closed=closed, names=names, basis=basis, cell=cell)
-    options = {name: value for name, value in options.items() if value is not None}
-    if isinstance(given, Frames):
-        if options:
-            raise ValueError(f"{', '.join(options)}: pass this to linkwatch.read")
-        return given
-    if isinstance(given, (str, os.PathLike)):
-        return io.read(given, **options)
-    if isinstance(given, (list, tuple)) and given and isinstance(given[0], (str, os.PathLike)):
-        return io.read(*given, **options)
-    if hasattr(given, "universe") and hasattr(given, "atoms"):
-        return io.from_mdanalysis(given, **options)
+    """Returns an iterable of frames of all forms as frames of files."""
+    if not hasattr(given, "__iter__"):
+        raise TypeError(f"frames is {given!r}, expected a path, frames, or an iterable of frames")
     numbers = None if counts is None else arguments.integers(counts)
-    labels = [] if names is None else arguments.words("names", names)
+    labels = arguments.words("names", names)
     vectors = None if cell is None else np.reshape(arguments.twelve(cell), (4, 3))
     by_default = counts is None and closed is None
 
@@ -66,8 +77,7 @@ def frames_of(
         for seq, one in enumerate(given):
             if not isinstance(one, Frame):
                 points, sizes = arguments.frame(one, numbers, closed, f"frame {seq}")
-                kind = basis or "polyline"
-                one = Frame(points, sizes, kind, labels, cell=vectors, seq=seq, time=float(seq))
+                one = Frame(points, sizes, basis, labels, cell=vectors, seq=seq, time=float(seq))
                 one = dataclasses.replace(one, closed_by_default=by_default)
             yield one
 
@@ -152,18 +162,20 @@ class Run:
         row["last"] = of_frame["frame"]
         row["frames"] += 1
 
-    def _end(self, session: Session, notes: list[str]) -> None:
-        """Adds what the session knows after a frame."""
-        raw = session._session
+    def _note(self, notes: list[str]) -> None:
         self.notes += [note for note in notes if note not in self.notes]
+
+    def _end(self, session: Session) -> None:
+        """Adds what the session knows after the last frame."""
+        raw = session._session
         self._open, self._jumps = len(raw.open()), raw.jumps()
-        self._unmeasured = self._unmeasured or raw.unmeasured_clearance()
+        self._unmeasured = raw.unmeasured_clearance()
 
     def _merge(self, later: Run) -> None:
         """Adds the frames of a run that continues this one."""
         self.frames += later.frames
         self.pull_throughs += later.pull_throughs
-        self.notes += [note for note in later.notes if note not in self.notes]
+        self._note(later.notes)
         for table, rows in later._lasting.items():
             for key, row in rows.items():
                 own = self._lasting[table].setdefault(key, {**row, "frames": 0})
@@ -418,8 +430,10 @@ class Checker:
         published = options["thickness"] == "published"
         radii = frame.radii if published else []
         if self.session is None:
+            if published and not radii:
+                raise ValueError(f"frame {frame.seq} has no radii: give a radius as thickness")
             if published:
-                options["thickness"] = radii or [np.nan]
+                options["thickness"] = radii
             self.session = Session(basis=frame.basis, _state=self._state, **options)
             self._basis = frame.basis
         if frame.basis != self._basis:
@@ -443,7 +457,9 @@ class Checker:
         for frame in frames:
             self.run._add(self.step(frame))
             assert self.session is not None
-            self.run._end(self.session, self.session._session.notes())
+            self.run._note(self.session._session.notes())
+        if self.session is not None:
+            self.run._end(self.session)
 
     def state(self) -> tuple[tuple[bytes, Any], int]:
         """Returns the state after the last frame, and a hash of what findings depend on."""
@@ -517,8 +533,8 @@ def check(
         client: ``dask.distributed.Client`` or ``concurrent.futures.Executor``: verifies chunks of
             frames at the same time. See :mod:`linkwatch.distributed`.
         chunk: number of frames of a chunk.
-        described: ``counts``, ``closed``, ``names``, ``basis`` and ``cell`` of arrays; ``closed``
-            and ``cell`` also of files.
+        described: ``counts``, ``closed``, ``names``, ``basis`` and ``cell`` of arrays; options of
+            :func:`linkwatch.read` for files, and of :func:`linkwatch.io.from_mdanalysis`.
 
     Raises:
         ImportError: a library to read the frames is not installed. The message says how.

@@ -59,6 +59,8 @@ def verify(run: Run, client: Any, chunk: int | None, progress: bool | None) -> N
     """Verifies the frames of a run by a client, and adds them to it."""
     source = run.source
     assert source is not None
+    if not hasattr(client, "submit"):
+        raise TypeError(f"client is {client!r}, expected one of Dask, or an Executor")
     submit, workers = _submit(client), _workers(client)
     if chunk is not None and chunk < 1:
         raise ValueError(f"chunk is {chunk}, expected at least 1 frame")
