@@ -219,6 +219,14 @@ def test_the_examples_of_the_documentation_say_what_happens(capsys):
     assert [printed[0], printed[-1]] == [results[0], results[-1]]
 
 
+def test_help_begins_with_what_to_call_and_lists_it():
+    first = linkwatch.__doc__.splitlines()[2:12]
+    assert all(line.split("(")[0].split(",")[0].split()[0] in linkwatch.__all__ for line in first)
+    assert set(linkwatch.__all__) <= set(dir(linkwatch))
+    for name in linkwatch.__all__:
+        assert getattr(linkwatch, name).__doc__, name
+
+
 def test_the_import_is_quick():
     # Time of the CPU, because other processes may run.
     code = "import time; s = time.process_time(); import linkwatch; print(time.process_time() - s)"

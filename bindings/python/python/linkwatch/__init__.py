@@ -893,6 +893,9 @@ _LATER = {
 
 if not TYPE_CHECKING:
 
+    def __dir__():
+        return sorted({*globals(), *_LATER})
+
     def __getattr__(name):
         if name in _LATER:
             import importlib

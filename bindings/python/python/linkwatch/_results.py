@@ -65,13 +65,16 @@ def _tuple(value: Any) -> Any:
 
 @dataclass(frozen=True, repr=False)
 class Place(Result):
-    """The place at which two curves are closest."""
+    """The place at which two curves are closest.
 
-    #: Segment of each curve, from 0.
+    Attributes:
+        segments: segment of each curve, from 0.
+        point: midpoint of the shortest connection, in the units of the simulation.
+        distance: length of the shortest connection.
+    """
+
     segments: tuple[int, int]
-    #: Midpoint of the shortest connection, in the units of the simulation.
     point: Point
-    #: Length of the shortest connection.
     distance: float
 
 
@@ -79,116 +82,137 @@ class Place(Result):
 class Finding(Result):
     """A finding about two curves, or one."""
 
-    #: First curve, from 0.
     i: int
-    #: Translation of the second curve, in vectors of the periodic cell; zeros without a cell.
     image: Image
-    #: Names of the curves, if they have names.
     names: tuple[str, ...]
 
 
 @dataclass(frozen=True, repr=False)
 class Change(Finding):
-    """A linking number that differs from the expected one."""
+    """A linking number that differs from the expected one.
 
-    #: Second curve; equal to the first one if a curve is linked with its image.
+    Attributes:
+        i, j: curves, from 0; equal if a curve is linked with its image.
+        image: translation of the second curve, in vectors of the periodic cell; zeros without one.
+        names: names of the curves, if they have names.
+        expected: linking number of the baseline.
+        found: linking number of the frame.
+        place: place, if it is known.
+    """
+
     j: int
-    #: Linking number of the baseline.
     expected: int
-    #: Linking number of the frame.
     found: int
-    #: Place, if it is known.
     place: Place | None
 
 
 @dataclass(frozen=True, repr=False)
 class PullThrough(Finding):
-    """A passage of a curve through another one, or through itself, between two frames."""
+    """A passage of a curve through another one, or through itself, between two frames.
 
-    #: Second curve; equal to the first one if the curve passes through itself.
+    Attributes:
+        i, j: curves, from 0; equal if the curve passes through itself.
+        image: translation of the second curve, in vectors of the periodic cell; zeros without one.
+        names: names of the curves, if they have names.
+        segments: segment of each curve, from 0.
+        fraction: time as a fraction of the step between the frames.
+        sign: change of the linking number: 1 or -1.
+        point: place, in the units of the simulation.
+        lengths: relative motion in the step, in segment lengths.
+    """
+
     j: int
-    #: Segment of each curve, from 0.
     segments: tuple[int, int]
-    #: Time as a fraction of the step between the frames.
     fraction: float
-    #: Change of the linking number: 1 or -1.
     sign: int
-    #: Place, in the units of the simulation.
     point: Point
-    #: Relative motion in the step, in segment lengths.
     lengths: float
 
 
 @dataclass(frozen=True, repr=False)
 class Defect(Finding):
-    """A pair of curves, or a curve, that could not be decided or compared."""
+    """A pair of curves, or a curve, that could not be decided or compared.
 
-    #: Second curve; ``None`` if the defect concerns one curve.
+    Attributes:
+        i, j: curves, from 0; ``j`` is ``None`` if the defect concerns one curve.
+        image: translation of the second curve, in vectors of the periodic cell; zeros without one.
+        names: names of the curves, if they have names.
+        kind: contact, too-close, degenerate, no-baseline, undecided-step or unaccounted.
+        place: where they are closest, or the place on the curve.
+    """
+
     j: int | None
-    #: Reason: contact, too-close, degenerate, no-baseline, undecided-step or unaccounted.
     kind: str
     place: Place
 
 
 @dataclass(frozen=True, repr=False)
 class Clearance(Result):
-    """Clearance of a frame."""
+    """Clearance of a frame.
 
-    #: Lower bound of the clearance of all strands.
+    Attributes:
+        at_least: lower bound of the clearance of all strands.
+        ratio: distance of the closest center lines, as a share of the sum of their radii; ``None``
+            if no strands are close, as the fields of these strands.
+        error: upper bound of the error of the ratio: 0 for polylines.
+        curves: curves of the closest strands: the same one twice for two parts of a curve.
+        segments: their segments.
+        image: translation of the second strand, in vectors of the periodic cell; zeros without a
+            cell.
+        points: their nearest points: that of the second strand is translated by its image.
+        low: True if the clearance is below the level of the warning.
+        frames_left: frames until the surfaces touch, or, if they do, until the center lines meet;
+            ``None`` if the clearance does not shrink.
+    """
+
     at_least: float
-    #: Distance of the closest center lines, as a share of the sum of their radii; ``None`` if no
-    #: strands are close, as the fields of these strands.
     ratio: float | None
-    #: Upper bound of the error of the ratio: 0 for polylines.
     error: float | None
-    #: Curves of the closest strands: the same one twice for two parts of a curve.
     curves: tuple[int, int] | None
-    #: Their segments.
     segments: tuple[int, int] | None
-    #: Translation of the second strand, in vectors of the periodic cell; zeros without a cell.
     image: Image | None
-    #: Their nearest points: that of the second strand is translated by its image.
     points: tuple[Point, Point] | None
-    #: True if the clearance is below the level of the warning.
     low: bool
-    #: Frames until the surfaces touch, or, if they do, until the center lines meet; ``None`` if the
-    #: clearance does not shrink.
     frames_left: float | None
 
 
 @dataclass(frozen=True, repr=False)
 class Report(Result):
-    """The verdict on a frame. It is true if the frame is intact."""
+    """The verdict on a frame. It is true if the frame is intact.
 
-    #: Number of the frame, from 0.
+    Attributes:
+        seq: number of the frame, from 0.
+        time: simulation time of the frame, in seconds.
+        verdict: intact, changed, contact, undecided or rejected.
+        abort: True if the policy asks the simulator to stop.
+        changes: linking numbers that differ from the expected ones, sorted by pair.
+        pull_throughs: pull-throughs since the last frame, in chronological order.
+        unresolved: pull-throughs that cannot be resolved, because the frames are too far apart.
+        defects: pairs and curves that could not be decided or compared, sorted by pair.
+        findings: a sentence for every finding.
+        appeared, gone: names of the curves that appeared since the last verified frame, and that
+            are gone.
+        last_intact: last frame that is known to be intact; ``None`` if there is none.
+        safe_fraction: largest proven share of the step from the last intact frame without a
+            pull-through; ``None`` if it is unknown.
+        clearance: clearance of the strands; ``None`` if it is not measured.
+        rejected: reason why the frame was rejected.
+    """
+
     seq: int
-    #: Simulation time of the frame, in seconds.
     time: float
-    #: intact, changed, contact, undecided or rejected.
     verdict: str
-    #: True if the policy asks the simulator to stop.
     abort: bool
-    #: Linking numbers that differ from the expected ones, sorted by pair.
     changes: list[Change]
-    #: Pull-throughs since the last frame, in chronological order.
     pull_throughs: list[PullThrough]
-    #: Pull-throughs that cannot be resolved, because the frames are too far apart.
     unresolved: list[PullThrough]
-    #: Pairs and curves that could not be decided or compared, sorted by pair.
     defects: list[Defect]
-    #: A sentence for every finding.
     findings: list[str]
-    #: Names of the curves that appeared since the last verified frame, and that are gone.
     appeared: list[str]
     gone: list[str]
-    #: Last frame that is known to be intact; ``None`` if there is none.
     last_intact: int | None
-    #: Largest proven share of the step from the last intact frame without a pull-through; ``None``
-    #: if it is unknown.
     safe_fraction: float | None
-    #: Clearance of the strands; ``None`` if it is not measured.
     clearance: Clearance | None
-    #: Reason why the frame was rejected.
     rejected: str | None
 
     @property
@@ -205,36 +229,43 @@ class Report(Result):
 
 @dataclass(frozen=True, repr=False)
 class Strut(Result):
-    """Two points of curves whose distance is a local minimum."""
+    """Two points of curves whose distance is a local minimum.
 
-    #: Curve of each end, from 0.
+    Attributes:
+        curves: curve of each end, from 0.
+        segments: segment of each end, from 0.
+        t: place of each end on its segment, from 0 to 1.
+        image: translation of the second curve, in vectors of the periodic cell; zeros without a
+            cell.
+        points: both ends: that of the second curve is translated by its image.
+        length: distance of the ends.
+        error: upper bound of the error of the length: 0 for polylines.
+        gradient: derivatives of the length with respect to the start and the end of the first
+            segment, and of the second one. ``None`` for splines, and if the length is 0.
+    """
+
     curves: tuple[int, int]
-    #: Segment of each end, from 0.
     segments: tuple[int, int]
-    #: Place of each end on its segment, from 0 to 1.
     t: tuple[float, float]
-    #: Translation of the second curve, in vectors of the periodic cell; zeros without a cell.
     image: Image
-    #: Both ends: that of the second curve is translated by its image.
     points: tuple[Point, Point]
-    #: Distance of the ends.
     length: float
-    #: Upper bound of the error of the length: 0 for polylines.
     error: float
-    #: Derivatives of the length with respect to the start and the end of the first segment, and of
-    #: the second one. ``None`` for splines, and if the length is 0.
     gradient: tuple[tuple[Point, Point], tuple[Point, Point]] | None
 
 
 @dataclass(frozen=True, repr=False)
 class Thickness(Result):
-    """How sharply curves bend, and how close they come."""
+    """How sharply curves bend, and how close they come.
 
-    #: Length of all curves.
+    Attributes:
+        length: length of all curves.
+        min_rad: radius of the sharpest bend; ``None`` if no curve bends.
+        poca: shortest strut; ``None`` if there is none.
+    """
+
     length: float
-    #: Radius of the sharpest bend; ``None`` if no curve bends.
     min_rad: float | None
-    #: Shortest strut; ``None`` if there is none.
     poca: Strut | None
 
     def thickness(self, stiffness: float = 1.0) -> float:
@@ -255,25 +286,29 @@ class Thickness(Result):
 
 @dataclass(frozen=True, repr=False)
 class Ribbon(Result):
-    """Linking number, twist and writhe of a closed ribbon between two curves."""
+    """Linking number, twist and writhe of a closed ribbon between two curves.
 
-    #: Linking number of the two curves, in the same direction; ``None`` if they touch.
+    Attributes:
+        linking: linking number of the two curves, in the same direction; ``None`` if they touch.
+        twist, twist_error: twist about the axis, in turns, and upper bound of its error.
+        writhe, writhe_error: writhe of the axis, and upper bound of its error.
+        passages: signed number of passages of the ribbon through itself, linking - twist - writhe:
+            0 for a ribbon; ``None`` if the errors admit several numbers.
+        pairing: vertices that belong together: parallel, antiparallel, or one of these with a
+            shift.
+        pairing_by: reason for the pairing: given, order (of the vertices) or distances (that are
+            the most constant).
+        rivals: pairings that fit nearly as well and have another twist, as tuples (pairing, twist).
+    """
+
     linking: int | None
-    #: Twist about the axis, in turns, and upper bound of its error.
     twist: float
     twist_error: float
-    #: Writhe of the axis, and upper bound of its error.
     writhe: float
     writhe_error: float
-    #: Signed number of passages of the ribbon through itself, linking - twist - writhe: 0 for a
-    #: ribbon; ``None`` if the errors admit several numbers.
     passages: int | None
-    #: Vertices that belong together: parallel, antiparallel, or one of these with a shift.
     pairing: str
-    #: Reason for the pairing: given, order (of the vertices) or distances (that are the most
-    #: constant).
     pairing_by: str
-    #: Pairings that fit nearly as well and have another twist, as tuples (pairing, twist).
     rivals: list[tuple[str, float]]
 
 
