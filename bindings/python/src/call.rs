@@ -1,16 +1,19 @@
 //! Calls of Python: arguments, panics, and the state of an object that any thread may use.
 
 use crate::exception;
-use linkwatch::Error;
+use linkwatch::{Error, Progress};
 use pyo3::conversion::FromPyObjectOwned;
 use pyo3::exceptions::{PyRuntimeError, PyTypeError};
 use pyo3::prelude::*;
 use pyo3::sync::MutexExt;
-use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::process;
-use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Mutex, mpsc};
 use std::time::Duration;
+
+/// Time that a call waits before it handles Ctrl-C.
+pub const SLICE: Duration = Duration::from_millis(50);
 
 /// Time for a waiting thread to take its turn.
 const TURN: Duration = Duration::from_millis(1);
@@ -21,6 +24,35 @@ pub fn guarded<R>(run: impl FnOnce() -> PyResult<R>) -> PyResult<R> {
         let what = "internal error of linkwatch, described on stderr: please report it";
         Err(PyRuntimeError::new_err(what))
     })
+}
+
+/// Runs a function on another thread, without the interpreter lock. Ctrl-C cancels the progress,
+/// and is returned beside the result. Without a progress, it ends the call at once, and the
+/// function runs on to its end, unused.
+pub fn watched<R: Send + 'static>(
+    py: Python<'_>,
+    progress: Option<&Progress>,
+    run: impl FnOnce() -> R + Send + 'static,
+) -> PyResult<(R, PyResult<()>)> {
+    let (send, receive) = mpsc::channel();
+    std::thread::spawn(move || send.send(catch_unwind(AssertUnwindSafe(run))));
+    let receive = Mutex::new(receive);
+    let next = || receive.lock().expect("used here only").recv_timeout(SLICE);
+    let mut signals = Ok(());
+    loop {
+        match py.detach(next) {
+            Ok(Ok(found)) => return Ok((found, signals)),
+            Ok(Err(panic)) => resume_unwind(panic),
+            Err(_) => match (py.check_signals(), progress) {
+                (Ok(()), _) => {}
+                (Err(interrupt), None) => return Err(interrupt),
+                (interrupt, Some(progress)) => {
+                    progress.cancel();
+                    signals = interrupt;
+                }
+            },
+        }
+    }
 }
 
 /// Returns the value of an argument, or an error that names it and what was expected.

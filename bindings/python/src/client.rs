@@ -1,9 +1,9 @@
 //! The live client, as a Python object.
 
-use crate::call::{Shared, guarded};
+use crate::call::{SLICE, Shared, guarded, watched};
 use crate::exception;
-use crate::findings::{Change, Defect, PullThrough};
 use crate::frame::{basis, cell};
+use crate::result::{changes, defects, pull_throughs, result};
 use linkwatch::{
     Basis, ClientOptions, CurveLabels, Finding, FrameMemory, MessageKind, Outcome, Precision,
     VerdictMessage,
@@ -14,9 +14,6 @@ use pyo3::exceptions::{PyRuntimeError, PyValueError};
 use pyo3::prelude::*;
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
-
-/// Time that a call waits before it handles Ctrl-C.
-const SLICE: Duration = Duration::from_millis(50);
 
 /// Simulator's end of the bus.
 #[pyclass(frozen, module = "linkwatch")]
@@ -102,18 +99,14 @@ impl Message {
     #[getter]
     fn first(&self, py: Python<'_>) -> PyResult<Option<Py<PyAny>>> {
         let (extent, names) = (self.0.extent, &self.0.names);
-        Ok(match &self.0.first {
-            Some(Finding::Change(c)) => {
-                Some(Py::new(py, Change::new(c, extent, names))?.into_any())
-            }
-            Some(Finding::Event(p)) => {
-                Some(Py::new(py, PullThrough::new(p, extent, names))?.into_any())
-            }
-            Some(Finding::Defect(d)) => {
-                Some(Py::new(py, Defect::new(d, extent, names))?.into_any())
-            }
-            _ => None,
-        })
+        let (class, found) = match &self.0.first {
+            Some(Finding::Change(c)) => ("Change", changes(&[*c], extent, names)),
+            Some(Finding::Event(p)) => ("PullThrough", pull_throughs(&[*p], extent, names)),
+            Some(Finding::Defect(d)) => ("Defect", defects(&[*d], extent, names)),
+            _ => return Ok(None),
+        };
+        let found = result(py, class, found, names)?;
+        found.bind(py).get_item(0).map(|first| Some(first.unbind()))
     }
 
     /// Last frame that is known to be intact; None if there is none.
@@ -275,10 +268,18 @@ impl Client {
         Ok(message.map(Message))
     }
 
-    /// Waits for the verdict on the last published frame, at most for so many seconds.
-    fn wait(&self, py: Python<'_>, seconds: f64) -> PyResult<Option<Message>> {
-        let none = || PyRuntimeError::new_err("no frame was published");
-        let seq = self.0.with(py, |state| state.last.ok_or_else(none))?;
+    /// Waits for the verdict on a frame, or on the last published one, at most for so many seconds.
+    #[pyo3(signature = (seconds, seq = None))]
+    fn wait(&self, py: Python<'_>, seconds: f64, seq: Option<u64>) -> PyResult<Option<Message>> {
+        let last = self.0.with(py, |state| Ok(state.last))?;
+        let seq = match (seq, last) {
+            (Some(seq), Some(last)) if seq > last => {
+                let what = format!("frame {seq} was not published, only those up to {last}");
+                return Err(PyValueError::new_err(what));
+            }
+            (_, None) => return Err(PyRuntimeError::new_err("no frame was published")),
+            (seq, Some(last)) => seq.unwrap_or(last),
+        };
         let found = self.waiting(py, seconds, |client, slice| {
             Ok(match client.wait(seq, slice)? {
                 Outcome::Verdict(message) => Some(Ok(*message)),
@@ -366,8 +367,8 @@ impl Client {
             state.goodbye = client.as_ref().and_then(|client| client.aborted().cloned());
             let left = client.as_ref().and_then(|client| client.departure());
             let left = left.map(ToString::to_string);
-            let last = py.detach(|| client.map(|client| client.finish_within(limit)));
-            let last = last.transpose().map_err(exception)?.flatten();
+            let finish = move || client.map(|client| client.finish_within(limit)).transpose();
+            let last = watched(py, None, finish)?.0.map_err(exception)?.flatten();
             match &last {
                 Some(_) => state.goodbye.clone_from(&last),
                 None => state.no_verdict = left,

@@ -2,10 +2,10 @@
 //! into one array first; see `python/linkwatch/__init__.py`.
 
 mod call;
+mod certificate;
 mod client;
-mod findings;
 mod frame;
-mod report;
+mod result;
 mod session;
 mod strands;
 
@@ -16,16 +16,7 @@ use std::panic::catch_unwind;
 #[pymodule]
 fn _linkwatch(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
-    module.add_class::<findings::Place>()?;
-    module.add_class::<findings::Change>()?;
-    module.add_class::<findings::PullThrough>()?;
-    module.add_class::<findings::Defect>()?;
-    module.add_class::<report::Report>()?;
-    module.add_class::<report::Certificate>()?;
-    module.add_class::<strands::Strut>()?;
-    module.add_class::<strands::Thickness>()?;
-    module.add_class::<strands::Clearance>()?;
-    module.add_class::<strands::Ribbon>()?;
+    module.add_class::<certificate::Certificate>()?;
     module.add_class::<session::Session>()?;
     module.add_class::<client::Client>()?;
     module.add_class::<client::Message>()?;
@@ -33,6 +24,7 @@ fn _linkwatch(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(strands::thickness, module)?)?;
     module.add_function(wrap_pyfunction!(strands::struts, module)?)?;
     module.add_function(wrap_pyfunction!(strands::ribbon, module)?)?;
+    module.add_function(wrap_pyfunction!(strands::gauss, module)?)?;
     module.add_function(wrap_pyfunction!(command, module)?)?;
     Ok(())
 }

@@ -1,22 +1,37 @@
 //! Verification in process, as Python objects.
 
-use crate::call::{Shared, guarded};
+use crate::call::{Shared, guarded, watched};
+use crate::certificate::Certificate;
 use crate::exception;
 use crate::frame::{Points, basis, cell};
-use crate::report::{Certificate, Report};
+use crate::result::{packed, report, result, unpacked};
 use linkwatch::{
-    Basis, Cell, Certifier, ClearanceOptions, Closing, ClosingNote, CurveLabels, CurveSet,
-    CurveSource, Error, FrameInfo, RawFrame, SessionOptions, Strategy, period,
+    Basis, Cell, ClearanceOptions, Closing, ClosingNote, CurveLabels, CurveSet, CurveSource, Error,
+    FrameInfo, RawFrame, SessionOptions, SessionState, Strategy, VerifiedFrame, period,
 };
-use pyo3::exceptions::PyValueError;
+use pyo3::exceptions::{PyRuntimeError, PyValueError};
 use pyo3::prelude::*;
+use pyo3::types::PyBytes;
+use serde_json::json;
+use std::hash::{DefaultHasher, Hash, Hasher};
 use std::sync::Arc;
+use std::time::{Duration, Instant};
 
 /// Radius of all strands, or `None` if each curve has its own, and the level of the warning.
 type Strands = (Option<f64>, f64);
 
 /// `incremental`, `keep_open`, and `wrapped`.
 type Flags = (bool, bool, Option<bool>);
+
+/// Number, cell, and reason to reject it, of a frame of a file.
+type OfFile = (u64, Option<[f64; 12]>, Option<String>);
+
+const CLOSED: &str = "the session is closed; create a new one";
+
+/// Number of segments from which on a frame may take so long that Ctrl-C is heeded, unless a frame
+/// of that many took less than this time. Another thread costs up to a millisecond.
+const LARGE: usize = 4096;
+const LONG: Duration = Duration::from_millis(100);
 
 /// Verifies the frames of one simulation.
 #[pyclass(frozen, module = "linkwatch")]
@@ -26,7 +41,12 @@ pub struct Session {
 }
 
 struct State {
-    session: linkwatch::Session,
+    /// `None` once it was closed.
+    session: Option<Box<linkwatch::Session>>,
+    options: SessionOptions,
+    /// Time of the frame that took longest, and most segments of a frame.
+    longest: Duration,
+    most: usize,
     /// Number, cell, labels and so on of the next frame.
     next: FrameInfo,
     /// True if each curve has its own radius.
@@ -43,17 +63,18 @@ struct State {
 impl Session {
     #[new]
     #[pyo3(signature = (
-        *, basis_name, baseline, events, abort_on, flags, motion_limit, strands
+        *, words, baseline, flags, motion_limit, strands, state
     ))]
     fn new(
-        basis_name: &str,
+        py: Python<'_>,
+        words: [String; 3],
         baseline: Option<Certificate>,
-        events: &str,
-        abort_on: &str,
         flags: Flags,
         motion_limit: Option<f64>,
         strands: Option<Strands>,
+        state: Option<&[u8]>,
     ) -> PyResult<Session> {
+        let [basis_name, events, abort_on] = words;
         let (incremental, keep_open, wrapped) = flags;
         let options = SessionOptions {
             baseline: baseline.map(|b| b.numbers),
@@ -73,12 +94,20 @@ impl Session {
             },
             ..SessionOptions::default()
         };
-        let session = guarded(|| linkwatch::Session::new(options).map_err(exception))?;
+        let begin = state.map_or(Ok(SessionState::default()), unpacked)?;
+        let mut next = begin.info().cloned().unwrap_or_default();
+        next.seq += u64::from(state.is_some());
+        let of_session = options.clone();
+        let begin = || linkwatch::Session::resume(of_session, begin);
+        let session = guarded(|| py.detach(begin).map_err(exception))?;
         Ok(Session {
-            basis: basis(basis_name)?,
+            basis: basis(&basis_name)?,
             state: Shared::new(State {
-                session,
-                next: FrameInfo::default(),
+                session: Some(Box::new(session)),
+                options,
+                longest: Duration::ZERO,
+                most: LARGE,
+                next,
                 has_radii: strands.is_some_and(|(radius, _)| radius.is_none()),
                 open: None,
                 notes: Vec::new(),
@@ -129,20 +158,74 @@ impl Session {
         })
     }
 
-    /// Verifies a frame, without the interpreter lock.
+    /// Verifies a frame, without the interpreter lock. A frame of a file has its own number, cell
+    /// and reason to be rejected.
+    #[pyo3(signature = (points, counts, time, of_file = None))]
     fn step(
         &self,
         py: Python<'_>,
         points: Points<'_>,
         counts: Vec<i32>,
         time: f64,
-    ) -> PyResult<Report> {
+        of_file: Option<OfFile>,
+    ) -> PyResult<Py<PyAny>> {
         let frame = RawFrame {
             basis: self.basis,
             counts: &counts,
             positions: points.positions()?,
         };
-        self.run(py, |state| state.step(frame, time))
+        self.state.with(py, |state| {
+            let verified = state.step(py, frame, time, of_file)?;
+            let names = &verified.info.labels.names;
+            result(py, "Report", report(&verified.report, names), names)
+        })
+    }
+
+    /// Returns the state after the last verified frame, from which another process continues, and a
+    /// hash of all of it that findings in later frames depend on.
+    fn state(&self, py: Python<'_>) -> PyResult<(Py<PyBytes>, u64)> {
+        let (bytes, hash) = self.run(py, |state| {
+            let state = state.session().state();
+            let mut json = json!(state);
+            // Coordinates follow from the frame, and from how curves were moved, which is hashed.
+            // Candidates of images are found again when curves move.
+            for name in [
+                "/curves/single",
+                "/curves/double",
+                "/engine/intactness",
+                "/engine/extent",
+                "/engine/cell/images",
+                "/strands",
+            ] {
+                json.pointer_mut(&format!("/verified{name}"))
+                    .map(serde_json::Value::take);
+            }
+            let mut hash = DefaultHasher::new();
+            json.to_string().hash(&mut hash);
+            Ok((packed(&state), hash.finish()))
+        })?;
+        Ok((PyBytes::new(py, &bytes).unbind(), hash))
+    }
+
+    /// Begins with the next frame in the middle of a motion, of which the baseline is known.
+    fn begin_part(&self, py: Python<'_>) -> PyResult<()> {
+        self.run(py, |state| {
+            let in_cell = state.next.cell.is_some();
+            let session = state.session();
+            match session.baseline().cloned().filter(|_| in_cell) {
+                // Curves may be cells away from where they were in the first frame.
+                Some(baseline) => session.begin_part(baseline),
+                None => session.cut(),
+            }
+            Ok(())
+        })
+    }
+
+    fn close(&self, py: Python<'_>) -> PyResult<()> {
+        self.state.with(py, |state| {
+            state.session = None;
+            Ok(())
+        })
     }
 
     fn cut(&self, py: Python<'_>) -> PyResult<()> {
@@ -181,7 +264,7 @@ impl Session {
 
     fn baseline(&self, py: Python<'_>) -> PyResult<Option<Certificate>> {
         self.run(py, |state| {
-            let baseline = state.session.baseline().cloned();
+            let baseline = state.session().baseline().cloned();
             Ok(baseline.map(|numbers| Certificate::new(numbers, state.open())))
         })
     }
@@ -194,29 +277,77 @@ impl Session {
         py: Python<'_>,
         run: impl FnOnce(&mut State) -> Result<R, Error> + Send,
     ) -> PyResult<R> {
-        let run = |state: &mut State| py.detach(|| run(state)).map_err(exception);
-        self.state.with(py, run)
+        self.state.with(py, |state| {
+            if state.session.is_none() {
+                return Err(PyRuntimeError::new_err(CLOSED));
+            }
+            py.detach(|| run(state)).map_err(exception)
+        })
     }
 }
 
 impl State {
-    fn step(&mut self, frame: RawFrame<'_>, time: f64) -> Result<Report, Error> {
+    /// Returns the session, in a call of [`Session::run`].
+    fn session(&mut self) -> &mut linkwatch::Session {
+        self.session.as_deref_mut().expect("checked by the caller")
+    }
+
+    fn step(
+        &mut self,
+        py: Python<'_>,
+        frame: RawFrame<'_>,
+        time: f64,
+        of_file: Option<OfFile>,
+    ) -> PyResult<VerifiedFrame> {
+        let mut why = None;
+        if let Some((seq, numbers, rejected)) = of_file {
+            (self.next.seq, self.next.cell, why) = (seq, numbers.map(cell), rejected);
+        }
         let info = FrameInfo {
             time,
             ..self.next.clone()
         };
+        let closed = || PyRuntimeError::new_err(CLOSED);
+        let mut session = self.session.take().ok_or_else(closed)?;
+        let received = py.detach(|| {
+            session.receive(info, |copy| match why {
+                Some(why) => Err(Error::Usage(why)),
+                None => copy(frame),
+            })
+        });
+        let segments = received.segments();
+        let is_quick = segments <= self.most && self.longest < LONG;
+        let start = Instant::now();
+        let (outcome, signals) = match is_quick {
+            true => (py.detach(|| session.verify(received)), Ok(())),
+            false => {
+                let progress = session.progress();
+                let verify = move || (session.verify(received), session);
+                let ((outcome, back), signals) = watched(py, Some(&progress), verify)?;
+                session = back;
+                (outcome, signals)
+            }
+        };
+        if session.progress().is_cancelled() {
+            let (options, state) = (self.options.clone(), session.state());
+            *session = linkwatch::Session::resume(options, state).map_err(exception)?;
+        }
+        self.session = Some(session);
+        self.longest = self.longest.max(start.elapsed());
+        self.most = self.most.max(segments);
+        signals?;
         self.next.seq += 1;
-        let received = self.session.receive(info, |copy| copy(frame));
-        let verified = self.session.verify(received)?;
-        let info = verified.info;
+        let verified = outcome.map_err(exception)?;
+        let info = &verified.info;
         if let Some(set) = &verified.curves
             && self.open.as_ref().is_none_or(|of| of.0 != info.layout)
         {
             self.open = Some((info.layout, open_curves(set, info.cell.as_ref())));
         }
-        (self.notes, self.jumps) = (verified.notes, verified.jumps);
-        self.unmeasured = verified.unmeasured;
-        Ok(Report::new(verified.report, info.labels))
+        self.notes.clone_from(&verified.notes);
+        self.jumps = verified.jumps;
+        self.unmeasured.clone_from(&verified.unmeasured);
+        Ok(verified)
     }
 
     fn open(&self) -> Vec<u32> {
@@ -248,45 +379,41 @@ pub fn certify(
         closed_by_default,
         ..CurveSource::default()
     };
-    guarded(|| py.detach(|| certificate(frame, source)).map_err(exception))
-}
-
-fn certificate(
-    frame: RawFrame<'_>,
-    source: CurveSource,
-) -> Result<(Certificate, Vec<String>), Error> {
     let cell = source.cell;
-    if let Some(cell) = &cell {
-        cell.check()?;
-    }
-    let mut closing = Closing::default();
-    let set = closing.curves(frame, source)?;
-    let open = open_curves(&set, cell.as_ref());
-    if open.len() == set.len() {
-        let (curves, yarns) = (set.len(), 0);
-        return Err(Error::NothingClosed { curves, yarns });
-    }
-    let options = SessionOptions::default();
-    let numbers = match cell {
-        None => Certifier::new(&options)?.certify(&set).0.clone(),
-        Some(cell) => {
-            let mut session = linkwatch::Session::new(options)?;
-            let report = session.feed(FrameInfo::default().in_cell(cell), set)?;
-            match (report.rejected, session.baseline()) {
-                (None, Some(baseline)) => baseline.clone(),
-                (why, _) => {
-                    let why = why.unwrap_or_else(|| "no linking numbers".into());
-                    return Err(Error::Usage(why));
-                }
-            }
+    guarded(|| {
+        if let Some(cell) = &cell {
+            cell.check().map_err(exception)?;
         }
-    };
-    let notes = closing
-        .take_notes()
-        .iter()
-        .map(ToString::to_string)
-        .collect();
-    Ok((Certificate::new(numbers, open), notes))
+        let mut closing = Closing::default();
+        let set = py
+            .detach(|| closing.curves(frame, source))
+            .map_err(exception)?;
+        let open = open_curves(&set, cell.as_ref());
+        if open.len() == set.len() {
+            let (curves, yarns) = (set.len(), 0);
+            return Err(exception(Error::NothingClosed { curves, yarns }));
+        }
+        let mut session = linkwatch::Session::new(SessionOptions::default()).map_err(exception)?;
+        let progress = session.progress();
+        let info = FrameInfo {
+            cell,
+            ..FrameInfo::default()
+        };
+        let (found, signals) = watched(py, Some(&progress), move || {
+            let report = session.feed(info, set)?;
+            match (report.rejected, session.baseline()) {
+                (None, Some(baseline)) => Ok(baseline.clone()),
+                (why, _) => Err(Error::Usage(
+                    why.unwrap_or_else(|| "no linking numbers".into()),
+                )),
+            }
+        })?;
+        signals?;
+        let numbers = found.map_err(exception)?;
+        let notes = closing.take_notes();
+        let notes = notes.iter().map(ToString::to_string).collect();
+        Ok((Certificate::new(numbers, open), notes))
+    })
 }
 
 /// Returns the curves of a frame that have no linking numbers, because they are open and do not run

@@ -1,346 +1,97 @@
-//! Thickness, struts, clearance and ribbons, as Python objects.
+//! Thickness, struts, ribbons and Gauss integrals, as Python objects.
 
-use crate::call::guarded;
+use crate::call::{guarded, watched};
 use crate::exception;
 use crate::frame::{Points, basis, cell};
+use crate::result::result;
+use linkwatch::kernels::Estimate;
 use linkwatch::{
-    Axis, Cell, Closing, CurveSet, CurveSource, Error, PairingReason, RawFrame, RibbonOptions,
+    Axis, Cell, Closing, CurveSet, CurveSource, Error, GaussIntegrals, RawFrame, Ribbon,
+    RibbonOptions, Strut, Thickness,
 };
 use pyo3::prelude::*;
+use serde_json::{Value, json};
 
-type Point = [f64; 3];
+/// Points, counts, basis and cell of a frame.
+type Frame<'py> = (Points<'py>, Vec<i32>, String, Option<[f64; 12]>);
 
-/// Two points of curves whose distance is a local minimum.
-#[pyclass(frozen, eq, module = "linkwatch")]
-#[derive(Clone, PartialEq)]
-pub struct Strut(linkwatch::Strut, bool);
-
-#[pymethods]
-impl Strut {
-    /// Curve of each end, from 0.
-    #[getter]
-    fn curves(&self) -> (u32, u32) {
-        let [a, b] = self.0.ends;
-        (a.curve, b.curve)
-    }
-
-    /// Segment of each end, from 0.
-    #[getter]
-    fn segments(&self) -> (u32, u32) {
-        let [a, b] = self.0.ends;
-        (a.segment, b.segment)
-    }
-
-    /// Place of each end on its segment, from 0 to 1.
-    #[getter]
-    fn t(&self) -> (f64, f64) {
-        let [a, b] = self.0.ends;
-        (a.t, b.t)
-    }
-
-    /// Translation of the second curve, in vectors of the periodic cell; zeros without a cell.
-    #[getter]
-    fn image(&self) -> (i32, i32, i32) {
-        self.0.image.into()
-    }
-
-    /// Both ends: that of the second curve is translated by its image.
-    #[getter]
-    fn points(&self) -> (Point, Point) {
-        let [a, b] = self.0.ends;
-        (a.point, b.point)
-    }
-
-    /// Distance of the ends.
-    #[getter]
-    fn length(&self) -> f64 {
-        self.0.length
-    }
-
-    /// Upper bound of the error of the length: 0 for polylines.
-    #[getter]
-    fn error(&self) -> f64 {
-        self.0.error
-    }
-
-    /// Derivatives of the length with respect to the start and the end of the first segment, and of
-    /// the second one. None for splines, and if the length is 0.
-    #[getter]
-    fn gradient(&self) -> Option<[[Point; 2]; 2]> {
-        self.0.gradient().filter(|_| self.1)
-    }
-
-    fn __str__(&self) -> String {
-        self.0.to_string()
-    }
-
-    fn __repr__(&self) -> String {
-        format!("<Strut: {}>", self.0)
-    }
-}
-
-/// How sharply curves bend, and how close they come.
-#[pyclass(frozen, eq, module = "linkwatch")]
-#[derive(Clone, PartialEq)]
-pub struct Thickness(linkwatch::Thickness, bool);
-
-#[pymethods]
-impl Thickness {
-    /// Length of all curves.
-    #[getter]
-    fn length(&self) -> f64 {
-        self.0.length
-    }
-
-    /// Radius of the sharpest bend; None if no curve bends.
-    #[getter]
-    fn min_rad(&self) -> Option<f64> {
-        self.0.min_rad.map(|bend| bend.radius)
-    }
-
-    /// Shortest strut; None if there is none.
-    #[getter]
-    fn poca(&self) -> Option<Strut> {
-        self.0.poca.map(|strut| Strut(strut, self.1))
-    }
-
-    /// Diameter of the thickest tube around all curves that neither bends too sharply nor overlaps.
-    #[pyo3(signature = (stiffness = 1.0))]
-    fn thickness(&self, stiffness: f64) -> f64 {
-        self.0.thickness(stiffness)
-    }
-
-    /// Length divided by thickness.
-    #[pyo3(signature = (stiffness = 1.0))]
-    fn ropelength(&self, stiffness: f64) -> f64 {
-        self.0.ropelength(stiffness)
-    }
-
-    fn __repr__(&self) -> String {
-        format!("<Thickness: {}>", self.0.thickness(1.0))
-    }
-}
-
-/// Clearance of a frame.
-#[pyclass(frozen, eq, module = "linkwatch")]
-#[derive(Clone, PartialEq)]
-pub struct Clearance(pub linkwatch::Clearance);
-
-#[pymethods]
-impl Clearance {
-    /// Lower bound of the clearance of all strands.
-    #[getter]
-    fn at_least(&self) -> f64 {
-        self.0.at_least
-    }
-
-    /// Distance of the closest center lines, as a share of the sum of their radii; None if no
-    /// strands are close.
-    #[getter]
-    fn ratio(&self) -> Option<f64> {
-        self.0.closest.map(|c| c.ratio)
-    }
-
-    /// Upper bound of the error of the ratio: 0 for polylines.
-    #[getter]
-    fn error(&self) -> Option<f64> {
-        self.0.closest.map(|c| c.error)
-    }
-
-    /// Curves of the closest strands: the same one twice for two parts of a curve.
-    #[getter]
-    fn curves(&self) -> Option<(u32, u32)> {
-        self.0.closest.map(|c| (c.i, c.j))
-    }
-
-    /// Their segments.
-    #[getter]
-    fn segments(&self) -> Option<[u32; 2]> {
-        self.0.closest.map(|c| c.segments)
-    }
-
-    /// Translation of the second strand, in vectors of the periodic cell; zeros without a cell.
-    #[getter]
-    fn image(&self) -> Option<(i32, i32, i32)> {
-        self.0.closest.map(|c| c.image.into())
-    }
-
-    /// Their nearest points: that of the second strand is translated by its image.
-    #[getter]
-    fn points(&self) -> Option<[Point; 2]> {
-        self.0.closest.map(|c| c.points)
-    }
-
-    /// True if the clearance is below the level of the warning.
-    #[getter]
-    fn low(&self) -> bool {
-        self.0.low
-    }
-
-    /// Frames until the surfaces touch, or, if they do, until the center lines meet; None if the
-    /// clearance does not shrink.
-    #[getter]
-    fn frames_left(&self) -> Option<f64> {
-        self.0.frames_left
-    }
-
-    fn __str__(&self) -> String {
-        let sentence = self.0.sentence_named(0.0, &[]);
-        sentence.unwrap_or_else(|| "no strands are close".into())
-    }
-
-    fn __repr__(&self) -> String {
-        format!("<Clearance: {}>", self.__str__())
-    }
-}
+/// Values and bounds.
+type Estimates = (Vec<f64>, Vec<f64>);
 
 /// Runs a measurement of the curves of a frame, without the interpreter lock.
-fn measure<T: Send>(
+fn measure<T: Send + 'static>(
     py: Python<'_>,
-    (points, counts, numbers): (&Points<'_>, &[i32], Option<[f64; 12]>),
-    basis_name: &str,
-    run: impl FnOnce(&CurveSet, Option<&Cell>) -> Result<T, Error> + Send,
+    (points, counts, basis_name, numbers): &Frame<'_>,
+    run: impl FnOnce(&CurveSet, Option<&Cell>) -> Result<T, Error> + Send + 'static,
 ) -> PyResult<T> {
-    let (basis, positions) = (basis(basis_name)?, points.positions()?);
+    let frame = RawFrame {
+        basis: basis(basis_name)?,
+        counts,
+        positions: points.positions()?,
+    };
     let cell = numbers.map(cell);
     guarded(|| {
-        let measured = py.detach(|| {
-            let frame = RawFrame {
-                basis,
-                counts,
-                positions,
-            };
-            let set = Closing::default().curves(frame, CurveSource::default())?;
-            run(&set, cell.as_ref())
-        });
+        let set = Closing::default().curves(frame, CurveSource::default());
+        let set = set.map_err(exception)?;
+        let (measured, _) = watched(py, None, move || run(&set, cell.as_ref()))?;
         measured.map_err(exception)
     })
 }
 
+fn strut(strut: &Strut, is_polyline: bool) -> Value {
+    let mut json = json!(strut);
+    json["gradient"] = json!(strut.gradient().filter(|_| is_polyline));
+    json
+}
+
 /// Measures bends and the shortest strut.
 #[pyfunction]
-pub fn thickness(
-    py: Python<'_>,
-    points: Points<'_>,
-    counts: Vec<i32>,
-    basis_name: &str,
-    cell: Option<[f64; 12]>,
-) -> PyResult<Thickness> {
-    let frame = (&points, &counts[..], cell);
-    let measured = measure(py, frame, basis_name, linkwatch::Thickness::of)?;
-    Ok(Thickness(measured, basis_name == "polyline"))
+pub fn thickness(py: Python<'_>, frame: Frame<'_>) -> PyResult<Py<PyAny>> {
+    let found = measure(py, &frame, Thickness::of)?;
+    let (bend, poca) = (found.min_rad, found.poca);
+    let json = json!({
+        "length": found.length,
+        "min_rad": bend.map(|m| m.radius),
+        "min_rad_error": bend.map(|m| m.error),
+        "min_rad_at": bend,
+        "poca": poca.map(|strut| strut.length),
+        "poca_error": poca.map(|strut| strut.error),
+        "poca_at": poca.map(|found| strut(&found, frame.2 == "polyline")),
+        "thickness": found.thickness(1.0),
+        "ropelength": found.ropelength(1.0),
+        "stiffness": 1.0,
+    });
+    let words = vec![found.thickness(1.0).to_string()];
+    let poca = poca.map(|strut| strut.to_string());
+    let words = words.into_iter().chain(poca).collect();
+    result(py, "Thickness", (json.to_string(), words), &[])
 }
 
 /// Finds all struts up to a length.
 #[pyfunction]
-pub fn struts(
-    py: Python<'_>,
-    points: Points<'_>,
-    counts: Vec<i32>,
-    basis_name: &str,
-    cell: Option<[f64; 12]>,
-    longest: f64,
-) -> PyResult<Vec<Strut>> {
-    let frame = (&points, &counts[..], cell);
-    let found = measure(py, frame, basis_name, |set, cell| {
+pub fn struts(py: Python<'_>, frame: Frame<'_>, longest: f64) -> PyResult<Py<PyAny>> {
+    let found = measure(py, &frame, move |set, cell| {
         linkwatch::struts(set, cell, longest)
     })?;
-    let exact = basis_name == "polyline";
-    Ok(found.into_iter().map(|strut| Strut(strut, exact)).collect())
-}
-
-/// Linking number, twist and writhe of a closed ribbon between two curves.
-#[pyclass(frozen, module = "linkwatch")]
-pub struct Ribbon(linkwatch::Ribbon);
-
-#[pymethods]
-impl Ribbon {
-    /// Linking number of the two curves, in the same direction; None if they touch.
-    #[getter]
-    fn linking(&self) -> Option<i64> {
-        self.0.linking
-    }
-
-    /// Twist about the axis, in turns.
-    #[getter]
-    fn twist(&self) -> f64 {
-        self.0.twist.value
-    }
-
-    /// Upper bound of the error of the twist.
-    #[getter]
-    fn twist_error(&self) -> f64 {
-        self.0.twist.bound
-    }
-
-    /// Writhe of the axis.
-    #[getter]
-    fn writhe(&self) -> f64 {
-        self.0.writhe.value
-    }
-
-    /// Upper bound of the error of the writhe.
-    #[getter]
-    fn writhe_error(&self) -> f64 {
-        self.0.writhe.bound
-    }
-
-    /// Signed number of passages of the ribbon through itself, linking - twist - writhe: 0 for a
-    /// ribbon; None if the errors admit several numbers.
-    #[getter]
-    fn passages(&self) -> Option<i64> {
-        self.0.passages()
-    }
-
-    /// Vertices that belong together: parallel, antiparallel, or one of these with a shift.
-    #[getter]
-    fn pairing(&self) -> String {
-        self.0.pairing.to_string()
-    }
-
-    /// Reason for the pairing: given, order (of the vertices) or distances (that are the most
-    /// constant).
-    #[getter]
-    fn pairing_by(&self) -> &'static str {
-        match self.0.reason {
-            PairingReason::Given => "given",
-            PairingReason::Order => "order",
-            PairingReason::Distances => "distances",
-        }
-    }
-
-    /// Pairings that fit nearly as well and have another twist, as tuples (pairing, twist).
-    #[getter]
-    fn rivals(&self) -> Vec<(String, f64)> {
-        let rivals = self.0.rivals.iter();
-        rivals
-            .map(|(pairing, twist)| (pairing.to_string(), twist.value))
-            .collect()
-    }
-
-    fn __repr__(&self) -> String {
-        let linking = self.0.linking.map_or("undefined".into(), |n| n.to_string());
-        let linkwatch::Ribbon {
-            twist,
-            writhe,
-            pairing,
-            ..
-        } = &self.0;
-        format!("<Ribbon: Lk {linking}, Tw {twist}, Wr {writhe}, {pairing}>")
-    }
+    let is_polyline = frame.2 == "polyline";
+    let all: Value = found
+        .iter()
+        .map(|found| strut(found, is_polyline))
+        .collect();
+    let words = found.iter().map(ToString::to_string).collect();
+    result(py, "Strut", (all.to_string(), words), &[])
 }
 
 /// Computes linking number, twist and writhe of the ribbon between two curves.
 #[pyfunction]
 pub fn ribbon(
     py: Python<'_>,
-    points: Points<'_>,
-    counts: Vec<i32>,
+    frame: Frame<'_>,
     strands: [usize; 2],
     pairing: &str,
     axis_first: bool,
     tolerance: f64,
-) -> PyResult<Ribbon> {
+) -> PyResult<Py<PyAny>> {
     let mut options = RibbonOptions::default();
     if pairing != "auto" {
         options.pairing = Some(pairing.parse().map_err(exception)?);
@@ -349,9 +100,52 @@ pub fn ribbon(
         options.axis = Axis::First;
     }
     options.tolerance = tolerance;
-    let frame = (&points, &counts[..], None);
-    let found = measure(py, frame, "polyline", |set, _| {
-        linkwatch::Ribbon::of(set, strands, options)
+    let found = measure(py, &frame, move |set, _| Ribbon::of(set, strands, options))?;
+    let (twist, writhe, pairing) = (found.twist, found.writhe, found.pairing.to_string());
+    let linking = found.linking.map_or("undefined".into(), |n| n.to_string());
+    let words = format!("Lk {linking}, Tw {twist}, Wr {writhe}, {pairing}");
+    let rivals = found.rivals.iter();
+    let rivals: Vec<_> = rivals
+        .map(|(p, twist)| (p.to_string(), twist.value))
+        .collect();
+    let json = json!({
+        "strands": strands,
+        "axis": options.axis,
+        "pairing": pairing,
+        "pairing_by": found.reason,
+        "linking": found.linking,
+        "twist": twist,
+        "writhe": writhe,
+        "residual": found.residual(),
+        "passages": found.passages(),
+        "ms": found.times.map(|t| t.as_secs_f64() * 1e3),
+        "rivals": rivals,
     });
-    found.map(Ribbon)
+    result(py, "Ribbon", (json.to_string(), vec![words]), &[])
+}
+
+/// Computes Gauss integrals: the writhe of each curve, or the linking integral of each of these
+/// pairs, or of all if they are none, and the bounds of their errors.
+#[pyfunction]
+pub fn gauss(
+    py: Python<'_>,
+    frame: Frame<'_>,
+    pairs: Option<Vec<(usize, usize)>>,
+    tolerance: f64,
+) -> PyResult<Estimates> {
+    let found = measure(py, &frame, move |set, _| {
+        let integrals = GaussIntegrals::new(set)?;
+        let of_pair = |&(i, j): &(usize, usize)| integrals.linking(i, j, tolerance);
+        Ok(match &pairs {
+            None => (0..set.len())
+                .map(|i| integrals.writhe(i, tolerance))
+                .collect(),
+            Some(pairs) if pairs.is_empty() => (0..set.len())
+                .flat_map(|i| integrals.row(i, tolerance))
+                .collect(),
+            Some(pairs) => pairs.iter().map(of_pair).collect(),
+        })
+    })?;
+    let found: Vec<Estimate> = found;
+    Ok(found.iter().map(|one| (one.value, one.bound)).unzip())
 }

@@ -306,3 +306,10 @@ def test_odd_arguments_of_a_client_are_ordinary_exceptions(service):
             survives(sim.wait_for_watcher, value)
     for value in ODD[:4]:
         survives(sim.finish, value)
+
+
+def test_misaligned_points_are_verified():
+    points = np.concatenate([RING, OTHER])
+    moved = np.frombuffer(b"x" + points.tobytes(), "<f8", offset=1).reshape(-1, 3)
+    assert not moved.flags.aligned
+    assert linkwatch.certify(moved, [-4, -4]) == linkwatch.certify(points, [-4, -4])

@@ -38,8 +38,9 @@ def test_the_code_of_a_page_runs(page: pathlib.Path, tmp_path: pathlib.Path) -> 
     program = code(page)
     if "mpi4py" in program and importlib.util.find_spec("mpi4py") is None:
         (tmp_path / "mpi4py.py").write_text(ONE_RANK)
-    if "MDAnalysis" in program and importlib.util.find_spec("MDAnalysis") is None:
-        pytest.skip("MDAnalysis is not installed")
+    for module in ("MDAnalysis", "dask"):
+        if module in program and importlib.util.find_spec(module) is None:
+            pytest.skip(f"{module} is not installed")
     # Warnings are errors, but those of MDAnalysis and its dependencies are not ours.
     strict = [] if "MDAnalysis" in program else ["-W", "error"]
     command = [sys.executable, *strict, "-c", program]

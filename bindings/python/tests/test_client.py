@@ -2,6 +2,7 @@
 
 import asyncio
 import gc
+import signal
 import threading
 import time
 
@@ -86,6 +87,26 @@ def test_a_second_simulator_on_one_name_is_refused(service):
     with linkwatch.Client(service, counts=[-4]):
         with pytest.raises(ConnectionError, match="another"):
             linkwatch.Client(service, counts=[-4])
+
+
+def test_a_cell_of_a_notebook_can_be_run_again(service, monkeypatch):
+    first = linkwatch.Client(service, counts=[-4])
+    first.begin()[:] = 1
+    monkeypatch.setattr("sys.ps1", ">>> ", raising=False)
+    with linkwatch.Client(service, counts=[-5]) as again:
+        again.begin()[:] = 1
+        assert again.publish() == 0
+        with pytest.raises(RuntimeError, match="the session has ended"):
+            first.publish()
+
+
+def test_ctrl_c_ends_a_finish(service):
+    sim = linkwatch.Client(service, counts=[-4])
+    start = time.monotonic()
+    threading.Timer(0.2, signal.raise_signal, [signal.SIGINT]).start()
+    with pytest.raises(KeyboardInterrupt):
+        sim.finish(PATIENCE)
+    assert time.monotonic() - start < 1.2
 
 
 def test_bad_arguments_are_refused(service):
@@ -192,16 +213,19 @@ def test_another_thread_may_open_use_and_drop_a_client(service, recwarn):
         pass
 
 
-def test_asyncio_waits_for_a_verdict_in_a_thread(service, start):
+def test_asyncio_waits_for_a_verdict(service, start):
     watch = start("watch", "--service", service)
 
     async def simulate():
         with linkwatch.Client(service, counts=[-4], lockstep=True) as sim:
             assert await asyncio.to_thread(sim.wait_for_watcher, PATIENCE)
             sim.begin()[:] = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]
-            sim.publish()
-            verdict = await asyncio.to_thread(sim.wait, PATIENCE)
-            assert verdict.intact
+            seq = sim.publish()
+            verdict, other = await asyncio.gather(sim.verdict(seq, PATIENCE), asyncio.sleep(0, 1))
+            assert verdict.intact and verdict.seq == seq and other == 1
+            assert (await sim.verdict()).intact
+            with pytest.raises(ValueError, match="frame 1 was not published"):
+                await sim.verdict(seq + 1)
             return await asyncio.to_thread(sim.finish, PATIENCE)
 
     assert "1 frames verified" in str(asyncio.run(simulate()))

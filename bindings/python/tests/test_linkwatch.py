@@ -1,6 +1,7 @@
 """The Python package, against linking numbers and moments that follow from the construction."""
 
 import doctest
+import importlib
 import pathlib
 import subprocess
 import sys
@@ -10,6 +11,8 @@ import time
 import linkwatch
 import numpy as np
 import pytest
+
+MODULES = ["linkwatch._run", "linkwatch._series", "linkwatch.distributed"]
 
 RING = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], float)
 OTHER = np.array([[0, 0, -1], [2, 0, -1], [2, 0, 1], [0, 0, 1]], float)
@@ -206,13 +209,22 @@ def test_steps_of_a_small_scene_need_no_more_memory_with_time():
 
 
 def test_the_examples_of_the_documentation_say_what_happens(capsys):
-    assert doctest.testmod(linkwatch).failed == 0
+    for module in (linkwatch, linkwatch.io, *map(importlib.import_module, MODULES)):
+        assert doctest.testmod(module).failed == 0
     readme = pathlib.Path(__file__).parents[1] / "README.md"
     example = readme.read_text().split("```python\n")[1].split("```")[0]
     exec(example, {})
     printed = capsys.readouterr().out.splitlines()
     results = [line.split("  # ")[1] for line in example.splitlines() if ")  # " in line]
     assert [printed[0], printed[-1]] == [results[0], results[-1]]
+
+
+def test_help_begins_with_what_to_call_and_lists_it():
+    first = linkwatch.__doc__.splitlines()[2:12]
+    assert all(line.split("(")[0].split(",")[0].split()[0] in linkwatch.__all__ for line in first)
+    assert set(linkwatch.__all__) <= set(dir(linkwatch))
+    for name in linkwatch.__all__:
+        assert getattr(linkwatch, name).__doc__, name
 
 
 def test_the_import_is_quick():

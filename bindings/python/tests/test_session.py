@@ -1,10 +1,13 @@
 """Sessions in process: curves with names that come and go, cuts, baselines and radii."""
 
+import subprocess
+import sys
 import warnings
 
 import linkwatch
 import numpy as np
 import pytest
+from conftest import PATIENCE
 
 RING = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], float)
 OTHER = np.array([[0, 0, -1], [2, 0, -1], [2, 0, 1], [0, 0, 1]], float)
@@ -201,3 +204,63 @@ def test_a_frame_of_other_curves_than_described_is_rejected():
     report = session.step([RING])
     assert report.intact and report.gone == ["b"]
     assert report.seq == 3
+
+
+def test_a_session_can_be_closed():
+    with linkwatch.Session() as session:
+        assert session.step([RING, OTHER]).intact
+    for call in (lambda: session.step([RING, OTHER]), lambda: session.baseline, session.cut):
+        with pytest.raises((RuntimeError, ValueError), match="the session is closed"):
+            call()
+    session.close()
+
+
+INTERRUPTED = """
+import os, signal, sys, threading, time
+import linkwatch
+import numpy as np
+
+# Curves that pass through one another everywhere, which take minutes to verify.
+tangle = np.random.default_rng(1).random((400 * 1000, 3))
+counts = [-1000] * 400
+ring = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0.0]])
+session = linkwatch.Session(names=["a", "b"])
+assert session.step([ring, ring + [0, 0.5, 0.5]]).intact
+session.describe(counts, names=[f"{k}" for k in range(400)])
+for call in (
+    lambda: linkwatch.certify(tangle, counts),
+    lambda: linkwatch.Session(counts).step(tangle),
+    lambda: session.step(tangle),
+    lambda: linkwatch.check([tangle], counts=counts),
+    lambda: linkwatch.thickness(tangle, counts),
+    lambda: linkwatch.writhe([tangle[:100000]], counts=[-100000], tolerance=1e-12),
+):
+    begin = [time.monotonic()]
+    def interrupt():
+        begin[0] = time.monotonic()
+        signal.raise_signal(signal.SIGINT)
+    timer = threading.Timer(1, interrupt)
+    timer.start()
+    try:
+        call()
+    except KeyboardInterrupt:
+        print(round(time.monotonic() - begin[0], 2))
+    else:
+        timer.cancel()
+        print("ended")
+session.describe([-4, -4], names=["b", "a"])
+report = session.step(np.concatenate([ring + [0, 0.5, 0.5], ring]))
+assert report.intact and report.seq == 1, report
+os._exit(0)
+"""
+
+
+def test_ctrl_c_ends_a_long_call_and_changes_no_later_report():
+    ended = subprocess.run(
+        [sys.executable, "-c", INTERRUPTED], capture_output=True, text=True, timeout=2 * PATIENCE
+    )
+    assert ended.returncode == 0, ended.stderr
+    times = ended.stdout.split()
+    assert len(times) == 6, ended.stdout
+    # A machine with other work needs more than the second.
+    assert all(float(time) < 3 for time in times if time != "ended"), times

@@ -1,5 +1,16 @@
 """Verifies the topology of simulations of yarn, chainmail, rods, ring polymers and other curves.
 
+check(frames)          verifies a run: a file, a universe of MDAnalysis, or arrays; tables and plots
+read, write            frames of files of other programs; ``linkwatch.io`` has the formats
+Session().step(frame)  verifies a simulation in this process, frame by frame
+Client                 publishes frames to the command ``linkwatch watch``, beside the simulation
+assert_intact(frames)  in a test of a simulation
+certify(frame)         all linking numbers of a frame: a Certificate, which can be a baseline
+pull_throughs, safe_fraction                         the step between two frames
+thickness, struts, ribbon                            shape of the curves of a frame
+linking, writhe, twist, gauss_integrals, thickness   of all frames of a run, as arrays
+distributed            runs on many machines; ``check(frames, client=..)`` is its short form
+
 A *frame* is a list of curves. All functions take frames in one of two forms:
 
 - a sequence of arrays of the shape ``(n, 3)``, one for each curve, and ``closed``: one boolean, or
@@ -28,12 +39,13 @@ into it. Findings have the ``image`` of the second curve: its translation, in ve
 
 from __future__ import annotations
 
+import sys
 import warnings
-from typing import TYPE_CHECKING
+import weakref
+from typing import TYPE_CHECKING, overload
 
 from . import _arguments as arguments
-from ._linkwatch import Certificate, Change, Clearance, Defect, Message, Place, PullThrough, Report
-from ._linkwatch import Ribbon, Strut, Thickness
+from ._linkwatch import Certificate, Message
 from ._linkwatch import Client as _Client
 from ._linkwatch import Session as _Session
 from ._linkwatch import __version__
@@ -41,15 +53,26 @@ from ._linkwatch import certify as _certify
 from ._linkwatch import ribbon as _ribbon
 from ._linkwatch import struts as _struts
 from ._linkwatch import thickness as _thickness
+from ._results import Change, Clearance, Defect, Place, PullThrough, Report, Ribbon, Strut
+from ._results import Thickness
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    import os
+    from collections.abc import Iterable, Iterator, Sequence
     from types import TracebackType
     from typing import Any
 
+    import numpy as np
     import numpy.typing as npt
 
+    from . import distributed as distributed
     from . import io as io
+    from ._run import Run as Run
+    from ._run import check as check
+    from ._series import gauss_integrals as gauss_integrals
+    from ._series import linking as linking
+    from ._series import twist as twist
+    from ._series import writhe as writhe
     from .io import read as read
     from .io import write as write
     from ._arguments import Cell, Closed, Counts, Frame
@@ -66,6 +89,7 @@ __all__ = [
     "PullThrough",
     "Report",
     "Ribbon",
+    "Run",
     "Session",
     "Strut",
     "Thickness",
@@ -73,14 +97,20 @@ __all__ = [
     "UnverifiedWarning",
     "assert_intact",
     "certify",
+    "check",
+    "distributed",
+    "gauss_integrals",
     "io",
+    "linking",
     "pull_throughs",
     "read",
     "ribbon",
     "safe_fraction",
     "struts",
     "thickness",
+    "twist",
     "write",
+    "writhe",
 ]
 
 
@@ -178,6 +208,7 @@ class Session:
         cell: Cell | None = None,
         wrapped: bool | None = None,
         keep_open: bool = False,
+        _state: bytes | None = None,
     ) -> None:
         strands: tuple[float | None, float] | None = None
         radii: Sequence[float] | npt.NDArray[Any] = ()
@@ -201,10 +232,12 @@ class Session:
             motion_limit = arguments.number("motion_limit", motion_limit)
         vectors = None if cell is None else arguments.twelve(cell)
         self._session = _Session(
-            basis_name=arguments.word("basis", basis, BASES),
+            words=(
+                arguments.word("basis", basis, BASES),
+                arguments.word("events", events, "'between', 'all' or 'off'"),
+                arguments.word("abort_on", abort_on, "'any', 'lost', .. or 'never'"),
+            ),
             baseline=baseline,
-            events=arguments.word("events", events, "'between', 'all' or 'off'"),
-            abort_on=arguments.word("abort_on", abort_on, "'any', 'lost', .. or 'never'"),
             flags=(
                 arguments.flag("incremental", incremental),
                 arguments.flag("keep_open", keep_open),
@@ -212,13 +245,15 @@ class Session:
             ),
             motion_limit=motion_limit,
             strands=strands,
+            state=_state,
         )
         self._counts: list[int] | None = None
         self._closed: Closed | None = None
         self._searches = events != "off"
         self._clearance = strands is not None
         self._unmeasured: str | None = None
-        self.describe(counts, closed=closed, names=names, radii=radii)
+        if _state is None:
+            self.describe(counts, closed=closed, names=names, radii=radii)
         if vectors is not None:
             self._session.set_cell(vectors)
 
@@ -309,6 +344,18 @@ class Session:
         """Marks the next frame as not continuing the previous one: after a roll back or a jump."""
         self._session.cut()
 
+    def close(self) -> None:
+        """Frees the memory of the session, which cannot be used any more. At the end of a ``with``
+        block as well.
+        """
+        self._session.close()
+
+    def __enter__(self) -> Session:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
     @property
     def baseline(self) -> Certificate | None:
         """Expected linking numbers (:class:`Certificate`), or ``None`` before the first frame."""
@@ -319,6 +366,9 @@ class Session:
         """How many times a curve jumped by a lattice vector, and was followed."""
         return self._session.jumps()
 
+
+#: The last client of this process on each service.
+_clients: weakref.WeakValueDictionary[str, Client] = weakref.WeakValueDictionary()
 
 BASES = "'polyline', 'catmull-rom', 'b-spline' or 'bezier'"
 
@@ -340,8 +390,10 @@ class Client:
     Only :meth:`wait`, :meth:`wait_for_watcher` and :meth:`finish` wait for the watcher. A watcher
     that is slow, stopped, killed or absent costs the simulator nothing. At the end of the ``with``
     block the session ends: regularly, with :meth:`finish`, or early if the block raised an
-    exception. Threads may share a client: their calls take turns, also during a wait. A process
-    that was forked from the one that opened the client cannot use it.
+    exception. In a notebook or an interactive interpreter, a client ends the session of the
+    previous one with the same name, so that a cell can be run again. Threads may share a client:
+    their calls take turns, also during a wait. A process that was forked from the one that opened
+    the client cannot use it.
 
     Args:
         service: the name given to ``linkwatch watch --service``.
@@ -388,14 +440,18 @@ class Client:
             raise ValueError(f"dtype is {kind}, expected float32 or float64")
         vectors = None if cell is None else arguments.twelve(cell)
         time_step = arguments.number("time_step", time_step, "a number of seconds")
-        self._client = _Client(
-            arguments.word("service", service, "the name of a service"),
+        before = _clients.get(arguments.word("service", service, "the name of a service"))
+        if before is not None and hasattr(sys, "ps1"):
+            before._client.close()
+        self._client: _Client = _Client(
+            service,
             _curves(counts, names, radii),
             arguments.word("basis", basis, BASES),
             kind == np.float32,
             arguments.flag("lockstep", lockstep),
             arguments.word("wait_mode", wait_mode, "'sleep' or 'spin'"),
         )
+        _clients[service] = self
         self._client.set_time_step(time_step)
         if vectors is not None:
             self._client.set_cell(vectors)
@@ -452,15 +508,26 @@ class Client:
         """Returns the next verdict, in the order of the frames, or ``None``. Never waits."""
         return self._client.poll()
 
-    def wait(self, seconds: float = 10.0) -> Message | None:
-        """Waits for the verdict on the last published frame.
+    def wait(self, seconds: float = 10.0, seq: int | None = None) -> Message | None:
+        """Waits for the verdict on the last published frame, or on the frame ``seq``.
+
+        Verdicts on earlier frames are read meanwhile.
 
         Returns:
             Message | None: ``None`` if there is no verdict in time, if the frame was skipped, or if
             the watcher left or died (:attr:`no_verdict` says which). The frame is not known to be
             intact then.
         """
-        return self._client.wait(arguments.number("seconds", seconds))
+        return self._client.wait(arguments.number("seconds", seconds), seq)
+
+    async def verdict(self, seq: int | None = None, seconds: float = 10.0) -> Message | None:
+        """Waits as :meth:`wait` does, while other tasks of ``asyncio`` run.
+
+        A task that is cancelled ends at once, but reads verdicts until the time is over.
+        """
+        import asyncio
+
+        return await asyncio.to_thread(self.wait, seconds, seq)
 
     @property
     def no_verdict(self) -> str | None:
@@ -512,8 +579,6 @@ class Client:
 
     def finish(self, seconds: float = 10.0) -> Message | None:
         """Ends the session, and waits until the watcher has verified its remaining frames.
-
-        Ctrl-C takes effect after the wait.
 
         Returns:
             Message | None: the last message, which repeats the last abort; ``None`` if there is no
@@ -663,6 +728,24 @@ def _frame(
     return arguments.frame(curves, given, closed)
 
 
+def _measured(
+    curves: Frame, counts: Counts | None, closed: Closed | None, basis: str, cell: Cell | None
+) -> tuple[npt.NDArray[Any], list[int], str, list[float] | None]:
+    """Returns points, counts, basis and cell of a frame."""
+    vectors = None if cell is None else arguments.twelve(cell)
+    return *_frame(curves, counts, closed), arguments.word("basis", basis, BASES), vectors
+
+
+@overload
+def thickness(  # type: ignore[overload-overlap]  # a text is a sequence
+    curves: str | os.PathLike[str] | io.Frames | Iterator[Any],
+    counts: Counts | None = None,
+    *,
+    closed: Closed | None = None,
+    basis: str = "polyline",
+    cell: Cell | None = None,
+) -> npt.NDArray[np.float64]: ...
+@overload
 def thickness(
     curves: Frame,
     counts: Counts | None = None,
@@ -670,10 +753,20 @@ def thickness(
     closed: Closed | None = None,
     basis: str = "polyline",
     cell: Cell | None = None,
-) -> Thickness:
+) -> Thickness: ...
+def thickness(
+    curves: Any,
+    counts: Counts | None = None,
+    *,
+    closed: Closed | None = None,
+    basis: str = "polyline",
+    cell: Cell | None = None,
+) -> Any:
     """Measures how sharply curves bend and how close they come (Ashton and Cantarella 2005).
 
-    With a ``cell``, the curves are measured with all their images.
+    With a ``cell``, the curves are measured with all their images. Of a run, that is a path, frames
+    of :func:`linkwatch.read`, a universe of MDAnalysis, or an iterator of frames, it returns the
+    diameter ``Thickness.thickness()`` of each frame as an array; NaN if the frame is invalid.
 
     >>> import linkwatch
     >>> square = [[0, 0, 0], [2, 0, 0], [2, 2, 0], [0, 2, 0]]
@@ -685,9 +778,13 @@ def thickness(
         ValueError: a coordinate is not finite, a curve has too few points, or the cell is no
             lattice.
     """
-    points, counts = _frame(curves, counts, closed)
-    vectors = None if cell is None else arguments.twelve(cell)
-    return _thickness(points, counts, arguments.word("basis", basis, BASES), vectors)
+    if arguments.is_run(curves):
+        from . import _series
+
+        given = {"counts": counts, "closed": closed, "cell": cell}
+        given["basis"] = None if basis == "polyline" else basis
+        return _series.thickness(curves, given)
+    return _thickness(_measured(curves, counts, closed, basis, cell))
 
 
 def struts(
@@ -710,10 +807,8 @@ def struts(
         ValueError: a coordinate is not finite, a curve has too few points, or the cell is no
             lattice, or much smaller than ``longest``.
     """
-    points, counts = _frame(curves, counts, closed)
-    vectors = None if cell is None else arguments.twelve(cell)
     longest = arguments.number("longest", longest, "a length")
-    return _struts(points, counts, arguments.word("basis", basis, BASES), vectors, longest)
+    return _struts(_measured(curves, counts, closed, basis, cell), longest)
 
 
 def ribbon(
@@ -744,15 +839,15 @@ def ribbon(
         TypeError: an argument has the wrong type.
         ValueError: the curves cannot be the strands of a ribbon, or an argument is invalid.
     """
-    points, counts = _frame(curves, counts, None)
+    frame = _measured(curves, counts, None, "polyline", None)
     if arguments.word("axis", axis, "'centre' or 'first'") not in ("centre", "first"):
         raise ValueError(f"axis is {axis!r}, expected 'centre' or 'first'")
-    both = arguments.indices("strands", strands, len(counts))
+    both = arguments.indices("strands", strands, len(frame[1]))
     pairing = arguments.word("pairing", pairing, "'auto', 'parallel' or 'antiparallel'")
     tolerance = arguments.number("tolerance", tolerance, "a number above 0")
     if not tolerance > 0:
         raise ValueError(f"tolerance is {tolerance}, expected a number above 0")
-    return _ribbon(points, counts, both, pairing, axis == "first", tolerance)
+    return _ribbon(frame, both, pairing, axis == "first", tolerance)
 
 
 def assert_intact(
@@ -782,13 +877,30 @@ def assert_intact(
         raise AssertionError("no frame was verified")
 
 
+# What is imported when it is needed, so that importing the package takes no time.
+_LATER = {
+    "io": "io",
+    "distributed": "distributed",
+    "read": "io",
+    "write": "io",
+    "Run": "_run",
+    "check": "_run",
+    "writhe": "_series",
+    "linking": "_series",
+    "twist": "_series",
+    "gauss_integrals": "_series",
+}
+
 if not TYPE_CHECKING:
 
+    def __dir__():
+        return sorted({*globals(), *_LATER})
+
     def __getattr__(name):
-        if name in ("io", "read", "write"):  # here, so that importing the package takes no time
+        if name in _LATER:
             import importlib
 
-            io = importlib.import_module(".io", __name__)
-            return io if name == "io" else getattr(io, name)
+            module = importlib.import_module(f".{_LATER[name]}", __name__)
+            return module if name == _LATER[name] else getattr(module, name)
         instead = " (it is Session now)" if name == "Verifier" else ""
         raise AttributeError(f"module 'linkwatch' has no attribute {name!r}{instead}")

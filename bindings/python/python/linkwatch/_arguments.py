@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import operator
+import os
+from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -138,6 +140,12 @@ def _array(name: str, value: Any) -> npt.NDArray[Any]:
     return array
 
 
+def is_run(value: Any) -> bool:
+    """Returns if an argument has frames instead of curves."""
+    kinds = (str, os.PathLike, Iterator)
+    return isinstance(value, kinds) or hasattr(value, "universe") or hasattr(value, "summary")
+
+
 def frame(
     curves: Any, counts: list[int] | None, closed: Any, name: str = "curves"
 ) -> tuple[npt.NDArray[Any], list[int]]:
@@ -168,7 +176,8 @@ def frame(
         if closed is not None:
             _agree(counts, _flags(closed, len(counts)))
     single = points.dtype.type is np.float32
-    return np.ascontiguousarray(points, np.float32 if single else np.float64), counts
+    # Arrays that Dask received may be misaligned.
+    return np.require(points, np.float32 if single else np.float64, ["C", "A"]), counts
 
 
 def _flags(closed: Any, curves: int) -> list[bool]:

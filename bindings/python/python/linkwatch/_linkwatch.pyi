@@ -5,80 +5,13 @@ from typing import Any, overload
 import numpy as np
 import numpy.typing as npt
 
+from ._results import Change, Defect, PullThrough, Report, Ribbon, Strut, Thickness
+
 __version__: str
 
 def command(args: list[str]) -> int: ...
 
-class Place:
-    segments: tuple[int, int]
-    point: tuple[float, float, float]
-    distance: float
-
-class Change:
-    i: int
-    j: int
-    image: tuple[int, int, int]
-    expected: int
-    found: int
-    place: Place | None
-
-class PullThrough:
-    i: int
-    j: int
-    image: tuple[int, int, int]
-    segments: tuple[int, int]
-    fraction: float
-    sign: int
-    point: tuple[float, float, float]
-    lengths: float
-
-class Defect:
-    i: int
-    j: int | None
-    image: tuple[int, int, int]
-    kind: str
-    place: Place
-
-Point = tuple[float, float, float]
-
-class Strut:
-    curves: tuple[int, int]
-    segments: tuple[int, int]
-    t: tuple[float, float]
-    image: tuple[int, int, int]
-    points: tuple[Point, Point]
-    length: float
-    error: float
-    gradient: list[list[list[float]]] | None
-
-class Thickness:
-    length: float
-    min_rad: float | None
-    poca: Strut | None
-    def thickness(self, stiffness: float = 1.0) -> float: ...
-    def ropelength(self, stiffness: float = 1.0) -> float: ...
-
-class Clearance:
-    at_least: float
-    ratio: float | None
-    error: float | None
-    curves: tuple[int, int] | None
-    segments: list[int] | None
-    image: tuple[int, int, int] | None
-    points: list[list[float]] | None
-    low: bool
-    frames_left: float | None
-
-class Ribbon:
-    linking: int | None
-    twist: float
-    twist_error: float
-    writhe: float
-    writhe_error: float
-    passages: int | None
-    pairing: str
-    pairing_by: str
-    rivals: list[tuple[str, float]]
+Frame = tuple[npt.NDArray[Any], list[int], str, list[float] | None]
 
 def certify(
     points: npt.NDArray[Any],
@@ -88,42 +21,13 @@ def certify(
     cell_numbers: list[float] | None,
 ) -> tuple[Certificate, list[str]]: ...
 def ribbon(
-    points: npt.NDArray[Any],
-    counts: list[int],
-    strands: tuple[int, int],
-    pairing: str,
-    axis_first: bool,
-    tolerance: float,
+    frame: Frame, strands: tuple[int, int], pairing: str, axis_first: bool, tolerance: float
 ) -> Ribbon: ...
-def thickness(
-    points: npt.NDArray[Any], counts: list[int], basis_name: str, cell: list[float] | None
-) -> Thickness: ...
-def struts(
-    points: npt.NDArray[Any],
-    counts: list[int],
-    basis_name: str,
-    cell: list[float] | None,
-    longest: float,
-) -> list[Strut]: ...
-
-class Report:
-    seq: int
-    time: float
-    verdict: str
-    intact: bool
-    abort: bool
-    changes: list[Change]
-    pull_throughs: list[PullThrough]
-    unresolved: list[PullThrough]
-    defects: list[Defect]
-    appeared: list[str]
-    gone: list[str]
-    last_intact: int | None
-    safe_fraction: float | None
-    clearance: Clearance | None
-    rejected: str | None
-    findings: list[str]
-    def __bool__(self) -> bool: ...
+def thickness(frame: Frame) -> Thickness: ...
+def struts(frame: Frame, longest: float) -> list[Strut]: ...
+def gauss(
+    frame: Frame, pairs: list[tuple[int, int]] | None, tolerance: float
+) -> tuple[list[float], list[float]]: ...
 
 class Certificate:
     curves: int
@@ -138,6 +42,8 @@ class Certificate:
     def matrix(self) -> npt.NDArray[np.int64]: ...
     @overload
     def matrix(self, *, undefined: float) -> npt.NDArray[np.float64]: ...
+    def sparse(self) -> tuple[Any, Any]: ...
+    def to_dict(self) -> dict[str, Any]: ...
     def compare(self, baseline: Certificate) -> list[Change]: ...
 
 class Message:
@@ -173,7 +79,7 @@ class Client:
     def begin(self, time: float) -> npt.NDArray[Any]: ...
     def publish(self) -> int: ...
     def poll(self) -> Message | None: ...
-    def wait(self, seconds: float) -> Message | None: ...
+    def wait(self, seconds: float, seq: int | None = None) -> Message | None: ...
     @property
     def no_verdict(self) -> str | None: ...
     def wait_for_watcher(self, seconds: float) -> bool: ...
@@ -189,17 +95,25 @@ class Session:
     def __init__(
         self,
         *,
-        basis_name: str,
+        words: tuple[str, str, str],
         baseline: Certificate | None,
-        events: str,
-        abort_on: str,
         flags: tuple[bool, bool, bool | None],
         motion_limit: float | None,
         strands: tuple[float | None, float] | None,
+        state: bytes | None,
     ) -> None: ...
     def describe(self, names: list[str], radii: list[float], closed_by_default: bool) -> None: ...
     def set_cell(self, numbers: list[float]) -> None: ...
-    def step(self, points: npt.NDArray[Any], counts: list[int], time: float) -> Report: ...
+    def step(
+        self,
+        points: npt.NDArray[Any],
+        counts: list[int],
+        time: float,
+        of_file: tuple[int, list[float] | None, str | None] | None = None,
+    ) -> Report: ...
+    def state(self) -> tuple[bytes, int]: ...
+    def begin_part(self) -> None: ...
+    def close(self) -> None: ...
     def cut(self) -> None: ...
     def accept(self) -> None: ...
     def jumps(self) -> int: ...

@@ -158,7 +158,10 @@ def read(
     for name, value in given.items():
         if value is not None and name not in found.options.split():
             raise ValueError(f"{path}: `{name}` is no option for files of the format {found.name}")
-    return found.read(paths, Options(closed, unwrap, cell, select or "all"))
+    frames = found.read(paths, Options(closed, unwrap, cell, select or "all"))
+    again = tuple(one.absolute() for one in paths)
+    frames.recipe = read, again, {**given, "format": format}
+    return frames
 
 
 def from_mdanalysis(
@@ -181,4 +184,8 @@ def from_mdanalysis(
         trajectory: frames to read, such as ``universe.trajectory[::10]``.
         closed, unwrap, cell: those of :func:`read`.
     """
-    return _mdanalysis.frames_of_atoms(atoms, Options(closed, unwrap, cell), trajectory)
+    frames = _mdanalysis.frames_of_atoms(atoms, Options(closed, unwrap, cell), trajectory)
+    given = {"trajectory": trajectory, "closed": closed, "unwrap": unwrap, "cell": cell}
+    if trajectory is None:
+        frames.recipe = from_mdanalysis, (atoms,), given
+    return frames

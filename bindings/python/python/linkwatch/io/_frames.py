@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import importlib
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
@@ -38,6 +39,8 @@ class Frame:
     time: float = 0.0
     #: Reason why the frame is invalid, although later ones can be read.
     rejected: str | None = None
+    #: True if curves are closed only because nothing says which ones are.
+    closed_by_default: bool = False
 
     @property
     def closed(self) -> list[bool]:
@@ -90,6 +93,12 @@ class Frames:
         self.summary = summary
         #: Number of frames; ``None`` if the file has to be read to count them.
         self.length = length
+        #: Reads the frames from one number to another alone, if the format can.
+        self.part: Callable[[int, int], Iterator[Frame]] | None = None
+        #: Function and arguments that open the same frames again, in another process.
+        self.recipe: tuple[Callable[..., Frames], tuple[Any, ...], dict[str, Any]] | None = None
+        #: ``"file"``, ``"memory"``, or ``"once"`` for a generator, which cannot be read again.
+        self.kind = "file"
         self._load = load
 
     def __iter__(self) -> Iterator[Frame]:
@@ -107,9 +116,32 @@ class Frames:
     def __bool__(self) -> bool:
         return True
 
+    def __reduce__(self) -> Any:
+        if self.recipe is None:
+            raise TypeError(f"{self!r} cannot be opened in another process")
+        known = self.path, self.summary, self.length, self.part is not None
+        return _opened_later, (self.recipe, *known)
+
     def __repr__(self) -> str:
         frames = "" if self.length is None else f", {self.length} frames"
         return f"<linkwatch.io.Frames of {self.path}{frames}>"
+
+
+def _opened_later(
+    recipe: Any, path: Path, summary: Summary, length: int | None, has_parts: bool
+) -> Frames:
+    """Returns frames that are opened again when they are read."""
+    function, args, options = recipe
+
+    @functools.cache
+    def frames() -> Any:
+        return function(*args, **options)
+
+    found = Frames(path, lambda: iter(frames()), summary, length)
+    found.recipe = recipe
+    if has_parts:
+        found.part = lambda start, stop: frames().part(start, stop)
+    return found
 
 
 class LeftOut:
@@ -132,10 +164,10 @@ class LeftOut:
         ]
 
 
-def library(module: str, extra: str) -> Any:
-    """Imports a library that an extra of this package installs."""
+def library(module: str, extra: str, what: str = "reading this file") -> Any:
+    """Imports a library that an extra of this package installs, for some purpose."""
     try:
         return importlib.import_module(module)
     except ImportError as why:
-        what = f'reading this file needs more libraries: pip install "linkwatch[{extra}]"'
-        raise ImportError(f"{what} ({why})") from why
+        needs = f'{what} needs more libraries: pip install "linkwatch[{extra}]"'
+        raise ImportError(f"{needs} ({why})") from why

@@ -9,15 +9,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ._curves import Molecule, Options, Scene, frames_of_scenes, is_dump, molecules, plural
-from ._frames import library
+from ._curves import Molecule, Options, Rules, Scene, frames_of_scenes, is_dump, molecules, plural
+from ._frames import Summary, library
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
     from typing import Any
 
     from ._curves import Array
-    from ._frames import Frames
+    from ._frames import Frame, Frames
 
 # First bytes of the frames of an .xtc file.
 XTC = 1995
@@ -113,11 +113,12 @@ def frames_of_atoms(
     if found is None:
         found = _grouped(atoms, topology, path)
     order = np.concatenate([one.nodes for one in found] or [[]]).astype(np.int64)
+    whole = np.array_equal(order, np.arange(universe.atoms.n_atoms))
     counts = [-len(one.nodes) if one.closed else len(one.nodes) for one in found]
     names, radii = _names(universe, found), _radii(universe, found)
     unit = _unit(universe.trajectory)
 
-    def scenes() -> Iterator[Scene]:
+    def scenes(trajectory: Any = trajectory) -> Iterator[Scene]:
         frames = iter(trajectory)
         read = 0
         while True:
@@ -133,7 +134,8 @@ def frames_of_atoms(
                 return
             read += 1
             yield Scene(
-                points=np.take(now.positions, order, axis=0),
+                # The next frame overwrites the positions.
+                points=now.positions.copy() if whole else np.take(now.positions, order, axis=0),
                 counts=counts,
                 names=names,
                 radii=radii,
@@ -145,7 +147,16 @@ def frames_of_atoms(
                 seq=int(now.frame),
             )
 
+    def part(start: int, stop: int) -> Iterator[Frame]:
+        rules = Rules(options, Summary())
+        found = scenes(trajectory[[0, *range(start, stop)]])
+        # The first frame decides which curves are closed.
+        rules.frame(next(found), 0)
+        for seq, scene in enumerate(found, start):
+            yield rules.frame(scene, seq)
+
     frames = frames_of_scenes(path, scenes, options, len(trajectory))
+    frames.part = part
     frames.summary.time_unit = unit
     return frames
 

@@ -78,8 +78,8 @@ def _opened(archive: Path, path: Path) -> Frames:
     summary = Summary(len(counts), int((counts < 0).sum()))
     cell = others.get("cell")
 
-    def load() -> Iterator[Frame]:
-        for k in range(frames):
+    def load(start: int = 0, stop: int = frames) -> Iterator[Frame]:
+        for k in range(start, stop):
             points = np.array(positions[k]).reshape(-1, 3)
             yield Frame(
                 points,
@@ -92,7 +92,9 @@ def _opened(archive: Path, path: Path) -> Frames:
                 float(others["times"][k]) if "times" in others else 0.0,
             )
 
-    return Frames(path, load, summary, frames)
+    opened = Frames(path, load, summary, frames)
+    opened.part = load
+    return opened
 
 
 def _mapped(archive: Path) -> Array:

@@ -1,167 +1,20 @@
-//! Reports and certificates, as Python objects.
+//! Certificates, as Python objects.
 
 use crate::call::argument;
 use crate::exception;
-use crate::findings::{Change, Defect, PullThrough};
-use crate::strands::Clearance;
-use linkwatch::CurveLabels;
+use crate::result::{changes, defects, packed, result, unpacked};
 use numpy::{Element, PyArray2, PyArrayMethods};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
+use pyo3::types::PyBytes;
+use serde_json::json;
 use std::path::PathBuf;
-use std::sync::Arc;
 
 /// What is expected of the argument `path`.
 const PATH: &str = "a path: str, bytes or os.PathLike";
 
 /// Curves, translation of the second one, and linking number.
 type ImageLink = (u32, u32, (i32, i32, i32), i64);
-
-/// The verdict on a frame.
-#[pyclass(frozen, eq, module = "linkwatch")]
-#[derive(Clone, PartialEq)]
-pub struct Report {
-    report: linkwatch::Report,
-    /// Names of the curves, if they have any.
-    labels: Arc<CurveLabels>,
-}
-
-#[pymethods]
-impl Report {
-    /// Number of the frame, from 0.
-    #[getter]
-    fn seq(&self) -> u64 {
-        self.report.seq
-    }
-
-    /// Simulation time of the frame, in seconds.
-    #[getter]
-    fn time(&self) -> f64 {
-        self.report.time
-    }
-
-    /// intact, changed, contact, undecided or rejected.
-    #[getter]
-    fn verdict(&self) -> &'static str {
-        self.report.verdict.word()
-    }
-
-    /// True if every linking number was proven to be the expected one.
-    #[getter]
-    fn intact(&self) -> bool {
-        self.report.verdict == linkwatch::Verdict::Intact
-    }
-
-    /// True if the policy asks the simulator to stop.
-    #[getter]
-    fn abort(&self) -> bool {
-        self.report.abort
-    }
-
-    /// Linking numbers that differ from the expected ones, sorted by pair.
-    #[getter]
-    fn changes(&self) -> Vec<Change> {
-        let (extent, names) = self.scene();
-        let changes = self.report.changes.iter();
-        changes.map(|c| Change::new(c, extent, names)).collect()
-    }
-
-    /// Pull-throughs since the last frame, in chronological order.
-    #[getter]
-    fn pull_throughs(&self) -> Vec<PullThrough> {
-        self.of(&self.report.events)
-    }
-
-    /// Pull-throughs that cannot be resolved, because the frames are too far apart.
-    #[getter]
-    fn unresolved(&self) -> Vec<PullThrough> {
-        self.of(&self.report.unresolved)
-    }
-
-    /// Pairs and curves that could not be decided or compared, sorted by pair.
-    #[getter]
-    fn defects(&self) -> Vec<Defect> {
-        let (extent, names) = self.scene();
-        let defects = self.report.defects.iter();
-        defects.map(|d| Defect::new(d, extent, names)).collect()
-    }
-
-    /// Names of the curves that appeared since the last verified frame.
-    #[getter]
-    fn appeared(&self) -> Vec<String> {
-        self.report.appeared.clone()
-    }
-
-    /// Names of the curves that are gone since the last verified frame.
-    #[getter]
-    fn gone(&self) -> Vec<String> {
-        self.report.gone.clone()
-    }
-
-    /// Last frame that is known to be intact; None if there is none.
-    #[getter]
-    fn last_intact(&self) -> Option<u64> {
-        self.report.last_intact
-    }
-
-    /// Largest proven share of the step from the last intact frame without a pull-through; None if
-    /// it is unknown.
-    #[getter]
-    fn safe_fraction(&self) -> Option<f64> {
-        self.report.safe_fraction
-    }
-
-    /// Clearance of the strands; None if it is not measured.
-    #[getter]
-    fn clearance(&self) -> Option<Clearance> {
-        self.report.clearance.map(Clearance)
-    }
-
-    /// Reason why the frame was rejected.
-    #[getter]
-    fn rejected(&self) -> Option<&str> {
-        self.report.rejected.as_deref()
-    }
-
-    /// A sentence for every finding.
-    #[getter]
-    fn findings(&self) -> Vec<String> {
-        self.report.findings_named(&self.labels.names).collect()
-    }
-
-    /// True if the frame is intact.
-    fn __bool__(&self) -> bool {
-        self.intact()
-    }
-
-    fn __str__(&self) -> String {
-        let mut lines = self.findings();
-        lines.insert(0, self.report.headline());
-        lines.join("\n  ")
-    }
-
-    fn __repr__(&self) -> String {
-        format!("<Report: {}>", self.report.headline())
-    }
-}
-
-impl Report {
-    /// Converts a report on curves with these labels.
-    pub fn new(report: linkwatch::Report, labels: Arc<CurveLabels>) -> Report {
-        Report { report, labels }
-    }
-
-    fn of(&self, events: &[linkwatch::PullThrough]) -> Vec<PullThrough> {
-        let (extent, names) = self.scene();
-        let events = events.iter();
-        events.map(|e| PullThrough::new(e, extent, names)).collect()
-    }
-
-    /// Returns the extent of the scene and the names of the curves, for sentences.
-    fn scene(&self) -> (f64, &[String]) {
-        (self.report.stats.extent, &self.labels.names)
-    }
-}
 
 /// All linking numbers of a frame.
 #[pyclass(frozen, eq, module = "linkwatch", from_py_object)]
@@ -271,9 +124,41 @@ impl Certificate {
 
     /// Pairs and curves without a linking number.
     #[getter]
-    fn undefined(&self) -> Vec<Defect> {
-        let undefined = self.numbers.undefined.iter();
-        undefined.map(|d| Defect::new(d, 0.0, &[])).collect()
+    fn undefined(&self, py: Python<'_>) -> PyResult<Py<PyAny>> {
+        result(
+            py,
+            "Defect",
+            defects(&self.numbers.undefined, 0.0, &[]),
+            &[],
+        )
+    }
+
+    /// The fields of `linkwatch certify --json`, and the open curves.
+    fn to_dict(&self, py: Python<'_>) -> PyResult<Py<PyAny>> {
+        let mut json = json!(self.numbers);
+        json["open"] = json!(self.open);
+        result(py, "dict", (json.to_string(), Vec::new()), &[])
+    }
+
+    /// The symmetric matrix of all linking numbers, and that of the pairs without one, which are 1
+    /// there, as sparse arrays of SciPy. Pairs of periodic images are in neither.
+    fn sparse(slf: &Bound<'_, Self>) -> PyResult<Py<PyAny>> {
+        let made = slf.py().import("linkwatch._results")?.getattr("sparse")?;
+        Ok(made.call1((slf,))?.unbind())
+    }
+
+    fn __reduce__<'py>(
+        slf: &Bound<'py, Self>,
+    ) -> PyResult<(Bound<'py, PyAny>, (Bound<'py, PyBytes>,))> {
+        let Certificate { numbers, open } = slf.get();
+        let bytes = PyBytes::new(slf.py(), &packed(&(numbers, open)));
+        Ok((slf.get_type().getattr("_restored")?, (bytes,)))
+    }
+
+    #[staticmethod]
+    fn _restored(bytes: &[u8]) -> PyResult<Certificate> {
+        let (numbers, open) = unpacked(bytes)?;
+        Ok(Certificate::new(numbers, open))
     }
 
     /// The symmetric matrix of all linking numbers, as an array of the shape (curves, curves);
@@ -317,13 +202,12 @@ impl Certificate {
     /// Linking numbers that differ from those of a baseline.
     ///
     /// Raises ValueError if the numbers of curves differ.
-    fn compare(&self, baseline: &Bound<'_, PyAny>) -> PyResult<Vec<Change>> {
+    fn compare(&self, py: Python<'_>, baseline: &Bound<'_, PyAny>) -> PyResult<Py<PyAny>> {
         let expected = "a Certificate: that of certify, or Certificate.read(path)";
         let baseline: Certificate = argument("baseline", baseline, expected)?;
         let compared = self.numbers.compare(&baseline.numbers);
         let compared = compared.map_err(exception)?;
-        let changes = compared.changes.iter();
-        Ok(changes.map(|c| Change::new(c, 0.0, &[])).collect())
+        result(py, "Change", changes(&compared.changes, 0.0, &[]), &[])
     }
 
     fn __str__(&self) -> String {

@@ -1,0 +1,413 @@
+"""Results of linkwatch as data: they can be pickled, copied, compared, and turned into a dict."""
+
+from __future__ import annotations
+
+import copy
+import json
+import math
+from dataclasses import dataclass, field, fields
+from typing import TYPE_CHECKING, Any
+
+from . import _arguments as arguments
+
+if TYPE_CHECKING:
+    from ._linkwatch import Certificate
+
+Point = tuple[float, float, float]
+Image = tuple[int, int, int]
+
+
+@dataclass(frozen=True, repr=False)
+class Result:
+    """A result."""
+
+    _json: dict[str, Any] = field(compare=False)
+    _words: str
+
+    def to_dict(self) -> dict[str, Any]:
+        """Returns the fields of the result, as the command prints them with ``--json``:
+        numbers, texts, lists and dicts. Numbers that are infinite are ``None``.
+        """
+        return copy.deepcopy(self._json)
+
+    def __str__(self) -> str:
+        return self._words
+
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__}: {self._words}>"
+
+    @classmethod
+    def _made(cls, json: dict[str, Any], words: str, **other: Any) -> Any:
+        """Returns the object of this class, whose fields are those of the JSON and others."""
+        found: dict[str, Any] = {}
+        kinds = _KINDS.get(cls.__name__)
+        if kinds is None:
+            kinds = [(one.name, str(one.type)) for one in fields(cls)[2:]]
+            _KINDS[cls.__name__] = kinds
+        for name, kind in kinds:
+            value = other[name] if name in other else json.get(name)
+            if value is None and kind == "float":
+                value = math.inf
+            elif isinstance(value, list) and not kind.startswith("list"):
+                value = _tuple(value)
+            found[name] = value
+        return cls(json, words, **found)
+
+
+#: Names and types of the fields that a class of results has in addition, by its name.
+_KINDS: dict[str, list[tuple[str, str]]] = {}
+
+
+def _tuple(value: Any) -> Any:
+    """Returns a list of numbers as a tuple, also inner ones."""
+    return tuple(map(_tuple, value)) if isinstance(value, list) else value
+
+
+@dataclass(frozen=True, repr=False)
+class Place(Result):
+    """The place at which two curves are closest.
+
+    Attributes:
+        segments: segment of each curve, from 0.
+        point: midpoint of the shortest connection, in the units of the simulation.
+        distance: length of the shortest connection.
+    """
+
+    segments: tuple[int, int]
+    point: Point
+    distance: float
+
+
+@dataclass(frozen=True, repr=False)
+class Finding(Result):
+    """A finding about two curves, or one."""
+
+    i: int
+    image: Image
+    names: tuple[str, ...]
+
+
+@dataclass(frozen=True, repr=False)
+class Change(Finding):
+    """A linking number that differs from the expected one.
+
+    Attributes:
+        i, j: curves, from 0; equal if a curve is linked with its image.
+        image: translation of the second curve, in vectors of the periodic cell; zeros without one.
+        names: names of the curves, if they have names.
+        expected: linking number of the baseline.
+        found: linking number of the frame.
+        place: place, if it is known.
+    """
+
+    j: int
+    expected: int
+    found: int
+    place: Place | None
+
+
+@dataclass(frozen=True, repr=False)
+class PullThrough(Finding):
+    """A passage of a curve through another one, or through itself, between two frames.
+
+    Attributes:
+        i, j: curves, from 0; equal if the curve passes through itself.
+        image: translation of the second curve, in vectors of the periodic cell; zeros without one.
+        names: names of the curves, if they have names.
+        segments: segment of each curve, from 0.
+        fraction: time as a fraction of the step between the frames.
+        sign: change of the linking number: 1 or -1.
+        point: place, in the units of the simulation.
+        lengths: relative motion in the step, in segment lengths.
+    """
+
+    j: int
+    segments: tuple[int, int]
+    fraction: float
+    sign: int
+    point: Point
+    lengths: float
+
+
+@dataclass(frozen=True, repr=False)
+class Defect(Finding):
+    """A pair of curves, or a curve, that could not be decided or compared.
+
+    Attributes:
+        i, j: curves, from 0; ``j`` is ``None`` if the defect concerns one curve.
+        image: translation of the second curve, in vectors of the periodic cell; zeros without one.
+        names: names of the curves, if they have names.
+        kind: contact, too-close, degenerate, no-baseline, undecided-step or unaccounted.
+        place: where they are closest, or the place on the curve.
+    """
+
+    j: int | None
+    kind: str
+    place: Place
+
+
+@dataclass(frozen=True, repr=False)
+class Clearance(Result):
+    """Clearance of a frame.
+
+    Attributes:
+        at_least: lower bound of the clearance of all strands.
+        ratio: distance of the closest center lines, as a share of the sum of their radii; ``None``
+            if no strands are close, as the fields of these strands.
+        error: upper bound of the error of the ratio: 0 for polylines.
+        curves: curves of the closest strands: the same one twice for two parts of a curve.
+        segments: their segments.
+        image: translation of the second strand, in vectors of the periodic cell; zeros without a
+            cell.
+        points: their nearest points: that of the second strand is translated by its image.
+        low: True if the clearance is below the level of the warning.
+        frames_left: frames until the surfaces touch, or, if they do, until the center lines meet;
+            ``None`` if the clearance does not shrink.
+    """
+
+    at_least: float
+    ratio: float | None
+    error: float | None
+    curves: tuple[int, int] | None
+    segments: tuple[int, int] | None
+    image: Image | None
+    points: tuple[Point, Point] | None
+    low: bool
+    frames_left: float | None
+
+
+@dataclass(frozen=True, repr=False)
+class Report(Result):
+    """The verdict on a frame. It is true if the frame is intact.
+
+    Attributes:
+        seq: number of the frame, from 0.
+        time: simulation time of the frame, in seconds.
+        verdict: intact, changed, contact, undecided or rejected.
+        abort: True if the policy asks the simulator to stop.
+        changes: linking numbers that differ from the expected ones, sorted by pair.
+        pull_throughs: pull-throughs since the last frame, in chronological order.
+        unresolved: pull-throughs that cannot be resolved, because the frames are too far apart.
+        defects: pairs and curves that could not be decided or compared, sorted by pair.
+        findings: a sentence for every finding.
+        appeared, gone: names of the curves that appeared since the last verified frame, and that
+            are gone.
+        last_intact: last frame that is known to be intact; ``None`` if there is none.
+        safe_fraction: largest proven share of the step from the last intact frame without a
+            pull-through; ``None`` if it is unknown.
+        clearance: clearance of the strands; ``None`` if it is not measured.
+        rejected: reason why the frame was rejected.
+    """
+
+    seq: int
+    time: float
+    verdict: str
+    abort: bool
+    changes: list[Change]
+    pull_throughs: list[PullThrough]
+    unresolved: list[PullThrough]
+    defects: list[Defect]
+    findings: list[str]
+    appeared: list[str]
+    gone: list[str]
+    last_intact: int | None
+    safe_fraction: float | None
+    clearance: Clearance | None
+    rejected: str | None
+
+    @property
+    def intact(self) -> bool:
+        """True if every linking number was proven to be the expected one."""
+        return self.verdict == "intact"
+
+    def __bool__(self) -> bool:
+        return self.intact
+
+    def __str__(self) -> str:
+        return "\n  ".join([self._words, *self.findings])
+
+
+@dataclass(frozen=True, repr=False)
+class Strut(Result):
+    """Two points of curves whose distance is a local minimum.
+
+    Attributes:
+        curves: curve of each end, from 0.
+        segments: segment of each end, from 0.
+        t: place of each end on its segment, from 0 to 1.
+        image: translation of the second curve, in vectors of the periodic cell; zeros without a
+            cell.
+        points: both ends: that of the second curve is translated by its image.
+        length: distance of the ends.
+        error: upper bound of the error of the length: 0 for polylines.
+        gradient: derivatives of the length with respect to the start and the end of the first
+            segment, and of the second one. ``None`` for splines, and if the length is 0.
+    """
+
+    curves: tuple[int, int]
+    segments: tuple[int, int]
+    t: tuple[float, float]
+    image: Image
+    points: tuple[Point, Point]
+    length: float
+    error: float
+    gradient: tuple[tuple[Point, Point], tuple[Point, Point]] | None
+
+
+@dataclass(frozen=True, repr=False)
+class Thickness(Result):
+    """How sharply curves bend, and how close they come.
+
+    Attributes:
+        length: length of all curves.
+        min_rad: radius of the sharpest bend; ``None`` if no curve bends.
+        poca: shortest strut; ``None`` if there is none.
+    """
+
+    length: float
+    min_rad: float | None
+    poca: Strut | None
+
+    def thickness(self, stiffness: float = 1.0) -> float:
+        """Diameter of the thickest tube around all curves that neither bends too sharply nor
+        overlaps.
+        """
+        stiffness = arguments.number("stiffness", stiffness)
+        if not stiffness > 0:
+            raise ValueError(f"stiffness is {stiffness}, expected a number above 0")
+        bend = math.inf if self.min_rad is None else 2 * self.min_rad / stiffness
+        return min(bend, math.inf if self.poca is None else self.poca.length)
+
+    def ropelength(self, stiffness: float = 1.0) -> float:
+        """Length divided by thickness."""
+        thickness = self.thickness(stiffness)
+        return self.length / thickness if thickness else math.inf
+
+
+@dataclass(frozen=True, repr=False)
+class Ribbon(Result):
+    """Linking number, twist and writhe of a closed ribbon between two curves.
+
+    Attributes:
+        linking: linking number of the two curves, in the same direction; ``None`` if they touch.
+        twist, twist_error: twist about the axis, in turns, and upper bound of its error.
+        writhe, writhe_error: writhe of the axis, and upper bound of its error.
+        passages: signed number of passages of the ribbon through itself, linking - twist - writhe:
+            0 for a ribbon; ``None`` if the errors admit several numbers.
+        pairing: vertices that belong together: parallel, antiparallel, or one of these with a
+            shift.
+        pairing_by: reason for the pairing: given, order (of the vertices) or distances (that are
+            the most constant).
+        rivals: pairings that fit nearly as well and have another twist, as tuples (pairing, twist).
+    """
+
+    linking: int | None
+    twist: float
+    twist_error: float
+    writhe: float
+    writhe_error: float
+    passages: int | None
+    pairing: str
+    pairing_by: str
+    rivals: list[tuple[str, float]]
+
+
+def made(kind: str, text: str, words: list[str], names: list[str]) -> Any:
+    """Returns the results of a kind from their JSON and their sentences."""
+    json_of = json.loads(text)
+    if isinstance(json_of, list):
+        return [_MAKERS[kind](one, [sentence], names) for one, sentence in zip(json_of, words)]
+    return _MAKERS[kind](json_of, words, names)
+
+
+def _finding(cls: type[Finding]) -> Any:
+    def make(json: dict[str, Any], words: list[str], names: list[str]) -> Any:
+        others: dict[str, Any] = {"names": ()}
+        if names:
+            pair = [json["i"]] if json["j"] is None else [json["i"], json["j"]]
+            json["names"] = [names[curve] for curve in pair]
+            others["names"] = tuple(json["names"])
+        if place := json.get("place"):
+            where = "near {}, segments {} and {}".format(place["point"], *place["segments"])
+            others["place"] = Place._made(place, where)
+        return cls._made(json, words[0], **others)
+
+    return make
+
+
+def _report(json: dict[str, Any], words: list[str], names: list[str]) -> Report:
+    findings = iter(words[1:])
+    others: dict[str, Any] = {"appeared": json.get("appeared", []), "gone": json.get("gone", [])}
+    for name, key, kind in (
+        ("changes", "changes", "Change"),
+        ("pull_throughs", "events", "PullThrough"),
+        ("defects", "defects", "Defect"),
+        ("unresolved", "unresolved", "PullThrough"),
+    ):
+        others[name] = [_MAKERS[kind](one, [next(findings)], names) for one in json[key]]
+    if clearance := json.get("clearance"):
+        others["clearance"] = _clearance(clearance, words[-1:], names)
+    others["findings"] = words[1 : -1 if clearance else None]
+    made: Report = Report._made(json, words[0], **others)
+    return made
+
+
+def _clearance(json: dict[str, Any], words: list[str], names: list[str]) -> Any:
+    closest = json["closest"] or {}
+    both = [closest["i"], closest["j"]] if closest else None
+    others = {key: closest.get(key) for key in ("ratio", "error", "segments", "image", "points")}
+    return Clearance._made(json, words[0], curves=both, **others)
+
+
+def _strut(json: dict[str, Any], words: list[str], names: list[str]) -> Any:
+    a, b = json["ends"]
+    ends = {one: [a[key], b[key]] for one, key in zip(ENDS, ENDS.values())}
+    return Strut._made(json, words[0], **ends, gradient=json.pop("gradient"))
+
+
+ENDS = {"curves": "curve", "segments": "segment", "t": "t", "points": "point"}
+
+
+def _thickness(json: dict[str, Any], words: list[str], names: list[str]) -> Any:
+    poca = json["poca_at"] and _strut(json["poca_at"], words[1:], names)
+    return Thickness._made(json, words[0], poca=poca)
+
+
+def _ribbon(json: dict[str, Any], words: list[str], names: list[str]) -> Any:
+    others = {"rivals": [tuple(rival) for rival in json.pop("rivals")]}
+    for name in ("twist", "writhe"):
+        others[name], others[f"{name}_error"] = json[name]["value"], json[name]["bound"]
+    return Ribbon._made(json, words[0], **others)
+
+
+_MAKERS: dict[str, Any] = {
+    "Change": _finding(Change),
+    "PullThrough": _finding(PullThrough),
+    "Defect": _finding(Defect),
+    "Report": _report,
+    "Strut": _strut,
+    "Thickness": _thickness,
+    "Ribbon": _ribbon,
+    "dict": lambda json, words, names: json,
+}
+
+
+def sparse(certificate: Certificate) -> tuple[Any, Any]:
+    """Returns the linking numbers, and 1 for each pair without one: see ``Certificate.sparse``."""
+    import numpy as np
+
+    from .io._frames import library
+
+    scipy = library("scipy.sparse", "analysis", "a sparse matrix")
+    n = certificate.curves
+    alone = {*certificate.open, *(d.i for d in certificate.undefined if d.j is None)}
+    pairs = {(d.i, d.j) for d in certificate.undefined if d.j is not None and d.i != d.j}
+    pairs |= {(min(i, j), max(i, j)) for i in alone for j in range(n) if i != j}
+
+    def symmetric(entries: Any, kind: Any) -> Any:
+        i, j, value = np.array(sorted(entries), np.int64).reshape(-1, 3).T
+        both = np.concatenate([i, j]), np.concatenate([j, i])
+        return scipy.csr_array((np.concatenate([value, value]).astype(kind), both), shape=(n, n))
+
+    undefined = symmetric({(i, j, 1) for i, j in pairs}, np.int8)
+    return symmetric(certificate.links, np.int64), undefined

@@ -1,0 +1,563 @@
+"""Verification of all frames of a run, and its result as text, tables, plots and pages."""
+
+from __future__ import annotations
+
+import dataclasses
+import inspect
+import os
+import subprocess
+import sys
+import tempfile
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from . import Certificate, Session, io
+from . import _arguments as arguments
+from .io._curves import plural
+from .io._frames import Frame, Frames, Summary, library
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Iterator
+    from typing import Any
+
+    from ._results import Change, Defect, Report
+
+#: Columns of the tables of a run.
+COLUMNS = {
+    "frames": "frame time verdict changes pull_throughs unresolved defects clearance rejected",
+    "changes": "i j names image expected found frame time last frames point segments distance",
+    "defects": "i j names image kind frame time last frames point segments distance",
+    "pull_throughs": "frame time i j names image segments fraction sign point lengths unresolved",
+}
+#: Number of findings that a summary prints of each kind.
+PRINTED = 5
+
+
+def frames_of(given: Any, **options: Any) -> Frames:
+    """Returns what :func:`check` takes as frames of files."""
+    if isinstance(given, (str, os.PathLike)):
+        given = [given]
+    read: Callable[..., Frames] = frames_in_memory
+    args = [given]
+    if isinstance(given, Frames):
+        read = lambda frames: frames  # noqa: E731
+    elif isinstance(given, (list, tuple)) and given and isinstance(given[0], (str, os.PathLike)):
+        read, args = io.read, list(given)
+    elif hasattr(given, "universe") and hasattr(given, "atoms"):
+        read = io.from_mdanalysis
+    options = {name: value for name, value in options.items() if value is not None}
+    for name in options:
+        if name not in inspect.signature(read).parameters:
+            kind = type(given).__name__
+            raise TypeError(f"there is no option {name!r} for frames of this kind ({kind})")
+    return read(*args, **options)
+
+
+def frames_in_memory(
+    given: Any,
+    *,
+    counts: Any = None,
+    closed: Any = None,
+    names: Any = (),
+    basis: str = "polyline",
+    cell: Any = None,
+) -> Frames:
+    """Returns an iterable of frames of all forms as frames of files."""
+    if not hasattr(given, "__iter__"):
+        raise TypeError(f"frames is {given!r}, expected a path, frames, or an iterable of frames")
+    numbers = None if counts is None else arguments.integers(counts)
+    labels = arguments.words("names", names)
+    vectors = None if cell is None else np.reshape(arguments.twelve(cell), (4, 3))
+    by_default = counts is None and closed is None
+
+    def load() -> Iterator[Frame]:
+        for seq, one in enumerate(given):
+            if not isinstance(one, Frame):
+                points, sizes = arguments.frame(one, numbers, closed, f"frame {seq}")
+                one = Frame(points, sizes, basis, labels, cell=vectors, seq=seq, time=float(seq))
+                one = dataclasses.replace(one, closed_by_default=by_default)
+            yield one
+
+    found = Frames(Path("frames"), load, Summary(), getattr(given, "__len__", lambda: None)())
+    found.kind = "once" if iter(given) is given else "memory"
+    return found
+
+
+class Run:
+    """Result of :func:`linkwatch.check`. It is true if all frames were verified and are intact.
+
+    ``print(run)`` says what happened. All tables are lists of dicts:
+
+    Attributes:
+        frames: number (``frame``), time and verdict of each frame, the numbers of its findings, its
+            clearance if it is measured, and why it was rejected if it was.
+        changes: each linking number that differs from the baseline, once: the first frame that has
+            it (``frame``, ``time``), the last one, their number (``frames``), and the place in the
+            first one.
+        defects: pairs and curves without a linking number, or with an undecided step, likewise.
+        pull_throughs: each one, with the frame at the end of the step; ``unresolved`` if it may not
+            be real, because the frames are too far apart.
+        notes: decisions about closed and open curves, and others.
+        left_out: elements that may be curves and were not read.
+    """
+
+    def __init__(self, source: Frames | None, options: dict[str, Any]) -> None:
+        self.source = source
+        self.options = options
+        self.frames: list[dict[str, Any]] = []
+        self.pull_throughs: list[dict[str, Any]] = []
+        self.notes: list[str] = []
+        self._lasting: dict[str, dict[Any, dict[str, Any]]] = {"changes": {}, "defects": {}}
+        self._left_out: dict[str, str] = {}
+        self._first: str | None = None
+        self._open = self._jumps = 0
+        self._unmeasured: str | None = None
+
+    @property
+    def changes(self) -> list[dict[str, Any]]:
+        return list(self._lasting["changes"].values())
+
+    @property
+    def defects(self) -> list[dict[str, Any]]:
+        return list(self._lasting["defects"].values())
+
+    @property
+    def left_out(self) -> list[str]:
+        of_files = [] if self.source is None else self.source.summary.left_out
+        return [*of_files, *self._left_out.values()]
+
+    def _add(self, report: Report) -> None:
+        """Adds the report on the next frame."""
+        of_frame = {"frame": report.seq, "time": report.time}
+        row: dict[str, Any] = {**of_frame, "verdict": report.verdict, "rejected": report.rejected}
+        for name in ("changes", "pull_throughs", "unresolved", "defects"):
+            row[name] = len(getattr(report, name))
+        row["clearance"] = report.clearance and report.clearance.ratio
+        self.frames.append(_in_order("frames", row))
+        for change in report.changes:
+            self._add_lasting("changes", change, (change.expected, change.found), of_frame)
+        for defect in report.defects:
+            self._add_lasting("defects", defect, (defect.kind,), of_frame)
+        for passage in report.pull_throughs + report.unresolved:
+            row = {**of_frame, **passage.to_dict(), "unresolved": passage in report.unresolved}
+            self.pull_throughs.append(_in_order("pull_throughs", row))
+        for found in report._json["left_out"]:
+            words = f"{found['count']} {found['kind']} (the first one: {found['first']})"
+            self._left_out.setdefault(found["kind"], words)
+        if self._first is None and report.verdict not in ("intact", "rejected"):
+            self._first = "\n    ".join([repr(report)[9:-1], *report.findings[:1]])
+
+    def _add_lasting(
+        self, table: str, found: Change | Defect, which: tuple[Any, ...], of_frame: dict[str, Any]
+    ) -> None:
+        """Adds a finding that may last over several frames."""
+        key = (found.names or (found.i, found.j), found.image, which)
+        row = self._lasting[table].get(key)
+        if row is None:
+            row = {**of_frame, **found.to_dict(), "frames": 0}
+            row = self._lasting[table][key] = _in_order(table, {**row, **(row["place"] or {})})
+        row["last"] = of_frame["frame"]
+        row["frames"] += 1
+
+    def _note(self, notes: list[str]) -> None:
+        self.notes += [note for note in notes if note not in self.notes]
+
+    def _end(self, session: Session) -> None:
+        """Adds what the session knows after the last frame."""
+        raw = session._session
+        self._open, self._jumps = len(raw.open()), raw.jumps()
+        self._unmeasured = raw.unmeasured_clearance()
+
+    def _merge(self, later: Run) -> None:
+        """Adds the frames of a run that continues this one."""
+        self.frames += later.frames
+        self.pull_throughs += later.pull_throughs
+        self._note(later.notes)
+        for table, rows in later._lasting.items():
+            for key, row in rows.items():
+                own = self._lasting[table].setdefault(key, {**row, "frames": 0})
+                own["last"], own["frames"] = row["last"], own["frames"] + row["frames"]
+        self._left_out = {**later._left_out, **self._left_out}
+        self._first = self._first or later._first
+        self._open, self._jumps = later._open, later._jumps
+        self._unmeasured = self._unmeasured or later._unmeasured
+
+    def _gaps(self) -> list[str]:
+        """Returns what was not verified, or not decided."""
+        verdicts = [row["verdict"] for row in self.frames]
+        rejected, verified = verdicts.count("rejected"), len(verdicts) - verdicts.count("rejected")
+        gaps = []
+        for verdict in ("contact", "undecided"):
+            if number := verdicts.count(verdict):
+                gaps.append(f"{_frames(number)} with the verdict {verdict}")
+        if rejected:
+            first = next(row for row in self.frames if row["rejected"] is not None)
+            why = f"the first one is frame {first['frame']}: {first['rejected']}"
+            gaps.append(f"{_frames(rejected)} rejected; {why}")
+        if not verified:
+            gaps.append("no frame was verified")
+        elif verified == 1 and self.options.get("baseline") is None:
+            gaps.append("one frame, and nothing to compare it with")
+        if self.options.get("events") == "off" and self._open:
+            curves = plural(self._open, "open curve", "open curves")
+            gaps.append(f"not verified: {curves} (events='between' searches for pull-throughs)")
+        if self._unmeasured:
+            gaps.append(f"clearance was not measured in all frames: {self._unmeasured}")
+        if self.left_out:
+            gaps.append(f"not read, so not verified: {', '.join(self.left_out)}")
+        return gaps
+
+    @property
+    def verdict(self) -> str:
+        """``"intact"``, ``"changed"``, or ``"incomplete"``: something is undecided, was rejected or
+        not read. The exit codes 0, 1 and 3 of ``linkwatch check`` have the same meaning.
+        """
+        if any(row["verdict"] == "changed" for row in self.frames):
+            return "changed"
+        return "incomplete" if self._gaps() else "intact"
+
+    def __bool__(self) -> bool:
+        return self.verdict == "intact"
+
+    @property
+    def summary(self) -> str:
+        """What happened, in some lines."""
+        lines = [f"{self.verdict}: {_frames(len(self.frames))}"]
+        if self._first is not None:
+            lines.append(f"first frame that is not intact: {self._first}")
+        resolved = sum(not row["unresolved"] for row in self.pull_throughs)
+        unresolved, changes = len(self.pull_throughs) - resolved, len(self.changes)
+        if changes:
+            numbers = plural(changes, "linking number differs", "linking numbers differ")
+            lines.append(f"{numbers} from the baseline")
+        if resolved:
+            lines.append(plural(resolved, "pull-through", "pull-throughs"))
+        if unresolved:
+            passages = plural(unresolved, "unresolved pull-through", "unresolved pull-throughs")
+            why = "because the frames are too far apart"
+            lines.append(f"{passages}, {why} (events='off' compares linking numbers alone)")
+        measured = [row for row in self.frames if row["clearance"] is not None]
+        if measured:
+            low = min(measured, key=lambda row: row["clearance"])
+            share = f"{100 * low['clearance']:.1f} % of the diameter"
+            lines.append(f"lowest clearance: {share}, in frame {low['frame']}")
+        if self._open and self.options.get("events") != "off":
+            curves = plural(self._open, "open curve", "open curves")
+            lines.append(f"{curves} verified for pull-throughs, without linking numbers")
+        if self._jumps:
+            times = plural(self._jumps, "time", "times")
+            what = f"curves jumped by a vector of the periodic cell {times}"
+            lines.append(f"{what}, and were followed")
+        of_files = [] if self.source is None else self.source.summary.notes
+        return "\n  ".join([*lines, *self._gaps(), *of_files, *self.notes])
+
+    def __str__(self) -> str:
+        return self.summary
+
+    def __repr__(self) -> str:
+        return f"<Run: {self.summary.splitlines()[0]}>"
+
+    def __getstate__(self) -> dict[str, Any]:
+        source = self.source if self.source is not None and self.source.recipe else None
+        return {**self.__dict__, "source": source}
+
+    def to_dict(self) -> dict[str, Any]:
+        """Returns verdict, summary, tables and notes as plain data."""
+        tables = {table: getattr(self, table) for table in COLUMNS}
+        said = {"verdict": self.verdict, "summary": self.summary, "left_out": self.left_out}
+        return {**said, **tables, "notes": self.notes}
+
+    def to_pandas(self, table: str = "frames") -> Any:
+        """Returns a table as a ``pandas.DataFrame``: ``"frames"``, ``"changes"``, ``"defects"`` or
+        ``"pull_throughs"``.
+        """
+        if table not in COLUMNS:
+            raise ValueError(f"table is {table!r}, expected one of {', '.join(COLUMNS)}")
+        pandas = library("pandas", "analysis", "a table")
+        return pandas.DataFrame(getattr(self, table), columns=COLUMNS[table].split())
+
+    def plot(self) -> Any:
+        """Returns a figure of ``matplotlib``: findings, and clearance if it is measured, over time,
+        or over the number of the frame if all times are equal.
+        """
+        figure = library("matplotlib.figure", "analysis", "a plot")
+        rows = self.frames
+        timed = len({row["time"] for row in rows}) > 1
+        x = [row["time" if timed else "frame"] for row in rows]
+        clear = any(row["clearance"] is not None for row in rows)
+        drawn = figure.Figure(figsize=(8, 6 if clear else 4.5), layout="constrained")
+        axes = drawn.subplots(3 if clear else 2, 1, sharex=True)
+        links, passages = axes[:2]
+        links.step(x, [row["changes"] for row in rows], where="post", color="C3")
+        links.set_ylabel("changed links")
+        width = 0.8 * min(np.diff(np.unique(x)), default=1.0)
+        names = ("pull_throughs", "unresolved")
+        found, unresolved = ([row[name] for row in rows] for name in names)
+        passages.bar(x, found, width, color="C0", label="pull-throughs")
+        if any(unresolved):
+            passages.bar(x, unresolved, width, bottom=found, color="0.7", label="unresolved")
+            passages.legend()
+        passages.set_ylabel("pull-throughs")
+        if clear:
+            share = [np.nan if row["clearance"] is None else row["clearance"] for row in rows]
+            axes[2].plot(x, share, color="C2")
+            axes[2].set_ylabel("clearance / diameter")
+        for axis in axes[:2]:
+            axis.yaxis.get_major_locator().set_params(integer=True)
+            axis.set_ylim(0, max(1.0, 1.05 * axis.get_ylim()[1]))
+        for row, at in zip(rows, x):
+            if row["verdict"] not in ("intact", "changed"):
+                for axis in axes:
+                    axis.axvspan(at - width / 2, at + width / 2, color="C1", alpha=0.2, lw=0)
+        axes[-1].set_xlabel("time" if timed else "frame")
+        links.set_title(repr(self)[6:-1])
+        return drawn
+
+    def _repr_html_(self) -> str:
+        import base64
+        import html
+        from io import BytesIO
+
+        text = f"<pre style='white-space: pre-wrap'>{html.escape(self.summary)}</pre>"
+        try:
+            picture = BytesIO()
+            self.plot().savefig(picture, format="png", dpi=80)
+        except ImportError:
+            return text
+        data = base64.b64encode(picture.getvalue()).decode()
+        return f'{text}<img src="data:image/png;base64,{data}" alt="findings over time"/>'
+
+    def record(
+        self, path: str | os.PathLike[str], *, force: bool = False, settings: str = ""
+    ) -> None:
+        """Verifies the frames again by the command ``linkwatch check --record``.
+
+        The recording is for ``linkwatch replay``, ``report``, and other tools: ``settings`` are
+        those of ``--record``, such as ``"every=10"`` or ``"for=rerun"``. The frames are read again,
+        so those of a generator have no recording.
+
+        Raises:
+            FileExistsError: there is such a file, and ``force`` is false.
+            ValueError: the frames cannot be read again, or not be recorded.
+        """
+        if self.source is None or self.source.kind == "once":
+            raise ValueError("the frames cannot be read again: check a file, or a list of frames")
+        if Path(path).exists() and not force:
+            raise FileExistsError(f"{path} exists already: `force` overwrites it")
+        options = self.options
+        words = [f"--events={options['events']}"]
+        if options["motion_limit"] is not None:
+            words += ["--motion-limit", repr(options["motion_limit"])]
+        if options["wrapped"] is not None:
+            words.append(f"--wrapped={str(options['wrapped']).lower()}")
+        if options["keep_open"]:
+            words.append("--keep-open")
+        with tempfile.TemporaryDirectory(prefix="linkwatch-") as folder:
+            if options["baseline"] is not None:
+                certificate = Path(folder) / "baseline.txt"
+                options["baseline"].write(certificate)
+                words += ["--baseline", str(certificate)]
+            files = io.write(self.source, Path(folder) / f"{self.source.path.stem}.npz")
+            if len(files) > 1:
+                words.append("--one-motion")
+            record = ",".join(filter(None, [str(path), settings]))
+            _command("check", *files, *words, "--force", "--record", record)
+
+    def report(self, path: str | os.PathLike[str], *, force: bool = False) -> None:
+        """Writes the page of ``linkwatch report``: what happened, with tables and pictures.
+
+        The frames are verified again for it: see :meth:`record`, which raises the same errors.
+        """
+        if Path(path).exists() and not force:
+            raise FileExistsError(f"{path} exists already: `force` overwrites it")
+        with tempfile.TemporaryDirectory(prefix="linkwatch-") as folder:
+            name = "run" if self.source is None else self.source.path.stem
+            recording = Path(folder) / f"{name}.mcap"
+            self.record(recording)
+            _command("report", recording, "--force", "-o", path)
+
+    def view(self) -> None:
+        """Shows the frames as points in the viewer of ``rerun``, with findings in red.
+
+        The frames are verified again for it: see :meth:`record`.
+
+        Raises:
+            ImportError: ``rerun-sdk`` is not installed.
+        """
+        library("rerun", "view", "the viewer")
+        # It is read while this program goes on.
+        recording = Path(tempfile.mkdtemp(prefix="linkwatch-")) / "run.mcap"
+        self.record(recording, settings="for=rerun")
+        subprocess.Popen([sys.executable, "-m", "rerun", str(recording)])
+
+
+def _in_order(table: str, row: dict[str, Any]) -> dict[str, Any]:
+    """Returns the columns of a table in a row."""
+    return {column: row.get(column) for column in COLUMNS[table].split()}
+
+
+def _frames(number: int) -> str:
+    return plural(number, "frame", "frames")
+
+
+def _command(*words: Any) -> None:
+    """Runs a command of linkwatch. The exit codes 0, 1 and 3 are verdicts."""
+    words = (sys.executable, "-m", "linkwatch", *map(str, words))
+    ended = subprocess.run(words, capture_output=True, text=True, check=False)
+    if ended.returncode not in (0, 1, 3):
+        raise ValueError(ended.stderr.strip().removeprefix("error: "))
+
+
+class Checker:
+    """Verifies frames by a session, and adds them to a run. Begins with a state of another one."""
+
+    def __init__(self, run: Run, state: tuple[bytes, Any] | None = None) -> None:
+        self.run = run
+        self.session: Session | None = None
+        self._state: bytes | None = None
+        #: Description of the curves of the last frame, and of the last verified one.
+        self._described: Any = None
+        if state is not None:
+            self._state, self._described = state
+        self._verified = self._described
+
+    def step(self, frame: Frame, *, begins_part: bool = False) -> Report:
+        """Verifies a frame."""
+        options = dict(self.run.options)
+        published = options["thickness"] == "published"
+        radii = frame.radii if published else []
+        if self.session is None:
+            if published and not radii:
+                raise ValueError(f"frame {frame.seq} has no radii: give a radius as thickness")
+            if published:
+                options["thickness"] = radii
+            self.session = Session(basis=frame.basis, _state=self._state, **options)
+            self._basis = frame.basis
+        if frame.basis != self._basis:
+            raise ValueError(f"frame {frame.seq} has the basis {frame.basis}, not {self._basis}")
+        raw = self.session._session
+        described = frame.counts, frame.names, radii, frame.closed_by_default
+        if described != self._described:
+            raw.describe(*described[1:])
+            self._described = described
+        if begins_part:
+            raw.begin_part()
+        cell = None if frame.cell is None else arguments.twelve(frame.cell)
+        points, counts = arguments.frame(frame.positions, frame.counts, None)
+        report = raw.step(points, counts, frame.time, (frame.seq, cell, frame.rejected))
+        if report.rejected is None:
+            self._verified = described
+        return report
+
+    def verify(self, frames: Iterable[Frame]) -> None:
+        """Verifies frames, and adds them to the run."""
+        for frame in frames:
+            self.run._add(self.step(frame))
+            assert self.session is not None
+            self.run._note(self.session._session.notes())
+        if self.session is not None:
+            self.run._end(self.session)
+
+    def state(self) -> tuple[tuple[bytes, Any], int]:
+        """Returns the state after the last frame, and a hash of what findings depend on."""
+        assert self.session is not None
+        state, number = self.session._session.state()
+        return (state, self._verified), number
+
+
+def ahead(frames: Iterable[Frame]) -> Iterator[Frame]:
+    """Yields frames, each of which is read by another thread while the previous one is used."""
+    with ThreadPoolExecutor(1) as pool:
+        left = iter(frames)
+        coming = pool.submit(next, left, None)
+        while (frame := coming.result()) is not None:
+            coming = pool.submit(next, left, None)
+            yield frame
+
+
+def bar(steps: Iterable[Any], total: int | None, wanted: bool | None, unit: str) -> Any:
+    """Shows the progress of steps by ``tqdm``: on a terminal if it is installed, or as wanted."""
+    if wanted is False:
+        return steps
+    try:
+        tqdm = library("tqdm.auto", "analysis", "a progress bar")
+    except ImportError:
+        if wanted:
+            raise
+        return steps
+    return tqdm.tqdm(steps, total=total, unit=unit, disable=None if wanted is None else False)
+
+
+def check(
+    frames: Any,
+    baseline: Certificate | str | os.PathLike[str] | None = None,
+    events: str = "between",
+    *,
+    thickness: Any = None,
+    motion_limit: float | None = None,
+    wrapped: bool | None = None,
+    keep_open: bool = False,
+    progress: bool | None = None,
+    client: Any = None,
+    chunk: int | None = None,
+    **described: Any,
+) -> Run:
+    """Verifies the frames of one run.
+
+    >>> import linkwatch
+    >>> ring = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0.0]])
+    >>> other = np.array([[0, 0, -1], [2, 0, -1], [2, 0, 1], [0, 0, 1.0]])
+    >>> run = linkwatch.check([[ring, other + [0.4 * k, 0, 0]] for k in range(6)])
+    >>> run.verdict, bool(run)
+    ('changed', False)
+    >>> [(row["frame"], row["i"], row["j"], row["found"]) for row in run.changes]
+    [(3, 0, 1, 0)]
+
+    Args:
+        frames: a path, or several ones that :func:`linkwatch.read` takes together; what it returns;
+            a ``Universe`` or ``AtomGroup`` of MDAnalysis; or an iterable of frames, each one a
+            :class:`linkwatch.io.Frame` or in one of the two forms of ``help(linkwatch)``, at the
+            times 0, 1, 2, ..
+        baseline: expected linking numbers, or their file; by default those of the first frame.
+        events: pull-throughs to search for from frame to frame: ``"between"`` different curves,
+            ``"all"`` (also of a curve through itself), or ``"off"``, which compares linking numbers
+            alone, for frames that are far apart.
+        thickness: radius of the strands, of each curve, or ``"published"``, those of the frames:
+            ``run.frames`` has the clearance.
+        motion_limit, wrapped, keep_open: those of :class:`linkwatch.Session`.
+        progress: whether to show a progress bar; by default on a terminal, if ``tqdm`` is
+            installed.
+        client: ``dask.distributed.Client`` or ``concurrent.futures.Executor``: verifies chunks of
+            frames at the same time. See :mod:`linkwatch.distributed`.
+        chunk: number of frames of a chunk.
+        described: ``counts``, ``closed``, ``names``, ``basis`` and ``cell`` of arrays; options of
+            :func:`linkwatch.read` for files, and of :func:`linkwatch.io.from_mdanalysis`.
+
+    Raises:
+        ImportError: a library to read the frames is not installed. The message says how.
+        TypeError, ValueError: an argument is invalid, a file is damaged, or no curve is closed and
+            there are no ``events``.
+    """
+    if isinstance(baseline, (str, os.PathLike)):
+        baseline = Certificate.read(baseline)
+    options = dict(
+        baseline=baseline,
+        events=events,
+        thickness=thickness,
+        motion_limit=motion_limit,
+        wrapped=wrapped,
+        keep_open=keep_open,
+    )
+    source = frames_of(frames, **described)
+    run = Run(source, options)
+    if client is not None:
+        from .distributed import verify
+
+        verify(run, client, chunk, progress)
+    else:
+        read = ahead(source) if source.kind == "file" else source
+        Checker(run).verify(bar(read, source.length, progress, " frames"))
+    return run

@@ -1,0 +1,174 @@
+"""Quantities of all frames of a run, as arrays."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from . import _arguments as arguments
+from . import _linkwatch, ribbon
+from ._run import frames_of
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+    from typing import Any
+
+    import numpy.typing as npt
+
+    from ._linkwatch import Frame
+    from .io import Frame as FileFrame
+
+    Array = npt.NDArray[np.float64]
+
+
+def _series(frames: Any, described: dict[str, Any], measure: Callable[[Any], Any]) -> Array:
+    """Returns a quantity of all frames, which is NaN in those that are invalid."""
+    found: list[Any] = []
+    for frame in frames_of(frames, **described):
+        valid = frame.rejected is None and np.isfinite(frame.positions).all()
+        found.append(np.asarray(measure(frame), np.float64) if valid else None)
+    shapes = {one.shape for one in found if one is not None}
+    if len(shapes) > 1:
+        raise ValueError(f"the number of curves changes: arrays of the shapes {sorted(shapes)}")
+    missing = np.full(shapes.pop() if shapes else (), np.nan)
+    return np.array([missing if one is None else one for one in found], np.float64)
+
+
+def _raw(frame: FileFrame) -> Frame:
+    points, counts = arguments.frame(frame.positions, frame.counts, None)
+    cell = None if frame.cell is None else arguments.twelve(frame.cell)
+    return points, counts, frame.basis, cell
+
+
+def _gauss(frame: Frame, pairs: Any, tolerance: float) -> Array:
+    """Returns Gauss integrals, which are NaN if the bound of the error is above the tolerance."""
+    values, bounds = map(np.asarray, _linkwatch.gauss(frame, pairs, tolerance))
+    return np.where(bounds <= tolerance, values, np.nan)
+
+
+def writhe(frames: Any, *, tolerance: float = 1e-4, **described: Any) -> Array:
+    """Computes the writhe of each curve, open or closed, in all frames.
+
+    >>> import linkwatch
+    >>> square = [[0, 0, 0], [2, 0, 0], [2, 2, 0], [0, 2, 0]]
+    >>> linkwatch.writhe([[square], [square]])
+    array([[0.],
+           [0.]])
+
+    Args:
+        frames: as of :func:`linkwatch.check`, with the same options (``closed``, ..).
+        tolerance: largest error. A smaller one takes longer.
+
+    Returns:
+        numpy.ndarray: the shape ``(frames, curves)``. NaN in frames that are invalid, and for
+        curves that touch themselves.
+
+    Raises:
+        ValueError: the curves are splines, or their number changes.
+    """
+    return _series(frames, described, lambda frame: _gauss(_raw(frame), None, tolerance))
+
+
+def linking(
+    frames: Any, pairs: Sequence[tuple[int, int]] | None = None, **described: Any
+) -> Array:
+    """Computes linking numbers, exactly, in all frames.
+
+    >>> import linkwatch
+    >>> ring = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0.0]])
+    >>> other = np.array([[0, 0, -1], [2, 0, -1], [2, 0, 1], [0, 0, 1.0]])
+    >>> linkwatch.linking([[ring, other + [x, 0, 0]] for x in (0, 2)], pairs=[(0, 1)])
+    array([[-1.],
+           [ 0.]])
+
+    Args:
+        frames: as of :func:`linkwatch.check`, with the same options (``closed``, ..).
+        pairs: pairs of curves; by default, all.
+
+    Returns:
+        numpy.ndarray: the shape ``(frames, pairs)``, or ``(frames, curves, curves)`` without
+        ``pairs``. NaN in frames that are invalid, and for pairs that have no linking number.
+        Numbers with periodic images are not among them: see :func:`linkwatch.certify`.
+    """
+
+    def measure(frame: FileFrame) -> Any:
+        points, counts, basis, cell = _raw(frame)
+        by_default = frame.closed_by_default
+        certificate, _ = _linkwatch.certify(points, counts, basis, by_default, cell)
+        matrix = certificate.matrix(undefined=np.nan)
+        return matrix if pairs is None else matrix[tuple(np.transpose(pairs))]
+
+    return _series(frames, described, measure)
+
+
+def twist(frames: Any, *, described: dict[str, Any] | None = None, **options: Any) -> Array:
+    """Computes the twist of a ribbon, in turns, in all frames.
+
+    Args:
+        frames: as of :func:`linkwatch.check`; ``described`` are its options (``counts``, ..).
+        options: those of :func:`linkwatch.ribbon`: ``strands``, ``pairing``, ``axis``.
+
+    Returns:
+        numpy.ndarray: the shape ``(frames,)``. NaN in frames that are invalid.
+    """
+    measure = lambda frame: ribbon(frame.positions, frame.counts, **options).twist  # noqa: E731
+    return _series(frames, described or {}, measure)
+
+
+def thickness(frames: Any, described: dict[str, Any]) -> Array:
+    """Returns the thickness of all frames: see :func:`linkwatch.thickness`."""
+    return _series(frames, described, lambda frame: _linkwatch.thickness(_raw(frame)).thickness())
+
+
+def gauss_integrals(
+    frames: Any,
+    subchains: Sequence[tuple[int, int, int]] | None = None,
+    *,
+    tolerance: float = 1e-4,
+    **described: Any,
+) -> Array:
+    """Computes Gauss linking integrals of all pairs of curves, open or closed, in all frames.
+
+    They measure how parts of chains entangle, and are the linking number if both curves are closed.
+
+    >>> import linkwatch
+    >>> crossed = [[[-1, 0, 0], [1, 0, 0]], [[0, -1, 1], [0, 1, 1]]]
+    >>> found = linkwatch.gauss_integrals([crossed], closed=False)
+    >>> found.shape, round(abs(float(found[0, 0, 1])), 4)
+    ((1, 2, 2), 0.1667)
+
+    Args:
+        frames: as of :func:`linkwatch.check`, with the same options (``closed``, ..).
+        subchains: parts of curves instead of whole ones: ``(curve, first, last)`` is the open
+            polyline from one vertex of a curve to another one.
+        tolerance: largest error. A smaller one takes longer.
+
+    Returns:
+        numpy.ndarray: the shape ``(frames, n, n)`` for ``n`` curves or subchains, symmetric, with
+        the writhe of each one on the diagonal. NaN in frames that are invalid, and for curves that
+        touch. Periodic images do not count.
+
+    Raises:
+        ValueError: the curves are splines, their number changes, or there is no such subchain.
+    """
+
+    def measure(frame: FileFrame) -> Any:
+        points, counts, basis, _ = _raw(frame)
+        if subchains is not None:
+            sizes = np.abs(counts)
+            starts = np.cumsum(sizes) - sizes
+            for curve, first, last in subchains:
+                if not (0 <= curve < len(sizes) and 0 <= first < last < sizes[curve]):
+                    what = f"no subchain {curve, first, last}"
+                    raise ValueError(f"{what} in {len(sizes)} curves")
+            parts = [points[starts[k] + a : starts[k] + b + 1] for k, a, b in subchains]
+            points, counts = np.concatenate(parts), [len(part) for part in parts]
+        given = points, counts, basis, None
+        matrix = np.diag(_gauss(given, None, tolerance))
+        if len(counts) > 1:
+            i, j = np.triu_indices(len(counts), 1)
+            matrix[i, j] = matrix[j, i] = _gauss(given, [], tolerance)
+        return matrix
+
+    return _series(frames, described, measure)

@@ -1,0 +1,205 @@
+"""Verification on many machines, or many processes of one, by Dask or ``concurrent.futures``.
+
+:func:`linkwatch.check` with a ``client`` verifies chunks of one run at the same time, and
+:func:`check_many` many runs. The client is a ``dask.distributed.Client``, or an ``Executor`` of
+``concurrent.futures``:
+
+>>> from concurrent.futures import ThreadPoolExecutor
+>>> import linkwatch
+>>> ring = [[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]
+>>> frames = [[ring, [[x, 0, -1], [x + 2, 0, -1], [x + 2, 0, 1], [x, 0, 1]]] for x in (0, 0.5, 4)]
+>>> with ThreadPoolExecutor(2) as client:
+...     print(linkwatch.check(frames, client=client, chunk=1).verdict)
+changed
+
+**The result is that of one machine**, finding by finding. A chunk begins with the last frame of the
+previous one, so that the step between them is searched for pull-throughs, and with the state of the
+session after the first frame of the run. Once the previous chunk has ended, its state is compared
+with that; if later findings may depend on the difference, the chunk is verified again from that
+state. This happens after linking numbers were added to the baseline, curves came or went, or a
+curve jumped by a vector of the periodic cell: from there on, chunks are verified one after the
+other. The lower bound of a clearance may differ, and in a periodic cell the digits of places in
+words.
+
+Formats with random access (trajectories of MDAnalysis, ``.npz`` and other files of the command) are
+read by the workers, which need the files under the same names. Frames of all others are read here
+and sent to them.
+
+Dask verifies the chunk of a worker that was lost again on another one. A process that was forked
+from one that used linkwatch cannot use it: processes of ``ProcessPoolExecutor`` are best spawned.
+Every process uses all cores unless ``RAYON_NUM_THREADS`` says otherwise.
+"""
+
+from __future__ import annotations
+
+import functools
+import itertools
+import os
+import pickle
+import threading
+import warnings
+from collections import deque
+from typing import TYPE_CHECKING
+
+from ._run import Checker, Run, bar, check
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Iterator, Sequence
+    from typing import Any
+
+    from .io import Frame, Frames
+
+#: Bytes of the positions of a chunk that is sent to a worker, if its size is not given.
+SENT = 1 << 26
+
+_opened = threading.local()
+
+
+def verify(run: Run, client: Any, chunk: int | None, progress: bool | None) -> None:
+    """Verifies the frames of a run by a client, and adds them to it."""
+    source = run.source
+    assert source is not None
+    if not hasattr(client, "submit"):
+        raise TypeError(f"client is {client!r}, expected one of Dask, or an Executor")
+    submit, workers = _submit(client), _workers(client)
+    if chunk is not None and chunk < 1:
+        raise ValueError(f"chunk is {chunk}, expected at least 1 frame")
+    by_workers = source.part is not None and source.recipe is not None
+    parts = _parts(source, chunk, workers) if by_workers else _sent(source, chunk)
+    first = next(parts, None)
+    if first is None:
+        return
+    begin = submit(_begin, first, run.options).result()
+    waiting: deque[tuple[Any, Any]] = deque()
+
+    def send() -> None:
+        """Sends the next chunk to a worker."""
+        if (part := next(parts, None)) is not None:
+            waiting.append((part, submit(_verify, part, run.options, begin, True)))
+
+    waiting.append((first, submit(_verify, first, run.options, None, False)))
+    for _ in range(2 * workers):
+        send()
+    state, number = None, None
+    shown = bar((), source.length, progress, " frames")
+    try:
+        while waiting:
+            part, future = waiting.popleft()
+            found, assumed, after, later = future.result()
+            if state is not None and assumed != number:
+                found, _, after, later = submit(_verify, part, run.options, state, False).result()
+            state, number = after, later
+            run._merge(found)
+            if hasattr(shown, "update"):
+                shown.update(len(found.frames))
+            send()
+    finally:
+        for _, future in waiting:
+            future.cancel()
+        if hasattr(shown, "close"):
+            shown.close()
+
+
+def _submit(client: Any) -> Callable[..., Any]:
+    """Returns the function that sends a call to a worker."""
+    if not hasattr(client, "scheduler_info"):
+        submit: Callable[..., Any] = client.submit
+        return submit
+
+    def submit_to_dask(*call: Any) -> Any:
+        with warnings.catch_warnings():
+            # Frames that a lost worker had are sent again, which scattered ones are not.
+            warnings.filterwarnings("ignore", "Sending large graph")
+            # Dask would look for an earlier result of the same arguments, which are large.
+            return client.submit(*call, pure=False)
+
+    return submit_to_dask
+
+
+def _workers(client: Any) -> int:
+    """Returns the number of calls that the client runs at the same time."""
+    if hasattr(client, "nthreads"):
+        return max(1, sum(map(int, client.nthreads().values())))
+    return int(getattr(client, "_max_workers", 0) or os.cpu_count() or 1)
+
+
+def _parts(source: Frames, chunk: int | None, workers: int) -> Iterator[Any]:
+    """Yields chunks that workers read: the recipe of the frames, and the numbers of some."""
+    frames, recipe = len(source), pickle.dumps(source)
+    chunk = chunk or min(max(-(-frames // (4 * workers)), 16), 1024)
+    for start in range(0, frames, chunk):
+        yield recipe, max(start - 1, 0), min(start + chunk, frames)
+
+
+def _sent(source: Frames, chunk: int | None) -> Iterator[Any]:
+    """Yields chunks of frames that are read here."""
+    frames = iter(source)
+    overlap: list[Frame] = []
+    for first in frames:
+        rest = (chunk or min(max(SENT // max(first.positions.nbytes, 1), 4), 1024)) - 1
+        part = [*overlap, first, *itertools.islice(frames, rest)]
+        overlap = part[-1:]
+        yield part
+
+
+def _frames(part: Any) -> Iterable[Frame]:
+    """Returns the frames of a chunk on a worker. Each of its threads opens a file once."""
+    if isinstance(part, list):
+        return part
+    recipe, start, stop = part
+    if getattr(_opened, "recipe", None) != recipe:
+        _opened.recipe, _opened.frames = recipe, pickle.loads(recipe)
+    frames: Iterable[Frame] = _opened.frames.part(start, stop)
+    return frames
+
+
+def _begin(part: Any, options: dict[str, Any]) -> Any:
+    """Returns the state of a session after the first frame that is not rejected."""
+    checker = Checker(Run(None, options))
+    for frame in _frames(part):
+        if checker.step(frame).rejected is None:
+            break
+    return checker.state()[0]
+
+
+def _verify(part: Any, options: dict[str, Any], state: Any, assumed: bool) -> Any:
+    """Verifies a chunk. Returns its run, a hash of the state before it if that is assumed, and the
+    state after it with its hash. With a state, the first frame belongs to the previous chunk.
+    """
+    checker = Checker(Run(None, options), state)
+    frames = iter(_frames(part))
+    before = None
+    if state is not None:
+        first = next(frames)
+        if assumed and checker.step(first, begins_part=True).rejected is None:
+            before = checker.state()[1]
+    checker.verify(frames)
+    return checker.run, before, *checker.state()
+
+
+def check_many(
+    paths: Sequence[Any], client: Any, *, progress: bool | None = None, **options: Any
+) -> list[Run]:
+    """Verifies many runs, each one by one worker.
+
+    Args:
+        paths: a path for each run, or a list of the paths that :func:`linkwatch.read` takes
+            together. Workers need the files under the same names.
+        client: as of :func:`linkwatch.check`.
+        progress: whether to show a progress bar.
+        options: those of :func:`linkwatch.check`.
+
+    Returns:
+        list[Run]: in the order of the paths.
+
+    Raises:
+        OSError, ValueError: a file cannot be read. Those of the other runs are cancelled.
+    """
+    submit = _submit(client)
+    call = functools.partial(check, progress=False, **options)
+    futures = [submit(call, path) for path in paths]
+    try:
+        return [future.result() for future in bar(futures, len(futures), progress, " runs")]
+    finally:
+        for future in futures:
+            future.cancel()

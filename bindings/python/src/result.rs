@@ -1,0 +1,72 @@
+//! Results as Python objects: their JSON and their words, which `python/linkwatch/_results.py`
+//! turns into data classes.
+
+use linkwatch::{Change, Defect, PullThrough, Report};
+use pyo3::exceptions::PyRuntimeError;
+use pyo3::prelude::*;
+use pyo3::sync::PyOnceLock;
+use serde::Serialize;
+
+/// JSON, and sentences.
+pub type Described = (String, Vec<String>);
+
+/// Returns a value as JSON.
+pub fn json(value: &impl Serialize) -> String {
+    serde_json::to_string(value).expect("plain data that fits into memory")
+}
+
+/// Returns the objects of a class from their JSON, or a list of them from a list. `words` are their
+/// sentences, and `names` those of the curves, if they have any.
+pub fn result(
+    py: Python<'_>,
+    class: &str,
+    (json, words): Described,
+    names: &[String],
+) -> PyResult<Py<PyAny>> {
+    static MADE: PyOnceLock<Py<PyAny>> = PyOnceLock::new();
+    let made = MADE.import(py, "linkwatch._results", "made")?;
+    Ok(made.call1((class, json, words, names))?.unbind())
+}
+
+/// Returns a report as JSON, and its headline, findings and clearance in words.
+pub fn report(report: &Report, names: &[String]) -> Described {
+    let mut text = json(report);
+    text.pop();
+    text += &format!(",\"left_out\":{}}}", json(&report.left_out));
+    let mut words = vec![report.headline()];
+    words.extend(report.findings_named(names));
+    if let Some(clearance) = &report.clearance {
+        let sentence = clearance.sentence_named(report.stats.extent, names);
+        words.push(sentence.unwrap_or_else(|| "no strands are close".into()));
+    }
+    (text, words)
+}
+
+/// Returns changes as JSON and in words. `extent` is that of the scene, 0 if it is unknown.
+pub fn changes(list: &[Change], extent: f64, names: &[String]) -> Described {
+    let words = list.iter().map(|c| c.sentence_named(extent, names));
+    (json(&list), words.collect())
+}
+
+/// Returns pull-throughs as [`changes`].
+pub fn pull_throughs(list: &[PullThrough], extent: f64, names: &[String]) -> Described {
+    let words = list.iter().map(|e| e.sentence_named(extent, names));
+    (json(&list), words.collect())
+}
+
+/// Returns defects as [`changes`].
+pub fn defects(list: &[Defect], extent: f64, names: &[String]) -> Described {
+    let words = list.iter().map(|d| d.sentence_named(extent, names));
+    (json(&list), words.collect())
+}
+
+/// Returns the bytes of a state for pickle and other processes.
+pub fn packed(state: &impl Serialize) -> Vec<u8> {
+    postcard::to_stdvec(state).expect("plain data that fits into memory")
+}
+
+/// Returns the state of [`packed`] bytes.
+pub fn unpacked<'a, T: serde::Deserialize<'a>>(bytes: &'a [u8]) -> PyResult<T> {
+    let other = |why| PyRuntimeError::new_err(format!("state of another version: {why}"));
+    postcard::from_bytes(bytes).map_err(other)
+}

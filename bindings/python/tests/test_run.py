@@ -1,0 +1,226 @@
+"""Whole runs: `linkwatch.check` and its results."""
+
+import copy
+import json
+import pickle
+import subprocess
+import sys
+
+import linkwatch
+import numpy as np
+import pytest
+from linkwatch.io import Frame
+from test_linkwatch import OTHER, RING, linked
+
+BROKEN = [linked(x) for x in (0, 0.4, 0.8, 1.2, 1.6, 2.0)]
+
+
+def tables(run):
+    """Returns all findings of a run."""
+    return {**run.to_dict(), "summary": run.summary}
+
+
+def test_a_run_has_tables_of_its_frames_and_findings():
+    run = linkwatch.check(BROKEN, names=["left", "right"])
+    assert run.verdict == "changed" and not run
+    assert [row["verdict"] for row in run.frames] == ["intact"] * 3 + ["changed"] * 3
+    assert [row["changes"] for row in run.frames] == [0, 0, 0, 1, 1, 1]
+    assert [row["pull_throughs"] for row in run.frames] == [0, 0, 0, 1, 0, 0]
+    (change,) = run.changes
+    assert (change["expected"], change["found"]) == (-1, 0)
+    assert (change["frame"], change["last"], change["frames"]) == (3, 5, 3)
+    assert change["names"] == ["left", "right"] and len(change["point"]) == 3
+    (passage,) = run.pull_throughs
+    assert (passage["frame"], passage["sign"], passage["unresolved"]) == (3, 1, False)
+    assert passage["fraction"] == pytest.approx(0.5)
+    assert "frame 3 at 3 s: changed" in run.summary and "(left)" in run.summary
+    assert "1 linking number differs from the baseline\n  1 pull-through" in str(run)
+    assert repr(run) == "<Run: changed: 6 frames>"
+    assert json.loads(json.dumps(run.to_dict())) == run.to_dict()
+    for other in (copy.copy(run), pickle.loads(pickle.dumps(run))):
+        assert tables(other) == tables(run)
+
+
+def test_an_intact_run_is_true():
+    run = linkwatch.check(BROKEN[:3], thickness=0.1)
+    assert run and run.verdict == "intact" and run.changes == run.pull_throughs == []
+    assert run.frames[2]["clearance"] == pytest.approx(1.0)
+    assert "lowest clearance: 100.0 % of the diameter, in frame 2" in run.summary
+    assert linkwatch.check(BROKEN[:1], baseline=linkwatch.certify(linked()))
+
+
+def incomplete(words, *args, **options):
+    run = linkwatch.check(*args, **options)
+    assert run.verdict == "incomplete" and not run
+    assert words in run.summary, run.summary
+    return run
+
+
+def test_what_was_not_verified_is_no_success(tmp_path):
+    touching = [RING, OTHER + [1, 0, 0]]
+    rejected = incomplete("the first one is frame 1: curve 1", [linked(), linked(np.nan), linked()])
+    assert [row["verdict"] for row in rejected.frames] == ["intact", "rejected", "intact"]
+    run = incomplete("1 frame with the verdict contact", [linked(), touching], events="off")
+    assert run.defects[0]["kind"] == "contact"
+    incomplete("one frame, and nothing to compare it with", [linked()])
+    incomplete("no frame was verified", [])
+    far = [[RING], [RING + [0, 0, 9], OTHER]]
+    incomplete("rejected", far)
+    open_curve = [[RING, OTHER]] * 2
+    incomplete("not verified: 1 open curve", open_curve, closed=[True, False], events="off")
+    run = linkwatch.check(open_curve, closed=[True, False])
+    assert run and "1 open curve verified for pull-throughs" in run.summary
+    left = tmp_path / "left.vtk"
+    left.write_text(
+        "# vtk DataFile Version 3.0\n\nASCII\nDATASET POLYDATA\nPOINTS 4 float\n"
+        "0 0 0 1 0 0 1 1 0 0 1 0\nLINES 2 8\n5 0 1 2 3 0\n1 2\n"
+    )
+    run = incomplete("not read, so not verified: 1 ", [left, left])
+    assert run.left_out and len(run.frames) == 2
+    # A change is a change, also if other frames were rejected.
+    assert linkwatch.check([linked(), linked(np.nan), linked(3)]).verdict == "changed"
+
+
+def test_curves_that_stay_open_are_noted():
+    line = [[k, 9, 0] for k in range(6)]
+    run = linkwatch.check([[line, RING, OTHER]] * 2)
+    assert "1 curve stays open (curve 0)" in run.notes[0] and run.notes[0] in run.summary
+    assert "1 open curve verified for pull-throughs" in run.summary
+
+
+def test_readers_say_why_a_frame_is_invalid():
+    good = Frame(np.concatenate(linked()), [-4, -4], seq=3)
+    bad = good.invalid("the file has a hole", seq=4)
+    run = linkwatch.check([good, bad, Frame(good.positions, [-4, -4], seq=9, time=0.5)])
+    assert [row["frame"] for row in run.frames] == [3, 4, 9]
+    assert run.frames[1]["rejected"] == "the file has a hole"
+    assert "frame 4: the file has a hole" in run.summary
+
+
+def test_runs_are_read_from_files_and_universes(tmp_path):
+    path = tmp_path / "run.npz"
+    points = np.stack([np.concatenate(frame) for frame in BROKEN])
+    np.savez(path, positions=points, counts=[-4, -4], times=np.arange(6) * 0.1)
+    expected = linkwatch.check(BROKEN)
+    for given in (path, str(path), [path], linkwatch.read(path)):
+        run = linkwatch.check(given)
+        assert run.changes[0]["time"] == pytest.approx(0.3)
+        assert [row["frame"] for row in run.frames] == list(range(6))
+        assert run.verdict == expected.verdict and len(run.pull_throughs) == 1
+    assert linkwatch.check(path, cell="none", format="linkwatch").verdict == "changed"
+    for given, option in ((linkwatch.read(path), "cell"), (path, "counts"), (BROKEN, "select")):
+        with pytest.raises(TypeError, match=f"no option '{option}' for frames of this kind"):
+            linkwatch.check(given, **{option: "all"})
+    mda = pytest.importorskip("MDAnalysis")
+    universe = mda.Universe.empty(8, trajectory=True)
+    universe.load_new(points.astype("f4"), order="fac")
+    bonds = [(4 * k + i, 4 * k + (i + 1) % 4) for k in range(2) for i in range(4)]
+    universe.add_TopologyAttr("bonds", bonds)
+    for given in (universe, universe.atoms):
+        assert linkwatch.check(given).changes[0]["frame"] == 3
+
+
+def test_curves_may_come_and_go_by_name():
+    def frame(seq, names, curves):
+        return Frame(np.concatenate(curves), [-4] * len(names), names=names, seq=seq)
+
+    run = linkwatch.check(
+        [
+            frame(0, ["a", "b"], linked()),
+            frame(1, ["a", "c", "b"], [RING, RING + 20, OTHER]),
+            frame(2, ["b", "a"], [OTHER, RING]),
+            frame(3, ["b", "a"], [OTHER + [4, 0, 0], RING]),
+        ]
+    )
+    assert [row["verdict"] for row in run.frames] == ["intact"] * 3 + ["changed"]
+    assert run.changes[0]["names"] == ["b", "a"]
+
+
+def test_options_are_those_of_a_session():
+    assert linkwatch.check(BROKEN, events="off").pull_throughs == []
+    baseline = linkwatch.certify(linked(5))
+    assert linkwatch.check(BROKEN, baseline=baseline).changes[0]["frame"] == 0
+    published = [Frame(np.concatenate(f), [-4, -4], radii=[0.1, 0.3]) for f in BROKEN[:3]]
+    run = linkwatch.check(published, thickness="published")
+    assert run.frames[2]["clearance"] == pytest.approx(0.2 / 0.4)
+    for given, options in ((3, {}), (BROKEN, {"client": 3}), (BROKEN, {"baseline": 3})):
+        with pytest.raises(TypeError, match="is (a int|3), expected"):
+            linkwatch.check(given, **options)
+    with pytest.raises(ValueError, match="frame 0 has no radii"):
+        linkwatch.check(BROKEN, thickness="published")
+    with pytest.raises(ValueError, match="events"):
+        linkwatch.check(BROKEN, events="some")
+    with pytest.raises(ValueError, match="frame 0: curve 0 has the shape"):
+        linkwatch.check([[np.zeros((3, 2))]])
+
+
+def test_tables_plots_and_html_of_a_run(monkeypatch, tmp_path):
+    pytest.importorskip("pandas")
+    run = linkwatch.check(BROKEN, thickness=0.1)
+    frames = run.to_pandas()
+    assert frames.shape == (6, 9) and list(frames["verdict"][2:4]) == ["intact", "changed"]
+    assert run.to_pandas("changes")["found"].tolist() == [0]
+    assert run.to_pandas("pull_throughs")["sign"].tolist() == [1]
+    assert run.to_pandas("defects").empty and "kind" in run.to_pandas("defects").columns
+    with pytest.raises(ValueError, match="table is 'links'"):
+        run.to_pandas("links")
+    pytest.importorskip("matplotlib")
+    assert len(run.plot().axes) == 3
+    for other in (linkwatch.check(BROKEN[:2]), linkwatch.check([])):
+        assert len(other.plot().axes) == 2
+    html = run._repr_html_()
+    assert ">changed: 6 frames\n" in html and "data:image/png;base64," in html
+    for module, call in (("pandas", run.to_pandas), ("matplotlib.figure", run.plot)):
+        monkeypatch.setitem(sys.modules, module, None)
+        with pytest.raises(ImportError, match=r'pip install "linkwatch\[analysis\]"'):
+            call()
+    assert "img" not in run._repr_html_()
+
+
+def test_a_page_and_a_recording_of_a_run(tmp_path):
+    run = linkwatch.check(BROKEN, names=["left", "right"])
+    page = tmp_path / "run.html"
+    run.report(page)
+    assert "curves 0 (left) and 1 (right) came apart" in page.read_text()
+    with pytest.raises(FileExistsError, match="`force` overwrites it"):
+        run.report(page)
+    run.report(page, force=True)
+    recording = tmp_path / "run.mcap"
+    baseline = linkwatch.certify(linked(5))
+    linkwatch.check(BROKEN, baseline, "off", keep_open=True).record(recording, settings="every=2")
+    words = [sys.executable, "-m", "linkwatch", "report", recording, "--json"]
+    told = json.loads(subprocess.run(words, capture_output=True, check=False).stdout)
+    assert told["frames"]["verified"] == 6 and told["first_changed"]["frame"] == 0
+    once = linkwatch.check(frame for frame in BROKEN)
+    with pytest.raises(ValueError, match="cannot be read again"):
+        once.report(tmp_path / "once.html")
+
+
+def test_the_viewer_shows_a_recording_for_it(monkeypatch):
+    opened, popen = [], subprocess.Popen
+
+    def stub(words, **options):
+        return opened.append(words) if "rerun" in words else popen(words, **options)
+
+    monkeypatch.setitem(sys.modules, "rerun", sys)
+    monkeypatch.setattr(subprocess, "Popen", stub)
+    linkwatch.check(BROKEN).view()
+    ((*words, recording),) = opened
+    assert words == [sys.executable, "-m", "rerun"]
+    with open(recording, "rb") as file:
+        assert b"/linkwatch/points" in file.read()
+    monkeypatch.setitem(sys.modules, "rerun", None)
+    with pytest.raises(ImportError, match=r'pip install "linkwatch\[view\]"'):
+        linkwatch.check(BROKEN).view()
+
+
+def test_a_progress_bar_is_shown_as_wanted(capsys, monkeypatch):
+    pytest.importorskip("tqdm")
+    linkwatch.check(BROKEN)
+    assert capsys.readouterr().err == ""
+    linkwatch.check(BROKEN, progress=True)
+    assert "6/6" in capsys.readouterr().err
+    monkeypatch.setitem(sys.modules, "tqdm.auto", None)
+    assert linkwatch.check(BROKEN[:2])
+    with pytest.raises(ImportError, match="a progress bar needs more libraries"):
+        linkwatch.check(BROKEN, progress=True)

@@ -1,0 +1,87 @@
+"""Quantities of all frames of a run."""
+
+import linkwatch
+import numpy as np
+import pytest
+from linkwatch.io import Frame
+from test_linkwatch import OTHER, RING, circle, linked
+from test_results import ribbon
+
+FRAMES = [linked(x) for x in (0, 0.5, 2)]
+
+
+def test_linking_numbers_over_time():
+    found = linkwatch.linking(FRAMES)
+    assert found.shape == (3, 2, 2)
+    assert found[:, 0, 1].tolist() == found[:, 1, 0].tolist() == [-1, -1, 0]
+    assert linkwatch.linking(FRAMES, pairs=[(1, 0), (0, 1)]).tolist() == [[-1, -1]] * 2 + [[0, 0]]
+    touching = linkwatch.linking([linked(), [RING, OTHER + [1, 0, 0]], linked(np.nan)])
+    assert np.isnan(touching[:, 0, 1]).tolist() == [False, True, True]
+    assert np.isnan(touching[:, 0, 0]).tolist() == [False, False, True]
+    with pytest.raises(IndexError):
+        linkwatch.linking(FRAMES, pairs=[(0, 2)])
+
+
+def test_quantities_are_read_from_files(tmp_path):
+    path = tmp_path / "run.npz"
+    points = np.stack([np.concatenate(frame) for frame in FRAMES])
+    np.savez(path, positions=points, counts=[-4, -4])
+    for given in (path, linkwatch.read(path), (Frame(p, [-4, -4]) for p in points)):
+        assert linkwatch.linking(given, [(0, 1)])[:, 0].tolist() == [-1, -1, 0]
+    assert linkwatch.linking(points, [(0, 1)], counts=[-4, -4])[:, 0].tolist() == [-1, -1, 0]
+    assert linkwatch.thickness(path) == pytest.approx([1.0, 0.5, 1.0])
+    one = [linkwatch.thickness(frame).thickness() for frame in FRAMES]
+    assert linkwatch.thickness(linkwatch.read(path)).tolist() == one
+
+
+def test_writhe_and_twist_of_a_ribbon():
+    angle = 2 * np.pi * np.arange(200) / 200
+    flat = circle(200, [0, 0, 0], [[3, 0, 0], [0, 3, 0]])
+    # The edge goes around the axis k times.
+    out = flat / 3
+    up = np.array([0, 0, 1.0])
+
+    def edge(k):
+        turn = k * angle[:, None]
+        return flat + 0.3 * (np.cos(turn) * out + np.sin(turn) * up)
+
+    frames = [[flat, edge(k)] for k in (0, 1, 3)]
+    options = {"pairing": "parallel", "axis": "first"}
+    assert np.abs(linkwatch.twist(frames, **options)) == pytest.approx([0, 1, 3], abs=1e-2)
+    found = linkwatch.writhe(frames)
+    assert found.shape == (3, 2) and np.abs(found[:, 0]).max() < 1e-4
+    exact = linkwatch.ribbon(frames[2], strands=(1, 0), **options)
+    assert found[2, 1] == pytest.approx(exact.writhe, abs=1e-3)
+
+
+def test_gauss_integrals_of_parts_add_up_to_the_linking_number():
+    rings = [circle(40, [0, 0, 0], [[1, 0, 0], [0, 1, 0]]),
+             circle(40, [1, 0, 0], [[1, 0, 0], [0, 0, 1]])]
+    whole = linkwatch.gauss_integrals([rings])
+    assert whole.shape == (1, 2, 2) and np.allclose(whole[0], whole[0].T)
+    assert abs(whole[0, 0, 1]) == pytest.approx(1, abs=1e-4)
+    # A closed curve as an open one, whose last vertex is its first one again.
+    again = [np.concatenate([ring, ring[:1]]) for ring in rings]
+    parts = [(k, a, b) for k in (0, 1) for a, b in ((0, 13), (13, 25), (25, 40))]
+    options = {"closed": False}
+    found = linkwatch.gauss_integrals([again, again], parts, **options)
+    assert found.shape == (2, 6, 6)
+    assert found[1, :3, 3:].sum() == pytest.approx(whole[0, 0, 1], abs=1e-3)
+    for wrong in ((2, 0, 3), (0, 3, 3), (0, 0, 41), (0, -1, 3)):
+        with pytest.raises(ValueError, match="no subchain"):
+            linkwatch.gauss_integrals([again], [wrong], **options)
+
+
+def test_frames_without_an_answer_are_nan():
+    broken = [[RING], [RING * np.nan], [RING]]
+    assert np.isnan(linkwatch.writhe(broken)[:, 0]).tolist() == [False, True, False]
+    assert len(linkwatch.writhe([])) == 0
+    assert np.isnan(linkwatch.thickness(iter(broken))).tolist() == [False, True, False]
+    with pytest.raises(ValueError, match="the number of curves changes"):
+        linkwatch.writhe([[RING], linked()])
+    with pytest.raises(ValueError, match="splines"):
+        linkwatch.writhe([[RING]], basis="b-spline")
+
+
+def test_a_ribbon_is_measured_in_one_frame():
+    assert ribbon().linking == 0
