@@ -33,7 +33,9 @@ impl Certifier {
     /// Opens the device of the options, and takes their kernel and its accuracy. No other option
     /// has an effect.
     ///
-    /// Errors: those of [`Session::new`](crate::Session::new).
+    /// # Errors
+    ///
+    /// Those of [`Session::new`](crate::Session::new).
     pub fn new(options: &SessionOptions) -> Result<Certifier> {
         pool::check_process()?;
         options.check()?;
@@ -75,7 +77,9 @@ impl Certifier {
     /// moves within a cube of half-width `noise` around its position (Arai 2013, remark 4). Pairs
     /// that may touch within the noise have no linking number; their defect names two segments.
     ///
-    /// Errors: [`Error::Usage`] for splines, if `noise` is not a length, or if the options have a
+    /// # Errors
+    ///
+    /// [`Error::Usage`] for splines, if `noise` is not a length, or if the options have a
     /// kernel other than [`Method::Auto`].
     pub fn certify_noisy(&mut self, set: &CurveSet, noise: f64) -> Result<(&Certificate, Stats)> {
         let method = self.full.method();

@@ -13,7 +13,9 @@ use std::sync::Arc;
 impl Engine {
     /// Applies the change of the curves before this frame. Returns the curves that appeared.
     ///
-    /// Errors: [`Error::CertificateMismatch`] if the baseline has another number of curves than the
+    /// # Errors
+    ///
+    /// [`Error::CertificateMismatch`] if the baseline has another number of curves than the
     /// change; [`Error::Count`] if this frame has.
     pub(super) fn apply_change(&mut self, known: &mut Known, next: Next<'_>) -> Result<Vec<u32>> {
         let Some(change) = next.change else {

@@ -117,7 +117,9 @@ impl Known {
     /// Returns the curves of a frame with the loops of the braids, if there are any, and in words
     /// the condition of the braids that the frame breaks.
     ///
-    /// Errors: those of [`BraidScene::follow`].
+    /// # Errors
+    ///
+    /// Those of [`BraidScene::follow`].
     pub fn close_braids(
         &mut self,
         given: &Arc<CurveSet>,
@@ -209,7 +211,9 @@ impl Known {
     /// that continue with the same number of points. Returns the curves that appeared, if their
     /// linking numbers are to become part of a baseline.
     ///
-    /// Errors: [`Error::CertificateMismatch`] if the baseline has another number of curves than the
+    /// # Errors
+    ///
+    /// [`Error::CertificateMismatch`] if the baseline has another number of curves than the
     /// change.
     pub fn change_curves(
         &mut self,

@@ -108,7 +108,9 @@ impl<'a> Next<'a> {
 impl Engine {
     /// Creates an engine and opens its device.
     ///
-    /// Errors: [`Error::Usage`] if an option has an invalid value, or excludes another one;
+    /// # Errors
+    ///
+    /// [`Error::Usage`] if an option has an invalid value, or excludes another one;
     /// [`Error::Device`] if no adapter matches, or it cannot be used; [`Error::Forked`].
     pub fn new(options: SessionOptions) -> Result<Self> {
         pool::check_process()?;
@@ -208,7 +210,9 @@ impl Engine {
     /// later one of the same curves updates it. If frames are verified incrementally, the same pass
     /// compares it with the reference frame.
     ///
-    /// Errors: the frame breaks its contract: a number that is not finite ([`Error::NotFinite`]) or
+    /// # Errors
+    ///
+    /// The frame breaks its contract: a number that is not finite ([`Error::NotFinite`]) or
     /// too large, or too few points of a curve ([`Error::CurveTooShort`]) or of all
     /// ([`Error::Count`]).
     pub fn receive(
@@ -248,7 +252,9 @@ impl Engine {
 
     /// Verifies one frame. Without a baseline, the first frame becomes the baseline.
     ///
-    /// Errors: the frame is rejected. [`Error::CertificateMismatch`] if the baseline has another
+    /// # Errors
+    ///
+    /// The frame is rejected. [`Error::CertificateMismatch`] if the baseline has another
     /// number of curves; [`Error::NothingClosed`] if no curve is closed and pull-throughs are off,
     /// since nothing would be verified; [`Error::LayoutChanged`] if pull-throughs are reported and
     /// the curves differ from those of the previous frame; [`Error::TooManyPairs`] if more pairs of

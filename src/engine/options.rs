@@ -186,7 +186,9 @@ impl SessionOptions {
 
     /// Checks that every option has an effect.
     ///
-    /// Errors: [`Error::Usage`], with the names of both options if two exclude one another.
+    /// # Errors
+    ///
+    /// [`Error::Usage`], with the names of both options if two exclude one another.
     pub(crate) fn check(&self) -> Result<()> {
         let refuse = |why: String| Err(Error::Usage(why));
         let searches = self.events != Events::Off;

@@ -226,7 +226,9 @@ impl Plan {
     ///
     /// Cost: as for [`Plan::of`], for the curves and for the images that may meet.
     ///
-    /// Errors: those of [`Session::new`](crate::Session::new); curves that span too many cells;
+    /// # Errors
+    ///
+    /// Those of [`Session::new`](crate::Session::new); curves that span too many cells;
     /// [`Error::TooManyPairs`](crate::Error::TooManyPairs).
     ///
     /// ```

@@ -81,7 +81,9 @@ impl Engine {
     /// Continues after these curves, the last verified frame, with the options of
     /// [`EngineState::options`].
     ///
-    /// Errors: [`Error::CertificateMismatch`] if the state has other curves; those of
+    /// # Errors
+    ///
+    /// [`Error::CertificateMismatch`] if the state has other curves; those of
     /// [`Engine::verify`].
     pub fn resume(
         &mut self,

@@ -164,7 +164,9 @@ impl Steps {
     /// during which nothing was pulled through. `outcome` is that of the step from the last
     /// verified frame. Returns `None` if that is another one.
     ///
-    /// Errors: those of [`Frame::set`].
+    /// # Errors
+    ///
+    /// Those of [`Frame::set`].
     pub fn safe_fraction(
         &mut self,
         known: &Known,
@@ -224,7 +226,9 @@ impl Steps {
     /// Returns the outcome of the step from the previous frame, for these pairs or for all. For a
     /// first frame, the outcome has the curves that touch.
     ///
-    /// Errors: those of [`Frame::set`].
+    /// # Errors
+    ///
+    /// Those of [`Frame::set`].
     ///
     /// # Panics
     /// If the previous frame has other curves.
@@ -275,7 +279,9 @@ impl Steps {
     /// pairs whose passages contradict their linking numbers, located by `place`. Keeps only the
     /// first defect of a pair, but an undecided step is kept beside a contact.
     ///
-    /// Errors: those of `place`.
+    /// # Errors
+    ///
+    /// Those of `place`.
     pub fn add_defects(
         &self,
         known: &Known,

@@ -61,7 +61,9 @@ impl Cause {
     ///
     /// # Panics
     ///
-    /// Panics if the frames do not have the curves and segments of the pull-through.
+    /// # Panics
+    ///
+    /// If the frames do not have the curves and segments of the pull-through.
     pub fn of(
         passage: &PullThrough,
         frames: [&CurveSet; 2],

@@ -163,7 +163,9 @@ impl Monitor {
     /// Copies the positions of another frame to `set`, checks them, and compares them with the
     /// reference frame in the same pass.
     ///
-    /// Errors: those of [`CurveSet::update`].
+    /// # Errors
+    ///
+    /// Those of [`CurveSet::update`].
     pub fn receive(
         &mut self,
         set: &mut CurveSet,

@@ -149,7 +149,9 @@ impl Calibration {
     /// Stores the calibration. Replaces an older one of the same adapter. Returns the path of the
     /// file.
     ///
-    /// Errors: [`Error::File`]; [`Error::Device`] if the user has no cache folder, or if a cost is
+    /// # Errors
+    ///
+    /// [`Error::File`]; [`Error::Device`] if the user has no cache folder, or if a cost is
     /// not a valid number, because a stored calibration must be readable.
     pub fn keep(&self) -> Result<PathBuf> {
         if !self.is_valid() {

@@ -12,7 +12,9 @@ use crate::error::Result;
 ///
 /// # Panics
 ///
-/// Panics if the set does not have the curves.
+/// # Panics
+///
+/// If the set does not have the curves.
 pub fn beside(set: &CurveSet, [i, j]: [usize; 2], cell: &Cell) -> Result<(CurveSet, Image)> {
     cell.check()?;
     let inverse = cell.inverse().unwrap_or_default();

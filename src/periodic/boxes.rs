@@ -44,7 +44,9 @@ pub(crate) struct Boxer<'a> {
 }
 
 impl<'a> Boxer<'a> {
-    /// Errors: [`Error::Usage`] if the vectors of the cell do not span a lattice.
+    /// # Errors
+    ///
+    /// [`Error::Usage`] if the vectors of the cell do not span a lattice.
     pub fn new(set: &'a CurveSet, cell: &Cell) -> Result<Boxer<'a>> {
         let inverse = cell.inverse().ok_or_else(|| {
             Error::Usage(format!(
@@ -244,7 +246,9 @@ pub(crate) struct Bend([Point; 3]);
 impl Bend {
     /// Returns the bend of a step between these cells.
     ///
-    /// Errors: [`Error::Usage`] if the cell changes by more than half.
+    /// # Errors
+    ///
+    /// [`Error::Usage`] if the cell changes by more than half.
     pub fn between([from, to]: [&Cell; 2]) -> Result<Bend> {
         if from.vectors == to.vectors {
             return Ok(Bend::default());

@@ -49,7 +49,9 @@ impl Jumps {
     ///
     /// Curves that are followed have double precision.
     ///
-    /// Errors: those of [`CurveSet::from_counts`].
+    /// # Errors
+    ///
+    /// Those of [`CurveSet::from_counts`].
     pub fn follow(
         &mut self,
         given: &CurveSet,

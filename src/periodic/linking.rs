@@ -36,7 +36,9 @@ pub(crate) type Number = (RingAndYarn, std::result::Result<i64, (DefectKind, Pla
 
 /// Returns the linking numbers of these pairs. `periods` has that of each curve.
 ///
-/// Errors: those of [`CurveSet::translate`], and [`Error::Usage`] if the images of yarns have too
+/// # Errors
+///
+/// Those of [`CurveSet::translate`], and [`Error::Usage`] if the images of yarns have too
 /// many points.
 pub(crate) fn linking_numbers(
     frame: &Arc<CurveSet>,

@@ -138,7 +138,9 @@ impl ImagePairs {
     /// adds some pairs. `margin` is a share of the cell, or a length along directions without
     /// repetition.
     ///
-    /// Errors: [`Error::Usage`] if a curve spans too many cells, or is too far away from the first
+    /// # Errors
+    ///
+    /// [`Error::Usage`] if a curve spans too many cells, or is too far away from the first
     /// one, or if the translated curves have too many points; [`Error::TooManyPairs`] if there are
     /// more than `most`.
     pub fn find(
@@ -291,7 +293,9 @@ impl<'a> Found<'a> {
 
     /// Adds a pair.
     ///
-    /// Errors: those of [`PointLimit::add`].
+    /// # Errors
+    ///
+    /// Those of [`PointLimit::add`].
     fn add(&mut self, pair: ImagePair) -> Result<()> {
         if self.pairs.insert(pair) {
             for curve in [(pair.i, Image::default()), (pair.j, pair.image)] {
@@ -320,7 +324,9 @@ impl PointLimit {
 
     /// Counts the points of a translated curve.
     ///
-    /// Errors: [`Error::Usage`] if there are too many.
+    /// # Errors
+    ///
+    /// [`Error::Usage`] if there are too many.
     pub fn add(&mut self, curve: &Curve) -> Result<()> {
         let left = self.left.checked_sub(curve.points as usize);
         self.left = left.ok_or_else(|| {
@@ -371,7 +377,9 @@ fn search(
 /// and the translation of the second one. Boxes are in fractional coordinates. A pair may come
 /// twice, in both orders. `links` may have a limit; if it is exceeded, pairs are missing.
 ///
-/// Errors: the number of a box that spans too many cells, or is too far away from the first one.
+/// # Errors
+///
+/// The number of a box that spans too many cells, or is too far away from the first one.
 pub(crate) fn overlapping<'a, F: Fn(usize) -> bool>(
     bounds: &[[Point; 2]],
     cell: &Cell,

@@ -24,7 +24,9 @@ pub(crate) struct Torn {
 
 /// Returns the first segment of these curves that is torn.
 ///
-/// Errors: [`Error::Usage`] if the vectors of the cell span no lattice.
+/// # Errors
+///
+/// [`Error::Usage`] if the vectors of the cell span no lattice.
 pub(crate) fn find_torn(
     set: &CurveSet,
     cell: &Cell,
@@ -74,7 +76,9 @@ pub(crate) fn check_whole(
 impl CurveSet {
     /// Checks that no curve is torn at the boundary of a periodic cell, as wrapped coordinates are.
     ///
-    /// Errors: [`Error::Usage`] if a segment is longer than half of the cell along a vector, or the
+    /// # Errors
+    ///
+    /// [`Error::Usage`] if a segment is longer than half of the cell along a vector, or the
     /// vectors span no lattice.
     pub fn check_whole(&self, cell: &Cell) -> Result<()> {
         check_whole(self, cell, 0..self.len())

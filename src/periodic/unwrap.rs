@@ -41,7 +41,9 @@ pub struct Unwrap {
 impl Unwrap {
     /// Returns the curves of a frame, unwrapped.
     ///
-    /// Errors: [`Error::Usage`] if a segment is longer than a third of the cell, or a curve moved
+    /// # Errors
+    ///
+    /// [`Error::Usage`] if a segment is longer than a third of the cell, or a curve moved
     /// further than that since the previous frame, since the nearest image would be a guess; or if
     /// the vectors of the cell span no lattice. The next frame is compared with the one before.
     pub fn unwrap(&mut self, set: &CurveSet, cell: &Cell) -> Result<CurveSet> {

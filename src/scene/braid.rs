@@ -35,7 +35,9 @@ struct Closed {
 impl BraidScene {
     /// Closes the braids of the first frame.
     ///
-    /// Errors: those of [`BraidLoops::new`].
+    /// # Errors
+    ///
+    /// Those of [`BraidLoops::new`].
     pub fn new(braids: &Braids, first: &Arc<CurveSet>) -> Result<BraidScene> {
         Ok(BraidScene {
             closed: Arc::new(Closed {
@@ -52,7 +54,9 @@ impl BraidScene {
     /// Returns the curves of a frame with its loops. Returns in words the condition of the braids
     /// that it breaks.
     ///
-    /// Errors: [`Error::LayoutChanged`](crate::Error::LayoutChanged) if the frame has other curves
+    /// # Errors
+    ///
+    /// [`Error::LayoutChanged`](crate::Error::LayoutChanged) if the frame has other curves
     /// than the first one.
     pub fn follow(&mut self, given: &Arc<CurveSet>) -> Result<(Arc<CurveSet>, Option<String>)> {
         let Closed { loops, first, pool } = &*self.closed;

@@ -65,7 +65,9 @@ impl Begun {
 
 /// Returns the cell of a frame in the basis of that of the last one, in which findings name images.
 ///
-/// Errors: those of [`Cell::check`]; [`Error::Usage`] if only one of both frames has a cell, or
+/// # Errors
+///
+/// Those of [`Cell::check`]; [`Error::Usage`] if only one of both frames has a cell, or
 /// they repeat along other vectors.
 pub(super) fn check_cell(cell: Option<Cell>, last: Option<Option<Cell>>) -> Result<Option<Cell>> {
     let refuse = |what: &str| Err(Error::Usage(what.into()));

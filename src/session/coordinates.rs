@@ -74,7 +74,9 @@ impl Coordinates {
     /// Returns the curves of a frame where they are verified. `cell` is the one with which they
     /// are; `of_frame` also that of a frame whose images are not verified.
     ///
-    /// Errors: those of [`Unwrap::unwrap`], and [`Error::Usage`] if a frame of wrapped coordinates
+    /// # Errors
+    ///
+    /// Those of [`Unwrap::unwrap`], and [`Error::Usage`] if a frame of wrapped coordinates
     /// has no cell.
     pub fn place(
         &mut self,

@@ -95,7 +95,9 @@ enum Next {
 impl Session {
     /// Creates a session, and opens its device.
     ///
-    /// Errors: [`Error::Usage`] if an option has an invalid value, or excludes another one;
+    /// # Errors
+    ///
+    /// [`Error::Usage`] if an option has an invalid value, or excludes another one;
     /// [`Error::Device`] if no adapter matches, or it cannot be used; [`Error::Forked`].
     pub fn new(options: SessionOptions) -> Result<Session> {
         Ok(Session {
@@ -113,7 +115,9 @@ impl Session {
 
     /// Verifies a frame: [`Session::receive`] and [`Session::verify`].
     ///
-    /// Errors: those of [`Session::verify`].
+    /// # Errors
+    ///
+    /// Those of [`Session::verify`].
     pub fn feed<'a>(&mut self, info: FrameInfo, frame: impl Into<Given<'a>>) -> Result<Report> {
         let received = match frame.into() {
             Given::Raw(raw) => self.receive(info, |copy| copy(raw)),
@@ -163,7 +167,9 @@ impl Session {
     /// Verifies a frame. A frame that breaks its contract has a report that says so
     /// ([`Verdict::Rejected`]).
     ///
-    /// Errors: [`Error::CertificateMismatch`] if the given baseline has another number of curves;
+    /// # Errors
+    ///
+    /// [`Error::CertificateMismatch`] if the given baseline has another number of curves;
     /// [`Error::NothingClosed`] if no curve is closed and pull-throughs are off, since nothing
     /// would be verified; [`Error::Braid`] if the first frame breaks a condition of the braids. All
     /// frames of the same curves would fail in the same way. [`Error::Cancelled`] after
@@ -412,7 +418,9 @@ impl Session {
 
     /// Returns the reason to reject a frame.
     ///
-    /// Errors: this one, if it concerns the process, or all frames of the same curves.
+    /// # Errors
+    ///
+    /// This one, if it concerns the process, or all frames of the same curves.
     fn reason_to_reject(&self, why: Error) -> Result<Error> {
         match why {
             Error::Cancelled | Error::Forked { .. } | Error::Device { .. } => Err(why),

@@ -102,7 +102,9 @@ impl Session {
     /// same as those of that one, except that a clearance may have another lower bound, and another
     /// place of the same distance ([`Report::clearance`](crate::Report::clearance)).
     ///
-    /// Errors: those of [`Session::new`]; [`Error::Format`] if the state is of another version of
+    /// # Errors
+    ///
+    /// Those of [`Session::new`]; [`Error::Format`] if the state is of another version of
     /// linkwatch; [`Error::Usage`] if it does not fit the options.
     pub fn resume(options: SessionOptions, state: SessionState) -> Result<Session> {
         if state.verified.is_some() && state.version != VERSION {

@@ -14,7 +14,9 @@ const NEAR: f64 = 0.25;
 
 /// Groups the open curves of a frame into braids, each sorted along its left end.
 ///
-/// Errors: [`Error::Braid`] if there is no open curve, or a group has fewer than four.
+/// # Errors
+///
+/// [`Error::Braid`] if there is no open curve, or a group has fewer than four.
 pub fn find(set: &CurveSet) -> Result<Vec<Braid>> {
     let open = (0..set.len()).filter(|&i| !set.curve(i).closed);
     let curves: Vec<(u32, [Vector3<f64>; 2])> = open

@@ -47,7 +47,9 @@ pub struct End {
 impl End {
     /// Makes the ends that fit some points, best first. `other` is the middle of the other end.
     ///
-    /// Errors: a reason why there is none, without the name of the end.
+    /// # Errors
+    ///
+    /// A reason why there is none, without the name of the end.
     pub fn candidates(
         given: &Given,
         other: Vector3<f64>,

@@ -65,7 +65,9 @@ fn end_points(set: &CurveSet, curves: &[u32], reversed: &[bool]) -> [Vec<Vector3
 impl BraidLoops {
     /// Prepares the braids of a scene, whose first frame is `set`.
     ///
-    /// Errors: [`Error::Braid`] if the braids do not fit the frame, or the frame breaks one of
+    /// # Errors
+    ///
+    /// [`Error::Braid`] if the braids do not fit the frame, or the frame breaks one of
     /// their conditions: an end that is not rigid, a curve in an end volume, volumes that overlap.
     pub fn new(braids: &Braids, set: &CurveSet) -> Result<BraidLoops> {
         let found;
@@ -311,7 +313,9 @@ impl BraidLoops {
     /// of a curve and the next one of its braid has the index of the first one. Closed curves, and
     /// open curves of no braid, stay.
     ///
-    /// Errors: [`Error::Braid`] if the frame breaks a condition of the braids; [`Error::Usage`] if
+    /// # Errors
+    ///
+    /// [`Error::Braid`] if the frame breaks a condition of the braids; [`Error::Usage`] if
     /// it has other curves than the first one.
     pub fn close(&self, set: &CurveSet) -> Result<CurveSet> {
         if self.shape != set.shape() {
@@ -333,7 +337,9 @@ impl BraidLoops {
     /// frame, or nothing. If the frame breaks a condition of the braids, the loops are those of the
     /// first frame. Returns this condition in words. The frame has the curves of the first one.
     ///
-    /// Errors: a coordinate is too large.
+    /// # Errors
+    ///
+    /// A coordinate is too large.
     pub(crate) fn write(
         &self,
         set: &CurveSet,

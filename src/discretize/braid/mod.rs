@@ -116,7 +116,9 @@ struct Content {
 impl Braids {
     /// Reads braids from JSON: an object with a list `braids` of [`Braid`] objects.
     ///
-    /// Errors: [`Error::Format`] if it is not valid, or lists no braid.
+    /// # Errors
+    ///
+    /// [`Error::Format`] if it is not valid, or lists no braid.
     pub fn from_json(text: &str) -> Result<Braids> {
         let content: Content = serde_json::from_str(text).map_err(|e| {
             let place = format!("line {}", e.line());
@@ -130,7 +132,9 @@ impl Braids {
 
     /// Reads braids from a JSON file.
     ///
-    /// Errors: [`Error::File`] and those of [`Braids::from_json`].
+    /// # Errors
+    ///
+    /// [`Error::File`] and those of [`Braids::from_json`].
     pub fn read(path: &Path) -> Result<Braids> {
         let text = std::fs::read_to_string(path).map_err(Error::file(path))?;
         Braids::from_json(&text).map_err(|e| e.in_file(path))

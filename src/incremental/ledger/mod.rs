@@ -160,7 +160,9 @@ impl Ledger {
     ///
     /// # Panics
     ///
-    /// Panics if the frames are not of the same curves.
+    /// # Panics
+    ///
+    /// If the frames are not of the same curves.
     pub fn step(
         &mut self,
         frames: [&CurveSet; 2],

@@ -84,7 +84,9 @@ impl<'a> Task<'a> {
 
     /// Discretizes the pair and counts the crossings of the waiting candidates.
     ///
-    /// Errors: a segment of the upper and a segment of the lower curve that are too close.
+    /// # Errors
+    ///
+    /// A segment of the upper and a segment of the lower curve that are too close.
     pub fn finish_splines(&self, workspace: &mut Workspace) -> Result<(), [u32; 2]> {
         let Workspace {
             candidates,

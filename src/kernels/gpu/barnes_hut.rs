@@ -352,7 +352,9 @@ fn pass(
 /// Returns the number of listed tiles. Returns `None` if the node pairs or the tiles exceeded the
 /// capacity.
 ///
-/// Errors: not all node pairs were processed ([`State::incomplete`]).
+/// # Errors
+///
+/// Not all node pairs were processed ([`State::incomplete`]).
 pub(super) fn tiles(
     state: &mut State,
     counts: &[u32],

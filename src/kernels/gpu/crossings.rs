@@ -296,7 +296,9 @@ impl Lists {
 
 /// Returns the counters.
 ///
-/// Errors: not all items were processed, or not all boxes were computed ([`State::incomplete`]).
+/// # Errors
+///
+/// Not all items were processed, or not all boxes were computed ([`State::incomplete`]).
 pub(super) fn counters(
     state: &mut State,
     got: &[Vec<u8>],

@@ -316,7 +316,9 @@ fn bytes(pairs: usize) -> u64 {
 
 /// Returns the sums.
 ///
-/// Errors: not all tiles were processed ([`State::incomplete`]).
+/// # Errors
+///
+/// Not all tiles were processed ([`State::incomplete`]).
 pub(super) fn read(state: &mut State, found: &[u8], tiles: u32) -> Result<Vec<AngleSum>, Error> {
     let (sums, done) = found.split_at(found.len() - size_of::<u32>());
     match bytemuck::pod_read_unaligned::<u32>(done) == tiles {

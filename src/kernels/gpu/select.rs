@@ -5,7 +5,9 @@ use crate::kernels::device::{Device, DeviceInfo};
 /// Returns the index of the chosen adapter in `all`, whose order is that of the indices.
 /// Returns the first one if the choice admits any adapter.
 ///
-/// Errors: a message, if no adapter or more than one matches.
+/// # Errors
+///
+/// A message, if no adapter or more than one matches.
 pub(super) fn select(device: &Device, all: &[DeviceInfo]) -> Result<usize, String> {
     if all.is_empty() {
         return Err("no adapter found (Vulkan, Metal or DX12)".into());

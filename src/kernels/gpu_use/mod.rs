@@ -79,7 +79,9 @@ impl GpuUse {
     /// the stored one of the fastest adapter. Without one, it uses the CPU, and reports no missing
     /// adapter.
     ///
-    /// Errors: [`Error::Device`] if a GPU was requested, by name or not, and no matching adapter
+    /// # Errors
+    ///
+    /// [`Error::Device`] if a GPU was requested, by name or not, and no matching adapter
     /// can be used.
     pub fn open(device: &Device, calibration: Option<&Calibration>) -> Result<GpuUse> {
         let mode = match device {

@@ -18,7 +18,9 @@ pub const LIMIT: i64 = 1 << 40;
 ///
 /// # Panics
 ///
-/// Panics if a coordinate exceeds [`LIMIT`], or if 1000 random directions are all degenerate (which
+/// # Panics
+///
+/// If a coordinate exceeds [`LIMIT`], or if 1000 random directions are all degenerate (which
 /// means a bug, because the degenerate directions lie on finitely many curves).
 pub fn linking_number(a: &[[i64; 3]], b: &[[i64; 3]]) -> Option<i64> {
     let big = a.iter().chain(b).flatten().find(|x| x.abs() > LIMIT);

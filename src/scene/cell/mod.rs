@@ -125,7 +125,9 @@ impl CellScene {
     /// where the curves are if the frame was found to be quiet. `expected` are the expected linking
     /// numbers.
     ///
-    /// Errors: those of [`ImagePairs::find`]; [`Error::Usage`] if a curve is torn.
+    /// # Errors
+    ///
+    /// Those of [`ImagePairs::find`]; [`Error::Usage`] if a curve is torn.
     pub fn follow(
         &mut self,
         (given, cell): (&Arc<CurveSet>, &Cell),
@@ -391,7 +393,9 @@ impl CellScene {
     /// verified that may have met in the step to this frame, if they are known; `before` is the
     /// frame at its start. If `check`, all numbers are computed.
     ///
-    /// Errors: those of [`CurveSet::translate`].
+    /// # Errors
+    ///
+    /// Those of [`CurveSet::translate`].
     pub fn compare_yarns(
         &mut self,
         frame: &Frame,

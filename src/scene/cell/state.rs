@@ -29,7 +29,9 @@ impl CellScene {
 
     /// Continues after a frame, without the expected linking numbers.
     ///
-    /// Errors: those of [`Boxer::new`].
+    /// # Errors
+    ///
+    /// Those of [`Boxer::new`].
     pub fn restored(state: CellState, given: &Arc<CurveSet>, cell: Cell) -> Result<CellScene> {
         let mut scene = CellScene::default();
         let periods: Arc<[Option<Image>]> = state.periods.into();

@@ -120,7 +120,9 @@ impl Yarns {
     /// `unsettled` has the pairs whose numbers may differ from those of the previous frame; `None`:
     /// all. If `check`, all numbers are computed.
     ///
-    /// Errors: those of [`CurveSet::translate`].
+    /// # Errors
+    ///
+    /// Those of [`CurveSet::translate`].
     pub fn compare(
         &mut self,
         frame: &Arc<CurveSet>,

@@ -86,7 +86,10 @@ fn nearly_touching_curves_are_right_or_undecided() {
     for size in [1.0, 1e-6, 3e6] {
         let mut polygons = vec![corners.map(|p| p.map(|x| x * size)).to_vec()];
         for place in [[2.0, 0.3], [2.0, 2.0], [0.3, 2.0]] {
-            for gap in (1..60).step_by(4).flat_map(|k| [0.5f64.powi(k), -0.5f64.powi(k), 0.0]) {
+            for gap in (1..60)
+                .step_by(4)
+                .flat_map(|k| [0.5f64.powi(k), -0.5f64.powi(k), 0.0])
+            {
                 let at = [place[0] + gap, place[1] + gap];
                 let through = [[at[0], at[1], -1.0], [at[0], at[1], 1.0], [9.0, 7.0, 0.5]];
                 polygons.push(through.map(|p| p.map(|x| x * size)).to_vec());
