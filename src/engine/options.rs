@@ -231,7 +231,7 @@ impl SessionOptions {
         match &self.clearance {
             Some(clearance) => clearance.check()?,
             None if self.abort_on == AbortOn::Clearance => {
-                return refuse("abort on clearance needs the thickness of the strands".into());
+                return refuse("abort on clearance needs the radius of the strands".into());
             }
             None => {}
         }

@@ -134,7 +134,7 @@ impl Session {
                     return refuse("clearance needs a positive radius of each curve");
                 }
                 false if !radii.is_empty() => {
-                    return refuse("radii have no effect unless thickness has one for each curve");
+                    return refuse("radii have no effect unless radius has one for each curve");
                 }
                 _ => {}
             }

@@ -158,7 +158,7 @@ def test_thickness_and_struts_count_the_images():
 
 
 def test_clearance_counts_the_images():
-    session = linkwatch.Session(thickness=0.5, cell=[10, 10, 10])
+    session = linkwatch.Session(radius=0.5, cell=[10, 10, 10])
     report = session.step([RING, RING + [7.5, 0, 0]])
     assert report.clearance.ratio == pytest.approx(0.5)
     assert (report.clearance.curves, report.clearance.image) == ((0, 1), (-1, 0, 0))

@@ -235,8 +235,8 @@ def test_the_import_is_quick():
 
 
 def test_clearance_warns_before_a_pull_through():
-    for thickness in (0.1, [0.1, 0.1]):
-        session = linkwatch.Session(thickness=thickness, abort_on="clearance")
+    for radius in (0.1, [0.1, 0.1]):
+        session = linkwatch.Session(radius=radius, abort_on="clearance")
         for k in range(16):
             out = 0.705 + 0.02 * k
             report = session.step(linked(out))
@@ -250,13 +250,13 @@ def test_clearance_warns_before_a_pull_through():
         assert report.verdict == "changed"
         assert "curves 0 and 1" in str(clearance)
     assert linkwatch.Session().step(linked()).clearance is None
-    far = linkwatch.Session(thickness=0.01).step(linked()).clearance
+    far = linkwatch.Session(radius=0.01).step(linked()).clearance
     assert (far.ratio, far.at_least >= 1, str(far)) == (None, True, "no strands are close")
     with pytest.raises(ValueError, match="radius"):
-        linkwatch.Session(thickness=[0.1, 0.0])
-    with pytest.raises(ValueError, match="thickness"):
+        linkwatch.Session(radius=[0.1, 0.0])
+    with pytest.raises(ValueError, match="radius"):
         linkwatch.Session(abort_on="clearance")
-    assert "radii of curves: 2" in linkwatch.Session(thickness=[0.1]).step(linked()).rejected
+    assert "radii of curves: 2" in linkwatch.Session(radius=[0.1]).step(linked()).rejected
 
 
 @pytest.mark.parametrize("basis", ["polyline", "catmull-rom", "b-spline"])

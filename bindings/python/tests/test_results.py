@@ -29,7 +29,7 @@ def fields(name):
 
 
 def reports():
-    session = linkwatch.Session(names=["left", "right"], thickness=0.1)
+    session = linkwatch.Session(names=["left", "right"], radius=0.1)
     touching = [RING, OTHER + [1, 0, 0]]
     return [session.step(curves) for curves in (linked(), linked(0.9), linked(4), touching)]
 

@@ -42,7 +42,7 @@ def test_a_run_has_tables_of_its_frames_and_findings():
 
 
 def test_an_intact_run_is_true():
-    run = linkwatch.check(BROKEN[:3], thickness=0.1)
+    run = linkwatch.check(BROKEN[:3], radius=0.1)
     assert run and run.verdict == "intact" and run.changes == run.pull_throughs == []
     assert run.frames[2]["clearance"] == pytest.approx(1.0)
     assert "lowest clearance: 100.0 % of the diameter, in frame 2" in run.summary
@@ -141,13 +141,13 @@ def test_options_are_those_of_a_session():
     baseline = linkwatch.certify(linked(5))
     assert linkwatch.check(BROKEN, baseline=baseline).changes[0]["frame"] == 0
     published = [Frame(np.concatenate(f), [-4, -4], radii=[0.1, 0.3]) for f in BROKEN[:3]]
-    run = linkwatch.check(published, thickness="published")
+    run = linkwatch.check(published, radius="published")
     assert run.frames[2]["clearance"] == pytest.approx(0.2 / 0.4)
     for given, options in ((3, {}), (BROKEN, {"client": 3}), (BROKEN, {"baseline": 3})):
         with pytest.raises(TypeError, match="is (a int|3), expected"):
             linkwatch.check(given, **options)
     with pytest.raises(ValueError, match="frame 0 has no radii"):
-        linkwatch.check(BROKEN, thickness="published")
+        linkwatch.check(BROKEN, radius="published")
     with pytest.raises(ValueError, match="events"):
         linkwatch.check(BROKEN, events="some")
     with pytest.raises(ValueError, match="frame 0: curve 0 has the shape"):
@@ -156,7 +156,7 @@ def test_options_are_those_of_a_session():
 
 def test_tables_plots_and_html_of_a_run(monkeypatch, tmp_path):
     pytest.importorskip("pandas")
-    run = linkwatch.check(BROKEN, thickness=0.1)
+    run = linkwatch.check(BROKEN, radius=0.1)
     frames = run.to_pandas()
     assert frames.shape == (6, 9) and list(frames["verdict"][2:4]) == ["intact", "changed"]
     assert run.to_pandas("changes")["found"].tolist() == [0]

@@ -127,7 +127,7 @@ def test_a_given_baseline_is_replaced_by_an_accepted_one():
 
 def test_rejected_frames_change_no_other_report():
     def run(with_rejected):
-        session = linkwatch.Session(names=["a", "b"], thickness=0.1)
+        session = linkwatch.Session(names=["a", "b"], radius=0.1)
         reports = []
         for k, distance in enumerate((0, 0.2, 0.4, 2.0, 2.0, 0.1)):
             if k == 2:
@@ -149,7 +149,7 @@ def test_rejected_frames_change_no_other_report():
 
 
 def test_radii_belong_to_the_curves_that_are_described():
-    session = linkwatch.Session(names=["a", "b"], thickness=[0.1, 0.3])
+    session = linkwatch.Session(names=["a", "b"], radius=[0.1, 0.3])
     assert session.step([RING, out(0.5)]).clearance.ratio == pytest.approx(0.5 / 0.4)
     with pytest.raises(ValueError, match="radius of each curve"):
         session.describe(names=["b", "a"])
@@ -162,7 +162,7 @@ def test_radii_belong_to_the_curves_that_are_described():
 
 
 def test_a_clearance_that_cannot_be_measured_is_a_warning_and_leaves_the_verdicts():
-    session = linkwatch.Session(thickness=0.1)
+    session = linkwatch.Session(radius=0.1)
     assert session.step([RING, out(0.9)]).clearance.ratio == pytest.approx(0.1 / 0.2)
     with pytest.warns(linkwatch.UnverifiedWarning, match="not measured from frame 1 on"):
         assert session.step([RING + 1e31, APART]).verdict == "changed"
@@ -180,10 +180,10 @@ def test_a_clearance_that_cannot_be_measured_is_a_warning_and_leaves_the_verdict
         ({}, {"names": ["a", "a"]}, "which is that of curve 0"),
         ({}, {"names": ["", "a"]}, "1 to 255 bytes"),
         ({}, {"names": ["a", "b"], "radii": [1, 1]}, "radii have no effect"),
-        ({"thickness": 0.1}, {"names": ["a", "b"], "radii": [1, 1]}, "radii have no effect"),
-        ({"thickness": [1, 1]}, {"names": ["a", "b"], "radii": [1, 0]}, "positive radius"),
-        ({"thickness": [1, 1]}, {"names": ["a", "b"], "radii": [1]}, "radii of curves"),
-        ({"thickness": [1, 1]}, {"names": ["a", "b"], "radii": [1, np.inf]}, "radius inf"),
+        ({"radius": 0.1}, {"names": ["a", "b"], "radii": [1, 1]}, "radii have no effect"),
+        ({"radius": [1, 1]}, {"names": ["a", "b"], "radii": [1, 0]}, "positive radius"),
+        ({"radius": [1, 1]}, {"names": ["a", "b"], "radii": [1]}, "radii of curves"),
+        ({"radius": [1, 1]}, {"names": ["a", "b"], "radii": [1, np.inf]}, "radius inf"),
     ],
 )
 def test_a_description_that_is_refused_leaves_the_other_one(options, describe, words):

@@ -173,10 +173,10 @@ class Session:
         incremental: compute only linking numbers that may have changed. The verdicts are the same.
         motion_limit: motion between two frames, in segment lengths, up to which pull-throughs that
             cancel count as real.
-        thickness: radius of the strands, or of each curve, in the units of the points:
+        radius: radius of the strands, or of each curve, in the units of the points:
             ``Report.clearance`` says how close they come.
         min_clearance: distance of center lines, as a share of the sum of the radii, below which
-            ``Report.clearance.low`` is set; by default 0.5. Needs ``thickness``.
+            ``Report.clearance.low`` is set; by default 0.5. Needs ``radius``.
         cell: periodic cell of the frames; :meth:`step` changes it.
         wrapped: True if coordinates are wrapped into the cell, so that curves are unwrapped; False
             if they are unwrapped, and taken as they are. By default, curves are whole, and followed
@@ -203,7 +203,7 @@ class Session:
         abort_on: str = "any",
         incremental: bool = True,
         motion_limit: float | None = None,
-        thickness: float | Sequence[float] | npt.NDArray[Any] | None = None,
+        radius: float | Sequence[float] | npt.NDArray[Any] | None = None,
         min_clearance: float | None = None,
         cell: Cell | None = None,
         wrapped: bool | None = None,
@@ -212,18 +212,18 @@ class Session:
     ) -> None:
         strands: tuple[float | None, float] | None = None
         radii: Sequence[float] | npt.NDArray[Any] = ()
-        if thickness is not None:
+        if radius is not None:
             import numpy as np
 
             low = 0.5 if min_clearance is None else arguments.number("min_clearance", min_clearance)
-            if np.ndim(thickness) == 0:
+            if np.ndim(radius) == 0:
                 expected = "a radius, or one for each curve"
-                strands = (arguments.number("thickness", thickness, expected), low)
+                strands = (arguments.number("radius", radius, expected), low)
             else:
                 strands = (None, low)
-                radii = arguments.numbers("thickness", thickness)
+                radii = arguments.numbers("radius", radius)
         elif min_clearance is not None:
-            raise ValueError("min_clearance has no effect without thickness")
+            raise ValueError("min_clearance has no effect without radius")
         if baseline is not None and not isinstance(baseline, Certificate):
             kind = type(baseline).__name__
             expected = "expected a Certificate: that of certify, or Certificate.read(path)"
@@ -280,7 +280,7 @@ class Session:
         Args:
             counts, closed: as of :class:`Session`; by default, they stay as they are.
             names: name of each curve, 1 to 255 bytes.
-            radii: radius of each curve, in the units of the points, if ``thickness`` has one for
+            radii: radius of each curve, in the units of the points, if ``radius`` has one for
                 each curve.
 
         Raises:

@@ -427,13 +427,13 @@ class Checker:
     def step(self, frame: Frame, *, begins_part: bool = False) -> Report:
         """Verifies a frame."""
         options = dict(self.run.options)
-        published = options["thickness"] == "published"
+        published = options["radius"] == "published"
         radii = frame.radii if published else []
         if self.session is None:
             if published and not radii:
-                raise ValueError(f"frame {frame.seq} has no radii: give a radius as thickness")
+                raise ValueError(f"frame {frame.seq} has no radii: give a radius")
             if published:
-                options["thickness"] = radii
+                options["radius"] = radii
             self.session = Session(basis=frame.basis, _state=self._state, **options)
             self._basis = frame.basis
         if frame.basis != self._basis:
@@ -496,7 +496,7 @@ def check(
     baseline: Certificate | str | os.PathLike[str] | None = None,
     events: str = "between",
     *,
-    thickness: Any = None,
+    radius: Any = None,
     motion_limit: float | None = None,
     wrapped: bool | None = None,
     keep_open: bool = False,
@@ -525,7 +525,7 @@ def check(
         events: pull-throughs to search for from frame to frame: ``"between"`` different curves,
             ``"all"`` (also of a curve through itself), or ``"off"``, which compares linking numbers
             alone, for frames that are far apart.
-        thickness: radius of the strands, of each curve, or ``"published"``, those of the frames:
+        radius: radius of the strands, of each curve, or ``"published"``, those of the frames:
             ``run.frames`` has the clearance.
         motion_limit, wrapped, keep_open: those of :class:`linkwatch.Session`.
         progress: whether to show a progress bar; by default on a terminal, if ``tqdm`` is
@@ -546,7 +546,7 @@ def check(
     options = dict(
         baseline=baseline,
         events=events,
-        thickness=thickness,
+        radius=radius,
         motion_limit=motion_limit,
         wrapped=wrapped,
         keep_open=keep_open,
