@@ -105,11 +105,11 @@ fn measure(
             session.settle();
         }
     }
-    let count = |k: usize| sessions[k].baseline().map_or(0, |b| b.links.len());
+    let count = |k: usize| sessions[k].baseline().map_or(0, |b| b.links().len());
     let images = sessions[1]
         .baseline()
-        .and_then(|b| b.images.as_ref())
-        .map_or(0, Vec::len);
+        .and_then(|b| b.images())
+        .map_or(0, <[_]>::len);
     assert_eq!(count(0), count(1));
     assert_eq!(images, (rows + columns) as usize);
     let counted = times.each_ref().map(Vec::len);

@@ -30,7 +30,7 @@
 //! };
 //! let mut session = Session::new(SessionOptions::default())?; // the first frame is the baseline
 //! assert_eq!(session.feed(FrameInfo::at(0, 0.0), first)?.verdict, Verdict::Intact);
-//! let linked = session.baseline().expect("the first frame was verified").links[0];
+//! let linked = session.baseline().expect("the first frame was verified").links()[0];
 //! assert_eq!((linked.i, linked.j, linked.lambda.abs()), (0, 1, 1));
 //!
 //! for point in &mut points[4..] {

@@ -134,7 +134,7 @@ fn touching() -> (String, CurveSet) {
     let xyz: Vec<f32> = rings.flatten().collect();
     let set = CurveSet::from_counts(Basis::Polyline, &[-4; 200], Positions::F32(&xyz)).unwrap();
     let mut certifier = Certifier::default();
-    let undefined = certifier.certify(&set).0.undefined.len();
+    let undefined = certifier.certify(&set).0.undefined().len();
     assert!(undefined > 100, "{undefined}");
     ("touching rings".to_owned(), set)
 }

@@ -184,9 +184,9 @@ fn linking_numbers_are_those_of_loops_closed_by_hand() {
             let found = certificate(&open(&strands));
             let mut certifier = Certifier::default();
             let (by_hand, _) = certifier.certify(&closed_by_hand(&strands));
-            let mut expected = by_hand.links.clone();
+            let mut expected = by_hand.links().to_vec();
             expected.retain(|l| !adjacent(n, l.i, l.j));
-            assert_eq!(found.links, expected, "{n} strands, {word:?}");
+            assert_eq!(found.links(), expected, "{n} strands, {word:?}");
             // From the number of windings of each pair of strands, without any geometry.
             let count = |a: usize, b: usize| -> i64 {
                 let (a, b) = (a.min(b), a.max(b));
@@ -204,7 +204,7 @@ fn linking_numbers_are_those_of_loops_closed_by_hand() {
                 let (a, b) = ((i + 1) % n, (j + 1) % n);
                 let want = count(i, j) - count(i, b) - count(a, j) + count(a, b);
                 let link = found
-                    .links
+                    .links()
                     .iter()
                     .find(|l| (l.i as usize, l.j as usize) == (i, j));
                 assert_eq!(
@@ -228,7 +228,7 @@ fn a_full_twist_of_each_pair_changes_the_certificate() {
                 for j in i + 1..n {
                     let twisted = [word.clone(), winding(i, j)].concat();
                     let after = certificate(&open(&strands(n, &twisted)));
-                    assert_ne!(before.links, after.links, "strands {i} and {j} of {n}");
+                    assert_ne!(before.links(), after.links(), "strands {i} and {j} of {n}");
                 }
             }
         }
@@ -304,7 +304,7 @@ fn several_braids_and_closed_curves_are_verified_together() {
     assert_eq!(found.len(), 2);
     assert_eq!(found[1].curves, [4, 5, 6, 7]);
     assert_eq!(found[1].reversed, [6]);
-    let links = &session.baseline().unwrap().links;
+    let links = &session.baseline().unwrap().links();
     let with_ring: Vec<(u32, u32)> = links
         .iter()
         .map(|l| (l.i, l.j))
@@ -339,7 +339,7 @@ fn splines_and_polylines_have_the_same_certificate() {
     let word = [winding(0, 2), winding(1, 3), inverse(&winding(0, 1))].concat();
     let lines = strands(4, &word);
     let polyline = certificate(&open(&lines));
-    assert!(!polyline.links.is_empty());
+    assert!(!polyline.links().is_empty());
     for basis in [Basis::CatmullRom, Basis::BSpline] {
         // Repeated end points make the spline end there; midpoints keep it near the polyline.
         let smooth = |c: &Vec<Point>| {
@@ -351,7 +351,7 @@ fn splines_and_polylines_have_the_same_certificate() {
         };
         let splines: Vec<Vec<Point>> = lines.iter().map(smooth).collect();
         let set = of(basis, &splines, |_| false);
-        assert_eq!(certificate(&set).links, polyline.links, "{basis:?}");
+        assert_eq!(certificate(&set).links(), polyline.links(), "{basis:?}");
     }
 }
 
@@ -587,8 +587,8 @@ fn written_ends_give_the_same_certificate_in_a_later_frame() {
     let mut other = new_session(Braids::from_json(&json).unwrap());
     assert_eq!(other.step(0, open(&later)).report.verdict, Verdict::Intact);
     assert_eq!(
-        one.baseline().unwrap().links,
-        other.baseline().unwrap().links
+        one.baseline().unwrap().links(),
+        other.baseline().unwrap().links()
     );
 }
 

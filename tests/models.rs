@@ -30,7 +30,7 @@ fn certify(file: &str) -> Result<Certificate, Failed> {
     let mut certifier = Certifier::default();
     let (certificate, stats) = certifier.certify(&set);
     println!("{file}: {stats:?}");
-    assert_eq!(certificate.undefined, []);
+    assert_eq!(certificate.undefined(), []);
     Ok(certificate.clone())
 }
 

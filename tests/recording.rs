@@ -204,13 +204,7 @@ fn baseline() -> BaselineRecord {
         place: place(),
     }];
     BaselineRecord {
-        certificate: Arc::new(Certificate {
-            curves: 4,
-            links,
-            undefined,
-            images: None,
-            periods: Vec::new(),
-        }),
+        certificate: Arc::new(Certificate::new(4, links, undefined)),
         origin: "first frame".into(),
         frame: Some(0),
         unverified: 0,

@@ -182,13 +182,7 @@ fn baseline() -> Arc<BaselineRecord> {
     };
     let mut links: Vec<Link> = LEFT.iter().map(link).collect();
     links.sort();
-    let certificate = Certificate {
-        curves: SIDE * SIDE,
-        links,
-        undefined: Vec::new(),
-        images: None,
-        periods: Vec::new(),
-    };
+    let certificate = Certificate::new(SIDE * SIDE, links, Vec::new());
     Arc::new(BaselineRecord {
         certificate: Arc::new(certificate),
         origin: "first frame".into(),

@@ -218,7 +218,7 @@ impl Case {
     /// Panics unless the certificate is the known one and the counts follow from it.
     fn checked(self) -> Case {
         let (subject, stats) = (&self.subject, &self.subject.stats);
-        let (name, links) = (&subject.name, &subject.exact.links);
+        let (name, links) = (&subject.name, &subject.exact.links());
         assert!(subject.as_expected, "{name}: {} links found", links.len());
         let twists: u64 = links.iter().map(|l| l.lambda.unsigned_abs()).sum();
         let found = stats.potential_links;

@@ -31,23 +31,12 @@ use crate::verdict::{Defect, ImageLink, Link};
 #[derive(Clone, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 #[must_use]
 pub struct Certificate {
-    /// Number of curves.
-    pub curves: usize,
-    /// Nonzero linking numbers, sorted by `(i, j)`.
-    pub links: Vec<Link>,
-    /// Pairs and curves without a linking number (contact, too close, degenerate), sorted; see
-    /// [`Defect`]. In periodic scenes, also pairs of a curve and an image ([`Defect::image`]).
-    pub undefined: Vec<Defect>,
-    /// For periodic scenes ([`Cell`](crate::Cell)): the linking numbers of curves with images of
-    /// other curves and of themselves that are not 0, sorted. `None`: the scene is not periodic.
-    ///
-    /// The coordinates of a curve may be those of any of its images, and the translations depend on
-    /// that. [`Certificate::compare`] finds out which belong together.
-    pub images: Option<Vec<ImageLink>>,
-    /// For periodic scenes: the curves that run through the cell, sorted, and the period of each.
-    /// The translations of their entries count up to multiples of it.
+    pub(crate) curves: usize,
+    pub(crate) links: Vec<Link>,
+    pub(crate) undefined: Vec<Defect>,
+    pub(crate) images: Option<Vec<ImageLink>>,
     #[serde(default)]
-    pub periods: Vec<(u32, Image)>,
+    pub(crate) periods: Vec<(u32, Image)>,
 }
 
 /// Returns true if sums and multiples of a translation do not overflow.
@@ -56,6 +45,50 @@ fn is_near(image: Image) -> bool {
 }
 
 impl Certificate {
+    /// Returns the certificate with these linking numbers that are not 0, and with these pairs and
+    /// curves without a linking number. All other pairs have the linking number 0.
+    pub fn new(curves: usize, links: Vec<Link>, undefined: Vec<Defect>) -> Certificate {
+        let mut certificate = Certificate {
+            curves,
+            links,
+            undefined,
+            ..Certificate::default()
+        };
+        certificate.sort();
+        certificate
+    }
+
+    /// Returns the number of curves.
+    pub fn curves(&self) -> usize {
+        self.curves
+    }
+
+    /// Returns the nonzero linking numbers, sorted by `(i, j)`.
+    pub fn links(&self) -> &[Link] {
+        &self.links
+    }
+
+    /// Returns the pairs and curves without a linking number (contact, too close, degenerate),
+    /// sorted. In periodic scenes, also pairs of a curve and an image ([`Defect::image`]).
+    pub fn undefined(&self) -> &[Defect] {
+        &self.undefined
+    }
+
+    /// Returns the linking numbers that are not 0 of curves with images of other curves and of
+    /// themselves, sorted; `None` if the scene is not periodic ([`Cell`](crate::Cell)).
+    ///
+    /// The coordinates of a curve may be those of any of its images, and the translations depend on
+    /// that. [`Certificate::compare`] finds out which belong together.
+    pub fn images(&self) -> Option<&[ImageLink]> {
+        self.images.as_deref()
+    }
+
+    /// Returns the curves that run through a periodic cell, sorted, and the period of each. The
+    /// translations of their entries count up to multiples of it.
+    pub fn periods(&self) -> &[(u32, Image)] {
+        &self.periods
+    }
+
     /// Returns this certificate with the entries of these pairs, which must be sorted, replaced by
     /// those of another certificate.
     pub(crate) fn with_replaced(&self, pairs: &[(u32, u32)], by: &Certificate) -> Certificate {

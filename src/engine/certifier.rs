@@ -21,7 +21,7 @@ use std::time::Instant;
 /// let set = "chainmail:rows=2,columns=2".parse::<Scene>()?.build()?.curves;
 /// let mut certifier = Certifier::default();
 /// let (certificate, stats) = certifier.certify(&set);
-/// assert_eq!(certificate.links.len() as u64, stats.potential_links - stats.separated);
+/// assert_eq!(certificate.links().len() as u64, stats.potential_links - stats.separated);
 /// # Ok::<(), linkwatch::Error>(())
 /// ```
 #[derive(Debug, Default)]

@@ -70,7 +70,7 @@ use std::path::Path;
 /// let curves = formats::read(&file)?;
 /// let mut certifier = Certifier::default();
 /// let (certificate, _) = certifier.certify(&curves);
-/// assert_eq!(certificate.links[0].lambda, 10);
+/// assert_eq!(certificate.links()[0].lambda, 10);
 /// # std::fs::remove_file(file)?;
 /// # Ok::<(), linkwatch::Error>(())
 /// ```

@@ -10,7 +10,7 @@
 //! let scene: Scene = "ribbon:segments=2000,lambda=-10".parse()?;
 //! let generated = scene.build()?;
 //! assert_eq!(generated.curves.segments(), 2000);
-//! assert_eq!(generated.certificate.links[0].lambda, -10);
+//! assert_eq!(generated.certificate.links()[0].lambda, -10);
 //! # Ok::<(), linkwatch::Error>(())
 //! ```
 //!

@@ -46,7 +46,7 @@ impl Corpus {
         let run = linkwatch(&["certify", text(&path("a.bcc")), "-o", text(&certificate)]);
         assert_eq!(run.code, 0, "{}", run.stderr);
         let valid = Certificate::read(&certificate).expect("a valid certificate");
-        assert!(!valid.links.is_empty());
+        assert!(!valid.links().is_empty());
         let points = SQUARE.map(|[x, y]| format!("{x} {y} 0.5"));
         let vertices = points.each_ref().map(|p| format!("v {p}\n")).concat();
         let write = |name: &str, text: String| std::fs::write(path(name), text).expect("a file");

@@ -175,7 +175,7 @@ const SCENES: [&str; 9] = [
 fn generated(name: &str) -> Case {
     let scene: Scene = name.parse().expect("a scene");
     let generated = scene.build().expect("a scene that can be built");
-    let links = generated.certificate.links.iter();
+    let links = generated.certificate.links().iter();
     let answers = links.map(|l| ((l.i as usize, l.j as usize), Answer::Number(l.lambda)));
     Case {
         name: name.into(),

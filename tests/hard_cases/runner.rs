@@ -114,10 +114,7 @@ pub fn changed(set: &CurveSet, change: impl Fn(&mut [f64])) -> CurveSet {
 /// no links, so the report has all of them.
 fn last_of(frames: [&CurveSet; 3], events: Events) -> Certificate {
     let curves = frames[0].len();
-    let nothing = Certificate {
-        curves,
-        ..Certificate::default()
-    };
+    let nothing = Certificate::new(curves, Vec::new(), Vec::new());
     let mut session = Session::new(SessionOptions {
         baseline: Some(nothing),
         strategy: Strategy::Paranoid,
@@ -137,13 +134,8 @@ fn last_of(frames: [&CurveSet; 3], events: Events) -> Certificate {
             lambda: c.found,
         };
         let lasting = report.defects.into_iter().filter(|d| !d.kind.is_of_step());
-        certificate = Certificate {
-            curves,
-            links: report.changes.iter().map(link).collect(),
-            undefined: lasting.collect(),
-            images: None,
-            periods: Vec::new(),
-        };
+        let links = report.changes.iter().map(link).collect();
+        certificate = Certificate::new(curves, links, lasting.collect());
         session.settle();
     }
     certificate
@@ -165,10 +157,10 @@ pub const EARLY_EXIT: Kernel = Kernel {
         let baseline = session.baseline().expect("the first frame").clone();
         let report = session.step(1, set).report;
         assert_eq!(report.changes, []);
-        assert_eq!(report.defects, baseline.undefined);
+        assert_eq!(report.defects, baseline.undefined());
         assert_eq!(report.stats.unchecked, 0);
         let touch = |d: &Defect| d.kind == DefectKind::Contact;
-        let verdict = match &baseline.undefined[..] {
+        let verdict = match baseline.undefined() {
             [] => Verdict::Intact,
             defects if defects.iter().any(touch) => Verdict::Contact,
             _ => Verdict::Undecided,
@@ -344,10 +336,10 @@ pub fn complaints(case: &Case, kernel: Kernel, views: Views, pools: &[ThreadPool
 fn check(case: &Case, certificate: &Certificate, rule: Rule) -> Vec<String> {
     let mut wrong = Vec::new();
     let n = case.curves.len();
-    if certificate.curves != n {
-        wrong.push(format!("{} curves", certificate.curves));
+    if certificate.curves() != n {
+        wrong.push(format!("{} curves", certificate.curves()));
     }
-    let links = &certificate.links;
+    let links = certificate.links();
     let lambdas: BTreeMap<_, _> = links
         .iter()
         .map(|l| ((l.i as usize, l.j as usize), l.lambda))
@@ -357,7 +349,7 @@ fn check(case: &Case, certificate: &Certificate, rule: Rule) -> Vec<String> {
     {
         wrong.push("links are not sorted or not links".into());
     }
-    let undefined = &certificate.undefined;
+    let undefined = certificate.undefined();
     if !undefined.is_sorted_by(|a, b| (a.i, a.j) < (b.i, b.j)) {
         wrong.push("defects are not sorted".into());
     }

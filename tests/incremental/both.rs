@@ -173,14 +173,14 @@ impl Balance {
                 since.sum += own.map(|e| i64::from(e.sign)).sum::<i64>();
                 let mut defects = report.defects.iter().filter(of_pair);
                 since.undecided_step |= defects.any(|d| d.kind.is_of_step());
-                if let Some(missing) = certificate.undefined.iter().find(of_pair) {
+                if let Some(missing) = certificate.undefined().iter().find(of_pair) {
                     since.touched |= missing.kind == DefectKind::Contact;
                     // A loop of fewer than three points, or splines that are too close: the
                     // polylines do not represent the curves.
                     since.undecided_step |= missing.kind != DefectKind::Contact;
                     continue;
                 }
-                let link = certificate.links.iter().find(|l| (l.i, l.j) == (i, j));
+                let link = certificate.links().iter().find(|l| (l.i, l.j) == (i, j));
                 let lambda = link.map_or(0, |l| l.lambda);
                 if let Some(before) = since.lambda.filter(|_| !since.undecided_step) {
                     assert_eq!(

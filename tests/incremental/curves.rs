@@ -79,7 +79,7 @@ fn names(curves: &[usize], i: u32, j: u32) -> Names {
 /// Returns the linking number of each pair of closed curves that has one.
 fn linking_numbers(set: &CurveSet, certificate: &Certificate) -> Vec<(u32, u32, i64)> {
     let missing = |i: u32, j: Option<u32>| {
-        let mut undefined = certificate.undefined.iter();
+        let mut undefined = certificate.undefined().iter();
         undefined.any(|d| (d.i, d.j) == (i, j))
     };
     let closed = (0..set.len() as u32).filter(|&i| set.curve(i as usize).closed);
@@ -88,7 +88,7 @@ fn linking_numbers(set: &CurveSet, certificate: &Certificate) -> Vec<(u32, u32, 
     let pairs = pairs.flat_map(|(k, &i)| closed[k + 1..].iter().map(move |&j| (i, j)));
     let defined = pairs.filter(|&(i, j)| !missing(i, Some(j)));
     let lambda = |(i, j)| {
-        let link = certificate.links.iter().find(|l| (l.i, l.j) == (i, j));
+        let link = certificate.links().iter().find(|l| (l.i, l.j) == (i, j));
         (i, j, link.map_or(0, |l| l.lambda))
     };
     defined.map(lambda).collect()

@@ -47,10 +47,10 @@ fn far(shapes: &Shapes) -> Scene {
 /// Returns the linking number of the first curve and the image; `None` if they touch.
 fn found(shapes: &Shapes) -> Option<i64> {
     let certificate = far(shapes).certificate();
-    let mut images = certificate.images.iter().flatten();
+    let mut images = certificate.images().into_iter().flatten();
     // The first curve comes first, so the image is that of the second one.
     let link = images.find(|l| (l.i, l.j, l.image) == (0, 1, [1; 3]));
-    let mut undefined = certificate.undefined.iter();
+    let mut undefined = certificate.undefined().iter();
     match undefined.any(|d| (d.i, d.j, d.image) == (0, Some(1), [1; 3])) {
         true => None,
         false => Some(link.map_or(0, |link| link.lambda)),

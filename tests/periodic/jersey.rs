@@ -64,8 +64,8 @@ fn linking_number(loops: [Vec<Point>; 2]) -> i64 {
     let set = CurveSet::from_counts(Basis::Polyline, &counts, positions).unwrap();
     let mut certifier = Certifier::default();
     let (certificate, _) = certifier.certify(&set);
-    assert!(certificate.undefined.is_empty());
-    certificate.links.first().map_or(0, |l| l.lambda)
+    assert!(certificate.undefined().is_empty());
+    certificate.links().first().map_or(0, |l| l.lambda)
 }
 
 /// Returns the linking number of the head of the lower row, closed below, and of a part of the

@@ -312,6 +312,6 @@ fn a_yarn_in_single_precision_stays_one_after_a_jump() {
             assert_eq!(report.stats.open_curves, 0);
             assert_eq!(jumps, u64::from(seq >= 2));
         }
-        assert_eq!(session.baseline().unwrap().periods, [(0, [1, 0, 0])]);
+        assert_eq!(session.baseline().unwrap().periods(), [(0, [1, 0, 0])]);
     }
 }

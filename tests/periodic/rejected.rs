@@ -4,8 +4,8 @@ use crate::invariance::chain;
 use crate::scene::Scene;
 use crate::support::session::Step;
 use linkwatch::{
-    Basis, Cell, CurveSet, DefectKind, Events, FrameInfo, Positions, Session, SessionOptions,
-    Strategy, Verdict,
+    Basis, Cell, Certificate, CurveSet, DefectKind, Events, FrameInfo, Positions, Session,
+    SessionOptions, Strategy, Verdict,
 };
 use std::sync::Arc;
 
@@ -61,10 +61,14 @@ fn frames_of_another_part_are_compared_with_the_new_baseline() {
             assert_eq!(report.verdict, Verdict::Intact);
             session.settle();
         }
-        let mut other = session.baseline().unwrap().clone();
-        other.links[0].lambda += 1;
-        let pair = (other.links[0].i, other.links[0].j);
-        session.begin_part(other);
+        let baseline = session.baseline().unwrap();
+        let link = baseline.links()[0];
+        let pair = (link.i, link.j);
+        let line = |lambda: i64| format!("\n{},{},0,0,0,{lambda}\n", link.i, link.j);
+        let text = baseline.to_string();
+        let other = text.replace(&line(link.lambda), &line(link.lambda + 1));
+        assert_ne!(text, other);
+        session.begin_part(Certificate::parse(&other).unwrap());
         let set = Arc::new(displaced(6, 0.0).set());
         let report = session.step(6, &set).report;
         let changed: Vec<_> = report.changes.iter().map(|c| (c.i, c.j)).collect();

@@ -33,9 +33,9 @@ fn pair_of(scene: &Scene, images: &[Image], a: u32, b: u32) -> Option<Pair> {
 
 fn of_supercell(scene: &Scene, certificate: &Certificate) -> Numbers {
     let images = scene.images();
-    let links = certificate.links.iter();
+    let links = certificate.links().iter();
     let links = links.map(|l| (l.i, Some(l.j), Some(l.lambda)));
-    let undefined = certificate.undefined.iter().map(|d| (d.i, d.j, None));
+    let undefined = certificate.undefined().iter().map(|d| (d.i, d.j, None));
     let all = links.chain(undefined);
     let named = all.filter_map(|(a, b, lambda)| Some((pair_of(scene, &images, a, b?)?, lambda)));
     named.collect()
@@ -44,15 +44,15 @@ fn of_supercell(scene: &Scene, certificate: &Certificate) -> Numbers {
 fn of_periodic(certificate: &Certificate) -> Numbers {
     let home = Image::default();
     let mut numbers = Numbers::new();
-    for l in &certificate.links {
+    for l in certificate.links() {
         numbers.insert((l.i, l.j, home), Some(l.lambda));
     }
-    for d in &certificate.undefined {
+    for d in certificate.undefined() {
         if let Some(j) = d.j {
             numbers.insert((d.i, j, d.image), None);
         }
     }
-    for l in certificate.images.iter().flatten() {
+    for l in certificate.images().into_iter().flatten() {
         numbers.insert((l.i, l.j, l.image), Some(l.lambda));
     }
     numbers

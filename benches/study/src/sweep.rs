@@ -379,7 +379,7 @@ pub fn run(args: &Args) -> Result<u8> {
         plural(sweep.original.len(), "curve"),
         plural(sweep.original.points(), "control point"),
         plural(
-            sweep.session.baseline().map_or(0, |b| b.links.len()),
+            sweep.session.baseline().map_or(0, |b| b.links().len()),
             "link"
         )
     );

@@ -48,13 +48,13 @@ pub struct lw_image_link {
 
 impl From<Certificate> for lw_certificate {
     fn from(certificate: Certificate) -> lw_certificate {
-        let links = certificate.links.iter();
+        let links = certificate.links().iter();
         let links = links.map(|l| lw_link {
             i: l.i,
             j: l.j,
             lambda: l.lambda,
         });
-        let images = certificate.images.iter().flatten();
+        let images = certificate.images().into_iter().flatten();
         let images = images.map(|l| lw_image_link {
             i: l.i,
             j: l.j,
@@ -197,7 +197,7 @@ pub unsafe extern "C" fn lw_certificate_undefined(certificate: *mut lw_certifica
     guard(usize::MAX, || {
         // SAFETY: as promised by the caller.
         let this = unsafe { given(certificate, "certificate") }?;
-        Ok(this.certificate.undefined.len())
+        Ok(this.certificate.undefined().len())
     })
 }
 

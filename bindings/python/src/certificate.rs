@@ -39,7 +39,7 @@ impl Certificate {
 
     /// Returns an error if a pair has no linking number.
     fn check_defined(&self) -> PyResult<()> {
-        let first = match (self.numbers.undefined.first(), self.open.first()) {
+        let first = match (self.numbers.undefined().first(), self.open.first()) {
             (Some(defect), _) => defect.sentence_named(0.0, &[]),
             (None, Some(curve)) => format!("curve {curve} is open"),
             (None, None) => return Ok(()),
@@ -57,14 +57,14 @@ impl Certificate {
         py: Python<'py>,
         convert: impl Fn(i64) -> T,
     ) -> PyResult<Bound<'py, PyArray2<T>>> {
-        let n = self.numbers.curves;
+        let n = self.numbers.curves();
         // Raises MemoryError if the matrix is too large.
         let zeros = py.import("numpy")?.getattr("zeros")?;
         let matrix = zeros.call1(((n, n), T::get_dtype(py)))?;
         let matrix = matrix.cast_into::<PyArray2<T>>()?;
         let mut write = matrix.try_readwrite()?;
         let mut cells = write.as_array_mut();
-        for l in &self.numbers.links {
+        for l in self.numbers.links() {
             let (i, j, lambda) = (l.i as usize, l.j as usize, convert(l.lambda));
             (cells[[i, j]], cells[[j, i]]) = (lambda, lambda);
         }
@@ -93,7 +93,7 @@ impl Certificate {
     /// Number of curves.
     #[getter]
     fn curves(&self) -> usize {
-        self.numbers.curves
+        self.numbers.curves()
     }
 
     /// Open curves, which have no linking numbers, sorted. A certificate that was read from a file
@@ -106,7 +106,7 @@ impl Certificate {
     /// Linking numbers that are not 0, as tuples (i, j, lambda) with i < j, sorted.
     #[getter]
     fn links(&self) -> Vec<(u32, u32, i64)> {
-        let links = self.numbers.links.iter();
+        let links = self.numbers.links().iter();
         links.map(|l| (l.i, l.j, l.lambda)).collect()
     }
 
@@ -114,7 +114,7 @@ impl Certificate {
     /// (i, j, image, lambda), sorted. None if the scene is not periodic.
     #[getter]
     fn images(&self) -> Option<Vec<ImageLink>> {
-        let images = self.numbers.images.as_deref()?.iter();
+        let images = self.numbers.images()?.iter();
         Some(
             images
                 .map(|l| (l.i, l.j, l.image.into(), l.lambda))
@@ -128,7 +128,7 @@ impl Certificate {
         result(
             py,
             "Defect",
-            defects(&self.numbers.undefined, 0.0, &[]),
+            defects(self.numbers.undefined(), 0.0, &[]),
             &[],
         )
     }
@@ -184,15 +184,15 @@ impl Certificate {
             let (i, j) = (i as usize, j as usize);
             (cells[[i, j]], cells[[j, i]]) = (value, value);
         };
-        for defect in &self.numbers.undefined {
+        for defect in self.numbers.undefined() {
             if let Some(j) = defect.j {
                 fill(defect.i, j);
             }
         }
-        let alone = self.numbers.undefined.iter().filter(|d| d.j.is_none());
+        let alone = self.numbers.undefined().iter().filter(|d| d.j.is_none());
         let alone = alone.map(|d| d.i).chain(self.open.iter().copied());
         for i in alone {
-            let others = (0..self.numbers.curves as u32).filter(|&j| j != i);
+            let others = (0..self.numbers.curves() as u32).filter(|&j| j != i);
             others.for_each(|j| fill(i, j));
         }
         drop(write);
@@ -215,16 +215,14 @@ impl Certificate {
     }
 
     fn __repr__(&self) -> String {
-        let linkwatch::Certificate {
-            curves,
-            links,
-            undefined,
-            images,
-            ..
-        } = &self.numbers;
-        let mut text = format!("{curves} curves, {} links", links.len());
-        let without = undefined.len();
-        if let Some(images) = images {
+        let numbers = &self.numbers;
+        let mut text = format!(
+            "{} curves, {} links",
+            numbers.curves(),
+            numbers.links().len()
+        );
+        let without = numbers.undefined().len();
+        if let Some(images) = numbers.images() {
             text += &format!(", {} pairs with periodic images", images.len());
         }
         if without > 0 {

@@ -29,7 +29,10 @@ fn first_change(mut bands: Bands, frames: u64, steps: usize) -> Option<u64> {
         };
         let report = session.feed(FrameInfo::at(frame, 0.0), raw).unwrap();
         if frame == 0 {
-            assert!(session.baseline().unwrap().links.is_empty(), "linked bands");
+            assert!(
+                session.baseline().unwrap().links().is_empty(),
+                "linked bands"
+            );
         }
         if report.verdict != Verdict::Intact {
             assert_eq!(report.verdict, Verdict::Changed);

@@ -30,7 +30,10 @@ fn first_change(yarn: &mut Yarn, frames: u64, steps: usize) -> Option<u64> {
         };
         let report = session.feed(FrameInfo::at(frame, 0.0), raw).unwrap();
         if frame == 0 {
-            assert!(session.baseline().unwrap().links.is_empty(), "linked rows");
+            assert!(
+                session.baseline().unwrap().links().is_empty(),
+                "linked rows"
+            );
         }
         if report.verdict != Verdict::Intact {
             assert_eq!(report.verdict, Verdict::Changed);
