@@ -13,13 +13,10 @@ pub(super) struct Pen {
 }
 
 impl Pen {
-    /// Creates a pen for this number of curves, and of points of all curves.
-    pub fn new(basis: Basis, curves: usize, points: usize) -> Pen {
-        // A curve takes at most its points, those of a group of segments that begins at its last
-        // one, and those that are repeated.
-        let extra = 6 * basis.stride() + basis.window();
+    /// Creates a pen for this number of points of all curves.
+    pub fn new(basis: Basis, points: usize) -> Pen {
         Pen {
-            builder: CurveSet::builder(basis, Precision::F32, points + extra * curves),
+            builder: CurveSet::builder(basis, Precision::F32, points),
             chunk: Vec::with_capacity(3 * CHUNK.min(points)),
         }
     }

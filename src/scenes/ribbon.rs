@@ -52,7 +52,7 @@ fn build(scene: &Scene) -> Result<Generated> {
     let off = sagitta(TAU / (segments / 2) as f64, acceleration) + rounding(1.0 + tube);
     scene.check_gap(gap, 2.0 * off, "take more segments or a smaller lambda")?;
 
-    let mut pen = Pen::new(Basis::Polyline, 2, segments);
+    let mut pen = Pen::new(Basis::Polyline, segments);
     for strand in 0..2 {
         let n = share(segments, 2, strand);
         pen.closed(n, |k| {

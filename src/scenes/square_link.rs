@@ -51,7 +51,7 @@ fn build(scene: &Scene) -> Result<Generated> {
     // Smallest square number that is large enough.
     let side = half.isqrt() + usize::from(half.isqrt().pow(2) < half);
 
-    let mut pen = Pen::new(Basis::Polyline, loops, segments);
+    let mut pen = Pen::new(Basis::Polyline, segments);
     for i in 0..loops {
         let (bundle, k) = (i / half, i % half);
         let place = |k: usize| THICKNESS * k as f64 / side as f64;

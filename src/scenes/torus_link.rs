@@ -39,7 +39,7 @@ fn build(scene: &Scene) -> Result<Generated> {
     let advice = "take more segments or fewer periods";
     scene.check_gap(TUBES[1] - TUBES[0], off.sum(), advice)?;
 
-    let mut pen = Pen::new(Basis::Polyline, 2, segments);
+    let mut pen = Pen::new(Basis::Polyline, segments);
     for (i, (tube, (toroidal, poloidal))) in TUBES.into_iter().zip(turns).enumerate() {
         let n = share(segments, 2, i);
         pen.closed(n, |k| {

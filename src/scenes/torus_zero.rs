@@ -39,7 +39,7 @@ fn build(scene: &Scene) -> Result<Generated> {
     let off = 2.0 * (step / 2.0 * speed + rounding(outermost));
     scene.check_gap(0.1, off, "take more segments or fewer periods")?;
 
-    let mut pen = Pen::new(Basis::Polyline, 4, segments);
+    let mut pen = Pen::new(Basis::Polyline, segments);
     for (i, tube) in TUBES.into_iter().enumerate() {
         let n = share(segments, 4, i);
         pen.closed(n, |k| {

@@ -36,7 +36,7 @@ fn build(scene: &Scene) -> Result<Generated> {
     };
     scene.check_gap(1.0, depth + rounding(1.0) + rounding(2.0), advice)?;
 
-    let mut pen = Pen::new(Basis::Polyline, 2, segments);
+    let mut pen = Pen::new(Basis::Polyline, segments);
     for (i, radius) in [2.0, 1.0].into_iter().enumerate() {
         let n = share(segments, 2, i);
         pen.closed(n, |k| {

@@ -182,7 +182,8 @@ impl<R: Read> ArrayFrames<R> {
             _ => Precision::F32,
         };
         let basis = self.others.basis.unwrap_or(Basis::Polyline);
-        let mut built = Ok(CurveSet::builder_of(basis, precision, counts));
+        let points = self.layout.frame_bytes / (3 * precision.bytes());
+        let mut built = Ok(CurveSet::builder(basis, precision, points));
         let mut left = self.layout.frame_bytes;
         for &count in counts {
             let points = count.unsigned_abs() as usize;
