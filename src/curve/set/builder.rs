@@ -14,6 +14,21 @@ impl CurveSet {
         }
     }
 
+    /// Starts a set of curves with these numbers of control points, negative if a curve is closed,
+    /// whose positions follow.
+    pub(crate) fn builder_of(
+        basis: Basis,
+        precision: Precision,
+        counts: &[i32],
+    ) -> Result<CurveSetBuilder> {
+        let points = counts.iter().map(|c| c.unsigned_abs() as usize).sum();
+        let mut builder = CurveSet::builder(basis, precision, points);
+        for &c in counts {
+            builder.set.add_curve(c.unsigned_abs() as usize, c < 0)?;
+        }
+        Ok(builder)
+    }
+
     /// Returns the set of all curves of `positions`. Each count is the number of control points of
     /// a curve, negative if the curve is closed, as in a BCC file.
     pub fn from_counts(basis: Basis, counts: &[i32], positions: Positions<'_>) -> Result<CurveSet> {
@@ -25,12 +40,9 @@ impl CurveSet {
                 positions.len(),
             ));
         }
-        let mut set = CurveSet::empty(basis, positions.precision(), points as usize);
-        for &c in counts {
-            set.add_curve(c.unsigned_abs() as usize, c < 0)?;
-        }
-        set.append(positions)?;
-        Ok(set)
+        let mut builder = CurveSet::builder_of(basis, positions.precision(), counts)?;
+        builder.push(positions)?;
+        builder.finish()
     }
 
     /// Adds a curve, whose positions follow.
@@ -80,12 +92,12 @@ impl CurveSetBuilder {
         self.set.add_curve(points, closed)
     }
 
-    /// Appends control points to the last curve that was started.
+    /// Appends control points of the curves that were started.
     pub fn push(&mut self, positions: Positions<'_>) -> Result<()> {
         let missing = 3 * self.set.points - self.set.positions().len();
         if positions.len() > missing || !positions.len().is_multiple_of(3) {
             return Err(Error::count(
-                "coordinates of a curve",
+                "coordinates of the curves",
                 missing,
                 positions.len(),
             ));
