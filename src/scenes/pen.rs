@@ -39,7 +39,17 @@ impl Pen {
     }
 }
 
-/// Returns the number of points of curve `i` if `total` points are distributed evenly.
-pub(super) fn share(total: usize, curves: usize, i: usize) -> usize {
-    total / curves + usize::from(i < total % curves)
+/// Draws closed polylines with `segments` segments in all, which are distributed evenly. `point`
+/// returns point `k` of the `n` points of curve `i`.
+pub(super) fn polylines(
+    curves: usize,
+    segments: usize,
+    point: impl Fn(usize, usize, usize) -> Point,
+) -> Result<CurveSet> {
+    let mut pen = Pen::new(Basis::Polyline, segments);
+    for i in 0..curves {
+        let n = segments / curves + usize::from(i < segments % curves);
+        pen.closed(n, |k| point(i, k, n))?;
+    }
+    pen.finish()
 }
