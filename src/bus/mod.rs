@@ -28,31 +28,24 @@
 //! this rule. Values are copied before they are checked, so that even then the curves that are
 //! verified are valid ones.
 
+#![cfg_attr(
+    not(feature = "bus"),
+    allow(dead_code, reason = "for the watcher's end")
+)]
+
 mod client;
 #[cfg(feature = "bus")]
 mod event;
 mod frames;
 mod ipc;
-#[cfg_attr(
-    not(feature = "bus"),
-    allow(dead_code, reason = "for the watcher's end")
-)]
 mod message;
 mod room;
-#[cfg_attr(
-    not(feature = "bus"),
-    allow(dead_code, reason = "for the watcher's end")
-)]
 mod service;
 mod services;
 #[cfg(feature = "bus")]
 mod sidecar;
 mod wait_mode;
 mod watcher;
-#[cfg_attr(
-    not(feature = "bus"),
-    allow(dead_code, reason = "for the watcher's end")
-)]
 mod wire;
 
 pub use client::{Client, ClientOptions, FrameLoan, Outcome};
