@@ -179,28 +179,21 @@ impl fmt::Display for VerdictMessage {
         }
         write!(f, "frame {}: {}", self.seq, self.verdict)?;
         let counts = [
-            (self.lost, "lost"),
-            (self.gained, "gained"),
-            (self.changed, "changed"),
+            (self.lost, ["link lost", "links lost"]),
+            (self.gained, ["link gained", "links gained"]),
+            (self.changed, ["link changed", "links changed"]),
+            (self.events, ["pull-through", "pull-throughs"]),
+            (
+                self.defects,
+                ["pair or curve undecided", "pairs or curves undecided"],
+            ),
+            (
+                self.unresolved,
+                ["unresolved pull-through", "unresolved pull-throughs"],
+            ),
         ];
-        for (n, word) in counts.into_iter().filter(|c| c.0 > 0) {
-            let links = if n == 1 { "link" } else { "links" };
-            write!(f, ", {n} {links} {word}")?;
-        }
-        match self.events {
-            0 => {}
-            1 => write!(f, ", 1 pull-through")?,
-            n => write!(f, ", {n} pull-throughs")?,
-        }
-        match self.defects {
-            0 => {}
-            1 => write!(f, ", 1 pair or curve undecided")?,
-            n => write!(f, ", {n} pairs or curves undecided")?,
-        }
-        match self.unresolved {
-            0 => {}
-            1 => write!(f, ", 1 unresolved pull-through")?,
-            n => write!(f, ", {n} unresolved pull-throughs")?,
+        for (n, [one, many]) in counts.into_iter().filter(|c| c.0 > 0) {
+            write!(f, ", {n} {}", if n == 1 { one } else { many })?;
         }
         if let Some(finding) = &self.first {
             write!(f, ": {}", finding.sentence(self.extent, &self.names))?;
@@ -226,48 +219,22 @@ impl VerdictWire {
             version: LAYOUT_VERSION,
             kind: kind as u32,
             session,
-            seq: 0,
-            time: 0.0,
             verdict: Verdict::Intact as u32,
-            abort: 0,
-            lost: 0,
-            gained: 0,
-            changed: 0,
-            defects: 0,
-            events: 0,
             finding: FINDING_NONE,
-            i: 0,
             j: NO_CURVE,
-            defect_kind: 0,
-            segments: [0; 2],
-            has_place: 0,
-            reason_len: 0,
-            unresolved: 0,
-            appeared: 0,
-            gone: 0,
-            findings: 0,
-            recovered: 0,
-            expected: 0,
-            found: 0,
-            point: [0.0; 3],
-            distance: 0.0,
-            lengths: 0.0,
-            extent: 0.0,
             verified: counters.verified,
             skipped: counters.skipped,
             rejected: counters.rejected,
-            check_ns: 0,
             last_intact: NO_FRAME,
             safe_fraction: f64::NAN,
-            image: [0; 3],
-            reason: [0; 180],
+            ..VerdictWire::default()
         }
     }
 
     /// Creates a message that concerns no frame, with as much of this reason as fits.
     pub fn with_reason(mut self, reason: &str) -> Self {
-        let n = reason.floor_char_boundary(self.reason.len());
-        self.reason[..n].copy_from_slice(&reason.as_bytes()[..n]);
+        let n = reason.floor_char_boundary(self.reason.0.len());
+        self.reason.0[..n].copy_from_slice(&reason.as_bytes()[..n]);
         self.reason_len = n as u32;
         self
     }
@@ -412,7 +379,7 @@ impl VerdictWire {
             })),
             code => return Err(bad("finding code", code.into())),
         };
-        let reason = self.reason.get(..self.reason_len as usize);
+        let reason = self.reason.0.get(..self.reason_len as usize);
         let reason = reason.ok_or_else(|| bad("length of the reason", self.reason_len.into()))?;
         Ok(VerdictMessage {
             kind,

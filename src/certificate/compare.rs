@@ -1,6 +1,6 @@
 //! Comparison of two certificates: lost, gained and changed links.
 
-use super::Certificate;
+use super::{Certificate, Differences};
 use crate::curve::Image;
 use crate::error::{Error, Result};
 use crate::pairs::Pair;
@@ -108,57 +108,22 @@ impl Certificate {
         if self.images.is_some() || baseline.images.is_some() {
             return self.compare_periodic(baseline);
         }
+        let checked = |i: u32, j: u32| unchecked.binary_search(&(i, j)).is_err();
         let mut defects = self.undefined.clone();
-        let is_undefined = |d: &Defect| self.lacks(d.i, d.j);
-        let checked = |d: &Defect| {
-            d.j.is_none_or(|j| unchecked.binary_search(&(d.i, j)).is_err())
-        };
         let missing = baseline.undefined.iter();
-        let missing = missing.filter(|d| !is_undefined(d) && checked(d));
+        let missing =
+            missing.filter(|d| !self.lacks(d.i, d.j) && d.j.is_none_or(|j| checked(d.i, j)));
         defects.extend(missing.map(|d| Defect {
             kind: DefectKind::NoBaseline,
             ..*d
         }));
         defects.sort_by_key(|d| (d.i, d.j));
-        let checked = |l: &Link| unchecked.binary_search(&(l.i, l.j)).is_err();
-        let known = |l: &Link| !lacks(&defects, l.i, Some(l.j));
-        let mut changes = Vec::new();
-        let mut change = |l: &Link, expected: i64, found: i64| {
-            if expected != found && checked(l) && known(l) {
-                changes.push(Change {
-                    i: l.i,
-                    j: l.j,
-                    image: Image::default(),
-                    expected,
-                    found,
-                    place: None,
-                });
-            }
-        };
-        // Both lists are sorted, so a single merge suffices.
-        let (mut a, mut b) = (
-            baseline.links.iter().peekable(),
-            self.links.iter().peekable(),
-        );
-        loop {
-            match (a.peek(), b.peek()) {
-                (Some(p), Some(q)) if (p.i, p.j) == (q.i, q.j) => {
-                    change(p, p.lambda, q.lambda);
-                    a.next();
-                    b.next();
-                }
-                (Some(p), q) if q.is_none_or(|q| (p.i, p.j) < (q.i, q.j)) => {
-                    change(p, p.lambda, 0);
-                    a.next();
-                }
-                (_, Some(q)) => {
-                    change(q, 0, q.lambda);
-                    b.next();
-                }
-                (_, None) => break,
-            }
-        }
-        let adopted = self.links.iter().filter(|l| checked(l) && !known(l));
+        let known = |i: u32, j: u32| !lacks(&defects, i, Some(j));
+        let [before, now] = [baseline, self].map(|c| c.links.iter().map(Link::entry));
+        let mut changes = Differences::between(before, now).changes;
+        changes.retain(|c| checked(c.i, c.j) && known(c.i, c.j));
+        let adopted = self.links.iter();
+        let adopted = adopted.filter(|l| checked(l.i, l.j) && !known(l.i, l.j));
         Ok(Comparison {
             adopted: adopted.copied().collect(),
             changes,

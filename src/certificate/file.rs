@@ -300,7 +300,7 @@ fn line_count(lines: usize) -> String {
 
 /// Returns the start of a line of the file, short enough for a message.
 fn clip(s: &str) -> String {
-    s.chars().take(40).collect()
+    s.chars().take(40).flat_map(char::escape_debug).collect()
 }
 
 #[cfg(test)]

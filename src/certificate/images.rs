@@ -5,7 +5,7 @@ use crate::curve::{Image, is_home};
 use crate::error::{Error, Result};
 use crate::periodic::{Entry, ImagePair, aligned, reduced_all};
 use crate::verdict::{Change, Defect, DefectKind, ImageLink, Link};
-use std::collections::BTreeMap;
+use std::iter::Peekable;
 
 /// Differences of two lists of entries. Pairs that are not in a list have the number 0.
 pub(crate) struct Differences {
@@ -16,17 +16,21 @@ pub(crate) struct Differences {
 }
 
 impl Differences {
-    pub fn between(before: &[Entry], now: &[Entry]) -> Differences {
-        let mut both = BTreeMap::<ImagePair, [Option<i64>; 2]>::new();
-        for (side, entries) in [before, now].into_iter().enumerate() {
-            for &(pair, lambda) in entries {
-                both.entry(pair).or_insert([Some(0); 2])[side] = lambda;
-            }
-        }
+    /// Compares sorted lists.
+    pub fn between(
+        before: impl IntoIterator<Item = Entry>,
+        now: impl IntoIterator<Item = Entry>,
+    ) -> Differences {
+        let (mut before, mut now) = (before.into_iter().peekable(), now.into_iter().peekable());
         let (mut changes, mut fresh) = (Vec::new(), Vec::new());
-        for (pair, numbers) in both {
+        while let Some(pair) = [before.peek(), now.peek()]
+            .into_iter()
+            .flatten()
+            .map(|e| e.0)
+            .min()
+        {
             let ImagePair { i, j, image } = pair;
-            match numbers {
+            match [number(&mut before, pair), number(&mut now, pair)] {
                 [None, Some(lambda)] => fresh.push((pair, lambda)),
                 [Some(expected), Some(found)] if expected != found => changes.push(Change {
                     i,
@@ -44,6 +48,12 @@ impl Differences {
     }
 }
 
+/// Takes the number of a pair, the last one of several. It is 0 without an entry.
+fn number(entries: &mut Peekable<impl Iterator<Item = Entry>>, pair: ImagePair) -> Option<i64> {
+    let of_pair = std::iter::from_fn(|| entries.next_if(|entry| entry.0 == pair));
+    of_pair.last().map_or(Some(0), |(_, lambda)| lambda)
+}
+
 /// Returns the defect of a pair that has a number now, but none to compare with.
 pub(crate) fn no_baseline(ImagePair { i, j, image }: ImagePair) -> Defect {
     Defect {
@@ -53,16 +63,19 @@ pub(crate) fn no_baseline(ImagePair { i, j, image }: ImagePair) -> Defect {
     }
 }
 
+impl Link {
+    /// Returns the entry of this pair of curves.
+    pub(super) fn entry(&self) -> Entry {
+        let (i, j, image) = (self.i, self.j, Image::default());
+        (ImagePair { i, j, image }, Some(self.lambda))
+    }
+}
+
 impl Certificate {
     /// Returns the entries of all pairs of a periodic scene, sorted; `None` if it is not periodic.
     pub(crate) fn entries(&self) -> Option<Vec<Entry>> {
         let images = self.images.as_ref()?;
-        let home = |i, j| ImagePair {
-            i,
-            j,
-            image: Image::default(),
-        };
-        let links = self.links.iter().map(|l| (home(l.i, l.j), Some(l.lambda)));
+        let links = self.links.iter().map(Link::entry);
         let undefined = self
             .undefined
             .iter()
@@ -155,7 +168,7 @@ impl Certificate {
             let of_curve = |c: &Certificate| c.undefined.iter().any(|d| (d.i, d.j) == (i, None));
             of_curve(self) || of_curve(&baseline)
         };
-        let mut differences = Differences::between(&before, &now);
+        let mut differences = Differences::between(before, now);
         differences
             .changes
             .retain(|c| !without(c.i) && !without(c.j));

@@ -117,7 +117,7 @@ fn polylines(set: &CurveSet, splits: &[Vec<(u32, f64)>]) -> Result<CurveSet> {
     let mut builder = CurveSet::builder(
         Basis::Polyline,
         Precision::F64,
-        set.segments() + added + 8 * set.len(),
+        set.segments() + added + set.len(),
     );
     let mut xyz: Vec<f64> = Vec::new();
     for (i, c) in set.curves().iter().enumerate() {

@@ -86,14 +86,6 @@ impl Header {
             points,
         })
     }
-
-    /// Returns an upper bound of the memory of the set in slots, so that it is never reallocated
-    /// while it grows. A curve of `n` points takes at most `n` slots and those of a group of
-    /// segments that begins at its last one. A curve without points is rejected.
-    fn slots(&self) -> usize {
-        let extra = 6 * self.basis.stride() + self.basis.window();
-        self.points as usize + extra * self.curves.min(self.points) as usize
-    }
 }
 
 /// Reads a file of `len` bytes.
@@ -105,7 +97,7 @@ pub(super) fn read(mut input: impl Read, len: u64) -> Result<CurveSet> {
     }
     fill(&mut input, &mut header, || "header".into())?;
     let header = Header::parse(&header, len)?;
-    let mut builder = CurveSet::builder(header.basis, Precision::F32, header.slots());
+    let mut builder = CurveSet::builder(header.basis, Precision::F32, header.points as usize);
     let mut at = HEADER_BYTES as u64;
     let mut points_left = header.points;
     let mut bytes = vec![0; CHUNK.min(header.points as usize) * POINT_BYTES];
@@ -261,24 +253,6 @@ mod tests {
         let back = read(&mut input, bytes.len() as u64).unwrap();
         assert_eq!(curves(&back), curves(&set));
         assert!(input.1 <= CHUNK * POINT_BYTES);
-    }
-
-    #[test]
-    fn the_initial_allocation_suffices() {
-        for basis in Basis::ALL {
-            for closed in [true, false] {
-                for n in (1..200).filter(|&n| basis.segments(n, closed).is_some()) {
-                    let header = Header {
-                        basis,
-                        curves: 1,
-                        points: n as u64,
-                    };
-                    let groups = basis.segments(n, closed).unwrap().next_multiple_of(8);
-                    let slots = (groups - 1) * basis.stride() + basis.window();
-                    assert!(slots <= header.slots(), "{basis:?} {closed} {n}");
-                }
-            }
-        }
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! Lines of a text file, one at a time.
 
 use crate::error::{Error, Result};
-use crate::formats::{Input, quote};
+use crate::formats::Input;
 use std::fmt::Display;
 use std::io::{BufRead, Read};
 use std::str::FromStr;
@@ -148,4 +148,31 @@ pub(super) fn integer<T: FromStr>(word: &[u8], expected: impl Display) -> Result
         .ok()
         .and_then(|w| w.parse().ok())
         .ok_or_else(|| format!("{}, expected {expected}", quote(word)))
+}
+
+/// Parses a finite decimal number, or returns an error text.
+pub(super) fn number(token: &[u8]) -> Result<f64, String> {
+    let parsed = std::str::from_utf8(token).ok().and_then(|t| t.parse().ok());
+    match parsed {
+        Some(x) if f64::is_finite(x) => Ok(x),
+        Some(_) => Err(format!("{} is not a finite number", quote(token))),
+        None => Err(format!("{}, expected a number", quote(token))),
+    }
+}
+
+/// Returns true if a list of words has this one.
+pub(super) fn is_in(list: &str, word: &str) -> bool {
+    list.split(' ').any(|known| known == word)
+}
+
+/// Quotes a part of a file for a message: short, and with control characters escaped.
+pub(super) fn quote(token: &[u8]) -> String {
+    const SHOWN: usize = 40;
+    let head = &token[..token.len().min(4 * SHOWN)];
+    let text: String = String::from_utf8_lossy(head)
+        .chars()
+        .take(SHOWN)
+        .flat_map(char::escape_debug)
+        .collect();
+    format!("'{text}'")
 }

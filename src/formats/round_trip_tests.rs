@@ -1,5 +1,6 @@
 //! Every format that can hold a set gives it back: curves, order, start, direction, and values.
 
+use super::format::EXTENSIONS;
 use super::tests::curves;
 use super::*;
 use crate::curve::{Basis, Cell, CurveLabels, Positions, Precision};

@@ -1,8 +1,8 @@
-//! Frames whose periodic cell tears a curve.
+//! Periodic cells of frames, and curves that they tear.
 
 use super::frames::{ModelFrame, ReadOptions};
 use crate::curve::Cell;
-use crate::error::Error;
+use crate::error::{Error, Result};
 use crate::periodic::find_torn;
 
 impl ModelFrame {
@@ -25,4 +25,26 @@ impl ModelFrame {
         }
         ModelFrame { cell, ..self }
     }
+}
+
+/// Returns the cell along the directions that are periodic. `None` if there are none.
+///
+/// Errors: [`Error::Usage`] if a vector is zero, as `empty` says, or the vectors are no lattice.
+pub(super) fn cell_along(
+    mut cell: Cell,
+    periodic: [bool; 3],
+    empty: impl Fn(usize) -> String,
+) -> Result<Option<Cell>> {
+    if !periodic.contains(&true) {
+        return Ok(None);
+    }
+    for (k, vector) in cell.vectors.iter_mut().enumerate() {
+        if !periodic[k] {
+            *vector = [0.0; 3];
+        } else if *vector == [0.0; 3] {
+            return Err(Error::Usage(empty(k)));
+        }
+    }
+    cell.check()?;
+    Ok(Some(cell))
 }

@@ -66,21 +66,20 @@ pub(super) fn read(input: Input<impl BufRead>) -> Result<CurveSet> {
     }
     words.expect_sum("colours", sum, colours)?;
 
-    let mut builder = CurveSet::builder(Basis::Polyline, Precision::F64, vertices as usize);
+    let mut builder = CurveSet::builder_of(Basis::Polyline, Precision::F64, &counts)?;
     let mut xyz = Vec::with_capacity(3 * CHUNK);
     for (i, &count) in counts.iter().enumerate() {
-        let n = count.unsigned_abs() as usize;
-        builder.start_curve(n, count < 0)?;
-        for k in 0..n {
+        for k in 0..count.unsigned_abs() {
             for axis in ['x', 'y', 'z'] {
                 xyz.push(words.number(format_args!("{axis} of vertex {k} of polyline {i}"))?);
             }
-            if xyz.len() == 3 * CHUNK || k + 1 == n {
+            if xyz.len() == 3 * CHUNK {
                 builder.push(Positions::F64(&xyz))?;
                 xyz.clear();
             }
         }
     }
+    builder.push(Positions::F64(&xyz))?;
     for k in 0..4 * colours {
         words.number(format_args!("colour {}", k / 4))?;
     }

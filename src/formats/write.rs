@@ -1,6 +1,7 @@
 //! Writes frames to model files.
 
 use super::Format;
+use super::format::only_read;
 use super::frames::ModelFrame;
 use crate::curve::CurveSet;
 use crate::error::{Error, Result};
@@ -8,33 +9,56 @@ use std::fs::File;
 use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 
-/// A writer of one format.
+/// A file of which the first frame is written.
 pub(super) trait FrameSink {
-    /// Writes a frame whose curves are valid.
+    /// Writes another frame.
     ///
     /// Errors: the format cannot hold these curves (the message says what it can hold), the frame
     /// has other curves than the first one where the format does not allow it, or the disk is full.
-    fn frame(&mut self, frame: &ModelFrame) -> Result<()>;
+    fn frame(&mut self, frame: &ModelFrame, set: &CurveSet) -> Result<()>;
 
     /// Completes the file.
-    fn finish(self: Box<Self>) -> Result<()>;
+    fn finish(self: Box<Self>) -> Result<()> {
+        Ok(())
+    }
+}
+
+/// A file of one format.
+pub(super) type Sink = Box<dyn FrameSink>;
+
+/// A complete file of one frame.
+pub(super) struct OneFrame;
+
+impl FrameSink for OneFrame {
+    fn frame(&mut self, _: &ModelFrame, _: &CurveSet) -> Result<()> {
+        Err(Error::unsupported(
+            "output",
+            "a second frame in one file of this format",
+        ))
+    }
 }
 
 /// Writes the frames of a motion to one model file.
 pub struct FrameWriter {
     path: PathBuf,
-    sink: Box<dyn FrameSink>,
+    format: Format,
+    /// `None` before the first frame.
+    sink: Option<Sink>,
 }
 
 impl FrameWriter {
     /// Starts a model file of a format, which its first frame creates or truncates.
     ///
-    /// Errors: [`Error::Unsupported`] for formats that are only read; [`Error::File`].
+    /// Errors: [`Error::Unsupported`] for formats that are only read.
     pub fn create(path: &Path, format: Format) -> Result<FrameWriter> {
-        Ok(FrameWriter {
-            path: path.into(),
-            sink: format.create(path)?,
-        })
+        match format.is_written() {
+            true => Ok(FrameWriter {
+                path: path.into(),
+                format,
+                sink: None,
+            }),
+            false => Err(only_read(path)),
+        }
     }
 
     /// Writes a frame. Its cell is lost if the format cannot hold one ([`Format::holds_cells`]).
@@ -42,65 +66,26 @@ impl FrameWriter {
     /// Errors: that of the curves, if they are invalid; [`Error::Unsupported`] if the format cannot
     /// hold them, or no second frame; [`Error::File`].
     pub fn frame(&mut self, frame: &ModelFrame) -> Result<()> {
-        self.sink.frame(frame).map_err(|e| e.in_file(&self.path))
+        let set = frame.curves.as_ref().map_err(|e| {
+            let what = format_args!("frame {}, which is invalid: {e}", frame.seq);
+            Error::unsupported("output", what)
+        });
+        let written = set.and_then(|set| match &mut self.sink {
+            Some(sink) => sink.frame(frame, set),
+            none => {
+                *none = Some(self.format.create(&self.path, frame, set)?);
+                Ok(())
+            }
+        });
+        written.map_err(|e| e.in_file(&self.path))
     }
 
     /// Completes the file. Without this call it may be incomplete.
     pub fn finish(self) -> Result<()> {
-        self.sink.finish().map_err(|e| e.in_file(&self.path))
+        let none = || Error::unsupported("output", "a file without frames");
+        let finished = self.sink.ok_or_else(none).and_then(FrameSink::finish);
+        finished.map_err(|e| e.in_file(&self.path))
     }
-}
-
-/// A writer of curves to a file of one frame.
-type WriteOne = fn(&Path, &CurveSet) -> Result<()>;
-
-/// A file of one frame.
-pub(super) struct OneFrame {
-    path: PathBuf,
-    format: &'static str,
-    write: WriteOne,
-    written: bool,
-}
-
-impl OneFrame {
-    pub(super) fn new(path: &Path, format: &'static str, write: WriteOne) -> OneFrame {
-        OneFrame {
-            path: path.into(),
-            format,
-            write,
-            written: false,
-        }
-    }
-}
-
-impl FrameSink for OneFrame {
-    fn frame(&mut self, frame: &ModelFrame) -> Result<()> {
-        if std::mem::replace(&mut self.written, true) {
-            return Err(Error::unsupported(
-                self.format,
-                "a second frame in one file",
-            ));
-        }
-        let set = curves_of(self.format, frame)?;
-        (self.write)(&self.path, set)
-    }
-
-    fn finish(self: Box<Self>) -> Result<()> {
-        match self.written {
-            true => Ok(()),
-            false => Err(Error::unsupported(self.format, "a file without a frame")),
-        }
-    }
-}
-
-/// Returns the curves of a frame.
-pub(super) fn curves_of<'a>(format: &'static str, frame: &'a ModelFrame) -> Result<&'a CurveSet> {
-    (frame.curves.as_ref()).map_err(|e| {
-        Error::unsupported(
-            format,
-            format_args!("frame {}, which is invalid: {e}", frame.seq),
-        )
-    })
 }
 
 /// Rejects splines.

@@ -155,7 +155,6 @@ impl Sample {
     pub fn new(set: &CurveSet, open: bool) -> Sample {
         let step = (set.points() / SAMPLES).max(1);
         let positions = set.positions();
-        let positions = positions.as_positions();
         let points = (0..set.len())
             .filter(|&i| open || set.curve(i).closed)
             .flat_map(|i| set.points_of(i))

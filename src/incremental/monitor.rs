@@ -87,8 +87,7 @@ struct Survey {
 impl Survey {
     /// Compares a frame with a reference frame.
     fn of(reference: &Reference, set: &CurveSet, cell: Option<&Cell>) -> Survey {
-        let positions = set.positions();
-        let positions = (positions.as_positions(), cell);
+        let positions = (set.positions(), cell);
         let survey = Survey::read(reference, positions, None, f64::INFINITY);
         Survey {
             contents: Some((set.contents(), cell.copied())),

@@ -448,7 +448,7 @@ mod tests {
                 Reference::build(&set(&rings).into(), Arc::default(), 0, coverage, None).unwrap();
             let affines = frames
                 .each_ref()
-                .map(|set| Affine::fit(&reference.sample, set.positions().as_positions()));
+                .map(|set| Affine::fit(&reference.sample, set.positions()));
             let [Some(from), Some(to)] = &affines else {
                 continue;
             };

@@ -364,7 +364,6 @@ mod tests {
     /// Returns the chunks of a frame that moved, in a pass with a copy of its positions.
     fn moved_chunks(r: &Reference, affine: &Affine, frame: &CurveSet) -> Vec<u32> {
         let positions = frame.positions();
-        let positions = positions.as_positions();
         let mut found = Vec::new();
         let all = usize::MAX;
         let compared = compare(
@@ -390,10 +389,7 @@ mod tests {
         }
         assert_eq!(copied.max_abs(), frame.max_abs());
         for k in 0..frame.points() {
-            assert_eq!(
-                copied.positions().as_positions().point(k),
-                positions.point(k)
-            );
+            assert_eq!(copied.positions().point(k), positions.point(k));
         }
         found
     }
@@ -440,7 +436,7 @@ mod tests {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
             let found = pool.install(|| moved_chunks(&r, &affine, &frame));
             let points = frame.positions();
-            let [places, points] = [r.points.positions(), points.as_positions()];
+            let [places, points] = [r.points.positions(), points];
             for k in (0..frame.points()).filter(|&k| r.allowances[k] < f32::INFINITY) {
                 let [p, q] = [points, places].map(|at| Vector3::from(at.point(k)) / scale);
                 let off = (affine.inverse * (p - affine.t / scale) - q).norm();
@@ -470,7 +466,6 @@ mod tests {
             let frame = set(&moved(&r, &affine, |_| Vector3::x() * 1e-3), single);
             let size = r.set.max_abs();
             let points = frame.positions();
-            let points = points.as_positions();
             for (b, packed) in r.packed.iter().enumerate() {
                 let coordinate = |k: usize| points.point(b * BLOCK + k / 3)[k % 3];
                 let p: [f64; VALUES] = std::array::from_fn(coordinate);

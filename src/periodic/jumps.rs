@@ -101,7 +101,6 @@ impl Jumps {
             return Ok(None);
         }
         let positions = given.positions();
-        let positions = positions.as_positions();
         let mut xyz = Vec::with_capacity(3 * given.points());
         for (i, (_, image)) in self.current.iter().enumerate() {
             let by = cell.translation(*image);

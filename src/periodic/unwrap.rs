@@ -51,7 +51,6 @@ impl Unwrap {
         let inverse = cell.inverse().unwrap_or_default();
         let periodic = cell.periodic();
         let positions = set.positions();
-        let positions = positions.as_positions();
         // The translation that brings the second point nearest to the first one, and the share of
         // the cell by which they are then apart.
         let nearest = |from: Point, to: Point| -> (Image, (usize, f64)) {

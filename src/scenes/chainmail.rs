@@ -67,7 +67,7 @@ fn build(scene: &Scene) -> Result<Generated> {
     )?;
 
     let rings = 3 * rows * columns;
-    let mut pen = Pen::new(Basis::Polyline, rings, SEGMENTS * rings);
+    let mut pen = Pen::new(Basis::Polyline, SEGMENTS * rings);
     let mut links = Vec::with_capacity(4 * rows * columns);
     for row in 0..rows {
         for column in 0..columns {

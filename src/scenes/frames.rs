@@ -71,7 +71,7 @@ impl Frames {
             centre: [0, 1, 2].map(|x| lo[x] + (hi[x] - lo[x]) / 2.0),
             length,
             seed: 0,
-            frame: set.positions().into_copy(),
+            frame: set.positions().into(),
         }
     }
 

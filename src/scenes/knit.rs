@@ -59,7 +59,7 @@ fn build(scene: &Scene) -> Result<Generated> {
     let radius = stitches as f64;
     let length = ROW * (rows - 1) as f64;
     let n = each * stitches;
-    let mut pen = Pen::new(Basis::CatmullRom, rows, segments);
+    let mut pen = Pen::new(Basis::CatmullRom, segments);
     for row in 0..rows {
         let start = ROW * row as f64 - length / 2.0;
         pen.closed(n, |k| {

@@ -13,13 +13,10 @@ pub(super) struct Pen {
 }
 
 impl Pen {
-    /// Creates a pen for this number of curves, and of points of all curves.
-    pub fn new(basis: Basis, curves: usize, points: usize) -> Pen {
-        // A curve takes at most its points, those of a group of segments that begins at its last
-        // one, and those that are repeated.
-        let extra = 6 * basis.stride() + basis.window();
+    /// Creates a pen for this number of points of all curves.
+    pub fn new(basis: Basis, points: usize) -> Pen {
         Pen {
-            builder: CurveSet::builder(basis, Precision::F32, points + extra * curves),
+            builder: CurveSet::builder(basis, Precision::F32, points),
             chunk: Vec::with_capacity(3 * CHUNK.min(points)),
         }
     }
@@ -42,7 +39,17 @@ impl Pen {
     }
 }
 
-/// Returns the number of points of curve `i` if `total` points are distributed evenly.
-pub(super) fn share(total: usize, curves: usize, i: usize) -> usize {
-    total / curves + usize::from(i < total % curves)
+/// Draws closed polylines with `segments` segments in all, which are distributed evenly. `point`
+/// returns point `k` of the `n` points of curve `i`.
+pub(super) fn polylines(
+    curves: usize,
+    segments: usize,
+    point: impl Fn(usize, usize, usize) -> Point,
+) -> Result<CurveSet> {
+    let mut pen = Pen::new(Basis::Polyline, segments);
+    for i in 0..curves {
+        let n = segments / curves + usize::from(i < segments % curves);
+        pen.closed(n, |k| point(i, k, n))?;
+    }
+    pen.finish()
 }

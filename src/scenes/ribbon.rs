@@ -1,9 +1,8 @@
 //! The double helix ribbon: two strands around one circle, twisted around each other.
 
-use super::pen::{Pen, share};
+use super::pen::polylines;
 use super::torus::on_torus;
 use super::{Generated, Kind, MOST_SEGMENTS, Parameter, Scene, rounding, sagitta};
-use crate::curve::Basis;
 use crate::error::Result;
 use std::f64::consts::{PI, TAU};
 
@@ -52,15 +51,11 @@ fn build(scene: &Scene) -> Result<Generated> {
     let off = sagitta(TAU / (segments / 2) as f64, acceleration) + rounding(1.0 + tube);
     scene.check_gap(gap, 2.0 * off, "take more segments or a smaller lambda")?;
 
-    let mut pen = Pen::new(Basis::Polyline, 2, segments);
-    for strand in 0..2 {
-        let n = share(segments, 2, strand);
-        pen.closed(n, |k| {
-            // The vertices of the strands alternate, because crossing strands would otherwise have
-            // vertices exactly above one another.
-            let t = TAU * (k as f64 + 0.5 * strand as f64) / n as f64;
-            on_torus(tube, t, twist * t + PI * strand as f64)
-        })?;
-    }
-    Ok(Generated::pair(pen.finish()?, lambda))
+    let strands = polylines(2, segments, |strand, k, n| {
+        // The vertices of the strands alternate, because crossing strands would otherwise have
+        // vertices exactly above one another.
+        let t = TAU * (k as f64 + 0.5 * strand as f64) / n as f64;
+        on_torus(tube, t, twist * t + PI * strand as f64)
+    });
+    Ok(Generated::pair(strands?, lambda))
 }

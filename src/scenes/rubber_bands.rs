@@ -54,7 +54,7 @@ fn build(scene: &Scene) -> Result<Generated> {
     scene.check_gap(gap / isotopy.stretch(), off, "take fewer bands")?;
 
     let mut random = Random::new(scene.integer("seed") as u64);
-    let mut pen = Pen::new(Basis::Polyline, bands, SEGMENTS * bands);
+    let mut pen = Pen::new(Basis::Polyline, SEGMENTS * bands);
     let middle = side as f64 / 2.0;
     for layer in 0..layers {
         let z = LAYER * (layer as f64 - layers as f64 / 2.0);

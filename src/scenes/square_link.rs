@@ -1,9 +1,8 @@
 //! The thick square link: two bundles of squares; each square of one is linked with each of the
 //! other.
 
-use super::pen::{Pen, share};
+use super::pen::polylines;
 use super::{Generated, Kind, MOST_SEGMENTS, Parameter, Scene};
-use crate::curve::Basis;
 use crate::error::Result;
 use crate::verdict::Link;
 
@@ -51,28 +50,24 @@ fn build(scene: &Scene) -> Result<Generated> {
     // Smallest square number that is large enough.
     let side = half.isqrt() + usize::from(half.isqrt().pow(2) < half);
 
-    let mut pen = Pen::new(Basis::Polyline, loops, segments);
-    for i in 0..loops {
-        let (bundle, k) = (i / half, i % half);
-        let place = |k: usize| THICKNESS * k as f64 / side as f64;
-        let half_side = HALF_SIDE + place(k % side);
-        let height = place(k / side) - THICKNESS / 2.0;
-        let n = share(segments, loops, i);
-        pen.closed(n, |k| {
-            let [u, v] = on_square(k, n).map(|x| half_side * x);
-            match bundle {
-                0 => [u, v, height],
-                _ => [u + CENTRE_DISTANCE, height, -v],
-            }
-        })?;
-    }
+    let place = |k: usize| THICKNESS * k as f64 / side as f64;
+    let squares = polylines(loops, segments, |i, k, n| {
+        let (bundle, own) = (i / half, i % half);
+        let half_side = HALF_SIDE + place(own % side);
+        let height = place(own / side) - THICKNESS / 2.0;
+        let [u, v] = on_square(k, n).map(|x| half_side * x);
+        match bundle {
+            0 => [u, v, height],
+            _ => [u + CENTRE_DISTANCE, height, -v],
+        }
+    });
     let link = |i: usize, j: usize| Link {
         i: i as u32,
         j: (half + j) as u32,
         lambda: 1,
     };
     let links = (0..half).flat_map(|i| (0..half).map(move |j| link(i, j)));
-    Ok(Generated::new(pen.finish()?, links.collect()))
+    Ok(Generated::new(squares?, links.collect()))
 }
 
 /// Returns point `k` of `n` on the square with corners `(+-1, +-1)`, counterclockwise. The corners

@@ -1,9 +1,8 @@
 //! Two curves on two tori, one inside of the other.
 
-use super::pen::{Pen, share};
+use super::pen::polylines;
 use super::torus::on_torus;
 use super::{Generated, Kind, MOST_SEGMENTS, Parameter, Scene, rounding};
-use crate::curve::Basis;
 use crate::error::Result;
 use std::f64::consts::TAU;
 
@@ -39,13 +38,9 @@ fn build(scene: &Scene) -> Result<Generated> {
     let advice = "take more segments or fewer periods";
     scene.check_gap(TUBES[1] - TUBES[0], off.sum(), advice)?;
 
-    let mut pen = Pen::new(Basis::Polyline, 2, segments);
-    for (i, (tube, (toroidal, poloidal))) in TUBES.into_iter().zip(turns).enumerate() {
-        let n = share(segments, 2, i);
-        pen.closed(n, |k| {
-            let t = TAU * k as f64 / n as f64;
-            on_torus(tube, toroidal * t, poloidal * t)
-        })?;
-    }
-    Ok(Generated::pair(pen.finish()?, toroidal * poloidal))
+    let curves = polylines(2, segments, |i, k, n| {
+        let ((toroidal, poloidal), t) = (turns[i], TAU * k as f64 / n as f64);
+        on_torus(TUBES[i], toroidal * t, poloidal * t)
+    });
+    Ok(Generated::pair(curves?, toroidal * poloidal))
 }

@@ -1,9 +1,8 @@
 //! Four curves on nested tori that turn back after every period.
 
-use super::pen::{Pen, share};
+use super::pen::polylines;
 use super::torus::on_torus;
 use super::{Generated, Kind, MOST_SEGMENTS, Parameter, Scene, rounding};
-use crate::curve::Basis;
 use crate::error::Result;
 use std::f64::consts::TAU;
 
@@ -39,20 +38,14 @@ fn build(scene: &Scene) -> Result<Generated> {
     let off = 2.0 * (step / 2.0 * speed + rounding(outermost));
     scene.check_gap(0.1, off, "take more segments or fewer periods")?;
 
-    let mut pen = Pen::new(Basis::Polyline, 4, segments);
-    for (i, tube) in TUBES.into_iter().enumerate() {
-        let n = share(segments, 4, i);
-        pen.closed(n, |k| {
-            let t = k as f64 / n as f64;
-            let there_and_back = {
-                let phase = (t * periods as f64).rem_euclid(2.0);
-                phase.min(2.0 - phase)
-            };
-            match i {
-                0 => on_torus(tube, TAU * there_and_back, TAU * t),
-                _ => on_torus(tube, TAU * t, TAU * there_and_back),
-            }
-        })?;
-    }
-    Ok(Generated::new(pen.finish()?, Vec::new()))
+    let curves = polylines(4, segments, |i, k, n| {
+        let t = k as f64 / n as f64;
+        let phase = (t * periods as f64).rem_euclid(2.0);
+        let there_and_back = phase.min(2.0 - phase);
+        match i {
+            0 => on_torus(TUBES[i], TAU * there_and_back, TAU * t),
+            _ => on_torus(TUBES[i], TAU * t, TAU * there_and_back),
+        }
+    });
+    Ok(Generated::new(curves?, Vec::new()))
 }

@@ -1,8 +1,7 @@
 //! Two balls of yarn, one inside of the other.
 
-use super::pen::{Pen, share};
+use super::pen::polylines;
 use super::{Generated, Kind, MOST_SEGMENTS, Parameter, Scene, rounding};
-use crate::curve::Basis;
 use crate::error::Result;
 use std::f64::consts::TAU;
 
@@ -36,14 +35,10 @@ fn build(scene: &Scene) -> Result<Generated> {
     };
     scene.check_gap(1.0, depth + rounding(1.0) + rounding(2.0), advice)?;
 
-    let mut pen = Pen::new(Basis::Polyline, 2, segments);
-    for (i, radius) in [2.0, 1.0].into_iter().enumerate() {
-        let n = share(segments, 2, i);
-        pen.closed(n, |k| {
-            let t = TAU * k as f64 / n as f64;
-            let ((s, c), (sp, cp)) = (t.sin_cos(), (crossings * t).sin_cos());
-            [radius * sp * c, radius * sp * s, radius * cp]
-        })?;
-    }
-    Ok(Generated::pair(pen.finish()?, 0))
+    let curves = polylines(2, segments, |i, k, n| {
+        let (radius, t) = ([2.0, 1.0][i], TAU * k as f64 / n as f64);
+        let ((s, c), (sp, cp)) = (t.sin_cos(), (crossings * t).sin_cos());
+        [radius * sp * c, radius * sp * s, radius * cp]
+    });
+    Ok(Generated::pair(curves?, 0))
 }

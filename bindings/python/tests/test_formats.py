@@ -249,6 +249,48 @@ def test_two_linked_rings_are_linked(tmp_path, name):
     assert said == "2 # lines: 1\n0,1,-1\n"
 
 
+def obj(spline):
+    """Returns two linked rings: lines, and a spline through the points of the other ring."""
+    numbers = [" ".join(str(k + 1) for k in loop) for loop in LOOPS]
+    vertices = "".join(f"v {row}\n" for row in rows(POINTS).splitlines())
+    return f"{vertices}l {numbers[0]}\ncstype {spline.format(numbers[1])}end\n"
+
+
+@pytest.mark.parametrize(
+    "spline",
+    [
+        "bspline\ndeg 2\ncurv 0 12 {} \\\n14\nparm u " + " ".join(map(str, range(-2, 15))) + "\n",
+        "bspline\ndeg 3\ncurv 3 15 {} 14 15\nparm u " + " ".join(map(str, range(19))) + "\n",
+        "rat bezier\ndeg 3\ncurv 0 4 {}\n",
+        "bezier\ndeg 2\ncurv 0 6 {}\nparm u 0 1 2 3 4 5 6\n",
+    ],
+)
+def test_free_form_curves_of_an_obj_become_bezier_pieces(tmp_path, spline):
+    path = written(tmp_path, "a.obj", obj(spline))
+    (frame,) = frames = linkwatch.read(path, format="obj")
+    assert (frame.basis, len(frame.counts), frames.summary.left_out) == ("bezier", 2, [])
+    assert all(count < 0 for count in frame.counts), frames.summary
+    assert linkwatch.certify(frame.positions, frame.counts, basis="bezier").links == [(0, 1, -1)]
+    # The command names this reader.
+    code, _, err = run("certify", path)
+    assert code == 3 and "--format obj" in err
+
+
+@pytest.mark.parametrize(
+    ("spline", "why"),
+    [
+        ("bspline\ndeg 4\ncurv 0 1 {}\n", "degree '4'"),
+        ("cardinal\ndeg 3\ncurv 0 1 {}\n", "of the cstype 'cardinal'"),
+        ("bspline\ndeg 3\ncurv 0 1 {}\nparm u 0 0 0 1 1 1\n", "with 6 knots, expected 17"),
+        ("bezier\ndeg 3\ncurv 0 1 {} 14\n", "with 14 points"),
+    ],
+)
+def test_free_form_curves_that_are_not_read_are_counted(tmp_path, spline, why):
+    frames = linkwatch.read(written(tmp_path, "a.obj", obj(spline)), format="obj")
+    assert len(list(frames)[0].counts) == 1
+    assert len(frames.summary.left_out) == 1 and why in frames.summary.left_out[0]
+
+
 def test_names_radii_and_times_are_read(tmp_path):
     (frame,) = linkwatch.read(written(tmp_path, "coils.w7x", coils()))
     assert frame.names == ["1 upper", "1 lower"]

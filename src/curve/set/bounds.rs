@@ -1,6 +1,5 @@
 //! Bounds of the control points of a curve, in any linear coordinates.
 
-use super::coordinates::Axes;
 use super::vector::dot;
 use super::{CurveSet, Point, Positions, larger, smaller};
 
@@ -20,9 +19,11 @@ pub(crate) fn bounds(points: impl IntoIterator<Item = Point>) -> [Point; 2] {
     bounds
 }
 
-/// Returns the bounds of points in the coordinates `row . x`.
+/// Returns the bounds of points `x y z x y z ..` in the coordinates `row . x`.
 #[inline(always)]
-fn bounds_of(points: impl Iterator<Item = Point>, rows: &[Point; 3]) -> [Point; 2] {
+fn bounds_of<T: Copy + Into<f64>>(xyz: &[T], rows: &[Point; 3]) -> [Point; 2] {
+    let points = xyz.as_chunks::<3>().0.iter();
+    let points = points.map(|p| p.map(Into::into));
     let [[a, _, _], [_, b, _], [_, _, c]] = *rows;
     if *rows != [[a, 0.0, 0.0], [0.0, b, 0.0], [0.0, 0.0, c]] {
         return bounds(points.map(|p| rows.map(|row| dot(row, p))));
@@ -36,20 +37,6 @@ fn bounds_of(points: impl Iterator<Item = Point>, rows: &[Point; 3]) -> [Point; 
     ]
 }
 
-/// [`bounds_of`] for points `x y z x y z ..`.
-#[inline(always)]
-fn bounds_in_order<T: Copy + Into<f64>>(xyz: &[T], rows: &[Point; 3]) -> [Point; 2] {
-    let points = xyz.as_chunks::<3>().0.iter();
-    bounds_of(points.map(|p| p.map(Into::into)), rows)
-}
-
-/// [`bounds_of`] for points in three arrays.
-#[inline(always)]
-fn bounds_in_arrays<T: Copy + Into<f64>>([x, y, z]: [&[T]; 3], rows: &[Point; 3]) -> [Point; 2] {
-    let points = x.iter().zip(y).zip(z);
-    bounds_of(points.map(|((x, y), z)| [*x, *y, *z].map(Into::into)), rows)
-}
-
 /// Returns the bounds around two others.
 pub(crate) fn union(a: [Point; 2], b: [Point; 2]) -> [Point; 2] {
     [
@@ -60,16 +47,11 @@ pub(crate) fn union(a: [Point; 2], b: [Point; 2]) -> [Point; 2] {
 
 impl CurveSet {
     /// Returns the bounds of the control points of curve `i` in the coordinates `row . x`, up to
-    /// rounding. Reads the positions as they were received, if the arrays are not built.
+    /// rounding.
     pub(crate) fn bounds_along(&self, i: usize, rows: &[Point; 3]) -> [Point; 2] {
-        let coordinates = 3 * self.points_of(i).start..3 * self.points_of(i).end;
-        match self.coordinates.received() {
-            Some(Positions::F32(v)) => bounds_in_order(&v[coordinates], rows),
-            Some(Positions::F64(v)) => bounds_in_order(&v[coordinates], rows),
-            None => match self.axes() {
-                Axes::F32(v) => bounds_in_arrays(v.map(|v| &v[self.body(i)]), rows),
-                Axes::F64(v) => bounds_in_arrays(v.map(|v| &v[self.body(i)]), rows),
-            },
+        match self.positions_in(i) {
+            Positions::F32(v) => bounds_of(v, rows),
+            Positions::F64(v) => bounds_of(v, rows),
         }
     }
 }

@@ -1,7 +1,7 @@
 //! Construction of curve sets from counts and positions, all at once or curve by curve.
 
-use super::set::{Curve, CurveSet, slots_of};
-use super::{Basis, Positions, Precision};
+use super::curve::{Curve, slots_of};
+use super::{Basis, CurveSet, Positions, Precision};
 use crate::error::{Error, Result};
 use std::sync::Arc;
 
@@ -11,21 +11,22 @@ impl CurveSet {
     pub fn builder(basis: Basis, precision: Precision, points: usize) -> CurveSetBuilder {
         CurveSetBuilder {
             set: CurveSet::empty(basis, precision, points),
-            written: 0,
         }
     }
 
     /// Starts a set of curves with these numbers of control points, negative if a curve is closed,
-    /// with memory for all of them. Check the counts against the length of the data first.
+    /// whose positions follow.
     pub(crate) fn builder_of(
         basis: Basis,
         precision: Precision,
         counts: &[i32],
-    ) -> CurveSetBuilder {
-        let slots = counts
-            .iter()
-            .map(|&c| slots(basis, c.unsigned_abs() as usize, c < 0).unwrap_or(0));
-        CurveSet::builder(basis, precision, slots.sum())
+    ) -> Result<CurveSetBuilder> {
+        let points = counts.iter().map(|c| c.unsigned_abs() as usize).sum();
+        let mut builder = CurveSet::builder(basis, precision, points);
+        for &c in counts {
+            builder.set.add_curve(c.unsigned_abs() as usize, c < 0)?;
+        }
+        Ok(builder)
     }
 
     /// Returns the set of all curves of `positions`. Each count is the number of control points of
@@ -39,115 +40,78 @@ impl CurveSet {
                 positions.len(),
             ));
         }
-        let mut builder = CurveSet::builder_of(basis, positions.precision(), counts);
-        let mut at = 0;
-        for &c in counts {
-            let n = c.unsigned_abs() as usize;
-            builder.start_curve(n, c < 0)?;
-            let end = at + 3 * n;
-            builder.push(positions.part(at..end))?;
-            at = end;
-        }
+        let mut builder = CurveSet::builder_of(basis, positions.precision(), counts)?;
+        builder.push(positions)?;
         builder.finish()
     }
-}
 
-/// Returns the number of slots of a curve, or `None` if the basis does not allow this number of
-/// points.
-fn slots(basis: Basis, points: usize, closed: bool) -> Option<usize> {
-    Some(slots_of(basis, basis.segments(points, closed)?))
-}
-
-/// Fills a [`CurveSet`] curve by curve, from a stream with chunks of any size.
-#[derive(Debug)]
-pub struct CurveSetBuilder {
-    set: CurveSet,
-    /// Number of control points of the last curve that are written.
-    written: usize,
-}
-
-impl CurveSetBuilder {
-    /// Starts a curve of `points` control points. The previous curve must be complete.
-    ///
-    /// Allocates memory for all points. Compare `points` with the length of the data first.
-    pub fn start_curve(&mut self, points: usize, closed: bool) -> Result<()> {
-        self.check_complete()?;
+    /// Adds a curve, whose positions follow.
+    fn add_curve(&mut self, points: usize, closed: bool) -> Result<()> {
         // The bus and files store counts as signed 32-bit integers.
         if i32::try_from(points).is_err() {
             return Err(Error::count("points of a curve", points, i32::MAX));
         }
-        let set = &mut self.set;
-        let i = set.curves.len();
-        let basis = set.basis;
-        let (Some(segments), Some(slots)) =
-            (basis.segments(points, closed), slots(basis, points, closed))
-        else {
+        let (basis, first) = (self.basis, self.slots());
+        let Some(segments) = basis.segments(points, closed) else {
             return Err(Error::CurveTooShort {
-                curve: i,
+                curve: self.len(),
                 points,
                 kind: basis.describe(closed),
                 needed: basis.needs(closed),
             });
         };
-        // Checked before anything is allocated.
-        let first = set.slots();
-        if u32::try_from(first + slots).is_err() {
-            return Err(Error::count(
-                "points of all curves",
-                first + slots,
-                u32::MAX,
-            ));
+        let end = first + slots_of(basis, segments);
+        if u32::try_from(end).is_err() {
+            return Err(Error::count("points of all curves", end, u32::MAX));
         }
-        let arrays = set.coordinates.arrays_mut(first);
-        arrays.coordinates.grow(slots);
-        Arc::make_mut(&mut set.curves).push(Curve {
+        Arc::make_mut(&mut self.curves).push(Curve {
             first: first as u32,
-            first_point: set.points as u32,
+            first_point: self.points as u32,
             points: points as u32,
             segments: segments as u32,
             closed,
         });
-        set.points += points;
-        set.segments += segments;
-        set.open_curves += usize::from(!closed);
-        self.written = 0;
+        self.points += points;
+        self.segments += segments;
+        self.open_curves += usize::from(!closed);
         Ok(())
     }
+}
 
-    /// Appends control points to the last curve that was started.
+/// Fills a [`CurveSet`] curve by curve, from a stream with chunks of any size.
+#[derive(Debug)]
+pub struct CurveSetBuilder {
+    /// The positions of the last curve may be incomplete.
+    set: CurveSet,
+}
+
+impl CurveSetBuilder {
+    /// Starts a curve of `points` control points. The previous curve must be complete.
+    pub fn start_curve(&mut self, points: usize, closed: bool) -> Result<()> {
+        self.check_complete()?;
+        self.set.add_curve(points, closed)
+    }
+
+    /// Appends control points of the curves that were started.
     pub fn push(&mut self, positions: Positions<'_>) -> Result<()> {
-        let i = self.set.curves.len().wrapping_sub(1);
-        let missing = self.set.curves.last().map_or(0, |c| c.points as usize) - self.written;
-        let n = positions.len() / 3;
-        if n > missing || !positions.len().is_multiple_of(3) {
+        let missing = 3 * self.set.points - self.set.positions().len();
+        if positions.len() > missing || !positions.len().is_multiple_of(3) {
             return Err(Error::count(
-                "coordinates of a curve",
-                3 * missing,
+                "coordinates of the curves",
+                missing,
                 positions.len(),
             ));
         }
-        if positions.precision() != self.set.precision() {
-            return Err(Error::LayoutChanged {
-                what: "bytes of a coordinate",
-                before: self.set.precision().bytes() as u64,
-                now: positions.precision().bytes() as u64,
-            });
-        }
-        if n == 0 {
-            return Ok(());
-        }
-        self.set.write(i, self.written, positions)?;
-        self.written += n;
-        if n == missing {
-            self.set.wrap(i);
-        }
-        Ok(())
+        self.set.check_precision(positions.precision())?;
+        self.set.append(positions)
     }
 
     fn check_complete(&self) -> Result<()> {
+        let written = self.set.positions().len() / 3;
         match self.set.curves.last() {
-            Some(c) if (c.points as usize) != self.written => {
-                Err(Error::count("points of a curve", c.points, self.written))
+            Some(c) if written < self.set.points => {
+                let written = written - c.first_point as usize;
+                Err(Error::count("points of a curve", c.points, written))
             }
             _ => Ok(()),
         }

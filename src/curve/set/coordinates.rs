@@ -1,21 +1,10 @@
 //! Coordinates of all curves, in three arrays.
 
 use super::basis::bspline_knot;
-use super::lazy::Received;
-use super::set::Curve;
-use super::tile::{self, Bad};
+use super::curve::Curve;
+use super::tile;
 use super::{Basis, Point, Positions, Precision};
 use crate::simd::dispatch;
-
-/// Computes the same of coordinates in either precision.
-macro_rules! either {
-    ($coordinates:expr, $v:ident => $body:expr) => {
-        match $coordinates {
-            Coordinates::F32($v) => $body,
-            Coordinates::F64($v) => $body,
-        }
-    };
-}
 
 /// Coordinates in three arrays, one per axis, in the precision of the input.
 #[derive(Debug)]
@@ -24,29 +13,12 @@ pub(super) enum Coordinates {
     F64([Vec<f64>; 3]),
 }
 
-impl Clone for Coordinates {
-    fn clone(&self) -> Coordinates {
-        match self {
-            Self::F32(v) => Self::F32(v.clone()),
-            Self::F64(v) => Self::F64(v.clone()),
-        }
-    }
-
-    fn clone_from(&mut self, source: &Coordinates) {
-        match (self, source) {
-            (Self::F32(to), Self::F32(from)) => to.clone_from(from),
-            (Self::F64(to), Self::F64(from)) => to.clone_from(from),
-            (to, from) => *to = from.clone(),
-        }
-    }
-}
-
 impl Coordinates {
-    /// Returns empty arrays with capacity for `slots` points.
-    pub fn with_capacity(precision: Precision, slots: usize) -> Self {
+    /// Returns arrays of points at the origin.
+    pub fn new(precision: Precision, slots: usize) -> Self {
         match precision {
-            Precision::F32 => Self::F32([0; 3].map(|_| Vec::with_capacity(slots))),
-            Precision::F64 => Self::F64([0; 3].map(|_| Vec::with_capacity(slots))),
+            Precision::F32 => Self::F32([0; 3].map(|_| vec![0.0; slots])),
+            Precision::F64 => Self::F64([0; 3].map(|_| vec![0.0; slots])),
         }
     }
 
@@ -59,13 +31,10 @@ impl Coordinates {
 
     /// Returns the number of slots.
     pub fn len(&self) -> usize {
-        either!(self, v => v[0].len())
-    }
-
-    /// Appends slots with points at the origin.
-    pub fn grow(&mut self, slots: usize) {
-        let len = self.len() + slots;
-        either!(self, v => v.iter_mut().for_each(|v| v.resize(len, 0.0)));
+        match self {
+            Self::F32(v) => v[0].len(),
+            Self::F64(v) => v[0].len(),
+        }
     }
 
     /// Returns the point in a slot.
@@ -92,92 +61,45 @@ impl Coordinates {
         out
     }
 
-    /// Writes points from slot `at` on. Reads every value once, and checks it: the largest allowed
-    /// magnitude is `limit`, or any finite one. `positions` must have the precision of these
-    /// coordinates. Returns the largest magnitude.
-    pub fn write(&mut self, at: usize, positions: Positions<'_>, limit: f64) -> Result<f64, Bad> {
-        match (self, positions) {
-            (Self::F32(dst), Positions::F32(src)) => {
-                dispatch!(tile::write(dst, at, src, f32::bits_within(limit)))
-            }
-            (Self::F64(dst), Positions::F64(src)) => {
-                dispatch!(tile::write(dst, at, src, f64::bits_within(limit)))
-            }
-            _ => unreachable!("callers compare the precision first"),
-        }
-    }
-
-    /// Copies others of the same precision to the first slots.
-    pub fn copy_first(&mut self, source: &Coordinates) {
-        fn copy<T: Copy>(to: &mut [Vec<T>; 3], from: &[Vec<T>; 3]) {
-            for (to, from) in to.iter_mut().zip(from) {
-                to[..from.len()].copy_from_slice(from);
-            }
-        }
-        match (self, source) {
-            (Self::F32(to), Self::F32(from)) => copy(to, from),
-            (Self::F64(to), Self::F64(from)) => copy(to, from),
-            _ => unreachable!("callers compare the precision first"),
-        }
-    }
-
-    /// [`Coordinates::write`] for all points of some curves.
+    /// Writes all points of some curves, in the same precision. Returns the largest magnitude.
     pub fn write_curves(
         &mut self,
         curves: &[Curve],
         basis: Basis,
         positions: Positions<'_>,
-        limit: f64,
-    ) -> Result<f64, Bad> {
+    ) -> f64 {
         match (self, positions) {
             (Self::F32(dst), Positions::F32(src)) => {
-                let limit = f32::bits_within(limit);
-                dispatch!(tile::write_curves(dst, curves, basis, src, limit))
+                dispatch!(tile::write_curves(dst, curves, basis, src))
             }
             (Self::F64(dst), Positions::F64(src)) => {
-                let limit = f64::bits_within(limit);
-                dispatch!(tile::write_curves(dst, curves, basis, src, limit))
+                dispatch!(tile::write_curves(dst, curves, basis, src))
             }
             _ => unreachable!("callers compare the precision first"),
         }
     }
 
-    /// Writes the slots around the points of a curve; see [`tile::finish_curve`].
-    pub fn finish_curve(&mut self, curve: &Curve, basis: Basis) {
-        either!(self, v => v.iter_mut().for_each(|v| tile::finish_curve(v, curve, basis, false)));
-    }
-
     /// Returns the number of slots in `first..first + count` that hold the same point as the next
     /// slot.
     pub fn repeats(&self, first: usize, count: usize) -> usize {
-        fn count_in<T: Scalar + PartialEq>(v: &[Vec<T>; 3], first: usize, count: usize) -> usize {
+        fn count_in<T: PartialEq>(v: &[Vec<T>; 3], first: usize, count: usize) -> usize {
             let [x, y, z] = v.each_ref().map(|v| &v[first..first + count + 1]);
             let same = |v: &[T], k: usize| v[k] == v[k + 1];
             (0..count)
                 .filter(|&k| same(x, k) & same(y, k) & same(z, k))
                 .count()
         }
-        either!(self, v => count_in(v, first, count))
+        match self {
+            Self::F32(v) => count_in(v, first, count),
+            Self::F64(v) => count_in(v, first, count),
+        }
     }
 
-    /// Returns the points of all curves, `x y z x y z ..` in the order of the input.
-    pub fn in_order(&self, curves: &[Curve], basis: Basis) -> Received {
-        fn interleaved<T: Copy>(v: &[Vec<T>; 3], curves: &[Curve], basis: Basis) -> Vec<T> {
-            let points: usize = curves.iter().map(|c| c.points as usize).sum();
-            let mut out = Vec::with_capacity(3 * points);
-            for c in curves {
-                let first = c.first as usize + basis.lead(c.closed);
-                let body = first..first + c.points as usize;
-                let [x, y, z] = v.each_ref().map(|v| &v[body.clone()]);
-                for ((&x, &y), &z) in x.iter().zip(y).zip(z) {
-                    out.extend([x, y, z]);
-                }
-            }
-            out
-        }
+    /// Returns the coordinates of all slots.
+    pub fn axes(&self) -> Axes<'_> {
         match self {
-            Self::F32(v) => Received::F32(interleaved(v, curves, basis)),
-            Self::F64(v) => Received::F64(interleaved(v, curves, basis)),
+            Self::F32(v) => Axes::F32(v.each_ref().map(Vec::as_slice)),
+            Self::F64(v) => Axes::F64(v.each_ref().map(Vec::as_slice)),
         }
     }
 }
@@ -232,16 +154,6 @@ pub(crate) enum Axes<'a> {
     F32([&'a [f32]; 3]),
     /// Double precision.
     F64([&'a [f64]; 3]),
-}
-
-impl Coordinates {
-    /// Returns the coordinates of all slots.
-    pub fn axes(&self) -> Axes<'_> {
-        match self {
-            Self::F32(v) => Axes::F32(v.each_ref().map(Vec::as_slice)),
-            Self::F64(v) => Axes::F64(v.each_ref().map(Vec::as_slice)),
-        }
-    }
 }
 
 /// Knots of one curve in a coordinate frame `(u, v, w)`. The type and the stride are matched once,

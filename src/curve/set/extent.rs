@@ -66,11 +66,6 @@ impl CurveSet {
         bounds((0..self.len()).flat_map(|i| self.points_in(i)))
     }
 
-    /// Returns the control points of curve `i`.
-    pub(crate) fn points_in(&self, i: usize) -> impl Iterator<Item = Point> + Clone + '_ {
-        (0..self.curve(i).points as usize).map(move |k| self.point(i, k))
-    }
-
     /// Returns the longest of the segments that span more than half of the scene along an axis and
     /// are much longer than the average segment, or `None` if there are no such segments. Costs a
     /// pass over all points, and a second one if there is such a segment.

@@ -28,7 +28,7 @@ impl Serialize for StoredCurves {
             single: Vec::new(),
             double: Vec::new(),
         };
-        match set.positions().as_positions() {
+        match set.positions() {
             Positions::F32(v) => numbers.single = v.to_vec(),
             Positions::F64(v) => numbers.double = v.to_vec(),
         }

@@ -7,9 +7,7 @@
 
 use super::parts::multiple;
 use super::vector::{add, two_sum};
-use super::{
-    Cell, CurveSet, Image, Point, Positions, Precision, is_home, larger, minus, plus, pow2,
-};
+use super::{Cell, CurveSet, Image, Point, Positions, is_home, larger, minus, plus, pow2};
 use crate::error::Result;
 use std::collections::BTreeMap;
 use std::ops::{Deref, Range};
@@ -18,9 +16,6 @@ use std::sync::Arc;
 /// Number of terms of a sum: a coordinate, and for each lattice vector a rounded product and its
 /// error.
 pub(crate) const TERMS: usize = 7;
-
-/// Number of coordinates of translated curves that are written at once.
-const BATCH: usize = 3 * 1024;
 
 /// A point whose coordinates are sums of floating-point numbers, not rounded.
 pub(crate) type SumPoint = [[f64; TERMS]; 3];
@@ -125,7 +120,6 @@ impl Sums {
 /// Sums of coordinates of a frame and lattice vectors, rounded.
 struct SumsOfFrame<'a> {
     frame: &'a CurveSet,
-    received: Option<Positions<'a>>,
     cell: &'a Cell,
     /// True if no sum was rounded.
     exact: bool,
@@ -134,28 +128,17 @@ struct SumsOfFrame<'a> {
     largest: f64,
 }
 
-impl<'a> SumsOfFrame<'a> {
-    fn new(frame: &'a CurveSet, cell: &'a Cell) -> Self {
-        SumsOfFrame {
-            frame,
-            received: frame.coordinates.received(),
-            cell,
-            exact: true,
-            longest: 0.0,
-            largest: 0.0,
-        }
-    }
-
+impl SumsOfFrame<'_> {
     /// Adds points of a curve, translated.
     fn add(&mut self, curve: usize, points: Range<usize>, image: Image, xyz: &mut Vec<f64>) {
-        let (frame, received) = (self.frame, self.received);
-        let first = frame.points_of(curve).start;
-        let point = |k: usize| match received {
-            Some(positions) => positions.point(first + k),
-            None => frame.point(curve, k),
-        };
+        let first = self.frame.points_of(curve).start;
+        let (from, to) = (first + points.start, first + points.end);
+        let positions = self.frame.positions();
         if is_home(&image) {
-            return xyz.extend(points.flat_map(point));
+            return match positions.part(3 * from..3 * to) {
+                Positions::F32(v) => xyz.extend(v.iter().map(|&x| f64::from(x))),
+                Positions::F64(v) => xyz.extend_from_slice(v),
+            };
         }
         let cell = self.cell;
         let by = cell.translation(image);
@@ -170,7 +153,7 @@ impl<'a> SumsOfFrame<'a> {
             errors == [0.0; 3] && sums_up
         });
         self.exact &= terms == [true; 3];
-        for p in points.map(point) {
+        for p in (from..to).map(|k| positions.point(k)) {
             self.largest = p.iter().fold(self.largest, |a, x| larger(a, x.abs()));
             if self.exact {
                 self.exact = [0, 1, 2].map(|x| two_sum(p[x], by[x]).1) == [0.0; 3];
@@ -238,8 +221,6 @@ impl CurveSet {
     /// precision. A polyline that is a yarn ends at the exact image of its start, so that its
     /// periods are one curve without gaps. `out` has these curves of an earlier frame, or nothing.
     ///
-    /// If the first curves are those of the frame, and all of them, they are copied as they are.
-    ///
     /// Errors: those of [`CurveSet::from_counts`]; a sum may overflow.
     pub(crate) fn translate(
         frame: &Arc<CurveSet>,
@@ -258,42 +239,23 @@ impl CurveSet {
                 out.insert(CurveSet::from_counts(frame.basis(), &counts, positions)?)
             }
         };
-        let is_own = |(k, curve): (usize, &(u32, Image))| *curve == (k as u32, Image::default());
-        let copied = frame.precision() == Precision::F64
-            && curves.len() >= frame.len()
-            && curves.iter().take(frame.len()).enumerate().all(is_own);
-        let copied = if copied { frame.len() } else { 0 };
-        let next = |k: usize| curves.next(k).filter(|_| frame.basis().is_polyline());
-        let mut sums = SumsOfFrame::new(frame, cell);
-        let mut xyz: Vec<f64> = Vec::new();
-        set.write_parts(|mut part| {
-            if copied > 0 {
-                part.copy(frame)?;
-            }
-            for (i, next) in (0..copied).filter_map(|i| Some((i, next(i)?))) {
-                xyz.clear();
-                sums.add(i, 0..1, next, &mut xyz);
-                part.write_last_point(i, Positions::F64(&xyz))?;
-            }
-            let mut first = copied;
-            for (k, &(i, image)) in curves.iter().enumerate().skip(copied) {
-                if k == first {
-                    xyz.clear();
-                }
-                let (i, points) = (i as usize, frame.curve(i as usize).points as usize);
-                match next(k) {
-                    None => sums.add(i, 0..points, image, &mut xyz),
-                    Some(next) => {
-                        sums.add(i, 0..points - 1, image, &mut xyz);
-                        sums.add(i, 0..1, next, &mut xyz);
-                    }
-                }
-                if xyz.len() >= BATCH || k + 1 == curves.len() {
-                    part.write_curves(first..k + 1, Positions::F64(&xyz))?;
-                    first = k + 1;
+        let mut sums = SumsOfFrame {
+            frame,
+            cell,
+            exact: true,
+            longest: 0.0,
+            largest: 0.0,
+        };
+        set.update_with(|xyz| {
+            for (k, &(i, image)) in curves.iter().enumerate() {
+                let next = curves.next(k).filter(|_| frame.basis().is_polyline());
+                let i = i as usize;
+                let points = frame.curve(i).points as usize - usize::from(next.is_some());
+                sums.add(i, 0..points, image, xyz);
+                if let Some(next) = next {
+                    sums.add(i, 0..1, next, xyz);
                 }
             }
-            Ok(())
         })?;
         set.sums = Some(Arc::new(Sums {
             frame: Arc::clone(frame),

@@ -1,12 +1,11 @@
-//! Spreads coordinates of the input, `x y z x y z ..`, over three arrays. Every value is read once
-//! and checked: the input may be shared memory, where a second read may return another value.
+//! Spreads positions, `x y z x y z ..`, over three arrays.
 //!
 //! The input is read in tiles, across the boundaries of curves, and each tile is copied to the
 //! curves in runs. So many small curves cost little more than few large ones.
 
 use super::basis::Basis;
 use super::coordinates::Scalar;
-use super::set::{Curve, slots_of};
+use super::curve::{Curve, slots_of};
 use crate::simd::LANES;
 
 /// Number of points of a tile. Its coordinates fit into the first-level cache.
@@ -17,9 +16,6 @@ const TWO_ROWS: usize = 2 * LANES;
 
 /// Number of coordinates of a tile.
 const VALUES: usize = 3 * POINTS;
-
-/// A coordinate beyond the limit: point of the input, axis, value.
-pub(crate) type Bad = (usize, usize, f64);
 
 /// A part of the input.
 struct Tile<T> {
@@ -37,13 +33,10 @@ impl<T: Scalar> Tile<T> {
         }
     }
 
-    /// Reads at most [`VALUES`] coordinates, each once. Returns the bit pattern of the largest
-    /// magnitude, or the first value above `limit`; `first` is the number of the first point.
+    /// Reads at most [`VALUES`] coordinates. Returns the bit pattern of the largest magnitude.
     #[inline(always)]
-    fn read(&mut self, src: &[T], limit: u64, first: usize) -> Result<u64, Bad> {
-        let raw = &mut self.raw[..src.len()];
-        raw.copy_from_slice(src);
-        let largest = largest_within(raw, limit, first)?;
+    fn read(&mut self, src: &[T]) -> u64 {
+        self.raw[..src.len()].copy_from_slice(src);
         let [x, y, z] = &mut self.axes;
         // All of the tile: a loop of a fixed length is compiled to shuffles.
         for k in 0..POINTS {
@@ -51,41 +44,25 @@ impl<T: Scalar> Tile<T> {
             y[k] = self.raw[3 * k + 1];
             z[k] = self.raw[3 * k + 2];
         }
-        Ok(largest)
+        T::largest(src)
     }
 
-    /// Copies `count` points, from point `from` of the tile on, to the slots from `to` on.
-    /// Copies whole rows if `rows` is true, which overwrites up to seven slots more.
+    /// Copies `count` points, from point `from` of the tile on, to the slots from `to` on. Copies
+    /// whole rows, which overwrites up to seven slots that are written later: those of the next
+    /// points, the end of this curve, or the next curves.
     #[inline(always)]
-    fn copy(&self, from: usize, count: usize, dst: &mut [Vec<T>; 3], to: usize, rows: bool) {
+    fn copy(&self, from: usize, count: usize, dst: &mut [Vec<T>; 3], to: usize) {
         for (src, dst) in self.axes.iter().zip(dst) {
             let (src, dst) = (&src[from..], &mut dst[to..]);
             match count {
-                ..=LANES if rows && copy_row(src, dst, 0) => {}
-                ..=TWO_ROWS if rows && copy_row(src, dst, LANES) => {
+                ..=LANES if copy_row(src, dst, 0) => {}
+                ..=TWO_ROWS if copy_row(src, dst, LANES) => {
                     copy_row(src, dst, 0);
                 }
                 _ => dst[..count].copy_from_slice(&src[..count]),
             }
         }
     }
-}
-
-/// Returns the bit pattern of the largest magnitude, or the first value above `limit`; `first` is
-/// the number of the first point.
-///
-/// Magnitudes are compared as integers: without the sign bit, the bit pattern of a float increases
-/// with its magnitude, and the patterns of infinities and NaN are larger than all others. So one
-/// maximum gives the range and the check.
-#[inline(always)]
-pub(crate) fn largest_within<T: Scalar>(raw: &[T], limit: u64, first: usize) -> Result<u64, Bad> {
-    let largest = T::largest(raw);
-    if largest > limit {
-        let above = |v: &T| T::largest(&[*v]) > limit;
-        let k = raw.iter().position(above).unwrap_or(0);
-        return Err((first + k / 3, k % 3, raw[k].into()));
-    }
-    Ok(largest)
 }
 
 /// Copies a row. Returns false if either slice is too short.
@@ -102,40 +79,22 @@ fn copy_row<T: Copy>(src: &[T], dst: &mut [T], at: usize) -> bool {
     }
 }
 
-/// Writes points to the slots from `at` on. Returns the largest magnitude, or the first value whose
-/// magnitude has a larger bit pattern than `limit`.
-#[inline(always)]
-pub(super) fn write<T: Scalar>(
-    dst: &mut [Vec<T>; 3],
-    at: usize,
-    src: &[T],
-    limit: u64,
-) -> Result<f64, Bad> {
-    let mut tile = Tile::new();
-    let mut largest = 0;
-    for (k, src) in src.chunks(VALUES).enumerate() {
-        largest = largest.max(tile.read(src, limit, k * POINTS)?);
-        tile.copy(0, src.len() / 3, dst, at + k * POINTS, false);
-    }
-    Ok(T::from_magnitude(largest))
-}
-
-/// [`write`] for all points of all curves, with the slots around them ([`finish_curve`]).
+/// Writes all points of all curves, with the slots around them ([`finish_curve`]). Returns the
+/// largest magnitude.
 #[inline(always)]
 pub(super) fn write_curves<T: Scalar>(
     dst: &mut [Vec<T>; 3],
     curves: &[Curve],
     basis: Basis,
     src: &[T],
-    limit: u64,
-) -> Result<f64, Bad> {
+) -> f64 {
     let mut tile = Tile::new();
     let mut largest = 0;
     let mut curves = curves.iter();
     // The curve that is being written, the slot of its next point, and its missing points.
     let (mut curve, mut to, mut missing) = (None, 0, 0);
-    for (k, src) in src.chunks(VALUES).enumerate() {
-        largest = largest.max(tile.read(src, limit, k * POINTS)?);
+    for src in src.chunks(VALUES) {
+        largest = largest.max(tile.read(src));
         let count = src.len() / 3;
         let mut from = 0;
         while from < count {
@@ -148,25 +107,23 @@ pub(super) fn write_curves<T: Scalar>(
                 curve = Some(next);
             }
             let run = missing.min(count - from);
-            // Rows overwrite slots that are written later: those of the next points, the end of
-            // this curve, or the next curves.
-            tile.copy(from, run, dst, to, true);
+            tile.copy(from, run, dst, to);
             (from, to, missing) = (from + run, to + run, missing - run);
             if let (0, Some(curve)) = (missing, curve) {
                 for dst in dst.iter_mut() {
-                    finish_curve(dst, curve, basis, true);
+                    finish_curve(dst, curve, basis);
                 }
             }
         }
     }
-    Ok(T::from_magnitude(largest))
+    T::from_magnitude(largest)
 }
 
 /// Writes the slots around the points of a curve, one axis: the copies of points that a closed
 /// curve stores at its ends, including the padding of its last row. The padding of an open curve is
-/// 0. If `rows` is true, up to seven slots behind the curve are overwritten as well.
+/// 0. Up to seven slots behind the curve are overwritten as well.
 #[inline(always)]
-pub(super) fn finish_curve<T: Scalar>(dst: &mut [T], c: &Curve, basis: Basis, rows: bool) {
+fn finish_curve<T: Scalar>(dst: &mut [T], c: &Curve, basis: Basis) {
     let (first, n, lead) = (c.first as usize, c.points as usize, basis.lead(c.closed));
     let body = first + lead;
     let end = body + n;
@@ -178,7 +135,7 @@ pub(super) fn finish_curve<T: Scalar>(dst: &mut [T], c: &Curve, basis: Basis, ro
     for k in 0..lead {
         dst[first + k] = dst[body + (k + n - lead) % n];
     }
-    if rows && tail <= LANES && tail <= n {
+    if tail <= LANES && tail <= n {
         let row = dst[body..].first_chunk::<LANES>().copied();
         let to = dst[end..].first_chunk_mut::<LANES>();
         if let (Some(row), Some(to)) = (row, to) {

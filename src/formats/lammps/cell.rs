@@ -4,6 +4,7 @@ use crate::curve::{Cell, Point};
 use crate::error::Result;
 use crate::formats::lines::integer;
 use crate::formats::number;
+use crate::formats::torn::cell_along;
 
 /// Id of an atom, its coordinates, and its image flags (0 without).
 pub(super) type Atom = (u64, Point, [f64; 3]);
@@ -87,24 +88,13 @@ impl SimulationBox {
     ///
     /// Errors: [`crate::Error::Usage`] if a periodic box has no volume.
     pub fn cell(&self) -> Result<Option<Cell>> {
-        if !self.periodic.contains(&true) {
-            return Ok(None);
-        }
-        let mut cell = Cell {
+        let cell = Cell {
             origin: self.low,
             vectors: self.edges,
         };
-        for k in 0..3 {
-            if !self.periodic[k] {
-                cell.vectors[k] = [0.0; 3];
-            } else if cell.vectors[k] == [0.0; 3] {
-                let axis = ["x", "y", "z"][k];
-                return Err(crate::Error::Usage(format!(
-                    "the box is periodic in {axis}, but has no length in {axis}"
-                )));
-            }
-        }
-        cell.check()?;
-        Ok(Some(cell))
+        cell_along(cell, self.periodic, |k| {
+            let axis = ["x", "y", "z"][k];
+            format!("the box is periodic in {axis}, but has no length in {axis}")
+        })
     }
 }

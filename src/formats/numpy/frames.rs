@@ -25,7 +25,7 @@ pub(super) struct ArrayFrames<R> {
 /// it.
 const CHUNK: usize = 4096;
 
-/// Buffers of some points of a curve.
+/// Buffers of some points.
 #[derive(Default)]
 struct Chunk {
     bytes: Vec<u8>,
@@ -176,32 +176,24 @@ impl<R: Read> ArrayFrames<R> {
 
     /// Reads a frame to its end, also if its curves are invalid.
     fn curves(&mut self) -> Result<Result<CurveSet>, Unread> {
-        let counts = &self.layout.counts;
         let precision = match self.array.size {
             8 => Precision::F64,
             _ => Precision::F32,
         };
         let basis = self.others.basis.unwrap_or(Basis::Polyline);
-        let mut built = Ok(CurveSet::builder_of(basis, precision, counts));
+        let mut built = CurveSet::builder_of(basis, precision, &self.layout.counts);
         let mut left = self.layout.frame_bytes;
-        for &count in counts {
-            let points = count.unsigned_abs() as usize;
+        while left > 0 {
+            let bytes = left.min(3 * CHUNK * precision.bytes());
+            left -= bytes;
+            fill(&mut self.input, bytes, &mut self.chunk.bytes).map_err(|e| match e {
+                Unread::End(missing) => Unread::End(missing + left as u64),
+                e => e,
+            })?;
             built = built.and_then(|mut builder| {
-                builder.start_curve(points, count < 0)?;
+                builder.push(self.chunk.decode(&self.array))?;
                 Ok(builder)
             });
-            for first in (0..points).step_by(CHUNK) {
-                let bytes = 3 * CHUNK.min(points - first) * precision.bytes();
-                left -= bytes;
-                fill(&mut self.input, bytes, &mut self.chunk.bytes).map_err(|e| match e {
-                    Unread::End(missing) => Unread::End(missing + left as u64),
-                    e => e,
-                })?;
-                built = built.and_then(|mut builder| {
-                    builder.push(self.chunk.decode(&self.array))?;
-                    Ok(builder)
-                });
-            }
         }
         Ok(built.and_then(CurveSetBuilder::finish))
     }

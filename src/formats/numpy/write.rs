@@ -9,12 +9,12 @@ use super::FORMAT;
 use crate::curve::{Basis, Cell, CurveLabels, CurveSet, Precision};
 use crate::error::{Error, Result};
 use crate::formats::frames::ModelFrame;
-use crate::formats::write::{FrameSink, check_polylines, curves_of, same_curves};
+use crate::formats::write::{FrameSink, check_polylines, same_curves};
 use crate::verdict::LeftOut;
 use crc32fast::Hasher;
 use std::fs::File;
 use std::io::{self, BufWriter, Seek, SeekFrom, Write};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::Arc;
 
 /// Bytes of a header: long enough for every shape.
@@ -49,12 +49,12 @@ struct Stream {
 }
 
 impl Stream {
-    /// Creates a file whose array begins after `lead` bytes.
+    /// Creates a file with a first frame. The array begins after `lead` bytes.
     fn create(path: &Path, set: &CurveSet, lead: usize) -> Result<Stream> {
         let file = File::create(path).map_err(Error::file(path))?;
         let mut out = BufWriter::with_capacity(1 << 16, file);
         (out.write_all(&vec![0; lead + HEADER_BYTES])).map_err(Error::file(path))?;
-        Ok(Stream {
+        let mut stream = Stream {
             out,
             basis: set.basis(),
             precision: set.precision(),
@@ -64,7 +64,9 @@ impl Stream {
             bytes: 0,
             hasher: Hasher::new(),
             buffer: Vec::new(),
-        })
+        };
+        stream.frame(set)?;
+        Ok(stream)
     }
 
     fn frame(&mut self, set: &CurveSet) -> Result<()> {
@@ -113,65 +115,34 @@ impl Stream {
     }
 }
 
-/// A file whose stream the first frame creates.
-struct Lazy {
-    path: PathBuf,
-    stream: Option<Stream>,
-}
-
-impl Lazy {
-    fn new(path: &Path) -> Lazy {
-        Lazy {
-            path: path.into(),
-            stream: None,
-        }
-    }
-
-    /// Writes a frame. The array begins after `lead` bytes.
-    fn frame(&mut self, set: &CurveSet, lead: usize) -> Result<()> {
-        let stream = match &mut self.stream {
-            Some(stream) => stream,
-            none => none.insert(Stream::create(&self.path, set, lead)?),
-        };
-        stream.frame(set)
-    }
-
-    fn finish(self) -> Result<Stream> {
-        let no_frames = || Error::unsupported(FORMAT, "a file without frames");
-        self.stream.ok_or_else(no_frames)
-    }
-}
-
 /// An `.npy` file: the positions. Unless all curves are closed and have equal numbers of points,
 /// these numbers are not in the file.
-pub(in crate::formats) struct NpyFile(Lazy);
+pub(in crate::formats) struct NpyFile(Stream);
 
 impl NpyFile {
-    pub fn new(path: &Path) -> NpyFile {
-        NpyFile(Lazy::new(path))
+    pub fn create(path: &Path, set: &CurveSet) -> Result<NpyFile> {
+        check_polylines("NumPy file (.npy)", set)?;
+        Ok(NpyFile(Stream::create(path, set, 0)?))
     }
 }
 
 impl FrameSink for NpyFile {
-    fn frame(&mut self, frame: &ModelFrame) -> Result<()> {
-        let set = curves_of(FORMAT, frame)?;
-        check_polylines("NumPy file (.npy)", set)?;
-        self.0.frame(set, 0)
+    fn frame(&mut self, _: &ModelFrame, set: &CurveSet) -> Result<()> {
+        self.0.frame(set)
     }
 
-    fn finish(self: Box<Self>) -> Result<()> {
-        let mut stream = self.0.finish()?;
-        let header = stream.header();
-        stream.out.seek(SeekFrom::Start(0))?;
-        stream.out.write_all(&header)?;
-        Ok(stream.out.flush()?)
+    fn finish(mut self: Box<Self>) -> Result<()> {
+        let (header, out) = (self.0.header(), &mut self.0.out);
+        out.seek(SeekFrom::Start(0))?;
+        out.write_all(&header)?;
+        Ok(out.flush()?)
     }
 }
 
 /// An `.npz` file: everything that a frame has. The curves, their basis, names and radii must be
 /// those of the first frame.
 pub(in crate::formats) struct NpzFile {
-    file: Lazy,
+    stream: Stream,
     labels: Arc<CurveLabels>,
     seq: Vec<u64>,
     times: Vec<f64>,
@@ -185,48 +156,49 @@ pub(in crate::formats) struct NpzFile {
 const POSITIONS: &str = "positions";
 
 impl NpzFile {
-    pub fn new(path: &Path) -> NpzFile {
-        NpzFile {
-            file: Lazy::new(path),
-            labels: Arc::default(),
+    pub fn create(path: &Path, frame: &ModelFrame, set: &CurveSet) -> Result<NpzFile> {
+        frame.labels.check(set.len())?;
+        let lead = Member::local_header(POSITIONS, 0, 0).len();
+        let mut file = NpzFile {
+            stream: Stream::create(path, set, lead)?,
+            labels: frame.labels.clone(),
             seq: Vec::new(),
             times: Vec::new(),
             cells: Vec::new(),
             left_out: Vec::new(),
-        }
+        };
+        file.add(frame);
+        Ok(file)
     }
-}
 
-impl FrameSink for NpzFile {
-    fn frame(&mut self, frame: &ModelFrame) -> Result<()> {
-        let set = curves_of(FORMAT, frame)?;
-        if self.seq.is_empty() {
-            frame.labels.check(set.len())?;
-            self.labels = frame.labels.clone();
-        }
-        if self.labels != frame.labels {
-            let what = "a frame with other names or radii than the first one";
-            return Err(Error::unsupported(FORMAT, what));
-        }
-        if let Some(last) = self.seq.last().filter(|last| frame.seq <= **last) {
-            let what = format!("frame {} after frame {last}", frame.seq);
-            return Err(Error::unsupported(FORMAT, what));
-        }
-        if !self.seq.is_empty() && frame.cell.is_some() == self.cells.is_empty() {
-            let what = "frames with a periodic cell and others without one";
-            return Err(Error::unsupported(FORMAT, what));
-        }
-        let lead = Member::local_header(POSITIONS, 0, 0).len();
-        self.file.frame(set, lead)?;
+    /// Adds what a frame has besides its positions.
+    fn add(&mut self, frame: &ModelFrame) {
         self.seq.push(frame.seq);
         self.times.push(frame.time);
         self.cells.extend(frame.cell);
         LeftOut::merge(&mut self.left_out, &frame.left_out);
+    }
+}
+
+impl FrameSink for NpzFile {
+    fn frame(&mut self, frame: &ModelFrame, set: &CurveSet) -> Result<()> {
+        let wrong = |what: String| Err(Error::unsupported(FORMAT, what));
+        if self.labels != frame.labels {
+            return wrong("a frame with other names or radii than the first one".into());
+        }
+        if let Some(last) = self.seq.last().filter(|last| frame.seq <= **last) {
+            return wrong(format!("frame {} after frame {last}", frame.seq));
+        }
+        if frame.cell.is_some() == self.cells.is_empty() {
+            return wrong("frames with a periodic cell and others without one".into());
+        }
+        self.stream.frame(set)?;
+        self.add(frame);
         Ok(())
     }
 
     fn finish(self: Box<Self>) -> Result<()> {
-        let mut stream = self.file.finish()?;
+        let mut stream = self.stream;
         let header = stream.header();
         let mut hasher = Hasher::new();
         hasher.update(&header);

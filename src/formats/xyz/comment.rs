@@ -3,6 +3,7 @@
 use super::GROUPS;
 use crate::curve::{Cell, Point};
 use crate::formats::lines::integer;
+use crate::formats::torn::cell_along;
 use crate::formats::{number, quote};
 
 /// Content of the comment of a frame.
@@ -91,7 +92,7 @@ impl Comment {
 
     /// Returns the cell of the frame, if it repeats.
     pub fn cell(&self) -> Result<Option<Cell>, String> {
-        let Some(mut vectors) = self.lattice else {
+        let Some(vectors) = self.lattice else {
             return match self.pbc {
                 Some(pbc) if pbc.contains(&true) => {
                     Err("the frame is periodic by `pbc`, but has no Lattice".into())
@@ -99,26 +100,15 @@ impl Comment {
                 _ => Ok(None),
             };
         };
-        for (k, vector) in vectors.iter_mut().enumerate() {
-            match self.pbc {
-                Some(pbc) if !pbc[k] => *vector = [0.0; 3],
-                Some(_) if *vector == [0.0; 3] => {
-                    return Err(format!(
-                        "the frame repeats along vector {} of its Lattice by `pbc`, but the vector \
-                         is zero",
-                        k + 1
-                    ));
-                }
-                _ => {}
-            }
-        }
         let origin = self.origin.unwrap_or_default();
         let cell = Cell { origin, vectors };
-        if !cell.periodic().contains(&true) {
-            return Ok(None);
-        }
-        cell.check().map_err(|e| e.to_string())?;
-        Ok(Some(cell))
+        let cell = cell_along(cell, self.pbc.unwrap_or(cell.periodic()), |k| {
+            format!(
+                "the frame repeats along vector {} of its Lattice by `pbc`, but the vector is zero",
+                k + 1
+            )
+        });
+        cell.map_err(|e| e.to_string())
     }
 }
 

@@ -95,7 +95,7 @@ impl Reference {
             Some(images) => least_of_images(&allowances, &set, images, &given),
             None => allowances,
         };
-        let points = given.positions().into_copy();
+        let points = Received::from(given.positions());
         let max_abs = set.max_abs();
         let packed = Packed::blocks(points.positions(), max_abs, &allowances);
         let finite = allowances.iter().filter(|a| a.is_finite());

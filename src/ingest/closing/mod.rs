@@ -232,11 +232,10 @@ impl Closing {
             return Ok(None);
         }
         let counts: Vec<i32> = set.counts().collect();
-        let positions = set.positions();
         let frame = RawFrame {
             basis: set.basis(),
             counts: &counts,
-            positions: positions.as_positions(),
+            positions: set.positions(),
         };
         let closed = self.close(frame, source)?;
         if closed.counts == counts {

@@ -6,8 +6,6 @@ use crate::curve::{Basis, Bezier, Cell, CurveSet, Point, Positions, point_at, su
 use crate::error::{Error, Result};
 use crate::pairs::Scale;
 use crate::periodic::period;
-use std::cmp::Reverse;
-use std::collections::BinaryHeap;
 
 /// Error of the distances, as a share of the distance that is looked for.
 const ACCURACY: f64 = 1e-4;
@@ -110,18 +108,12 @@ pub(super) fn deviation([a, b, c, d]: &Bezier) -> f64 {
     0.75 * second(a, b, c).max(second(b, c, d)) * (1.0 + 1e-9)
 }
 
-/// A part of a segment, and a lower bound of its radius of curvature.
-#[derive(Clone, Copy)]
-struct Part {
-    least: f64,
-    curve: u32,
-    segment: u32,
-    range: [f64; 2],
-}
+/// A part of a segment: its curve, its number, and its ends.
+type Part = (usize, usize, [f64; 2]);
 
 /// Returns the sharpest bend: 0 at a corner between two segments, else the smallest radius of
-/// curvature. Parts of segments are divided, those with the smallest lower bound first, until it is
-/// close to the radius at a point.
+/// curvature. Parts of segments whose lower bound is not close to the smallest radius at a point
+/// are divided.
 pub(super) fn min_rad(set: &CurveSet, cell: Option<&Cell>) -> Option<MinRad> {
     if let Some(corner) = corner(set, cell) {
         return Some(corner);
@@ -131,73 +123,53 @@ pub(super) fn min_rad(set: &CurveSet, cell: Option<&Cell>) -> Option<MinRad> {
         (0..=last).map(move |s| set.knot(i, s))
     });
     let scale = Scale::of(knots);
-    let scaled = |curve: u32, segment: u32| {
-        let hull = set.segment(curve as usize, segment as usize);
-        hull.map(|p| scale.apply(p))
-    };
-    let mut parts: Vec<Part> = Vec::new();
-    // Bounds are not negative, so their bit patterns have the same order.
-    let mut smallest = BinaryHeap::new();
+    let curves = set.curves().iter().enumerate();
+    let mut parts: Vec<Part> = curves
+        .flat_map(|(i, curve)| (0..curve.segments as usize).map(move |s| (i, s, [0.0, 1.0])))
+        .collect();
+    let mut divisions = DIVISIONS + 4 * parts.len();
     let mut best: Option<(f64, Part)> = None;
-    let mut add =
-        |heap: &mut BinaryHeap<_>, parts: &mut Vec<Part>, curve, segment, range: [f64; 2]| {
-            let hull = sub_segment(&scaled(curve, segment), range[0], range[1]);
-            let [least, middle] = radii(&hull);
-            let part = Part {
-                least,
-                curve,
-                segment,
-                range,
-            };
-            if best.is_none_or(|(radius, _)| middle < radius) {
-                best = Some((middle, part));
+    let least = loop {
+        let measure = |part: Part| {
+            let (i, s, [from, to]) = part;
+            let hull = set.segment(i, s).map(|p| scale.apply(p));
+            let [least, radius] = radii(&sub_segment(&hull, from, to));
+            if best.is_none_or(|(known, _)| radius < known) {
+                best = Some((radius, part));
             }
-            let (radius, _) = best.expect("set above");
-            if least < radius * (1.0 - BEND_ACCURACY) {
-                heap.push(Reverse((least.to_bits(), curve, segment, parts.len())));
-                parts.push(part);
-            }
-            radius
+            (least, part)
         };
-    let mut divisions = DIVISIONS;
-    for (i, curve) in set.curves().iter().enumerate() {
-        for s in 0..curve.segments {
-            add(&mut smallest, &mut parts, i as u32, s, [0.0, 1.0]);
+        let mut open: Vec<(f64, Part)> = parts.drain(..).map(measure).collect();
+        let near = best?.0 * (1.0 - BEND_ACCURACY);
+        open.retain(|(least, _)| *least < near);
+        let middle = |[from, to]: [f64; 2]| 0.5 * (from + to);
+        let divides = |&(_, (.., [from, to])): &(f64, Part)| {
+            let at = middle([from, to]);
+            from < at && at < to
+        };
+        if open.is_empty() || open.len() > divisions || !open.iter().all(divides) {
+            break open
+                .iter()
+                .fold(near, |least, (bound, _)| least.min(*bound));
         }
-        divisions += 4 * curve.segments as usize;
-    }
-    let mut least = f64::INFINITY;
-    let mut radius = f64::INFINITY;
-    while let Some(Reverse((.., k))) = smallest.pop() {
-        let part = parts[k];
-        let [from, to] = part.range;
-        let middle = 0.5 * (from + to);
-        if divisions == 0 || !(from < middle && middle < to) {
-            least = part.least;
-            break;
+        divisions -= open.len();
+        for (_, (i, s, [from, to])) in open {
+            let at = middle([from, to]);
+            parts.extend([(i, s, [from, at]), (i, s, [at, to])]);
         }
-        divisions -= 1;
-        for range in [[from, middle], [middle, to]] {
-            radius = add(&mut smallest, &mut parts, part.curve, part.segment, range);
-        }
-        let next = smallest.peek().map(|Reverse((.., k))| parts[*k].least);
-        if next.is_none_or(|least| least >= radius * (1.0 - BEND_ACCURACY)) {
-            break;
-        }
-    }
-    let (radius, part) = best?;
+    };
+    let (radius, (i, s, [from, to])) = best?;
     if !radius.is_finite() {
         return None;
     }
-    let least = least.min(radius * (1.0 - BEND_ACCURACY));
-    let t = 0.5 * (part.range[0] + part.range[1]);
+    let t = 0.5 * (from + to);
     Some(MinRad {
         radius: scale.undo(radius),
         error: scale.undo(radius - least),
-        curve: part.curve,
-        vertex: part.segment,
+        curve: i as u32,
+        vertex: s as u32,
         t,
-        point: set.eval(part.curve as usize, part.segment as usize, t),
+        point: set.eval(i, s, t),
     })
 }
 

@@ -169,7 +169,7 @@ impl Yarns {
             self.expected = Some(found);
             return;
         };
-        let Differences { changes, fresh } = Differences::between(expected, &found);
+        let Differences { changes, fresh } = Differences::between(expected.iter().copied(), found);
         out.changes.extend(changes);
         for (pair, lambda) in fresh {
             out.defects.push(no_baseline(pair));

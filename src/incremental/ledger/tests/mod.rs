@@ -458,8 +458,7 @@ fn boxes_of_an_earlier_frame_are_not_used_after_a_step_without_a_search() {
         for pairs in [&[][..], &[(0, 1)]] {
             // The positions of the first frame, as a frame of its own.
             let mut again = before.clone();
-            let positions = before.positions();
-            again.update(positions.as_positions()).unwrap();
+            again.update(before.positions()).unwrap();
             let _ = ledger.step([&after, &again], &none, ALL, Some(pairs));
             let found = ledger.step([&again, &after], &contacts, ALL, None);
             assert_eq!(found, want, "seed {seed}, after {pairs:?}");

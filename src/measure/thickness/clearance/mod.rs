@@ -39,7 +39,7 @@ use self::blocks::{BlockPair, Blocks};
 use self::near::{Moved, NearList, Reach};
 use self::strands::{Arcs, Measured, Strands};
 use self::trend::Trend;
-use crate::curve::{Cell, CurveSet, Image, Positions, Shape};
+use crate::curve::{Cell, CurveSet, Image, Shape};
 use crate::error::{Error, Result};
 use crate::pairs::LinkSearch;
 use crate::periodic::period;
@@ -162,8 +162,7 @@ pub(crate) fn close_blocks(
     }
     check_radii(radii.iter().copied())?;
     let layout = Layout::new(set, cell);
-    let positions = set.positions();
-    let strands = layout.strands((set, cell), positions.as_positions(), radii);
+    let strands = layout.strands((set, cell), radii);
     let reach = Reach {
         ratio: within,
         skin: 0.0,
@@ -353,8 +352,7 @@ impl ClearanceMonitor {
     fn measure_here(&mut self, set: &CurveSet, cell: Option<&Cell>, seq: u64) -> Result<Clearance> {
         let layout = self.prepare(set, cell)?;
         let radii = std::mem::take(&mut self.radii);
-        let positions = set.positions();
-        let strands = layout.strands((set, cell), positions.as_positions(), &radii);
+        let strands = layout.strands((set, cell), &radii);
         let measured = self.measure_strands(&strands);
         self.layout = Some(layout);
         self.radii = radii;
@@ -531,12 +529,11 @@ impl Layout {
     fn strands<'a>(
         &'a self,
         (set, cell): (&'a CurveSet, Option<&'a Cell>),
-        positions: Positions<'a>,
         radii: &'a [f64],
     ) -> Strands<'a> {
         Strands {
             set,
-            positions,
+            positions: set.positions(),
             radii,
             arcs: &self.arcs,
             blocks: &self.blocks,

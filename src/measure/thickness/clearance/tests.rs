@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::curve::vector::{add, distance, norm, sub};
-use crate::curve::{Basis, Point, is_home};
+use crate::curve::{Basis, Point, Positions, is_home};
 use crate::measure::thickness::splines::deviation;
 use crate::pairs::nearest;
 use crate::periodic::images_in;
@@ -20,7 +20,6 @@ fn images(set: &CurveSet, cell: Option<&Cell>, distance: f64) -> Vec<Image> {
         return vec![Image::default()];
     };
     let positions = set.positions();
-    let positions = positions.as_positions();
     let points = || (0..positions.len() / 3).map(|k| positions.point(k));
     let most = cell.inverse().unwrap().map(|b| {
         let along = |p: Point| b[0] * p[0] + b[1] * p[1] + b[2] * p[2];

@@ -78,6 +78,8 @@ FORMATS = [
     Format("meshio", ".msh .inp .xdmf .med .mesh .bdf .nas .fem", read_files(_mesh.read_meshio)),
     Format("makegrid", ".coils", read_files(_text.read_coils)),
     Format("houdini", ".poly", read_files(_text.read_poly)),
+    # By this name only: the command reads what most files have.
+    Format("obj", "", read_files(_text.read_obj), options="cell"),
     Format("texgen", ".tg3", read_files(_text.read_texgen), options="unwrap cell"),
     Format("hair", ".hair", read_files(_hair.read_hair)),
     Format("usc-hair", ".data", read_files(_hair.read_usc), r"[\s\S]{0,1000}\x00"),

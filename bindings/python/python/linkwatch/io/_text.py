@@ -1,4 +1,4 @@
-"""Text files with curves: coils of MAKEGRID, ``.poly`` of Houdini, yarns of TexGen."""
+"""Text files with curves: coils of MAKEGRID, OBJ, ``.poly`` of Houdini, yarns of TexGen."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 from . import _splines
-from ._curves import Curve, Scene
+from ._curves import Curve, Scene, curves_of_edges, ends_meet
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -82,6 +82,112 @@ def read_coils(path: Path) -> Scene:
         what = "before a line with the current 0" if points else "without a line `end`"
         raise lines.error(f"the file ends {what}")
     return scene
+
+
+def read_obj(path: Path) -> Scene:
+    """Reads the lines and the free-form curves of an OBJ file, as Bezier pieces if one is curved.
+
+    The command reads all but curves of a degree above 1 itself, and faster.
+    """
+    scene, lines = Scene(), Lines(path, "#")
+    vertices: list[list[float]] = []
+    edges: list[list[int]] = []
+    curves: list[tuple[int, list[int], list[str], str]] = []
+    kind, degree, knots = [""], "", list[str]()
+    for lines.number, (name, *words) in _statements(lines):
+        if name == "v":
+            # Without a weight, and with a colour in its place, it is 1.
+            vertices.append(lines.numbers([*words[:3], words[3] if len(words) == 4 else "1"], 4))
+        elif name == "cstype":
+            kind = words
+        elif name == "deg":
+            degree = words[0]
+        elif name in ("l", "curv"):
+            try:
+                # A texture may follow the number of a vertex. Negative ones count back.
+                numbers = [int(w.split("/")[0]) for w in words[2 * (name == "curv") :]]
+            except ValueError:
+                raise lines.error(f"expected numbers of vertices, found {words!r}") from None
+            numbers = [k - 1 if k > 0 else len(vertices) + k for k in numbers]
+            knots = []
+            if name == "l" and len(numbers) == 2:
+                edges.append(numbers)
+            else:
+                spline = [degree, *kind, *words[:2]] if name == "curv" else []
+                curves.append((lines.number, numbers, spline, knots))
+        elif name == "parm" and words[:1] == ["u"]:
+            knots += words[1:]
+    points = np.array(vertices).reshape(-1, 4)
+    curves_of_edges(points[:, :3], np.array(edges), scene, "lines")
+    for lines.number, numbers, spline, knots in curves:
+        if not all(0 <= k < len(points) for k in numbers):
+            raise lines.error(f"a vertex beyond the {len(points)} of the file")
+        try:
+            control = points[numbers]
+            if spline[:1] in ([], ["1"]):
+                scene.curves.append(Curve(control[:, :3]))
+                continue
+            pieces = _bezier_of_obj(control, spline, np.array(knots, float), lines)
+            scene.curves.append(Curve(pieces, name="bezier"))
+        except _Unread as why:
+            scene.left_out.add("free-form curve", "free-form curves", f"line {lines.number}, {why}")
+    if any(curve.name for curve in scene.curves):
+        scene.basis = "bezier"
+        for curve in scene.curves:
+            if not curve.closed and ends_meet(curve.points):
+                curve.points, curve.closed = curve.points[:-1], True
+            if not curve.name:
+                curve.points = _splines.bezier(curve.points, "polyline", curve.closed)
+            curve.name = ""
+    return scene
+
+
+class _Unread(Exception):
+    """A curve that no basis represents, and why."""
+
+
+def _statements(lines: Lines) -> Iterator[tuple[int, list[str]]]:
+    """Yields the statements of an OBJ file, which a backslash continues on the next line."""
+    begun: list[str] = []
+    first = 0
+    for words in lines:
+        first = first or lines.number
+        begun += [*words[:-1], words[-1].removesuffix("\\")]
+        if not words[-1].endswith("\\"):
+            yield first, [word for word in begun if word]
+            begun, first = [], 0
+
+
+def _bezier_of_obj(control: Array, spline: list[str], knots: Array, lines: Lines) -> Array:
+    """Returns the Bezier pieces of control points with weights, and of ``[degree, kind, ends]``."""
+    degree, *kind, first, last = spline
+    ends = lines.numbers([first, last], 2)
+    if kind[-1:] not in (["bezier"], ["bspline"]) or degree not in ("2", "3"):
+        raise _Unread(f"of the cstype {' '.join(kind)!r} and degree {degree!r}")
+    if kind[0] == "rat" and np.ptp(control[:, 3]) > 0:
+        raise _Unread("rational, with weights that differ")
+    n, d = len(control), int(degree)
+    if kind[-1] == "bezier":
+        knots = knots if len(knots) else np.arange((n - 1) / d + 1)
+        if (n - 1) % d or len(knots) != (n - 1) // d + 1:
+            raise _Unread(f"with {n} points and {len(knots)} parameters of Bezier pieces")
+        knots = np.concatenate([knots[:1], np.repeat(knots, d), knots[-1:]])
+    # Decimals are rounded. Some exporters write a wrong number of equidistant knots.
+    near = 1e-5 * np.ptp(knots) if len(knots) else 0.0
+    if len(knots) > 2 and len(knots) != n + d + 1:
+        covered = ends[0] <= knots[0] + near and knots[-1] - near <= ends[1]
+        if covered and np.ptp(np.diff(knots)) <= near:
+            knots = np.arange(n + d + 1.0)
+            ends = [knots[0], knots[-1]]
+    inside = knots[1:-1]
+    if len(knots) != n + d + 1 or (np.diff(knots) < 0).any() or (inside[d:] <= inside[:-d]).any():
+        raise _Unread(f"with {len(knots)} knots, expected {n + d + 1} that increase")
+    begin, end = max(ends[0], knots[d]), min(ends[1], knots[n])
+    if begin - knots[d] <= near and knots[n] - end <= near:
+        begin, end = knots[d], knots[n]
+    if not begin < end:
+        raise _Unread(f"with the range {ends[0]} to {ends[1]}")
+    return _splines.nurbs(control[:, :3], d + 1, knots, (begin, end))
 
 
 def read_poly(path: Path) -> Scene:

@@ -1,8 +1,8 @@
-//! Lines and free-form curves of a Wavefront OBJ file, read in double precision.
+//! Lines of a Wavefront OBJ file, read as polylines in double precision.
 //!
-//! The statements `v`, `l` and `curv` (with `cstype`, `deg`, `parm`, `end`) are used. The weight or
-//! colours of a vertex and the texture index in `a/b` are ignored in an `l`. Exporters write
-//! polylines in two forms:
+//! The statements `v`, `l` and `curv` of degree 1 (with `cstype`, `deg`, `parm u`, `end`) are used.
+//! The weight or colours of a vertex and the texture index in `a/b` are ignored in an `l`.
+//! Exporters write polylines in three forms:
 //!
 //! - One `l` of many vertices per curve (Houdini, often continued over lines by `\`): each is a
 //!   separate curve, closed if it ends at its first vertex.
@@ -10,34 +10,27 @@
 //!   order. The curve starts with its first edge in the file and keeps the direction of that edge,
 //!   so that edges written in order give the curve in order. A vertex with more than two edges is
 //!   an error, because the continuation is ambiguous.
+//! - A `curv` of degree 1: the polyline of its control points.
 //!
 //! Vertices are equal if their indices are; coordinates are not compared. Curves have the order of
 //! their first lines. An index may precede its vertex; a negative index counts back from the line.
 //!
-//! # Basis
-//!
-//! A set has one basis. If all curves are polylines (also `curv` of degree 1), it is that; if all
-//! are uniform cubic B-splines, B-splines; and otherwise Bezier, to which all others are converted
-//! ([`free_form`]). A polyline becomes pieces `p p q q`, which are its segments exactly.
-//!
 //! # Elements that are left out
 //!
-//! Free-form curves that no basis represents, curves on surfaces (`curv2`), and statements with an
-//! unknown name are counted ([`LeftOut`]). Faces, points and surfaces are no curves: they are
-//! ignored, like everything that concerns the display.
+//! Other free-form curves, curves on surfaces (`curv2`), and statements with an unknown name are
+//! counted ([`LeftOut`]). The Python package converts free-form curves. Faces, points and surfaces
+//! are no curves: they are ignored, like everything that concerns the display.
 
-mod free_form;
-
-use self::free_form::{Element, Form, Spline, State};
 use super::chains::{Chains, Edge, ThirdEdge};
 use super::frames::{ModelFrame, Source};
-use super::lines::{Lines, words};
+use super::lines::{Lines, integer, words};
 use super::write::{check_polylines, create};
 use super::{Input, is_in, number, quote};
-use crate::curve::{Basis, CurveSet, CurveSetBuilder, Point, Positions, Precision};
+use crate::curve::{Basis, CurveSet, Point, Positions, Precision};
 use crate::error::{Error, Result};
 use crate::verdict::LeftOut;
 use std::io::BufRead;
+use std::ops::Range;
 use std::path::Path;
 
 const FORMAT: &str = "OBJ";
@@ -50,13 +43,79 @@ const IGNORED: &str = "\
 /// Kind of the free-form curves that are left out.
 const FREE_FORM: [&str; 2] = ["free-form curve", "free-form curves"];
 
-/// A polyline of more than two vertices or a spline, as a range of the indices.
+/// Share of the range of knots up to which a difference is rounding of their decimals.
+const ROUNDED: f64 = 1e-5;
+
+/// A polyline of more than two vertices, as a range of the indices.
 struct Curve {
-    start: usize,
-    end: usize,
+    indices: Range<usize>,
     closed: bool,
     line: u64,
-    form: Form,
+}
+
+/// Values of `cstype` and `deg`, which hold until they are set again.
+struct State {
+    /// Why the type is not read, in words.
+    unread: Option<String>,
+    rational: bool,
+    degree: u32,
+}
+
+impl Default for State {
+    fn default() -> State {
+        State {
+            unread: Some("without cstype".into()),
+            rational: false,
+            degree: 0,
+        }
+    }
+}
+
+impl State {
+    /// Reads `cstype rat type`.
+    fn set_type<'a>(&mut self, tokens: impl Iterator<Item = &'a [u8]>) {
+        let mut tokens = tokens.peekable();
+        self.rational = tokens.next_if_eq(&b"rat".as_slice()).is_some();
+        self.unread = match tokens.next().unwrap_or_default() {
+            b"bezier" | b"bspline" => None,
+            other => Some(format!("of the cstype {}", quote(other))),
+        };
+    }
+}
+
+/// A statement `curv`, up to its `end`.
+struct Element {
+    line: u64,
+    /// Its control points among the indices of the file.
+    indices: Range<usize>,
+    /// Why it is not read, in words.
+    unread: Option<String>,
+    rational: bool,
+    range: [f64; 2],
+    knots: Vec<f64>,
+}
+
+impl Element {
+    /// Returns true if the range of the curve leaves out no part of it. Some exporters write a
+    /// wrong number of knots, which do not matter if the range covers all.
+    fn is_whole(&self) -> bool {
+        let covers = |knots: &[f64]| {
+            let [from, to] = self.range;
+            let [first, last] = [knots[0], knots[knots.len() - 1]];
+            let tolerance = ROUNDED * (last - first);
+            from <= first + tolerance && to >= last - tolerance
+        };
+        let n = self.indices.len();
+        match self.knots.len() {
+            0 => true,
+            // A knot that is there twice breaks the curve.
+            all if all == n + 2 => {
+                let inside = &self.knots[1..=n];
+                inside.is_sorted_by(|a, b| a < b) && covers(inside)
+            }
+            _ => covers(&self.knots),
+        }
+    }
 }
 
 /// Statements of a file.
@@ -157,11 +216,14 @@ impl Statements {
             b"v" => self.vertex(tokens)?,
             b"l" => self.line(tokens, line)?,
             b"cstype" => self.state.set_type(tokens),
-            b"deg" => self.state.set_degree(tokens),
+            b"deg" => {
+                let degree = tokens.next().map(|word| integer(word, "a degree"));
+                self.state.degree = degree.and_then(Result::ok).unwrap_or(0);
+            }
             b"curv" => self.element(tokens, line)?,
-            b"parm" if self.in_element => {
+            b"parm" if self.in_element && tokens.next() == Some(b"u") => {
                 let element = self.elements.last_mut().expect("an element was begun");
-                element.parameters(tokens)?;
+                element.knots = tokens.map(number).collect::<Result<_, _>>()?;
             }
             b"surf" | b"curv2" | b"end" => self.in_element = false,
             _ => {}
@@ -224,11 +286,9 @@ impl Statements {
                     self.indices.pop();
                 }
                 self.curves.push(Curve {
-                    start,
-                    end: self.indices.len(),
+                    indices: start..self.indices.len(),
                     closed: a == b,
                     line,
-                    form: Form::Polyline,
                 });
             }
         }
@@ -269,33 +329,55 @@ impl Statements {
         if indices.len() < 2 {
             return Err("a curv with fewer than two vertices".into());
         }
-        self.elements
-            .push(Element::new(line, &self.state, range, indices));
+        let degree = self.state.degree;
+        let unread = match degree {
+            1 => None,
+            2 | 3 => Some(format!(
+                "of degree {degree}: `python -m linkwatch convert FILE OUT.npz --format obj` reads \
+                 it"
+            )),
+            other => Some(format!("of degree {other}")),
+        };
+        self.elements.push(Element {
+            line,
+            indices,
+            unread: self.state.unread.clone().or(unread),
+            rational: self.state.rational,
+            range,
+            knots: Vec::new(),
+        });
         self.in_element = true;
         Ok(())
     }
 
-    /// Turns free-form curves into curves, or counts them as left out.
+    /// Turns free-form curves into polylines, or counts them as left out.
     fn finish_elements(&mut self) {
-        let weight = |vertex: u32| match self.weights.binary_search_by_key(&vertex, |w| w.0) {
-            Ok(k) => self.weights[k].1,
-            Err(_) => 1.0,
+        let is_positive = |vertex: u32| match self.weights.binary_search_by_key(&vertex, |w| w.0) {
+            Ok(k) => self.weights[k].1 > 0.0,
+            Err(_) => true,
         };
         for element in std::mem::take(&mut self.elements) {
-            let (line, range) = (element.line, element.indices.clone());
-            let mut indices = self.indices[range.clone()].to_vec();
-            match element.finish(&mut indices, weight) {
-                Ok((form, closed)) => self.curves.push(Curve {
-                    start: range.start,
-                    end: range.start + indices.len(),
-                    closed,
-                    line,
-                    form,
-                }),
-                Err(why) => LeftOut::add(&mut self.left_out, FREE_FORM, || {
+            let (line, mut indices) = (element.line, element.indices.clone());
+            let control = &self.indices[indices.clone()];
+            let unread = match &element.unread {
+                Some(why) => Some(&why[..]),
+                None if !element.is_whole() => Some("cut by its range or broken by its knots"),
+                None if !element.rational || control.iter().all(|&v| is_positive(v)) => None,
+                None => Some("rational, with weights that are not positive"),
+            };
+            if let Some(why) = unread {
+                LeftOut::add(&mut self.left_out, FREE_FORM, || {
                     format!("curv in line {line}, {why}")
-                }),
+                });
+                continue;
             }
+            let closed = control.len() > 2 && control.first() == control.last();
+            indices.end -= usize::from(closed);
+            self.curves.push(Curve {
+                indices,
+                closed,
+                line,
+            });
         }
         self.curves.sort_by_key(|curve| curve.line);
     }
@@ -330,20 +412,12 @@ impl Statements {
             );
             bad(lines[2], what)
         })?;
-        let forms = || self.curves.iter().map(|curve| &curve.form);
-        let is_spline = |form: &Form| matches!(form, Form::Spline(_));
-        let is_uniform = |form: &Form| matches!(form, Form::Spline(s) if s.uniform);
-        let basis = match () {
-            () if !forms().any(is_spline) => Basis::Polyline,
-            () if self.edges.is_empty() && forms().all(is_uniform) => Basis::BSpline,
-            () => Basis::Bezier,
-        };
-        let points = (self.indices.len() + self.edges.len()) * basis.stride();
-        let mut out = Output {
-            builder: CurveSet::builder(basis, Precision::F64, points),
-            basis,
-            vertices: &self.vertices,
-            points: Vec::new(),
+        let points = self.indices.len() + self.edges.len();
+        let mut builder = CurveSet::builder(Basis::Polyline, Precision::F64, points);
+        let mut add = |indices: &[u32], closed| -> Result<()> {
+            builder.start_curve(indices.len(), closed)?;
+            let points: Vec<Point> = indices.iter().map(|&v| self.vertices[v as usize]).collect();
+            builder.push(Positions::F64(points.as_flattened()))
         };
         let mut curves = self.curves.iter().peekable();
         let mut chain = Vec::new();
@@ -353,72 +427,15 @@ impl Statements {
                 continue;
             }
             while let Some(curve) = curves.next_if(|curve| curve.line < edge.line) {
-                out.add(curve, &self.indices)?;
+                add(&self.indices[curve.indices.clone()], curve.closed)?;
             }
             let closed = chains.follow(e, &mut chain, &mut used);
-            out.polyline(&chain, closed)?;
+            add(&chain, closed)?;
         }
         for curve in curves {
-            out.add(curve, &self.indices)?;
+            add(&self.indices[curve.indices.clone()], curve.closed)?;
         }
-        out.builder.finish()
-    }
-}
-
-/// Curves by their vertex indices, on their way into a set.
-struct Output<'a> {
-    builder: CurveSetBuilder,
-    basis: Basis,
-    vertices: &'a [Point],
-    points: Vec<Point>,
-}
-
-impl Output<'_> {
-    fn add(&mut self, curve: &Curve, indices: &[u32]) -> Result<()> {
-        let indices = &indices[curve.start..curve.end];
-        match &curve.form {
-            Form::Spline(spline) if self.basis == Basis::Bezier => {
-                self.spline(spline, indices, curve.closed)
-            }
-            _ => self.polyline(indices, curve.closed),
-        }
-    }
-
-    /// Adds a polyline, or the control points of a curve of the basis of the set.
-    fn polyline(&mut self, indices: &[u32], closed: bool) -> Result<()> {
-        self.points.clear();
-        self.points
-            .extend(indices.iter().map(|&v| self.vertices[v as usize]));
-        if self.basis == Basis::Bezier {
-            // Pieces `p p q q`.
-            let vertices = std::mem::take(&mut self.points);
-            let next = vertices.iter().cycle().skip(1);
-            let pieces = vertices
-                .iter()
-                .zip(next)
-                .take(vertices.len() - usize::from(!closed));
-            self.points.extend(pieces.flat_map(|(p, q)| [*p, *p, *q]));
-            self.points.extend(vertices.last().filter(|_| !closed));
-        }
-        self.finish_curve(closed)
-    }
-
-    fn spline(&mut self, spline: &Spline, indices: &[u32], closed: bool) -> Result<()> {
-        let mut points: Vec<Point> = indices.iter().map(|&v| self.vertices[v as usize]).collect();
-        if closed && spline.uniform {
-            // The control points that closing removed.
-            points.extend_from_within(..3);
-        }
-        self.points.clear();
-        spline.pieces(&points, closed, &mut self.points);
-        self.finish_curve(closed)
-    }
-
-    /// Adds the curve of the points.
-    fn finish_curve(&mut self, closed: bool) -> Result<()> {
-        self.builder.start_curve(self.points.len(), closed)?;
-        self.builder
-            .push(Positions::F64(self.points.as_flattened()))
+        builder.finish()
     }
 }
 
@@ -612,5 +629,118 @@ mod tests {
         assert_eq!((set.len(), set.points()), (1, n));
         assert!(set.curve(0).closed);
         assert_eq!(set.point(0, n - 1), [2048.0, 0.0, 0.0]);
+    }
+
+    /// Returns the text of vertices, with their weights.
+    fn vertices(points: &[Point], weight: f64) -> String {
+        let line = |[x, y, z]: &Point| format!("v {x:?} {y:?} {z:?} {weight}\n");
+        points.iter().map(line).collect()
+    }
+
+    /// Returns `n` points without a symmetry.
+    fn points(n: usize) -> Vec<Point> {
+        let at = |k: usize| [k as f64, (k * k % 7) as f64, (k * 5 % 3) as f64 - 0.25];
+        (0..n).map(at).collect()
+    }
+
+    #[test]
+    fn a_curv_of_degree_one_is_the_polyline_of_its_vertices() {
+        let text = vertices(&points(4), 1.0);
+        let open = vec![(false, points(4))];
+        let closed = vec![(true, points(4))];
+        for (statements, expected) in [
+            (
+                "cstype bspline\ndeg 1\ncurv 0 1 1 2 3 4\nparm u 0 0 .3 .7 1 1\nend",
+                &open,
+            ),
+            (
+                "cstype bspline\ndeg 1\ncurv 0 9 -4 -3 \\\n -2 -1 -4\nparm u 0 1 2 \\\n3 4 5 6",
+                &closed,
+            ),
+            // Exporters that write no knots, and no end.
+            ("deg 1\ncstype bspline\ncurv 0 1 1 2 3 4 1\n", &closed),
+            // As Blender and others write it: with a knot too many.
+            (
+                "cstype bspline\ndeg 1\ncurv 0 1 1 2 3 4 1\n\
+                 parm u 0 .125 .25 .375 .5 .625 .75 .875",
+                &closed,
+            ),
+            (
+                "cstype bspline\ndeg 1\ncurv 0 1 1 2 3 4\nparm u 0 0 .5 1 1",
+                &open,
+            ),
+            ("cstype bezier\ndeg 1 1\ncurv 0 3 1 2 3 4\nend", &open),
+            ("cstype rat bspline\ndeg 1\ncurv 0 1 1 2 3 4 1", &closed),
+        ] {
+            let text = format!("{text}{statements}");
+            let (set, left_out) = curves_in(text.as_bytes().into()).unwrap();
+            assert_eq!(left_out, [], "{statements}");
+            assert_eq!(&curves(&set), expected, "{statements}");
+        }
+    }
+
+    #[test]
+    fn other_free_form_curves_are_counted_with_the_first_line() {
+        let text = vertices(&points(6), 1.0) + "v 0 0 0 2\nl 1 2 3 1\n";
+        for (statements, why) in [
+            ("curv 0 1 1 2\nend", "line 9, without cstype"),
+            ("cstype bspline\ncurv 0 1 1 2\nend", "line 10, of degree 0"),
+            (
+                "cstype bezier\ndeg 3\ncurv 0 1 1 2 3 4",
+                "line 11, of degree 3",
+            ),
+            (
+                "cstype cardinal\ndeg 1\ncurv 0 1 1 2 3 4",
+                "of the cstype 'cardinal'",
+            ),
+            (
+                "cstype bspline\ndeg 1\ncurv 0 1 1 2 3\nparm u 0 0 1 2 2",
+                "cut by its range",
+            ),
+            (
+                "cstype bspline\ndeg 1\ncurv 0 2 1 2 3 4\nparm u 0 0 1 1 2 2",
+                "broken by its knots",
+            ),
+            (
+                "v 0 0 0 -1\ncstype rat bspline\ndeg 1\ncurv 0 1 1 2 8",
+                "weights that are not positive",
+            ),
+        ] {
+            let (set, left_out) =
+                curves_in(format!("{text}{statements}\n").as_bytes().into()).unwrap();
+            assert_eq!(set.len(), 1);
+            let said = left_out[0].to_string();
+            assert!(
+                said.starts_with("1 free-form curve (curv in line"),
+                "{said}"
+            );
+            assert!(
+                left_out.len() == 1 && said.contains(why),
+                "{said:?} lacks {why:?}"
+            );
+            // Without a curve that is read, the reason is in the error.
+            let alone = text.replace("l 1 2 3 1", "f 1 2 3") + statements;
+            let error = curves_in(alone.as_bytes().into()).unwrap_err().to_string();
+            assert!(
+                error.contains("no curves; not read, so not verified: 1 free"),
+                "{error}"
+            );
+        }
+    }
+
+    #[test]
+    fn other_elements_that_may_be_curves_are_counted_by_kind() {
+        let text = vertices(&points(6), 1.0)
+            + "polyline 1 2 3\nl 1 2 3 1\ncurv2 1 2\ncall other.obj\ncstype bspline\ndeg 3 3\n\
+               surf 0 1 0 1 1 2 3 4\nparm u 0 1\ntrim 0 1 1\nend\ncdc 1 2 3 4\ncurv2 3 4\nsp 1\n";
+        let (set, left_out) = curves_in(text.as_bytes().into()).unwrap();
+        assert_eq!(set.len(), 1);
+        let said: Vec<String> = left_out.iter().map(ToString::to_string).collect();
+        let expected = [
+            "2 unknown statements (the first one: line 7: 'polyline')",
+            "2 curves on surfaces (curv2) (the first one: line 9: 'curv2')",
+            "1 free-form curve (line 17: 'cdc')",
+        ];
+        assert_eq!(said, expected);
     }
 }

@@ -1,14 +1,14 @@
 //! Compares the tables of `docs/reference/bus.md`, and the numbers of `docs/reference/limits.md`,
 //! with the code.
 
-use super::frames::LOANS;
-use super::message::{Counters, MessageKind};
-use super::service::{
+use crate::bus::frames::LOANS;
+use crate::bus::message::{Counters, MessageKind};
+use crate::bus::service::{
     Endpoint, FRAME_BORROWS, FRAME_BUFFER, FRAME_HISTORY, FRAME_SUBSCRIBERS, Role,
 };
-use super::sidecar::{BATCH, ENDED_SESSIONS, SidecarOptions};
-use super::wait_mode::WaitMode;
-use super::wire::{
+use crate::bus::sidecar::{BATCH, ENDED_SESSIONS, SidecarOptions};
+use crate::bus::wait_mode::WaitMode;
+use crate::bus::wire::{
     ALIGNMENT, FINDING_CHANGE, FINDING_DEFECT, FINDING_EVENT, FINDING_NONE, FLAG_ANNOUNCE,
     FLAG_BASELINE, FLAG_END, FLAG_LOCKSTEP, FLAG_RADII, FLAG_UNFINISHED, FRAME_MAGIC, FrameHeader,
     LAYOUT_VERSION, NO_CURVE, NO_FRAME, Table, VERDICT_MAGIC, VerdictWire,
@@ -20,8 +20,8 @@ use iceoryx2::service::static_config::publish_subscribe::StaticConfig;
 use std::any::type_name_of_val;
 use std::mem::{align_of, offset_of, size_of, size_of_val};
 
-const PAGE: &str = include_str!("../../docs/reference/bus.md");
-const FORMATS: &str = include_str!("../../docs/reference/formats.md");
+const PAGE: &str = include_str!("../../../docs/reference/bus.md");
+const FORMATS: &str = include_str!("../../../docs/reference/formats.md");
 
 /// Returns the rows of the first table after `heading` whose first column has this title, without
 /// backticks.
@@ -49,6 +49,14 @@ fn columns(n: usize, rows: Vec<Vec<String>>) -> Vec<Vec<String>> {
     rows.into_iter().map(|row| row[..n].to_vec()).collect()
 }
 
+/// Returns the plain type of a field.
+fn plain(name: &str) -> &str {
+    match name.ends_with("::Reason") {
+        true => "[u8; 180]",
+        false => name,
+    }
+}
+
 /// Lists the offset, size, type and name of every field. Does not compile if a field is missing.
 macro_rules! fields {
     ($value:expr, $struct:ident { $($field:ident),* $(,)? }) => {{
@@ -56,7 +64,7 @@ macro_rules! fields {
         vec![$(vec![
             offset_of!($struct, $field).to_string(),
             size_of_val(&$field).to_string(),
-            type_name_of_val(&$field).to_owned(),
+            plain(type_name_of_val(&$field)).to_owned(),
             stringify!($field).to_owned(),
         ]),*]
     }};
@@ -321,7 +329,7 @@ fn reads_files_written_by_the_page() {
 
 #[test]
 fn the_client_in_python_has_the_fields_of_the_page() {
-    const CLIENT: &str = include_str!("../../examples/rings.py");
+    const CLIENT: &str = include_str!("../../../examples/rings.py");
     assert!(CLIENT.contains(&format!("\nVERSION = {LAYOUT_VERSION}\n")));
     // `[f64; 3]` on the page is `f64*3` in the tables of the client.
     let in_python = |t: &str| t.trim_matches(['[', ']']).replace("; ", "*");
@@ -345,7 +353,7 @@ fn the_client_in_python_has_the_fields_of_the_page() {
 
 #[test]
 fn the_page_of_limits_has_those_of_the_code() {
-    let page = include_str!("../../docs/reference/limits.md");
+    let page = include_str!("../../../docs/reference/limits.md");
     let frames = FRAME_SUBSCRIBERS * (FRAME_BUFFER + FRAME_BORROWS) + FRAME_HISTORY + LOANS;
     assert_eq!(SidecarOptions::default().max_frame_bytes, (4 << 30) - 1);
     assert_eq!(crate::SessionOptions::MAX_PAIRS, 33_554_432);

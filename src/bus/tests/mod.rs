@@ -1,0 +1,4 @@
+#![cfg(feature = "bus")]
+
+mod page;
+mod wire;

@@ -1,0 +1,184 @@
+//! Points and segments of the curves of a set.
+
+use super::basis::{Bezier, bspline_knot, point_at};
+use super::coordinates::{Coordinates, Knots};
+use super::{Basis, CurveSet, Point};
+use std::ops::Range;
+
+/// Reader of the Bezier control points of segments. It asks once if the arrays of the set are
+/// built, before many segments are read.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Hulls<'a> {
+    set: &'a CurveSet,
+    coordinates: &'a Coordinates,
+}
+
+impl Hulls<'_> {
+    /// Same as [`CurveSet::hull`].
+    #[inline(always)]
+    pub fn at(&self, i: usize, s: usize) -> [[f64; 4]; 3] {
+        let (slot, basis) = (self.set.slot(i, s), self.set.basis);
+        let mut hull = [[0.0; 4]; 3];
+        for (x, hull) in hull.iter_mut().enumerate() {
+            *hull = basis.hull(if basis.is_polyline() {
+                let [p, q] = self.coordinates.window(x, slot);
+                [p, q, p, q]
+            } else {
+                self.coordinates.window(x, slot)
+            });
+        }
+        hull
+    }
+}
+
+/// Returns true if three or more points differ from one another.
+pub(crate) fn are_three_distinct(mut points: impl Iterator<Item = Point>) -> bool {
+    let a = points.next();
+    let b = points.find(|p| Some(*p) != a);
+    points.any(|p| Some(p) != a && Some(p) != b)
+}
+
+impl CurveSet {
+    /// Returns control point `k` of curve `i`.
+    pub fn point(&self, i: usize, k: usize) -> Point {
+        let c = &self.curves[i];
+        assert!(k < c.points as usize, "curve {i} has {} points", c.points);
+        self.positions().point(c.first_point as usize + k)
+    }
+
+    /// Returns the control points of curve `i`.
+    pub(crate) fn points_in(&self, i: usize) -> impl Iterator<Item = Point> + Clone + '_ {
+        let positions = self.positions();
+        self.points_of(i).map(move |k| positions.point(k))
+    }
+
+    /// Returns the first control point of each curve.
+    pub(crate) fn first_points(&self) -> impl Iterator<Item = Point> + '_ {
+        let positions = self.positions();
+        let curves = self.curves.iter();
+        curves.map(move |c| positions.point(c.first_point as usize))
+    }
+
+    /// Returns the slots of the control points of curve `i`, without copies.
+    pub(crate) fn body(&self, i: usize) -> Range<usize> {
+        let c = &self.curves[i];
+        let first = c.first as usize + self.basis.lead(c.closed);
+        first..first + c.points as usize
+    }
+
+    /// Returns the slot at which segment `s` of curve `i` starts.
+    pub(super) fn slot(&self, i: usize, s: usize) -> usize {
+        self.curves[i].first as usize + s * self.basis.stride()
+    }
+
+    /// Returns the slots of the control points of a range of segments, copies included.
+    pub(crate) fn slots_of(&self, i: usize, segments: Range<usize>) -> Range<usize> {
+        let window = self.basis.window();
+        self.slot(i, segments.start)..self.slot(i, segments.end - 1) + window
+    }
+
+    /// Returns the point in a slot.
+    #[inline]
+    pub(crate) fn at(&self, slot: usize) -> Point {
+        self.coordinates().at(slot)
+    }
+
+    /// Returns the start of segment `s` of curve `i`. If `s` is the number of segments: the end of
+    /// the last one.
+    ///
+    /// For polylines, Catmull-Rom and Bezier this is an input point. For B-splines it is computed
+    /// in double precision.
+    pub fn knot(&self, i: usize, s: usize) -> Point {
+        debug_assert!(s <= self.curves[i].segments as usize);
+        let slot = self.slot(i, s);
+        match self.basis {
+            Basis::Polyline | Basis::Bezier => self.at(slot),
+            Basis::CatmullRom => self.at(slot + 1),
+            Basis::BSpline => {
+                let (a, b, c) = (self.at(slot), self.at(slot + 1), self.at(slot + 2));
+                [0, 1, 2].map(|x| bspline_knot(a[x], b[x], c[x]))
+            }
+        }
+    }
+
+    /// Returns a reader of the knots of curve `i`, in a coordinate frame whose last axis is `w`.
+    pub(crate) fn knots(&self, i: usize, w: usize) -> Knots<'_> {
+        // Catmull-Rom segments start at the second point of their window.
+        let first = self.slot(i, 0) + usize::from(self.basis == Basis::CatmullRom);
+        let computed = self.basis == Basis::BSpline;
+        let frame = [(w + 1) % 3, (w + 2) % 3, w];
+        Knots::new(
+            self.coordinates(),
+            first,
+            self.basis.stride(),
+            computed,
+            frame,
+        )
+    }
+
+    /// Returns a reader of the Bezier control points of segments.
+    #[inline(always)]
+    pub(crate) fn hulls(&self) -> Hulls<'_> {
+        Hulls {
+            set: self,
+            coordinates: self.coordinates(),
+        }
+    }
+
+    /// Returns the Bezier control points of segment `s` of curve `i`: `[axis][k]`.
+    #[inline(always)]
+    pub(crate) fn hull(&self, i: usize, s: usize) -> [[f64; 4]; 3] {
+        self.hulls().at(i, s)
+    }
+
+    /// Returns the Bezier form of segment `s` of curve `i`.
+    pub(crate) fn segment(&self, i: usize, s: usize) -> Bezier {
+        let hull = self.hull(i, s);
+        [0, 1, 2, 3].map(|k| [0, 1, 2].map(|x| hull[x][k]))
+    }
+
+    /// Returns the point of curve `i` at parameter `t` in `[0, 1]` of its segment `s`.
+    pub fn eval(&self, i: usize, s: usize, t: f64) -> Point {
+        point_at(&self.segment(i, s), t)
+    }
+
+    /// Returns curve `i` as a polyline for display, with `per_segment` points per segment. The
+    /// polyline of a closed curve repeats its start at the end.
+    pub fn display_polyline(&self, i: usize, per_segment: usize) -> Vec<[f32; 3]> {
+        let n = self.curves[i].segments as usize;
+        let steps = match self.basis.is_polyline() {
+            true => 1,
+            false => per_segment.max(1),
+        };
+        let narrow = |p: Point| p.map(|x| x as f32);
+        let mut out = Vec::with_capacity(n * steps + 1);
+        for s in 0..n {
+            out.push(narrow(self.knot(i, s)));
+            for k in 1..steps {
+                out.push(narrow(self.eval(i, s, k as f64 / steps as f64)));
+            }
+        }
+        out.push(narrow(self.knot(i, n)));
+        out
+    }
+
+    /// Returns the number of vertices of polyline `i` that equal their successor (after the last
+    /// vertex of a closed polyline comes its first one).
+    pub fn repeated_vertices(&self, i: usize) -> usize {
+        if !self.basis.is_polyline() {
+            return 0;
+        }
+        let c = self.curves[i];
+        self.coordinates()
+            .repeats(c.first as usize, c.segments as usize)
+    }
+
+    /// Returns true if curve `i` has at least three distinct control points. A loop with fewer
+    /// bounds no area.
+    pub fn has_three_distinct_points(&self, i: usize) -> bool {
+        // Rounding may have made points equal.
+        let sums = || self.sums.as_ref();
+        are_three_distinct(self.points_in(i))
+            || sums().is_some_and(|sums| sums.has_three_distinct_points(i))
+    }
+}

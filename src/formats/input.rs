@@ -1,0 +1,46 @@
+//! Files that are read.
+
+use crate::error::{Error, Result};
+use std::fs::File;
+use std::io::{BufRead, BufReader, ErrorKind, Read, Take};
+use std::path::Path;
+
+/// Bytes of a file that is to be read.
+pub(super) struct Input<R> {
+    pub bytes: R,
+    pub len: u64,
+    /// Name of the file, for the log.
+    pub name: String,
+}
+
+/// Opens a regular file for reading. The reader is limited to its length, so that checks against it
+/// stay valid if the file grows meanwhile.
+pub(super) fn open(path: &Path) -> Result<Input<BufReader<Take<File>>>> {
+    // Read before opening the file, because opening a pipe would wait for its writer.
+    let metadata = std::fs::metadata(path).map_err(Error::file(path))?;
+    if !metadata.is_file() {
+        let why = "not a regular file, so its length is unknown";
+        let source = std::io::Error::new(ErrorKind::InvalidInput, why);
+        return Err(Error::file(path)(source));
+    }
+    let len = metadata.len();
+    let file = File::open(path).map_err(Error::file(path))?.take(len);
+    Ok(Input {
+        bytes: BufReader::with_capacity(1 << 16, file),
+        len,
+        name: path.display().to_string(),
+    })
+}
+
+/// Mark at the start of a text file, which some programs write.
+pub(super) const BYTE_ORDER_MARK: &[u8] = b"\xef\xbb\xbf";
+
+/// Opens a text file after its byte order mark.
+pub(super) fn open_text(path: &Path) -> Result<Input<BufReader<Take<File>>>> {
+    let mut input = open(path)?;
+    if input.bytes.fill_buf()?.starts_with(BYTE_ORDER_MARK) {
+        input.bytes.consume(BYTE_ORDER_MARK.len());
+        input.len -= BYTE_ORDER_MARK.len() as u64;
+    }
+    Ok(input)
+}
