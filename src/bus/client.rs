@@ -145,7 +145,9 @@ impl fmt::Debug for Client {
 impl Client {
     /// Opens the service, or creates it if the watcher has not done so yet.
     ///
-    /// Errors: [`Error::Bus`] if another living simulator publishes on the same name.
+    /// # Errors
+    ///
+    /// [`Error::Bus`] if another living simulator publishes on the same name.
     pub fn open(service: &str, options: &ClientOptions) -> Result<Client> {
         let endpoint = Endpoint::open(service, Role::Simulator, options.wait_mode)?;
         let subscriber = endpoint.verdicts.subscriber_builder().create();
@@ -180,7 +182,9 @@ impl Client {
     /// their first frame. It searches for pull-throughs among the curves that keep their name and
     /// number of points.
     ///
-    /// Errors: those of [`CurveLabels::check`]; [`Error::CurveTooShort`]; [`Error::Bus`] if curves
+    /// # Errors
+    ///
+    /// Those of [`CurveLabels::check`]; [`Error::CurveTooShort`]; [`Error::Bus`] if curves
     /// without names change after the first frame.
     pub fn describe_labelled(
         &mut self,
@@ -196,7 +200,9 @@ impl Client {
     /// Sets the time step of the simulator in seconds, which later frames carry to the recording;
     /// 0 (as at first) if it is unknown.
     ///
-    /// Errors: [`Error::Usage`] if it is negative or not finite.
+    /// # Errors
+    ///
+    /// [`Error::Usage`] if it is negative or not finite.
     pub fn set_time_step(&mut self, seconds: f64) -> Result<()> {
         if !(seconds >= 0.0 && seconds.is_finite()) {
             let what = format!("a time step of {seconds} s, expected at least 0");
@@ -222,7 +228,9 @@ impl Client {
     /// # }
     /// ```
     ///
-    /// Errors: those of [`Cell::check`]; the cell stays as it was.
+    /// # Errors
+    ///
+    /// Those of [`Cell::check`]; the cell stays as it was.
     pub fn set_cell(&mut self, cell: Option<Cell>) -> Result<()> {
         cell.as_ref().map_or(Ok(()), Cell::check)?;
         self.frames.cell = cell;
@@ -234,7 +242,9 @@ impl Client {
     /// the number of frames that a simulator can publish meanwhile, or the watcher rejects the
     /// frame.
     ///
-    /// Errors: [`Error::Usage`] if a frame with this number, or a later one, was published.
+    /// # Errors
+    ///
+    /// [`Error::Usage`] if a frame with this number, or a later one, was published.
     pub fn number_next(&mut self, seq: u64) -> Result<()> {
         if seq < self.frames.next {
             let next = self.frames.next;
@@ -265,7 +275,9 @@ impl Client {
 
     /// Publishes the memory of a frame. Returns its sequence number.
     ///
-    /// Errors: [`Error::Bus`] if the memory belongs to another client, or if the curves were
+    /// # Errors
+    ///
+    /// [`Error::Bus`] if the memory belongs to another client, or if the curves were
     /// described again since.
     pub fn send(&mut self, frame: FrameMemory) -> Result<u64> {
         self.frames.send(&self.connection, frame)

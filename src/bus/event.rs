@@ -103,7 +103,9 @@ impl Frame {
     /// Checks what the simulator tells about the frame, and returns it. `last` has the names and
     /// radii of the last frame, which are returned again if they are the same.
     ///
-    /// Errors: the frame breaks its contract, as in [`Frame::ingest`].
+    /// # Errors
+    ///
+    /// The frame breaks its contract, as in [`Frame::ingest`].
     pub fn info(&self, last: &mut LastLabels) -> Result<FrameInfo> {
         let table = self.view()?.table;
         // Zeros after a part may also belong to the part, so equal bytes alone are not enough.
@@ -140,7 +142,9 @@ impl Frame {
     /// [`Frame::read`] with [`Session::receive`](crate::Session::receive) does the same, and
     /// saves time if the frame is then verified.
     ///
-    /// Errors: the frame breaks its contract. Answer it with
+    /// # Errors
+    ///
+    /// The frame breaks its contract. Answer it with
     /// [`Verdict::Rejected`](crate::Verdict::Rejected). The next valid frame makes an existing set
     /// valid again.
     pub fn ingest(&self, set: &mut Option<CurveSet>) -> Result<()> {
@@ -148,7 +152,9 @@ impl Frame {
     }
 
     /// Calls `receive` with the frame in shared memory, unless its header breaks the contract.
-    /// Errors: those of [`Frame::ingest`].
+    /// # Errors
+    ///
+    /// Those of [`Frame::ingest`].
     pub fn read(&self, receive: impl FnOnce(RawFrame<'_>) -> Result<()>) -> Result<()> {
         receive(self.view()?.frame)
     }

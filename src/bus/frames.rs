@@ -404,7 +404,9 @@ impl FrameMemory {
     ///
     /// Write all of it: it initially holds zeros or an earlier frame (NaN in debug builds).
     ///
-    /// Errors: [`Error::LayoutChanged`] if the curves were described in double precision.
+    /// # Errors
+    ///
+    /// [`Error::LayoutChanged`] if the curves were described in double precision.
     pub fn positions_f32(&mut self) -> Result<&mut [f32]> {
         Ok(cast_mut(self.bytes_of(Precision::F32)?).expect("the service aligns to 64 bytes"))
     }

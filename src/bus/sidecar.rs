@@ -254,7 +254,9 @@ impl fmt::Debug for Sidecar {
 impl Sidecar {
     /// Opens the service, or creates it if no simulator has done so yet.
     ///
-    /// Errors: [`Error::Bus`] if another living watcher uses the same name, because a simulator has
+    /// # Errors
+    ///
+    /// [`Error::Bus`] if another living watcher uses the same name, because a simulator has
     /// only one, or if the service has its maximum number of watchers, observers and bridges.
     pub fn open(service: &str, options: &SidecarOptions) -> Result<Sidecar> {
         let role = match options.observe {

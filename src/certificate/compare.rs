@@ -86,7 +86,9 @@ impl Certificate {
     ///
     /// In periodic scenes, the images that the coordinates belong to do not matter.
     ///
-    /// Errors: [`Error::CertificateMismatch`] if the numbers of curves differ; [`Error::Usage`] if
+    /// # Errors
+    ///
+    /// [`Error::CertificateMismatch`] if the numbers of curves differ; [`Error::Usage`] if
     /// only one of both is of a periodic scene.
     pub fn compare(&self, baseline: &Certificate) -> Result<Comparison> {
         self.compare_except(baseline, &[])

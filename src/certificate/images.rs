@@ -125,7 +125,9 @@ impl Certificate {
 
     /// Returns this baseline under the names that a frame has for the images of the curves.
     ///
-    /// Errors: [`Error::Usage`] if the baseline has periods of yarns, and the frame has others.
+    /// # Errors
+    ///
+    /// [`Error::Usage`] if the baseline has periods of yarns, and the frame has others.
     pub(crate) fn aligned_with(&self, frame: &Certificate) -> Result<Certificate> {
         let (Some(baseline), Some(now)) = (self.entries(), frame.entries()) else {
             return Ok(self.clone());

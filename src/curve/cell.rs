@@ -67,7 +67,9 @@ impl Cell {
 
     /// Checks that the vectors span a lattice.
     ///
-    /// Errors: [`Error::Usage`] if a number is not finite, or too large or small to compute with,
+    /// # Errors
+    ///
+    /// [`Error::Usage`] if a number is not finite, or too large or small to compute with,
     /// if the scene does not repeat along any vector, or if the vectors are (almost) linearly
     /// dependent.
     pub fn check(&self) -> Result<()> {

@@ -55,7 +55,9 @@ impl CurveLabels {
 
     /// Checks labels of this number of curves.
     ///
-    /// Errors: [`Error::Count`] if there is another number of names or radii; [`Error::Format`] if
+    /// # Errors
+    ///
+    /// [`Error::Count`] if there is another number of names or radii; [`Error::Format`] if
     /// a name or a radius is invalid, or two curves have the same name.
     pub fn check(&self, curves: usize) -> Result<()> {
         let count = |what, n: usize| match n {
@@ -109,7 +111,9 @@ pub(crate) struct CurveChange {
 impl CurveChange {
     /// Compares curves by their names.
     ///
-    /// Errors: [`Error::Usage`] if either curves have no names.
+    /// # Errors
+    ///
+    /// [`Error::Usage`] if either curves have no names.
     pub fn by_name(before: &CurveLabels, after: &CurveLabels) -> Result<CurveChange> {
         if before.names.is_empty() || after.names.is_empty() {
             return Err(Error::Usage(

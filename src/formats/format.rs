@@ -80,7 +80,9 @@ fn advice_on(folder: &Path) -> String {
 impl Format {
     /// Returns the format of a file by its name, or by its content if the name is not known.
     ///
-    /// Errors: [`Error::Folder`], [`Error::UnknownModel`], and [`Error::Unsupported`] for USD,
+    /// # Errors
+    ///
+    /// [`Error::Folder`], [`Error::UnknownModel`], and [`Error::Unsupported`] for USD,
     /// which the Python package reads.
     pub fn of(path: &Path) -> Result<Format> {
         if path.is_dir() {
@@ -182,7 +184,9 @@ impl Format {
 
     /// Returns the format of a file that is to be written, by its name.
     ///
-    /// Errors: those of [`Format::of`]; [`Error::Unsupported`] for formats that are only read.
+    /// # Errors
+    ///
+    /// Those of [`Format::of`]; [`Error::Unsupported`] for formats that are only read.
     pub fn to_write(path: &Path) -> Result<Format> {
         match Format::named(path) {
             _ if path.is_dir() => Format::of(path),

@@ -73,7 +73,9 @@ pub(super) type Source<'a> = Box<dyn FrameSource + 'a>;
 pub(super) trait FrameSource {
     /// Reads the next frame. `None` at the end of the file.
     ///
-    /// Errors: the file is invalid or truncated, so that nothing more can be read.
+    /// # Errors
+    ///
+    /// The file is invalid or truncated, so that nothing more can be read.
     fn next_frame(&mut self) -> Result<Option<ModelFrame>>;
 }
 
@@ -101,7 +103,9 @@ pub struct Frames {
 impl Frames {
     /// Opens a model file. The extension determines the format.
     ///
-    /// Errors: those of [`super::read`], as far as they show before the first frame is read.
+    /// # Errors
+    ///
+    /// Those of [`super::read`], as far as they show before the first frame is read.
     pub fn open(path: &Path, options: &ReadOptions) -> Result<Frames> {
         let source = Format::of(path)?.open(path, options);
         Ok(Frames {

@@ -27,7 +27,9 @@ pub(super) struct Lines<R> {
 impl<R: BufRead> Lines<R> {
     /// Starts before the first line of a file.
     ///
-    /// Errors: the file is compressed.
+    /// # Errors
+    ///
+    /// The file is compressed.
     pub fn new(format: &'static str, mut input: Input<R>) -> Result<Self> {
         let magic: [(&[u8], &str); 3] = [
             (b"\x1f\x8b", "gunzip"),

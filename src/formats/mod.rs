@@ -96,7 +96,9 @@ fn count_of(points: usize, closed: bool) -> Result<i32> {
 
 /// Returns the curves of these points.
 ///
-/// Errors: there are not as many as the counts promise.
+/// # Errors
+///
+/// There are not as many as the counts promise.
 fn divided(
     format: &'static str,
     kind: &'static str,

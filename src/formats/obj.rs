@@ -442,7 +442,9 @@ impl Statements {
 /// Writes polylines: all vertices, then one `l` statement a curve, in which a closed curve ends at
 /// its first vertex. No two curves share a vertex.
 ///
-/// Errors: splines, and a closed curve of one point.
+/// # Errors
+///
+/// Splines, and a closed curve of one point.
 pub(super) fn write(path: &Path, set: &CurveSet) -> Result<()> {
     check_polylines(FORMAT, set)?;
     if let Some(i) = set.curves().iter().position(|c| c.points < 2) {

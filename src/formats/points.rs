@@ -283,7 +283,9 @@ impl Curves {
 
     /// Returns the curves.
     ///
-    /// Errors: the text does not say which of them are closed, and this is the first frame, which
+    /// # Errors
+    ///
+    /// The text does not say which of them are closed, and this is the first frame, which
     /// decides for all.
     fn finish(mut self, options: &ReadOptions, is_first: bool) -> Result<CurveSet> {
         if let Some(bad) = self.bad.take() {

@@ -29,7 +29,9 @@ impl ModelFrame {
 
 /// Returns the cell along the directions that are periodic. `None` if there are none.
 ///
-/// Errors: [`Error::Usage`] if a vector is zero, as `empty` says, or the vectors are no lattice.
+/// # Errors
+///
+/// [`Error::Usage`] if a vector is zero, as `empty` says, or the vectors are no lattice.
 pub(super) fn cell_along(
     mut cell: Cell,
     periodic: [bool; 3],

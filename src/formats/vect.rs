@@ -91,7 +91,9 @@ pub(super) fn read(input: Input<impl BufRead>) -> Result<CurveSet> {
 
 /// Writes polylines, without colours.
 ///
-/// Errors: splines.
+/// # Errors
+///
+/// Splines.
 pub(super) fn write(path: &Path, set: &CurveSet) -> Result<()> {
     check_polylines(FORMAT, set)?;
     create(path, |out| {

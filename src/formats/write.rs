@@ -13,7 +13,9 @@ use std::path::{Path, PathBuf};
 pub(super) trait FrameSink {
     /// Writes another frame.
     ///
-    /// Errors: the format cannot hold these curves (the message says what it can hold), the frame
+    /// # Errors
+    ///
+    /// The format cannot hold these curves (the message says what it can hold), the frame
     /// has other curves than the first one where the format does not allow it, or the disk is full.
     fn frame(&mut self, frame: &ModelFrame, set: &CurveSet) -> Result<()>;
 
@@ -49,7 +51,9 @@ pub struct FrameWriter {
 impl FrameWriter {
     /// Starts a model file of a format, which its first frame creates or truncates.
     ///
-    /// Errors: [`Error::Unsupported`] for formats that are only read.
+    /// # Errors
+    ///
+    /// [`Error::Unsupported`] for formats that are only read.
     pub fn create(path: &Path, format: Format) -> Result<FrameWriter> {
         match format.is_written() {
             true => Ok(FrameWriter {
@@ -63,7 +67,9 @@ impl FrameWriter {
 
     /// Writes a frame. Its cell is lost if the format cannot hold one ([`Format::holds_cells`]).
     ///
-    /// Errors: that of the curves, if they are invalid; [`Error::Unsupported`] if the format cannot
+    /// # Errors
+    ///
+    /// That of the curves, if they are invalid; [`Error::Unsupported`] if the format cannot
     /// hold them, or no second frame; [`Error::File`].
     pub fn frame(&mut self, frame: &ModelFrame) -> Result<()> {
         let set = frame.curves.as_ref().map_err(|e| {

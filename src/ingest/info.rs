@@ -83,7 +83,9 @@ impl FrameInfo {
     /// Compares this frame with the last verified frame of its session. Returns the change of the
     /// curves if it has other curves.
     ///
-    /// Errors: [`Error::Usage`] if the curves changed, but have no names; [`Error::Format`] if
+    /// # Errors
+    ///
+    /// [`Error::Usage`] if the curves changed, but have no names; [`Error::Format`] if
     /// names or radii changed, but not the number of the layout. Curves would then be compared
     /// with others under their name.
     pub(crate) fn change_since(&self, last: &FrameInfo) -> Result<Option<CurveChange>> {

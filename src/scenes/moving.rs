@@ -28,7 +28,9 @@ impl MovingScene {
     /// Moves the curves, and passes each frame with its number to `take`, which returns the curves
     /// so that their memory is used for the next frame.
     ///
-    /// Errors: those of `take`; [`Error::Usage`] if no two curves are near enough to be pulled
+    /// # Errors
+    ///
+    /// Those of `take`; [`Error::Usage`] if no two curves are near enough to be pulled
     /// through one another; those of coordinates that overflow.
     pub fn play(
         &self,

@@ -66,7 +66,9 @@ impl Frame {
 
     /// Returns the set of curves that is verified.
     ///
-    /// Errors: those of [`CurveSet::translate`].
+    /// # Errors
+    ///
+    /// Those of [`CurveSet::translate`].
     pub fn set(&self) -> Result<&Arc<CurveSet>> {
         let (Some(images), Some(cell)) = (&self.images, &self.cell) else {
             return Ok(&self.given);

@@ -15,7 +15,9 @@ impl FramePool {
     /// Receives a frame into free curves. `receive` gets the curves of an earlier frame, with their
     /// layout, or `None` if there is no earlier frame.
     ///
-    /// Errors: those of `receive`, and [`Error::Usage`](crate::Error::Usage) if it made no curves.
+    /// # Errors
+    ///
+    /// Those of `receive`, and [`Error::Usage`](crate::Error::Usage) if it made no curves.
     pub fn receive(
         &mut self,
         receive: impl FnOnce(&mut Option<CurveSet>) -> crate::Result<()>,

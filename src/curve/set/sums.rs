@@ -221,7 +221,9 @@ impl CurveSet {
     /// precision. A polyline that is a yarn ends at the exact image of its start, so that its
     /// periods are one curve without gaps. `out` has these curves of an earlier frame, or nothing.
     ///
-    /// Errors: those of [`CurveSet::from_counts`]; a sum may overflow.
+    /// # Errors
+    ///
+    /// Those of [`CurveSet::from_counts`]; a sum may overflow.
     pub(crate) fn translate(
         frame: &Arc<CurveSet>,
         curves: &Translated,

@@ -116,7 +116,9 @@ fn check_number(what: &'static str, found: usize) -> Result<()> {
 impl Curves {
     /// Joins bonds.
     ///
-    /// Errors: no molecule is a curve.
+    /// # Errors
+    ///
+    /// No molecule is a curve.
     pub fn of_bonds(bonds: Vec<[u64; 2]>, format: &'static str) -> Result<Curves> {
         let mut ids: Vec<u64> = bonds.as_flattened().to_vec();
         ids.sort_unstable();
@@ -177,7 +179,9 @@ impl Curves {
     /// Returns the curves of atoms, given by molecule and id: the atoms of a molecule in the order
     /// of their ids. Molecule 0 and those of one atom are no curves.
     ///
-    /// Errors: no molecule is a curve.
+    /// # Errors
+    ///
+    /// No molecule is a curve.
     pub fn of_molecules(
         mut members: Vec<(i64, u64)>,
         closed: bool,
@@ -253,7 +257,9 @@ pub(super) struct Frame<'a> {
 impl Frame<'_> {
     /// Adds an atom. One that is on no curve is ignored.
     ///
-    /// Errors: the atom is there already.
+    /// # Errors
+    ///
+    /// The atom is there already.
     pub fn put(&mut self, id: u64, at: [f64; 3]) -> Result<(), String> {
         let index = find(&self.curves.ids, id);
         let place = index.map_or(NONE, |k| self.curves.places[k]);
@@ -270,7 +276,9 @@ impl Frame<'_> {
 
     /// Returns the curves.
     ///
-    /// Errors: an atom is missing, a coordinate is not finite, or a bond is torn by the boundary of
+    /// # Errors
+    ///
+    /// An atom is missing, a coordinate is not finite, or a bond is torn by the boundary of
     /// a periodic cell (`None` if that is no matter).
     pub fn finish(self, cell: Option<&Cell>, unwrapped: Unwrapped) -> Result<CurveSet> {
         let curves = self.curves;

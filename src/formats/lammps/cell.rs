@@ -86,7 +86,9 @@ impl SimulationBox {
 
     /// Returns the cell along which the scene repeats, if it does.
     ///
-    /// Errors: [`crate::Error::Usage`] if a periodic box has no volume.
+    /// # Errors
+    ///
+    /// [`crate::Error::Usage`] if a periodic box has no volume.
     pub fn cell(&self) -> Result<Option<Cell>> {
         let cell = Cell {
             origin: self.low,

@@ -19,7 +19,9 @@ struct Atom {
 
 /// Reads the atoms of a frame. The inner result is that of this frame alone.
 ///
-/// Errors: the file ends, or does not say which atoms belong to one curve.
+/// # Errors
+///
+/// The file ends, or does not say which atoms belong to one curve.
 pub(super) fn read(
     lines: &mut Lines<impl BufRead>,
     count: u64,

@@ -168,7 +168,9 @@ impl Layout {
     /// Checks that an open curve, which is closed in all frames, ends where it starts: within a
     /// distance that is known to be small, or a small part of a segment.
     ///
-    /// Errors: [`Error::EndsApart`]; [`Error::NotFinite`] for a point that would not be copied.
+    /// # Errors
+    ///
+    /// [`Error::EndsApart`]; [`Error::NotFinite`] for a point that would not be copied.
     pub fn check_ends(
         &self,
         curve: usize,

@@ -162,7 +162,9 @@ impl Closing {
     /// Returns a frame with the curves that are to be verified. It is the given one if no curve
     /// changes. A frame of other curves than the first one is returned as it is.
     ///
-    /// Errors: [`EndsApart`](crate::Error::EndsApart) if a curve that is closed ends elsewhere than
+    /// # Errors
+    ///
+    /// [`EndsApart`](crate::Error::EndsApart) if a curve that is closed ends elsewhere than
     /// it starts.
     pub fn close<'a>(
         &'a mut self,
@@ -214,7 +216,9 @@ impl Closing {
 
     /// Returns the curves of a frame, closed as [`Closing::close`] does.
     ///
-    /// Errors: those of [`Closing::close`] and of [`CurveSet::from_counts`].
+    /// # Errors
+    ///
+    /// Those of [`Closing::close`] and of [`CurveSet::from_counts`].
     pub fn curves(&mut self, frame: RawFrame<'_>, source: CurveSource) -> Result<CurveSet> {
         let closed = self.close(frame, source)?;
         CurveSet::from_counts(closed.basis, closed.counts, closed.positions)

@@ -124,7 +124,9 @@ impl Ribbon {
     /// # Ok::<(), linkwatch::Error>(())
     /// ```
     ///
-    /// Errors: [`Error::Usage`] if the curves cannot be the strands of a ribbon.
+    /// # Errors
+    ///
+    /// [`Error::Usage`] if the curves cannot be the strands of a ribbon.
     pub fn of(set: &CurveSet, [i, j]: [usize; 2], options: RibbonOptions) -> Result<Ribbon> {
         pool::check_process()?;
         check(set, [i, j])?;

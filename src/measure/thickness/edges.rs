@@ -68,7 +68,9 @@ impl Found {
 impl Edges {
     /// Returns the edges of all curves, which are periodic if there is a cell.
     ///
-    /// Errors: those of [`Lattice::new`].
+    /// # Errors
+    ///
+    /// Those of [`Lattice::new`].
     pub fn of(set: &CurveSet, cell: Option<&Cell>) -> Result<Edges> {
         let points = (0..set.len()).flat_map(|i| {
             let last = set.curve(i).segments as usize;

@@ -48,7 +48,9 @@ pub(super) struct Lattice {
 impl Lattice {
     /// Moves the edges of all curves to the first cell.
     ///
-    /// Errors: [`Error::Usage`] if the cell is no lattice, or a curve spans too many cells.
+    /// # Errors
+    ///
+    /// [`Error::Usage`] if the cell is no lattice, or a curve spans too many cells.
     pub fn new(edges: &mut [Edge], set: &CurveSet, cell: &Cell, scale: Scale) -> Result<Lattice> {
         cell.check()?;
         let periods = (0..set.len()).map(|i| period(set, i, cell).unwrap_or_default());
@@ -207,7 +209,9 @@ impl Edges {
 
     /// Checks that each edge has not too many images within a distance.
     ///
-    /// Errors: [`Error::Usage`] if there are too many.
+    /// # Errors
+    ///
+    /// [`Error::Usage`] if there are too many.
     pub fn check_images(&self, distance_sq: f64) -> Result<()> {
         let few = |lattice: &Lattice| lattice.count(distance_sq.sqrt()) <= MOST_IMAGES;
         match self.lattice.as_ref().is_none_or(few) {

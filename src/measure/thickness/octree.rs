@@ -171,7 +171,9 @@ impl Octree {
 
     /// Returns the shortest strut.
     ///
-    /// Errors: those of [`Edges::check_images`].
+    /// # Errors
+    ///
+    /// Those of [`Edges::check_images`].
     pub fn shortest(&self, edges: &Edges) -> Result<Option<Found>> {
         // Squared length of the shortest strut so far: as bits, which have the same order.
         let shortest = AtomicU64::new(f64::INFINITY.to_bits());
@@ -205,7 +207,9 @@ impl Octree {
 
     /// Returns all struts up to a length.
     ///
-    /// Errors: those of [`Edges::check_images`].
+    /// # Errors
+    ///
+    /// Those of [`Edges::check_images`].
     pub fn up_to(&self, edges: &Edges, longest: f64) -> Result<Vec<Found>> {
         let limit_sq = edges.scaled(longest).powi(2);
         edges.check_images(limit_sq)?;

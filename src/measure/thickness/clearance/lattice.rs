@@ -53,7 +53,9 @@ pub(super) struct LatticeMotion {
 impl Lattice {
     /// Returns the lattice of a scene with these boxes, for strands up to a distance.
     ///
-    /// Errors: [`Error::Usage`] if the vectors of the cell do not span a lattice.
+    /// # Errors
+    ///
+    /// [`Error::Usage`] if the vectors of the cell do not span a lattice.
     pub fn new(cell: &Cell, boxes: &[Box3], reach: f64) -> Result<Lattice> {
         let inverse = cell.inverse().ok_or_else(|| {
             let what = format!("cell {cell}: the vectors lie in one plane or on one line");
@@ -77,7 +79,9 @@ impl Lattice {
     /// Returns all pairs of a box and an image of another one, or of itself, that may overlap. See
     /// [`overlapping`].
     ///
-    /// Errors: the number of a box that spans too many cells.
+    /// # Errors
+    ///
+    /// The number of a box that spans too many cells.
     pub fn near<'a>(
         &self,
         boxes: &[Box3],

@@ -143,7 +143,9 @@ pub(crate) struct CloseBlock {
 /// This takes longer than to verify a frame; [`Report::clearance`](crate::Report::clearance) has
 /// the closest strands of each frame.
 ///
-/// Errors: [`Error::Usage`] if a curve has no radius, or one that is not a positive length, the
+/// # Errors
+///
+/// [`Error::Usage`] if a curve has no radius, or one that is not a positive length, the
 /// vectors of the cell do not span a lattice, or curves span too many cells;
 /// [`Error::Unsupported`] if coordinates are too large, or too many strands are close.
 #[cfg_attr(not(feature = "rerun"), allow(dead_code, reason = "for the viewer"))]
@@ -300,7 +302,9 @@ impl ClearanceMonitor {
 
     /// Sets the radius of each curve, if they are not given by the options.
     ///
-    /// Errors: [`Error::Usage`] if a radius is no length.
+    /// # Errors
+    ///
+    /// [`Error::Usage`] if a radius is no length.
     pub fn set_radii(&mut self, radii: &[f32]) -> Result<()> {
         if self.options.radius.is_some() {
             return Ok(());
@@ -339,7 +343,9 @@ impl ClearanceMonitor {
 
     /// Measures a frame in its periodic cell, if there is one.
     ///
-    /// Errors: [`Error::Usage`] if the radii of the curves are unknown, or curves span too many
+    /// # Errors
+    ///
+    /// [`Error::Usage`] if the radii of the curves are unknown, or curves span too many
     /// cells; [`Error::Unsupported`] if coordinates are too large, or too many strands are close.
     pub fn measure(&mut self, set: &CurveSet, cell: Option<&Cell>, seq: u64) -> Result<Clearance> {
         match set.segments() {

@@ -144,7 +144,9 @@ impl Moved {
 impl NearList {
     /// Lists the near pairs of a frame, which becomes the reference frame.
     ///
-    /// Errors: [`Error::Unsupported`] if there are too many; [`Error::Usage`] if curves span too
+    /// # Errors
+    ///
+    /// [`Error::Unsupported`] if there are too many; [`Error::Usage`] if curves span too
     /// many cells.
     pub fn build(strands: &Strands<'_>, reach: Reach, search: &mut LinkSearch) -> Result<NearList> {
         let Strands {

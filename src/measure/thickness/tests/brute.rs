@@ -6,7 +6,9 @@ use crate::measure::thickness::edges::{Edges, Found};
 
 /// Returns the shortest strut.
 ///
-/// Errors: those of [`Edges::check_images`].
+/// # Errors
+///
+/// Those of [`Edges::check_images`].
 pub fn shortest(edges: &Edges) -> Result<Option<Found>> {
     let mut best: Option<Found> = None;
     let mut compare = |(i, j, image), longest_sq: f64| {
@@ -25,7 +27,9 @@ pub fn shortest(edges: &Edges) -> Result<Option<Found>> {
 
 /// Returns all struts up to a length.
 ///
-/// Errors: those of [`Edges::check_images`].
+/// # Errors
+///
+/// Those of [`Edges::check_images`].
 pub fn up_to(edges: &Edges, longest: f64) -> Result<Vec<Found>> {
     let limit_sq = edges.scaled(longest).powi(2);
     edges.check_images(limit_sq)?;
