@@ -217,7 +217,7 @@ use record::{Alignment, FrameDiff, FramePlace, OnlyIn, Outline, RunDiff, diff_ru
 #[cfg(feature = "mcap")]
 pub use record::{
     Ending, RecordedFrame, RecordedItem, RecordedVerdict, RecordingOptions, RecordingReader,
-    RecordingSink, RecordingTool, Retention,
+    RecordingSink, Retention,
 };
 #[cfg(all(feature = "mcap", feature = "cli"))]
 use report::{Conclusion, RunReport};

@@ -67,7 +67,10 @@ const GONE: [(&str, &str); 43] = [
     ("--publish", "`linkwatch play FILE --service NAME`"),
     ("--pull", "--frames N,pull=SEQ"),
     ("--record-every", "--record FILE.mcap,every=N"),
-    ("--record-for", "--record FILE.mcap,for=TOOL"),
+    (
+        "--record-for",
+        "`linkwatch replay FILE.mcap --show FILE.rrd`",
+    ),
     ("--record-keep", "--record FILE.mcap,max=SIZE,keep=K"),
     ("--record-max", "--record FILE.mcap,max=SIZE"),
     ("--record-window", "--record FILE.mcap,window=SECONDS"),

@@ -85,7 +85,9 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         // If the frame cannot be read, that is the reason.
         let Frame { curves, path, .. } = first?;
         curves.map_err(|e| e.in_file(&path))?;
-        return Err(nothing_to_compare("--baseline"));
+        let what = "one frame and nothing to compare it with: also give later ones of its motion, \
+                    or --baseline CERT (`linkwatch certify MODEL -o CERT` writes one)";
+        return Err(Error::Usage(what.into()));
     }
     let far = !args.event_args.are_given() && are_far_apart(&first, &second);
     if second.is_none() || args.early_exit || far {
@@ -210,14 +212,6 @@ fn median(numbers: impl Iterator<Item = f64>) -> Option<f64> {
     let mut numbers: Vec<f64> = numbers.collect();
     let middle = numbers.len() / 2;
     (!numbers.is_empty()).then(|| *numbers.select_nth_unstable_by(middle, f64::total_cmp).1)
-}
-
-/// Returns the error for a single valid frame that is its own baseline.
-pub fn nothing_to_compare(option: &str) -> Error {
-    Error::Usage(format!(
-        "one frame and nothing to compare it with: also give later ones of its motion, or {option} \
-         CERT (`linkwatch certify MODEL -o CERT` writes one)"
-    ))
 }
 
 /// Returns true if a model has no closed curve, or not the braids that are to be verified.

@@ -227,6 +227,19 @@ pub fn is_recording(path: &Path) -> Result<bool> {
     Ok(!matches!(first, Ok(None)) || !reader.metadata().is_empty() || reader.skipped() == 0)
 }
 
+/// Fails if a file is no recording of linkwatch.
+#[cfg(feature = "mcap")]
+pub fn check_recording(path: &Path) -> Result<()> {
+    if !path.is_file() || is_recording(path)? {
+        return Ok(());
+    }
+    Err(Error::Usage(format!(
+        "{0}: not a recording: `linkwatch check {0} --record RUN.mcap` verifies its frames and \
+         writes one",
+        path.display()
+    )))
+}
+
 /// A frame of a file.
 pub struct Read {
     pub seq: u64,

@@ -12,8 +12,6 @@ pub use times::{FrameTimes, LiveTimes, RunProgress};
 
 use crate::certificate::Certificate;
 use crate::curve::CurveSet;
-#[cfg(any(feature = "mcap", feature = "rerun"))]
-use crate::curve::{AXES, Point, vector::add_scaled};
 #[cfg(feature = "rerun")]
 use crate::error::Error;
 use crate::error::Result;
@@ -98,10 +96,4 @@ pub(crate) fn create_file(path: &std::path::Path) -> Result<std::fs::File> {
         return Err(Error::file(path)(source));
     }
     std::fs::File::create(path).map_err(Error::file(path))
-}
-
-/// Returns the rays of a star: both ends of a line along each axis.
-#[cfg(any(feature = "mcap", feature = "rerun"))]
-pub(crate) fn star(center: Point, reach: f64) -> [[Point; 2]; 3] {
-    AXES.map(|axis| [-reach, reach].map(|t| add_scaled(center, t, axis)))
 }

@@ -232,7 +232,6 @@ fn the_advice_on_wrapped_coordinates_leads_to_a_result() {
         ("certify", &["--open", "--cell", "none"]),
         ("certify", &["--explain"]),
         ("check", &[]),
-        ("replay", &[]),
         ("convert", &[text(&out)]),
     ] {
         let run = linkwatch(&[&[command, text(&model)], more].concat());

@@ -178,22 +178,6 @@ fn a_recording_that_was_cut_off_is_searched_up_to_its_end() {
 }
 
 #[test]
-fn frames_of_a_model_are_verified_in_sequence() {
-    let folder = TempDir::new().unwrap();
-    let model = folder.path().join("mail.bcc");
-    let scene = [
-        "generate",
-        "chainmail:rows=2,columns=2",
-        "-o",
-        model.to_str().unwrap(),
-    ];
-    assert_eq!(printed(&scene).0, Some(0));
-    let (found, code) = bisect(&model, &["--events"]);
-    assert_eq!((&found["in_sequence"], code), (&true.into(), Some(0)));
-    assert_eq!(found["proof"], "proven: no frame is changed");
-}
-
-#[test]
 fn refuses_what_cannot_be_searched() {
     let folder = TempDir::new().unwrap();
     let flight = recordings().join("flight.mcap");

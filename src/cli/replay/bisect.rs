@@ -1,7 +1,5 @@
-//! `replay --bisect`: finds the first changed frame without verifying all.
-//!
-//! A recording is searched by bisection, each frame in full and alone against the baseline. Frames
-//! of a model file cannot be skipped, so they are verified one by one, up to the first changed one.
+//! `replay --bisect`: finds the first changed frame of a recording without verifying all: by
+//! bisection, each frame in full and alone against the baseline.
 
 mod print;
 
@@ -9,16 +7,15 @@ use self::print::{Found, Recorded};
 use super::Args;
 use super::verify::recorded_events;
 use crate::cli::Outcome;
-use crate::cli::cell_args::{CellArgs, say};
+use crate::cli::cell_args::say;
 use crate::cli::output::with_progress;
-use crate::cli::run::{Baseline, Judge};
-use crate::cli::source::{Frame, Item, Recording, Source, warn_of_cut};
+use crate::cli::run::Baseline;
+use crate::cli::source::{Source, warn_of_cut};
 use linkwatch::{
     AbortOn, Cause, Certificate, CurveSet, Defect, DefectKind, Ending, Error, Events, FrameInfo,
-    FramePlace, Outline, Received, RecordedItem, Report, Result, Session, SessionOptions, Strategy,
-    Verdict, bisect,
+    FramePlace, Outline, Received, RecordedItem, Report, Result, Session, SessionOptions, Verdict,
+    bisect,
 };
-use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -33,21 +30,14 @@ struct Loaded {
 }
 
 impl Loaded {
-    fn new(frame: Frame) -> Result<Loaded> {
-        Ok(Loaded {
-            info: frame.info.clone(),
-            curves: Arc::new(frame.curves()?),
-        })
-    }
-
     /// Verifies the frame. Returns the report; the frame has the curves and the cell with which it
     /// was verified then.
     ///
     /// Errors: those of [`Session::verify`], and the reason why the frame is rejected.
-    fn feed(&mut self, session: &mut Session, name: &Path) -> Result<Report> {
+    fn feed(&mut self, session: &mut Session) -> Result<Report> {
         let given = Received::new(self.info.clone(), Ok(Arc::clone(&self.curves)));
         let verified = session.verify(given)?;
-        say(&name.display(), &verified.notes);
+        say(&"the recording", &verified.notes);
         let Some(curves) = verified.curves else {
             return Err(Error::Usage(verified.report.rejected.unwrap_or_default()));
         };
@@ -56,112 +46,67 @@ impl Loaded {
     }
 }
 
-/// Settings of the verification.
-struct Settings {
-    options: SessionOptions,
-    /// Pull-throughs to search for in the step to the changed frame.
-    events: Events,
-    /// Motion limit of that search.
-    limit: f64,
-}
-
-impl Settings {
-    fn new(args: &Args, cells: CellArgs, recorded: Option<(Events, f64)>) -> Result<Settings> {
-        let judge = &args.judge;
-        let (recorded, limit) = recorded.unwrap_or((Events::Off, SessionOptions::MOTION_LIMIT));
-        let baseline = match &judge.baseline {
-            Some(Baseline::File(path)) => Some(Certificate::read(path)?),
-            _ => None,
-        };
-        Ok(Settings {
-            options: SessionOptions {
-                abort_on: AbortOn::Never,
-                baseline,
-                cell: cells.given(),
-                ignore_cell: cells.ignores_cells(),
-                wrapped: cells.wrapped(),
-                keep_open: cells.keep_open(),
-                max_pairs: judge.max_pairs.unwrap_or(SessionOptions::MAX_PAIRS),
-                ..SessionOptions::default()
-            },
-            events: judge.event_args.events(AbortOn::Never, recorded),
-            limit: judge.event_args.motion_limit.unwrap_or(limit),
-        })
-    }
-
-    /// Returns a session that searches for pull-throughs.
-    fn searching(&self, strategy: Strategy) -> Result<Session> {
-        let limit = (self.events != Events::Off).then_some(self.limit);
-        Session::new(SessionOptions {
-            strategy,
-            events: self.events,
-            motion_limit: limit,
-            ..self.options.clone()
-        })
-    }
-}
-
 /// Runs the command.
-pub fn run(args: &Args, mut source: Source, json: bool) -> Result<Outcome> {
-    let judge: &Judge = &args.judge;
-    if args.range.from.is_some() && judge.baseline.is_none() && source.recording().is_none() {
-        tracing::info!("the baseline is the first frame of the range");
-    }
+pub fn run(args: &Args, source: Source, json: bool) -> Result<Outcome> {
     let start = Instant::now();
-    let path = source.path().to_owned();
-    let in_file = |e: Error| match e {
+    let path = source.path.clone();
+    let mut ending = None;
+    let mut lacks_curves = false;
+    let search = || {
+        let mut search = Search::new(args, source)?;
+        ending = search.ending.take();
+        let found = search.run();
+        lacks_curves = search.source.lacks_curves;
+        found
+    };
+    let found = search().map_err(|e| match e {
         Error::NothingClosed { curves, .. } => Error::Usage(format!(
             "{}: none of {curves} curves is closed, and --bisect compares linking numbers; \
              `linkwatch replay --events=between` verifies every step",
             path.display()
         )),
         other => other.in_file(&path),
-    };
-    let mut ending = None;
-    let found = match source.recording() {
-        Some(reader) => {
-            let mut search = Search::new(args, reader, &path).map_err(in_file)?;
-            ending = search.ending.take();
-            search.run().map_err(in_file)?
-        }
-        None => in_sequence(args, &mut source).map_err(in_file)?,
-    };
+    })?;
     let cut = warn_of_cut(&path, ending.as_ref());
     let outcome = found.outcome();
     found.print(&path, start.elapsed(), json);
     Ok(match outcome {
-        Outcome::Fine if cut || source.lacks_curves() => Outcome::Undecided,
+        Outcome::Fine if cut || lacks_curves => Outcome::Undecided,
         outcome => outcome,
     })
 }
 
 /// A search in a recording.
-struct Search<'a> {
-    reader: &'a mut Recording,
-    settings: Settings,
+struct Search {
+    source: Source,
+    options: SessionOptions,
+    /// Pull-throughs to search for in the step to the changed frame, and their motion limit.
+    events: (Events, f64),
     session: Session,
-    path: &'a Path,
     frames: Vec<FramePlace>,
     outline: Outline,
     /// End of the file, if no frame there is after the range.
     ending: Option<Ending>,
     /// Layout of the curves of the first frame that was verified.
-    layout: Option<FrameInfo>,
+    layout: Option<u32>,
     /// Reports on the verified frames, by their index.
     reports: Vec<(usize, Report)>,
 }
 
-impl<'a> Search<'a> {
-    fn new(args: &Args, reader: &'a mut Recording, path: &'a Path) -> Result<Search<'a>> {
-        let baseline = read_baseline(reader)?;
-        let recorded = recorded_events(reader.metadata());
-        let cells = args.judge.cell_args.or_recorded(reader.metadata());
-        let mut settings = Settings::new(args, cells, Some(recorded))?;
-        if args.judge.baseline.is_none() {
-            settings.options.baseline = baseline;
+impl Search {
+    fn new(args: &Args, mut source: Source) -> Result<Search> {
+        let (judge, range) = (&args.judge, args.range);
+        let mut baseline = read_baseline(&mut source)?;
+        if let Some(given) = &judge.baseline {
+            baseline = match given {
+                Baseline::File(path) => Some(Certificate::read(path)?),
+                Baseline::FirstFrame => None,
+            };
         }
+        let reader = &mut source.reader;
+        let cells = judge.cell_args.or_recorded(reader.metadata());
+        let (events, limit) = recorded_events(reader.metadata());
         let mut outline = reader.outline()?;
-        let range = args.range;
         let mut frames = std::mem::take(&mut outline.frames);
         let ends_before = frames.iter().any(|f| range.is_before(f.seq, f.time));
         let ending = reader.ending().filter(|_| !ends_before).cloned();
@@ -169,32 +114,43 @@ impl<'a> Search<'a> {
         let verdicts = &mut outline.verdicts;
         verdicts.retain(|verdict| range.contains(verdict.at.seq, verdict.at.time));
         if frames.is_empty() {
-            return Err(Error::Usage(format!(
-                "{}: no frame to verify",
-                path.display()
-            )));
+            return Err(Error::Usage("no frame to verify".into()));
         }
+        let options = SessionOptions {
+            abort_on: AbortOn::Never,
+            baseline,
+            cell: cells.given(),
+            ignore_cell: cells.ignores_cells(),
+            wrapped: cells.wrapped(),
+            keep_open: cells.keep_open(),
+            max_pairs: judge.max_pairs.unwrap_or(SessionOptions::MAX_PAIRS),
+            ..SessionOptions::default()
+        };
         let mut search = Search {
-            reader,
-            session: Session::new(settings.options.clone())?,
-            settings,
-            path,
+            source,
+            session: Session::new(options.clone())?,
+            options,
+            events: (
+                judge.event_args.events(AbortOn::Never, events),
+                judge.event_args.motion_limit.unwrap_or(limit),
+            ),
             frames,
             outline,
             ending,
             layout: None,
             reports: Vec::new(),
         };
-        if search.settings.options.baseline.is_none() {
+        if search.options.baseline.is_none() {
             // The first frame is the baseline.
             let _ = search.verify(0)?;
-            search.settings.options.baseline = search.session.baseline().cloned();
+            search.options.baseline = search.session.baseline().cloned();
         }
         Ok(search)
     }
 
-    fn run(mut self) -> Result<Found> {
+    fn run(&mut self) -> Result<Found> {
         let last = self.frames.len() - 1;
+        let searches = self.events.0 != Events::Off;
         let mut first = bisect(0..=last, |frame| self.is_changed(frame))?;
         // An earlier change may have reverted, or changed no linking number.
         let recorded = self.recorded_change();
@@ -204,7 +160,7 @@ impl<'a> Search<'a> {
             Some((frame, true)) => {
                 first = bisect(0..=frame, |frame| self.is_changed(frame))?.or(first);
             }
-            Some((frame, false)) if frame > 0 && self.settings.events != Events::Off => {
+            Some((frame, false)) if frame > 0 && searches => {
                 let search = self.search_step(frame)?;
                 if search.report.verdict == Verdict::Changed {
                     (first, step) = (Some(frame), Some(search));
@@ -212,30 +168,26 @@ impl<'a> Search<'a> {
             }
             _ => {}
         }
-        let mut found = Found {
+        if let Some(changed @ 1..) = first
+            && step.is_none()
+            && searches
+        {
+            step = Some(self.search_step(changed)?);
+        }
+        let of_step = step.as_ref().map(|step| step.report.clone());
+        let before = match first {
+            Some(changed) => changed.checked_sub(1),
+            None => Some(last),
+        };
+        Ok(Found {
             frames: self.frames.len(),
             names: self.load(first.unwrap_or(last))?.info.labels.names.clone(),
-            ..Found::default()
-        };
-        match first {
-            None => found.before = self.report(last),
-            Some(changed) => {
-                if step.is_none() && changed > 0 && self.settings.events != Events::Off {
-                    step = Some(self.search_step(changed)?);
-                }
-                found.changed = match &step {
-                    Some(step) => Some(step.report.clone()),
-                    None => self.report(changed),
-                };
-                found.before = changed
-                    .checked_sub(1)
-                    .and_then(|before| self.report(before));
-            }
-        }
-        found.step = step;
-        found.verified = self.reports.len();
-        found.recorded = self.compare_with_recorded(first, recorded.map(|(frame, _)| frame));
-        Ok(found)
+            changed: of_step.or(first.and_then(|changed| self.report(changed))),
+            before: before.and_then(|before| self.report(before)),
+            step,
+            verified: self.reports.len(),
+            recorded: self.compare_with_recorded(first, recorded.map(|(frame, _)| frame)),
+        })
     }
 
     /// Searches the step to a frame for pull-throughs. Begins with the last intact frame before it,
@@ -245,18 +197,21 @@ impl<'a> Search<'a> {
         while self.verdict(start)? != Verdict::Intact && start > 0 && frame - start < CONTACT {
             start -= 1;
         }
-        let mut session = self.settings.searching(Strategy::Full)?;
+        let (events, limit) = self.events;
+        let mut session = Session::new(SessionOptions {
+            events,
+            motion_limit: Some(limit),
+            ..self.options.clone()
+        })?;
         let mut before = self.load(start)?;
-        let _ = before.feed(&mut session, self.path)?;
-        for k in start + 1..=frame {
-            let mut next = self.load(k)?;
-            let report = next.feed(&mut session, self.path)?;
-            if k == frame {
-                return Ok(Step::new(report, &[before, next]));
-            }
-            before = next;
+        let _ = before.feed(&mut session)?;
+        for k in start + 1..frame {
+            before = self.load(k)?;
+            let _ = before.feed(&mut session)?;
         }
-        unreachable!("the loop ends with the frame")
+        let mut after = self.load(frame)?;
+        let report = after.feed(&mut session)?;
+        Ok(Step::new(report, &[before, after]))
     }
 
     fn report(&self, frame: usize) -> Option<Report> {
@@ -279,26 +234,25 @@ impl<'a> Search<'a> {
     /// Verifies a frame alone.
     fn verify(&mut self, frame: usize) -> Result<Report> {
         let mut loaded = self.load(frame)?;
-        let first = self.layout.get_or_insert_with(|| loaded.info.clone());
-        if first.layout != loaded.info.layout {
+        let layout = loaded.info.layout;
+        if *self.layout.get_or_insert(layout) != layout {
             return Err(Error::Usage(format!(
-                "{}: the curves of frame {} are others than those of the first frame that was \
+                "the curves of frame {} are others than those of the first frame that was \
                  verified, so it cannot be compared alone; limit --bisect to frames of the same \
                  curves with --from and --to, or verify all frames without it",
-                self.path.display(),
                 loaded.info.seq
             )));
         }
         let title = format!("frame {}", loaded.info.seq);
         let report = with_progress(&title, self.session.progress(), || {
-            loaded.feed(&mut self.session, self.path)
+            loaded.feed(&mut self.session)
         })?;
         let is_fresh = |d: &Defect| d.kind == DefectKind::NoBaseline;
         let adopted = report.defects.iter().any(is_fresh);
-        if self.settings.options.baseline.is_some() && (adopted || loaded.info.cell.is_some()) {
+        if self.options.baseline.is_some() && (adopted || loaded.info.cell.is_some()) {
             // Each frame is compared with the same baseline. A cell would be followed from frame to
             // frame.
-            self.session = Session::new(self.settings.options.clone())?;
+            self.session = Session::new(self.options.clone())?;
         }
         self.reports.push((frame, report.clone()));
         Ok(report)
@@ -306,12 +260,18 @@ impl<'a> Search<'a> {
 
     fn load(&mut self, frame: usize) -> Result<Loaded> {
         let place = &self.frames[frame];
-        self.reader.go_to(place)?;
-        match self.reader.next_item()? {
-            Some(RecordedItem::Frame(frame)) if frame.seq == place.seq => Loaded::new(frame.into()),
+        self.source.reader.go_to(place)?;
+        match self.source.next()? {
+            Some(RecordedItem::Frame(frame)) if frame.seq == place.seq => {
+                let mut set = None;
+                frame.ingest(&mut set)?;
+                Ok(Loaded {
+                    curves: Arc::new(set.expect("set by a frame without errors")),
+                    info: frame.info,
+                })
+            }
             _ => Err(Error::Usage(format!(
-                "{}: frame {} is not at its place: the file changed while it was read",
-                self.path.display(),
+                "frame {} is not at its place: the file changed while it was read",
                 place.seq
             ))),
         }
@@ -333,37 +293,29 @@ impl<'a> Search<'a> {
         found: Option<usize>,
         recorded: Option<usize>,
     ) -> Option<Recorded> {
-        if self.outline.verdicts.is_empty() {
-            return None;
-        }
-        let seq = |frame: usize| self.frames[frame].seq;
-        Some(match (found, recorded) {
-            _ if found == recorded => Recorded {
-                agrees: true,
-                words: "the recorded verdicts say the same".into(),
-            },
-            (_, Some(frame)) => Recorded {
-                agrees: false,
-                words: format!(
-                    "the recorded verdicts disagree: their first changed frame is {}; verify all \
-                     frames without --bisect, with --events=between for pull-throughs that change \
-                     no linking number",
-                    seq(frame)
-                ),
-            },
-            (_, None) => Recorded {
-                agrees: false,
-                words: "the recorded verdicts disagree: they call no frame changed; `linkwatch \
-                        replay` without --bisect verifies them"
-                    .into(),
-            },
+        let words = match recorded {
+            _ if self.outline.verdicts.is_empty() => return None,
+            _ if found == recorded => "the recorded verdicts say the same".into(),
+            Some(frame) => format!(
+                "the recorded verdicts disagree: their first changed frame is {}; verify all \
+                 frames without --bisect, with --events=between for pull-throughs that change no \
+                 linking number",
+                self.frames[frame].seq
+            ),
+            None => "the recorded verdicts disagree: they call no frame changed; `linkwatch \
+                     replay` without --bisect verifies them"
+                .into(),
+        };
+        Some(Recorded {
+            agrees: found == recorded,
+            words,
         })
     }
 }
 
 /// Reads the baseline of a recording, if it has one before its first frame.
-fn read_baseline(reader: &mut Recording) -> Result<Option<Certificate>> {
-    while let Some(item) = reader.next_item()? {
+fn read_baseline(source: &mut Source) -> Result<Option<Certificate>> {
+    while let Some(item) = source.next()? {
         match item {
             RecordedItem::Baseline(b) => return Ok(Some(Arc::unwrap_or_clone(b.certificate))),
             RecordedItem::Frame(_) => break,
@@ -371,63 +323,6 @@ fn read_baseline(reader: &mut Recording) -> Result<Option<Certificate>> {
         }
     }
     Ok(None)
-}
-
-/// Verifies the frames of a model file one by one, up to the first changed one.
-fn in_sequence(args: &Args, source: &mut Source) -> Result<Found> {
-    let settings = Settings::new(args, args.judge.cell_args, None)?;
-    let mut session = settings.searching(Strategy::Incremental)?;
-    let mut found = Found {
-        in_sequence: true,
-        ..Found::default()
-    };
-    let mut before: Option<Loaded> = None;
-    while let Some(item) = source.next()? {
-        let Item::Frame(frame) = item else {
-            continue;
-        };
-        if args.range.is_before(frame.seq, frame.time) {
-            break;
-        }
-        if args.range.is_after(frame.seq, frame.time) {
-            continue;
-        }
-        let seq = frame.seq;
-        let at_frame = |e: Error| match e {
-            e @ Error::NothingClosed { .. } => e,
-            e => Error::Usage(format!("frame {seq}: {e}")),
-        };
-        frame.check_one_run()?;
-        let mut frame = Loaded::new(*frame).map_err(at_frame)?;
-        if before
-            .as_ref()
-            .is_some_and(|b| b.info.layout != frame.info.layout)
-        {
-            return Err(Error::Usage(format!(
-                "frame {seq} has other curves than the frames before it; limit --bisect to frames \
-                 of the same curves with --from and --to, or verify all frames without it"
-            )));
-        }
-        let report = frame.feed(&mut session, &args.file).map_err(at_frame)?;
-        found.frames += 1;
-        found.verified += 1;
-        if report.verdict == Verdict::Changed {
-            found.names = frame.info.labels.names.clone();
-            if let Some(before) = before
-                && settings.events != Events::Off
-            {
-                found.step = Some(Step::new(report.clone(), &[before, frame]));
-            }
-            found.changed = Some(report);
-            return Ok(found);
-        }
-        found.before = Some(report);
-        before = Some(frame);
-    }
-    if found.frames == 0 {
-        return Err(Error::Usage("no frame to verify".into()));
-    }
-    Ok(found)
 }
 
 /// The step to the changed frame.

@@ -14,11 +14,10 @@ use std::path::PathBuf;
 /// Verify a recording again, frame by frame, and compare with the recorded verdicts
 ///
 /// Without options, the settings and the baseline are those of the recording, and the verdicts must
-/// be the same. The last line reports how many are. Other files with frames are verified as well;
-/// they have no verdicts to compare with.
+/// be the same. The last line reports how many are. `linkwatch check` verifies other files.
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// A recording, as written by `linkwatch watch --record`, or a model file
+    /// A recording, as written by `linkwatch watch --record`
     #[arg(value_name = "FILE")]
     file: PathBuf,
     #[command(flatten)]
@@ -43,7 +42,7 @@ pub struct Args {
 /// Runs the command.
 pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     args.range.check()?;
-    let source = Source::open(&args.file, args.judge.cell_args.wrapped().is_some())?;
+    let source = Source::open(&args.file)?;
     match args.bisect {
         true => bisect::run(args, source, json),
         false => verify::run(args, source, json),

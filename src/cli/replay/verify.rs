@@ -3,15 +3,14 @@
 use super::Args;
 use super::comparison::{Comparison, RecordedWith, alike};
 use crate::cli::cell_args::KEEP_OPEN;
-use crate::cli::check::nothing_to_compare;
 use crate::cli::output::{self, plural};
 use crate::cli::range::Range;
 use crate::cli::run::{FrameCounts, Judge, Judged, MOTION_LIMIT, Recorded, Run, Setup};
-use crate::cli::source::{Item, PATIENCE, Source, warn_of_cut};
+use crate::cli::source::{PATIENCE, Source, warn_of_cut};
 use crate::cli::{Outcome, braid_args, clearance_args, signals};
 use linkwatch::{
-    AbortOn, BaselineRecord, Braids, Error, Events, Overflow, Received, RecordedVerdict, Report,
-    Result, Retention, SessionOptions, Strategy, Verdict,
+    AbortOn, BaselineRecord, Braids, Error, Events, Overflow, Received, RecordedItem,
+    RecordedVerdict, Report, Result, Retention, SessionOptions, Strategy, Verdict,
 };
 use std::collections::{BTreeMap, VecDeque};
 use std::sync::Arc;
@@ -30,7 +29,7 @@ pub fn run(args: &Args, mut source: Source, json: bool) -> Result<Outcome> {
     let begin = baseline.as_ref().and_then(|baseline| baseline.frame);
     let mut left_out = false;
     // Windows have baselines of their own, which must be read.
-    let windows = source.metadata().contains_key(Retention::WINDOW);
+    let windows = source.reader.metadata().contains_key(Retention::WINDOW);
     if range.from.is_some()
         && !windows
         && let Some(skipped) = source.go_to_start(&range)?
@@ -40,7 +39,7 @@ pub fn run(args: &Args, mut source: Source, json: bool) -> Result<Outcome> {
         (left_out, answered) = (skipped > 0, None);
     }
     // Available after the first item was read.
-    let recorded_metadata = source.metadata();
+    let recorded_metadata = source.reader.metadata().clone();
     let policy = recorded_metadata.get("abort_on");
     let recorded: Option<AbortOn> = policy.and_then(|a| a.parse().ok());
     let recorded_with = RecordedWith::read(&recorded_metadata);
@@ -108,7 +107,7 @@ pub fn run(args: &Args, mut source: Source, json: bool) -> Result<Outcome> {
             from_now: false,
             recorded: Recorded {
                 baseline,
-                events: source.recording().map(|_| (recorded_events, limit)),
+                events: Some((recorded_events, limit)),
                 clearance: recorded_clearance,
                 braids: recorded_braids.clone(),
             },
@@ -165,13 +164,6 @@ pub fn run(args: &Args, mut source: Source, json: bool) -> Result<Outcome> {
         all => all?,
     }
     read.map_or(Ok(()), Err)?;
-    let FrameCounts {
-        verified, rejected, ..
-    } = replay.tally;
-    let is_own_baseline = source.recording().is_none() && judge.baseline.is_none();
-    if is_own_baseline && (verified, rejected) == (1, 0) && !args.sinks.are_used() {
-        return Err(nothing_to_compare("--baseline"));
-    }
     let Replay {
         mut session,
         tally,
@@ -179,7 +171,7 @@ pub fn run(args: &Args, mut source: Source, json: bool) -> Result<Outcome> {
         missing,
         ..
     } = replay;
-    if warn_of_cut(source.path(), source.ending()) {
+    if warn_of_cut(&source.path, source.reader.ending()) {
         session.data_lost();
     }
     if missing > 0 {
@@ -196,7 +188,7 @@ pub fn run(args: &Args, mut source: Source, json: bool) -> Result<Outcome> {
         session.data_lost();
     }
     if tally.verified + tally.rejected > 0 {
-        let words = comparison.words(source.noun());
+        let words = comparison.words();
         session.compared(words, serde_json::json!(comparison));
     }
     Ok(session.finish(tally))
@@ -205,7 +197,7 @@ pub fn run(args: &Args, mut source: Source, json: bool) -> Result<Outcome> {
 /// Begin of a source: its baseline, and the items before and including the first frame.
 struct Start {
     baseline: Option<linkwatch::BaselineRecord>,
-    before: Vec<Item>,
+    before: Vec<RecordedItem>,
     /// See [`Replay::answered`].
     answered: Option<u64>,
 }
@@ -221,15 +213,15 @@ impl Start {
         };
         while let Some(item) = source.next()? {
             match item {
-                Item::Baseline(baseline) => {
+                RecordedItem::Baseline(baseline) => {
                     start.baseline = Some(baseline);
                     break;
                 }
-                Item::Frame(_) => {
+                RecordedItem::Frame(_) => {
                     start.before.push(item);
                     break;
                 }
-                Item::Verdict(_) => start.before.push(item),
+                RecordedItem::Verdict(_) => start.before.push(item),
             }
         }
         Ok(start)
@@ -291,20 +283,20 @@ struct Replay {
 }
 
 impl Replay {
-    fn take(&mut self, item: Item) -> Result<()> {
+    fn take(&mut self, item: RecordedItem) -> Result<()> {
         match item {
             // Not the first one: frames were left out.
-            Item::Baseline(baseline) => {
+            RecordedItem::Baseline(baseline) => {
                 self.finish_waiting()?;
                 let baseline = Some(baseline).filter(|_| !self.keeps_baseline);
                 self.begin_again(baseline);
             }
-            Item::Frame(frame) if !self.range.contains(frame.seq, frame.time) => {
+            RecordedItem::Frame(frame) if !self.range.contains(frame.seq, frame.time) => {
                 self.left_out |= self.range.is_after(frame.seq, frame.time);
                 self.restarted = false;
                 self.ended |= self.range.is_before(frame.seq, frame.time);
             }
-            Item::Verdict(recorded)
+            RecordedItem::Verdict(recorded)
                 if !self
                     .range
                     .contains(recorded.report.seq, recorded.report.time) =>
@@ -313,11 +305,7 @@ impl Replay {
                 self.answered = Some(progress.verified + progress.rejected);
                 self.comparison.left_out = progress.left_out;
             }
-            Item::Frame(frame) => {
-                if frame.begins_run {
-                    self.finish_waiting()?;
-                    self.session.begin_run();
-                }
+            RecordedItem::Frame(frame) => {
                 let info = frame.info.clone();
                 let frame = self.session.ingest(info, |receive| frame.read(receive));
                 self.session.announce(&frame);
@@ -325,7 +313,7 @@ impl Replay {
                 let frame = Box::new(frame);
                 self.waiting.push_back(Waiting::Frame(frame));
             }
-            Item::Verdict(recorded) => {
+            RecordedItem::Verdict(recorded) => {
                 self.waiting.push_back(Waiting::Verdict(recorded));
                 if self.waiting.len() > MOST_WAITING {
                     self.finish_waiting()?;

@@ -37,8 +37,7 @@ pub struct Sinks {
     /// it, and the summary says so). Without a violation there is no file.
     /// max=SIZE: begin another file before the recording exceeds this size, at least 1MB
     /// (`run-part2.mcap`, ..). Each one can be replayed without the others; keep=K keeps the last K
-    /// and the one with the first violation.
-    /// for=foxglove, rerun or foxglove+rerun: add messages that these tools draw by themselves
+    /// and the one with the first violation
     #[cfg(feature = "mcap")]
     #[arg(long, value_name = "FILE.mcap[,..]", value_parser = recording)]
     record: Option<RecordingOptions>,
@@ -65,12 +64,6 @@ impl Sinks {
             files.writes("--record", &record.path, Content::Recording)?;
         }
         self.show.as_ref().map_or(Ok(()), |s| s.check_files(files))
-    }
-
-    /// Returns true if there is an output.
-    #[cfg(feature = "mcap")]
-    pub fn are_used(&self) -> bool {
-        self.record.is_some() || self.show.is_some()
     }
 
     /// Returns these sinks with a suffix in the names of their files.

@@ -231,8 +231,7 @@ impl Files {
             let name = last.file_name().unwrap_or_default().to_string_lossy();
             metadata.insert(CONTINUES.into(), name.into());
         }
-        let sink = (self.create)(path, &metadata)?;
-        sink.with_tools(self.options.tools.iter().copied())
+        (self.create)(path, &metadata)
     }
 
     /// Deletes the oldest files, beyond the number to keep. A file that is being read is deleted

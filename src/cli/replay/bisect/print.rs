@@ -11,15 +11,11 @@ use std::time::Duration;
 const FINDINGS: usize = 8;
 
 /// What the search found.
-#[derive(Default)]
 pub struct Found {
-    /// Frames of the file within the range. Those after the changed frame are not counted if the
-    /// file is read in sequence.
+    /// Frames of the file within the range.
     pub frames: usize,
     /// Frames that were verified.
     pub verified: usize,
-    /// True if every frame up to the changed one was verified.
-    pub in_sequence: bool,
     /// The first changed frame.
     pub changed: Option<Report>,
     /// The frame before it, or the last frame.
@@ -73,18 +69,12 @@ impl Found {
         if let Some(recorded) = &self.recorded {
             output::line(&recorded.words);
         }
-        let verified = count(self.verified as u64);
-        let frames = match self.in_sequence {
-            true => format!(
-                "verified {} one by one",
-                plural(self.verified as u64, "frame")
-            ),
-            false => format!(
-                "verified {verified} of {}",
-                plural(self.frames as u64, "frame")
-            ),
-        };
-        output::line(format_args!("{frames} in {}", millis(took)));
+        output::line(format_args!(
+            "verified {} of {} in {}",
+            count(self.verified as u64),
+            plural(self.frames as u64, "frame"),
+            millis(took)
+        ));
     }
 
     /// Prints the findings of the changed frame. Pull-throughs are printed with their causes.
@@ -93,18 +83,14 @@ impl Found {
         if self.step.is_some() {
             findings.events.clear();
         }
-        let all = findings.findings_named(&self.names);
-        all.take(FINDINGS)
-            .for_each(|finding| output::line(format_args!("  {finding}")));
+        let all: Vec<String> = findings.findings_named(&self.names).collect();
+        output::first_lines("  ", &all, FINDINGS);
     }
 
     /// Returns a sentence about what is proven, and what is assumed.
     fn proof(&self) -> String {
         let seq = |report: &Option<Report>| report.as_ref().map(|r| r.seq);
         match (seq(&self.changed), seq(&self.before), &self.before) {
-            (Some(changed), ..) if self.in_sequence => {
-                format!("proven: no frame before {changed} is changed")
-            }
             (Some(changed), Some(before), Some(report)) => {
                 let state = match report.verdict {
                     Verdict::Intact => "intact".to_owned(),
@@ -118,7 +104,6 @@ impl Found {
             (Some(changed), ..) => {
                 format!("proven: frame {changed}, the first one, is changed")
             }
-            (None, ..) if self.in_sequence => "proven: no frame is changed".into(),
             (None, last, _) => format!(
                 "proven: the last frame, {}, is not changed; an earlier change may have reverted",
                 last.unwrap_or_default()
@@ -132,7 +117,6 @@ impl Found {
                 "file": path,
                 "frames": self.frames,
                 "verified": self.verified,
-                "in_sequence": self.in_sequence,
                 "changed": self.changed,
                 "before": self.before,
                 "proof": self.proof(),
