@@ -235,7 +235,7 @@ pub use verdict::{
     Link, LoopPair, Place, PullThrough, Report, Stats, Verdict,
 };
 #[cfg(feature = "rerun")]
-pub use viewer::{ViewerOptions, ViewerSink, ViewerTarget};
+pub use viewer::{ViewerSink, ViewerTarget};
 
 /// Compiles the examples of the README and of the book. `tests/book` compares this list with the
 /// pages that have some.

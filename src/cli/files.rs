@@ -25,7 +25,6 @@ pub enum Content {
     Model,
     #[cfg(feature = "mcap")]
     Recording,
-    #[cfg(feature = "rerun")]
     Viewer,
 }
 
@@ -45,11 +44,9 @@ impl Content {
             }
             #[cfg(feature = "mcap")]
             (Content::Recording, other) if other != "mcap" => Some("a recording is an .mcap file"),
-            #[cfg(feature = "rerun")]
             (Content::Viewer, "mcap") => {
                 Some("a file for the viewer is an .rrd file; --record writes a recording (.mcap)")
             }
-            #[cfg(feature = "rerun")]
             (Content::Viewer, other) if other != "rrd" => {
                 Some("a file for the viewer is an .rrd file")
             }
@@ -147,15 +144,6 @@ pub fn with_suffix(path: &Path, suffix: &str) -> PathBuf {
         name.push(extension);
     }
     path.with_file_name(name)
-}
-
-/// Creates an empty file. Fails if the file exists, unless it may be overwritten.
-#[cfg(feature = "rerun")]
-pub fn claim(path: &Path, overwrite: Overwrite) -> Result<()> {
-    if !overwrite.force {
-        File::create_new(path).map_err(failed(path))?;
-    }
-    Ok(())
 }
 
 /// Writes a file under a temporary name, then renames it, so that no partial file appears under its

@@ -1,6 +1,7 @@
 //! Frames of several files, one after the other: those of one motion, or of several runs.
 
 use super::input::{self, FileFrames, FormatArgs, Read};
+use linkwatch::formats::ModelFrame;
 use linkwatch::{CurveSet, Error, FrameInfo, LeftOut, Received, Result};
 use std::collections::VecDeque;
 use std::path::PathBuf;
@@ -47,10 +48,7 @@ pub struct Frame {
     /// Name of the file, with the number of the frame if the file may hold several.
     pub name: String,
     pub path: PathBuf,
-    /// Number of the frame in its file; or counted from 0 if there are several files.
-    pub seq: u64,
-    /// Simulation time in seconds; 0 if it is unknown.
-    pub time: f64,
+    /// Its number is that in the file; or counted from 0 if there are several files.
     pub info: FrameInfo,
     /// True if the frame does not belong to the motion of the frames before it.
     pub begins_run: bool,
@@ -110,10 +108,8 @@ impl Sequence {
                 if let Some(frame) = file.ahead.pop_front().or_else(|| file.frames.next()) {
                     return Some(match frame {
                         Ok(frame) => Ok((file.path.clone(), frame, begins_run)),
-                        // The content is invalid.
                         Err(Error::InFile { path, source }) => {
-                            let seq = self.last.map_or(0, |seq| seq + 1);
-                            Ok((path, Read::invalid(seq, *source), begins_run))
+                            Ok((path, self.invalid(*source), begins_run))
                         }
                         Err(e) => Err(e),
                     });
@@ -127,8 +123,7 @@ impl Sequence {
                     self.left_out.clear();
                 }
                 Err(Error::InFile { path, source }) => {
-                    let seq = self.last.map_or(0, |seq| seq + 1);
-                    return Some(Ok((path, Read::invalid(seq, *source), false)));
+                    return Some(Ok((path, self.invalid(*source), false)));
                 }
                 Err(Error::UnknownModel { path }) => {
                     let found = std::fs::metadata(&path);
@@ -140,6 +135,15 @@ impl Sequence {
                 Err(e) => return Some(Err(e)),
             }
         }
+    }
+
+    fn next_seq(&self) -> u64 {
+        self.last.map_or(0, |seq| seq + 1)
+    }
+
+    /// Returns the frame of a file whose content is invalid.
+    fn invalid(&self, why: Error) -> Read {
+        ModelFrame::new(self.next_seq(), Err(why)).into()
     }
 
     /// Notes what is known about a valid frame. Named curves may change from frame to frame; radii
@@ -179,8 +183,8 @@ impl Iterator for Sequence {
             Err(e) => return Some(Err(e)),
         };
         let seq = match self.single {
-            true => frame.seq,
-            false => self.last.map_or(0, |seq| seq + 1),
+            true => frame.info.seq,
+            false => self.next_seq(),
         };
         self.last = Some(seq);
         if begins_run {
@@ -194,17 +198,15 @@ impl Iterator for Sequence {
         }
         input::warn_of_new(&path, &mut self.left_out, &frame.info.left_out);
         let name = match input::holds_frames(&path) {
-            true => format!("{}, frame {}", path.display(), frame.seq),
+            true => format!("{}, frame {}", path.display(), frame.info.seq),
             false => path.display().to_string(),
         };
         Some(Ok(Frame {
             name,
             path,
-            seq,
-            time: frame.time,
             info: FrameInfo {
                 seq,
-                time: frame.time,
+                time: frame.info.time,
                 cell: frame.info.cell,
                 closed_by_default: frame.info.closed_by_default,
                 left_out: frame.info.left_out,

@@ -602,7 +602,6 @@ fn a_file_of_something_else_is_refused_and_not_overwritten() {
 
 /// Counters of a process are its own; the number of restarts goes on.
 #[test]
-#[cfg(feature = "metrics")]
 fn the_metrics_count_restarts() {
     let mut watches = Restarted::start("counted", &["--metrics", "0"]);
     let mut sim = simulator(&watches.service);

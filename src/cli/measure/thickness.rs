@@ -63,7 +63,7 @@ struct Measured {
 pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     frames::for_each(&input::expand_models(&args.models)?, |path| {
         let frames = args.frames.open(path, &args.format, args.cell_args)?;
-        let several = frames.are_several();
+        let several = frames.several;
         frames.each(|frame| {
             let measured = measure(&frame, args)?;
             let head = json!({

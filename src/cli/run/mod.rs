@@ -19,10 +19,6 @@ mod sinks;
 mod state;
 mod summary;
 mod times;
-#[cfg(feature = "rerun")]
-mod viewer;
-#[cfg(not(feature = "rerun"))]
-#[path = "no_viewer.rs"]
 mod viewer;
 mod violations;
 
@@ -45,6 +41,7 @@ use super::cell_args::{CellArgs, say};
 use super::files::{Files, Overwrite};
 use super::label::Label;
 use super::live::Live;
+#[cfg(feature = "bus")]
 use super::metrics::SessionMetrics;
 use super::output::{count, plural};
 #[cfg(feature = "bus")]
@@ -111,6 +108,7 @@ pub struct Run {
     label: Label,
     live: Live,
     queues: Vec<SinkQueue>,
+    #[cfg(feature = "bus")]
     metrics: Option<SessionMetrics>,
     junit: Option<Junit>,
     overwrite: Overwrite,
@@ -177,6 +175,7 @@ impl Run {
             json: setup.json,
             label: Label::default(),
             live: Live::new(),
+            #[cfg(feature = "bus")]
             metrics: None,
             junit,
             overwrite: sinks.overwrite,
@@ -360,6 +359,7 @@ impl Run {
             self.sum.times.add(&judged.times);
             self.sum.routes[judged.work.route as usize] += 1;
         }
+        #[cfg(feature = "bus")]
         if let Some(metrics) = &self.metrics {
             metrics.add(&judged.report, judged.latency);
         }
@@ -388,6 +388,7 @@ impl Run {
         for queue in &self.queues {
             queue.frame(Arc::clone(&record));
         }
+        #[cfg(feature = "bus")]
         if let Some(metrics) = &mut self.metrics {
             metrics.count(own, self.queues.iter().map(SinkQueue::summary));
         }
@@ -439,6 +440,7 @@ impl Run {
             }
             summaries.push(summary);
         }
+        #[cfg(feature = "bus")]
         if let Some(metrics) = &mut self.metrics {
             metrics.count(tally.since(self.before), summaries.iter().cloned());
         }

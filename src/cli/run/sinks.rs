@@ -45,10 +45,9 @@ pub struct Sinks {
     ///
     /// `live` in the viewer (an installed `rerun`), `web` or `web:PORT` in a browser on this
     /// machine, FILE.rrd in a file for the viewer, HOST:PORT or a URL in a running viewer. Settings
-    /// follow: `run.rrd,every=10,only=violated` shows the curves of every 10th frame, and
-    /// of each frame whose verdict is not intact or differs from the previous one (plots and log
-    /// have all frames), and only the curves that took part in a finding so far, and their
-    /// neighbours. `web` starts an installed `rerun` as a server, which stays when the run ends,
+    /// follow: `run.rrd,every=10` shows the curves of every 10th frame, and of each frame whose
+    /// verdict is not intact or differs from the previous one (plots and log have all frames).
+    /// `web` starts an installed `rerun` as a server, which stays when the run ends,
     /// and prints the address; port 9090 and the next one unless given
     #[arg(long, value_name = "WHERE[,..]")]
     show: Option<Show>,
