@@ -197,10 +197,8 @@ pub use curve::{Curve, CurveSet};
 #[cfg(feature = "verify")]
 pub use discretize::{Braid, BraidLoops, Braids, End, Polylines, chords, homotopic_polylines};
 #[cfg(feature = "verify")]
-pub use engine::{Certifier, Ladder, Plan, Progress, SessionOptions, Strategy, Timings, bisect};
+pub use engine::{Certifier, Ladder, Plan, Progress, SessionOptions, Strategy, Timings};
 pub use error::{Error, Result};
-#[cfg(all(feature = "mcap", feature = "cli"))]
-use incremental::Cause;
 #[cfg(feature = "verify")]
 pub use incremental::{Events, Route, Work};
 #[cfg(feature = "verify")]
@@ -213,7 +211,7 @@ pub use measure::{
 #[cfg(feature = "verify")]
 pub use periodic::{Unwrap, beside, period};
 #[cfg(all(feature = "mcap", feature = "cli"))]
-use record::{Alignment, FrameDiff, FramePlace, OnlyIn, Outline, RunDiff, diff_runs};
+use record::{Alignment, FrameDiff, OnlyIn, RunDiff, diff_runs};
 #[cfg(feature = "mcap")]
 pub use record::{
     Ending, RecordedFrame, RecordedItem, RecordedVerdict, RecordingOptions, RecordingReader,

@@ -26,6 +26,7 @@ sweep: a command for developers, `cargo run --release -p study -- --help` in a c
 --against: --baseline
 --amplitude: --frames N,amplitude=A
 --beta: --kernel barnes-hut,beta=B, of `linkwatch certify`
+--bisect: `linkwatch replay FILE.mcap`, whose summary names the first violation
 --bonds: `linkwatch check` reads files that need it
 --by-time: `linkwatch diff FIRST.mcap SECOND.mcap --by-time`
 --closed: `linkwatch check` reads files that need it

@@ -60,7 +60,7 @@ impl Source {
             return Ok(last.map(|_| outline.frames.len() - 1));
         };
         let mut start = &outline.frames[skipped];
-        let mut verdicts = outline.verdicts.iter().map(|verdict| &verdict.at);
+        let mut verdicts = outline.verdicts.iter();
         if let Some(verdict) = verdicts.find(|v| !range.is_after(v.seq, v.time))
             && verdict.is_before(start)
         {

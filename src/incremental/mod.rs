@@ -21,7 +21,6 @@
 mod affine;
 mod blocks;
 #[cfg(all(feature = "mcap", feature = "cli"))]
-mod cause;
 mod coverage;
 mod covered;
 mod events;
@@ -37,7 +36,6 @@ mod tests;
 mod work;
 
 #[cfg(all(feature = "mcap", feature = "cli"))]
-pub use cause::Cause;
 pub(crate) use coverage::Coverage;
 pub use events::Events;
 pub(crate) use ledger::{Contacts, Ledger, MOTION_LIMIT, Outcome, Touching, sort_by_time};

@@ -16,9 +16,7 @@ mod writer;
 
 pub use crate::formats::container::Ending;
 pub use diff::{Alignment, FrameDiff, OnlyIn, RunDiff, diff_runs};
-pub use reader::{
-    FramePlace, Outline, RecordedFrame, RecordedItem, RecordedVerdict, RecordingReader,
-};
+pub use reader::{RecordedFrame, RecordedItem, RecordedVerdict, RecordingReader};
 pub use retention::{RecordingOptions, Retention};
 pub use writer::RecordingSink;
 

@@ -2,8 +2,6 @@
 
 mod outline;
 
-pub use outline::{FramePlace, Outline};
-
 use super::messages::{PACKAGE, Recorded, invalid};
 use super::schema;
 use super::{BASELINE, FRAMES, LABELS, METADATA, PROTOBUF, VERDICTS};

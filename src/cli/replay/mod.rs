@@ -1,6 +1,5 @@
-//! `linkwatch replay`: verifies a recording again, or finds its first changed frame.
+//! `linkwatch replay`: verifies a recording again.
 
-mod bisect;
 mod comparison;
 mod verify;
 
@@ -22,15 +21,6 @@ pub struct Args {
     file: PathBuf,
     #[command(flatten)]
     range: Range,
-    /// Find the first changed frame by a binary search that verifies few frames, each in full
-    /// against the baseline. With --events: also the strands that were pulled through one another
-    /// in the step to it, how fast they moved, and the time step that would have kept them apart
-    #[arg(
-        long,
-        conflicts_with_all = ["record", "show", "Overwrite", "JunitArgs"],
-        conflicts_with_all = ["abort_on", "ClearanceArgs"]
-    )]
-    bisect: bool,
     #[command(flatten)]
     judge: Judge,
     #[command(flatten)]
@@ -43,8 +33,5 @@ pub struct Args {
 pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     args.range.check()?;
     let source = Source::open(&args.file)?;
-    match args.bisect {
-        true => bisect::run(args, source, json),
-        false => verify::run(args, source, json),
-    }
+    verify::run(args, source, json)
 }

@@ -229,7 +229,7 @@ impl Start {
 }
 
 /// Returns the events and the motion limit of a recorded run.
-pub fn recorded_events(metadata: &BTreeMap<String, String>) -> (Events, f64) {
+fn recorded_events(metadata: &BTreeMap<String, String>) -> (Events, f64) {
     let events = metadata.get("events").and_then(|e| e.parse().ok());
     // Earlier versions had no limit.
     let limit = metadata.get(MOTION_LIMIT).and_then(|l| l.parse().ok());
