@@ -15,7 +15,7 @@ pub use change::{Change, ChangeKind, ImageLink, Link, LoopPair};
 pub use clearance::{Clearance, CloseStrands};
 #[cfg(feature = "mcap")]
 pub use difference::ReportDifference;
-#[cfg(any(feature = "mcap", feature = "rerun"))]
+#[cfg(any(feature = "cli", feature = "mcap", feature = "rerun"))]
 pub(crate) use finding::Finding;
 #[cfg(any(feature = "client", feature = "mcap", feature = "cli"))]
 pub use lasting::Lasting;

@@ -88,7 +88,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         stop: &stop,
         client: Client::open(service, &options)?,
         source,
-        live: Live::new(),
+        live: Live::default(),
         previous: None,
         published: 0,
         last: None,

@@ -174,7 +174,7 @@ impl Run {
             models: setup.models,
             json: setup.json,
             label: Label::default(),
-            live: Live::new(),
+            live: Live::default(),
             #[cfg(feature = "bus")]
             metrics: None,
             junit,
@@ -199,7 +199,7 @@ impl Run {
     /// Marks all results of this run with a label.
     #[cfg(feature = "bus")]
     pub fn labelled(mut self, label: Label) -> Run {
-        self.live = self.live.labelled(label.clone());
+        self.live.label = label;
         self.label = label;
         self
     }

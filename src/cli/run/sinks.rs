@@ -65,18 +65,6 @@ impl Sinks {
         self.show.as_ref().map_or(Ok(()), |s| s.check_files(files))
     }
 
-    /// Returns these sinks with a suffix in the names of their files.
-    #[cfg(feature = "bus")]
-    pub fn with_suffix(&self, suffix: &str) -> Sinks {
-        let mut sinks = self.clone();
-        #[cfg(feature = "mcap")]
-        if let Some(record) = &mut sinks.record {
-            record.path = with_suffix(&record.path, suffix);
-        }
-        sinks.show = sinks.show.map(|show| show.with_suffix(suffix));
-        sinks
-    }
-
     /// Returns the sinks of a later run, and their number: the next one for which no file exists
     /// that may not be overwritten.
     ///
@@ -84,8 +72,12 @@ impl Sinks {
     #[cfg(feature = "bus")]
     pub fn numbered(&self, mut number: u64, files: &Files) -> (Sinks, u64) {
         loop {
-            let mut sinks = self.with_suffix(&number.to_string());
-            sinks.show = sinks.show.map(Show::later);
+            let (mut sinks, suffix) = (self.clone(), number.to_string());
+            #[cfg(feature = "mcap")]
+            if let Some(record) = &mut sinks.record {
+                record.path = with_suffix(&record.path, &suffix);
+            }
+            sinks.show = sinks.show.map(|show| show.with_suffix(&suffix).later());
             if sinks.paths().iter().all(|path| files.is_free(path)) {
                 return (sinks, number);
             }

@@ -40,9 +40,7 @@ impl Checker {
     pub fn start() -> Result<Checker> {
         let (to, frames) = mpsc::channel::<Work>();
         let (verdicts, from) = mpsc::channel();
-        let span = tracing::Span::current();
         let judge = move || {
-            let _entered = span.entered();
             for work in frames {
                 // The receiver has ended if the watch has failed.
                 let _ = verdicts.send(work.judge());

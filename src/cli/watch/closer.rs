@@ -31,9 +31,7 @@ impl Closer {
     /// Closes a session. Returns after half a second at most: slow sinks finish later.
     pub fn close(&mut self, session: Box<Run>, tally: FrameCounts) -> Result<()> {
         let (to, from) = mpsc::channel();
-        let span = tracing::Span::current();
         let finish = move || {
-            let _entered = span.entered();
             // The receiver has ended if the watch has failed.
             let _ = to.send(session.finish(tally));
         };

@@ -26,20 +26,15 @@ const HINT: Duration = Duration::from_secs(5);
 /// still there.
 const GONE: Duration = Duration::from_secs(1);
 
-/// Settings and state of a watch of one service.
+/// Settings and state of a watch.
 pub struct Follower<'a> {
     pub args: &'a Args,
     pub json: bool,
     /// Set by a signal, which ends the watch.
     pub stop: &'a AtomicBool,
-    pub service: &'a str,
     pub judge: &'a Judge,
-    /// Sinks, without the number of a session.
-    pub sinks: Sinks,
     /// Inputs of the command, and the outputs of all first sessions.
     pub files: Files,
-    /// Label of the service, without a session.
-    pub label: Label,
     pub metrics: ServiceMetrics,
     /// State for the next process (`--state`).
     pub state: State,
@@ -80,8 +75,8 @@ impl Follower<'_> {
     /// Prepares a session.
     fn session(&self, number: u64, sinks: &Sinks, files: Files) -> Result<Box<Run>> {
         let title = match number {
-            1 => self.service.to_owned(),
-            n => format!("{}, session {n}", self.service),
+            1 => self.args.service.clone(),
+            n => format!("{}, session {n}", self.args.service),
         };
         let session = Run::new(Setup {
             judge: self.judge,
@@ -95,26 +90,23 @@ impl Follower<'_> {
             from_now: self.args.from_now,
             recorded: Recorded::default(),
             title: &title,
-            metadata: BTreeMap::from([("service".to_owned(), self.service.to_owned())]),
+            metadata: BTreeMap::from([("service".to_owned(), self.args.service.clone())]),
             overflow: Overflow::Wait(PATIENCE),
             json: self.json,
         })?;
-        let session = session.labelled(self.label_of(number));
+        let session = session.labelled(self.label(number));
         Ok(Box::new(session.measured(&self.metrics)))
     }
 
     /// Returns the label of a session.
-    fn label_of(&self, number: u64) -> Label {
-        Label {
-            session: self.args.keep_watching.then_some(number),
-            ..self.label.clone()
-        }
+    fn label(&self, number: u64) -> Label {
+        Label(self.args.keep_watching.then_some(number))
     }
 
     /// Prepares a session after the first one. Its files get a number that is free.
     fn next(&mut self) -> Result<Box<Run>> {
         let wanted = self.sessions.max(self.file_number + 1);
-        let (sinks, number) = self.sinks.numbered(wanted, &self.files);
+        let (sinks, number) = self.args.sinks.numbered(wanted, &self.files);
         self.file_number = number;
         self.state.begin_files(number)?;
         announce_files(self.sessions, &sinks);
@@ -142,7 +134,7 @@ impl Follower<'_> {
             };
             let session = match first.take() {
                 // Not the expected session if another simulator came than before a restart.
-                Some(session) => Ok(Box::new(session.labelled(self.label_of(self.sessions)))),
+                Some(session) => Ok(Box::new(session.labelled(self.label(self.sessions)))),
                 None => self.next(),
             };
             let mut session = match session {
@@ -194,10 +186,8 @@ impl Follower<'_> {
             }
             session.live().clear();
             closer.close(session, tally)?;
-            tracing::info!(
-                "waiting for the next simulator on service '{}'",
-                self.service
-            );
+            let service = &self.args.service;
+            tracing::info!("waiting for the next simulator on service '{service}'");
         }
     }
 
@@ -305,7 +295,7 @@ impl Follower<'_> {
             if !hinted && (given_up.is_some() || start.elapsed() > HINT) {
                 hinted = true;
                 let waited = given_up.unwrap_or(HINT).as_secs_f64();
-                services::hint(self.service, &format!("{waited} s"));
+                services::hint(&self.args.service, &format!("{waited} s"));
             }
             if given_up.is_some() {
                 tracing::warn!("no simulator connected within the limit of --wait");
@@ -313,7 +303,7 @@ impl Follower<'_> {
             }
             if interrupted.is_some() && !self.args.keep_watching && looked.elapsed() > GONE {
                 looked = Instant::now();
-                if !services::may_have_simulator(self.service)? {
+                if !services::may_have_simulator(&self.args.service)? {
                     tracing::warn!(
                         "the simulator ended before the watch could continue; its last frames were \
                          not verified"

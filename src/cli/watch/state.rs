@@ -344,9 +344,7 @@ impl Writer {
         // A state is accepted only if the thread waits for one.
         let (to, states) = sync_channel::<RunState>(0);
         let path = path.to_owned();
-        let span = tracing::Span::current();
         let write = move || {
-            let _entered = span.entered();
             for state in states {
                 if let Err(e) = write_session(&path, &state) {
                     tracing::error!("{e}");
