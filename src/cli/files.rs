@@ -31,27 +31,25 @@ pub enum Content {
 impl Content {
     /// Returns an error text if the extension does not fit the content.
     fn refuse_extension(self, extension: &str) -> Option<&'static str> {
-        match (self, extension) {
-            (Content::Text, "bcc" | "obj" | "vect" | "npy" | "npz") => {
-                Some("that is a model; the output is text")
-            }
-            (Content::Text, "mcap") => Some("that is a recording; the output is text"),
-            (Content::Text, "rrd") => Some("that is a file of the viewer; the output is text"),
-            (Content::Scene, other) if other != "bcc" => Some("scenes are written as .bcc"),
+        const OTHERS: [&str; 7] = ["bcc", "obj", "vect", "npy", "npz", "mcap", "rrd"];
+        let (fits, why) = match self {
+            Content::Text => (
+                !OTHERS.contains(&extension),
+                "that is a model, a recording or a file of the viewer; the output is text",
+            ),
+            Content::Scene => (extension == "bcc", "scenes are written as .bcc"),
+            Content::Model => (true, ""),
             #[cfg(feature = "mcap")]
-            (Content::Recording, "rrd") => {
-                Some("a recording is an .mcap file; --show writes a file for the viewer (.rrd)")
-            }
-            #[cfg(feature = "mcap")]
-            (Content::Recording, other) if other != "mcap" => Some("a recording is an .mcap file"),
-            (Content::Viewer, "mcap") => {
-                Some("a file for the viewer is an .rrd file; --record writes a recording (.mcap)")
-            }
-            (Content::Viewer, other) if other != "rrd" => {
-                Some("a file for the viewer is an .rrd file")
-            }
-            _ => None,
-        }
+            Content::Recording => (
+                extension == "mcap",
+                "a recording is an .mcap file; --show writes a file for the viewer (.rrd)",
+            ),
+            Content::Viewer => (
+                extension == "rrd",
+                "a file for the viewer is an .rrd file; --record writes a recording (.mcap)",
+            ),
+        };
+        (!fits).then_some(why)
     }
 }
 

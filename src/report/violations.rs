@@ -1,13 +1,10 @@
 //! Violations: what happened to each pair of curves, over all frames.
 
-use super::rows::{Moment, names_of};
+use super::rows::{MOST, Moment, names_of};
 use crate::curve::Image;
 use crate::picture::Spot;
 use crate::verdict::{ChangeKind, DefectKind, Finding, Place, Report};
 use std::collections::HashMap;
-
-/// Maximum number of pairs that are listed: the first ones.
-const MOST: usize = 400;
 
 /// The frame of a violation that a picture shows.
 #[derive(Clone, Debug)]

@@ -1,6 +1,6 @@
 //! Follows one service: verifies its simulators, one after another.
 
-use super::checker::{Checker, Work};
+use super::checker::judge;
 use super::closer::Closer;
 use super::state::{Earlier, State};
 use super::{Args, PATIENCE, result};
@@ -115,7 +115,6 @@ impl Follower<'_> {
 
     /// Follows the service until its simulator ends, or with --keep-watching until a signal.
     pub fn follow(mut self, mut sidecar: Sidecar, first: Box<Run>) -> Result<Outcome> {
-        let checker = Checker::start()?;
         let mut closer = Closer::new(self.state.outcome());
         let mut first = Some(first);
         loop {
@@ -150,7 +149,7 @@ impl Follower<'_> {
                 session.data_lost();
             }
             self.take_up(&mut session, &mut sidecar, id)?;
-            let (mut session, ended) = self.verify(session, &mut sidecar, &checker);
+            let ended = self.verify(&mut session, &mut sidecar);
             self.metrics.disconnected();
             let counters = match &ended {
                 Ok(End::Simulator(counters) | End::Signal(counters)) => *counters,
@@ -315,52 +314,32 @@ impl Follower<'_> {
     }
 
     /// Verifies the frames of a simulator until it ends.
-    fn verify(
-        &mut self,
-        mut session: Box<Run>,
-        sidecar: &mut Sidecar,
-        checker: &Checker,
-    ) -> (Box<Run>, Result<End>) {
+    fn verify(&mut self, session: &mut Run, sidecar: &mut Sidecar) -> Result<End> {
         // Receipt of the last frame, and the time at which this thread had finished it.
         let mut last: Option<[Instant; 2]> = None;
         let mut labels = LastLabels::default();
         loop {
             if self.is_stopped() {
                 tracing::info!("stopped by a signal");
-                return (session, Ok(End::Signal(sidecar.counters())));
+                return Ok(End::Signal(sidecar.counters()));
             }
-            let event = match sidecar.wait(TICK) {
-                Ok(event) => event,
-                Err(e) => return (session, Err(e)),
-            };
-            match event {
+            match sidecar.wait(TICK)? {
                 Event::Frame(frame) => {
                     let received = Instant::now();
                     let (seq, time) = (frame.seq(), frame.time());
-                    let at = (seq, time);
-                    let noted = self.state.begin_frame(sidecar.state(), at, frame.cuts());
-                    if let Err(e) = noted {
-                        return (session, Err(e));
-                    }
+                    let (state, cuts) = (sidecar.state(), frame.cuts());
+                    self.state.begin_frame(state, (seq, time), cuts)?;
                     let ingested = match frame.info(&mut labels) {
                         Ok(info) => session.ingest(info, |receive| frame.read(receive)),
                         Err(why) => Received::new(FrameInfo::at(seq, time), Err(why)),
                     };
                     // Returns the memory to the simulator.
                     drop(frame);
-                    let quick = session.is_quick(&ingested);
-                    let work = Work {
-                        session,
-                        seq,
-                        frame: ingested,
-                    };
-                    let judged;
-                    (session, judged) = match quick {
-                        true => work.judge(),
-                        false => checker.judge(work, || sidecar.heartbeat(), self.stop),
+                    let judged = match session.is_quick(&ingested) {
+                        true => session.judge(ingested),
+                        false => judge(session, ingested, || sidecar.heartbeat(), self.stop),
                     };
                     let mut judged = match judged {
-                        Ok(judged) => judged,
                         Err(Error::Cancelled) => {
                             sidecar.skip();
                             tracing::info!(
@@ -368,25 +347,22 @@ impl Follower<'_> {
                             );
                             // The next process does not answer it: it did not crash this one.
                             let state = sidecar.state();
-                            let noted = self.state.end_frame(state, None, Outcome::Fine);
-                            let end = noted.map(|()| End::Signal(sidecar.counters()));
-                            return (session, end);
+                            self.state.end_frame(state, None, Outcome::Fine)?;
+                            return Ok(End::Signal(sidecar.counters()));
                         }
-                        Err(e) => return (session, Err(e)),
+                        judged => judged?,
                     };
                     // Before the verdict: the next process must expect what this one answered for.
                     if session.changes_baseline(&judged) {
                         session.note_baseline(&judged, tally(sidecar.counters()));
-                        if let Err(e) = self.state.keep(|| session.state()) {
-                            return (session, Err(e));
-                        }
+                        self.state.keep(|| session.state())?;
                     }
                     if let Some(recovered) = session.recovered_by(&judged) {
                         sidecar.withdraw_abort(recovered);
                     }
                     let sending = Instant::now();
                     let sent = sidecar.send_verdict(&judged.report, judged.times.check());
-                    let noted = self.note(sidecar, &judged.report, &session);
+                    let noted = self.note(sidecar, &judged.report, session);
                     judged.latency = Some(received.elapsed());
                     judged.times.live = last.map(|[previous, finished]| LiveTimes {
                         interval: received - previous,
@@ -394,9 +370,7 @@ impl Follower<'_> {
                         send: sending.elapsed(),
                     });
                     session.publish(judged, tally(sidecar.counters()));
-                    if let Err(e) = sent.and(noted) {
-                        return (session, Err(e));
-                    }
+                    sent.and(noted)?;
                     last = Some([received, Instant::now()]);
                 }
                 Event::Unreadable(why) => {
@@ -417,7 +391,7 @@ impl Follower<'_> {
                     }
                     let frames = plural(published, "frame");
                     tracing::info!("the simulator ended after {frames}");
-                    return (session, Ok(End::Simulator(counters)));
+                    return Ok(End::Simulator(counters));
                 }
                 Event::SimulatorLost { counters, .. } => {
                     tracing::warn!(
@@ -425,7 +399,7 @@ impl Follower<'_> {
                          lost, and its own log may say why"
                     );
                     session.data_lost();
-                    return (session, Ok(End::Simulator(counters)));
+                    return Ok(End::Simulator(counters));
                 }
                 // A session begins only after the end of the previous one.
                 Event::NewSession { .. } | Event::Idle => {}
