@@ -47,7 +47,7 @@ sweep: a command for developers, `cargo run --release -p study -- --help` in a c
 --pull: --frames N,pull=SEQ
 --record-every: --record FILE.mcap,every=N
 --record-for: `linkwatch replay FILE.mcap --show FILE.rrd`
---record-keep: --record FILE.mcap,max=SIZE,keep=K
+--record-keep: --record FILE.mcap,window=SECONDS, or a program that deletes old files
 --record-max: --record FILE.mcap,max=SIZE
 --record-window: --record FILE.mcap,window=SECONDS
 --record-window-memory: --record FILE.mcap,window=SECONDS,memory=SIZE

@@ -5,7 +5,7 @@ use crate::cli::settings::{named, split};
 use linkwatch::{RecordingOptions, Retention};
 
 /// Settings of a recording.
-const SETTINGS: [&str; 5] = ["every", "window", "memory", "max", "keep"];
+const SETTINGS: [&str; 4] = ["every", "window", "memory", "max"];
 
 /// Parses `FILE.mcap,every=10,..`.
 pub fn recording(text: &str) -> Result<RecordingOptions, String> {
@@ -17,8 +17,7 @@ pub fn recording(text: &str) -> Result<RecordingOptions, String> {
             "every" => every = Some(named(key, at_least_one(value))?),
             "window" => window = Some(named(key, seconds(value))?),
             "memory" => memory = Some(named(key, bytes(value))?),
-            "max" => options.max_bytes = Some(named(key, file_bytes(value))?),
-            _ => options.keep_files = Some(named(key, at_least_one(value))?),
+            _ => options.max_bytes = Some(named(key, file_bytes(value))?),
         }
     }
     options.retention = match (every, window) {
@@ -32,9 +31,6 @@ pub fn recording(text: &str) -> Result<RecordingOptions, String> {
     };
     if memory.is_some() && window.is_none() {
         return Err("memory needs window".into());
-    }
-    if options.keep_files.is_some() && options.max_bytes.is_none() {
-        return Err("keep needs max".into());
     }
     Ok(options)
 }
@@ -54,7 +50,7 @@ mod tests {
 
     #[test]
     fn a_recording_has_the_settings_that_follow_its_file() {
-        let text = "a,b.mcap,window=2,memory=1MiB,max=5MB,keep=3";
+        let text = "a,b.mcap,window=2,memory=1MiB,max=5MB";
         let options = recording(text).unwrap();
         assert_eq!(options.path.to_str(), Some("a,b.mcap"));
         let window = Retention::Window {
@@ -63,12 +59,11 @@ mod tests {
         };
         assert_eq!(options.retention, window);
         assert_eq!(options.max_bytes, Some(5_000_000));
-        assert_eq!(options.keep_files.map(u64::from), Some(3));
         for (bad, word) in [
             ("run.mcap,every=0", "every: expected an integer"),
             ("run.mcap,every=2,window=1", "exclude each other"),
             ("run.mcap,memory=1GB", "memory needs window"),
-            ("run.mcap,keep=2", "keep needs max"),
+            ("run.mcap,keep=2", "no setting 'keep'"),
             ("run.mcap,max=1kB", "at least 1MB"),
             ("run.mcap,for=rerun", "no setting 'for'"),
         ] {

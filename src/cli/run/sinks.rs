@@ -36,8 +36,7 @@ pub struct Sinks {
     /// then they wait in memory (memory=SIZE, 1GiB unless given; the oldest ones are dropped beyond
     /// it, and the summary says so). Without a violation there is no file.
     /// max=SIZE: begin another file before the recording exceeds this size, at least 1MB
-    /// (`run-part2.mcap`, ..). Each one can be replayed without the others; keep=K keeps the last K
-    /// and the one with the first violation
+    /// (`run-part2.mcap`, ..). Each one can be replayed without the others
     #[cfg(feature = "mcap")]
     #[arg(long, value_name = "FILE.mcap[,..]", value_parser = recording)]
     record: Option<RecordingOptions>,

@@ -40,8 +40,6 @@ pub struct Follower<'a> {
     pub state: State,
     /// Number of simulators that connected.
     pub sessions: u64,
-    /// Number in the file names of the last session.
-    pub file_number: u64,
     /// Last warning about an unreadable message.
     pub unreadable: String,
     /// True if messages were lost that belong to no session so far.
@@ -105,9 +103,8 @@ impl Follower<'_> {
 
     /// Prepares a session after the first one. Its files get a number that is free.
     fn next(&mut self) -> Result<Box<Run>> {
-        let wanted = self.sessions.max(self.file_number + 1);
+        let wanted = self.sessions.max(self.state.note.file_number + 1);
         let (sinks, number) = self.args.sinks.numbered(wanted, &self.files);
-        self.file_number = number;
         self.state.begin_files(number)?;
         announce_files(self.sessions, &sinks);
         self.session(self.sessions, &sinks, self.files.clone())
@@ -115,7 +112,7 @@ impl Follower<'_> {
 
     /// Follows the service until its simulator ends, or with --keep-watching until a signal.
     pub fn follow(mut self, mut sidecar: Sidecar, first: Box<Run>) -> Result<Outcome> {
-        let mut closer = Closer::new(self.state.outcome());
+        let mut closer = Closer::new(self.state.note.outcome);
         let mut first = Some(first);
         loop {
             let met = self.wait_for_simulator(&mut sidecar);

@@ -90,16 +90,15 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     let inputs = judge.files(args.sinks.overwrite);
     let mut files = inputs.clone();
     let mut state = State::open(args.state.as_deref(), &format!("{judge:?}"))?;
-    metrics.restarted(state.restarts());
-    let (sinks, number) = match state.file_number() {
+    metrics.restarted(state.note.restarts);
+    let (sinks, number) = match state.note.file_number {
         0 => (args.sinks.clone(), 1),
         n => args.sinks.numbered(n + 1, &files),
     };
     sinks.check_files(&mut files)?;
     state.begin_files(number)?;
     let follower = Follower {
-        sessions: state.sessions(),
-        file_number: state.file_number(),
+        sessions: state.note.sessions,
         state,
         args,
         json,

@@ -92,8 +92,6 @@ pub struct RecordingOptions {
     /// Size from which another file is begun, in bytes; at least
     /// [`RecordingOptions::LEAST_MAX_BYTES`]. A file is larger only if it has a single frame.
     pub max_bytes: Option<u64>,
-    /// Number of files to keep. Older ones are deleted, but not the one with the first violation.
-    pub keep_files: Option<NonZeroU64>,
 }
 
 impl RecordingOptions {
@@ -108,7 +106,6 @@ impl RecordingOptions {
             overwrite: false,
             retention: Retention::All,
             max_bytes: None,
-            keep_files: None,
         }
     }
 
