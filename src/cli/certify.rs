@@ -173,7 +173,7 @@ fn certify_in_session(frame: Picked, args: &Args, braids: Option<Braids>) -> Res
     let has_closed = has_closed(set);
     let mut session = Session::new(SessionOptions {
         cell: frame.cell,
-        wrapped: args.cell_args.wrapped().filter(|wrapped| !wrapped),
+        wrapped: args.cell_args.wrapped.filter(|wrapped| !wrapped),
         // It is decided already which curves are closed.
         keep_open: true,
         events: match frame.cell.is_some() && !has_closed {

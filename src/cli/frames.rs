@@ -132,10 +132,10 @@ impl Selected {
     ) -> Result<Selected> {
         let mut selected = Selected {
             path: argument.to_owned(),
-            is_whole: cells.wrapped().is_none(),
+            is_whole: cells.wrapped.is_none(),
             cells,
             selection,
-            frames: input::open_or_build(argument, &format.wrapped(cells.wrapped().is_some()))?,
+            frames: input::open_or_build(argument, &format.wrapped(cells.wrapped.is_some()))?,
             ahead: VecDeque::new(),
             ended: false,
             last: None,

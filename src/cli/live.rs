@@ -26,11 +26,6 @@ impl Live {
         }
     }
 
-    /// Writes a line to stderr, above the status line.
-    pub fn note(&self, text: impl Display) {
-        tracing::info!("{text}");
-    }
-
     /// Removes the status.
     pub fn clear(&self) {
         output::status(String::new());

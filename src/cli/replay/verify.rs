@@ -72,7 +72,7 @@ pub fn run(args: &Args, mut source: Source, json: bool) -> Result<Outcome> {
         ("--cell or --wrapped", judge.cell_args.are_given()),
         (
             "--keep-open",
-            args.judge.cell_args.keep_open() && !recorded_metadata.contains_key(KEEP_OPEN),
+            args.judge.cell_args.keep_open && !recorded_metadata.contains_key(KEEP_OPEN),
         ),
         (
             "--events",
@@ -136,7 +136,7 @@ pub fn run(args: &Args, mut source: Source, json: bool) -> Result<Outcome> {
         unfounded: false,
         ended: false,
     };
-    replay.session.live().note(format_args!("replaying {name}"));
+    tracing::info!("replaying {name}");
     signals::cancel_on_signals(replay.session.progress())?;
     let mut read = None;
     let all = || -> Result<()> {
@@ -158,7 +158,7 @@ pub fn run(args: &Args, mut source: Source, json: bool) -> Result<Outcome> {
     };
     match all() {
         Err(Error::Cancelled) => {
-            replay.session.live().note("stopped by a signal");
+            tracing::info!("stopped by a signal");
             replay.session.data_lost();
         }
         all => all?,

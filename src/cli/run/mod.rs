@@ -124,8 +124,6 @@ pub struct Run {
     sent_layout: u32,
     /// Layout of the last verified frame, if there is one.
     last_layout: Option<u32>,
-    /// True until the first frame of a run was verified.
-    is_new_run: bool,
     /// Time that the last frame took to verify.
     #[cfg(feature = "bus")]
     last_check: Option<Duration>,
@@ -185,7 +183,6 @@ impl Run {
             begun: false,
             sent_layout: 0,
             last_layout: None,
-            is_new_run: true,
             #[cfg(feature = "bus")]
             last_check: None,
             tally: FrameCounts::default(),
@@ -274,16 +271,16 @@ impl Run {
         let seq = verified.report.seq;
         say(&THE_FRAMES, &verified.notes);
         if verified.continuation == Continuation::Cut {
-            self.live.note(format_args!(
+            tracing::info!(
                 "frame {seq} does not continue the previous one: the simulator rolled back or \
                  jumped"
-            ));
+            );
         }
         if self.sum.jumps == 0 && verified.jumps > 0 {
-            self.live.note(format_args!(
+            tracing::info!(
                 "frame {seq}: {}; they are followed (--wrapped=false takes them as they are)",
                 jumped(verified.jumps)
-            ));
+            );
         }
         (self.sum.joined, self.sum.jumps) = (verified.joined, verified.jumps);
         // Frames before a change of the curves may lack a clearance that later ones have.
@@ -350,9 +347,9 @@ impl Run {
         }
         self.pass_baseline(&judged);
         if judged.report.verdict != Verdict::Rejected {
-            if std::mem::take(&mut self.is_new_run) {
+            if self.sum.open_curves.is_none() {
                 self.warn_of_scene(&judged);
-                *self.sum.open_curves.get_or_insert(0) += judged.report.stats.open_curves;
+                self.sum.open_curves = Some(judged.report.stats.open_curves);
             }
             let stats = judged.report.stats;
             self.sum.only_open = stats.curves > 0 && stats.open_curves == stats.curves;

@@ -91,7 +91,7 @@ impl Judge {
         let given_limit = self.event_args.motion_limit;
         let limit = given_limit.unwrap_or(default_limit);
         metadata.insert(MOTION_LIMIT.into(), limit.to_string());
-        if self.cell_args.keep_open() {
+        if self.cell_args.keep_open {
             metadata.insert(KEEP_OPEN.into(), "true".into());
         }
         let clearance = self.clearance_args.options(recorded.clearance)?;
@@ -116,8 +116,8 @@ impl Judge {
             braids,
             cell: self.cell_args.given(),
             ignore_cell: self.cell_args.ignores_cells(),
-            wrapped: self.cell_args.wrapped(),
-            keep_open: self.cell_args.keep_open(),
+            wrapped: self.cell_args.wrapped,
+            keep_open: self.cell_args.keep_open,
             max_pairs: self.max_pairs.unwrap_or(SessionOptions::MAX_PAIRS),
             motion_limit: match (events, recorded.events) {
                 // A limit needs a search. A replay without one ignores it, since it may come from
