@@ -7,8 +7,6 @@ use linkwatch::{
     Cell, Closing, ClosingKind, ClosingNote, CurveSet, CurveSource, Error, FrameInfo, Result,
     Unwrap,
 };
-#[cfg(feature = "mcap")]
-use std::collections::BTreeMap;
 use std::fmt;
 use std::str::FromStr;
 
@@ -86,15 +84,6 @@ impl CellArgs {
     #[cfg(feature = "mcap")]
     pub fn are_given(&self) -> bool {
         self.cell.cell.is_some() || self.wrapped.is_some()
-    }
-
-    /// Returns these options, with those of a recorded run.
-    #[cfg(feature = "mcap")]
-    pub fn or_recorded(self, metadata: &BTreeMap<String, String>) -> CellArgs {
-        CellArgs {
-            keep_open: self.keep_open || metadata.contains_key(KEEP_OPEN),
-            ..self
-        }
     }
 
     /// Warns of segments that are too long for the scene or for the cell of a frame.

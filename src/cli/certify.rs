@@ -119,7 +119,7 @@ fn check_cell(frame: &Picked, args: &Args) -> Result<()> {
 /// Computes the certificate of a frame.
 fn certify(frame: Picked, args: &Args) -> Result<Certified> {
     let start = std::time::Instant::now();
-    let braids = args.braid_args.braids(None)?;
+    let braids = args.braid_args.braids()?;
     let cell = frame.cell;
     let mut certified = match braids.is_some() || cell.is_some() {
         true => certify_in_session(frame, args, braids)?,

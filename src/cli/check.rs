@@ -7,7 +7,7 @@ use super::clearance_args::ClearanceArgs;
 use super::event_args::EventArgs;
 use super::input::{self, FormatArgs};
 use super::output::with_progress;
-use super::run::{Baseline, FrameCounts, Judge, JunitArgs, Recorded, Run, Setup, Sinks};
+use super::run::{Baseline, FrameCounts, Judge, JunitArgs, Run, Setup, Sinks};
 use super::sequence::{Frame, Sequence};
 use linkwatch::{
     AbortOn, CurveSet, Error, Overflow, Point, Result, SessionOptions, Strategy, Verdict,
@@ -107,7 +107,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         models: true,
         live: false,
         from_now: false,
-        recorded: Recorded::default(),
+        baseline: None,
         title: &title,
         metadata,
         overflow: Overflow::WaitForProgress(PATIENCE),

@@ -231,8 +231,8 @@ fn failed(path: &Path) -> impl FnOnce(std::io::Error) -> Error {
 }
 
 /// Returns the canonical path of a file that need not exist, with links resolved: two names with
-/// equal paths are names of the same file. (An output that is a hard link of an input does not change
-/// it: another file gets its name.)
+/// equal paths are names of the same file. (An output that is a hard link of an input does not
+/// change it: another file gets its name.)
 fn resolve(path: &Path) -> PathBuf {
     /// Maximum length of a chain of links, as on common systems.
     const LINKS: usize = 40;

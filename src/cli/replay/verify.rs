@@ -2,15 +2,14 @@
 
 use super::Args;
 use super::comparison::{Comparison, RecordedWith, alike};
-use crate::cli::cell_args::KEEP_OPEN;
 use crate::cli::output::{self, plural};
 use crate::cli::range::Range;
-use crate::cli::run::{FrameCounts, Judge, Judged, MOTION_LIMIT, Recorded, Run, Setup};
+use crate::cli::run::{FrameCounts, Judged, Run, Setup};
 use crate::cli::source::{PATIENCE, Source, warn_of_cut};
-use crate::cli::{Outcome, braid_args, clearance_args, signals};
+use crate::cli::{Outcome, braid_args, signals};
 use linkwatch::{
     AbortOn, BaselineRecord, Braids, Error, Events, Overflow, Received, RecordedItem,
-    RecordedVerdict, Report, Result, Retention, SessionOptions, Strategy, Verdict,
+    RecordedVerdict, Report, Result, Retention, Strategy, Verdict,
 };
 use std::collections::{BTreeMap, VecDeque};
 use std::sync::Arc;
@@ -40,60 +39,15 @@ pub fn run(args: &Args, mut source: Source, json: bool) -> Result<Outcome> {
     }
     // Available after the first item was read.
     let recorded_metadata = source.reader.metadata().clone();
-    let policy = recorded_metadata.get("abort_on");
-    let recorded: Option<AbortOn> = policy.and_then(|a| a.parse().ok());
-    let recorded_with = RecordedWith::read(&recorded_metadata);
-    let (recorded_events, limit) = recorded_events(&recorded_metadata);
-    let recorded_clearance = clearance_args::read(&recorded_metadata);
-    let clearance = args.judge.clearance_args.options(recorded_clearance)?;
-    let recorded_braids = braid_args::read(&recorded_metadata)?;
-    let braids = args.judge.braid_args.braids(recorded_braids.clone())?;
-    if braids == Some(Braids::Auto) && (windows || left_out) {
+    let judge = args.judge.or_recorded(&recorded_metadata)?;
+    if judge.braid_args.braids()? == Some(Braids::Auto) && (windows || left_out) {
         let what = "the first frame of the run is not replayed";
         return Err(braid_args::other_first_frame(what));
     }
-    let judge = Judge {
-        abort_on: args.judge.abort_on.or(recorded),
-        cell_args: args.judge.cell_args.or_recorded(&recorded_metadata),
-        ..args.judge.clone()
-    };
     let mut files = judge.files(args.sinks.overwrite);
     files.reads(&args.file);
     let overflow = Overflow::WaitForProgress(PATIENCE);
     output::detach(overflow)?;
-    // Other settings give other verdicts, intentionally.
-    let settings = [
-        (
-            "--abort-on",
-            judge.abort_on.unwrap_or_default() != recorded.unwrap_or_default(),
-        ),
-        ("--baseline", judge.baseline.is_some()),
-        ("--braid", braids != recorded_braids),
-        ("--cell or --wrapped", judge.cell_args.are_given()),
-        (
-            "--keep-open",
-            args.judge.cell_args.keep_open && !recorded_metadata.contains_key(KEEP_OPEN),
-        ),
-        (
-            "--events",
-            judge.event_args.events(AbortOn::Never, recorded_events) != recorded_events,
-        ),
-        (
-            "--max-pairs",
-            judge
-                .max_pairs
-                .is_some_and(|n| n < SessionOptions::MAX_PAIRS),
-        ),
-        (
-            "--motion-limit",
-            judge.event_args.motion_limit.is_some_and(|l| l != limit),
-        ),
-        (
-            "--radius or --min-clearance",
-            judge.abort_on == Some(AbortOn::Clearance) && clearance != recorded_clearance,
-        ),
-    ];
-    let differing = settings.iter().filter(|(_, differs)| *differs);
     let mut replay = Replay {
         session: Run::new(Setup {
             judge: &judge,
@@ -105,20 +59,16 @@ pub fn run(args: &Args, mut source: Source, json: bool) -> Result<Outcome> {
             models: false,
             live: false,
             from_now: false,
-            recorded: Recorded {
-                baseline,
-                events: Some((recorded_events, limit)),
-                clearance: recorded_clearance,
-                braids: recorded_braids.clone(),
-            },
+            baseline,
             title: &title,
             metadata,
             overflow,
             json,
         })?,
         comparison: Comparison {
-            differing: differing.map(|(option, _)| *option).collect(),
-            recorded_with,
+            // Other settings give other verdicts, intentionally.
+            differing: args.judge.differing(&recorded_metadata)?,
+            recorded_with: RecordedWith::read(&recorded_metadata),
             ..Comparison::default()
         },
         keeps_baseline: judge.baseline.is_some(),
@@ -129,7 +79,9 @@ pub fn run(args: &Args, mut source: Source, json: bool) -> Result<Outcome> {
         answered,
         missing: 0,
         begin,
-        motion: recorded_events != Events::Off,
+        motion: recorded_metadata
+            .get("events")
+            .is_some_and(|e| *e != Events::Off.to_string()),
         range,
         left_out,
         restarted: !left_out,
@@ -226,14 +178,6 @@ impl Start {
         }
         Ok(start)
     }
-}
-
-/// Returns the events and the motion limit of a recorded run.
-fn recorded_events(metadata: &BTreeMap<String, String>) -> (Events, f64) {
-    let events = metadata.get("events").and_then(|e| e.parse().ok());
-    // Earlier versions had no limit.
-    let limit = metadata.get(MOTION_LIMIT).and_then(|l| l.parse().ok());
-    (events.unwrap_or_default(), limit.unwrap_or(f64::INFINITY))
 }
 
 /// A frame to judge, or a recorded verdict.

@@ -26,7 +26,7 @@ pub use frame::Judged;
 pub use junit::JunitArgs;
 #[cfg(feature = "mcap")]
 pub use settings::MOTION_LIMIT;
-pub use settings::{Baseline, Judge, Recorded};
+pub use settings::{Baseline, Judge};
 pub use sinks::Sinks;
 #[cfg(feature = "bus")]
 pub use state::RunState;
@@ -47,8 +47,8 @@ use super::output::{count, plural};
 #[cfg(feature = "bus")]
 use linkwatch::Events;
 use linkwatch::{
-    Continuation, FrameInfo, FrameRecord, FrameTimes, Overflow, Progress, Received, Result,
-    RunProgress, Session, SessionOptions, SinkQueue, Strategy, Verdict,
+    BaselineRecord, Continuation, FrameInfo, FrameRecord, FrameTimes, Overflow, Progress, Received,
+    Result, RunProgress, Session, SessionOptions, SinkQueue, Strategy, Verdict,
 };
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -85,7 +85,8 @@ pub struct Setup<'a> {
     pub live: bool,
     /// True if frames before the first one that is verified do not count as missing.
     pub from_now: bool,
-    pub recorded: Recorded,
+    /// Baseline of a recorded run, unless the user chose another one.
+    pub baseline: Option<BaselineRecord>,
     /// Names the run in the viewer.
     pub title: &'a str,
     /// Metadata of the run, for a recording.
@@ -144,14 +145,13 @@ impl Run {
             sinks,
             mut files,
             mut metadata,
-            mut recorded,
             ..
         } = setup;
         sinks.check_files(&mut files)?;
         let junit = setup.junit.map(|args| args.open(&mut files, setup.title));
         let junit = junit.transpose()?.flatten();
-        let baseline = judge.baseline(&mut recorded)?;
-        let mut options = judge.options(recorded, &mut metadata)?;
+        let baseline = judge.baseline(setup.baseline)?;
+        let mut options = judge.options(&mut metadata)?;
         options.strategy = setup.strategy;
         options.early_exit = setup.early_exit;
         let incomplete = baseline.as_ref().is_some_and(|b| b.unverified > 0);

@@ -8,7 +8,7 @@ use crate::cli::files::Files;
 use crate::cli::label::Label;
 use crate::cli::metrics::ServiceMetrics;
 use crate::cli::output::{percent, plural};
-use crate::cli::run::{FrameCounts, Judge, Recorded, Run, Setup, Sinks};
+use crate::cli::run::{FrameCounts, Judge, Run, Setup, Sinks};
 use crate::cli::signals::TICK;
 use crate::cli::{Outcome, services};
 use linkwatch::{
@@ -86,7 +86,7 @@ impl Follower<'_> {
             models: false,
             live: true,
             from_now: self.args.from_now,
-            recorded: Recorded::default(),
+            baseline: None,
             title: &title,
             metadata: BTreeMap::from([("service".to_owned(), self.args.service.clone())]),
             overflow: Overflow::Wait(PATIENCE),
