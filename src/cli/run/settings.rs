@@ -71,9 +71,7 @@ impl Judge {
         let given = &mut judge.event_args;
         let events = text("events").and_then(|events| events.parse().ok());
         given.events = given.events.or(events).or(Some(Events::Off));
-        // Earlier versions had no limit.
-        let limit = text(MOTION_LIMIT).and_then(|limit| limit.parse().ok());
-        given.motion_limit = given.motion_limit.or(limit).or(Some(f64::INFINITY));
+        given.motion_limit = given.motion_limit.or(Some(recorded_limit(metadata)));
         if given.events(abort_on) == Events::Off {
             // A limit needs a search.
             given.motion_limit = None;
@@ -97,7 +95,7 @@ impl Judge {
             ..self.clone()
         };
         let then = then.or_recorded(metadata)?;
-        let (events, recorded) = (now.event_args, then.event_args);
+        let limit = self.event_args.motion_limit;
         let braids = now.braid_args.braids()? != then.braid_args.braids()?;
         let clearance = now.clearance_args != then.clearance_args;
         let stops_at_clearance = now.abort_on == Some(AbortOn::Clearance);
@@ -111,11 +109,11 @@ impl Judge {
                 "--keep-open",
                 now.cell_args.keep_open != then.cell_args.keep_open,
             ),
-            ("--events", events.events != recorded.events),
+            ("--events", now.event_args.events != then.event_args.events),
             ("--max-pairs", self.max_pairs.is_some_and(is_stricter)),
             (
                 "--motion-limit",
-                events.motion_limit != recorded.motion_limit,
+                limit.is_some_and(|limit| limit != recorded_limit(metadata)),
             ),
             (
                 "--radius or --min-clearance",
@@ -188,6 +186,14 @@ impl Judge {
             ..SessionOptions::default()
         })
     }
+}
+
+/// Returns the motion limit of a recorded run. Earlier versions had none.
+#[cfg(feature = "mcap")]
+fn recorded_limit(metadata: &BTreeMap<String, String>) -> f64 {
+    let limit = metadata.get(MOTION_LIMIT);
+    let limit = limit.and_then(|limit| limit.parse().ok());
+    limit.unwrap_or(f64::INFINITY)
 }
 
 /// Source of the expected linking numbers.
