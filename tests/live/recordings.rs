@@ -479,21 +479,12 @@ fn files_without_verdicts_are_verified_with_a_note() {
         let expected = "verdicts: the recording has none to compare with";
         assert_eq!(last(&path, args), expected);
     }
-    let model = folder.path().join("mail.bcc");
-    let scene = [
-        "generate",
-        "chainmail:rows=2,columns=2",
-        "-o",
-        model.to_str().unwrap(),
-    ];
-    assert_eq!(printed(&scene).0, Some(0));
-    let recording = folder.path().join("model.mcap");
-    let check = ["check", model.to_str().unwrap(), "--record"];
-    let check = [&check[..], &[recording.to_str().unwrap()]].concat();
-    assert_eq!(printed(&check).0, Some(0));
+    let recording = folder.path().join("again.mcap");
+    last(&path, &["--record", recording.to_str().unwrap()]);
     let replayed = replay(&recording);
     assert_eq!(replayed.code, Some(0), "{}", replayed.stderr);
-    assert_eq!(replayed.summary()["recorded_verdicts"]["equal"], 1);
+    let counts = &replayed.summary()["recorded_verdicts"];
+    assert!(counts["equal"].as_u64() > Some(20), "{counts}");
 }
 
 #[test]
