@@ -20,7 +20,6 @@
 
 mod affine;
 mod blocks;
-#[cfg(all(feature = "mcap", feature = "cli"))]
 mod coverage;
 mod covered;
 mod events;
@@ -35,7 +34,6 @@ mod stream;
 mod tests;
 mod work;
 
-#[cfg(all(feature = "mcap", feature = "cli"))]
 pub(crate) use coverage::Coverage;
 pub use events::Events;
 pub(crate) use ledger::{Contacts, Ledger, MOTION_LIMIT, Outcome, Touching, sort_by_time};

@@ -4,7 +4,7 @@ use super::{Change, Defect, PullThrough, Report};
 use crate::curve::Image;
 #[cfg(any(feature = "cli", feature = "mcap", feature = "rerun"))]
 use crate::curve::Point;
-#[cfg(any(feature = "mcap", feature = "rerun"))]
+#[cfg(feature = "rerun")]
 use crate::curve::words_of_curve;
 
 /// A finding of a report.
@@ -70,6 +70,7 @@ impl Finding<'_> {
     }
 
     /// Returns a few words for a label beside the place. `names` are those of the curves, or empty.
+    #[cfg(feature = "rerun")]
     pub fn label(self, names: &[String]) -> String {
         let (i, j, image) = self.pair();
         let curves = match j {

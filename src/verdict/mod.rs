@@ -20,7 +20,7 @@ pub(crate) use finding::Finding;
 #[cfg(any(feature = "client", feature = "mcap", feature = "cli"))]
 pub use lasting::Lasting;
 pub use left_out::LeftOut;
-#[cfg(any(feature = "mcap", feature = "rerun"))]
+#[cfg(feature = "rerun")]
 pub(crate) use message::label_of_pair;
 #[cfg(any(feature = "mcap", feature = "cli"))]
 pub(crate) use message::words_of_frame;

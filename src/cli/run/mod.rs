@@ -241,7 +241,7 @@ impl Run {
     }
 
     /// Returns the output shown while the run lasts.
-    #[cfg(any(feature = "bus", feature = "mcap"))]
+    #[cfg(feature = "bus")]
     pub fn live(&self) -> &Live {
         &self.live
     }

@@ -12,7 +12,7 @@ use crate::cli::files::{Files, Overwrite};
 use linkwatch::RecordingOptions;
 use linkwatch::{ClearanceOptions, Overflow, Result, SinkQueue};
 use std::collections::BTreeMap;
-#[cfg(any(feature = "bus", feature = "mcap"))]
+#[cfg(feature = "bus")]
 use std::path::Path;
 
 /// Maximum number of frames that wait for a sink.
@@ -85,7 +85,7 @@ impl Sinks {
     }
 
     /// Returns the output files.
-    #[cfg(any(feature = "bus", feature = "mcap"))]
+    #[cfg(feature = "bus")]
     pub fn paths(&self) -> Vec<&Path> {
         let files: &[Option<&Path>] = &[
             #[cfg(feature = "mcap")]
