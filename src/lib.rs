@@ -72,9 +72,9 @@
 //!
 //! # Features
 //!
-//! All are on by default. A feature turns on those that it needs: `cli`, `bus`, `gpu`, `mcap`,
-//! `rerun` and `metrics` turn on `verify`. Without any feature the library has only the
-//! vocabulary that all features share: [`Basis`], [`Positions`], [`Verdict`], [`Report`],
+//! All are on by default. A feature turns on those that it needs: `cli`, `bus`, `gpu`, `mcap`
+//! and `rerun` turn on `verify`. Without any feature the library has only the vocabulary that all
+//! features share: [`Basis`], [`Positions`], [`Verdict`], [`Report`],
 //! [`Error`].
 //!
 //! | feature | adds | main dependency |
@@ -86,7 +86,6 @@
 //! | `gpu` | kernels on a GPU: `SessionOptions::device` | wgpu |
 //! | `mcap` | recordings: `RecordingSink`, `RecordingReader`, `RunReport` | mcap |
 //! | `rerun` | the viewer: `ViewerSink` | rerun |
-//! | `metrics` | `watch --metrics` of the command; no API | prometheus |
 //!
 //! A simulator that publishes frames takes `default-features = false, features = ["client"]`, and
 //! compiles no kernels. A program that verifies its own frames takes `features = ["verify"]`.
