@@ -14,8 +14,8 @@ mod measure;
 use linkwatch::scenes::Scene;
 use linkwatch::{
     Basis, Client, ClientOptions, CurveSet, FrameInfo, FrameRecord, Outcome, Overflow, Positions,
-    Precision, RecordedItem, RecordingReader, RecordingSink, RecordingTool, RunProgress, Session,
-    SessionOptions, Sink, SinkQueue, Verdict, ViewerSink, ViewerTarget,
+    Precision, RecordedItem, RecordingReader, RecordingSink, RunProgress, Session, SessionOptions,
+    Sink, SinkQueue, Verdict, ViewerSink, ViewerTarget,
 };
 use measure::timed;
 use std::process::{Command, Stdio};
@@ -33,18 +33,11 @@ fn main() {
     let frames = frames(if measures { 60 } else { 3 });
     let folder = tempfile::tempdir().expect("a folder");
     let recording = folder.path().join("frames.mcap");
-    for (what, tools) in [
-        ("recording", &[][..]),
-        ("recording for foxglove", &[RecordingTool::Foxglove]),
-        ("recording for rerun", &[RecordingTool::Rerun]),
-    ] {
-        let sink = RecordingSink::create(&recording, &Default::default()).expect("a recording");
-        let sink = sink.with_tools(tools.iter().copied()).expect("channels");
-        write(what, Box::new(sink), &frames);
-        let bytes = std::fs::metadata(&recording).expect("a recording").len();
-        println!("{what}: {} bytes a frame", bytes / frames.len() as u64);
-        read(&recording, frames.len());
-    }
+    let sink = RecordingSink::create(&recording, &Default::default()).expect("a recording");
+    write("recording", Box::new(sink), &frames);
+    let bytes = std::fs::metadata(&recording).expect("a recording").len();
+    println!("recording: {} bytes a frame", bytes / frames.len() as u64);
+    read(&recording, frames.len());
     for (what, every) in [("all curves move", 1), ("1 % of the curves move", 100)] {
         view(
             what,

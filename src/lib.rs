@@ -72,9 +72,9 @@
 //!
 //! # Features
 //!
-//! All are on by default. A feature turns on those that it needs: `cli`, `bus`, `gpu`, `mcap`,
-//! `rerun` and `metrics` turn on `verify`. Without any feature the library has only the
-//! vocabulary that all features share: [`Basis`], [`Positions`], [`Verdict`], [`Report`],
+//! All are on by default. A feature turns on those that it needs: `cli`, `bus`, `gpu`, `mcap`
+//! and `rerun` turn on `verify`. Without any feature the library has only the vocabulary that all
+//! features share: [`Basis`], [`Positions`], [`Verdict`], [`Report`],
 //! [`Error`].
 //!
 //! | feature | adds | main dependency |
@@ -86,7 +86,6 @@
 //! | `gpu` | kernels on a GPU: `SessionOptions::device` | wgpu |
 //! | `mcap` | recordings: `RecordingSink`, `RecordingReader`, `RunReport` | mcap |
 //! | `rerun` | the viewer: `ViewerSink` | rerun |
-//! | `metrics` | `watch --metrics` of the command; no API | prometheus |
 //!
 //! A simulator that publishes frames takes `default-features = false, features = ["client"]`, and
 //! compiles no kernels. A program that verifies its own frames takes `features = ["verify"]`.
@@ -197,10 +196,8 @@ pub use curve::{Curve, CurveSet};
 #[cfg(feature = "verify")]
 pub use discretize::{Braid, BraidLoops, Braids, End, Polylines, chords, homotopic_polylines};
 #[cfg(feature = "verify")]
-pub use engine::{Certifier, Ladder, Plan, Progress, SessionOptions, Strategy, Timings, bisect};
+pub use engine::{Certifier, Ladder, Plan, Progress, SessionOptions, Strategy, Timings};
 pub use error::{Error, Result};
-#[cfg(all(feature = "mcap", feature = "cli"))]
-use incremental::Cause;
 #[cfg(feature = "verify")]
 pub use incremental::{Events, Route, Work};
 #[cfg(feature = "verify")]
@@ -213,11 +210,11 @@ pub use measure::{
 #[cfg(feature = "verify")]
 pub use periodic::{Unwrap, beside, period};
 #[cfg(all(feature = "mcap", feature = "cli"))]
-use record::{Alignment, FrameDiff, FramePlace, OnlyIn, Outline, RunDiff, diff_runs};
+use record::{Alignment, FrameDiff, OnlyIn, RunDiff, diff_runs};
 #[cfg(feature = "mcap")]
 pub use record::{
     Ending, RecordedFrame, RecordedItem, RecordedVerdict, RecordingOptions, RecordingReader,
-    RecordingSink, RecordingTool, Retention,
+    RecordingSink, Retention,
 };
 #[cfg(all(feature = "mcap", feature = "cli"))]
 use report::{Conclusion, RunReport};
@@ -235,7 +232,7 @@ pub use verdict::{
     Link, LoopPair, Place, PullThrough, Report, Stats, Verdict,
 };
 #[cfg(feature = "rerun")]
-pub use viewer::{ViewerOptions, ViewerSink, ViewerTarget};
+pub use viewer::{ViewerSink, ViewerTarget};
 
 /// Compiles the examples of the README and of the book. `tests/book` compares this list with the
 /// pages that have some.

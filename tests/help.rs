@@ -102,7 +102,7 @@ fn options_of_watch_have_headings() {
         rest = section;
     }
     assert!(!help.contains("\nOptions:"), "{help}");
-    assert_eq!(help.contains("--metrics"), cfg!(feature = "metrics"));
+    assert_eq!(help.contains("--metrics"), cfg!(feature = "bus"));
 }
 
 fn completions_contain_commands_and_options() {

@@ -4,8 +4,7 @@
 use linkwatch::{
     BaselineRecord, Basis, Certificate, Change, CurveSet, Defect, DefectKind, Ending, Error,
     FrameInfo, FrameRecord, FrameTimes, Link, LiveTimes, Place, Positions, Precision, PullThrough,
-    RecordedItem, RecordingReader, RecordingSink, RecordingTool, Report, Route, RunProgress, Sink,
-    Verdict, Work,
+    RecordedItem, RecordingReader, RecordingSink, Report, Route, RunProgress, Sink, Verdict, Work,
 };
 use std::collections::BTreeMap;
 use std::io::Cursor;
@@ -342,36 +341,6 @@ fn other_readers_read_all_messages_and_the_index() {
     let largest = summary.chunk_indexes.iter().map(|c| c.uncompressed_size);
     assert!(largest.max().unwrap() <= 1 << 20);
     assert_eq!(summary.schemas.len(), 4);
-}
-
-#[test]
-fn messages_for_other_tools_change_nothing_else() {
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("a.mcap");
-    let sink = RecordingSink::create(&path, &metadata()).unwrap();
-    let mut sink = Box::new(sink.with_tools(RecordingTool::ALL).unwrap());
-    sink.begin(&baseline()).unwrap();
-    let mut frames = small(5);
-    // A frame that was rejected has none of them.
-    frames.push(record(9, None));
-    frames.iter().for_each(|frame| sink.frame(frame).unwrap());
-    sink.finish().unwrap();
-    let bytes = std::fs::read(&path).unwrap();
-    let (items, ending, error) = read(&bytes);
-    assert!(error.is_none(), "{error:?}");
-    assert_eq!(items, read(&write(&frames, false, true)).0);
-    assert_eq!(ending, Some(Ending::Finished));
-    let mut reader = RecordingReader::open(&path).unwrap();
-    reader.next_item().unwrap();
-    assert!(reader.tools().eq(RecordingTool::ALL));
-    while reader.next_item().unwrap().is_some() {}
-    assert_eq!(reader.skipped(), 0);
-    let messages = mcap::MessageStream::new(&bytes).unwrap();
-    let schemas = messages.map(|m| m.unwrap().channel.schema.clone().unwrap().name.clone());
-    let schemas: Vec<String> = schemas.collect();
-    for schema in ["foxglove.SceneUpdate", "foxglove.PointCloud"] {
-        assert_eq!(schemas.iter().filter(|s| *s == schema).count(), 5);
-    }
 }
 
 #[test]

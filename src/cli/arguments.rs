@@ -6,102 +6,69 @@ use clap::{Arg, Command, CommandFactory, Error, FromArgMatches};
 use std::ffi::OsString;
 
 /// Errors of the standard library for numbers, and what they mean.
-const IN_WORDS: [(&str, &str); 6] = [
-    ("invalid digit found in string", "expected a whole number"),
-    (
-        "cannot parse integer from empty string",
-        "expected a whole number",
-    ),
-    (
-        "number too large to fit in target type",
-        "the number is too large",
-    ),
-    (
-        "number too small to fit in target type",
-        "the number is too small",
-    ),
-    ("invalid float literal", "expected a number"),
-    ("cannot parse float from empty string", "expected a number"),
-];
+const IN_WORDS: &str = "\
+invalid digit found in string: expected a whole number
+cannot parse integer from empty string: expected a whole number
+number too large to fit in target type: the number is too large
+number too small to fit in target type: the number is too small
+invalid float literal: expected a number
+cannot parse float from empty string: expected a number
+";
 
 /// Commands and options of earlier versions, and what to use instead.
-const GONE: [(&str, &str); 43] = [
-    (
-        "plan",
-        "`linkwatch certify --explain MODEL` prints the plan",
-    ),
-    ("study", STUDY),
-    ("sweep", STUDY),
-    ("--repeat", STUDY),
-    ("--measure", STUDY),
-    ("--calibrate", STUDY),
-    ("--against", "--baseline"),
-    ("--amplitude", "--frames N,amplitude=A"),
-    (
-        "--beta",
-        "--kernel barnes-hut,beta=B, of `linkwatch certify`",
-    ),
-    (
-        "--by-time",
-        "`linkwatch diff FIRST.mcap SECOND.mcap --by-time`",
-    ),
-    ("--connect", "--show HOST:PORT"),
-    (
-        "--device",
-        "`linkwatch certify --device`; other commands choose it",
-    ),
-    ("--diff", "`linkwatch diff FIRST.mcap SECOND.mcap`"),
-    ("--diameter", "--frames N,diameter=D"),
-    ("--diff-curves", "--json, which prints all changes"),
-    ("--diff-pairs", "--json, which prints all changes"),
-    (
-        "--kernel",
-        "`linkwatch certify --kernel`; other commands choose it",
-    ),
-    ("--motion", "--frames N,motion=MOTION"),
-    ("--order", "--kernel fmm,order=P, of `linkwatch certify`"),
-    (
-        "--paranoid",
-        "Strategy::Paranoid, in a program that uses the library",
-    ),
-    ("--publish", "`linkwatch play FILE --service NAME`"),
-    ("--pull", "--frames N,pull=SEQ"),
-    ("--record-every", "--record FILE.mcap,every=N"),
-    ("--record-for", "--record FILE.mcap,for=TOOL"),
-    ("--record-keep", "--record FILE.mcap,max=SIZE,keep=K"),
-    ("--record-max", "--record FILE.mcap,max=SIZE"),
-    ("--record-window", "--record FILE.mcap,window=SECONDS"),
-    (
-        "--record-window-memory",
-        "--record FILE.mcap,window=SECONDS,memory=SIZE",
-    ),
-    ("--rrd", "--show FILE.rrd"),
-    ("--self", "--events=all"),
-    ("--serve", "--show web"),
-    (
-        "--target",
-        "--kernel barnes-hut,beta=B,target=E, of `linkwatch certify`",
-    ),
-    ("--thickness", "--radius"),
-    ("--unwrapped", "--wrapped=false"),
-    ("--bonds", CHECK),
-    ("--closed", CHECK),
-    ("--counts", CHECK),
-    ("--one-motion", CHECK),
-    ("--topic", CHECK),
-    ("--view", "--show live"),
-    ("--view-every", "--show WHERE,every=N"),
-    ("--view-only", "--show WHERE,only=violated"),
-    (
-        "--wait-mode",
-        "nothing: a watch sleeps until a frame arrives",
-    ),
-];
+const GONE: &str = "\
+plan: `linkwatch certify --explain MODEL` prints the plan
+study: a command for developers, `cargo run --release -p study -- --help` in a clone
+sweep: a command for developers, `cargo run --release -p study -- --help` in a clone
+--repeat: a command for developers, `cargo run --release -p study -- --help` in a clone
+--measure: a command for developers, `cargo run --release -p study -- --help` in a clone
+--calibrate: a command for developers, `cargo run --release -p study -- --help` in a clone
+--against: --baseline
+--amplitude: --frames N,amplitude=A
+--beta: --kernel barnes-hut,beta=B, of `linkwatch certify`
+--bisect: `linkwatch replay FILE.mcap`, whose summary names the first violation
+--bonds: `linkwatch check` reads files that need it
+--by-time: `linkwatch diff FIRST.mcap SECOND.mcap --by-time`
+--closed: `linkwatch check` reads files that need it
+--connect: --show HOST:PORT
+--counts: `linkwatch check` reads files that need it
+--device: `linkwatch certify --device`; other commands choose it
+--diameter: --frames N,diameter=D
+--diff: `linkwatch diff FIRST.mcap SECOND.mcap`
+--diff-curves: --json, which prints all changes
+--diff-pairs: --json, which prints all changes
+--discretize: `linkwatch convert MODEL OUT.obj`, then `linkwatch certify OUT.obj`
+--kernel: `linkwatch certify --kernel`; other commands choose it
+--motion: --frames N,motion=MOTION
+--one-motion: `linkwatch check` reads files that need it
+--order: --kernel fmm,order=P, of `linkwatch certify`
+--paranoid: Strategy::Paranoid, in a program that uses the library
+--publish: `linkwatch play FILE --service NAME`
+--pull: --frames N,pull=SEQ
+--record-every: --record FILE.mcap,every=N
+--record-for: `linkwatch replay FILE.mcap --show FILE.rrd`
+--record-keep: --record FILE.mcap,window=SECONDS, or a program that deletes old files
+--record-max: --record FILE.mcap,max=SIZE
+--record-window: --record FILE.mcap,window=SECONDS
+--record-window-memory: --record FILE.mcap,window=SECONDS,memory=SIZE
+--rrd: --show FILE.rrd
+--self: --events=all
+--serve: --show web
+--target: --kernel barnes-hut,beta=B,target=E, of `linkwatch certify`
+--thickness: --radius
+--topic: `linkwatch check` reads files that need it
+--unwrapped: --wrapped=false
+--view: --show live
+--view-every: --show WHERE,every=N
+--view-only: nothing: hide the curves without findings in the viewer (curves/intact)
+--wait-mode: nothing: a watch sleeps until a frame arrives
+--write-loops: BraidLoops, in a program that uses the library
+";
 
-const CHECK: &str = "`linkwatch check` reads files that need it";
-
-const STUDY: &str = "measurements are commands for developers, in a clone of linkwatch: `cargo run \
-                     --release -p study -- --help` (benches/study)";
+/// Returns the rows of a table: a key and its text.
+fn rows(table: &'static str) -> impl Iterator<Item = (&'static str, &'static str)> {
+    table.lines().filter_map(|row| row.split_once(": "))
+}
 
 /// Parses the arguments, the first of which is the name of the program.
 pub fn parse(args: impl IntoIterator<Item = OsString>) -> Result<Cli, Error> {
@@ -155,10 +122,7 @@ fn in_words(mut error: Error) -> Error {
         return error;
     }
     let text = error.render().to_string();
-    let known = IN_WORDS
-        .iter()
-        .find(|(technical, _)| text.contains(technical));
-    match known {
+    match rows(IN_WORDS).find(|(technical, _)| text.contains(technical)) {
         Some((technical, words)) => {
             let text = text.replace(technical, words);
             let text = text.strip_prefix("error: ").unwrap_or(&text);
@@ -169,16 +133,14 @@ fn in_words(mut error: Error) -> Error {
 }
 
 /// Returns the command or the option of an error that is gone, and what to use instead.
-fn gone(error: &Error) -> Option<&'static (&'static str, &'static str)> {
-    let unknown = [ContextKind::InvalidSubcommand, ContextKind::InvalidArg];
-    let unknown = unknown.into_iter().find_map(|kind| error.get(kind))?;
-    let ContextValue::String(unknown) = unknown else {
-        return None;
+fn gone(error: &Error) -> Option<(&'static str, &'static str)> {
+    let unknown = match error.kind() {
+        ErrorKind::InvalidSubcommand => error.get(ContextKind::InvalidSubcommand),
+        ErrorKind::UnknownArgument => error.get(ContextKind::InvalidArg),
+        _ => None,
     };
-    match error.kind() {
-        ErrorKind::InvalidSubcommand | ErrorKind::UnknownArgument => {
-            GONE.iter().find(|(name, _)| name == unknown)
-        }
+    match unknown? {
+        ContextValue::String(unknown) => rows(GONE).find(|(name, _)| name == unknown),
         _ => None,
     }
 }

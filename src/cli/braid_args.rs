@@ -20,19 +20,16 @@ pub struct BraidArgs {
     /// frame, a JSON file names the curves [replay: as recorded]
     #[arg(long, value_name = "auto|FILE")]
     braid: Option<PathBuf>,
+    /// Those of a recording.
+    #[arg(skip)]
+    recorded: Option<Braids>,
 }
 
 impl BraidArgs {
     /// Returns the file of braids, if one is given.
     pub fn file(&self) -> Option<&Path> {
-        self.braid
-            .as_deref()
-            .filter(|path| *path != Path::new(AUTO))
-    }
-
-    /// Returns true if the braids are found in the first frame.
-    pub fn is_auto(&self) -> bool {
-        self.braid.is_some() && self.file().is_none()
+        let path = self.braid.as_deref();
+        path.filter(|path| *path != Path::new(AUTO))
     }
 
     /// Returns true if the user gave the option.
@@ -40,13 +37,24 @@ impl BraidArgs {
         self.braid.is_some()
     }
 
-    /// Returns the braids, or those of a recording if the user gives none.
-    pub fn braids(&self, recorded: Option<Braids>) -> Result<Option<Braids>> {
-        match (self.file(), self.is_auto()) {
-            (Some(path), _) => Braids::read(path).map(Some),
-            (None, true) => Ok(Some(Braids::Auto)),
-            (None, false) => Ok(recorded),
+    /// Returns the braids, if there are some.
+    pub fn braids(&self) -> Result<Option<Braids>> {
+        match self.file() {
+            Some(path) => Braids::read(path).map(Some),
+            None if self.are_given() => Ok(Some(Braids::Auto)),
+            None => Ok(self.recorded.clone()),
         }
+    }
+
+    /// Adds the braids of a recorded run.
+    #[cfg(feature = "mcap")]
+    pub fn or_recorded(mut self, metadata: &BTreeMap<String, String>) -> Result<BraidArgs> {
+        self.recorded = match metadata.get(BRAID).map(String::as_str) {
+            None => None,
+            Some(AUTO) => Some(Braids::Auto),
+            Some(text) => Some(Braids::from_json(text)?),
+        };
+        Ok(self)
     }
 }
 
@@ -57,16 +65,6 @@ pub fn write(braids: &Braids, metadata: &mut BTreeMap<String, String>) {
         given => given.to_json(),
     };
     metadata.insert(BRAID.to_owned(), text);
-}
-
-/// Returns the braids of a recorded run.
-#[cfg(feature = "mcap")]
-pub fn read(metadata: &BTreeMap<String, String>) -> Result<Option<Braids>> {
-    match metadata.get(BRAID).map(String::as_str) {
-        None => Ok(None),
-        Some(AUTO) => Ok(Some(Braids::Auto)),
-        Some(text) => Braids::from_json(text).map(Some),
-    }
 }
 
 /// Returns the error of ends that would be found in another frame than those of the baseline.

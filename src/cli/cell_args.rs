@@ -7,8 +7,6 @@ use linkwatch::{
     Cell, Closing, ClosingKind, ClosingNote, CurveSet, CurveSource, Error, FrameInfo, Result,
     Unwrap,
 };
-#[cfg(feature = "mcap")]
-use std::collections::BTreeMap;
 use std::fmt;
 use std::str::FromStr;
 
@@ -55,12 +53,12 @@ pub struct CellArgs {
         long, value_name = "true|false", num_args = 0..=1, require_equals = true,
         default_missing_value = "true", hide_possible_values = true
     )]
-    wrapped: Option<bool>,
+    pub wrapped: Option<bool>,
     /// Keep curves open that end where they start
     ///
     /// Otherwise they are closed, without the repeated point
     #[arg(long)]
-    keep_open: bool,
+    pub keep_open: bool,
 }
 
 /// Cell that the user gives.
@@ -88,30 +86,11 @@ impl CellArgs {
         self.cell.cell.is_some() || self.wrapped.is_some()
     }
 
-    /// Returns true if curves stay open that end where they start.
-    pub fn keep_open(&self) -> bool {
-        self.keep_open
-    }
-
-    /// Returns these options, with those of a recorded run.
-    #[cfg(feature = "mcap")]
-    pub fn or_recorded(self, metadata: &BTreeMap<String, String>) -> CellArgs {
-        CellArgs {
-            keep_open: self.keep_open || metadata.contains_key(KEEP_OPEN),
-            ..self
-        }
-    }
-
-    /// Returns [`SessionOptions::wrapped`](linkwatch::SessionOptions::wrapped).
-    pub fn wrapped(&self) -> Option<bool> {
-        self.wrapped
-    }
-
     /// Warns of segments that are too long for the scene or for the cell of a frame.
     pub fn warn_of_segments(&self, name: &str, curves: &CurveSet, cell: Option<Cell>) {
         match cell {
             None => output::warn_of_long_segment(name, curves),
-            Some(_) if self.wrapped().is_some() => {}
+            Some(_) if self.wrapped.is_some() => {}
             Some(cell) => output::warn_of_wrapped(name, curves, &cell),
         }
     }

@@ -3,7 +3,7 @@
 use super::braid_args::BraidArgs;
 use super::cell_args::CellArgs;
 use super::explain;
-use super::files::{Content, Files, Overwrite, write_text, write_whole};
+use super::files::{Content, Files, Overwrite, write_text};
 use super::frames::{self, FrameArgs, Picked};
 use super::input::{self, FormatArgs};
 use super::kernel::KernelArgs;
@@ -11,12 +11,10 @@ use super::number::{not_negative, positive};
 use super::open;
 use super::output::{self, count, millis, percent, plural, plural_of};
 use super::{Outcome, output::with_progress};
-use clap::ValueEnum;
-use linkwatch::formats::{Format, FrameWriter, ModelFrame};
 use linkwatch::kernels::{Method, Offload};
 use linkwatch::{
-    BraidLoops, Braids, Certificate, Certifier, CurveSet, Error, Events, FrameInfo, ImageLink,
-    Ladder, Received, Result, Session, SessionOptions, Stats, homotopic_polylines, picture,
+    Braids, Certificate, Certifier, CurveSet, Error, Events, FrameInfo, ImageLink, Ladder,
+    Received, Result, Session, SessionOptions, Stats, picture,
 };
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
@@ -47,10 +45,6 @@ pub struct Args {
     /// --braid of other commands
     #[arg(long, value_name = "FILE", help_heading = super::WRITE)]
     write_braid: Option<PathBuf>,
-    /// Write the curves of the braids as virtual closed loops to a model file (one model only), to
-    /// look at them
-    #[arg(long, value_name = "FILE", help_heading = super::WRITE, hide_short_help = true)]
-    write_loops: Option<PathBuf>,
     /// Write the certificate to a file (one model only) instead of stdout
     #[arg(short, long, value_name = "CERT", help_heading = super::WRITE)]
     output: Option<PathBuf>,
@@ -60,27 +54,18 @@ pub struct Args {
     svg: Option<PathBuf>,
     #[command(flatten)]
     overwrite: Overwrite,
-    /// Method that converts splines to polylines
-    #[arg(
-        long, value_enum, default_value_t, conflicts_with = "kernel",
-        help_heading = super::KERNELS, hide_short_help = true
-    )]
-    discretize: Discretize,
     #[command(flatten)]
     kernel: KernelArgs,
     /// Keep only linking numbers that cannot change if every vertex moves by up to R along each
     /// axis (polylines)
     #[arg(
         long, value_name = "R", help_heading = super::KERNELS,
-        conflicts_with_all = ["discretize", "kernel"]
+        conflicts_with = "kernel"
     )]
     noise: Option<f64>,
     /// Print the Gauss linking integral of every pair of polylines, open or closed, as
     /// `i,j,integral,bound`: real numbers with a proven bound, never rounded
-    #[arg(
-        long,
-        conflicts_with_all = ["discretize", "kernel", "noise", "output", "svg"]
-    )]
+    #[arg(long, conflicts_with_all = ["kernel", "noise", "output", "svg"])]
     open: bool,
     /// Error bound of --open to reach, if possible
     #[arg(
@@ -98,21 +83,10 @@ pub struct Args {
     #[arg(
         long, help_heading = super::KERNELS,
         conflicts_with_all = [
-            "braid", "discretize", "kernel", "noise", "open", "output", "svg", "write_braid",
-            "write_loops",
+            "braid", "kernel", "noise", "open", "output", "svg", "write_braid",
         ]
     )]
     explain: bool,
-}
-
-/// Method that converts splines to polylines.
-#[derive(Clone, Copy, Debug, Default, PartialEq, ValueEnum)]
-enum Discretize {
-    /// Each pair separately, only where its curves come close
-    #[default]
-    Pair,
-    /// All curves at once, as in Algorithm 3 of Qu & James 2021
-    Algorithm3,
 }
 
 /// A model with its certificate.
@@ -130,19 +104,12 @@ struct Certified {
     took: Duration,
 }
 
-impl Args {
-    /// Returns true if periodic images are not considered.
-    fn is_alone(&self) -> bool {
-        self.noise.is_some() || self.open || self.discretize == Discretize::Algorithm3
-    }
-}
-
 /// Fails if a frame has a cell that the options do not consider.
 fn check_cell(frame: &Picked, args: &Args) -> Result<()> {
     match frame.cell {
-        Some(cell) if args.is_alone() => Err(Error::Usage(format!(
-            "{}: the frame has a periodic cell ({cell}), but --noise, --open and --discretize do \
-             not consider periodic images: --cell none ignores it",
+        Some(cell) if args.noise.is_some() || args.open => Err(Error::Usage(format!(
+            "{}: the frame has a periodic cell ({cell}), but --noise and --open do not consider \
+             periodic images: --cell none ignores it",
             frame.name
         ))),
         _ => Ok(()),
@@ -152,7 +119,7 @@ fn check_cell(frame: &Picked, args: &Args) -> Result<()> {
 /// Computes the certificate of a frame.
 fn certify(frame: Picked, args: &Args) -> Result<Certified> {
     let start = std::time::Instant::now();
-    let braids = args.braid_args.braids(None)?;
+    let braids = args.braid_args.braids()?;
     let cell = frame.cell;
     let mut certified = match braids.is_some() || cell.is_some() {
         true => certify_in_session(frame, args, braids)?,
@@ -206,7 +173,7 @@ fn certify_in_session(frame: Picked, args: &Args, braids: Option<Braids>) -> Res
     let has_closed = has_closed(set);
     let mut session = Session::new(SessionOptions {
         cell: frame.cell,
-        wrapped: args.cell_args.wrapped().filter(|wrapped| !wrapped),
+        wrapped: args.cell_args.wrapped.filter(|wrapped| !wrapped),
         // It is decided already which curves are closed.
         keep_open: true,
         events: match frame.cell.is_some() && !has_closed {
@@ -245,29 +212,12 @@ fn certify_alone(frame: Picked, args: &Args) -> Result<Certified> {
     }
     let mut certifier = Certifier::new(&args.kernel.options())?;
     let progress = certifier.progress();
-    let (certificate, stats) = with_progress(name, progress, || match args.discretize {
-        _ if args.noise.is_some() => {
-            let (certificate, stats) = certifier.certify_noisy(set, args.noise.unwrap_or(0.0))?;
-            Ok((certificate.clone(), stats))
-        }
-        Discretize::Pair => {
-            let (certificate, stats) = certifier.certify(set);
-            Ok((certificate.clone(), stats))
-        }
-        Discretize::Algorithm3 => {
-            let polylines = homotopic_polylines(set)?;
-            tracing::info!(
-                "{name}: Algorithm 3 made {} segments of {} ({} overlaps, {} passes)",
-                count(polylines.curves.segments() as u64),
-                count(set.segments() as u64),
-                count(polylines.overlaps as u64),
-                polylines.passes,
-            );
-            let (certificate, stats) = certifier.certify(&polylines.curves);
-            let mut certificate = certificate.clone();
-            certificate.withdraw(polylines.too_close);
-            Ok::<_, Error>((certificate, stats))
-        }
+    let (certificate, stats) = with_progress(name, progress, || {
+        let (certificate, stats) = match args.noise {
+            Some(noise) => certifier.certify_noisy(set, noise)?,
+            None => certifier.certify(set),
+        };
+        Ok::<_, Error>((certificate.clone(), stats))
     })?;
     Ok(Certified {
         braids: None,
@@ -290,12 +240,8 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         )));
     }
     let braids = args.braid_args.are_given();
-    if braids && (args.noise.is_some() || args.discretize == Discretize::Algorithm3) {
-        let what = "--braid excludes --noise and --discretize: loops are verified pair by pair";
-        return Err(Error::Usage(what.into()));
-    }
-    if args.write_loops.is_some() && (models.len() > 1 || !braids) {
-        let what = "--write-loops writes the loops of one model, with --braid";
+    if braids && args.noise.is_some() {
+        let what = "--braid excludes --noise: loops are verified pair by pair";
         return Err(Error::Usage(what.into()));
     }
     if args.write_braid.is_some() && (models.len() > 1 || !braids) {
@@ -303,10 +249,9 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         return Err(Error::Usage(what.into()));
     }
     let mut files = Files::new(args.overwrite);
-    args.braid_args
-        .file()
-        .into_iter()
-        .for_each(|path| files.reads(path));
+    if let Some(file) = args.braid_args.file() {
+        files.reads(file);
+    }
     if let Some(file) = &args.write_braid {
         files.writes("--write-braid", file, Content::Text)?;
     }
@@ -314,10 +259,6 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     inputs.for_each(|path| files.reads(path));
     if let Some(file) = &args.output {
         files.writes("-o", file, Content::Text)?;
-    }
-    if let Some(file) = &args.write_loops {
-        Format::to_write(file)?;
-        files.writes("--write-loops", file, Content::Model)?;
     }
     let pictures = pictures(args, &models, &mut files)?;
     let pictures: HashMap<&PathBuf, PathBuf> = models.iter().zip(pictures).collect();
@@ -327,13 +268,12 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
             ("-o", args.output.is_some()),
             ("--svg", args.svg.is_some()),
             ("--write-braid", args.write_braid.is_some()),
-            ("--write-loops", args.write_loops.is_some()),
         ] {
             if is_given {
                 frames.check_one(option)?;
             }
         }
-        let several = frames.are_several();
+        let several = frames.several;
         let style = match (models.len(), several) {
             (1, false) => Style::Certificate,
             (_, false) => Style::List,
@@ -468,10 +408,6 @@ fn write(path: &Path, c: &Certified, args: &Args, picture: Option<&PathBuf>) -> 
         write_text(file, overwrite, &(braids.to_json() + "\n"))?;
         tracing::info!("{}: written", file.display());
     }
-    if let (Some(file), Some(braids)) = (&args.write_loops, &c.braids) {
-        write_loops(file, overwrite, braids, set)?;
-        tracing::info!("{}: written", file.display());
-    }
     if let Some(file) = &args.output {
         write_text(file, overwrite, &c.certificate.to_string())?;
         tracing::info!("{}: written", file.display());
@@ -515,16 +451,6 @@ fn pictures(args: &Args, models: &[PathBuf], files: &mut Files) -> Result<Vec<Pa
         names.push(file);
     }
     Ok(names)
-}
-
-/// Writes the curves of a frame with the virtual loops of its braids.
-fn write_loops(file: &Path, overwrite: Overwrite, braids: &Braids, set: &CurveSet) -> Result<()> {
-    let curves = BraidLoops::new(braids, set)?.close(set)?;
-    write_whole(file, overwrite, |part| {
-        let mut writer = FrameWriter::create(part, Format::to_write(file)?)?;
-        writer.frame(&ModelFrame::new(0, Ok(curves)))?;
-        writer.finish()
-    })
 }
 
 /// Formats a number with two digits.

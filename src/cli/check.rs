@@ -7,7 +7,7 @@ use super::clearance_args::ClearanceArgs;
 use super::event_args::EventArgs;
 use super::input::{self, FormatArgs};
 use super::output::with_progress;
-use super::run::{Baseline, FrameCounts, Judge, JunitArgs, Recorded, Run, Setup, Sinks};
+use super::run::{Baseline, FrameCounts, Judge, JunitArgs, Run, Setup, Sinks};
 use super::sequence::{Frame, Sequence};
 use linkwatch::{
     AbortOn, CurveSet, Error, Overflow, Point, Result, SessionOptions, Strategy, Verdict,
@@ -24,7 +24,7 @@ const PATIENCE: Duration = Duration::from_secs(60);
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// Models or folders of them: the frames of one motion, sorted by number if their names differ
-    /// in numbers only. Or files with several frames each: each is a run of its own
+    /// in numbers only; or a file with several frames
     #[arg(required = true, value_name = "MODEL")]
     models: Vec<PathBuf>,
     /// Keep the order in which the models are given
@@ -59,7 +59,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     let models = input::expand(&args.models, args.keep_order)?;
     let from_first_frame = !matches!(args.baseline, Some(Baseline::File(_)));
     let single = models.len() == 1 && !input::holds_frames(&models[0]);
-    let format = args.format.wrapped(args.cell_args.wrapped().is_some());
+    let format = args.format.wrapped(args.cell_args.wrapped.is_some());
     let name = models[0].display().to_string();
     let title = format!("check of {name}");
     let metadata = BTreeMap::from([("models".to_owned(), models.len().to_string())]);
@@ -85,7 +85,9 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         // If the frame cannot be read, that is the reason.
         let Frame { curves, path, .. } = first?;
         curves.map_err(|e| e.in_file(&path))?;
-        return Err(nothing_to_compare("--baseline"));
+        let what = "one frame and nothing to compare it with: also give later ones of its motion, \
+                    or --baseline CERT (`linkwatch certify MODEL -o CERT` writes one)";
+        return Err(Error::Usage(what.into()));
     }
     let far = !args.event_args.are_given() && are_far_apart(&first, &second);
     if second.is_none() || args.early_exit || far {
@@ -105,7 +107,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         models: true,
         live: false,
         from_now: false,
-        recorded: Recorded::default(),
+        baseline: None,
         title: &title,
         metadata,
         overflow: Overflow::WaitForProgress(PATIENCE),
@@ -117,9 +119,6 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         let judged = frame.and_then(|frame| {
             let Frame { name, path, .. } = &frame;
             let (name, path) = (name.clone(), path.clone());
-            if frame.begins_run {
-                session.begin_run();
-            }
             let progress = session.progress();
             let judged = with_progress(&name, progress, || session.judge(frame.received()));
             let mut judged = judged.map_err(|e| e.in_file(&path))?;
@@ -170,7 +169,7 @@ fn are_far_apart(first: &Result<Frame>, second: &Option<Result<Frame>>) -> bool 
     let lengths = motion(from, to).unwrap_or(0.0);
     let is_far = lengths > SessionOptions::MOTION_LIMIT;
     // Without closed curves there is nothing else to verify.
-    let compares = is_far && !second.begins_run && from.curves().iter().any(|curve| curve.closed);
+    let compares = is_far && from.curves().iter().any(|curve| curve.closed);
     if compares {
         tracing::warn!(
             "{} and {} are far apart: half of the points moved by {lengths:.1} segment lengths or \
@@ -210,14 +209,6 @@ fn median(numbers: impl Iterator<Item = f64>) -> Option<f64> {
     let mut numbers: Vec<f64> = numbers.collect();
     let middle = numbers.len() / 2;
     (!numbers.is_empty()).then(|| *numbers.select_nth_unstable_by(middle, f64::total_cmp).1)
-}
-
-/// Returns the error for a single valid frame that is its own baseline.
-pub fn nothing_to_compare(option: &str) -> Error {
-    Error::Usage(format!(
-        "one frame and nothing to compare it with: also give later ones of its motion, or {option} \
-         CERT (`linkwatch certify MODEL -o CERT` writes one)"
-    ))
 }
 
 /// Returns true if a model has no closed curve, or not the braids that are to be verified.

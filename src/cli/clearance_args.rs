@@ -10,7 +10,7 @@ const THICKNESS: &str = "thickness";
 const MIN_CLEARANCE: &str = "min_clearance";
 
 /// Thickness of the strands, to warn before one is pulled through another.
-#[derive(Clone, Copy, Debug, Default, clap::Args)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, clap::Args)]
 #[command(next_help_heading = super::COMPARE)]
 pub struct ClearanceArgs {
     /// Measure how close strands of this radius come, and warn
@@ -29,7 +29,7 @@ pub struct ClearanceArgs {
 }
 
 /// Radius of strands: that of all, or those that a simulator publishes.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub enum StrandRadius {
     Of(f64),
     Published,
@@ -49,27 +49,33 @@ impl FromStr for StrandRadius {
 }
 
 impl ClearanceArgs {
-    /// Returns the options of the user, or of a recording where they give none. `None` if clearance
-    /// is not measured.
+    /// Returns the options; `None` if clearance is not measured.
     ///
-    /// Errors: [`Error::Usage`] for a level without a thickness.
-    pub fn options(&self, recorded: Option<ClearanceOptions>) -> Result<Option<ClearanceOptions>> {
-        let options = match self.radius {
-            Some(StrandRadius::Of(radius)) => Some(ClearanceOptions::new(Some(radius))),
-            Some(StrandRadius::Published) => Some(ClearanceOptions::new(None)),
-            None => recorded,
+    /// Errors: [`Error::Usage`] for a level without a radius.
+    pub fn options(&self) -> Result<Option<ClearanceOptions>> {
+        let mut options = match (self.radius, self.min_clearance) {
+            (Some(StrandRadius::Of(radius)), _) => ClearanceOptions::new(Some(radius)),
+            (Some(StrandRadius::Published), _) => ClearanceOptions::new(None),
+            (None, Some(_)) => {
+                return Err(Error::Usage("--min-clearance needs --radius".into()));
+            }
+            (None, None) => return Ok(None),
         };
-        let Some(mut options) = options else {
-            return match self.min_clearance {
-                Some(_) => Err(Error::Usage("--min-clearance needs --radius".into())),
-                None => Ok(None),
-            };
-        };
-        let recorded = recorded.map(|recorded| recorded.low);
-        if let Some(low) = self.min_clearance.or(recorded) {
-            options.low = low;
-        }
+        options.low = self.min_clearance.unwrap_or(options.low);
         Ok(Some(options))
+    }
+
+    /// Adds the options of a recorded run.
+    #[cfg(feature = "mcap")]
+    pub fn or_recorded(self, metadata: &BTreeMap<String, String>) -> ClearanceArgs {
+        let radius = metadata
+            .get(THICKNESS)
+            .and_then(|radius| radius.parse().ok());
+        let low = metadata.get(MIN_CLEARANCE).and_then(|low| low.parse().ok());
+        ClearanceArgs {
+            radius: self.radius.or(radius),
+            min_clearance: self.min_clearance.or(low),
+        }
     }
 }
 
@@ -81,14 +87,4 @@ pub fn write(options: &ClearanceOptions, metadata: &mut BTreeMap<String, String>
     };
     metadata.insert(THICKNESS.into(), thickness);
     metadata.insert(MIN_CLEARANCE.into(), options.low.to_string());
-}
-
-/// Reads the options from the metadata of a recording, if it has some.
-#[cfg(feature = "mcap")]
-pub fn read(metadata: &BTreeMap<String, String>) -> Option<ClearanceOptions> {
-    let args = ClearanceArgs {
-        radius: metadata.get(THICKNESS)?.parse().ok(),
-        min_clearance: metadata.get(MIN_CLEARANCE).and_then(|low| low.parse().ok()),
-    };
-    args.options(None).ok().flatten()
 }

@@ -59,18 +59,18 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     let mut files = Files::new(args.overwrite);
     inputs.iter().for_each(|path| files.reads(path));
     args.format.files().for_each(|path| files.reads(path));
-    let target = Target::of(&args.output)?;
-    files.writes("OUT", &args.output, target.content())?;
-    let format = args.format.wrapped(args.cell_args.wrapped().is_some());
+    let target = format_of(&args.output)?;
+    let content = match target {
+        #[cfg(feature = "mcap")]
+        None => Content::Recording,
+        _ => Content::Model,
+    };
+    files.writes("OUT", &args.output, content)?;
+    let format = args.format.wrapped(args.cell_args.wrapped.is_some());
     let mut cells = Cells::new(args.cell_args);
     let frames = Sequence::new(inputs, &format, args.one_motion);
     let mut frames = frames.filter_map(|frame| match frame {
-        Ok(frame) if frame.begins_run => Some(Err(Error::Usage(format!(
-            "{}: this file and one before it have several frames each, so they may be runs of \
-             their own: convert each alone, or give --one-motion",
-            frame.path.display()
-        )))),
-        Ok(frame) if args.frame.is_some_and(|seq| seq != frame.seq) => {
+        Ok(frame) if args.frame.is_some_and(|seq| seq != frame.info.seq) => {
             // The first frame decides which curves are closed.
             settle(frame, &mut cells);
             None
@@ -84,7 +84,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         }));
     };
     let second = frames.next().transpose()?;
-    let numbered = second.is_some() && !target.holds_frames();
+    let numbered = second.is_some() && !target.is_none_or(Format::holds_frames);
     let mut frames = [first].into_iter().chain(second).map(Ok).chain(frames);
     let mut converter = Converter {
         target,
@@ -103,7 +103,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
             if !converter.is_valid(&frame) {
                 continue;
             }
-            let path = with_suffix(&args.output, &format!("{:05}", frame.seq));
+            let path = with_suffix(&args.output, &format!("{:05}", frame.info.seq));
             files.writes("OUT", &path, Content::Model)?;
             let mut one = std::iter::once(Ok(frame));
             write_whole(&path, args.overwrite, |part| {
@@ -133,59 +133,18 @@ fn settle(mut frame: Frame, cells: &mut Cells) -> Frame {
     frame
 }
 
-/// Kind of the output.
-#[derive(Clone, Copy, Debug)]
-enum Target {
-    Model(Format),
-    #[cfg(feature = "mcap")]
-    Recording,
-}
-
-impl Target {
-    fn of(path: &Path) -> Result<Target> {
-        #[cfg(feature = "mcap")]
-        if input::is_mcap(path) {
-            return Ok(Target::Recording);
-        }
-        Format::to_write(path).map(Target::Model)
-    }
-
-    fn holds_frames(self) -> bool {
-        match self {
-            Target::Model(format) => format.holds_frames(),
-            #[cfg(feature = "mcap")]
-            Target::Recording => true,
-        }
-    }
-
-    fn content(self) -> Content {
-        match self {
-            Target::Model(_) => Content::Model,
-            #[cfg(feature = "mcap")]
-            Target::Recording => Content::Recording,
-        }
-    }
-
-    fn holds_cells(self) -> bool {
-        match self {
-            Target::Model(format) => format.holds_cells(),
-            #[cfg(feature = "mcap")]
-            Target::Recording => true,
-        }
-    }
-
-    fn holds_splines(self) -> bool {
-        match self {
-            Target::Model(format) => format.holds_splines(),
-            #[cfg(feature = "mcap")]
-            Target::Recording => true,
-        }
+/// Returns the format of a model file; `None` for a recording.
+fn format_of(path: &Path) -> Result<Option<Format>> {
+    match cfg!(feature = "mcap") && input::is_mcap(path) {
+        true => Ok(None),
+        false => Format::to_write(path).map(Some),
     }
 }
 
 /// Conversion in progress.
 struct Converter {
-    target: Target,
+    /// Format of the output; `None` for a recording.
+    target: Option<Format>,
     /// Chords per segment of a spline, if they are given.
     chords: Option<u32>,
     certifier: Certifier,
@@ -209,13 +168,15 @@ impl Converter {
         frames: &mut dyn Iterator<Item = Result<Frame>>,
     ) -> Result<()> {
         match self.target {
-            Target::Model(format) => {
+            Some(format) => {
                 let mut writer = FrameWriter::create(path, format)?;
                 self.convert(frames, |frame, _| writer.frame(&frame))?;
                 writer.finish()
             }
+            #[cfg(not(feature = "mcap"))]
+            None => unreachable!("recordings need the feature `mcap`"),
             #[cfg(feature = "mcap")]
-            Target::Recording => {
+            None => {
                 use linkwatch::{RecordingSink, Sink};
                 let limit = SessionOptions::MOTION_LIMIT.to_string();
                 let metadata = BTreeMap::from([(MOTION_LIMIT.to_owned(), limit)]);
@@ -241,7 +202,11 @@ impl Converter {
                 continue;
             }
             LeftOut::merge(&mut self.left_out, &frame.info.left_out);
-            if let Some(cell) = frame.info.cell.filter(|_| !self.target.holds_cells()) {
+            if let Some(cell) = frame
+                .info
+                .cell
+                .filter(|_| !self.target.is_none_or(Format::holds_cells))
+            {
                 if self.lost_cells == 0 {
                     tracing::warn!(
                         "{}: the output cannot hold its periodic cell, which is lost; give it with \
@@ -255,14 +220,16 @@ impl Converter {
             let before = curves.points() as u64;
             let curves = match curves.basis() {
                 Basis::Polyline => curves,
-                _ if self.target.holds_splines() && self.chords.is_none() => curves,
+                _ if self.chords.is_none() && self.target.is_none_or(Format::holds_splines) => {
+                    curves
+                }
                 _ => self.polylines(&frame.name, &curves)?,
             };
             self.points[0] += before;
             self.points[1] += curves.points() as u64;
             self.frames += 1;
-            let mut converted = ModelFrame::new(frame.seq, Ok(curves));
-            converted.time = frame.time;
+            let mut converted = ModelFrame::new(frame.info.seq, Ok(curves));
+            converted.time = frame.info.time;
             converted.cell = frame.info.cell;
             converted.labels = Arc::clone(&frame.info.labels);
             converted.left_out = frame.info.left_out.clone();

@@ -3,7 +3,7 @@
 use linkwatch::{AbortOn, Events};
 
 /// Search for pull-throughs between successive frames.
-#[derive(Clone, Copy, Debug, clap::Args)]
+#[derive(Clone, Copy, Debug, Default, clap::Args)]
 #[command(next_help_heading = super::COMPARE)]
 pub struct EventArgs {
     /// Pull-throughs to search for, each with its place and moment
@@ -16,7 +16,7 @@ pub struct EventArgs {
         long, value_name = "off|between|all", num_args = 0..=1, require_equals = true,
         default_missing_value = "between"
     )]
-    events: Option<Events>,
+    pub events: Option<Events>,
     /// Motion beyond which pull-throughs that cancel are unresolved
     ///
     /// Motion between two frames, in segment lengths: beyond it the frames are too far apart to
@@ -40,10 +40,9 @@ impl EventArgs {
         }
     }
 
-    /// Returns the events of the user, or those of a recording; at least those that the policy
-    /// needs.
-    pub fn events(self, abort_on: AbortOn, recorded: Events) -> Events {
-        match self.events.unwrap_or(recorded) {
+    /// Returns the pull-throughs to search for: at least those that the policy needs.
+    pub fn events(self, abort_on: AbortOn) -> Events {
+        match self.events.unwrap_or(Events::Between) {
             Events::Off if abort_on == AbortOn::Event => Events::Between,
             events => events,
         }

@@ -25,36 +25,31 @@ pub enum Content {
     Model,
     #[cfg(feature = "mcap")]
     Recording,
-    #[cfg(feature = "rerun")]
     Viewer,
 }
 
 impl Content {
     /// Returns an error text if the extension does not fit the content.
     fn refuse_extension(self, extension: &str) -> Option<&'static str> {
-        match (self, extension) {
-            (Content::Text, "bcc" | "obj" | "vect" | "npy" | "npz") => {
-                Some("that is a model; the output is text")
-            }
-            (Content::Text, "mcap") => Some("that is a recording; the output is text"),
-            (Content::Text, "rrd") => Some("that is a file of the viewer; the output is text"),
-            (Content::Scene, other) if other != "bcc" => Some("scenes are written as .bcc"),
+        const OTHERS: [&str; 7] = ["bcc", "obj", "vect", "npy", "npz", "mcap", "rrd"];
+        let (fits, why) = match self {
+            Content::Text => (
+                !OTHERS.contains(&extension),
+                "that is a model, a recording or a file of the viewer; the output is text",
+            ),
+            Content::Scene => (extension == "bcc", "scenes are written as .bcc"),
+            Content::Model => (true, ""),
             #[cfg(feature = "mcap")]
-            (Content::Recording, "rrd") => {
-                Some("a recording is an .mcap file; --show writes a file for the viewer (.rrd)")
-            }
-            #[cfg(feature = "mcap")]
-            (Content::Recording, other) if other != "mcap" => Some("a recording is an .mcap file"),
-            #[cfg(feature = "rerun")]
-            (Content::Viewer, "mcap") => {
-                Some("a file for the viewer is an .rrd file; --record writes a recording (.mcap)")
-            }
-            #[cfg(feature = "rerun")]
-            (Content::Viewer, other) if other != "rrd" => {
-                Some("a file for the viewer is an .rrd file")
-            }
-            _ => None,
-        }
+            Content::Recording => (
+                extension == "mcap",
+                "a recording is an .mcap file; --show writes a file for the viewer (.rrd)",
+            ),
+            Content::Viewer => (
+                extension == "rrd",
+                "a file for the viewer is an .rrd file; --record writes a recording (.mcap)",
+            ),
+        };
+        (!fits).then_some(why)
     }
 }
 
@@ -63,7 +58,7 @@ impl Content {
 pub struct Files {
     force: bool,
     /// Inputs and outputs, with their names for messages.
-    known: Vec<(Identity, String)>,
+    known: Vec<(PathBuf, String)>,
 }
 
 impl Files {
@@ -77,7 +72,7 @@ impl Files {
     /// Returns true if [`Files::writes`] would not find another file under this name.
     #[cfg(feature = "bus")]
     pub fn is_free(&self, path: &Path) -> bool {
-        let identity = Identity::of(path);
+        let identity = resolve(path);
         let known = self.known.iter().any(|(known, _)| *known == identity);
         !known && (self.force || std::fs::symlink_metadata(path).is_err())
     }
@@ -90,7 +85,7 @@ impl Files {
             }
             if metadata.is_file() {
                 let name = format!("the input {}", path.display());
-                self.known.push((Identity::of(path), name));
+                self.known.push((resolve(path), name));
             }
         }
     }
@@ -112,7 +107,7 @@ impl Files {
             Ok(m) if !m.is_file() => return refuse("not a regular file"),
             _ => {}
         }
-        let identity = Identity::of(path);
+        let identity = resolve(path);
         if let Some((_, other)) = self.known.iter().find(|(known, _)| *known == identity) {
             return refuse(&format!("the same file as {other}"));
         }
@@ -147,15 +142,6 @@ pub fn with_suffix(path: &Path, suffix: &str) -> PathBuf {
         name.push(extension);
     }
     path.with_file_name(name)
-}
-
-/// Creates an empty file. Fails if the file exists, unless it may be overwritten.
-#[cfg(feature = "rerun")]
-pub fn claim(path: &Path, overwrite: Overwrite) -> Result<()> {
-    if !overwrite.force {
-        File::create_new(path).map_err(failed(path))?;
-    }
-    Ok(())
 }
 
 /// Writes a file under a temporary name, then renames it, so that no partial file appears under its
@@ -244,28 +230,9 @@ fn failed(path: &Path) -> impl FnOnce(std::io::Error) -> Error {
     move |source| Error::File { path, source }
 }
 
-/// Identity of a file: two names with equal identities are names of the same file.
-#[derive(Clone, Debug, PartialEq, Eq)]
-enum Identity {
-    /// Device and inode number: hard links share them.
-    #[cfg(unix)]
-    Inode(u64, u64),
-    /// Canonical path of a file that does not exist yet.
-    Path(PathBuf),
-}
-
-impl Identity {
-    fn of(path: &Path) -> Identity {
-        #[cfg(unix)]
-        if let Ok(m) = std::fs::metadata(path) {
-            use std::os::unix::fs::MetadataExt;
-            return Identity::Inode(m.dev(), m.ino());
-        }
-        Identity::Path(resolve(path))
-    }
-}
-
-/// Returns the canonical path of a file that need not exist, with links resolved.
+/// Returns the canonical path of a file that need not exist, with links resolved: two names with
+/// equal paths are names of the same file. (An output that is a hard link of an input does not
+/// change it: another file gets its name.)
 fn resolve(path: &Path) -> PathBuf {
     /// Maximum length of a chain of links, as on common systems.
     const LINKS: usize = 40;
@@ -332,13 +299,11 @@ mod tests {
         let at = |name: &str| folder.path().join(name);
         std::fs::create_dir(at("inner")).unwrap();
         std::fs::write(at("there.txt"), "x").unwrap();
-        std::fs::hard_link(at("there.txt"), at("hard.txt")).unwrap();
         symlink(at("there.txt"), at("soft.txt")).unwrap();
         symlink(folder.path(), at("inner/up")).unwrap();
         symlink("missing.txt", at("dangling.txt")).unwrap();
         let there = [
             "there.txt",
-            "hard.txt",
             "soft.txt",
             "./inner/../there.txt",
             "inner/up/there.txt",
@@ -351,9 +316,9 @@ mod tests {
         ];
         for (names, other) in [(&there[..], "missing.txt"), (&missing[..], "there.txt")] {
             for a in names {
-                assert_ne!(Identity::of(&at(a)), Identity::of(&at(other)), "{a}");
+                assert_ne!(resolve(&at(a)), resolve(&at(other)), "{a}");
                 for b in names {
-                    assert_eq!(Identity::of(&at(a)), Identity::of(&at(b)), "{a}, {b}");
+                    assert_eq!(resolve(&at(a)), resolve(&at(b)), "{a}, {b}");
                 }
             }
         }

@@ -96,13 +96,6 @@ pub struct Picked {
     pub is_first: bool,
 }
 
-impl Picked {
-    /// Returns the best possible outcome of a command that considers this frame.
-    pub fn outcome(&self) -> Outcome {
-        input::outcome_without(&self.left_out)
-    }
-}
-
 /// The chosen frames of an argument: a model file, a recording, or a scene. They are read one by
 /// one; memory holds two of them.
 pub struct Selected {
@@ -121,7 +114,7 @@ pub struct Selected {
     /// True if the file may have several frames.
     numbered: bool,
     /// True if several frames are chosen.
-    several: bool,
+    pub several: bool,
     /// Elements that were not read, of which the user knows.
     left_out: Vec<LeftOut>,
     /// Decides for all frames which curves are closed.
@@ -139,10 +132,10 @@ impl Selected {
     ) -> Result<Selected> {
         let mut selected = Selected {
             path: argument.to_owned(),
-            is_whole: cells.wrapped().is_none(),
+            is_whole: cells.wrapped.is_none(),
             cells,
             selection,
-            frames: input::open_or_build(argument, &format.wrapped(cells.wrapped().is_some()))?,
+            frames: input::open_or_build(argument, &format.wrapped(cells.wrapped.is_some()))?,
             ahead: VecDeque::new(),
             ended: false,
             last: None,
@@ -182,11 +175,6 @@ impl Selected {
         }
     }
 
-    /// Returns true if several frames are chosen.
-    pub fn are_several(&self) -> bool {
-        self.several
-    }
-
     /// Calls `run` for each chosen frame, and returns the worst outcome. Frames that are invalid,
     /// and a file that cannot be read to its end, are logged; they are no success.
     ///
@@ -208,7 +196,8 @@ impl Selected {
             match self.pick(frame, is_first) {
                 Ok(picked) => {
                     (valid, is_first) = (true, false);
-                    outcome = outcome.max(picked.outcome()).max(run(picked)?);
+                    outcome = outcome.max(input::outcome_without(&picked.left_out));
+                    outcome = outcome.max(run(picked)?);
                 }
                 Err(e) if !self.several => return Err(e.in_file(&self.path)),
                 Err(e) => {
@@ -236,9 +225,10 @@ impl Selected {
                 return Some(frame);
             };
             // Numbers increase.
-            (self.ended, self.last) = (read.seq >= to, Some(read.seq));
+            let seq = read.info.seq;
+            (self.ended, self.last) = (seq >= to, Some(seq));
             match frame {
-                Ok(read) if !(from..=to).contains(&read.seq) => self.closing.pass(read),
+                Ok(read) if !(from..=to).contains(&seq) => self.closing.pass(read),
                 frame => return Some(frame),
             }
         }
@@ -278,7 +268,10 @@ impl Selected {
     fn name(&self, frame: &Read) -> String {
         let path = self.path.display();
         match self.several || self.numbered && self.selection != Selection::All {
-            true => format!("{path}, {}", words_of_frame(frame.seq, frame.time)),
+            true => format!(
+                "{path}, {}",
+                words_of_frame(frame.info.seq, frame.info.time)
+            ),
             false => path.to_string(),
         }
     }
@@ -300,8 +293,8 @@ impl Selected {
             name,
             curves: unwrapped.unwrap_or(set),
             radii: frame.info.labels.radii.clone(),
-            number: self.numbered.then_some(frame.seq),
-            time: self.numbered.then_some(frame.time),
+            number: self.numbered.then_some(frame.info.seq),
+            time: self.numbered.then_some(frame.info.time),
             cell,
             left_out,
             joined: self.closing.joined(),

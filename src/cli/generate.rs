@@ -6,7 +6,7 @@ use super::number::{not_negative, positive};
 use super::output::{self, count, millis, plural};
 use super::settings::{named, split};
 use linkwatch::formats::{Format, FrameWriter, ModelFrame};
-use linkwatch::scenes::{KINDS, Kind, Motion, MotionKind, MovingScene, Scene};
+use linkwatch::scenes::{KINDS, Motion, MotionKind, MovingScene, Scene};
 use linkwatch::{CurveSet, Error, Result, formats};
 use serde_json::json;
 use std::path::{Path, PathBuf};
@@ -202,32 +202,13 @@ fn write_frames(path: &Path, format: Format, moving: &MovingScene, curves: Curve
 }
 
 fn list(as_json: bool) {
-    for Kind {
-        name,
-        purpose,
-        parameters,
-        ..
-    } in &KINDS
-    {
+    for kind in &KINDS {
         if as_json {
-            let parameters: Vec<_> = parameters
-                .iter()
-                .map(|p| {
-                    json!({
-                        "name": p.name,
-                        "meaning": p.meaning,
-                        "default": p.default,
-                        "min": p.min,
-                        "max": p.max,
-                        "integer": p.integer,
-                    })
-                })
-                .collect();
-            output::json(&json!({ "name": name, "purpose": purpose, "parameters": parameters }));
+            output::json(&json!(kind));
             continue;
         }
-        output::line(format_args!("{name}: {purpose}"));
-        for p in *parameters {
+        output::line(format_args!("{}: {}", kind.name, kind.purpose));
+        for p in kind.parameters {
             let default = format!("{}={}", p.name, p.default);
             let (min, max) = match p.integer {
                 true => (signed(p.min), signed(p.max)),

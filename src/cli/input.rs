@@ -227,50 +227,39 @@ pub fn is_recording(path: &Path) -> Result<bool> {
     Ok(!matches!(first, Ok(None)) || !reader.metadata().is_empty() || reader.skipped() == 0)
 }
 
+/// Fails if a file is no recording of linkwatch.
+#[cfg(feature = "mcap")]
+pub fn check_recording(path: &Path) -> Result<()> {
+    if !path.is_file() || is_recording(path)? {
+        return Ok(());
+    }
+    Err(Error::Usage(format!(
+        "{0}: not a recording: `linkwatch check {0} --record RUN.mcap` verifies its frames and \
+         writes one",
+        path.display()
+    )))
+}
+
 /// A frame of a file.
 pub struct Read {
-    pub seq: u64,
-    /// Simulation time in seconds; 0 if it is unknown.
-    pub time: f64,
-    /// Cell, names and radii; for a recording, all that the simulator told about the frame.
+    /// Number, time, cell, names and radii; for a recording, all that the simulator told about the
+    /// frame.
     pub info: FrameInfo,
     /// The curves, or the reason why the frame is invalid.
     pub curves: Result<CurveSet>,
 }
 
-impl Read {
-    /// Returns a frame without valid curves.
-    pub fn invalid(seq: u64, why: Error) -> Read {
-        ModelFrame::new(seq, Err(why)).into()
-    }
-}
-
 impl From<ModelFrame> for Read {
     fn from(frame: ModelFrame) -> Read {
-        let ModelFrame {
-            seq,
-            time,
-            cell,
-            labels,
-            left_out,
-            closed_by_default,
-            curves,
-            ..
-        } = frame;
-        let info = FrameInfo {
-            seq,
-            time,
-            cell,
-            closed_by_default,
-            labels,
-            left_out,
-            ..FrameInfo::default()
-        };
         Read {
-            seq,
-            time,
-            info,
-            curves,
+            info: FrameInfo {
+                cell: frame.cell,
+                closed_by_default: frame.closed_by_default,
+                labels: frame.labels,
+                left_out: frame.left_out,
+                ..FrameInfo::at(frame.seq, frame.time)
+            },
+            curves: frame.curves,
         }
     }
 }

@@ -23,10 +23,7 @@ mod label;
 mod live;
 mod man;
 mod measure;
-#[cfg(feature = "metrics")]
-mod metrics;
-#[cfg(not(feature = "metrics"))]
-#[path = "no_metrics.rs"]
+#[cfg(feature = "bus")]
 mod metrics;
 mod number;
 mod open;

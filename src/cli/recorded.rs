@@ -3,7 +3,8 @@
 use super::input::Read;
 use super::output::{count, plural};
 use linkwatch::{
-    Ending, Error, RecordedFrame, RecordedItem, RecordedVerdict, RecordingReader, Result, Verdict,
+    Ending, Error, FrameInfo, RecordedFrame, RecordedItem, RecordedVerdict, RecordingReader,
+    Result, Verdict,
 };
 use std::fs::File;
 use std::io::BufReader;
@@ -51,12 +52,8 @@ impl Recorded {
         let curves = frame.ingest(&mut set);
         let mut info = frame.info;
         info.cuts = info.cuts.wrapping_add(self.gaps);
-        Read {
-            seq: frame.seq,
-            time: frame.time,
-            info,
-            curves: curves.map(|()| set.expect("set by a frame without errors")),
-        }
+        let curves = curves.map(|()| set.expect("set by a frame without errors"));
+        Read { info, curves }
     }
 
     /// Returns the frame of a verdict if that was rejected. Counts frames that are missing.
@@ -73,8 +70,8 @@ impl Recorded {
             let why = report.rejected.unwrap_or_else(|| "invalid".into());
             let why = Error::Usage(format!("rejected when it was recorded: {why}"));
             return Some(Read {
-                time: report.time,
-                ..Read::invalid(report.seq, why)
+                info: FrameInfo::at(report.seq, report.time),
+                curves: Err(why),
             });
         }
         self.miss(u64::from(!has_curves));

@@ -40,13 +40,8 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
             Some(PathBuf::from(name).with_extension("html"))
         }
     };
-    let name = &args.recording;
-    if name.is_file() && !input::is_mcap(name) && !input::is_recording(name)? {
-        return Err(Error::Usage(format!(
-            "{0}: not a recording: `linkwatch replay {0} --record RUN.mcap` verifies its frames \
-             and writes one",
-            name.display()
-        )));
+    if !input::is_mcap(&args.recording) {
+        input::check_recording(&args.recording)?;
     }
     let mut files = Files::new(args.overwrite);
     files.reads(&args.recording);

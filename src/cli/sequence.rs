@@ -1,16 +1,16 @@
-//! Frames of several files, one after the other: those of one motion, or of several runs.
+//! Frames of several files, one after the other: those of one motion.
 
 use super::input::{self, FileFrames, FormatArgs, Read};
+use linkwatch::formats::ModelFrame;
 use linkwatch::{CurveSet, Error, FrameInfo, LeftOut, Received, Result};
 use std::collections::VecDeque;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-/// Frames of several files, one after the other.
+/// Frames of several files, one after the other: those of one motion.
 ///
-/// Files of one frame each are the frames of one motion. Files of several frames each are runs of
-/// their own: each begins a run, unless all files are one motion. (A file of one frame continues
-/// the files before it. The first file of several frames continues those of one frame before it.)
+/// Files of several frames each may be runs of their own: the second one is an error, unless the
+/// user says that all files are one motion.
 pub struct Sequence {
     args: FormatArgs,
     files: std::vec::IntoIter<PathBuf>,
@@ -36,8 +36,6 @@ struct File {
     frames: FileFrames,
     /// Frames that were read ahead.
     ahead: VecDeque<Result<Read>>,
-    /// True until its first frame was taken, if that begins a run.
-    begins_run: bool,
     /// Cuts and layout of its last valid frame.
     told: Option<(u32, u32)>,
 }
@@ -47,13 +45,8 @@ pub struct Frame {
     /// Name of the file, with the number of the frame if the file may hold several.
     pub name: String,
     pub path: PathBuf,
-    /// Number of the frame in its file; or counted from 0 if there are several files.
-    pub seq: u64,
-    /// Simulation time in seconds; 0 if it is unknown.
-    pub time: f64,
+    /// Its number is that in the file; or counted from 0 if there are several files.
     pub info: FrameInfo,
-    /// True if the frame does not belong to the motion of the frames before it.
-    pub begins_run: bool,
     /// The curves, or the reason why the frame is invalid.
     pub curves: Result<CurveSet>,
 }
@@ -91,30 +84,30 @@ impl Sequence {
             false => frames.by_ref().take(2).collect(),
         };
         let has_several = ahead.len() > 1;
-        let begins_run = has_several && self.had_several && !self.one_motion;
+        if has_several && self.had_several && !self.one_motion {
+            return Err(Error::Usage(format!(
+                "{}: this file and one before it have several frames each, so they may be runs of \
+                 their own: give each alone, or --one-motion",
+                path.display()
+            )));
+        }
         self.had_several |= has_several;
         Ok(File {
             path,
             frames,
             ahead,
-            begins_run,
             told: None,
         })
     }
 
-    /// Returns the next frame, with its file and true if it begins a run.
-    fn read(&mut self) -> Option<Result<(PathBuf, Read, bool)>> {
+    /// Returns the next frame, with its file.
+    fn read(&mut self) -> Option<Result<(PathBuf, Read)>> {
         loop {
             if let Some(file) = &mut self.current {
-                let begins_run = std::mem::take(&mut file.begins_run);
                 if let Some(frame) = file.ahead.pop_front().or_else(|| file.frames.next()) {
                     return Some(match frame {
-                        Ok(frame) => Ok((file.path.clone(), frame, begins_run)),
-                        // The content is invalid.
-                        Err(Error::InFile { path, source }) => {
-                            let seq = self.last.map_or(0, |seq| seq + 1);
-                            Ok((path, Read::invalid(seq, *source), begins_run))
-                        }
+                        Ok(frame) => Ok((file.path.clone(), frame)),
+                        Err(Error::InFile { path, source }) => Ok((path, self.invalid(*source))),
                         Err(e) => Err(e),
                     });
                 }
@@ -127,8 +120,7 @@ impl Sequence {
                     self.left_out.clear();
                 }
                 Err(Error::InFile { path, source }) => {
-                    let seq = self.last.map_or(0, |seq| seq + 1);
-                    return Some(Ok((path, Read::invalid(seq, *source), false)));
+                    return Some(Ok((path, self.invalid(*source))));
                 }
                 Err(Error::UnknownModel { path }) => {
                     let found = std::fs::metadata(&path);
@@ -140,6 +132,15 @@ impl Sequence {
                 Err(e) => return Some(Err(e)),
             }
         }
+    }
+
+    fn next_seq(&self) -> u64 {
+        self.last.map_or(0, |seq| seq + 1)
+    }
+
+    /// Returns the frame of a file whose content is invalid.
+    fn invalid(&self, why: Error) -> Read {
+        ModelFrame::new(self.next_seq(), Err(why)).into()
     }
 
     /// Notes what is known about a valid frame. Named curves may change from frame to frame; radii
@@ -174,43 +175,34 @@ impl Iterator for Sequence {
     /// Errors: a file that cannot be read, or is no model. The next call goes on with the next
     /// file.
     fn next(&mut self) -> Option<Result<Frame>> {
-        let (path, frame, begins_run) = match self.read()? {
+        let (path, frame) = match self.read()? {
             Ok(read) => read,
             Err(e) => return Some(Err(e)),
         };
         let seq = match self.single {
-            true => frame.seq,
-            false => self.last.map_or(0, |seq| seq + 1),
+            true => frame.info.seq,
+            false => self.next_seq(),
         };
         self.last = Some(seq);
-        if begins_run {
-            // Its curves have nothing to do with those before.
-            self.info.layout = self.info.layout.wrapping_add(1);
-            self.info.labels = Arc::default();
-            self.counts.clear();
-        }
         if let Ok(curves) = &frame.curves {
             self.note(curves, &frame.info);
         }
         input::warn_of_new(&path, &mut self.left_out, &frame.info.left_out);
         let name = match input::holds_frames(&path) {
-            true => format!("{}, frame {}", path.display(), frame.seq),
+            true => format!("{}, frame {}", path.display(), frame.info.seq),
             false => path.display().to_string(),
         };
         Some(Ok(Frame {
             name,
             path,
-            seq,
-            time: frame.time,
             info: FrameInfo {
                 seq,
-                time: frame.time,
+                time: frame.info.time,
                 cell: frame.info.cell,
                 closed_by_default: frame.info.closed_by_default,
                 left_out: frame.info.left_out,
                 ..self.info.clone()
             },
-            begins_run,
             curves: frame.curves,
         }))
     }

@@ -39,23 +39,31 @@ pub struct Lost {
 struct Text {
     target: Target,
     bytes: Vec<u8>,
-    lines: u64,
+}
+
+impl Text {
+    /// Returns the number of its lines, if they are results.
+    fn lines(&self) -> u64 {
+        match self.target {
+            Target::Out => self.bytes.iter().filter(|&&b| b == b'\n').count() as u64,
+            Target::Err => 0,
+        }
+    }
 }
 
 /// A stream, and the thread that writes it after it was detached.
+#[derive(Default)]
 pub struct Stream {
     state: Mutex<State>,
-    filled: Condvar,
-    drained: Condvar,
+    changed: Condvar,
 }
 
+#[derive(Default)]
 struct State {
     waiting: VecDeque<Text>,
     bytes: usize,
     /// Lines of results that the thread is writing, if it is.
     writing: Option<u64>,
-    /// Number of texts that were written, or failed to be written.
-    done: u64,
     /// `None` until the stream is detached.
     overflow: Option<Overflow>,
     patience: Duration,
@@ -67,8 +75,8 @@ struct State {
 
 /// Standard output and standard error. If both are terminals, they are the same one, so all text
 /// goes through standard error, which keeps it in order.
-static OUT: Stream = Stream::new();
-static ERR: Stream = Stream::new();
+static OUT: LazyLock<Stream> = LazyLock::new(Stream::default);
+static ERR: LazyLock<Stream> = LazyLock::new(Stream::default);
 
 /// Returns true if stderr is a terminal.
 pub fn is_terminal() -> bool {
@@ -86,15 +94,7 @@ fn stream_of(target: Target) -> &'static Stream {
 
 /// Writes a text of complete lines, or passes it to the writer thread.
 pub fn put(target: Target, bytes: Vec<u8>) {
-    let lines = match target {
-        Target::Out => bytes.iter().filter(|&&b| b == b'\n').count() as u64,
-        Target::Err => 0,
-    };
-    stream_of(target).put(Text {
-        target,
-        bytes,
-        lines,
-    });
+    stream_of(target).put(Text { target, bytes });
 }
 
 /// Replaces the status line if stderr is a terminal.
@@ -104,19 +104,16 @@ pub fn status(text: String) {
         state.status = text;
         // If the terminal is slow, it shows the newest status with the next text.
         if state.waiting.is_empty() {
-            state.push(Text {
-                target: Target::Err,
-                bytes: Vec::new(),
-                lines: 0,
-            });
-            ERR.filled.notify_one();
+            let (target, bytes) = (Target::Err, Vec::new());
+            state.push(Text { target, bytes });
+            ERR.changed.notify_all();
         }
     }
 }
 
 /// Starts a writer thread for each stream.
 pub fn detach(overflow: Overflow) -> io::Result<()> {
-    for stream in [&OUT, &ERR] {
+    for stream in [&*OUT, &*ERR] {
         let mut state = stream.lock();
         if state.overflow.replace(overflow).is_none() {
             state.patience = overflow.max_wait();
@@ -134,46 +131,38 @@ pub fn finish(target: Target, limit: Duration) -> Option<Lost> {
 }
 
 impl Stream {
-    const fn new() -> Stream {
-        Stream {
-            state: Mutex::new(State {
-                waiting: VecDeque::new(),
-                bytes: 0,
-                writing: None,
-                done: 0,
-                overflow: None,
-                patience: Duration::ZERO,
-                lost: 0,
-                why: String::new(),
-                status: String::new(),
-            }),
-            filled: Condvar::new(),
-            drained: Condvar::new(),
-        }
-    }
-
     /// Locks the state. The state is plain data that is valid at every step, so a panic elsewhere
     /// does not invalidate it.
     fn lock(&self) -> MutexGuard<'_, State> {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
+    /// Waits while a condition holds, at most for `limit`.
+    fn wait_while<'a>(
+        &'a self,
+        state: MutexGuard<'a, State>,
+        limit: Duration,
+        holds: impl Fn(&State) -> bool,
+    ) -> MutexGuard<'a, State> {
+        let wait = self.changed.wait_timeout_while(state, limit, |s| holds(s));
+        wait.unwrap_or_else(PoisonError::into_inner).0
+    }
+
     fn put(&self, text: Text) {
         let mut state = self.lock();
         let Some(overflow) = state.overflow else {
             let outcome = write(text.target, &text.bytes);
-            return state.note(text.lines, outcome);
+            return state.note(text.lines(), outcome);
         };
         let start = Instant::now();
-        let full = |s: &mut State| s.bytes >= WAITING_BYTES;
+        let full = |s: &State| s.bytes >= WAITING_BYTES;
         // Log messages never block.
         let patience = match text.target {
             Target::Out => state.patience,
             Target::Err => Duration::ZERO,
         };
-        let wait = self.drained.wait_timeout_while(state, patience, full);
-        state = wait.unwrap_or_else(PoisonError::into_inner).0;
-        let full = full(&mut state);
+        state = self.wait_while(state, patience, full);
+        let full = full(&state);
         if text.target == Target::Out {
             state.patience = match overflow {
                 _ if full => Duration::ZERO,
@@ -183,36 +172,35 @@ impl Stream {
         }
         if full {
             let why = "no program reads it".to_owned();
-            return state.lose(text.lines, why);
+            return state.lose(text.lines(), why);
         }
         state.push(text);
-        self.filled.notify_one();
+        self.changed.notify_all();
     }
 
     /// Writes texts as they arrive, for the lifetime of the process.
     fn work(&self) {
         let mut shown = String::new();
         loop {
-            let idle = |s: &mut State| s.waiting.is_empty();
-            let wait = self.filled.wait_while(self.lock(), idle);
-            let mut state = wait.unwrap_or_else(PoisonError::into_inner);
+            let idle = |s: &State| s.waiting.is_empty();
+            let mut state = self.wait_while(self.lock(), Duration::MAX, idle);
             let Some(text) = state.waiting.pop_front() else {
                 continue;
             };
             state.bytes -= text.bytes.len();
-            state.writing = Some(text.lines);
+            state.writing = Some(text.lines());
             let status = state.status.clone();
             drop(state);
             let outcome = self.write(&text, &status, &mut shown);
             let mut state = self.lock();
             state.writing = None;
-            state.note(text.lines, outcome);
+            state.note(text.lines(), outcome);
             let overflow = state.overflow.unwrap_or(Overflow::DropOldest);
             if state.waiting.is_empty() || !matches!(overflow, Overflow::Wait(_)) {
                 state.patience = overflow.max_wait();
             }
             drop(state);
-            self.drained.notify_all();
+            self.changed.notify_all();
         }
     }
 
@@ -236,16 +224,15 @@ impl Stream {
     fn finish(&self, limit: Duration) -> Option<Lost> {
         let mut state = self.lock();
         loop {
-            let before = state.done;
-            let same = |s: &mut State| s.is_busy() && s.done == before;
-            let wait = self.drained.wait_timeout_while(state, limit, same);
-            state = wait.unwrap_or_else(PoisonError::into_inner).0;
-            if state.done == before {
+            let before = state.waiting.len();
+            let same = |s: &State| s.is_busy() && s.waiting.len() == before;
+            state = self.wait_while(state, limit, same);
+            if !state.is_busy() || state.waiting.len() == before {
                 break;
             }
         }
         if state.is_busy() {
-            let waiting: u64 = state.waiting.iter().map(|text| text.lines).sum();
+            let waiting: u64 = state.waiting.iter().map(Text::lines).sum();
             let lines = state.writing.unwrap_or(0) + waiting;
             state.waiting.clear();
             state.lose(lines, "no program reads it".to_owned());
@@ -268,7 +255,6 @@ impl State {
     }
 
     fn note(&mut self, lines: u64, outcome: io::Result<()>) {
-        self.done += 1;
         match outcome {
             Ok(()) => {}
             // The reader closed the pipe (`linkwatch .. | head`): it does not need the rest.

@@ -8,7 +8,6 @@
 //! replaces it once nothing can reject the frame any more. A rejected frame leaves no trace. All
 //! other state is buffers and caches, on which no report depends.
 
-mod bisect;
 mod certifier;
 mod compare;
 mod expand;
@@ -26,7 +25,6 @@ mod steps;
 #[cfg(test)]
 mod tests;
 
-pub use bisect::bisect;
 pub use certifier::Certifier;
 pub use ladder::Ladder;
 pub use options::{SessionOptions, Strategy};

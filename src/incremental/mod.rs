@@ -20,8 +20,6 @@
 
 mod affine;
 mod blocks;
-#[cfg(all(feature = "mcap", feature = "cli"))]
-mod cause;
 mod coverage;
 mod covered;
 mod events;
@@ -36,8 +34,6 @@ mod stream;
 mod tests;
 mod work;
 
-#[cfg(all(feature = "mcap", feature = "cli"))]
-pub use cause::Cause;
 pub(crate) use coverage::Coverage;
 pub use events::Events;
 pub(crate) use ledger::{Contacts, Ledger, MOTION_LIMIT, Outcome, Touching, sort_by_time};

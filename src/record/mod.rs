@@ -4,8 +4,6 @@
 //! and the same report, so that a replay can be compared with it. The schema is
 //! `schemas/linkwatch.proto`.
 //!
-//! On request it also has messages of types that other tools draw: [`RecordingTool`].
-//!
 //! The container module reads the records.
 
 mod diff;
@@ -14,16 +12,12 @@ mod messages;
 mod reader;
 mod retention;
 mod schema;
-mod tools;
 mod writer;
 
 pub use crate::formats::container::Ending;
 pub use diff::{Alignment, FrameDiff, OnlyIn, RunDiff, diff_runs};
-pub use reader::{
-    FramePlace, Outline, RecordedFrame, RecordedItem, RecordedVerdict, RecordingReader,
-};
+pub use reader::{RecordedFrame, RecordedItem, RecordedVerdict, RecordingReader};
 pub use retention::{RecordingOptions, Retention};
-pub use tools::RecordingTool;
 pub use writer::RecordingSink;
 
 /// Topic and message of each channel.

@@ -2,11 +2,9 @@
 
 mod outline;
 
-pub use outline::{FramePlace, Outline};
-
 use super::messages::{PACKAGE, Recorded, invalid};
 use super::schema;
-use super::{BASELINE, FRAMES, LABELS, METADATA, PROTOBUF, RecordingTool, VERDICTS};
+use super::{BASELINE, FRAMES, LABELS, METADATA, PROTOBUF, VERDICTS};
 use crate::curve::{Basis, CurveLabels, CurveSet, Positions, Precision};
 use crate::error::{Error, Result};
 use crate::formats::container::{Container, Content, Ending, Place};
@@ -14,7 +12,7 @@ use crate::ingest::{FrameInfo, RawFrame, ingest};
 use crate::sinks::{BaselineRecord, RunProgress};
 use crate::verdict::Report;
 use prost::bytes::Bytes;
-use std::collections::{BTreeMap, BTreeSet, HashMap};
+use std::collections::{BTreeMap, HashMap};
 use std::fs::File;
 use std::io::{BufReader, Read, Seek};
 use std::path::Path;
@@ -73,27 +71,28 @@ impl RecordedFrame {
         self.read(|frame| ingest(frame, set, CurveSet::update))
     }
 
+    /// Fails if the number of coordinates, names or radii contradicts the counts.
+    pub fn check(&self) -> Result<()> {
+        self.info.labels.check(self.counts.len())?;
+        let counts = self.counts.iter().map(|c| u64::from(c.unsigned_abs()));
+        let bytes = 3 * self.precision.bytes() as u64;
+        let promised = counts.sum::<u64>().saturating_mul(bytes);
+        match self.positions.len() as u64 {
+            available if available == promised => Ok(()),
+            available => Err(Error::Count {
+                what: "bytes of positions in a recorded frame",
+                promised,
+                available,
+            }),
+        }
+    }
+
     /// Calls `receive` with the frame, for example within
     /// [`Session::receive`](crate::Session::receive).
     ///
-    /// Errors: [`Error::Count`] if the number of coordinates contradicts the counts; those of
-    /// `receive`.
+    /// Errors: those of [`RecordedFrame::check`] and of `receive`.
     pub fn read(&self, receive: impl FnOnce(RawFrame<'_>) -> Result<()>) -> Result<()> {
-        self.info.labels.check(self.counts.len())?;
-        let bytes = self.precision.bytes();
-        let promised: u64 = self
-            .counts
-            .iter()
-            .map(|c| u64::from(c.unsigned_abs()))
-            .sum();
-        let promised = promised.saturating_mul(3 * bytes as u64);
-        if promised != self.positions.len() as u64 {
-            return Err(Error::Count {
-                what: "bytes of positions in a recorded frame",
-                promised,
-                available: self.positions.len() as u64,
-            });
-        }
+        self.check()?;
         let frame = |positions| RawFrame {
             basis: self.basis,
             counts: &self.counts,
@@ -130,8 +129,6 @@ enum Channel {
     Labels,
     Frames,
     Verdicts,
-    /// Messages for another tool, which follow from the frames.
-    Tool,
     /// Other content: skipped and counted.
     Foreign,
 }
@@ -171,7 +168,6 @@ pub struct RecordingReader<R> {
     /// Full names of the messages, by the number of their schema.
     schemas: HashMap<u16, String>,
     channels: HashMap<u16, Channel>,
-    tools: BTreeSet<RecordingTool>,
     metadata: BTreeMap<String, String>,
     /// Names and radii of the curves of the next frame.
     labels: Arc<CurveLabels>,
@@ -198,7 +194,6 @@ impl<R: Read + Seek> RecordingReader<R> {
             container,
             schemas: HashMap::new(),
             channels: HashMap::new(),
-            tools: BTreeSet::new(),
             metadata: BTreeMap::new(),
             labels: Arc::default(),
             skipped: 0,
@@ -210,14 +205,7 @@ impl<R: Read + Seek> RecordingReader<R> {
         &self.metadata
     }
 
-    /// Returns the tools for which the recording has messages. Complete once the first item was
-    /// read.
-    pub fn tools(&self) -> impl Iterator<Item = RecordingTool> + '_ {
-        self.tools.iter().copied()
-    }
-
-    /// Returns the number of messages of other topics or schemas, skipped so far. Messages for
-    /// [tools](RecordingReader::tools) do not count.
+    /// Returns the number of messages of other topics or schemas, skipped so far.
     pub fn skipped(&self) -> u64 {
         self.skipped
     }
@@ -253,7 +241,7 @@ impl<R: Read + Seek> RecordingReader<R> {
     }
 
     /// Returns the next message, or its first bytes if it has curves and `skims` is true. Takes
-    /// note of what describes messages, or the run, and skips messages for tools.
+    /// note of what describes messages, or the run.
     fn next_message(&mut self, skims: bool) -> Result<Option<Message>> {
         loop {
             let channels = &self.channels;
@@ -289,7 +277,6 @@ impl<R: Read + Seek> RecordingReader<R> {
                     body,
                 } => match self.channels.get(&channel) {
                     None => return Err(invalid(&words(place), "a message of an unknown channel")),
-                    Some(Channel::Tool) => {}
                     Some(Channel::Labels) => {
                         let m: schema::Labels = decode(body, place)?;
                         let labels = CurveLabels::named(m.names).with_radii(m.radii);
@@ -302,15 +289,10 @@ impl<R: Read + Seek> RecordingReader<R> {
     }
 
     /// Returns the content of a channel, or an error for a linkwatch topic of another version.
-    fn channel(&mut self, schema: u16, topic: &str, encoding: &str) -> Result<Channel> {
+    fn channel(&self, schema: u16, topic: &str, encoding: &str) -> Result<Channel> {
         let schema = self.schemas.get(&schema).map_or("", String::as_str);
         if encoding != PROTOBUF {
             return Ok(Channel::Foreign);
-        }
-        let is = |tool: &RecordingTool| tool.channel() == (topic, schema);
-        if let Some(tool) = RecordingTool::ALL.into_iter().find(is) {
-            self.tools.insert(tool);
-            return Ok(Channel::Tool);
         }
         let ours = [
             (BASELINE, Channel::Baseline),
@@ -338,7 +320,7 @@ impl<R: Read + Seek> RecordingReader<R> {
     /// Decodes a message. `None` if it is not an item.
     fn item(&self, (channel, time, body, place): Message) -> Result<Option<RecordedItem>> {
         let item = match channel {
-            Channel::Foreign | Channel::Tool | Channel::Labels => return Ok(None),
+            Channel::Foreign | Channel::Labels => return Ok(None),
             Channel::Baseline => {
                 let read = Recorded::<schema::Baseline>::read(decode(body, place)?);
                 read.map(RecordedItem::Baseline)

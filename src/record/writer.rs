@@ -12,7 +12,6 @@
 //! damage is still detected.
 
 use super::messages::{DESCRIPTORS, PACKAGE, Recorded};
-use super::tools::{self, Points, RecordingTool, Scene};
 use super::{BASELINE, FRAMES, LABELS, METADATA, PROTOBUF, VERDICTS};
 use super::{file, schema};
 use crate::curve::{CurveLabels, CurveSet};
@@ -95,9 +94,6 @@ pub struct RecordingSink {
     verdicts: u16,
     baseline: u16,
     labels: u16,
-    /// Channels of messages for other tools.
-    scene: Option<(u16, Scene)>,
-    points: Option<(u16, Points)>,
     /// Names and radii that were written last.
     last_labels: Arc<CurveLabels>,
     /// Reused for every frame, so that a frame allocates nothing.
@@ -163,14 +159,11 @@ impl RecordingSink {
             encoded: Vec::new(),
             bytes: FIXED_BYTES,
         };
-        let mut channel = |(topic, message): (&str, &str)| {
-            log.channel(topic, &format!("{PACKAGE}.{message}"), DESCRIPTORS)
-        };
+        let mut channel =
+            |(topic, message): (&str, &str)| log.channel(topic, &format!("{PACKAGE}.{message}"));
         Ok(RecordingSink {
             baseline: channel(BASELINE)?,
             labels: channel(LABELS)?,
-            scene: None,
-            points: None,
             last_labels: Arc::default(),
             frames: channel(FRAMES)?,
             verdicts: channel(VERDICTS)?,
@@ -178,34 +171,6 @@ impl RecordingSink {
             positions: Vec::new(),
             left_out: 0,
         })
-    }
-
-    /// Adds messages for tools that show the recording without linkwatch. Call it before the first
-    /// frame. They cost about as much space and time as the frames: see `docs/reference/mcap.md`.
-    pub fn with_tools(mut self, tools: impl IntoIterator<Item = RecordingTool>) -> Result<Self> {
-        for tool in tools {
-            let (topic, message) = tool.channel();
-            let channel = self.log.channel(topic, message, tools::DESCRIPTORS)?;
-            match tool {
-                RecordingTool::Foxglove => self.scene = Some((channel, Scene::default())),
-                RecordingTool::Rerun => self.points = Some((channel, Points::default())),
-            }
-        }
-        Ok(self)
-    }
-
-    fn write_for_tools(&mut self, set: &CurveSet, record: &FrameRecord, ns: u64) -> Result<()> {
-        let seq = record.report.seq;
-        if let Some((channel, scene)) = &mut self.scene {
-            self.log
-                .write(*channel, &scene.update(set, record), seq, ns)?;
-        }
-        if let Some((channel, points)) = &mut self.points {
-            let message = points.message(set, &record.report);
-            self.log.write(*channel, &message, seq, ns)?;
-            points.reuse(message);
-        }
-        Ok(())
     }
 
     /// Records that frames before the next one are not in this file, on purpose, so that a reader
@@ -284,8 +249,8 @@ impl RecordingSink {
 
 impl Log {
     /// Adds a channel of protobuf messages.
-    fn channel(&mut self, topic: &str, message: &str, descriptors: &[u8]) -> Result<u16> {
-        let schema = self.writer.add_schema(message, PROTOBUF, descriptors);
+    fn channel(&mut self, topic: &str, message: &str) -> Result<u16> {
+        let schema = self.writer.add_schema(message, PROTOBUF, DESCRIPTORS);
         schema
             .and_then(|schema| {
                 let writer = &mut self.writer;
@@ -347,11 +312,7 @@ impl Sink for RecordingSink {
             report: Some(record.report.record()),
             progress: Some(progress.record()),
         };
-        self.log.write(self.verdicts, &message, seq, time)?;
-        match &record.curves {
-            Some(curves) => self.write_for_tools(curves, record, time),
-            None => Ok(()),
-        }
+        self.log.write(self.verdicts, &message, seq, time)
     }
 
     fn flush(&mut self) -> Result<()> {

@@ -1,7 +1,7 @@
 //! Facts of a recorded run, collected item by item in bounded memory.
 
 use super::rows::{Moment, PullThroughRow, Remark, Rows};
-use super::series::{Sample, Series};
+use super::series::Series;
 use super::violations::{Shot, Violations};
 use crate::curve::vector::mix;
 use crate::curve::{CurveLabels, Image, Notation};
@@ -31,10 +31,6 @@ pub(super) const RECORD_EVERY: &str = "record_every";
 /// Key of the metadata of recordings of runs that measured clearance: a radius, or a word if it is
 /// the one that the simulator publishes.
 const THICKNESS: &str = "thickness";
-
-/// Maximum number of pull-throughs, and of rejected and incomplete frames, that are listed.
-const PULL_THROUGHS: usize = 400;
-const REMARKS: usize = 100;
 
 /// Finding that the first sentence names.
 #[derive(Clone, Debug, serde::Serialize)]
@@ -154,8 +150,6 @@ impl Facts {
     /// Errors: the file is damaged before its first verdict. Later damage is a fact.
     pub fn collect<R: Read + Seek>(reader: &mut RecordingReader<R>) -> Result<Facts> {
         let mut collector = Collector::default();
-        collector.facts.pull_throughs = Rows::new(PULL_THROUGHS);
-        collector.facts.remarks = Rows::new(REMARKS);
         let damage = loop {
             match reader.next_item() {
                 Ok(Some(item)) => collector.add(item),
@@ -330,12 +324,8 @@ impl Collector {
             Some([_, last]) => (*last, facts.received_ns[1]) = (moment, received),
             None => (facts.span, facts.received_ns) = (Some([moment; 2]), [received; 2]),
         }
-        facts.series.add(&Sample {
-            report: &report,
-            milliseconds: progress.times.check().as_secs_f64() * 1e3,
-            skipped,
-            missing,
-        });
+        let milliseconds = progress.times.check().as_secs_f64() * 1e3;
+        facts.series.add(&report, milliseconds, [skipped, missing]);
         for why in report.rejected.iter().chain(&report.missing) {
             facts.remarks.push(|| Remark {
                 moment,

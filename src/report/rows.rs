@@ -5,6 +5,9 @@ use crate::verdict::{PullThrough, Report, Verdict, words_of_frame};
 use crate::words::{count, plural};
 use std::fmt;
 
+/// Maximum number of rows of a table: the first ones.
+pub(super) const MOST: usize = 400;
+
 /// A frame, by its number and its simulation time in seconds.
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
 pub(super) struct Moment {
@@ -32,29 +35,20 @@ impl fmt::Display for Moment {
 pub(super) struct Rows<T> {
     pub rows: Vec<T>,
     pub total: u64,
-    #[serde(skip)]
-    limit: usize,
 }
 
 impl<T> Default for Rows<T> {
     fn default() -> Self {
-        Rows::new(0)
+        let (rows, total) = (Vec::new(), 0);
+        Rows { rows, total }
     }
 }
 
 impl<T> Rows<T> {
-    pub fn new(limit: usize) -> Rows<T> {
-        Rows {
-            rows: Vec::new(),
-            total: 0,
-            limit,
-        }
-    }
-
     /// Counts a row, and keeps it if it is one of the first.
     pub fn push(&mut self, row: impl FnOnce() -> T) {
         self.total += 1;
-        if self.rows.len() < self.limit {
+        if self.rows.len() < MOST {
             self.rows.push(row());
         }
     }

@@ -169,115 +169,113 @@ impl Facts {
     pub fn notes(&self) -> Vec<String> {
         let counts = &self.counts;
         let frames = |n: u64| plural(n, "frame");
-        let some = |n: u64, words: String| (n > 0).then_some(words);
-        let more = self.changed.as_ref().filter(|found| found.more > 0);
-        let more = more.map(|found| {
+        let mut notes = Vec::new();
+        let mut note = |n: u64, words: String| notes.extend((n > 0).then_some(words));
+        if let Some(found) = &self.changed {
             let findings = plural(found.more as u64, "more finding");
-            format!("{} has {findings}", found.moment)
-        });
-        let pairs = self.violations.pairs.iter().filter(|pair| pair.changed());
-        let pairs = plural(pairs.count() as u64, "pair");
-        let at_least = if self.violations.more {
-            "more than "
-        } else {
-            ""
-        };
-        let changed = plural_of(self.of(Verdict::Changed), "frame has", "frames have");
-        let changed = format!("{changed} a changed topology, in {at_least}{pairs} of curves");
-        let verdicts = [
-            (
-                Verdict::Contact,
-                "curves touch, so that their linking number is not defined",
-            ),
+            note(
+                found.more as u64,
+                format!("{} has {findings}", found.moment),
+            );
+            let pairs = self.violations.pairs.iter().filter(|pair| pair.changed());
+            let pairs = plural(pairs.count() as u64, "pair");
+            let at_least = match self.violations.more {
+                true => "more than ",
+                false => "",
+            };
+            let changed = plural_of(self.of(Verdict::Changed), "frame has", "frames have");
+            let words = format!("{changed} a changed topology, in {at_least}{pairs} of curves");
+            note(1, words);
+        }
+        let touch = "curves touch, so that their linking number is not defined";
+        for (verdict, what) in [
+            (Verdict::Contact, touch),
             (Verdict::Undecided, "pairs could not be decided"),
             (Verdict::Stale, "the verdict came too late"),
             (
                 Verdict::Rejected,
                 "the frame is invalid and was not verified",
             ),
-        ];
-        let verdicts = verdicts.map(|(verdict, what)| {
+        ] {
             let n = self.of(verdict);
             let frames = plural_of(n, "frame is", "frames are");
-            some(n, format!("{frames} {verdict}: {what}"))
-        });
-        let all = counts.verified + counts.rejected;
-        let share = counts.skipped as f64 / (all as f64 + counts.skipped as f64);
-        let skipped = format!(
-            "{} skipped ({}): published, but not verified, because the simulator was faster",
-            plural_of(counts.skipped, "frame was", "frames were"),
-            percent(share)
+            note(n, format!("{frames} {verdict}: {what}"));
+        }
+        note(
+            self.left_out.len() as u64,
+            LeftOut::sentence(&self.left_out),
         );
-        let missing = format!(
-            "{} missing: verified, but not recorded",
-            frames(counts.missing)
+        let all = (counts.verified + counts.rejected) as f64 + counts.skipped as f64;
+        let skipped = plural_of(counts.skipped, "frame was", "frames were");
+        let share = percent(counts.skipped as f64 / all);
+        note(
+            counts.skipped,
+            format!(
+                "{skipped} skipped ({share}): published, but not verified, because the simulator \
+                 was faster"
+            ),
         );
-        let left_out = format!(
-            "{} left out on purpose (outside a window, or in another file): verified, but their \
-             verdicts are not in this file",
-            frames(counts.left_out)
+        let missing = frames(counts.missing);
+        note(
+            counts.missing,
+            format!("{missing} missing: verified, but not recorded"),
         );
+        let left_out = frames(counts.left_out);
+        note(
+            counts.left_out,
+            format!(
+                "{left_out} left out on purpose (outside a window, or in another file): verified, \
+                 but their verdicts are not in this file"
+            ),
+        );
+        let unanswered = frames(counts.unanswered);
+        note(counts.unanswered, format!("{unanswered} without a verdict"));
         let every = self.metadata.get(RECORD_EVERY);
         let every = every.map(|n| format!(", left out on purpose (every {n})"));
-        let without_curves = format!(
-            "{} without the curves of the frame{}",
-            plural(counts.without_curves, "verdict"),
-            every.unwrap_or_default()
-        );
-        let end = match &self.end {
-            End::Finished => None,
-            End::Cut(at, what) => Some(format!("{}; later frames are lost", truncated(*at, what))),
-            End::Damaged(why) => Some(format!(
-                "the recording is damaged, and is read up to there: {why}"
-            )),
-        };
-        let unresolved = format!(
-            "{} cannot be resolved, because the frames are too far apart",
-            plural(self.unresolved, "pull-through")
-        );
-        let open = match self.unverified_curves() {
-            0 => "",
-            _ => ", nor are those of open curves",
-        };
-        let unsearched =
-            format!("pull-throughs were not searched for: two that cancel are not detected{open}");
-        let is_unsearched = counts.verified > 0 && self.events() == Events::Off;
-        let unmeasured = self.unmeasured();
-        let closest = self.closest.as_ref().map(|closest| {
-            let low = some(self.clearances[1], frames(self.clearances[1]));
-            let low = low.map(|frames| format!("; low in {frames}"));
-            let low = low.unwrap_or_default();
-            format!(
-                "lowest clearance: {}, in {}{low}",
-                closest.sentence, closest.moment
-            )
-        });
-        let disagreed = format!(
-            "the incremental verification was wrong in {}, which is a bug of linkwatch",
-            frames(counts.disagreed)
-        );
-        let unanswered = format!("{} without a verdict", frames(counts.unanswered));
-        let first = [more, self.changed.is_some().then_some(changed)];
-        let unread = LeftOut::sentence(&self.left_out);
-        let others = [
-            (!self.left_out.is_empty()).then_some(unread),
-            some(counts.skipped, skipped),
-            some(counts.missing, missing),
-            some(counts.left_out, left_out),
-            some(counts.unanswered, unanswered),
-            some(counts.without_curves, without_curves),
-            end,
-            some(self.unresolved, unresolved),
-            is_unsearched.then_some(unsearched),
-            some(
-                unmeasured,
-                format!("the clearance of {} was not measured", frames(unmeasured)),
-            ),
-            closest,
-            some(counts.disagreed, disagreed),
-        ];
-        let notes = first.into_iter().chain(verdicts).chain(others);
-        notes.flatten().collect()
+        let verdicts = plural(counts.without_curves, "verdict");
+        let every = every.unwrap_or_default();
+        let words = format!("{verdicts} without the curves of the frame{every}");
+        note(counts.without_curves, words);
+        match &self.end {
+            End::Finished => {}
+            End::Cut(at, what) => {
+                note(
+                    1,
+                    format!("{}; later frames are lost", truncated(*at, what)),
+                );
+            }
+            End::Damaged(why) => {
+                let what = "the recording is damaged, and is read up to there";
+                note(1, format!("{what}: {why}"));
+            }
+        }
+        let unresolved = plural(self.unresolved, "pull-through");
+        let why = "cannot be resolved, because the frames are too far apart";
+        note(self.unresolved, format!("{unresolved} {why}"));
+        if counts.verified > 0 && self.events() == Events::Off {
+            let open = match self.unverified_curves() {
+                0 => "",
+                _ => ", nor are those of open curves",
+            };
+            let what = "pull-throughs were not searched for: two that cancel are not detected";
+            note(1, format!("{what}{open}"));
+        }
+        let unmeasured = frames(self.unmeasured());
+        let words = format!("the clearance of {unmeasured} was not measured");
+        note(self.unmeasured(), words);
+        if let Some(closest) = &self.closest {
+            let low = match self.clearances[1] {
+                0 => String::new(),
+                n => format!("; low in {}", frames(n)),
+            };
+            let (sentence, moment) = (&closest.sentence, closest.moment);
+            note(1, format!("lowest clearance: {sentence}, in {moment}{low}"));
+        }
+        let wrong = frames(counts.disagreed);
+        let what = "the incremental verification was wrong in";
+        let words = format!("{what} {wrong}, which is a bug of linkwatch");
+        note(counts.disagreed, words);
+        notes
     }
 }
 

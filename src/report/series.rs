@@ -10,17 +10,6 @@ use crate::verdict::{ChangeKind, Report, Verdict};
 /// Maximum number of bins, even.
 pub(super) const MOST: usize = 400;
 
-/// Figures of one frame.
-pub(super) struct Sample<'a> {
-    pub report: &'a Report,
-    /// Time from the receipt of the frame to its report.
-    pub milliseconds: f64,
-    /// Frames before this one that were not verified.
-    pub skipped: u64,
-    /// Frames before this one that are not in the recording.
-    pub missing: u64,
-}
-
 /// Figures of successive frames.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub(super) struct Bin {
@@ -45,8 +34,7 @@ pub(super) struct Bin {
 }
 
 impl Bin {
-    fn of(sample: &Sample<'_>) -> Bin {
-        let report = sample.report;
+    fn of(report: &Report, milliseconds: f64, [skipped, missing]: [u64; 2]) -> Bin {
         let mut verdicts = [0; 6];
         verdicts[report.verdict as usize] = 1;
         let kinds = [ChangeKind::Lost, ChangeKind::Gained, ChangeKind::Changed];
@@ -59,10 +47,10 @@ impl Bin {
                 .then(|| kinds.map(|kind| report.count(kind) as u64)),
             pull_throughs: report.events.len() as u64,
             unresolved: report.unresolved.len() as u64,
-            skipped: sample.skipped,
-            missing: sample.missing,
-            total_ms: sample.milliseconds,
-            max_ms: sample.milliseconds,
+            skipped,
+            missing,
+            total_ms: milliseconds,
+            max_ms: milliseconds,
             clearance: report.clearance.and_then(|c| Some(c.closest?.ratio)),
         }
     }
@@ -105,9 +93,10 @@ impl Default for Series {
 }
 
 impl Series {
-    /// Adds a frame.
-    pub fn add(&mut self, sample: &Sample<'_>) {
-        let bin = Bin::of(sample);
+    /// Adds a frame, with the time from its receipt to its report, and the numbers of frames
+    /// before it that were not verified, and that are not in the recording.
+    pub fn add(&mut self, report: &Report, milliseconds: f64, lost: [u64; 2]) {
+        let bin = Bin::of(report, milliseconds, lost);
         let full = self.bins.last().is_none_or(|b| b.frames == self.width);
         if full && self.bins.len() == MOST {
             let (pairs, _) = self.bins.as_chunks_mut();
@@ -159,12 +148,7 @@ mod tests {
                 low: false,
                 frames_left: None,
             });
-            series.add(&Sample {
-                report: &report,
-                milliseconds: 1.0,
-                skipped: 1,
-                missing: 0,
-            });
+            series.add(&report, 1.0, [1, 0]);
         }
         series
     }

@@ -1,13 +1,10 @@
 //! Violations: what happened to each pair of curves, over all frames.
 
-use super::rows::{Moment, names_of};
+use super::rows::{MOST, Moment, names_of};
 use crate::curve::Image;
 use crate::picture::Spot;
-use crate::verdict::{ChangeKind, DefectKind, Place, Report};
+use crate::verdict::{ChangeKind, DefectKind, Finding, Place, Report};
 use std::collections::HashMap;
-
-/// Maximum number of pairs that are listed: the first ones.
-const MOST: usize = 400;
 
 /// The frame of a violation that a picture shows.
 #[derive(Clone, Debug)]
@@ -73,13 +70,6 @@ impl Violation {
     pub fn changed(&self) -> bool {
         self.link.is_some() || self.pull_throughs > 0
     }
-
-    /// Replaces the frame of the picture, if this one says more.
-    fn shoot(&mut self, shot: impl FnOnce() -> Shot, changed: bool) {
-        if self.shot.as_ref().is_none_or(|s| changed && !s.changed) {
-            self.shot = Some(shot());
-        }
-    }
 }
 
 /// The first pairs of curves with findings, in the order of their first one.
@@ -96,77 +86,74 @@ impl Violations {
     /// Adds the findings of a frame.
     pub fn add(&mut self, report: &Report, names: &[String], ordinal: Option<u64>) {
         let (moment, extent) = (Moment::of(report), report.stats.extent);
-        let shot = |(curves, image), segments, point, sentence, changed| Shot {
-            ordinal,
-            moment,
-            spot: Spot {
-                curves,
-                image,
-                segments,
-                point,
-            },
-            sentence,
-            passage: None,
-            changed,
-        };
-        let resolved = report.events.iter().map(|event| (event, true));
-        let unresolved = report.unresolved.iter().map(|event| (event, false));
-        for (e, resolved) in resolved.chain(unresolved) {
-            let key = ([e.i, e.j], e.image);
+        // Pull-throughs first: their place is more specific than that of the change they explain.
+        let is_passage =
+            |f: &Finding| matches!(f, Finding::PullThrough(_) | Finding::Unresolved(_));
+        let (passages, others): (Vec<Finding>, _) = report.all_findings().partition(is_passage);
+        for finding in passages.into_iter().chain(others) {
+            let key = (finding.curves(), finding.pair().2);
             let Some(pair) = self.pair(key, names) else {
                 continue;
             };
-            pair.pull_throughs += u64::from(resolved);
-            pair.unresolved += u64::from(!resolved);
-            let sentence = || e.sentence_named(extent, names);
-            let shot = || shot(key, e.segments, e.point, sentence(), resolved);
-            pair.shoot(shot, resolved);
-        }
-        for c in &report.changes {
-            let key = ([c.i, c.j], c.image);
-            let Some(pair) = self.pair(key, names) else {
-                continue;
+            let sentence = || match finding {
+                Finding::Change(c) => c.sentence_named(extent, names),
+                Finding::Defect(d) => report.defect(d, names),
+                Finding::PullThrough(e) | Finding::Unresolved(e) => e.sentence_named(extent, names),
             };
-            let sentence = || c.sentence_named(extent, names);
-            let link = pair.link.get_or_insert_with(|| LinkRow {
-                kind: c.kind(),
-                expected: c.expected,
-                found: c.found,
-                place: c.place,
-                sentence: sentence(),
-                first: moment,
-                last: moment,
-                frames: 0,
-            });
-            link.frames += 1;
-            link.last = moment;
-            if let Some(shot) = &mut pair.shot
-                && shot.changed
-                && shot.moment == moment
-                && shot.passage.is_none()
+            match finding {
+                Finding::PullThrough(_) => pair.pull_throughs += 1,
+                Finding::Unresolved(_) => pair.unresolved += 1,
+                Finding::Change(c) => {
+                    let link = pair.link.get_or_insert_with(|| LinkRow {
+                        kind: c.kind(),
+                        expected: c.expected,
+                        found: c.found,
+                        place: c.place,
+                        sentence: sentence(),
+                        first: moment,
+                        last: moment,
+                        frames: 0,
+                    });
+                    link.frames += 1;
+                    link.last = moment;
+                    if let Some(shot) = &mut pair.shot
+                        && shot.changed
+                        && shot.moment == moment
+                        && shot.passage.is_none()
+                    {
+                        shot.passage = Some(std::mem::replace(&mut shot.sentence, sentence()));
+                    }
+                }
+                Finding::Defect(d) => {
+                    let row = pair.defect.get_or_insert_with(|| DefectRow {
+                        kind: d.kind,
+                        first: moment,
+                        frames: 0,
+                        sentence: sentence(),
+                    });
+                    row.frames += 1;
+                }
+            }
+            // The frame of the picture is replaced if this one says more.
+            let changed = finding.is_change();
+            if let Some((segments, point)) = finding.place()
+                && pair.shot.as_ref().is_none_or(|s| changed && !s.changed)
             {
-                shot.passage = Some(std::mem::replace(&mut shot.sentence, sentence()));
+                let (curves, image) = key;
+                pair.shot = Some(Shot {
+                    ordinal,
+                    moment,
+                    spot: Spot {
+                        curves,
+                        image,
+                        segments,
+                        point,
+                    },
+                    sentence: sentence(),
+                    passage: None,
+                    changed,
+                });
             }
-            if let Some(place) = &c.place {
-                let shot = || shot(key, place.segments, place.point, sentence(), true);
-                pair.shoot(shot, true);
-            }
-        }
-        for d in &report.defects {
-            let key = ([d.i, d.j.unwrap_or(d.i)], d.image);
-            let Some(pair) = self.pair(key, names) else {
-                continue;
-            };
-            let sentence = || report.defect(d, names);
-            let row = pair.defect.get_or_insert_with(|| DefectRow {
-                kind: d.kind,
-                first: moment,
-                frames: 0,
-                sentence: sentence(),
-            });
-            row.frames += 1;
-            let shot = || shot(key, d.place.segments, d.place.point, sentence(), false);
-            pair.shoot(shot, false);
         }
     }
 

@@ -69,7 +69,7 @@ pub static KINDS: [Kind; 8] = [
 const MOST_SEGMENTS: i64 = i32::MAX as i64;
 
 /// Kind of a scene, with its name and its parameters.
-#[derive(Debug)]
+#[derive(Debug, serde::Serialize)]
 pub struct Kind {
     /// Name of the kind.
     pub name: &'static str,
@@ -77,11 +77,12 @@ pub struct Kind {
     pub purpose: &'static str,
     /// Parameters of the kind.
     pub parameters: &'static [Parameter],
+    #[serde(skip)]
     build: fn(&Scene) -> Result<Generated>,
 }
 
 /// Parameter of a scene.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct Parameter {
     /// Name of the parameter.
     pub name: &'static str,

@@ -12,10 +12,6 @@ pub use times::{FrameTimes, LiveTimes, RunProgress};
 
 use crate::certificate::Certificate;
 use crate::curve::CurveSet;
-#[cfg(any(feature = "mcap", feature = "rerun"))]
-use crate::curve::{AXES, Point, vector::add_scaled};
-#[cfg(feature = "rerun")]
-use crate::error::Error;
 use crate::error::Result;
 use crate::ingest::FrameInfo;
 use crate::verdict::Report;
@@ -87,21 +83,4 @@ pub trait Sink: Send {
     /// Closes the destination. A sink that is dropped without this call may leave an incomplete
     /// file.
     fn finish(self: Box<Self>) -> Result<()>;
-}
-
-/// Creates a regular file, or truncates it. Rejects any other kind, because opening a pipe without
-/// a reader would block without limit.
-#[cfg(feature = "rerun")]
-pub(crate) fn create_file(path: &std::path::Path) -> Result<std::fs::File> {
-    if std::fs::metadata(path).is_ok_and(|m| !m.is_file()) {
-        let source = std::io::Error::other("not a regular file");
-        return Err(Error::file(path)(source));
-    }
-    std::fs::File::create(path).map_err(Error::file(path))
-}
-
-/// Returns the rays of a star: both ends of a line along each axis.
-#[cfg(any(feature = "mcap", feature = "rerun"))]
-pub(crate) fn star(center: Point, reach: f64) -> [[Point; 2]; 3] {
-    AXES.map(|axis| [-reach, reach].map(|t| add_scaled(center, t, axis)))
 }

@@ -2,8 +2,10 @@
 
 use super::{Change, Defect, PullThrough, Report};
 use crate::curve::Image;
-#[cfg(any(feature = "mcap", feature = "rerun"))]
-use crate::curve::{Point, words_of_curve};
+#[cfg(any(feature = "cli", feature = "mcap", feature = "rerun"))]
+use crate::curve::Point;
+#[cfg(feature = "rerun")]
+use crate::curve::words_of_curve;
 
 /// A finding of a report.
 #[derive(Clone, Copy, Debug)]
@@ -39,6 +41,19 @@ impl Finding<'_> {
             Finding::Defect(d) => (d.i, d.j, d.image),
         }
     }
+
+    /// Returns the segments and the point of the place, if it has one.
+    #[cfg(any(feature = "cli", feature = "mcap", feature = "rerun"))]
+    pub fn place(self) -> Option<([u32; 2], Point)> {
+        let place = match self {
+            Finding::Change(c) => c.place?,
+            Finding::Defect(d) => d.place,
+            Finding::PullThrough(e) | Finding::Unresolved(e) => {
+                return Some((e.segments, e.point));
+            }
+        };
+        Some((place.segments, place.point))
+    }
 }
 
 #[cfg(any(feature = "mcap", feature = "rerun"))]
@@ -54,19 +69,8 @@ impl Finding<'_> {
         matches!(self, Finding::Change(_) | Finding::PullThrough(_))
     }
 
-    /// Returns the segments and the point of the place, if it has one.
-    pub fn place(self) -> Option<([u32; 2], Point)> {
-        let place = match self {
-            Finding::Change(c) => c.place?,
-            Finding::Defect(d) => d.place,
-            Finding::PullThrough(e) | Finding::Unresolved(e) => {
-                return Some((e.segments, e.point));
-            }
-        };
-        Some((place.segments, place.point))
-    }
-
     /// Returns a few words for a label beside the place. `names` are those of the curves, or empty.
+    #[cfg(feature = "rerun")]
     pub fn label(self, names: &[String]) -> String {
         let (i, j, image) = self.pair();
         let curves = match j {

@@ -36,7 +36,7 @@ pub(crate) fn words_of_pair((i, j): (u32, u32), image: Image, names: &[String]) 
 }
 
 /// Returns two curves for a label: "3 & 4", or as [`words_of_pair`] if one is an image.
-#[cfg(any(feature = "mcap", feature = "rerun"))]
+#[cfg(feature = "rerun")]
 pub(crate) fn label_of_pair((i, j): (u32, u32), image: Image, names: &[String]) -> String {
     let [first, second] = [i, j].map(|curve| words_of_curve(curve, names));
     match is_home(&image) {
@@ -134,7 +134,7 @@ impl PullThrough {
     }
 
     /// Returns the pull-through for a label: "3 through 4".
-    #[cfg(any(feature = "mcap", feature = "rerun"))]
+    #[cfg(feature = "rerun")]
     pub(crate) fn label(&self, names: &[String]) -> String {
         let [i, j] = [self.i, self.j].map(|curve| words_of_curve(curve, names));
         let [n1, n2, n3] = self.image;

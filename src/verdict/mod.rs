@@ -15,12 +15,12 @@ pub use change::{Change, ChangeKind, ImageLink, Link, LoopPair};
 pub use clearance::{Clearance, CloseStrands};
 #[cfg(feature = "mcap")]
 pub use difference::ReportDifference;
-#[cfg(any(feature = "mcap", feature = "rerun"))]
+#[cfg(any(feature = "cli", feature = "mcap", feature = "rerun"))]
 pub(crate) use finding::Finding;
 #[cfg(any(feature = "client", feature = "mcap", feature = "cli"))]
 pub use lasting::Lasting;
 pub use left_out::LeftOut;
-#[cfg(any(feature = "mcap", feature = "rerun"))]
+#[cfg(feature = "rerun")]
 pub(crate) use message::label_of_pair;
 #[cfg(any(feature = "mcap", feature = "cli"))]
 pub(crate) use message::words_of_frame;

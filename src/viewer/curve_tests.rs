@@ -65,12 +65,8 @@ impl FrameRecord {
     }
 }
 
-fn logged(options: ViewerOptions, frames: impl IntoIterator<Item = FrameRecord>) -> Vec<LogMsg> {
-    collected(|sink| sink.with_options(options), frames)
-}
-
 fn all(frames: impl IntoIterator<Item = FrameRecord>) -> Vec<LogMsg> {
-    logged(ViewerOptions::default(), frames)
+    collected(|sink| sink, frames)
 }
 
 #[test]
@@ -141,16 +137,13 @@ fn large_scenes_have_a_limited_number_of_blocks() {
 
 #[test]
 fn the_curves_of_every_third_frame_and_of_every_violation_are_logged() {
-    let options = ViewerOptions {
-        every: NonZeroU64::new(3).unwrap(),
-        ..ViewerOptions::default()
-    };
     let frame = |seq| triangles(seq, &[seq as f32; 3]);
     let frames = (1..=9).map(|seq| match seq {
         5 => frame(seq).broken(),
         _ => frame(seq),
     });
-    let messages = logged(options, frames);
+    let every = NonZeroU64::new(3).unwrap();
+    let messages = collected(|sink| sink.with_every(every), frames);
     // The block of the first frame, the violation in frame 5, and its end in frame 6.
     assert_eq!(strips_by_frame(&messages, BLOCK), [(1, 3), (4, 0)]);
     let moving = [(4, 3), (5, 1), (6, 3), (7, 3)];
@@ -159,20 +152,6 @@ fn the_curves_of_every_third_frame_and_of_every_violation_are_logged() {
     // The plots have all frames.
     let counts = chunks(&messages, entity::SKIPPED).filter(|c| !c.is_static());
     assert_eq!(counts.map(|c| c.num_rows()).sum::<usize>(), 9);
-}
-
-#[test]
-fn only_violated_curves_and_their_neighbours_are_logged() {
-    let options = ViewerOptions {
-        only_violated: true,
-        ..ViewerOptions::default()
-    };
-    let frame = |seq| triangles(seq, &[0.0; 21]);
-    let messages = logged(options, [frame(1), frame(2), frame(3).broken(), frame(4)]);
-    assert_eq!(strips_by_frame(&messages, entity::BROKEN), [(3, 2), (4, 0)]);
-    // Curve 2 is beside the place. The violated curves are known from then on.
-    assert_eq!(strips_by_frame(&messages, BLOCK), [(3, 1), (4, 3)]);
-    assert_eq!(strips_by_frame(&messages, entity::MOVING), []);
 }
 
 #[test]

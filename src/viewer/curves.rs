@@ -9,12 +9,10 @@
 //! points of the groups that changed. If curves move by turns, different ones in each frame, most
 //! blocks are logged in each.
 
-use super::local;
 use super::names::entity;
 use super::stream::log;
 use super::style::{DIMMED, ORANGE, QUIET, RED};
 use crate::curve::CurveSet;
-use crate::curve::vector::distance;
 use crate::error::Result;
 use crate::verdict::Report;
 use re_sdk::RecordingStream;
@@ -39,19 +37,12 @@ const MANY: usize = 2000;
 const POINTS_PER_SEGMENT: usize = 6;
 const POINTS: usize = 400_000;
 
-/// Curves closer than this to a finding are its neighbours, in sizes of the feature there (see
-/// [`local::feature`]).
-const NEIGHBOURHOOD: f64 = 1.5;
-
-/// Maximum number of findings of a frame whose neighbours are searched for.
-const SEARCHED: usize = 20;
-
 /// Groups. Blocks have the following numbers.
 const BROKEN: u32 = 0;
 const UNDECIDED: u32 = 1;
 const MOVING: u32 = 2;
 const BLOCKS: u32 = 3;
-/// Group of the curves that are not shown.
+/// Group of the curves that were not shown so far.
 const HIDDEN: u32 = u32::MAX;
 
 /// Colour, and width on the screen.
@@ -70,21 +61,9 @@ pub(super) struct Curves {
     blocks: Vec<u32>,
     /// Style of each group that was ever logged.
     styles: Vec<Option<Style>>,
-    /// Curves that took part in a finding, and their neighbours, if no others are shown.
-    violated: Option<Vec<bool>>,
 }
 
 impl Curves {
-    /// Shows only curves that took part in a finding, and their neighbours.
-    pub fn only_violated(&mut self) {
-        self.violated = Some(Vec::new());
-    }
-
-    /// Forgets which curves took part in a finding, because later frames have other curves.
-    pub fn forget_violated(&mut self) {
-        self.violated.iter_mut().for_each(Vec::clear);
-    }
-
     /// Returns the curves as they were last logged.
     pub fn shown(&self) -> Option<&Arc<CurveSet>> {
         self.shown.as_ref()
@@ -100,7 +79,6 @@ impl Curves {
         all: bool,
     ) -> Result<()> {
         self.frames += 1;
-        self.note_violated(set, report);
         let mut changed = vec![all; self.styles.len()];
         let before = self.shown.take().filter(|before| before.same_layout(set));
         let moved = match &before {
@@ -165,9 +143,7 @@ impl Curves {
         };
         let mut groups: Vec<u32> = Vec::with_capacity(moved.len());
         for (k, last) in self.moved.iter_mut().enumerate() {
-            let hidden = self.violated.as_ref().is_some_and(|v| !v[k]);
             groups.push(match at_rest(k, last) {
-                _ if hidden => HIDDEN,
                 true => self.blocks[k],
                 false => MOVING,
             });
@@ -180,37 +156,6 @@ impl Curves {
             }
         }
         groups
-    }
-
-    /// Notes the curves of new findings, and their neighbours, if only these are shown.
-    fn note_violated(&mut self, set: &CurveSet, report: &Report) {
-        let Some(violated) = &mut self.violated else {
-            return;
-        };
-        violated.resize(set.len(), false);
-        let mut places = Vec::new();
-        for (curves, segments, point) in local::places(report) {
-            let is_new = |&i: &u32| violated.get(i as usize) == Some(&false);
-            if places.len() < SEARCHED && curves.iter().any(is_new) {
-                let size = local::spot(set, curves, (segments, [0.0; 3]), point).size;
-                places.push((point, NEIGHBOURHOOD * size));
-            }
-        }
-        let findings = groups_of_findings(report).flat_map(|(curves, _)| curves);
-        for i in findings {
-            if let Some(v) = violated.get_mut(i as usize) {
-                *v = true;
-            }
-        }
-        for (i, curve) in set.curves().iter().enumerate() {
-            let mut points = (0..curve.points as usize).map(|k| set.point(i, k));
-            let near = |p| {
-                places
-                    .iter()
-                    .any(|&(place, reach)| distance(p, place) < reach)
-            };
-            violated[i] |= !places.is_empty() && points.any(near);
-        }
     }
 
     fn log_groups(

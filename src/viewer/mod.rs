@@ -29,7 +29,6 @@ mod layout;
 mod local;
 mod log;
 mod names;
-mod options;
 mod passed;
 mod picture;
 mod plots;
@@ -42,7 +41,6 @@ mod target;
 mod tests;
 mod view;
 
-pub use options::ViewerOptions;
 pub use target::ViewerTarget;
 
 use self::cell::CellView;
@@ -62,6 +60,7 @@ use crate::words::plural_of;
 use re_sdk::RecordingStream;
 use re_sdk_types::archetypes::{TextDocument, TextLog, Transform3D};
 use re_sdk_types::blueprint::archetypes::EyeControls3D;
+use std::num::NonZeroU64;
 use std::time::Duration;
 
 /// Time limit of the viewer to accept all data so far: some 250 MB may wait for it.
@@ -80,7 +79,8 @@ pub struct ViewerSink {
     greeting: Option<String>,
     log: Log,
     is_file: bool,
-    options: ViewerOptions,
+    /// The curves of every n-th frame are shown.
+    every: NonZeroU64,
     /// Number of frames so far, and the verdict on the last one.
     frames: u64,
     verdict: Option<Verdict>,
@@ -128,7 +128,7 @@ impl ViewerSink {
             greeting: None,
             log: Log::default(),
             is_file,
-            options: ViewerOptions::default(),
+            every: NonZeroU64::MIN,
             frames: 0,
             verdict: None,
             latest: f64::NEG_INFINITY,
@@ -150,12 +150,10 @@ impl ViewerSink {
         Ok(sink)
     }
 
-    /// Shows a part of the curves or of the frames.
-    pub fn with_options(mut self, options: ViewerOptions) -> ViewerSink {
-        if options.only_violated {
-            self.curves.only_violated();
-        }
-        self.options = options;
+    /// Shows the curves of every n-th frame, and of each frame whose verdict is not intact or
+    /// differs from that of the previous one. The log and the plots have all frames.
+    pub fn with_every(mut self, every: NonZeroU64) -> ViewerSink {
+        self.every = every;
         self
     }
 
@@ -232,7 +230,7 @@ impl ViewerSink {
     /// and if its verdict is not intact or differs from the previous one.
     fn is_drawn(&mut self, verdict: Verdict) -> bool {
         let turns = self.verdict.replace(verdict) != Some(verdict);
-        let due = self.frames.is_multiple_of(self.options.every.get());
+        let due = self.frames.is_multiple_of(self.every.get());
         self.frames += 1;
         self.redraws |= !self.is_file && self.frames.is_multiple_of(REPEAT);
         due || turns || verdict != Verdict::Intact
@@ -341,7 +339,6 @@ impl Sink for ViewerSink {
             if std::mem::replace(&mut self.layout, record.info.layout) != record.info.layout {
                 // The marks are on curves with other indices.
                 self.passed.forget_marks();
-                self.curves.forget_violated();
             }
             if self.scale.is_none() {
                 let scale = view::scale(set);

@@ -7,9 +7,9 @@ use super::passed::{self, Passed};
 use super::stream::log;
 use super::style::{CYAN, PALE_ORANGE, PALE_RED, lines, narrow, points};
 use super::view::View;
-use crate::curve::{Cell, CurveSet, is_home};
+use crate::curve::vector::add_scaled;
+use crate::curve::{AXES, Cell, CurveSet, is_home};
 use crate::error::Result;
-use crate::sinks::star;
 use crate::verdict::{Finding, Report};
 use re_sdk::RecordingStream;
 
@@ -81,9 +81,11 @@ pub(super) fn draw_places(
         true => spot.size.min(radius),
         false => DOT * radius,
     };
-    let star = |(spot, ..): &(Spot, _, _)| star(spot.marks[0], STAR * size(spot));
+    let star = |(spot, ..): &(Spot, _, _)| {
+        let (center, reach) = (spot.marks[0], STAR * size(spot));
+        AXES.map(|axis| [-reach, reach].map(|t| narrow(add_scaled(center, t, axis))))
+    };
     let rays = events.iter().flat_map(star);
-    let rays = rays.map(|ray| ray.map(narrow));
     log(rec, entity::STARS, &lines(rays, 2.0).with_colors([CYAN]))?;
 
     let near_sq = (NEAR * radius).powi(2);

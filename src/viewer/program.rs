@@ -6,9 +6,9 @@
 //! the run ends, so that its frames can still be looked at.
 
 use super::stream::failed;
-use crate::error::{Error, Result};
+use crate::error::Result;
+use std::io::ErrorKind;
 use std::net::{Ipv4Addr, SocketAddr, TcpStream};
-use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
@@ -97,54 +97,28 @@ pub(super) fn serve(port: u16) -> Result<String> {
 /// Returns a command that starts the installed program. Warns if its version is another one than
 /// that of this library.
 fn program() -> Result<Command> {
-    let program = find().ok_or_else(|| -> Error {
-        failed(format_args!(
-            "no program `{PROGRAM}` in PATH to show frames; `pip install rerun-sdk=={}` installs \
-             it",
-            version()
-        ))
+    // Version of the viewer that frames are written for.
+    let version = re_sdk::build_info().version.to_string();
+    let mut command = Command::new(PROGRAM);
+    let printed = command.arg("--version").stdin(Stdio::null()).output();
+    let printed = printed.map_err(|e| match e.kind() {
+        ErrorKind::NotFound => failed(format_args!(
+            "no program `{PROGRAM}` in PATH to show frames; `pip install rerun-sdk=={version}` \
+             installs it"
+        )),
+        _ => failed(format_args!("`{PROGRAM}`: {e}")),
     })?;
-    if let Some(installed) = installed_version(&program)
-        && installed != version()
+    // `rerun-cli 0.36.3 [..]`
+    let text = String::from_utf8_lossy(&printed.stdout);
+    if let Some(installed) = text.split_whitespace().nth(1)
+        && installed != version
     {
         tracing::warn!(
-            "{}: version {installed} may not show frames of version {}; `pip install \
-             rerun-sdk=={}` installs that one",
-            program.display(),
-            version(),
-            version()
+            "`{PROGRAM}`: version {installed} may not show frames of version {version}; `pip \
+             install rerun-sdk=={version}` installs that one"
         );
     }
-    Ok(Command::new(program))
-}
-
-/// Version of the viewer that frames are written for.
-fn version() -> String {
-    re_sdk::build_info().version.to_string()
-}
-
-/// Returns the version that the program prints: `rerun-cli 0.36.3 [..]`.
-fn installed_version(program: &Path) -> Option<String> {
-    let mut command = Command::new(program);
-    let output = command
-        .arg("--version")
-        .stdin(Stdio::null())
-        .output()
-        .ok()?;
-    let text = String::from_utf8_lossy(&output.stdout);
-    Some(text.split_whitespace().nth(1)?.to_owned())
-}
-
-/// Returns the path of the installed program, if there is one.
-fn find() -> Option<PathBuf> {
-    let path = std::env::var_os("PATH").unwrap_or_default();
-    let program = |folder: PathBuf| {
-        let program = folder.join(PROGRAM);
-        program.with_extension(std::env::consts::EXE_EXTENSION)
-    };
-    std::env::split_paths(&path)
-        .map(program)
-        .find(|program| program.is_file())
+    Ok(Command::new(PROGRAM))
 }
 
 /// Starts the program, waits until it listens on all ports, and returns its process id. `mode` is

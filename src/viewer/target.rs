@@ -4,7 +4,7 @@
 use super::names::APPLICATION;
 use super::program::{self, PORT, PROBE_LIMIT};
 use super::stream::failed;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use re_sdk::{RecordingStream, RecordingStreamBuilder};
 use std::net::{TcpStream, ToSocketAddrs};
 use std::path::PathBuf;
@@ -28,8 +28,13 @@ impl ViewerTarget {
         let builder = RecordingStreamBuilder::new(APPLICATION).recording_name(title);
         match self {
             ViewerTarget::File(path) => {
-                // Created here first, so that our error names the file.
-                crate::sinks::create_file(path)?;
+                // Created here first, so that our error names the file. A pipe without a reader
+                // would block without limit.
+                if std::fs::metadata(path).is_ok_and(|m| !m.is_file()) {
+                    let source = std::io::Error::other("not a regular file");
+                    return Err(Error::file(path)(source));
+                }
+                std::fs::File::create(path).map_err(Error::file(path))?;
                 builder.save(path).map_err(failed)
             }
             ViewerTarget::Connect(address) => {

@@ -183,12 +183,11 @@ impl Schema {
         assert!(!stdout.is_empty(), "{at}: no output");
         for line in stdout.lines() {
             let found: Value = serde_json::from_str(line).unwrap();
-            match (&found["summary"], &found["bisect"], name) {
-                (summary @ Value::Object(_), _, "answer") => {
+            match (&found["summary"], name) {
+                (summary @ Value::Object(_), "answer") => {
                     self.object("publication", summary, at);
                 }
-                (summary @ Value::Object(_), ..) => self.object("summary", summary, at),
-                (_, bisection @ Value::Object(_), _) => self.object("bisection", bisection, at),
+                (summary @ Value::Object(_), _) => self.object("summary", summary, at),
                 _ => self.object(name, &found, at),
             }
         }
@@ -245,7 +244,6 @@ fn the_page_has_the_fields_of_the_output() {
     );
     let thick = ["replay", &run, "--radius", "0.5", "--min-clearance", "99%"];
     schema.run("frame", &thick);
-    schema.run("bisection", &["replay", &run, "--bisect", "--events"]);
     schema.run("comparison of runs", &["diff", &run, &other]);
     schema.run("run report", &["report", &run]);
 

@@ -1,13 +1,7 @@
 //! The README and the book in `docs`: pages, links, paths and code; commands and options; the
 //! schema of JSON.
 
-#[cfg(all(
-    feature = "bus",
-    feature = "cli",
-    feature = "mcap",
-    feature = "metrics",
-    feature = "rerun"
-))]
+#[cfg(all(feature = "bus", feature = "cli", feature = "mcap", feature = "rerun"))]
 mod commands;
 #[cfg(all(feature = "bus", feature = "cli", feature = "mcap"))]
 mod json;

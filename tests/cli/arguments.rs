@@ -63,7 +63,7 @@ fn bad_arguments_exit_with_2() {
 #[test]
 fn what_is_written_in_another_way_says_so_in_one_line() {
     let explain = "plan is gone; instead: `linkwatch certify --explain MODEL`";
-    let study = "is gone; instead: measurements are commands for developers";
+    let study = "is gone; instead: a command for developers";
     for (args, says) in [
         (&["plan", "ribbon"][..], explain),
         (&["study", "frames", "knit"], study),

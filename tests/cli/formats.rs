@@ -94,7 +94,6 @@ fn a_file_of_an_unknown_kind_is_named_by_every_command() {
         ("check", &[]),
         ("thickness", &[]),
         ("writhe", &[]),
-        ("replay", &[]),
         ("certify", &["--explain"]),
     ] {
         let run = run(command, &file, more);
@@ -173,7 +172,6 @@ fn an_mcap_file_without_lines_says_what_it_has_in_every_command() {
         ("convert", &[text(&converted)]),
         ("thickness", &[]),
         ("writhe", &[]),
-        ("replay", &[]),
     ] {
         let run = run(command, &file, more);
         assert!(

@@ -43,33 +43,10 @@ fn check_names_what_is_wrong_with_a_single_file() {
 }
 
 #[test]
-fn replay_of_one_frame_has_nothing_to_compare_it_with() {
-    let folder = TempDir::new().unwrap();
-    let model = chain(folder.path(), "m.bcc", 0.5);
-    let run = linkwatch(&["replay", "-q", text(&model)]);
-    assert_eq!((run.code, run.stdout.as_str()), (2, ""), "{run:?}");
-    assert!(run.stderr.contains("--baseline CERT"), "{run:?}");
-    let certificate = folder.path().join("c.txt");
-    linkwatch(&["certify", text(&model), "-o", text(&certificate)]);
-    // Both commands know the names that the other one uses.
-    for option in ["--baseline", "--baseline"] {
-        for command in ["replay", "check"] {
-            let run = linkwatch(&[command, text(&model), option, text(&certificate)]);
-            assert_eq!(run.code, 0, "{run:?}");
-        }
-    }
-}
-
-#[test]
 fn a_file_of_an_unknown_kind_is_no_recording() {
     let folder = TempDir::new().unwrap();
     let file = folder.path().join("a.vtx");
     std::fs::write(&file, "not a model").unwrap();
-    let said = refused(&["replay", "-q", text(&file)]);
-    assert!(
-        said.contains("a.vtx: unknown kind of file (known: "),
-        "{said}"
-    );
     for missing in ["none", "none.rrd"] {
         let said = refused(&["replay", "-q", missing]);
         assert!(
@@ -78,11 +55,13 @@ fn a_file_of_an_unknown_kind_is_no_recording() {
         );
     }
     let model = chain(folder.path(), "m.bcc", 0.5);
-    let said = refused(&["report", text(&model)]);
-    assert!(
-        said.contains("m.bcc: not a recording: `linkwatch replay"),
-        "{said}"
-    );
+    for file in [&file, &model] {
+        for command in ["report", "replay"] {
+            let said = refused(&[command, text(file)]);
+            let words = format!("{}: not a recording: `linkwatch check", file.display());
+            assert!(said.contains(&words), "{said}");
+        }
+    }
 }
 
 #[test]

@@ -2,7 +2,6 @@
 //! are killed.
 
 mod baseline;
-mod bisect;
 mod cells;
 mod clearance;
 mod closing;

@@ -166,8 +166,10 @@ fn a_replay_overwrites_neither_its_input_nor_an_existing_file() {
     let recording = recordings().join("squares.mcap");
     let before = std::fs::read(&recording).unwrap();
     std::fs::write(at("run.mcap"), &before).unwrap();
-    std::fs::hard_link(at("run.mcap"), at("hard.rrd")).unwrap();
-    std::fs::hard_link(at("run.mcap"), at("hard.mcap")).unwrap();
+    #[cfg(unix)]
+    for soft in ["soft.rrd", "soft.mcap"] {
+        std::os::unix::fs::symlink(at("run.mcap"), at(soft)).unwrap();
+    }
     std::fs::write(at("other.mcap"), "mine").unwrap();
     let refused = |args: &[&str], says: &str| {
         let run: Run = command()
@@ -188,14 +190,16 @@ fn a_replay_overwrites_neither_its_input_nor_an_existing_file() {
             &with(&["--record", "run.mcap"]),
             "same file as the input run.mcap",
         );
-        refused(
-            &with(&["--record", "./hard.mcap"]),
-            "same file as the input run.mcap",
-        );
-        refused(
-            &with(&["--show", "hard.rrd"]),
-            "same file as the input run.mcap",
-        );
+        if cfg!(unix) {
+            refused(
+                &with(&["--record", "./soft.mcap"]),
+                "same file as the input run.mcap",
+            );
+            refused(
+                &with(&["--show", "soft.rrd"]),
+                "same file as the input run.mcap",
+            );
+        }
         refused(
             &with(&["--show", "run.mcap"]),
             "--record writes a recording",
@@ -475,23 +479,12 @@ fn files_without_verdicts_are_verified_with_a_note() {
         let expected = "verdicts: the recording has none to compare with";
         assert_eq!(last(&path, args), expected);
     }
-    let model = folder.path().join("mail.bcc");
-    let scene = [
-        "generate",
-        "chainmail:rows=2,columns=2",
-        "-o",
-        model.to_str().unwrap(),
-    ];
-    assert_eq!(printed(&scene).0, Some(0));
-    let recording = folder.path().join("model.mcap");
-    let args = ["--events", "--record", recording.to_str().unwrap()];
-    assert_eq!(
-        last(&model, &args),
-        "verdicts: the file has none to compare with"
-    );
+    let recording = folder.path().join("again.mcap");
+    last(&path, &["--record", recording.to_str().unwrap()]);
     let replayed = replay(&recording);
     assert_eq!(replayed.code, Some(0), "{}", replayed.stderr);
-    assert_eq!(replayed.summary()["recorded_verdicts"]["equal"], 1);
+    let counts = &replayed.summary()["recorded_verdicts"];
+    assert!(counts["equal"].as_u64() > Some(20), "{counts}");
 }
 
 #[test]

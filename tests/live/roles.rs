@@ -314,127 +314,17 @@ fn an_observer_has_no_policy() {
 }
 
 #[test]
-fn watches_two_services_with_different_outcomes() {
+fn a_service_that_is_watched_is_refused() {
     let folder = TempDir::new().unwrap();
-    let [left, right] = ["left/arm", "right"].map(service);
-    let run = folder.path().join("run.mcap");
-    let args = ["--service", &right, "--record", run.to_str().unwrap()];
-    let watch = Watch::start(folder.path(), "watch", &left, &args);
-    stderr_with(
-        &watch,
-        &[&format!("service '{left}'"), &format!("service '{right}'")],
-    );
-    let mut intact = client(&left);
-    assert!(intact.wait_for_watcher(PATIENCE).unwrap());
-    assert_eq!(step(&mut intact, 0, 0.0), Verdict::Intact);
-    assert_eq!(
-        simulate(&right, &[0.0, 2.5]),
-        [Verdict::Intact, Verdict::Changed]
-    );
-    // The other service is still watched, with its own baseline.
-    assert_eq!(step(&mut intact, 1, 0.1), Verdict::Intact);
-    assert!(intact.aborted().is_none());
-    intact.finish_within(PATIENCE).unwrap().expect("a goodbye");
-    let ended = watch.end();
-    assert_eq!(ended.code, Some(1), "{}", ended.stderr);
-    for (service, word, code, file) in [
-        (&left, "intact", 0, left.replace('/', "_")),
-        (&right, "changed", 1, right.clone()),
-    ] {
-        let lines: Vec<_> = ended
-            .lines
-            .iter()
-            .filter(|l| l["service"] == service.as_str())
-            .collect();
-        assert_eq!(lines.len(), 3, "{service}");
-        assert_eq!(lines[2]["summary"]["verdict"], word);
-        let note = format!("watch{{service={service}}}: the simulator ended after 2 frames");
-        assert!(ended.stderr.contains(&note), "{}", ended.stderr);
-        let replayed = replay(&folder.path().join(format!("run-{file}.mcap")));
-        assert_eq!(replayed.code, Some(code), "{}", replayed.stderr);
-        assert_eq!(replayed.reports().len(), 2);
-        replayed.assert_recorded_verdicts();
-    }
-    assert!(!run.exists());
-}
-
-#[test]
-fn a_signal_ends_the_watches_of_all_services() {
-    let folder = TempDir::new().unwrap();
-    let [one, two] = ["one", "two"].map(service);
-    let args = ["--service", &two, "--keep-watching"];
-    let watch = Watch::start(folder.path(), "watch", &one, &args);
-    for service in [&one, &two, &two] {
-        assert_eq!(simulate(service, &[0.0]), [Verdict::Intact]);
-    }
-    watch.signal("TERM");
-    let ended = watch.end();
-    assert_eq!(ended.code, Some(0), "{}", ended.stderr);
-    let labels: Vec<_> = ended
-        .summaries()
-        .iter()
-        .map(|l| [&l["service"], &l["session"]])
-        .collect();
-    let expected = [(&one, 1), (&two, 1), (&two, 2)].map(|(s, n)| [s.as_str().into(), n.into()]);
-    assert_eq!(
-        labels,
-        expected.each_ref().map(|l: &[Value; 2]| l.each_ref())
-    );
-}
-
-#[test]
-fn several_services_without_simulators_end_after_the_time_limit() {
-    let [one, two] = ["nobody one", "nobody two"].map(service);
-    let (code, words) = printed(&[
-        "watch",
-        "--service",
-        &one,
-        "--service",
-        &two,
-        "--wait",
-        "0.1",
-    ]);
-    assert_eq!(code, Some(3), "{words}");
-    for service in [&one, &two] {
-        assert!(
-            words.contains(&format!("{service}: nothing was verified")),
-            "{words}"
-        );
-    }
-}
-
-#[test]
-fn rejects_services_that_cannot_be_watched_together() {
-    let folder = TempDir::new().unwrap();
-    let [one, two] = ["free", "taken"].map(service);
-    let (code, words) = printed(&["watch", "--service", &one, "--service", &one]);
-    assert_eq!(code, Some(2), "{words}");
-    assert!(
-        words.contains(&format!("--service '{one}' is given twice")),
-        "{words}"
-    );
-
-    // Their files have the same name.
-    let file = folder.path().join("run.mcap");
-    let record = ["--record", file.to_str().unwrap()];
-    let args = ["watch", "--service", "a/b", "--service", "a:b"];
-    let (code, words) = printed(&[&args[..], &record].concat());
-    assert_eq!(code, Some(2), "{words}");
-    assert!(
-        words.contains("run-a_b.mcap: the same file as --record"),
-        "{words}"
-    );
-
-    // No service is watched if one cannot be.
-    let watch = Watch::start(folder.path(), "watch", &two, &[]);
+    let service = service("taken");
+    let watch = Watch::start(folder.path(), "watch", &service, &[]);
     stderr_with(&watch, &["waiting for a simulator"]);
-    let (code, words) = printed(&["watch", "--service", &one, "--service", &two]);
+    let (code, words) = printed(&["watch", "--service", &service]);
     assert_eq!(code, Some(2), "{words}");
     assert!(
         words.contains("already watched") && words.contains("--observe"),
         "{words}"
     );
-    assert!(!printed(&["services"]).1.contains(&one));
 }
 
 /// Returns the resident memory of a process, in kilobytes.

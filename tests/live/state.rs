@@ -428,39 +428,6 @@ fn curves_that_appeared_before_a_crash_are_expected_after_it() {
 }
 
 #[test]
-fn each_of_several_services_has_a_state_of_its_own() {
-    let [a, b] = ["several-a", "several-b"].map(service);
-    let mut watches = Restarted::start("several-a", &["--service", &b]);
-    let mut sims = [&a, &b].map(|service| simulator(service));
-    for sim in &mut sims {
-        assert_eq!(step(sim, 0, 0.0), Verdict::Intact);
-    }
-    watches.kill_after(2);
-    for service in [&a, &b] {
-        assert!(watches.path(&format!("watch-{service}.state")).exists());
-    }
-    watches.next();
-    for (sim, (shift, verdict)) in sims.iter_mut().zip([
-        (2.5, Verdict::Changed), //
-        (0.0, Verdict::Intact),
-    ]) {
-        watched(sim);
-        assert_eq!(step(sim, 1, shift), verdict);
-    }
-    sims.into_iter().for_each(|sim| {
-        sim.finish().unwrap();
-    });
-    let ended = watches.end();
-    assert_eq!(ended.code, Some(1), "{}", ended.stderr);
-    for line in ended.summaries() {
-        assert_eq!(line["summary"]["verified"], 2, "{line}");
-    }
-    watches.assert_removed();
-    assert_eq!(watches.replay(&format!("run-{a}-2.mcap"), 1), 1);
-    assert_eq!(watches.replay(&format!("run-{b}-2.mcap"), 0), 1);
-}
-
-#[test]
 fn another_simulator_gets_a_baseline_of_its_own_with_a_warning() {
     let mut watches = Restarted::start("another", &["--keep-watching"]);
     let mut sim = simulator(&watches.service);
@@ -602,7 +569,6 @@ fn a_file_of_something_else_is_refused_and_not_overwritten() {
 
 /// Counters of a process are its own; the number of restarts goes on.
 #[test]
-#[cfg(feature = "metrics")]
 fn the_metrics_count_restarts() {
     let mut watches = Restarted::start("counted", &["--metrics", "0"]);
     let mut sim = simulator(&watches.service);

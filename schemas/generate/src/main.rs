@@ -1,6 +1,6 @@
-//! Generates the files that follow from others: from `schemas/linkwatch.proto` and
-//! `schemas/foxglove.proto` their compiled forms, which recordings carry; from the sources of
-//! `bindings/c` its header; from `src/bus/wire.rs` the layout in shared memory as a C header.
+//! Generates the files that follow from others: from `schemas/linkwatch.proto` its compiled form,
+//! which recordings carry; from the sources of `bindings/c` its header; from `src/bus/wire.rs` the
+//! layout in shared memory as a C header.
 //!
 //! `cargo run -p schemas` writes them; `cargo test -p schemas` compares them with those committed.
 
@@ -37,7 +37,6 @@ fn generate() -> Result<Vec<(PathBuf, Vec<u8>)>> {
     };
     Ok(vec![
         (folder.join("linkwatch.binpb"), bytes("linkwatch.proto")?),
-        (folder.join("foxglove.binpb"), bytes("foxglove.proto")?),
         (
             root.join("bindings/c/include/linkwatch.h"),
             c_library(&root)?,

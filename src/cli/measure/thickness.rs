@@ -63,7 +63,7 @@ struct Measured {
 pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     frames::for_each(&input::expand_models(&args.models)?, |path| {
         let frames = args.frames.open(path, &args.format, args.cell_args)?;
-        let several = frames.are_several();
+        let several = frames.several;
         frames.each(|frame| {
             let measured = measure(&frame, args)?;
             let head = json!({
@@ -139,22 +139,21 @@ fn print(name: &str, measured: &Measured, several: bool, args: &Args) {
     }
     if let Some(struts) = &measured.struts {
         output::line(format_args!("  {}", plural(struts.len() as u64, "strut")));
-        list(struts, |strut| strut.sentence(*extent));
+        let struts: Vec<String> = struts.iter().map(|s| s.sentence(*extent)).collect();
+        output::first_lines("    ", &struts, SENTENCES);
     }
     if let Some(overlaps) = &measured.overlaps {
         let places = plural(overlaps.len() as u64, "overlap");
-        match args.radius {
-            Some(StrandRadius::Of(radius)) => {
-                output::line(format_args!("  {places} of strands of radius {radius}"));
-            }
-            _ => output::line(format_args!(
-                "  {places} of strands with the published radii"
-            )),
-        }
-        list(overlaps, |(strut, sum)| {
+        let strands = match args.radius {
+            Some(StrandRadius::Of(radius)) => format!("of radius {radius}"),
+            _ => "with the published radii".into(),
+        };
+        output::line(format_args!("  {places} of strands {strands}"));
+        let overlaps = overlaps.iter().map(|(strut, sum)| {
             let share = percent((sum - strut.length) / sum);
             format!("{share} of the diameter: {}", strut.sentence(*extent))
         });
+        output::first_lines("    ", &overlaps.collect::<Vec<_>>(), SENTENCES);
         let radius = |bend: &MinRad| measured.radii[bend.curve as usize];
         if let Some(bend) = found.min_rad.filter(|bend| bend.radius < radius(bend)) {
             let share = bend.radius / radius(&bend);
@@ -163,16 +162,6 @@ fn print(name: &str, measured: &Measured, several: bool, args: &Args) {
                 percent(share)
             ));
         }
-    }
-}
-
-/// Prints sentences about struts.
-fn list<T>(struts: &[T], sentence: impl Fn(&T) -> String) {
-    for strut in struts.iter().take(SENTENCES) {
-        output::line(format_args!("    {}", sentence(strut)));
-    }
-    if struts.len() > SENTENCES {
-        output::line(format_args!("    and {} more", struts.len() - SENTENCES));
     }
 }
 

@@ -1,19 +1,13 @@
-//! Figures of the watched services, in the text format of Prometheus.
+//! Figures of the watched service, in the text format of Prometheus (0.0.4).
 //!
-//! The threads that verify frames update atomic variables, which the thread that serves a page
-//! reads. Locks are held only to find or add a figure: never during a check, or while a page is
-//! sent.
+//! The threads that verify frames and the one that serves a page share the figures
+//! behind a lock, which is held for microseconds: never during a check, or while a page is sent.
 
 use crate::cli::run::FrameCounts;
 use linkwatch::{Report, SinkSummary, Verdict};
-use prometheus::core::Collector;
-use prometheus::{
-    Histogram, HistogramOpts, IntCounter, IntCounterVec, IntGauge, IntGaugeVec, Opts, Registry,
-    TextEncoder,
-};
 use std::collections::BTreeMap;
-use std::sync::Arc;
-use std::sync::atomic::{AtomicU32, Ordering};
+use std::fmt::Write;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 /// Upper bounds of the latencies in seconds: small frames take microseconds, the largest minutes.
@@ -22,25 +16,33 @@ const LATENCIES: [f64; 25] = [
     0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0,
 ];
 
-/// Names of the figures of a service without the prefix `linkwatch_`, and their help.
+/// Name, type and help of each family.
 const FAMILIES: &str = "\
-frames_verified_total: Frames that were verified, with any verdict.
-frames_skipped_total: Frames that were not verified, because a newer one replaced them.
-frames_rejected_total: Frames that broke their contract (NaN, other curves).
-verdicts_total: Verified and rejected frames by verdict.
-aborts_total: Frames whose verdict asked the simulator to stop.
-pull_throughs_total: Pull-throughs found. Absent if none are searched for.
-unresolved_pull_throughs_total: Pull-throughs left open, because frames are too far apart. Absent \
-                                if none are searched for.
-output_frames_dropped_total: Frames that a recording or a viewer missed.
-sessions_total: Simulators that connected.
-restarts_total: Times that the watch was started again (--state).
-simulator_connected: 1 if a simulator is connected, else 0.
-verdict: 1 for the verdict on the last frame, else 0. Stays when the simulator ends.
-changed_links: Linking numbers in the last frame that are not the expected ones.
-last_frame: Number of the last verified frame. Absent before the first one.
-verdict_latency_seconds: Time from the receipt of a verified frame until its verdict was sent.
+linkwatch_build_info gauge Version of linkwatch.
+process_resident_memory_bytes gauge Resident memory of the process in bytes.
+linkwatch_frames_verified_total counter Frames that were verified, with any verdict.
+linkwatch_frames_skipped_total counter Frames that were not verified, because a newer one \
+                                       replaced them.
+linkwatch_frames_rejected_total counter Frames that broke their contract (NaN, other curves).
+linkwatch_verdicts_total counter Verified and rejected frames by verdict.
+linkwatch_aborts_total counter Frames whose verdict asked the simulator to stop.
+linkwatch_pull_throughs_total counter Pull-throughs found. Absent if none are searched for.
+linkwatch_unresolved_pull_throughs_total counter Pull-throughs left open, because frames are too \
+                                                 far apart. Absent if none are searched for.
+linkwatch_output_frames_dropped_total counter Frames that a recording or a viewer missed.
+linkwatch_sessions_total counter Simulators that connected.
+linkwatch_restarts_total counter Times that the watch was started again (--state).
+linkwatch_simulator_connected gauge 1 if a simulator is connected, else 0.
+linkwatch_verdict gauge 1 for the verdict on the last frame, else 0. Stays when the simulator ends.
+linkwatch_changed_links gauge Linking numbers in the last frame that are not the expected ones.
+linkwatch_last_frame gauge Number of the last verified frame. Absent before the first one.
+linkwatch_verdict_latency_seconds histogram Time from the receipt of a verified frame until its \
+                                            verdict was sent.
 ";
+
+/// A family without the prefix `linkwatch_`, the end of the name of a sample, its labels, and its
+/// value.
+type Sample = (&'static str, &'static str, String, f64);
 
 /// Verdicts that a watcher gives. Only a simulator can know that a verdict is stale.
 fn verdicts() -> impl Iterator<Item = Verdict> {
@@ -48,153 +50,150 @@ fn verdicts() -> impl Iterator<Item = Verdict> {
     all.filter(|&verdict| verdict != Verdict::Stale)
 }
 
-/// Figures of the process and of all services.
-pub struct Figures {
-    registry: Registry,
-    memory: Option<IntGauge>,
-    services: BTreeMap<String, ServiceMetrics>,
+/// Returns the resident memory of the process in bytes, on Linux.
+fn resident_memory() -> Option<u64> {
+    let status = std::fs::read_to_string("/proc/self/status").ok()?;
+    let mut lines = status.lines();
+    let kib = lines.find_map(|line| line.strip_prefix("VmRSS:"))?;
+    let kib: u64 = kib.trim().strip_suffix(" kB")?.parse().ok()?;
+    Some(kib << 10)
 }
 
-impl Figures {
-    /// Creates the figures of these services, all 0.
-    pub fn new(services: &[String]) -> Figures {
-        let registry = Registry::new();
-        let build = Opts::new("linkwatch_build_info", "Version of linkwatch.")
-            .const_label("version", env!("CARGO_PKG_VERSION"));
-        registered(&registry, IntGauge::with_opts(build)).set(1);
-        let memory = resident_memory().map(|_| {
-            let help = "Resident memory of the process in bytes.";
-            registered(
-                &registry,
-                IntGauge::new("process_resident_memory_bytes", help),
-            )
-        });
-        let named = |name: &String| (name.clone(), Arc::new(Service::new(&registry, name)));
-        Figures {
-            services: services.iter().map(named).collect(),
-            registry,
-            memory,
-        }
-    }
+/// Figures of a service.
+#[derive(Default)]
+struct Service {
+    /// Label of its samples.
+    label: String,
+    frames: FrameCounts,
+    /// By the code of the verdict.
+    verdicts: [u64; Verdict::ALL.len()],
+    aborts: u64,
+    /// Pull-throughs, and those that are unresolved; `None` if none are searched for.
+    pull_throughs: Option<[u64; 2]>,
+    /// Frames that an output missed, by its name.
+    dropped: BTreeMap<&'static str, u64>,
+    sessions: u64,
+    restarts: u64,
+    connected: bool,
+    /// Verdict on the last frame.
+    last: Option<Verdict>,
+    changed_links: usize,
+    last_frame: Option<u64>,
+    /// Number of latencies up to each bound and above the one before; the last one of all others.
+    latencies: [u64; LATENCIES.len() + 1],
+    latency_sum: f64,
+}
 
-    /// Returns the figures of a service, one of those named at first.
-    pub fn service(&self, name: &str) -> ServiceMetrics {
-        Arc::clone(&self.services[name])
+impl Service {
+    /// Returns the samples of the service.
+    fn samples(&self) -> Vec<Sample> {
+        let version = format!("version=\"{}\"", env!("CARGO_PKG_VERSION"));
+        let mut samples = vec![("build_info", "", version, 1.0)];
+        let mut add = |family, end, label: &str, value| {
+            let separator = if label.is_empty() { "" } else { "," };
+            let labels = format!("{}{separator}{label}", self.label);
+            samples.push((family, end, labels, value));
+        };
+        for (family, value) in [
+            ("frames_verified_total", self.frames.verified),
+            ("frames_skipped_total", self.frames.skipped),
+            ("frames_rejected_total", self.frames.rejected),
+            ("aborts_total", self.aborts),
+            ("sessions_total", self.sessions),
+            ("restarts_total", self.restarts),
+            ("simulator_connected", self.connected.into()),
+            ("changed_links", self.changed_links as u64),
+        ] {
+            add(family, "", "", value as f64);
+        }
+        if let Some([found, unresolved]) = self.pull_throughs {
+            add("pull_throughs_total", "", "", found as f64);
+            add("unresolved_pull_throughs_total", "", "", unresolved as f64);
+        }
+        if let Some(last) = self.last_frame {
+            add("last_frame", "", "", last as f64);
+        }
+        for (output, n) in &self.dropped {
+            let label = format!("output=\"{output}\"");
+            add("output_frames_dropped_total", "", &label, *n as f64);
+        }
+        for verdict in verdicts() {
+            let label = format!("verdict=\"{verdict}\"");
+            let n = self.verdicts[verdict as usize] as f64;
+            add("verdicts_total", "", &label, n);
+            let is_last = u8::from(self.last == Some(verdict));
+            add("verdict", "", &label, is_last.into());
+        }
+        let latency = "verdict_latency_seconds";
+        let mut count = 0;
+        let bounds = LATENCIES.iter().chain([&f64::INFINITY]);
+        for (bound, n) in bounds.zip(self.latencies) {
+            count += n;
+            let bound = match bound.is_finite() {
+                true => bound.to_string(),
+                false => "+Inf".into(),
+            };
+            add(latency, "_bucket", &format!("le=\"{bound}\""), count as f64);
+        }
+        add(latency, "_sum", "", self.latency_sum);
+        add(latency, "_count", "", count as f64);
+        samples
+    }
+}
+
+/// Figures of a service, shared by its sessions.
+#[derive(Clone, Default)]
+pub struct ServiceMetrics(Arc<Mutex<Service>>);
+
+impl ServiceMetrics {
+    /// Creates the figures of a service, all 0.
+    pub fn new(name: &str) -> ServiceMetrics {
+        let escapes = [("\\", "\\\\"), ("\"", "\\\""), ("\n", "\\n")];
+        let escape = |name: String, (from, to)| name.replace(from, to);
+        let name = escapes.into_iter().fold(name.to_owned(), escape);
+        let label = format!("service=\"{name}\"");
+        let service = Service {
+            label,
+            ..Service::default()
+        };
+        ServiceMetrics(Arc::new(Mutex::new(service)))
     }
 
     /// Returns all figures in the text format of Prometheus.
     pub fn page(&self) -> String {
-        if let (Some(gauge), Some(bytes)) = (&self.memory, resident_memory()) {
-            gauge.set(bytes);
+        let samples = self.lock().samples();
+        let mut page = String::new();
+        for row in FAMILIES.lines() {
+            let (family, about) = row.split_once(' ').unwrap_or_default();
+            let (kind, help) = about.split_once(' ').unwrap_or_default();
+            let mut lines = String::new();
+            match family.strip_prefix("linkwatch_") {
+                None => lines.extend(resident_memory().map(|n| format!("{family} {n}\n"))),
+                Some(name) => {
+                    for (_, end, labels, value) in samples.iter().filter(|s| s.0 == name) {
+                        writeln!(lines, "{family}{end}{{{labels}}} {value}").ok();
+                    }
+                }
+            }
+            if !lines.is_empty() {
+                page += &format!("# HELP {family} {help}\n# TYPE {family} {kind}\n{lines}");
+            }
         }
-        for service in self.services.values() {
-            service.show_verdict();
-        }
-        let families = self.registry.gather();
-        let page = TextEncoder::new().encode_to_string(&families);
-        page.expect("the families have names and metrics")
+        page
     }
-}
 
-/// Returns the resident memory of the process in bytes, on Linux.
-fn resident_memory() -> Option<i64> {
-    let status = std::fs::read_to_string("/proc/self/status").ok()?;
-    let line = status
-        .lines()
-        .find_map(|line| line.strip_prefix("VmRSS:"))?;
-    let kib: i64 = line.trim().strip_suffix(" kB")?.parse().ok()?;
-    Some(kib << 10)
-}
-
-/// Adds a metric to the page.
-fn registered<M: Collector + Clone + 'static>(
-    registry: &Registry,
-    metric: prometheus::Result<M>,
-) -> M {
-    let metric = metric.expect("the names of metrics are valid");
-    let added = registry.register(Box::new(metric.clone()));
-    added.expect("the names of metrics differ");
-    metric
-}
-
-/// Figures of a service, shared by its sessions.
-pub type ServiceMetrics = Arc<Service>;
-
-/// Figures of a service.
-pub struct Service {
-    verified: IntCounter,
-    skipped: IntCounter,
-    rejected: IntCounter,
-    verdicts: IntCounterVec,
-    aborts: IntCounter,
-    /// Pull-throughs, and those that are unresolved. Empty if none are searched for.
-    pull_throughs: IntCounterVec,
-    unresolved: IntCounterVec,
-    /// Frames that an output missed, by its name.
-    dropped: IntCounterVec,
-    sessions: IntCounter,
-    restarts: IntCounter,
-    connected: IntGauge,
-    /// Verdict on the last frame.
-    last: AtomicU32,
-    /// The same, as of the last page.
-    verdict: IntGaugeVec,
-    changed_links: IntGauge,
-    /// Number of the last verified frame. Empty before the first one.
-    last_frame: IntGaugeVec,
-    latency: Histogram,
-}
-
-impl Service {
-    /// Creates the figures of a service and adds them to the page.
-    fn new(registry: &Registry, service: &str) -> Service {
-        let opts = |name: &str| {
-            let mut rows = FAMILIES.lines().filter_map(|row| row.split_once(": "));
-            let (_, help) = rows.find(|(family, _)| *family == name).unwrap_or_default();
-            Opts::new(format!("linkwatch_{name}"), help).const_label("service", service)
-        };
-        let counter = |name: &str| registered(registry, IntCounter::with_opts(opts(name)));
-        let counters = |name: &str, labels: &[&str]| {
-            registered(registry, IntCounterVec::new(opts(name), labels))
-        };
-        let gauge = |name: &str| registered(registry, IntGauge::with_opts(opts(name)));
-        let gauges = |name: &str, labels: &[&str]| {
-            registered(registry, IntGaugeVec::new(opts(name), labels))
-        };
-        let latency = HistogramOpts::from(opts("verdict_latency_seconds"));
-        let latency = Histogram::with_opts(latency.buckets(LATENCIES.to_vec()));
-        let figures = Service {
-            verified: counter("frames_verified_total"),
-            skipped: counter("frames_skipped_total"),
-            rejected: counter("frames_rejected_total"),
-            verdicts: counters("verdicts_total", &["verdict"]),
-            aborts: counter("aborts_total"),
-            pull_throughs: counters("pull_throughs_total", &[]),
-            unresolved: counters("unresolved_pull_throughs_total", &[]),
-            dropped: counters("output_frames_dropped_total", &["output"]),
-            sessions: counter("sessions_total"),
-            restarts: counter("restarts_total"),
-            connected: gauge("simulator_connected"),
-            last: AtomicU32::new(u32::MAX),
-            verdict: gauges("verdict", &["verdict"]),
-            changed_links: gauge("changed_links"),
-            last_frame: gauges("last_frame", &[]),
-            latency: registered(registry, latency),
-        };
-        for verdict in verdicts() {
-            figures.verdicts.with_label_values(&[verdict.word()]);
-        }
-        figures
+    /// Locks the figures, which are valid at every step.
+    fn lock(&self) -> MutexGuard<'_, Service> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// Prepares a session. `events` is true if it searches for pull-throughs.
-    pub fn session(self: &Arc<Service>, events: bool) -> SessionMetrics {
+    pub fn session(&self, events: bool) -> SessionMetrics {
         if events {
-            self.pull_throughs.with_label_values::<&str>(&[]);
-            self.unresolved.with_label_values::<&str>(&[]);
+            self.lock().pull_throughs.get_or_insert_default();
         }
         SessionMetrics {
-            service: Arc::clone(self),
+            service: self.clone(),
             frames: FrameCounts::default(),
             dropped: BTreeMap::new(),
         }
@@ -202,27 +201,19 @@ impl Service {
 
     /// Counts a simulator that connected.
     pub fn connected(&self) {
-        self.sessions.inc();
-        self.connected.set(1);
+        let mut service = self.lock();
+        service.sessions += 1;
+        service.connected = true;
     }
 
     /// Adds the times that the watch was started again before this process began.
     pub fn restarted(&self, times: u64) {
-        self.restarts.inc_by(times);
+        self.lock().restarts += times;
     }
 
     /// Records that the simulator is not watched any more.
     pub fn disconnected(&self) {
-        self.connected.set(0);
-    }
-
-    /// Updates the gauges of the verdict.
-    fn show_verdict(&self) {
-        let last = Verdict::from_code(self.last.load(Ordering::Relaxed));
-        for verdict in verdicts() {
-            let gauge = self.verdict.with_label_values(&[verdict.word()]);
-            gauge.set((last == Some(verdict)).into());
-        }
+        self.lock().connected = false;
     }
 }
 
@@ -237,47 +228,42 @@ pub struct SessionMetrics {
 impl SessionMetrics {
     /// Adds the verdict on a frame, and the time from the receipt of the frame until it was sent.
     pub fn add(&self, report: &Report, latency: Option<Duration>) {
-        let (service, verdict) = (&self.service, report.verdict);
-        service.verdicts.with_label_values(&[verdict.word()]).inc();
-        service.last.store(verdict as u32, Ordering::Relaxed);
-        service.aborts.inc_by(report.abort.into());
-        service.changed_links.set(report.changes.len() as i64);
-        for (found, family) in [
-            (&report.events, &service.pull_throughs),
-            (&report.unresolved, &service.unresolved),
-        ] {
-            if !found.is_empty() {
-                let counter = family.with_label_values::<&str>(&[]);
-                counter.inc_by(found.len() as u64);
-            }
+        let mut service = self.service.lock();
+        service.verdicts[report.verdict as usize] += 1;
+        service.last = Some(report.verdict);
+        service.aborts += u64::from(report.abort);
+        service.changed_links = report.changes.len();
+        if let Some([found, unresolved]) = &mut service.pull_throughs {
+            *found += report.events.len() as u64;
+            *unresolved += report.unresolved.len() as u64;
         }
-        if verdict == Verdict::Rejected {
+        if report.verdict == Verdict::Rejected {
             return;
         }
-        let last = service.last_frame.with_label_values::<&str>(&[]);
-        // The bus rejects numbers that do not fit.
-        last.set(report.seq as i64);
-        if let Some(latency) = latency {
-            service.latency.observe(latency.as_secs_f64());
+        service.last_frame = Some(report.seq);
+        if let Some(seconds) = latency.map(|latency| latency.as_secs_f64()) {
+            let bucket = LATENCIES.partition_point(|bound| *bound < seconds);
+            service.latencies[bucket] += 1;
+            service.latency_sum += seconds;
         }
     }
 
     /// Updates the counts of this session. A count that decreases, because the simulator numbered
     /// its frames wrongly at first, has no effect until it exceeds its maximum.
     pub fn count(&mut self, frames: FrameCounts, outputs: impl Iterator<Item = SinkSummary>) {
-        let service = &self.service;
-        let add = |counter: &IntCounter, added: &mut u64, now: u64| {
-            counter.inc_by(now.saturating_sub(*added));
+        let mut service = self.service.lock();
+        let add = |counter: &mut u64, added: &mut u64, now: u64| {
+            *counter += now.saturating_sub(*added);
             *added = now.max(*added);
         };
-        let added = &mut self.frames;
-        add(&service.verified, &mut added.verified, frames.verified);
-        add(&service.skipped, &mut added.skipped, frames.skipped);
-        add(&service.rejected, &mut added.rejected, frames.rejected);
+        let (all, own) = (&mut service.frames, &mut self.frames);
+        add(&mut all.verified, &mut own.verified, frames.verified);
+        add(&mut all.skipped, &mut own.skipped, frames.skipped);
+        add(&mut all.rejected, &mut own.rejected, frames.rejected);
         for output in outputs {
-            let counter = service.dropped.with_label_values(&[output.name]);
+            let counter = service.dropped.entry(output.name).or_default();
             let added = self.dropped.entry(output.name).or_default();
-            add(&counter, added, output.dropped);
+            add(counter, added, output.dropped);
         }
     }
 }

@@ -8,7 +8,7 @@
 use linkwatch::Result;
 use std::collections::VecDeque;
 use std::io::{self, BufRead, BufReader, ErrorKind, Read, Write};
-use std::net::{Ipv4Addr, Ipv6Addr, Shutdown, SocketAddr, TcpListener, TcpStream};
+use std::net::{Shutdown, TcpListener, TcpStream};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Weak};
 use std::thread::{Builder, JoinHandle};
@@ -23,9 +23,8 @@ const CONNECTIONS: usize = 64;
 /// Time limit of a connection, from the first to the last byte: that of a scrape by Prometheus.
 pub const LIMIT: Duration = Duration::from_secs(10);
 
-/// Time until the next attempt if no connection can be accepted, for lack of file descriptors for
-/// example.
-const RETRY: Duration = Duration::from_millis(100);
+/// Interval at which connections are accepted.
+const RETRY: Duration = Duration::from_millis(20);
 
 /// Maximum size of a request, in bytes, and maximum number of its lines.
 const REQUEST: u64 = 8 << 10;
@@ -37,7 +36,6 @@ const REST: u64 = 1 << 20;
 
 /// Stops the thread when it is dropped.
 pub struct Server {
-    address: SocketAddr,
     stop: Arc<AtomicBool>,
     thread: Option<JoinHandle<()>>,
 }
@@ -50,35 +48,20 @@ impl Server {
         limit: Duration,
         page: impl Fn() -> String + Send + Sync + 'static,
     ) -> Result<Server> {
-        let address = listener.local_addr()?;
+        listener.set_nonblocking(true)?;
         let stop = Arc::new(AtomicBool::new(false));
         let (stopped, page) = (Arc::clone(&stop), Arc::new(page));
         let serve = move || accept(&listener, limit, &page, &stopped);
         let thread = Some(thread().spawn(serve)?);
-        Ok(Server {
-            address,
-            stop,
-            thread,
-        })
+        Ok(Server { stop, thread })
     }
 }
 
 impl Drop for Server {
     fn drop(&mut self) {
         self.stop.store(true, Ordering::Relaxed);
-        // A connection wakes the thread. Some systems do not connect to an unspecified address.
-        let mut address = self.address;
-        if address.ip().is_unspecified() {
-            address.set_ip(match address {
-                SocketAddr::V4(_) => Ipv4Addr::LOCALHOST.into(),
-                SocketAddr::V6(_) => Ipv6Addr::LOCALHOST.into(),
-            });
-        }
-        // Without it, the process ends without waiting for the thread.
-        if TcpStream::connect_timeout(&address, RETRY).is_ok() {
-            // If the thread panicked, the panic was printed.
-            self.thread.take().map(JoinHandle::join);
-        }
+        // If the thread panicked, the panic was printed.
+        self.thread.take().map(JoinHandle::join);
     }
 }
 
@@ -102,7 +85,11 @@ fn accept<P: Fn() -> String + Send + Sync + 'static>(
         }
     };
     while !stop.load(Ordering::Relaxed) {
-        let Ok((stream, _)) = listener.accept() else {
+        let accepted = listener.accept().and_then(|(stream, _)| {
+            stream.set_nonblocking(false)?;
+            Ok(stream)
+        });
+        let Ok(stream) = accepted else {
             std::thread::sleep(RETRY);
             continue;
         };
@@ -208,6 +195,7 @@ fn answer(mut connection: &Timed<'_>, page: impl Fn() -> String) -> io::Result<(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::net::SocketAddr;
 
     const PATIENCE: Duration = Duration::from_secs(30);
 

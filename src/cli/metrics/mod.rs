@@ -7,10 +7,8 @@ mod http;
 pub use self::figures::{ServiceMetrics, SessionMetrics};
 
 use self::address::Address;
-use self::figures::Figures;
 use self::http::{LIMIT, PATH, Server};
 use linkwatch::Result;
-use std::sync::Arc;
 
 /// The option `--metrics`.
 #[derive(Clone, Debug, clap::Args)]
@@ -26,40 +24,23 @@ pub struct MetricsArgs {
 }
 
 impl MetricsArgs {
-    /// Prepares the figures of these services, and serves them if that is requested.
-    pub fn serve(&self, services: &[String]) -> Result<Metrics> {
-        let figures = Arc::new(Figures::new(services));
-        let mut server = None;
-        if let Some(address) = &self.metrics {
-            let listener = address.listen()?;
-            let local = listener.local_addr()?;
-            let page = Arc::clone(&figures);
-            server = Some(Server::start(listener, LIMIT, move || page.page())?);
-            tracing::info!("metrics are at http://{local}{PATH}");
-            if !local.ip().to_canonical().is_loopback() {
-                tracing::warn!(
-                    "anybody on the network can read the metrics, because {} is not an address of \
-                     the loopback interface",
-                    local.ip()
-                );
-            }
+    /// Serves the figures until the result is dropped, if that is requested.
+    pub fn serve(&self, figures: &ServiceMetrics) -> Result<Option<Server>> {
+        let Some(address) = &self.metrics else {
+            return Ok(None);
+        };
+        let listener = address.listen()?;
+        let local = listener.local_addr()?;
+        let figures = figures.clone();
+        let server = Server::start(listener, LIMIT, move || figures.page())?;
+        tracing::info!("metrics are at http://{local}{PATH}");
+        if !local.ip().to_canonical().is_loopback() {
+            tracing::warn!(
+                "anybody on the network can read the metrics, because {} is not an address of the \
+                 loopback interface",
+                local.ip()
+            );
         }
-        Ok(Metrics {
-            figures,
-            _server: server,
-        })
-    }
-}
-
-/// Figures of all services. They are served until this value is dropped.
-pub struct Metrics {
-    figures: Arc<Figures>,
-    _server: Option<Server>,
-}
-
-impl Metrics {
-    /// Returns the figures of a service.
-    pub fn service(&self, name: &str) -> ServiceMetrics {
-        self.figures.service(name)
+        Ok(Some(server))
     }
 }

@@ -1,11 +1,7 @@
-//! `linkwatch play`: publishes recorded frames onto the bus, as a simulator does.
+//! `linkwatch play`: publishes the frames of a recording onto the bus, as a simulator does.
 
-mod answers;
-mod frames;
 mod pace;
 
-use self::answers::Answers;
-use self::frames::{Described, Frames, Ready, Values};
 use self::pace::{Clock, Speed};
 use super::Outcome;
 use super::cell_args::CellArg;
@@ -16,11 +12,11 @@ use super::range::Range;
 use super::signals::{TICK, stop_on_signals};
 use super::source::{PATIENCE, Source, warn_of_cut};
 use linkwatch::{
-    Client, ClientOptions, CurveLabels, Error, Outcome as Waited, Overflow, Positions, Result,
-    VerdictMessage,
+    Client, ClientOptions, CurveLabels, Error, MessageKind, Outcome as Waited, Overflow,
+    RecordedFrame, RecordedItem, Result, Verdict, VerdictMessage,
 };
+use serde_json::json;
 use std::path::PathBuf;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
@@ -36,11 +32,11 @@ const LOOK: Duration = Duration::from_secs(1);
 
 /// Publish the frames of a recording as their simulator did, for a test of a watcher or a viewer
 ///
-/// Frames keep their times, and those of a run with verdicts their numbers. Model files are
-/// published as well. Nothing is verified here.
+/// Frames keep their times and numbers. Nothing is verified here. To compare the verdicts, record
+/// the watch, and run `linkwatch diff`.
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// A recording, as written by `linkwatch watch --record`, or a model file
+    /// A recording, as written by `linkwatch watch --record` or by `linkwatch convert`
     #[arg(value_name = "FILE")]
     file: PathBuf,
     #[command(flatten)]
@@ -48,8 +44,7 @@ pub struct Args {
     /// Name of the service to publish on
     #[arg(long, value_name = "NAME", default_value = "linkwatch")]
     service: String,
-    /// Pace of the frames: a factor of the recorded pace, or `max` for as fast as they can be read.
-    /// Frames of models are paced by their simulation time
+    /// Pace of the frames: a factor of the recorded pace, or `max` for as fast as they can be read
     #[arg(long, value_name = "FACTOR|max", default_value = "1")]
     speed: Speed,
     /// Wait for the verdict on each frame, so that none is skipped
@@ -77,36 +72,42 @@ enum End {
 /// Runs the command.
 pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     args.range.check()?;
-    let source = Source::open(&args.file, false)?;
+    let mut source = Source::open(&args.file)?;
     let service = args.service.as_str();
     let stop = stop_on_signals()?;
     output::detach(Overflow::WaitForProgress(PATIENCE))?;
     let mut options = ClientOptions::default();
     options.lockstep = args.lockstep;
-    let name = source.path().display().to_string();
-    let mut frames = Frames::new(args, source)?;
+    let name = args.file.display();
+    if args.range.from.is_some() {
+        source.go_to_start(&args.range)?;
+    }
     let mut publisher = Publisher {
+        args,
+        json,
+        stop: &stop,
         client: Client::open(service, &options)?,
-        described: None,
-        cell: args.cell,
-        last_cuts: None,
-        numbered: frames.has_verdicts,
-        answers: Answers::new(json),
-        live: Live::new(),
+        source,
+        live: Live::default(),
+        previous: None,
         published: 0,
         last: None,
-        left_out: 0,
         gaps: 0,
+        left_out: 0,
+        rejected: 0,
+        answer: None,
+        aborts: 0,
+        worst: Outcome::Fine,
     };
-    let Some(first) = publisher.next(&mut frames)? else {
+    let Some(first) = publisher.next()? else {
         return Err(Error::Usage(format!("{name}: no frame to publish")));
     };
     // Described before the wait, so that shared memory is created for frames of this size.
     publisher.describe(&first)?;
+    publisher.previous = Some(first.clone());
     tracing::info!("waiting for a watcher on service '{service}'");
-    if !wait_for_watcher(&mut publisher.client, args.wait, &stop)? {
-        let stopped = stop.load(Ordering::Relaxed);
-        match stopped {
+    if !publisher.wait_for_watcher()? {
+        match publisher.is_stopped() {
             true => tracing::info!("stopped by a signal"),
             false => tracing::warn!("no watcher connected within the limit of --wait"),
         }
@@ -114,86 +115,111 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     }
     tracing::info!("publishing {name} on service '{service}'");
     let start = Instant::now();
-    let end = publisher.publish_all(args, first, &mut frames, &stop)?;
-    publisher.finish((end, start), (service, &frames.source))
-}
-
-/// Waits until a watcher has seen the client. Returns false if none came, or a signal did.
-fn wait_for_watcher(
-    client: &mut Client,
-    limit: Option<Duration>,
-    stop: &AtomicBool,
-) -> Result<bool> {
-    let start = Instant::now();
-    loop {
-        let left = limit.map_or(LOOK, |limit| limit.saturating_sub(start.elapsed()));
-        if client.wait_for_watcher(left.min(LOOK))? {
-            return Ok(true);
-        }
-        if stop.load(Ordering::Relaxed) || left.is_zero() {
-            return Ok(false);
-        }
-    }
+    let end = publisher.publish_all(first)?;
+    publisher.finish(end, start)
 }
 
 /// A simulator that publishes recorded frames.
-struct Publisher {
+struct Publisher<'a> {
+    args: &'a Args,
+    json: bool,
+    /// Set by a signal.
+    stop: &'a AtomicBool,
     client: Client,
-    described: Option<Described>,
-    cell: CellArg,
-    /// Number of cuts before the last published frame, and its baseline, as recorded.
-    last_cuts: Option<(u32, u64)>,
-    /// True if frames keep their numbers.
-    numbered: bool,
-    answers: Answers,
+    source: Source,
     live: Live,
+    /// The last frame, whose curves the watcher knows.
+    previous: Option<RecordedFrame>,
     published: u64,
     /// Number of the last published frame.
     last: Option<u64>,
-    /// Frames without valid curves.
-    left_out: u64,
     /// Numbers between published frames, which the watcher counts as skipped frames.
     gaps: u64,
+    /// Frames without valid curves.
+    left_out: u64,
+    /// Frames with a recorded verdict, but without curves.
+    rejected: u64,
+    /// The last verdict of the watcher.
+    answer: Option<VerdictMessage>,
+    /// Verdicts that asked to stop.
+    aborts: u64,
+    worst: Outcome,
 }
 
-impl Publisher {
+impl Publisher<'_> {
+    fn is_stopped(&self) -> bool {
+        self.stop.load(Ordering::Relaxed)
+    }
+
+    /// Waits until a watcher has seen the client. Returns false if none came, or a signal did.
+    fn wait_for_watcher(&mut self) -> Result<bool> {
+        let start = Instant::now();
+        loop {
+            let limit = self.args.wait;
+            let left = limit.map_or(LOOK, |limit| limit.saturating_sub(start.elapsed()));
+            if self.client.wait_for_watcher(left.min(LOOK))? {
+                return Ok(true);
+            }
+            if self.is_stopped() || left.is_zero() {
+                return Ok(false);
+            }
+        }
+    }
+
+    /// Returns the next frame of the range with valid curves.
+    fn next(&mut self) -> Result<Option<RecordedFrame>> {
+        let range = self.args.range;
+        while let Some(item) = self.source.next()? {
+            match item {
+                RecordedItem::Frame(frame) if range.is_before(frame.seq, frame.time) => break,
+                RecordedItem::Frame(frame) if range.contains(frame.seq, frame.time) => {
+                    match frame.check() {
+                        Ok(()) => return Ok(Some(frame)),
+                        Err(e) => {
+                            tracing::warn!("frame {} is not published: {e}", frame.seq);
+                            self.left_out += 1;
+                        }
+                    }
+                }
+                RecordedItem::Verdict(recorded) => {
+                    let report = &recorded.report;
+                    let is_rejected = report.verdict == Verdict::Rejected;
+                    let counts = is_rejected && range.contains(report.seq, report.time);
+                    self.rejected += u64::from(counts);
+                }
+                RecordedItem::Frame(_) | RecordedItem::Baseline(_) => {}
+            }
+        }
+        Ok(None)
+    }
+
     /// Describes the curves, if they changed.
-    fn describe(&mut self, ready: &Ready) -> Result<()> {
-        if self.described.as_ref() == Some(&ready.described) {
+    fn describe(&mut self, frame: &RecordedFrame) -> Result<()> {
+        let same = |p: &RecordedFrame| {
+            (p.basis, p.precision) == (frame.basis, frame.precision)
+                && p.counts == frame.counts
+                && p.info.labels == frame.info.labels
+        };
+        if self.previous.as_ref().is_some_and(same) {
             return Ok(());
         }
-        let Described {
-            basis,
-            precision,
-            counts,
-            labels,
-        } = &ready.described;
-        let described =
-            (self.client).describe_labelled(*basis, *precision, counts, CurveLabels::clone(labels));
-        described.map_err(|e| Error::Usage(format!("frame {}: {e}", ready.seq)))?;
-        self.described = Some(Described {
-            counts: counts.clone(),
-            labels: Arc::clone(labels),
-            ..ready.described
-        });
-        Ok(())
+        let labels = CurveLabels::clone(&frame.info.labels);
+        let (basis, precision) = (frame.basis, frame.precision);
+        let described = self
+            .client
+            .describe_labelled(basis, precision, &frame.counts, labels);
+        described.map_err(|e| Error::Usage(format!("frame {}: {e}", frame.seq)))
     }
 
     /// Publishes the frames at their pace.
-    fn publish_all(
-        &mut self,
-        args: &Args,
-        first: Ready,
-        frames: &mut Frames,
-        stop: &AtomicBool,
-    ) -> Result<End> {
-        let mut clock = Clock::new(args.speed);
+    fn publish_all(&mut self, first: RecordedFrame) -> Result<End> {
+        let mut clock = Clock::new(self.args.speed);
         let mut next = Some(first);
-        while let Some(ready) = next {
-            let due = clock.due(ready.recorded());
+        while let Some(frame) = next {
+            let due = clock.due(frame.received_ns as f64 * 1e-9);
             loop {
                 self.read_verdicts()?;
-                if let Some(end) = self.end(args, stop) {
+                if let Some(end) = self.end() {
                     return Ok(end);
                 }
                 let left = due.saturating_duration_since(Instant::now());
@@ -202,57 +228,38 @@ impl Publisher {
                 }
                 std::thread::sleep(left.min(POLL));
             }
-            let seq = self.publish(&ready)?;
-            if args.lockstep
-                && let Some(end) = self.wait(seq, stop)?
+            let seq = self.publish(frame)?;
+            if self.args.lockstep
+                && let Some(end) = self.wait(seq)?
             {
                 return Ok(end);
             }
-            next = self.next(frames)?;
+            next = self.next()?;
         }
-        self.wait_for_last(stop)?;
-        Ok(self.end(args, stop).unwrap_or(End::AllPublished))
-    }
-
-    /// Returns the next frame with curves.
-    fn next(&mut self, frames: &mut Frames) -> Result<Option<Ready>> {
-        while let Some(frame) = frames.next(&mut self.answers)? {
-            frame.check_one_run()?;
-            let seq = frame.seq;
-            match Ready::new(frame) {
-                Ok(ready) => return Ok(Some(ready)),
-                Err(e) => {
-                    tracing::warn!("frame {seq} is not published: {e}");
-                    self.left_out += 1;
-                }
-            }
-        }
-        Ok(None)
+        self.wait_for_last()?;
+        Ok(self.end().unwrap_or(End::AllPublished))
     }
 
     /// Publishes a frame. Returns its number.
-    fn publish(&mut self, ready: &Ready) -> Result<u64> {
-        self.describe(ready)?;
-        let now = (ready.info.cuts, ready.info.baseline);
-        if let Some((cuts, baseline)) = self.last_cuts.replace(now) {
-            if baseline != now.1 {
+    fn publish(&mut self, frame: RecordedFrame) -> Result<u64> {
+        self.describe(&frame)?;
+        let info = &frame.info;
+        if let Some(RecordedFrame { info: before, .. }) = &self.previous {
+            if before.baseline != info.baseline {
                 self.client.accept();
-            } else if cuts != now.0 {
+            } else if before.cuts != info.cuts {
                 self.client.cut();
             }
         }
-        self.client.set_time_step(ready.info.time_step)?;
-        self.client.set_cell(self.cell.cell(ready.info.cell))?;
-        if self.numbered {
-            self.client.number_next(ready.seq)?;
-            self.gaps += self.last.map_or(0, |last| ready.seq - last - 1);
-        }
-        let positions = match &ready.positions {
-            Values::F32(values) => Positions::F32(values),
-            Values::F64(values) => Positions::F64(values),
-        };
-        let seq = self.client.publish(ready.time, positions)?;
+        self.client.set_time_step(info.time_step)?;
+        self.client.set_cell(self.args.cell.cell(info.cell))?;
+        self.client.number_next(frame.seq)?;
+        let client = &mut self.client;
+        frame.read(|raw| client.publish(frame.time, raw.positions).map(drop))?;
+        let seq = frame.seq;
+        self.gaps += self.last.map_or(0, |last| seq - last - 1);
         self.last = Some(seq);
+        self.previous = Some(frame);
         self.published += 1;
         self.live.status(format_args!(
             "frame {seq}: published; {} so far",
@@ -263,20 +270,62 @@ impl Publisher {
 
     fn read_verdicts(&mut self) -> Result<()> {
         while let Some(message) = self.client.poll()? {
-            self.answers.add(&message);
+            self.answered(message);
         }
         Ok(())
     }
 
+    /// Prints a verdict of the watcher, if it differs from the last one.
+    fn answered(&mut self, message: VerdictMessage) {
+        if message.kind != MessageKind::Verdict {
+            return;
+        }
+        self.worst = self.worst.max(Outcome::of(message.verdict));
+        if message.abort && self.aborts == 0 {
+            let seq = message.seq;
+            tracing::warn!("frame {seq}: the watcher asks the simulator to stop");
+        }
+        self.aborts += u64::from(message.abort);
+        let brief = |m: &VerdictMessage| {
+            let findings = [
+                m.lost,
+                m.gained,
+                m.changed,
+                m.events,
+                m.unresolved,
+                m.defects,
+            ];
+            (m.verdict, findings)
+        };
+        let last = self.answer.as_ref().map(brief);
+        if self.json {
+            output::json(&json!({
+                "frame": message.seq,
+                "time": message.time,
+                "watcher": {
+                    "verdict": message.verdict,
+                    "lost": message.lost,
+                    "gained": message.gained,
+                    "changed": message.changed,
+                    "pull_throughs": message.events,
+                    "unresolved": message.unresolved,
+                    "defects": message.defects,
+                },
+                "abort": message.abort,
+            }));
+        } else if brief(&message) != last.unwrap_or((Verdict::Intact, [0; 6])) {
+            output::line(&message);
+        }
+        self.answer = Some(message);
+    }
+
     /// Waits for the verdict on the last frame, which the watcher does not skip.
-    fn wait_for_last(&mut self, stop: &AtomicBool) -> Result<()> {
+    fn wait_for_last(&mut self) -> Result<()> {
         self.read_verdicts()?;
-        while self.answers.last() < self.last
-            && self
-                .client
-                .silent_for()
-                .is_some_and(|silent| silent < SILENCE)
-            && !stop.load(Ordering::Relaxed)
+        let is_silent = |silent: Option<Duration>| silent.is_none_or(|silent| silent >= SILENCE);
+        while self.answer.as_ref().map(|answer| answer.seq) < self.last
+            && !is_silent(self.client.silent_for())
+            && !self.is_stopped()
         {
             std::thread::sleep(POLL);
             self.read_verdicts()?;
@@ -285,22 +334,22 @@ impl Publisher {
     }
 
     /// Returns the reason to stop, if there is one.
-    fn end(&mut self, args: &Args, stop: &AtomicBool) -> Option<End> {
-        if stop.load(Ordering::Relaxed) {
+    fn end(&mut self) -> Option<End> {
+        if self.is_stopped() {
             return Some(End::Signal);
         }
         let aborted = self.client.aborted().is_some();
-        (aborted && args.stop_on_abort).then_some(End::Abort)
+        (aborted && self.args.stop_on_abort).then_some(End::Abort)
     }
 
     /// Waits for the verdict on a frame. Returns a reason to stop, if there is one.
-    fn wait(&mut self, seq: u64, stop: &AtomicBool) -> Result<Option<End>> {
+    fn wait(&mut self, seq: u64) -> Result<Option<End>> {
         let start = Instant::now();
         loop {
             let asked = Instant::now();
             match self.client.wait(seq, TICK)? {
                 Waited::Verdict(message) => {
-                    self.answers.add(&message);
+                    self.answered(*message);
                     return Ok(None);
                 }
                 Waited::NoWatcher(why) => {
@@ -308,7 +357,7 @@ impl Publisher {
                 }
                 // The watcher skipped the frame.
                 Waited::Stale if asked.elapsed() < TICK => return Ok(None),
-                Waited::Stale if stop.load(Ordering::Relaxed) => return Ok(Some(End::Signal)),
+                Waited::Stale if self.is_stopped() => return Ok(Some(End::Signal)),
                 Waited::Stale => {
                     let silent = self.client.silent_for().unwrap_or(start.elapsed());
                     if silent > SILENCE {
@@ -322,29 +371,23 @@ impl Publisher {
     }
 
     /// Ends the session, and prints the summary.
-    fn finish(
-        mut self,
-        (end, start): (End, Instant),
-        (service, source): (&str, &Source),
-    ) -> Result<Outcome> {
+    fn finish(mut self, end: End, start: Instant) -> Result<Outcome> {
         self.live.clear();
-        let took = start.elapsed();
-        let cut = warn_of_cut(source.path(), source.ending());
-        let mut complete = !cut && !source.lacks_curves() && self.left_out == 0;
+        let seconds = start.elapsed().as_secs_f64();
+        let cut = warn_of_cut(&self.source.path, self.source.reader.ending());
+        let mut complete = !cut && !self.source.lacks_curves && self.left_out == 0;
+        complete &= matches!(end, End::AllPublished);
         let mut wait = SILENCE;
         match &end {
             End::AllPublished => {}
             End::Signal => {
                 tracing::info!("stopped by a signal");
-                (complete, wait) = (false, LOOK);
+                wait = LOOK;
             }
-            End::Abort => {
-                tracing::info!("stopped, because the watcher asked for it");
-                complete = false;
-            }
+            End::Abort => tracing::info!("stopped, because the watcher asked for it"),
             End::NoWatcher(why) => {
                 tracing::error!("{why}; no further frame is published");
-                (complete, wait) = (false, LOOK);
+                wait = LOOK;
             }
         }
         self.read_verdicts()?;
@@ -354,55 +397,51 @@ impl Publisher {
             complete = false;
         }
         let counters = goodbye.map(|message| message.counters);
-        let compared = self.answers.compared();
-        if self.answers.as_json() {
-            output::json(&serde_json::json!({
+        let service = &self.args.service;
+        if self.json {
+            output::json(&json!({
                 "summary": {
                     "service": service,
                     "published": self.published,
                     "left_out": self.left_out,
-                    "rejected": self.answers.rejected,
+                    "rejected": self.rejected,
                     "numbers_between": self.gaps,
-                    "seconds": took.as_secs_f64(),
+                    "seconds": seconds,
                     "watcher": counters,
-                    "aborts": self.answers.aborts,
-                    "recorded_verdicts": compared,
+                    "aborts": self.aborts,
                 }
             }));
         } else {
             let frames = plural(self.published, "frame");
-            let mut line = format!("published {frames} on service '{service}'");
-            line += &format!(" in {:.1} s", took.as_secs_f64());
+            let mut line = format!("published {frames} on service '{service}' in {seconds:.1} s");
             if let Some(c) = counters {
+                let [verified, skipped, rejected] = [c.verified, c.skipped, c.rejected].map(count);
                 line += &format!(
-                    "; the watcher verified {}, skipped {}, rejected {}",
-                    count(c.verified),
-                    count(c.skipped),
-                    count(c.rejected)
+                    "; the watcher verified {verified}, skipped {skipped}, rejected {rejected}"
                 );
             }
-            if self.left_out > 0 {
-                line += &format!(
-                    "\nnot published: {}",
-                    plural(self.left_out, "invalid frame")
-                );
-            }
-            if self.answers.rejected > 0 {
-                line += &format!(
-                    "\nnot published: {} without recorded curves",
-                    plural(self.answers.rejected, "frame")
-                );
-            }
-            if self.gaps > 0 {
-                line += &format!(
-                    "\nnot recorded between the published frames: {}, which the watcher counts as \
-                     skipped",
-                    plural(self.gaps, "frame")
-                );
-            }
-            line += &format!("\n{}", self.answers.words(self.numbered));
             output::line(line);
+            for (n, noun, what) in [
+                (self.left_out, "invalid frame", "not published: "),
+                (
+                    self.rejected,
+                    "frame",
+                    "not published, without recorded curves: ",
+                ),
+                (
+                    self.gaps,
+                    "frame",
+                    "not recorded, which the watcher counts as skipped: ",
+                ),
+            ] {
+                if n > 0 {
+                    output::line(format_args!("{what}{}", plural(n, noun)));
+                }
+            }
         }
-        Ok(self.answers.outcome(complete))
+        Ok(match complete {
+            true => self.worst,
+            false => self.worst.max(Outcome::Undecided),
+        })
     }
 }

@@ -51,10 +51,10 @@ impl RecordedWith {
 }
 
 impl Comparison {
-    /// Returns a sentence about a replay of a file: a "recording", or another "file".
-    pub fn words(&self, noun: &str) -> String {
+    /// Returns a sentence about a replay.
+    pub fn words(&self) -> String {
         if self.recorded == 0 {
-            return format!("verdicts: the {noun} has none to compare with");
+            return "verdicts: the recording has none to compare with".into();
         }
         if !self.differing.is_empty() {
             return format!(

@@ -1,6 +1,5 @@
-//! `linkwatch replay`: verifies a recording again, or finds its first changed frame.
+//! `linkwatch replay`: verifies a recording again.
 
-mod bisect;
 mod comparison;
 mod verify;
 
@@ -14,24 +13,14 @@ use std::path::PathBuf;
 /// Verify a recording again, frame by frame, and compare with the recorded verdicts
 ///
 /// Without options, the settings and the baseline are those of the recording, and the verdicts must
-/// be the same. The last line reports how many are. Other files with frames are verified as well;
-/// they have no verdicts to compare with.
+/// be the same. The last line reports how many are. `linkwatch check` verifies other files.
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// A recording, as written by `linkwatch watch --record`, or a model file
+    /// A recording, as written by `linkwatch watch --record`
     #[arg(value_name = "FILE")]
     file: PathBuf,
     #[command(flatten)]
     range: Range,
-    /// Find the first changed frame by a binary search that verifies few frames, each in full
-    /// against the baseline. With --events: also the strands that were pulled through one another
-    /// in the step to it, how fast they moved, and the time step that would have kept them apart
-    #[arg(
-        long,
-        conflicts_with_all = ["record", "show", "Overwrite", "JunitArgs"],
-        conflicts_with_all = ["abort_on", "ClearanceArgs"]
-    )]
-    bisect: bool,
     #[command(flatten)]
     judge: Judge,
     #[command(flatten)]
@@ -43,9 +32,6 @@ pub struct Args {
 /// Runs the command.
 pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     args.range.check()?;
-    let source = Source::open(&args.file, args.judge.cell_args.wrapped().is_some())?;
-    match args.bisect {
-        true => bisect::run(args, source, json),
-        false => verify::run(args, source, json),
-    }
+    let source = Source::open(&args.file)?;
+    verify::run(args, source, json)
 }

@@ -2,16 +2,14 @@
 
 use super::Args;
 use super::comparison::{Comparison, RecordedWith, alike};
-use crate::cli::cell_args::KEEP_OPEN;
-use crate::cli::check::nothing_to_compare;
 use crate::cli::output::{self, plural};
 use crate::cli::range::Range;
-use crate::cli::run::{FrameCounts, Judge, Judged, MOTION_LIMIT, Recorded, Run, Setup};
-use crate::cli::source::{Item, PATIENCE, Source, warn_of_cut};
-use crate::cli::{Outcome, braid_args, clearance_args, signals};
+use crate::cli::run::{FrameCounts, Judged, Run, Setup};
+use crate::cli::source::{PATIENCE, Source, warn_of_cut};
+use crate::cli::{Outcome, braid_args, signals};
 use linkwatch::{
-    AbortOn, BaselineRecord, Braids, Error, Events, Overflow, Received, RecordedVerdict, Report,
-    Result, Retention, SessionOptions, Strategy, Verdict,
+    AbortOn, BaselineRecord, Braids, Error, Events, Overflow, Received, RecordedItem,
+    RecordedVerdict, Report, Result, Retention, Strategy, Verdict,
 };
 use std::collections::{BTreeMap, VecDeque};
 use std::sync::Arc;
@@ -30,7 +28,7 @@ pub fn run(args: &Args, mut source: Source, json: bool) -> Result<Outcome> {
     let begin = baseline.as_ref().and_then(|baseline| baseline.frame);
     let mut left_out = false;
     // Windows have baselines of their own, which must be read.
-    let windows = source.metadata().contains_key(Retention::WINDOW);
+    let windows = source.reader.metadata().contains_key(Retention::WINDOW);
     if range.from.is_some()
         && !windows
         && let Some(skipped) = source.go_to_start(&range)?
@@ -40,61 +38,16 @@ pub fn run(args: &Args, mut source: Source, json: bool) -> Result<Outcome> {
         (left_out, answered) = (skipped > 0, None);
     }
     // Available after the first item was read.
-    let recorded_metadata = source.metadata();
-    let policy = recorded_metadata.get("abort_on");
-    let recorded: Option<AbortOn> = policy.and_then(|a| a.parse().ok());
-    let recorded_with = RecordedWith::read(&recorded_metadata);
-    let (recorded_events, limit) = recorded_events(&recorded_metadata);
-    let recorded_clearance = clearance_args::read(&recorded_metadata);
-    let clearance = args.judge.clearance_args.options(recorded_clearance)?;
-    let recorded_braids = braid_args::read(&recorded_metadata)?;
-    let braids = args.judge.braid_args.braids(recorded_braids.clone())?;
-    if braids == Some(Braids::Auto) && (windows || left_out) {
+    let recorded_metadata = source.reader.metadata().clone();
+    let judge = args.judge.or_recorded(&recorded_metadata)?;
+    if judge.braid_args.braids()? == Some(Braids::Auto) && (windows || left_out) {
         let what = "the first frame of the run is not replayed";
         return Err(braid_args::other_first_frame(what));
     }
-    let judge = Judge {
-        abort_on: args.judge.abort_on.or(recorded),
-        cell_args: args.judge.cell_args.or_recorded(&recorded_metadata),
-        ..args.judge.clone()
-    };
     let mut files = judge.files(args.sinks.overwrite);
     files.reads(&args.file);
     let overflow = Overflow::WaitForProgress(PATIENCE);
     output::detach(overflow)?;
-    // Other settings give other verdicts, intentionally.
-    let settings = [
-        (
-            "--abort-on",
-            judge.abort_on.unwrap_or_default() != recorded.unwrap_or_default(),
-        ),
-        ("--baseline", judge.baseline.is_some()),
-        ("--braid", braids != recorded_braids),
-        ("--cell or --wrapped", judge.cell_args.are_given()),
-        (
-            "--keep-open",
-            args.judge.cell_args.keep_open() && !recorded_metadata.contains_key(KEEP_OPEN),
-        ),
-        (
-            "--events",
-            judge.event_args.events(AbortOn::Never, recorded_events) != recorded_events,
-        ),
-        (
-            "--max-pairs",
-            judge
-                .max_pairs
-                .is_some_and(|n| n < SessionOptions::MAX_PAIRS),
-        ),
-        (
-            "--motion-limit",
-            judge.event_args.motion_limit.is_some_and(|l| l != limit),
-        ),
-        (
-            "--radius or --min-clearance",
-            judge.abort_on == Some(AbortOn::Clearance) && clearance != recorded_clearance,
-        ),
-    ];
-    let differing = settings.iter().filter(|(_, differs)| *differs);
     let mut replay = Replay {
         session: Run::new(Setup {
             judge: &judge,
@@ -106,20 +59,16 @@ pub fn run(args: &Args, mut source: Source, json: bool) -> Result<Outcome> {
             models: false,
             live: false,
             from_now: false,
-            recorded: Recorded {
-                baseline,
-                events: source.recording().map(|_| (recorded_events, limit)),
-                clearance: recorded_clearance,
-                braids: recorded_braids.clone(),
-            },
+            baseline,
             title: &title,
             metadata,
             overflow,
             json,
         })?,
         comparison: Comparison {
-            differing: differing.map(|(option, _)| *option).collect(),
-            recorded_with,
+            // Other settings give other verdicts, intentionally.
+            differing: args.judge.differing(&recorded_metadata)?,
+            recorded_with: RecordedWith::read(&recorded_metadata),
             ..Comparison::default()
         },
         keeps_baseline: judge.baseline.is_some(),
@@ -130,14 +79,16 @@ pub fn run(args: &Args, mut source: Source, json: bool) -> Result<Outcome> {
         answered,
         missing: 0,
         begin,
-        motion: recorded_events != Events::Off,
+        motion: recorded_metadata
+            .get("events")
+            .is_some_and(|e| *e != Events::Off.to_string()),
         range,
         left_out,
         restarted: !left_out,
         unfounded: false,
         ended: false,
     };
-    replay.session.live().note(format_args!("replaying {name}"));
+    tracing::info!("replaying {name}");
     signals::cancel_on_signals(replay.session.progress())?;
     let mut read = None;
     let all = || -> Result<()> {
@@ -159,19 +110,12 @@ pub fn run(args: &Args, mut source: Source, json: bool) -> Result<Outcome> {
     };
     match all() {
         Err(Error::Cancelled) => {
-            replay.session.live().note("stopped by a signal");
+            tracing::info!("stopped by a signal");
             replay.session.data_lost();
         }
         all => all?,
     }
     read.map_or(Ok(()), Err)?;
-    let FrameCounts {
-        verified, rejected, ..
-    } = replay.tally;
-    let is_own_baseline = source.recording().is_none() && judge.baseline.is_none();
-    if is_own_baseline && (verified, rejected) == (1, 0) && !args.sinks.are_used() {
-        return Err(nothing_to_compare("--baseline"));
-    }
     let Replay {
         mut session,
         tally,
@@ -179,7 +123,7 @@ pub fn run(args: &Args, mut source: Source, json: bool) -> Result<Outcome> {
         missing,
         ..
     } = replay;
-    if warn_of_cut(source.path(), source.ending()) {
+    if warn_of_cut(&source.path, source.reader.ending()) {
         session.data_lost();
     }
     if missing > 0 {
@@ -196,7 +140,7 @@ pub fn run(args: &Args, mut source: Source, json: bool) -> Result<Outcome> {
         session.data_lost();
     }
     if tally.verified + tally.rejected > 0 {
-        let words = comparison.words(source.noun());
+        let words = comparison.words();
         session.compared(words, serde_json::json!(comparison));
     }
     Ok(session.finish(tally))
@@ -205,7 +149,7 @@ pub fn run(args: &Args, mut source: Source, json: bool) -> Result<Outcome> {
 /// Begin of a source: its baseline, and the items before and including the first frame.
 struct Start {
     baseline: Option<linkwatch::BaselineRecord>,
-    before: Vec<Item>,
+    before: Vec<RecordedItem>,
     /// See [`Replay::answered`].
     answered: Option<u64>,
 }
@@ -221,27 +165,19 @@ impl Start {
         };
         while let Some(item) = source.next()? {
             match item {
-                Item::Baseline(baseline) => {
+                RecordedItem::Baseline(baseline) => {
                     start.baseline = Some(baseline);
                     break;
                 }
-                Item::Frame(_) => {
+                RecordedItem::Frame(_) => {
                     start.before.push(item);
                     break;
                 }
-                Item::Verdict(_) => start.before.push(item),
+                RecordedItem::Verdict(_) => start.before.push(item),
             }
         }
         Ok(start)
     }
-}
-
-/// Returns the events and the motion limit of a recorded run.
-pub fn recorded_events(metadata: &BTreeMap<String, String>) -> (Events, f64) {
-    let events = metadata.get("events").and_then(|e| e.parse().ok());
-    // Earlier versions had no limit.
-    let limit = metadata.get(MOTION_LIMIT).and_then(|l| l.parse().ok());
-    (events.unwrap_or_default(), limit.unwrap_or(f64::INFINITY))
 }
 
 /// A frame to judge, or a recorded verdict.
@@ -291,20 +227,20 @@ struct Replay {
 }
 
 impl Replay {
-    fn take(&mut self, item: Item) -> Result<()> {
+    fn take(&mut self, item: RecordedItem) -> Result<()> {
         match item {
             // Not the first one: frames were left out.
-            Item::Baseline(baseline) => {
+            RecordedItem::Baseline(baseline) => {
                 self.finish_waiting()?;
                 let baseline = Some(baseline).filter(|_| !self.keeps_baseline);
                 self.begin_again(baseline);
             }
-            Item::Frame(frame) if !self.range.contains(frame.seq, frame.time) => {
+            RecordedItem::Frame(frame) if !self.range.contains(frame.seq, frame.time) => {
                 self.left_out |= self.range.is_after(frame.seq, frame.time);
                 self.restarted = false;
                 self.ended |= self.range.is_before(frame.seq, frame.time);
             }
-            Item::Verdict(recorded)
+            RecordedItem::Verdict(recorded)
                 if !self
                     .range
                     .contains(recorded.report.seq, recorded.report.time) =>
@@ -313,11 +249,7 @@ impl Replay {
                 self.answered = Some(progress.verified + progress.rejected);
                 self.comparison.left_out = progress.left_out;
             }
-            Item::Frame(frame) => {
-                if frame.begins_run {
-                    self.finish_waiting()?;
-                    self.session.begin_run();
-                }
+            RecordedItem::Frame(frame) => {
                 let info = frame.info.clone();
                 let frame = self.session.ingest(info, |receive| frame.read(receive));
                 self.session.announce(&frame);
@@ -325,7 +257,7 @@ impl Replay {
                 let frame = Box::new(frame);
                 self.waiting.push_back(Waiting::Frame(frame));
             }
-            Item::Verdict(recorded) => {
+            RecordedItem::Verdict(recorded) => {
                 self.waiting.push_back(Waiting::Verdict(recorded));
                 if self.waiting.len() > MOST_WAITING {
                     self.finish_waiting()?;

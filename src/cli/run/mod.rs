@@ -19,10 +19,6 @@ mod sinks;
 mod state;
 mod summary;
 mod times;
-#[cfg(feature = "rerun")]
-mod viewer;
-#[cfg(not(feature = "rerun"))]
-#[path = "no_viewer.rs"]
 mod viewer;
 mod violations;
 
@@ -30,7 +26,7 @@ pub use frame::Judged;
 pub use junit::JunitArgs;
 #[cfg(feature = "mcap")]
 pub use settings::MOTION_LIMIT;
-pub use settings::{Baseline, Judge, Recorded};
+pub use settings::{Baseline, Judge};
 pub use sinks::Sinks;
 #[cfg(feature = "bus")]
 pub use state::RunState;
@@ -45,13 +41,14 @@ use super::cell_args::{CellArgs, say};
 use super::files::{Files, Overwrite};
 use super::label::Label;
 use super::live::Live;
+#[cfg(feature = "bus")]
 use super::metrics::SessionMetrics;
 use super::output::{count, plural};
 #[cfg(feature = "bus")]
 use linkwatch::Events;
 use linkwatch::{
-    Continuation, FrameInfo, FrameRecord, FrameTimes, Overflow, Progress, Received, Result,
-    RunProgress, Session, SessionOptions, SinkQueue, Strategy, Verdict,
+    BaselineRecord, Continuation, FrameInfo, FrameRecord, FrameTimes, Overflow, Progress, Received,
+    Result, RunProgress, Session, SessionOptions, SinkQueue, Strategy, Verdict,
 };
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -88,7 +85,8 @@ pub struct Setup<'a> {
     pub live: bool,
     /// True if frames before the first one that is verified do not count as missing.
     pub from_now: bool,
-    pub recorded: Recorded,
+    /// Baseline of a recorded run, unless the user chose another one.
+    pub baseline: Option<BaselineRecord>,
     /// Names the run in the viewer.
     pub title: &'a str,
     /// Metadata of the run, for a recording.
@@ -111,6 +109,7 @@ pub struct Run {
     label: Label,
     live: Live,
     queues: Vec<SinkQueue>,
+    #[cfg(feature = "bus")]
     metrics: Option<SessionMetrics>,
     junit: Option<Junit>,
     overwrite: Overwrite,
@@ -126,8 +125,6 @@ pub struct Run {
     sent_layout: u32,
     /// Layout of the last verified frame, if there is one.
     last_layout: Option<u32>,
-    /// True until the first frame of a run was verified.
-    is_new_run: bool,
     /// Time that the last frame took to verify.
     #[cfg(feature = "bus")]
     last_check: Option<Duration>,
@@ -148,14 +145,13 @@ impl Run {
             sinks,
             mut files,
             mut metadata,
-            mut recorded,
             ..
         } = setup;
         sinks.check_files(&mut files)?;
         let junit = setup.junit.map(|args| args.open(&mut files, setup.title));
         let junit = junit.transpose()?.flatten();
-        let baseline = judge.baseline(&mut recorded)?;
-        let mut options = judge.options(recorded, &mut metadata)?;
+        let baseline = judge.baseline(setup.baseline)?;
+        let mut options = judge.options(&mut metadata)?;
         options.strategy = setup.strategy;
         options.early_exit = setup.early_exit;
         let incomplete = baseline.as_ref().is_some_and(|b| b.unverified > 0);
@@ -176,7 +172,8 @@ impl Run {
             models: setup.models,
             json: setup.json,
             label: Label::default(),
-            live: Live::new(),
+            live: Live::default(),
+            #[cfg(feature = "bus")]
             metrics: None,
             junit,
             overwrite: sinks.overwrite,
@@ -186,7 +183,6 @@ impl Run {
             begun: false,
             sent_layout: 0,
             last_layout: None,
-            is_new_run: true,
             #[cfg(feature = "bus")]
             last_check: None,
             tally: FrameCounts::default(),
@@ -200,7 +196,7 @@ impl Run {
     /// Marks all results of this run with a label.
     #[cfg(feature = "bus")]
     pub fn labelled(mut self, label: Label) -> Run {
-        self.live = self.live.labelled(label.clone());
+        self.live.label = label;
         self.label = label;
         self
     }
@@ -245,7 +241,7 @@ impl Run {
     }
 
     /// Returns the output shown while the run lasts.
-    #[cfg(any(feature = "bus", feature = "mcap"))]
+    #[cfg(feature = "bus")]
     pub fn live(&self) -> &Live {
         &self.live
     }
@@ -275,16 +271,16 @@ impl Run {
         let seq = verified.report.seq;
         say(&THE_FRAMES, &verified.notes);
         if verified.continuation == Continuation::Cut {
-            self.live.note(format_args!(
+            tracing::info!(
                 "frame {seq} does not continue the previous one: the simulator rolled back or \
                  jumped"
-            ));
+            );
         }
         if self.sum.jumps == 0 && verified.jumps > 0 {
-            self.live.note(format_args!(
+            tracing::info!(
                 "frame {seq}: {}; they are followed (--wrapped=false takes them as they are)",
                 jumped(verified.jumps)
-            ));
+            );
         }
         (self.sum.joined, self.sum.jumps) = (verified.joined, verified.jumps);
         // Frames before a change of the curves may lack a clearance that later ones have.
@@ -351,15 +347,16 @@ impl Run {
         }
         self.pass_baseline(&judged);
         if judged.report.verdict != Verdict::Rejected {
-            if std::mem::take(&mut self.is_new_run) {
+            if self.sum.open_curves.is_none() {
                 self.warn_of_scene(&judged);
-                *self.sum.open_curves.get_or_insert(0) += judged.report.stats.open_curves;
+                self.sum.open_curves = Some(judged.report.stats.open_curves);
             }
             let stats = judged.report.stats;
             self.sum.only_open = stats.curves > 0 && stats.open_curves == stats.curves;
             self.sum.times.add(&judged.times);
             self.sum.routes[judged.work.route as usize] += 1;
         }
+        #[cfg(feature = "bus")]
         if let Some(metrics) = &self.metrics {
             metrics.add(&judged.report, judged.latency);
         }
@@ -388,6 +385,7 @@ impl Run {
         for queue in &self.queues {
             queue.frame(Arc::clone(&record));
         }
+        #[cfg(feature = "bus")]
         if let Some(metrics) = &mut self.metrics {
             metrics.count(own, self.queues.iter().map(SinkQueue::summary));
         }
@@ -439,6 +437,7 @@ impl Run {
             }
             summaries.push(summary);
         }
+        #[cfg(feature = "bus")]
         if let Some(metrics) = &mut self.metrics {
             metrics.count(tally.since(self.before), summaries.iter().cloned());
         }

@@ -1,24 +1,8 @@
 //! New findings of a frame: a finding that lasts over several frames is printed once.
 
-use linkwatch::{Lasting, Point, PullThrough, Report, Verdict};
+use crate::verdict::Finding;
+use linkwatch::{Lasting, Point, Report, Verdict};
 use std::collections::BTreeSet;
-
-/// Curves and place of a finding.
-type Located = (Vec<u32>, Option<Point>);
-
-/// Returns the curves and places of all findings, in the order of [`Report::findings`].
-fn located(report: &Report) -> impl Iterator<Item = Located> + '_ {
-    let changes = report.changes.iter();
-    let changes = changes.map(|c| (vec![c.i, c.j], c.place.map(|place| place.point)));
-    let passage = |p: &PullThrough| (vec![p.i, p.j], Some(p.point));
-    let events = report.events.iter().map(passage);
-    let unresolved = report.unresolved.iter().map(passage);
-    let defects = report.defects.iter().map(|d| {
-        let curves = std::iter::once(d.i).chain(d.j);
-        (curves.collect(), Some(d.place.point))
-    });
-    changes.chain(events).chain(defects).chain(unresolved)
-}
 
 /// First frame whose verdict is not intact, with its first finding.
 #[derive(Clone, Debug, serde::Serialize)]
@@ -83,9 +67,9 @@ impl News {
             notable: !(report.appeared.is_empty() && report.gone.is_empty())
                 || self.last_verdict.unwrap_or(Verdict::Intact) != report.verdict,
         };
-        let mut first: Option<Located> = None;
+        let mut first: Option<Finding> = None;
         let mut lasting = BTreeSet::new();
-        let findings = located(report).zip(report.lasting());
+        let findings = report.all_findings().zip(report.lasting());
         for ((finding, last), sentence) in findings.zip(report.findings_named(names)) {
             lasting.extend(last);
             if last.is_some_and(|l| self.known.contains(&l)) {
@@ -97,15 +81,16 @@ impl News {
         }
         new.notable |= !new.sentences.is_empty();
         if report.verdict != Verdict::Intact && self.first_violation.is_none() {
-            let (curves, point) = first.unwrap_or_default();
+            let curves = first.map(|finding| finding.pair());
+            let curves = curves.map(|(i, j, _)| std::iter::once(i).chain(j).collect());
             let others = report.rejected.iter().chain(&report.missing);
             self.first_violation = Some(Violation {
                 frame: report.seq,
                 time: report.time,
                 name: model.map_or_else(|| report.frame(), str::to_owned),
                 verdict: report.verdict,
-                curves,
-                point,
+                curves: curves.unwrap_or_default(),
+                point: first.and_then(|finding| Some(finding.place()?.1)),
                 finding: new.sentences.iter().chain(others).next().cloned(),
             });
         }

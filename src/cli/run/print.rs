@@ -82,7 +82,7 @@ impl Run {
                     output::line(format_args!("  {}", LeftOut::sentence(left_out)));
                 }
             }
-            None if news.notable => print_frame(&self.label, judged, &news),
+            None if news.notable => print_frame(self.label, judged, &news),
             None => {}
         }
         if let Some(low) = low.filter(|_| !self.json) {
@@ -109,7 +109,7 @@ impl Run {
 }
 
 /// Prints the verdict on a frame of a stream, and its new findings.
-fn print_frame(label: &Label, judged: &Judged, news: &New) {
+fn print_frame(label: Label, judged: &Judged, news: &New) {
     let Judged { report, times, .. } = judged;
     label.line(format_args!(
         "{} (checked in {})",

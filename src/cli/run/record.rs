@@ -2,10 +2,10 @@
 
 use crate::cli::number::{at_least_one, bytes, seconds};
 use crate::cli::settings::{named, split};
-use linkwatch::{RecordingOptions, RecordingTool, Retention};
+use linkwatch::{RecordingOptions, Retention};
 
 /// Settings of a recording.
-const SETTINGS: [&str; 6] = ["every", "window", "memory", "max", "keep", "for"];
+const SETTINGS: [&str; 4] = ["every", "window", "memory", "max"];
 
 /// Parses `FILE.mcap,every=10,..`.
 pub fn recording(text: &str) -> Result<RecordingOptions, String> {
@@ -17,13 +17,7 @@ pub fn recording(text: &str) -> Result<RecordingOptions, String> {
             "every" => every = Some(named(key, at_least_one(value))?),
             "window" => window = Some(named(key, seconds(value))?),
             "memory" => memory = Some(named(key, bytes(value))?),
-            "max" => options.max_bytes = Some(named(key, file_bytes(value))?),
-            "keep" => options.keep_files = Some(named(key, at_least_one(value))?),
-            _ => {
-                for tool in value.split('+') {
-                    options.tools.insert(named(key, tool_of(tool))?);
-                }
-            }
+            _ => options.max_bytes = Some(named(key, file_bytes(value))?),
         }
     }
     options.retention = match (every, window) {
@@ -38,19 +32,7 @@ pub fn recording(text: &str) -> Result<RecordingOptions, String> {
     if memory.is_some() && window.is_none() {
         return Err("memory needs window".into());
     }
-    if options.keep_files.is_some() && options.max_bytes.is_none() {
-        return Err("keep needs max".into());
-    }
     Ok(options)
-}
-
-/// Parses a tool that draws recordings by itself.
-fn tool_of(text: &str) -> Result<RecordingTool, String> {
-    match text {
-        "foxglove" => Ok(RecordingTool::Foxglove),
-        "rerun" => Ok(RecordingTool::Rerun),
-        _ => Err("expected foxglove, rerun or foxglove+rerun".into()),
-    }
 }
 
 /// Parses the maximum size of a file.
@@ -68,7 +50,7 @@ mod tests {
 
     #[test]
     fn a_recording_has_the_settings_that_follow_its_file() {
-        let text = "a,b.mcap,window=2,memory=1MiB,max=5MB,keep=3,for=rerun+foxglove";
+        let text = "a,b.mcap,window=2,memory=1MiB,max=5MB";
         let options = recording(text).unwrap();
         assert_eq!(options.path.to_str(), Some("a,b.mcap"));
         let window = Retention::Window {
@@ -77,15 +59,13 @@ mod tests {
         };
         assert_eq!(options.retention, window);
         assert_eq!(options.max_bytes, Some(5_000_000));
-        assert_eq!(options.keep_files.map(u64::from), Some(3));
-        assert_eq!(options.tools.len(), 2);
         for (bad, word) in [
             ("run.mcap,every=0", "every: expected an integer"),
             ("run.mcap,every=2,window=1", "exclude each other"),
             ("run.mcap,memory=1GB", "memory needs window"),
-            ("run.mcap,keep=2", "keep needs max"),
+            ("run.mcap,keep=2", "no setting 'keep'"),
             ("run.mcap,max=1kB", "at least 1MB"),
-            ("run.mcap,for=paraview", "expected foxglove, rerun"),
+            ("run.mcap,for=rerun", "no setting 'for'"),
         ] {
             let error = recording(bad).unwrap_err();
             assert!(error.contains(word), "{bad}: {error}");

@@ -5,10 +5,9 @@ use crate::cli::cell_args::{CellArgs, KEEP_OPEN};
 use crate::cli::clearance_args::{self, ClearanceArgs};
 use crate::cli::event_args::EventArgs;
 use crate::cli::files::{Files, Overwrite};
-use linkwatch::{
-    AbortOn, BaselineRecord, Braids, Certificate, ClearanceOptions, Error, Events, Result,
-    SessionOptions,
-};
+#[cfg(feature = "mcap")]
+use linkwatch::Events;
+use linkwatch::{AbortOn, BaselineRecord, Braids, Certificate, Error, Result, SessionOptions};
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::str::FromStr;
@@ -61,8 +60,75 @@ impl Judge {
         files
     }
 
+    /// Returns these options, with those of a recorded run where the user gives none.
+    #[cfg(feature = "mcap")]
+    pub fn or_recorded(&self, metadata: &BTreeMap<String, String>) -> Result<Judge> {
+        let mut judge = self.clone();
+        let text = |key: &str| metadata.get(key).map(String::as_str);
+        let policy = text("abort_on").and_then(|policy| policy.parse().ok());
+        let abort_on = self.abort_on.or(policy).unwrap_or_default();
+        judge.abort_on = Some(abort_on);
+        let given = &mut judge.event_args;
+        let events = text("events").and_then(|events| events.parse().ok());
+        given.events = given.events.or(events).or(Some(Events::Off));
+        given.motion_limit = given.motion_limit.or(Some(recorded_limit(metadata)));
+        if given.events(abort_on) == Events::Off {
+            // A limit needs a search.
+            given.motion_limit = None;
+        }
+        judge.clearance_args = self.clearance_args.or_recorded(metadata);
+        judge.braid_args = judge.braid_args.or_recorded(metadata)?;
+        judge.cell_args.keep_open |= metadata.contains_key(KEEP_OPEN);
+        Ok(judge)
+    }
+
+    /// Returns the options that differ from those of a recorded run, so that verdicts may differ.
+    #[cfg(feature = "mcap")]
+    pub fn differing(&self, metadata: &BTreeMap<String, String>) -> Result<Vec<&'static str>> {
+        let now = self.or_recorded(metadata)?;
+        let then = Judge {
+            abort_on: None,
+            event_args: EventArgs::default(),
+            clearance_args: ClearanceArgs::default(),
+            braid_args: BraidArgs::default(),
+            cell_args: CellArgs::default(),
+            ..self.clone()
+        };
+        let then = then.or_recorded(metadata)?;
+        let limit = self.event_args.motion_limit;
+        let braids = now.braid_args.braids()? != then.braid_args.braids()?;
+        let clearance = now.clearance_args != then.clearance_args;
+        let stops_at_clearance = now.abort_on == Some(AbortOn::Clearance);
+        let is_stricter = |pairs: usize| pairs < SessionOptions::MAX_PAIRS;
+        let options = [
+            ("--abort-on", now.abort_on != then.abort_on),
+            ("--baseline", self.baseline.is_some()),
+            ("--braid", braids),
+            ("--cell or --wrapped", self.cell_args.are_given()),
+            (
+                "--keep-open",
+                now.cell_args.keep_open != then.cell_args.keep_open,
+            ),
+            ("--events", now.event_args.events != then.event_args.events),
+            ("--max-pairs", self.max_pairs.is_some_and(is_stricter)),
+            (
+                "--motion-limit",
+                limit.is_some_and(|limit| limit != recorded_limit(metadata)),
+            ),
+            (
+                "--radius or --min-clearance",
+                stops_at_clearance && clearance,
+            ),
+        ];
+        let differing = options.into_iter().filter(|(_, differs)| *differs);
+        Ok(differing.map(|(option, _)| option).collect())
+    }
+
     /// Returns the baseline, unless it is the first frame.
-    pub(super) fn baseline(&self, recorded: &mut Recorded) -> Result<Option<BaselineRecord>> {
+    pub(super) fn baseline(
+        &self,
+        recorded: Option<BaselineRecord>,
+    ) -> Result<Option<BaselineRecord>> {
         Ok(match &self.baseline {
             Some(Baseline::File(path)) => Some(BaselineRecord {
                 certificate: Arc::new(Certificate::read(path)?),
@@ -71,7 +137,7 @@ impl Judge {
                 unverified: 0,
             }),
             Some(Baseline::FirstFrame) => None,
-            None => recorded.baseline.take(),
+            None => recorded,
         })
     }
 
@@ -79,29 +145,26 @@ impl Judge {
     /// recording.
     pub(super) fn options(
         &self,
-        recorded: Recorded,
         metadata: &mut BTreeMap<String, String>,
     ) -> Result<SessionOptions> {
         let abort_on = self.abort_on.unwrap_or_default();
         metadata.insert("abort_on".into(), abort_on.to_string());
-        let default = (Events::Between, SessionOptions::MOTION_LIMIT);
-        let (default_events, default_limit) = recorded.events.unwrap_or(default);
-        let events = self.event_args.events(abort_on, default_events);
+        let events = self.event_args.events(abort_on);
         metadata.insert("events".into(), events.to_string());
-        let given_limit = self.event_args.motion_limit;
-        let limit = given_limit.unwrap_or(default_limit);
-        metadata.insert(MOTION_LIMIT.into(), limit.to_string());
-        if self.cell_args.keep_open() {
+        let limit = self.event_args.motion_limit;
+        let known = limit.unwrap_or(SessionOptions::MOTION_LIMIT);
+        metadata.insert(MOTION_LIMIT.into(), known.to_string());
+        if self.cell_args.keep_open {
             metadata.insert(KEEP_OPEN.into(), "true".into());
         }
-        let clearance = self.clearance_args.options(recorded.clearance)?;
+        let clearance = self.clearance_args.options()?;
         if let Some(clearance) = &clearance {
             clearance_args::write(clearance, metadata);
         } else if abort_on == AbortOn::Clearance {
             let why = "--abort-on clearance needs --radius";
             return Err(Error::Usage(why.into()));
         }
-        let braids = self.braid_args.braids(recorded.braids)?;
+        let braids = self.braid_args.braids()?;
         if let Some(braids) = &braids {
             braid_args::write(braids, metadata);
         }
@@ -116,29 +179,21 @@ impl Judge {
             braids,
             cell: self.cell_args.given(),
             ignore_cell: self.cell_args.ignores_cells(),
-            wrapped: self.cell_args.wrapped(),
-            keep_open: self.cell_args.keep_open(),
+            wrapped: self.cell_args.wrapped,
+            keep_open: self.cell_args.keep_open,
             max_pairs: self.max_pairs.unwrap_or(SessionOptions::MAX_PAIRS),
-            motion_limit: match (events, recorded.events) {
-                // A limit needs a search. A replay without one ignores it, since it may come from
-                // the recording; another run passes it on, so that it is refused.
-                (Events::Off, Some(_)) => None,
-                (Events::Off, None) => given_limit,
-                _ => Some(limit),
-            },
+            motion_limit: limit,
             ..SessionOptions::default()
         })
     }
 }
 
-/// Settings of a recording. They apply if the user gives none.
-#[derive(Default)]
-pub struct Recorded {
-    pub baseline: Option<BaselineRecord>,
-    /// Events and motion limit.
-    pub events: Option<(Events, f64)>,
-    pub clearance: Option<ClearanceOptions>,
-    pub braids: Option<Braids>,
+/// Returns the motion limit of a recorded run. Earlier versions had none.
+#[cfg(feature = "mcap")]
+fn recorded_limit(metadata: &BTreeMap<String, String>) -> f64 {
+    let limit = metadata.get(MOTION_LIMIT);
+    let limit = limit.and_then(|limit| limit.parse().ok());
+    limit.unwrap_or(f64::INFINITY)
 }
 
 /// Source of the expected linking numbers.

@@ -12,7 +12,7 @@ use crate::cli::files::{Files, Overwrite};
 use linkwatch::RecordingOptions;
 use linkwatch::{ClearanceOptions, Overflow, Result, SinkQueue};
 use std::collections::BTreeMap;
-#[cfg(any(feature = "bus", feature = "mcap"))]
+#[cfg(feature = "bus")]
 use std::path::Path;
 
 /// Maximum number of frames that wait for a sink.
@@ -36,9 +36,7 @@ pub struct Sinks {
     /// then they wait in memory (memory=SIZE, 1GiB unless given; the oldest ones are dropped beyond
     /// it, and the summary says so). Without a violation there is no file.
     /// max=SIZE: begin another file before the recording exceeds this size, at least 1MB
-    /// (`run-part2.mcap`, ..). Each one can be replayed without the others; keep=K keeps the last K
-    /// and the one with the first violation.
-    /// for=foxglove, rerun or foxglove+rerun: add messages that these tools draw by themselves
+    /// (`run-part2.mcap`, ..). Each one can be replayed without the others
     #[cfg(feature = "mcap")]
     #[arg(long, value_name = "FILE.mcap[,..]", value_parser = recording)]
     record: Option<RecordingOptions>,
@@ -46,10 +44,9 @@ pub struct Sinks {
     ///
     /// `live` in the viewer (an installed `rerun`), `web` or `web:PORT` in a browser on this
     /// machine, FILE.rrd in a file for the viewer, HOST:PORT or a URL in a running viewer. Settings
-    /// follow: `run.rrd,every=10,only=violated` shows the curves of every 10th frame, and
-    /// of each frame whose verdict is not intact or differs from the previous one (plots and log
-    /// have all frames), and only the curves that took part in a finding so far, and their
-    /// neighbours. `web` starts an installed `rerun` as a server, which stays when the run ends,
+    /// follow: `run.rrd,every=10` shows the curves of every 10th frame, and of each frame whose
+    /// verdict is not intact or differs from the previous one (plots and log have all frames).
+    /// `web` starts an installed `rerun` as a server, which stays when the run ends,
     /// and prints the address; port 9090 and the next one unless given
     #[arg(long, value_name = "WHERE[,..]")]
     show: Option<Show>,
@@ -67,24 +64,6 @@ impl Sinks {
         self.show.as_ref().map_or(Ok(()), |s| s.check_files(files))
     }
 
-    /// Returns true if there is an output.
-    #[cfg(feature = "mcap")]
-    pub fn are_used(&self) -> bool {
-        self.record.is_some() || self.show.is_some()
-    }
-
-    /// Returns these sinks with a suffix in the names of their files.
-    #[cfg(feature = "bus")]
-    pub fn with_suffix(&self, suffix: &str) -> Sinks {
-        let mut sinks = self.clone();
-        #[cfg(feature = "mcap")]
-        if let Some(record) = &mut sinks.record {
-            record.path = with_suffix(&record.path, suffix);
-        }
-        sinks.show = sinks.show.map(|show| show.with_suffix(suffix));
-        sinks
-    }
-
     /// Returns the sinks of a later run, and their number: the next one for which no file exists
     /// that may not be overwritten.
     ///
@@ -92,8 +71,12 @@ impl Sinks {
     #[cfg(feature = "bus")]
     pub fn numbered(&self, mut number: u64, files: &Files) -> (Sinks, u64) {
         loop {
-            let mut sinks = self.with_suffix(&number.to_string());
-            sinks.show = sinks.show.map(Show::later);
+            let (mut sinks, suffix) = (self.clone(), number.to_string());
+            #[cfg(feature = "mcap")]
+            if let Some(record) = &mut sinks.record {
+                record.path = with_suffix(&record.path, &suffix);
+            }
+            sinks.show = sinks.show.map(|show| show.with_suffix(&suffix).later());
             if sinks.paths().iter().all(|path| files.is_free(path)) {
                 return (sinks, number);
             }
@@ -102,7 +85,7 @@ impl Sinks {
     }
 
     /// Returns the output files.
-    #[cfg(any(feature = "bus", feature = "mcap"))]
+    #[cfg(feature = "bus")]
     pub fn paths(&self) -> Vec<&Path> {
         let files: &[Option<&Path>] = &[
             #[cfg(feature = "mcap")]

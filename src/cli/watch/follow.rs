@@ -1,6 +1,6 @@
 //! Follows one service: verifies its simulators, one after another.
 
-use super::checker::{Checker, Work};
+use super::checker::judge;
 use super::closer::Closer;
 use super::state::{Earlier, State};
 use super::{Args, PATIENCE, result};
@@ -8,7 +8,7 @@ use crate::cli::files::Files;
 use crate::cli::label::Label;
 use crate::cli::metrics::ServiceMetrics;
 use crate::cli::output::{percent, plural};
-use crate::cli::run::{FrameCounts, Judge, Recorded, Run, Setup, Sinks};
+use crate::cli::run::{FrameCounts, Judge, Run, Setup, Sinks};
 use crate::cli::signals::TICK;
 use crate::cli::{Outcome, services};
 use linkwatch::{
@@ -26,27 +26,20 @@ const HINT: Duration = Duration::from_secs(5);
 /// still there.
 const GONE: Duration = Duration::from_secs(1);
 
-/// Settings and state of a watch of one service.
+/// Settings and state of a watch.
 pub struct Follower<'a> {
     pub args: &'a Args,
     pub json: bool,
     /// Set by a signal, which ends the watch.
     pub stop: &'a AtomicBool,
-    pub service: &'a str,
     pub judge: &'a Judge,
-    /// Sinks, without the number of a session.
-    pub sinks: Sinks,
     /// Inputs of the command, and the outputs of all first sessions.
     pub files: Files,
-    /// Label of the service, without a session.
-    pub label: Label,
     pub metrics: ServiceMetrics,
     /// State for the next process (`--state`).
     pub state: State,
     /// Number of simulators that connected.
     pub sessions: u64,
-    /// Number in the file names of the last session.
-    pub file_number: u64,
     /// Last warning about an unreadable message.
     pub unreadable: String,
     /// True if messages were lost that belong to no session so far.
@@ -80,8 +73,8 @@ impl Follower<'_> {
     /// Prepares a session.
     fn session(&self, number: u64, sinks: &Sinks, files: Files) -> Result<Box<Run>> {
         let title = match number {
-            1 => self.service.to_owned(),
-            n => format!("{}, session {n}", self.service),
+            1 => self.args.service.clone(),
+            n => format!("{}, session {n}", self.args.service),
         };
         let session = Run::new(Setup {
             judge: self.judge,
@@ -93,29 +86,25 @@ impl Follower<'_> {
             models: false,
             live: true,
             from_now: self.args.from_now,
-            recorded: Recorded::default(),
+            baseline: None,
             title: &title,
-            metadata: BTreeMap::from([("service".to_owned(), self.service.to_owned())]),
+            metadata: BTreeMap::from([("service".to_owned(), self.args.service.clone())]),
             overflow: Overflow::Wait(PATIENCE),
             json: self.json,
         })?;
-        let session = session.labelled(self.label_of(number));
+        let session = session.labelled(self.label(number));
         Ok(Box::new(session.measured(&self.metrics)))
     }
 
     /// Returns the label of a session.
-    fn label_of(&self, number: u64) -> Label {
-        Label {
-            session: self.args.keep_watching.then_some(number),
-            ..self.label.clone()
-        }
+    fn label(&self, number: u64) -> Label {
+        Label(self.args.keep_watching.then_some(number))
     }
 
     /// Prepares a session after the first one. Its files get a number that is free.
     fn next(&mut self) -> Result<Box<Run>> {
-        let wanted = self.sessions.max(self.file_number + 1);
-        let (sinks, number) = self.sinks.numbered(wanted, &self.files);
-        self.file_number = number;
+        let wanted = self.sessions.max(self.state.note.file_number + 1);
+        let (sinks, number) = self.args.sinks.numbered(wanted, &self.files);
         self.state.begin_files(number)?;
         announce_files(self.sessions, &sinks);
         self.session(self.sessions, &sinks, self.files.clone())
@@ -123,8 +112,7 @@ impl Follower<'_> {
 
     /// Follows the service until its simulator ends, or with --keep-watching until a signal.
     pub fn follow(mut self, mut sidecar: Sidecar, first: Box<Run>) -> Result<Outcome> {
-        let checker = Checker::start()?;
-        let mut closer = Closer::new(self.state.outcome());
+        let mut closer = Closer::new(self.state.note.outcome);
         let mut first = Some(first);
         loop {
             let met = self.wait_for_simulator(&mut sidecar);
@@ -142,7 +130,7 @@ impl Follower<'_> {
             };
             let session = match first.take() {
                 // Not the expected session if another simulator came than before a restart.
-                Some(session) => Ok(Box::new(session.labelled(self.label_of(self.sessions)))),
+                Some(session) => Ok(Box::new(session.labelled(self.label(self.sessions)))),
                 None => self.next(),
             };
             let mut session = match session {
@@ -158,7 +146,7 @@ impl Follower<'_> {
                 session.data_lost();
             }
             self.take_up(&mut session, &mut sidecar, id)?;
-            let (mut session, ended) = self.verify(session, &mut sidecar, &checker);
+            let ended = self.verify(&mut session, &mut sidecar);
             self.metrics.disconnected();
             let counters = match &ended {
                 Ok(End::Simulator(counters) | End::Signal(counters)) => *counters,
@@ -194,10 +182,8 @@ impl Follower<'_> {
             }
             session.live().clear();
             closer.close(session, tally)?;
-            tracing::info!(
-                "waiting for the next simulator on service '{}'",
-                self.service
-            );
+            let service = &self.args.service;
+            tracing::info!("waiting for the next simulator on service '{service}'");
         }
     }
 
@@ -305,7 +291,7 @@ impl Follower<'_> {
             if !hinted && (given_up.is_some() || start.elapsed() > HINT) {
                 hinted = true;
                 let waited = given_up.unwrap_or(HINT).as_secs_f64();
-                services::hint(self.service, &format!("{waited} s"));
+                services::hint(&self.args.service, &format!("{waited} s"));
             }
             if given_up.is_some() {
                 tracing::warn!("no simulator connected within the limit of --wait");
@@ -313,7 +299,7 @@ impl Follower<'_> {
             }
             if interrupted.is_some() && !self.args.keep_watching && looked.elapsed() > GONE {
                 looked = Instant::now();
-                if !services::may_have_simulator(self.service)? {
+                if !services::may_have_simulator(&self.args.service)? {
                     tracing::warn!(
                         "the simulator ended before the watch could continue; its last frames were \
                          not verified"
@@ -325,52 +311,32 @@ impl Follower<'_> {
     }
 
     /// Verifies the frames of a simulator until it ends.
-    fn verify(
-        &mut self,
-        mut session: Box<Run>,
-        sidecar: &mut Sidecar,
-        checker: &Checker,
-    ) -> (Box<Run>, Result<End>) {
+    fn verify(&mut self, session: &mut Run, sidecar: &mut Sidecar) -> Result<End> {
         // Receipt of the last frame, and the time at which this thread had finished it.
         let mut last: Option<[Instant; 2]> = None;
         let mut labels = LastLabels::default();
         loop {
             if self.is_stopped() {
                 tracing::info!("stopped by a signal");
-                return (session, Ok(End::Signal(sidecar.counters())));
+                return Ok(End::Signal(sidecar.counters()));
             }
-            let event = match sidecar.wait(TICK) {
-                Ok(event) => event,
-                Err(e) => return (session, Err(e)),
-            };
-            match event {
+            match sidecar.wait(TICK)? {
                 Event::Frame(frame) => {
                     let received = Instant::now();
                     let (seq, time) = (frame.seq(), frame.time());
-                    let at = (seq, time);
-                    let noted = self.state.begin_frame(sidecar.state(), at, frame.cuts());
-                    if let Err(e) = noted {
-                        return (session, Err(e));
-                    }
+                    let (state, cuts) = (sidecar.state(), frame.cuts());
+                    self.state.begin_frame(state, (seq, time), cuts)?;
                     let ingested = match frame.info(&mut labels) {
                         Ok(info) => session.ingest(info, |receive| frame.read(receive)),
                         Err(why) => Received::new(FrameInfo::at(seq, time), Err(why)),
                     };
                     // Returns the memory to the simulator.
                     drop(frame);
-                    let quick = session.is_quick(&ingested);
-                    let work = Work {
-                        session,
-                        seq,
-                        frame: ingested,
-                    };
-                    let judged;
-                    (session, judged) = match quick {
-                        true => work.judge(),
-                        false => checker.judge(work, || sidecar.heartbeat(), self.stop),
+                    let judged = match session.is_quick(&ingested) {
+                        true => session.judge(ingested),
+                        false => judge(session, ingested, || sidecar.heartbeat(), self.stop),
                     };
                     let mut judged = match judged {
-                        Ok(judged) => judged,
                         Err(Error::Cancelled) => {
                             sidecar.skip();
                             tracing::info!(
@@ -378,25 +344,22 @@ impl Follower<'_> {
                             );
                             // The next process does not answer it: it did not crash this one.
                             let state = sidecar.state();
-                            let noted = self.state.end_frame(state, None, Outcome::Fine);
-                            let end = noted.map(|()| End::Signal(sidecar.counters()));
-                            return (session, end);
+                            self.state.end_frame(state, None, Outcome::Fine)?;
+                            return Ok(End::Signal(sidecar.counters()));
                         }
-                        Err(e) => return (session, Err(e)),
+                        judged => judged?,
                     };
                     // Before the verdict: the next process must expect what this one answered for.
                     if session.changes_baseline(&judged) {
                         session.note_baseline(&judged, tally(sidecar.counters()));
-                        if let Err(e) = self.state.keep(|| session.state()) {
-                            return (session, Err(e));
-                        }
+                        self.state.keep(|| session.state())?;
                     }
                     if let Some(recovered) = session.recovered_by(&judged) {
                         sidecar.withdraw_abort(recovered);
                     }
                     let sending = Instant::now();
                     let sent = sidecar.send_verdict(&judged.report, judged.times.check());
-                    let noted = self.note(sidecar, &judged.report, &session);
+                    let noted = self.note(sidecar, &judged.report, session);
                     judged.latency = Some(received.elapsed());
                     judged.times.live = last.map(|[previous, finished]| LiveTimes {
                         interval: received - previous,
@@ -404,9 +367,7 @@ impl Follower<'_> {
                         send: sending.elapsed(),
                     });
                     session.publish(judged, tally(sidecar.counters()));
-                    if let Err(e) = sent.and(noted) {
-                        return (session, Err(e));
-                    }
+                    sent.and(noted)?;
                     last = Some([received, Instant::now()]);
                 }
                 Event::Unreadable(why) => {
@@ -427,7 +388,7 @@ impl Follower<'_> {
                     }
                     let frames = plural(published, "frame");
                     tracing::info!("the simulator ended after {frames}");
-                    return (session, Ok(End::Simulator(counters)));
+                    return Ok(End::Simulator(counters));
                 }
                 Event::SimulatorLost { counters, .. } => {
                     tracing::warn!(
@@ -435,7 +396,7 @@ impl Follower<'_> {
                          lost, and its own log may say why"
                     );
                     session.data_lost();
-                    return (session, Ok(End::Simulator(counters)));
+                    return Ok(End::Simulator(counters));
                 }
                 // A session begins only after the end of the previous one.
                 Event::NewSession { .. } | Event::Idle => {}

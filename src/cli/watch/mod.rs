@@ -8,18 +8,14 @@ mod state;
 use self::follow::Follower;
 use self::state::State;
 use super::Outcome;
-use super::files::with_suffix;
-use super::label::Label;
-use super::metrics::{Metrics, MetricsArgs};
+use super::metrics::{MetricsArgs, ServiceMetrics};
 use super::number::{seconds, share};
 use super::output;
-use super::run::{Judge, Run, Sinks};
+use super::run::{Judge, Sinks};
 use super::signals::stop_on_signals;
 use linkwatch::{AbortOn, Error, Overflow, Result, Sidecar, SidecarOptions};
 use std::path::PathBuf;
-use std::sync::atomic::AtomicBool;
 use std::time::Duration;
-use tracing::Span;
 
 /// Maximum total time that a sink or standard output may delay verdicts until it has caught up.
 /// After that, frames or lines are dropped and counted.
@@ -31,12 +27,11 @@ const PATIENCE: Duration = Duration::from_millis(500);
 /// session.
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// Service of the simulator; may be repeated
+    /// Service of the simulator
     ///
-    /// `linkwatch services` lists the live ones. Given several times, all of them are watched, each
-    /// with its own baseline and output files (`run-NAME.mcap`)
+    /// `linkwatch services` lists the live ones. Each needs a watch of its own
     #[arg(long, help_heading = super::WATCH, value_name = "NAME", default_value = "linkwatch")]
-    service: Vec<String>,
+    service: String,
     /// Give up if no simulator connects within this time
     #[arg(long, help_heading = super::WATCH, value_name = "SECONDS", value_parser = seconds)]
     wait: Option<Duration>,
@@ -52,8 +47,7 @@ pub struct Args {
     /// The state of the watch is written to it and to FILE.session: after a crash or a signal, the
     /// next watch with the same option expects what this one did. A frame that was being verified
     /// is not verified again: the simulator gets the answer that its verdict is unknown. The output
-    /// files are numbered then (`run-2.mcap`, ..). The files are removed when the simulation ends.
-    /// With several services each has its own (`watch-NAME.state`)
+    /// files are numbered then (`run-2.mcap`, ..). The files are removed when the simulation ends
     #[arg(long, help_heading = super::WATCH, value_name = "FILE")]
     state: Option<PathBuf>,
     /// Send nothing to the simulator
@@ -82,32 +76,8 @@ pub struct Args {
     metrics: MetricsArgs,
 }
 
-/// A watch of one service, ready to start.
-struct Watch<'a> {
-    /// Labels log messages with the service, if there are several.
-    span: Span,
-    follower: Follower<'a>,
-    first: Box<Run>,
-    sidecar: Sidecar,
-}
-
-impl Watch<'_> {
-    /// Follows the service to the end of the watch.
-    fn run(self) -> Result<Outcome> {
-        let _entered = self.span.entered();
-        self.follower.follow(self.sidecar, self.first)
-    }
-}
-
 /// Runs the command.
 pub fn run(args: &Args, json: bool) -> Result<Outcome> {
-    for (k, service) in args.service.iter().enumerate() {
-        if args.service[..k].contains(service) {
-            return Err(Error::Usage(format!(
-                "--service '{service}' is given twice"
-            )));
-        }
-    }
     let stop = stop_on_signals()?;
     output::detach(Overflow::Wait(PATIENCE))?;
     let mut judge = args.judge.clone();
@@ -115,138 +85,50 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         // Reports and recordings must not claim an abort that is never sent.
         judge.abort_on = Some(AbortOn::Never);
     }
-    let metrics = args.metrics.serve(&args.service)?;
-    let watches = open(args, json, &judge, &metrics, &stop)?;
-    if args.service.len() == 1 {
-        return watches
-            .into_iter()
-            .map(Watch::run)
-            .collect::<Result<_>>()
-            .map(worst);
-    }
-    std::thread::scope(|scope| {
-        let mut threads = Vec::new();
-        for watch in watches {
-            let run = || {
-                let span = watch.span.clone();
-                let outcome = watch.run();
-                if let Err(e) = &outcome {
-                    // The other services are still watched.
-                    span.in_scope(|| tracing::error!("the watch of this service ended: {e}"));
-                }
-                outcome
-            };
-            let thread = std::thread::Builder::new().name("linkwatch-watch".into());
-            threads.push(thread.spawn_scoped(scope, run)?);
-        }
-        let mut outcomes = Vec::new();
-        let mut failed = None;
-        for thread in threads {
-            match thread.join() {
-                Ok(Ok(outcome)) => outcomes.push(outcome),
-                Ok(Err(e)) => {
-                    failed.get_or_insert(e);
-                }
-                Err(panic) => std::panic::resume_unwind(panic),
-            }
-        }
-        result(worst(outcomes), failed)
-    })
-}
-
-/// Opens all services and their outputs. Fails before any of them is watched.
-fn open<'a>(
-    args: &'a Args,
-    json: bool,
-    judge: &'a Judge,
-    metrics: &Metrics,
-    stop: &'a AtomicBool,
-) -> Result<Vec<Watch<'a>>> {
-    let several = args.service.len() > 1;
+    let metrics = ServiceMetrics::new(&args.service);
+    let _server = args.metrics.serve(&metrics)?;
     let inputs = judge.files(args.sinks.overwrite);
     let mut files = inputs.clone();
-    let mut outputs = Vec::new();
-    for service in &args.service {
-        let path = args.state.as_deref().map(|path| match several {
-            true => with_suffix(path, service),
-            false => path.to_owned(),
-        });
-        let mut state = State::open(path.as_deref(), &format!("{judge:?}"))?;
-        let sinks = match several {
-            true => args.sinks.with_suffix(service),
-            false => args.sinks.clone(),
-        };
-        let (first, number) = match state.file_number() {
-            0 => (sinks.clone(), 1),
-            n => sinks.numbered(n + 1, &files),
-        };
-        first.check_files(&mut files)?;
-        state.begin_files(number)?;
-        outputs.push((sinks, first, state));
-    }
-    let mut ready = Vec::new();
-    for (service, (sinks, first, state)) in args.service.iter().zip(outputs) {
-        let span = match several {
-            true => tracing::error_span!("watch", service = %service),
-            false => Span::none(),
-        };
-        let metrics = metrics.service(service);
-        metrics.restarted(state.restarts());
-        let follower = Follower {
-            sessions: state.sessions(),
-            file_number: state.file_number(),
-            state,
-            args,
-            json,
-            stop,
-            service,
-            judge,
-            sinks,
-            files: files.clone(),
-            label: Label {
-                service: several.then(|| service.as_str().into()),
-                session: None,
-            },
-            metrics,
-            unreadable: String::new(),
-            lost: false,
-            failed: None,
-        };
-        // Opened before simulators see the watcher, because a viewer may take a while to open.
-        let first = span.in_scope(|| follower.first(&first, inputs.clone()))?;
-        ready.push((span, follower, first));
-    }
+    let mut state = State::open(args.state.as_deref(), &format!("{judge:?}"))?;
+    metrics.restarted(state.note.restarts);
+    let (sinks, number) = match state.note.file_number {
+        0 => (args.sinks.clone(), 1),
+        n => args.sinks.numbered(n + 1, &files),
+    };
+    sinks.check_files(&mut files)?;
+    state.begin_files(number)?;
+    let follower = Follower {
+        sessions: state.note.sessions,
+        state,
+        args,
+        json,
+        stop: &stop,
+        judge: &judge,
+        files,
+        metrics,
+        unreadable: String::new(),
+        lost: false,
+        failed: None,
+    };
+    // Opened before simulators see the watcher, because a viewer may take a while to open.
+    let first = follower.first(&sinks, inputs)?;
     let mut options = SidecarOptions::default();
     options.observe = args.observe;
     options.from_now = args.from_now;
-    let open = |(span, follower, first): (Span, Follower<'a>, Box<Run>)| {
-        let service = follower.service;
-        let mut sidecar = Sidecar::open(service, &options)?;
-        if let Some(state) = follower.state.interrupted() {
-            sidecar.resume(state);
-        }
-        span.in_scope(|| match args.observe {
-            true => tracing::info!(
-                "waiting for a simulator on service '{service}'; nothing is sent to it"
-            ),
-            false => tracing::info!("waiting for a simulator on service '{service}'"),
-        });
-        Ok(Watch {
-            span,
-            follower,
-            first,
-            sidecar,
-        })
+    let mut sidecar = Sidecar::open(&args.service, &options)?;
+    if let Some(state) = follower.state.interrupted() {
+        sidecar.resume(state);
+    }
+    let observes = match args.observe {
+        true => "; nothing is sent to it",
+        false => "",
     };
-    ready.into_iter().map(open).collect()
+    let service = &args.service;
+    tracing::info!("waiting for a simulator on service '{service}'{observes}");
+    follower.follow(sidecar, first)
 }
 
-/// Returns the worst outcome.
-fn worst(outcomes: Vec<Outcome>) -> Outcome {
-    outcomes.into_iter().max().unwrap_or(Outcome::Fine)
-}
-
-/// Returns the result of several sessions or services. A changed topology is worse than an error.
+/// Returns the result of several sessions. A changed topology is worse than an error.
 fn result(worst: Outcome, failed: Option<Error>) -> Result<Outcome> {
     match failed {
         Some(e) if worst < Outcome::Changed => Err(e),

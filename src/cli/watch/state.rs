@@ -2,8 +2,8 @@
 //!
 //! There are two files. FILE has a note of fixed size, which is written before and after each
 //! frame. FILE.session has the session: it is replaced before the verdict on a frame that changed
-//! the baseline, after a signal, and else at most once a second, in a thread of its own. Both are
-//! removed when the watch ends by itself.
+//! the baseline, after a signal, and else after a verdict, at most once a second. Both are removed
+//! when the watch ends by itself.
 
 use crate::cli::Outcome;
 use crate::cli::run::RunState;
@@ -14,8 +14,6 @@ use std::fs::{File, TryLockError};
 use std::hash::{DefaultHasher, Hash, Hasher};
 use std::io::{Read, Seek, Write};
 use std::path::{Path, PathBuf};
-use std::sync::mpsc::{SyncSender, sync_channel};
-use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 /// First bytes of a note. They change with its format.
@@ -37,7 +35,7 @@ const STOPPED: &str =
 
 /// Note of a watch.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
-struct Note {
+pub struct Note {
     /// Fingerprint of the settings on which verdicts depend.
     settings: u64,
     /// The simulator that is watched, once it has sent a frame.
@@ -50,15 +48,16 @@ struct Note {
     cuts: u32,
     /// Last frame that is known to be intact.
     last_intact: Option<u64>,
-    /// Worst outcome so far.
-    outcome: Outcome,
+    /// Worst outcome so far: at first that of the earlier processes.
+    pub outcome: Outcome,
     /// True if a signal stopped the watch.
     stopped: bool,
     /// Number of processes before this one that were stopped or crashed.
-    restarts: u64,
-    /// Number of simulators so far, and the number in the names of the last files.
-    sessions: u64,
-    file_number: u64,
+    pub restarts: u64,
+    /// Number of simulators so far, and the number in the names of the last files; 0 if there are
+    /// none.
+    pub sessions: u64,
+    pub file_number: u64,
 }
 
 /// A session that an earlier process watched.
@@ -72,7 +71,7 @@ pub struct Earlier {
 /// State of the watch of one service. Without `--state` nothing is written.
 pub struct State {
     files: Option<Files>,
-    note: Note,
+    pub note: Note,
     /// Note of the earlier process, until its session was continued.
     earlier: Option<Note>,
 }
@@ -81,8 +80,6 @@ struct Files {
     path: PathBuf,
     note: File,
     session: PathBuf,
-    /// `None` until a state is written from time to time.
-    writer: Option<Writer>,
     written: Instant,
 }
 
@@ -123,7 +120,6 @@ impl State {
             files: Some(Files {
                 path: path.to_owned(),
                 note: file,
-                writer: None,
                 session,
                 written: Instant::now(),
             }),
@@ -149,30 +145,9 @@ impl State {
         Ok(state)
     }
 
-    /// Returns the worst outcome so far: at first that of the earlier processes.
-    pub fn outcome(&self) -> Outcome {
-        self.note.outcome
-    }
-
     /// Returns true if there was an earlier process.
     pub fn is_restart(&self) -> bool {
         self.earlier.is_some()
-    }
-
-    /// Returns the number of earlier processes.
-    pub fn restarts(&self) -> u64 {
-        self.note.restarts
-    }
-
-    /// Returns the number of sessions that began in earlier processes.
-    pub fn sessions(&self) -> u64 {
-        self.note.sessions
-    }
-
-    /// Returns the number in the names of the last files of earlier processes; 0 if there were
-    /// none.
-    pub fn file_number(&self) -> u64 {
-        self.note.file_number
     }
 
     /// Returns the simulator that an earlier process watched when it ended.
@@ -247,30 +222,16 @@ impl State {
         let Some(files) = &mut self.files else {
             return Ok(());
         };
-        // An older state must not replace this one.
-        if let Some(writer) = files.writer.take() {
-            writer.finish();
-        }
         files.written = Instant::now();
         write_session(&files.session, &run())
     }
 
-    /// Writes the state of the session, if the last one is old. Does not wait.
+    /// Writes the state of the session, if the last one is old.
     pub fn keep_from_time_to_time(&mut self, run: impl FnOnce() -> RunState) -> Result<()> {
-        let Some(files) = &mut self.files else {
-            return Ok(());
-        };
-        if files.written.elapsed() < INTERVAL {
-            return Ok(());
+        match &self.files {
+            Some(files) if files.written.elapsed() >= INTERVAL => self.keep(run),
+            _ => Ok(()),
         }
-        let writer = match &mut files.writer {
-            Some(writer) => writer,
-            none => none.insert(Writer::start(&files.session)?),
-        };
-        if writer.to.try_send(run()).is_ok() {
-            files.written = Instant::now();
-        }
-        Ok(())
     }
 
     /// Notes that the session has ended.
@@ -280,7 +241,7 @@ impl State {
         (self.note.verified, self.note.last_intact) = (None, None);
         self.note.outcome = self.note.outcome.max(outcome);
         self.write()?;
-        if let Some(files) = &mut self.files {
+        if let Some(files) = &self.files {
             files.remove_session();
         }
         Ok(())
@@ -296,7 +257,7 @@ impl State {
     /// Removes the files: the watch has ended, and no process continues it.
     pub fn end(&mut self) -> Result<()> {
         match self.files.take() {
-            Some(mut files) => {
+            Some(files) => {
                 // Still there if the simulator of an earlier process did not come again.
                 files.remove_session();
                 std::fs::remove_file(&files.path).map_err(|e| unusable(&files.path, e))
@@ -322,47 +283,11 @@ impl State {
 
 impl Files {
     /// Removes the state of the session.
-    fn remove_session(&mut self) {
-        if let Some(writer) = self.writer.take() {
-            writer.finish();
-        }
+    fn remove_session(&self) {
         // Absent if no frame was verified.
         let _ = std::fs::remove_file(&self.session);
         // Left by a process that was killed while it wrote.
         let _ = std::fs::remove_file(part_of(&self.session));
-    }
-}
-
-/// Thread that writes states of a session, one at a time.
-struct Writer {
-    to: SyncSender<RunState>,
-    thread: JoinHandle<()>,
-}
-
-impl Writer {
-    fn start(path: &Path) -> Result<Writer> {
-        // A state is accepted only if the thread waits for one.
-        let (to, states) = sync_channel::<RunState>(0);
-        let path = path.to_owned();
-        let span = tracing::Span::current();
-        let write = move || {
-            let _entered = span.entered();
-            for state in states {
-                if let Err(e) = write_session(&path, &state) {
-                    tracing::error!("{e}");
-                }
-            }
-        };
-        let thread = std::thread::Builder::new().name("linkwatch-state".into());
-        let thread = thread.spawn(write)?;
-        Ok(Writer { to, thread })
-    }
-
-    /// Waits until the last state is written.
-    fn finish(self) {
-        drop(self.to);
-        // The panic hook has reported a panic.
-        let _ = self.thread.join();
     }
 }
 
@@ -448,7 +373,10 @@ mod tests {
         let path = folder.path().join("watch.state");
         let open = || State::open(Some(&path), "").unwrap();
         let mut first = open();
-        assert_eq!((first.outcome(), first.file_number()), (Outcome::Fine, 0));
+        assert_eq!(
+            (first.note.outcome, first.note.file_number),
+            (Outcome::Fine, 0)
+        );
         first.begin_files(1).unwrap();
         assert!(first.begin_session(5, 1).unwrap().is_none());
         first.keep(RunState::default).unwrap();
@@ -458,8 +386,8 @@ mod tests {
 
         drop(first);
         let mut second = open();
-        assert_eq!(second.outcome(), Outcome::Undecided);
-        assert_eq!((second.sessions(), second.file_number()), (1, 1));
+        assert_eq!(second.note.outcome, Outcome::Undecided);
+        assert_eq!((second.note.sessions, second.note.file_number), (1, 1));
         assert_eq!(second.interrupted(), Some(simulator(5)));
         let earlier = second.begin_session(5, 1).unwrap().unwrap();
         assert_eq!(earlier.in_hand, Some((7, 0.7)));
@@ -471,7 +399,7 @@ mod tests {
         assert!(open().begin_session(6, 2).unwrap().is_none());
         assert!(!folder.path().join("watch.state.session").exists());
         let mut third = open();
-        assert_eq!((third.sessions(), third.restarts()), (2, 3));
+        assert_eq!((third.note.sessions, third.note.restarts), (2, 3));
         third.end_session(Outcome::Changed).unwrap();
         let e = State::open(Some(&path), "").err().unwrap().to_string();
         assert!(e.contains("another `linkwatch watch` has locked it"), "{e}");
@@ -479,7 +407,7 @@ mod tests {
         let e = State::open(Some(&path), "--events=off").err().unwrap();
         assert!(e.to_string().contains("other settings"), "{e}");
         let mut fourth = open();
-        assert_eq!(fourth.outcome(), Outcome::Changed);
+        assert_eq!(fourth.note.outcome, Outcome::Changed);
         fourth.end().unwrap();
         assert!(!path.exists());
     }

@@ -1,12 +1,8 @@
-//! Messages of Foxglove: recordings have them for other tools, and they are read from the files of
-//! other programs, in protobuf and in JSON. Source:
-//! <https://docs.foxglove.dev/docs/sdk/schemas> and `schemas/foxglove.proto`.
-//!
-//! In JSON, only the fields that are read are parsed.
+//! Messages of Foxglove, which are read from the files of other programs, in protobuf and in JSON:
+//! the fields that are read. Source: <https://docs.foxglove.dev/docs/sdk/schemas>.
 
 use super::protobuf::protobuf;
 use prost::Enumeration;
-use prost::bytes::Bytes;
 use serde::de::IgnoredAny;
 use serde::{Deserialize, Deserializer};
 
@@ -22,7 +18,6 @@ protobuf! {
     #[derive(Deserialize)]
     #[serde(default)]
     SceneEntityDeletion {
-        1 #[serde(skip)] timestamp: Option<Time>, (message, optional);
         // 0: the entity with this id; 1: all entities.
         2 r#type: i32, (int32);
         3 id: String, (string);
@@ -36,9 +31,8 @@ protobuf! {
         3 id: String, (string);
         // Zero: until it is replaced or deleted.
         4 lifetime: Option<Time>, (message, optional);
-        6 #[serde(skip)] metadata: Vec<KeyValuePair>, (message, repeated);
         11 lines: Vec<LinePrimitive>, (message, repeated);
-        13 #[serde(deserialize_with = "list")] texts: Vec<TextPrimitive>, (message, repeated);
+        13 #[serde(deserialize_with = "list")] texts: Vec<Ignored>, (message, repeated);
         7 #[serde(deserialize_with = "list")] arrows: Vec<Ignored>, (message, repeated);
         8 #[serde(deserialize_with = "list")] cubes: Vec<Ignored>, (message, repeated);
         9 #[serde(deserialize_with = "list")] spheres: Vec<Ignored>, (message, repeated);
@@ -52,36 +46,14 @@ protobuf! {
     #[serde(from = "IgnoredAny")]
     Ignored {}
 
-    KeyValuePair {
-        1 key: String, (string);
-        2 value: String, (string);
-    }
-
     #[derive(Deserialize)]
     #[serde(default)]
     LinePrimitive {
         1 r#type: i32, (int32);
         2 pose: Option<Pose>, (message, optional);
-        3 #[serde(skip)] thickness: f64, (double);
-        // True if the thickness is in pixels.
-        4 #[serde(skip)] scale_invariant: bool, (bool);
         5 points: Vec<Xyz>, (message, repeated);
-        6 #[serde(skip)] color: Option<Color>, (message, optional);
         // Points in the order of the line; all points in order if empty.
         8 indices: Vec<u32>, (fixed32, repeated);
-    }
-
-    #[derive(Deserialize)]
-    #[serde(default)]
-    TextPrimitive {
-        1 #[serde(skip)] pose: Option<Pose>, (message, optional);
-        // True if the text faces the camera.
-        2 #[serde(skip)] billboard: bool, (bool);
-        3 #[serde(skip)] font_size: f64, (double);
-        // True if the font size is in pixels.
-        4 #[serde(skip)] scale_invariant: bool, (bool);
-        5 #[serde(skip)] color: Option<Color>, (message, optional);
-        6 #[serde(skip)] text: String, (string);
     }
 
     #[derive(Copy, Deserialize)]
@@ -107,31 +79,6 @@ protobuf! {
         2 y: f64, (double);
         3 z: f64, (double);
         4 w: f64, (double);
-    }
-
-    #[derive(Copy)]
-    Color {
-        1 r: f64, (double);
-        2 g: f64, (double);
-        3 b: f64, (double);
-        4 a: f64, (double);
-    }
-
-    PointCloud {
-        1 timestamp: Option<Time>, (message, optional);
-        2 frame_id: String, (string);
-        3 pose: Option<Pose>, (message, optional);
-        // Bytes of a point.
-        4 point_stride: u32, (fixed32);
-        5 fields: Vec<PackedElementField>, (message, repeated);
-        6 data: Bytes, (bytes = "bytes");
-    }
-
-    PackedElementField {
-        1 name: String, (string);
-        // First byte of the field in a point.
-        2 offset: u32, (fixed32);
-        3 r#type: i32, (int32);
     }
 
     /// A time or a duration: `google.protobuf.Timestamp` and `google.protobuf.Duration`.
@@ -167,65 +114,8 @@ pub(crate) enum LineType {
     List = 2,
 }
 
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Enumeration)]
-pub(crate) enum NumericType {
-    Unknown = 0,
-    Uint8 = 1,
-    Float32 = 7,
-}
-
-impl From<[f64; 3]> for Xyz {
-    fn from([x, y, z]: [f64; 3]) -> Xyz {
-        Xyz { x, y, z }
-    }
-}
-
 impl From<Xyz> for [f64; 3] {
     fn from(p: Xyz) -> [f64; 3] {
         [p.x, p.y, p.z]
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::super::protobuf::tests::differences;
-    use super::*;
-
-    #[test]
-    fn the_fields_have_the_names_numbers_and_types_of_the_schema() {
-        let schemas = include_bytes!("../../../schemas/foxglove.binpb");
-        for (message, fields) in [
-            ("SceneUpdate", SceneUpdate::FIELDS),
-            ("SceneEntityDeletion", SceneEntityDeletion::FIELDS),
-            ("KeyValuePair", KeyValuePair::FIELDS),
-            ("TextPrimitive", TextPrimitive::FIELDS),
-            ("Pose", Pose::FIELDS),
-            ("Vector3", Xyz::FIELDS),
-            ("Point3", Xyz::FIELDS),
-            ("Quaternion", Quaternion::FIELDS),
-            ("Color", Color::FIELDS),
-            ("PointCloud", PointCloud::FIELDS),
-            ("PackedElementField", PackedElementField::FIELDS),
-            ("Timestamp", Time::FIELDS),
-            ("Duration", Time::FIELDS),
-        ] {
-            let only = differences(schemas, message, fields);
-            assert!(only.iter().all(Vec::is_empty), "{message}: {only:?}");
-        }
-        // Neither written nor read.
-        let [schema, found] = differences(schemas, "LinePrimitive", LinePrimitive::FIELDS);
-        assert_eq!((schema, found), (vec!["colors".into()], vec![]));
-        // Only read.
-        let [schema, found] = differences(schemas, "SceneEntity", SceneEntity::FIELDS);
-        let read = [
-            "arrows",
-            "cubes",
-            "cylinders",
-            "models",
-            "spheres",
-            "triangles",
-        ];
-        assert_eq!(schema, ["frame_locked"]);
-        assert_eq!(found, read);
     }
 }

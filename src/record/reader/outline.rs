@@ -4,7 +4,6 @@ use super::{Channel, RecordedItem, RecordingReader};
 use crate::curve::CurveLabels;
 use crate::error::Result;
 use crate::formats::container::Place;
-use crate::verdict::Verdict;
 use prost::bytes::Buf;
 use std::io::{Read, Seek};
 use std::sync::Arc;
@@ -29,20 +28,6 @@ impl FramePlace {
     }
 }
 
-/// A recorded verdict in a few words.
-#[derive(Clone, Debug)]
-#[non_exhaustive]
-pub struct OutlinedVerdict {
-    /// Place of the verdict.
-    pub at: FramePlace,
-    /// The verdict.
-    pub verdict: Verdict,
-    /// Number of linking numbers that differ from the expected ones.
-    pub changes: usize,
-    /// Number of pull-throughs since the previous frame.
-    pub events: usize,
-}
-
 /// Frames and verdicts of a recording, in the order of the file.
 #[derive(Clone, Debug, Default)]
 #[non_exhaustive]
@@ -50,7 +35,7 @@ pub struct Outline {
     /// Frames with curves.
     pub frames: Vec<FramePlace>,
     /// Verdicts, also those on frames without curves.
-    pub verdicts: Vec<OutlinedVerdict>,
+    pub verdicts: Vec<FramePlace>,
 }
 
 impl<R: Read + Seek> RecordingReader<R> {
@@ -95,13 +80,8 @@ impl<R: Read + Seek> RecordingReader<R> {
             } else if let Channel::Verdicts = channel
                 && let Some(RecordedItem::Verdict(recorded)) = self.item(message)?
             {
-                let report = recorded.report;
-                outline.verdicts.push(OutlinedVerdict {
-                    at: at((report.seq, report.time), &self.labels),
-                    verdict: report.verdict,
-                    changes: report.changes.len(),
-                    events: report.events.len(),
-                });
+                let begin = (recorded.report.seq, recorded.report.time);
+                outline.verdicts.push(at(begin, &self.labels));
             }
         }
         Ok(outline)
@@ -177,12 +157,9 @@ mod tests {
                     place
                 }
                 RecordedItem::Verdict(recorded) => {
-                    let outlined = verdicts.next().expect("a verdict");
-                    let report = &recorded.report;
-                    let found = (outlined.verdict, outlined.changes, outlined.events);
-                    let expected = (report.verdict, report.changes.len(), report.events.len());
-                    assert_eq!(found, expected);
-                    &outlined.at
+                    let place = verdicts.next().expect("a verdict");
+                    assert_eq!(place.seq, recorded.report.seq);
+                    place
                 }
             };
             reader.go_to(place).unwrap();
@@ -281,7 +258,8 @@ mod tests {
                 &[-3],
                 crate::curve::Positions::F64(&xyz),
             );
-            let report = crate::verdict::Report::new(seq, 0.0, Verdict::Intact);
+            let verdict = crate::verdict::Verdict::Intact;
+            let report = crate::verdict::Report::new(seq, 0.0, verdict);
             let record = crate::sinks::FrameRecord {
                 curves: Some(Arc::new(set.unwrap())),
                 info: crate::ingest::FrameInfo {

@@ -11,10 +11,9 @@ use super::super::file::is_taken;
 use super::super::writer::RecordingSink;
 use super::{CONTINUES, PART, RecordingOptions, Start};
 use super::{answered, bytes_of_findings, is_intact, part_of};
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::sinks::{FrameRecord, Sink};
-use std::collections::{BTreeMap, VecDeque};
-use std::io::ErrorKind;
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 /// Number of names that are tried for a file.
@@ -31,13 +30,8 @@ pub(super) struct Files {
     open: Option<Open>,
     /// Number in the name of the last file.
     number: u64,
-    /// Paths of the files that were ended and may be deleted.
-    ended: VecDeque<PathBuf>,
     created: u64,
-    deleted: u64,
     last: Option<PathBuf>,
-    /// True if a violation was recorded.
-    violated: bool,
     /// True if the next frame does not continue the previous one.
     again: bool,
     frames: u64,
@@ -45,15 +39,12 @@ pub(super) struct Files {
 
 /// The file that is being written.
 struct Open {
-    path: PathBuf,
     sink: RecordingSink,
     frames: u64,
     /// True if the baseline was written.
     begun: bool,
     /// Number of frames verified or rejected when the last frame was written.
     answered: u64,
-    /// True if it has the first violation.
-    is_evidence: bool,
 }
 
 impl Files {
@@ -72,11 +63,8 @@ impl Files {
             create,
             open: None,
             number: 0,
-            ended: VecDeque::new(),
             created: 0,
-            deleted: 0,
             last: None,
-            violated: false,
             again: false,
             frames: 0,
         }
@@ -104,8 +92,11 @@ impl Files {
     /// Writes a frame; before it the baseline, if the frame does not continue the last one in the
     /// file.
     pub fn write(&mut self, record: &FrameRecord, start: &Start) -> Result<()> {
-        if self.is_full(record, start) {
-            self.end_file()?;
+        if self.is_full(record, start)
+            && let Some(open) = self.open.take()
+        {
+            // The system writes its content to the disk; waiting for that could take seconds.
+            open.sink.close()?;
         }
         if self.open.is_none() {
             self.create_next()?;
@@ -126,9 +117,6 @@ impl Files {
         open.answered = answered(record);
         open.frames += 1;
         self.frames += 1;
-        if !is_intact(record) && !std::mem::replace(&mut self.violated, true) {
-            open.is_evidence = true;
-        }
         Ok(())
     }
 
@@ -150,13 +138,9 @@ impl Files {
     /// Returns the files in words, if there are several or the file has another name.
     pub fn note(&self) -> Option<String> {
         let last = self.last.as_ref().filter(|_| self.number > 1)?.display();
-        let deleted = match self.deleted {
-            0 => String::new(),
-            n => format!(", of which the oldest {n} were deleted"),
-        };
         Some(match self.created {
             1 => format!("recording: the file is {last}"),
-            n => format!("recording: {n} files{deleted}; the last one is {last}"),
+            n => format!("recording: {n} files; the last one is {last}"),
         })
     }
 
@@ -169,18 +153,6 @@ impl Files {
         let may_end = is_intact(record) && !start.new;
         let full = bytes > most || bytes > most - most / 8 && may_end;
         full && open.frames > 0
-    }
-
-    fn end_file(&mut self) -> Result<()> {
-        let Some(open) = self.open.take() else {
-            return Ok(());
-        };
-        // The system writes its content to the disk; waiting for that could take seconds.
-        open.sink.close()?;
-        if !open.is_evidence {
-            self.ended.push_back(open.path);
-        }
-        Ok(())
     }
 
     /// Creates a file after the first one, under the next name that is free: an existing file is no
@@ -196,7 +168,6 @@ impl Files {
                         tracing::info!("the recording continues in {}", path.display());
                     }
                     self.opened(path, sink);
-                    self.delete_old();
                     return Ok(());
                 }
                 Err(e) if is_taken(&e) && self.number < last => {
@@ -211,14 +182,12 @@ impl Files {
 
     fn opened(&mut self, path: PathBuf, sink: RecordingSink) {
         self.created += 1;
-        self.last = Some(path.clone());
+        self.last = Some(path);
         self.open = Some(Open {
-            path,
             sink,
             frames: 0,
             begun: false,
             answered: 0,
-            is_evidence: false,
         });
     }
 
@@ -231,30 +200,7 @@ impl Files {
             let name = last.file_name().unwrap_or_default().to_string_lossy();
             metadata.insert(CONTINUES.into(), name.into());
         }
-        let sink = (self.create)(path, &metadata)?;
-        sink.with_tools(self.options.tools.iter().copied())
-    }
-
-    /// Deletes the oldest files, beyond the number to keep. A file that is being read is deleted
-    /// later.
-    fn delete_old(&mut self) {
-        let Some(keep) = self.options.keep_files else {
-            return;
-        };
-        let mut extra = (self.ended.len() as u64 + 1).saturating_sub(keep.get());
-        self.ended.retain(|path| {
-            if extra == 0 || RecordingSink::check_unused(path).is_err() {
-                return true;
-            }
-            match std::fs::remove_file(path) {
-                Ok(()) => self.deleted += 1,
-                // Somebody else deleted it.
-                Err(e) if e.kind() == ErrorKind::NotFound => {}
-                Err(e) => tracing::warn!("{}", Error::file(path)(e)),
-            }
-            extra -= 1;
-            false
-        });
+        (self.create)(path, &metadata)
     }
 }
 

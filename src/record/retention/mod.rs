@@ -14,11 +14,10 @@ mod window;
 use self::every::Every;
 use self::files::Files;
 use self::window::Window;
-use super::RecordingTool;
 use crate::error::{Error, Result};
 use crate::sinks::{BaselineRecord, FrameRecord, Sink};
 use crate::verdict::{Report, Verdict};
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 use std::num::NonZeroU64;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -85,8 +84,6 @@ pub struct RecordingOptions {
     pub path: PathBuf,
     /// Description of the run for a later reader.
     pub metadata: BTreeMap<String, String>,
-    /// Tools for which messages are added ([`with_tools`](crate::RecordingSink::with_tools)).
-    pub tools: BTreeSet<RecordingTool>,
     /// True if existing files may be replaced. Files that another process reads or writes never
     /// are.
     pub overwrite: bool,
@@ -95,8 +92,6 @@ pub struct RecordingOptions {
     /// Size from which another file is begun, in bytes; at least
     /// [`RecordingOptions::LEAST_MAX_BYTES`]. A file is larger only if it has a single frame.
     pub max_bytes: Option<u64>,
-    /// Number of files to keep. Older ones are deleted, but not the one with the first violation.
-    pub keep_files: Option<NonZeroU64>,
 }
 
 impl RecordingOptions {
@@ -108,11 +103,9 @@ impl RecordingOptions {
         RecordingOptions {
             path: path.into(),
             metadata: BTreeMap::new(),
-            tools: BTreeSet::new(),
             overwrite: false,
             retention: Retention::All,
             max_bytes: None,
-            keep_files: None,
         }
     }
 

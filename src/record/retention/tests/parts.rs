@@ -62,27 +62,6 @@ fn a_frame_that_is_larger_than_the_maximum_has_a_file_of_its_own() {
     assert!(e.contains("1000 bytes are too small"), "{e}");
 }
 
-#[test]
-fn old_files_are_deleted_but_not_the_one_with_the_first_violation() {
-    let folder = TempDir::new().unwrap();
-    let mut options = options(&folder, Retention::All);
-    options.max_bytes = Some(1_000_000);
-    options.keep_files = NonZeroU64::new(2);
-    let note = record_files(options, 80, &[10]);
-    let files = names(&folder);
-    assert_eq!(files.len(), 3, "{files:?}");
-    let evidence = files.iter().filter(|name| {
-        let content = read(&folder.path().join(name));
-        content.seqs().contains(&10)
-    });
-    assert_eq!(evidence.count(), 1);
-    assert!(note.contains("were deleted"), "{note}");
-    let last = files
-        .iter()
-        .any(|name| read(&folder.path().join(name)).seqs().contains(&79));
-    assert!(last, "the newest file is kept");
-}
-
 /// A name that is taken ends no recording that is hours old.
 #[test]
 fn later_files_skip_names_that_are_taken() {
