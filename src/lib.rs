@@ -101,6 +101,7 @@
 //! ```
 
 #![cfg_attr(docsrs, feature(doc_cfg))]
+#![deny(clippy::missing_errors_doc)]
 
 // The command names the public API as other programs do.
 #[cfg(feature = "cli")]

@@ -63,17 +63,29 @@ pub struct FrameLoan<'a> {
 
 impl FrameLoan<'_> {
     /// Returns the memory of the positions; see [`FrameMemory::positions_f32`].
+    ///
+    /// # Errors
+    ///
+    /// Those of [`FrameMemory::positions_f32`].
     pub fn positions_f32(&mut self) -> Result<&mut [f32]> {
         self.memory.positions_f32()
     }
 
     /// Returns the memory of the positions in double precision; see
     /// [`FrameMemory::positions_f32`].
+    ///
+    /// # Errors
+    ///
+    /// Those of [`FrameMemory::positions_f64`].
     pub fn positions_f64(&mut self) -> Result<&mut [f64]> {
         self.memory.positions_f64()
     }
 
     /// Publishes the frame. Returns its sequence number.
+    ///
+    /// # Errors
+    ///
+    /// Those of [`Client::send`].
     pub fn publish(self) -> Result<u64> {
         self.client.send(self.memory)
     }
@@ -170,6 +182,10 @@ impl Client {
 
     /// Declares the curves of every frame: the number of control points of each curve, negative if
     /// the curve is closed, as in a BCC file. Call this before the first frame.
+    ///
+    /// # Errors
+    ///
+    /// Those of [`Client::describe_labelled`].
     pub fn describe(&mut self, basis: Basis, precision: Precision, counts: &[i32]) -> Result<()> {
         self.describe_labelled(basis, precision, counts, CurveLabels::default())
     }
@@ -258,6 +274,10 @@ impl Client {
     /// Returns memory for the next frame, at `time` seconds of simulation. Write the positions into
     /// it, then call [`publish`](FrameLoan::publish). The watcher reads the same memory; nothing is
     /// copied.
+    ///
+    /// # Errors
+    ///
+    /// Those of [`Client::begin`].
     pub fn loan(&mut self, time: f64) -> Result<FrameLoan<'_>> {
         let memory = self.begin(time)?;
         let client = self;
@@ -269,6 +289,10 @@ impl Client {
     /// Pass it to [`send`](Client::send).
     ///
     /// Hold at most seven at once: with more, the client cannot inform the watcher of the end.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Bus`] if the curves were not described, or there is no memory.
     pub fn begin(&self, time: f64) -> Result<FrameMemory> {
         self.frames.begin(time)
     }
@@ -285,6 +309,11 @@ impl Client {
 
     /// Publishes a frame from other memory, with one copy into shared memory. Returns its sequence
     /// number.
+    ///
+    /// # Errors
+    ///
+    /// Those of [`Client::begin`] and [`Client::send`]; [`Error::Count`] or
+    /// [`Error::LayoutChanged`] if the positions are not those of the described curves.
     pub fn publish(&mut self, time: f64, positions: Positions<'_>) -> Result<u64> {
         let mut frame = self.begin(time)?;
         let expected = frame.coordinates();
@@ -312,6 +341,10 @@ impl Client {
     /// If no watcher came within a second or more, logs a warning ([`tracing`]) that names a
     /// watcher which waits on another service, because the service name may be wrong.
     /// [`services`](crate::services) lists all.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Bus`] if the connection fails.
     pub fn wait_for_watcher(&mut self, timeout: Duration) -> Result<bool> {
         const REPEAT: Duration = Duration::from_millis(100);
         let start = Instant::now();
@@ -368,6 +401,10 @@ impl Client {
     ///
     /// Call this about once a step: 64 verdicts are kept, then the oldest are dropped. An abort is
     /// not lost, because the watcher repeats it.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Bus`] if the connection fails.
     pub fn poll(&mut self) -> Result<Option<VerdictMessage>> {
         self.connection.check()?;
         while let Some(sample) = self
@@ -454,6 +491,10 @@ impl Client {
     /// Returns at once if the watcher said goodbye, and within a second if its process died on this
     /// host; over a bridge, after `deadline`. If no watcher has connected yet, one may connect
     /// during the wait.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Bus`] if the connection fails.
     pub fn wait(&mut self, seq: u64, deadline: Duration) -> Result<Outcome> {
         let start = Instant::now();
         loop {
@@ -510,6 +551,10 @@ impl Client {
     /// connects when the first frame is published, or a few milliseconds later. A program that may
     /// be shorter than that should use [`wait_for_watcher`](Client::wait_for_watcher) or
     /// [`finish_within`](Client::finish_within).
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Bus`] if the end cannot be sent.
     pub fn finish(mut self) -> Result<u64> {
         self.end()?;
         Ok(self.frames.next)
@@ -520,6 +565,10 @@ impl Client {
     /// abort.
     ///
     /// Returns `None` if the watcher sent nothing in time, left before the end, or died.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Bus`] if the connection fails.
     pub fn finish_within(mut self, timeout: Duration) -> Result<Option<VerdictMessage>> {
         // A goodbye that arrived earlier means that the watcher left early.
         self.poll_all()?;

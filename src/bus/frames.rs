@@ -413,6 +413,10 @@ impl FrameMemory {
 
     /// Returns the memory of the positions in double precision; see
     /// [`positions_f32`](FrameMemory::positions_f32).
+    ///
+    /// # Errors
+    ///
+    /// [`Error::LayoutChanged`] if the curves were described in single precision.
     pub fn positions_f64(&mut self) -> Result<&mut [f64]> {
         Ok(cast_mut(self.bytes_of(Precision::F64)?).expect("the service aligns to 64 bytes"))
     }

@@ -82,6 +82,10 @@ impl fmt::Display for ServiceInfo {
 ///
 /// Services of other programs are skipped, and so are the files that killed processes leave behind.
 /// Number and size of the curves are not known: only a subscriber to the frames sees them.
+///
+/// # Errors
+///
+/// [`Error::Bus`] if the files of iceoryx2 cannot be listed.
 pub fn services() -> Result<Vec<ServiceInfo>> {
     let mut found: BTreeMap<String, Found> = BTreeMap::new();
     list(|details| {

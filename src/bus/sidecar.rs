@@ -319,6 +319,10 @@ impl Sidecar {
     }
 
     /// Returns the next event, waiting at most for `timeout`. Sends heartbeats meanwhile.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Bus`] if the connection fails.
     pub fn wait(&mut self, timeout: Duration) -> Result<Event> {
         let start = Instant::now();
         loop {
@@ -602,6 +606,10 @@ impl Sidecar {
     /// Sends the verdict on a frame of this session, and counts the frame; an observer only counts.
     /// Call this for every frame that [`wait`](Sidecar::wait) returned, for an invalid one with
     /// [`Verdict::Rejected`]. `check` is the duration of the check.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Bus`] if the message cannot be sent.
     pub fn send_verdict(&mut self, report: &Report, check: Duration) -> Result<()> {
         let Some(session) = &mut self.session else {
             return Err(Error::Bus(format!(
@@ -649,6 +657,10 @@ impl Sidecar {
 
     /// Announces the watcher, and repeats the last abort of the session. [`wait`](Sidecar::wait)
     /// does so about once a second; call this during long checks.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Bus`] if the message cannot be sent.
     pub fn heartbeat(&mut self) -> Result<()> {
         self.send_message(MessageKind::Hello)
     }

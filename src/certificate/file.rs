@@ -99,6 +99,10 @@ impl Certificate {
     /// The text does not contain the reason or the place of an undefined pair. Parsed pairs have
     /// the kind [`DefectKind::TooClose`], curves have [`DefectKind::Degenerate`], and the place is
     /// the origin.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Format`] with the line that is invalid.
     pub fn parse(text: &str) -> Result<Certificate> {
         let bad = |line: usize, what: String| {
             Error::format("certificate", format_args!("line {}", line + 1), what)
@@ -231,6 +235,10 @@ impl Certificate {
     }
 
     /// Writes a certificate file, with `i,j,undefined` for pairs without a linking number.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::File`].
     pub fn write(&self, path: &Path) -> Result<()> {
         std::fs::write(path, self.to_string()).map_err(Error::file(path))
     }

@@ -158,7 +158,9 @@ impl Cells {
     /// Returns the curves of a frame with those closed that end where they start. `None` if they
     /// stay as they are.
     ///
-    /// Errors: those of [`Closing::close`].
+    /// # Errors
+    ///
+    /// Those of [`Closing::close`].
     pub fn close_set(&mut self, set: &CurveSet, info: &FrameInfo) -> Result<Option<CurveSet>> {
         let source = self.source(info);
         self.closing.of_set(set, source)
@@ -194,7 +196,9 @@ impl Cells {
     /// Returns the curves of a frame, unwrapped; `None` if they are not wrapped. They are unwrapped
     /// with the cell of the frame also if that is ignored otherwise (`--cell none`).
     ///
-    /// Errors: those of [`Unwrap::unwrap`], and [`Error::Usage`] if the frame has no cell.
+    /// # Errors
+    ///
+    /// Those of [`Unwrap::unwrap`], and [`Error::Usage`] if the frame has no cell.
     pub fn unwrap(&mut self, set: &CurveSet, of_frame: Option<Cell>) -> Result<Option<CurveSet>> {
         if !self.is_wrapped() {
             return Ok(None);

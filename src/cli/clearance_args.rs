@@ -51,7 +51,9 @@ impl FromStr for StrandRadius {
 impl ClearanceArgs {
     /// Returns the options; `None` if clearance is not measured.
     ///
-    /// Errors: [`Error::Usage`] for a level without a radius.
+    /// # Errors
+    ///
+    /// [`Error::Usage`] for a level without a radius.
     pub fn options(&self) -> Result<Option<ClearanceOptions>> {
         let mut options = match (self.radius, self.min_clearance) {
             (Some(StrandRadius::Of(radius)), _) => ClearanceOptions::new(Some(radius)),

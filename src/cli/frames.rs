@@ -178,7 +178,9 @@ impl Selected {
     /// Calls `run` for each chosen frame, and returns the worst outcome. Frames that are invalid,
     /// and a file that cannot be read to its end, are logged; they are no success.
     ///
-    /// Errors: no chosen frame is valid, and those of `run`.
+    /// # Errors
+    ///
+    /// No chosen frame is valid, and those of `run`.
     pub fn each(mut self, mut run: impl FnMut(Picked) -> Result<Outcome>) -> Result<Outcome> {
         let (mut outcome, mut valid, mut is_first) = (Outcome::Fine, false, true);
         while let Some(frame) = self.ahead.pop_front().or_else(|| self.read()) {

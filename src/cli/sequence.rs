@@ -172,7 +172,9 @@ impl Iterator for Sequence {
 
     /// Returns the next frame. A file whose content is invalid gives an invalid frame.
     ///
-    /// Errors: a file that cannot be read, or is no model. The next call goes on with the next
+    /// # Errors
+    ///
+    /// A file that cannot be read, or is no model. The next call goes on with the next
     /// file.
     fn next(&mut self) -> Option<Result<Frame>> {
         let (path, frame) = match self.read()? {

@@ -6,7 +6,9 @@ type Settings<'a> = Vec<(&'a str, &'a str)>;
 /// Splits a value into what stands before its settings, and the settings. A comma that no setting
 /// follows belongs to what stands before, so that names of files may have commas.
 ///
-/// Errors: a setting that `known` lacks or that is given twice, in words.
+/// # Errors
+///
+/// A setting that `known` lacks or that is given twice, in words.
 pub fn split<'a>(value: &'a str, known: &[&str]) -> Result<(&'a str, Settings<'a>), String> {
     let (mut what, mut settings) = (value, Vec::new());
     while let Some((before, last)) = what.rsplit_once(',') {

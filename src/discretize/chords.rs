@@ -9,6 +9,10 @@ use crate::error::Result;
 /// The counts of the result depend on those of `set` alone, so that the frames of a motion keep
 /// their layout. Unlike [`super::homotopic_polylines`] this proves nothing: compare the linking
 /// numbers.
+///
+/// # Errors
+///
+/// [`Error::Count`](crate::Error::Count) if the result has more points than `u32` can count.
 pub fn chords(set: &CurveSet, per_segment: usize) -> Result<CurveSet> {
     let steps = match set.basis() {
         Basis::Polyline => 1,

@@ -35,8 +35,9 @@ pub struct Polylines {
 
 /// Discretizes all curves of a frame (open curves into their chords).
 ///
-/// Fails only if the result has more points than `u32` can count, which requires an input of nearly
-/// that size.
+/// # Errors
+///
+/// The result has more points than `u32` can count, which requires an input of nearly that size.
 pub fn homotopic_polylines(set: &CurveSet) -> Result<Polylines> {
     let mut trees = Trees::default();
     trees.refit(set);

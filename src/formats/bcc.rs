@@ -149,6 +149,10 @@ fn fill(input: &mut impl Read, bytes: &mut [u8], place: impl FnOnce() -> String)
 ///
 /// The format has single precision. A set in double precision is rejected, before the file is
 /// created, unless single precision represents each of its coordinates exactly.
+///
+/// # Errors
+///
+/// [`Error::Unsupported`] for coordinates that single precision does not hold; [`Error::File`].
 pub fn write_bcc(path: &Path, set: &CurveSet) -> Result<()> {
     check_precision(FORMAT, set).map_err(|e| e.in_file(path))?;
     create(path, |out| write(out, set))

@@ -74,6 +74,10 @@ use std::path::Path;
 /// # std::fs::remove_file(file)?;
 /// # Ok::<(), linkwatch::Error>(())
 /// ```
+///
+/// # Errors
+///
+/// Those of [`Frames::open`] and of the first frame; [`Error::Format`] for a file without frames.
 pub fn read(path: &Path) -> Result<CurveSet> {
     let mut frames = Frames::open(path, &ReadOptions::default())?;
     match frames.next() {

@@ -87,6 +87,10 @@ impl FrameWriter {
     }
 
     /// Completes the file. Without this call it may be incomplete.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Unsupported`] if there was no frame; [`Error::File`].
     pub fn finish(self) -> Result<()> {
         let none = || Error::unsupported("output", "a file without frames");
         let finished = self.sink.ok_or_else(none).and_then(FrameSink::finish);

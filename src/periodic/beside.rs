@@ -12,9 +12,11 @@ use crate::error::Result;
 ///
 /// # Panics
 ///
-/// # Panics
-///
 /// If the set does not have the curves.
+///
+/// # Errors
+///
+/// Those of [`Cell::check`]; a coordinate overflows.
 pub fn beside(set: &CurveSet, [i, j]: [usize; 2], cell: &Cell) -> Result<(CurveSet, Image)> {
     cell.check()?;
     let inverse = cell.inverse().unwrap_or_default();

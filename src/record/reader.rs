@@ -67,11 +67,19 @@ pub struct RecordedFrame {
 impl RecordedFrame {
     /// Checks the frame and copies it into `set`: into a new one if there is none, else in place of
     /// the previous frame, which must have had the same curves.
+    ///
+    /// # Errors
+    ///
+    /// Those of [`RecordedFrame::check`]; the frame breaks its contract.
     pub fn ingest(&self, set: &mut Option<CurveSet>) -> Result<()> {
         self.read(|frame| ingest(frame, set, CurveSet::update))
     }
 
     /// Fails if the number of coordinates, names or radii contradicts the counts.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Count`] if the number of coordinates, names or radii contradicts the counts.
     pub fn check(&self) -> Result<()> {
         self.info.labels.check(self.counts.len())?;
         let counts = self.counts.iter().map(|c| u64::from(c.unsigned_abs()));
@@ -90,7 +98,9 @@ impl RecordedFrame {
     /// Calls `receive` with the frame, for example within
     /// [`Session::receive`](crate::Session::receive).
     ///
-    /// Errors: those of [`RecordedFrame::check`] and of `receive`.
+    /// # Errors
+    ///
+    /// Those of [`RecordedFrame::check`] and of `receive`.
     pub fn read(&self, receive: impl FnOnce(RawFrame<'_>) -> Result<()>) -> Result<()> {
         self.check()?;
         let frame = |positions| RawFrame {
@@ -176,6 +186,10 @@ pub struct RecordingReader<R> {
 
 impl RecordingReader<BufReader<File>> {
     /// Opens a file. A file that is still being written is read up to its current end.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::File`]; [`Error::Format`] if the file is no MCAP file.
     pub fn open(path: &Path) -> Result<Self> {
         let container = Container::open(path)?;
         super::file::share(container.file());
@@ -185,6 +199,10 @@ impl RecordingReader<BufReader<File>> {
 
 impl<R: Read + Seek> RecordingReader<R> {
     /// Reads a recording from any input with a length.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Io`]; [`Error::Format`] if the input is no MCAP file.
     pub fn new(input: R) -> Result<Self> {
         Ok(RecordingReader::on(Container::new(input)?))
     }
@@ -217,6 +235,10 @@ impl<R: Read + Seek> RecordingReader<R> {
     }
 
     /// Returns the next item, or `None` at the end, finished or truncated.
+    ///
+    /// # Errors
+    ///
+    /// The file is damaged; see [`RecordingReader::ending`].
     pub fn next_item(&mut self) -> Result<Option<RecordedItem>> {
         let item = self.read_item();
         self.stop_at_damage(item)

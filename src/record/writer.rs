@@ -116,17 +116,29 @@ impl RecordingSink {
     /// Creates the file, or replaces it, unless another process reads or writes it. It must be a
     /// regular file. `metadata` describes the run for a later reader: the service, the abort
     /// policy. The version of linkwatch is added.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::File`].
     pub fn create(path: &Path, metadata: &BTreeMap<String, String>) -> Result<RecordingSink> {
         RecordingSink::on(path, Box::new(file::create_or_replace(path)?), metadata)
     }
 
     /// Same as [`RecordingSink::create`], for a file that must not exist.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::File`], also if the file exists.
     pub fn create_new(path: &Path, metadata: &BTreeMap<String, String>) -> Result<RecordingSink> {
         RecordingSink::on(path, Box::new(file::create_new(path)?), metadata)
     }
 
     /// Fails if another process reads or writes this recording. Only processes of linkwatch on Unix
     /// are recognised.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::File`] if another process reads or writes the file.
     pub fn check_unused(path: &Path) -> Result<()> {
         file::check_unused(path)
     }
@@ -197,6 +209,10 @@ impl RecordingSink {
 
     /// Records the curves of a frame without a verdict. The time of the simulation takes the place
     /// of the time of receipt.
+    ///
+    /// # Errors
+    ///
+    /// The file cannot be written.
     pub fn curves(
         &mut self,
         seq: u64,

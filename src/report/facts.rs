@@ -147,7 +147,9 @@ pub(super) struct Facts {
 impl Facts {
     /// Reads all verdicts of a recording.
     ///
-    /// Errors: the file is damaged before its first verdict. Later damage is a fact.
+    /// # Errors
+    ///
+    /// The file is damaged before its first verdict. Later damage is a fact.
     pub fn collect<R: Read + Seek>(reader: &mut RecordingReader<R>) -> Result<Facts> {
         let mut collector = Collector::default();
         let damage = loop {

@@ -50,7 +50,9 @@ impl RunReport {
     /// Reads a recording, also one that was cut off. Damage after the first verdict is a part of
     /// the report.
     ///
-    /// Errors: the file cannot be read, is not a recording, or is damaged before its first verdict.
+    /// # Errors
+    ///
+    /// The file cannot be read, is not a recording, or is damaged before its first verdict.
     pub fn read(path: &Path) -> Result<RunReport> {
         let in_file = |e: Error| e.in_file(path);
         let mut reader = RecordingReader::open(path).map_err(in_file)?;

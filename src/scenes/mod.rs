@@ -207,6 +207,10 @@ impl Scene {
     /// ones along straight lines without meeting, so their linking number is the same. Parameters
     /// for which this is not certain are rejected ([`Error::Scene`]), as are scenes of too many
     /// points ([`Error::Count`]).
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Scene`], [`Error::Count`].
     pub fn build(&self) -> Result<Generated> {
         (self.kind.build)(self)
     }

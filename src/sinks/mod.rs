@@ -53,23 +53,43 @@ pub trait Sink: Send {
     /// Records the baseline. Called before the first frame that is compared with it. Rejected
     /// frames may precede it. Called again if the next frame does not continue the previous ones,
     /// and may have another baseline.
+    ///
+    /// # Errors
+    ///
+    /// The destination cannot be written.
     fn begin(&mut self, baseline: &BaselineRecord) -> Result<()>;
 
     /// Tells the baseline after the next frame, which changes it: curves appeared or are gone, or
     /// pairs have linking numbers again. A sink with all frames need not record it, because a
     /// replay of these frames changes it in the same way.
+    ///
+    /// # Errors
+    ///
+    /// The destination cannot be written.
     fn expect(&mut self, _baseline: &BaselineRecord) -> Result<()> {
         Ok(())
     }
 
     /// Records a frame.
+    ///
+    /// # Errors
+    ///
+    /// The destination cannot be written.
     fn frame(&mut self, record: &FrameRecord) -> Result<()>;
 
     /// Writes all frames so far, so that they survive a crash of this process.
+    ///
+    /// # Errors
+    ///
+    /// The destination cannot be written.
     fn flush(&mut self) -> Result<()>;
 
     /// Continues work that can wait, one frame of it, while no frame waits for the sink. Returns
     /// true if more is left.
+    ///
+    /// # Errors
+    ///
+    /// The destination cannot be written.
     fn work(&mut self) -> Result<bool> {
         Ok(false)
     }
@@ -82,5 +102,9 @@ pub trait Sink: Send {
 
     /// Closes the destination. A sink that is dropped without this call may leave an incomplete
     /// file.
+    ///
+    /// # Errors
+    ///
+    /// The destination cannot be written.
     fn finish(self: Box<Self>) -> Result<()>;
 }

@@ -194,6 +194,10 @@ pub struct SinkQueue {
 impl SinkQueue {
     /// Starts a thread for a sink. `open` opens the sink on that thread at the first event. At most
     /// `capacity` frames (at least one) wait for it.
+    ///
+    /// # Errors
+    ///
+    /// The thread cannot be started.
     pub fn spawn(
         name: &'static str,
         capacity: usize,
@@ -239,7 +243,9 @@ impl SinkQueue {
     /// Opens the sink now, before any event, and waits for that at most `limit`. After that, the
     /// sink continues to open in the background.
     ///
-    /// Errors: the error of opening the sink.
+    /// # Errors
+    ///
+    /// The error of opening the sink.
     pub fn open(&self, limit: Duration) -> Result<()> {
         let mut state = self.shared.lock();
         if let Opening::AtFirstEvent = state.opening {

@@ -115,6 +115,10 @@ struct First {
 
 impl ViewerSink {
     /// Opens the viewer or the file, and lays out its views. `title` names the run.
+    ///
+    /// # Errors
+    ///
+    /// The viewer does not start or cannot be reached; the file cannot be created.
     pub fn open(target: &ViewerTarget, title: &str) -> Result<ViewerSink> {
         Self::log_to(target.open(title)?, matches!(target, ViewerTarget::File(_)))
     }
@@ -158,6 +162,10 @@ impl ViewerSink {
     }
 
     /// Also shows the clearance of strands, if the frames have it.
+    ///
+    /// # Errors
+    ///
+    /// Those of [`ClearanceOptions`]: a length that is not positive.
     pub fn with_clearance(mut self, options: ClearanceOptions) -> Result<ViewerSink> {
         self.clearance = Some(ClearanceView::new(options));
         self.layout(FRAME, None)?;

@@ -34,7 +34,9 @@ const SCREENS: [&str; 3] = ["WAYLAND_DISPLAY", "WAYLAND_SOCKET", "DISPLAY"];
 
 /// Starts a viewer on the screen, unless one listens. Returns its URL.
 ///
-/// Errors: there is no screen or no program, or the viewer does not start.
+/// # Errors
+///
+/// There is no screen or no program, or the viewer does not start.
 pub(super) fn show() -> Result<String> {
     let url = format!("rerun+http://127.0.0.1:{PORT}/proxy");
     if listens(PORT) {
@@ -59,7 +61,9 @@ pub(super) fn show() -> Result<String> {
 /// Starts a server, unless one listens. Browsers connect to `port`, and this process to the next
 /// one. Returns the URL for this process.
 ///
-/// Errors: one of the ports is in use, or the server does not start.
+/// # Errors
+///
+/// One of the ports is in use, or the server does not start.
 pub(super) fn serve(port: u16) -> Result<String> {
     let Some(frames) = port.checked_add(1).filter(|_| port > 0) else {
         return Err(failed(format_args!("port {port}, expected 1 to 65534")));

@@ -13,7 +13,9 @@ pub struct Address(String);
 impl Address {
     /// Listens on the address. If a name has several addresses, on the first one that works.
     ///
-    /// Errors: [`Error::Usage`] if the address is in use, not permitted, or of another machine.
+    /// # Errors
+    ///
+    /// [`Error::Usage`] if the address is in use, not permitted, or of another machine.
     pub fn listen(&self) -> Result<TcpListener> {
         TcpListener::bind(&self.0).map_err(|e| {
             let advice = match e.kind() {

@@ -265,7 +265,9 @@ impl Run {
 
     /// Verifies one frame.
     ///
-    /// Errors: those of [`Session::verify`].
+    /// # Errors
+    ///
+    /// Those of [`Session::verify`].
     pub fn judge(&mut self, frame: Received) -> Result<Judged> {
         let verified = self.session.verify(frame)?;
         let seq = verified.report.seq;

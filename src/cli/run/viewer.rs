@@ -74,7 +74,9 @@ impl Show {
     /// Opens the viewer, or the file at the first frame. `title` names the run. The viewer shows
     /// the clearance if it is measured.
     ///
-    /// Errors: a viewer cannot be reached or started.
+    /// # Errors
+    ///
+    /// A viewer cannot be reached or started.
     pub fn open(
         &self,
         title: &str,

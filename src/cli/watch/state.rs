@@ -87,7 +87,9 @@ impl State {
     /// Opens the files of a service, and reads what an earlier process left there. `settings` are
     /// those on which verdicts depend.
     ///
-    /// Errors: the file is something else, is of a watch with other settings, or cannot be read or
+    /// # Errors
+    ///
+    /// The file is something else, is of a watch with other settings, or cannot be read or
     /// written.
     pub fn open(path: Option<&Path>, settings: &str) -> Result<State> {
         let Some(path) = path else {
@@ -157,7 +159,9 @@ impl State {
 
     /// Begins a session. Returns the state of the earlier process if it watched the same simulator.
     ///
-    /// Errors: the session cannot be read.
+    /// # Errors
+    ///
+    /// The session cannot be read.
     pub fn begin_session(&mut self, session: u64, number: u64) -> Result<Option<Earlier>> {
         self.note.sessions = number;
         let same = |note: &Note| note.simulator.is_some_and(|s| s.session() == session);

@@ -31,6 +31,11 @@ impl CurveSet {
 
     /// Returns the set of all curves of `positions`. Each count is the number of control points of
     /// a curve, negative if the curve is closed, as in a BCC file.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Count`] if there is another number of positions; [`Error::CurveTooShort`];
+    /// [`Error::NotFinite`].
     pub fn from_counts(basis: Basis, counts: &[i32], positions: Positions<'_>) -> Result<CurveSet> {
         let points: u64 = counts.iter().map(|c| u64::from(c.unsigned_abs())).sum();
         if points.checked_mul(3) != Some(positions.len() as u64) {

@@ -21,6 +21,11 @@ impl CurveSet {
     ///
     /// If a value is not finite, or too large, all points are at the origin after the error, so
     /// that no verdict on the set is intact.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Count`](crate::Error::Count) if there is another number of coordinates;
+    /// [`Error::NotFinite`](crate::Error::NotFinite).
     pub fn update(&mut self, positions: Positions<'_>) -> Result<()> {
         self.update_by(positions, |copy, limit| {
             copy.resize(0);

@@ -160,8 +160,6 @@ impl Ledger {
     ///
     /// # Panics
     ///
-    /// # Panics
-    ///
     /// If the frames are not of the same curves.
     pub fn step(
         &mut self,

@@ -226,6 +226,10 @@ impl Closing {
 
     /// Same as [`Closing::curves`] for curves that were read already. `None` if they stay as they
     /// are.
+    ///
+    /// # Errors
+    ///
+    /// Those of [`Closing::curves`].
     pub fn of_set(&mut self, set: &CurveSet, source: CurveSource) -> Result<Option<CurveSet>> {
         let same = |(known, c): (&Known, i32)| match known {
             Known::Open => c > 0 || !source.closed_by_default,

@@ -18,8 +18,6 @@ pub const LIMIT: i64 = 1 << 40;
 ///
 /// # Panics
 ///
-/// # Panics
-///
 /// If a coordinate exceeds [`LIMIT`], or if 1000 random directions are all degenerate (which
 /// means a bug, because the degenerate directions lie on finitely many curves).
 pub fn linking_number(a: &[[i64; 3]], b: &[[i64; 3]]) -> Option<i64> {

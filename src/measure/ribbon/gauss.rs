@@ -30,6 +30,10 @@ pub struct GaussIntegrals {
 
 impl GaussIntegrals {
     /// Copies all curves, which must be polylines.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Forked`] in a process that was forked from one that used linkwatch; splines.
     pub fn new(set: &CurveSet) -> Result<GaussIntegrals> {
         pool::check_process()?;
         check_polylines(set)?;

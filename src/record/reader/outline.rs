@@ -58,6 +58,10 @@ impl<R: Read + Seek> RecordingReader<R> {
     /// }
     /// # Ok::<(), linkwatch::Error>(())
     /// ```
+    ///
+    /// # Errors
+    ///
+    /// The file is damaged before its end.
     pub fn outline(&mut self) -> Result<Outline> {
         let outline = self.container.go_to_start().and_then(|()| self.skim());
         self.stop_at_damage(outline)
@@ -88,6 +92,10 @@ impl<R: Read + Seek> RecordingReader<R> {
     }
 
     /// Continues with a frame or a verdict of the [outline](RecordingReader::outline).
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Io`](crate::Error::Io).
     pub fn go_to(&mut self, frame: &FramePlace) -> Result<()> {
         self.labels = Arc::clone(&frame.labels);
         let gone = self.container.go_to(frame.place);

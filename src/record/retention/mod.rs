@@ -111,7 +111,9 @@ impl RecordingOptions {
 
     /// Creates the file, unless it needs a violation first.
     ///
-    /// Errors: [`Error::File`] if the file exists and may not be replaced, or cannot be created;
+    /// # Errors
+    ///
+    /// [`Error::File`] if the file exists and may not be replaced, or cannot be created;
     /// [`Error::Usage`] if the maximum size is too small.
     pub fn open(mut self) -> Result<Box<dyn Sink>> {
         if let Some(bytes) = self.max_bytes.filter(|&b| b < Self::LEAST_MAX_BYTES) {
