@@ -329,13 +329,13 @@ mod tests {
     }
 
     #[test]
-    fn abort_on_clearance_needs_a_thickness() {
+    fn abort_on_clearance_needs_a_radius() {
         let options = |clearance| SessionOptions {
             abort_on: AbortOn::Clearance,
             clearance,
             ..SessionOptions::default()
         };
-        assert_refused(options(None), ["abort on clearance", "thickness"]);
+        assert_refused(options(None), ["abort on clearance", "radius"]);
         assert!(Engine::new(options(Some(ClearanceOptions::new(Some(1.0))))).is_ok());
     }
 
