@@ -53,7 +53,7 @@ def test_the_run_of_many_workers_is_that_of_one(seed):
     frames = list(random_run(rng, rng.randint(1, 30)))
     options = {"events": rng.choice(["between", "all", "off"])}
     if rng.random() < 0.3:
-        options["thickness"] = 0.05
+        options["radius"] = 0.05
     if frames[0].cell is not None:
         options["wrapped"] = rng.choice([None, True, False])
     alone = linkwatch.check(frames, **options)

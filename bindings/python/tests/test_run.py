@@ -196,24 +196,6 @@ def test_a_page_and_a_recording_of_a_run(tmp_path):
         once.report(tmp_path / "once.html")
 
 
-def test_the_viewer_shows_a_recording_for_it(monkeypatch):
-    opened, popen = [], subprocess.Popen
-
-    def stub(words, **options):
-        return opened.append(words) if "rerun" in words else popen(words, **options)
-
-    monkeypatch.setitem(sys.modules, "rerun", sys)
-    monkeypatch.setattr(subprocess, "Popen", stub)
-    linkwatch.check(BROKEN).view()
-    ((*words, recording),) = opened
-    assert words == [sys.executable, "-m", "rerun"]
-    with open(recording, "rb") as file:
-        assert b"/linkwatch/points" in file.read()
-    monkeypatch.setitem(sys.modules, "rerun", None)
-    with pytest.raises(ImportError, match=r'pip install "linkwatch\[view\]"'):
-        linkwatch.check(BROKEN).view()
-
-
 def test_a_progress_bar_is_shown_as_wanted(capsys, monkeypatch):
     pytest.importorskip("tqdm")
     linkwatch.check(BROKEN)

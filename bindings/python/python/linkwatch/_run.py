@@ -336,7 +336,7 @@ class Run:
         """Verifies the frames again by the command ``linkwatch check --record``.
 
         The recording is for ``linkwatch replay``, ``report``, and other tools: ``settings`` are
-        those of ``--record``, such as ``"every=10"`` or ``"for=rerun"``. The frames are read again,
+        those of ``--record``; such as ``"every=10"``. The frames are read again,
         so those of a generator have no recording.
 
         Raises:
@@ -378,20 +378,6 @@ class Run:
             recording = Path(folder) / f"{name}.mcap"
             self.record(recording)
             _command("report", recording, "--force", "-o", path)
-
-    def view(self) -> None:
-        """Shows the frames as points in the viewer of ``rerun``, with findings in red.
-
-        The frames are verified again for it: see :meth:`record`.
-
-        Raises:
-            ImportError: ``rerun-sdk`` is not installed.
-        """
-        library("rerun", "view", "the viewer")
-        # It is read while this program goes on.
-        recording = Path(tempfile.mkdtemp(prefix="linkwatch-")) / "run.mcap"
-        self.record(recording, settings="for=rerun")
-        subprocess.Popen([sys.executable, "-m", "rerun", str(recording)])
 
 
 def _in_order(table: str, row: dict[str, Any]) -> dict[str, Any]:
