@@ -92,7 +92,7 @@ def read_obj(path: Path) -> Scene:
     scene, lines = Scene(), Lines(path, "#")
     vertices: list[list[float]] = []
     edges: list[list[int]] = []
-    curves: list[tuple[int, list[int], list[str], str]] = []
+    curves: list[tuple[int, list[int], list[str], list[str]]] = []
     kind, degree, knots = [""], "", list[str]()
     for lines.number, (name, *words) in _statements(lines):
         if name == "v":
