@@ -65,7 +65,7 @@
 //! | thickness | [`Thickness`], [`struts`], [`Strut`], [`MinRad`] |
 //! | cost of a frame | [`Stats`], [`Work`], [`Timings`], [`Progress`]; before the run: [`Plan`] |
 //! | kernels and devices | [`kernels::Method`], [`kernels::Device`], [`homotopic_polylines`] |
-//! | outputs | [`Sink`] behind a [`SinkQueue`]; the recording and the viewer; `RunReport` |
+//! | outputs | [`Sink`] behind a [`SinkQueue`]; the recording and the viewer |
 //! | simulators | the bus: `Client`, and `Sidecar` for a watcher of your own |
 //! | pictures of models and their links | [`picture`] |
 //! | test scenes | [`scenes`] |
@@ -74,8 +74,7 @@
 //!
 //! All are on by default. A feature turns on those that it needs: `cli`, `bus`, `gpu`, `mcap`
 //! and `rerun` turn on `verify`. Without any feature the library has only the vocabulary that all
-//! features share: [`Basis`], [`Positions`], [`Verdict`], [`Report`],
-//! [`Error`].
+//! features share: [`Basis`], [`Positions`], [`Verdict`], [`Report`], [`Error`].
 //!
 //! | feature | adds | main dependency |
 //! |---|---|---|
@@ -84,7 +83,7 @@
 //! | `bus` | `client`, `verify` and the watcher's end: `Sidecar` | iceoryx2 |
 //! | `cli` | the command `linkwatch`; no API | clap |
 //! | `gpu` | kernels on a GPU: `SessionOptions::device` | wgpu |
-//! | `mcap` | recordings: `RecordingSink`, `RecordingReader`, `RunReport` | mcap |
+//! | `mcap` | recordings: `RecordingSink`, `RecordingReader` | mcap |
 //! | `rerun` | the viewer: `ViewerSink` | rerun |
 //!
 //! A simulator that publishes frames takes `default-features = false, features = ["client"]`, and

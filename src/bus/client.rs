@@ -66,7 +66,7 @@ impl FrameLoan<'_> {
     ///
     /// # Errors
     ///
-    /// Those of [`FrameMemory::positions_f32`].
+    /// The errors of [`FrameMemory::positions_f32`].
     pub fn positions_f32(&mut self) -> Result<&mut [f32]> {
         self.memory.positions_f32()
     }
@@ -76,7 +76,7 @@ impl FrameLoan<'_> {
     ///
     /// # Errors
     ///
-    /// Those of [`FrameMemory::positions_f64`].
+    /// The errors of [`FrameMemory::positions_f64`].
     pub fn positions_f64(&mut self) -> Result<&mut [f64]> {
         self.memory.positions_f64()
     }
@@ -85,7 +85,7 @@ impl FrameLoan<'_> {
     ///
     /// # Errors
     ///
-    /// Those of [`Client::send`].
+    /// The errors of [`Client::send`].
     pub fn publish(self) -> Result<u64> {
         self.client.send(self.memory)
     }
@@ -185,7 +185,7 @@ impl Client {
     ///
     /// # Errors
     ///
-    /// Those of [`Client::describe_labelled`].
+    /// The errors of [`Client::describe_labelled`].
     pub fn describe(&mut self, basis: Basis, precision: Precision, counts: &[i32]) -> Result<()> {
         self.describe_labelled(basis, precision, counts, CurveLabels::default())
     }
@@ -200,7 +200,7 @@ impl Client {
     ///
     /// # Errors
     ///
-    /// Those of [`CurveLabels::check`]; [`Error::CurveTooShort`]; [`Error::Bus`] if curves
+    /// The errors of [`CurveLabels::check`]; [`Error::CurveTooShort`]; [`Error::Bus`] if curves
     /// without names change after the first frame.
     pub fn describe_labelled(
         &mut self,
@@ -246,7 +246,7 @@ impl Client {
     ///
     /// # Errors
     ///
-    /// Those of [`Cell::check`]; the cell stays as it was.
+    /// The errors of [`Cell::check`]; the cell stays as it was.
     pub fn set_cell(&mut self, cell: Option<Cell>) -> Result<()> {
         cell.as_ref().map_or(Ok(()), Cell::check)?;
         self.frames.cell = cell;
@@ -277,7 +277,7 @@ impl Client {
     ///
     /// # Errors
     ///
-    /// Those of [`Client::begin`].
+    /// The errors of [`Client::begin`].
     pub fn loan(&mut self, time: f64) -> Result<FrameLoan<'_>> {
         let memory = self.begin(time)?;
         let client = self;
@@ -312,7 +312,7 @@ impl Client {
     ///
     /// # Errors
     ///
-    /// Those of [`Client::begin`] and [`Client::send`]; [`Error::Count`] or
+    /// The errors of [`Client::begin`] and [`Client::send`]; [`Error::Count`] or
     /// [`Error::LayoutChanged`] if the positions are not those of the described curves.
     pub fn publish(&mut self, time: f64, positions: Positions<'_>) -> Result<u64> {
         let mut frame = self.begin(time)?;

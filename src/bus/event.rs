@@ -154,7 +154,7 @@ impl Frame {
     /// Calls `receive` with the frame in shared memory, unless its header breaks the contract.
     /// # Errors
     ///
-    /// Those of [`Frame::ingest`].
+    /// The errors of [`Frame::ingest`].
     pub fn read(&self, receive: impl FnOnce(RawFrame<'_>) -> Result<()>) -> Result<()> {
         receive(self.view()?.frame)
     }

@@ -60,7 +60,7 @@ sweep: a command for developers, `cargo run --release -p study -- --help` in a c
 --unwrapped: --wrapped=false
 --view: --show live
 --view-every: --show WHERE,every=N
---view-only: nothing: hide the curves without findings in the viewer (curves/intact)
+--view-only: hide the curves without findings in the viewer (curves/intact)
 --wait-mode: nothing: a watch sleeps until a frame arrives
 --write-loops: BraidLoops, in a program that uses the library
 ";

@@ -20,7 +20,7 @@ pub struct BraidArgs {
     /// frame, a JSON file names the curves [replay: as recorded]
     #[arg(long, value_name = "auto|FILE")]
     braid: Option<PathBuf>,
-    /// Those of a recording.
+    /// Braids of a recording.
     #[arg(skip)]
     recorded: Option<Braids>,
 }

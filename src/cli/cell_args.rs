@@ -160,7 +160,7 @@ impl Cells {
     ///
     /// # Errors
     ///
-    /// Those of [`Closing::close`].
+    /// The errors of [`Closing::close`].
     pub fn close_set(&mut self, set: &CurveSet, info: &FrameInfo) -> Result<Option<CurveSet>> {
         let source = self.source(info);
         self.closing.of_set(set, source)
@@ -198,7 +198,7 @@ impl Cells {
     ///
     /// # Errors
     ///
-    /// Those of [`Unwrap::unwrap`], and [`Error::Usage`] if the frame has no cell.
+    /// The errors of [`Unwrap::unwrap`], and [`Error::Usage`] if the frame has no cell.
     pub fn unwrap(&mut self, set: &CurveSet, of_frame: Option<Cell>) -> Result<Option<CurveSet>> {
         if !self.is_wrapped() {
             return Ok(None);

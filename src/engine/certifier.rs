@@ -35,7 +35,7 @@ impl Certifier {
     ///
     /// # Errors
     ///
-    /// Those of [`Session::new`](crate::Session::new).
+    /// The errors of [`Session::new`](crate::Session::new).
     pub fn new(options: &SessionOptions) -> Result<Certifier> {
         pool::check_process()?;
         options.check()?;

@@ -119,7 +119,7 @@ impl Known {
     ///
     /// # Errors
     ///
-    /// Those of [`BraidScene::follow`].
+    /// The errors of [`BraidScene::follow`].
     pub fn close_braids(
         &mut self,
         given: &Arc<CurveSet>,

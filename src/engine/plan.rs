@@ -228,7 +228,7 @@ impl Plan {
     ///
     /// # Errors
     ///
-    /// Those of [`Session::new`](crate::Session::new); curves that span too many cells;
+    /// The errors of [`Session::new`](crate::Session::new); curves that span too many cells;
     /// [`Error::TooManyPairs`](crate::Error::TooManyPairs).
     ///
     /// ```

@@ -166,7 +166,7 @@ impl Steps {
     ///
     /// # Errors
     ///
-    /// Those of [`Frame::set`].
+    /// The errors of [`Frame::set`].
     pub fn safe_fraction(
         &mut self,
         known: &Known,
@@ -228,7 +228,7 @@ impl Steps {
     ///
     /// # Errors
     ///
-    /// Those of [`Frame::set`].
+    /// The errors of [`Frame::set`].
     ///
     /// # Panics
     /// If the previous frame has other curves.
@@ -281,7 +281,7 @@ impl Steps {
     ///
     /// # Errors
     ///
-    /// Those of `place`.
+    /// The errors of `place`.
     pub fn add_defects(
         &self,
         known: &Known,

@@ -186,7 +186,7 @@ impl Format {
     ///
     /// # Errors
     ///
-    /// Those of [`Format::of`]; [`Error::Unsupported`] for formats that are only read.
+    /// The errors of [`Format::of`]; [`Error::Unsupported`] for formats that are only read.
     pub fn to_write(path: &Path) -> Result<Format> {
         match Format::named(path) {
             _ if path.is_dir() => Format::of(path),

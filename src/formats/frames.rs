@@ -105,7 +105,7 @@ impl Frames {
     ///
     /// # Errors
     ///
-    /// Those of [`super::read`], as far as they show before the first frame is read.
+    /// The errors of [`super::read`], as far as they show before the first frame is read.
     pub fn open(path: &Path, options: &ReadOptions) -> Result<Frames> {
         let source = Format::of(path)?.open(path, options);
         Ok(Frames {

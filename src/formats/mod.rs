@@ -77,7 +77,8 @@ use std::path::Path;
 ///
 /// # Errors
 ///
-/// Those of [`Frames::open`] and of the first frame; [`Error::Format`] for a file without frames.
+/// The errors of [`Frames::open`] and of the first frame; [`Error::Format`] for a file without
+/// frames.
 pub fn read(path: &Path) -> Result<CurveSet> {
     let mut frames = Frames::open(path, &ReadOptions::default())?;
     match frames.next() {

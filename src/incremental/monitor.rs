@@ -164,7 +164,7 @@ impl Monitor {
     ///
     /// # Errors
     ///
-    /// Those of [`CurveSet::update`].
+    /// The errors of [`CurveSet::update`].
     pub fn receive(
         &mut self,
         set: &mut CurveSet,

@@ -16,7 +16,7 @@ use crate::error::Result;
 ///
 /// # Errors
 ///
-/// Those of [`Cell::check`]; a coordinate overflows.
+/// The errors of [`Cell::check`]; a coordinate overflows.
 pub fn beside(set: &CurveSet, [i, j]: [usize; 2], cell: &Cell) -> Result<(CurveSet, Image)> {
     cell.check()?;
     let inverse = cell.inverse().unwrap_or_default();

@@ -51,7 +51,7 @@ impl Jumps {
     ///
     /// # Errors
     ///
-    /// Those of [`CurveSet::from_counts`].
+    /// The errors of [`CurveSet::from_counts`].
     pub fn follow(
         &mut self,
         given: &CurveSet,

@@ -38,7 +38,7 @@ pub(crate) type Number = (RingAndYarn, std::result::Result<i64, (DefectKind, Pla
 ///
 /// # Errors
 ///
-/// Those of [`CurveSet::translate`], and [`Error::Usage`] if the images of yarns have too
+/// The errors of [`CurveSet::translate`], and [`Error::Usage`] if the images of yarns have too
 /// many points.
 pub(crate) fn linking_numbers(
     frame: &Arc<CurveSet>,

@@ -295,7 +295,7 @@ impl<'a> Found<'a> {
     ///
     /// # Errors
     ///
-    /// Those of [`PointLimit::add`].
+    /// The errors of [`PointLimit::add`].
     fn add(&mut self, pair: ImagePair) -> Result<()> {
         if self.pairs.insert(pair) {
             for curve in [(pair.i, Image::default()), (pair.j, pair.image)] {

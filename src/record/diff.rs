@@ -164,7 +164,7 @@ fn same_time(a: f64, b: f64) -> bool {
 ///
 /// # Errors
 ///
-/// Those of reading, with the path of the recording; [`Error::Usage`] if the runs have
+/// The errors of reading, with the path of the recording; [`Error::Usage`] if the runs have
 /// different numbers of curves, so that their findings are about other curves.
 pub fn diff_runs<R: Read + Seek>(
     runs: [(&Path, &mut RecordingReader<R>); 2],

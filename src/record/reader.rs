@@ -70,7 +70,7 @@ impl RecordedFrame {
     ///
     /// # Errors
     ///
-    /// Those of [`RecordedFrame::check`]; the frame breaks its contract.
+    /// The errors of [`RecordedFrame::check`]; the frame breaks its contract.
     pub fn ingest(&self, set: &mut Option<CurveSet>) -> Result<()> {
         self.read(|frame| ingest(frame, set, CurveSet::update))
     }
@@ -100,7 +100,7 @@ impl RecordedFrame {
     ///
     /// # Errors
     ///
-    /// Those of [`RecordedFrame::check`] and of `receive`.
+    /// The errors of [`RecordedFrame::check`] and of `receive`.
     pub fn read(&self, receive: impl FnOnce(RawFrame<'_>) -> Result<()>) -> Result<()> {
         self.check()?;
         let frame = |positions| RawFrame {

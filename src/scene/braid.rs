@@ -37,7 +37,7 @@ impl BraidScene {
     ///
     /// # Errors
     ///
-    /// Those of [`BraidLoops::new`].
+    /// The errors of [`BraidLoops::new`].
     pub fn new(braids: &Braids, first: &Arc<CurveSet>) -> Result<BraidScene> {
         Ok(BraidScene {
             closed: Arc::new(Closed {

@@ -30,7 +30,7 @@ impl MovingScene {
     ///
     /// # Errors
     ///
-    /// Those of `take`; [`Error::Usage`] if no two curves are near enough to be pulled
+    /// The errors of `take`; [`Error::Usage`] if no two curves are near enough to be pulled
     /// through one another; those of coordinates that overflow.
     pub fn play(
         &self,

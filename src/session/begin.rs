@@ -67,7 +67,7 @@ impl Begun {
 ///
 /// # Errors
 ///
-/// Those of [`Cell::check`]; [`Error::Usage`] if only one of both frames has a cell, or
+/// The errors of [`Cell::check`]; [`Error::Usage`] if only one of both frames has a cell, or
 /// they repeat along other vectors.
 pub(super) fn check_cell(cell: Option<Cell>, last: Option<Option<Cell>>) -> Result<Option<Cell>> {
     let refuse = |what: &str| Err(Error::Usage(what.into()));

@@ -76,7 +76,7 @@ impl Coordinates {
     ///
     /// # Errors
     ///
-    /// Those of [`Unwrap::unwrap`], and [`Error::Usage`] if a frame of wrapped coordinates
+    /// The errors of [`Unwrap::unwrap`], and [`Error::Usage`] if a frame of wrapped coordinates
     /// has no cell.
     pub fn place(
         &mut self,

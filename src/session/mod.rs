@@ -115,7 +115,7 @@ impl Session {
     ///
     /// # Errors
     ///
-    /// Those of [`Session::verify`].
+    /// The errors of [`Session::verify`].
     pub fn feed<'a>(&mut self, info: FrameInfo, frame: impl Into<Given<'a>>) -> Result<Report> {
         let received = match frame.into() {
             Given::Raw(raw) => self.receive(info, |copy| copy(raw)),

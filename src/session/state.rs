@@ -104,7 +104,7 @@ impl Session {
     ///
     /// # Errors
     ///
-    /// Those of [`Session::new`]; [`Error::Format`] if the state is of another version of
+    /// The errors of [`Session::new`]; [`Error::Format`] if the state is of another version of
     /// linkwatch; [`Error::Usage`] if it does not fit the options.
     pub fn resume(options: SessionOptions, state: SessionState) -> Result<Session> {
         if state.verified.is_some() && state.version != VERSION {

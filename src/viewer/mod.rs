@@ -165,7 +165,7 @@ impl ViewerSink {
     ///
     /// # Errors
     ///
-    /// Those of [`ClearanceOptions`]: a length that is not positive.
+    /// The errors of [`ClearanceOptions`]: a length that is not positive.
     pub fn with_clearance(mut self, options: ClearanceOptions) -> Result<ViewerSink> {
         self.clearance = Some(ClearanceView::new(options));
         self.layout(FRAME, None)?;

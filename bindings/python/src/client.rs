@@ -268,7 +268,8 @@ impl Client {
         Ok(message.map(Message))
     }
 
-    /// Waits for the verdict on a frame, or on the last published one, at most for so many seconds.
+    /// Waits for the verdict on a frame, by default the last published one. Returns None after
+    /// `seconds`.
     #[pyo3(signature = (seconds, seq = None))]
     fn wait(&self, py: Python<'_>, seconds: f64, seq: Option<u64>) -> PyResult<Option<Message>> {
         let last = self.0.with(py, |state| Ok(state.last))?;

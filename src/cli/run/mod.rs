@@ -267,7 +267,7 @@ impl Run {
     ///
     /// # Errors
     ///
-    /// Those of [`Session::verify`].
+    /// The errors of [`Session::verify`].
     pub fn judge(&mut self, frame: Received) -> Result<Judged> {
         let verified = self.session.verify(frame)?;
         let seq = verified.report.seq;

@@ -2,8 +2,8 @@
 //!
 //! There are two files. FILE has a note of fixed size, which is written before and after each
 //! frame. FILE.session has the session: it is replaced before the verdict on a frame that changed
-//! the baseline, after a signal, and else after a verdict, at most once a second. Both are removed
-//! when the watch ends by itself.
+//! the baseline, after a signal, and else at most once a second, in a thread of its own. Both are
+//! removed when the watch ends by itself.
 
 use crate::cli::Outcome;
 use crate::cli::run::RunState;
@@ -14,6 +14,8 @@ use std::fs::{File, TryLockError};
 use std::hash::{DefaultHasher, Hash, Hasher};
 use std::io::{Read, Seek, Write};
 use std::path::{Path, PathBuf};
+use std::sync::mpsc::{SyncSender, sync_channel};
+use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 /// First bytes of a note. They change with its format.
@@ -81,6 +83,8 @@ struct Files {
     note: File,
     session: PathBuf,
     written: Instant,
+    /// `None` until a state is written from time to time.
+    writer: Option<Writer>,
 }
 
 impl State {
@@ -124,6 +128,7 @@ impl State {
                 note: file,
                 session,
                 written: Instant::now(),
+                writer: None,
             }),
             note: match earlier.clone() {
                 Some(note) => Note {
@@ -226,16 +231,30 @@ impl State {
         let Some(files) = &mut self.files else {
             return Ok(());
         };
+        // An older state must not replace this one.
+        if let Some(writer) = files.writer.take() {
+            writer.finish();
+        }
         files.written = Instant::now();
         write_session(&files.session, &run())
     }
 
-    /// Writes the state of the session, if the last one is old.
+    /// Writes the state of the session, if the last one is old. Does not wait.
     pub fn keep_from_time_to_time(&mut self, run: impl FnOnce() -> RunState) -> Result<()> {
-        match &self.files {
-            Some(files) if files.written.elapsed() >= INTERVAL => self.keep(run),
-            _ => Ok(()),
+        let Some(files) = &mut self.files else {
+            return Ok(());
+        };
+        if files.written.elapsed() < INTERVAL {
+            return Ok(());
         }
+        let writer = match &mut files.writer {
+            Some(writer) => writer,
+            none => none.insert(Writer::start(&files.session)?),
+        };
+        if writer.to.try_send(run()).is_ok() {
+            files.written = Instant::now();
+        }
+        Ok(())
     }
 
     /// Notes that the session has ended.
@@ -245,7 +264,7 @@ impl State {
         (self.note.verified, self.note.last_intact) = (None, None);
         self.note.outcome = self.note.outcome.max(outcome);
         self.write()?;
-        if let Some(files) = &self.files {
+        if let Some(files) = &mut self.files {
             files.remove_session();
         }
         Ok(())
@@ -261,7 +280,7 @@ impl State {
     /// Removes the files: the watch has ended, and no process continues it.
     pub fn end(&mut self) -> Result<()> {
         match self.files.take() {
-            Some(files) => {
+            Some(mut files) => {
                 // Still there if the simulator of an earlier process did not come again.
                 files.remove_session();
                 std::fs::remove_file(&files.path).map_err(|e| unusable(&files.path, e))
@@ -287,11 +306,45 @@ impl State {
 
 impl Files {
     /// Removes the state of the session.
-    fn remove_session(&self) {
+    fn remove_session(&mut self) {
+        if let Some(writer) = self.writer.take() {
+            writer.finish();
+        }
         // Absent if no frame was verified.
         let _ = std::fs::remove_file(&self.session);
         // Left by a process that was killed while it wrote.
         let _ = std::fs::remove_file(part_of(&self.session));
+    }
+}
+
+/// Thread that writes states of a session, one at a time.
+struct Writer {
+    to: SyncSender<RunState>,
+    thread: JoinHandle<()>,
+}
+
+impl Writer {
+    fn start(path: &Path) -> Result<Writer> {
+        // A state is accepted only if the thread waits for one.
+        let (to, states) = sync_channel::<RunState>(0);
+        let path = path.to_owned();
+        let write = move || {
+            for state in states {
+                if let Err(e) = write_session(&path, &state) {
+                    tracing::error!("{e}");
+                }
+            }
+        };
+        let thread = std::thread::Builder::new().name("linkwatch-state".into());
+        let thread = thread.spawn(write)?;
+        Ok(Writer { to, thread })
+    }
+
+    /// Waits until the last state is written.
+    fn finish(self) {
+        drop(self.to);
+        // The panic hook has reported a panic.
+        let _ = self.thread.join();
     }
 }
 

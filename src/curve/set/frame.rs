@@ -68,7 +68,7 @@ impl Frame {
     ///
     /// # Errors
     ///
-    /// Those of [`CurveSet::translate`].
+    /// The errors of [`CurveSet::translate`].
     pub fn set(&self) -> Result<&Arc<CurveSet>> {
         let (Some(images), Some(cell)) = (&self.images, &self.cell) else {
             return Ok(&self.given);

@@ -17,7 +17,7 @@ impl FramePool {
     ///
     /// # Errors
     ///
-    /// Those of `receive`, and [`Error::Usage`](crate::Error::Usage) if it made no curves.
+    /// The errors of `receive`, and [`Error::Usage`](crate::Error::Usage) if it made no curves.
     pub fn receive(
         &mut self,
         receive: impl FnOnce(&mut Option<CurveSet>) -> crate::Result<()>,

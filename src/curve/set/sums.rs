@@ -223,7 +223,7 @@ impl CurveSet {
     ///
     /// # Errors
     ///
-    /// Those of [`CurveSet::from_counts`]; a sum may overflow.
+    /// The errors of [`CurveSet::from_counts`]; a sum may overflow.
     pub(crate) fn translate(
         frame: &Arc<CurveSet>,
         curves: &Translated,

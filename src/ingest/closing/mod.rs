@@ -218,7 +218,7 @@ impl Closing {
     ///
     /// # Errors
     ///
-    /// Those of [`Closing::close`] and of [`CurveSet::from_counts`].
+    /// The errors of [`Closing::close`] and of [`CurveSet::from_counts`].
     pub fn curves(&mut self, frame: RawFrame<'_>, source: CurveSource) -> Result<CurveSet> {
         let closed = self.close(frame, source)?;
         CurveSet::from_counts(closed.basis, closed.counts, closed.positions)
@@ -229,7 +229,7 @@ impl Closing {
     ///
     /// # Errors
     ///
-    /// Those of [`Closing::curves`].
+    /// The errors of [`Closing::curves`].
     pub fn of_set(&mut self, set: &CurveSet, source: CurveSource) -> Result<Option<CurveSet>> {
         let same = |(known, c): (&Known, i32)| match known {
             Known::Open => c > 0 || !source.closed_by_default,

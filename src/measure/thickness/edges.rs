@@ -70,7 +70,7 @@ impl Edges {
     ///
     /// # Errors
     ///
-    /// Those of [`Lattice::new`].
+    /// The errors of [`Lattice::new`].
     pub fn of(set: &CurveSet, cell: Option<&Cell>) -> Result<Edges> {
         let points = (0..set.len()).flat_map(|i| {
             let last = set.curve(i).segments as usize;

@@ -173,7 +173,7 @@ impl Octree {
     ///
     /// # Errors
     ///
-    /// Those of [`Edges::check_images`].
+    /// The errors of [`Edges::check_images`].
     pub fn shortest(&self, edges: &Edges) -> Result<Option<Found>> {
         // Squared length of the shortest strut so far: as bits, which have the same order.
         let shortest = AtomicU64::new(f64::INFINITY.to_bits());
@@ -209,7 +209,7 @@ impl Octree {
     ///
     /// # Errors
     ///
-    /// Those of [`Edges::check_images`].
+    /// The errors of [`Edges::check_images`].
     pub fn up_to(&self, edges: &Edges, longest: f64) -> Result<Vec<Found>> {
         let limit_sq = edges.scaled(longest).powi(2);
         edges.check_images(limit_sq)?;

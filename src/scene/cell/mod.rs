@@ -127,7 +127,7 @@ impl CellScene {
     ///
     /// # Errors
     ///
-    /// Those of [`ImagePairs::find`]; [`Error::Usage`] if a curve is torn.
+    /// The errors of [`ImagePairs::find`]; [`Error::Usage`] if a curve is torn.
     pub fn follow(
         &mut self,
         (given, cell): (&Arc<CurveSet>, &Cell),
@@ -395,7 +395,7 @@ impl CellScene {
     ///
     /// # Errors
     ///
-    /// Those of [`CurveSet::translate`].
+    /// The errors of [`CurveSet::translate`].
     pub fn compare_yarns(
         &mut self,
         frame: &Frame,

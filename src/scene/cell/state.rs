@@ -31,7 +31,7 @@ impl CellScene {
     ///
     /// # Errors
     ///
-    /// Those of [`Boxer::new`].
+    /// The errors of [`Boxer::new`].
     pub fn restored(state: CellState, given: &Arc<CurveSet>, cell: Cell) -> Result<CellScene> {
         let mut scene = CellScene::default();
         let periods: Arc<[Option<Image>]> = state.periods.into();

@@ -122,7 +122,7 @@ impl Yarns {
     ///
     /// # Errors
     ///
-    /// Those of [`CurveSet::translate`].
+    /// The errors of [`CurveSet::translate`].
     pub fn compare(
         &mut self,
         frame: &Arc<CurveSet>,

@@ -148,7 +148,7 @@ class Run:
             words = f"{found['count']} {found['kind']} (the first one: {found['first']})"
             self._left_out.setdefault(found["kind"], words)
         if self._first is None and report.verdict not in ("intact", "rejected"):
-            self._first = "\n    ".join([repr(report)[9:-1], *report.findings[:1]])
+            self._first = "\n    ".join([report._words, *report.findings[:1]])
 
     def _add_lasting(
         self, table: str, found: Change | Defect, which: tuple[Any, ...], of_frame: dict[str, Any]

@@ -8,7 +8,7 @@ use crate::measure::thickness::edges::{Edges, Found};
 ///
 /// # Errors
 ///
-/// Those of [`Edges::check_images`].
+/// The errors of [`Edges::check_images`].
 pub fn shortest(edges: &Edges) -> Result<Option<Found>> {
     let mut best: Option<Found> = None;
     let mut compare = |(i, j, image), longest_sq: f64| {
@@ -29,7 +29,7 @@ pub fn shortest(edges: &Edges) -> Result<Option<Found>> {
 ///
 /// # Errors
 ///
-/// Those of [`Edges::check_images`].
+/// The errors of [`Edges::check_images`].
 pub fn up_to(edges: &Edges, longest: f64) -> Result<Vec<Found>> {
     let limit_sq = edges.scaled(longest).powi(2);
     edges.check_images(limit_sq)?;
