@@ -219,22 +219,48 @@ impl VerdictWire {
             version: LAYOUT_VERSION,
             kind: kind as u32,
             session,
+            seq: 0,
+            time: 0.0,
             verdict: Verdict::Intact as u32,
+            abort: 0,
+            lost: 0,
+            gained: 0,
+            changed: 0,
+            defects: 0,
+            events: 0,
             finding: FINDING_NONE,
+            i: 0,
             j: NO_CURVE,
+            defect_kind: 0,
+            segments: [0; 2],
+            has_place: 0,
+            reason_len: 0,
+            unresolved: 0,
+            appeared: 0,
+            gone: 0,
+            findings: 0,
+            recovered: 0,
+            expected: 0,
+            found: 0,
+            point: [0.0; 3],
+            distance: 0.0,
+            lengths: 0.0,
+            extent: 0.0,
             verified: counters.verified,
             skipped: counters.skipped,
             rejected: counters.rejected,
+            check_ns: 0,
             last_intact: NO_FRAME,
             safe_fraction: f64::NAN,
-            ..VerdictWire::default()
+            image: [0; 3],
+            reason: [0; 180],
         }
     }
 
     /// Creates a message that concerns no frame, with as much of this reason as fits.
     pub fn with_reason(mut self, reason: &str) -> Self {
-        let n = reason.floor_char_boundary(self.reason.0.len());
-        self.reason.0[..n].copy_from_slice(&reason.as_bytes()[..n]);
+        let n = reason.floor_char_boundary(self.reason.len());
+        self.reason[..n].copy_from_slice(&reason.as_bytes()[..n]);
         self.reason_len = n as u32;
         self
     }
@@ -379,7 +405,7 @@ impl VerdictWire {
             })),
             code => return Err(bad("finding code", code.into())),
         };
-        let reason = self.reason.0.get(..self.reason_len as usize);
+        let reason = self.reason.get(..self.reason_len as usize);
         let reason = reason.ok_or_else(|| bad("length of the reason", self.reason_len.into()))?;
         Ok(VerdictMessage {
             kind,

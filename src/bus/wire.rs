@@ -111,7 +111,7 @@ pub(super) const NO_FRAME: u64 = u64::MAX;
 
 /// A message from the watcher.
 #[repr(C)]
-#[derive(Clone, Copy, Debug, Default, PartialEq, ZeroCopySend)]
+#[derive(Clone, Copy, Debug, PartialEq, ZeroCopySend)]
 #[type_name("linkwatch.Verdict")]
 pub(super) struct VerdictWire {
     pub magic: u64,
@@ -165,18 +165,7 @@ pub(super) struct VerdictWire {
     pub image: [i32; 3],
     /// Why a frame was rejected or pairs were not verified, which curves appeared and are gone, or
     /// why the watcher left: UTF-8, cut at a character.
-    pub reason: Reason,
-}
-
-/// Text of a message.
-#[repr(C)]
-#[derive(Clone, Copy, Debug, PartialEq, ZeroCopySend)]
-pub(super) struct Reason(pub [u8; 180]);
-
-impl Default for Reason {
-    fn default() -> Reason {
-        Reason([0; 180])
-    }
+    pub reason: [u8; 180],
 }
 
 // The sizes are the sums of the fields, so there is no implicit padding.

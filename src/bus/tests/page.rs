@@ -49,14 +49,6 @@ fn columns(n: usize, rows: Vec<Vec<String>>) -> Vec<Vec<String>> {
     rows.into_iter().map(|row| row[..n].to_vec()).collect()
 }
 
-/// Returns the plain type of a field.
-fn plain(name: &str) -> &str {
-    match name.ends_with("::Reason") {
-        true => "[u8; 180]",
-        false => name,
-    }
-}
-
 /// Lists the offset, size, type and name of every field. Does not compile if a field is missing.
 macro_rules! fields {
     ($value:expr, $struct:ident { $($field:ident),* $(,)? }) => {{
@@ -64,7 +56,7 @@ macro_rules! fields {
         vec![$(vec![
             offset_of!($struct, $field).to_string(),
             size_of_val(&$field).to_string(),
-            plain(type_name_of_val(&$field)).to_owned(),
+            type_name_of_val(&$field).to_owned(),
             stringify!($field).to_owned(),
         ]),*]
     }};
