@@ -24,7 +24,7 @@ const PATIENCE: Duration = Duration::from_secs(60);
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// Models or folders of them: the frames of one motion, sorted by number if their names differ
-    /// in numbers only; or a file with several frames
+    /// in numbers only. Or files with several frames each: each is a run of its own
     #[arg(required = true, value_name = "MODEL")]
     models: Vec<PathBuf>,
     /// Keep the order in which the models are given
@@ -119,6 +119,9 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         let judged = frame.and_then(|frame| {
             let Frame { name, path, .. } = &frame;
             let (name, path) = (name.clone(), path.clone());
+            if frame.begins_run {
+                session.begin_run();
+            }
             let progress = session.progress();
             let judged = with_progress(&name, progress, || session.judge(frame.received()));
             let mut judged = judged.map_err(|e| e.in_file(&path))?;
@@ -169,7 +172,7 @@ fn are_far_apart(first: &Result<Frame>, second: &Option<Result<Frame>>) -> bool 
     let lengths = motion(from, to).unwrap_or(0.0);
     let is_far = lengths > SessionOptions::MOTION_LIMIT;
     // Without closed curves there is nothing else to verify.
-    let compares = is_far && from.curves().iter().any(|curve| curve.closed);
+    let compares = is_far && !second.begins_run && from.curves().iter().any(|curve| curve.closed);
     if compares {
         tracing::warn!(
             "{} and {} are far apart: half of the points moved by {lengths:.1} segment lengths or \

@@ -70,6 +70,11 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     let mut cells = Cells::new(args.cell_args);
     let frames = Sequence::new(inputs, &format, args.one_motion);
     let mut frames = frames.filter_map(|frame| match frame {
+        Ok(frame) if frame.begins_run => Some(Err(Error::Usage(format!(
+            "{}: this file and one before it have several frames each, so they may be runs of \
+             their own: convert each alone, or give --one-motion",
+            frame.path.display()
+        )))),
         Ok(frame) if args.frame.is_some_and(|seq| seq != frame.info.seq) => {
             // The first frame decides which curves are closed.
             settle(frame, &mut cells);

@@ -1,4 +1,4 @@
-//! Frames of several files, one after the other: those of one motion.
+//! Frames of several files, one after the other: those of one motion, or of several runs.
 
 use super::input::{self, FileFrames, FormatArgs, Read};
 use linkwatch::formats::ModelFrame;
@@ -7,10 +7,11 @@ use std::collections::VecDeque;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-/// Frames of several files, one after the other: those of one motion.
+/// Frames of several files, one after the other.
 ///
-/// Files of several frames each may be runs of their own: the second one is an error, unless the
-/// user says that all files are one motion.
+/// Files of one frame each are the frames of one motion. Files of several frames each are runs of
+/// their own: each begins a run, unless all files are one motion. (A file of one frame continues
+/// the files before it. The first file of several frames continues those of one frame before it.)
 pub struct Sequence {
     args: FormatArgs,
     files: std::vec::IntoIter<PathBuf>,
@@ -36,6 +37,8 @@ struct File {
     frames: FileFrames,
     /// Frames that were read ahead.
     ahead: VecDeque<Result<Read>>,
+    /// True until its first frame was taken, if that begins a run.
+    begins_run: bool,
     /// Cuts and layout of its last valid frame.
     told: Option<(u32, u32)>,
 }
@@ -47,6 +50,8 @@ pub struct Frame {
     pub path: PathBuf,
     /// Its number is that in the file; or counted from 0 if there are several files.
     pub info: FrameInfo,
+    /// True if the frame does not belong to the motion of the frames before it.
+    pub begins_run: bool,
     /// The curves, or the reason why the frame is invalid.
     pub curves: Result<CurveSet>,
 }
@@ -84,30 +89,28 @@ impl Sequence {
             false => frames.by_ref().take(2).collect(),
         };
         let has_several = ahead.len() > 1;
-        if has_several && self.had_several && !self.one_motion {
-            return Err(Error::Usage(format!(
-                "{}: this file and one before it have several frames each, so they may be runs of \
-                 their own: give each alone, or --one-motion",
-                path.display()
-            )));
-        }
+        let begins_run = has_several && self.had_several && !self.one_motion;
         self.had_several |= has_several;
         Ok(File {
             path,
             frames,
             ahead,
+            begins_run,
             told: None,
         })
     }
 
-    /// Returns the next frame, with its file.
-    fn read(&mut self) -> Option<Result<(PathBuf, Read)>> {
+    /// Returns the next frame, with its file and true if it begins a run.
+    fn read(&mut self) -> Option<Result<(PathBuf, Read, bool)>> {
         loop {
             if let Some(file) = &mut self.current {
+                let begins_run = std::mem::take(&mut file.begins_run);
                 if let Some(frame) = file.ahead.pop_front().or_else(|| file.frames.next()) {
                     return Some(match frame {
-                        Ok(frame) => Ok((file.path.clone(), frame)),
-                        Err(Error::InFile { path, source }) => Ok((path, self.invalid(*source))),
+                        Ok(frame) => Ok((file.path.clone(), frame, begins_run)),
+                        Err(Error::InFile { path, source }) => {
+                            Ok((path, self.invalid(*source), begins_run))
+                        }
                         Err(e) => Err(e),
                     });
                 }
@@ -120,7 +123,7 @@ impl Sequence {
                     self.left_out.clear();
                 }
                 Err(Error::InFile { path, source }) => {
-                    return Some(Ok((path, self.invalid(*source))));
+                    return Some(Ok((path, self.invalid(*source), false)));
                 }
                 Err(Error::UnknownModel { path }) => {
                     let found = std::fs::metadata(&path);
@@ -177,7 +180,7 @@ impl Iterator for Sequence {
     /// A file that cannot be read, or is no model. The next call goes on with the next
     /// file.
     fn next(&mut self) -> Option<Result<Frame>> {
-        let (path, frame) = match self.read()? {
+        let (path, frame, begins_run) = match self.read()? {
             Ok(read) => read,
             Err(e) => return Some(Err(e)),
         };
@@ -186,6 +189,12 @@ impl Iterator for Sequence {
             false => self.next_seq(),
         };
         self.last = Some(seq);
+        if begins_run {
+            // Its curves have nothing to do with those before.
+            self.info.layout = self.info.layout.wrapping_add(1);
+            self.info.labels = Arc::default();
+            self.counts.clear();
+        }
         if let Ok(curves) = &frame.curves {
             self.note(curves, &frame.info);
         }
@@ -205,6 +214,7 @@ impl Iterator for Sequence {
                 left_out: frame.info.left_out,
                 ..self.info.clone()
             },
+            begins_run,
             curves: frame.curves,
         }))
     }

@@ -88,6 +88,8 @@ enum Next {
     Cut,
     /// It is the first one of a part with this baseline.
     Part(Certificate),
+    /// It is the first one of another run.
+    Run,
 }
 
 impl Session {
@@ -249,6 +251,12 @@ impl Session {
         self.next = Next::Part(baseline);
     }
 
+    /// Begins another run, with the same options: the next frame is its first one.
+    pub fn begin_run(&mut self) {
+        self.closings.forget();
+        self.next = Next::Run;
+    }
+
     /// Returns the baseline, or `None` before the first frame.
     pub fn baseline(&self) -> Option<&Certificate> {
         self.engine.baseline().map(|baseline| &**baseline)
@@ -315,7 +323,7 @@ impl Session {
 
     /// Returns what the simulator told about the last verified frame, if the next one follows it.
     fn last(&self) -> Option<&FrameInfo> {
-        let follows = !matches!(self.next, Next::Part(_));
+        let follows = !matches!(self.next, Next::Part(_) | Next::Run);
         self.last.as_ref().filter(|_| follows)
     }
 

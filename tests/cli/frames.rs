@@ -155,24 +155,64 @@ fn a_frame_that_was_rejected_when_it_was_recorded_is_no_success() {
 }
 
 #[test]
-fn several_files_with_several_frames_are_one_motion_only_if_the_user_says_so() {
+fn files_with_several_frames_are_runs_of_their_own() {
     let folder = TempDir::new().unwrap();
     let linked = squares(folder.path(), "a.npz", &[0.0, 0.1]);
     let apart = squares(folder.path(), "b.npz", &[5.0, 5.1]);
-    let out = folder.path().join("out.npz");
-    let [a, b, out] = [&linked, &apart, &out].map(|path| text(path));
-    for args in [&["check", a, b][..], &["convert", a, b, out]] {
-        let run = linkwatch(args);
-        assert_eq!(run.code, 2, "{}", run.stdout);
-        let words = "so they may be runs of their own: give each alone, or --one-motion";
-        assert!(run.stderr.contains(words), "{}", run.stderr);
-    }
-    assert_eq!(linkwatch(&["check", "--one-motion", a, b]).code, 1);
-    assert_eq!(linkwatch(&["convert", "--one-motion", a, b, out]).code, 0);
+    let both = [text(&linked), text(&apart)];
+    let run = linkwatch(&[&["check", "--events"], &both[..]].concat());
+    assert_eq!(run.code, 0, "{}", run.stdout);
+    assert!(
+        run.stdout.contains("intact: 4 frames verified"),
+        "{}",
+        run.stdout
+    );
+    assert!(
+        run.stdout
+            .contains("\n2 runs, each compared with its own first frame")
+    );
+    let run = linkwatch(&[&["check", "--one-motion"], &both[..]].concat());
+    assert_eq!(run.code, 1, "{}", run.stdout);
+    assert!(!run.stdout.contains("2 runs"));
+    // Each is still compared with a certificate.
+    let certificate = folder.path().join("c.txt");
+    linkwatch(&["certify", both[0], "--frame", "0", "-o", text(&certificate)]);
+    let run = linkwatch(&[&["check", "--baseline", text(&certificate)], &both[..]].concat());
+    assert_eq!(run.code, 1);
     // A file of one frame is the baseline of the file after it.
     let first = squares(folder.path(), "first.npz", &[0.0]);
-    let run = linkwatch(&["check", "--keep-order", text(&first), b]);
+    let run = linkwatch(&["check", "--keep-order", text(&first), both[1]]);
     assert_eq!(run.code, 1, "{}", run.stdout);
+    // Runs may have other curves, and are recorded one after the other.
+    let other = folder.path().join("other.npz");
+    let ring = polygon([[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], 2);
+    let frames = [[ring.clone(), ring.clone()], [ring.clone(), ring]]
+        .map(|[a, b]| [a, b.into_iter().map(|[x, y, z]| [x + 9.0, y, z]).collect()]);
+    write(folder.path(), "other.npz", None, &frames);
+    let recording = folder.path().join("both.mcap");
+    let run = linkwatch(&["check", both[0], text(&other), "--record", text(&recording)]);
+    assert_eq!(run.code, 0, "{}{}", run.stdout, run.stderr);
+    let run = linkwatch(&["replay", text(&recording)]);
+    assert_eq!(run.code, 0, "{}{}", run.stdout, run.stderr);
+    assert!(
+        run.stdout
+            .contains("verdicts: 4 equal to the recorded ones"),
+        "{}",
+        run.stdout
+    );
+    // One file would be one motion.
+    let out = folder.path().join("out.npz");
+    let convert = |options: &[&str]| {
+        linkwatch(&[&["convert", both[0], both[1], text(&out)], options].concat())
+    };
+    let run = convert(&[]);
+    assert_eq!(run.code, 2);
+    assert!(
+        run.stderr.contains("or give --one-motion"),
+        "{}",
+        run.stderr
+    );
+    assert_eq!(convert(&["--one-motion"]).code, 0);
 }
 
 #[test]

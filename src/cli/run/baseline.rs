@@ -49,6 +49,20 @@ impl Run {
         self.begun = false;
     }
 
+    /// Begins another run: the next frame does not belong to the motion of those before it.
+    pub fn begin_run(&mut self) {
+        self.session.begin_run();
+        self.last_layout = None;
+        self.news.forget();
+        self.sum.violations.begin_run();
+        if let Some(junit) = &mut self.junit {
+            junit.begin_run();
+        }
+        self.begun = false;
+        self.is_new_run = true;
+        self.sum.further_runs += 1;
+    }
+
     /// Takes note of the first verified frame of a baseline, before the verdict on it is sent and
     /// [`Run::publish`] is called. `tally` counts all frames before it.
     #[cfg(feature = "bus")]

@@ -109,6 +109,11 @@ impl Junit {
         }
     }
 
+    /// Begins another run, in which nothing ends a violation of the one before.
+    pub fn begin_run(&mut self) {
+        self.violation = None;
+    }
+
     /// Writes the file. `complete` is false if frames are missing, or differ from those recorded.
     pub fn write(self, complete: bool, overwrite: Overwrite) -> Result<()> {
         write_text(&self.path.clone(), overwrite, &self.xml(complete))

@@ -125,6 +125,8 @@ pub struct Run {
     sent_layout: u32,
     /// Layout of the last verified frame, if there is one.
     last_layout: Option<u32>,
+    /// True until the first frame of a run was verified.
+    is_new_run: bool,
     /// Time that the last frame took to verify.
     #[cfg(feature = "bus")]
     last_check: Option<Duration>,
@@ -183,6 +185,7 @@ impl Run {
             begun: false,
             sent_layout: 0,
             last_layout: None,
+            is_new_run: true,
             #[cfg(feature = "bus")]
             last_check: None,
             tally: FrameCounts::default(),
@@ -349,9 +352,9 @@ impl Run {
         }
         self.pass_baseline(&judged);
         if judged.report.verdict != Verdict::Rejected {
-            if self.sum.open_curves.is_none() {
+            if std::mem::take(&mut self.is_new_run) {
                 self.warn_of_scene(&judged);
-                self.sum.open_curves = Some(judged.report.stats.open_curves);
+                *self.sum.open_curves.get_or_insert(0) += judged.report.stats.open_curves;
             }
             let stats = judged.report.stats;
             self.sum.only_open = stats.curves > 0 && stats.open_curves == stats.curves;

@@ -60,7 +60,7 @@ pub struct Summary {
     pub times: RunTimes,
     /// Frames on the full, the quiet and the partial route.
     pub routes: [u64; 3],
-    /// Number of open curves of the first frame that was verified.
+    /// Number of open curves of the frames of all runs, once a frame was verified.
     pub open_curves: Option<u64>,
     /// True if the last frame has open curves alone.
     pub only_open: bool,
@@ -71,6 +71,8 @@ pub struct Summary {
     pub left_out: Vec<LeftOut>,
     /// Reason why clearance is not measured, although the user asked for it.
     pub unmeasured: Option<String>,
+    /// Number of runs that began after the first one.
+    pub further_runs: u64,
     /// Comparison with the recorded verdicts, in words and as JSON, if this is a replay.
     pub comparison: Option<(String, serde_json::Value)>,
 }
@@ -95,7 +97,7 @@ impl Run {
         let [full, quiet, partial] = sum.routes;
         let first = &self.news.first_violation;
         let checked = self.options.events != Events::Off;
-        let yarns = self.yarns();
+        let (runs, yarns) = (1 + sum.further_runs, self.yarns());
         if self.json {
             self.label.json(json!({
                 "summary": {
@@ -112,6 +114,7 @@ impl Run {
                     "times_ms": sum.times.to_json(),
                     "first_violation": first,
                     "routes": { "full": full, "quiet": quiet, "partial": partial },
+                    "runs": runs,
                     "open_curves": sum.open_curves,
                     "joined_curves": sum.joined,
                     "open_curves_verified": checked,
@@ -149,6 +152,14 @@ impl Run {
         let low = self.options.clearance.map_or(0.0, |options| options.low);
         let lines = [
             Some(format!("{word}: {}{checks}", tally.words(self.models))),
+            some(
+                runs > 1,
+                format!(
+                    "{}, each compared with its own first frame (--one-motion: all files are one \
+                     motion)",
+                    plural(runs, "run")
+                ),
+            ),
             some(
                 quiet + partial > 0,
                 format!("frames: {n_quiet} quiet, {n_partial} partial, {n_full} full"),

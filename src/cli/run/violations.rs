@@ -92,6 +92,12 @@ impl Violations {
         }
     }
 
+    /// Begins another run, in which nothing ends a violation of the one before.
+    pub fn begin_run(&mut self) {
+        self.others = self.outcome();
+        self.current = None;
+    }
+
     /// Returns the worst outcome, without the violations that have ended.
     pub fn outcome(&self) -> Outcome {
         let current = self.current.as_ref();
