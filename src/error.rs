@@ -39,9 +39,9 @@ pub enum Error {
     },
     /// linkwatch has no reader for this kind of file.
     #[error(
-        "{path}: unknown kind of file (known: {MODEL_FILES}, and text with lines x y z, --closed, \
-         --counts); the Python package reads many others: `python -m linkwatch convert {path} \
-         OUT.npz`"
+        "{path}: unknown kind of file (known: {MODEL_FILES}, and text with lines x y z, with the \
+         option `closed` or the option `counts`); the Python package reads many others: `python -m \
+         linkwatch convert {path} OUT.npz`"
     )]
     UnknownModel {
         /// The file.

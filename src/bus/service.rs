@@ -114,13 +114,13 @@ impl Endpoint {
             Role::Simulator => Some(lock(&node, &service_name(name, "simulator")?, |who| {
                 format!(
                     "service \"{name}\" already has a simulator ({who}). Stop it, or give one of \
-                     the two another service name, watched with `linkwatch watch --service NAME`"
+                     the two another service name"
                 )
             })?),
             Role::Watcher => Some(lock(&node, &service_name(name, "watcher")?, |who| {
                 format!(
                     "service \"{name}\" is already watched ({who}). Stop that watcher, watch \
-                     another service with `--service NAME`, or add `--observe`: an observer \
+                     another service (option `service`), or pass the option `observe`: an observer \
                      verifies beside the watcher, and sends nothing to the simulator"
                 )
             })?),

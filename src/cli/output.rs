@@ -36,12 +36,18 @@ struct Log;
 
 impl Write for Log {
     fn write(&mut self, message: &[u8]) -> io::Result<usize> {
-        stream::put(Target::Err, message.to_vec());
+        stream::put(Target::Err, with_dashes(&String::from_utf8_lossy(message)));
         Ok(message.len())
     }
     fn flush(&mut self) -> io::Result<()> {
         Ok(())
     }
+}
+
+/// Writes the names of options as the command takes them: messages of the library name the option
+/// `closed` where the command has `--closed` and Python `closed=True`.
+fn with_dashes(message: &str) -> Vec<u8> {
+    message.replace("option `", "option `--").into_bytes()
 }
 
 /// Writes a line, or several, to stdout. If it is lost, [`finish`] reports that. The work
@@ -78,7 +84,7 @@ pub fn joined(first: &serde_json::Value, second: serde_json::Value) -> serde_jso
 
 /// Writes the error that ends the command to stderr.
 pub fn error(e: impl std::fmt::Display) {
-    stream::put(Target::Err, format!("error: {e}\n").into_bytes());
+    stream::put(Target::Err, with_dashes(&format!("error: {e}\n")));
 }
 
 /// Limits how long a line may block on stdout or stderr from now on.

@@ -220,8 +220,8 @@ impl SessionOptions {
             ];
             if let Some((what, _)) = excluded.iter().find(|(_, given)| *given) {
                 return refuse(format!(
-                    "a periodic cell excludes {what} (--cell none verifies the curves without \
-                     their images)"
+                    "a periodic cell excludes {what} (the option `cell=none` verifies the \
+                     curves without their images)"
                 ));
             }
         }

@@ -321,9 +321,9 @@ impl Curves {
                 Err(Error::unsupported(
                     FORMAT,
                     format_args!(
-                        "nothing says if {n} of {curves} curves are closed: pass `--closed` if all \
-                         are, `--closed=false` if none is, or the number of points of each curve, \
-                         negative if it is closed (`--counts=-{}`)",
+                        "nothing says if {n} of {curves} curves are closed: pass the option \
+                         `closed` if all are, the option `closed=false` if none is, or the number of points \
+                         of each curve, negative if it is closed (option `counts=-{}`)",
                         self.sizes[0]
                     ),
                 ))
@@ -523,9 +523,9 @@ mod tests {
         let open = "1 0 0\n2 0 0\n3 1 0\n";
         let repeated = "1 0 0\n2 0 0\n3 1 0\n1 0 0\n";
         let error = shape(open, None).unwrap_err().to_string();
-        let says = "nothing says if 1 of 1 curves are closed: pass `--closed`";
+        let says = "nothing says if 1 of 1 curves are closed: pass the option `closed`";
         assert!(
-            error.contains(says) && error.contains("--counts=-3"),
+            error.contains(says) && error.contains("option `counts=-3`"),
             "{error}"
         );
         let both = format!("{repeated}\n{open}");

@@ -30,7 +30,8 @@ pub(crate) struct Error;
 impl fmt::Display for Error {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(
-            "this build has no GPU kernels; build with the feature `gpu`, or use --device cpu",
+            "this build has no GPU kernels; build with the feature `gpu`, or pass the option \
+             `device=cpu`",
         )
     }
 }
@@ -62,6 +63,8 @@ impl Gpu {
     pub fn shared(_: &Device) -> Result<Arc<Gpu>, Error> {
         Err(Error)
     }
+
+    pub fn release(_: &Arc<Gpu>) {}
 
     pub fn info(&self) -> DeviceInfo {
         match self.0 {}

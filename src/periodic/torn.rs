@@ -97,8 +97,8 @@ impl std::fmt::Display for Torn {
         write!(
             f,
             "curve {curve} is {share:.3} of the {vector} vector of the periodic cell long from \
-             point {p} to {q}, more than half: pass `--wrapped` if coordinates are wrapped, else \
-             `--wrapped=false` (Python, C: wrapped)"
+             point {p} to {q}, more than half: pass the option `wrapped` if coordinates are \
+             wrapped, else the option `wrapped=false`"
         )
     }
 }

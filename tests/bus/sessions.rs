@@ -234,14 +234,16 @@ fn rejects_a_second_simulator_and_a_second_watcher() {
     let pid = std::process::id().to_string();
     assert!(words.contains(&name) && words.contains("already has a simulator"));
     assert!(
-        words.contains(&pid) && words.contains("--service"),
+        words.contains(&pid) && words.contains("another service name"),
         "{words}"
     );
     let e = Sidecar::open(&name, &SidecarOptions::default()).unwrap_err();
     let words = e.to_string();
     assert!(words.contains(&name) && words.contains("already watched"));
     assert!(
-        words.contains(&pid) && words.contains("--service") && words.contains("--observe"),
+        words.contains(&pid)
+            && words.contains("option `service`")
+            && words.contains("option `observe`"),
         "{words}"
     );
     drop((first, watcher));

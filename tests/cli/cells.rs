@@ -260,7 +260,11 @@ fn wrapped_coordinates_are_refused_also_if_the_cell_is_an_option() {
     for command in ["thickness", "writhe", "certify"] {
         let run = linkwatch(&[command, text(&path), "--cell", "4,4,4"]);
         assert_eq!(run.code, 2, "{command}: {}", run.stdout);
-        assert!(run.stderr.contains("pass `--wrapped`"), "{}", run.stderr);
+        assert!(
+            run.stderr.contains("pass the option `--wrapped`"),
+            "{}",
+            run.stderr
+        );
     }
 }
 

@@ -181,5 +181,5 @@ fn periodic_images_are_part_of_the_plan() {
     ];
     let run = linkwatch(&args);
     assert_eq!(run.code, 2);
-    assert!(run.stderr.contains("--cell none"), "{}", run.stderr);
+    assert!(run.stderr.contains("--cell=none"), "{}", run.stderr);
 }

@@ -63,7 +63,7 @@ fn points_of_plain_text_need_the_word_closed() {
     assert_eq!(unknown.code, 2);
     says(
         &unknown,
-        "nothing says if 2 of 2 curves are closed: pass `--closed`",
+        "nothing says if 2 of 2 curves are closed: pass the option `--closed`",
     );
     for option in ["--closed", "--counts=-4,-4"] {
         let certified = run("certify", &file, &[option]);

@@ -58,7 +58,11 @@ fn a_second_watcher_is_rejected_with_advice() {
     assert_eq!(ended.code, Some(2), "{}", ended.stderr);
     assert!(ended.stderr.starts_with("error: "), "{}", ended.stderr);
     assert!(ended.stderr.contains(&service), "{}", ended.stderr);
-    assert!(ended.stderr.contains("add `--observe`"), "{}", ended.stderr);
+    assert!(
+        ended.stderr.contains("pass the option `--observe`"),
+        "{}",
+        ended.stderr
+    );
     assert_eq!(step(&mut sim, 0, 0.0), Verdict::Intact);
     sim.finish().unwrap();
     assert_eq!(watch.end().code, Some(0));

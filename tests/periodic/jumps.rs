@@ -193,7 +193,7 @@ fn curves_that_the_boundary_tears_are_refused_unless_they_are_unwrapped() {
                 match report.rejected {
                     None => assert_eq!(report.verdict, Verdict::Intact),
                     Some(why) => {
-                        let says = "pass `--wrapped` if coordinates are wrapped";
+                        let says = "pass the option `wrapped` if coordinates are wrapped";
                         assert!(why.contains(says), "{why}");
                         refused += 1;
                     }

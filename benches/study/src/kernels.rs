@@ -28,6 +28,9 @@ pub struct Args {
         value_parser = beta
     )]
     betas: Vec<f64>,
+    /// Kernels to measure, separated by commas [default: all]
+    #[arg(long, value_name = "LIST", value_delimiter = ',')]
+    kernels: Vec<Method>,
     /// Also measure a generated scene at these sizes: numbers of segments, separated by commas
     #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = segments)]
     sizes: Vec<u64>,
@@ -329,7 +332,8 @@ pub fn run(args: &Args) -> Result<u8> {
     println!("{}", table.header());
     let mut rows = Vec::new();
     let mut measure = |subject: &Subject, settings: &[Setting]| {
-        for &setting in settings {
+        let wanted = |s: &&Setting| args.kernels.is_empty() || args.kernels.contains(&s.method);
+        for &setting in settings.iter().filter(wanted) {
             let row = Row::measure(setting, subject, &args.effort, device)?;
             println!("{}", line(&table, &row));
             rows.push(row);

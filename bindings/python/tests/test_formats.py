@@ -549,7 +549,7 @@ def test_formats_of_the_command_are_read(tmp_path, name):
         (frame,) = frames
         assert frame.counts == [-12, -12]
         assert linkwatch.certify(frame.positions, frame.counts).links == [(0, 1, -1)]
-    with pytest.raises(ValueError, match="a.raw.*--closed"):
+    with pytest.raises(ValueError, match="a.raw.*option `closed`"):
         linkwatch.read(written(tmp_path, "a.raw", rows(RING)))
 
 

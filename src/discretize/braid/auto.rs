@@ -69,7 +69,7 @@ pub fn find(set: &CurveSet) -> Result<Vec<Braid>> {
             names.sort_unstable();
             return Err(Error::Braid(format!(
                 "open curves {names:?} have ends near one another and no others; a braid needs at \
-                 least 4 curves: name the curves of each braid in a file (--braid ends.json)"
+                 least 4 curves: name the curves of each braid in a file (option `braid=ends.json`)"
             )));
         }
         braids.push(Braid {

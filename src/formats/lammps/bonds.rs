@@ -317,13 +317,13 @@ fn torn([p, q]: [u64; 2], found: &Torn, unwrapped: Unwrapped) -> String {
          than half",
         found.share
     );
-    let through = "or the curve closes only through the boundary: pass `--wrapped`, which follows \
-                   each curve from atom to atom";
+    let through = "or the curve closes only through the boundary: pass the option `wrapped`, which \
+                   follows each curve from atom to atom";
     match unwrapped {
         Unwrapped::Unknown => format!(
             "{bond}: the curve is wrapped at the boundary; write unwrapped coordinates (`dump .. \
              custom .. id xu yu zu`) or image flags (`id x y z ix iy iz`, or `write_data`), or \
-             pass `--wrapped`"
+             pass the option `wrapped`"
         ),
         Unwrapped::ByFlags => {
             format!("{bond}, in spite of image flags: they are inconsistent, {through}")

@@ -87,17 +87,18 @@ fn chains(path: &Path, closed: Option<bool>) -> Result<Curves> {
     let lines = Lines::new(dump::FORMAT, super::open_text(path)?)?;
     let Some(curves) = dump::chains(lines, closed == Some(true))? else {
         let what = "a dump has no bonds, which define the curves: give a data file with them \
-                    (`--bonds FILE`; LAMMPS: `write_data FILE`), or write the column mol, whose \
+                    (option `bonds`; LAMMPS: `write_data FILE`), or write the column mol, whose \
                     molecules are then chains in the order of the ids";
         return Err(Error::unsupported(dump::FORMAT, what));
     };
     let (kind, other) = match closed {
         Some(true) => ("closed", ""),
-        _ => ("open", ", or --closed if all are rings"),
+        _ => ("open", ", or pass the option `closed` if all are rings"),
     };
     tracing::warn!(
         "{}: a dump has no bonds, so the atoms of each molecule (column mol) are taken as {} in \
-         the order of their ids, {kind}: give --bonds FILE if they are not{other}",
+         the order of their ids, {kind}: give a data file with bonds (option `bonds`) if they \
+         are not{other}",
         path.display(),
         plural(curves.len() as u64, "chain"),
     );

@@ -114,7 +114,7 @@ fn wrapped_rings_are_refused_with_advice() {
         assert!(error.contains("more than half"), "{error}");
         assert!(error.contains("custom .. id xu yu zu"), "{error}");
         assert!(error.contains("ix iy iz"), "{error}");
-        assert!(error.contains("pass `--wrapped`"), "{error}");
+        assert!(error.contains("pass the option `wrapped`"), "{error}");
     }
 }
 

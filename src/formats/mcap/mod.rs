@@ -192,7 +192,7 @@ impl Channels {
                 ),
             },
             (None, topics) => format!(
-                "several topics have curves: {}; choose one of them (--topic)",
+                "several topics have curves: {}; choose one of them (option `topic`)",
                 topics.join(", ")
             ),
         };

@@ -75,8 +75,8 @@ impl Layout {
             (Some((3, [_] | [_, _])), None) => {
                 let what = format!(
                     "positions of shape {shape} do not say which points belong to one curve: give \
-                     the numbers of points of the curves, negative if closed (`--counts`, or an \
-                     array `counts` in an .npz), or the shape frames x curves x points x 3 for \
+                     the numbers of points of the curves, negative if closed (option `counts`, or \
+                     an array `counts` in an .npz), or the shape frames x curves x points x 3 for \
                      equal closed curves"
                 );
                 return Err(Error::unsupported(FORMAT, what));

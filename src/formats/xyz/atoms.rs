@@ -33,7 +33,7 @@ pub(super) fn read(
         return Err(lines.bad(format_args!(
             "nothing says which atoms belong to one curve: write a column of integers \
              (`Properties=species:S:1:pos:R:3:molecule:I:1`; also {}), or give the numbers of \
-             points of the curves, negative if closed (`--counts`)",
+             points of the curves, negative if closed (option `counts`)",
             GROUPS[1..].join(", ")
         )));
     }

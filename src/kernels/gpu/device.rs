@@ -7,7 +7,7 @@ use crate::kernels::device::{Device, DeviceInfo};
 use std::collections::HashMap;
 use std::pin::pin;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex, PoisonError, mpsc};
+use std::sync::{Arc, LazyLock, Mutex, PoisonError, mpsc};
 use std::task::{Context, Poll, Waker};
 use std::time::Duration;
 use wgpu::PollType;
@@ -40,16 +40,17 @@ pub(crate) struct Pending {
 /// Features that double precision needs; pinning uses 64-bit integers.
 const DOUBLE: wgpu::Features = wgpu::Features::SHADER_F64.union(wgpu::Features::SHADER_INT64);
 
-fn instance() -> wgpu::Instance {
-    wgpu::Instance::new(wgpu::InstanceDescriptor {
-        backends: wgpu::Backends::VULKAN | wgpu::Backends::METAL | wgpu::Backends::DX12,
-        ..wgpu::InstanceDescriptor::new_without_display_handle()
-    })
-}
-
 /// Returns all adapters in the order of their indices.
 fn adapters() -> Vec<wgpu::Adapter> {
-    let enumerated = instance().enumerate_adapters(wgpu::Backends::all());
+    // One for the process: NVIDIA's driver finds no adapter any more after some thirty instances,
+    // although each of them was dropped (580.159, H200).
+    static INSTANCE: LazyLock<wgpu::Instance> = LazyLock::new(|| {
+        wgpu::Instance::new(wgpu::InstanceDescriptor {
+            backends: wgpu::Backends::VULKAN | wgpu::Backends::METAL | wgpu::Backends::DX12,
+            ..wgpu::InstanceDescriptor::new_without_display_handle()
+        })
+    });
+    let enumerated = INSTANCE.enumerate_adapters(wgpu::Backends::all());
     let mut found = block_on(enumerated);
     // The sort is stable.
     found.sort_by_key(|a| rank(a.get_info().device_type));
@@ -147,11 +148,22 @@ impl Adapter {
         self.lost.load(Ordering::Relaxed)
     }
 
+    /// Frees the memory of the adapter.
+    pub fn free(&mut self) {
+        self.buffers.clear();
+    }
+
+    /// Returns the number of bytes in buffers.
+    #[cfg(test)]
+    pub fn bytes(&self) -> u64 {
+        self.buffers.values().map(wgpu::Buffer::size).sum()
+    }
+
     /// Restricts buffers to a maximum size in bytes.
     #[cfg(test)]
     pub fn restrict(&mut self, most: u64) {
         self.most = most;
-        self.buffers.clear();
+        self.free();
     }
 
     /// Destroys the device, as a driver reset would.

@@ -76,7 +76,7 @@ use crate::curve::CurveSet;
 use crate::pairs::Pair;
 use std::fmt::Write;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 const PARAMETERS: Buffer = Buffer("parameters", "all");
 /// Vertices of the current frame and of the next one.
@@ -114,8 +114,9 @@ pub(super) fn find(is_wanted: impl Fn(&DeviceInfo) -> bool) -> Option<Device> {
 /// Linking numbers, in parts, and the number of tests that the CPU decided.
 type Counts = (Vec<Counted>, u64);
 
-/// Open adapters, shared by all callers.
-static OPEN: Mutex<Vec<(Device, Weak<Gpu>)>> = Mutex::new(Vec::new());
+/// Open adapters, shared by all callers. They stay open, because opening one takes longer than
+/// many frames.
+static OPEN: Mutex<Vec<(Device, Arc<Gpu>)>> = Mutex::new(Vec::new());
 
 /// An adapter that is ready to compute, for one caller at a time.
 #[derive(Debug)]
@@ -146,17 +147,27 @@ impl Gpu {
     /// Returns an open adapter: the shared one if the same choice is open already, else a new one.
     pub fn shared(device: &Device) -> Result<Arc<Gpu>, Error> {
         let mut open = OPEN.lock().unwrap_or_else(PoisonError::into_inner);
-        open.retain(|(_, gpu)| gpu.strong_count() > 0);
-        let known = open.iter().find(|(known, _)| known == device);
-        if let Some(gpu) = known.and_then(|(_, gpu)| gpu.upgrade()) {
-            if !gpu.is_lost() {
-                return Ok(gpu);
-            }
-            open.retain(|(known, _)| known != device);
+        open.retain(|(_, gpu)| !gpu.is_lost());
+        if let Some((_, gpu)) = open.iter().find(|(known, _)| known == device) {
+            return Ok(Arc::clone(gpu));
         }
         let gpu = Arc::new(Gpu::open(device)?);
-        open.push((device.clone(), Arc::downgrade(&gpu)));
+        open.push((device.clone(), Arc::clone(&gpu)));
         Ok(gpu)
+    }
+
+    /// Frees the memory of a shared adapter if this is its last user.
+    pub fn release(gpu: &Arc<Gpu>) {
+        let open = OPEN.lock().unwrap_or_else(PoisonError::into_inner);
+        let shared = open
+            .iter()
+            .filter(|(_, other)| Arc::ptr_eq(gpu, other))
+            .count();
+        if Arc::strong_count(gpu) == shared + 1 {
+            let mut state = gpu.lock();
+            state.adapter.free();
+            state.forget();
+        }
     }
 
     fn lock(&self) -> MutexGuard<'_, State> {

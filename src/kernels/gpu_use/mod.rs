@@ -63,6 +63,25 @@ enum Mode {
     },
 }
 
+impl Mode {
+    /// Returns the adapter if it is open.
+    fn open(&self) -> Option<&Arc<Gpu>> {
+        match self {
+            Mode::Off => None,
+            Mode::Requested { gpu, .. } => Some(gpu),
+            Mode::Automatic { gpu, .. } => gpu.get()?.as_ref(),
+        }
+    }
+}
+
+impl Drop for Mode {
+    fn drop(&mut self) {
+        if let Some(gpu) = self.open() {
+            Gpu::release(gpu);
+        }
+    }
+}
+
 /// An adapter that is available for work.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Offer<'a> {
@@ -122,14 +141,13 @@ impl GpuUse {
 
     /// Returns the adapter; opens it first if needed.
     fn gpu(&self) -> Option<&Arc<Gpu>> {
-        let gpu = match &self.mode {
-            _ if self.has_failed() => None,
-            Mode::Off => None,
-            Mode::Requested { gpu, .. } => Some(gpu),
-            Mode::Automatic { calibration, gpu } => {
-                gpu.get_or_init(|| open_calibrated(calibration)).as_ref()
-            }
-        }?;
+        if self.has_failed() {
+            return None;
+        }
+        if let Mode::Automatic { calibration, gpu } = &self.mode {
+            gpu.get_or_init(|| open_calibrated(calibration));
+        }
+        let gpu = self.mode.open()?;
         // Another engine that uses the adapter may have lost it.
         if gpu.is_lost() {
             self.fail(&"the adapter was lost");
@@ -140,13 +158,11 @@ impl GpuUse {
 
     /// Returns the properties of the adapter if it is open and not lost.
     pub fn info(&self) -> Option<DeviceInfo> {
-        let gpu = match &self.mode {
-            _ if self.has_failed() => None,
-            Mode::Off => None,
-            Mode::Requested { gpu, .. } => Some(gpu),
-            Mode::Automatic { gpu, .. } => gpu.get()?.as_ref(),
-        };
-        gpu.filter(|gpu| !gpu.is_lost()).map(|gpu| gpu.info())
+        let gpu = self
+            .mode
+            .open()
+            .filter(|gpu| !self.has_failed() && !gpu.is_lost());
+        gpu.map(|gpu| gpu.info())
     }
 
     /// Returns the adapter for the choice of a kernel, or `None` if there is none.
