@@ -114,6 +114,12 @@ fn under_auto_the_adapter_is_used_if_its_calibration_predicts_a_gain() {
 #[test]
 #[ignore = "needs an adapter"]
 fn under_auto_the_adapter_counts_large_blocks_of_an_early_exit_and_no_quiet_frames() {
+    // On more threads the CPU is predicted to be faster.
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(2).build();
+    pool.unwrap().install(early_exit_and_quiet_frames);
+}
+
+fn early_exit_and_quiet_frames() {
     let built = "chainmail:rows=24,columns=24".parse::<Model>().unwrap();
     let built = built.build().unwrap();
     let verifier = |strategy, early_exit| {
