@@ -4,6 +4,7 @@ use super::Outcome;
 use super::braid_args::BraidArgs;
 use super::cell_args::CellArgs;
 use super::clearance_args::ClearanceArgs;
+use super::each::EachArgs;
 use super::event_args::EventArgs;
 use super::input::{self, FormatArgs};
 use super::output::with_progress;
@@ -34,6 +35,8 @@ pub struct Args {
     #[arg(long)]
     one_motion: bool,
     #[command(flatten)]
+    each_args: EachArgs,
+    #[command(flatten)]
     format: FormatArgs,
     /// Expected linking numbers: those of the first model, or a certificate as `linkwatch certify
     /// -o` writes it [default: first-frame]
@@ -56,7 +59,13 @@ pub struct Args {
 
 /// Runs the command.
 pub fn run(args: &Args, json: bool) -> Result<Outcome> {
-    let models = input::expand(&args.models, args.keep_order)?;
+    let models = match &args.each_args.only {
+        Some(model) => vec![model.clone()],
+        None if args.each_args.each => {
+            return args.each_args.run(&input::expand_models(&args.models)?);
+        }
+        None => input::expand(&args.models, args.keep_order)?,
+    };
     let from_first_frame = !matches!(args.baseline, Some(Baseline::File(_)));
     let single = models.len() == 1 && !input::holds_frames(&models[0]);
     let format = args.format.wrapped(args.cell_args.wrapped.is_some());

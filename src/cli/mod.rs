@@ -12,6 +12,7 @@ mod convert;
 mod devices;
 #[cfg(feature = "mcap")]
 mod diff;
+mod each;
 mod event_args;
 mod explain;
 mod files;

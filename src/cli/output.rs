@@ -54,7 +54,7 @@ fn with_dashes(message: &str) -> Vec<u8> {
 /// continues, because a watched simulation still needs its verdicts, and the exit code still gives
 /// the outcome.
 pub fn line(text: impl std::fmt::Display) {
-    stream::put(Target::Out, format!("{text}\n").into_bytes());
+    stream::put(Target::Out, with_dashes(&format!("{text}\n")));
 }
 
 /// Writes the first `most` lines to stdout, indented, and the number of the others.
@@ -70,7 +70,7 @@ pub fn first_lines(indent: &str, lines: &[String], most: usize) {
 
 /// Writes a value as one line of JSON to stdout.
 pub fn json(value: &serde_json::Value) {
-    line(value);
+    stream::put(Target::Out, format!("{value}\n").into_bytes());
 }
 
 /// Returns a JSON object with the fields of two.

@@ -184,6 +184,7 @@ impl Schema {
         for line in stdout.lines() {
             let found: Value = serde_json::from_str(line).unwrap();
             match (&found["summary"], name) {
+                (_, "run of a file") => self.object(name, &found, at),
                 (summary @ Value::Object(_), "answer") => {
                     self.object("publication", summary, at);
                 }
@@ -242,6 +243,7 @@ fn the_page_has_the_fields_of_the_output() {
         "frame",
         &["check", &sheet, &partial, "--events", "--motion-limit", "0"],
     );
+    schema.run("run of a file", &["check", "--each", &sheet]);
     let thick = ["replay", &run, "--radius", "0.5", "--min-clearance", "99%"];
     schema.run("frame", &thick);
     schema.run("comparison of runs", &["diff", &run, &other]);

@@ -3,6 +3,10 @@
 use super::chain;
 use crate::support::command::{linkwatch, text};
 use linkwatch::{Basis, CurveSet, Positions, formats};
+use serde_json::Value;
+use std::fs::OpenOptions;
+use std::io::Write;
+use std::path::Path;
 use tempfile::TempDir;
 
 #[test]
@@ -326,4 +330,76 @@ fn models_that_are_far_apart_are_compared_by_linking_numbers_alone() {
     let run = linkwatch(&["check", "--events=between", text(&first), text(&second)]);
     assert_eq!(run.code, 3, "{}{}", run.stdout, run.stderr);
     assert!(run.stdout.contains("unresolved: "), "{}", run.stdout);
+}
+
+#[test]
+fn check_verifies_each_file_in_a_process_of_its_own() {
+    let folder = TempDir::new().unwrap();
+    let path = |name: &str| folder.path().join(name);
+    let [whole, broken, wrong] = ["whole.npz", "broken.npz", "wrong.npz"].map(path);
+    let generate = |file: &Path, frames: &str| {
+        let args = ["generate", "chainmail:rows=2,columns=2", "--frames", frames];
+        assert_eq!(
+            linkwatch(&[&args[..], &["-o", text(file)]].concat()).code,
+            0
+        );
+    };
+    generate(&whole, "3,diameter=0.2");
+    generate(&broken, "4,pull=2,diameter=0.2");
+    std::fs::write(&wrong, "no archive").unwrap();
+    let out = path("runs.jsonl");
+    let lines = || -> Vec<(String, Value)> {
+        let lines = std::fs::read_to_string(&out).unwrap();
+        let lines = lines.lines().flat_map(serde_json::from_str::<Value>);
+        let name = |line: &Value| {
+            let file = Path::new(line["file"].as_str().unwrap()).file_name();
+            file.unwrap().to_str().unwrap().to_owned()
+        };
+        let mut lines: Vec<_> = lines.map(|line| (name(&line), line)).collect();
+        lines.sort_by(|a, b| a.0.cmp(&b.0));
+        lines
+    };
+    let each = ["check", "--each", "-o", text(&out), "--jobs", "2"];
+    let run = linkwatch(&[&each[..], &[&whole, &broken, &wrong].map(|file| text(file))].concat());
+    assert_eq!((run.code, run.stdout.as_str()), (1, ""), "{}", run.stderr);
+    let found = lines();
+    let code = |k: usize| found[k].1["code"].as_i64();
+    assert_eq!(found.len(), 3);
+    assert_eq!([0, 1, 2].map(code), [Some(1), Some(0), Some(2)]);
+    assert_eq!(found[0].1["verdict"], "changed");
+    assert_eq!(found[1].1["summary"]["verified"], 3);
+    assert!(
+        found[2].1["error"]
+            .as_str()
+            .unwrap()
+            .starts_with("not a valid")
+    );
+
+    // Without --resume nothing is overwritten.
+    let again = linkwatch(&[&each[..], &[text(&whole)]].concat());
+    assert!(
+        again.code == 2 && again.stderr.contains("--resume"),
+        "{}",
+        again.stderr
+    );
+    assert_eq!(lines().len(), 3);
+
+    // The run that failed is verified again, and a line that was cut is ignored. The exit code is
+    // that of all runs.
+    std::fs::remove_file(&wrong).unwrap();
+    generate(&wrong, "3,diameter=0.2");
+    let mut file = OpenOptions::new().append(true).open(&out).unwrap();
+    file.write_all(b"{\"file\": \"who").unwrap();
+    let files = [&whole, &broken, &wrong].map(|file| text(file));
+    let run = linkwatch(&[&each[..], &["--resume"], &files].concat());
+    assert_eq!(run.code, 1, "{}", run.stderr);
+    assert!(
+        run.stderr.contains("2 intact, 1 changed, 0 undecided"),
+        "{}",
+        run.stderr
+    );
+    assert!(run.stderr.contains("1 verified now"), "{}", run.stderr);
+    let found = lines();
+    let last = &found.last().unwrap().1;
+    assert_eq!((found.len(), &last["code"]), (4, &Value::from(0)), "{last}");
 }

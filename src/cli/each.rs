@@ -1,0 +1,245 @@
+//! `linkwatch check --each`: each file is a run of its own, verified by a process of its own.
+//!
+//! A run that crashes, or that the system kills because memory is short, costs no other run.
+
+use super::Outcome;
+use super::output;
+use linkwatch::{Error, Result};
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+use std::collections::HashMap;
+use std::fs::{File, OpenOptions};
+use std::io::{BufRead, BufReader, Read, Write};
+use std::num::NonZeroUsize;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Mutex, PoisonError};
+use std::thread;
+use std::time::Instant;
+
+/// The option `--each` and what belongs to it.
+#[derive(Debug, clap::Args)]
+#[command(next_help_heading = "Many runs")]
+pub struct EachArgs {
+    /// Verify each file as a run of its own, in a process of its own: a line of JSON for each
+    #[arg(long, conflicts_with_all = ["one_motion", "junit", "record", "show"])]
+    pub each: bool,
+    /// Number of runs at a time, with --each [default: one per core]
+    #[arg(long, value_name = "N", requires = "each", hide_short_help = true)]
+    jobs: Option<NonZeroUsize>,
+    /// Append the lines to a file, with --each
+    #[arg(
+        short,
+        long,
+        value_name = "FILE.jsonl",
+        requires = "each",
+        hide_short_help = true
+    )]
+    output: Option<PathBuf>,
+    /// Skip the runs that the file has, except those that failed
+    #[arg(long, requires = "output", hide_short_help = true)]
+    resume: bool,
+    /// The file to verify, in a process that `--each` started.
+    #[arg(long, hide = true)]
+    pub only: Option<PathBuf>,
+}
+
+/// The line of a run.
+#[derive(Debug, Serialize, Deserialize)]
+struct Line {
+    file: PathBuf,
+    /// Exit code of the process; `None` if a signal ended it.
+    code: Option<i32>,
+    /// Why there is no verdict.
+    error: Option<String>,
+    verdict: Option<String>,
+    seconds: f64,
+    summary: Option<Value>,
+}
+
+/// Lines that are written while runs go on.
+#[derive(Default)]
+struct Lines {
+    file: Option<File>,
+    /// Exit codes of the runs that the file had before.
+    done: HashMap<PathBuf, Option<i32>>,
+    /// Numbers of runs: intact, changed, undecided and failed.
+    counts: [usize; 4],
+}
+
+/// Returns the place of an exit code in [`Lines::counts`].
+fn class(code: Option<i32>) -> usize {
+    match code {
+        Some(0) => 0,
+        Some(1) => 1,
+        Some(3) => 2,
+        _ => 3,
+    }
+}
+
+impl EachArgs {
+    /// Runs the command on these files.
+    ///
+    /// # Errors
+    ///
+    /// The output cannot be used; or a run failed, and no topology changed.
+    pub fn run(&self, models: &[PathBuf]) -> Result<Outcome> {
+        let mut lines = Lines::default();
+        if let Some(path) = &self.output {
+            lines.open(path, self.resume).map_err(|e| e.in_file(path))?;
+        }
+        let (done, left): (Vec<&PathBuf>, Vec<&PathBuf>) = models
+            .iter()
+            .partition(|model| lines.done.contains_key(*model));
+        for model in done {
+            lines.counts[class(lines.done[model])] += 1;
+        }
+        let cores = thread::available_parallelism().map_or(1, NonZeroUsize::get);
+        let jobs = self
+            .jobs
+            .map_or(cores, NonZeroUsize::get)
+            .min(left.len().max(1));
+        let threads = (cores / jobs).max(1);
+        let (next, lines) = (AtomicUsize::new(0), Mutex::new(lines));
+        let work = || -> Result<()> {
+            while let Some(model) = left.get(next.fetch_add(1, Ordering::Relaxed)) {
+                let line = verified(model, threads);
+                let mut lines = lines.lock().unwrap_or_else(PoisonError::into_inner);
+                lines.put(&line)?;
+            }
+            Ok(())
+        };
+        thread::scope(|scope| {
+            let workers: Vec<_> = (0..jobs).map(|_| scope.spawn(work)).collect();
+            let ended = workers
+                .into_iter()
+                .map(|w| w.join().expect("a worker never panics"));
+            ended.collect::<Result<()>>()
+        })?;
+        let lines = lines.into_inner().unwrap_or_else(PoisonError::into_inner);
+        let [intact, changed, undecided, failed] = lines.counts;
+        let runs = output::plural(models.len() as u64, "run");
+        tracing::info!(
+            "{runs}: {intact} intact, {changed} changed, {undecided} undecided or incomplete, \
+             {failed} failed; {} verified now",
+            left.len(),
+        );
+        match (changed, failed, undecided) {
+            (0, 0, 0) => Ok(Outcome::Fine),
+            (0, 0, _) => Ok(Outcome::Undecided),
+            (0, ..) => Err(Error::Usage(format!("{failed} of {runs} failed"))),
+            _ => Ok(Outcome::Changed),
+        }
+    }
+}
+
+impl Lines {
+    /// Opens the output, and reads which runs it has.
+    fn open(&mut self, path: &Path, resume: bool) -> Result<()> {
+        if !resume && path.exists() {
+            let what = "exists: --resume skips the runs that it has, and appends the others";
+            return Err(Error::Usage(what.into()));
+        }
+        let options = OpenOptions::new()
+            .read(true)
+            .append(true)
+            .create(true)
+            .to_owned();
+        let mut file = options.open(path)?;
+        let mut text = String::new();
+        file.read_to_string(&mut text)?;
+        if !text.is_empty() && !text.ends_with('\n') {
+            // The last line was cut.
+            file.write_all(b"\n")?;
+        }
+        let lines = text
+            .lines()
+            .filter_map(|line| serde_json::from_str::<Line>(line).ok());
+        let done = lines.filter(|line| line.error.is_none());
+        self.done = done.map(|line| (line.file, line.code)).collect();
+        self.file = Some(file);
+        Ok(())
+    }
+
+    fn put(&mut self, line: &Line) -> Result<()> {
+        self.counts[class(line.code)] += 1;
+        let json = serde_json::to_value(line).expect("a line is JSON");
+        match &mut self.file {
+            Some(file) => file.write_all(format!("{json}\n").as_bytes())?,
+            None => output::json(&json),
+        }
+        let said = line.verdict.as_ref().or(line.error.as_ref());
+        tracing::info!(
+            "{}: {}",
+            line.file.display(),
+            said.map_or("", String::as_str)
+        );
+        Ok(())
+    }
+}
+
+/// Verifies a file in a new process: this command with the same arguments, and `--only`.
+fn verified(model: &Path, threads: usize) -> Line {
+    let start = Instant::now();
+    let mut line = Line {
+        file: model.to_owned(),
+        code: None,
+        error: None,
+        verdict: None,
+        seconds: 0.0,
+        summary: None,
+    };
+    match last_line(model, threads) {
+        Ok((code, last, errors)) => {
+            line.code = code;
+            let mut last: Value = serde_json::from_str(&last).unwrap_or_default();
+            let of_frame = last["report"]["verdict"].as_str();
+            let verdict = last["summary"]["verdict"].as_str().or(of_frame);
+            line.verdict = verdict.map(str::to_owned);
+            line.summary = last.get_mut("summary").map(Value::take);
+            if class(code) == 3 {
+                let mut lines = errors.lines().rev();
+                let why = lines.find_map(|line| line.strip_prefix("error: "));
+                let name = format!("{}: ", model.display());
+                let why = why.map(|why| why.strip_prefix(&name).unwrap_or(why));
+                line.error = Some(why.unwrap_or("a signal ended the process").to_owned());
+            }
+        }
+        Err(e) => line.error = Some(e.to_string()),
+    }
+    line.seconds = start.elapsed().as_secs_f64();
+    line
+}
+
+/// Returns the exit code of the process, its last line on stdout and all on stderr.
+fn last_line(model: &Path, threads: usize) -> std::io::Result<(Option<i32>, String, String)> {
+    let mut own = std::env::args_os();
+    let mut command = Command::new(own.next().unwrap_or_default());
+    command
+        .args(own.filter(|arg| arg != "--json"))
+        .args(["--json", "--only"])
+        .arg(model);
+    // An option --threads has priority.
+    command.env("RAYON_NUM_THREADS", threads.to_string());
+    let (out, err) = (Stdio::piped(), Stdio::piped());
+    let mut child = command
+        .stdin(Stdio::null())
+        .stdout(out)
+        .stderr(err)
+        .spawn()?;
+    let (out, mut err) = (child.stdout.take(), child.stderr.take());
+    thread::scope(|scope| {
+        let errors = scope.spawn(move || {
+            let mut errors = Vec::new();
+            err.as_mut().map(|err| err.read_to_end(&mut errors));
+            String::from_utf8_lossy(&errors).into_owned()
+        });
+        let mut last = String::new();
+        for line in BufReader::new(out.expect("piped")).lines() {
+            last = line?;
+        }
+        let code = child.wait()?.code();
+        Ok((code, last, errors.join().expect("a reader never panics")))
+    })
+}
