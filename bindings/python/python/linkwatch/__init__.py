@@ -67,6 +67,7 @@ if TYPE_CHECKING:
 
     from . import distributed as distributed
     from . import io as io
+    from . import mdanalysis as mdanalysis
     from ._run import Run as Run
     from ._run import check as check
     from ._series import gauss_integrals as gauss_integrals
@@ -881,6 +882,7 @@ def assert_intact(
 _LATER = {
     "io": "io",
     "distributed": "distributed",
+    "mdanalysis": "mdanalysis",
     "read": "io",
     "write": "io",
     "Run": "_run",

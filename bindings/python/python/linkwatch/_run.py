@@ -477,6 +477,27 @@ def bar(steps: Iterable[Any], total: int | None, wanted: bool | None, unit: str)
     return tqdm.tqdm(steps, total=total, unit=unit, disable=None if wanted is None else False)
 
 
+def options_of(
+    baseline: Certificate | str | os.PathLike[str] | None = None,
+    events: str = "between",
+    radius: Any = None,
+    motion_limit: float | None = None,
+    wrapped: bool | None = None,
+    keep_open: bool = False,
+) -> dict[str, Any]:
+    """Returns the options of a session that verifies a run."""
+    if isinstance(baseline, (str, os.PathLike)):
+        baseline = Certificate.read(baseline)
+    return dict(
+        baseline=baseline,
+        events=events,
+        radius=radius,
+        motion_limit=motion_limit,
+        wrapped=wrapped,
+        keep_open=keep_open,
+    )
+
+
 def check(
     frames: Any,
     baseline: Certificate | str | os.PathLike[str] | None = None,
@@ -527,16 +548,7 @@ def check(
         TypeError, ValueError: an argument is invalid, a file is damaged, or no curve is closed and
             there are no ``events``.
     """
-    if isinstance(baseline, (str, os.PathLike)):
-        baseline = Certificate.read(baseline)
-    options = dict(
-        baseline=baseline,
-        events=events,
-        radius=radius,
-        motion_limit=motion_limit,
-        wrapped=wrapped,
-        keep_open=keep_open,
-    )
+    options = options_of(baseline, events, radius, motion_limit, wrapped, keep_open)
     source = frames_of(frames, **described)
     run = Run(source, options)
     if client is not None:

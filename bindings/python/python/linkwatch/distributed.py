@@ -144,8 +144,8 @@ def _sent(source: Frames, chunk: int | None) -> Iterator[Any]:
 
 def _frames(part: Any) -> Iterable[Frame]:
     """Returns the frames of a chunk on a worker. Each of its threads opens a file once."""
-    if isinstance(part, list):
-        return part
+    if not isinstance(part, tuple):
+        return part  # type: ignore[no-any-return]
     recipe, start, stop = part
     if getattr(_opened, "recipe", None) != recipe:
         _opened.recipe, _opened.frames = recipe, pickle.loads(recipe)
