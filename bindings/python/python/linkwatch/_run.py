@@ -528,7 +528,9 @@ def bar(steps: Iterable[Any], total: int | None, wanted: bool | None, unit: str)
     if wanted is False:
         return steps
     try:
-        tqdm = library("tqdm.auto", "analysis", "a progress bar")
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # a notebook without ipywidgets has a bar of text
+            tqdm = library("tqdm.auto", "analysis", "a progress bar")
     except ImportError:
         if wanted:
             raise
