@@ -69,7 +69,9 @@ def verify(run: Run, client: Any, chunk: int | None, progress: bool | None) -> N
     first = next(parts, None)
     if first is None:
         return
-    begin = submit(_begin, first, run.options).result()
+    # The workers of Dask have it from one another, and make it again if it is lost.
+    begin = submit(_begin, first, run.options)
+    begin = begin if _is_dask(client) else begin.result()
     waiting: deque[tuple[Any, Any]] = deque()
 
     def send() -> None:
@@ -100,9 +102,13 @@ def verify(run: Run, client: Any, chunk: int | None, progress: bool | None) -> N
             shown.close()
 
 
+def _is_dask(client: Any) -> bool:
+    return hasattr(client, "scheduler_info")
+
+
 def _submit(client: Any) -> Callable[..., Any]:
     """Returns the function that sends a call to a worker."""
-    if not hasattr(client, "scheduler_info"):
+    if not _is_dask(client):
         submit: Callable[..., Any] = client.submit
         return submit
 
@@ -126,7 +132,8 @@ def _workers(client: Any) -> int:
 def _parts(source: Frames, chunk: int | None, workers: int) -> Iterator[Any]:
     """Yields chunks that workers read: the recipe of the frames, and the numbers of some."""
     frames, recipe = len(source), pickle.dumps(source)
-    chunk = chunk or min(max(-(-frames // (4 * workers)), 16), 1024)
+    # Of seconds, so that a scheduler that takes 15 ms for a chunk keeps 1000 workers busy.
+    chunk = chunk or min(max(-(-frames // (4 * workers)), 16), 8192)
     for start in range(0, frames, chunk):
         yield recipe, max(start - 1, 0), min(start + chunk, frames)
 
