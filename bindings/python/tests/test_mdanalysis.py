@@ -1,6 +1,5 @@
 """`linkwatch.mdanalysis.LinkAnalysis`: its backends find what `linkwatch.check` finds."""
 
-import doctest
 import random
 import re
 
@@ -88,7 +87,3 @@ def test_frames_are_chosen_as_in_other_analyses(capsys):
     assert analysis.run(stop=0).results.run.verdict == "incomplete" and len(analysis.frames) == 0
     with pytest.raises(TypeError, match="threshold"):
         linkwatch.mdanalysis.LinkAnalysis(made, threshold=1)
-
-
-def test_the_example_of_the_documentation_says_what_happens():
-    assert doctest.testmod(linkwatch.mdanalysis).failed == 0

@@ -93,6 +93,13 @@ def frames_in_memory(
 class Run:
     """Result of :func:`linkwatch.check`. It is true if all frames were verified and are intact.
 
+    >>> import linkwatch
+    >>> ring = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0.0]])
+    >>> other = np.array([[0, 0, -1], [2, 0, -1], [2, 0, 1], [0, 0, 1.0]])
+    >>> run = linkwatch.check([[ring, other + [0.4 * k, 0, 0]] for k in range(4)])
+    >>> run.frames[3]["verdict"], run.pull_throughs[0]["frame"], run.pull_throughs[0]["point"]
+    ('changed', 3, [1.0, 0.0, 0.0])
+
     ``print(run)`` says what happened. All tables are lists of dicts:
 
     Attributes:
@@ -122,14 +129,17 @@ class Run:
 
     @property
     def changes(self) -> list[dict[str, Any]]:
+        """Linking numbers that differ from the baseline, each once."""
         return list(self._lasting["changes"].values())
 
     @property
     def defects(self) -> list[dict[str, Any]]:
+        """Pairs and curves without a linking number, and undecided steps, each once."""
         return list(self._lasting["defects"].values())
 
     @property
     def left_out(self) -> list[str]:
+        """Elements that may be curves and were not read, by kind, with the first one."""
         of_files = [] if self.source is None else self.source.summary.left_out
         return [*of_files, *self._left_out.values()]
 
@@ -277,6 +287,10 @@ class Run:
     def to_pandas(self, table: str = "frames") -> Any:
         """Returns a table as a ``pandas.DataFrame``: ``"frames"``, ``"changes"``, ``"defects"`` or
         ``"pull_throughs"``.
+
+        Raises:
+            ImportError: pandas is not installed.
+            ValueError: there is no such table.
         """
         if table not in COLUMNS:
             raise ValueError(f"table is {table!r}, expected one of {', '.join(COLUMNS)}")
@@ -286,6 +300,9 @@ class Run:
     def plot(self) -> Any:
         """Returns a figure of ``matplotlib``: findings, and clearance if it is measured, over time,
         or over the number of the frame if all times are equal.
+
+        Raises:
+            ImportError: matplotlib is not installed.
         """
         figure = library("matplotlib.figure", "analysis", "a plot")
         rows = self.frames

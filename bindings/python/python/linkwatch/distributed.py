@@ -49,6 +49,8 @@ if TYPE_CHECKING:
 
     from .io import Frame, Frames
 
+__all__ = ["check_many"]
+
 #: Bytes of the positions of a chunk that is sent to a worker, if its size is not given.
 SENT = 1 << 26
 
@@ -188,6 +190,16 @@ def check_many(
     paths: Sequence[Any], client: Any, *, progress: bool | None = None, **options: Any
 ) -> list[Run]:
     """Verifies many runs, each one by one worker.
+
+    >>> from concurrent.futures import ThreadPoolExecutor
+    >>> from tempfile import TemporaryDirectory
+    >>> import linkwatch
+    >>> import numpy as np
+    >>> frames = [linkwatch.io.Frame(np.eye(3), [-3], seq=k) for k in range(2)]
+    >>> with TemporaryDirectory() as folder, ThreadPoolExecutor(2) as client:
+    ...     paths = [linkwatch.write(frames, f"{folder}/{name}.npz")[0] for name in "ab"]
+    ...     [run.verdict for run in linkwatch.distributed.check_many(paths, client)]
+    ['intact', 'intact']
 
     Args:
         paths: a path for each run, or a list of the paths that :func:`linkwatch.read` takes
