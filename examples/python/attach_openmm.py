@@ -10,8 +10,7 @@ import argparse
 
 import linkwatch
 import numpy as np
-import openmm
-from openmm import app, unit
+import openmm.app
 
 
 class Reporter:
@@ -25,8 +24,8 @@ class Reporter:
         return {"steps": steps, "periodic": False, "include": ["positions"]}
 
     def report(self, simulation, state):
-        positions = state.getPositions(asNumpy=True).value_in_unit(unit.nanometer)
-        self.client.begin(state.getTime().value_in_unit(unit.picosecond))[:] = positions
+        points = state.getPositions(asNumpy=True).value_in_unit(openmm.unit.nanometer)
+        self.client.begin(state.getTime().value_in_unit(openmm.unit.picosecond))[:] = points
         self.client.publish()  # never waits
         if self.client.aborted:
             raise SystemExit(str(self.client.aborted))
@@ -36,10 +35,8 @@ parser = argparse.ArgumentParser()
 parser.add_argument("--service", default="chain")
 parser.add_argument("--stiffness", type=float, default=4000, help="of the beads, kJ/mol/nm^2")
 args = parser.parse_args()
-
 rings, beads = 16, 16
-angle = 2 * np.pi * np.arange(beads) / beads
-flat = np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=1)
+flat = np.array([[np.cos(a), np.sin(a), 0] for a in 2 * np.pi * np.arange(beads) / beads])
 x = [flat[:, [0, 1, 2] if k % 2 else [0, 2, 1]] + [1.2 * k, 0, 0] for k in range(rings)]
 system, bonds = openmm.System(), openmm.HarmonicBondForce()
 beads_push = openmm.CustomNonbondedForce(f"{args.stiffness} * max(0, 0.5 - r)^2 / 2")
@@ -49,11 +46,15 @@ for bead in range(rings * beads):
     bonds.addBond(bead, bead + 1 if (bead + 1) % beads else bead + 1 - beads, 0.39, 4000)
 system.addForce(bonds)
 system.addForce(beads_push)
-run = app.Simulation(app.Topology(), system, openmm.LangevinMiddleIntegrator(300, 2, 0.01))
+integrator = openmm.LangevinMiddleIntegrator(300, 2, 0.01)
+run = openmm.app.Simulation(openmm.app.Topology(), system, integrator)
 run.context.setPositions(np.concatenate(x))
 with linkwatch.Client(args.service, counts=[-beads] * rings) as client:  # minus: closed
     if not client.wait_for_watcher():
         raise SystemExit(f"start this first: linkwatch watch --service {args.service}")
-    run.reporters.append(Reporter(client, 10))
+    reporter = Reporter(client, 10)
+    reporter.report(run, run.context.getState(positions=True))  # the baseline
+    run.reporters.append(reporter)
     run.step(2000)
-print("every link is intact")
+print(client.aborted or "every link is intact")
+raise SystemExit(1 if client.aborted else 0)

@@ -37,7 +37,6 @@ parser = argparse.ArgumentParser()
 parser.add_argument("--service", default="rods")
 parser.add_argument("--contact", type=float, default=1e4, help="stiffness of contacts, N/m")
 args = parser.parse_args()
-
 x, y, z = np.eye(3)
 shape = {"base_length": 1.0, "base_radius": 0.02, "density": 1000, "youngs_modulus": 1e6}
 clamped = ea.CosseratRod.straight_rod(20, -0.5 * x, x, z, **shape)
@@ -57,4 +56,5 @@ with linkwatch.Client(args.service, counts=[21, 21], radii=[0.02, 0.02]) as clie
     simulator.collect_diagnostics(thrown).using(Publish, [clamped, thrown], client, 50)
     simulator.finalize()
     ea.integrate(ea.PositionVerlet(), simulator, 1.0, 10_000, progress_bar=False)
-print("no rod was pulled through the other one")
+print(client.aborted or "no rod was pulled through the other one")
+raise SystemExit(1 if client.aborted else 0)
