@@ -1,5 +1,6 @@
 """`linkwatch.mdanalysis.LinkAnalysis`: its backends find what `linkwatch.check` finds."""
 
+import pickle
 import random
 import re
 
@@ -80,6 +81,7 @@ def test_the_result_of_a_backend_is_that_of_one_process(backend):
 
 def test_frames_are_chosen_as_in_other_analyses(capsys):
     made = universe([linked(0.4 * k) for k in range(6)])
+    assert pickle.loads(pickle.dumps(linkwatch.mdanalysis.LinkAnalysis(made).run())).n_frames == 6
     analysis = linkwatch.mdanalysis.LinkAnalysis(made.atoms, events="off", verbose=True)
     assert analysis.run(stop=3).results.run and "3/3" in capsys.readouterr().err
     assert analysis.run(frames=[0, 4], verbose=False).results.run.changes[0]["frame"] == 4

@@ -104,12 +104,18 @@ class LinkAnalysis(_base.AnalysisBase):  # type: ignore[misc,name-defined]
         groups = super()._setup_computation_groups(*args, **options)
         #: Numbers of all frames, so that a part finds the frame before its first one.
         self._numbers = np.concatenate(groups)[:, 1].tolist()
+        self._opened: Any = None
         return groups
 
+    def __getstate__(self) -> dict[str, Any]:
+        return {**self.__dict__, "_opened": None}
+
     def _source(self) -> Any:
-        """Returns all frames of the run."""
-        trajectory = self._trajectory[self._numbers]
-        return from_mdanalysis(self._atoms, trajectory=trajectory, **self._read)
+        """Returns all frames of the run. Each process finds the curves once."""
+        if self._opened is None:
+            trajectory = self._trajectory[self._numbers]
+            self._opened = from_mdanalysis(self._atoms, trajectory=trajectory, **self._read)
+        return self._opened
 
     def _compute(
         self, indexed_frames: Any, verbose: bool | None = None, *, progressbar_kwargs: Any = None
