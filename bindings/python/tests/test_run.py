@@ -3,8 +3,11 @@
 import copy
 import json
 import pickle
+import re
 import subprocess
 import sys
+import warnings
+import xml.dom.minidom
 
 import linkwatch
 import numpy as np
@@ -170,11 +173,40 @@ def test_tables_plots_and_html_of_a_run(monkeypatch, tmp_path):
         assert len(other.plot().axes) == 2
     html = run._repr_html_()
     assert ">changed: 6 frames\n" in html and "data:image/png;base64," in html
+    assert "image/svg" not in linkwatch.check(BROKEN[:3])._repr_html_()
     for module, call in (("pandas", run.to_pandas), ("matplotlib.figure", run.plot)):
         monkeypatch.setitem(sys.modules, module, None)
         with pytest.raises(ImportError, match=r'pip install "linkwatch\[analysis\]"'):
             call()
-    assert "img" not in run._repr_html_()
+    assert "image/png" not in run._repr_html_()
+
+
+def test_html_shows_the_pictures_of_the_report(tmp_path):
+    points = np.stack([np.concatenate(frame) for frame in BROKEN])
+    np.savez(tmp_path / "run.npz", positions=points, counts=[-4, -4], times=np.arange(6) * 0.1)
+    lost = linkwatch.certify(linked(5))
+    series = BROKEN[:2], BROKEN[:4], BROKEN, tmp_path / "run.npz", BROKEN[:2], iter(BROKEN)
+    expected = [], ["2", "3"], ["2", "3", "4"], ["2", "3", "4"], ["0", "1"], []
+    for frames, numbers in zip(series, expected):
+        run = linkwatch.check(frames, baseline=lost if numbers == ["0", "1"] else None)
+        said = run.summary
+        pictures = run._pictures()
+        assert [re.findall(r"frame (\d+)", label)[0] for label, _ in pictures] == numbers
+        for label, svg in pictures:
+            assert xml.dom.minidom.parseString(svg).documentElement.getAttribute("aria-label")
+        assert run.summary == said
+        assert run._repr_html_().count("data:image/svg+xml;base64,") == len(numbers)
+
+
+@pytest.mark.parametrize("closed", [False, [True, False, False]])
+def test_html_shows_open_curves(closed):
+    lines = np.array([[-1, 0, 0], [0, 0.1, 0], [1, 0, 0]]), np.array([[0.3, -1, 0], [0.3, 1, 0]])
+    falling = [[RING + 9, lines[0], lines[1] + [0, 0, 0.5 - 0.2 * k]] for k in range(5)]
+    run = linkwatch.check(falling, closed=closed)
+    assert run.pull_throughs[0]["frame"] == 3
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert [label[:6] for label, _ in run._pictures()] == ["before", "at the", "after:"]
 
 
 def test_a_page_and_a_recording_of_a_run(tmp_path):

@@ -67,6 +67,7 @@ if TYPE_CHECKING:
 
     from . import distributed as distributed
     from . import io as io
+    from . import mdanalysis as mdanalysis
     from ._run import Run as Run
     from ._run import check as check
     from ._series import gauss_integrals as gauss_integrals
@@ -115,15 +116,44 @@ __all__ = [
 
 
 class UndecidedError(Exception):
-    """It cannot be decided what happened: curves touch, or are too close."""
+    """It cannot be decided what happened: curves touch, or are too close.
+
+    >>> import linkwatch
+    >>> ring = [[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]
+    >>> other = [[0, 0, -1], [2, 0, -1], [2, 0, 1], [0, 0, 1]]
+    >>> touching = [[1, 0, -1], [3, 0, -1], [3, 0, 1], [1, 0, 1]]
+    >>> try:
+    ...     linkwatch.pull_throughs([ring, other], [ring, touching])
+    ... except linkwatch.UndecidedError as why:
+    ...     print(why)
+    curves 0 and 1 touch, near (1.00000, 0.00000, 0.00000), segments 1 and 3, 0 apart
+    """
 
 
 class UnverifiedWarning(UserWarning):
-    """Something is not verified: curves that are open, or the clearance of strands."""
+    """Something is not verified: curves that are open, or the clearance of strands.
+
+    >>> import linkwatch
+    >>> import warnings
+    >>> ring = [[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]
+    >>> with warnings.catch_warnings(record=True) as said:
+    ...     _ = linkwatch.certify([ring, [[0, 0, 5], [9, 0, 5]]], closed=[True, False])
+    >>> print(said[0].message)
+    1 of 2 curves is open and has no linking numbers: 1
+    """
 
 
 class ClosingWarning(UserWarning):
-    """Points decided which curves are closed: those that end where they start, for example."""
+    """Points decided which curves are closed: those that end where they start, for example.
+
+    >>> import linkwatch
+    >>> import warnings
+    >>> ring = [[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]
+    >>> with warnings.catch_warnings(record=True) as said:
+    ...     _ = linkwatch.certify([ring, [[x, y, z + 5] for x, y, z in ring + ring[:1]]])
+    >>> said[0].category
+    <class 'linkwatch.ClosingWarning'>
+    """
 
 
 def _warn_of_closing(notes: list[str]) -> None:
@@ -681,6 +711,13 @@ def pull_throughs(
 
     Points move on straight lines at constant speed.
 
+    >>> import linkwatch
+    >>> ring = [[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]
+    >>> other = [[0, 0, -1], [2, 0, -1], [2, 0, 1], [0, 0, 1]]
+    >>> far = [[4, 0, -1], [6, 0, -1], [6, 0, 1], [4, 0, 1]]
+    >>> linkwatch.pull_throughs([ring, other], [ring, far])[0].fraction
+    0.25
+
     Returns:
         list[PullThrough]: in chronological order, with the time as a fraction of the step.
 
@@ -712,6 +749,13 @@ def safe_fraction(
     step from ``x0`` to ``x0 + f * (x1 - x0)`` is proven, with every operation rounded to the
     precision of the points, and usually ends within a millionth of the step of the first
     pull-through. Two curves almost touch there.
+
+    >>> import linkwatch
+    >>> ring = [[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]
+    >>> other = [[0, 0, -1], [2, 0, -1], [2, 0, 1], [0, 0, 1]]
+    >>> far = [[4, 0, -1], [6, 0, -1], [6, 0, 1], [4, 0, 1]]
+    >>> linkwatch.safe_fraction([ring, other], [ring, far])
+    0.249999998
 
     Raises:
         ValueError: a coordinate is not finite, or a curve has too few points.
@@ -800,6 +844,12 @@ def struts(
 
     With a ``cell``, those between images are found, too, each once.
 
+    >>> import linkwatch
+    >>> ring = [[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]
+    >>> other = [[0, 0, -1], [2, 0, -1], [2, 0, 1], [0, 0, 1]]
+    >>> linkwatch.struts([ring, other], longest=1.5)[0].length
+    1.0
+
     Returns:
         list[Strut]: the shortest first, those of polylines with the gradient of their length.
 
@@ -823,6 +873,14 @@ def ribbon(
     """Computes linking number, twist and writhe of the ribbon between two closed polylines.
 
     The strands of DNA, for example. Both have the same number ``n`` of vertices.
+
+    >>> import linkwatch
+    >>> import numpy as np
+    >>> a = 2 * np.pi * np.arange(48) / 48
+    >>> axis = np.stack([np.cos(a), np.sin(a), 0 * a], axis=1)
+    >>> turns = np.cos(3 * a)[:, None] * axis + np.sin(3 * a)[:, None] * [0, 0, 1]  # three
+    >>> linkwatch.ribbon([axis, axis + 0.1 * turns], pairing="parallel", axis="first").linking
+    -3
 
     Args:
         curves, counts: a frame.
@@ -859,6 +917,16 @@ def assert_intact(
 ) -> None:
     """Fails unless every frame is intact; for tests of simulations.
 
+    >>> import linkwatch
+    >>> ring = [[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]
+    >>> other = [[0, 0, -1], [2, 0, -1], [2, 0, 1], [0, 0, 1]]
+    >>> frames = [[ring, [[x + move, y, z] for x, y, z in other]] for move in (0, 0.4, 4)]
+    >>> linkwatch.assert_intact(frames[:2])
+    >>> linkwatch.assert_intact(frames)
+    Traceback (most recent call last):
+    AssertionError: frame 2: changed (1 link lost, 1 pull-through)
+      curves 0 and 1 came apart: ...
+
     Args:
         frames: frames of one simulation, in order.
         counts, baseline, options: those of :class:`Session`.
@@ -881,6 +949,7 @@ def assert_intact(
 _LATER = {
     "io": "io",
     "distributed": "distributed",
+    "mdanalysis": "mdanalysis",
     "read": "io",
     "write": "io",
     "Run": "_run",

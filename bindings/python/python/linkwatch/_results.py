@@ -67,6 +67,17 @@ def _tuple(value: Any) -> Any:
 class Place(Result):
     """The place at which two curves are closest.
 
+    >>> import linkwatch
+    >>> ring = [[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]
+    >>> other = [[0, 0, -1], [2, 0, -1], [2, 0, 1], [0, 0, 1]]
+    >>> far = [[4, 0, -1], [6, 0, -1], [6, 0, 1], [4, 0, 1]]
+    >>> (change,) = linkwatch.certify([ring, far]).compare(linkwatch.certify([ring, other]))
+    >>> change.place is None  # certificates do not know it, but reports do
+    True
+    >>> report = linkwatch.check([[ring, other], [ring, far]])
+    >>> report.changes[0]["segments"], report.changes[0]["point"], report.changes[0]["distance"]
+    ([1, 3], [2.5, 0.0, 0.0], 3.0)
+
     Attributes:
         segments: segment of each curve, from 0.
         point: midpoint of the shortest connection, in the units of the simulation.
@@ -91,6 +102,14 @@ class Finding(Result):
 class Change(Finding):
     """A linking number that differs from the expected one.
 
+    >>> import linkwatch
+    >>> ring = [[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]
+    >>> other = [[0, 0, -1], [2, 0, -1], [2, 0, 1], [0, 0, 1]]
+    >>> far = [[4, 0, -1], [6, 0, -1], [6, 0, 1], [4, 0, 1]]
+    >>> (change,) = linkwatch.certify([ring, far]).compare(linkwatch.certify([ring, other]))
+    >>> (change.i, change.j), change.expected, change.found
+    ((0, 1), -1, 0)
+
     Attributes:
         i, j: curves, from 0; equal if a curve is linked with its image.
         image: translation of the second curve, in vectors of the periodic cell; zeros without one.
@@ -109,6 +128,14 @@ class Change(Finding):
 @dataclass(frozen=True, repr=False)
 class PullThrough(Finding):
     """A passage of a curve through another one, or through itself, between two frames.
+
+    >>> import linkwatch
+    >>> ring = [[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]
+    >>> other = [[0, 0, -1], [2, 0, -1], [2, 0, 1], [0, 0, 1]]
+    >>> far = [[4, 0, -1], [6, 0, -1], [6, 0, 1], [4, 0, 1]]
+    >>> (passage,) = linkwatch.pull_throughs([ring, other], [ring, far])
+    >>> passage.fraction, passage.sign, passage.point
+    (0.25, 1, (1.0, 0.0, 0.0))
 
     Attributes:
         i, j: curves, from 0; equal if the curve passes through itself.
@@ -133,6 +160,14 @@ class PullThrough(Finding):
 class Defect(Finding):
     """A pair of curves, or a curve, that could not be decided or compared.
 
+    >>> import linkwatch
+    >>> ring = [[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]
+    >>> other = [[0, 0, -1], [2, 0, -1], [2, 0, 1], [0, 0, 1]]
+    >>> touching = [[1, 0, -1], [3, 0, -1], [3, 0, 1], [1, 0, 1]]
+    >>> (defect,) = linkwatch.certify([ring, touching]).undefined
+    >>> defect.kind, (defect.i, defect.j), defect.place.point
+    ('contact', (0, 1), (1.0, 0.0, 0.0))
+
     Attributes:
         i, j: curves, from 0; ``j`` is ``None`` if the defect concerns one curve.
         image: translation of the second curve, in vectors of the periodic cell; zeros without one.
@@ -149,6 +184,13 @@ class Defect(Finding):
 @dataclass(frozen=True, repr=False)
 class Clearance(Result):
     """Clearance of a frame.
+
+    >>> import linkwatch
+    >>> ring = [[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]
+    >>> other = [[0, 0, -1], [2, 0, -1], [2, 0, 1], [0, 0, 1]]
+    >>> clearance = linkwatch.Session(radius=0.5).step([ring, other]).clearance
+    >>> clearance.ratio, clearance.curves, clearance.low  # 1: the surfaces touch
+    (1.0, (0, 1), False)
 
     Attributes:
         at_least: lower bound of the clearance of all strands.
@@ -179,6 +221,21 @@ class Clearance(Result):
 @dataclass(frozen=True, repr=False)
 class Report(Result):
     """The verdict on a frame. It is true if the frame is intact.
+
+    >>> import linkwatch
+    >>> ring = [[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]
+    >>> other = [[0, 0, -1], [2, 0, -1], [2, 0, 1], [0, 0, 1]]
+    >>> far = [[4, 0, -1], [6, 0, -1], [6, 0, 1], [4, 0, 1]]
+    >>> session = linkwatch.Session()
+    >>> session.step([ring, other])
+    <Report: frame 0: intact>
+    >>> report = session.step([ring, far], time=0.1)
+    >>> print(report)
+    frame 1 at 0.1 s: changed (1 link lost, 1 pull-through)
+      curves 0 and 1 came apart: linking number was -1, is 0, near ...
+      curves 0 and 1 passed through one another at 0.250 of the step (+1), at ...
+    >>> report.abort, report.last_intact, report.safe_fraction
+    (True, 0, 0.249999998)
 
     Attributes:
         seq: number of the frame, from 0.
@@ -231,6 +288,13 @@ class Report(Result):
 class Strut(Result):
     """Two points of curves whose distance is a local minimum.
 
+    >>> import linkwatch
+    >>> ring = [[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]
+    >>> other = [[0, 0, -1], [2, 0, -1], [2, 0, 1], [0, 0, 1]]
+    >>> shortest = linkwatch.struts([ring, other], longest=1.5)[0]
+    >>> shortest.length, shortest.points
+    (1.0, ((0.0, -1.0, 0.0), (0.0, 0.0, 0.0)))
+
     Attributes:
         curves: curve of each end, from 0.
         segments: segment of each end, from 0.
@@ -257,6 +321,11 @@ class Strut(Result):
 @dataclass(frozen=True, repr=False)
 class Thickness(Result):
     """How sharply curves bend, and how close they come.
+
+    >>> import linkwatch
+    >>> found = linkwatch.thickness([[[0, 0, 0], [2, 0, 0], [2, 2, 0], [0, 2, 0]]])
+    >>> found.length, found.min_rad, found.poca is None
+    (8.0, 1.0, False)
 
     Attributes:
         length: length of all curves.
@@ -287,6 +356,15 @@ class Thickness(Result):
 @dataclass(frozen=True, repr=False)
 class Ribbon(Result):
     """Linking number, twist and writhe of a closed ribbon between two curves.
+
+    >>> import linkwatch
+    >>> import numpy as np
+    >>> a = 2 * np.pi * np.arange(48) / 48
+    >>> axis = np.stack([np.cos(a), np.sin(a), 0 * a], axis=1)
+    >>> turns = np.cos(3 * a)[:, None] * axis + np.sin(3 * a)[:, None] * [0, 0, 1]  # three
+    >>> found = linkwatch.ribbon([axis, axis + 0.1 * turns], pairing="parallel", axis="first")
+    >>> found.linking, round(found.twist, 6), round(found.writhe, 6), found.passages
+    (-3, -3.0, 0.0, 0)
 
     Attributes:
         linking: linking number of the two curves, in the same direction; ``None`` if they touch.

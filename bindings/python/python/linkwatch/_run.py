@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
+import base64
 import dataclasses
 import inspect
+import itertools
 import os
+import re
 import subprocess
 import sys
 import tempfile
+import warnings
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from . import Certificate, Session, io
+from . import Certificate, Session, certify, io
 from . import _arguments as arguments
 from .io._curves import plural
 from .io._frames import Frame, Frames, Summary, library
@@ -89,6 +93,13 @@ def frames_in_memory(
 class Run:
     """Result of :func:`linkwatch.check`. It is true if all frames were verified and are intact.
 
+    >>> import linkwatch
+    >>> ring = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0.0]])
+    >>> other = np.array([[0, 0, -1], [2, 0, -1], [2, 0, 1], [0, 0, 1.0]])
+    >>> run = linkwatch.check([[ring, other + [0.4 * k, 0, 0]] for k in range(4)])
+    >>> run.frames[3]["verdict"], run.pull_throughs[0]["frame"], run.pull_throughs[0]["point"]
+    ('changed', 3, [1.0, 0.0, 0.0])
+
     ``print(run)`` says what happened. All tables are lists of dicts:
 
     Attributes:
@@ -118,14 +129,17 @@ class Run:
 
     @property
     def changes(self) -> list[dict[str, Any]]:
+        """Linking numbers that differ from the baseline, each once."""
         return list(self._lasting["changes"].values())
 
     @property
     def defects(self) -> list[dict[str, Any]]:
+        """Pairs and curves without a linking number, and undecided steps, each once."""
         return list(self._lasting["defects"].values())
 
     @property
     def left_out(self) -> list[str]:
+        """Elements that may be curves and were not read, by kind, with the first one."""
         of_files = [] if self.source is None else self.source.summary.left_out
         return [*of_files, *self._left_out.values()]
 
@@ -273,6 +287,10 @@ class Run:
     def to_pandas(self, table: str = "frames") -> Any:
         """Returns a table as a ``pandas.DataFrame``: ``"frames"``, ``"changes"``, ``"defects"`` or
         ``"pull_throughs"``.
+
+        Raises:
+            ImportError: pandas is not installed.
+            ValueError: there is no such table.
         """
         if table not in COLUMNS:
             raise ValueError(f"table is {table!r}, expected one of {', '.join(COLUMNS)}")
@@ -282,6 +300,9 @@ class Run:
     def plot(self) -> Any:
         """Returns a figure of ``matplotlib``: findings, and clearance if it is measured, over time,
         or over the number of the frame if all times are equal.
+
+        Raises:
+            ImportError: matplotlib is not installed.
         """
         figure = library("matplotlib.figure", "analysis", "a plot")
         rows = self.frames
@@ -317,18 +338,67 @@ class Run:
         return drawn
 
     def _repr_html_(self) -> str:
-        import base64
+        """Returns the summary, the pictures of the first violation, and the plot."""
         import html
         from io import BytesIO
 
-        text = f"<pre style='white-space: pre-wrap'>{html.escape(self.summary)}</pre>"
+        shown = [f"<pre style='white-space: pre-wrap'>{html.escape(self.summary)}</pre>"]
+        for label, picture in self._pictures():
+            shown.append(
+                f"<figure style='display: inline-block; width: 30%; margin: 0 1% 0 0'>{label}"
+                f"{_image('svg+xml', picture.encode(), label)}</figure>"
+            )
         try:
-            picture = BytesIO()
-            self.plot().savefig(picture, format="png", dpi=80)
+            plot = BytesIO()
+            self.plot().savefig(plot, format="png", dpi=80)
+            shown.append(_image("png", plot.getvalue(), "findings over time"))
         except ImportError:
-            return text
-        data = base64.b64encode(picture.getvalue()).decode()
-        return f'{text}<img src="data:image/png;base64,{data}" alt="findings over time"/>'
+            pass
+        return "".join(shown)
+
+    def _pictures(self) -> list[tuple[str, str]]:
+        """Returns the pictures that the report has of the first violation, as titles and SVG: the
+        curves before it, in its frame, and after it. None if the frames cannot be read again.
+        """
+        verdicts = [row["verdict"] for row in self.frames]
+        at = next((k for k, v in enumerate(verdicts) if v not in ("intact", "rejected")), None)
+        if at is None or self.source is None or self.source.kind == "once":
+            return []
+        try:
+            # Opened anew, so that reading a part does not change what the summary says.
+            source, recipe = self.source, self.source.recipe
+            source = recipe[0](*recipe[1], **recipe[2]) if recipe else source
+            part = source.part or (lambda start, stop: itertools.islice(source, start, stop))
+            options = dict(self.options)
+            if options["baseline"] is None and at > 1:
+                (first,) = part(0, 1)
+                given = first.positions, first.counts
+                with warnings.catch_warnings():
+                    warnings.simplefilter("ignore")  # about open curves
+                    if any(first.closed):
+                        baseline = certify(*given, basis=first.basis, cell=first.cell)
+                        options["baseline"] = baseline
+            near = frames_in_memory(list(part(max(at - 1, 0), min(at + 2, len(verdicts)))))
+            with tempfile.TemporaryDirectory(prefix="linkwatch-") as folder:
+                page = Path(folder) / "run.html"
+                Run(near, options).report(page)
+                text = page.read_text()
+        except (ImportError, OSError, ValueError):
+            return []  # the report says why
+        (style,) = re.findall(r"<style>(.*?)</style>", text, re.S)
+        found = re.findall(r'<svg ([^>]*aria-label="([^"]*)".*?</svg>)', text, re.S)
+        labels = [label for _, label in found]
+        ours = f"at the violation: frame {self.frames[at]['frame']} "
+        here = next((k for k, label in enumerate(labels) if f"{label} ".startswith(ours)), None)
+        if here is None:
+            return []
+        # Later pictures are those from another direction.
+        start = here - labels[here - 1].startswith("before: ")
+        stop = here + 1 + "".join(labels[here + 1 :][:1]).startswith("after: ")
+        head = '<svg xmlns="http://www.w3.org/2000/svg" '
+        style = f"<style>{style} svg {{ background: var(--box); }}</style>"
+        chosen = found[start:stop]
+        return [(label, head + rest.replace(">", f">{style}", 1)) for rest, label in chosen]
 
     def record(
         self, path: str | os.PathLike[str], *, force: bool = False, settings: str = ""
@@ -383,6 +453,12 @@ class Run:
 def _in_order(table: str, row: dict[str, Any]) -> dict[str, Any]:
     """Returns the columns of a table in a row."""
     return {column: row.get(column) for column in COLUMNS[table].split()}
+
+
+def _image(kind: str, data: bytes, text: str) -> str:
+    """Returns a picture as HTML."""
+    source = f"data:image/{kind};base64,{base64.b64encode(data).decode()}"
+    return f'<img src="{source}" alt="{text}"/>'
 
 
 def _frames(number: int) -> str:
@@ -469,12 +545,35 @@ def bar(steps: Iterable[Any], total: int | None, wanted: bool | None, unit: str)
     if wanted is False:
         return steps
     try:
-        tqdm = library("tqdm.auto", "analysis", "a progress bar")
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # a notebook without ipywidgets has a bar of text
+            tqdm = library("tqdm.auto", "analysis", "a progress bar")
     except ImportError:
         if wanted:
             raise
         return steps
     return tqdm.tqdm(steps, total=total, unit=unit, disable=None if wanted is None else False)
+
+
+def options_of(
+    baseline: Certificate | str | os.PathLike[str] | None = None,
+    events: str = "between",
+    radius: Any = None,
+    motion_limit: float | None = None,
+    wrapped: bool | None = None,
+    keep_open: bool = False,
+) -> dict[str, Any]:
+    """Returns the options of a session that verifies a run."""
+    if isinstance(baseline, (str, os.PathLike)):
+        baseline = Certificate.read(baseline)
+    return dict(
+        baseline=baseline,
+        events=events,
+        radius=radius,
+        motion_limit=motion_limit,
+        wrapped=wrapped,
+        keep_open=keep_open,
+    )
 
 
 def check(
@@ -527,16 +626,7 @@ def check(
         TypeError, ValueError: an argument is invalid, a file is damaged, or no curve is closed and
             there are no ``events``.
     """
-    if isinstance(baseline, (str, os.PathLike)):
-        baseline = Certificate.read(baseline)
-    options = dict(
-        baseline=baseline,
-        events=events,
-        radius=radius,
-        motion_limit=motion_limit,
-        wrapped=wrapped,
-        keep_open=keep_open,
-    )
+    options = options_of(baseline, events, radius, motion_limit, wrapped, keep_open)
     source = frames_of(frames, **described)
     run = Run(source, options)
     if client is not None:

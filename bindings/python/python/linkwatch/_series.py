@@ -105,12 +105,24 @@ def linking(
 def twist(frames: Any, *, described: dict[str, Any] | None = None, **options: Any) -> Array:
     """Computes the twist of a ribbon, in turns, in all frames.
 
+    >>> import linkwatch
+    >>> import numpy as np
+    >>> a = 2 * np.pi * np.arange(48) / 48
+    >>> axis = np.stack([np.cos(a), np.sin(a), 0 * a], axis=1)
+    >>> turns = np.cos(3 * a)[:, None] * axis + np.sin(3 * a)[:, None] * [0, 0, 1]  # three
+    >>> frames = [[axis, axis + width * turns] for width in (0.1, 0.2)]
+    >>> linkwatch.twist(frames, pairing="parallel", axis="first").round(6)
+    array([-3., -3.])
+
     Args:
         frames: as of :func:`linkwatch.check`; ``described`` are its options (``counts``, ..).
         options: those of :func:`linkwatch.ribbon`: ``strands``, ``pairing``, ``axis``.
 
     Returns:
         numpy.ndarray: the shape ``(frames,)``. NaN in frames that are invalid.
+
+    Raises:
+        ValueError: the curves cannot be the strands of a ribbon, or an option is invalid.
     """
     measure = lambda frame: ribbon(frame.positions, frame.counts, **options).twist  # noqa: E731
     return _series(frames, described or {}, measure)

@@ -49,6 +49,8 @@ if TYPE_CHECKING:
 
     from .io import Frame, Frames
 
+__all__ = ["check_many"]
+
 #: Bytes of the positions of a chunk that is sent to a worker, if its size is not given.
 SENT = 1 << 26
 
@@ -69,7 +71,9 @@ def verify(run: Run, client: Any, chunk: int | None, progress: bool | None) -> N
     first = next(parts, None)
     if first is None:
         return
-    begin = submit(_begin, first, run.options).result()
+    # The workers of Dask have it from one another, and make it again if it is lost.
+    begin = submit(_begin, first, run.options)
+    begin = begin if _is_dask(client) else begin.result()
     waiting: deque[tuple[Any, Any]] = deque()
 
     def send() -> None:
@@ -100,9 +104,13 @@ def verify(run: Run, client: Any, chunk: int | None, progress: bool | None) -> N
             shown.close()
 
 
+def _is_dask(client: Any) -> bool:
+    return hasattr(client, "scheduler_info")
+
+
 def _submit(client: Any) -> Callable[..., Any]:
     """Returns the function that sends a call to a worker."""
-    if not hasattr(client, "scheduler_info"):
+    if not _is_dask(client):
         submit: Callable[..., Any] = client.submit
         return submit
 
@@ -126,7 +134,8 @@ def _workers(client: Any) -> int:
 def _parts(source: Frames, chunk: int | None, workers: int) -> Iterator[Any]:
     """Yields chunks that workers read: the recipe of the frames, and the numbers of some."""
     frames, recipe = len(source), pickle.dumps(source)
-    chunk = chunk or min(max(-(-frames // (4 * workers)), 16), 1024)
+    # Of seconds, so that a scheduler that takes 15 ms for a chunk keeps 1000 workers busy.
+    chunk = chunk or min(max(-(-frames // (4 * workers)), 16), 8192)
     for start in range(0, frames, chunk):
         yield recipe, max(start - 1, 0), min(start + chunk, frames)
 
@@ -144,8 +153,8 @@ def _sent(source: Frames, chunk: int | None) -> Iterator[Any]:
 
 def _frames(part: Any) -> Iterable[Frame]:
     """Returns the frames of a chunk on a worker. Each of its threads opens a file once."""
-    if isinstance(part, list):
-        return part
+    if not isinstance(part, tuple):
+        return part  # type: ignore[no-any-return]
     recipe, start, stop = part
     if getattr(_opened, "recipe", None) != recipe:
         _opened.recipe, _opened.frames = recipe, pickle.loads(recipe)
@@ -181,6 +190,16 @@ def check_many(
     paths: Sequence[Any], client: Any, *, progress: bool | None = None, **options: Any
 ) -> list[Run]:
     """Verifies many runs, each one by one worker.
+
+    >>> from concurrent.futures import ThreadPoolExecutor
+    >>> from tempfile import TemporaryDirectory
+    >>> import linkwatch
+    >>> import numpy as np
+    >>> frames = [linkwatch.io.Frame(np.eye(3), [-3], seq=k) for k in range(2)]
+    >>> with TemporaryDirectory() as folder, ThreadPoolExecutor(2) as client:
+    ...     paths = [linkwatch.write(frames, f"{folder}/{name}.npz")[0] for name in "ab"]
+    ...     [run.verdict for run in linkwatch.distributed.check_many(paths, client)]
+    ['intact', 'intact']
 
     Args:
         paths: a path for each run, or a list of the paths that :func:`linkwatch.read` takes

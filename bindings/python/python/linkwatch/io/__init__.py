@@ -41,7 +41,12 @@ HEAD = 1 << 10
 
 @dataclass(frozen=True)
 class Format:
-    """A format of files, and its reader."""
+    """A format of files, and its reader.
+
+    >>> import linkwatch
+    >>> [one.suffixes for one in linkwatch.io.FORMATS if one.name == "vtk-xml"]
+    ['.vtp .vtu']
+    """
 
     name: str
     #: Suffixes in lower case, separated by spaces.
@@ -127,6 +132,15 @@ def read(
 ) -> Frames:
     """Opens files, whose names and contents select the reader. Frames are read one at a time.
 
+    >>> import linkwatch
+    >>> import numpy as np
+    >>> from tempfile import TemporaryDirectory
+    >>> with TemporaryDirectory() as folder:
+    ...     (path,) = linkwatch.write([linkwatch.io.Frame(np.eye(3), [-3])], f"{folder}/run.npz")
+    ...     frames = linkwatch.read(path)
+    ...     [frame.positions.shape for frame in frames]
+    [(3, 3)]
+
     Args:
         path: a file. Formats that the command reads itself are read by it.
         more: further files: trajectories that follow a topology, or one file for each frame.
@@ -180,6 +194,15 @@ def from_mdanalysis(
     with branches is its longest chain, or its only ring of more than 12 atoms if that is longer.
     Networks are left out. Without bonds, the atoms of each segment are a chain, or those of each
     residue if residues have several atoms. The summary says so.
+
+    >>> import linkwatch
+    >>> import MDAnalysis
+    >>> import numpy as np
+    >>> universe = MDAnalysis.Universe.empty(4, trajectory=True)
+    >>> universe.atoms.positions = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])
+    >>> universe.add_TopologyAttr("bonds", [(0, 1), (1, 2), (2, 3), (3, 0)])
+    >>> [frame.counts for frame in linkwatch.io.from_mdanalysis(universe)]
+    [[-4]]
 
     Args:
         atoms: a universe or a group of atoms, of which bonds within the group count.

@@ -22,6 +22,12 @@ if TYPE_CHECKING:
 class Frame:
     """Curves at one time. ``session.step(frame.positions, frame.time)`` verifies them, by a
     ``Session(frame.counts, names=frame.names, basis=frame.basis)``.
+
+    >>> import linkwatch
+    >>> import numpy as np
+    >>> triangle = linkwatch.io.Frame(np.eye(3), [-3], names=["triangle"], seq=7, time=0.7)
+    >>> triangle.closed, triangle.invalid("it was cut").rejected
+    ([True], 'it was cut')
     """
 
     #: Points of all curves, one after the other, of the shape ``(N, 3)``; NaN if ``rejected``.
@@ -55,7 +61,19 @@ class Frame:
 
 @dataclass
 class Summary:
-    """What was read from a file, and what was not."""
+    """What was read from a file, and what was not.
+
+    >>> import linkwatch
+    >>> import numpy as np
+    >>> from tempfile import TemporaryDirectory
+    >>> with TemporaryDirectory() as folder:
+    ...     (path,) = linkwatch.write([linkwatch.io.Frame(np.eye(3), [-3])], f"{folder}/run.npz")
+    ...     frames = linkwatch.read(path)
+    >>> frames.summary.curves, frames.summary.closed, frames.summary.left_out
+    (1, 1, [])
+    >>> print(frames.summary)
+    1 curve, 1 closed
+    """
 
     #: Number of curves of the first frame, and of those that are closed.
     curves: int = 0
@@ -80,7 +98,17 @@ class Summary:
 
 
 class Frames:
-    """The frames of a file: an iterable of :class:`Frame`, which reads one at a time."""
+    """The frames of a file: an iterable of :class:`Frame`, which reads one at a time.
+
+    >>> import linkwatch
+    >>> import numpy as np
+    >>> from tempfile import TemporaryDirectory
+    >>> with TemporaryDirectory() as folder:
+    ...     (path,) = linkwatch.write([linkwatch.io.Frame(np.eye(3), [-3])], f"{folder}/run.npz")
+    ...     frames = linkwatch.read(path)
+    >>> len(frames), [frame.counts for frame in frames]
+    (1, [[-3]])
+    """
 
     def __init__(
         self,

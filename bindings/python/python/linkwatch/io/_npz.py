@@ -25,6 +25,14 @@ def write(
 ) -> list[Path]:
     """Writes frames to an ``.npz`` file, and returns the files that were written.
 
+    >>> import linkwatch
+    >>> import numpy as np
+    >>> from tempfile import TemporaryDirectory
+    >>> with TemporaryDirectory() as folder:
+    ...     files = linkwatch.write([linkwatch.io.Frame(np.eye(3), [-3])], f"{folder}/run.npz")
+    ...     [file.name for file in files]
+    ['run.npz']
+
     All frames of such a file have the same curves and names. Frames from which on they are others
     are written to further files: ``run.npz``, ``run-2.npz``, ``run-3.npz``; the command checks them
     as one motion with ``--one-motion``. If radii change, a file has the largest one of each curve.
