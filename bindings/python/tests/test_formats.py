@@ -1,8 +1,11 @@
 """Files of other programs, each with the same two linked rings."""
 
 import base64
+import bz2
+import gzip
 import importlib.util
 import lzma
+import pickle
 import struct
 import zlib
 
@@ -329,6 +332,40 @@ def test_a_collection_of_paraview_has_times(tmp_path):
     text = f'<VTKFile type="Collection"><Collection>{sets}</Collection></VTKFile>'
     frames = linkwatch.read(written(tmp_path, "run.pvd", text))
     assert [frame.time for frame in frames] == [0.5, 2.5]
+
+
+def test_parts_and_blocks_of_paraview_are_read_together(tmp_path):
+    for name in ("a.vtp", "b.vtp"):
+        written(tmp_path, name, vtp())
+    kinds = {"a.pvtp": "PPolyData", "a.vtm": "vtkMultiBlockDataSet"}
+    parts = '<PPolyData><Piece Source="a.vtp"/><Piece Source="b.vtp"/></PPolyData>'
+    blocks = '<vtkMultiBlockDataSet><Block><DataSet file="a.pvtp"/></Block></vtkMultiBlockDataSet>'
+    for name, inside in (("a.pvtp", parts), ("a.vtm", blocks)):
+        text = f'<VTKFile type="{kinds[name]}">{inside}</VTKFile>'
+        frames = linkwatch.read(written(tmp_path, name, text))
+        assert [frame.counts for frame in frames] == [[-12] * 4]
+    assert "cut there" in str(linkwatch.read(tmp_path / "a.pvtp").summary)
+
+
+@pytest.mark.parametrize("suffix", ["gz", "bz2", "xz"])
+def test_compressed_files_are_unpacked(tmp_path, suffix):
+    opened = {"gz": gzip.open, "bz2": bz2.open, "xz": lzma.open}[suffix]
+    for name, content in (("a.vtk", vtk()), ("a.obj", TEXT["a.obj"])):
+        path = tmp_path / f"{name}.{suffix}"
+        with opened(path, "wb") as file:
+            file.write(content.encode())
+        frames = linkwatch.read(path)
+        for _ in range(2):
+            (frame,) = frames
+            assert frame.counts == [-12, -12]
+        folder = frames.path.parent
+        again = pickle.loads(pickle.dumps(frames))
+        assert [frame.counts for frame in again] == [[-12, -12]]
+        del frames, frame
+        assert not (folder / name).exists()
+    path.write_bytes(path.read_bytes()[:40])
+    with pytest.raises(ValueError, match=f"a.obj.{suffix}: "):
+        linkwatch.read(path)
 
 
 def test_a_closed_curve_that_was_cut_is_an_invalid_frame(tmp_path):

@@ -17,9 +17,16 @@ it in ``FORMATS``.
 
 from __future__ import annotations
 
+import bz2
+import gzip
+import lzma
 import re
+import shutil
+import weakref
+import zlib
 from dataclasses import dataclass
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
 from . import _hair, _mdanalysis, _mesh, _native, _oxdna, _text, _usd
@@ -45,7 +52,7 @@ class Format:
 
     >>> import linkwatch
     >>> [one.suffixes for one in linkwatch.io.FORMATS if one.name == "vtk-xml"]
-    ['.vtp .vtu']
+    ['.vtp .vtu .pvtp .pvtu .vtm']
     """
 
     name: str
@@ -77,7 +84,7 @@ FORMATS = [
         options="closed unwrap cell select",
     ),
     Format("vtk", ".vtk", read_files(_mesh.read_vtk)),
-    Format("vtk-xml", ".vtp .vtu", read_files(_mesh.read_xml)),
+    Format("vtk-xml", ".vtp .vtu .pvtp .pvtu .vtm", read_files(_mesh.read_xml)),
     Format("pvd", ".pvd", _mesh.read_pvd),
     Format("ply", ".ply", read_files(_mesh.read_ply)),
     Format("meshio", ".msh .inp .xdmf .med .mesh .bdf .nas .fem", read_files(_mesh.read_meshio)),
@@ -91,6 +98,26 @@ FORMATS = [
     # What a name does not tell.
     Format("linkwatch", "", _native.read),
 ]
+
+
+#: Suffixes of compressed files, and what opens them.
+COMPRESSED: dict[str, Callable[..., Any]] = {
+    ".gz": gzip.open, ".bz2": bz2.open, ".xz": lzma.open
+}
+
+
+def _plain(path: Path, folder: Path) -> Path:
+    """Returns a file, or the contents of a compressed one, in a folder."""
+    open_it = COMPRESSED.get(path.suffix.lower())
+    if open_it is None:
+        return path
+    plain = folder / path.stem
+    try:
+        with open_it(path, "rb") as packed, open(plain, "xb") as file:
+            shutil.copyfileobj(packed, file)
+    except (EOFError, lzma.LZMAError, zlib.error) as why:
+        raise ValueError(f"{path}: {why}") from None
+    return plain
 
 
 def _head(path: Path) -> bytes:
@@ -131,6 +158,7 @@ def read(
     format: str | None = None,
 ) -> Frames:
     """Opens files, whose names and contents select the reader. Frames are read one at a time.
+    Files that end with ``.gz``, ``.bz2`` or ``.xz`` are unpacked to a temporary folder.
 
     >>> import linkwatch
     >>> import numpy as np
@@ -166,6 +194,11 @@ def read(
     for one in paths:
         with open(one, "rb"):
             pass
+    again = tuple(one.absolute() for one in paths)
+    folder = None
+    if any(one.suffix.lower() in COMPRESSED for one in paths):
+        folder = TemporaryDirectory(prefix="linkwatch-")
+        paths = [_plain(one, Path(folder.name)) for one in paths]
     named = {one.name: one for one in FORMATS}
     if format is not None and format not in named:
         raise ValueError(f"format is {format!r}, expected one of {', '.join(named)}")
@@ -175,7 +208,8 @@ def read(
         if value is not None and name not in found.options.split():
             raise ValueError(f"{path}: `{name}` is no option for files of the format {found.name}")
     frames = found.read(paths, Options(closed, unwrap, cell, select or "all"))
-    again = tuple(one.absolute() for one in paths)
+    if folder is not None:
+        weakref.finalize(frames, folder.cleanup)
     frames.recipe = read, again, {**given, "format": format}
     return frames
 

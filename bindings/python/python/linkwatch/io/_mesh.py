@@ -29,6 +29,8 @@ CURVED = {
     68: "Lagrange curve",
     75: "Bezier curve",
 }
+# Types of XML files.
+READ = ("PolyData", "UnstructuredGrid", "PPolyData", "PUnstructuredGrid", "vtkMultiBlockDataSet")
 # Types of arrays in legacy and in XML files.
 TYPES = {
     "char": "i1", "unsigned_char": "u1", "short": "i2", "unsigned_short": "u2", "int": "i4",
@@ -224,14 +226,27 @@ def _split(error: Callable[[str], ValueError], points: Array, ends: Array) -> li
     return np.split(points, ends[:-1]) if len(ends) else []
 
 
-def read_xml(path: Path) -> Scene:
-    """Reads the lines of a ``.vtp`` or ``.vtu`` file."""
+def _pieces(path: Path) -> Iterator[tuple[_Xml, ElementTree.Element]]:
+    """Yields the pieces of a file, and those of the files that it names."""
     file = _Xml(path)
+    for one in file.root.iter():
+        source = {"Piece": one.get("Source"), "DataSet": one.get("file")}.get(one.tag)
+        if source:
+            yield from _pieces(path.parent / source)
+        elif one.tag == "Piece":
+            yield file, one
+
+
+def read_xml(path: Path) -> Scene:
+    """Reads the lines of a ``.vtp`` or ``.vtu`` file, or of the files of its parts (``.pvtp``,
+    ``.pvtu``) or blocks (``.vtm``)."""
     scene = Scene(place=str(path))
+    if path.suffix.lower() in (".pvtp", ".pvtu"):
+        scene.notes.append("curves that continue in another part are cut there")
     points: list[Array] = []
     lines: list[Array] = []
     shift = 0
-    for piece in file.root.iter("Piece"):
+    for file, piece in _pieces(path):
         found = file.arrays(piece.find("Points"))
         here = next(iter(found.values()), np.empty(0)).reshape(-1, 3)
         for section in ("Lines", "Cells"):
@@ -249,6 +264,7 @@ def read_xml(path: Path) -> Scene:
             lines += [cell.astype(np.int64) + shift for cell in cells]
         points.append(here)
         shift += len(here)
+    file = _Xml(path)
     for array in file.root.iter("DataArray"):
         if (array.get("Name") or "").lower() == "timevalue":
             scene.time = float(file.array(array)[0])
@@ -275,7 +291,7 @@ class _Xml:
         if self.root.tag != "VTKFile":
             raise self.error(f"not a VTK file, but {self.root.tag}")
         kind = self.root.get("type")
-        if kind not in ("PolyData", "UnstructuredGrid"):
+        if kind not in READ:
             raise self.error(f"type {kind}; PolyData and UnstructuredGrid are read")
         if mark and not raw:
             self.appended = self.appended.split(b"<")[0].strip()
