@@ -157,7 +157,7 @@ mod pool;
 mod random;
 #[cfg(feature = "mcap")]
 mod record;
-#[cfg(feature = "mcap")]
+#[cfg(all(feature = "mcap", feature = "cli"))]
 mod report;
 #[cfg(feature = "verify")]
 mod scene;
@@ -209,8 +209,6 @@ pub use measure::{
 };
 #[cfg(feature = "verify")]
 pub use periodic::{Unwrap, beside, period};
-#[cfg(all(feature = "mcap", feature = "cli"))]
-use record::{Alignment, FrameDiff, OnlyIn, RunDiff, diff_runs};
 #[cfg(feature = "mcap")]
 pub use record::{
     Ending, RecordedFrame, RecordedItem, RecordedVerdict, RecordingOptions, RecordingReader,

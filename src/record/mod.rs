@@ -6,7 +6,6 @@
 //!
 //! The container module reads the records.
 
-mod diff;
 mod file;
 mod messages;
 mod reader;
@@ -15,7 +14,6 @@ mod schema;
 mod writer;
 
 pub use crate::formats::container::Ending;
-pub use diff::{Alignment, FrameDiff, OnlyIn, RunDiff, diff_runs};
 pub use reader::{RecordedFrame, RecordedItem, RecordedVerdict, RecordingReader};
 pub use retention::{RecordingOptions, Retention};
 pub use writer::RecordingSink;

@@ -2,8 +2,6 @@
 
 mod change;
 mod clearance;
-#[cfg(feature = "mcap")]
-mod difference;
 mod finding;
 mod lasting;
 mod left_out;
@@ -13,8 +11,6 @@ mod pull_through;
 
 pub use change::{Change, ChangeKind, ImageLink, Link, LoopPair};
 pub use clearance::{Clearance, CloseStrands};
-#[cfg(feature = "mcap")]
-pub use difference::ReportDifference;
 #[cfg(any(feature = "cli", feature = "mcap", feature = "rerun"))]
 pub(crate) use finding::Finding;
 #[cfg(any(feature = "client", feature = "mcap", feature = "cli"))]

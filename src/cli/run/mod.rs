@@ -163,7 +163,7 @@ impl Run {
         options.baseline = certificate;
         let mut sum = Summary::default();
         sum.unresolved.limit = options.motion_limit.unwrap_or(SessionOptions::MOTION_LIMIT);
-        let queues = sinks.open(setup.title, &metadata, (options.clearance, setup.overflow));
+        let queues = sinks.open(setup.title, &metadata, options.clearance, setup.overflow);
         Ok(Run {
             session: Session::new(options.clone())?,
             queues: queues?,

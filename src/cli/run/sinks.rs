@@ -76,7 +76,7 @@ impl Sinks {
             if let Some(record) = &mut sinks.record {
                 record.path = with_suffix(&record.path, &suffix);
             }
-            sinks.show = sinks.show.map(|show| show.with_suffix(&suffix).later());
+            sinks.show = sinks.show.map(|show| show.later(&suffix));
             if sinks.paths().iter().all(|path| files.is_free(path)) {
                 return (sinks, number);
             }
@@ -101,7 +101,8 @@ impl Sinks {
         &self,
         title: &str,
         metadata: &BTreeMap<String, String>,
-        (clearance, overflow): (Option<ClearanceOptions>, Overflow),
+        clearance: Option<ClearanceOptions>,
+        overflow: Overflow,
     ) -> Result<Vec<SinkQueue>> {
         let mut queues = Vec::new();
         #[cfg(feature = "mcap")]
@@ -115,7 +116,7 @@ impl Sinks {
         #[cfg(not(feature = "mcap"))]
         let _ = metadata;
         if let Some(show) = &self.show {
-            queues.push(show.open(title, clearance, (overflow, self.overwrite))?);
+            queues.push(show.open(title, clearance, overflow, self.overwrite)?);
         }
         Ok(queues)
     }
