@@ -3,7 +3,7 @@
 use super::braid_args::BraidArgs;
 use super::cell_args::CellArgs;
 use super::explain;
-use super::files::{Content, Files, Overwrite, write_text};
+use super::files::{Content, Files, Overwrite, file_name, write_text};
 use super::frames::{self, FrameArgs, Picked};
 use super::input::{self, FormatArgs};
 use super::kernel::KernelArgs;
@@ -249,17 +249,10 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         return Err(Error::Usage(what.into()));
     }
     let mut files = Files::new(args.overwrite);
-    if let Some(file) = args.braid_args.file() {
-        files.reads(file);
-    }
-    if let Some(file) = &args.write_braid {
-        files.writes("--write-braid", file, Content::Text)?;
-    }
-    let inputs = models.iter().chain(args.format.files());
-    inputs.for_each(|path| files.reads(path));
-    if let Some(file) = &args.output {
-        files.writes("-o", file, Content::Text)?;
-    }
+    files.reads(args.braid_args.file());
+    files.reads(models.iter().chain(args.format.files()));
+    files.writes("--write-braid", &args.write_braid, Content::Text)?;
+    files.writes("-o", &args.output, Content::Text)?;
     let pictures = pictures(args, &models, &mut files)?;
     let pictures: HashMap<&PathBuf, PathBuf> = models.iter().zip(pictures).collect();
     frames::for_each(&models, |path| {
@@ -441,15 +434,9 @@ fn pictures(args: &Args, models: &[PathBuf], files: &mut Files) -> Result<Vec<Pa
             .file_name()
             .unwrap_or(model.as_os_str())
             .to_string_lossy();
-        let refused = |c: char| c.is_control() || "/\\:*?\"<>|".contains(c);
-        let name: String = name
-            .chars()
-            .map(|c| if refused(c) { '_' } else { c })
-            .collect();
-        let file = folder.join(name + ".svg");
-        files.writes("--svg", &file, Content::Text)?;
-        names.push(file);
+        names.push(folder.join(file_name(&name) + ".svg"));
     }
+    files.writes("--svg", &names, Content::Text)?;
     Ok(names)
 }
 

@@ -74,8 +74,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         max_pairs: Some(usize::MAX),
     };
     let mut files = judge.files(args.sinks.overwrite);
-    let inputs = models.iter().chain(args.format.files());
-    inputs.for_each(|path| files.reads(path));
+    files.reads(models.iter().chain(args.format.files()));
     let mut frames = Sequence::new(models, &format, args.one_motion);
     let Some(first) = frames.next() else {
         return Err(Error::Usage(format!("{name}: no frame")));

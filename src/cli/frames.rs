@@ -100,9 +100,6 @@ pub struct Picked {
 /// one; memory holds two of them.
 pub struct Selected {
     path: PathBuf,
-    cells: CellArgs,
-    /// True if curves that the boundary of the cell tears are refused.
-    is_whole: bool,
     selection: Selection,
     frames: FileFrames,
     /// Frames that were read ahead.
@@ -118,7 +115,7 @@ pub struct Selected {
     /// Elements that were not read, of which the user knows.
     left_out: Vec<LeftOut>,
     /// Decides for all frames which curves are closed.
-    closing: Cells,
+    cells: Cells,
 }
 
 impl Selected {
@@ -132,8 +129,6 @@ impl Selected {
     ) -> Result<Selected> {
         let mut selected = Selected {
             path: argument.to_owned(),
-            is_whole: cells.wrapped.is_none(),
-            cells,
             selection,
             frames: input::open_or_build(argument, &format.wrapped(cells.wrapped.is_some()))?,
             ahead: VecDeque::new(),
@@ -142,7 +137,7 @@ impl Selected {
             numbered: input::holds_frames(argument),
             several: false,
             left_out: Vec::new(),
-            closing: Cells::new(cells),
+            cells: Cells::new(cells),
         };
         if selection == Selection::Last {
             selected.go_to_last()?;
@@ -230,7 +225,7 @@ impl Selected {
             let seq = read.info.seq;
             (self.ended, self.last) = (seq >= to, Some(seq));
             match frame {
-                Ok(read) if !(from..=to).contains(&seq) => self.closing.pass(read),
+                Ok(read) if !(from..=to).contains(&seq) => self.cells.pass(read),
                 frame => return Some(frame),
             }
         }
@@ -252,7 +247,7 @@ impl Selected {
             match frame {
                 Ok(frame) => {
                     if let Some(before) = last.replace(frame) {
-                        self.closing.pass(before);
+                        self.cells.pass(before);
                     }
                 }
                 Err(e) if last.is_none() => return Err(e),
@@ -281,14 +276,15 @@ impl Selected {
     /// Returns a frame with the cell that the user chose, and unwrapped curves.
     fn pick(&mut self, frame: Read, is_first: bool) -> Result<Picked> {
         let name = self.name(&frame);
-        let of_frame = frame.info.cell;
-        let set = self.closing.closed(frame.curves?, &frame.info)?;
+        let (args, of_frame) = (self.cells.args, frame.info.cell);
+        let set = self.cells.closed(frame.curves?, &frame.info)?;
         let mut left_out = frame.info.left_out.clone();
-        left_out.extend(self.closing.say(&name));
+        left_out.extend(self.cells.say(&name));
         input::warn_of_new(&self.path, &mut self.left_out, &frame.info.left_out);
-        let cell = self.cells.cell(of_frame);
-        let unwrapped = Cells::new(self.cells).unwrap(&set, of_frame)?;
-        if let Some(cell) = cell.as_ref().filter(|_| self.is_whole) {
+        let cell = args.cell(of_frame);
+        let unwrapped = Cells::new(args).unwrap(&set, of_frame)?;
+        // Otherwise the curves may be torn at the boundary of the cell.
+        if let (Some(cell), None) = (&cell, args.wrapped) {
             set.check_whole(cell)?;
         }
         Ok(Picked {
@@ -299,7 +295,7 @@ impl Selected {
             time: self.numbered.then_some(frame.info.time),
             cell,
             left_out,
-            joined: self.closing.joined(),
+            joined: self.cells.joined(),
             is_first,
         })
     }

@@ -63,10 +63,8 @@ pub fn run(args: &Args, as_json: bool) -> Result<Outcome> {
         Some(_) => Content::Model,
         None => Content::Scene,
     };
-    files.writes("-o", path, content)?;
-    if let Some(file) = &args.certificate {
-        files.writes("--certificate", file, Content::Text)?;
-    }
+    files.writes("-o", [path], content)?;
+    files.writes("--certificate", &args.certificate, Content::Text)?;
     let start = Instant::now();
     let generated = scene.build()?;
     let (curves, links) = (generated.curves, generated.certificate.links.len());

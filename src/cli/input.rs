@@ -1,10 +1,7 @@
 //! Curves of arguments: model files, folders and patterns of them, recordings, generated scenes.
-
-#[cfg(feature = "mcap")]
 use super::recorded::Recorded;
 use super::{Outcome, order, output};
 use linkwatch::LeftOut;
-#[cfg(feature = "mcap")]
 use linkwatch::RecordingReader;
 use linkwatch::formats::{Frames, ModelFrame, ReadOptions};
 use linkwatch::scenes::Scene;
@@ -60,13 +57,13 @@ impl FormatArgs {
     }
 
     fn options(&self) -> ReadOptions {
-        let mut options = ReadOptions::default();
-        options.bonds.clone_from(&self.bonds);
-        options.counts.clone_from(&self.counts);
-        options.closed = self.closed;
-        options.topic.clone_from(&self.topic);
-        options.wrapped = self.wrapped;
-        options
+        ReadOptions {
+            bonds: self.bonds.clone(),
+            counts: self.counts.clone(),
+            closed: self.closed,
+            topic: self.topic.clone(),
+            wrapped: self.wrapped,
+        }
     }
 }
 
@@ -197,7 +194,6 @@ pub fn is_mcap(path: &Path) -> bool {
 }
 
 /// Returns true if a file begins as an MCAP file, whatever its name.
-#[cfg(feature = "mcap")]
 fn begins_as_mcap(path: &Path) -> bool {
     use std::io::Read;
     let mut start = [0; 8];
@@ -212,7 +208,6 @@ pub fn holds_frames(path: &Path) -> bool {
 
 /// Returns true if a file is to be read as a recording of linkwatch: it is one by its content, or
 /// does not exist and has its extension.
-#[cfg(feature = "mcap")]
 pub fn is_recording(path: &Path) -> Result<bool> {
     if !path.is_file() {
         return Ok(is_mcap(path));
@@ -228,7 +223,6 @@ pub fn is_recording(path: &Path) -> Result<bool> {
 }
 
 /// Fails if a file is no recording of linkwatch.
-#[cfg(feature = "mcap")]
 pub fn check_recording(path: &Path) -> Result<()> {
     if !path.is_file() || is_recording(path)? {
         return Ok(());
@@ -269,7 +263,6 @@ pub type FileFrames = Box<dyn Iterator<Item = Result<Read>>>;
 
 /// Opens a model file or a recording.
 pub fn open(path: &Path, args: &FormatArgs) -> Result<FileFrames> {
-    #[cfg(feature = "mcap")]
     if is_mcap(path) && is_recording(path)? {
         return Ok(Box::new(Recorded::open(path)?));
     }

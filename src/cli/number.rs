@@ -1,6 +1,4 @@
 //! Numbers on the command line. The parser rejects NaN, infinities and numbers out of range.
-
-#[cfg(any(feature = "bus", feature = "mcap"))]
 use std::time::Duration;
 
 /// Parses a number above 0.
@@ -26,7 +24,6 @@ pub fn not_negative(text: &str) -> Result<f64, String> {
 }
 
 /// Parses a size in bytes: `1000000`, `500MB` or `2GiB`.
-#[cfg(feature = "mcap")]
 pub fn bytes(text: &str) -> Result<u64, String> {
     /// Units, longest first.
     const UNITS: [(&str, f64); 9] = [
@@ -54,7 +51,6 @@ pub fn bytes(text: &str) -> Result<u64, String> {
 }
 
 /// Parses a time in seconds.
-#[cfg(any(feature = "bus", feature = "mcap"))]
 pub fn seconds(text: &str) -> Result<Duration, String> {
     let time = text.parse().map(Duration::try_from_secs_f64);
     match time {
@@ -78,7 +74,6 @@ pub fn share(text: &str) -> Result<f64, String> {
 #[cfg(test)]
 mod tests {
     #[test]
-    #[cfg(feature = "mcap")]
     fn sizes_have_decimal_and_binary_units() {
         for (text, expected) in [
             ("1000000", 1_000_000),

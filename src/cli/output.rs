@@ -82,7 +82,6 @@ pub fn error(e: impl std::fmt::Display) {
 }
 
 /// Limits how long a line may block on stdout or stderr from now on.
-#[cfg(any(feature = "bus", feature = "mcap"))]
 pub fn detach(overflow: linkwatch::Overflow) -> linkwatch::Result<()> {
     Ok(stream::detach(overflow)?)
 }

@@ -45,7 +45,7 @@ pub fn run(args: &Args, mut source: Source, json: bool) -> Result<Outcome> {
         return Err(braid_args::other_first_frame(what));
     }
     let mut files = judge.files(args.sinks.overwrite);
-    files.reads(&args.file);
+    files.reads([&args.file]);
     let overflow = Overflow::WaitForProgress(PATIENCE);
     output::detach(overflow)?;
     let mut replay = Replay {

@@ -26,7 +26,7 @@ impl JunitArgs {
         let Some(path) = &self.junit else {
             return Ok(None);
         };
-        files.writes("--junit", path, Content::Text)?;
+        files.writes("--junit", [path], Content::Text)?;
         if path.is_file() {
             // If this run fails early, no verdicts of an earlier run remain.
             std::fs::remove_file(path)?;

@@ -11,11 +11,9 @@ mod frame;
 mod junit;
 mod news;
 mod print;
-#[cfg(feature = "mcap")]
 mod record;
 mod settings;
 mod sinks;
-#[cfg(feature = "bus")]
 mod state;
 mod summary;
 mod times;
@@ -24,11 +22,9 @@ mod violations;
 
 pub use frame::Judged;
 pub use junit::JunitArgs;
-#[cfg(feature = "mcap")]
-pub use settings::MOTION_LIMIT;
 pub use settings::{Baseline, Judge};
+pub use settings::{MOTION_LIMIT, recorded};
 pub use sinks::Sinks;
-#[cfg(feature = "bus")]
 pub use state::RunState;
 pub use summary::FrameCounts;
 
@@ -41,10 +37,8 @@ use super::cell_args::{CellArgs, say};
 use super::files::{Files, Overwrite};
 use super::label::Label;
 use super::live::Live;
-#[cfg(feature = "bus")]
 use super::metrics::SessionMetrics;
 use super::output::{count, plural};
-#[cfg(feature = "bus")]
 use linkwatch::Events;
 use linkwatch::{
     BaselineRecord, Continuation, FrameInfo, FrameRecord, FrameTimes, Overflow, Progress, Received,
@@ -58,11 +52,9 @@ use std::time::{Duration, Instant, SystemTime};
 const THE_FRAMES: &str = "the frames";
 
 /// Number of segments up to which every frame is verified quickly, regardless of its motion.
-#[cfg(feature = "bus")]
 const SMALL: usize = 4096;
 
 /// Verification time from which the cost of passing a frame to another thread is negligible.
-#[cfg(feature = "bus")]
 const MOMENT: Duration = Duration::from_millis(1);
 
 /// Time limit for all sinks together to finish at the end of the run.
@@ -109,7 +101,6 @@ pub struct Run {
     label: Label,
     live: Live,
     queues: Vec<SinkQueue>,
-    #[cfg(feature = "bus")]
     metrics: Option<SessionMetrics>,
     junit: Option<Junit>,
     overwrite: Overwrite,
@@ -128,7 +119,6 @@ pub struct Run {
     /// True until the first frame of a run was verified.
     is_new_run: bool,
     /// Time that the last frame took to verify.
-    #[cfg(feature = "bus")]
     last_check: Option<Duration>,
     tally: FrameCounts,
     /// Frames that another process verified before this one. Its outputs have them.
@@ -175,7 +165,6 @@ impl Run {
             json: setup.json,
             label: Label::default(),
             live: Live::default(),
-            #[cfg(feature = "bus")]
             metrics: None,
             junit,
             overwrite: sinks.overwrite,
@@ -186,7 +175,6 @@ impl Run {
             sent_layout: 0,
             last_layout: None,
             is_new_run: true,
-            #[cfg(feature = "bus")]
             last_check: None,
             tally: FrameCounts::default(),
             before: FrameCounts::default(),
@@ -197,7 +185,6 @@ impl Run {
     }
 
     /// Marks all results of this run with a label.
-    #[cfg(feature = "bus")]
     pub fn labelled(mut self, label: Label) -> Run {
         self.live.label = label;
         self.label = label;
@@ -205,7 +192,6 @@ impl Run {
     }
 
     /// Adds all figures of this run to these metrics.
-    #[cfg(feature = "bus")]
     pub fn measured(mut self, metrics: &super::metrics::ServiceMetrics) -> Run {
         self.metrics = Some(metrics.session(self.options.events != Events::Off));
         self
@@ -218,7 +204,6 @@ impl Run {
 
     /// Returns true if verifying the frame likely takes so little time that passing it to another
     /// thread does not pay: the frame is small, and the previous one was quick.
-    #[cfg(feature = "bus")]
     pub fn is_quick(&self, frame: &Received) -> bool {
         let quick = self.last_check.is_some_and(|check| check < MOMENT);
         frame.segments() <= SMALL && quick
@@ -235,7 +220,6 @@ impl Run {
 
     /// Returns the number of violations that were rolled back, if this frame ends the one for which
     /// the simulator was asked to stop. Call this before [`Run::publish`].
-    #[cfg(feature = "bus")]
     pub fn recovered_by(&self, judged: &Judged) -> Option<u32> {
         let Judged { report, step, .. } = judged;
         let violations = &self.sum.violations;
@@ -244,14 +228,12 @@ impl Run {
     }
 
     /// Returns the output shown while the run lasts.
-    #[cfg(feature = "bus")]
     pub fn live(&self) -> &Live {
         &self.live
     }
 
     /// Copies a frame, which `read` passes to its argument. A frame that breaks its contract is
     /// rejected by [`Run::judge`]. `info` is what the simulator told about it.
-    #[cfg(any(feature = "bus", feature = "mcap"))]
     pub fn ingest(
         &mut self,
         info: FrameInfo,
@@ -261,7 +243,6 @@ impl Run {
     }
 
     /// Announces the frame that will be judged after the next one.
-    #[cfg(feature = "mcap")]
     pub fn announce(&mut self, frame: &Received) {
         self.session.announce(frame);
     }
@@ -299,10 +280,7 @@ impl Run {
             stages: verified.timings,
             live: None,
         };
-        #[cfg(feature = "bus")]
-        {
-            self.last_check = Some(times.check());
-        }
+        self.last_check = Some(times.check());
         if verified.work.disagreed {
             tracing::error!(
                 "frame {seq}: the incremental verification was wrong, which is a bug of linkwatch; \
@@ -361,7 +339,6 @@ impl Run {
             self.sum.times.add(&judged.times);
             self.sum.routes[judged.work.route as usize] += 1;
         }
-        #[cfg(feature = "bus")]
         if let Some(metrics) = &self.metrics {
             metrics.add(&judged.report, judged.latency);
         }
@@ -390,7 +367,6 @@ impl Run {
         for queue in &self.queues {
             queue.frame(Arc::clone(&record));
         }
-        #[cfg(feature = "bus")]
         if let Some(metrics) = &mut self.metrics {
             metrics.count(own, self.queues.iter().map(SinkQueue::summary));
         }
@@ -402,7 +378,6 @@ impl Run {
     }
 
     /// Adds the comparison with the recorded verdicts to the summary.
-    #[cfg(feature = "mcap")]
     pub fn compared(&mut self, words: String, json: serde_json::Value) {
         self.sum.comparison = Some((words, json));
     }
@@ -442,7 +417,6 @@ impl Run {
             }
             summaries.push(summary);
         }
-        #[cfg(feature = "bus")]
         if let Some(metrics) = &mut self.metrics {
             metrics.count(tally.since(self.before), summaries.iter().cloned());
         }

@@ -1,6 +1,6 @@
 //! The option `--show`: viewers of verified frames.
 
-use crate::cli::files::{Content, Files, Overwrite};
+use crate::cli::files::Overwrite;
 use crate::cli::number::at_least_one;
 #[cfg(feature = "rerun")]
 use crate::cli::run::sinks::{WAITING, WAITING_POINTS};
@@ -79,14 +79,6 @@ fn target(what: &str) -> std::result::Result<Target, String> {
 }
 
 impl Show {
-    /// Checks the output file, which must differ from all other files of the command.
-    pub fn check_files(&self, files: &mut Files) -> Result<()> {
-        match self.path() {
-            Some(path) => files.writes("--show", path, Content::Viewer),
-            None => Ok(()),
-        }
-    }
-
     /// Returns the output file.
     pub fn path(&self) -> Option<&Path> {
         match &self.target {
@@ -98,7 +90,6 @@ impl Show {
 
     /// Returns the same for a later run: with a suffix in the name of the file, and without a wait
     /// for its viewer.
-    #[cfg(feature = "bus")]
     pub fn later(mut self, suffix: &str) -> Show {
         #[cfg(feature = "rerun")]
         if let Target::File(path) = &mut self.target {

@@ -112,9 +112,11 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     };
     // Opened before simulators see the watcher, because a viewer may take a while to open.
     let first = follower.first(&sinks, inputs)?;
-    let mut options = SidecarOptions::default();
-    options.observe = args.observe;
-    options.from_now = args.from_now;
+    let options = SidecarOptions {
+        observe: args.observe,
+        from_now: args.from_now,
+        ..SidecarOptions::default()
+    };
     let mut sidecar = Sidecar::open(&args.service, &options)?;
     if let Some(state) = follower.state.interrupted() {
         sidecar.resume(state);
