@@ -1,11 +1,9 @@
 //! `linkwatch certify`: computes the certificates of models.
 
 use super::braid_args::BraidArgs;
-use super::cell_args::CellArgs;
 use super::explain;
 use super::files::{Content, Files, Overwrite, file_name, write_text};
-use super::frames::{self, FrameArgs, Picked};
-use super::input::{self, FormatArgs};
+use super::frames::{FrameArgs, Picked};
 use super::kernel::KernelArgs;
 use super::number::{not_negative, positive};
 use super::open;
@@ -30,20 +28,13 @@ const PLACES: usize = 12;
 /// Compute the linking numbers of all pairs of curves: the certificate of a model's topology
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// Models, folders of them, recordings, or scenes as `linkwatch generate` takes them
-    #[arg(required = true, value_name = "MODEL|SCENE")]
-    models: Vec<PathBuf>,
     #[command(flatten)]
     frames: FrameArgs,
     #[command(flatten)]
-    format: FormatArgs,
-    #[command(flatten)]
     braid_args: BraidArgs,
-    #[command(flatten)]
-    cell_args: CellArgs,
     /// Write the ends of the braids that were found in this frame (one model only), for the option
     /// --braid of other commands
-    #[arg(long, value_name = "FILE", help_heading = super::WRITE)]
+    #[arg(long, value_name = "FILE", help_heading = super::WRITE, requires = "braid")]
     write_braid: Option<PathBuf>,
     /// Write the certificate to a file (one model only) instead of stdout
     #[arg(short, long, value_name = "CERT", help_heading = super::WRITE)]
@@ -60,7 +51,7 @@ pub struct Args {
     /// axis (polylines)
     #[arg(
         long, value_name = "R", help_heading = super::KERNELS,
-        conflicts_with = "kernel"
+        conflicts_with_all = ["kernel", "braid"]
     )]
     noise: Option<f64>,
     /// Print the Gauss linking integral of every pair of polylines, open or closed, as
@@ -136,7 +127,7 @@ fn certify(frame: Picked, args: &Args) -> Result<Certified> {
     if frame.is_first {
         output::warn_of_open_curves(name, stats, None);
         output::tell_of_yarns(name, certificate.periods.len(), None);
-        args.cell_args.warn_of_segments(name, set, cell);
+        args.frames.cell_args.warn_of_segments(name, set, cell);
     }
     if stats.repeated_vertices > 0 {
         let vertices = plural_of(
@@ -173,7 +164,7 @@ fn certify_in_session(frame: Picked, args: &Args, braids: Option<Braids>) -> Res
     let has_closed = has_closed(set);
     let mut session = Session::new(SessionOptions {
         cell: frame.cell,
-        wrapped: args.cell_args.wrapped.filter(|wrapped| !wrapped),
+        wrapped: args.frames.cell_args.wrapped.filter(|wrapped| !wrapped),
         // It is decided already which curves are closed.
         keep_open: true,
         events: match frame.cell.is_some() && !has_closed {
@@ -232,37 +223,26 @@ fn certify_alone(frame: Picked, args: &Args) -> Result<Certified> {
 
 /// Runs the command.
 pub fn run(args: &Args, json: bool) -> Result<Outcome> {
-    let models = input::expand_models(&args.models)?;
-    if args.output.is_some() && models.len() > 1 {
-        return Err(Error::Usage(format!(
-            "-o writes the certificate of one model; {} models were given",
-            models.len()
-        )));
-    }
-    let braids = args.braid_args.are_given();
-    if braids && args.noise.is_some() {
-        let what = "--braid excludes --noise: loops are verified pair by pair";
-        return Err(Error::Usage(what.into()));
-    }
-    if args.write_braid.is_some() && (models.len() > 1 || !braids) {
-        let what = "--write-braid writes the ends of one model, with --braid";
-        return Err(Error::Usage(what.into()));
+    let models = args.frames.models()?;
+    let outputs = [("-o", &args.output), ("--write-braid", &args.write_braid)];
+    if let Some((option, _)) = outputs.iter().find(|(_, file)| file.is_some())
+        && models.len() > 1
+    {
+        let given = models.len();
+        let what = format!("{option} is for one model; {given} models were given");
+        return Err(Error::Usage(what));
     }
     let mut files = Files::new(args.overwrite);
     files.reads(args.braid_args.file());
-    files.reads(models.iter().chain(args.format.files()));
-    files.writes("--write-braid", &args.write_braid, Content::Text)?;
-    files.writes("-o", &args.output, Content::Text)?;
+    files.reads(models.iter().chain(args.frames.format.files()));
+    for (option, file) in outputs {
+        files.writes(option, file, Content::Text)?;
+    }
     let pictures = pictures(args, &models, &mut files)?;
     let pictures: HashMap<&PathBuf, PathBuf> = models.iter().zip(pictures).collect();
-    frames::for_each(&models, |path| {
-        let frames = args.frames.open(path, &args.format, args.cell_args)?;
-        for (option, is_given) in [
-            ("-o", args.output.is_some()),
-            ("--svg", args.svg.is_some()),
-            ("--write-braid", args.write_braid.is_some()),
-        ] {
-            if is_given {
+    args.frames.for_each(&models, |path, frames| {
+        for (option, file) in outputs.iter().chain([&("--svg", &args.svg)]) {
+            if file.is_some() {
                 frames.check_one(option)?;
             }
         }
@@ -397,23 +377,23 @@ fn log_work(c: &Certified, args: &Args) {
 /// Writes the files of a certificate.
 fn write(path: &Path, c: &Certified, args: &Args, picture: Option<&PathBuf>) -> Result<()> {
     let (set, overwrite) = (&c.frame.curves, args.overwrite);
+    let write = |file: &Path, text: &str| {
+        let written = write_text(file, overwrite, text);
+        written.inspect(|()| tracing::info!("{}: written", file.display()))
+    };
     if let (Some(file), Some(braids)) = (&args.write_braid, &c.braids) {
-        write_text(file, overwrite, &(braids.to_json() + "\n"))?;
-        tracing::info!("{}: written", file.display());
+        write(file, &(braids.to_json() + "\n"))?;
     }
     if let Some(file) = &args.output {
-        write_text(file, overwrite, &c.certificate.to_string())?;
-        tracing::info!("{}: written", file.display());
+        write(file, &c.certificate.to_string())?;
     }
     if let Some(file) = picture {
         let linked = picture::links(set, &c.certificate, PLACES);
-        let title = path
-            .file_name()
-            .unwrap_or(path.as_os_str())
-            .to_string_lossy();
-        let svg = picture::draw(set, &title, &summary(c), &linked);
-        write_text(file, overwrite, &svg)?;
-        tracing::info!("{}: written", file.display());
+        let title = path.file_name().unwrap_or(path.as_os_str());
+        write(
+            file,
+            &picture::draw(set, &title.to_string_lossy(), &summary(c), &linked),
+        )?;
     }
     Ok(())
 }

@@ -7,11 +7,9 @@ use super::clearance_args::ClearanceArgs;
 use super::event_args::EventArgs;
 use super::input::{self, FormatArgs};
 use super::output::with_progress;
-use super::run::{Baseline, FrameCounts, Judge, JunitArgs, Run, Setup, Sinks};
+use super::run::{Baseline, Judge, JunitArgs, Run, Setup, Sinks};
 use super::sequence::{Frame, Sequence};
-use linkwatch::{
-    AbortOn, CurveSet, Error, Overflow, Point, Result, SessionOptions, Strategy, Verdict,
-};
+use linkwatch::{AbortOn, CurveSet, Error, Overflow, Point, Result, SessionOptions, Strategy};
 use nalgebra::Vector3;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -112,7 +110,6 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         overflow: Overflow::WaitForProgress(PATIENCE),
         json,
     })?;
-    let mut tally = FrameCounts::default();
     let mut failed = None;
     for frame in [first].into_iter().chain(second).chain(frames) {
         let judged = frame.and_then(|frame| {
@@ -145,16 +142,12 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
                 continue;
             }
         };
-        match judged.report.verdict {
-            Verdict::Rejected => tally.rejected += 1,
-            _ => tally.verified += 1,
-        }
-        session.publish(judged, tally);
+        session.publish(judged);
     }
     if failed.is_some() {
         session.data_lost();
     }
-    let outcome = session.finish(tally);
+    let outcome = session.finish();
     failed.map_or(Ok(outcome), Err)
 }
 

@@ -140,16 +140,8 @@ impl Files {
 }
 
 /// Returns a path with a suffix before its extension: `run.mcap` with `2` is `run-2.mcap`.
-/// Characters of the suffix that a file name cannot have on some system become `_`.
 pub fn with_suffix(path: &Path, suffix: &str) -> PathBuf {
-    let mut name = path.file_stem().unwrap_or_default().to_owned();
-    name.push("-");
-    name.push(file_name(suffix));
-    if let Some(extension) = path.extension() {
-        name.push(".");
-        name.push(extension);
-    }
-    path.with_file_name(name)
+    crate::record::with_suffix(path, &file_name(suffix))
 }
 
 /// Replaces the characters of a text that the name of a file cannot have on some system.

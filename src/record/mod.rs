@@ -15,6 +15,8 @@ mod writer;
 
 pub use crate::formats::container::Ending;
 pub use reader::{RecordedFrame, RecordedItem, RecordedVerdict, RecordingReader};
+#[cfg(feature = "cli")]
+pub use retention::with_suffix;
 pub use retention::{RecordingOptions, Retention};
 pub use writer::RecordingSink;
 

@@ -1,6 +1,5 @@
 //! Baseline of a session: the frame with which later frames are compared, and its record for sinks.
 //! A file that begins with any frame can then be replayed by itself.
-use super::FrameCounts;
 use super::{Judged, Run};
 use crate::cli::output::{count, plural, plural_of};
 use linkwatch::Verdict;
@@ -60,9 +59,8 @@ impl Run {
     }
 
     /// Takes note of the first verified frame of a baseline, before the verdict on it is sent and
-    /// [`Run::publish`] is called. `tally` counts all frames before it.
-    pub fn note_baseline(&mut self, judged: &Judged, tally: FrameCounts) {
-        self.tally = tally;
+    /// [`Run::publish`] is called.
+    pub fn note_baseline(&mut self, judged: &Judged) {
         if judged.report.verdict != Verdict::Rejected {
             self.find_baseline_frame(judged);
         }

@@ -26,7 +26,6 @@ pub use settings::{Baseline, Judge};
 pub use settings::{MOTION_LIMIT, recorded};
 pub use sinks::Sinks;
 pub use state::RunState;
-pub use summary::FrameCounts;
 
 use self::baseline::BaselineFrame;
 use self::junit::Junit;
@@ -35,14 +34,13 @@ use self::summary::{Summary, jumped};
 use super::Outcome;
 use super::cell_args::{CellArgs, say};
 use super::files::{Files, Overwrite};
-use super::label::Label;
 use super::live::Live;
 use super::metrics::SessionMetrics;
 use super::output::{count, plural};
 use linkwatch::Events;
 use linkwatch::{
-    BaselineRecord, Continuation, FrameInfo, FrameRecord, FrameTimes, Overflow, Progress, Received,
-    Result, RunProgress, Session, SessionOptions, SinkQueue, Strategy, Verdict,
+    BaselineRecord, Continuation, Counters, FrameInfo, FrameRecord, FrameTimes, Overflow, Progress,
+    Received, Result, RunProgress, Session, SessionOptions, SinkQueue, Strategy, Verdict,
 };
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -98,8 +96,8 @@ pub struct Run {
     /// True if frames are model files.
     models: bool,
     json: bool,
-    label: Label,
-    live: Live,
+    /// Output shown while the run lasts, and the label of all results.
+    pub live: Live,
     queues: Vec<SinkQueue>,
     metrics: Option<SessionMetrics>,
     junit: Option<Junit>,
@@ -120,9 +118,10 @@ pub struct Run {
     is_new_run: bool,
     /// Time that the last frame took to verify.
     last_check: Option<Duration>,
-    tally: FrameCounts,
+    /// Frames so far. Those of a simulator are counted by the bus.
+    pub tally: Counters,
     /// Frames that another process verified before this one. Its outputs have them.
-    before: FrameCounts,
+    before: Counters,
     news: News,
     sum: Summary,
     /// True if frames are missing.
@@ -163,7 +162,6 @@ impl Run {
             from_now: setup.from_now,
             models: setup.models,
             json: setup.json,
-            label: Label::default(),
             live: Live::default(),
             metrics: None,
             junit,
@@ -176,19 +174,12 @@ impl Run {
             last_layout: None,
             is_new_run: true,
             last_check: None,
-            tally: FrameCounts::default(),
-            before: FrameCounts::default(),
+            tally: Counters::default(),
+            before: Counters::default(),
             news: News::default(),
             sum,
             incomplete,
         })
-    }
-
-    /// Marks all results of this run with a label.
-    pub fn labelled(mut self, label: Label) -> Run {
-        self.live.label = label;
-        self.label = label;
-        self
     }
 
     /// Adds all figures of this run to these metrics.
@@ -225,11 +216,6 @@ impl Run {
         let violations = &self.sum.violations;
         let ends = violations.end_with(report, *step);
         ends.then(|| violations.recovered_after(*step))
-    }
-
-    /// Returns the output shown while the run lasts.
-    pub fn live(&self) -> &Live {
-        &self.live
     }
 
     /// Copies a frame, which `read` passes to its argument. A frame that breaks its contract is
@@ -317,8 +303,12 @@ impl Run {
     }
 
     /// Passes a frame to the sinks, and prints its new findings.
-    pub fn publish(&mut self, judged: Judged, tally: FrameCounts) {
-        self.tally = tally;
+    pub fn publish(&mut self, judged: Judged) {
+        match judged.report.verdict {
+            _ if self.is_live => {}
+            Verdict::Rejected => self.tally.rejected += 1,
+            _ => self.tally.verified += 1,
+        }
         let violations = &mut self.sum.violations;
         let recovered = violations.end_with(&judged.report, judged.step);
         violations.add(&judged.report, judged.step);
@@ -345,9 +335,9 @@ impl Run {
         self.print(&judged);
         if recovered && !self.json {
             let (frame, words) = (judged.report.frame(), violations::words(judged.step));
-            self.label.line(format_args!("{frame}: {words}"));
+            self.live.label.line(format_args!("{frame}: {words}"));
         }
-        let own = tally.since(self.before);
+        let own = self.tally.since(self.before);
         let record = Arc::new(FrameRecord {
             curves: judged.curves,
             info: judged.info,
@@ -382,9 +372,9 @@ impl Run {
         self.sum.comparison = Some((words, json));
     }
 
-    /// Closes the sinks and prints the summary. `tally` has the final counts of all frames.
-    pub fn finish(mut self, tally: FrameCounts) -> Outcome {
-        self.tally = tally;
+    /// Closes the sinks and prints the summary.
+    pub fn finish(mut self) -> Outcome {
+        let tally = self.tally;
         let mut kept = Vec::new();
         let mut summaries = Vec::new();
         let start = Instant::now();

@@ -65,7 +65,7 @@ impl Run {
                 line["model"] = model.as_str().into();
                 line["left_out"] = serde_json::json!(left_out);
             }
-            self.label.json(line);
+            self.live.label.json(line);
         }
         if let Some(junit) = &mut self.junit {
             junit.add(report, names, model.as_deref(), times.check());
@@ -82,16 +82,16 @@ impl Run {
                     output::line(format_args!("  {}", LeftOut::sentence(left_out)));
                 }
             }
-            None if news.notable => print_frame(self.label, judged, &news),
+            None if news.notable => print_frame(self.live.label, judged, &news),
             None => {}
         }
         if let Some(low) = low.filter(|_| !self.json) {
             match model {
                 Some(_) => output::line(format_args!("  {low}")),
-                None => self.label.line(low),
+                None => self.live.label.line(low),
             }
             if report.abort && !news.notable {
-                self.label.line(abort_words(judged));
+                self.live.label.line(abort_words(judged));
             }
         }
         if model.is_none() {
@@ -116,13 +116,7 @@ fn print_frame(label: Label, judged: &Judged, news: &New) {
         report.headline(),
         millis(times.check())
     ));
-    for sentence in news.sentences.iter().take(SENTENCES) {
-        label.line(format_args!("  {sentence}"));
-    }
-    if news.sentences.len() > SENTENCES {
-        let more = news.sentences.len() - SENTENCES;
-        label.line(format_args!("  and {more} more"));
-    }
+    label.first_lines("  ", &news.sentences, SENTENCES);
     if !news.sentences.is_empty()
         && let Some(words) = report.roll_back()
     {
