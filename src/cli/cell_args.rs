@@ -94,11 +94,6 @@ impl CellArgs {
         }
     }
 
-    /// Returns the cell that the user gave.
-    pub fn given(&self) -> Option<Cell> {
-        self.cell(None)
-    }
-
     /// Returns true if the cells of the frames are ignored.
     pub fn ignores_cells(&self) -> bool {
         matches!(self.cell.cell, Some(GivenCell::None))

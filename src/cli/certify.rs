@@ -117,12 +117,7 @@ fn certify(frame: Picked, args: &Args) -> Result<Certified> {
         false => certify_alone(frame, args)?,
     };
     certified.took = start.elapsed();
-    let Certified {
-        frame,
-        certificate,
-        stats,
-        ..
-    } = &certified;
+    let (frame, certificate, stats) = (&certified.frame, &certified.certificate, &certified.stats);
     let (name, set) = (&frame.name, &frame.curves);
     if frame.is_first {
         output::warn_of_open_curves(name, stats, None);

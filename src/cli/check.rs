@@ -9,14 +9,10 @@ use super::input::{self, FormatArgs};
 use super::output::with_progress;
 use super::run::{Baseline, Judge, JunitArgs, Run, Setup, Sinks};
 use super::sequence::{Frame, Sequence};
-use linkwatch::{AbortOn, CurveSet, Error, Overflow, Point, Result, SessionOptions, Strategy};
+use linkwatch::{AbortOn, CurveSet, Error, Point, Result, SessionOptions};
 use nalgebra::Vector3;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
-use std::time::Duration;
-
-/// Maximum wait for a blocked sink. After that, frames are dropped and counted.
-const PATIENCE: Duration = Duration::from_secs(60);
 
 /// Compare the topology of models with a certificate, or with the first model
 #[derive(Debug, clap::Args)]
@@ -59,7 +55,6 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     let single = models.len() == 1 && !input::holds_frames(&models[0]);
     let format = args.format.wrapped(args.cell_args.wrapped.is_some());
     let name = models[0].display().to_string();
-    let title = format!("check of {name}");
     let metadata = BTreeMap::from([("models".to_owned(), models.len().to_string())]);
     let mut judge = Judge {
         baseline: args.baseline.clone(),
@@ -90,26 +85,17 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     if second.is_none() || args.early_exit || far {
         judge.event_args = args.event_args.off_by_default();
     }
-    let mut session = Run::new(Setup {
-        judge: &judge,
-        sinks: &args.sinks,
+    let setup = Setup {
         junit: Some(&args.junit),
-        files,
-        // Frames that are far apart have little in common.
-        strategy: match single || args.early_exit || far {
-            true => Strategy::Full,
-            false => Strategy::Incremental,
-        },
+        full: single || args.early_exit || far,
         early_exit: args.early_exit,
         models: true,
-        live: false,
-        from_now: false,
-        baseline: None,
-        title: &title,
+        title: format!("check of {name}"),
         metadata,
-        overflow: Overflow::WaitForProgress(PATIENCE),
         json,
-    })?;
+        ..Setup::default()
+    };
+    let mut session = Run::new(&judge, &args.sinks, files, setup)?;
     let mut failed = None;
     for frame in [first].into_iter().chain(second).chain(frames) {
         let judged = frame.and_then(|frame| {

@@ -129,14 +129,11 @@ pub fn expand(arguments: &[PathBuf], keep_order: bool) -> Result<Vec<PathBuf>> {
 /// Same as [`expand`] for models that are no frames of one motion: they keep their order, and a
 /// folder may hold several formats.
 pub fn expand_models(arguments: &[PathBuf]) -> Result<Vec<PathBuf>> {
-    let mut files = Vec::new();
-    for argument in arguments {
-        match argument.is_dir() {
-            true => files.extend(models_in(argument)?),
-            false => files.extend(expand(std::slice::from_ref(argument), true)?),
-        }
-    }
-    Ok(files)
+    let files = arguments.iter().map(|argument| match argument.is_dir() {
+        true => models_in(argument),
+        false => expand(std::slice::from_ref(argument), true),
+    });
+    Ok(files.collect::<Result<Vec<_>>>()?.concat())
 }
 
 fn models_in(folder: &Path) -> Result<Vec<PathBuf>> {

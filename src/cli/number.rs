@@ -25,27 +25,22 @@ pub fn not_negative(text: &str) -> Result<f64, String> {
 
 /// Parses a size in bytes: `1000000`, `500MB` or `2GiB`.
 pub fn bytes(text: &str) -> Result<u64, String> {
-    /// Units, longest first.
-    const UNITS: [(&str, f64); 9] = [
-        ("kib", 1024.0),
-        ("mib", 1048576.0),
-        ("gib", 1073741824.0),
-        ("tib", 1099511627776.0),
-        ("kb", 1e3),
-        ("mb", 1e6),
-        ("gb", 1e9),
-        ("tb", 1e12),
-        ("b", 1.0),
-    ];
-    let lower = text.to_ascii_lowercase();
-    let unit = UNITS.iter().find_map(|(unit, factor)| {
-        let number = lower.strip_suffix(unit)?;
-        Some((number.trim_end(), *factor))
-    });
-    let (number, factor) = unit.unwrap_or((&lower, 1.0));
-    match number.parse::<f64>() {
+    let number = text.trim_end_matches(|c: char| c.is_ascii_alphabetic());
+    let factor = match text[number.len()..].to_ascii_lowercase().as_str() {
+        "" | "b" => 1.0,
+        "kb" => 1e3,
+        "mb" => 1e6,
+        "gb" => 1e9,
+        "tb" => 1e12,
+        "kib" => 1024.0,
+        "mib" => 1_048_576.0,
+        "gib" => 1_073_741_824.0,
+        "tib" => 1_099_511_627_776.0,
+        _ => f64::NAN,
+    };
+    match number.trim_end().parse::<f64>() {
         // Numbers of bytes below 2^53 are exact.
-        Ok(x) if x * factor >= 1.0 && x * factor < 9e15 => Ok((x * factor) as u64),
+        Ok(x) if (1.0..9e15).contains(&(x * factor)) => Ok((x * factor) as u64),
         _ => Err("expected a size, `500MB` or `2GiB` for example".into()),
     }
 }

@@ -146,12 +146,7 @@ impl PullThrough {
 
     /// Returns a sentence: see [`Change::sentence_named`].
     pub fn sentence_named(&self, extent: f64, names: &[String]) -> String {
-        let PullThrough {
-            fraction,
-            sign,
-            segments: [s, t],
-            ..
-        } = self;
+        let (fraction, sign, [s, t]) = (self.fraction, self.sign, self.segments);
         let what = self.words(names);
         let point = Notation::of_scene(extent, self.point).point(self.point);
         format!("{what} at {fraction:.3} of the step ({sign:+}), at {point}, segments {s} and {t}")
@@ -213,21 +208,15 @@ impl CloseStrands {
 
     /// Returns a sentence: see [`Change::sentence_named`].
     pub fn sentence_named(&self, extent: f64, names: &[String]) -> String {
-        let CloseStrands {
-            ratio,
-            segments: [s, t],
-            points: [p, q],
-            distance,
-            ..
-        } = *self;
+        let ([s, t], [p, q]) = (self.segments, self.points);
         let strands = self.words(names);
         let middle = [0, 1, 2].map(|x| p[x] + 0.5 * (q[x] - p[x]));
         let notation = Notation::of_scene(extent, middle);
-        let (point, distance) = (notation.point(middle), notation.length(distance));
+        let (point, distance) = (notation.point(middle), notation.length(self.distance));
         format!(
             "the center lines of {strands} are {distance} apart, {:.1} % of their diameter, near \
              {point}, segments {s} and {t}",
-            100.0 * ratio
+            100.0 * self.ratio
         )
     }
 }

@@ -89,20 +89,14 @@ fn other_settings(a: &BTreeMap<String, String>, b: &BTreeMap<String, String>) ->
 }
 
 fn print(diff: &RunDiff, names: &[String; 2], by_time: bool) {
-    let RunDiff {
-        compared,
-        different,
-        first,
-        curves,
-        ..
-    } = diff;
+    let (compared, different, curves) = (diff.compared, diff.different, &diff.curves);
     let unlike = match different {
         0 => "none".to_owned(),
-        n => count(*n),
+        n => count(n),
     };
     let equal = count(compared - different);
     output::line(format_args!("verdicts: {equal} equal, {unlike} different"));
-    if let Some(first) = first {
+    if let Some(first) = &diff.first {
         print_frame(first, names);
     }
     match curves.first {
@@ -137,7 +131,7 @@ fn print(diff: &RunDiff, names: &[String; 2], by_time: bool) {
             plural(diff.without_verdict, "frame")
         ));
     }
-    if *compared == 0 && diff.without_verdict == 0 {
+    if compared == 0 && diff.without_verdict == 0 {
         let (what, advice) = match by_time {
             false => ("number", "; --by-time compares by simulation time"),
             true => ("simulation time", ""),

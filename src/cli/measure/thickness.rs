@@ -157,12 +157,7 @@ fn print(name: &str, measured: &Measured, several: bool, args: &Args) {
 }
 
 fn to_json(measured: &Measured, args: &Args) -> Value {
-    let Measured {
-        found,
-        struts,
-        overlaps,
-        ..
-    } = measured;
+    let found = &measured.found;
     let mut line = json!({
         "length": found.length,
         // Infinite values are null.
@@ -177,10 +172,10 @@ fn to_json(measured: &Measured, args: &Args) -> Value {
         "min_rad_at": found.min_rad,
         "poca_at": found.poca,
     });
-    if let Some(struts) = struts {
+    if let Some(struts) = &measured.struts {
         line["struts"] = json!(struts);
     }
-    if let Some(overlaps) = overlaps {
+    if let Some(overlaps) = &measured.overlaps {
         let overlaps = overlaps
             .iter()
             .map(|(strut, sum)| json!({ "depth": sum - strut.length, "strut": strut }));

@@ -9,11 +9,12 @@ use super::live::Live;
 use super::number::seconds;
 use super::output::{self, count, plural};
 use super::range::Range;
+use super::run::PATIENT;
 use super::signals::{TICK, stop_on_signals};
-use super::source::{PATIENCE, Source, warn_of_cut};
+use super::source::{Source, warn_of_cut};
 use linkwatch::{
-    Client, ClientOptions, CurveLabels, Error, MessageKind, Outcome as Waited, Overflow,
-    RecordedFrame, RecordedItem, Result, Verdict, VerdictMessage,
+    Client, ClientOptions, CurveLabels, Error, MessageKind, Outcome as Waited, RecordedFrame,
+    RecordedItem, Result, Verdict, VerdictMessage,
 };
 use serde_json::json;
 use std::path::PathBuf;
@@ -75,7 +76,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     let mut source = Source::open(&args.file)?;
     let service = args.service.as_str();
     let stop = stop_on_signals()?;
-    output::detach(Overflow::WaitForProgress(PATIENCE))?;
+    output::detach(PATIENT)?;
     let options = ClientOptions {
         lockstep: args.lockstep,
         ..ClientOptions::default()
@@ -410,17 +411,16 @@ impl Publisher<'_> {
                 );
             }
             output::line(line);
-            let Counts {
-                left_out,
-                rejected,
-                numbers_between,
-                ..
-            } = self.counts;
+            let counts = &self.counts;
             let skipped = "not recorded, which the watcher counts as skipped";
             for (n, noun, what) in [
-                (left_out, "invalid frame", "not published"),
-                (rejected, "frame", "not published, without recorded curves"),
-                (numbers_between, "frame", skipped),
+                (counts.left_out, "invalid frame", "not published"),
+                (
+                    counts.rejected,
+                    "frame",
+                    "not published, without recorded curves",
+                ),
+                (counts.numbers_between, "frame", skipped),
             ] {
                 if n > 0 {
                     output::line(format_args!("{what}: {}", plural(n, noun)));

@@ -5,12 +5,12 @@ mod comparison;
 use self::comparison::{Comparison, alike, left_out_by};
 use super::output::{self, plural};
 use super::range::Range;
-use super::run::{Judge, Judged, JunitArgs, Run, Setup, Sinks};
-use super::source::{PATIENCE, Source, warn_of_cut};
+use super::run::{Judge, Judged, JunitArgs, PATIENT, Run, Setup, Sinks};
+use super::source::{Source, warn_of_cut};
 use super::{Outcome, braid_args, signals};
 use linkwatch::{
-    AbortOn, BaselineRecord, Braids, Error, Events, Overflow, Received, RecordedItem,
-    RecordedVerdict, Report, Result, Retention, Strategy, Verdict,
+    AbortOn, BaselineRecord, Braids, Error, Events, Received, RecordedItem, RecordedVerdict,
+    Report, Result, Retention, Verdict,
 };
 use std::collections::{BTreeMap, VecDeque};
 use std::path::PathBuf;
@@ -41,8 +41,6 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     range.check()?;
     let mut source = Source::open(&args.file)?;
     let name = args.file.display().to_string();
-    let title = format!("replay of {name}");
-    let metadata = BTreeMap::from([("replay_of".to_owned(), name.clone())]);
     let Start {
         baseline,
         mut before,
@@ -69,25 +67,17 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     }
     let mut files = judge.files(args.sinks.overwrite);
     files.reads([&args.file]);
-    let overflow = Overflow::WaitForProgress(PATIENCE);
-    output::detach(overflow)?;
+    output::detach(PATIENT)?;
+    let setup = Setup {
+        junit: Some(&args.junit),
+        baseline,
+        title: format!("replay of {name}"),
+        metadata: BTreeMap::from([("replay_of".to_owned(), name.clone())]),
+        json,
+        ..Setup::default()
+    };
     let mut replay = Replay {
-        session: Run::new(Setup {
-            judge: &judge,
-            sinks: &args.sinks,
-            junit: Some(&args.junit),
-            files,
-            strategy: Strategy::Incremental,
-            early_exit: false,
-            models: false,
-            live: false,
-            from_now: false,
-            baseline,
-            title: &title,
-            metadata,
-            overflow,
-            json,
-        })?,
+        session: Run::new(&judge, &args.sinks, files, setup)?,
         comparison: Comparison {
             // Other settings give other verdicts, intentionally.
             differing: args.judge.differing(&recorded_metadata)?,
@@ -139,20 +129,15 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         all => all?,
     }
     read.map_or(Ok(()), Err)?;
-    let Replay {
-        mut session,
-        comparison,
-        missing,
-        ..
-    } = replay;
+    let (mut session, comparison) = (replay.session, replay.comparison);
     if warn_of_cut(&source.path, source.reader.ending()) {
         session.data_lost();
     }
-    if missing > 0 {
+    if replay.missing > 0 {
         tracing::warn!(
             "{name}: {} missing: verified, but not recorded, because the disk of the recorder was \
              too slow",
-            plural(missing, "frame"),
+            plural(replay.missing, "frame"),
         );
         session.data_lost();
     }
@@ -313,10 +298,7 @@ impl Replay {
 
     /// Compares a recorded verdict with the one of this replay.
     fn compare(&mut self, recorded: RecordedVerdict) -> Result<()> {
-        let RecordedVerdict {
-            mut report,
-            progress,
-        } = recorded;
+        let (mut report, progress) = (recorded.report, recorded.progress);
         self.session.tally.skipped = progress.skipped;
         self.comparison.recorded += 1;
         let answered = progress.verified + progress.rejected;

@@ -36,6 +36,7 @@ impl JunitArgs {
 }
 
 /// A report in the making.
+#[derive(Default)]
 pub struct Junit {
     path: PathBuf,
     title: String,
@@ -64,8 +65,7 @@ impl Junit {
         Junit {
             path,
             title: legal(title),
-            cases: Vec::new(),
-            violation: None,
+            ..Junit::default()
         }
     }
 

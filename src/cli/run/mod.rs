@@ -58,15 +58,21 @@ const MOMENT: Duration = Duration::from_millis(1);
 /// Time limit for all sinks together to finish at the end of the run.
 const FINISH: Duration = Duration::from_secs(30);
 
-/// Inputs of a [`Run`]: baseline, settings and outputs.
+/// Maximum wait for a blocked sink or standard output, if no simulator waits. After that, frames or
+/// lines are dropped and counted.
+pub const PATIENT: Overflow = Overflow::WaitForProgress(Duration::from_secs(60));
+
+/// Maximum total time that a sink or standard output may delay the verdicts for a simulator until
+/// it has caught up.
+pub const PATIENCE: Duration = Duration::from_millis(500);
+
+/// Kind of a [`Run`], and what it is about.
+#[derive(Default)]
 pub struct Setup<'a> {
-    pub judge: &'a Judge,
-    pub sinks: &'a Sinks,
     /// `None` if the command has no such option.
     pub junit: Option<&'a JunitArgs>,
-    /// Inputs and outputs of the command so far.
-    pub files: Files,
-    pub strategy: Strategy,
+    /// True if every frame is verified in full, because successive ones have little in common.
+    pub full: bool,
     /// See [`SessionOptions::early_exit`].
     pub early_exit: bool,
     /// True if frames are model files, which have names and cannot be skipped.
@@ -78,11 +84,9 @@ pub struct Setup<'a> {
     /// Baseline of a recorded run, unless the user chose another one.
     pub baseline: Option<BaselineRecord>,
     /// Names the run in the viewer.
-    pub title: &'a str,
-    /// Metadata of the run, for a recording.
+    pub title: String,
+    /// Metadata of the run, for a recording: what its frames come from.
     pub metadata: BTreeMap<String, String>,
-    /// Policy if a sink is slower than the frames.
-    pub overflow: Overflow,
     pub json: bool,
 }
 
@@ -129,21 +133,17 @@ pub struct Run {
 }
 
 impl Run {
-    /// Prepares a run.
-    pub fn new(setup: Setup<'_>) -> Result<Run> {
-        let Setup {
-            judge,
-            sinks,
-            mut files,
-            mut metadata,
-            ..
-        } = setup;
+    /// Prepares a run. `files` are the inputs and outputs of the command so far.
+    pub fn new(judge: &Judge, sinks: &Sinks, mut files: Files, setup: Setup<'_>) -> Result<Run> {
+        let mut metadata = setup.metadata;
         sinks.check_files(&mut files)?;
-        let junit = setup.junit.map(|args| args.open(&mut files, setup.title));
+        let junit = setup.junit.map(|args| args.open(&mut files, &setup.title));
         let junit = junit.transpose()?.flatten();
         let baseline = judge.baseline(setup.baseline)?;
         let mut options = judge.options(&mut metadata)?;
-        options.strategy = setup.strategy;
+        if !setup.full {
+            options.strategy = Strategy::Incremental;
+        }
         options.early_exit = setup.early_exit;
         let incomplete = baseline.as_ref().is_some_and(|b| b.unverified > 0);
         let baseline_frame = baseline.as_ref().map(BaselineFrame::from);
@@ -152,7 +152,11 @@ impl Run {
         options.baseline = certificate;
         let mut sum = Summary::default();
         sum.unresolved.limit = options.motion_limit.unwrap_or(SessionOptions::MOTION_LIMIT);
-        let queues = sinks.open(setup.title, &metadata, options.clearance, setup.overflow);
+        let overflow = match setup.live {
+            true => Overflow::Wait(PATIENCE),
+            false => PATIENT,
+        };
+        let queues = sinks.open(&setup.title, &metadata, options.clearance, overflow);
         Ok(Run {
             session: Session::new(options.clone())?,
             queues: queues?,

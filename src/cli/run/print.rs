@@ -34,29 +34,21 @@ impl Run {
 
     /// Prints the new findings of a report, and updates the status line.
     pub(super) fn print(&mut self, judged: &Judged) {
-        let Judged {
-            report,
-            times,
-            work,
-            offload,
-            model,
-            info,
-            ..
-        } = judged;
+        let (report, times, model) = (&judged.report, &judged.times, &judged.model);
         let left_out = &report.left_out;
         let new_kind = LeftOut::merge(&mut self.sum.left_out, left_out);
         if !left_out.is_empty() {
             self.data_lost();
         }
-        let names = &info.labels.names;
+        let names = &judged.info.labels.names;
         if self.json {
             let measured = judged.curves.is_some() && self.options.clearance.is_some();
             let mut line = serde_json::json!({
                 "report": **report,
                 "ms": times.check().as_secs_f64() * 1e3,
                 "times_ms": to_json(times, measured.then_some(times.stages.clearance)),
-                "work": work,
-                "offload": offload,
+                "work": judged.work,
+                "offload": judged.offload,
                 "verified": self.tally.verified,
                 "skipped": self.tally.skipped,
                 "rejected": self.tally.rejected,
@@ -100,7 +92,7 @@ impl Run {
                 report.frame(),
                 report.verdict,
                 millis(times.check()),
-                in_words(work, *offload),
+                in_words(&judged.work, judged.offload),
                 count(self.tally.verified),
                 count(self.tally.skipped),
             ));

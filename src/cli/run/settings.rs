@@ -171,7 +171,7 @@ impl Judge {
             events,
             clearance,
             braids,
-            cell: self.cell_args.given(),
+            cell: self.cell_args.cell(None),
             ignore_cell: self.cell_args.ignores_cells(),
             wrapped: self.cell_args.wrapped,
             keep_open: self.cell_args.keep_open,

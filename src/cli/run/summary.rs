@@ -73,11 +73,7 @@ impl Run {
     /// Prints the summary.
     pub(super) fn sum_up(&self, sinks: &[SinkSummary], notes: Vec<String>) {
         let (tally, sum) = (self.tally, &self.sum);
-        let Violations {
-            recovered,
-            accepted,
-            ..
-        } = sum.violations;
+        let (recovered, accepted) = (sum.violations.recovered, sum.violations.accepted);
         let word = match (tally.verified, self.outcome()) {
             (0, _) => "nothing was verified",
             (_, Outcome::Fine) if accepted > 0 => "accepted",

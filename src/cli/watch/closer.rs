@@ -1,8 +1,7 @@
 //! Closes sessions, whose sinks may be slow, while the next simulator is watched.
 
-use super::PATIENCE;
 use crate::cli::Outcome;
-use crate::cli::run::Run;
+use crate::cli::run::{PATIENCE, Run};
 use linkwatch::Result;
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};

@@ -3,7 +3,7 @@
 use super::checker::judge;
 use super::closer::Closer;
 use super::state::{Earlier, State};
-use super::{Args, PATIENCE, result};
+use super::{Args, result};
 use crate::cli::files::Files;
 use crate::cli::label::Label;
 use crate::cli::metrics::ServiceMetrics;
@@ -12,8 +12,7 @@ use crate::cli::run::{Judge, Run, Setup, Sinks};
 use crate::cli::signals::TICK;
 use crate::cli::{Outcome, services};
 use linkwatch::{
-    Error, Event, FrameInfo, LastLabels, LiveTimes, Overflow, Received, Report, Result, Sidecar,
-    Strategy, Verdict,
+    Error, Event, FrameInfo, LastLabels, LiveTimes, Received, Report, Result, Sidecar, Verdict,
 };
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -76,22 +75,15 @@ impl Follower<'_> {
             1 => self.args.service.clone(),
             n => format!("{}, session {n}", self.args.service),
         };
-        let mut session = Run::new(Setup {
-            judge: self.judge,
-            sinks,
-            junit: None,
-            files,
-            strategy: Strategy::Incremental,
-            early_exit: false,
-            models: false,
+        let setup = Setup {
             live: true,
             from_now: self.args.from_now,
-            baseline: None,
-            title: &title,
+            title,
             metadata: BTreeMap::from([("service".to_owned(), self.args.service.clone())]),
-            overflow: Overflow::Wait(PATIENCE),
             json: self.json,
-        })?;
+            ..Setup::default()
+        };
+        let mut session = Run::new(self.judge, sinks, files, setup)?;
         session.live.label = self.label(number);
         Ok(Box::new(session.measured(&self.metrics)))
     }

@@ -265,10 +265,6 @@ impl<K: Keep> Kept<K> {
 }
 
 impl<K: Keep> Sink for Kept<K> {
-    fn name(&self) -> &'static str {
-        "recording"
-    }
-
     fn begin(&mut self, baseline: &BaselineRecord) -> Result<()> {
         self.keep.end(&mut self.files)?;
         self.state.begin(baseline);
