@@ -14,7 +14,6 @@ use linkwatch::{
     Braids, Certificate, Certifier, CurveSet, Error, Events, FrameInfo, ImageLink, Ladder,
     Received, Result, Session, SessionOptions, Stats, picture,
 };
-use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
@@ -233,8 +232,11 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     for (option, file) in outputs {
         files.writes(option, file, Content::Text)?;
     }
-    let pictures = pictures(args, &models, &mut files)?;
-    let pictures: HashMap<&PathBuf, PathBuf> = models.iter().zip(pictures).collect();
+    if let Some(folder) = &args.svg {
+        std::fs::create_dir_all(folder).map_err(Error::file(folder))?;
+        let pictures = models.iter().map(|model| picture_of(model, folder));
+        files.writes("--svg", pictures, Content::Text)?;
+    }
     args.frames.for_each(&models, |path, frames| {
         for (option, file) in outputs.iter().chain([&("--svg", &args.svg)]) {
             if file.is_some() {
@@ -247,7 +249,6 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
             (_, false) => Style::List,
             (_, true) => Style::Line,
         };
-        let picture = pictures.get(&path.to_owned());
         frames.each(|frame| {
             check_cell(&frame, args)?;
             if args.explain {
@@ -264,7 +265,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
             }
             let certified = certify(frame, args)?;
             print(path, &certified, args, style, json);
-            write(path, &certified, args, picture)?;
+            write(path, &certified, args)?;
             Ok(match certified.certificate.undefined.is_empty() {
                 true => Outcome::Fine,
                 false => Outcome::Undecided,
@@ -370,7 +371,7 @@ fn log_work(c: &Certified, args: &Args) {
 }
 
 /// Writes the files of a certificate.
-fn write(path: &Path, c: &Certified, args: &Args, picture: Option<&PathBuf>) -> Result<()> {
+fn write(path: &Path, c: &Certified, args: &Args) -> Result<()> {
     let (set, overwrite) = (&c.frame.curves, args.overwrite);
     let write = |file: &Path, text: &str| {
         let written = write_text(file, overwrite, text);
@@ -382,37 +383,22 @@ fn write(path: &Path, c: &Certified, args: &Args, picture: Option<&PathBuf>) -> 
     if let Some(file) = &args.output {
         write(file, &c.certificate.to_string())?;
     }
-    if let Some(file) = picture {
+    if let Some(folder) = &args.svg {
         let linked = picture::links(set, &c.certificate, PLACES);
-        let title = path.file_name().unwrap_or(path.as_os_str());
-        write(
-            file,
-            &picture::draw(set, &title.to_string_lossy(), &summary(c), &linked),
-        )?;
+        let title = path
+            .file_name()
+            .unwrap_or(path.as_os_str())
+            .to_string_lossy();
+        let svg = picture::draw(set, &title, &summary(c), &linked);
+        write(&picture_of(path, folder), &svg)?;
     }
     Ok(())
 }
 
-/// Returns the names of the pictures, one per model, or none. Creates their folder.
-fn pictures(args: &Args, models: &[PathBuf], files: &mut Files) -> Result<Vec<PathBuf>> {
-    let Some(folder) = &args.svg else {
-        return Ok(Vec::new());
-    };
-    std::fs::create_dir_all(folder).map_err(|source| Error::File {
-        path: folder.clone(),
-        source,
-    })?;
-    let mut names = Vec::with_capacity(models.len());
-    for model in models {
-        // Scenes have characters that some file systems refuse.
-        let name = model
-            .file_name()
-            .unwrap_or(model.as_os_str())
-            .to_string_lossy();
-        names.push(folder.join(file_name(&name) + ".svg"));
-    }
-    files.writes("--svg", &names, Content::Text)?;
-    Ok(names)
+/// Returns the picture of a model. Scenes have characters that some file systems refuse.
+fn picture_of(model: &Path, folder: &Path) -> PathBuf {
+    let name = model.file_name().unwrap_or(model.as_os_str());
+    folder.join(file_name(&name.to_string_lossy()) + ".svg")
 }
 
 /// Formats a number with two digits.

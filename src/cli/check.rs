@@ -9,8 +9,8 @@ use super::input::{self, FormatArgs};
 use super::output::with_progress;
 use super::run::{Baseline, Judge, JunitArgs, Run, Setup, Sinks};
 use super::sequence::{Frame, Sequence};
+use crate::curve::vector::distance;
 use linkwatch::{AbortOn, CurveSet, Error, Point, Result, SessionOptions};
-use nalgebra::Vector3;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
@@ -173,7 +173,6 @@ fn motion(from: &CurveSet, to: &CurveSet) -> Option<f64> {
     let slots: Vec<(usize, usize)> = curves
         .flat_map(|(i, curve)| (0..curve.points as usize).map(move |k| (i, k)))
         .collect();
-    let distance = |a: Point, b: Point| (Vector3::from(a) - Vector3::from(b)).norm();
     let within = slots.iter().filter(|(_, k)| *k > 0);
     let length = median(within.map(|&(i, k)| distance(from.point(i, k - 1), from.point(i, k))))?;
     let moved = |&(i, k): &(usize, usize)| {

@@ -174,14 +174,16 @@ pub fn write_whole(
     written.inspect_err(|_| removed())?;
     check_still_free(path, &file, &part, overwrite)?;
     let renamed = std::fs::rename(&part, &file);
-    renamed.inspect_err(|_| removed()).map_err(failed(path))
+    renamed
+        .inspect_err(|_| removed())
+        .map_err(Error::file(path))
 }
 
 /// Names the output in an error that names the temporary file.
 fn of_output(e: Error, part: &Path, path: &Path) -> Error {
     match e {
-        Error::Io(source) => failed(path)(source),
-        Error::File { path: of, source } if of == part => failed(path)(source),
+        Error::Io(source) => Error::file(path)(source),
+        Error::File { path: of, source } if of == part => Error::file(path)(source),
         Error::InFile { path: of, source } if of == part => source.in_file(path),
         other => other,
     }
@@ -206,7 +208,7 @@ pub fn write_text(path: &Path, overwrite: Overwrite, text: &str) -> Result<()> {
             true => options.append(true),
             false => options.write(true).create(true).truncate(true),
         };
-        let file = options.open(part).map_err(failed(part));
+        let file = options.open(part).map_err(Error::file(part));
         file.and_then(|mut f| Ok(std::io::Write::write_all(&mut f, text.as_bytes())?))
     })
 }
@@ -216,11 +218,11 @@ fn try_to_write(path: &Path) -> Result<()> {
     let file = resolve(path);
     if file.exists() {
         let opened = OpenOptions::new().append(true).open(&file);
-        opened.map_err(failed(path))?;
+        opened.map_err(Error::file(path))?;
     }
     let part = part_of(&file);
-    File::create_new(&part).map_err(failed(path))?;
-    std::fs::remove_file(&part).map_err(failed(path))
+    File::create_new(&part).map_err(Error::file(path))?;
+    std::fs::remove_file(&part).map_err(Error::file(path))
 }
 
 /// Returns the temporary name of a file: in the same folder, and used by no other process.
@@ -228,11 +230,6 @@ fn part_of(file: &Path) -> PathBuf {
     let mut part = file.as_os_str().to_owned();
     part.push(format!(".{}.part", std::process::id()));
     part.into()
-}
-
-fn failed(path: &Path) -> impl FnOnce(std::io::Error) -> Error {
-    let path = path.to_owned();
-    move |source| Error::File { path, source }
 }
 
 /// Returns the canonical path of a file that need not exist, with links resolved: two names with

@@ -1,8 +1,9 @@
 //! What happened, in one sentence, and what limits it.
 
-use super::facts::{End, Facts, Found, RECORD_EVERY};
+use super::facts::{End, Facts, Found};
 use crate::formats::container::truncated;
 use crate::incremental::Events;
+use crate::record::Retention;
 use crate::verdict::LeftOut;
 use crate::verdict::Verdict;
 use crate::words::{count, percent, plural, plural_of};
@@ -220,7 +221,7 @@ impl Facts {
         ] {
             note(n, format!("{} {what}", frames(n)));
         }
-        let every = self.metadata.get(RECORD_EVERY);
+        let every = self.metadata.get(Retention::EVERY);
         let every = every.map(|n| format!(", left out on purpose (every {n})"));
         let verdicts = plural(counts.without_curves, "verdict");
         let every = every.unwrap_or_default();

@@ -2,7 +2,7 @@
 
 use super::{Change, Defect, PullThrough, Report};
 use crate::curve::Image;
-#[cfg(any(feature = "cli", feature = "mcap", feature = "rerun"))]
+#[cfg(any(feature = "cli", feature = "rerun"))]
 use crate::curve::Point;
 
 /// A finding of a report.
@@ -41,7 +41,7 @@ impl Finding<'_> {
     }
 
     /// Returns the segments and the point of the place, if it has one.
-    #[cfg(any(feature = "cli", feature = "mcap", feature = "rerun"))]
+    #[cfg(any(feature = "cli", feature = "rerun"))]
     pub fn place(self) -> Option<([u32; 2], Point)> {
         let place = match self {
             Finding::Change(c) => c.place?,
@@ -54,7 +54,7 @@ impl Finding<'_> {
     }
 }
 
-#[cfg(any(feature = "mcap", feature = "rerun"))]
+#[cfg(any(feature = "cli", feature = "rerun"))]
 impl Finding<'_> {
     /// Returns both curves; one curve twice if it is alone.
     pub fn curves(self) -> [u32; 2] {

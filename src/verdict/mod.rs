@@ -11,14 +11,14 @@ mod pull_through;
 
 pub use change::{Change, ChangeKind, ImageLink, Link, LoopPair};
 pub use clearance::{Clearance, CloseStrands};
-#[cfg(any(feature = "cli", feature = "mcap", feature = "rerun"))]
+#[cfg(any(feature = "cli", feature = "rerun"))]
 pub(crate) use finding::Finding;
-#[cfg(any(feature = "client", feature = "mcap", feature = "cli"))]
+#[cfg(any(feature = "client", feature = "mcap"))]
 pub use lasting::Lasting;
 pub use left_out::LeftOut;
 #[cfg(feature = "rerun")]
 pub(crate) use message::label_of_pair;
-#[cfg(any(feature = "mcap", feature = "cli"))]
+#[cfg(feature = "cli")]
 pub(crate) use message::words_of_frame;
 #[cfg(feature = "verify")]
 pub(crate) use message::words_of_pair;
