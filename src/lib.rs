@@ -72,9 +72,10 @@
 //!
 //! # Features
 //!
-//! All are on by default. A feature turns on those that it needs: `cli`, `bus`, `gpu`, `mcap`
-//! and `rerun` turn on `verify`. Without any feature the library has only the vocabulary that all
-//! features share: [`Basis`], [`Positions`], [`Verdict`], [`Report`], [`Error`].
+//! All are on by default. A feature turns on those that it needs: `bus`, `gpu`, `mcap` and `rerun`
+//! turn on `verify`, and `cli` turns on `bus` and `mcap`. Without any feature the library has only
+//! the vocabulary that all features share: [`Basis`], [`Positions`], [`Verdict`], [`Report`],
+//! [`Error`].
 //!
 //! | feature | adds | main dependency |
 //! |---|---|---|
@@ -116,10 +117,6 @@ mod cancel;
 #[cfg(feature = "verify")]
 mod certificate;
 #[cfg(feature = "cli")]
-#[allow(
-    clippy::field_reassign_with_default,
-    reason = "the only way for users of the API, whose options are non-exhaustive"
-)]
 mod cli;
 mod curve;
 #[cfg(feature = "verify")]
@@ -157,7 +154,7 @@ mod pool;
 mod random;
 #[cfg(feature = "mcap")]
 mod record;
-#[cfg(feature = "mcap")]
+#[cfg(feature = "cli")]
 mod report;
 #[cfg(feature = "verify")]
 mod scene;
@@ -209,14 +206,12 @@ pub use measure::{
 };
 #[cfg(feature = "verify")]
 pub use periodic::{Unwrap, beside, period};
-#[cfg(all(feature = "mcap", feature = "cli"))]
-use record::{Alignment, FrameDiff, OnlyIn, RunDiff, diff_runs};
 #[cfg(feature = "mcap")]
 pub use record::{
     Ending, RecordedFrame, RecordedItem, RecordedVerdict, RecordingOptions, RecordingReader,
     RecordingSink, Retention,
 };
-#[cfg(all(feature = "mcap", feature = "cli"))]
+#[cfg(feature = "cli")]
 use report::{Conclusion, RunReport};
 #[cfg(feature = "verify")]
 pub use session::{Continuation, Given, Received, Session, SessionState, VerifiedFrame};

@@ -75,8 +75,6 @@ fn short_help_shows_common_options_and_long_help_all() {
     );
     assert!(short.contains("--kernel"), "{short}");
 }
-
-#[cfg(all(feature = "bus", feature = "mcap"))]
 fn options_of_watch_have_headings() {
     let help = stdout(&["watch", "-h"]);
     let mut rest = help.as_str();
@@ -102,7 +100,7 @@ fn options_of_watch_have_headings() {
         rest = section;
     }
     assert!(!help.contains("\nOptions:"), "{help}");
-    assert_eq!(help.contains("--metrics"), cfg!(feature = "bus"));
+    assert!(help.contains("--metrics"));
 }
 
 fn completions_contain_commands_and_options() {
@@ -233,7 +231,6 @@ fn main() {
         manual_pages_overwrite_no_file,
         errors_of_a_folder_and_a_misspelt_scene_give_advice,
     );
-    #[cfg(all(feature = "bus", feature = "mcap"))]
     add!(options_of_watch_have_headings);
     libtest_mimic::run(&Arguments::from_args(), trials).exit();
 }

@@ -179,16 +179,4 @@ impl Certificate {
         self.undefined.sort_by_key(|d| (d.i, d.j, d.image));
         self.undefined.dedup_by_key(|d| (d.i, d.j, d.image));
     }
-
-    /// Withdraws the linking numbers of pairs that turned out not to be proven.
-    pub fn withdraw(&mut self, defects: impl IntoIterator<Item = Defect>) {
-        self.undefined.extend(defects);
-        self.sort();
-        let undefined = &self.undefined;
-        self.links.retain(|l| {
-            let key = (l.i, Some(l.j));
-            let found = undefined.binary_search_by_key(&key, |d| (d.i, d.j));
-            found.is_err()
-        });
-    }
 }

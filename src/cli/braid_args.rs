@@ -47,7 +47,6 @@ impl BraidArgs {
     }
 
     /// Adds the braids of a recorded run.
-    #[cfg(feature = "mcap")]
     pub fn or_recorded(mut self, metadata: &BTreeMap<String, String>) -> Result<BraidArgs> {
         self.recorded = match metadata.get(BRAID).map(String::as_str) {
             None => None,

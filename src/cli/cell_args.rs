@@ -81,7 +81,6 @@ impl FromStr for GivenCell {
 
 impl CellArgs {
     /// Returns true if the user gave an option.
-    #[cfg(feature = "mcap")]
     pub fn are_given(&self) -> bool {
         self.cell.cell.is_some() || self.wrapped.is_some()
     }
@@ -93,11 +92,6 @@ impl CellArgs {
             Some(_) if self.wrapped.is_some() => {}
             Some(cell) => output::warn_of_wrapped(name, curves, &cell),
         }
-    }
-
-    /// Returns the cell that the user gave.
-    pub fn given(&self) -> Option<Cell> {
-        self.cell(None)
     }
 
     /// Returns true if the cells of the frames are ignored.
@@ -145,37 +139,28 @@ impl Cells {
         if std::mem::replace(&mut self.layout, info.layout) != info.layout {
             self.closing.forget();
         }
+        let wrapped = self.is_wrapped();
+        let of_frame = info.cell.filter(|_| wrapped);
         CurveSource {
-            cell: self
-                .args
-                .cell(info.cell)
-                .or(info.cell.filter(|_| self.is_wrapped())),
-            wrapped: self.is_wrapped(),
+            cell: self.args.cell(info.cell).or(of_frame),
+            wrapped,
             closed_by_default: info.closed_by_default,
         }
     }
 
-    /// Returns the curves of a frame with those closed that end where they start. `None` if they
-    /// stay as they are.
+    /// Returns the curves of a frame with those closed that end where they start.
     ///
     /// # Errors
     ///
     /// The errors of [`Closing::close`].
-    pub fn close_set(&mut self, set: &CurveSet, info: &FrameInfo) -> Result<Option<CurveSet>> {
-        let source = self.source(info);
-        self.closing.of_set(set, source)
-    }
-
-    /// Same as [`Cells::close_set`], for curves that nobody shares.
     pub fn closed(&mut self, set: CurveSet, info: &FrameInfo) -> Result<CurveSet> {
-        Ok(self.close_set(&set, info)?.unwrap_or(set))
+        let source = self.source(info);
+        Ok(self.closing.of_set(&set, source)?.unwrap_or(set))
     }
 
     /// Considers a frame that is not used: the first one decides which curves are closed.
     pub fn pass(&mut self, frame: Read) {
-        if let Ok(set) = frame.curves {
-            let _ = self.close_set(&set, &frame.info);
-        }
+        let _ = frame.curves.and_then(|set| self.closed(set, &frame.info));
     }
 
     /// Returns the curves of a frame that was read, closed and unwrapped.

@@ -1,11 +1,9 @@
 //! `linkwatch certify`: computes the certificates of models.
 
 use super::braid_args::BraidArgs;
-use super::cell_args::CellArgs;
 use super::explain;
-use super::files::{Content, Files, Overwrite, write_text};
-use super::frames::{self, FrameArgs, Picked};
-use super::input::{self, FormatArgs};
+use super::files::{Content, Files, Overwrite, file_name, write_text};
+use super::frames::{FrameArgs, Picked};
 use super::kernel::KernelArgs;
 use super::number::{not_negative, positive};
 use super::open;
@@ -16,7 +14,6 @@ use linkwatch::{
     Braids, Certificate, Certifier, CurveSet, Error, Events, FrameInfo, ImageLink, Ladder,
     Received, Result, Session, SessionOptions, Stats, picture,
 };
-use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
@@ -30,20 +27,13 @@ const PLACES: usize = 12;
 /// Compute the linking numbers of all pairs of curves: the certificate of a model's topology
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// Models, folders of them, recordings, or scenes as `linkwatch generate` takes them
-    #[arg(required = true, value_name = "MODEL|SCENE")]
-    models: Vec<PathBuf>,
     #[command(flatten)]
     frames: FrameArgs,
     #[command(flatten)]
-    format: FormatArgs,
-    #[command(flatten)]
     braid_args: BraidArgs,
-    #[command(flatten)]
-    cell_args: CellArgs,
     /// Write the ends of the braids that were found in this frame (one model only), for the option
     /// --braid of other commands
-    #[arg(long, value_name = "FILE", help_heading = super::WRITE)]
+    #[arg(long, value_name = "FILE", help_heading = super::WRITE, requires = "braid")]
     write_braid: Option<PathBuf>,
     /// Write the certificate to a file (one model only) instead of stdout
     #[arg(short, long, value_name = "CERT", help_heading = super::WRITE)]
@@ -60,7 +50,7 @@ pub struct Args {
     /// axis (polylines)
     #[arg(
         long, value_name = "R", help_heading = super::KERNELS,
-        conflicts_with = "kernel"
+        conflicts_with_all = ["kernel", "braid"]
     )]
     noise: Option<f64>,
     /// Print the Gauss linking integral of every pair of polylines, open or closed, as
@@ -126,17 +116,12 @@ fn certify(frame: Picked, args: &Args) -> Result<Certified> {
         false => certify_alone(frame, args)?,
     };
     certified.took = start.elapsed();
-    let Certified {
-        frame,
-        certificate,
-        stats,
-        ..
-    } = &certified;
+    let (frame, certificate, stats) = (&certified.frame, &certified.certificate, &certified.stats);
     let (name, set) = (&frame.name, &frame.curves);
     if frame.is_first {
         output::warn_of_open_curves(name, stats, None);
         output::tell_of_yarns(name, certificate.periods.len(), None);
-        args.cell_args.warn_of_segments(name, set, cell);
+        args.frames.cell_args.warn_of_segments(name, set, cell);
     }
     if stats.repeated_vertices > 0 {
         let vertices = plural_of(
@@ -173,7 +158,7 @@ fn certify_in_session(frame: Picked, args: &Args, braids: Option<Braids>) -> Res
     let has_closed = has_closed(set);
     let mut session = Session::new(SessionOptions {
         cell: frame.cell,
-        wrapped: args.cell_args.wrapped.filter(|wrapped| !wrapped),
+        wrapped: args.frames.cell_args.wrapped.filter(|wrapped| !wrapped),
         // It is decided already which curves are closed.
         keep_open: true,
         events: match frame.cell.is_some() && !has_closed {
@@ -232,44 +217,29 @@ fn certify_alone(frame: Picked, args: &Args) -> Result<Certified> {
 
 /// Runs the command.
 pub fn run(args: &Args, json: bool) -> Result<Outcome> {
-    let models = input::expand_models(&args.models)?;
-    if args.output.is_some() && models.len() > 1 {
-        return Err(Error::Usage(format!(
-            "-o writes the certificate of one model; {} models were given",
-            models.len()
-        )));
-    }
-    let braids = args.braid_args.are_given();
-    if braids && args.noise.is_some() {
-        let what = "--braid excludes --noise: loops are verified pair by pair";
-        return Err(Error::Usage(what.into()));
-    }
-    if args.write_braid.is_some() && (models.len() > 1 || !braids) {
-        let what = "--write-braid writes the ends of one model, with --braid";
-        return Err(Error::Usage(what.into()));
+    let models = args.frames.models()?;
+    let outputs = [("-o", &args.output), ("--write-braid", &args.write_braid)];
+    if let Some((option, _)) = outputs.iter().find(|(_, file)| file.is_some())
+        && models.len() > 1
+    {
+        let given = models.len();
+        let what = format!("{option} is for one model; {given} models were given");
+        return Err(Error::Usage(what));
     }
     let mut files = Files::new(args.overwrite);
-    if let Some(file) = args.braid_args.file() {
-        files.reads(file);
+    files.reads(args.braid_args.file());
+    files.reads(models.iter().chain(args.frames.format.files()));
+    for (option, file) in outputs {
+        files.writes(option, file, Content::Text)?;
     }
-    if let Some(file) = &args.write_braid {
-        files.writes("--write-braid", file, Content::Text)?;
+    if let Some(folder) = &args.svg {
+        std::fs::create_dir_all(folder).map_err(Error::file(folder))?;
+        let pictures = models.iter().map(|model| picture_of(model, folder));
+        files.writes("--svg", pictures, Content::Text)?;
     }
-    let inputs = models.iter().chain(args.format.files());
-    inputs.for_each(|path| files.reads(path));
-    if let Some(file) = &args.output {
-        files.writes("-o", file, Content::Text)?;
-    }
-    let pictures = pictures(args, &models, &mut files)?;
-    let pictures: HashMap<&PathBuf, PathBuf> = models.iter().zip(pictures).collect();
-    frames::for_each(&models, |path| {
-        let frames = args.frames.open(path, &args.format, args.cell_args)?;
-        for (option, is_given) in [
-            ("-o", args.output.is_some()),
-            ("--svg", args.svg.is_some()),
-            ("--write-braid", args.write_braid.is_some()),
-        ] {
-            if is_given {
+    args.frames.for_each(&models, |path, frames| {
+        for (option, file) in outputs.iter().chain([&("--svg", &args.svg)]) {
+            if file.is_some() {
                 frames.check_one(option)?;
             }
         }
@@ -279,7 +249,6 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
             (_, false) => Style::List,
             (_, true) => Style::Line,
         };
-        let picture = pictures.get(&path.to_owned());
         frames.each(|frame| {
             check_cell(&frame, args)?;
             if args.explain {
@@ -296,7 +265,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
             }
             let certified = certify(frame, args)?;
             print(path, &certified, args, style, json);
-            write(path, &certified, args, picture)?;
+            write(path, &certified, args)?;
             Ok(match certified.certificate.undefined.is_empty() {
                 true => Outcome::Fine,
                 false => Outcome::Undecided,
@@ -402,55 +371,34 @@ fn log_work(c: &Certified, args: &Args) {
 }
 
 /// Writes the files of a certificate.
-fn write(path: &Path, c: &Certified, args: &Args, picture: Option<&PathBuf>) -> Result<()> {
+fn write(path: &Path, c: &Certified, args: &Args) -> Result<()> {
     let (set, overwrite) = (&c.frame.curves, args.overwrite);
+    let write = |file: &Path, text: &str| {
+        let written = write_text(file, overwrite, text);
+        written.inspect(|()| tracing::info!("{}: written", file.display()))
+    };
     if let (Some(file), Some(braids)) = (&args.write_braid, &c.braids) {
-        write_text(file, overwrite, &(braids.to_json() + "\n"))?;
-        tracing::info!("{}: written", file.display());
+        write(file, &(braids.to_json() + "\n"))?;
     }
     if let Some(file) = &args.output {
-        write_text(file, overwrite, &c.certificate.to_string())?;
-        tracing::info!("{}: written", file.display());
+        write(file, &c.certificate.to_string())?;
     }
-    if let Some(file) = picture {
+    if let Some(folder) = &args.svg {
         let linked = picture::links(set, &c.certificate, PLACES);
         let title = path
             .file_name()
             .unwrap_or(path.as_os_str())
             .to_string_lossy();
         let svg = picture::draw(set, &title, &summary(c), &linked);
-        write_text(file, overwrite, &svg)?;
-        tracing::info!("{}: written", file.display());
+        write(&picture_of(path, folder), &svg)?;
     }
     Ok(())
 }
 
-/// Returns the names of the pictures, one per model, or none. Creates their folder.
-fn pictures(args: &Args, models: &[PathBuf], files: &mut Files) -> Result<Vec<PathBuf>> {
-    let Some(folder) = &args.svg else {
-        return Ok(Vec::new());
-    };
-    std::fs::create_dir_all(folder).map_err(|source| Error::File {
-        path: folder.clone(),
-        source,
-    })?;
-    let mut names = Vec::with_capacity(models.len());
-    for model in models {
-        // Scenes have characters that some file systems refuse.
-        let name = model
-            .file_name()
-            .unwrap_or(model.as_os_str())
-            .to_string_lossy();
-        let refused = |c: char| c.is_control() || "/\\:*?\"<>|".contains(c);
-        let name: String = name
-            .chars()
-            .map(|c| if refused(c) { '_' } else { c })
-            .collect();
-        let file = folder.join(name + ".svg");
-        files.writes("--svg", &file, Content::Text)?;
-        names.push(file);
-    }
-    Ok(names)
+/// Returns the picture of a model. Scenes have characters that some file systems refuse.
+fn picture_of(model: &Path, folder: &Path) -> PathBuf {
+    let name = model.file_name().unwrap_or(model.as_os_str());
+    folder.join(file_name(&name.to_string_lossy()) + ".svg")
 }
 
 /// Formats a number with two digits.

@@ -8,18 +8,12 @@ use super::each::EachArgs;
 use super::event_args::EventArgs;
 use super::input::{self, FormatArgs};
 use super::output::with_progress;
-use super::run::{Baseline, FrameCounts, Judge, JunitArgs, Run, Setup, Sinks};
+use super::run::{Baseline, Judge, JunitArgs, Run, Setup, Sinks};
 use super::sequence::{Frame, Sequence};
-use linkwatch::{
-    AbortOn, CurveSet, Error, Overflow, Point, Result, SessionOptions, Strategy, Verdict,
-};
-use nalgebra::Vector3;
+use crate::curve::vector::distance;
+use linkwatch::{AbortOn, CurveSet, Error, Point, Result, SessionOptions};
 use std::collections::BTreeMap;
 use std::path::PathBuf;
-use std::time::Duration;
-
-/// Maximum wait for a blocked sink. After that, frames are dropped and counted.
-const PATIENCE: Duration = Duration::from_secs(60);
 
 /// Compare the topology of models with a certificate, or with the first model
 #[derive(Debug, clap::Args)]
@@ -70,7 +64,6 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     let single = models.len() == 1 && !input::holds_frames(&models[0]);
     let format = args.format.wrapped(args.cell_args.wrapped.is_some());
     let name = models[0].display().to_string();
-    let title = format!("check of {name}");
     let metadata = BTreeMap::from([("models".to_owned(), models.len().to_string())]);
     let mut judge = Judge {
         baseline: args.baseline.clone(),
@@ -83,8 +76,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         max_pairs: Some(usize::MAX),
     };
     let mut files = judge.files(args.sinks.overwrite);
-    let inputs = models.iter().chain(args.format.files());
-    inputs.for_each(|path| files.reads(path));
+    files.reads(models.iter().chain(args.format.files()));
     let mut frames = Sequence::new(models, &format, args.one_motion);
     let Some(first) = frames.next() else {
         return Err(Error::Usage(format!("{name}: no frame")));
@@ -102,27 +94,17 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     if second.is_none() || args.early_exit || far {
         judge.event_args = args.event_args.off_by_default();
     }
-    let mut session = Run::new(Setup {
-        judge: &judge,
-        sinks: &args.sinks,
+    let setup = Setup {
         junit: Some(&args.junit),
-        files,
-        // Frames that are far apart have little in common.
-        strategy: match single || args.early_exit || far {
-            true => Strategy::Full,
-            false => Strategy::Incremental,
-        },
+        full: single || args.early_exit || far,
         early_exit: args.early_exit,
         models: true,
-        live: false,
-        from_now: false,
-        baseline: None,
-        title: &title,
+        title: format!("check of {name}"),
         metadata,
-        overflow: Overflow::WaitForProgress(PATIENCE),
         json,
-    })?;
-    let mut tally = FrameCounts::default();
+        ..Setup::default()
+    };
+    let mut session = Run::new(&judge, &args.sinks, files, setup)?;
     let mut failed = None;
     for frame in [first].into_iter().chain(second).chain(frames) {
         let judged = frame.and_then(|frame| {
@@ -155,16 +137,12 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
                 continue;
             }
         };
-        match judged.report.verdict {
-            Verdict::Rejected => tally.rejected += 1,
-            _ => tally.verified += 1,
-        }
-        session.publish(judged, tally);
+        session.publish(judged);
     }
     if failed.is_some() {
         session.data_lost();
     }
-    let outcome = session.finish(tally);
+    let outcome = session.finish();
     failed.map_or(Ok(outcome), Err)
 }
 
@@ -204,7 +182,6 @@ fn motion(from: &CurveSet, to: &CurveSet) -> Option<f64> {
     let slots: Vec<(usize, usize)> = curves
         .flat_map(|(i, curve)| (0..curve.points as usize).map(move |k| (i, k)))
         .collect();
-    let distance = |a: Point, b: Point| (Vector3::from(a) - Vector3::from(b)).norm();
     let within = slots.iter().filter(|(_, k)| *k > 0);
     let length = median(within.map(|&(i, k)| distance(from.point(i, k - 1), from.point(i, k))))?;
     let moved = |&(i, k): &(usize, usize)| {

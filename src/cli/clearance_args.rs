@@ -1,6 +1,7 @@
 //! The options `--radius` and `--min-clearance` of commands that verify successive frames.
 
 use super::number::{positive, share};
+use super::run::recorded;
 use linkwatch::{ClearanceOptions, Error, Result};
 use std::collections::BTreeMap;
 use std::str::FromStr;
@@ -68,15 +69,10 @@ impl ClearanceArgs {
     }
 
     /// Adds the options of a recorded run.
-    #[cfg(feature = "mcap")]
     pub fn or_recorded(self, metadata: &BTreeMap<String, String>) -> ClearanceArgs {
-        let radius = metadata
-            .get(THICKNESS)
-            .and_then(|radius| radius.parse().ok());
-        let low = metadata.get(MIN_CLEARANCE).and_then(|low| low.parse().ok());
         ClearanceArgs {
-            radius: self.radius.or(radius),
-            min_clearance: self.min_clearance.or(low),
+            radius: self.radius.or(recorded(metadata, THICKNESS)),
+            min_clearance: self.min_clearance.or(recorded(metadata, MIN_CLEARANCE)),
         }
     }
 }

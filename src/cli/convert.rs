@@ -5,20 +5,16 @@ use super::cell_args::{CellArgs, Cells};
 use super::files::{Content, Files, Overwrite, with_suffix, write_whole};
 use super::input::{self, FormatArgs};
 use super::output::{self, count, plural};
-#[cfg(feature = "mcap")]
 use super::run::MOTION_LIMIT;
 use super::sequence::{Frame, Sequence};
 use linkwatch::LeftOut;
-#[cfg(feature = "mcap")]
 use linkwatch::SessionOptions;
 use linkwatch::formats::{Format, FrameWriter, ModelFrame};
 use linkwatch::{
     Basis, Certifier, CurveSet, Error, FrameInfo, Result, chords, homotopic_polylines,
 };
-#[cfg(feature = "mcap")]
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 
 /// Rewrite the frames of model files or of a recording in another format
 ///
@@ -57,15 +53,13 @@ pub struct Args {
 pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     let inputs = input::expand(&args.inputs, args.keep_order)?;
     let mut files = Files::new(args.overwrite);
-    inputs.iter().for_each(|path| files.reads(path));
-    args.format.files().for_each(|path| files.reads(path));
+    files.reads(inputs.iter().chain(args.format.files()));
     let target = format_of(&args.output)?;
     let content = match target {
-        #[cfg(feature = "mcap")]
         None => Content::Recording,
         _ => Content::Model,
     };
-    files.writes("OUT", &args.output, content)?;
+    files.writes("OUT", [&args.output], content)?;
     let format = args.format.wrapped(args.cell_args.wrapped.is_some());
     let mut cells = Cells::new(args.cell_args);
     let frames = Sequence::new(inputs, &format, args.one_motion);
@@ -94,13 +88,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     let mut converter = Converter {
         target,
         chords: args.chords,
-        certifier: Certifier::default(),
-        frames: 0,
-        invalid: 0,
-        left_out: Vec::new(),
-        lost_cells: 0,
-        points: [0, 0],
-        undecided: false,
+        ..Converter::default()
     };
     if numbered {
         for frame in frames {
@@ -109,7 +97,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
                 continue;
             }
             let path = with_suffix(&args.output, &format!("{:05}", frame.info.seq));
-            files.writes("OUT", &path, Content::Model)?;
+            files.writes("OUT", [&path], Content::Model)?;
             let mut one = std::iter::once(Ok(frame));
             write_whole(&path, args.overwrite, |part| {
                 converter.write(part, &mut one)
@@ -140,13 +128,14 @@ fn settle(mut frame: Frame, cells: &mut Cells) -> Frame {
 
 /// Returns the format of a model file; `None` for a recording.
 fn format_of(path: &Path) -> Result<Option<Format>> {
-    match cfg!(feature = "mcap") && input::is_mcap(path) {
+    match input::is_mcap(path) {
         true => Ok(None),
         false => Format::to_write(path).map(Some),
     }
 }
 
 /// Conversion in progress.
+#[derive(Default)]
 struct Converter {
     /// Format of the output; `None` for a recording.
     target: Option<Format>,
@@ -175,20 +164,21 @@ impl Converter {
         match self.target {
             Some(format) => {
                 let mut writer = FrameWriter::create(path, format)?;
-                self.convert(frames, |frame, _| writer.frame(&frame))?;
+                self.convert(frames, |curves, info| {
+                    let mut frame = ModelFrame::new(info.seq, Ok(curves));
+                    (frame.time, frame.cell) = (info.time, info.cell);
+                    (frame.labels, frame.left_out) = (info.labels, info.left_out);
+                    writer.frame(&frame)
+                })?;
                 writer.finish()
             }
-            #[cfg(not(feature = "mcap"))]
-            None => unreachable!("recordings need the feature `mcap`"),
-            #[cfg(feature = "mcap")]
             None => {
                 use linkwatch::{RecordingSink, Sink};
                 let limit = SessionOptions::MOTION_LIMIT.to_string();
                 let metadata = BTreeMap::from([(MOTION_LIMIT.to_owned(), limit)]);
                 let mut sink = RecordingSink::create(path, &metadata)?;
-                self.convert(frames, |frame, info| {
-                    let curves = frame.curves?;
-                    sink.curves(frame.seq, frame.time, &curves, &info)
+                self.convert(frames, |curves, info| {
+                    sink.curves(info.seq, info.time, &curves, &info)
                 })?;
                 Box::new(sink).finish()
             }
@@ -199,7 +189,7 @@ impl Converter {
     fn convert(
         &mut self,
         frames: &mut dyn Iterator<Item = Result<Frame>>,
-        mut write: impl FnMut(ModelFrame, FrameInfo) -> Result<()>,
+        mut write: impl FnMut(CurveSet, FrameInfo) -> Result<()>,
     ) -> Result<()> {
         for frame in frames {
             let frame = frame?;
@@ -221,24 +211,16 @@ impl Converter {
                 }
                 self.lost_cells += 1;
             }
-            let curves = frame.curves?;
-            let before = curves.points() as u64;
-            let curves = match curves.basis() {
-                Basis::Polyline => curves,
-                _ if self.chords.is_none() && self.target.is_none_or(Format::holds_splines) => {
-                    curves
-                }
-                _ => self.polylines(&frame.name, &curves)?,
-            };
-            self.points[0] += before;
+            let mut curves = frame.curves?;
+            self.points[0] += curves.points() as u64;
+            let keeps_splines =
+                self.chords.is_none() && self.target.is_none_or(Format::holds_splines);
+            if curves.basis() != Basis::Polyline && !keeps_splines {
+                curves = self.polylines(&frame.name, &curves)?;
+            }
             self.points[1] += curves.points() as u64;
             self.frames += 1;
-            let mut converted = ModelFrame::new(frame.info.seq, Ok(curves));
-            converted.time = frame.info.time;
-            converted.cell = frame.info.cell;
-            converted.labels = Arc::clone(&frame.info.labels);
-            converted.left_out = frame.info.left_out.clone();
-            write(converted, frame.info)?;
+            write(curves, frame.info)?;
         }
         self.check_frames()
     }

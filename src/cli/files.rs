@@ -23,7 +23,6 @@ pub enum Content {
     Scene,
     /// A model in any format that has a writer.
     Model,
-    #[cfg(feature = "mcap")]
     Recording,
     Viewer,
 }
@@ -39,7 +38,6 @@ impl Content {
             ),
             Content::Scene => (extension == "bcc", "scenes are written as .bcc"),
             Content::Model => (true, ""),
-            #[cfg(feature = "mcap")]
             Content::Recording => (
                 extension == "mcap",
                 "a recording is an .mcap file; --show writes a file for the viewer (.rrd)",
@@ -70,16 +68,19 @@ impl Files {
     }
 
     /// Returns true if [`Files::writes`] would not find another file under this name.
-    #[cfg(feature = "bus")]
     pub fn is_free(&self, path: &Path) -> bool {
         let identity = resolve(path);
         let known = self.known.iter().any(|(known, _)| *known == identity);
         !known && (self.force || std::fs::symlink_metadata(path).is_err())
     }
 
-    /// Registers an input. It need not exist: a scene is not a file.
-    pub fn reads(&mut self, path: &Path) {
-        if let Ok(metadata) = std::fs::metadata(path) {
+    /// Registers inputs. They need not exist: a scene is not a file.
+    pub fn reads<P: AsRef<Path>>(&mut self, paths: impl IntoIterator<Item = P>) {
+        for path in paths {
+            let path = path.as_ref();
+            let Ok(metadata) = std::fs::metadata(path) else {
+                continue;
+            };
             if is_pipe(&metadata) {
                 tracing::info!("{}: a pipe; waiting for its writer", path.display());
             }
@@ -90,9 +91,19 @@ impl Files {
         }
     }
 
-    /// Checks that an output can be written, and that it replaces no input, output or protected
-    /// file.
-    pub fn writes(&mut self, option: &str, path: &Path, content: Content) -> Result<()> {
+    /// Checks that outputs can be written, and that none replaces an input, an output or a
+    /// protected file.
+    pub fn writes<P: AsRef<Path>>(
+        &mut self,
+        option: &str,
+        paths: impl IntoIterator<Item = P>,
+        content: Content,
+    ) -> Result<()> {
+        let mut paths = paths.into_iter();
+        paths.try_for_each(|path| self.check(option, path.as_ref(), content))
+    }
+
+    fn check(&mut self, option: &str, path: &Path, content: Content) -> Result<()> {
         let name = format!("{option} {}", path.display());
         let refuse = |why: &str| Err(Error::Usage(format!("{name}: {why}")));
         let extension = path.extension().unwrap_or_default().to_string_lossy();
@@ -114,7 +125,6 @@ impl Files {
         if found.is_ok() && !self.force {
             return refuse("the file exists; --force overwrites it");
         }
-        #[cfg(feature = "mcap")]
         if content == Content::Recording
             && let Err(e) = linkwatch::RecordingSink::check_unused(path)
         {
@@ -130,18 +140,13 @@ impl Files {
 }
 
 /// Returns a path with a suffix before its extension: `run.mcap` with `2` is `run-2.mcap`.
-/// Characters of the suffix that a file name cannot have on some system become `_`.
 pub fn with_suffix(path: &Path, suffix: &str) -> PathBuf {
-    let allowed = |c: char| !c.is_control() && !"/\\:*?\"<>|".contains(c);
-    let replace = |c: char| if allowed(c) { c } else { '_' };
-    let mut name = path.file_stem().unwrap_or_default().to_owned();
-    name.push("-");
-    name.push(suffix.chars().map(replace).collect::<String>());
-    if let Some(extension) = path.extension() {
-        name.push(".");
-        name.push(extension);
-    }
-    path.with_file_name(name)
+    crate::record::with_suffix(path, &file_name(suffix))
+}
+
+/// Replaces the characters of a text that the name of a file cannot have on some system.
+pub fn file_name(text: &str) -> String {
+    text.replace(|c: char| c.is_control() || "/\\:*?\"<>|".contains(c), "_")
 }
 
 /// Writes a file under a temporary name, then renames it, so that no partial file appears under its
@@ -169,14 +174,16 @@ pub fn write_whole(
     written.inspect_err(|_| removed())?;
     check_still_free(path, &file, &part, overwrite)?;
     let renamed = std::fs::rename(&part, &file);
-    renamed.inspect_err(|_| removed()).map_err(failed(path))
+    renamed
+        .inspect_err(|_| removed())
+        .map_err(Error::file(path))
 }
 
 /// Names the output in an error that names the temporary file.
 fn of_output(e: Error, part: &Path, path: &Path) -> Error {
     match e {
-        Error::Io(source) => failed(path)(source),
-        Error::File { path: of, source } if of == part => failed(path)(source),
+        Error::Io(source) => Error::file(path)(source),
+        Error::File { path: of, source } if of == part => Error::file(path)(source),
         Error::InFile { path: of, source } if of == part => source.in_file(path),
         other => other,
     }
@@ -201,7 +208,7 @@ pub fn write_text(path: &Path, overwrite: Overwrite, text: &str) -> Result<()> {
             true => options.append(true),
             false => options.write(true).create(true).truncate(true),
         };
-        let file = options.open(part).map_err(failed(part));
+        let file = options.open(part).map_err(Error::file(part));
         file.and_then(|mut f| Ok(std::io::Write::write_all(&mut f, text.as_bytes())?))
     })
 }
@@ -211,11 +218,11 @@ fn try_to_write(path: &Path) -> Result<()> {
     let file = resolve(path);
     if file.exists() {
         let opened = OpenOptions::new().append(true).open(&file);
-        opened.map_err(failed(path))?;
+        opened.map_err(Error::file(path))?;
     }
     let part = part_of(&file);
-    File::create_new(&part).map_err(failed(path))?;
-    std::fs::remove_file(&part).map_err(failed(path))
+    File::create_new(&part).map_err(Error::file(path))?;
+    std::fs::remove_file(&part).map_err(Error::file(path))
 }
 
 /// Returns the temporary name of a file: in the same folder, and used by no other process.
@@ -223,11 +230,6 @@ fn part_of(file: &Path) -> PathBuf {
     let mut part = file.as_os_str().to_owned();
     part.push(format!(".{}.part", std::process::id()));
     part.into()
-}
-
-fn failed(path: &Path) -> impl FnOnce(std::io::Error) -> Error {
-    let path = path.to_owned();
-    move |source| Error::File { path, source }
 }
 
 /// Returns the canonical path of a file that need not exist, with links resolved: two names with
@@ -324,9 +326,9 @@ mod tests {
         }
         for a in there {
             let mut files = Files::new(Overwrite { force: true });
-            files.reads(&at("there.txt"));
+            files.reads([at("there.txt")]);
             let e = files
-                .writes("-o", &at(a), Content::Text)
+                .writes("-o", [at(a)], Content::Text)
                 .unwrap_err()
                 .to_string();
             assert!(
@@ -338,10 +340,10 @@ mod tests {
         for a in missing {
             let mut files = Files::new(Overwrite::default());
             files
-                .writes("-o", &at("missing.txt"), Content::Text)
+                .writes("-o", [at("missing.txt")], Content::Text)
                 .unwrap();
             let e = files
-                .writes("--csv", &at(a), Content::Text)
+                .writes("--csv", [at(a)], Content::Text)
                 .unwrap_err()
                 .to_string();
             assert!(e.contains("the same file as -o"), "{e}");

@@ -10,14 +10,20 @@ use std::collections::VecDeque;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
-/// Frames of files with several.
-#[derive(Clone, Copy, Debug, Default, clap::Args)]
-#[command(next_help_heading = super::INPUT)]
+/// Models whose frames are considered one by one.
+#[derive(Clone, Debug, clap::Args)]
 pub struct FrameArgs {
+    /// Models, folders of them, recordings, or scenes as `linkwatch generate` takes them
+    #[arg(required = true, value_name = "MODEL|SCENE")]
+    models: Vec<PathBuf>,
     /// Frames of files with several: one by its number, those of a range of numbers (`3..9`, with
     /// both ends), `last` or `all` [default: all]
-    #[arg(long, value_name = "SEQ|FROM..TO|last|all")]
+    #[arg(long, help_heading = super::INPUT, value_name = "SEQ|FROM..TO|last|all")]
     frame: Option<Selection>,
+    #[command(flatten)]
+    pub format: FormatArgs,
+    #[command(flatten)]
+    pub cell_args: CellArgs,
 }
 
 /// Frames to take of a file with several.
@@ -50,28 +56,31 @@ impl FromStr for Selection {
 }
 
 impl FrameArgs {
-    /// Opens an argument, for the frames that this option chooses.
-    pub fn open(self, argument: &Path, format: &FormatArgs, cells: CellArgs) -> Result<Selected> {
-        Selected::open(argument, format, cells, self.frame.unwrap_or_default())
+    /// Returns the files and scenes.
+    pub fn models(&self) -> Result<Vec<PathBuf>> {
+        input::expand_models(&self.models)
     }
-}
 
-/// Calls `run` for each argument, and returns the worst outcome. An argument that fails does not
-/// keep the others from their results: the first error is returned, and others are logged.
-pub fn for_each(
-    arguments: &[PathBuf],
-    mut run: impl FnMut(&Path) -> Result<Outcome>,
-) -> Result<Outcome> {
-    let mut outcome = Outcome::Fine;
-    let mut failed = None;
-    for argument in arguments {
-        match run(argument) {
-            Ok(of_argument) => outcome = outcome.max(of_argument),
-            Err(e) if failed.is_none() => failed = Some(e),
-            Err(e) => tracing::error!("{e}"),
+    /// Opens each model, and calls `run` for the frames that are chosen. Returns the worst outcome.
+    /// A model that fails does not keep the others from their results: the first error is returned,
+    /// and others are logged.
+    pub fn for_each(
+        &self,
+        models: &[PathBuf],
+        mut run: impl FnMut(&Path, Selected) -> Result<Outcome>,
+    ) -> Result<Outcome> {
+        let mut outcome = Outcome::Fine;
+        let mut failed = None;
+        for model in models {
+            let selected = Selected::open(model, self);
+            match selected.and_then(|frames| run(model, frames)) {
+                Ok(of_model) => outcome = outcome.max(of_model),
+                Err(e) if failed.is_none() => failed = Some(e),
+                Err(e) => tracing::error!("{e}"),
+            }
         }
+        failed.map_or(Ok(outcome), Err)
     }
-    failed.map_or(Ok(outcome), Err)
 }
 
 /// A frame of an argument, with the curves and the cell that the user chose.
@@ -100,9 +109,6 @@ pub struct Picked {
 /// one; memory holds two of them.
 pub struct Selected {
     path: PathBuf,
-    cells: CellArgs,
-    /// True if curves that the boundary of the cell tears are refused.
-    is_whole: bool,
     selection: Selection,
     frames: FileFrames,
     /// Frames that were read ahead.
@@ -118,31 +124,26 @@ pub struct Selected {
     /// Elements that were not read, of which the user knows.
     left_out: Vec<LeftOut>,
     /// Decides for all frames which curves are closed.
-    closing: Cells,
+    cells: Cells,
 }
 
 impl Selected {
     /// Opens a model file if the argument has the extension of one or names an existing file.
     /// Otherwise builds the scene that the argument describes.
-    fn open(
-        argument: &Path,
-        format: &FormatArgs,
-        cells: CellArgs,
-        selection: Selection,
-    ) -> Result<Selected> {
+    fn open(argument: &Path, args: &FrameArgs) -> Result<Selected> {
+        let (cells, selection) = (args.cell_args, args.frame.unwrap_or_default());
+        let format = args.format.wrapped(cells.wrapped.is_some());
         let mut selected = Selected {
             path: argument.to_owned(),
-            is_whole: cells.wrapped.is_none(),
-            cells,
             selection,
-            frames: input::open_or_build(argument, &format.wrapped(cells.wrapped.is_some()))?,
+            frames: input::open_or_build(argument, &format)?,
             ahead: VecDeque::new(),
             ended: false,
             last: None,
             numbered: input::holds_frames(argument),
             several: false,
             left_out: Vec::new(),
-            closing: Cells::new(cells),
+            cells: Cells::new(cells),
         };
         if selection == Selection::Last {
             selected.go_to_last()?;
@@ -230,7 +231,7 @@ impl Selected {
             let seq = read.info.seq;
             (self.ended, self.last) = (seq >= to, Some(seq));
             match frame {
-                Ok(read) if !(from..=to).contains(&seq) => self.closing.pass(read),
+                Ok(read) if !(from..=to).contains(&seq) => self.cells.pass(read),
                 frame => return Some(frame),
             }
         }
@@ -252,7 +253,7 @@ impl Selected {
             match frame {
                 Ok(frame) => {
                     if let Some(before) = last.replace(frame) {
-                        self.closing.pass(before);
+                        self.cells.pass(before);
                     }
                 }
                 Err(e) if last.is_none() => return Err(e),
@@ -281,14 +282,15 @@ impl Selected {
     /// Returns a frame with the cell that the user chose, and unwrapped curves.
     fn pick(&mut self, frame: Read, is_first: bool) -> Result<Picked> {
         let name = self.name(&frame);
-        let of_frame = frame.info.cell;
-        let set = self.closing.closed(frame.curves?, &frame.info)?;
+        let (args, of_frame) = (self.cells.args, frame.info.cell);
+        let set = self.cells.closed(frame.curves?, &frame.info)?;
         let mut left_out = frame.info.left_out.clone();
-        left_out.extend(self.closing.say(&name));
+        left_out.extend(self.cells.say(&name));
         input::warn_of_new(&self.path, &mut self.left_out, &frame.info.left_out);
-        let cell = self.cells.cell(of_frame);
-        let unwrapped = Cells::new(self.cells).unwrap(&set, of_frame)?;
-        if let Some(cell) = cell.as_ref().filter(|_| self.is_whole) {
+        let cell = args.cell(of_frame);
+        let unwrapped = Cells::new(args).unwrap(&set, of_frame)?;
+        // Otherwise the curves may be torn at the boundary of the cell.
+        if let (Some(cell), None) = (&cell, args.wrapped) {
             set.check_whole(cell)?;
         }
         Ok(Picked {
@@ -299,7 +301,7 @@ impl Selected {
             time: self.numbered.then_some(frame.info.time),
             cell,
             left_out,
-            joined: self.closing.joined(),
+            joined: self.cells.joined(),
             is_first,
         })
     }

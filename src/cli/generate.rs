@@ -53,20 +53,15 @@ pub fn run(args: &Args, as_json: bool) -> Result<Outcome> {
         return Ok(Outcome::Fine);
     };
     let mut files = Files::new(args.overwrite);
-    let moving = args
-        .frames
-        .as_ref()
-        .map(|frames| frames.of(scene))
-        .transpose()?;
-    let format = moving.as_ref().map(|_| frame_format(path)).transpose()?;
-    let content = match moving {
-        Some(_) => Content::Model,
-        None => Content::Scene,
+    let (moving, content) = match &args.frames {
+        Some(frames) => (
+            Some((frames.of(scene)?, frame_format(path)?)),
+            Content::Model,
+        ),
+        None => (None, Content::Scene),
     };
-    files.writes("-o", path, content)?;
-    if let Some(file) = &args.certificate {
-        files.writes("--certificate", file, Content::Text)?;
-    }
+    files.writes("-o", [path], content)?;
+    files.writes("--certificate", &args.certificate, Content::Text)?;
     let start = Instant::now();
     let generated = scene.build()?;
     let (curves, links) = (generated.curves, generated.certificate.links.len());
@@ -75,18 +70,11 @@ pub fn run(args: &Args, as_json: bool) -> Result<Outcome> {
     }
     let (sizes, basis) = ([curves.len(), curves.segments()], curves.basis());
     let sizes = sizes.map(|n| n as u64);
-    let mut frames = None;
-    match moving.zip(format) {
-        Some((moving, format)) => {
-            frames = Some(moving.frames);
-            write_whole(path, args.overwrite, |part| {
-                write_frames(part, format, &moving, curves)
-            })?;
-        }
-        None => write_whole(path, args.overwrite, |part| {
-            formats::write_bcc(part, &curves)
-        })?,
-    }
+    write_whole(path, args.overwrite, |part| match &moving {
+        Some((moving, format)) => write_frames(part, *format, moving, curves),
+        None => formats::write_bcc(part, &curves),
+    })?;
+    let frames = moving.map(|(moving, _)| moving.frames);
     tracing::info!(
         "{}: wrote {}{} of {}, {} ({})",
         path.display(),

@@ -1,10 +1,7 @@
 //! Curves of arguments: model files, folders and patterns of them, recordings, generated scenes.
-
-#[cfg(feature = "mcap")]
 use super::recorded::Recorded;
 use super::{Outcome, order, output};
 use linkwatch::LeftOut;
-#[cfg(feature = "mcap")]
 use linkwatch::RecordingReader;
 use linkwatch::formats::{Frames, ModelFrame, ReadOptions};
 use linkwatch::scenes::Scene;
@@ -60,13 +57,13 @@ impl FormatArgs {
     }
 
     fn options(&self) -> ReadOptions {
-        let mut options = ReadOptions::default();
-        options.bonds.clone_from(&self.bonds);
-        options.counts.clone_from(&self.counts);
-        options.closed = self.closed;
-        options.topic.clone_from(&self.topic);
-        options.wrapped = self.wrapped;
-        options
+        ReadOptions {
+            bonds: self.bonds.clone(),
+            counts: self.counts.clone(),
+            closed: self.closed,
+            topic: self.topic.clone(),
+            wrapped: self.wrapped,
+        }
     }
 }
 
@@ -132,14 +129,11 @@ pub fn expand(arguments: &[PathBuf], keep_order: bool) -> Result<Vec<PathBuf>> {
 /// Same as [`expand`] for models that are no frames of one motion: they keep their order, and a
 /// folder may hold several formats.
 pub fn expand_models(arguments: &[PathBuf]) -> Result<Vec<PathBuf>> {
-    let mut files = Vec::new();
-    for argument in arguments {
-        match argument.is_dir() {
-            true => files.extend(models_in(argument)?),
-            false => files.extend(expand(std::slice::from_ref(argument), true)?),
-        }
-    }
-    Ok(files)
+    let files = arguments.iter().map(|argument| match argument.is_dir() {
+        true => models_in(argument),
+        false => expand(std::slice::from_ref(argument), true),
+    });
+    Ok(files.collect::<Result<Vec<_>>>()?.concat())
 }
 
 fn models_in(folder: &Path) -> Result<Vec<PathBuf>> {
@@ -197,7 +191,6 @@ pub fn is_mcap(path: &Path) -> bool {
 }
 
 /// Returns true if a file begins as an MCAP file, whatever its name.
-#[cfg(feature = "mcap")]
 fn begins_as_mcap(path: &Path) -> bool {
     use std::io::Read;
     let mut start = [0; 8];
@@ -212,7 +205,6 @@ pub fn holds_frames(path: &Path) -> bool {
 
 /// Returns true if a file is to be read as a recording of linkwatch: it is one by its content, or
 /// does not exist and has its extension.
-#[cfg(feature = "mcap")]
 pub fn is_recording(path: &Path) -> Result<bool> {
     if !path.is_file() {
         return Ok(is_mcap(path));
@@ -228,7 +220,6 @@ pub fn is_recording(path: &Path) -> Result<bool> {
 }
 
 /// Fails if a file is no recording of linkwatch.
-#[cfg(feature = "mcap")]
 pub fn check_recording(path: &Path) -> Result<()> {
     if !path.is_file() || is_recording(path)? {
         return Ok(());
@@ -269,7 +260,6 @@ pub type FileFrames = Box<dyn Iterator<Item = Result<Read>>>;
 
 /// Opens a model file or a recording.
 pub fn open(path: &Path, args: &FormatArgs) -> Result<FileFrames> {
-    #[cfg(feature = "mcap")]
     if is_mcap(path) && is_recording(path)? {
         return Ok(Box::new(Recorded::open(path)?));
     }

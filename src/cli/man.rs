@@ -36,7 +36,7 @@ pub fn run(args: &Args) -> Result<Outcome> {
     let mut pages = Vec::new();
     for command in std::iter::once(&command).chain(descendants(&command)) {
         let file = folder.join(Man::new(command.clone()).get_filename());
-        files.writes("--out", &file, Content::Text)?;
+        files.writes("--out", [&file], Content::Text)?;
         pages.push((file, page(command)?));
     }
     for (file, page) in &pages {

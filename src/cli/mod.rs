@@ -10,7 +10,6 @@ mod clearance_args;
 mod completions;
 mod convert;
 mod devices;
-#[cfg(feature = "mcap")]
 mod diff;
 mod each;
 mod event_args;
@@ -24,37 +23,23 @@ mod label;
 mod live;
 mod man;
 mod measure;
-#[cfg(feature = "bus")]
 mod metrics;
 mod number;
 mod open;
 mod order;
 mod output;
-#[cfg(all(feature = "bus", feature = "mcap"))]
 mod play;
-#[cfg(feature = "mcap")]
 mod range;
-#[cfg(feature = "mcap")]
 mod recorded;
-#[cfg(feature = "mcap")]
 mod replay;
-#[cfg(feature = "mcap")]
 mod report;
 mod run;
 mod sequence;
-#[cfg(feature = "bus")]
 mod services;
 mod settings;
-#[cfg(any(feature = "bus", feature = "mcap"))]
 mod signals;
-#[cfg(feature = "mcap")]
 mod source;
-#[cfg_attr(
-    not(any(feature = "bus", feature = "mcap")),
-    expect(dead_code, reason = "no command detaches its streams")
-)]
 mod stream;
-#[cfg(feature = "bus")]
 mod watch;
 
 use clap::{ArgAction, Parser, Subcommand};
@@ -93,7 +78,6 @@ struct Cli {
 }
 
 /// Headings of `--help`. Options without a heading belong to one command only.
-#[cfg(feature = "bus")]
 const WATCH: &str = "Simulation";
 const INPUT: &str = "Input";
 const COMPARE: &str = "Comparison";
@@ -113,17 +97,11 @@ as a whole)";
 // Common commands first: `--help` lists them in this order.
 #[derive(Debug, Subcommand)]
 enum Command {
-    #[cfg(feature = "bus")]
     Watch(watch::Args),
-    #[cfg(feature = "bus")]
     Services(services::Args),
-    #[cfg(feature = "mcap")]
     Replay(replay::Args),
-    #[cfg(feature = "mcap")]
     Report(report::Args),
-    #[cfg(feature = "mcap")]
     Diff(diff::Args),
-    #[cfg(all(feature = "bus", feature = "mcap"))]
     Play(play::Args),
     Certify(certify::Args),
     Check(check::Args),
@@ -237,17 +215,11 @@ fn run(cli: &Cli) -> Result<Outcome> {
             tracing::warn!("`linkwatch writhe` is now `linkwatch measure writhe`");
             measure::writhe::run(args, cli.json)
         }
-        #[cfg(feature = "bus")]
         Command::Watch(args) => watch::run(args, cli.json),
-        #[cfg(feature = "mcap")]
         Command::Replay(args) => replay::run(args, cli.json),
-        #[cfg(feature = "mcap")]
         Command::Report(args) => report::run(args, cli.json),
-        #[cfg(feature = "mcap")]
         Command::Diff(args) => diff::run(args, cli.json),
-        #[cfg(all(feature = "bus", feature = "mcap"))]
         Command::Play(args) => play::run(args, cli.json),
-        #[cfg(feature = "bus")]
         Command::Services(_) => services::run(cli.json),
         Command::Completions(args) => completions::run(args),
         Command::Man(args) => man::run(args),

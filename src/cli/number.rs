@@ -1,6 +1,4 @@
 //! Numbers on the command line. The parser rejects NaN, infinities and numbers out of range.
-
-#[cfg(any(feature = "bus", feature = "mcap"))]
 use std::time::Duration;
 
 /// Parses a number above 0.
@@ -26,35 +24,28 @@ pub fn not_negative(text: &str) -> Result<f64, String> {
 }
 
 /// Parses a size in bytes: `1000000`, `500MB` or `2GiB`.
-#[cfg(feature = "mcap")]
 pub fn bytes(text: &str) -> Result<u64, String> {
-    /// Units, longest first.
-    const UNITS: [(&str, f64); 9] = [
-        ("kib", 1024.0),
-        ("mib", 1048576.0),
-        ("gib", 1073741824.0),
-        ("tib", 1099511627776.0),
-        ("kb", 1e3),
-        ("mb", 1e6),
-        ("gb", 1e9),
-        ("tb", 1e12),
-        ("b", 1.0),
-    ];
-    let lower = text.to_ascii_lowercase();
-    let unit = UNITS.iter().find_map(|(unit, factor)| {
-        let number = lower.strip_suffix(unit)?;
-        Some((number.trim_end(), *factor))
-    });
-    let (number, factor) = unit.unwrap_or((&lower, 1.0));
-    match number.parse::<f64>() {
+    let number = text.trim_end_matches(|c: char| c.is_ascii_alphabetic());
+    let factor = match text[number.len()..].to_ascii_lowercase().as_str() {
+        "" | "b" => 1.0,
+        "kb" => 1e3,
+        "mb" => 1e6,
+        "gb" => 1e9,
+        "tb" => 1e12,
+        "kib" => 1024.0,
+        "mib" => 1_048_576.0,
+        "gib" => 1_073_741_824.0,
+        "tib" => 1_099_511_627_776.0,
+        _ => f64::NAN,
+    };
+    match number.trim_end().parse::<f64>() {
         // Numbers of bytes below 2^53 are exact.
-        Ok(x) if x * factor >= 1.0 && x * factor < 9e15 => Ok((x * factor) as u64),
+        Ok(x) if (1.0..9e15).contains(&(x * factor)) => Ok((x * factor) as u64),
         _ => Err("expected a size, `500MB` or `2GiB` for example".into()),
     }
 }
 
 /// Parses a time in seconds.
-#[cfg(any(feature = "bus", feature = "mcap"))]
 pub fn seconds(text: &str) -> Result<Duration, String> {
     let time = text.parse().map(Duration::try_from_secs_f64);
     match time {
@@ -78,7 +69,6 @@ pub fn share(text: &str) -> Result<f64, String> {
 #[cfg(test)]
 mod tests {
     #[test]
-    #[cfg(feature = "mcap")]
     fn sizes_have_decimal_and_binary_units() {
         for (text, expected) in [
             ("1000000", 1_000_000),

@@ -1,5 +1,6 @@
 //! Output of the command: results on stdout, everything else on stderr.
 
+use super::label::Label;
 use super::stream::{self, Lost, Target};
 pub use crate::words::{count, millis, percent, plural, plural_of};
 use indicatif::{HumanDuration, ProgressBar, ProgressState, ProgressStyle};
@@ -59,13 +60,7 @@ pub fn line(text: impl std::fmt::Display) {
 
 /// Writes the first `most` lines to stdout, indented, and the number of the others.
 pub fn first_lines(indent: &str, lines: &[String], most: usize) {
-    for text in lines.iter().take(most) {
-        line(format_args!("{indent}{text}"));
-    }
-    if lines.len() > most {
-        let more = count((lines.len() - most) as u64);
-        line(format_args!("{indent}and {more} more"));
-    }
+    Label::default().first_lines(indent, lines, most);
 }
 
 /// Writes a value as one line of JSON to stdout.
@@ -88,7 +83,6 @@ pub fn error(e: impl std::fmt::Display) {
 }
 
 /// Limits how long a line may block on stdout or stderr from now on.
-#[cfg(any(feature = "bus", feature = "mcap"))]
 pub fn detach(overflow: linkwatch::Overflow) -> linkwatch::Result<()> {
     Ok(stream::detach(overflow)?)
 }

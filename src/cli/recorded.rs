@@ -15,6 +15,7 @@ use std::path::{Path, PathBuf};
 ///
 /// A frame that was rejected when it was recorded is an invalid frame. A frame after others without
 /// curves does not continue the previous one, as after a cut.
+#[derive(Default)]
 pub struct Recorded {
     path: PathBuf,
     /// `None` after the end, and after an error.
@@ -37,11 +38,7 @@ impl Recorded {
         Ok(Recorded {
             reader: Some(RecordingReader::open(path).map_err(|e| e.in_file(path))?),
             path: path.to_owned(),
-            begun: false,
-            frame: None,
-            answered: 0,
-            gaps: 0,
-            absent: 0,
+            ..Recorded::default()
         })
     }
 

@@ -44,9 +44,9 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         input::check_recording(&args.recording)?;
     }
     let mut files = Files::new(args.overwrite);
-    files.reads(&args.recording);
+    files.reads([&args.recording]);
     if let Some(path) = &page {
-        files.writes("-o", path, Content::Text)?;
+        files.writes("-o", [path], Content::Text)?;
         if path.extension().is_none_or(|e| e != "html" && e != "htm") {
             let path = path.display();
             let what = format!("-o {path}: the page is HTML: name it .html (--text prints words)");

@@ -12,6 +12,7 @@ use std::sync::Arc;
 /// Files of one frame each are the frames of one motion. Files of several frames each are runs of
 /// their own: each begins a run, unless all files are one motion. (A file of one frame continues
 /// the files before it. The first file of several frames continues those of one frame before it.)
+#[derive(Default)]
 pub struct Sequence {
     args: FormatArgs,
     files: std::vec::IntoIter<PathBuf>,
@@ -71,13 +72,8 @@ impl Sequence {
             args: args.clone(),
             single: files.len() == 1,
             one_motion,
-            had_several: false,
             files: files.into_iter(),
-            current: None,
-            left_out: Vec::new(),
-            last: None,
-            info: FrameInfo::default(),
-            counts: Vec::new(),
+            ..Sequence::default()
         }
     }
 

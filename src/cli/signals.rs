@@ -21,7 +21,6 @@ pub fn stop_on_signals() -> Result<Arc<AtomicBool>> {
 
 /// Cancels the verification on the first SIGINT or SIGTERM, from a thread that runs as long as the
 /// process.
-#[cfg(feature = "mcap")]
 pub fn cancel_on_signals(progress: Arc<linkwatch::Progress>) -> Result<()> {
     use std::sync::atomic::Ordering;
     let stop = stop_on_signals()?;

@@ -7,11 +7,6 @@ use linkwatch::{Ending, Error, RecordedItem, RecordingReader, Result};
 use std::fs::File;
 use std::io::BufReader;
 use std::path::{Path, PathBuf};
-use std::time::Duration;
-
-/// Maximum wait for a blocked sink or standard output. After that, frames or lines are dropped and
-/// counted.
-pub const PATIENCE: Duration = Duration::from_secs(60);
 
 /// A recording, whose errors name the file.
 pub struct Source {

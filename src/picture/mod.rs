@@ -10,7 +10,7 @@
 mod gaps;
 mod panel;
 mod strands;
-#[cfg_attr(not(feature = "mcap"), allow(dead_code, reason = "reports use all"))]
+#[cfg_attr(not(feature = "cli"), allow(dead_code, reason = "reports use all"))]
 pub(crate) mod svg;
 mod view;
 

@@ -6,7 +6,6 @@
 //!
 //! The container module reads the records.
 
-mod diff;
 mod file;
 mod messages;
 mod reader;
@@ -15,8 +14,9 @@ mod schema;
 mod writer;
 
 pub use crate::formats::container::Ending;
-pub use diff::{Alignment, FrameDiff, OnlyIn, RunDiff, diff_runs};
 pub use reader::{RecordedFrame, RecordedItem, RecordedVerdict, RecordingReader};
+#[cfg(feature = "cli")]
+pub use retention::with_suffix;
 pub use retention::{RecordingOptions, Retention};
 pub use writer::RecordingSink;
 

@@ -304,10 +304,6 @@ impl Log {
 }
 
 impl Sink for RecordingSink {
-    fn name(&self) -> &'static str {
-        "recording"
-    }
-
     fn begin(&mut self, baseline: &BaselineRecord) -> Result<()> {
         let now = RunProgress::default().received(SystemTime::now());
         self.log

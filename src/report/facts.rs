@@ -9,7 +9,7 @@ use crate::error::Result;
 use crate::incremental::Events;
 use crate::picture::Spot;
 use crate::picture::svg::plain;
-use crate::record::{Ending, RecordedItem, RecordedVerdict, RecordingReader};
+use crate::record::{Ending, RecordedItem, RecordedVerdict, RecordingReader, Retention};
 use crate::verdict::{DefectKind, LeftOut, Report, Stats, Verdict};
 use std::collections::BTreeMap;
 use std::io::{Read, Seek};
@@ -24,9 +24,6 @@ const TEXT: usize = 1000;
 
 /// Maximum number of entries of the metadata.
 const ENTRIES: usize = 60;
-
-/// Key of the metadata of recordings that have the curves of some frames only, on purpose.
-pub(super) const RECORD_EVERY: &str = "record_every";
 
 /// Key of the metadata of recordings of runs that measured clearance: a radius, or a word if it is
 /// the one that the simulator publishes.
@@ -192,7 +189,7 @@ impl Facts {
 
     /// Returns the number of verdicts whose curves were lost, not left out on purpose.
     pub fn lost_curves(&self) -> u64 {
-        match self.metadata.contains_key(RECORD_EVERY) {
+        match self.metadata.contains_key(Retention::EVERY) {
             true => 0,
             false => self.counts.without_curves,
         }

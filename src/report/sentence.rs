@@ -1,8 +1,9 @@
 //! What happened, in one sentence, and what limits it.
 
-use super::facts::{End, Facts, Found, RECORD_EVERY};
+use super::facts::{End, Facts, Found};
 use crate::formats::container::truncated;
 use crate::incremental::Events;
+use crate::record::Retention;
 use crate::verdict::LeftOut;
 use crate::verdict::Verdict;
 use crate::words::{count, percent, plural, plural_of};
@@ -172,11 +173,9 @@ impl Facts {
         let mut notes = Vec::new();
         let mut note = |n: u64, words: String| notes.extend((n > 0).then_some(words));
         if let Some(found) = &self.changed {
-            let findings = plural(found.more as u64, "more finding");
-            note(
-                found.more as u64,
-                format!("{} has {findings}", found.moment),
-            );
+            let more = found.more as u64;
+            let findings = plural(more, "more finding");
+            note(more, format!("{} has {findings}", found.moment));
             let pairs = self.violations.pairs.iter().filter(|pair| pair.changed());
             let pairs = plural(pairs.count() as u64, "pair");
             let at_least = match self.violations.more {
@@ -201,10 +200,8 @@ impl Facts {
             let frames = plural_of(n, "frame is", "frames are");
             note(n, format!("{frames} {verdict}: {what}"));
         }
-        note(
-            self.left_out.len() as u64,
-            LeftOut::sentence(&self.left_out),
-        );
+        let unread = self.left_out.len() as u64;
+        note(unread, LeftOut::sentence(&self.left_out));
         let all = (counts.verified + counts.rejected) as f64 + counts.skipped as f64;
         let skipped = plural_of(counts.skipped, "frame was", "frames were");
         let share = percent(counts.skipped as f64 / all);
@@ -215,22 +212,16 @@ impl Facts {
                  was faster"
             ),
         );
-        let missing = frames(counts.missing);
-        note(
-            counts.missing,
-            format!("{missing} missing: verified, but not recorded"),
-        );
-        let left_out = frames(counts.left_out);
-        note(
-            counts.left_out,
-            format!(
-                "{left_out} left out on purpose (outside a window, or in another file): verified, \
-                 but their verdicts are not in this file"
-            ),
-        );
-        let unanswered = frames(counts.unanswered);
-        note(counts.unanswered, format!("{unanswered} without a verdict"));
-        let every = self.metadata.get(RECORD_EVERY);
+        let on_purpose = "left out on purpose (outside a window, or in another file): verified, \
+                          but their verdicts are not in this file";
+        for (n, what) in [
+            (counts.missing, "missing: verified, but not recorded"),
+            (counts.left_out, on_purpose),
+            (counts.unanswered, "without a verdict"),
+        ] {
+            note(n, format!("{} {what}", frames(n)));
+        }
+        let every = self.metadata.get(Retention::EVERY);
         let every = every.map(|n| format!(", left out on purpose (every {n})"));
         let verdicts = plural(counts.without_curves, "verdict");
         let every = every.unwrap_or_default();
@@ -239,10 +230,8 @@ impl Facts {
         match &self.end {
             End::Finished => {}
             End::Cut(at, what) => {
-                note(
-                    1,
-                    format!("{}; later frames are lost", truncated(*at, what)),
-                );
+                let cut = truncated(*at, what);
+                note(1, format!("{cut}; later frames are lost"));
             }
             End::Damaged(why) => {
                 let what = "the recording is damaged, and is read up to there";

@@ -269,14 +269,14 @@ impl Session {
     }
 
     /// Shows the progress of this session through that of another one.
-    #[cfg(all(feature = "bus", feature = "cli"))]
+    #[cfg(feature = "cli")]
     pub(crate) fn share_progress(&mut self, progress: Arc<Progress>) {
         self.engine.share_progress(progress);
     }
 
     /// Returns the report on a frame that is rejected without being verified, and does not ask the
     /// simulator to stop.
-    #[cfg(all(feature = "bus", feature = "cli"))]
+    #[cfg(feature = "cli")]
     pub(crate) fn give_up(&self, (seq, time): (u64, f64), why: &str) -> Report {
         let mut report = self.engine.reject(seq, time, &Error::Usage(why.into()));
         report.abort = false;

@@ -47,9 +47,6 @@ pub struct FrameRecord {
 ///
 /// Calls come from one thread. After the first error a sink is not called again.
 pub trait Sink: Send {
-    /// Short name for messages, "recording" for example.
-    fn name(&self) -> &'static str;
-
     /// Records the baseline. Called before the first frame that is compared with it. Rejected
     /// frames may precede it. Called again if the next frame does not continue the previous ones,
     /// and may have another baseline.

@@ -269,11 +269,6 @@ impl SinkQueue {
         self.shared.overflow != Overflow::DropOldest
     }
 
-    /// The name of the sink.
-    pub fn name(&self) -> &'static str {
-        self.shared.name
-    }
-
     /// Passes the baseline to the sink ([`Sink::begin`]). It uses no capacity and is never dropped.
     pub fn begin(&self, baseline: Arc<BaselineRecord>) {
         self.push(Event::Begin(baseline));

@@ -2,10 +2,8 @@
 
 use super::{Change, Defect, PullThrough, Report};
 use crate::curve::Image;
-#[cfg(any(feature = "cli", feature = "mcap", feature = "rerun"))]
+#[cfg(any(feature = "cli", feature = "rerun"))]
 use crate::curve::Point;
-#[cfg(feature = "rerun")]
-use crate::curve::words_of_curve;
 
 /// A finding of a report.
 #[derive(Clone, Copy, Debug)]
@@ -43,7 +41,7 @@ impl Finding<'_> {
     }
 
     /// Returns the segments and the point of the place, if it has one.
-    #[cfg(any(feature = "cli", feature = "mcap", feature = "rerun"))]
+    #[cfg(any(feature = "cli", feature = "rerun"))]
     pub fn place(self) -> Option<([u32; 2], Point)> {
         let place = match self {
             Finding::Change(c) => c.place?,
@@ -56,7 +54,7 @@ impl Finding<'_> {
     }
 }
 
-#[cfg(any(feature = "mcap", feature = "rerun"))]
+#[cfg(any(feature = "cli", feature = "rerun"))]
 impl Finding<'_> {
     /// Returns both curves; one curve twice if it is alone.
     pub fn curves(self) -> [u32; 2] {
@@ -69,22 +67,22 @@ impl Finding<'_> {
         matches!(self, Finding::Change(_) | Finding::PullThrough(_))
     }
 
-    /// Returns a few words for a label beside the place. `names` are those of the curves, or empty.
+    /// Returns a few words for a label beside the place.
     #[cfg(feature = "rerun")]
-    pub fn label(self, names: &[String]) -> String {
+    pub fn label(self) -> String {
         let (i, j, image) = self.pair();
         let curves = match j {
-            Some(j) => super::label_of_pair((i, j), image, names),
-            None => words_of_curve(i, names),
+            Some(j) => super::label_of_pair((i, j), image),
+            None => i.to_string(),
         };
         match self {
             Finding::Change(c) => {
                 let (expected, found) = (c.expected, c.found);
                 format!("{curves}: linking number was {expected}, is {found}")
             }
-            Finding::PullThrough(e) => format!("{}, {:+}", e.label(names), e.sign),
+            Finding::PullThrough(e) => format!("{}, {:+}", e.label(), e.sign),
             Finding::Defect(d) => format!("{curves} {}", d.kind.words()),
-            Finding::Unresolved(e) => format!("{}: unresolved", e.label(names)),
+            Finding::Unresolved(e) => format!("{}: unresolved", e.label()),
         }
     }
 }

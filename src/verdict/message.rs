@@ -37,11 +37,10 @@ pub(crate) fn words_of_pair((i, j): (u32, u32), image: Image, names: &[String]) 
 
 /// Returns two curves for a label: "3 & 4", or as [`words_of_pair`] if one is an image.
 #[cfg(feature = "rerun")]
-pub(crate) fn label_of_pair((i, j): (u32, u32), image: Image, names: &[String]) -> String {
-    let [first, second] = [i, j].map(|curve| words_of_curve(curve, names));
+pub(crate) fn label_of_pair((i, j): (u32, u32), image: Image) -> String {
     match is_home(&image) {
-        true => format!("{first} & {second}"),
-        false => words_of_pair((i, j), image, names),
+        true => format!("{i} & {j}"),
+        false => words_of_pair((i, j), image, &[]),
     }
 }
 
@@ -135,10 +134,9 @@ impl PullThrough {
 
     /// Returns the pull-through for a label: "3 through 4".
     #[cfg(feature = "rerun")]
-    pub(crate) fn label(&self, names: &[String]) -> String {
-        let [i, j] = [self.i, self.j].map(|curve| words_of_curve(curve, names));
-        let [n1, n2, n3] = self.image;
-        match (is_home(&self.image), self.i == self.j) {
+    pub(crate) fn label(&self) -> String {
+        let (i, j, [n1, n2, n3]) = (self.i, self.j, self.image);
+        match (is_home(&self.image), i == j) {
             (true, true) => format!("{i} through itself"),
             (true, false) => format!("{i} through {j}"),
             (false, true) => format!("{i} through its image {n1},{n2},{n3}"),
@@ -148,12 +146,7 @@ impl PullThrough {
 
     /// Returns a sentence: see [`Change::sentence_named`].
     pub fn sentence_named(&self, extent: f64, names: &[String]) -> String {
-        let PullThrough {
-            fraction,
-            sign,
-            segments: [s, t],
-            ..
-        } = self;
+        let (fraction, sign, [s, t]) = (self.fraction, self.sign, self.segments);
         let what = self.words(names);
         let point = Notation::of_scene(extent, self.point).point(self.point);
         format!("{what} at {fraction:.3} of the step ({sign:+}), at {point}, segments {s} and {t}")
@@ -215,21 +208,15 @@ impl CloseStrands {
 
     /// Returns a sentence: see [`Change::sentence_named`].
     pub fn sentence_named(&self, extent: f64, names: &[String]) -> String {
-        let CloseStrands {
-            ratio,
-            segments: [s, t],
-            points: [p, q],
-            distance,
-            ..
-        } = *self;
+        let ([s, t], [p, q]) = (self.segments, self.points);
         let strands = self.words(names);
         let middle = [0, 1, 2].map(|x| p[x] + 0.5 * (q[x] - p[x]));
         let notation = Notation::of_scene(extent, middle);
-        let (point, distance) = (notation.point(middle), notation.length(distance));
+        let (point, distance) = (notation.point(middle), notation.length(self.distance));
         format!(
             "the center lines of {strands} are {distance} apart, {:.1} % of their diameter, near \
              {point}, segments {s} and {t}",
-            100.0 * ratio
+            100.0 * self.ratio
         )
     }
 }

@@ -2,8 +2,6 @@
 
 mod change;
 mod clearance;
-#[cfg(feature = "mcap")]
-mod difference;
 mod finding;
 mod lasting;
 mod left_out;
@@ -13,16 +11,14 @@ mod pull_through;
 
 pub use change::{Change, ChangeKind, ImageLink, Link, LoopPair};
 pub use clearance::{Clearance, CloseStrands};
-#[cfg(feature = "mcap")]
-pub use difference::ReportDifference;
-#[cfg(any(feature = "cli", feature = "mcap", feature = "rerun"))]
+#[cfg(any(feature = "cli", feature = "rerun"))]
 pub(crate) use finding::Finding;
-#[cfg(any(feature = "client", feature = "mcap", feature = "cli"))]
+#[cfg(any(feature = "client", feature = "mcap"))]
 pub use lasting::Lasting;
 pub use left_out::LeftOut;
 #[cfg(feature = "rerun")]
 pub(crate) use message::label_of_pair;
-#[cfg(any(feature = "mcap", feature = "cli"))]
+#[cfg(feature = "cli")]
 pub(crate) use message::words_of_frame;
 #[cfg(feature = "verify")]
 pub(crate) use message::words_of_pair;

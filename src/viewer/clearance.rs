@@ -2,7 +2,6 @@
 //! places, and a plot.
 
 use super::names::entity;
-use super::passed::pair;
 use super::plots;
 use super::stream::log;
 use super::style::{ORANGE, RED, YELLOW, lines, narrow, points};
@@ -12,7 +11,7 @@ use crate::error::Result;
 use crate::measure::{ClearanceOptions, CloseBlock, REACH, close_blocks};
 use crate::simd::LANES;
 use crate::sinks::FrameRecord;
-use crate::verdict::{Clearance, CloseStrands};
+use crate::verdict::{Clearance, CloseStrands, label_of_pair};
 use re_sdk::RecordingStream;
 
 /// Maximum number of marks.
@@ -163,7 +162,7 @@ fn draw_marks(
     let label = clearance.closest.map(|c| {
         let share = format!(
             "{}: {:.0} % of the diameter",
-            pair(c.i, c.j, c.image),
+            label_of_pair((c.i, c.j), c.image),
             100.0 * c.ratio
         );
         points([narrow(middle(&c))], 0.0)

@@ -314,10 +314,6 @@ This is the first violation. {follow}: click on a frame of the log, or choose \
 }
 
 impl Sink for ViewerSink {
-    fn name(&self) -> &'static str {
-        "viewer"
-    }
-
     fn begin(&mut self, baseline: &BaselineRecord) -> Result<()> {
         let c = &baseline.certificate;
         self.greeting = Some(format!(

@@ -2,8 +2,8 @@
 //! show the place where strands passed through one another.
 
 use super::local;
-use crate::curve::{CurveSet, Image, Point};
-use crate::verdict::{Report, label_of_pair};
+use crate::curve::{CurveSet, Point};
+use crate::verdict::Report;
 use std::collections::VecDeque;
 
 /// Maximum number of marks, the newest; more would hide the curves.
@@ -59,12 +59,6 @@ impl Passed {
             n => format!("{n} pull-throughs so far, the last in frame {last}"),
         })
     }
-}
-
-/// Returns two curves in words, as the log has them if one is an image: "3 & 4", "curve 3 and the
-/// image 1,0,0 of curve 4".
-pub(super) fn pair(i: u32, j: u32, image: Image) -> String {
-    label_of_pair((i, j), image, &[])
 }
 
 #[cfg(test)]

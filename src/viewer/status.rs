@@ -1,7 +1,7 @@
 //! Status of a run in words, and the findings that last over several frames.
 
-use super::passed::{Passed, pair};
-use crate::verdict::{Lasting, Report, Verdict};
+use super::passed::Passed;
+use crate::verdict::{Lasting, Report, Verdict, label_of_pair};
 use std::collections::BTreeMap;
 
 /// Findings that last, each with the frame since which it has persisted.
@@ -51,10 +51,11 @@ pub(super) fn status(
     }
     let changes = report.changes.iter().map(|c| {
         let words = format!("was {}, is {}", c.expected, c.found);
-        (pair(c.i, c.j, c.image), words)
+        (label_of_pair((c.i, c.j), c.image), words)
     });
     let defects = report.defects.iter().map(|d| {
-        let curves = d.j.map_or(format!("{}", d.i), |j| pair(d.i, j, d.image));
+        let pair = d.j.map(|j| label_of_pair((d.i, j), d.image));
+        let curves = pair.unwrap_or_else(|| d.i.to_string());
         (curves, d.kind.words().to_owned())
     });
     let rows = changes.chain(defects).zip(report.lasting().flatten());
@@ -73,12 +74,7 @@ pub(super) fn status(
         text.push_str("\n| pulled in this frame | sign | moment |\n|---|---|---|\n");
     }
     for e in report.events.iter().take(shown) {
-        let row = format!(
-            "| **{}** | {:+} | {:.3} |\n",
-            e.label(&[]),
-            e.sign,
-            e.fraction
-        );
+        let row = format!("| **{}** | {:+} | {:.3} |\n", e.label(), e.sign, e.fraction);
         text.push_str(&row);
     }
     text.extend(more(report.events.len()));

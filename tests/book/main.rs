@@ -1,9 +1,9 @@
 //! The README and the book in `docs`: pages, links, paths and code; commands and options; the
 //! schema of JSON.
 
-#[cfg(all(feature = "bus", feature = "cli", feature = "mcap", feature = "rerun"))]
+#[cfg(all(feature = "cli", feature = "rerun"))]
 mod commands;
-#[cfg(all(feature = "bus", feature = "cli", feature = "mcap"))]
+#[cfg(feature = "cli")]
 mod json;
 #[cfg(feature = "cli")]
 #[path = "../support/command.rs"]

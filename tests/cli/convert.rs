@@ -121,8 +121,6 @@ fn an_output_is_not_overwritten_and_is_no_input() {
     let run = linkwatch(&["convert", text(&models[0]), text(&models[1]), "--force"]);
     assert_eq!(run.code, 0, "{}", run.stderr);
 }
-
-#[cfg(feature = "mcap")]
 #[test]
 fn a_recording_keeps_the_frames_of_models() {
     let folder = TempDir::new().unwrap();
@@ -173,8 +171,6 @@ fn a_recording_keeps_the_frames_of_models() {
         std::fs::read(&models[2]).unwrap()
     );
 }
-
-#[cfg(feature = "mcap")]
 #[test]
 fn a_single_frame_of_a_file_with_frames_has_nothing_to_compare_with() {
     let folder = TempDir::new().unwrap();
@@ -189,8 +185,6 @@ fn a_single_frame_of_a_file_with_frames_has_nothing_to_compare_with() {
         run.stderr
     );
 }
-
-#[cfg(feature = "mcap")]
 #[test]
 fn invalid_frames_are_left_out_and_make_the_conversion_incomplete() {
     let folder = TempDir::new().unwrap();
@@ -211,8 +205,6 @@ fn invalid_frames_are_left_out_and_make_the_conversion_incomplete() {
     );
     assert!(run.stderr.contains("f1.bcc: left out: "), "{}", run.stderr);
 }
-
-#[cfg(feature = "mcap")]
 #[test]
 fn a_recording_that_was_cut_off_is_incomplete_for_every_command() {
     let cut = concat!(env!("CARGO_MANIFEST_DIR"), "/recordings/cut_off.mcap");

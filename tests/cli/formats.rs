@@ -138,8 +138,6 @@ fn a_usd_file_is_refused_with_the_way_to_convert_it() {
     assert_eq!(run.code, 2);
     says(&run, "unsupported USD");
 }
-
-#[cfg(feature = "mcap")]
 #[test]
 fn an_mcap_file_without_lines_says_what_it_has_in_every_command() {
     let folder = TempDir::new().unwrap();

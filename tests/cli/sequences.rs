@@ -377,7 +377,7 @@ fn warns_once_of_a_segment_longer_than_half_the_scene() {
 
 /// Frames from files are recorded and shown like live ones.
 #[test]
-#[cfg(all(feature = "mcap", feature = "rerun"))]
+#[cfg(feature = "rerun")]
 fn a_recorded_sequence_gives_the_same_verdicts_again() {
     let folder = TempDir::new().unwrap();
     let models = motion(folder.path(), 1.0, true);

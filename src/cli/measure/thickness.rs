@@ -1,15 +1,12 @@
 //! `linkwatch measure thickness`: measures how sharply curves bend and how close they come.
 
 use crate::cli::Outcome;
-use crate::cli::cell_args::CellArgs;
 use crate::cli::clearance_args::StrandRadius;
-use crate::cli::frames::{self, FrameArgs, Picked};
-use crate::cli::input::{self, FormatArgs};
+use crate::cli::frames::{FrameArgs, Picked};
 use crate::cli::number::positive;
 use crate::cli::output::{self, percent, plural};
 use linkwatch::{Error, MinRad, Result, Strut, Thickness, struts};
 use serde_json::{Value, json};
-use std::path::PathBuf;
 
 /// Maximum number of struts or overlaps that are printed; the rest is counted.
 const SENTENCES: usize = 20;
@@ -25,9 +22,6 @@ const SENTENCES: usize = 20;
 /// curves, too.
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// Models, folders of them, recordings, or scenes as `linkwatch generate` takes them
-    #[arg(required = true, value_name = "MODEL|SCENE")]
-    models: Vec<PathBuf>,
     /// List the struts (places of closest approach) that are longer than the shortest one by at
     /// most this share, for example 0.01
     #[arg(long, value_name = "F", value_parser = positive)]
@@ -38,10 +32,6 @@ pub struct Args {
     radius: Option<StrandRadius>,
     #[command(flatten)]
     frames: FrameArgs,
-    #[command(flatten)]
-    format: FormatArgs,
-    #[command(flatten)]
-    cell_args: CellArgs,
     /// Stiffness of the tube: 2 minRad is divided by it
     #[arg(long, value_name = "LAMBDA", default_value_t = 1.0, value_parser = positive)]
     stiffness: f64,
@@ -61,8 +51,8 @@ struct Measured {
 
 /// Runs the command.
 pub fn run(args: &Args, json: bool) -> Result<Outcome> {
-    frames::for_each(&input::expand_models(&args.models)?, |path| {
-        let frames = args.frames.open(path, &args.format, args.cell_args)?;
+    let models = args.frames.models()?;
+    args.frames.for_each(&models, |path, frames| {
         let several = frames.several;
         frames.each(|frame| {
             let measured = measure(&frame, args)?;
@@ -81,7 +71,8 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
 fn measure(frame: &Picked, args: &Args) -> Result<Measured> {
     let (set, cell) = (&frame.curves, frame.cell.as_ref());
     if cell.is_some() && frame.is_first {
-        args.cell_args
+        args.frames
+            .cell_args
             .warn_of_segments(&frame.name, set, frame.cell);
     }
     let published: Vec<f64> = frame.radii.iter().copied().map(f64::from).collect();
@@ -166,12 +157,7 @@ fn print(name: &str, measured: &Measured, several: bool, args: &Args) {
 }
 
 fn to_json(measured: &Measured, args: &Args) -> Value {
-    let Measured {
-        found,
-        struts,
-        overlaps,
-        ..
-    } = measured;
+    let found = &measured.found;
     let mut line = json!({
         "length": found.length,
         // Infinite values are null.
@@ -186,10 +172,10 @@ fn to_json(measured: &Measured, args: &Args) -> Value {
         "min_rad_at": found.min_rad,
         "poca_at": found.poca,
     });
-    if let Some(struts) = struts {
+    if let Some(struts) = &measured.struts {
         line["struts"] = json!(struts);
     }
-    if let Some(overlaps) = overlaps {
+    if let Some(overlaps) = &measured.overlaps {
         let overlaps = overlaps
             .iter()
             .map(|(strut, sum)| json!({ "depth": sum - strut.length, "strut": strut }));

@@ -2,9 +2,7 @@
 //! of ribbons.
 
 use crate::cli::Outcome;
-use crate::cli::cell_args::CellArgs;
-use crate::cli::frames::{self, FrameArgs, Picked};
-use crate::cli::input::{self, FormatArgs};
+use crate::cli::frames::{FrameArgs, Picked};
 use crate::cli::number::positive;
 use crate::cli::output::{self, millis};
 use linkwatch::kernels::Estimate;
@@ -13,7 +11,6 @@ use linkwatch::{
     RibbonOptions, beside, period,
 };
 use serde_json::{Value, json};
-use std::path::PathBuf;
 use std::str::FromStr;
 use std::time::Instant;
 
@@ -25,9 +22,6 @@ use std::time::Instant;
 /// ribbon does not pass through itself between its strands.
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// Models, folders of them, recordings, or scenes as `linkwatch generate` takes them
-    #[arg(required = true, value_name = "MODEL|SCENE")]
-    models: Vec<PathBuf>,
     /// Two closed curves with the same number of vertices that are the strands of a ribbon, counted
     /// from 0 (may be repeated); or `pairs`: curves 0 and 1, 2 and 3, and so on
     #[arg(long, value_name = "I,J|pairs")]
@@ -47,10 +41,6 @@ pub struct Args {
     tolerance: f64,
     #[command(flatten)]
     frames: FrameArgs,
-    #[command(flatten)]
-    format: FormatArgs,
-    #[command(flatten)]
-    cell_args: CellArgs,
 }
 
 /// Pairing that was asked for; `None`: auto.
@@ -88,12 +78,13 @@ impl FromStr for Strands {
 
 /// Runs the command.
 pub fn run(args: &Args, as_json: bool) -> Result<Outcome> {
-    frames::for_each(&input::expand_models(&args.models)?, |path| {
-        let frames = args.frames.open(path, &args.format, args.cell_args)?;
+    let models = args.frames.models()?;
+    args.frames.for_each(&models, |path, frames| {
         frames.each(|frame| {
             if let Some(cell) = frame.cell {
                 if frame.is_first {
-                    args.cell_args
+                    args.frames
+                        .cell_args
                         .warn_of_segments(&frame.name, &frame.curves, Some(cell));
                 }
                 refuse_yarns(&frame.name, &frame.curves, &cell)?;

@@ -3,8 +3,7 @@
 //! The threads that verify frames and the one that serves a page share the figures
 //! behind a lock, which is held for microseconds: never during a check, or while a page is sent.
 
-use crate::cli::run::FrameCounts;
-use linkwatch::{Report, SinkSummary, Verdict};
+use linkwatch::{Counters, Report, SinkSummary, Verdict};
 use std::collections::BTreeMap;
 use std::fmt::Write;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -64,7 +63,7 @@ fn resident_memory() -> Option<u64> {
 struct Service {
     /// Label of its samples.
     label: String,
-    frames: FrameCounts,
+    frames: Counters,
     /// By the code of the verdict.
     verdicts: [u64; Verdict::ALL.len()],
     aborts: u64,
@@ -194,7 +193,7 @@ impl ServiceMetrics {
         }
         SessionMetrics {
             service: self.clone(),
-            frames: FrameCounts::default(),
+            frames: Counters::default(),
             dropped: BTreeMap::new(),
         }
     }
@@ -221,7 +220,7 @@ impl ServiceMetrics {
 pub struct SessionMetrics {
     service: ServiceMetrics,
     /// Counts of this session that were added.
-    frames: FrameCounts,
+    frames: Counters,
     dropped: BTreeMap<&'static str, u64>,
 }
 
@@ -250,7 +249,7 @@ impl SessionMetrics {
 
     /// Updates the counts of this session. A count that decreases, because the simulator numbered
     /// its frames wrongly at first, has no effect until it exceeds its maximum.
-    pub fn count(&mut self, frames: FrameCounts, outputs: impl Iterator<Item = SinkSummary>) {
+    pub fn count(&mut self, frames: Counters, outputs: impl Iterator<Item = SinkSummary>) {
         let mut service = self.service.lock();
         let add = |counter: &mut u64, added: &mut u64, now: u64| {
             *counter += now.saturating_sub(*added);

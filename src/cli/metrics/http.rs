@@ -7,7 +7,7 @@
 
 use linkwatch::Result;
 use std::collections::VecDeque;
-use std::io::{self, BufRead, BufReader, ErrorKind, Read, Write};
+use std::io::{self, BufRead, BufReader, Read, Write};
 use std::net::{Shutdown, TcpListener, TcpStream};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Weak};
@@ -76,15 +76,20 @@ fn accept<P: Fn() -> String + Send + Sync + 'static>(
     page: &Arc<P>,
     stop: &AtomicBool,
 ) {
-    // Oldest first. The thread of a connection owns it.
-    let mut open: VecDeque<Weak<TcpStream>> = VecDeque::new();
-    let close = |stream: Weak<TcpStream>| {
+    // Their ends, oldest first. The thread of a connection owns it.
+    let mut open: VecDeque<(Instant, Weak<TcpStream>)> = VecDeque::new();
+    let close = |(_, stream): (Instant, Weak<TcpStream>)| {
         if let Some(stream) = stream.upgrade() {
             // It is closed already otherwise.
             let _ = stream.shutdown(Shutdown::Both);
         }
     };
     while !stop.load(Ordering::Relaxed) {
+        open.retain(|(_, stream)| stream.strong_count() > 0);
+        let now = Instant::now();
+        while let Some(late) = open.pop_front_if(|(end, _)| *end < now) {
+            close(late);
+        }
         let accepted = listener.accept().and_then(|(stream, _)| {
             stream.set_nonblocking(false)?;
             Ok(stream)
@@ -93,57 +98,20 @@ fn accept<P: Fn() -> String + Send + Sync + 'static>(
             std::thread::sleep(RETRY);
             continue;
         };
-        open.retain(|stream| stream.strong_count() > 0);
         if open.len() == CONNECTIONS {
             open.drain(..1).for_each(close);
         }
         let stream = Arc::new(stream);
-        open.push_back(Arc::downgrade(&stream));
+        open.push_back((now + limit, Arc::downgrade(&stream)));
         let page = Arc::clone(page);
         // An error ends the connection; without a thread there is no answer.
-        let answer = move || answer(&Timed::new(&stream, limit), &*page);
-        let _ = thread().spawn(answer);
+        let _ = thread().spawn(move || answer(&stream, &*page));
     }
     open.into_iter().for_each(close);
 }
 
-/// A connection with a time limit for all that is read and written.
-struct Timed<'a> {
-    stream: &'a TcpStream,
-    end: Instant,
-}
-
-impl Timed<'_> {
-    fn new(stream: &TcpStream, limit: Duration) -> Timed<'_> {
-        let end = Instant::now() + limit;
-        Timed { stream, end }
-    }
-
-    fn left(&self) -> io::Result<Option<Duration>> {
-        let left = self.end.checked_duration_since(Instant::now());
-        left.map(Some).ok_or(ErrorKind::TimedOut.into())
-    }
-}
-
-impl Read for &Timed<'_> {
-    fn read(&mut self, bytes: &mut [u8]) -> io::Result<usize> {
-        self.stream.set_read_timeout(self.left()?)?;
-        (&mut &*self.stream).read(bytes)
-    }
-}
-
-impl Write for &Timed<'_> {
-    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        self.stream.set_write_timeout(self.left()?)?;
-        (&mut &*self.stream).write(bytes)
-    }
-    fn flush(&mut self) -> io::Result<()> {
-        Ok(())
-    }
-}
-
 /// Reads a request, answers it, and waits until the client closes the connection.
-fn answer(mut connection: &Timed<'_>, page: impl Fn() -> String) -> io::Result<()> {
+fn answer(mut connection: &TcpStream, page: impl Fn() -> String) -> io::Result<()> {
     let mut request = BufReader::new(connection.take(REQUEST));
     let mut head = Vec::new();
     let ends = |head: &[u8]| head.ends_with(b"\n\r\n") || head.ends_with(b"\n\n");
@@ -187,7 +155,7 @@ fn answer(mut connection: &Timed<'_>, page: impl Fn() -> String) -> io::Result<(
     if words.first() != Some(&"HEAD") {
         connection.write_all(body.as_bytes())?;
     }
-    connection.stream.shutdown(Shutdown::Write)?;
+    connection.shutdown(Shutdown::Write)?;
     io::copy(&mut connection.take(REST), &mut io::sink())?;
     Ok(())
 }
@@ -195,6 +163,7 @@ fn answer(mut connection: &Timed<'_>, page: impl Fn() -> String) -> io::Result<(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::io::ErrorKind;
     use std::net::SocketAddr;
 
     const PATIENCE: Duration = Duration::from_secs(30);

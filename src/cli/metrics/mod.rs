@@ -1,14 +1,14 @@
 //! `--metrics`: figures of a long watch over HTTP, for Prometheus.
 
-mod address;
 mod figures;
 mod http;
 
 pub use self::figures::{ServiceMetrics, SessionMetrics};
 
-use self::address::Address;
 use self::http::{LIMIT, PATH, Server};
-use linkwatch::Result;
+use linkwatch::{Error, Result};
+use std::io::ErrorKind;
+use std::net::{SocketAddr, TcpListener};
 
 /// The option `--metrics`.
 #[derive(Clone, Debug, clap::Args)]
@@ -19,8 +19,8 @@ pub struct MetricsArgs {
     /// Counters and latencies. A port alone is on the loopback interface (127.0.0.1); port 0 is a
     /// free one, which the log names. Without a password: at any other address (HOST:PORT) whoever
     /// reaches it can read them
-    #[arg(long, value_name = "[HOST:]PORT")]
-    metrics: Option<Address>,
+    #[arg(long, value_name = "[HOST:]PORT", value_parser = address)]
+    metrics: Option<String>,
 }
 
 impl MetricsArgs {
@@ -29,7 +29,15 @@ impl MetricsArgs {
         let Some(address) = &self.metrics else {
             return Ok(None);
         };
-        let listener = address.listen()?;
+        let listener = TcpListener::bind(address).map_err(|e| {
+            let advice = match e.kind() {
+                ErrorKind::AddrInUse => "; give another port, or port 0 for a free one",
+                ErrorKind::AddrNotAvailable => "; give an address of this machine",
+                ErrorKind::PermissionDenied => "; give a port from 1024 on",
+                _ => "",
+            };
+            Error::Usage(format!("--metrics {address}: {e}{advice}"))
+        })?;
         let local = listener.local_addr()?;
         let figures = figures.clone();
         let server = Server::start(listener, LIMIT, move || figures.page())?;
@@ -42,5 +50,65 @@ impl MetricsArgs {
             );
         }
         Ok(Some(server))
+    }
+}
+
+/// Parses a host and a port. A port alone means the loopback interface of this machine.
+fn address(text: &str) -> Result<String, &'static str> {
+    let (host, port) = text.rsplit_once(':').unwrap_or(("127.0.0.1", text));
+    let address = format!("{host}:{port}");
+    // Not `+80`.
+    let is_port = port.parse::<u16>().is_ok() && port.bytes().all(|b| b.is_ascii_digit());
+    // A name has a letter. The system would take "0" for 0.0.0.0: all interfaces.
+    let is_name = host.contains(|c: char| c.is_alphabetic())
+        && !host.contains(|c: char| c.is_whitespace() || ":[]/*".contains(c));
+    match is_port && (is_name || address.parse::<SocketAddr>().is_ok()) {
+        true => Ok(address),
+        false => {
+            Err("expected PORT or HOST:PORT, as in 9464, 192.0.2.1:9464 or [2001:db8::1]:9464")
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_port_alone_is_on_the_loopback_interface() {
+        for (text, full) in [
+            ("9464", "127.0.0.1:9464"),
+            ("0", "127.0.0.1:0"),
+            ("0.0.0.0:80", "0.0.0.0:80"),
+            ("[::1]:65535", "[::1]:65535"),
+            ("localhost:1", "localhost:1"),
+        ] {
+            assert_eq!(address(text).unwrap(), full);
+        }
+    }
+
+    #[test]
+    fn malformed_and_abbreviated_addresses_are_refused() {
+        for text in [
+            "",
+            ":9464",
+            "0:9464",
+            "127.1:9464",
+            "*:9464",
+            "host",
+            "host:",
+            "host:65536",
+            "+80",
+            "host:+80",
+            "::1:9464",
+            "[::1]",
+            "[host]:80",
+            "::",
+            "http://host:80",
+            "a b:80",
+            "-1",
+        ] {
+            assert!(address(text).is_err(), "{text:?}");
+        }
     }
 }

@@ -9,11 +9,12 @@ use super::live::Live;
 use super::number::seconds;
 use super::output::{self, count, plural};
 use super::range::Range;
+use super::run::PATIENT;
 use super::signals::{TICK, stop_on_signals};
-use super::source::{PATIENCE, Source, warn_of_cut};
+use super::source::{Source, warn_of_cut};
 use linkwatch::{
-    Client, ClientOptions, CurveLabels, Error, MessageKind, Outcome as Waited, Overflow,
-    RecordedFrame, RecordedItem, Result, Verdict, VerdictMessage,
+    Client, ClientOptions, CurveLabels, Error, MessageKind, Outcome as Waited, RecordedFrame,
+    RecordedItem, Result, Verdict, VerdictMessage,
 };
 use serde_json::json;
 use std::path::PathBuf;
@@ -75,9 +76,11 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     let mut source = Source::open(&args.file)?;
     let service = args.service.as_str();
     let stop = stop_on_signals()?;
-    output::detach(Overflow::WaitForProgress(PATIENCE))?;
-    let mut options = ClientOptions::default();
-    options.lockstep = args.lockstep;
+    output::detach(PATIENT)?;
+    let options = ClientOptions {
+        lockstep: args.lockstep,
+        ..ClientOptions::default()
+    };
     let name = args.file.display();
     if args.range.from.is_some() {
         source.go_to_start(&args.range)?;
@@ -90,14 +93,10 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         source,
         live: Live::default(),
         previous: None,
-        published: 0,
         last: None,
-        gaps: 0,
-        left_out: 0,
-        rejected: 0,
         answer: None,
-        aborts: 0,
         worst: Outcome::Fine,
+        counts: Counts::default(),
     };
     let Some(first) = publisher.next()? else {
         return Err(Error::Usage(format!("{name}: no frame to publish")));
@@ -130,20 +129,26 @@ struct Publisher<'a> {
     live: Live,
     /// The last frame, whose curves the watcher knows.
     previous: Option<RecordedFrame>,
-    published: u64,
     /// Number of the last published frame.
     last: Option<u64>,
-    /// Numbers between published frames, which the watcher counts as skipped frames.
-    gaps: u64,
+    /// The last verdict of the watcher.
+    answer: Option<VerdictMessage>,
+    worst: Outcome,
+    counts: Counts,
+}
+
+/// Counts of the summary.
+#[derive(Default, serde::Serialize)]
+struct Counts {
+    published: u64,
     /// Frames without valid curves.
     left_out: u64,
     /// Frames with a recorded verdict, but without curves.
     rejected: u64,
-    /// The last verdict of the watcher.
-    answer: Option<VerdictMessage>,
+    /// Numbers between published frames, which the watcher counts as skipped frames.
+    numbers_between: u64,
     /// Verdicts that asked to stop.
     aborts: u64,
-    worst: Outcome,
 }
 
 impl Publisher<'_> {
@@ -177,7 +182,7 @@ impl Publisher<'_> {
                         Ok(()) => return Ok(Some(frame)),
                         Err(e) => {
                             tracing::warn!("frame {} is not published: {e}", frame.seq);
-                            self.left_out += 1;
+                            self.counts.left_out += 1;
                         }
                     }
                 }
@@ -185,7 +190,7 @@ impl Publisher<'_> {
                     let report = &recorded.report;
                     let is_rejected = report.verdict == Verdict::Rejected;
                     let counts = is_rejected && range.contains(report.seq, report.time);
-                    self.rejected += u64::from(counts);
+                    self.counts.rejected += u64::from(counts);
                 }
                 RecordedItem::Frame(_) | RecordedItem::Baseline(_) => {}
             }
@@ -257,13 +262,13 @@ impl Publisher<'_> {
         let client = &mut self.client;
         frame.read(|raw| client.publish(frame.time, raw.positions).map(drop))?;
         let seq = frame.seq;
-        self.gaps += self.last.map_or(0, |last| seq - last - 1);
+        self.counts.numbers_between += self.last.map_or(0, |last| seq - last - 1);
         self.last = Some(seq);
         self.previous = Some(frame);
-        self.published += 1;
+        self.counts.published += 1;
         self.live.status(format_args!(
             "frame {seq}: published; {} so far",
-            plural(self.published, "frame")
+            plural(self.counts.published, "frame")
         ));
         Ok(seq)
     }
@@ -281,39 +286,33 @@ impl Publisher<'_> {
             return;
         }
         self.worst = self.worst.max(Outcome::of(message.verdict));
-        if message.abort && self.aborts == 0 {
+        if message.abort && self.counts.aborts == 0 {
             let seq = message.seq;
             tracing::warn!("frame {seq}: the watcher asks the simulator to stop");
         }
-        self.aborts += u64::from(message.abort);
-        let brief = |m: &VerdictMessage| {
-            let findings = [
-                m.lost,
-                m.gained,
-                m.changed,
-                m.events,
-                m.unresolved,
-                m.defects,
-            ];
-            (m.verdict, findings)
+        self.counts.aborts += u64::from(message.abort);
+        let findings = |m: &VerdictMessage| {
+            json!({
+                "verdict": m.verdict,
+                "lost": m.lost,
+                "gained": m.gained,
+                "changed": m.changed,
+                "pull_throughs": m.events,
+                "unresolved": m.unresolved,
+                "defects": m.defects,
+            })
         };
-        let last = self.answer.as_ref().map(brief);
+        let found = findings(&message);
+        let last = self.answer.as_ref();
+        let is_first_intact = last.is_none() && message.verdict == Verdict::Intact;
         if self.json {
             output::json(&json!({
                 "frame": message.seq,
                 "time": message.time,
-                "watcher": {
-                    "verdict": message.verdict,
-                    "lost": message.lost,
-                    "gained": message.gained,
-                    "changed": message.changed,
-                    "pull_throughs": message.events,
-                    "unresolved": message.unresolved,
-                    "defects": message.defects,
-                },
+                "watcher": found,
                 "abort": message.abort,
             }));
-        } else if brief(&message) != last.unwrap_or((Verdict::Intact, [0; 6])) {
+        } else if !is_first_intact && last.is_none_or(|last| findings(last) != found) {
             output::line(&message);
         }
         self.answer = Some(message);
@@ -375,7 +374,7 @@ impl Publisher<'_> {
         self.live.clear();
         let seconds = start.elapsed().as_secs_f64();
         let cut = warn_of_cut(&self.source.path, self.source.reader.ending());
-        let mut complete = !cut && !self.source.lacks_curves && self.left_out == 0;
+        let mut complete = !cut && !self.source.lacks_curves && self.counts.left_out == 0;
         complete &= matches!(end, End::AllPublished);
         let mut wait = SILENCE;
         match &end {
@@ -399,20 +398,11 @@ impl Publisher<'_> {
         let counters = goodbye.map(|message| message.counters);
         let service = &self.args.service;
         if self.json {
-            output::json(&json!({
-                "summary": {
-                    "service": service,
-                    "published": self.published,
-                    "left_out": self.left_out,
-                    "rejected": self.rejected,
-                    "numbers_between": self.gaps,
-                    "seconds": seconds,
-                    "watcher": counters,
-                    "aborts": self.aborts,
-                }
-            }));
+            let run = json!({ "service": service, "seconds": seconds, "watcher": counters });
+            let summary = output::joined(&run, json!(self.counts));
+            output::json(&json!({ "summary": summary }));
         } else {
-            let frames = plural(self.published, "frame");
+            let frames = plural(self.counts.published, "frame");
             let mut line = format!("published {frames} on service '{service}' in {seconds:.1} s");
             if let Some(c) = counters {
                 let [verified, skipped, rejected] = [c.verified, c.skipped, c.rejected].map(count);
@@ -421,21 +411,19 @@ impl Publisher<'_> {
                 );
             }
             output::line(line);
+            let counts = &self.counts;
+            let skipped = "not recorded, which the watcher counts as skipped";
             for (n, noun, what) in [
-                (self.left_out, "invalid frame", "not published: "),
+                (counts.left_out, "invalid frame", "not published"),
                 (
-                    self.rejected,
+                    counts.rejected,
                     "frame",
-                    "not published, without recorded curves: ",
+                    "not published, without recorded curves",
                 ),
-                (
-                    self.gaps,
-                    "frame",
-                    "not recorded, which the watcher counts as skipped: ",
-                ),
+                (counts.numbers_between, "frame", skipped),
             ] {
                 if n > 0 {
-                    output::line(format_args!("{what}{}", plural(n, noun)));
+                    output::line(format_args!("{what}: {}", plural(n, noun)));
                 }
             }
         }

@@ -24,30 +24,19 @@ pub struct Comparison {
     pub thinned: u64,
     /// Frames that the recorder left out on purpose, or put into another file.
     pub left_out: u64,
+    /// Reason for that, in words.
     #[serde(skip)]
-    pub recorded_with: RecordedWith,
+    pub left_out_by: String,
 }
 
-/// Options with which frames were left out of a recording on purpose.
-#[derive(Default)]
-pub struct RecordedWith {
-    /// True if frames without curves are thinned ones.
-    pub every: bool,
-    words: String,
-}
-
-impl RecordedWith {
-    pub fn read(metadata: &BTreeMap<String, String>) -> RecordedWith {
-        let option = |key, option: &str| metadata.get(key).map(|value| format!("{option} {value}"));
-        let every = option(Retention::EVERY, "every");
-        RecordedWith {
-            every: every.is_some(),
-            words: match every.or(option(Retention::WINDOW, "window")) {
-                Some(option) => format!("recorded with {option}"),
-                None => "they are in other files of this recording".into(),
-            },
-        }
-    }
+/// Returns the option with which frames were left out of a recording on purpose, in words.
+pub fn left_out_by(metadata: &BTreeMap<String, String>) -> String {
+    let option = |key, option: &str| {
+        let value = metadata.get(key)?;
+        Some(format!("recorded with {option} {value}"))
+    };
+    let option = option(Retention::EVERY, "every").or(option(Retention::WINDOW, "window"));
+    option.unwrap_or_else(|| "they are in other files of this recording".into())
 }
 
 impl Comparison {
@@ -89,7 +78,7 @@ impl Comparison {
         let uncompared = uncompared.map(|(n, why)| format!("; {} {why}", count(*n)));
         let why = match self.thinned + self.left_out {
             0 => String::new(),
-            _ => format!(" ({})", self.recorded_with.words),
+            _ => format!(" ({})", self.left_out_by),
         };
         format!(
             "verdicts: {} equal to the recorded ones{unlike}{}{why}",

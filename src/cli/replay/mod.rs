@@ -1,14 +1,20 @@
-//! `linkwatch replay`: verifies a recording again.
+//! `linkwatch replay`: verifies a recording again, and compares the verdicts with the recorded ones.
 
 mod comparison;
-mod verify;
 
-use super::Outcome;
+use self::comparison::{Comparison, alike, left_out_by};
+use super::output::{self, plural};
 use super::range::Range;
-use super::run::{Judge, JunitArgs, Sinks};
-use super::source::Source;
-use linkwatch::Result;
+use super::run::{Judge, Judged, JunitArgs, PATIENT, Run, Setup, Sinks};
+use super::source::{Source, warn_of_cut};
+use super::{Outcome, braid_args, signals};
+use linkwatch::{
+    AbortOn, BaselineRecord, Braids, Error, Events, Received, RecordedItem, RecordedVerdict,
+    Report, Result, Retention, Verdict,
+};
+use std::collections::{BTreeMap, VecDeque};
 use std::path::PathBuf;
+use std::sync::Arc;
 
 /// Verify a recording again, frame by frame, and compare with the recorded verdicts
 ///
@@ -31,7 +37,327 @@ pub struct Args {
 
 /// Runs the command.
 pub fn run(args: &Args, json: bool) -> Result<Outcome> {
-    args.range.check()?;
-    let source = Source::open(&args.file)?;
-    verify::run(args, source, json)
+    let range = args.range;
+    range.check()?;
+    let mut source = Source::open(&args.file)?;
+    let name = args.file.display().to_string();
+    let Start {
+        baseline,
+        mut before,
+        mut answered,
+    } = Start::read(&mut source)?;
+    let begin = baseline.as_ref().and_then(|baseline| baseline.frame);
+    let mut left_out = false;
+    // Windows have baselines of their own, which must be read.
+    let windows = source.reader.metadata().contains_key(Retention::WINDOW);
+    if range.from.is_some()
+        && !windows
+        && let Some(skipped) = source.go_to_start(&range)?
+    {
+        // These are read again if they are in the range.
+        before.clear();
+        (left_out, answered) = (skipped > 0, None);
+    }
+    // Available after the first item was read.
+    let recorded_metadata = source.reader.metadata().clone();
+    let judge = args.judge.or_recorded(&recorded_metadata)?;
+    if judge.braid_args.braids()? == Some(Braids::Auto) && (windows || left_out) {
+        let what = "the first frame of the run is not replayed";
+        return Err(braid_args::other_first_frame(what));
+    }
+    let mut files = judge.files(args.sinks.overwrite);
+    files.reads([&args.file]);
+    output::detach(PATIENT)?;
+    let setup = Setup {
+        junit: Some(&args.junit),
+        baseline,
+        title: format!("replay of {name}"),
+        metadata: BTreeMap::from([("replay_of".to_owned(), name.clone())]),
+        json,
+        ..Setup::default()
+    };
+    let mut replay = Replay {
+        session: Run::new(&judge, &args.sinks, files, setup)?,
+        comparison: Comparison {
+            // Other settings give other verdicts, intentionally.
+            differing: args.judge.differing(&recorded_metadata)?,
+            left_out_by: left_out_by(&recorded_metadata),
+            ..Comparison::default()
+        },
+        keeps_baseline: judge.baseline.is_some(),
+        policy: args.judge.abort_on,
+        waiting: VecDeque::new(),
+        last: None,
+        answered,
+        missing: 0,
+        begin,
+        motion: recorded_metadata
+            .get("events")
+            .is_some_and(|e| *e != Events::Off.to_string()),
+        every: recorded_metadata.contains_key(Retention::EVERY),
+        range,
+        left_out,
+        restarted: !left_out,
+        unfounded: false,
+        ended: false,
+    };
+    tracing::info!("replaying {name}");
+    signals::cancel_on_signals(replay.session.progress())?;
+    let mut read = None;
+    let all = || -> Result<()> {
+        for item in before {
+            replay.take(item)?;
+        }
+        while !replay.ended {
+            match source.next() {
+                Ok(Some(item)) => replay.take(item)?,
+                Ok(None) => break,
+                // The frames before the error still get their verdicts.
+                Err(e) => {
+                    read = Some(e);
+                    break;
+                }
+            }
+        }
+        replay.finish_waiting()
+    };
+    match all() {
+        Err(Error::Cancelled) => {
+            tracing::info!("stopped by a signal");
+            replay.session.data_lost();
+        }
+        all => all?,
+    }
+    read.map_or(Ok(()), Err)?;
+    let (mut session, comparison) = (replay.session, replay.comparison);
+    if warn_of_cut(&source.path, source.reader.ending()) {
+        session.data_lost();
+    }
+    if replay.missing > 0 {
+        tracing::warn!(
+            "{name}: {} missing: verified, but not recorded, because the disk of the recorder was \
+             too slow",
+            plural(replay.missing, "frame"),
+        );
+        session.data_lost();
+    }
+    if comparison.unlike > 0 {
+        let verdicts = plural(comparison.unlike, "verdict");
+        tracing::error!("{verdicts} different from the recorded ones");
+        session.data_lost();
+    }
+    if session.tally.verified + session.tally.rejected > 0 {
+        let words = comparison.words();
+        session.compared(words, serde_json::json!(comparison));
+    }
+    Ok(session.finish())
+}
+
+/// Begin of a source: its baseline, and the items before and including the first frame.
+struct Start {
+    baseline: Option<linkwatch::BaselineRecord>,
+    before: Vec<RecordedItem>,
+    /// See [`Replay::answered`].
+    answered: Option<u64>,
+}
+
+impl Start {
+    /// Reads the baseline, which comes before the first frame that was compared with it. Rejected
+    /// frames may come earlier.
+    fn read(source: &mut Source) -> Result<Start> {
+        let mut start = Start {
+            baseline: None,
+            before: Vec::new(),
+            answered: Some(0),
+        };
+        while let Some(item) = source.next()? {
+            match item {
+                RecordedItem::Baseline(baseline) => {
+                    start.baseline = Some(baseline);
+                    break;
+                }
+                RecordedItem::Frame(_) => {
+                    start.before.push(item);
+                    break;
+                }
+                RecordedItem::Verdict(_) => start.before.push(item),
+            }
+        }
+        Ok(start)
+    }
+}
+
+/// A frame to judge, or a recorded verdict.
+enum Waiting {
+    Frame(Box<Received>),
+    Verdict(Box<RecordedVerdict>),
+}
+
+/// Maximum number of items that wait for the next frame. Verdicts on rejected frames come without a
+/// frame.
+const MOST_WAITING: usize = 64;
+
+/// Replay in progress.
+struct Replay {
+    session: Run,
+    /// Items that wait for the next frame. A frame waits because the next one is announced before
+    /// it is judged, and so do the verdicts between them.
+    waiting: VecDeque<Waiting>,
+    comparison: Comparison,
+    /// Policy of this replay, if it overrides that of the recording.
+    policy: Option<AbortOn>,
+    /// Report on the previous frame.
+    last: Option<Arc<Report>>,
+    /// Number of frames that had a verdict when the last recorded one was written. `None` if the
+    /// recorded verdicts before the next one were not read.
+    answered: Option<u64>,
+    /// Frames that the recorder dropped.
+    missing: u64,
+    /// Frame of the first baseline.
+    begin: Option<u64>,
+    /// True if the recorded verdicts depend on the previous frame.
+    motion: bool,
+    /// True if the recorder kept the curves of some frames only.
+    every: bool,
+    /// Frames to verify.
+    range: Range,
+    /// True if frames just before the next one were left out.
+    left_out: bool,
+    /// True if the next frame is the first one after a gap that the recorder left on purpose. It is
+    /// verified without the frames before that.
+    restarted: bool,
+    /// True if the last frame after a gap had defects, which earlier frames may explain.
+    unfounded: bool,
+    /// True if the user chose the expected linking numbers.
+    keeps_baseline: bool,
+    /// True if all later frames are left out.
+    ended: bool,
+}
+
+impl Replay {
+    fn take(&mut self, item: RecordedItem) -> Result<()> {
+        match item {
+            // Not the first one: frames were left out.
+            RecordedItem::Baseline(baseline) => {
+                self.finish_waiting()?;
+                let baseline = Some(baseline).filter(|_| !self.keeps_baseline);
+                self.begin_again(baseline);
+            }
+            RecordedItem::Frame(frame) if !self.range.contains(frame.seq, frame.time) => {
+                self.left_out |= self.range.is_after(frame.seq, frame.time);
+                self.restarted = false;
+                self.ended |= self.range.is_before(frame.seq, frame.time);
+            }
+            RecordedItem::Verdict(recorded)
+                if !self
+                    .range
+                    .contains(recorded.report.seq, recorded.report.time) =>
+            {
+                let progress = &recorded.progress;
+                self.answered = Some(progress.verified + progress.rejected);
+                self.comparison.left_out = progress.left_out;
+            }
+            RecordedItem::Frame(frame) => {
+                let info = frame.info.clone();
+                let frame = self.session.ingest(info, |receive| frame.read(receive));
+                self.session.announce(&frame);
+                self.finish_waiting()?;
+                let frame = Box::new(frame);
+                self.waiting.push_back(Waiting::Frame(frame));
+            }
+            RecordedItem::Verdict(recorded) => {
+                self.waiting.push_back(Waiting::Verdict(recorded));
+                if self.waiting.len() > MOST_WAITING {
+                    self.finish_waiting()?;
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Judges the waiting frames, and compares the waiting verdicts.
+    fn finish_waiting(&mut self) -> Result<()> {
+        while let Some(next) = self.waiting.pop_front() {
+            match next {
+                Waiting::Frame(frame) => {
+                    let judged = self.session.judge(*frame)?;
+                    self.last = Some(Arc::clone(&judged.report));
+                    self.session.publish(judged);
+                }
+                Waiting::Verdict(recorded) => self.compare(*recorded)?,
+            }
+        }
+        Ok(())
+    }
+
+    /// Begins again after frames that the recorder left out on purpose.
+    fn begin_again(&mut self, baseline: Option<BaselineRecord>) {
+        self.session.begin_again(baseline);
+        (self.left_out, self.restarted) = (true, true);
+    }
+
+    /// Compares a recorded verdict with the one of this replay.
+    fn compare(&mut self, recorded: RecordedVerdict) -> Result<()> {
+        let (mut report, progress) = (recorded.report, recorded.progress);
+        self.session.tally.skipped = progress.skipped;
+        self.comparison.recorded += 1;
+        let answered = progress.verified + progress.rejected;
+        let before = self.answered.replace(answered);
+        let gap = before.map_or(0, |before| answered.saturating_sub(before + 1));
+        let left_out = progress.left_out.saturating_sub(self.comparison.left_out);
+        self.missing += gap.saturating_sub(left_out);
+        self.comparison.left_out = progress.left_out.max(self.comparison.left_out);
+        let last = self.last.take().filter(|r| r.seq == report.seq);
+        // Frames before this one are not here, so the motion to it differs from the recorded one.
+        // The watch of a restarted process has the last frame of the one before in its state.
+        let is_first = self.comparison.recorded == 1;
+        let continues = is_first && self.begin.is_some_and(|baseline| baseline < report.seq);
+        let after_gap =
+            last.is_some() && std::mem::take(&mut self.left_out) || gap > 0 || continues;
+        let restarted = last.is_some() && std::mem::take(&mut self.restarted);
+        let moved = after_gap && self.motion;
+        let has_defects = |r: &Report| !r.defects.is_empty();
+        if moved {
+            self.unfounded = last.as_deref().is_some_and(has_defects);
+        }
+        // Curves may touch since a frame that is not here.
+        let moved = moved || self.unfounded && has_defects(&report);
+        match last {
+            Some(_) if !self.comparison.differing.is_empty() => {}
+            Some(_) if !report.missing.is_empty() => self.comparison.incomplete += 1,
+            Some(found) if restarted && alike(&found, &report, after_gap) => {
+                self.comparison.equal += 1;
+            }
+            Some(_) if moved => self.comparison.after_missing += 1,
+            Some(found) if alike(&found, &report, after_gap) => self.comparison.equal += 1,
+            Some(found) => {
+                tracing::error!("live:   {}", report.headline());
+                tracing::error!("replay: {}", found.headline());
+                self.comparison.unlike += 1;
+            }
+            None if report.verdict == Verdict::Rejected => {
+                // A rejected frame has no recorded curves; only its verdict is recorded. Its abort
+                // flag is kept, too, unless another policy is given: in older recordings, `any` did
+                // not include rejected frames.
+                if let Some(policy) = self.policy {
+                    report.abort = policy.aborts(&report, |_| false);
+                }
+                self.comparison.rejected += 1;
+                let judged = Judged::of(report, progress.times, progress.work);
+                self.session.publish(judged);
+            }
+            None if self.every => {
+                self.comparison.thinned += 1;
+                self.begin_again(None);
+            }
+            None => {
+                tracing::error!(
+                    "frame {}: the recording lacks the frame of a verdict",
+                    report.seq
+                );
+                self.comparison.unlike += 1;
+            }
+        }
+        Ok(())
+    }
 }

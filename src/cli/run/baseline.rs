@@ -1,11 +1,7 @@
 //! Baseline of a session: the frame with which later frames are compared, and its record for sinks.
 //! A file that begins with any frame can then be replayed by itself.
-
-#[cfg(feature = "bus")]
-use super::FrameCounts;
 use super::{Judged, Run};
 use crate::cli::output::{count, plural, plural_of};
-#[cfg(feature = "bus")]
 use linkwatch::Verdict;
 use linkwatch::{
     BaselineRecord, Basis, Certificate, CurveSet, Defect, DefectKind, FrameInfo, Precision,
@@ -34,7 +30,6 @@ impl Run {
     /// Begins again: the next frame does not continue the last one, because the frames between them
     /// are not in the recording. `baseline` replaces the expected linking numbers, unless the user
     /// chose them.
-    #[cfg(feature = "mcap")]
     pub fn begin_again(&mut self, baseline: Option<BaselineRecord>) {
         match baseline {
             Some(b) => {
@@ -64,10 +59,8 @@ impl Run {
     }
 
     /// Takes note of the first verified frame of a baseline, before the verdict on it is sent and
-    /// [`Run::publish`] is called. `tally` counts all frames before it.
-    #[cfg(feature = "bus")]
-    pub fn note_baseline(&mut self, judged: &Judged, tally: FrameCounts) {
-        self.tally = tally;
+    /// [`Run::publish`] is called.
+    pub fn note_baseline(&mut self, judged: &Judged) {
         if judged.report.verdict != Verdict::Rejected {
             self.find_baseline_frame(judged);
         }

@@ -25,7 +25,6 @@ pub struct Judged {
 
 impl Judged {
     /// Returns a result without the curves of the frame.
-    #[cfg(any(feature = "bus", feature = "mcap"))]
     pub fn of(report: Report, times: FrameTimes, work: Work) -> Judged {
         Judged {
             info: FrameInfo::at(report.seq, report.time),

@@ -26,7 +26,7 @@ impl JunitArgs {
         let Some(path) = &self.junit else {
             return Ok(None);
         };
-        files.writes("--junit", path, Content::Text)?;
+        files.writes("--junit", [path], Content::Text)?;
         if path.is_file() {
             // If this run fails early, no verdicts of an earlier run remain.
             std::fs::remove_file(path)?;
@@ -36,6 +36,7 @@ impl JunitArgs {
 }
 
 /// A report in the making.
+#[derive(Default)]
 pub struct Junit {
     path: PathBuf,
     title: String,
@@ -64,8 +65,7 @@ impl Junit {
         Junit {
             path,
             title: legal(title),
-            cases: Vec::new(),
-            violation: None,
+            ..Junit::default()
         }
     }
 

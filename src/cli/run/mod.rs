@@ -11,11 +11,9 @@ mod frame;
 mod junit;
 mod news;
 mod print;
-#[cfg(feature = "mcap")]
 mod record;
 mod settings;
 mod sinks;
-#[cfg(feature = "bus")]
 mod state;
 mod summary;
 mod times;
@@ -24,13 +22,10 @@ mod violations;
 
 pub use frame::Judged;
 pub use junit::JunitArgs;
-#[cfg(feature = "mcap")]
-pub use settings::MOTION_LIMIT;
 pub use settings::{Baseline, Judge};
+pub use settings::{MOTION_LIMIT, recorded};
 pub use sinks::Sinks;
-#[cfg(feature = "bus")]
 pub use state::RunState;
-pub use summary::FrameCounts;
 
 use self::baseline::BaselineFrame;
 use self::junit::Junit;
@@ -39,16 +34,13 @@ use self::summary::{Summary, jumped};
 use super::Outcome;
 use super::cell_args::{CellArgs, say};
 use super::files::{Files, Overwrite};
-use super::label::Label;
 use super::live::Live;
-#[cfg(feature = "bus")]
 use super::metrics::SessionMetrics;
 use super::output::{count, plural};
-#[cfg(feature = "bus")]
 use linkwatch::Events;
 use linkwatch::{
-    BaselineRecord, Continuation, FrameInfo, FrameRecord, FrameTimes, Overflow, Progress, Received,
-    Result, RunProgress, Session, SessionOptions, SinkQueue, Strategy, Verdict,
+    BaselineRecord, Continuation, Counters, FrameInfo, FrameRecord, FrameTimes, Overflow, Progress,
+    Received, Result, RunProgress, Session, SessionOptions, SinkQueue, Strategy, Verdict,
 };
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -58,25 +50,29 @@ use std::time::{Duration, Instant, SystemTime};
 const THE_FRAMES: &str = "the frames";
 
 /// Number of segments up to which every frame is verified quickly, regardless of its motion.
-#[cfg(feature = "bus")]
 const SMALL: usize = 4096;
 
 /// Verification time from which the cost of passing a frame to another thread is negligible.
-#[cfg(feature = "bus")]
 const MOMENT: Duration = Duration::from_millis(1);
 
 /// Time limit for all sinks together to finish at the end of the run.
 const FINISH: Duration = Duration::from_secs(30);
 
-/// Inputs of a [`Run`]: baseline, settings and outputs.
+/// Maximum wait for a blocked sink or standard output, if no simulator waits. After that, frames or
+/// lines are dropped and counted.
+pub const PATIENT: Overflow = Overflow::WaitForProgress(Duration::from_secs(60));
+
+/// Maximum total time that a sink or standard output may delay the verdicts for a simulator until
+/// it has caught up.
+pub const PATIENCE: Duration = Duration::from_millis(500);
+
+/// Kind of a [`Run`], and what it is about.
+#[derive(Default)]
 pub struct Setup<'a> {
-    pub judge: &'a Judge,
-    pub sinks: &'a Sinks,
     /// `None` if the command has no such option.
     pub junit: Option<&'a JunitArgs>,
-    /// Inputs and outputs of the command so far.
-    pub files: Files,
-    pub strategy: Strategy,
+    /// True if every frame is verified in full, because successive ones have little in common.
+    pub full: bool,
     /// See [`SessionOptions::early_exit`].
     pub early_exit: bool,
     /// True if frames are model files, which have names and cannot be skipped.
@@ -88,11 +84,9 @@ pub struct Setup<'a> {
     /// Baseline of a recorded run, unless the user chose another one.
     pub baseline: Option<BaselineRecord>,
     /// Names the run in the viewer.
-    pub title: &'a str,
-    /// Metadata of the run, for a recording.
+    pub title: String,
+    /// Metadata of the run, for a recording: what its frames come from.
     pub metadata: BTreeMap<String, String>,
-    /// Policy if a sink is slower than the frames.
-    pub overflow: Overflow,
     pub json: bool,
 }
 
@@ -106,10 +100,9 @@ pub struct Run {
     /// True if frames are model files.
     models: bool,
     json: bool,
-    label: Label,
-    live: Live,
+    /// Output shown while the run lasts, and the label of all results.
+    pub live: Live,
     queues: Vec<SinkQueue>,
-    #[cfg(feature = "bus")]
     metrics: Option<SessionMetrics>,
     junit: Option<Junit>,
     overwrite: Overwrite,
@@ -128,11 +121,11 @@ pub struct Run {
     /// True until the first frame of a run was verified.
     is_new_run: bool,
     /// Time that the last frame took to verify.
-    #[cfg(feature = "bus")]
     last_check: Option<Duration>,
-    tally: FrameCounts,
+    /// Frames so far. Those of a simulator are counted by the bus.
+    pub tally: Counters,
     /// Frames that another process verified before this one. Its outputs have them.
-    before: FrameCounts,
+    before: Counters,
     news: News,
     sum: Summary,
     /// True if frames are missing.
@@ -140,21 +133,17 @@ pub struct Run {
 }
 
 impl Run {
-    /// Prepares a run.
-    pub fn new(setup: Setup<'_>) -> Result<Run> {
-        let Setup {
-            judge,
-            sinks,
-            mut files,
-            mut metadata,
-            ..
-        } = setup;
+    /// Prepares a run. `files` are the inputs and outputs of the command so far.
+    pub fn new(judge: &Judge, sinks: &Sinks, mut files: Files, setup: Setup<'_>) -> Result<Run> {
+        let mut metadata = setup.metadata;
         sinks.check_files(&mut files)?;
-        let junit = setup.junit.map(|args| args.open(&mut files, setup.title));
+        let junit = setup.junit.map(|args| args.open(&mut files, &setup.title));
         let junit = junit.transpose()?.flatten();
         let baseline = judge.baseline(setup.baseline)?;
         let mut options = judge.options(&mut metadata)?;
-        options.strategy = setup.strategy;
+        if !setup.full {
+            options.strategy = Strategy::Incremental;
+        }
         options.early_exit = setup.early_exit;
         let incomplete = baseline.as_ref().is_some_and(|b| b.unverified > 0);
         let baseline_frame = baseline.as_ref().map(BaselineFrame::from);
@@ -163,7 +152,11 @@ impl Run {
         options.baseline = certificate;
         let mut sum = Summary::default();
         sum.unresolved.limit = options.motion_limit.unwrap_or(SessionOptions::MOTION_LIMIT);
-        let queues = sinks.open(setup.title, &metadata, (options.clearance, setup.overflow));
+        let overflow = match setup.live {
+            true => Overflow::Wait(PATIENCE),
+            false => PATIENT,
+        };
+        let queues = sinks.open(&setup.title, &metadata, options.clearance, overflow);
         Ok(Run {
             session: Session::new(options.clone())?,
             queues: queues?,
@@ -173,9 +166,7 @@ impl Run {
             from_now: setup.from_now,
             models: setup.models,
             json: setup.json,
-            label: Label::default(),
             live: Live::default(),
-            #[cfg(feature = "bus")]
             metrics: None,
             junit,
             overwrite: sinks.overwrite,
@@ -186,26 +177,16 @@ impl Run {
             sent_layout: 0,
             last_layout: None,
             is_new_run: true,
-            #[cfg(feature = "bus")]
             last_check: None,
-            tally: FrameCounts::default(),
-            before: FrameCounts::default(),
+            tally: Counters::default(),
+            before: Counters::default(),
             news: News::default(),
             sum,
             incomplete,
         })
     }
 
-    /// Marks all results of this run with a label.
-    #[cfg(feature = "bus")]
-    pub fn labelled(mut self, label: Label) -> Run {
-        self.live.label = label;
-        self.label = label;
-        self
-    }
-
     /// Adds all figures of this run to these metrics.
-    #[cfg(feature = "bus")]
     pub fn measured(mut self, metrics: &super::metrics::ServiceMetrics) -> Run {
         self.metrics = Some(metrics.session(self.options.events != Events::Off));
         self
@@ -218,7 +199,6 @@ impl Run {
 
     /// Returns true if verifying the frame likely takes so little time that passing it to another
     /// thread does not pay: the frame is small, and the previous one was quick.
-    #[cfg(feature = "bus")]
     pub fn is_quick(&self, frame: &Received) -> bool {
         let quick = self.last_check.is_some_and(|check| check < MOMENT);
         frame.segments() <= SMALL && quick
@@ -235,7 +215,6 @@ impl Run {
 
     /// Returns the number of violations that were rolled back, if this frame ends the one for which
     /// the simulator was asked to stop. Call this before [`Run::publish`].
-    #[cfg(feature = "bus")]
     pub fn recovered_by(&self, judged: &Judged) -> Option<u32> {
         let Judged { report, step, .. } = judged;
         let violations = &self.sum.violations;
@@ -243,15 +222,8 @@ impl Run {
         ends.then(|| violations.recovered_after(*step))
     }
 
-    /// Returns the output shown while the run lasts.
-    #[cfg(feature = "bus")]
-    pub fn live(&self) -> &Live {
-        &self.live
-    }
-
     /// Copies a frame, which `read` passes to its argument. A frame that breaks its contract is
     /// rejected by [`Run::judge`]. `info` is what the simulator told about it.
-    #[cfg(any(feature = "bus", feature = "mcap"))]
     pub fn ingest(
         &mut self,
         info: FrameInfo,
@@ -261,7 +233,6 @@ impl Run {
     }
 
     /// Announces the frame that will be judged after the next one.
-    #[cfg(feature = "mcap")]
     pub fn announce(&mut self, frame: &Received) {
         self.session.announce(frame);
     }
@@ -299,10 +270,7 @@ impl Run {
             stages: verified.timings,
             live: None,
         };
-        #[cfg(feature = "bus")]
-        {
-            self.last_check = Some(times.check());
-        }
+        self.last_check = Some(times.check());
         if verified.work.disagreed {
             tracing::error!(
                 "frame {seq}: the incremental verification was wrong, which is a bug of linkwatch; \
@@ -339,8 +307,12 @@ impl Run {
     }
 
     /// Passes a frame to the sinks, and prints its new findings.
-    pub fn publish(&mut self, judged: Judged, tally: FrameCounts) {
-        self.tally = tally;
+    pub fn publish(&mut self, judged: Judged) {
+        match judged.report.verdict {
+            _ if self.is_live => {}
+            Verdict::Rejected => self.tally.rejected += 1,
+            _ => self.tally.verified += 1,
+        }
         let violations = &mut self.sum.violations;
         let recovered = violations.end_with(&judged.report, judged.step);
         violations.add(&judged.report, judged.step);
@@ -361,16 +333,15 @@ impl Run {
             self.sum.times.add(&judged.times);
             self.sum.routes[judged.work.route as usize] += 1;
         }
-        #[cfg(feature = "bus")]
         if let Some(metrics) = &self.metrics {
             metrics.add(&judged.report, judged.latency);
         }
         self.print(&judged);
         if recovered && !self.json {
             let (frame, words) = (judged.report.frame(), violations::words(judged.step));
-            self.label.line(format_args!("{frame}: {words}"));
+            self.live.label.line(format_args!("{frame}: {words}"));
         }
-        let own = tally.since(self.before);
+        let own = self.tally.since(self.before);
         let record = Arc::new(FrameRecord {
             curves: judged.curves,
             info: judged.info,
@@ -390,7 +361,6 @@ impl Run {
         for queue in &self.queues {
             queue.frame(Arc::clone(&record));
         }
-        #[cfg(feature = "bus")]
         if let Some(metrics) = &mut self.metrics {
             metrics.count(own, self.queues.iter().map(SinkQueue::summary));
         }
@@ -402,14 +372,13 @@ impl Run {
     }
 
     /// Adds the comparison with the recorded verdicts to the summary.
-    #[cfg(feature = "mcap")]
     pub fn compared(&mut self, words: String, json: serde_json::Value) {
         self.sum.comparison = Some((words, json));
     }
 
-    /// Closes the sinks and prints the summary. `tally` has the final counts of all frames.
-    pub fn finish(mut self, tally: FrameCounts) -> Outcome {
-        self.tally = tally;
+    /// Closes the sinks and prints the summary.
+    pub fn finish(mut self) -> Outcome {
+        let tally = self.tally;
         let mut kept = Vec::new();
         let mut summaries = Vec::new();
         let start = Instant::now();
@@ -442,7 +411,6 @@ impl Run {
             }
             summaries.push(summary);
         }
-        #[cfg(feature = "bus")]
         if let Some(metrics) = &mut self.metrics {
             metrics.count(tally.since(self.before), summaries.iter().cloned());
         }

@@ -34,29 +34,21 @@ impl Run {
 
     /// Prints the new findings of a report, and updates the status line.
     pub(super) fn print(&mut self, judged: &Judged) {
-        let Judged {
-            report,
-            times,
-            work,
-            offload,
-            model,
-            info,
-            ..
-        } = judged;
+        let (report, times, model) = (&judged.report, &judged.times, &judged.model);
         let left_out = &report.left_out;
         let new_kind = LeftOut::merge(&mut self.sum.left_out, left_out);
         if !left_out.is_empty() {
             self.data_lost();
         }
-        let names = &info.labels.names;
+        let names = &judged.info.labels.names;
         if self.json {
             let measured = judged.curves.is_some() && self.options.clearance.is_some();
             let mut line = serde_json::json!({
                 "report": **report,
                 "ms": times.check().as_secs_f64() * 1e3,
                 "times_ms": to_json(times, measured.then_some(times.stages.clearance)),
-                "work": work,
-                "offload": offload,
+                "work": judged.work,
+                "offload": judged.offload,
                 "verified": self.tally.verified,
                 "skipped": self.tally.skipped,
                 "rejected": self.tally.rejected,
@@ -65,7 +57,7 @@ impl Run {
                 line["model"] = model.as_str().into();
                 line["left_out"] = serde_json::json!(left_out);
             }
-            self.label.json(line);
+            self.live.label.json(line);
         }
         if let Some(junit) = &mut self.junit {
             junit.add(report, names, model.as_deref(), times.check());
@@ -82,16 +74,16 @@ impl Run {
                     output::line(format_args!("  {}", LeftOut::sentence(left_out)));
                 }
             }
-            None if news.notable => print_frame(self.label, judged, &news),
+            None if news.notable => print_frame(self.live.label, judged, &news),
             None => {}
         }
         if let Some(low) = low.filter(|_| !self.json) {
             match model {
                 Some(_) => output::line(format_args!("  {low}")),
-                None => self.label.line(low),
+                None => self.live.label.line(low),
             }
             if report.abort && !news.notable {
-                self.label.line(abort_words(judged));
+                self.live.label.line(abort_words(judged));
             }
         }
         if model.is_none() {
@@ -100,7 +92,7 @@ impl Run {
                 report.frame(),
                 report.verdict,
                 millis(times.check()),
-                in_words(work, *offload),
+                in_words(&judged.work, judged.offload),
                 count(self.tally.verified),
                 count(self.tally.skipped),
             ));
@@ -116,13 +108,7 @@ fn print_frame(label: Label, judged: &Judged, news: &New) {
         report.headline(),
         millis(times.check())
     ));
-    for sentence in news.sentences.iter().take(SENTENCES) {
-        label.line(format_args!("  {sentence}"));
-    }
-    if news.sentences.len() > SENTENCES {
-        let more = news.sentences.len() - SENTENCES;
-        label.line(format_args!("  and {more} more"));
-    }
+    label.first_lines("  ", &news.sentences, SENTENCES);
     if !news.sentences.is_empty()
         && let Some(words) = report.roll_back()
     {

@@ -5,7 +5,6 @@ use crate::cli::cell_args::{CellArgs, KEEP_OPEN};
 use crate::cli::clearance_args::{self, ClearanceArgs};
 use crate::cli::event_args::EventArgs;
 use crate::cli::files::{Files, Overwrite};
-#[cfg(feature = "mcap")]
 use linkwatch::Events;
 use linkwatch::{AbortOn, BaselineRecord, Braids, Certificate, Error, Result, SessionOptions};
 use std::collections::BTreeMap;
@@ -52,25 +51,21 @@ impl Judge {
     pub fn files(&self, overwrite: Overwrite) -> Files {
         let mut files = Files::new(overwrite);
         if let Some(Baseline::File(path)) = &self.baseline {
-            files.reads(path);
+            files.reads([path]);
         }
-        if let Some(path) = self.braid_args.file() {
-            files.reads(path);
-        }
+        files.reads(self.braid_args.file());
         files
     }
 
     /// Returns these options, with those of a recorded run where the user gives none.
-    #[cfg(feature = "mcap")]
     pub fn or_recorded(&self, metadata: &BTreeMap<String, String>) -> Result<Judge> {
         let mut judge = self.clone();
-        let text = |key: &str| metadata.get(key).map(String::as_str);
-        let policy = text("abort_on").and_then(|policy| policy.parse().ok());
-        let abort_on = self.abort_on.or(policy).unwrap_or_default();
+        let abort_on = self.abort_on.or(recorded(metadata, "abort_on"));
+        let abort_on = abort_on.unwrap_or_default();
         judge.abort_on = Some(abort_on);
         let given = &mut judge.event_args;
-        let events = text("events").and_then(|events| events.parse().ok());
-        given.events = given.events.or(events).or(Some(Events::Off));
+        let events = given.events.or(recorded(metadata, "events"));
+        given.events = events.or(Some(Events::Off));
         given.motion_limit = given.motion_limit.or(Some(recorded_limit(metadata)));
         if given.events(abort_on) == Events::Off {
             // A limit needs a search.
@@ -83,7 +78,6 @@ impl Judge {
     }
 
     /// Returns the options that differ from those of a recorded run, so that verdicts may differ.
-    #[cfg(feature = "mcap")]
     pub fn differing(&self, metadata: &BTreeMap<String, String>) -> Result<Vec<&'static str>> {
         let now = self.or_recorded(metadata)?;
         let then = Judge {
@@ -177,7 +171,7 @@ impl Judge {
             events,
             clearance,
             braids,
-            cell: self.cell_args.given(),
+            cell: self.cell_args.cell(None),
             ignore_cell: self.cell_args.ignores_cells(),
             wrapped: self.cell_args.wrapped,
             keep_open: self.cell_args.keep_open,
@@ -189,11 +183,13 @@ impl Judge {
 }
 
 /// Returns the motion limit of a recorded run. Earlier versions had none.
-#[cfg(feature = "mcap")]
 fn recorded_limit(metadata: &BTreeMap<String, String>) -> f64 {
-    let limit = metadata.get(MOTION_LIMIT);
-    let limit = limit.and_then(|limit| limit.parse().ok());
-    limit.unwrap_or(f64::INFINITY)
+    recorded(metadata, MOTION_LIMIT).unwrap_or(f64::INFINITY)
+}
+
+/// Returns a setting of a recorded run. `None` if it has none, or one of another version.
+pub fn recorded<T: FromStr>(metadata: &BTreeMap<String, String>, key: &str) -> Option<T> {
+    metadata.get(key)?.parse().ok()
 }
 
 /// Source of the expected linking numbers.

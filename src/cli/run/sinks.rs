@@ -1,26 +1,17 @@
 //! Destinations of verified frames: a recording (`--record`) and a viewer (`--show`).
-
-#[cfg(feature = "mcap")]
 use super::record::recording;
 use super::viewer::Show;
-#[cfg(feature = "mcap")]
-use crate::cli::files::Content;
-#[cfg(all(feature = "bus", feature = "mcap"))]
 use crate::cli::files::with_suffix;
-use crate::cli::files::{Files, Overwrite};
-#[cfg(feature = "mcap")]
+use crate::cli::files::{Content, Files, Overwrite};
 use linkwatch::RecordingOptions;
 use linkwatch::{ClearanceOptions, Overflow, Result, SinkQueue};
 use std::collections::BTreeMap;
-#[cfg(feature = "bus")]
 use std::path::Path;
 
 /// Maximum number of frames that wait for a sink.
-#[cfg(any(feature = "mcap", feature = "rerun"))]
 pub(super) const WAITING: usize = 8;
 
 /// Number of points of the frames that may wait for a file in addition: about 50 MB.
-#[cfg(any(feature = "mcap", feature = "rerun"))]
 pub(super) const WAITING_POINTS: usize = 1_000_000;
 
 /// Destinations of verified frames.
@@ -37,7 +28,6 @@ pub struct Sinks {
     /// it, and the summary says so). Without a violation there is no file.
     /// max=SIZE: begin another file before the recording exceeds this size, at least 1MB
     /// (`run-part2.mcap`, ..). Each one can be replayed without the others
-    #[cfg(feature = "mcap")]
     #[arg(long, value_name = "FILE.mcap[,..]", value_parser = recording)]
     record: Option<RecordingOptions>,
     /// Show frames: live, web, FILE.rrd or an address
@@ -57,26 +47,26 @@ pub struct Sinks {
 impl Sinks {
     /// Checks the output files, which must differ from all other files of the command.
     pub fn check_files(&self, files: &mut Files) -> Result<()> {
-        #[cfg(feature = "mcap")]
-        if let Some(record) = &self.record {
-            files.writes("--record", &record.path, Content::Recording)?;
-        }
-        self.show.as_ref().map_or(Ok(()), |s| s.check_files(files))
+        files.writes(
+            "--record",
+            self.record.iter().map(|r| &r.path),
+            Content::Recording,
+        )?;
+        let shown = self.show.iter().filter_map(Show::path);
+        files.writes("--show", shown, Content::Viewer)
     }
 
     /// Returns the sinks of a later run, and their number: the next one for which no file exists
     /// that may not be overwritten.
     ///
     /// A later run does not wait for its viewer, because a simulator is there already.
-    #[cfg(feature = "bus")]
     pub fn numbered(&self, mut number: u64, files: &Files) -> (Sinks, u64) {
         loop {
             let (mut sinks, suffix) = (self.clone(), number.to_string());
-            #[cfg(feature = "mcap")]
             if let Some(record) = &mut sinks.record {
                 record.path = with_suffix(&record.path, &suffix);
             }
-            sinks.show = sinks.show.map(|show| show.with_suffix(&suffix).later());
+            sinks.show = sinks.show.map(|show| show.later(&suffix));
             if sinks.paths().iter().all(|path| files.is_free(path)) {
                 return (sinks, number);
             }
@@ -85,14 +75,10 @@ impl Sinks {
     }
 
     /// Returns the output files.
-    #[cfg(feature = "bus")]
     pub fn paths(&self) -> Vec<&Path> {
-        let files: &[Option<&Path>] = &[
-            #[cfg(feature = "mcap")]
-            self.record.as_ref().map(|record| record.path.as_path()),
-            self.show.as_ref().and_then(Show::path),
-        ];
-        files.iter().flatten().copied().collect()
+        let recorded = self.record.iter().map(|record| record.path.as_path());
+        let shown = self.show.iter().filter_map(Show::path);
+        recorded.chain(shown).collect()
     }
 
     /// Opens the sinks. Files are created at the first frame. `title` names the run in the viewer,
@@ -101,10 +87,10 @@ impl Sinks {
         &self,
         title: &str,
         metadata: &BTreeMap<String, String>,
-        (clearance, overflow): (Option<ClearanceOptions>, Overflow),
+        clearance: Option<ClearanceOptions>,
+        overflow: Overflow,
     ) -> Result<Vec<SinkQueue>> {
         let mut queues = Vec::new();
-        #[cfg(feature = "mcap")]
         if let Some(record) = &self.record {
             let mut options = record.clone();
             options.metadata = metadata.clone();
@@ -112,10 +98,8 @@ impl Sinks {
             let queue = SinkQueue::spawn("recording", WAITING, overflow, move || options.open())?;
             queues.push(queue.with_points(WAITING_POINTS));
         }
-        #[cfg(not(feature = "mcap"))]
-        let _ = metadata;
         if let Some(show) = &self.show {
-            queues.push(show.open(title, clearance, (overflow, self.overwrite))?);
+            queues.push(show.open(title, clearance, overflow, self.overwrite)?);
         }
         Ok(queues)
     }

@@ -1,8 +1,8 @@
 //! State of a run, from which the run of another process continues.
 
 use super::baseline::BaselineFrame;
-use super::{FrameCounts, Judged, Run};
-use linkwatch::{FrameTimes, Result, Session, SessionState, Work};
+use super::{Judged, Run};
+use linkwatch::{Counters, FrameTimes, Result, Session, SessionState, Work};
 use serde::{Deserialize, Serialize};
 
 /// State of a run after a frame.
@@ -48,7 +48,7 @@ impl Run {
     }
 
     /// Begins after another process, which counted these frames.
-    pub fn follow_on(&mut self, before: FrameCounts) {
+    pub fn follow_on(&mut self, before: Counters) {
         self.before = before;
         self.data_lost();
     }

@@ -7,28 +7,20 @@ use super::violations::Violations;
 use crate::cli::Outcome;
 use crate::cli::output::{count, percent, plural, plural_of};
 use linkwatch::LeftOut;
-use linkwatch::{Events, Report, SinkSummary};
+use linkwatch::{Counters, Events, Report, SinkSummary};
 use serde_json::json;
 
-/// Numbers of frames verified, skipped and rejected so far.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct FrameCounts {
-    pub verified: u64,
-    pub skipped: u64,
-    pub rejected: u64,
-}
-
-impl FrameCounts {
+impl Counters {
     /// Returns the share of all frames that were skipped.
-    pub fn skipped_share(self) -> f64 {
+    pub(crate) fn skipped_share(self) -> f64 {
         let all = self.verified + self.skipped + self.rejected;
         self.skipped as f64 / all.max(1) as f64
     }
 
     /// Returns the frames after other counts of the same session. A count that a simulator claimed
     /// may be wrong, and smaller.
-    pub fn since(self, before: FrameCounts) -> FrameCounts {
-        FrameCounts {
+    pub(crate) fn since(self, before: Counters) -> Counters {
+        Counters {
             verified: self.verified.saturating_sub(before.verified),
             skipped: self.skipped.saturating_sub(before.skipped),
             rejected: self.rejected.saturating_sub(before.rejected),
@@ -36,7 +28,7 @@ impl FrameCounts {
     }
 
     /// Returns the counts in words. Model files cannot be skipped.
-    pub fn words(self, models: bool) -> String {
+    pub(crate) fn words(self, models: bool) -> String {
         let mut parts = vec![format!("{} verified", plural(self.verified, "frame"))];
         match self.skipped {
             0 if models => {}
@@ -81,11 +73,7 @@ impl Run {
     /// Prints the summary.
     pub(super) fn sum_up(&self, sinks: &[SinkSummary], notes: Vec<String>) {
         let (tally, sum) = (self.tally, &self.sum);
-        let Violations {
-            recovered,
-            accepted,
-            ..
-        } = sum.violations;
+        let (recovered, accepted) = (sum.violations.recovered, sum.violations.accepted);
         let word = match (tally.verified, self.outcome()) {
             (0, _) => "nothing was verified",
             (_, Outcome::Fine) if accepted > 0 => "accepted",
@@ -99,7 +87,7 @@ impl Run {
         let checked = self.options.events != Events::Off;
         let (runs, yarns) = (1 + sum.further_runs, self.yarns());
         if self.json {
-            self.label.json(json!({
+            self.live.label.json(json!({
                 "summary": {
                     "verdict": word,
                     "recovered": recovered,
@@ -198,7 +186,7 @@ impl Run {
             sum.comparison.as_ref().map(|(words, _)| words.clone()),
         ];
         let lines: Vec<String> = lines.into_iter().flatten().chain(notes).collect();
-        self.label.line(lines.join("\n"));
+        self.live.label.line(lines.join("\n"));
     }
 }
 

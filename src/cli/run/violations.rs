@@ -46,7 +46,6 @@ impl Violations {
     }
 
     /// Returns the number of violations that were rolled back, after this frame.
-    #[cfg(feature = "bus")]
     pub fn recovered_after(&self, step: Continuation) -> u32 {
         let current = self
             .current

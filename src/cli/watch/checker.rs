@@ -19,7 +19,7 @@ pub fn judge(
     mut heartbeat: impl FnMut() -> Result<()>,
     stop: &AtomicBool,
 ) -> Result<Judged> {
-    let (progress, live, seq) = (session.progress(), session.live().clone(), frame.info().seq);
+    let (progress, live, seq) = (session.progress(), session.live.clone(), frame.info().seq);
     let start = Instant::now();
     let mut beat = start;
     let mut failed = None;

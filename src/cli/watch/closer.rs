@@ -1,8 +1,7 @@
 //! Closes sessions, whose sinks may be slow, while the next simulator is watched.
 
-use super::PATIENCE;
 use crate::cli::Outcome;
-use crate::cli::run::{FrameCounts, Run};
+use crate::cli::run::{PATIENCE, Run};
 use linkwatch::Result;
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
@@ -30,9 +29,9 @@ impl Closer {
     }
 
     /// Closes a session. Returns after half a second at most: slow sinks finish later.
-    pub fn close(&mut self, session: Box<Run>, tally: FrameCounts) -> Result<()> {
+    pub fn close(&mut self, session: Box<Run>) -> Result<()> {
         let thread = std::thread::Builder::new().name("linkwatch-close".into());
-        let thread = thread.spawn(move || session.finish(tally))?;
+        let thread = thread.spawn(move || session.finish())?;
         let start = Instant::now();
         while !thread.is_finished() && start.elapsed() < PATIENCE {
             std::thread::sleep(POLL);

@@ -3,17 +3,16 @@
 use super::checker::judge;
 use super::closer::Closer;
 use super::state::{Earlier, State};
-use super::{Args, PATIENCE, result};
+use super::{Args, result};
 use crate::cli::files::Files;
 use crate::cli::label::Label;
 use crate::cli::metrics::ServiceMetrics;
 use crate::cli::output::{percent, plural};
-use crate::cli::run::{FrameCounts, Judge, Run, Setup, Sinks};
+use crate::cli::run::{Judge, Run, Setup, Sinks};
 use crate::cli::signals::TICK;
 use crate::cli::{Outcome, services};
 use linkwatch::{
-    Counters, Error, Event, FrameInfo, LastLabels, LiveTimes, Overflow, Received, Report, Result,
-    Sidecar, Strategy, Verdict,
+    Error, Event, FrameInfo, LastLabels, LiveTimes, Received, Report, Result, Sidecar, Verdict,
 };
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -51,9 +50,9 @@ pub struct Follower<'a> {
 /// Reason why the watch of a session ended.
 enum End {
     /// The simulator ended, died or was replaced.
-    Simulator(Counters),
+    Simulator,
     /// A signal arrived.
-    Signal(Counters),
+    Signal,
 }
 
 impl Follower<'_> {
@@ -76,23 +75,16 @@ impl Follower<'_> {
             1 => self.args.service.clone(),
             n => format!("{}, session {n}", self.args.service),
         };
-        let session = Run::new(Setup {
-            judge: self.judge,
-            sinks,
-            junit: None,
-            files,
-            strategy: Strategy::Incremental,
-            early_exit: false,
-            models: false,
+        let setup = Setup {
             live: true,
             from_now: self.args.from_now,
-            baseline: None,
-            title: &title,
+            title,
             metadata: BTreeMap::from([("service".to_owned(), self.args.service.clone())]),
-            overflow: Overflow::Wait(PATIENCE),
             json: self.json,
-        })?;
-        let session = session.labelled(self.label(number));
+            ..Setup::default()
+        };
+        let mut session = Run::new(self.judge, sinks, files, setup)?;
+        session.live.label = self.label(number);
         Ok(Box::new(session.measured(&self.metrics)))
     }
 
@@ -119,7 +111,7 @@ impl Follower<'_> {
             let Ok(Some(id)) = met else {
                 drop(sidecar);
                 if let Some(session) = first {
-                    closer.add(session.finish(FrameCounts::default()));
+                    closer.add(session.finish());
                 }
                 if self.lost {
                     closer.add(Outcome::Undecided);
@@ -130,7 +122,10 @@ impl Follower<'_> {
             };
             let session = match first.take() {
                 // Not the expected session if another simulator came than before a restart.
-                Some(session) => Ok(Box::new(session.labelled(self.label(self.sessions)))),
+                Some(mut session) => {
+                    session.live.label = self.label(self.sessions);
+                    Ok(session)
+                }
                 None => self.next(),
             };
             let mut session = match session {
@@ -148,40 +143,38 @@ impl Follower<'_> {
             self.take_up(&mut session, &mut sidecar, id)?;
             let ended = self.verify(&mut session, &mut sidecar);
             self.metrics.disconnected();
-            let counters = match &ended {
-                Ok(End::Simulator(counters) | End::Signal(counters)) => *counters,
-                Err(_) => sidecar.counters(),
-            };
+            if !matches!(&ended, Ok(End::Simulator)) {
+                session.tally = sidecar.counters();
+            }
             if let Err(e) = &ended {
                 sidecar.leave(&e.to_string());
             }
-            let tally = tally(counters);
-            self.check_skipped(&mut session, tally);
-            if matches!(&ended, Ok(End::Simulator(_))) {
+            self.check_skipped(&mut session);
+            if matches!(&ended, Ok(End::Simulator)) {
                 self.state.end_session(session.outcome())?;
             }
-            let fatal = matches!(&ended, Ok(End::Signal(_)) | Err(Error::Bus(_)));
+            let fatal = matches!(&ended, Ok(End::Signal) | Err(Error::Bus(_)));
             if fatal || !self.args.keep_watching {
                 // Sends the goodbye, so that a simulator does not wait for the sinks to finish.
                 drop(sidecar);
                 // The next process continues after the last frame.
-                if matches!(&ended, Ok(End::Signal(_)))
+                if matches!(&ended, Ok(End::Signal))
                     && let Err(e) = self.state.keep(|| session.state())
                 {
                     tracing::error!("{e}");
                 }
                 // In any case, the frames verified so far are kept and summarised.
-                closer.add(session.finish(tally));
+                closer.add(session.finish());
                 let worst = closer.finish();
-                self.end(worst, matches!(&ended, Ok(End::Simulator(_))))?;
+                self.end(worst, matches!(&ended, Ok(End::Simulator)))?;
                 return ended.and_then(|_| result(worst, self.failed));
             }
             if let Err(e) = ended {
                 session.data_lost();
                 self.fail(e);
             }
-            session.live().clear();
-            closer.close(session, tally)?;
+            session.live.clear();
+            closer.close(session)?;
             let service = &self.args.service;
             tracing::info!("waiting for the next simulator on service '{service}'");
         }
@@ -208,7 +201,7 @@ impl Follower<'_> {
             }
             return Ok(());
         };
-        session.follow_on(tally(sidecar.counters()));
+        session.follow_on(sidecar.counters());
         match run {
             Some(run) => session.resume(run)?,
             None => tracing::warn!(
@@ -223,7 +216,8 @@ impl Follower<'_> {
         tracing::error!("frame {seq}: {why}");
         let judged = session.give_up(seq, time, why);
         let sent = sidecar.send_verdict(&judged.report, Duration::ZERO);
-        session.publish(judged, tally(sidecar.counters()));
+        session.tally = sidecar.counters();
+        session.publish(judged);
         sent?;
         let outcome = session.outcome();
         self.state.end_frame(sidecar.state(), None, outcome)
@@ -236,8 +230,8 @@ impl Follower<'_> {
     }
 
     /// Applies --max-skipped to a session that has ended.
-    fn check_skipped(&self, session: &mut Run, tally: FrameCounts) {
-        let share = tally.skipped_share();
+    fn check_skipped(&self, session: &mut Run) {
+        let share = session.tally.skipped_share();
         if let Some(most) = self.args.max_skipped.filter(|&most| share > most) {
             tracing::error!(
                 "{} of the frames were skipped, more than the {} of --max-skipped",
@@ -318,7 +312,7 @@ impl Follower<'_> {
         loop {
             if self.is_stopped() {
                 tracing::info!("stopped by a signal");
-                return Ok(End::Signal(sidecar.counters()));
+                return Ok(End::Signal);
             }
             match sidecar.wait(TICK)? {
                 Event::Frame(frame) => {
@@ -345,13 +339,14 @@ impl Follower<'_> {
                             // The next process does not answer it: it did not crash this one.
                             let state = sidecar.state();
                             self.state.end_frame(state, None, Outcome::Fine)?;
-                            return Ok(End::Signal(sidecar.counters()));
+                            return Ok(End::Signal);
                         }
                         judged => judged?,
                     };
                     // Before the verdict: the next process must expect what this one answered for.
                     if session.changes_baseline(&judged) {
-                        session.note_baseline(&judged, tally(sidecar.counters()));
+                        session.tally = sidecar.counters();
+                        session.note_baseline(&judged);
                         self.state.keep(|| session.state())?;
                     }
                     if let Some(recovered) = session.recovered_by(&judged) {
@@ -366,7 +361,8 @@ impl Follower<'_> {
                         wait: received - finished,
                         send: sending.elapsed(),
                     });
-                    session.publish(judged, tally(sidecar.counters()));
+                    session.tally = sidecar.counters();
+                    session.publish(judged);
                     sent.and(noted)?;
                     last = Some([received, Instant::now()]);
                 }
@@ -388,7 +384,8 @@ impl Follower<'_> {
                     }
                     let frames = plural(published, "frame");
                     tracing::info!("the simulator ended after {frames}");
-                    return Ok(End::Simulator(counters));
+                    session.tally = counters;
+                    return Ok(End::Simulator);
                 }
                 Event::SimulatorLost { counters, .. } => {
                     tracing::warn!(
@@ -396,7 +393,8 @@ impl Follower<'_> {
                          lost, and its own log may say why"
                     );
                     session.data_lost();
-                    return Ok(End::Simulator(counters));
+                    session.tally = counters;
+                    return Ok(End::Simulator);
                 }
                 // A session begins only after the end of the previous one.
                 Event::NewSession { .. } | Event::Idle => {}
@@ -433,13 +431,5 @@ impl Follower<'_> {
 fn announce_files(session: u64, sinks: &Sinks) {
     for path in sinks.paths() {
         tracing::info!("the output of session {session} goes to {}", path.display());
-    }
-}
-
-fn tally(c: Counters) -> FrameCounts {
-    FrameCounts {
-        verified: c.verified,
-        skipped: c.skipped,
-        rejected: c.rejected,
     }
 }

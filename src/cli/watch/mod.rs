@@ -11,15 +11,11 @@ use super::Outcome;
 use super::metrics::{MetricsArgs, ServiceMetrics};
 use super::number::{seconds, share};
 use super::output;
-use super::run::{Judge, Sinks};
+use super::run::{Judge, PATIENCE, Sinks};
 use super::signals::stop_on_signals;
 use linkwatch::{AbortOn, Error, Overflow, Result, Sidecar, SidecarOptions};
 use std::path::PathBuf;
 use std::time::Duration;
-
-/// Maximum total time that a sink or standard output may delay verdicts until it has caught up.
-/// After that, frames or lines are dropped and counted.
-const PATIENCE: Duration = Duration::from_millis(500);
 
 /// Watch a live simulation: verify its frames and ask it to stop if its topology breaks
 ///
@@ -112,9 +108,11 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     };
     // Opened before simulators see the watcher, because a viewer may take a while to open.
     let first = follower.first(&sinks, inputs)?;
-    let mut options = SidecarOptions::default();
-    options.observe = args.observe;
-    options.from_now = args.from_now;
+    let options = SidecarOptions {
+        observe: args.observe,
+        from_now: args.from_now,
+        ..SidecarOptions::default()
+    };
     let mut sidecar = Sidecar::open(&args.service, &options)?;
     if let Some(state) = follower.state.interrupted() {
         sidecar.resume(state);

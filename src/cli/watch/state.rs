@@ -71,6 +71,7 @@ pub struct Earlier {
 }
 
 /// State of the watch of one service. Without `--state` nothing is written.
+#[derive(Default)]
 pub struct State {
     files: Option<Files>,
     pub note: Note,
@@ -97,11 +98,7 @@ impl State {
     /// written.
     pub fn open(path: Option<&Path>, settings: &str) -> Result<State> {
         let Some(path) = path else {
-            return Ok(State {
-                files: None,
-                note: Note::default(),
-                earlier: None,
-            });
+            return Ok(State::default());
         };
         let mut options = File::options();
         let options = options.read(true).write(true).create(true).truncate(false);

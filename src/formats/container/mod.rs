@@ -72,6 +72,7 @@ pub enum Ending {
 }
 
 /// Says that a recording ends at this byte, in this part of the file.
+#[cfg(feature = "cli")]
 pub(crate) fn truncated(at: u64, what: &str) -> String {
     format!(
         "the recording is truncated at byte {}, in {what}: the recorder was stopped, or its disk \

@@ -265,10 +265,6 @@ impl<K: Keep> Kept<K> {
 }
 
 impl<K: Keep> Sink for Kept<K> {
-    fn name(&self) -> &'static str {
-        "recording"
-    }
-
     fn begin(&mut self, baseline: &BaselineRecord) -> Result<()> {
         self.keep.end(&mut self.files)?;
         self.state.begin(baseline);
@@ -317,11 +313,16 @@ impl Keep for All {
 
 /// Returns the name of a file of a recording in several files.
 fn part_of(path: &Path, number: u64) -> PathBuf {
-    if number == 1 {
-        return path.to_owned();
+    match number {
+        1 => path.to_owned(),
+        _ => with_suffix(path, &format!("part{number}")),
     }
+}
+
+/// Returns a path with a suffix before its extension: `run.mcap` with `2` is `run-2.mcap`.
+pub fn with_suffix(path: &Path, suffix: &str) -> PathBuf {
     let mut name = path.file_stem().unwrap_or_default().to_owned();
-    name.push(format!("-part{number}"));
+    name.push(format!("-{suffix}"));
     if let Some(extension) = path.extension() {
         name.push(".");
         name.push(extension);

@@ -39,9 +39,6 @@ fn probe(fail_at: Option<u64>) -> (Box<Probe>, Handle) {
 }
 
 impl Sink for Probe {
-    fn name(&self) -> &'static str {
-        "probe"
-    }
     fn begin(&mut self, _: &BaselineRecord) -> Result<()> {
         Ok(())
     }
@@ -364,9 +361,6 @@ impl Recording {
 }
 
 impl Sink for Recording {
-    fn name(&self) -> &'static str {
-        "recording"
-    }
     fn begin(&mut self, baseline: &BaselineRecord) -> Result<()> {
         self.take(baseline.origin.clone())
     }
@@ -450,9 +444,6 @@ struct Patient {
 }
 
 impl Sink for Patient {
-    fn name(&self) -> &'static str {
-        "patient"
-    }
     fn begin(&mut self, _: &BaselineRecord) -> Result<()> {
         self.calls.send("begin").ok();
         Ok(())

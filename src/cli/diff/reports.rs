@@ -1,8 +1,7 @@
 //! Difference of two reports on the same frame, from two runs.
 
-use super::finding::Finding;
-use super::{Report, Verdict};
-use crate::curve::Image;
+use crate::verdict::Finding;
+use linkwatch::{Image, Report, Verdict};
 use serde::Serialize;
 use std::collections::BTreeMap;
 
@@ -11,7 +10,6 @@ use std::collections::BTreeMap;
 /// Findings are the same if they concern the same curves with the same numbers: places and moments
 /// are not compared, because they differ whenever the curves do.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-#[non_exhaustive]
 pub struct ReportDifference {
     /// Verdicts of both reports.
     pub verdicts: [Verdict; 2],
@@ -22,55 +20,47 @@ pub struct ReportDifference {
 /// Identity of a finding: its kind, its curves, and a number or the code of a defect.
 type Key = (u8, u32, Option<u32>, Image, [i64; 2]);
 
-impl Report {
-    /// Returns the difference from a report on the same frame; `None` if the verdicts and findings
-    /// are equal. `names` are those of the curves of both, or empty.
-    ///
-    /// Not compared: times, places, work counters, clearance, the abort flag (it depends on the
-    /// policy), and the state to roll back to.
-    pub fn difference(&self, other: &Report, names: &[String]) -> Option<ReportDifference> {
-        let mut both = [self, other].map(|report| report.by_identity(names));
-        let [first, second] = &mut both;
-        for (key, found) in first.iter_mut() {
-            if let Some(others) = second.get_mut(key) {
-                let common = found.len().min(others.len());
-                found.drain(..common);
-                others.drain(..common);
-            }
+/// Returns the difference of two reports on the same frame; `None` if the verdicts and findings are
+/// equal. `names` are those of the curves of both, or empty.
+///
+/// Not compared: times, places, work counters, clearance, the abort flag (it depends on the policy),
+/// and the state to roll back to.
+pub fn difference(reports: [&Report; 2], names: &[String]) -> Option<ReportDifference> {
+    let [mut first, mut second] = reports.map(|report| by_identity(report, names));
+    for (key, found) in &mut first {
+        if let Some(others) = second.get_mut(key) {
+            let common = found.len().min(others.len());
+            found.drain(..common);
+            others.drain(..common);
         }
-        let verdicts = [self.verdict, other.verdict];
-        let [first, second] = both.map(|all| all.into_values().flatten().collect::<Vec<_>>());
-        let equal = verdicts[0] == verdicts[1] && first.is_empty() && second.is_empty();
-        (!equal).then_some(ReportDifference {
-            verdicts,
-            only: [first, second],
-        })
     }
+    let verdicts = reports.map(|report| report.verdict);
+    let only = [first, second].map(|all| all.into_values().flatten().collect::<Vec<_>>());
+    let equal = verdicts[0] == verdicts[1] && only.iter().all(Vec::is_empty);
+    (!equal).then_some(ReportDifference { verdicts, only })
+}
 
-    /// Returns all findings in words, by their identity.
-    fn by_identity(&self, names: &[String]) -> BTreeMap<Key, Vec<String>> {
-        let keys = self.all_findings().map(|finding| {
-            let (kind, numbers) = match finding {
-                Finding::Change(c) => (0, [c.expected, c.found]),
-                Finding::PullThrough(e) => (1, [e.sign.into(), 0]),
-                Finding::Defect(d) => (2, [i64::from(d.kind as u32), 0]),
-                Finding::Unresolved(e) => (3, [e.sign.into(), 0]),
-            };
-            let (i, j, image) = finding.pair();
-            (kind, i, j, image, numbers)
-        });
-        let mut all = BTreeMap::<Key, Vec<String>>::new();
-        for (key, sentence) in keys.zip(self.findings_named(names)) {
-            all.entry(key).or_default().push(sentence);
-        }
-        all
+/// Returns all findings in words, by their identity.
+fn by_identity(report: &Report, names: &[String]) -> BTreeMap<Key, Vec<String>> {
+    let mut all = BTreeMap::<Key, Vec<String>>::new();
+    for (finding, sentence) in report.all_findings().zip(report.findings_named(names)) {
+        let (kind, numbers) = match finding {
+            Finding::Change(c) => (0, [c.expected, c.found]),
+            Finding::PullThrough(e) => (1, [e.sign.into(), 0]),
+            Finding::Defect(d) => (2, [i64::from(d.kind as u32), 0]),
+            Finding::Unresolved(e) => (3, [e.sign.into(), 0]),
+        };
+        let (i, j, image) = finding.pair();
+        let key = (kind, i, j, image, numbers);
+        all.entry(key).or_default().push(sentence);
     }
+    all
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::verdict::{Change, PullThrough};
+    use linkwatch::{Change, PullThrough};
 
     fn report(changes: &[(u32, u32, i64)], signs: &[i32]) -> Report {
         let mut report = Report::new(5, 0.5, Verdict::Changed);
@@ -108,15 +98,15 @@ mod tests {
         second.events[0].fraction = 0.25;
         second.events[0].segments = [7, 7];
         second.stats.tests = 99;
-        assert_eq!(first.difference(&second, &[]), None);
+        assert_eq!(difference([&first, &second], &[]), None);
     }
 
     #[test]
     fn names_the_findings_that_only_one_report_has() {
         let first = report(&[(0, 1, 0), (2, 3, 2)], &[1, 1]);
         let second = report(&[(0, 1, 2), (2, 3, 2)], &[1]);
-        let difference = first.difference(&second, &[]).unwrap();
-        let [only_first, only_second] = &difference.only;
+        let found = difference([&first, &second], &[]).unwrap();
+        let [only_first, only_second] = &found.only;
         assert_eq!(
             only_second[..],
             ["curves 0 and 1 changed their link: linking number was 1, is 2"]
@@ -133,8 +123,8 @@ mod tests {
     fn another_verdict_is_a_difference_without_findings() {
         let first = Report::new(1, 0.0, Verdict::Intact);
         let second = Report::new(1, 0.0, Verdict::Rejected);
-        let difference = first.difference(&second, &[]).unwrap();
-        assert_eq!(difference.verdicts, [Verdict::Intact, Verdict::Rejected]);
-        assert_eq!(difference.only, [vec![], vec![]] as [Vec<String>; 2]);
+        let found = difference([&first, &second], &[]).unwrap();
+        assert_eq!(found.verdicts, [Verdict::Intact, Verdict::Rejected]);
+        assert_eq!(found.only, [vec![], vec![]] as [Vec<String>; 2]);
     }
 }

@@ -1,8 +1,12 @@
 //! `linkwatch diff`: compares the recorded verdicts of two runs.
 
+mod reports;
+mod runs;
+
+use self::runs::{FrameDiff, OnlyIn, RunDiff, diff_runs};
 use super::Outcome;
 use super::output::{self, count, plural};
-use linkwatch::{Alignment, Error, FrameDiff, OnlyIn, RecordingReader, Result, RunDiff, diff_runs};
+use linkwatch::{Error, RecordingReader, Result};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
@@ -38,11 +42,8 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     }
     let open = |path: &Path| RecordingReader::open(path).map_err(|e| e.in_file(path));
     let [mut a, mut b] = [open(paths[0])?, open(paths[1])?];
-    let alignment = match args.by_time {
-        true => Alignment::Time,
-        false => Alignment::Number,
-    };
-    let diff = diff_runs([(paths[0], &mut a), (paths[1], &mut b)], alignment)?;
+    let runs = [(paths[0], &mut a), (paths[1], &mut b)];
+    let diff = diff_runs(runs, args.by_time)?;
     let settings = other_settings(a.metadata(), b.metadata());
     let names = paths.map(|path| path.display().to_string());
     if json {
@@ -53,7 +54,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
             "other_settings": settings,
         }));
     } else {
-        print(&diff, &names, alignment);
+        print(&diff, &names, args.by_time);
     }
     for setting in &settings {
         tracing::warn!("the runs were recorded with other settings: {setting}");
@@ -61,7 +62,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     for (name, _) in names.iter().zip(diff.cut).filter(|(_, cut)| *cut) {
         tracing::warn!("{name}: the recording was cut off");
     }
-    if let Some(seq) = diff.other_time.filter(|_| alignment == Alignment::Number) {
+    if let Some(seq) = diff.other_time.filter(|_| !args.by_time) {
         tracing::warn!(
             "frame {seq} has another simulation time in each run; --by-time compares frames of the \
              same time"
@@ -87,26 +88,15 @@ fn other_settings(a: &BTreeMap<String, String>, b: &BTreeMap<String, String>) ->
         .collect()
 }
 
-fn print(diff: &RunDiff, names: &[String; 2], alignment: Alignment) {
-    let RunDiff {
-        compared,
-        different,
-        first,
-        curves,
-        ..
-    } = diff;
-    match different {
-        0 => output::line(format_args!(
-            "verdicts: {} equal, none different",
-            count(*compared)
-        )),
-        n => output::line(format_args!(
-            "verdicts: {} equal, {} different",
-            count(compared - n),
-            count(*n)
-        )),
-    }
-    if let Some(first) = first {
+fn print(diff: &RunDiff, names: &[String; 2], by_time: bool) {
+    let (compared, different, curves) = (diff.compared, diff.different, &diff.curves);
+    let unlike = match different {
+        0 => "none".to_owned(),
+        n => count(n),
+    };
+    let equal = count(compared - different);
+    output::line(format_args!("verdicts: {equal} equal, {unlike} different"));
+    if let Some(first) = &diff.first {
         print_frame(first, names);
     }
     match curves.first {
@@ -141,10 +131,10 @@ fn print(diff: &RunDiff, names: &[String; 2], alignment: Alignment) {
             plural(diff.without_verdict, "frame")
         ));
     }
-    if *compared == 0 && diff.without_verdict == 0 {
-        let (what, advice) = match alignment {
-            Alignment::Number => ("number", "; --by-time compares by simulation time"),
-            Alignment::Time => ("simulation time", ""),
+    if compared == 0 && diff.without_verdict == 0 {
+        let (what, advice) = match by_time {
+            false => ("number", "; --by-time compares by simulation time"),
+            true => ("simulation time", ""),
         };
         output::line(format_args!("no frame has the same {what} in both{advice}"));
     }

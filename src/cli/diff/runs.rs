@@ -2,9 +2,8 @@
 //!
 //! Both recordings are read once, side by side; memory holds one frame of each.
 
-use super::{Ending, RecordedFrame, RecordedItem, RecordingReader};
-use crate::error::{Error, Result};
-use crate::verdict::{Report, ReportDifference};
+use super::reports::{ReportDifference, difference};
+use linkwatch::{Ending, Error, RecordedFrame, RecordedItem, RecordingReader, Report, Result};
 use serde::Serialize;
 use std::cmp::Ordering;
 use std::io::{Read, Seek};
@@ -14,19 +13,8 @@ use std::path::Path;
 /// steps round differently.
 const SAME_TIME: f64 = 1e-7;
 
-/// Property that identifies a frame in both runs.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Alignment {
-    /// The sequence number.
-    #[default]
-    Number,
-    /// The simulation time, up to rounding.
-    Time,
-}
-
 /// A frame that both runs have, with different verdicts or findings.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-#[non_exhaustive]
 pub struct FrameDiff {
     /// Numbers of the frame in the runs.
     pub seq: [u64; 2],
@@ -40,7 +28,6 @@ pub struct FrameDiff {
 
 /// Frames that one run has and the other one lacks.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
-#[non_exhaustive]
 pub struct OnlyIn {
     /// Number of these frames.
     pub frames: u64,
@@ -57,7 +44,6 @@ impl OnlyIn {
 
 /// Comparison of the curves of two runs.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
-#[non_exhaustive]
 pub struct CurveDiff {
     /// Number of frames whose curves were recorded in both runs.
     pub compared: u64,
@@ -69,7 +55,6 @@ pub struct CurveDiff {
 
 /// Differences of the recorded verdicts of two runs.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
-#[non_exhaustive]
 pub struct RunDiff {
     /// Number of frames with a verdict in both runs.
     pub compared: u64,
@@ -143,24 +128,13 @@ impl<'a, R: Read + Seek> Run<'a, R> {
     }
 }
 
-impl Alignment {
-    fn compare(self, a: &Entry, b: &Entry) -> Ordering {
-        match self {
-            Alignment::Number => a.seq.cmp(&b.seq),
-            Alignment::Time if same_time(a.time, b.time) => Ordering::Equal,
-            Alignment::Time => a.time.total_cmp(&b.time),
-        }
-    }
-}
-
 fn same_time(a: f64, b: f64) -> bool {
     (a - b).abs() <= SAME_TIME * a.abs().max(b.abs())
 }
 
 /// Compares the recorded verdicts of two runs frame by frame, and if the curves have the same bits.
-/// Nothing is verified.
-///
-/// Frames of a run follow one another in the order of their alignment.
+/// Nothing is verified. A frame is the same in both if it has the same number, or the same time, up
+/// to rounding, if `by_time`. Frames of a run follow one another in this order.
 ///
 /// # Errors
 ///
@@ -168,7 +142,7 @@ fn same_time(a: f64, b: f64) -> bool {
 /// different numbers of curves, so that their findings are about other curves.
 pub fn diff_runs<R: Read + Seek>(
     runs: [(&Path, &mut RecordingReader<R>); 2],
-    alignment: Alignment,
+    by_time: bool,
 ) -> Result<RunDiff> {
     let mut diff = RunDiff::default();
     let [mut first, mut second] = runs.map(Run::new);
@@ -178,7 +152,9 @@ pub fn diff_runs<R: Read + Seek>(
             (None, None) => break,
             (Some(_), None) => Ordering::Less,
             (None, Some(_)) => Ordering::Greater,
-            (Some(a), Some(b)) => alignment.compare(a, b),
+            (Some(a), Some(b)) if !by_time => a.seq.cmp(&b.seq),
+            (Some(a), Some(b)) if same_time(a.time, b.time) => Ordering::Equal,
+            (Some(a), Some(b)) => a.time.total_cmp(&b.time),
         };
         match (order, &a, &b) {
             (Ordering::Equal, Some(a), Some(b)) => diff.add(a, b)?,
@@ -213,7 +189,7 @@ impl RunDiff {
         };
         self.compared += 1;
         let names = a.frame.as_ref().map(|f| &f.info.labels.names[..]);
-        if let Some(difference) = p.difference(q, names.unwrap_or_default()) {
+        if let Some(difference) = difference([p, q], names.unwrap_or_default()) {
             self.different += 1;
             self.first.get_or_insert_with(|| FrameDiff {
                 seq: [a.seq, b.seq],
@@ -251,17 +227,17 @@ mod tests {
     use super::*;
     use std::path::PathBuf;
 
-    fn diff(names: [&str; 2], alignment: Alignment) -> Result<RunDiff> {
+    fn diff(names: [&str; 2], by_time: bool) -> Result<RunDiff> {
         let paths = names.map(|name| PathBuf::from(format!("recordings/{name}.mcap")));
         let [mut a, mut b] = paths.each_ref().map(|p| RecordingReader::open(p).unwrap());
-        diff_runs([(&paths[0], &mut a), (&paths[1], &mut b)], alignment)
+        diff_runs([(&paths[0], &mut a), (&paths[1], &mut b)], by_time)
     }
 
     #[test]
     fn a_recording_does_not_differ_from_itself() {
         for (name, verdicts, frames) in [("squares", 20, 19), ("flight", 5, 5)] {
-            for alignment in [Alignment::Number, Alignment::Time] {
-                let found = diff([name, name], alignment).unwrap();
+            for by_time in [false, true] {
+                let found = diff([name, name], by_time).unwrap();
                 let expected = RunDiff {
                     compared: verdicts,
                     curves: CurveDiff {
@@ -280,19 +256,19 @@ mod tests {
     #[test]
     fn frames_of_runs_with_other_numbers_are_aligned_by_time() {
         let names = ["chainmail", "chainmail_steps"];
-        let found = diff(names, Alignment::Time).unwrap();
+        let found = diff(names, true).unwrap();
         assert_eq!((found.compared, found.different), (5, 0));
         assert_eq!((found.curves.compared, found.curves.equal), (5, 5));
         assert_eq!(found.only[0].range, Some([5, 59]));
         assert_eq!(found.only[1].frames, 60);
-        let found = diff(names, Alignment::Number).unwrap();
+        let found = diff(names, false).unwrap();
         assert_eq!((found.compared, found.other_time), (60, Some(1)));
         assert_eq!(found.curves.first, Some([1, 1]));
     }
 
     #[test]
     fn runs_of_other_curves_are_not_compared() {
-        let message = diff(["flight", "chainmail"], Alignment::Number)
+        let message = diff(["flight", "chainmail"], false)
             .unwrap_err()
             .to_string();
         assert!(message.contains("2 curves in frame 0"), "{message}");
