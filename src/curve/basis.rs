@@ -59,6 +59,17 @@ impl Basis {
         usize::from(closed && matches!(self, Basis::CatmullRom | Basis::BSpline))
     }
 
+    /// Returns the share of the size of a box of control points by which a curve may leave the box,
+    /// on each side.
+    #[cfg(feature = "verify")]
+    pub(crate) fn overshoot(self) -> f64 {
+        match self {
+            // Weights of control points from -1/6 to 7/6.
+            Basis::CatmullRom => 1.0 / 6.0,
+            Basis::Polyline | Basis::Bezier | Basis::BSpline => 0.0,
+        }
+    }
+
     /// Returns true if segments are straight, so that a curve is its own polyline.
     pub fn is_polyline(self) -> bool {
         self == Basis::Polyline

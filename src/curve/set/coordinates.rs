@@ -2,13 +2,13 @@
 
 use super::basis::bspline_knot;
 use super::curve::Curve;
-use super::tile;
+use super::spread;
 use super::{Basis, Point, Positions, Precision};
 use crate::simd::dispatch;
 
 /// Coordinates in three arrays, one per axis, in the precision of the input.
 #[derive(Debug)]
-pub(super) enum Coordinates {
+pub(crate) enum Coordinates {
     F32([Vec<f32>; 3]),
     F64([Vec<f64>; 3]),
 }
@@ -70,36 +70,12 @@ impl Coordinates {
     ) -> f64 {
         match (self, positions) {
             (Self::F32(dst), Positions::F32(src)) => {
-                dispatch!(tile::write_curves(dst, curves, basis, src))
+                dispatch!(spread::write_curves(dst, curves, basis, src))
             }
             (Self::F64(dst), Positions::F64(src)) => {
-                dispatch!(tile::write_curves(dst, curves, basis, src))
+                dispatch!(spread::write_curves(dst, curves, basis, src))
             }
             _ => unreachable!("callers compare the precision first"),
-        }
-    }
-
-    /// Returns the number of slots in `first..first + count` that hold the same point as the next
-    /// slot.
-    pub fn repeats(&self, first: usize, count: usize) -> usize {
-        fn count_in<T: PartialEq>(v: &[Vec<T>; 3], first: usize, count: usize) -> usize {
-            let [x, y, z] = v.each_ref().map(|v| &v[first..first + count + 1]);
-            let same = |v: &[T], k: usize| v[k] == v[k + 1];
-            (0..count)
-                .filter(|&k| same(x, k) & same(y, k) & same(z, k))
-                .count()
-        }
-        match self {
-            Self::F32(v) => count_in(v, first, count),
-            Self::F64(v) => count_in(v, first, count),
-        }
-    }
-
-    /// Returns the coordinates of all slots.
-    pub fn axes(&self) -> Axes<'_> {
-        match self {
-            Self::F32(v) => Axes::F32(v.each_ref().map(Vec::as_slice)),
-            Self::F64(v) => Axes::F64(v.each_ref().map(Vec::as_slice)),
         }
     }
 }
@@ -145,15 +121,6 @@ impl Scalar for f64 {
     fn bits_within(limit: f64) -> u64 {
         limit.to_bits().min(Self::MAX_BITS)
     }
-}
-
-/// Coordinates of all slots, one array per axis.
-#[derive(Clone, Copy)]
-pub(crate) enum Axes<'a> {
-    /// Single precision.
-    F32([&'a [f32]; 3]),
-    /// Double precision.
-    F64([&'a [f64]; 3]),
 }
 
 /// Knots of one curve in a coordinate frame `(u, v, w)`. The type and the stride are matched once,

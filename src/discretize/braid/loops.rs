@@ -4,7 +4,7 @@ use super::end::End;
 use super::pose::{Pose, mean};
 use super::volume::Piece;
 use super::{Braid, Braids, auto};
-use crate::curve::{Basis, Bezier, Box3, CurveSet, Notation, Point, Positions, Shape};
+use crate::curve::{AXES, Basis, Bezier, CurveSet, Notation, Point, Positions, Shape};
 use crate::error::{Error, Result};
 use crate::pairs::LoopPairs;
 use nalgebra::Vector3;
@@ -219,9 +219,15 @@ impl BraidLoops {
             all.lo = all.lo.inf(&b.lo);
             all.hi = all.hi.sup(&b.hi);
         }
-        for (i, coarse) in set.coarse_boxes().iter().enumerate() {
+        for i in 0..set.len() {
+            let [lo, hi] = set.bounds_along(i, &AXES).map(Vector3::from);
+            let by = set.basis().overshoot() * (hi - lo) + Vector3::repeat(slack);
+            let coarse = Piece {
+                lo: lo - by,
+                hi: hi + by,
+            };
             let counts = || set.curve(i).closed || self.find(i as u32).is_some();
-            if !overlaps(coarse, &all) || !counts() {
+            if !coarse.overlaps(&all) || !counts() {
                 continue;
             }
             for s in 0..set.curve(i).segments as usize {
@@ -487,10 +493,6 @@ fn hull_box(b: &Bezier) -> Piece {
         lo: points.iter().fold(first, |a, p| a.inf(p)),
         hi: points.iter().fold(first, |a, p| a.sup(p)),
     }
-}
-
-fn overlaps(b: &Box3, piece: &Piece) -> bool {
-    (0..3).all(|x| f64::from(b.lo[x]) <= piece.hi[x] && piece.lo[x] <= f64::from(b.hi[x]))
 }
 
 /// Writes one curve: vertices of a polyline, or control points of Bezier segments.

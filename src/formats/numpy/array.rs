@@ -54,7 +54,7 @@ impl Unread {
             Unread::Io(e)
                 if matches!(e.kind(), ErrorKind::InvalidData | ErrorKind::InvalidInput) =>
             {
-                Error::format(FORMAT, place, e)
+                Error::format(FORMAT, place, format_args!("the file is damaged: {e}"))
             }
             Unread::Io(e) => Error::Io(e),
         }

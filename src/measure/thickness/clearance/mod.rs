@@ -398,7 +398,6 @@ impl ClearanceMonitor {
         let closest = std::mem::take(&mut self.closest);
         let measured = strands.measure(&closest, REACH);
         found.add(closest, measured);
-        let (blocks, positions) = (strands.blocks, strands.positions);
         let smallest = strands.radii.iter().fold(f64::INFINITY, |a, &b| a.min(b));
         let small = SMALL * smallest;
         let old = self.list.take().map(|list| {
@@ -409,7 +408,7 @@ impl ClearanceMonitor {
         let (list, at_least) = match old {
             Some((mut list, mut moved)) if list.is_complete(&moved) => {
                 let limit = list.level.min(found.ratio());
-                let (due, compared) = list.due(&mut moved, (blocks, positions), limit);
+                let (due, compared) = list.due(&mut moved, strands, limit);
                 self.work += compared + MEASUREMENT * due.len();
                 let measured = strands.measure(&due, limit);
                 found.add(due, measured);
