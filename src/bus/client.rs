@@ -460,7 +460,7 @@ impl Client {
     /// that was accepted is not called intact.
     pub fn accept(&mut self) {
         self.resume();
-        self.frames.accept();
+        self.frames.baseline = None;
     }
 
     /// Marks the next frame as not continuing the previous one: after a restart from a checkpoint,
@@ -583,7 +583,7 @@ impl Client {
 
 impl Drop for Client {
     fn drop(&mut self) {
-        if !self.finished && self.frames.has_publisher() {
+        if !self.finished && self.frames.publishers.is_some() {
             // Best effort: without this message the watcher notices the end half a second later.
             let _ = self
                 .frames

@@ -45,7 +45,7 @@ type FramePublisher = Publisher<Ipc, [u8], FrameHeader>;
 
 /// Publishers of a session. Each has a buffer of its own at every watcher.
 #[derive(Debug)]
-struct Publishers {
+pub(super) struct Publishers {
     frames: FramePublisher,
     /// Publishes baselines only. Newer frames do not replace the last one in the buffer of a
     /// watcher, and a watcher that starts later receives it, too.
@@ -65,7 +65,8 @@ impl Publishers {
 /// Frames of a session: their layout and their numbers.
 #[derive(Debug)]
 pub(super) struct Frames {
-    publishers: Option<Owned<Publishers>>,
+    /// `None` before something was sent or declared.
+    pub publishers: Option<Owned<Publishers>>,
     pub session: u64,
     lockstep: bool,
     layout: Option<Layout>,
@@ -78,7 +79,7 @@ pub(super) struct Frames {
     /// Number of the next frame.
     pub next: u64,
     /// Number of the frame that is the baseline; `None` if the next one is.
-    baseline: Option<u64>,
+    pub baseline: Option<u64>,
     /// Number of cuts so far. Frames with different numbers do not belong to one motion.
     cuts: u32,
 }
@@ -114,21 +115,11 @@ impl Frames {
         }
     }
 
-    /// Returns true if something was sent or declared.
-    pub fn has_publisher(&self) -> bool {
-        self.publishers.is_some()
-    }
-
     /// Connects to watchers that started since the last frame.
     pub fn connect(&self) {
         self.publishers
             .iter()
             .for_each(|publishers| publishers.connect());
-    }
-
-    /// Makes the next frame the baseline.
-    pub fn accept(&mut self) {
-        self.baseline = None;
     }
 
     /// Marks the next frame as not continuing the previous one.

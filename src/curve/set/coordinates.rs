@@ -82,8 +82,6 @@ impl Coordinates {
 
 /// A type of coordinates.
 pub(crate) trait Scalar: Copy + Into<f64> + Default {
-    /// Bit pattern of the largest finite magnitude.
-    const MAX_BITS: u64;
     /// Returns the bit pattern of the largest magnitude.
     fn largest(values: &[Self]) -> u64;
     /// Returns the number with this bit pattern.
@@ -91,26 +89,24 @@ pub(crate) trait Scalar: Copy + Into<f64> + Default {
     /// Returns the bit pattern of the largest finite magnitude that is not above `limit`.
     fn bits_within(limit: f64) -> u64;
 }
+
 impl Scalar for f32 {
-    const MAX_BITS: u64 = f32::MAX.to_bits() as u64;
     #[inline(always)]
     fn largest(values: &[Self]) -> u64 {
         let largest = values.iter().fold(0, |m, v| (v.to_bits() << 1 >> 1).max(m));
         u64::from(largest)
     }
+
     fn from_magnitude(bits: u64) -> f64 {
         f32::from_bits(bits as u32).into()
     }
     fn bits_within(limit: f64) -> u64 {
         // The limits are powers of two, or beyond single precision.
-        match limit < f64::from(f32::MAX) {
-            true => u64::from((limit as f32).to_bits()),
-            false => Self::MAX_BITS,
-        }
+        u64::from((limit.min(f32::MAX.into()) as f32).to_bits())
     }
 }
+
 impl Scalar for f64 {
-    const MAX_BITS: u64 = f64::MAX.to_bits();
     #[inline(always)]
     fn largest(values: &[Self]) -> u64 {
         values.iter().fold(0, |m, v| (v.to_bits() << 1 >> 1).max(m))
@@ -119,7 +115,7 @@ impl Scalar for f64 {
         f64::from_bits(bits)
     }
     fn bits_within(limit: f64) -> u64 {
-        limit.to_bits().min(Self::MAX_BITS)
+        limit.min(f64::MAX).to_bits()
     }
 }
 

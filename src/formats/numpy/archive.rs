@@ -176,8 +176,14 @@ impl<R: ReaderAt> Archive<R> {
             )));
         }
         let mut bytes = Vec::new();
-        fill(&mut self.content(member)?, size as usize, &mut bytes)
-            .map_err(|e| e.at(format_args!("array {name}")))?;
+        let place = format_args!("array {name}");
+        fill(
+            &mut self.content(member)?,
+            size as usize,
+            &mut bytes,
+            place,
+            0,
+        )?;
         Ok(bytes)
     }
 }

@@ -1,6 +1,6 @@
 //! Frames of an array of positions.
 
-use super::array::{Array, Kind, Unread, fill};
+use super::array::{Array, Kind, fill};
 use super::{Cells, FORMAT, Others};
 use crate::curve::{Basis, CurveLabels, CurveSet, CurveSetBuilder, Positions, Precision, count_of};
 use crate::error::{Error, Result};
@@ -147,7 +147,7 @@ impl<R: Read> ArrayFrames<R> {
     }
 
     /// Reads a frame to its end, also if its curves are invalid.
-    fn curves(&mut self) -> Result<Result<CurveSet>, Unread> {
+    fn curves(&mut self) -> Result<Result<CurveSet>> {
         let precision = match self.array.size {
             8 => Precision::F64,
             _ => Precision::F32,
@@ -158,10 +158,8 @@ impl<R: Read> ArrayFrames<R> {
         while left > 0 {
             let bytes = left.min(3 * CHUNK * precision.bytes());
             left -= bytes;
-            fill(&mut self.input, bytes, &mut chunk).map_err(|e| match e {
-                Unread::End(missing) => Unread::End(missing + left as u64),
-                e => e,
-            })?;
+            let place = format_args!("frame {}", self.next);
+            fill(&mut self.input, bytes, &mut chunk, place, left as u64)?;
             self.array.to_little_endian(&mut chunk);
             built = built.and_then(|mut builder| {
                 match precision {
@@ -187,9 +185,7 @@ impl<R: Read> FrameSource for ArrayFrames<R> {
         if frame == self.layout.frames {
             return Ok(None);
         }
-        let curves = self
-            .curves()
-            .map_err(|e| e.at(format_args!("frame {frame}")))?;
+        let curves = self.curves()?;
         self.next += 1;
         let k = frame as usize;
         let Others {

@@ -1,5 +1,5 @@
-//! Hierarchy of boxes around the edges, and its search with ramps (section 4, Algorithm 4). Where the
-//! paper has an octree, the edges are halved along the longest side of their box.
+//! Hierarchy of boxes around the edges, and its search with ramps (section 4, Algorithm 4). In place
+//! of an octree, the edges are halved along the longest side of their box.
 
 use super::edges::{Edge, Edges, Found, TOLERANCE};
 use crate::curve::vector::{add, dot, sub};

@@ -99,13 +99,8 @@ impl Moved {
         };
         // Only the last chunk may be smaller.
         let new = &mut self.blocks[known..];
-        match chunks.len() {
-            ..CHUNKS_PER_TASK => chunks.iter().zip(new.chunks_mut(CHUNK)).for_each(fill),
-            _ => {
-                let parts = chunks.par_iter().zip(new.par_chunks_mut(CHUNK));
-                parts.for_each(fill);
-            }
-        }
+        let parts = chunks.par_iter().zip(new.par_chunks_mut(CHUNK));
+        parts.with_min_len(CHUNKS_PER_TASK).for_each(fill);
     }
 
     /// Returns the displacements of a block, or those of its chunk.
@@ -268,19 +263,11 @@ impl NearList {
         let rigid = Rigid::fit([self.reference.positions(), strands.positions], small);
         let (parts, step) = (&strands.blocks.chunks[..], &self.step(strands, rigid));
         let mut chunks = vec![Displacements::default(); parts.len()];
-        match parts.len() {
-            ..CHUNKS_PER_TASK => {
-                let out = &mut chunks[..];
-                dispatch!(Step::displacements(step, parts, out));
-            }
-            _ => {
-                let outs = chunks.par_chunks_mut(CHUNKS_PER_TASK);
-                let tasks = parts.par_chunks(CHUNKS_PER_TASK).zip(outs);
-                tasks.for_each(|(parts, out)| {
-                    dispatch!(Step::displacements(step, parts, out));
-                });
-            }
-        }
+        let outs = chunks.par_chunks_mut(CHUNKS_PER_TASK);
+        let tasks = parts.par_chunks(CHUNKS_PER_TASK).zip(outs);
+        tasks.for_each(|(parts, out)| {
+            dispatch!(Step::displacements(step, parts, out));
+        });
         let far = chunks.iter().map(|moved| rigid.largest_from(moved));
         let far = far.fold(0.0, f64::max);
         let lattice = self.lattice.as_ref().zip(strands.cell);
@@ -354,10 +341,8 @@ impl NearList {
             due.extend::<Vec<BlockPair>>(more);
             (due, count + compared)
         };
-        let (mut due, compared) = match far.len() {
-            ..CHUNKS_PER_TASK => far.iter().map(look).fold(Default::default(), join),
-            _ => far.par_iter().map(look).reduce(Default::default, join),
-        };
+        let looked = far.par_iter().with_min_len(CHUNKS_PER_TASK).map(look);
+        let (mut due, compared) = looked.reduce(Default::default, join);
         due.sort_unstable();
         due.dedup();
         (due, compared)
