@@ -10,7 +10,6 @@ use super::wire::{FLAG_ANNOUNCE, FLAG_END, FLAG_UNFINISHED};
 use crate::curve::{Basis, Cell, CurveLabels, Positions, Precision};
 use crate::error::{Error, Result};
 use crate::fork::Owned;
-use std::fmt;
 use std::time::{Duration, Instant};
 
 /// Maximum time that a sleeping client waits before it polls.
@@ -130,6 +129,7 @@ impl FrameLoan<'_> {
 /// # Ok(())
 /// # }
 /// ```
+#[derive(Debug)]
 pub struct Client {
     frames: Frames,
     watcher: Watcher,
@@ -143,15 +143,6 @@ pub struct Client {
     hinted: bool,
     service: String,
     connection: Owned<Connection>,
-}
-
-impl fmt::Debug for Client {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_struct("Client")
-            .field("session", &self.frames.session)
-            .field("next_seq", &self.frames.next)
-            .finish_non_exhaustive()
-    }
 }
 
 impl Client {
@@ -318,11 +309,7 @@ impl Client {
         let mut frame = self.begin(time)?;
         let expected = frame.coordinates();
         if positions.len() != expected {
-            return Err(Error::Count {
-                what: "coordinates",
-                promised: expected as u64,
-                available: positions.len() as u64,
-            });
+            return Err(Error::count("coordinates", expected, positions.len()));
         }
         match positions {
             Positions::F32(from) => frame.positions_f32()?.copy_from_slice(from),
@@ -473,7 +460,7 @@ impl Client {
     /// that was accepted is not called intact.
     pub fn accept(&mut self) {
         self.resume();
-        self.frames.accept();
+        self.frames.baseline = None;
     }
 
     /// Marks the next frame as not continuing the previous one: after a restart from a checkpoint,
@@ -596,7 +583,7 @@ impl Client {
 
 impl Drop for Client {
     fn drop(&mut self) {
-        if !self.finished && self.frames.has_publisher() {
+        if !self.finished && self.frames.publishers.is_some() {
             // Best effort: without this message the watcher notices the end half a second later.
             let _ = self
                 .frames

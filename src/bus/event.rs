@@ -7,7 +7,6 @@ use crate::curve::{CurveLabels, CurveSet};
 use crate::error::{Error, Result};
 use crate::ingest::{FrameInfo, RawFrame, ingest};
 use iceoryx2::sample::Sample;
-use std::fmt;
 use std::sync::Arc;
 
 /// Event on the bus.
@@ -52,6 +51,7 @@ pub enum Event {
 }
 
 /// Frame in shared memory. It occupies one of four slots until it is dropped.
+#[derive(Debug)]
 pub struct Frame {
     pub(super) sample: Sample<Ipc, [u8], FrameHeader>,
     /// Copy of the header, because the one in shared memory could change while it is read.
@@ -59,14 +59,6 @@ pub struct Frame {
     pub(super) max_bytes: usize,
     /// Error text if the sequence number is impossible.
     pub(super) fault: Option<String>,
-}
-
-impl fmt::Debug for Frame {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_struct("Frame")
-            .field("header", &self.header)
-            .finish_non_exhaustive()
-    }
 }
 
 impl Frame {

@@ -15,7 +15,6 @@ use iceoryx2::port::subscriber::Subscriber;
 use iceoryx2::port::update_connections::UpdateConnections;
 use iceoryx2::prelude::{AllocationStrategy, BackpressureStrategy};
 use iceoryx2::sample_mut::SampleMut;
-use std::fmt;
 use std::hash::{BuildHasher, Hasher, RandomState};
 use std::sync::Arc;
 
@@ -27,6 +26,7 @@ pub(super) const LOANS: usize = 8;
 pub(super) const MAX_BYTES: usize = u32::MAX as usize;
 
 /// Connection of the client with the watcher.
+#[derive(Debug)]
 pub(super) struct Connection {
     pub subscriber: Subscriber<Ipc, VerdictWire, ()>,
     pub endpoint: Endpoint,
@@ -44,7 +44,8 @@ impl Connection {
 type FramePublisher = Publisher<Ipc, [u8], FrameHeader>;
 
 /// Publishers of a session. Each has a buffer of its own at every watcher.
-struct Publishers {
+#[derive(Debug)]
+pub(super) struct Publishers {
     frames: FramePublisher,
     /// Publishes baselines only. Newer frames do not replace the last one in the buffer of a
     /// watcher, and a watcher that starts later receives it, too.
@@ -62,8 +63,10 @@ impl Publishers {
 }
 
 /// Frames of a session: their layout and their numbers.
+#[derive(Debug)]
 pub(super) struct Frames {
-    publishers: Option<Owned<Publishers>>,
+    /// `None` before something was sent or declared.
+    pub publishers: Option<Owned<Publishers>>,
     pub session: u64,
     lockstep: bool,
     layout: Option<Layout>,
@@ -76,11 +79,12 @@ pub(super) struct Frames {
     /// Number of the next frame.
     pub next: u64,
     /// Number of the frame that is the baseline; `None` if the next one is.
-    baseline: Option<u64>,
+    pub baseline: Option<u64>,
     /// Number of cuts so far. Frames with different numbers do not belong to one motion.
     cuts: u32,
 }
 
+#[derive(Debug)]
 struct Layout {
     basis: Basis,
     precision: Precision,
@@ -111,21 +115,11 @@ impl Frames {
         }
     }
 
-    /// Returns true if something was sent or declared.
-    pub fn has_publisher(&self) -> bool {
-        self.publishers.is_some()
-    }
-
     /// Connects to watchers that started since the last frame.
     pub fn connect(&self) {
         self.publishers
             .iter()
             .for_each(|publishers| publishers.connect());
-    }
-
-    /// Makes the next frame the baseline.
-    pub fn accept(&mut self) {
-        self.baseline = None;
     }
 
     /// Marks the next frame as not continuing the previous one.
@@ -173,24 +167,21 @@ impl Frames {
             }
             points += n;
         }
-        let table = table_of(counts, &labels);
-        let bytes = table.as_ref().and_then(|(table, _)| {
-            let positions = points.checked_mul(3 * precision.bytes())?;
-            table.len().checked_add(positions)
-        });
-        let fits = |bytes: &usize| *bytes <= MAX_BYTES;
-        let (Some(bytes), Some((table, names_bytes))) = (bytes.filter(fits), table) else {
+        let (table, names_bytes) = table_of(counts, &labels);
+        let positions = points.saturating_mul(3 * precision.bytes());
+        let bytes = table.len().saturating_add(positions);
+        if bytes > MAX_BYTES {
             return Err(Error::Bus(format!(
                 "a frame of {points} points is larger than the limit of {MAX_BYTES} bytes"
             )));
-        };
+        }
         self.layout = Some(Layout {
             basis,
             precision,
             points,
             curves: counts.len(),
             table,
-            names_bytes,
+            names_bytes: names_bytes as u32,
             names: labels.names.as_slice().into(),
             labels,
         });
@@ -366,6 +357,7 @@ fn copy_of(sample: &FrameSample, publisher: &FramePublisher) -> Result<FrameSamp
 
 /// Shared memory of a frame that is being written ([`Client::begin`](crate::Client::begin)).
 /// Nothing is sent if it is dropped.
+#[derive(Debug)]
 pub struct FrameMemory {
     sample: Owned<FrameSample>,
     /// Bytes before the positions.
@@ -373,14 +365,6 @@ pub struct FrameMemory {
     precision: Precision,
     /// Number of the layout: see [`Frames::layouts`].
     layout: u32,
-}
-
-impl fmt::Debug for FrameMemory {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_struct("FrameMemory")
-            .field("header", self.sample.user_header())
-            .finish_non_exhaustive()
-    }
 }
 
 impl FrameMemory {

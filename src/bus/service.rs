@@ -81,6 +81,7 @@ pub(super) const OBSERVER: &str = "linkwatch observer";
 pub(super) const FRAME_SUBSCRIBERS: usize = 4;
 
 /// Both services, opened, and the lock that makes this process the only one in its role.
+#[derive(Debug)]
 pub(super) struct Endpoint {
     role: Role,
     pub frames: FrameService,
@@ -94,12 +95,6 @@ pub(super) struct Endpoint {
     spins: AtomicU32,
     _lock: Option<Lock>,
     _node: Node<Ipc>,
-}
-
-impl Debug for Endpoint {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("Endpoint").finish_non_exhaustive()
-    }
 }
 
 impl Endpoint {

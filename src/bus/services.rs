@@ -94,26 +94,21 @@ pub fn services() -> Result<Vec<ServiceInfo>> {
             return;
         };
         let attached = living(&details);
+        let service = found.entry(name.to_owned()).or_default();
         match (part, details.static_details.messaging_pattern()) {
             ("frames", MessagingPattern::PublishSubscribe(config)) => {
                 let expected = TypeDetail::new::<FrameHeader>(TypeVariant::FixedSize);
                 let header = config.message_type_details().user_header;
                 if header.type_name() == expected.type_name() {
-                    let service = found.entry(name.to_owned()).or_default();
                     service.frames = Some((attached, header == expected));
                 }
             }
             ("verdicts", MessagingPattern::PublishSubscribe(config)) => {
                 let expected = TypeDetail::new::<VerdictWire>(TypeVariant::FixedSize);
-                let service = found.entry(name.to_owned()).or_default();
                 service.strange = config.message_type_details().payload != expected;
             }
-            ("simulator", MessagingPattern::RequestResponse(_)) => {
-                found.entry(name.to_owned()).or_default().simulators = attached;
-            }
-            ("watcher", MessagingPattern::RequestResponse(_)) => {
-                found.entry(name.to_owned()).or_default().watchers = attached;
-            }
+            ("simulator", MessagingPattern::RequestResponse(_)) => service.simulators = attached,
+            ("watcher", MessagingPattern::RequestResponse(_)) => service.watchers = attached,
             _ => {}
         }
     })?;

@@ -17,7 +17,6 @@ use iceoryx2::port::update_connections::UpdateConnections;
 use iceoryx2::prelude::BackpressureStrategy;
 use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
-use std::fmt;
 use std::time::{Duration, Instant};
 
 /// Maximum time that a sleeping watcher waits before it polls.
@@ -106,6 +105,7 @@ impl SidecarState {
     }
 }
 
+#[derive(Debug)]
 struct Session {
     id: u64,
     /// Process of the simulator as iceoryx2 identifies it; `None` if it ended before it could be
@@ -132,7 +132,7 @@ struct Session {
 }
 
 /// A sequence number and the time at which it was received.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Debug)]
 struct Seen {
     seq: u64,
     /// `None` for a baseline, which the simulator may have kept for a while.
@@ -210,6 +210,7 @@ impl Session {
     clippy::large_enum_variant,
     reason = "a box would be an allocation per frame"
 )]
+#[derive(Debug)]
 enum Pending {
     NewSession,
     Frame(Frame),
@@ -219,6 +220,7 @@ enum Pending {
 }
 
 /// Watcher's end of the bus.
+#[derive(Debug)]
 pub struct Sidecar {
     subscriber: Subscriber<Ipc, [u8], FrameHeader>,
     /// `None` for an observer.
@@ -241,14 +243,6 @@ pub struct Sidecar {
     /// Time of the last check that the process of the simulator exists.
     process_checked: Instant,
     endpoint: Endpoint,
-}
-
-impl fmt::Debug for Sidecar {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_struct("Sidecar")
-            .field("session", &self.session.as_ref().map(|s| s.id))
-            .finish_non_exhaustive()
-    }
 }
 
 impl Sidecar {

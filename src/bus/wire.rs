@@ -175,33 +175,32 @@ const _: () = assert!(size_of::<VerdictWire>() == 424);
 /// Sizes of the parts of a payload before the positions, in bytes, padding included.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Table {
-    pub counts: usize,
-    pub names: usize,
-    pub radii: usize,
+    pub counts: u64,
+    pub names: u64,
+    pub radii: u64,
 }
 
 impl Table {
-    /// Returns `None` if they do not fit into memory.
-    pub fn new(curves: usize, names: usize, radii: bool) -> Option<Table> {
-        let padded = |bytes: usize| bytes.checked_next_multiple_of(ALIGNMENT);
-        let counts = padded(curves.checked_mul(size_of::<i32>())?)?;
-        Some(Table {
+    pub fn new(curves: u32, names: u32, radii: bool) -> Table {
+        let padded = |bytes: u64| bytes.next_multiple_of(ALIGNMENT as u64);
+        let counts = padded(u64::from(curves) * size_of::<i32>() as u64);
+        Table {
             counts,
-            names: padded(names)?,
+            names: padded(names.into()),
             // A radius has as many bytes as a count.
             radii: if radii { counts } else { 0 },
-        })
+        }
     }
 
     /// Returns the number of bytes before the positions.
-    pub fn bytes(self) -> Option<usize> {
-        self.counts.checked_add(self.names)?.checked_add(self.radii)
+    pub fn bytes(self) -> u64 {
+        self.counts + self.names + self.radii
     }
 
-    /// Returns the number of bytes of a whole payload.
-    pub fn payload_bytes(self, points: usize, precision: Precision) -> Option<usize> {
-        let positions = points.checked_mul(3 * precision.bytes())?;
-        self.bytes()?.checked_add(positions)
+    /// Returns the number of bytes of a whole payload. Saturates.
+    pub fn payload_bytes(self, points: u64, precision: Precision) -> u64 {
+        let positions = points.saturating_mul(3 * precision.bytes() as u64);
+        self.bytes().saturating_add(positions)
     }
 }
 
@@ -248,11 +247,8 @@ impl FrameHeader {
     pub fn view<'a>(&self, payload: &'a [u8], max_bytes: usize) -> Result<View<'a>> {
         let field = |place, what: std::fmt::Arguments<'_>| Err(Error::format("frame", place, what));
         if payload.len() > max_bytes {
-            return Err(Error::Count {
-                what: "bytes of a frame (more than the limit)",
-                promised: payload.len() as u64,
-                available: max_bytes as u64,
-            });
+            let what = "bytes of a frame (more than the limit)";
+            return Err(Error::count(what, payload.len(), max_bytes));
         }
         if !self.time.is_finite() {
             return field("time", format_args!("{} seconds", self.time));
@@ -280,22 +276,11 @@ impl FrameHeader {
         };
         let curves = self.n_curves as usize;
         let table = self.table();
-        let points = usize::try_from(self.n_points).ok();
-        let promised = table.and_then(|table| table.payload_bytes(points?, precision));
-        let (Some(bytes), Some(table)) = (promised, table.and_then(Table::bytes)) else {
-            return field(
-                "points",
-                format_args!("{} do not fit into memory", self.n_points),
-            );
-        };
-        if bytes != payload.len() {
-            return Err(Error::Count {
-                what: "bytes of a frame",
-                promised: bytes as u64,
-                available: payload.len() as u64,
-            });
+        let bytes = table.payload_bytes(self.n_points, precision);
+        if bytes != payload.len() as u64 {
+            return Err(Error::count("bytes of a frame", bytes, payload.len()));
         }
-        let (table, positions) = payload.split_at(table);
+        let (table, positions) = payload.split_at(table.bytes() as usize);
         let Some(counts) = cast(&table[..curves * size_of::<i32>()]) else {
             return field("payload", format_args!("not aligned"));
         };
@@ -348,18 +333,18 @@ impl FrameHeader {
     }
 
     #[cfg(feature = "bus")]
-    fn table(&self) -> Option<Table> {
+    fn table(&self) -> Table {
         let radii = self.flags & FLAG_RADII != 0;
-        Table::new(self.n_curves as usize, self.names_bytes as usize, radii)
+        Table::new(self.n_curves, self.names_bytes, radii)
     }
 
     /// Decodes the names and radii in a copy of the parts before the positions
     /// ([`View::table`]).
     #[cfg(feature = "bus")]
     pub fn labels(&self, table: &[u8]) -> Result<CurveLabels> {
-        let sizes = self.table().expect("the view has compared the sizes");
+        let sizes = self.table();
         let (curves, bytes) = (self.n_curves as usize, self.names_bytes as usize);
-        let names = &table[sizes.counts..][..bytes];
+        let names = &table[sizes.counts as usize..][..bytes];
         let field = |what: &str| Err(Error::format("frame", "names of the curves", what));
         let names = match names.strip_suffix(&[0]) {
             None if names.is_empty() => Vec::new(),
@@ -376,7 +361,7 @@ impl FrameHeader {
                 }
             }
         };
-        let radii = &table[sizes.counts + sizes.names..];
+        let radii = &table[(sizes.counts + sizes.names) as usize..];
         let radii = match sizes.radii {
             0 => &[],
             _ => &radii[..curves * size_of::<f32>()],
@@ -398,20 +383,20 @@ fn not_zero(vectors: &[[f64; 3]; 3]) -> u32 {
 }
 
 /// Returns the parts before the positions of a payload, and the number of bytes of the names.
-/// `None` if they do not fit into memory.
-pub(super) fn table_of(counts: &[i32], labels: &CurveLabels) -> Option<(Vec<u8>, u32)> {
-    let names = labels.names.iter().map(|name| name.len() + 1).sum();
-    let sizes = Table::new(counts.len(), names, !labels.radii.is_empty())?;
+pub(super) fn table_of(counts: &[i32], labels: &CurveLabels) -> (Vec<u8>, usize) {
+    let pad = |table: &mut Vec<u8>| table.resize(table.len().next_multiple_of(ALIGNMENT), 0);
     let mut table: Vec<u8> = counts.iter().flat_map(|c| c.to_ne_bytes()).collect();
-    table.resize(sizes.counts, 0);
+    pad(&mut table);
+    let start = table.len();
     for name in &labels.names {
         table.extend(name.as_bytes());
         table.push(0);
     }
-    table.resize(sizes.counts + sizes.names, 0);
+    let names = table.len() - start;
+    pad(&mut table);
     table.extend(labels.radii.iter().flat_map(|r| r.to_ne_bytes()));
-    table.resize(sizes.bytes()?, 0);
-    Some((table, u32::try_from(names).ok()?))
+    pad(&mut table);
+    (table, names)
 }
 
 /// Number types for which every bit pattern is valid.

@@ -1,7 +1,7 @@
 //! Spline bases, and cubic segments in Bezier form.
 
 use super::Point;
-use std::ops::{Add, Mul, Sub};
+use std::ops::{Add, Div, Mul, Sub};
 
 vocabulary! {
     /// Rule that turns control points into a curve. All curves of a [`crate::CurveSet`] have the
@@ -59,6 +59,17 @@ impl Basis {
         usize::from(closed && matches!(self, Basis::CatmullRom | Basis::BSpline))
     }
 
+    /// Returns the share of the size of a box of control points by which a curve may leave the box,
+    /// on each side.
+    #[cfg(feature = "verify")]
+    pub(crate) fn overshoot(self) -> f64 {
+        match self {
+            // Weights of control points from -1/6 to 7/6.
+            Basis::CatmullRom => 1.0 / 6.0,
+            Basis::Polyline | Basis::Bezier | Basis::BSpline => 0.0,
+        }
+    }
+
     /// Returns true if segments are straight, so that a curve is its own polyline.
     pub fn is_polyline(self) -> bool {
         self == Basis::Polyline
@@ -107,14 +118,19 @@ impl Basis {
     pub(crate) fn hull<T: Real>(self, [q0, q1, q2, q3]: [T; 4]) -> [T; 4] {
         match self {
             Basis::Polyline => {
-                let third = (q1 - q0) * T::THIRD;
+                let third = (q1 - q0) * T::inverse(3);
                 [q0, q0 + third, q1 - third, q1]
             }
-            Basis::CatmullRom => [q1, q1 + (q2 - q0) * T::SIXTH, q2 - (q3 - q1) * T::SIXTH, q2],
+            Basis::CatmullRom => [
+                q1,
+                q1 + (q2 - q0) * T::inverse(6),
+                q2 - (q3 - q1) * T::inverse(6),
+                q2,
+            ],
             Basis::BSpline => [
                 bspline_knot(q0, q1, q2),
-                (T::TWO * q1 + q2) * T::THIRD,
-                (q1 + T::TWO * q2) * T::THIRD,
+                (T::from(2) * q1 + q2) * T::inverse(3),
+                (q1 + T::from(2) * q2) * T::inverse(3),
                 bspline_knot(q1, q2, q3),
             ],
             Basis::Bezier => [q0, q1, q2, q3],
@@ -125,7 +141,7 @@ impl Basis {
 /// Returns the point of a uniform cubic B-spline beside its control point `b`, on one axis.
 #[inline(always)]
 pub(crate) fn bspline_knot<T: Real>(a: T, b: T, c: T) -> T {
-    (a + T::FOUR * b + c) * T::SIXTH
+    (a + T::from(4) * b + c) * T::inverse(6)
 }
 
 /// A cubic segment, given by its four Bezier control points.
@@ -136,29 +152,24 @@ pub(crate) type Bounds = (Point, Point);
 
 /// A floating-point type in which bounds are computed.
 pub(crate) trait Real:
-    Copy + PartialOrd + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Default
+    Copy
+    + PartialOrd
+    + Add<Output = Self>
+    + Sub<Output = Self>
+    + Mul<Output = Self>
+    + Div<Output = Self>
+    + From<u8>
+    + Default
 {
-    const TWO: Self;
-    const FOUR: Self;
-    /// One third, rounded.
-    const THIRD: Self;
-    /// One sixth, rounded.
-    const SIXTH: Self;
+    /// Returns `1 / n`, rounded.
+    #[inline(always)]
+    fn inverse(n: u8) -> Self {
+        Self::from(1) / Self::from(n)
+    }
 }
 
-impl Real for f32 {
-    const TWO: f32 = 2.0;
-    const FOUR: f32 = 4.0;
-    const THIRD: f32 = 1.0 / 3.0;
-    const SIXTH: f32 = 1.0 / 6.0;
-}
-
-impl Real for f64 {
-    const TWO: f64 = 2.0;
-    const FOUR: f64 = 4.0;
-    const THIRD: f64 = 1.0 / 3.0;
-    const SIXTH: f64 = 1.0 / 6.0;
-}
+impl Real for f32 {}
+impl Real for f64 {}
 
 /// Returns the bounds of eight consecutive segments of a uniform cubic basis on one axis, given
 /// their eleven control points: the minimum and the maximum of [`Basis::hull`].

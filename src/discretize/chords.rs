@@ -1,6 +1,6 @@
 //! Splines as polylines of a fixed number of chords per segment.
 
-use crate::curve::{Basis, CurveSet, Positions};
+use crate::curve::{Basis, CurveSet, Positions, count_of, point_at};
 use crate::error::Result;
 
 /// Replaces each segment of the splines by `per_segment` chords of equal length in parameter, in
@@ -21,16 +21,17 @@ pub fn chords(set: &CurveSet, per_segment: usize) -> Result<CurveSet> {
     let mut counts = Vec::with_capacity(set.len());
     let mut xyz = Vec::with_capacity(3 * (steps * set.segments() + set.len()));
     for (i, curve) in set.curves().iter().enumerate() {
-        let start = xyz.len();
-        for s in 0..curve.segments as usize {
-            xyz.extend(set.knot(i, s));
-            (1..steps).for_each(|k| xyz.extend(set.eval(i, s, k as f64 / steps as f64)));
+        let segments = curve.segments as usize;
+        for s in 0..segments {
+            let hull = set.segment(i, s);
+            let inner = (1..steps).map(|k| point_at(&hull, k as f64 / steps as f64));
+            xyz.extend(std::iter::once(hull[0]).chain(inner).flatten());
         }
         if !curve.closed {
-            xyz.extend(set.knot(i, curve.segments as usize));
+            xyz.extend(set.knot(i, segments));
         }
-        let points = ((xyz.len() - start) / 3) as i32;
-        counts.push(if curve.closed { -points } else { points });
+        let points = steps * segments + usize::from(!curve.closed);
+        counts.push(count_of(points, curve.closed)?);
     }
     CurveSet::from_counts(Basis::Polyline, &counts, Positions::F64(&xyz))
 }

@@ -17,6 +17,13 @@ pub(super) struct ThirdEdge {
     pub(super) lines: [u64; 3],
 }
 
+/// A curve: its first edge, and its vertices in order.
+pub(super) struct Chain {
+    pub(super) first: usize,
+    pub(super) vertices: Vec<u32>,
+    pub(super) closed: bool,
+}
+
 /// Edges that meet at each vertex.
 pub(super) struct Chains<'a> {
     edges: &'a [Edge],
@@ -62,9 +69,15 @@ impl<'a> Chains<'a> {
         if a == v { b } else { a }
     }
 
-    /// Writes the vertices of the curve through edge `first`, in its direction, and marks its
-    /// edges. Returns true if the curve is closed.
-    pub(super) fn follow(&self, first: usize, chain: &mut Vec<u32>, used: &mut [bool]) -> bool {
+    /// Returns the curves, in the order of their first edges.
+    pub(super) fn curves(&self) -> impl Iterator<Item = Chain> {
+        let mut used = vec![false; self.edges.len()];
+        (0..self.edges.len())
+            .filter_map(move |first| (!used[first]).then(|| self.follow(first, &mut used)))
+    }
+
+    /// Returns the curve through edge `first`, in its direction, and marks its edges.
+    fn follow(&self, first: usize, used: &mut [bool]) -> Chain {
         // Goes back to the start of the curve: its open end, or `first` again.
         let (mut v, mut e) = (self.edges[first].ends[0], first);
         let closed = loop {
@@ -77,22 +90,22 @@ impl<'a> Chains<'a> {
         if closed {
             (v, e) = (self.edges[first].ends[0], first);
         }
-        let start = v;
-        chain.clear();
+        let mut vertices = vec![v];
         loop {
-            chain.push(v);
             used[e] = true;
             v = self.other_end(v, e);
-            if closed && v == start {
-                return true;
+            if !closed || v != vertices[0] {
+                vertices.push(v);
             }
             match self.other(v, e) {
-                Some(next) => e = next,
-                None => {
-                    chain.push(v);
-                    return false;
-                }
+                Some(next) if !used[next] => e = next,
+                _ => break,
             }
+        }
+        Chain {
+            first,
+            vertices,
+            closed,
         }
     }
 }
@@ -110,16 +123,7 @@ mod tests {
             .map(|(line, &ends)| Edge { ends, line })
             .collect();
         let chains = Chains::new(&edges, vertices)?;
-        let mut used = vec![false; edges.len()];
-        let mut curves = Vec::new();
-        for first in 0..edges.len() {
-            if !used[first] {
-                let mut chain = Vec::new();
-                let closed = chains.follow(first, &mut chain, &mut used);
-                curves.push((closed, chain));
-            }
-        }
-        Ok(curves)
+        Ok(chains.curves().map(|c| (c.closed, c.vertices)).collect())
     }
 
     #[test]

@@ -166,7 +166,7 @@ impl Format {
             Format::LammpsData => lammps::read_data(open_text(path)?, options),
             Format::LammpsDump => lammps::open_dump(path, options),
             Format::Npy => numpy::read_npy(open(path)?, options),
-            Format::Npz => numpy::read_npz(open(path)?, options),
+            Format::Npz => numpy::open_npz(path, options),
             // Some programs call columns of coordinates so.
             Format::Xyz if Format::of_content(path) != Some(Format::Points) => {
                 xyz::read(open_text(path)?, options)

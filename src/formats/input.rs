@@ -13,9 +13,8 @@ pub(super) struct Input<R> {
     pub name: String,
 }
 
-/// Opens a regular file for reading. The reader is limited to its length, so that checks against it
-/// stay valid if the file grows meanwhile.
-pub(super) fn open(path: &Path) -> Result<Input<BufReader<Take<File>>>> {
+/// Opens a regular file for reading.
+pub(super) fn open_file(path: &Path) -> Result<Input<File>> {
     // Read before opening the file, because opening a pipe would wait for its writer.
     let metadata = std::fs::metadata(path).map_err(Error::file(path))?;
     if !metadata.is_file() {
@@ -23,13 +22,19 @@ pub(super) fn open(path: &Path) -> Result<Input<BufReader<Take<File>>>> {
         let source = std::io::Error::new(ErrorKind::InvalidInput, why);
         return Err(Error::file(path)(source));
     }
-    let len = metadata.len();
-    let file = File::open(path).map_err(Error::file(path))?.take(len);
     Ok(Input {
-        bytes: BufReader::with_capacity(1 << 16, file),
-        len,
+        bytes: File::open(path).map_err(Error::file(path))?,
+        len: metadata.len(),
         name: path.display().to_string(),
     })
+}
+
+/// Opens a regular file for reading. The reader is limited to its length, so that checks against it
+/// stay valid if the file grows meanwhile.
+pub(super) fn open(path: &Path) -> Result<Input<BufReader<Take<File>>>> {
+    let Input { bytes, len, name } = open_file(path)?;
+    let bytes = BufReader::with_capacity(1 << 16, bytes.take(len));
+    Ok(Input { bytes, len, name })
 }
 
 /// Mark at the start of a text file, which some programs write.

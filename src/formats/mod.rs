@@ -49,7 +49,7 @@ pub use format::Format;
 pub use frames::{Frames, ModelFrame, ReadOptions};
 pub use write::FrameWriter;
 
-use self::input::{Input, open, open_text};
+use self::input::{Input, open, open_file, open_text};
 use self::lines::{is_in, number, quote};
 use crate::curve::{Basis, CurveSet, Point, Positions};
 use crate::error::{Error, Result};
@@ -90,13 +90,6 @@ pub fn read(path: &Path) -> Result<CurveSet> {
 /// Returns the little-endian number in some bytes, at most eight.
 fn little_endian(bytes: &[u8]) -> u64 {
     bytes.iter().rfold(0, |n, &b| (n << 8) | u64::from(b))
-}
-
-/// Returns the number of points of a curve, negative if it is closed.
-fn count_of(points: usize, closed: bool) -> Result<i32> {
-    let count =
-        i32::try_from(points).map_err(|_| Error::count("points of a curve", points, i32::MAX))?;
-    Ok(if closed { -count } else { count })
 }
 
 /// Returns the curves of these points.

@@ -420,17 +420,12 @@ impl Statements {
             builder.push(Positions::F64(points.as_flattened()))
         };
         let mut curves = self.curves.iter().peekable();
-        let mut chain = Vec::new();
-        let mut used = vec![false; self.edges.len()];
-        for (e, edge) in self.edges.iter().enumerate() {
-            if used[e] {
-                continue;
-            }
-            while let Some(curve) = curves.next_if(|curve| curve.line < edge.line) {
+        for chain in chains.curves() {
+            let line = self.edges[chain.first].line;
+            while let Some(curve) = curves.next_if(|curve| curve.line < line) {
                 add(&self.indices[curve.indices.clone()], curve.closed)?;
             }
-            let closed = chains.follow(e, &mut chain, &mut used);
-            add(&chain, closed)?;
+            add(&chain.vertices, chain.closed)?;
         }
         for curve in curves {
             add(&self.indices[curve.indices.clone()], curve.closed)?;

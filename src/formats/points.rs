@@ -33,8 +33,8 @@
 
 use super::frames::{FrameSource, ModelFrame, ReadOptions, Source};
 use super::lines::{Lines, integer, words};
-use super::{Input, count_of, divided, is_in, number, quote};
-use crate::curve::{CurveSet, Point};
+use super::{Input, divided, is_in, number, quote};
+use crate::curve::{CurveSet, Point, count_of};
 use crate::error::{Error, Result};
 use crate::ingest::ends_meet;
 use std::collections::HashSet;

@@ -8,7 +8,7 @@
 use super::lines::{Lines, integer};
 use super::write::{check_polylines, create};
 use super::{Input, number, quote};
-use crate::curve::{Basis, CurveSet, Positions, Precision};
+use crate::curve::{Basis, CurveSet, Positions};
 use crate::error::{Error, Result};
 use std::fmt::{Arguments, Display};
 use std::io::BufRead;
@@ -17,8 +17,6 @@ use std::path::Path;
 use std::str::FromStr;
 
 const FORMAT: &str = "VECT";
-/// Number of points that are stored at once.
-const CHUNK: usize = 1024;
 
 /// Reads a file.
 pub(super) fn read(input: Input<impl BufRead>) -> Result<CurveSet> {
@@ -66,27 +64,21 @@ pub(super) fn read(input: Input<impl BufRead>) -> Result<CurveSet> {
     }
     words.expect_sum("colours", sum, colours)?;
 
-    let mut builder = CurveSet::builder_of(Basis::Polyline, Precision::F64, &counts)?;
-    let mut xyz = Vec::with_capacity(3 * CHUNK);
+    let mut xyz = Vec::with_capacity(3 * vertices as usize);
     for (i, &count) in counts.iter().enumerate() {
         for k in 0..count.unsigned_abs() {
             for axis in ['x', 'y', 'z'] {
                 xyz.push(words.number(format_args!("{axis} of vertex {k} of polyline {i}"))?);
             }
-            if xyz.len() == 3 * CHUNK {
-                builder.push(Positions::F64(&xyz))?;
-                xyz.clear();
-            }
         }
     }
-    builder.push(Positions::F64(&xyz))?;
     for k in 0..4 * colours {
         words.number(format_args!("colour {}", k / 4))?;
     }
     if words.advance()? {
         return Err(words.bad(format_args!("{}, expected the end", quote(words.word()))));
     }
-    builder.finish()
+    CurveSet::from_counts(Basis::Polyline, &counts, Positions::F64(&xyz))
 }
 
 /// Writes polylines, without colours.
@@ -196,6 +188,7 @@ impl<R: BufRead> Words<R> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::curve::Precision;
     use crate::formats::tests::{assert_error_contains, curves};
     use proptest::prelude::*;
 
@@ -227,8 +220,8 @@ mod tests {
     }
 
     #[test]
-    fn reads_long_polylines_in_chunks() {
-        let n = 2 * CHUNK + 1;
+    fn reads_long_polylines() {
+        let n = 2049;
         let vertices: String = (0..n).map(|k| format!("{k} 0.5 -{k}\n")).collect();
         let set = parse(&format!("VECT 1 {n} 0 -{n} 0 {vertices}")).unwrap();
         assert_eq!(set.points(), n);

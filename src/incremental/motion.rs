@@ -27,7 +27,7 @@ use super::blocks::{CHUNK, Real};
 use super::covered::Covered;
 use super::ledger::Observer;
 use super::reference::{Block, Reference};
-use crate::curve::{Axes, Basis, CurveSet, larger, smaller};
+use crate::curve::{Coordinates, CurveSet, larger, smaller};
 use crate::discretize::MovingSeparation;
 use crate::exact::{Decided, Ties, passages, passages_of_sums};
 use crate::pairs::{Pair, overlapping};
@@ -254,9 +254,10 @@ impl<'a> MovedBlocks<'a> {
         let slots = set.slots_of(i, first..last);
         let (mut lo, mut hi) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
         for (affine, end) in self.ends {
-            let bounds = match (end.axes(), set.axes()) {
-                (Axes::F32(p), Axes::F32(q)) => dispatch!(bounds(affine, p, q, slots.clone())),
-                (Axes::F64(p), Axes::F64(q)) => dispatch!(bounds(affine, p, q, slots.clone())),
+            use Coordinates::{F32, F64};
+            let bounds = match (end.coordinates(), set.coordinates()) {
+                (F32(p), F32(q)) => dispatch!(bounds(affine, p, q, slots.clone())),
+                (F64(p), F64(q)) => dispatch!(bounds(affine, p, q, slots.clone())),
                 _ => unreachable!("the monitor compares the precision first"),
             };
             for x in 0..3 {
@@ -265,10 +266,7 @@ impl<'a> MovedBlocks<'a> {
             }
         }
         let diagonal = square([0, 1, 2].map(|x| hi[x] - lo[x])).sqrt();
-        let enlarged = match set.basis() {
-            Basis::CatmullRom => 1.0 / 6.0,
-            Basis::Polyline | Basis::Bezier | Basis::BSpline => 0.0,
-        };
+        let enlarged = set.basis().overshoot();
         for x in 0..3 {
             // The bend first: the control points themselves are displaced by that.
             lo[x] -= self.bend * diagonal;
@@ -356,14 +354,12 @@ fn edges_may_meet(frames: [&CurveSet; 2], curves: [usize; 2], segments: [u32; 2]
 #[inline(always)]
 fn bounds<T: Real + Into<f64>>(
     affine: &Affine,
-    p: [&[T]; 3],
-    q: [&[T]; 3],
+    p: &[Vec<T>; 3],
+    q: &[Vec<T>; 3],
     slots: Range<usize>,
 ) -> [[f64; 2]; 3] {
-    let p = p.map(|p| &p[slots.clone()]);
-    let q = q.map(|q| &q[slots.clone()]);
     let n = slots.len();
-    let (p, q) = (p.map(|p| &p[..n]), q.map(|q| &q[..n]));
+    let [p, q] = [p, q].map(|v| v.each_ref().map(|v| &v[slots.clone()][..n]));
     let t = affine.t;
     [0, 1, 2].map(|x| {
         let m = [0, 1, 2].map(|y| affine.inverse[(x, y)]);
@@ -381,7 +377,7 @@ fn bounds<T: Real + Into<f64>>(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::curve::{Point, Positions};
+    use crate::curve::{Basis, Point, Positions};
     use crate::incremental::Coverage;
     use crate::incremental::ledger::Ledger;
     use crate::random::Random;

@@ -229,8 +229,8 @@ fn the_page_lists_the_numbers_of_points_of_each_basis() {
             assert_eq!(*cell, expected, "{basis:?}");
         }
     }
-    let table = Table::new(2, 0, false).unwrap();
-    let example = table.payload_bytes(200, Precision::F32).unwrap();
+    let table = Table::new(2, 0, false);
+    let example = table.payload_bytes(200, Precision::F32);
     assert!(PAGE.contains(&format!("2400 bytes of positions: {example} bytes.")));
 }
 

@@ -30,15 +30,15 @@ fn error(header: FrameHeader, payload: &[u8], max_bytes: usize) -> String {
 #[test]
 fn names_and_radii_are_transmitted() {
     let labels = CurveLabels::named(["a", "\u{e9}\u{e9}"]).with_radii([0.5, 0.0]);
-    let (table, names_bytes) = table_of(&[-4, 4], &labels).unwrap();
+    let (table, names_bytes) = table_of(&[-4, 4], &labels);
     assert_eq!((table.len(), names_bytes), (3 * 64, 7));
     let h = FrameHeader {
         flags: FLAG_RADII,
-        names_bytes,
+        names_bytes: names_bytes as u32,
         ..header(2, 8)
     };
     assert_eq!(h.labels(&table).unwrap(), labels);
-    let (table, names_bytes) = table_of(&[-4, 4], &CurveLabels::default()).unwrap();
+    let (table, names_bytes) = table_of(&[-4, 4], &CurveLabels::default());
     assert_eq!((table.len(), names_bytes), (64, 0));
     assert!(header(2, 8).labels(&table).unwrap().is_empty());
 }

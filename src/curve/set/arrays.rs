@@ -23,6 +23,13 @@ pub(super) struct LazyArrays {
     spare: Mutex<Option<Arrays>>,
 }
 
+impl Clone for LazyArrays {
+    /// Returns no arrays: a copy of a set builds its own.
+    fn clone(&self) -> LazyArrays {
+        LazyArrays::default()
+    }
+}
+
 impl LazyArrays {
     /// Returns the arrays of these curves.
     #[inline(always)]

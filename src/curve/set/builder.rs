@@ -1,6 +1,6 @@
 //! Construction of curve sets from counts and positions, all at once or curve by curve.
 
-use super::curve::{Curve, slots_of};
+use super::curve::{Curve, count_of, slots_of};
 use super::{Basis, CurveSet, Positions, Precision};
 use crate::error::{Error, Result};
 use std::sync::Arc;
@@ -52,10 +52,7 @@ impl CurveSet {
 
     /// Adds a curve, whose positions follow.
     fn add_curve(&mut self, points: usize, closed: bool) -> Result<()> {
-        // The bus and files store counts as signed 32-bit integers.
-        if i32::try_from(points).is_err() {
-            return Err(Error::count("points of a curve", points, i32::MAX));
-        }
+        count_of(points, closed)?;
         let (basis, first) = (self.basis, self.slots());
         let Some(segments) = basis.segments(points, closed) else {
             return Err(Error::CurveTooShort {

@@ -2,13 +2,13 @@
 
 use super::basis::bspline_knot;
 use super::curve::Curve;
-use super::tile;
+use super::spread;
 use super::{Basis, Point, Positions, Precision};
 use crate::simd::dispatch;
 
 /// Coordinates in three arrays, one per axis, in the precision of the input.
 #[derive(Debug)]
-pub(super) enum Coordinates {
+pub(crate) enum Coordinates {
     F32([Vec<f32>; 3]),
     F64([Vec<f64>; 3]),
 }
@@ -70,44 +70,18 @@ impl Coordinates {
     ) -> f64 {
         match (self, positions) {
             (Self::F32(dst), Positions::F32(src)) => {
-                dispatch!(tile::write_curves(dst, curves, basis, src))
+                dispatch!(spread::write_curves(dst, curves, basis, src))
             }
             (Self::F64(dst), Positions::F64(src)) => {
-                dispatch!(tile::write_curves(dst, curves, basis, src))
+                dispatch!(spread::write_curves(dst, curves, basis, src))
             }
             _ => unreachable!("callers compare the precision first"),
-        }
-    }
-
-    /// Returns the number of slots in `first..first + count` that hold the same point as the next
-    /// slot.
-    pub fn repeats(&self, first: usize, count: usize) -> usize {
-        fn count_in<T: PartialEq>(v: &[Vec<T>; 3], first: usize, count: usize) -> usize {
-            let [x, y, z] = v.each_ref().map(|v| &v[first..first + count + 1]);
-            let same = |v: &[T], k: usize| v[k] == v[k + 1];
-            (0..count)
-                .filter(|&k| same(x, k) & same(y, k) & same(z, k))
-                .count()
-        }
-        match self {
-            Self::F32(v) => count_in(v, first, count),
-            Self::F64(v) => count_in(v, first, count),
-        }
-    }
-
-    /// Returns the coordinates of all slots.
-    pub fn axes(&self) -> Axes<'_> {
-        match self {
-            Self::F32(v) => Axes::F32(v.each_ref().map(Vec::as_slice)),
-            Self::F64(v) => Axes::F64(v.each_ref().map(Vec::as_slice)),
         }
     }
 }
 
 /// A type of coordinates.
 pub(crate) trait Scalar: Copy + Into<f64> + Default {
-    /// Bit pattern of the largest finite magnitude.
-    const MAX_BITS: u64;
     /// Returns the bit pattern of the largest magnitude.
     fn largest(values: &[Self]) -> u64;
     /// Returns the number with this bit pattern.
@@ -115,26 +89,24 @@ pub(crate) trait Scalar: Copy + Into<f64> + Default {
     /// Returns the bit pattern of the largest finite magnitude that is not above `limit`.
     fn bits_within(limit: f64) -> u64;
 }
+
 impl Scalar for f32 {
-    const MAX_BITS: u64 = f32::MAX.to_bits() as u64;
     #[inline(always)]
     fn largest(values: &[Self]) -> u64 {
         let largest = values.iter().fold(0, |m, v| (v.to_bits() << 1 >> 1).max(m));
         u64::from(largest)
     }
+
     fn from_magnitude(bits: u64) -> f64 {
         f32::from_bits(bits as u32).into()
     }
     fn bits_within(limit: f64) -> u64 {
         // The limits are powers of two, or beyond single precision.
-        match limit < f64::from(f32::MAX) {
-            true => u64::from((limit as f32).to_bits()),
-            false => Self::MAX_BITS,
-        }
+        u64::from((limit.min(f32::MAX.into()) as f32).to_bits())
     }
 }
+
 impl Scalar for f64 {
-    const MAX_BITS: u64 = f64::MAX.to_bits();
     #[inline(always)]
     fn largest(values: &[Self]) -> u64 {
         values.iter().fold(0, |m, v| (v.to_bits() << 1 >> 1).max(m))
@@ -143,17 +115,8 @@ impl Scalar for f64 {
         f64::from_bits(bits)
     }
     fn bits_within(limit: f64) -> u64 {
-        limit.to_bits().min(Self::MAX_BITS)
+        limit.min(f64::MAX).to_bits()
     }
-}
-
-/// Coordinates of all slots, one array per axis.
-#[derive(Clone, Copy)]
-pub(crate) enum Axes<'a> {
-    /// Single precision.
-    F32([&'a [f32]; 3]),
-    /// Double precision.
-    F64([&'a [f64]; 3]),
 }
 
 /// Knots of one curve in a coordinate frame `(u, v, w)`. The type and the stride are matched once,

@@ -1,6 +1,7 @@
 //! One curve of a set.
 
 use super::Basis;
+use crate::error::{Error, Result};
 use crate::simd::LANES;
 
 /// Size of one curve of a [`CurveSet`](crate::CurveSet), and the position of its control points.
@@ -52,6 +53,18 @@ impl Curve {
             (0, false) => s,
         }
     }
+}
+
+/// Returns the number of points of a curve, negative if it is closed, as the bus and files store
+/// it.
+///
+/// # Errors
+///
+/// [`Error::Count`] if there are too many.
+pub(crate) fn count_of(points: usize, closed: bool) -> Result<i32> {
+    let count = i32::try_from(points);
+    let count = count.map_err(|_| Error::count("points of a curve", points, i32::MAX))?;
+    Ok(if closed { -count } else { count })
 }
 
 /// Returns the number of slots of a curve: every window of the last, possibly partial, group of

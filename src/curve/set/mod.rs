@@ -4,7 +4,6 @@ mod arrays;
 mod bounds;
 mod boxes;
 mod builder;
-mod coarse_boxes;
 mod coordinates;
 mod curve;
 mod diagonals;
@@ -17,10 +16,10 @@ mod parts;
 mod pool;
 mod received;
 mod segments;
+mod spread;
 mod stored;
 mod sums;
 mod support;
-mod tile;
 mod update;
 
 pub(crate) use super::basis::{Bezier, Bounds, bspline_knot, point_at, sub_segment};
@@ -29,8 +28,9 @@ pub(crate) use super::labels::CurveChange;
 pub(crate) use bounds::{AXES, bounds, union};
 pub(crate) use boxes::{Box3, BoxGroup, above, below, larger, smaller};
 pub use builder::CurveSetBuilder;
-pub(crate) use coordinates::{Axes, Knots, ReadKnots, Scalar};
+pub(crate) use coordinates::{Coordinates, Knots, ReadKnots, Scalar};
 pub use curve::Curve;
+pub(crate) use curve::count_of;
 pub(crate) use diagonals::Diagonals;
 pub(crate) use frame::{Frame, Images};
 pub(crate) use layout::Shape;
@@ -43,7 +43,6 @@ pub(crate) use stored::StoredCurves;
 pub(crate) use sums::{SumEdges, SumPoint, TERMS, Translated, single};
 
 use self::arrays::{Arrays, LazyArrays};
-use self::coordinates::Coordinates;
 use self::curve::slots_of_all;
 use self::sums::Sums;
 use self::update::next_contents;
@@ -59,7 +58,7 @@ use std::sync::Arc;
 /// needs it). So every segment is a window of adjacent slots, and eight segments are read at once.
 ///
 /// Invariant: every coordinate is finite, and every curve has as many points as its basis needs.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct CurveSet {
     basis: Basis,
     /// Shared by clones, so that clones of one set are recognized as having the same layout at
@@ -75,32 +74,6 @@ pub struct CurveSet {
     contents: u64,
     /// Origin of the coordinates, if they are sums.
     sums: Option<Arc<Sums>>,
-}
-
-impl Clone for CurveSet {
-    /// Copies the positions. The copy builds its own arrays.
-    fn clone(&self) -> CurveSet {
-        CurveSet {
-            curves: self.curves.clone(),
-            received: self.received.clone(),
-            arrays: LazyArrays::default(),
-            sums: self.sums.clone(),
-            ..*self
-        }
-    }
-
-    /// Copies into the existing buffers, so that copying frame after frame allocates nothing.
-    fn clone_from(&mut self, source: &CurveSet) {
-        self.received.copy_from(source.positions());
-        self.arrays.outdate();
-        *self = CurveSet {
-            curves: source.curves.clone(),
-            received: std::mem::replace(&mut self.received, Received::F32(Vec::new())),
-            arrays: std::mem::take(&mut self.arrays),
-            sums: source.sums.clone(),
-            ..*source
-        };
-    }
 }
 
 impl CurveSet {
@@ -198,16 +171,11 @@ impl CurveSet {
         self.arrays.get(&self.curves, self.basis, &self.received)
     }
 
-    /// Returns the coordinates in three arrays.
-    #[inline(always)]
-    fn coordinates(&self) -> &Coordinates {
-        &self.arrays().coordinates
-    }
-
     /// Returns the coordinates of all slots: control points, the copies that wrap closed curves,
     /// and padding.
-    pub(crate) fn axes(&self) -> Axes<'_> {
-        self.coordinates().axes()
+    #[inline(always)]
+    pub(crate) fn coordinates(&self) -> &Coordinates {
+        &self.arrays().coordinates
     }
 
     /// Returns true if the arrays are built.

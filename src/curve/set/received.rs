@@ -12,7 +12,7 @@ const PART: usize = 3 * 1024;
 pub(crate) type Bad = (usize, usize, f64);
 
 /// A private copy of positions, `x y z x y z ..`, in the order of the input.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, serde::Serialize, serde::Deserialize)]
 pub(crate) enum Received {
     F32(Vec<f32>),
     F64(Vec<f64>),

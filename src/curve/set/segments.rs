@@ -168,9 +168,10 @@ impl CurveSet {
         if !self.basis.is_polyline() {
             return 0;
         }
-        let c = self.curves[i];
-        self.coordinates()
-            .repeats(c.first as usize, c.segments as usize)
+        let n = self.curves[i].points as usize;
+        let segments = 0..self.curves[i].segments as usize;
+        let repeats = |&k: &usize| self.point(i, k) == self.point(i, (k + 1) % n);
+        segments.filter(repeats).count()
     }
 
     /// Returns true if curve `i` has at least three distinct control points. A loop with fewer

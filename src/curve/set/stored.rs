@@ -1,50 +1,39 @@
 //! Curves as numbers that can be stored.
 
-use super::{Basis, CurveSet, Positions, Precision};
-use serde::{Deserialize, Deserializer, Serialize, Serializer, de::Error as _};
+use super::received::Received;
+use super::{Basis, CurveSet};
+use crate::error::Error;
+use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
 /// Curves that can be stored with serde.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[serde(into = "Numbers", try_from = "Numbers")]
 pub(crate) struct StoredCurves(pub Arc<CurveSet>);
 
 #[derive(Serialize, Deserialize)]
 struct Numbers {
     basis: Basis,
     counts: Vec<i32>,
-    is_double: bool,
-    /// Coordinates in the precision of the curves; the other list is empty.
-    single: Vec<f32>,
-    double: Vec<f64>,
+    positions: Received,
 }
 
-impl Serialize for StoredCurves {
-    fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
-        let set = &self.0;
-        let mut numbers = Numbers {
+impl From<StoredCurves> for Numbers {
+    fn from(StoredCurves(set): StoredCurves) -> Numbers {
+        Numbers {
             basis: set.basis(),
             counts: set.counts().collect(),
-            is_double: set.precision() == Precision::F64,
-            single: Vec::new(),
-            double: Vec::new(),
-        };
-        match set.positions() {
-            Positions::F32(v) => numbers.single = v.to_vec(),
-            Positions::F64(v) => numbers.double = v.to_vec(),
+            positions: set.positions().into(),
         }
-        numbers.serialize(to)
     }
 }
 
-impl<'a> Deserialize<'a> for StoredCurves {
-    fn deserialize<D: Deserializer<'a>>(from: D) -> Result<StoredCurves, D::Error> {
-        let numbers = Numbers::deserialize(from)?;
-        let positions = match numbers.is_double {
-            true => Positions::F64(&numbers.double),
-            false => Positions::F32(&numbers.single),
-        };
-        let set = CurveSet::from_counts(numbers.basis, &numbers.counts, positions);
-        set.map(|set| StoredCurves(Arc::new(set)))
-            .map_err(D::Error::custom)
+impl TryFrom<Numbers> for StoredCurves {
+    type Error = Error;
+
+    fn try_from(numbers: Numbers) -> Result<StoredCurves, Error> {
+        let positions = numbers.positions.positions();
+        let set = CurveSet::from_counts(numbers.basis, &numbers.counts, positions)?;
+        Ok(StoredCurves(Arc::new(set)))
     }
 }

@@ -76,22 +76,6 @@ fn a_received_frame_equals_a_fresh_set() {
 }
 
 #[test]
-fn a_set_takes_over_a_frame_of_other_curves_and_another_precision() {
-    let (single, double) = (vec![0.25f32; 36], vec![0.5f64; 60]);
-    let mut small =
-        CurveSet::from_counts(Basis::Polyline, &[-12], Positions::F32(&single)).unwrap();
-    let positions = Positions::F64(&double);
-    let mut large = CurveSet::from_counts(Basis::BSpline, &[-20], positions).unwrap();
-    large.update_by(positions, copy(positions)).unwrap();
-    small.clone_from(&large);
-    assert_eq!(small.point(0, 19), [0.5; 3]);
-    small.update(Positions::F64(&[0.75; 60])).unwrap();
-    assert_eq!(small.point(0, 19), [0.75; 3]);
-    small.update_by(positions, copy(positions)).unwrap();
-    assert_eq!(small.point(0, 19), [0.5; 3]);
-}
-
-#[test]
 fn errors_name_the_value_that_is_not_finite() {
     let mut xyz = square();
     xyz[7] = f32::NAN;

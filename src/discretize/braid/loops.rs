@@ -4,7 +4,9 @@ use super::end::End;
 use super::pose::{Pose, mean};
 use super::volume::Piece;
 use super::{Braid, Braids, auto};
-use crate::curve::{Basis, Bezier, Box3, CurveSet, Notation, Point, Positions, Shape};
+use crate::curve::{
+    AXES, Basis, Bezier, CurveSet, Notation, Point, Positions, Shape, bounds, count_of,
+};
 use crate::error::{Error, Result};
 use crate::pairs::LoopPairs;
 use nalgebra::Vector3;
@@ -105,35 +107,16 @@ impl BraidLoops {
         };
         loops.places = loops.pairs.loops.iter().filter_map(place).collect();
         let poses = loops.poses(set).map_err(Error::Braid)?;
-        let polyline = set.basis().is_polyline();
-        let points = |i: usize| match polyline {
-            true => set.curve(i).points as i64,
-            false => 3 * set.curve(i).segments as i64 + 1,
-        };
-        let own = (0..set.len()).map(|i| match (set.curve(i).closed, polyline) {
-            (true, true) => -points(i),
-            (true, false) => 1 - points(i),
-            (false, _) => points(i),
-        });
-        let of_loops = loops.pairs.loops.iter().zip(&loops.places);
-        let of_loops = of_loops.map(|(pair, &(braid, k))| {
-            let ends = loops.braids[braid].ends.iter();
-            let connections: usize = ends.map(|end| end.connection_len(k)).sum();
-            let [a, b] = pair.map(|i| points(i as usize));
-            match polyline {
-                true => -(a + b + connections as i64),
-                // Three points a segment; each connection has one segment more than points.
-                false => -(a - 1 + b - 1 + 3 * (connections as i64 + 2)),
-            }
-        });
-        let short = |n: i64| {
-            i32::try_from(n)
-                .map_err(|_| Error::count("points of a virtual loop", n.unsigned_abs(), i32::MAX))
-        };
-        loops.counts = own.chain(of_loops).map(short).collect::<Result<_>>()?;
-        let mut first = Vec::new();
-        loops.write_loops(set, &poses, &mut first);
-        loops.first = first;
+        let mut all = Vec::new();
+        let own = write_curves(set, &mut all);
+        let start = all.len();
+        let virtual_loops = loops.write_loops(set, &poses, &mut all);
+        let closed = set.curves().iter().map(|c| c.closed);
+        let sizes = own.into_iter().chain(virtual_loops);
+        let counts = sizes.zip(closed.chain(std::iter::repeat(true)));
+        let counts = counts.map(|(points, closed)| count_of(points, closed));
+        loops.counts = counts.collect::<Result<_>>()?;
+        loops.first = all.split_off(start);
         Ok(loops)
     }
 
@@ -219,9 +202,15 @@ impl BraidLoops {
             all.lo = all.lo.inf(&b.lo);
             all.hi = all.hi.sup(&b.hi);
         }
-        for (i, coarse) in set.coarse_boxes().iter().enumerate() {
+        for i in 0..set.len() {
+            let [lo, hi] = set.bounds_along(i, &AXES).map(Vector3::from);
+            let by = set.basis().overshoot() * (hi - lo) + Vector3::repeat(slack);
+            let coarse = Piece {
+                lo: lo - by,
+                hi: hi + by,
+            };
             let counts = || set.curve(i).closed || self.find(i as u32).is_some();
-            if !overlaps(coarse, &all) || !counts() {
+            if !coarse.overlaps(&all) || !counts() {
                 continue;
             }
             for s in 0..set.curve(i).segments as usize {
@@ -347,16 +336,9 @@ impl BraidLoops {
     ) -> Result<Option<String>> {
         let poses = self.poses(set);
         let write = |positions: &mut Vec<f64>| {
-            for i in 0..set.len() {
-                let mut pen = Pen::new(set, positions);
-                pen.curve(i, false);
-                match set.curve(i).closed {
-                    true => pen.close(),
-                    false => pen.end(),
-                }
-            }
+            write_curves(set, positions);
             match &poses {
-                Ok(poses) => self.write_loops(set, poses, positions),
+                Ok(poses) => drop(self.write_loops(set, poses, positions)),
                 Err(_) => positions.extend(&self.first),
             }
         };
@@ -376,8 +358,15 @@ impl BraidLoops {
         Ok(poses.err())
     }
 
-    fn write_loops(&self, set: &CurveSet, poses: &[[Pose; 2]], positions: &mut Vec<f64>) {
-        for (&[i, after], &(b, k)) in self.pairs.loops.iter().zip(&self.places) {
+    /// Appends the points of all loops. Returns the number of points of each.
+    fn write_loops(
+        &self,
+        set: &CurveSet,
+        poses: &[[Pose; 2]],
+        positions: &mut Vec<f64>,
+    ) -> Vec<usize> {
+        let loops = self.pairs.loops.iter().zip(&self.places);
+        let write = |(&[i, after], &(b, k)): (&[u32; 2], &(usize, usize))| {
             let braid = &self.braids[b];
             let [(left, at_left), (right, at_right)] =
                 [0, 1].map(|side| (&braid.ends[side], poses[b][side]));
@@ -389,8 +378,9 @@ impl BraidLoops {
             left.connection(at_left, k)
                 .rev()
                 .for_each(|p| pen.vertex(p));
-            pen.close();
-        }
+            pen.close()
+        };
+        loops.map(write).collect()
     }
 
     /// Returns the pairs that are verified among the curves of a frame and its loops.
@@ -481,22 +471,29 @@ fn pairs(curves: &[u32]) -> impl Iterator<Item = [u32; 2]> + '_ {
 }
 
 fn hull_box(b: &Bezier) -> Piece {
-    let points = b.map(Vector3::from);
-    let first = points[0];
-    Piece {
-        lo: points.iter().fold(first, |a, p| a.inf(p)),
-        hi: points.iter().fold(first, |a, p| a.sup(p)),
-    }
+    let [lo, hi] = bounds(*b).map(Vector3::from);
+    Piece { lo, hi }
 }
 
-fn overlaps(b: &Box3, piece: &Piece) -> bool {
-    (0..3).all(|x| f64::from(b.lo[x]) <= piece.hi[x] && piece.lo[x] <= f64::from(b.hi[x]))
+/// Appends the points of all curves. Returns the number of points of each.
+fn write_curves(set: &CurveSet, positions: &mut Vec<f64>) -> Vec<usize> {
+    let write = |i: usize| {
+        let mut pen = Pen::new(set, positions);
+        pen.curve(i, false);
+        match set.curve(i).closed {
+            true => pen.close(),
+            false => pen.end(),
+        }
+    };
+    (0..set.len()).map(write).collect()
 }
 
 /// Writes one curve: vertices of a polyline, or control points of Bezier segments.
 struct Pen<'a> {
     set: &'a CurveSet,
     out: &'a mut Vec<f64>,
+    /// Number of coordinates before the curve.
+    start: usize,
     first: Option<Point>,
     /// Last vertex. For splines, it is written with the segment that follows.
     last: Option<Point>,
@@ -506,6 +503,7 @@ impl<'a> Pen<'a> {
     fn new(set: &'a CurveSet, out: &'a mut Vec<f64>) -> Pen<'a> {
         Pen {
             set,
+            start: out.len(),
             out,
             first: None,
             last: None,
@@ -550,19 +548,21 @@ impl<'a> Pen<'a> {
         self.last = Some(p);
     }
 
-    /// Closes the curve.
-    fn close(mut self) {
+    /// Closes the curve. Returns its number of points.
+    fn close(mut self) -> usize {
         if let Some(first) = self.first
             && self.last != Some(first)
         {
             self.vertex(first);
         }
+        (self.out.len() - self.start) / 3
     }
 
-    /// Ends an open curve.
-    fn end(self) {
+    /// Ends an open curve. Returns its number of points.
+    fn end(self) -> usize {
         if let Some(last) = self.last.filter(|_| !self.set.basis().is_polyline()) {
             self.out.extend(last);
         }
+        (self.out.len() - self.start) / 3
     }
 }

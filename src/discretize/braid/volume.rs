@@ -2,7 +2,7 @@
 //! they may report an overlap that is smaller than the rounding error, and miss none.
 
 use super::pose::Pose;
-use crate::curve::{Bezier, sub_segment};
+use crate::curve::{Bezier, bounds, sub_segment};
 use nalgebra::Vector3;
 
 /// Number of halvings of a segment after which a part that still meets the box counts as inside: a
@@ -26,14 +26,8 @@ impl Piece {
     }
 
     fn meets(&self, b: &Bezier, slack: f64, halvings: u32) -> Option<Vector3<f64>> {
-        let bounds = |x: usize| {
-            let of = |f: fn(f64, f64) -> f64| f(f(b[0][x], b[1][x]), f(b[2][x], b[3][x]));
-            (of(f64::min), of(f64::max))
-        };
-        let apart = |x: usize| {
-            let (lo, hi) = bounds(x);
-            hi < self.lo[x] - slack || lo > self.hi[x] + slack
-        };
+        let [lo, hi] = bounds(*b);
+        let apart = |x: usize| hi[x] < self.lo[x] - slack || lo[x] > self.hi[x] + slack;
         if (0..3).any(apart) {
             return None;
         }

@@ -4,12 +4,12 @@
 //! if the ids have no gaps.
 
 use super::cell::Unwrapped;
-use crate::curve::{Basis, Cell, CurveSet, Positions};
+use crate::curve::{Basis, Cell, CurveSet, Positions, count_of};
 use crate::error::{Error, Result};
-use crate::formats::count_of;
+use crate::formats::chains::{Chains, Edge};
 use crate::periodic::{Torn, find_torn};
 use crate::verdict::LeftOut;
-use std::ops::Range;
+use std::collections::BTreeMap;
 
 /// Marks an atom that belongs to no curve.
 const NONE: u32 = u32::MAX;
@@ -29,72 +29,6 @@ pub(super) struct Curves {
     pub left_out: Vec<LeftOut>,
 }
 
-/// Neighbours of each atom, by their indices among the sorted ids.
-struct Neighbours {
-    /// Both directions of every bond, sorted, each once.
-    directed: Vec<[u32; 2]>,
-    /// Where the bonds of each atom start.
-    starts: Vec<usize>,
-}
-
-impl Neighbours {
-    fn new(bonds: &[[u64; 2]], ids: &[u64]) -> Neighbours {
-        let index = |id| find(ids, id).expect("an id of a bond") as u32;
-        let mut directed: Vec<[u32; 2]> = bonds
-            .iter()
-            .map(|&[a, b]| [index(a), index(b)])
-            .flat_map(|[a, b]| [[a, b], [b, a]])
-            .collect();
-        directed.sort_unstable();
-        // Two bonds of the same atoms are one edge of a curve.
-        directed.dedup();
-        let mut starts = vec![0; ids.len() + 1];
-        for &[a, _] in &directed {
-            starts[a as usize + 1] += 1;
-        }
-        for a in 0..ids.len() {
-            starts[a + 1] += starts[a];
-        }
-        Neighbours { directed, starts }
-    }
-
-    /// Returns the neighbours of an atom, ascending.
-    fn of(&self, atom: u32) -> &[[u32; 2]] {
-        let a = atom as usize;
-        let range: Range<usize> = self.starts[a]..self.starts[a + 1];
-        &self.directed[range]
-    }
-
-    /// Writes the atoms of the molecule of `first`, and marks them.
-    fn molecule(&self, first: u32, atoms: &mut Vec<u32>, seen: &mut [bool]) {
-        atoms.clear();
-        atoms.push(first);
-        seen[first as usize] = true;
-        let mut next = 0;
-        while let Some(&atom) = atoms.get(next) {
-            next += 1;
-            for &[_, other] in self.of(atom) {
-                if !std::mem::replace(&mut seen[other as usize], true) {
-                    atoms.push(other);
-                }
-            }
-        }
-    }
-
-    /// Calls `visit` with the atoms of a molecule without branches in their order, from `start`.
-    fn follow(&self, start: u32, mut visit: impl FnMut(u32)) {
-        let (mut before, mut atom) = (NONE, start);
-        loop {
-            visit(atom);
-            let next = self.of(atom).iter().map(|b| b[1]).find(|&b| b != before);
-            match next {
-                Some(next) if next != start => (before, atom) = (atom, next),
-                _ => return,
-            }
-        }
-    }
-}
-
 /// Returns the index of an id.
 fn find(ids: &[u64], id: u64) -> Option<usize> {
     // Ids without gaps need no search.
@@ -103,6 +37,25 @@ fn find(ids: &[u64], id: u64) -> Option<usize> {
         Some(&found) if found == id => Some(guess as usize),
         _ => ids.binary_search(&id).ok(),
     }
+}
+
+/// Returns the first atom of the molecule of each atom.
+fn molecules(edges: &[[u32; 2]], atoms: usize) -> Vec<u32> {
+    let mut before: Vec<u32> = (0..atoms as u32).collect();
+    let first = |before: &mut [u32], mut atom: u32| {
+        while before[atom as usize] != atom {
+            // Halves the way for later searches.
+            before[atom as usize] = before[before[atom as usize] as usize];
+            atom = before[atom as usize];
+        }
+        atom
+    };
+    for edge in edges {
+        let [a, b] = edge.map(|atom| first(&mut before, atom));
+        before[a.max(b) as usize] = a.min(b);
+    }
+    let all = 0..atoms as u32;
+    all.map(|atom| first(&mut before, atom)).collect()
 }
 
 /// Fails if there are more atoms than indices.
@@ -124,30 +77,42 @@ impl Curves {
         ids.sort_unstable();
         ids.dedup();
         check_number("atoms with bonds", ids.len())?;
-        let neighbours = Neighbours::new(&bonds, &ids);
+        let index = |id| find(&ids, id).expect("an id of a bond") as u32;
+        let mut edges: Vec<[u32; 2]> = bonds.iter().map(|bond| bond.map(index)).collect();
         drop(bonds);
+        edges.iter_mut().for_each(|edge| edge.sort_unstable());
+        edges.sort_unstable();
+        // Two bonds of the same atoms are one edge of a curve.
+        edges.dedup();
+        let mut degrees = vec![0; ids.len()];
+        for &atom in edges.as_flattened() {
+            degrees[atom as usize] += 1;
+        }
+        let molecules = molecules(&edges, ids.len());
+        let mut branches: BTreeMap<u32, usize> = BTreeMap::new();
+        for (atom, &molecule) in molecules.iter().enumerate() {
+            if degrees[atom] > 2 {
+                branches.entry(molecule).or_insert(atom);
+            }
+        }
+        let is_branched = |atom: u32| branches.contains_key(&molecules[atom as usize]);
+        let branched_atoms = (0..ids.len() as u32).filter(|&a| is_branched(a)).count();
+        let (branched, branch) = (branches.len(), branches.values().next());
+        let branch = branch.map(|&atom| (ids[atom], degrees[atom]));
+        let edges = edges.into_iter().filter(|edge| !is_branched(edge[0]));
+        let edges: Vec<Edge> = edges.map(|ends| Edge { ends, line: 0 }).collect();
+        let chains = Chains::new(&edges, ids.len()).expect("no molecule has branches");
         let mut places = vec![NONE; ids.len()];
         let (mut counts, mut points) = (Vec::new(), 0);
-        let (mut seen, mut molecule) = (vec![false; ids.len()], Vec::new());
-        let (mut branched, mut branched_atoms, mut branch) = (0, 0, None);
-        for first in 0..ids.len() as u32 {
-            if seen[first as usize] {
-                continue;
+        for mut chain in chains.curves() {
+            if !chain.closed && chain.vertices[0] > chain.vertices[chain.vertices.len() - 1] {
+                chain.vertices.reverse();
             }
-            neighbours.molecule(first, &mut molecule, &mut seen);
-            let degree = |atom: &u32| neighbours.of(*atom).len();
-            if let Some(&atom) = molecule.iter().filter(|atom| degree(atom) > 2).min() {
-                branched += 1;
-                branched_atoms += molecule.len();
-                branch.get_or_insert((ids[atom as usize], degree(&atom)));
-                continue;
-            }
-            let end = molecule.iter().copied().filter(|a| degree(a) == 1).min();
-            neighbours.follow(end.unwrap_or(first), |atom| {
+            for &atom in &chain.vertices {
                 places[atom as usize] = points;
                 points += 1;
-            });
-            counts.push(count_of(molecule.len(), end.is_none())?);
+            }
+            counts.push(count_of(chain.vertices.len(), chain.closed)?);
         }
         match branch {
             _ if ids.is_empty() => {

@@ -24,7 +24,7 @@ pub(super) fn atom(id: &[u8], at: &[&[u8]], flags: Option<&[&[u8]]>) -> Result<A
 
 /// The box: three edges from its lower corner. Unless it is general, they are `(lx, 0, 0)`,
 /// `(xy, ly, 0)` and `(xz, yz, lz)`.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct SimulationBox {
     pub low: Point,
     edges: [Point; 3],

@@ -31,7 +31,7 @@ pub(super) enum Wanted {
 }
 
 /// Content of a file.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(super) struct Data {
     pub space: SimulationBox,
     /// Id of each atom and its coordinates, unwrapped if there are image flags.
@@ -79,13 +79,7 @@ pub(super) fn read(mut lines: Lines<impl BufRead>, wanted: Wanted) -> Result<Dat
         periodic: boundary(lines.text()),
         ..Header::default()
     };
-    let mut data = Data {
-        space: SimulationBox::new([[0.0; 3]; 2], [0.0; 3], [false; 3]),
-        atoms: Vec::new(),
-        flags: false,
-        bonds: Vec::new(),
-        left_out: Vec::new(),
-    };
+    let mut data = Data::default();
     let mut found = [false; 2];
     let mut in_header = true;
     while lines.advance()? {

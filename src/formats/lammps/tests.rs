@@ -238,7 +238,7 @@ fn the_bonds_of_a_dump_come_from_the_option_or_the_file_beside_it() {
         error.contains("unwrapped.dump: unsupported LAMMPS dump: a dump has no bonds"),
         "{error}"
     );
-    assert!(error.contains("--bonds"), "{error}");
+    assert!(error.contains("option `bonds`"), "{error}");
     let folder = tempfile::tempdir().unwrap();
     let dump = folder.path().join("dump.melt");
     assert_eq!(super::beside(&dump), None);

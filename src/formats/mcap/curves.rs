@@ -11,7 +11,7 @@
 use super::state::Strip;
 use crate::curve::Point;
 use crate::curve::vector::{add, add_scaled, cross, dot};
-use crate::formats::chains::{Chains, Edge};
+use crate::formats::chains::{Chain, Chains, Edge};
 use crate::formats::container::foxglove::LineType;
 use std::collections::HashMap;
 
@@ -103,16 +103,13 @@ fn join(points: &[Point]) -> Result<Vec<Strip>, String> {
         let ([x, y, z], [p, q, r]) = (vertices[third.vertex as usize], third.lines);
         format!("more than two segments meet at ({x}, {y}, {z}): {p}, {q} and {r} of a list")
     })?;
-    let mut used = vec![false; edges.len()];
-    let (mut strips, mut chain) = (Vec::new(), Vec::new());
-    for first in 0..edges.len() {
-        if !used[first] {
-            let closed = chains.follow(first, &mut chain, &mut used);
-            let points = chain.iter().map(|&v| vertices[v as usize]).collect();
-            strips.push(Strip { closed, points });
-        }
-    }
-    Ok(strips)
+    let strip = |chain: Chain| Strip {
+        closed: chain.closed,
+        points: (chain.vertices.iter())
+            .map(|&v| vertices[v as usize])
+            .collect(),
+    };
+    Ok(chains.curves().map(strip).collect())
 }
 
 #[cfg(test)]

@@ -151,7 +151,7 @@ fn a_file_with_several_topics_needs_a_choice() {
     ]);
     let e = both.choose(None).unwrap_err().to_string();
     assert!(
-        e.contains("several topics have curves: /a, /b; choose one of them (--topic)"),
+        e.contains("several topics have curves: /a, /b; choose one of them (option `topic`)"),
         "{e}"
     );
     assert_eq!(both.choose(Some("/b")).unwrap(), "/b");

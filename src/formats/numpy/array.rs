@@ -36,39 +36,32 @@ pub(super) struct Array {
     pub shape: Vec<u64>,
 }
 
-/// Reasons why bytes cannot be read.
-pub(super) enum Unread {
-    End(u64),
-    Io(std::io::Error),
-}
-
-impl Unread {
-    /// Adds the place.
-    pub fn at(self, place: impl Display) -> Error {
-        match self {
-            Unread::End(missing) => {
-                let what = format!("the file ends, {missing} bytes are missing");
-                Error::format(FORMAT, place, what)
-            }
-            // Damaged compressed data, and a wrong checksum.
-            Unread::Io(e)
-                if matches!(e.kind(), ErrorKind::InvalidData | ErrorKind::InvalidInput) =>
-            {
-                Error::format(FORMAT, place, e)
-            }
-            Unread::Io(e) => Error::Io(e),
-        }
-    }
-}
-
 /// Reads `len` bytes into `bytes`. The memory is that of the bytes that are there.
-pub(super) fn fill(input: &mut impl Read, len: usize, bytes: &mut Vec<u8>) -> Result<(), Unread> {
+///
+/// # Errors
+///
+/// They name the place, and the number of bytes that are missing, with `more` that follow.
+pub(super) fn fill(
+    input: &mut impl Read,
+    len: usize,
+    bytes: &mut Vec<u8>,
+    place: impl Display,
+    more: u64,
+) -> Result<()> {
     bytes.clear();
-    let read = input.take(len as u64).read_to_end(bytes);
-    match read.map_err(Unread::Io)? {
-        n if n == len => Ok(()),
-        n => Err(Unread::End((len - n) as u64)),
-    }
+    let what = match input.take(len as u64).read_to_end(bytes) {
+        Ok(n) if n == len => return Ok(()),
+        Ok(n) => {
+            let missing = (len - n) as u64 + more;
+            format!("the file ends, {missing} bytes are missing")
+        }
+        // Damaged compressed data, and a wrong checksum.
+        Err(e) if matches!(e.kind(), ErrorKind::InvalidData | ErrorKind::InvalidInput) => {
+            format!("the file is damaged: {e}")
+        }
+        Err(e) => return Err(Error::Io(e)),
+    };
+    Err(Error::format(FORMAT, place, what))
 }
 
 impl Array {
@@ -77,7 +70,8 @@ impl Array {
         let bad = |what: &dyn Display| Error::format(FORMAT, format_args!("array {name}"), what);
         let mut bytes = Vec::new();
         let mut read = |n: usize, bytes: &mut Vec<u8>| {
-            fill(input, n, bytes).map_err(|e| e.at(format_args!("header of array {name}")))
+            let place = format_args!("header of array {name}");
+            fill(input, n, bytes, place, 0)
         };
         read(8, &mut bytes)?;
         if &bytes[..6] != b"\x93NUMPY" {

@@ -1,10 +1,9 @@
 //! Frames of an array of positions.
 
-use super::array::{Array, Kind, Unread, fill};
+use super::array::{Array, Kind, fill};
 use super::{Cells, FORMAT, Others};
-use crate::curve::{Basis, CurveLabels, CurveSet, CurveSetBuilder, Positions, Precision};
+use crate::curve::{Basis, CurveLabels, CurveSet, CurveSetBuilder, Positions, Precision, count_of};
 use crate::error::{Error, Result};
-use crate::formats::count_of;
 use crate::formats::frames::{FrameSource, ModelFrame, ReadOptions};
 use std::io::Read;
 use std::sync::Arc;
@@ -18,37 +17,11 @@ pub(super) struct ArrayFrames<R> {
     others: Others,
     labels: Arc<CurveLabels>,
     options: ReadOptions,
-    chunk: Chunk,
 }
 
 /// Number of points that are read at once. A frame may have gigabytes, so only the set holds all of
 /// it.
 const CHUNK: usize = 4096;
-
-/// Buffers of some points.
-#[derive(Default)]
-struct Chunk {
-    bytes: Vec<u8>,
-    singles: Vec<f32>,
-    doubles: Vec<f64>,
-}
-
-impl Chunk {
-    /// Returns the coordinates of the bytes.
-    fn decode(&mut self, array: &Array) -> Positions<'_> {
-        array.to_little_endian(&mut self.bytes);
-        if array.size == 4 {
-            let values = self.bytes.as_chunks().0.iter();
-            self.singles.clear();
-            self.singles.extend(values.map(|&b| f32::from_le_bytes(b)));
-            return Positions::F32(&self.singles);
-        }
-        let values = self.bytes.as_chunks().0.iter();
-        self.doubles.clear();
-        self.doubles.extend(values.map(|&b| f64::from_le_bytes(b)));
-        Positions::F64(&self.doubles)
-    }
-}
 
 /// Division of the positions into frames and curves.
 struct Layout {
@@ -170,28 +143,35 @@ impl<R: Read> ArrayFrames<R> {
             labels: Arc::new(std::mem::take(&mut others.labels)),
             others,
             options: options.clone(),
-            chunk: Chunk::default(),
         })
     }
 
     /// Reads a frame to its end, also if its curves are invalid.
-    fn curves(&mut self) -> Result<Result<CurveSet>, Unread> {
+    fn curves(&mut self) -> Result<Result<CurveSet>> {
         let precision = match self.array.size {
             8 => Precision::F64,
             _ => Precision::F32,
         };
         let basis = self.others.basis.unwrap_or(Basis::Polyline);
         let mut built = CurveSet::builder_of(basis, precision, &self.layout.counts);
-        let mut left = self.layout.frame_bytes;
+        let (mut left, mut chunk) = (self.layout.frame_bytes, Vec::new());
         while left > 0 {
             let bytes = left.min(3 * CHUNK * precision.bytes());
             left -= bytes;
-            fill(&mut self.input, bytes, &mut self.chunk.bytes).map_err(|e| match e {
-                Unread::End(missing) => Unread::End(missing + left as u64),
-                e => e,
-            })?;
+            let place = format_args!("frame {}", self.next);
+            fill(&mut self.input, bytes, &mut chunk, place, left as u64)?;
+            self.array.to_little_endian(&mut chunk);
             built = built.and_then(|mut builder| {
-                builder.push(self.chunk.decode(&self.array))?;
+                match precision {
+                    Precision::F32 => {
+                        let values = chunk.as_chunks().0.iter().map(|&b| f32::from_le_bytes(b));
+                        builder.push(Positions::F32(&values.collect::<Vec<f32>>()))?;
+                    }
+                    Precision::F64 => {
+                        let values = chunk.as_chunks().0.iter().map(|&b| f64::from_le_bytes(b));
+                        builder.push(Positions::F64(&values.collect::<Vec<f64>>()))?;
+                    }
+                }
                 Ok(builder)
             });
         }
@@ -205,9 +185,7 @@ impl<R: Read> FrameSource for ArrayFrames<R> {
         if frame == self.layout.frames {
             return Ok(None);
         }
-        let curves = self
-            .curves()
-            .map_err(|e| e.at(format_args!("frame {frame}")))?;
+        let curves = self.curves()?;
         self.next += 1;
         let k = frame as usize;
         let Others {

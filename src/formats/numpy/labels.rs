@@ -6,7 +6,7 @@ use super::{Cells, FORMAT, Others};
 use crate::curve::{Basis, Cell, CurveLabels, Point};
 use crate::error::{Error, Result};
 use crate::verdict::LeftOut;
-use std::io::{BufRead, Seek};
+use rawzip::ReaderAt;
 
 /// Bytes that an array of numbers, and one of texts, may have at any compression. A text takes many
 /// times its bytes.
@@ -25,7 +25,7 @@ const VECTORS: &str = "\
 
 /// Returns what the writer of the archive left out, and counts the arrays of other names that may
 /// hold points of curves.
-pub(super) fn left_out(archive: &mut Archive<impl BufRead + Seek>) -> Result<Vec<LeftOut>> {
+pub(super) fn left_out(archive: &Archive<impl ReaderAt>) -> Result<Vec<LeftOut>> {
     let mut list = Vec::new();
     if let Some(said) = Values::find(archive, "left_out")? {
         for text in said.texts()? {
@@ -37,7 +37,7 @@ pub(super) fn left_out(archive: &mut Archive<impl BufRead + Seek>) -> Result<Vec
         }
     }
     for member in archive.others(&[READ, VECTORS]) {
-        let array = archive.header(&member)?;
+        let array = archive.header(member)?;
         let name = &member.name;
         let what = match array {
             Ok(array) if may_hold_points(&array) => {
@@ -65,8 +65,8 @@ fn may_hold_points(array: &Array) -> bool {
 }
 
 /// Reads the arrays of these names that a file has.
-pub(super) fn read(archive: &mut Archive<impl BufRead + Seek>) -> Result<Others> {
-    let mut find = |name| Values::find(archive, name);
+pub(super) fn read(archive: &Archive<impl ReaderAt>) -> Result<Others> {
+    let find = |name| Values::find(archive, name);
     let [counts, basis, times, seq] = [
         find("counts")?,
         find("basis")?,
@@ -97,10 +97,7 @@ struct Values {
 }
 
 impl Values {
-    fn find(
-        archive: &mut Archive<impl BufRead + Seek>,
-        name: &'static str,
-    ) -> Result<Option<Values>> {
+    fn find(archive: &Archive<impl ReaderAt>, name: &'static str) -> Result<Option<Values>> {
         let Some(member) = archive.find(name) else {
             return Ok(None);
         };
@@ -108,9 +105,9 @@ impl Values {
             "names" | "left_out" => FREE_TEXTS,
             _ => FREE_NUMBERS,
         };
-        let mut bytes = archive.read(&member, free)?;
+        let mut bytes = archive.read(member, free)?;
         let mut content = &bytes[..];
-        let array = Array::parse(&mut content, member.size, name)?;
+        let array = Array::parse(&mut content, member.size(), name)?;
         let header = bytes.len() - content.len();
         bytes.drain(..header);
         array.to_little_endian(&mut bytes);

@@ -48,12 +48,14 @@ pub(super) use self::write::{NpyFile, NpzFile};
 
 use self::array::Array;
 use self::frames::ArrayFrames;
-use super::Input;
 use super::frames::{ReadOptions, Source};
+use super::{Input, open_file};
 use crate::curve::{Basis, Cell, CurveLabels};
 use crate::error::{Error, Result};
 use crate::verdict::LeftOut;
-use std::io::{BufRead, Seek};
+use rawzip::{FileReader, ReaderAt};
+use std::io::BufRead;
+use std::path::Path;
 
 const FORMAT: &str = "NumPy file";
 /// Bytes that a frame may have at any compression.
@@ -73,14 +75,21 @@ pub(super) fn read_npy<'a>(
     Ok(Box::new(frames))
 }
 
+/// Opens an `.npz` file.
+pub(super) fn open_npz(path: &Path, options: &ReadOptions) -> Result<Source<'static>> {
+    let Input { bytes, len, name } = open_file(path)?;
+    let bytes = FileReader::from(bytes);
+    read_npz(Input { bytes, len, name }, options)
+}
+
 /// Reads the arrays of an `.npz` file, up to the positions of the first frame.
 pub(super) fn read_npz<'a>(
-    input: Input<impl BufRead + Seek + 'a>,
+    input: Input<impl ReaderAt + 'a>,
     options: &ReadOptions,
 ) -> Result<Source<'a>> {
-    let mut archive = archive::Archive::open(input.bytes, input.len)?;
-    let mut others = labels::read(&mut archive)?;
-    others.left_out = labels::left_out(&mut archive)?;
+    let archive = archive::Archive::open(input.bytes, input.len)?;
+    let mut others = labels::read(&archive)?;
+    others.left_out = labels::left_out(&archive)?;
     if options.counts.is_some() {
         others.counts.clone_from(&options.counts);
     }
@@ -89,10 +98,9 @@ pub(super) fn read_npz<'a>(
         let what = format!("no array `positions`; the file has: {found}");
         return Err(Error::format(FORMAT, "whole file", what));
     };
-    let (len, limit) = (member.size, member.limit(FREE_FRAME));
-    let mut input = archive.into_member(member)?;
-    let positions = Array::parse(&mut input, len, "positions")?;
-    let frames = ArrayFrames::new(input, positions, others, options, limit)?;
+    let mut input = archive.content(member)?;
+    let positions = Array::parse(&mut input, member.size(), "positions")?;
+    let frames = ArrayFrames::new(input, positions, others, options, member.limit(FREE_FRAME))?;
     Ok(Box::new(frames))
 }
 

@@ -2,10 +2,10 @@
 
 use super::comment::{Columns, Comment, flag};
 use super::{FORMAT, GROUPS};
-use crate::curve::{CurveSet, Point};
+use crate::curve::{CurveSet, Point, count_of};
 use crate::error::{Error, Result};
 use crate::formats::lines::{Lines, integer, words};
-use crate::formats::{count_of, divided, number};
+use crate::formats::{divided, number};
 use std::collections::HashMap;
 use std::io::BufRead;
 

@@ -137,7 +137,7 @@ fn counts_divide_the_atoms_of_files_without_a_column() {
         "{error}"
     );
     assert!(
-        error.contains("molecule:I:1") && error.contains("--counts"),
+        error.contains("molecule:I:1") && error.contains("option `counts`"),
         "{error}"
     );
 }
@@ -233,7 +233,7 @@ fn curves_that_the_boundary_tears_are_refused_unless_the_caller_unwraps_them() {
         .to_string();
     let says = "curve 0 is 0.889 of the first vector of the periodic cell long from point 0 to 1";
     assert!(
-        error.contains(says) && error.contains("--wrapped"),
+        error.contains(says) && error.contains("option `wrapped`"),
         "{error}"
     );
     let frame = frames_with(&text(8.0), &options(None, true))

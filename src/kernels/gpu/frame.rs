@@ -2,7 +2,7 @@
 //! of the rounding error.
 
 use super::precision::Real;
-use crate::curve::{Axes, CurveSet, bounds};
+use crate::curve::{CurveSet, bounds};
 use crate::kernels::sums::direct::Scale;
 use crate::pairs::Pair;
 use rayon::prelude::*;
@@ -50,7 +50,7 @@ impl<R: Real> Frame<R> {
         let mut at = 0;
         for (i, curve) in set.curves().iter().enumerate() {
             let body = match curve.closed && set.basis().is_polyline() {
-                true => set.body(i),
+                true => set.points_of(i),
                 false => 0..0,
             };
             let n = match body.len() as u32 {
@@ -94,11 +94,13 @@ impl<R: Real> Frame<R> {
             rest = others;
             parts.push((own, body));
         }
+        let positions = set.positions();
         let write = |(own, body): (&mut [[R; 4]], &Range<usize>)| {
             let mut worst = 0f64;
-            for x in 0..3 {
-                let mut put = |to: &mut [R; 4], p: f64| {
-                    let from_centre = p - centre[x];
+            for (to, k) in own.iter_mut().zip(body.clone()) {
+                let p = positions.point(k);
+                for x in 0..3 {
+                    let from_centre = p[x] - centre[x];
                     let exact = scale.apply(from_centre);
                     let nearest: f64 = R::nearest(exact).into();
                     let tiny = nearest.abs() < R::SMALLEST;
@@ -108,18 +110,6 @@ impl<R: Real> Frame<R> {
                         false => (exact - nearest).abs(),
                     };
                     worst = worst.max(off);
-                };
-                match set.axes() {
-                    Axes::F32(v) => {
-                        let from = v[x][body.clone()].iter();
-                        own.iter_mut()
-                            .zip(from)
-                            .for_each(|(to, &p)| put(to, p.into()));
-                    }
-                    Axes::F64(v) => {
-                        let from = v[x][body.clone()].iter();
-                        own.iter_mut().zip(from).for_each(|(to, &p)| put(to, p));
-                    }
                 }
             }
             if let [first, .., last] = own {
@@ -152,8 +142,9 @@ impl<R: Real> Frame<R> {
 /// Returns the centre of the bounding box of the curves, and an upper bound of half its longest
 /// side.
 fn middle(set: &CurveSet, bodies: &[Range<usize>]) -> ([f64; 3], f64) {
-    let slots = bodies.iter().cloned().flatten();
-    let [lo, hi] = bounds(slots.map(|slot| set.at(slot)));
+    let positions = set.positions();
+    let points = bodies.iter().cloned().flatten();
+    let [lo, hi] = bounds(points.map(|k| positions.point(k)));
     // Each half is finite, and so is their sum.
     let centre = [0, 1, 2].map(|x| 0.5 * lo[x] + 0.5 * hi[x]);
     let half = (0..3).fold(0.0, |m: f64, x| {

@@ -236,7 +236,7 @@ impl Edges {
     fn moved(&self, edge: &Edge, image: Image) -> Edge {
         match &self.lattice {
             Some(lattice) if !is_home(&image) => Edge {
-                start: add(edge.start, lattice.translation(image)),
+                start: add(edge.start, lattice.cell.translation(image)),
                 ..*edge
             },
             _ => *edge,
@@ -247,7 +247,7 @@ impl Edges {
     pub fn shift(&self, image: Image) -> (Point, f64) {
         match &self.lattice {
             Some(lattice) if !is_home(&image) => {
-                let by = lattice.translation(image);
+                let by = lattice.cell.translation(image);
                 (by, TOLERANCE * (norm(by) + lattice.size))
             }
             _ => ([0.0; 3], 0.0),
@@ -284,7 +284,7 @@ impl Edges {
 
     /// Returns the translation of a curve into the first cell.
     fn home(&self, curve: u32) -> Image {
-        let home = |lattice: &Lattice| lattice.home(curve);
+        let home = |lattice: &Lattice| lattice.homes[curve as usize];
         self.lattice.as_ref().map_or_else(Image::default, home)
     }
 

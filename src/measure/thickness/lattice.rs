@@ -31,10 +31,10 @@ const MOST_IMAGES: f64 = (1_u32 << 24) as f64;
 /// The lattice of a periodic scene, scaled as its edges are.
 #[derive(Debug)]
 pub(super) struct Lattice {
-    cell: Cell,
+    pub cell: Cell,
     inverse: [Point; 3],
-    /// Translation of each curve into the first cell.
-    homes: Vec<Image>,
+    /// Translation that brings each curve from its given coordinates to the first cell.
+    pub homes: Vec<Image>,
     /// Period of each curve; zeros if it does not run through the cell.
     pub periods: Vec<Image>,
     /// Smallest and largest fractional coordinates of all edges.
@@ -146,16 +146,6 @@ impl Lattice {
             2.0 * (longest.fold(0.0, f64::max) + extent)
         };
         bound * (1.0 + 1e-9)
-    }
-
-    /// Returns the translation of an image.
-    pub fn translation(&self, image: Image) -> Point {
-        self.cell.translation(image)
-    }
-
-    /// Returns the translation that brings a curve from its given coordinates to the first cell.
-    pub fn home(&self, curve: u32) -> Image {
-        self.homes[curve as usize]
     }
 
     /// Returns how far fractional coordinates of points at a distance may differ.

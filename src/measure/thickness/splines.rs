@@ -2,8 +2,9 @@
 
 use super::{CurvePoint, MinRad, Strut};
 use crate::curve::vector::{add, cross, distance, dot, norm, sub};
-use crate::curve::{Basis, Bezier, Cell, CurveSet, Point, Positions, point_at, sub_segment};
-use crate::error::{Error, Result};
+use crate::curve::{Basis, Bezier, Cell, CurveSet, Point, sub_segment};
+use crate::discretize::chords;
+use crate::error::Result;
 use crate::pairs::Scale;
 use crate::periodic::period;
 
@@ -48,27 +49,8 @@ impl Chords {
         };
         let most = most.min(MOST_CHORDS / set.segments().max(1)).max(least);
         let n = (needed.ceil() as usize).clamp(least, most);
-        let mut points = Vec::with_capacity(3 * (n * set.segments() + set.len()));
-        let mut counts = Vec::with_capacity(set.len());
-        for (i, curve) in set.curves().iter().enumerate() {
-            let segments = curve.segments as usize;
-            for s in 0..segments {
-                let hull = set.segment(i, s);
-                let inner = (1..n).map(|k| point_at(&hull, k as f64 / n as f64));
-                points.extend(std::iter::once(hull[0]).chain(inner).flatten());
-            }
-            let open = usize::from(!curve.closed);
-            if !curve.closed {
-                points.extend(set.knot(i, segments));
-            }
-            let count = i32::try_from(n * segments + open).map_err(|_| Error::Unsupported {
-                format: "thickness",
-                what: "of splines with more than a hundred million segments".into(),
-            })?;
-            counts.push(if curve.closed { -count } else { count });
-        }
         Ok(Chords {
-            polylines: CurveSet::from_counts(Basis::Polyline, &counts, Positions::F64(&points))?,
+            polylines: chords(set, n)?,
             per_segment: n as u32,
             error: 2.0 * deviation / (n * n) as f64,
         })

@@ -1,8 +1,7 @@
 //! Scaled vertices of closed polylines, the input of sums.
 
 use super::block::Strip;
-use crate::curve::pow2;
-use crate::curve::{Axes, CurveSet};
+use crate::curve::{CurveSet, pow2};
 use std::ops::Range;
 
 /// Vertices of all closed polylines of a set in double precision. The first vertex of each curve is
@@ -48,16 +47,8 @@ impl Vertices {
         for (i, curve) in set.curves().iter().enumerate() {
             let start = axes[0].len();
             if curve.closed && set.basis().is_polyline() {
-                let body = set.body(i);
                 for (x, to) in axes.iter_mut().enumerate() {
-                    match set.axes() {
-                        Axes::F32(v) => {
-                            to.extend(v[x][body.clone()].iter().map(|&p| scale.apply(p.into())));
-                        }
-                        Axes::F64(v) => {
-                            to.extend(v[x][body.clone()].iter().map(|&p| scale.apply(p)));
-                        }
-                    }
+                    to.extend(set.points_in(i).map(|p| scale.apply(p[x])));
                     to.push(to[start]);
                 }
             }

@@ -1,7 +1,7 @@
 //! Blocks of eight segments, and chunks of blocks: what moves together.
 
 use super::motion::Ranges;
-use crate::curve::{Basis, CurveSet, Image, is_home};
+use crate::curve::{CurveSet, Image, is_home};
 use crate::pairs;
 use crate::simd::LANES;
 use std::ops::Range;
@@ -26,8 +26,6 @@ pub(super) struct Blocks {
     pub points: Vec<Ranges>,
     /// Points that each chunk of [`CHUNK`] blocks depends on.
     pub chunks: Vec<Ranges>,
-    /// Share of the size of a box by which curves leave that of their control points, on each side.
-    pub widen: f64,
 }
 
 impl Blocks {
@@ -37,11 +35,6 @@ impl Blocks {
             numbers: pairs::Blocks::new(set),
             points: Vec::new(),
             chunks: Vec::new(),
-            widen: match basis {
-                // Weights of control points from -1/6 to 7/6.
-                Basis::CatmullRom => 1.0 / 6.0,
-                Basis::Polyline | Basis::Bezier | Basis::BSpline => 0.0,
-            },
         };
         let (stride, window) = (basis.stride(), basis.window());
         for (i, curve) in set.curves().iter().enumerate() {
@@ -109,7 +102,7 @@ fn joined(blocks: &[Ranges]) -> Ranges {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::curve::{Point, Positions};
+    use crate::curve::{Basis, Point, Positions};
     use crate::random::Random;
 
     #[test]

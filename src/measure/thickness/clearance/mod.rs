@@ -80,9 +80,6 @@ const SMALL: f64 = 0.05;
 /// frame.
 const PATIENCE: u32 = 5;
 
-/// Number of segments from which on a frame is measured by several threads.
-const LARGE: usize = 1 << 15;
-
 /// Largest magnitude of coordinates, and largest and smallest radius, for which single-precision
 /// bounds are safe.
 const LARGEST: f64 = 1e30;
@@ -348,11 +345,8 @@ impl ClearanceMonitor {
     /// [`Error::Usage`] if the radii of the curves are unknown, or curves span too many
     /// cells; [`Error::Unsupported`] if coordinates are too large, or too many strands are close.
     pub fn measure(&mut self, set: &CurveSet, cell: Option<&Cell>, seq: u64) -> Result<Clearance> {
-        match set.segments() {
-            ..LARGE => self.measure_here(set, cell, seq),
-            // Once, so that the parallel parts need not each wake a thread.
-            _ => rayon::scope(|_| self.measure_here(set, cell, seq)),
-        }
+        // Once, so that the parallel parts need not each wake a thread.
+        rayon::scope(|_| self.measure_here(set, cell, seq))
     }
 
     fn measure_here(&mut self, set: &CurveSet, cell: Option<&Cell>, seq: u64) -> Result<Clearance> {
@@ -398,7 +392,6 @@ impl ClearanceMonitor {
         let closest = std::mem::take(&mut self.closest);
         let measured = strands.measure(&closest, REACH);
         found.add(closest, measured);
-        let (blocks, positions) = (strands.blocks, strands.positions);
         let smallest = strands.radii.iter().fold(f64::INFINITY, |a, &b| a.min(b));
         let small = SMALL * smallest;
         let old = self.list.take().map(|list| {
@@ -409,7 +402,7 @@ impl ClearanceMonitor {
         let (list, at_least) = match old {
             Some((mut list, mut moved)) if list.is_complete(&moved) => {
                 let limit = list.level.min(found.ratio());
-                let (due, compared) = list.due(&mut moved, (blocks, positions), limit);
+                let (due, compared) = list.due(&mut moved, strands, limit);
                 self.work += compared + MEASUREMENT * due.len();
                 let measured = strands.measure(&due, limit);
                 found.add(due, measured);

@@ -5,7 +5,7 @@ use super::lattice::{Lattice, LatticeMotion};
 use super::motion::{Displacements, Rigid, Step};
 use super::strands::{Measured, Strands};
 use crate::cancel::PairLimit;
-use crate::curve::{Box3, Image, Positions, Received, above, below, larger, pow2};
+use crate::curve::{Box3, Image, Received, above, below, larger, pow2};
 use crate::error::{Error, Result};
 use crate::pairs::{BlockLists, LinkSearch};
 use crate::periodic::too_far;
@@ -99,13 +99,8 @@ impl Moved {
         };
         // Only the last chunk may be smaller.
         let new = &mut self.blocks[known..];
-        match chunks.len() {
-            ..CHUNKS_PER_TASK => chunks.iter().zip(new.chunks_mut(CHUNK)).for_each(fill),
-            _ => {
-                let parts = chunks.par_iter().zip(new.par_chunks_mut(CHUNK));
-                parts.for_each(fill);
-            }
-        }
+        let parts = chunks.par_iter().zip(new.par_chunks_mut(CHUNK));
+        parts.with_min_len(CHUNKS_PER_TASK).for_each(fill);
     }
 
     /// Returns the displacements of a block, or those of its chunk.
@@ -159,14 +154,8 @@ impl NearList {
             set.leaf_boxes(curve, number).bounds()
         };
         let count = blocks.numbers.len() as u32;
-        let boxes: Vec<Box3> = match blocks.numbers.len() {
-            ..GRAIN => (0..count).map(bounds).collect(),
-            _ => (0..count)
-                .into_par_iter()
-                .with_min_len(GRAIN / 4)
-                .map(bounds)
-                .collect(),
-        };
+        let all = (0..count).into_par_iter().with_min_len(GRAIN / 4);
+        let boxes: Vec<Box3> = all.map(bounds).collect();
         let dilation = |curve: u32| reach.ratio * radii[curve as usize] + reach.skin + rounding;
         let dilated = boxes.iter().zip(&blocks.numbers.curves);
         let dilated: Vec<Box3> = dilated
@@ -226,14 +215,8 @@ impl NearList {
                 bound: below((gap - 2.0 * rounding).max(0.0) / sum - MARGIN),
             })
         };
-        let pairs: Vec<NearPair> = match found.len() {
-            ..GRAIN => found.iter().filter_map(listed).collect(),
-            _ => found
-                .par_iter()
-                .with_min_len(GRAIN)
-                .filter_map(listed)
-                .collect(),
-        };
+        let pairs = found.par_iter().with_min_len(GRAIN);
+        let pairs: Vec<NearPair> = pairs.filter_map(listed).collect();
         Ok(NearList {
             pairs,
             of: None,
@@ -260,41 +243,31 @@ impl NearList {
         }
     }
 
-    fn step<'a>(&'a self, blocks: &Blocks, rigid: Rigid, positions: Positions<'a>) -> Step<'a> {
+    fn step<'a>(&'a self, strands: &Strands<'a>, rigid: Rigid) -> Step<'a> {
         Step {
-            frames: [self.reference.positions(), positions],
+            frames: [self.reference.positions(), strands.positions],
             rigid,
-            widen: blocks.widen,
+            widen: strands.set.basis().overshoot(),
         }
     }
 
     /// Returns how the blocks moved from the reference frame to this one. A motion of less than
     /// `small` is as good as none.
     pub fn moved(&self, strands: &Strands<'_>, small: f64) -> Moved {
-        let (blocks, positions) = (strands.blocks, strands.positions);
         // A rotation would turn the lattice, too.
         let small = if self.lattice.is_some() {
             f64::INFINITY
         } else {
             small
         };
-        let rigid = Rigid::fit([self.reference.positions(), positions], small);
-        let step = self.step(blocks, rigid, positions);
-        let mut chunks = vec![Displacements::default(); blocks.chunks.len()];
-        let (parts, step) = (&blocks.chunks[..], &step);
-        match parts.len() {
-            ..CHUNKS_PER_TASK => {
-                let out = &mut chunks[..];
-                dispatch!(Step::displacements(step, parts, out));
-            }
-            _ => {
-                let outs = chunks.par_chunks_mut(CHUNKS_PER_TASK);
-                let tasks = parts.par_chunks(CHUNKS_PER_TASK).zip(outs);
-                tasks.for_each(|(parts, out)| {
-                    dispatch!(Step::displacements(step, parts, out));
-                });
-            }
-        }
+        let rigid = Rigid::fit([self.reference.positions(), strands.positions], small);
+        let (parts, step) = (&strands.blocks.chunks[..], &self.step(strands, rigid));
+        let mut chunks = vec![Displacements::default(); parts.len()];
+        let outs = chunks.par_chunks_mut(CHUNKS_PER_TASK);
+        let tasks = parts.par_chunks(CHUNKS_PER_TASK).zip(outs);
+        tasks.for_each(|(parts, out)| {
+            dispatch!(Step::displacements(step, parts, out));
+        });
         let far = chunks.iter().map(|moved| rigid.largest_from(moved));
         let far = far.fold(0.0, f64::max);
         let lattice = self.lattice.as_ref().zip(strands.cell);
@@ -329,12 +302,12 @@ impl NearList {
         self.pairs.len()
     }
 
-    /// Returns the pairs of blocks that may be closer than `limit` in a frame with these positions,
-    /// and the number of pairs that were compared. `limit` is at most the level.
+    /// Returns the pairs of blocks that may be closer than `limit` in a frame, and the number of
+    /// pairs that were compared. `limit` is at most the level.
     pub fn due(
         &self,
         moved: &mut Moved,
-        (blocks, positions): (&Blocks, Positions<'_>),
+        strands: &Strands<'_>,
         limit: f64,
     ) -> (Vec<BlockPair>, usize) {
         let far = (0..moved.chunks.len()).filter(|&chunk| {
@@ -345,12 +318,13 @@ impl NearList {
         if far.is_empty() {
             return Default::default();
         }
-        moved.divide(&self.step(blocks, moved.rigid, positions), blocks, &far);
+        moved.divide(&self.step(strands, moved.rigid), strands.blocks, &far);
         let moved = &*moved;
+        let count = strands.blocks.numbers.len();
         let of = self.of.as_ref().expect("the level was chosen");
         let look = |&chunk: &usize| {
             let (mut due, mut compared) = (Vec::new(), 0);
-            for block in chunk * CHUNK..blocks.numbers.len().min((chunk + 1) * CHUNK) {
+            for block in chunk * CHUNK..count.min((chunk + 1) * CHUNK) {
                 let largest = moved.largest(moved.of(block as u32));
                 if largest <= f64::from(self.allowances[block]) {
                     continue;
@@ -367,10 +341,8 @@ impl NearList {
             due.extend::<Vec<BlockPair>>(more);
             (due, count + compared)
         };
-        let (mut due, compared) = match far.len() {
-            ..CHUNKS_PER_TASK => far.iter().map(look).fold(Default::default(), join),
-            _ => far.par_iter().map(look).reduce(Default::default, join),
-        };
+        let looked = far.par_iter().with_min_len(CHUNKS_PER_TASK).map(look);
+        let (mut due, compared) = looked.reduce(Default::default, join);
         due.sort_unstable();
         due.dedup();
         (due, compared)
@@ -378,24 +350,17 @@ impl NearList {
 
     /// Makes a frame the reference frame.
     pub fn rebase(&mut self, mut moved: Moved, strands: &Strands<'_>, small: f64) {
-        let (blocks, positions) = (strands.blocks, strands.positions);
         let far = (0..moved.chunks.len()).filter(|&chunk| {
             let whole = moved.starts[chunk].is_none();
             whole && moved.rigid.largest_from(&moved.chunks[chunk]) > small
         });
         let far: Vec<usize> = far.collect();
-        moved.divide(&self.step(blocks, moved.rigid, positions), blocks, &far);
+        moved.divide(&self.step(strands, moved.rigid), strands.blocks, &far);
         let lower = |pair: &mut NearPair| pair.bound = below(moved.bound(pair));
-        match self.pairs.len() {
-            ..GRAIN => self.pairs.iter_mut().for_each(lower),
-            _ => self
-                .pairs
-                .par_iter_mut()
-                .with_min_len(GRAIN)
-                .for_each(lower),
-        }
+        let pairs = self.pairs.par_iter_mut().with_min_len(GRAIN);
+        pairs.for_each(lower);
         self.traveled = self.traveled(&moved);
-        self.reference.copy_from(positions);
+        self.reference.copy_from(strands.positions);
         if let Some((lattice, cell)) = self.lattice.as_mut().zip(strands.cell) {
             lattice.rebase(cell, moved.farthest);
         }

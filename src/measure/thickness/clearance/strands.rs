@@ -16,8 +16,8 @@ const DEVIATION: f64 = 0.02;
 /// Maximum number of chords of a segment.
 const CHORDS: usize = 8;
 
-/// Number of pairs of blocks from which on several threads measure them.
-const MANY: usize = 512;
+/// Number of pairs of blocks that a task measures.
+const RUN: usize = 128;
 
 /// Positions along the curves.
 #[derive(Debug)]
@@ -204,13 +204,7 @@ impl Strands<'_> {
     /// beyond `limit` are only bounded from below.
     pub fn measure(&self, pairs: &[BlockPair], limit: f64) -> Vec<Measured> {
         let run = |pairs: &[BlockPair]| dispatch!(Strands::measure_run(self, pairs, limit));
-        match pairs.len() {
-            ..MANY => run(pairs),
-            _ => {
-                let runs = pairs.par_chunks(MANY / 4).map(run);
-                runs.flatten_iter().collect()
-            }
-        }
+        pairs.par_chunks(RUN).map(run).flatten_iter().collect()
     }
 
     #[inline(always)]

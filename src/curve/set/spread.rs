@@ -1,83 +1,8 @@
 //! Spreads positions, `x y z x y z ..`, over three arrays.
-//!
-//! The input is read in tiles, across the boundaries of curves, and each tile is copied to the
-//! curves in runs. So many small curves cost little more than few large ones.
 
 use super::basis::Basis;
 use super::coordinates::Scalar;
 use super::curve::{Curve, slots_of};
-use crate::simd::LANES;
-
-/// Number of points of a tile. Its coordinates fit into the first-level cache.
-const POINTS: usize = 256;
-
-/// Number of points of two rows.
-const TWO_ROWS: usize = 2 * LANES;
-
-/// Number of coordinates of a tile.
-const VALUES: usize = 3 * POINTS;
-
-/// A part of the input.
-struct Tile<T> {
-    raw: [T; VALUES],
-    /// The coordinates of each axis, and as many slots more as a row has lanes, so that a copy may
-    /// end with a whole row.
-    axes: [[T; POINTS + LANES]; 3],
-}
-
-impl<T: Scalar> Tile<T> {
-    fn new() -> Tile<T> {
-        Tile {
-            raw: [T::default(); VALUES],
-            axes: [[T::default(); POINTS + LANES]; 3],
-        }
-    }
-
-    /// Reads at most [`VALUES`] coordinates. Returns the bit pattern of the largest magnitude.
-    #[inline(always)]
-    fn read(&mut self, src: &[T]) -> u64 {
-        self.raw[..src.len()].copy_from_slice(src);
-        let [x, y, z] = &mut self.axes;
-        // All of the tile: a loop of a fixed length is compiled to shuffles.
-        for k in 0..POINTS {
-            x[k] = self.raw[3 * k];
-            y[k] = self.raw[3 * k + 1];
-            z[k] = self.raw[3 * k + 2];
-        }
-        T::largest(src)
-    }
-
-    /// Copies `count` points, from point `from` of the tile on, to the slots from `to` on. Copies
-    /// whole rows, which overwrites up to seven slots that are written later: those of the next
-    /// points, the end of this curve, or the next curves.
-    #[inline(always)]
-    fn copy(&self, from: usize, count: usize, dst: &mut [Vec<T>; 3], to: usize) {
-        for (src, dst) in self.axes.iter().zip(dst) {
-            let (src, dst) = (&src[from..], &mut dst[to..]);
-            match count {
-                ..=LANES if copy_row(src, dst, 0) => {}
-                ..=TWO_ROWS if copy_row(src, dst, LANES) => {
-                    copy_row(src, dst, 0);
-                }
-                _ => dst[..count].copy_from_slice(&src[..count]),
-            }
-        }
-    }
-}
-
-/// Copies a row. Returns false if either slice is too short.
-#[inline(always)]
-fn copy_row<T: Copy>(src: &[T], dst: &mut [T], at: usize) -> bool {
-    let src = src.get(at..).and_then(|s| s.first_chunk::<LANES>());
-    let dst = dst.get_mut(at..).and_then(|d| d.first_chunk_mut::<LANES>());
-    match (src, dst) {
-        (Some(src), Some(dst)) => {
-            *dst = *src;
-            true
-        }
-        _ => false,
-    }
-}
 
 /// Writes all points of all curves, with the slots around them ([`finish_curve`]). Returns the
 /// largest magnitude.
@@ -88,32 +13,18 @@ pub(super) fn write_curves<T: Scalar>(
     basis: Basis,
     src: &[T],
 ) -> f64 {
-    let mut tile = Tile::new();
-    let mut largest = 0;
-    let mut curves = curves.iter();
-    // The curve that is being written, the slot of its next point, and its missing points.
-    let (mut curve, mut to, mut missing) = (None, 0, 0);
-    for src in src.chunks(VALUES) {
-        largest = largest.max(tile.read(src));
-        let count = src.len() / 3;
-        let mut from = 0;
-        while from < count {
-            if missing == 0 {
-                let Some(next) = curves.next() else {
-                    break;
-                };
-                to = next.first as usize + basis.lead(next.closed);
-                missing = next.points as usize;
-                curve = Some(next);
+    let (mut rest, mut largest) = (src, 0);
+    for c in curves {
+        let (own, after) = rest.split_at(3 * c.points as usize);
+        rest = after;
+        largest = largest.max(T::largest(own));
+        let body = c.first as usize + basis.lead(c.closed);
+        for (x, dst) in dst.iter_mut().enumerate() {
+            let points = own.as_chunks::<3>().0.iter();
+            for (to, p) in dst[body..].iter_mut().zip(points) {
+                *to = p[x];
             }
-            let run = missing.min(count - from);
-            tile.copy(from, run, dst, to);
-            (from, to, missing) = (from + run, to + run, missing - run);
-            if let (0, Some(curve)) = (missing, curve) {
-                for dst in dst.iter_mut() {
-                    finish_curve(dst, curve, basis);
-                }
-            }
+            finish_curve(dst, c, basis);
         }
     }
     T::from_magnitude(largest)
@@ -121,44 +32,30 @@ pub(super) fn write_curves<T: Scalar>(
 
 /// Writes the slots around the points of a curve, one axis: the copies of points that a closed
 /// curve stores at its ends, including the padding of its last row. The padding of an open curve is
-/// 0. Up to seven slots behind the curve are overwritten as well.
+/// 0.
 #[inline(always)]
 fn finish_curve<T: Scalar>(dst: &mut [T], c: &Curve, basis: Basis) {
-    let (first, n, lead) = (c.first as usize, c.points as usize, basis.lead(c.closed));
-    let body = first + lead;
-    let end = body + n;
-    let tail = first + slots_of(basis, c.segments as usize) - end;
+    let (first, n) = (c.first as usize, c.points as usize);
+    let body = first + basis.lead(c.closed);
+    let (end, slots) = (body + n, slots_of(basis, c.segments as usize));
     if !c.closed {
-        dst[end..end + tail].fill(T::default());
-        return;
+        return dst[end..first + slots].fill(T::default());
     }
-    for k in 0..lead {
-        dst[first + k] = dst[body + (k + n - lead) % n];
+    for k in first..body {
+        dst[k] = dst[k + n];
     }
-    if tail <= LANES && tail <= n {
-        let row = dst[body..].first_chunk::<LANES>().copied();
-        let to = dst[end..].first_chunk_mut::<LANES>();
-        if let (Some(row), Some(to)) = (row, to) {
-            *to = row;
-            return;
-        }
-    }
-    if tail <= n {
-        dst.copy_within(body..body + tail, end);
-        return;
-    }
-    for k in 0..tail {
-        dst[end + k] = dst[body + k % n];
+    for k in end..first + slots {
+        dst[k] = dst[k - n];
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use crate::curve::{Axes, Basis, CurveSet, Positions, Precision};
+    use crate::curve::{Basis, CurveSet, Positions, Precision};
     use crate::error::Error;
     use crate::random::Random;
 
-    /// Curves of one to three tiles, and many of few points.
+    /// Curves of few and of many points.
     fn counts(random: &mut Random, basis: Basis) -> Vec<i32> {
         let most = random.pick(&[4, 20, 700]);
         let counts = (0..60).map(|_| {
@@ -203,10 +100,7 @@ mod tests {
     }
 
     fn axis(set: &CurveSet, x: usize) -> Vec<f64> {
-        match set.axes() {
-            Axes::F32(v) => v[x].iter().map(|&p| p.into()).collect(),
-            Axes::F64(v) => v[x].to_vec(),
-        }
+        (0..set.slots()).map(|slot| set.at(slot)[x]).collect()
     }
 
     #[test]
