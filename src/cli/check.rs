@@ -56,7 +56,25 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     let models = match &args.each_args.only {
         Some(model) => vec![model.clone()],
         None if args.each_args.each => {
-            return args.each_args.run(&input::expand_models(&args.models)?);
+            let Args {
+                format,
+                baseline,
+                event_args,
+                braid_args,
+                ..
+            } = args;
+            let options = (
+                format,
+                baseline,
+                event_args,
+                braid_args,
+                args.cell_args,
+                args.early_exit,
+            );
+            let options = format!("{options:?}");
+            return args
+                .each_args
+                .run(&input::expand_models(&args.models)?, &options);
         }
         None => input::expand(&args.models, args.keep_order)?,
     };

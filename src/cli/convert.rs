@@ -144,6 +144,8 @@ struct Converter {
     certifier: Certifier,
     frames: u64,
     invalid: u64,
+    /// Name of the first invalid frame.
+    first_invalid: Option<String>,
     /// Elements of the files that were not read.
     left_out: Vec<LeftOut>,
     /// Number of frames whose cell the output cannot hold.
@@ -191,6 +193,8 @@ impl Converter {
         frames: &mut dyn Iterator<Item = Result<Frame>>,
         mut write: impl FnMut(CurveSet, FrameInfo) -> Result<()>,
     ) -> Result<()> {
+        // A frame waits for the next one, so that the last one has the count of invalid frames.
+        let mut waiting: Option<(CurveSet, FrameInfo)> = None;
         for frame in frames {
             let frame = frame?;
             if !self.is_valid(&frame) {
@@ -220,9 +224,23 @@ impl Converter {
             }
             self.points[1] += curves.points() as u64;
             self.frames += 1;
-            write(curves, frame.info)?;
+            if let Some((curves, info)) = waiting.replace((curves, frame.info)) {
+                write(curves, self.with_invalid(info))?;
+            }
+        }
+        if let Some((curves, info)) = waiting {
+            write(curves, self.with_invalid(info))?;
         }
         self.check_frames()
+    }
+
+    /// Adds the invalid frames so far to what is left out, so that the output is incomplete too.
+    fn with_invalid(&self, mut info: FrameInfo) -> FrameInfo {
+        if let Some(first) = &self.first_invalid {
+            let kind = ["invalid frame", "invalid frames"];
+            info.left_out.push(LeftOut::new(self.invalid, kind, first));
+        }
+        info
     }
 
     /// Returns true if a frame is valid. Otherwise reports that it is left out.
@@ -230,6 +248,7 @@ impl Converter {
         if let Err(e) = &frame.curves {
             tracing::error!("{}: left out: {e}", frame.name);
             self.invalid += 1;
+            self.first_invalid.get_or_insert_with(|| frame.name.clone());
         }
         frame.curves.is_ok()
     }

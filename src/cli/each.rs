@@ -9,6 +9,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use std::collections::HashMap;
 use std::fs::{File, OpenOptions};
+use std::hash::{DefaultHasher, Hash, Hasher};
 use std::io::{BufRead, BufReader, Read, Write};
 use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
@@ -26,8 +27,11 @@ pub struct EachArgs {
     #[arg(long, conflicts_with_all = ["one_motion", "junit", "record", "show"])]
     pub each: bool,
     /// Number of runs at a time, with --each [default: one per core]
-    #[arg(long, value_name = "N", requires = "each", hide_short_help = true)]
-    jobs: Option<NonZeroUsize>,
+    #[arg(
+        long, value_name = "N", requires = "each", hide_short_help = true,
+        value_parser = clap::value_parser!(u16).range(1..)
+    )]
+    jobs: Option<u16>,
     /// Append the lines to a file, with --each
     #[arg(
         short,
@@ -55,15 +59,28 @@ struct Line {
     error: Option<String>,
     verdict: Option<String>,
     seconds: f64,
+    /// Warnings of the process.
+    warnings: Vec<String>,
     summary: Option<Value>,
+    /// Changes with the options, and with the size and the time of change of the file.
+    key: String,
+}
+
+/// Returns the [`Line::key`] of a file.
+fn key(model: &Path, options: &str) -> String {
+    let file = model.metadata().ok();
+    let modified = file.as_ref().and_then(|file| file.modified().ok());
+    let mut hasher = DefaultHasher::new();
+    (options, file.map(|file| file.len()), modified).hash(&mut hasher);
+    format!("{:016x}", hasher.finish())
 }
 
 /// Lines that are written while runs go on.
 #[derive(Default)]
 struct Lines {
     file: Option<File>,
-    /// Exit codes of the runs that the file had before.
-    done: HashMap<PathBuf, Option<i32>>,
+    /// Exit codes and keys of the runs that the file had before.
+    done: HashMap<PathBuf, (Option<i32>, String)>,
     /// Numbers of runs: intact, changed, undecided and failed.
     counts: [usize; 4],
 }
@@ -79,32 +96,33 @@ fn class(code: Option<i32>) -> usize {
 }
 
 impl EachArgs {
-    /// Runs the command on these files.
+    /// Runs the command on these files; `options` are all others, in some form.
     ///
     /// # Errors
     ///
     /// The output cannot be used; or a run failed, and no topology changed.
-    pub fn run(&self, models: &[PathBuf]) -> Result<Outcome> {
+    pub fn run(&self, models: &[PathBuf], options: &str) -> Result<Outcome> {
         let mut lines = Lines::default();
         if let Some(path) = &self.output {
             lines.open(path, self.resume).map_err(|e| e.in_file(path))?;
         }
-        let (done, left): (Vec<&PathBuf>, Vec<&PathBuf>) = models
-            .iter()
-            .partition(|model| lines.done.contains_key(*model));
-        for model in done {
-            lines.counts[class(lines.done[model])] += 1;
+        let mut left = Vec::new();
+        for model in models {
+            match lines.done.get(model) {
+                Some((code, known)) if *known == key(model, options) => {
+                    lines.counts[class(*code)] += 1;
+                }
+                _ => left.push(model),
+            }
         }
         let cores = thread::available_parallelism().map_or(1, NonZeroUsize::get);
-        let jobs = self
-            .jobs
-            .map_or(cores, NonZeroUsize::get)
-            .min(left.len().max(1));
+        let jobs = self.jobs.map_or(cores, usize::from).min(left.len().max(1));
         let threads = (cores / jobs).max(1);
         let (next, lines) = (AtomicUsize::new(0), Mutex::new(lines));
         let work = || -> Result<()> {
             while let Some(model) = left.get(next.fetch_add(1, Ordering::Relaxed)) {
-                let line = verified(model, threads);
+                let mut line = verified(model, threads);
+                line.key = key(model, options);
                 let mut lines = lines.lock().unwrap_or_else(PoisonError::into_inner);
                 lines.put(&line)?;
             }
@@ -149,15 +167,16 @@ impl Lines {
         let mut file = options.open(path)?;
         let mut text = String::new();
         file.read_to_string(&mut text)?;
-        if !text.is_empty() && !text.ends_with('\n') {
-            // The last line was cut.
-            file.write_all(b"\n")?;
-        }
+        // The last line may have been cut.
+        let whole = text.rfind('\n').map_or(0, |at| at + 1);
+        file.set_len(whole as u64)?;
         let lines = text
             .lines()
             .filter_map(|line| serde_json::from_str::<Line>(line).ok());
         let done = lines.filter(|line| line.error.is_none());
-        self.done = done.map(|line| (line.file, line.code)).collect();
+        self.done = done
+            .map(|line| (line.file, (line.code, line.key)))
+            .collect();
         self.file = Some(file);
         Ok(())
     }
@@ -169,12 +188,11 @@ impl Lines {
             Some(file) => file.write_all(format!("{json}\n").as_bytes())?,
             None => output::json(&json),
         }
-        let said = line.verdict.as_ref().or(line.error.as_ref());
-        tracing::info!(
-            "{}: {}",
-            line.file.display(),
-            said.map_or("", String::as_str)
-        );
+        let file = line.file.display();
+        match (&line.error, &line.verdict) {
+            (Some(why), _) => tracing::error!("{file}: {why}"),
+            (_, verdict) => tracing::info!("{file}: {}", verdict.as_deref().unwrap_or_default()),
+        }
         Ok(())
     }
 }
@@ -188,23 +206,31 @@ fn verified(model: &Path, threads: usize) -> Line {
         error: None,
         verdict: None,
         seconds: 0.0,
+        warnings: Vec::new(),
         summary: None,
+        key: String::new(),
     };
     match last_line(model, threads) {
         Ok((code, last, errors)) => {
             line.code = code;
             let mut last: Value = serde_json::from_str(&last).unwrap_or_default();
-            let of_frame = last["report"]["verdict"].as_str();
-            let verdict = last["summary"]["verdict"].as_str().or(of_frame);
-            line.verdict = verdict.map(str::to_owned);
-            line.summary = last.get_mut("summary").map(Value::take);
             if class(code) == 3 {
                 let mut lines = errors.lines().rev();
                 let why = lines.find_map(|line| line.strip_prefix("error: "));
                 let name = format!("{}: ", model.display());
                 let why = why.map(|why| why.strip_prefix(&name).unwrap_or(why));
                 line.error = Some(why.unwrap_or("a signal ended the process").to_owned());
+            } else {
+                // Of a run that failed, the last line is that of some frame.
+                let of_frame = last["report"]["verdict"].as_str();
+                let verdict = last["summary"]["verdict"].as_str().or(of_frame);
+                line.verdict = verdict.map(str::to_owned);
+                line.summary = last.get_mut("summary").map(Value::take);
             }
+            let warnings = errors
+                .lines()
+                .filter_map(|line| line.trim().strip_prefix("WARN "));
+            line.warnings = warnings.map(str::to_owned).collect();
         }
         Err(e) => line.error = Some(e.to_string()),
     }

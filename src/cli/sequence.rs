@@ -125,12 +125,29 @@ impl Sequence {
                     let found = std::fs::metadata(&path);
                     return Some(Err(match found {
                         Err(source) => Error::File { path, source },
-                        Ok(_) => Error::UnknownModel { path },
+                        Ok(_) => Error::UnknownModel {
+                            path: self.with_others(path),
+                        },
                     }));
                 }
                 Err(e) => return Some(Err(e)),
             }
         }
+    }
+
+    /// Returns a path with all others behind it if it is the first one: a topology before its
+    /// trajectories means nothing alone.
+    fn with_others(&mut self, path: PathBuf) -> PathBuf {
+        if self.last.is_some() {
+            return path;
+        }
+        let others = std::mem::take(&mut self.files);
+        let mut all = path.into_os_string();
+        for other in others {
+            all.push(" ");
+            all.push(other);
+        }
+        all.into()
     }
 
     fn next_seq(&self) -> u64 {

@@ -65,6 +65,7 @@ pub(super) fn read<'a>(
         columns: Columns::default(),
         count: None,
         frames: 0,
+        decided: false,
         ended: false,
     }))
 }
@@ -341,6 +342,8 @@ struct Points<R> {
     count: Option<u64>,
     /// Number of frames before the next one.
     frames: u64,
+    /// True after a valid frame, which decides which curves are closed.
+    decided: bool,
     ended: bool,
 }
 
@@ -420,7 +423,8 @@ impl<R: BufRead> FrameSource for Points<R> {
         }
         let seq = self.frames;
         self.frames += 1;
-        let set = curves.finish(&self.options, seq == 0);
+        let set = curves.finish(&self.options, !self.decided);
+        self.decided |= set.is_ok();
         Ok(Some(ModelFrame::new(seq, set)))
     }
 }
@@ -555,6 +559,11 @@ mod tests {
         let counts: Vec<Vec<i32>> = found.iter().map(counts).collect();
         assert_eq!(counts, [[4], [4], [4]]);
         assert_eq!(shape(open, Some(false)).unwrap(), [(false, ring)]);
+        // Regression test: later frames were read as open curves.
+        let motion = format!("3\n{open}3\n{open}");
+        let found = frames(&motion, None, None).unwrap();
+        assert_eq!(found.len(), 2);
+        assert!(found.iter().all(|frame| frame.curves.is_err()));
         // Counts divide the points whatever separates them.
         let counted = frames(&both, None, Some(&[-3, 4]))
             .unwrap()

@@ -1,12 +1,14 @@
 //! `linkwatch check` of a model and its certificate.
 
 use super::chain;
-use crate::support::command::{linkwatch, text};
+use crate::support::command::{command, linkwatch, text};
 use linkwatch::{Basis, CurveSet, Positions, formats};
 use serde_json::Value;
 use std::fs::OpenOptions;
 use std::io::Write;
 use std::path::Path;
+use std::process::{Command, Stdio};
+use std::time::Duration;
 use tempfile::TempDir;
 
 #[test]
@@ -402,4 +404,70 @@ fn check_verifies_each_file_in_a_process_of_its_own() {
     let found = lines();
     let last = &found.last().unwrap().1;
     assert_eq!((found.len(), &last["code"]), (4, &Value::from(0)), "{last}");
+
+    // A file that changed is verified again, as are all with other options.
+    std::fs::copy(&broken, &whole).unwrap();
+    let run = linkwatch(&[&each[..], &["--resume"], &files].concat());
+    assert!(run.stderr.contains("1 intact, 2 changed") && run.stderr.contains("1 verified now"));
+    let run = linkwatch(&[&each[..], &["--resume", "--events=off"], &files].concat());
+    assert!(run.stderr.contains("3 verified now"), "{}", run.stderr);
+}
+
+/// Regression test: a process that was killed had the verdict of its last line.
+#[cfg(target_os = "linux")]
+#[test]
+fn a_run_that_is_killed_has_no_verdict() {
+    let folder = TempDir::new().unwrap();
+    let file = folder.path().join("whole.npz");
+    let scene = [
+        "generate",
+        "chainmail:rows=20,columns=20",
+        "--frames",
+        "400,diameter=0.2",
+    ];
+    assert_eq!(
+        linkwatch(&[&scene[..], &["-o", text(&file)]].concat()).code,
+        0
+    );
+    let mut each = command();
+    let each = each.args(["check", "--each", text(&file), "--jobs", "1"]);
+    let each = each
+        .stdout(Stdio::piped())
+        .stderr(Stdio::null())
+        .spawn()
+        .unwrap();
+    let tasks = format!("/proc/{}/task", each.id());
+    let child = loop {
+        let tasks = std::fs::read_dir(&tasks).unwrap().flatten();
+        let children = tasks.flat_map(|task| std::fs::read_to_string(task.path().join("children")));
+        let children: String = children.collect();
+        match children.split_whitespace().next() {
+            Some(child) => break child.to_owned(),
+            None => std::thread::sleep(Duration::from_millis(5)),
+        }
+    };
+    let killed = Command::new("kill").args(["-KILL", &child]).status();
+    assert!(killed.unwrap().success());
+    let ended = each.wait_with_output().unwrap();
+    let line: Value = serde_json::from_slice(&ended.stdout).unwrap();
+    assert_eq!(ended.status.code(), Some(2));
+    let expected = "a signal ended the process";
+    assert_eq!(
+        (&line["verdict"], &line["error"]),
+        (&Value::Null, &Value::from(expected))
+    );
+}
+
+/// Regression test: one curve, of which nothing is verified, was intact.
+#[test]
+fn one_curve_alone_is_not_intact() {
+    let folder = TempDir::new().unwrap();
+    let file = folder.path().join("one.txt");
+    let square = "4\n0 0 0\n1 0 0\n1 1 0\n0 1 0\n";
+    std::fs::write(&file, square.repeat(2)).unwrap();
+    let run = linkwatch(&["check", text(&file), "--closed"]);
+    assert_eq!(run.code, 3, "{}", run.stdout);
+    assert!(run.stderr.contains("one curve alone"), "{}", run.stderr);
+    let run = linkwatch(&["check", text(&file), "--closed", "--events=all"]);
+    assert_eq!(run.code, 0, "{}", run.stdout);
 }

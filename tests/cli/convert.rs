@@ -194,17 +194,40 @@ fn invalid_frames_are_left_out_and_make_the_conversion_incomplete() {
     let at = bytes.len() - nan.len();
     bytes[at..].copy_from_slice(&nan);
     std::fs::write(&models[1], bytes).unwrap();
-    let recording = folder.path().join("run.mcap");
-    let run = linkwatch(&["convert", text(folder.path()), text(&recording)]);
-    assert_eq!(run.code, 3, "{}", run.stderr);
-    assert!(run.stdout.contains("2 frames"), "{}", run.stdout);
-    assert!(
-        run.stdout.contains("left out: 1 invalid frame"),
-        "{}",
-        run.stdout
-    );
-    assert!(run.stderr.contains("f1.bcc: left out: "), "{}", run.stderr);
+    for output in ["run.mcap", "run.npz"] {
+        let outputs = TempDir::new().unwrap();
+        let output = outputs.path().join(output);
+        let run = linkwatch(&["convert", text(folder.path()), text(&output)]);
+        assert_eq!(run.code, 3, "{}", run.stderr);
+        assert!(run.stdout.contains("2 frames"), "{}", run.stdout);
+        assert!(
+            run.stdout.contains("left out: 1 invalid frame"),
+            "{}",
+            run.stdout
+        );
+        assert!(run.stderr.contains("f1.bcc: left out: "), "{}", run.stderr);
+        // Regression test: later checks of the output were intact.
+        let run = linkwatch(&["check", text(&output)]);
+        assert_eq!(run.code, 3, "{}{}", run.stdout, run.stderr);
+        assert!(run.stdout.contains("1 invalid frame ("), "{}", run.stdout);
+    }
 }
+
+/// Regression test: pull-throughs were not searched for, as in a run that searched for none.
+#[test]
+fn a_converted_recording_is_searched_for_pull_throughs() {
+    let folder = TempDir::new().unwrap();
+    squares(folder.path(), 3);
+    let outputs = TempDir::new().unwrap();
+    let recording = outputs.path().join("run.mcap");
+    let run = linkwatch(&["convert", text(folder.path()), text(&recording)]);
+    assert_eq!(run.code, 0, "{}", run.stderr);
+    let run = linkwatch(&["replay", text(&recording), "--json"]);
+    let last = run.stdout.lines().last().unwrap();
+    let last: serde_json::Value = serde_json::from_str(last).unwrap();
+    assert_eq!(last["summary"]["open_curves_verified"], true, "{last}");
+}
+
 #[test]
 fn a_recording_that_was_cut_off_is_incomplete_for_every_command() {
     let cut = concat!(env!("CARGO_MANIFEST_DIR"), "/recordings/cut_off.mcap");

@@ -265,12 +265,23 @@ def test_networks_are_left_out():
     )
 
 
+def test_a_trajectory_without_its_topology_is_refused(tmp_path):
+    universe(bonds=EDGES).atoms.write(tmp_path / "a.xtc")
+    with pytest.raises(ValueError, match="a trajectory alone does not say"):
+        linkwatch.read(tmp_path / "a.xtc")
+
+
 def test_without_bonds_segments_or_residues_are_chains(tmp_path):
     chains = universe(bonds=None, residues=range(24), segments=[0] * 12 + [1] * 12)
     frames = io.from_mdanalysis(chains)
     (frame,) = frames
     assert (frame.counts, frame.names) == ([12, 12], ["A", "B"])
     assert "there are no bonds: the atoms of each segment are a chain" in str(frames.summary)
+    # Rings would be verified without the bonds that close them.
+    (said,) = frames.summary.left_out
+    assert said.startswith("2 possible closing bonds (the first one: `closed=True` or ")
+    for closed in (True, False):
+        assert io.from_mdanalysis(chains, closed=closed).summary.left_out == []
     (frame,) = io.from_mdanalysis(chains, closed=True)
     assert links(frame) == 1
     molecules = universe(bonds=None, residues=[0] * 12 + [1] * 12, segments=[0, 0])

@@ -238,3 +238,11 @@ def test_a_progress_bar_is_shown_as_wanted(capsys, monkeypatch):
     assert linkwatch.check(BROKEN[:2])
     with pytest.raises(ImportError, match="a progress bar needs more libraries"):
         linkwatch.check(BROKEN, progress=True)
+
+
+def test_one_curve_alone_is_not_intact():
+    frames = [[RING], [RING]]
+    run = linkwatch.check(frames)
+    assert run.verdict == "incomplete" and not run
+    assert "nothing was verified: one curve alone" in run.summary
+    assert linkwatch.check(frames, events="all").verdict == "intact"

@@ -329,6 +329,7 @@ impl Run {
                 *self.sum.open_curves.get_or_insert(0) += judged.report.stats.open_curves;
             }
             let stats = judged.report.stats;
+            self.sum.has_pairs |= stats.curves != 1 || judged.info.cell.is_some();
             self.sum.only_open = stats.curves > 0 && stats.open_curves == stats.curves;
             self.sum.times.add(&judged.times);
             self.sum.routes[judged.work.route as usize] += 1;
@@ -418,6 +419,13 @@ impl Run {
             tracing::warn!(
                 "nothing was verified: open curves are searched for pull-throughs from one frame \
                  to the next, and there was one frame"
+            );
+            self.data_lost();
+        }
+        if tally.verified > 1 && !self.sum.has_pairs && self.options.events != Events::All {
+            tracing::warn!(
+                "nothing was verified: one curve alone has no linking number, and pull-throughs of \
+                 a curve with itself are searched for by --events=all"
             );
             self.data_lost();
         }

@@ -64,8 +64,8 @@ impl Judge {
         let abort_on = abort_on.unwrap_or_default();
         judge.abort_on = Some(abort_on);
         let given = &mut judge.event_args;
-        let events = given.events.or(recorded(metadata, "events"));
-        given.events = events.or(Some(Events::Off));
+        // Frames that were converted have no verdicts, so nothing was recorded.
+        given.events = given.events.or(recorded(metadata, "events"));
         given.motion_limit = given.motion_limit.or(Some(recorded_limit(metadata)));
         if given.events(abort_on) == Events::Off {
             // A limit needs a search.

@@ -54,6 +54,8 @@ pub struct Summary {
     pub routes: [u64; 3],
     /// Number of open curves of the frames of all runs, once a frame was verified.
     pub open_curves: Option<u64>,
+    /// True if a frame has several curves, or images of one.
+    pub has_pairs: bool,
     /// True if the last frame has open curves alone.
     pub only_open: bool,
     /// Numbers of curves that end where they start, and of jumps by a lattice vector.
@@ -137,9 +139,16 @@ impl Run {
             }
         };
         let [n_quiet, n_partial, n_full] = [quiet, partial, full].map(count);
+        let so_far = match (word, tally.skipped) {
+            (_, 0) | ("changed", _) => "",
+            _ => " as far as verified",
+        };
         let low = self.options.clearance.map_or(0.0, |options| options.low);
         let lines = [
-            Some(format!("{word}: {}{checks}", tally.words(self.models))),
+            Some(format!(
+                "{word}{so_far}: {}{checks}",
+                tally.words(self.models)
+            )),
             some(
                 runs > 1,
                 format!(
@@ -170,6 +179,12 @@ impl Run {
                 .map(|why| format!("clearance was not measured in all frames: {why}")),
             some(sum.unresolved.pull_throughs > 0, sum.unresolved.words()),
             some(open > 0, open_words),
+            some(
+                !checked,
+                "not verified: pull-throughs that linking numbers do not show (--events=between \
+                 searches for them)"
+                    .into(),
+            ),
             some(!sum.left_out.is_empty(), LeftOut::sentence(&sum.left_out)),
             some(
                 sum.jumps > 0,

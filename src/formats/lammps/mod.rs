@@ -8,7 +8,8 @@
 //!
 //! A dump has no bonds: they come from [`ReadOptions::bonds`], or from a data file of the same stem
 //! in the same folder ([`beside`]). Without both, the atoms of each molecule (column `mol`) are a
-//! chain in the order of their ids: open, unless [`ReadOptions::closed`].
+//! chain in the order of their ids: open, unless [`ReadOptions::closed`]. If that is not given, the
+//! bonds that may close them count as left out.
 //!
 //! # Periodic boxes
 //!
@@ -29,10 +30,11 @@ mod dump;
 use self::bonds::Curves;
 use self::cell::Unwrapped;
 use self::data::Wanted;
-use super::frames::{ModelFrame, ReadOptions, Source};
+use super::frames::{FrameSource, ModelFrame, ReadOptions, Source};
 use super::lines::Lines;
 use super::{Format, Input};
 use crate::error::{Error, Result};
+use crate::verdict::LeftOut;
 use crate::words::plural;
 use std::ffi::OsStr;
 use std::io::BufRead;
@@ -75,11 +77,36 @@ pub(super) fn read_data(
 /// Opens a dump.
 pub(super) fn open_dump(path: &Path, options: &ReadOptions) -> Result<Source<'static>> {
     let lines = Lines::new(dump::FORMAT, super::open_text(path)?)?;
-    let curves = match options.bonds.clone().or_else(|| beside(path)) {
-        Some(bonds) => read_bonds(&bonds).map_err(|e| e.in_file(bonds))?,
+    let bonds = options.bonds.clone().or_else(|| beside(path));
+    let curves = match &bonds {
+        Some(bonds) => read_bonds(bonds).map_err(|e| e.in_file(bonds))?,
         None => chains(path, options.closed)?,
     };
-    Ok(Box::new(dump::Dump::new(lines, curves, options.wrapped)))
+    let mut left_out = Vec::new();
+    if bonds.is_none() && options.closed.is_none() {
+        // Rings would be verified without the bonds that close them.
+        let kind = ["possible closing bond", "possible closing bonds"];
+        let advice = "the option `closed` or the option `closed=false` decides";
+        left_out.push(LeftOut::new(curves.len() as u64, kind, advice));
+    }
+    let frames = dump::Dump::new(lines, curves, options.wrapped);
+    Ok(Box::new(Incomplete { frames, left_out }))
+}
+
+/// Frames that lack elements of their file.
+struct Incomplete<S> {
+    frames: S,
+    left_out: Vec<LeftOut>,
+}
+
+impl<S: FrameSource> FrameSource for Incomplete<S> {
+    fn next_frame(&mut self) -> Result<Option<ModelFrame>> {
+        let mut frame = self.frames.next_frame()?;
+        if let Some(frame) = &mut frame {
+            frame.left_out.extend_from_slice(&self.left_out);
+        }
+        Ok(frame)
+    }
 }
 
 /// Returns the curves of a dump without bonds, and says what is assumed.

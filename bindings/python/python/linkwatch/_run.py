@@ -125,6 +125,7 @@ class Run:
         self._left_out: dict[str, str] = {}
         self._first: str | None = None
         self._open = self._jumps = 0
+        self._has_pairs = False
         self._unmeasured: str | None = None
 
     @property
@@ -197,6 +198,7 @@ class Run:
         self._left_out = {**later._left_out, **self._left_out}
         self._first = self._first or later._first
         self._open, self._jumps = later._open, later._jumps
+        self._has_pairs |= later._has_pairs
         self._unmeasured = self._unmeasured or later._unmeasured
 
     def _gaps(self) -> list[str]:
@@ -215,6 +217,11 @@ class Run:
             gaps.append("no frame was verified")
         elif verified == 1 and self.options.get("baseline") is None:
             gaps.append("one frame, and nothing to compare it with")
+        if not self._has_pairs and verified > 1 and self.options.get("events") != "all":
+            gaps.append(
+                "nothing was verified: one curve alone has no linking number, and pull-throughs of "
+                "a curve with itself are searched for by events='all'"
+            )
         if self.options.get("events") == "off" and self._open:
             curves = plural(self._open, "open curve", "open curves")
             gaps.append(f"not verified: {curves} (events='between' searches for pull-throughs)")
@@ -517,6 +524,7 @@ class Checker:
     def verify(self, frames: Iterable[Frame]) -> None:
         """Verifies frames, and adds them to the run."""
         for frame in frames:
+            self.run._has_pairs |= len(frame.counts) > 1 or frame.cell is not None
             self.run._add(self.step(frame))
             assert self.session is not None
             self.run._note(self.session._session.notes())

@@ -53,6 +53,12 @@ def read(paths: Sequence[Path], options: Options) -> Frames:
                     named = " ".join(map(str, paths))
                     said = _said(why)
                     raise ValueError(f"{named}: MDAnalysis cannot read this: {said}") from why
+    known = (hasattr(universe.atoms, name) for name in ("bonds", "names", "types"))
+    if len(paths) == 1 and not any(known):
+        raise ValueError(
+            f"{topology}: a trajectory alone does not say which atoms form a curve: give its "
+            f"topology before it, such as melt.psf {topology}"
+        )
     _check_ends(paths[1:] or paths, trajectory)
     return frames_of_atoms(atoms, options, trajectory, paths[0])
 
@@ -111,7 +117,7 @@ def frames_of_atoms(
     topology = Scene()
     found = _bonded(atoms, topology)
     if found is None:
-        found = _grouped(atoms, topology, path)
+        found = _grouped(atoms, topology, path, options.closed)
     order = np.concatenate([one.nodes for one in found] or [[]]).astype(np.int64)
     whole = np.array_equal(order, np.arange(universe.atoms.n_atoms))
     counts = [-len(one.nodes) if one.closed else len(one.nodes) for one in found]
@@ -220,7 +226,7 @@ def _bonded(atoms: Any, scene: Scene) -> list[Molecule] | None:
     return found
 
 
-def _grouped(atoms: Any, scene: Scene, path: Path) -> list[Molecule]:
+def _grouped(atoms: Any, scene: Scene, path: Path, closed: bool | None) -> list[Molecule]:
     """Returns chains of the atoms of each segment, or residue, in the order of the file."""
     segments, residues = atoms.segindices, atoms.resindices
     level, of_atom = "segment", segments
@@ -241,7 +247,12 @@ def _grouped(atoms: Any, scene: Scene, path: Path) -> list[Molecule]:
     scene.notes.append(
         f"there are no bonds: the atoms of each {level} are a chain, in the order of the file"
     )
-    return [one for one in found if len(one.nodes) > 1]
+    found = [one for one in found if len(one.nodes) > 1]
+    if closed is None and not len(_of_life(atoms)):
+        # Rings would be verified without the bonds that close them.
+        where = "`closed=True` or `closed=False` decides"
+        scene.left_out.add("possible closing bond", "possible closing bonds", where, len(found))
+    return found
 
 
 def _of_life(atoms: Any) -> Any:
