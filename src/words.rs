@@ -51,6 +51,15 @@ pub fn millis(d: Duration) -> String {
     }
 }
 
+/// Says that a recording ends at this byte, in this part of the file.
+pub fn truncated(at: u64, what: &str) -> String {
+    format!(
+        "the recording is truncated at byte {}, in {what}: the recorder was stopped, or its disk \
+         was full",
+        count(at)
+    )
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -32,16 +32,11 @@ impl BraidArgs {
         path.filter(|path| *path != Path::new(AUTO))
     }
 
-    /// Returns true if the user gave the option.
-    pub fn are_given(&self) -> bool {
-        self.braid.is_some()
-    }
-
     /// Returns the braids, if there are some.
     pub fn braids(&self) -> Result<Option<Braids>> {
         match self.file() {
             Some(path) => Braids::read(path).map(Some),
-            None if self.are_given() => Ok(Some(Braids::Auto)),
+            None if self.braid.is_some() => Ok(Some(Braids::Auto)),
             None => Ok(self.recorded.clone()),
         }
     }

@@ -31,11 +31,7 @@ pub struct CellArg {
 impl CellArg {
     /// Returns the cell of a frame: that of the user, or that of the frame.
     pub fn cell(&self, of_frame: Option<Cell>) -> Option<Cell> {
-        match self.cell {
-            Some(GivenCell::Of(cell)) => Some(cell),
-            Some(GivenCell::None) => None,
-            None => of_frame,
-        }
+        self.cell.map_or(of_frame, |GivenCell(given)| given)
     }
 }
 
@@ -61,21 +57,16 @@ pub struct CellArgs {
     pub keep_open: bool,
 }
 
-/// Cell that the user gives.
+/// Cell that the user gives; `None` ignores that of the frame.
 #[derive(Clone, Copy, Debug)]
-enum GivenCell {
-    Of(Cell),
-    None,
-}
+struct GivenCell(Option<Cell>);
 
 impl FromStr for GivenCell {
     type Err = Error;
 
     fn from_str(text: &str) -> Result<Self> {
-        match text {
-            NONE => Ok(GivenCell::None),
-            text => text.parse().map(GivenCell::Of),
-        }
+        let given = (text != NONE).then(|| text.parse());
+        Ok(GivenCell(given.transpose()?))
     }
 }
 
@@ -96,7 +87,7 @@ impl CellArgs {
 
     /// Returns true if the cells of the frames are ignored.
     pub fn ignores_cells(&self) -> bool {
-        matches!(self.cell.cell, Some(GivenCell::None))
+        matches!(self.cell.cell, Some(GivenCell(None)))
     }
 
     /// Returns the cell of a frame: that of the user, or that of the frame.
@@ -119,9 +110,8 @@ impl Cells {
     pub fn new(args: CellArgs) -> Cells {
         Cells {
             args,
-            unwrap: Unwrap::default(),
             closing: Closing::new(args.keep_open),
-            layout: 0,
+            ..Cells::default()
         }
     }
 

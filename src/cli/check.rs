@@ -87,11 +87,11 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         baseline: args.baseline.clone(),
         abort_on: Some(AbortOn::Never),
         event_args: args.event_args,
-        clearance_args: ClearanceArgs::default(),
         braid_args: args.braid_args.clone(),
         cell_args: args.cell_args,
         // The models are files of the user, and no simulator runs on.
         max_pairs: Some(usize::MAX),
+        ..Judge::default()
     };
     let mut files = judge.files(args.sinks.overwrite);
     files.reads(models.iter().chain(args.format.files()));

@@ -179,9 +179,7 @@ impl Converter {
                 let limit = SessionOptions::MOTION_LIMIT.to_string();
                 let metadata = BTreeMap::from([(MOTION_LIMIT.to_owned(), limit)]);
                 let mut sink = RecordingSink::create(path, &metadata)?;
-                self.convert(frames, |curves, info| {
-                    sink.curves(info.seq, info.time, &curves, &info)
-                })?;
+                self.convert(frames, |curves, info| sink.curves(&curves, &info))?;
                 Box::new(sink).finish()
             }
         }

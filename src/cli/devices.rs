@@ -4,10 +4,6 @@ use super::{Outcome, output};
 use linkwatch::Result;
 use linkwatch::kernels::{Calibration, DeviceInfo, devices};
 
-/// List the GPU adapters that kernels can run on
-#[derive(Debug, clap::Args)]
-pub struct Args {}
-
 /// Runs the command.
 pub fn run(json: bool) -> Result<Outcome> {
     let all = devices();

@@ -1,4 +1,5 @@
 //! Curves of arguments: model files, folders and patterns of them, recordings, generated scenes.
+
 use super::recorded::Recorded;
 use super::{Outcome, order, output};
 use linkwatch::LeftOut;

@@ -19,7 +19,6 @@ mod frames;
 mod generate;
 mod input;
 mod kernel;
-mod label;
 mod live;
 mod man;
 mod measure;
@@ -98,7 +97,11 @@ as a whole)";
 #[derive(Debug, Subcommand)]
 enum Command {
     Watch(watch::Args),
-    Services(services::Args),
+    /// List the live services of this machine, with their simulators and watchers
+    ///
+    /// Lists only services of this user that a living process uses. Running sessions are not
+    /// disturbed.
+    Services,
     Replay(replay::Args),
     Report(report::Args),
     Diff(diff::Args),
@@ -112,7 +115,8 @@ enum Command {
     Thickness(measure::thickness::Args),
     #[command(hide = true)]
     Writhe(measure::writhe::Args),
-    Devices(devices::Args),
+    /// List the GPU adapters that kernels can run on
+    Devices,
     Completions(completions::Args),
     Man(man::Args),
 }
@@ -203,7 +207,7 @@ fn run(cli: &Cli) -> Result<Outcome> {
         Command::Certify(args) => certify::run(args, cli.json),
         Command::Check(args) => check::run(args, cli.json),
         Command::Convert(args) => convert::run(args, cli.json),
-        Command::Devices(_) => devices::run(cli.json),
+        Command::Devices => devices::run(cli.json),
         Command::Generate(args) => generate::run(args, cli.json),
         Command::Measure(args) => measure::run(args, cli.json),
         // Names of earlier versions, which take the same arguments.
@@ -220,7 +224,7 @@ fn run(cli: &Cli) -> Result<Outcome> {
         Command::Report(args) => report::run(args, cli.json),
         Command::Diff(args) => diff::run(args, cli.json),
         Command::Play(args) => play::run(args, cli.json),
-        Command::Services(_) => services::run(cli.json),
+        Command::Services => services::run(cli.json),
         Command::Completions(args) => completions::run(args),
         Command::Man(args) => man::run(args),
     }

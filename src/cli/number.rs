@@ -1,4 +1,5 @@
 //! Numbers on the command line. The parser rejects NaN, infinities and numbers out of range.
+
 use std::time::Duration;
 
 /// Parses a number above 0.

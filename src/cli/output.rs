@@ -1,6 +1,6 @@
 //! Output of the command: results on stdout, everything else on stderr.
 
-use super::label::Label;
+use super::live::Label;
 use super::stream::{self, Lost, Target};
 pub use crate::words::{count, millis, percent, plural, plural_of};
 use indicatif::{HumanDuration, ProgressBar, ProgressState, ProgressStyle};

@@ -3,12 +3,6 @@
 use super::{Outcome, output};
 use linkwatch::{Result, ServiceInfo, services};
 
-/// List the live services of this machine, with their simulators and watchers
-///
-/// Lists only services of this user that a living process uses. Running sessions are not disturbed.
-#[derive(Debug, clap::Args)]
-pub struct Args {}
-
 /// Runs the command.
 pub fn run(json: bool) -> Result<Outcome> {
     let services = services()?;

@@ -2,7 +2,7 @@
 
 use super::input;
 use super::range::Range;
-use crate::formats::container::truncated;
+use crate::words::truncated;
 use linkwatch::{Ending, Error, RecordedItem, RecordingReader, Result};
 use std::fs::File;
 use std::io::BufReader;

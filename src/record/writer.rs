@@ -213,15 +213,9 @@ impl RecordingSink {
     /// # Errors
     ///
     /// The file cannot be written.
-    pub fn curves(
-        &mut self,
-        seq: u64,
-        time: f64,
-        curves: &CurveSet,
-        info: &FrameInfo,
-    ) -> Result<()> {
-        let since_start = Duration::try_from_secs_f64(time).unwrap_or_default();
-        self.write_curves((seq, time), curves, info, since_start.record())
+    pub fn curves(&mut self, curves: &CurveSet, info: &FrameInfo) -> Result<()> {
+        let since_start = Duration::try_from_secs_f64(info.time).unwrap_or_default();
+        self.write_curves((info.seq, info.time), curves, info, since_start.record())
     }
 
     fn write_curves(

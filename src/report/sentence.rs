@@ -1,12 +1,11 @@
 //! What happened, in one sentence, and what limits it.
 
 use super::facts::{End, Facts, Found};
-use crate::formats::container::truncated;
 use crate::incremental::Events;
 use crate::record::Retention;
 use crate::verdict::LeftOut;
 use crate::verdict::Verdict;
-use crate::words::{count, percent, plural, plural_of};
+use crate::words::{count, percent, plural, plural_of, truncated};
 use std::fmt;
 
 vocabulary! {

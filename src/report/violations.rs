@@ -86,11 +86,7 @@ impl Violations {
     /// Adds the findings of a frame.
     pub fn add(&mut self, report: &Report, names: &[String], ordinal: Option<u64>) {
         let (moment, extent) = (Moment::of(report), report.stats.extent);
-        // Pull-throughs first: their place is more specific than that of the change they explain.
-        let is_passage =
-            |f: &Finding| matches!(f, Finding::PullThrough(_) | Finding::Unresolved(_));
-        let (passages, others): (Vec<Finding>, _) = report.all_findings().partition(is_passage);
-        for finding in passages.into_iter().chain(others) {
+        for finding in report.passages_first() {
             let key = (finding.curves(), finding.pair().2);
             let Some(pair) = self.pair(key, names) else {
                 continue;

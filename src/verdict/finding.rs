@@ -55,6 +55,18 @@ impl Finding<'_> {
 }
 
 #[cfg(any(feature = "cli", feature = "rerun"))]
+impl Report {
+    /// Returns all findings, pull-throughs first: their places are more specific than those of the
+    /// changes that they explain.
+    pub(crate) fn passages_first(&self) -> impl Iterator<Item = Finding<'_>> {
+        let is_passage =
+            |f: &Finding| matches!(f, Finding::PullThrough(_) | Finding::Unresolved(_));
+        let others = self.all_findings().filter(move |f| !is_passage(f));
+        self.all_findings().filter(is_passage).chain(others)
+    }
+}
+
+#[cfg(any(feature = "cli", feature = "rerun"))]
 impl Finding<'_> {
     /// Returns both curves; one curve twice if it is alone.
     pub fn curves(self) -> [u32; 2] {

@@ -4,7 +4,7 @@
 use crate::curve::vector::{add, sub};
 use crate::curve::{CurveSet, Point};
 pub(super) use crate::curve::{feature, nearest};
-use crate::verdict::{Finding, Report};
+use crate::verdict::Report;
 
 /// Place of a finding, for the picture.
 pub(super) struct Spot {
@@ -48,13 +48,9 @@ pub(super) fn spot(
     }
 }
 
-/// Returns the curves, the segments and the point of each finding that has a place. Pull-throughs
-/// come first, because their places are more specific than the closest approach after them.
+/// Returns the curves, the segments and the point of each finding that has a place.
 pub(super) fn places(report: &Report) -> impl Iterator<Item = ([u32; 2], [u32; 2], Point)> + '_ {
-    let is_passage = |f: &Finding| matches!(f, Finding::PullThrough(_) | Finding::Unresolved(_));
-    let others = report.all_findings().filter(move |f| !is_passage(f));
-    let findings = report.all_findings().filter(is_passage).chain(others);
-    findings.filter_map(|finding| {
+    report.passages_first().filter_map(|finding| {
         let (segments, point) = finding.place()?;
         Some((finding.curves(), segments, point))
     })

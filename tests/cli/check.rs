@@ -263,7 +263,7 @@ fn check_reports_pull_throughs_between_models() {
     let [before, after] = [fold("before.bcc", 0.5), fold("after.bcc", -0.5)];
     linkwatch(&["certify", text(&before), "--force", "-o", text(&cert)]);
     let models = [text(&before), text(&after)];
-    assert_eq!(check(&models, &["--events"]).0, 0);
+    assert_eq!(check(&models, &["--events"]).0, 3);
     let (code, out) = check(&models, &["--events=all"]);
     assert_eq!(code, 1, "{out}");
     let reported = "curve 0 passed through itself at 0.500 of the step";

@@ -1,6 +1,6 @@
 //! Generates the files that follow from others: from `schemas/linkwatch.proto` its compiled form,
-//! which recordings carry, and the structs of its messages in Rust; from the sources of `bindings/c`
-//! its header; from `src/bus/wire.rs` the layout in shared memory as a C header.
+//! which recordings carry, and the structs of its messages in Rust; from the sources of
+//! `bindings/c` its header; from `src/bus/wire.rs` the layout in shared memory as a C header.
 //!
 //! `cargo run -p schemas` writes them; `cargo test -p schemas` compares them with those committed.
 

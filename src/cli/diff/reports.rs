@@ -23,8 +23,8 @@ type Key = (u8, u32, Option<u32>, Image, [i64; 2]);
 /// Returns the difference of two reports on the same frame; `None` if the verdicts and findings are
 /// equal. `names` are those of the curves of both, or empty.
 ///
-/// Not compared: times, places, work counters, clearance, the abort flag (it depends on the policy),
-/// and the state to roll back to.
+/// Not compared: times, places, work counters, clearance, the abort flag (it depends on the
+/// policy), and the state to roll back to.
 pub fn difference(reports: [&Report; 2], names: &[String]) -> Option<ReportDifference> {
     let [mut first, mut second] = reports.map(|report| by_identity(report, names));
     for (key, found) in &mut first {

@@ -1,4 +1,4 @@
-//! `linkwatch replay`: verifies a recording again, and compares the verdicts with the recorded ones.
+//! `linkwatch replay`: verifies a recording again, and compares the verdicts with those in it.
 
 mod comparison;
 

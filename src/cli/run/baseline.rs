@@ -1,28 +1,34 @@
 //! Baseline of a session: the frame with which later frames are compared, and its record for sinks.
 //! A file that begins with any frame can then be replayed by itself.
+
 use super::{Judged, Run};
 use crate::cli::output::{count, plural, plural_of};
 use linkwatch::Verdict;
 use linkwatch::{
-    BaselineRecord, Basis, Certificate, CurveSet, Defect, DefectKind, FrameInfo, Precision,
+    BaselineRecord, Basis, Certificate, Continuation, CurveSet, Defect, DefectKind, FrameInfo,
+    Precision,
 };
 use std::sync::Arc;
 
 /// Where the expected linking numbers come from.
-#[derive(Clone, Copy, Debug, serde::Serialize, serde::Deserialize)]
-pub struct BaselineFrame {
+#[derive(Clone, Debug, serde::Serialize, serde::Deserialize)]
+pub struct Origin {
+    words: String,
     /// `None` if they are those of a file.
-    pub frame: Option<u64>,
+    frame: Option<u64>,
     /// Number of frames that were published before it, and that nobody verified.
     pub unverified: u64,
 }
 
-impl From<&BaselineRecord> for BaselineFrame {
-    fn from(record: &BaselineRecord) -> BaselineFrame {
-        BaselineFrame {
+impl Origin {
+    /// Divides the record of a baseline.
+    pub fn of(record: BaselineRecord) -> (Certificate, Origin) {
+        let origin = Origin {
+            words: record.origin,
             frame: record.frame,
             unverified: record.unverified,
-        }
+        };
+        (Arc::unwrap_or_clone(record.certificate), origin)
     }
 }
 
@@ -33,9 +39,9 @@ impl Run {
     pub fn begin_again(&mut self, baseline: Option<BaselineRecord>) {
         match baseline {
             Some(b) => {
-                self.baseline_frame = Some(BaselineFrame::from(&b));
-                self.session.begin_part(Arc::unwrap_or_clone(b.certificate));
-                self.origin = Some(b.origin);
+                let (certificate, origin) = Origin::of(b);
+                self.session.begin_part(certificate);
+                self.origin = Some(origin);
                 self.last_layout = None;
                 self.news.forget();
             }
@@ -62,14 +68,14 @@ impl Run {
     /// [`Run::publish`] is called.
     pub fn note_baseline(&mut self, judged: &Judged) {
         if judged.report.verdict != Verdict::Rejected {
-            self.find_baseline_frame(judged);
+            self.find_origin(judged);
         }
     }
 
     /// Finds the origin of the baseline, if it is not known.
-    fn find_baseline_frame(&mut self, judged: &Judged) {
+    fn find_origin(&mut self, judged: &Judged) {
         let (seq, info) = (judged.report.seq, &judged.info);
-        if self.baseline_frame.is_some() {
+        if self.origin.is_some() {
             return;
         }
         // Frames that were rejected are no reason: a watch that was there has seen them.
@@ -78,16 +84,16 @@ impl Run {
             (true, true) => seq.saturating_sub(info.baseline),
             (false, _) => 0,
         };
-        if !self.begun && seq > 0 && seq == info.baseline {
-            self.origin = Some(format!("frame {seq}, accepted by the simulator"));
-        }
-        self.baseline_frame = Some(BaselineFrame {
+        let begins_with_it = !self.begun && seq > 0 && seq == info.baseline;
+        self.origin = Some(Origin {
+            words: match judged.step == Continuation::Accepted || begins_with_it {
+                true => format!("frame {seq}, accepted by the simulator"),
+                false if seq > 0 => format!("frame {seq}"),
+                false => "first frame".into(),
+            },
             frame: Some(seq),
             unverified: if self.from_now { 0 } else { missed },
         });
-        if seq > 0 {
-            self.origin.get_or_insert(format!("frame {seq}"));
-        }
         if missed > 0 {
             let before = plural_of(missed, "frame before it was", "frames before it were");
             let why = match self.begun {
@@ -108,7 +114,7 @@ impl Run {
     /// Takes note of the first verified frame of a baseline, and says what is verified.
     pub(super) fn begin_baseline(&mut self, judged: &Judged) {
         let begins = !self.begun || self.baseline_changed;
-        self.find_baseline_frame(judged);
+        self.find_origin(judged);
         if self.is_live
             && begins
             && let (Some(curves), Some(words)) = (&judged.curves, self.baseline_words())
@@ -122,17 +128,20 @@ impl Run {
 
     /// Returns the baseline in words, once it is known.
     pub(super) fn baseline_words(&self) -> Option<String> {
-        let BaselineFrame { frame, unverified } = self.baseline_frame?;
-        let mut words = match (&self.origin, frame) {
-            (Some(origin), _) => format!("the baseline is {origin}"),
-            (None, Some(seq)) => format!("the baseline is frame {seq}"),
-            (None, None) => return None,
+        let origin = self.origin.as_ref()?;
+        let mut words = match origin.frame {
+            Some(0) => "the baseline is frame 0".to_owned(),
+            _ => format!("the baseline is {}", origin.words),
         };
         if let Some(certificate) = self.session.baseline() {
             words += &format!(", with {}", plural(links(certificate), "link"));
         }
-        if unverified > 0 {
-            let before = plural_of(unverified, "frame before it was", "frames before it were");
+        if origin.unverified > 0 {
+            let before = plural_of(
+                origin.unverified,
+                "frame before it was",
+                "frames before it were",
+            );
             words += &format!("; {before} not verified");
         }
         Some(words)
@@ -140,17 +149,13 @@ impl Run {
 
     /// Returns the baseline for the summary, once it is known.
     pub(super) fn baseline_json(&self) -> Option<serde_json::Value> {
-        let BaselineFrame { frame, unverified } = self.baseline_frame?;
+        let origin = self.origin.as_ref()?;
         Some(serde_json::json!({
-            "frame": frame,
-            "origin": self.origin_words(),
+            "frame": origin.frame,
+            "origin": origin.words,
             "links": self.session.baseline().map(links),
-            "unverified": unverified,
+            "unverified": origin.unverified,
         }))
-    }
-
-    fn origin_words(&self) -> String {
-        self.origin.clone().unwrap_or_else(|| "first frame".into())
     }
 
     /// Returns true if a frame may have changed the baseline since it was last passed to the sinks.
@@ -168,15 +173,14 @@ impl Run {
             return;
         }
         let layout = judged.info.layout;
-        let (Some(certificate), Some(known)) = (self.session.baseline(), self.baseline_frame)
-        else {
+        let (Some(certificate), Some(origin)) = (self.session.baseline(), &self.origin) else {
             return;
         };
         let record = Arc::new(BaselineRecord {
             certificate: Arc::new(certificate.clone()),
-            origin: self.origin_words(),
-            frame: known.frame,
-            unverified: known.unverified,
+            origin: origin.words.clone(),
+            frame: origin.frame,
+            unverified: origin.unverified,
         });
         for queue in &self.queues {
             match self.begun {

@@ -27,7 +27,7 @@ pub use settings::{MOTION_LIMIT, recorded};
 pub use sinks::Sinks;
 pub use state::RunState;
 
-use self::baseline::BaselineFrame;
+use self::baseline::Origin;
 use self::junit::Junit;
 use self::news::News;
 use self::summary::{Summary, jumped};
@@ -106,10 +106,8 @@ pub struct Run {
     metrics: Option<SessionMetrics>,
     junit: Option<Junit>,
     overwrite: Overwrite,
-    /// Origin of the baseline; `None` if it is the first frame.
-    origin: Option<String>,
     /// `None` until a frame was verified with the baseline.
-    baseline_frame: Option<BaselineFrame>,
+    origin: Option<Origin>,
     /// True if the sinks have an earlier baseline.
     baseline_changed: bool,
     /// True if the sinks have a baseline.
@@ -146,9 +144,7 @@ impl Run {
         }
         options.early_exit = setup.early_exit;
         let incomplete = baseline.as_ref().is_some_and(|b| b.unverified > 0);
-        let baseline_frame = baseline.as_ref().map(BaselineFrame::from);
-        let baseline = baseline.map(|b| (Arc::unwrap_or_clone(b.certificate), b.origin));
-        let (certificate, origin) = baseline.unzip();
+        let (certificate, origin) = baseline.map(Origin::of).unzip();
         options.baseline = certificate;
         let mut sum = Summary::default();
         sum.unresolved.limit = options.motion_limit.unwrap_or(SessionOptions::MOTION_LIMIT);
@@ -171,7 +167,6 @@ impl Run {
             junit,
             overwrite: sinks.overwrite,
             origin,
-            baseline_frame,
             baseline_changed: false,
             begun: false,
             sent_layout: 0,
@@ -294,8 +289,7 @@ impl Run {
     /// Takes note of a frame that was verified.
     fn take_note(&mut self, info: &FrameInfo, continuation: Continuation) {
         if continuation == Continuation::Accepted {
-            self.origin = Some(format!("frame {}, accepted by the simulator", info.seq));
-            self.baseline_frame = None;
+            self.origin = None;
             self.baseline_changed = true;
             self.news.forget();
         }

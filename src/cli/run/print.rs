@@ -3,7 +3,7 @@
 use super::news::New;
 use super::times::to_json;
 use super::{Judged, Run, THE_FRAMES};
-use crate::cli::label::Label;
+use crate::cli::live::Label;
 use crate::cli::output::{self, count, millis, plural};
 use linkwatch::LeftOut;
 use linkwatch::kernels::Offload;

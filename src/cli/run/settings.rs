@@ -16,7 +16,7 @@ use std::sync::Arc;
 pub const MOTION_LIMIT: &str = "motion_limit";
 
 /// Baseline, events and policy of a run.
-#[derive(Clone, Debug, clap::Args)]
+#[derive(Clone, Debug, Default, clap::Args)]
 #[command(next_help_heading = crate::cli::COMPARE)]
 pub struct Judge {
     /// Expected linking numbers: of the first frame, or a file
@@ -80,39 +80,24 @@ impl Judge {
     /// Returns the options that differ from those of a recorded run, so that verdicts may differ.
     pub fn differing(&self, metadata: &BTreeMap<String, String>) -> Result<Vec<&'static str>> {
         let now = self.or_recorded(metadata)?;
-        let then = Judge {
-            abort_on: None,
-            event_args: EventArgs::default(),
-            clearance_args: ClearanceArgs::default(),
-            braid_args: BraidArgs::default(),
-            cell_args: CellArgs::default(),
-            ..self.clone()
-        };
-        let then = then.or_recorded(metadata)?;
+        let then = Judge::default().or_recorded(metadata)?;
         let limit = self.event_args.motion_limit;
         let braids = now.braid_args.braids()? != then.braid_args.braids()?;
-        let clearance = now.clearance_args != then.clearance_args;
-        let stops_at_clearance = now.abort_on == Some(AbortOn::Clearance);
+        let keep_open = now.cell_args.keep_open != then.cell_args.keep_open;
+        let limit = limit.is_some_and(|limit| limit != recorded_limit(metadata));
+        let clearance =
+            now.abort_on == Some(AbortOn::Clearance) && now.clearance_args != then.clearance_args;
         let is_stricter = |pairs: usize| pairs < SessionOptions::MAX_PAIRS;
         let options = [
             ("--abort-on", now.abort_on != then.abort_on),
             ("--baseline", self.baseline.is_some()),
             ("--braid", braids),
             ("--cell or --wrapped", self.cell_args.are_given()),
-            (
-                "--keep-open",
-                now.cell_args.keep_open != then.cell_args.keep_open,
-            ),
+            ("--keep-open", keep_open),
             ("--events", now.event_args.events != then.event_args.events),
             ("--max-pairs", self.max_pairs.is_some_and(is_stricter)),
-            (
-                "--motion-limit",
-                limit.is_some_and(|limit| limit != recorded_limit(metadata)),
-            ),
-            (
-                "--radius or --min-clearance",
-                stops_at_clearance && clearance,
-            ),
+            ("--motion-limit", limit),
+            ("--radius or --min-clearance", clearance),
         ];
         let differing = options.into_iter().filter(|(_, differs)| *differs);
         Ok(differing.map(|(option, _)| option).collect())

@@ -1,4 +1,5 @@
 //! Destinations of verified frames: a recording (`--record`) and a viewer (`--show`).
+
 use super::record::recording;
 use super::viewer::Show;
 use crate::cli::files::with_suffix;

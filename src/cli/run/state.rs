@@ -1,6 +1,6 @@
 //! State of a run, from which the run of another process continues.
 
-use super::baseline::BaselineFrame;
+use super::baseline::Origin;
 use super::{Judged, Run};
 use linkwatch::{Counters, FrameTimes, Result, Session, SessionState, Work};
 use serde::{Deserialize, Serialize};
@@ -9,9 +9,8 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct RunState {
     session: SessionState,
-    /// Origin of the baseline, if it is not the first frame.
-    origin: Option<String>,
-    baseline_frame: Option<BaselineFrame>,
+    /// `None` until a frame was verified with the baseline.
+    origin: Option<Origin>,
 }
 
 impl RunState {
@@ -43,7 +42,6 @@ impl Run {
         RunState {
             session: self.session.state(),
             origin: self.origin.clone(),
-            baseline_frame: self.baseline_frame,
         }
     }
 
@@ -60,7 +58,7 @@ impl Run {
         self.session = Session::resume(options, state.session)?;
         self.session.share_progress(progress);
         self.last_layout = self.session.state().info().map(|info| info.layout);
-        (self.origin, self.baseline_frame) = (state.origin, state.baseline_frame);
+        self.origin = state.origin;
         Ok(())
     }
 

@@ -26,14 +26,14 @@ fn ms(d: Duration) -> f64 {
     d.as_secs_f64() * 1e3
 }
 
+/// Stages of a frame.
+const STAGES: [&str; 4] = ["wait", "ingest", "verification", "send"];
+
 /// Times of all frames of a run.
 #[derive(Default)]
 pub struct RunTimes {
     pub checks: Durations,
-    ingest: Durations,
-    verification: Durations,
-    wait: Durations,
-    send: Durations,
+    stages: [Durations; STAGES.len()],
     /// Sum of the intervals between live frames.
     intervals: Duration,
     /// Part of the intervals that linkwatch needed until the verdict was sent.
@@ -43,23 +43,18 @@ pub struct RunTimes {
 impl RunTimes {
     pub fn add(&mut self, times: &FrameTimes) {
         self.checks.add(times.check());
-        self.ingest.add(times.ingest);
-        self.verification.add(times.verification);
+        let [wait, send] = [
+            times.live.map(|live| live.wait),
+            times.live.map(|live| live.send),
+        ];
+        let stages = [wait, Some(times.ingest), Some(times.verification), send];
+        for (all, time) in self.stages.iter_mut().zip(stages) {
+            time.into_iter().for_each(|time| all.add(time));
+        }
         if let Some(live) = times.live {
-            self.wait.add(live.wait);
-            self.send.add(live.send);
             self.intervals += live.interval;
             self.busy += times.check() + live.send;
         }
-    }
-
-    fn stages(&self) -> [(&'static str, &Durations); 4] {
-        [
-            ("wait", &self.wait),
-            ("ingest", &self.ingest),
-            ("verification", &self.verification),
-            ("send", &self.send),
-        ]
     }
 
     /// Returns the share of the time between frames that passed until the verdict was sent, if the
@@ -70,7 +65,8 @@ impl RunTimes {
 
     /// Returns the times of each stage in milliseconds, and the share of the time between frames.
     pub fn to_json(&self) -> Value {
-        let stages = self.stages().into_iter().filter(|(_, d)| !d.is_empty());
+        let stages = STAGES.into_iter().zip(&self.stages);
+        let stages = stages.filter(|(_, d)| !d.is_empty());
         let stages = stages.map(|(name, d)| {
             let [median, p99] = [0.5, 0.99].map(|q| ms(d.quantile(q)));
             let times = json!({ "median": median, "p99": p99, "max": ms(d.longest) });
@@ -85,10 +81,11 @@ impl RunTimes {
     /// Returns the times in words, if the frames were live.
     pub fn words(&self) -> Option<String> {
         let share = percent(self.share()?);
-        let stages = self.stages().map(|(name, d)| {
+        let stages = STAGES.iter().zip(&self.stages).map(|(name, d)| {
             let [median, p99] = [0.5, 0.99].map(|q| millis(d.quantile(q)));
             format!("{name} {median}, {p99}, {}", millis(d.longest))
         });
+        let stages: Vec<String> = stages.collect();
         Some(format!(
             "times (median, 99th percentile, maximum): {}; {share} of the time between frames \
              until the verdict was sent",

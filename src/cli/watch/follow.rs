@@ -5,7 +5,7 @@ use super::closer::Closer;
 use super::state::{Earlier, State};
 use super::{Args, result};
 use crate::cli::files::Files;
-use crate::cli::label::Label;
+use crate::cli::live::Label;
 use crate::cli::metrics::ServiceMetrics;
 use crate::cli::output::{percent, plural};
 use crate::cli::run::{Judge, Run, Setup, Sinks};

@@ -23,7 +23,6 @@ pub(crate) mod protobuf;
 mod unpack;
 
 use crate::error::{Error, Result};
-use crate::words::count;
 use mcap::MAGIC;
 use mcap::records::op;
 use prost::bytes::{Buf, Bytes};
@@ -69,16 +68,6 @@ pub enum Ending {
         /// Name of the incomplete part.
         what: &'static str,
     },
-}
-
-/// Says that a recording ends at this byte, in this part of the file.
-#[cfg(feature = "cli")]
-pub(crate) fn truncated(at: u64, what: &str) -> String {
-    format!(
-        "the recording is truncated at byte {}, in {what}: the recorder was stopped, or its disk \
-         was full",
-        count(at)
-    )
 }
 
 /// Place of a record, for [`Container::go_to`].
