@@ -1,4 +1,4 @@
-//! Thickness of trefoils of 20 to 100,000 edges: with one thread and with all.
+//! Thickness of trefoils of 20 to 100,000 edges: the octree with one thread and with all.
 //!
 //! `cargo bench --bench thickness` measures; with `--smoke` (or under `cargo test`) it measures the
 //! smallest ones only. The runs of one size alternate; all times are medians.
@@ -43,9 +43,9 @@ fn main() -> Result<()> {
         let mut times = [Vec::new(), Vec::new()];
         let begin = Instant::now();
         while times[0].len() < 5 || !smoke && begin.elapsed().as_secs_f64() < 1.0 {
-            let measured = || black_box(Thickness::of(&set, None)).is_ok();
-            times[0].push(ms(|| one.install(measured)));
-            times[1].push(ms(|| all.install(measured)));
+            let octree = || black_box(Thickness::of(&set, None)).is_ok();
+            times[0].push(ms(|| one.install(octree)));
+            times[1].push(ms(|| all.install(octree)));
         }
         let [one, all] = times.map(median);
         let found = known.iter().find(|(edges, _)| *edges == u64::from(n));
