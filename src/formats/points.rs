@@ -322,8 +322,8 @@ impl Curves {
                     FORMAT,
                     format_args!(
                         "nothing says if {n} of {curves} curves are closed: pass the option \
-                         `closed` if all are, the option `closed=false` if none is, or the number of \
-                         points of each curve, negative if it is closed (option `counts=-{}`)",
+                         `closed` if all are, the option `closed=false` if none is, or the number \
+                         of points of each curve, negative if it is closed (option `counts=-{}`)",
                         self.sizes[0]
                     ),
                 ))
