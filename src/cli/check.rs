@@ -3,7 +3,6 @@
 use super::Outcome;
 use super::braid_args::BraidArgs;
 use super::cell_args::CellArgs;
-use super::clearance_args::ClearanceArgs;
 use super::each::EachArgs;
 use super::event_args::EventArgs;
 use super::input::{self, FormatArgs};

@@ -72,8 +72,10 @@ impl<'a> Chains<'a> {
     /// Returns the curves, in the order of their first edges.
     pub(super) fn curves(&self) -> impl Iterator<Item = Chain> {
         let mut used = vec![false; self.edges.len()];
-        (0..self.edges.len())
-            .filter_map(move |first| (!used[first]).then(|| self.follow(first, &mut used)))
+        (0..self.edges.len()).filter_map(move |first| match used[first] {
+            true => None,
+            false => Some(self.follow(first, &mut used)),
+        })
     }
 
     /// Returns the curve through edge `first`, in its direction, and marks its edges.

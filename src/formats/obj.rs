@@ -73,10 +73,10 @@ impl Default for State {
 
 impl State {
     /// Reads `cstype rat type`.
-    fn set_type<'a>(&mut self, tokens: impl Iterator<Item = &'a [u8]>) {
-        let mut tokens = tokens.peekable();
-        self.rational = tokens.next_if_eq(&b"rat".as_slice()).is_some();
-        self.unread = match tokens.next().unwrap_or_default() {
+    fn set_type(&mut self, tokens: &[&[u8]]) {
+        self.rational = tokens.first() == Some(&b"rat".as_slice());
+        let kind = tokens.get(usize::from(self.rational)).copied();
+        self.unread = match kind.unwrap_or_default() {
             b"bezier" | b"bspline" => None,
             other => Some(format!("of the cstype {}", quote(other))),
         };
@@ -148,7 +148,8 @@ fn curves_in(input: Input<impl BufRead>) -> Result<(CurveSet, Vec<LeftOut>)> {
     let mut lines = Lines::new(FORMAT, input)?.with_long_lines();
     let mut found = Statements::default();
     while let Some(line) = next_statement(&mut lines)? {
-        let read = found.statement(words(lines.text()), line);
+        let tokens: Vec<&[u8]> = words(lines.text()).collect();
+        let read = found.statement(&tokens, line);
         read.map_err(|what| bad(line, what))?;
     }
     let (index, line) = found.furthest;
@@ -174,6 +175,10 @@ fn curves_in(input: Input<impl BufRead>) -> Result<(CurveSet, Vec<LeftOut>)> {
 
 fn bad(line: u64, what: impl std::fmt::Display) -> Error {
     Error::format(FORMAT, format_args!("line {line}"), what)
+}
+
+fn numbers(tokens: &[&[u8]]) -> Result<Vec<f64>, String> {
+    tokens.iter().map(|token| number(token)).collect()
 }
 
 /// Steps to the next statement: its comment is removed, and lines that continue it are joined.
@@ -204,12 +209,8 @@ fn next_statement(lines: &mut Lines<impl BufRead>) -> Result<Option<u64>> {
 }
 
 impl Statements {
-    fn statement<'a>(
-        &mut self,
-        mut tokens: impl Iterator<Item = &'a [u8]>,
-        line: u64,
-    ) -> Result<(), String> {
-        let Some(name) = tokens.next() else {
+    fn statement(&mut self, tokens: &[&[u8]], line: u64) -> Result<(), String> {
+        let &[name, ref tokens @ ..] = tokens else {
             return Ok(());
         };
         match name {
@@ -217,13 +218,13 @@ impl Statements {
             b"l" => self.line(tokens, line)?,
             b"cstype" => self.state.set_type(tokens),
             b"deg" => {
-                let degree = tokens.next().map(|word| integer(word, "a degree"));
+                let degree = tokens.first().map(|word| integer(word, "a degree"));
                 self.state.degree = degree.and_then(Result::ok).unwrap_or(0);
             }
             b"curv" => self.element(tokens, line)?,
-            b"parm" if self.in_element && tokens.next() == Some(b"u") => {
+            b"parm" if self.in_element && tokens.first() == Some(&b"u".as_slice()) => {
                 let element = self.elements.last_mut().expect("an element was begun");
-                element.knots = tokens.map(number).collect::<Result<_, _>>()?;
+                element.knots = numbers(&tokens[1..])?;
             }
             b"surf" | b"curv2" | b"end" => self.in_element = false,
             _ => {}
@@ -243,34 +244,23 @@ impl Statements {
         Ok(())
     }
 
-    fn vertex<'a>(&mut self, tokens: impl Iterator<Item = &'a [u8]>) -> Result<(), String> {
-        let mut xyz = [0.0; 3];
-        let (mut n, mut weight) = (0, 1.0);
-        for token in tokens {
-            let x = number(token)?;
-            if let Some(slot) = xyz.get_mut(n) {
-                *slot = x;
-            } else if n == 3 {
-                weight = x;
-            }
-            n += 1;
-        }
-        // More numbers are a colour.
-        if n == 4 && weight != 1.0 {
+    fn vertex(&mut self, tokens: &[&[u8]]) -> Result<(), String> {
+        let numbers = numbers(tokens)?;
+        let [x, y, z, ref more @ ..] = numbers[..] else {
+            let n = numbers.len();
+            return Err(format!("a vertex with {n} coordinates, expected x y z"));
+        };
+        // More numbers than a weight are a colour.
+        if let &[weight] = more
+            && weight != 1.0
+        {
             self.weights.push((self.vertices.len() as u32, weight));
         }
-        if n < 3 {
-            return Err(format!("a vertex with {n} coordinates, expected x y z"));
-        }
-        self.vertices.push(xyz);
+        self.vertices.push([x, y, z]);
         Ok(())
     }
 
-    fn line<'a>(
-        &mut self,
-        tokens: impl Iterator<Item = &'a [u8]>,
-        line: u64,
-    ) -> Result<(), String> {
+    fn line(&mut self, tokens: &[&[u8]], line: u64) -> Result<(), String> {
         let start = self.read_indices(tokens, line)?;
         match self.indices[start..] {
             [] | [_] => return Err("a line with fewer than two vertices".into()),
@@ -296,11 +286,7 @@ impl Statements {
     }
 
     /// Appends the indices of a statement. Returns the place of the first one.
-    fn read_indices<'a>(
-        &mut self,
-        tokens: impl Iterator<Item = &'a [u8]>,
-        line: u64,
-    ) -> Result<usize, String> {
+    fn read_indices(&mut self, tokens: &[&[u8]], line: u64) -> Result<usize, String> {
         let start = self.indices.len();
         for token in tokens {
             let index = self.index(token)?;
@@ -313,18 +299,12 @@ impl Statements {
     }
 
     /// Reads `curv u0 u1 v1 v2 ..`.
-    fn element<'a>(
-        &mut self,
-        mut tokens: impl Iterator<Item = &'a [u8]>,
-        line: u64,
-    ) -> Result<(), String> {
-        let mut end = || {
-            tokens
-                .next()
-                .map_or(Err("a curv without a range".into()), number)
+    fn element(&mut self, tokens: &[&[u8]], line: u64) -> Result<(), String> {
+        let &[from, to, ref indices @ ..] = tokens else {
+            return Err("a curv without a range".into());
         };
-        let range = [end()?, end()?];
-        let start = self.read_indices(tokens, line)?;
+        let range = [number(from)?, number(to)?];
+        let start = self.read_indices(indices, line)?;
         let indices = start..self.indices.len();
         if indices.len() < 2 {
             return Err("a curv with fewer than two vertices".into());

@@ -23,6 +23,7 @@ pub(crate) mod protobuf;
 mod unpack;
 
 use crate::error::{Error, Result};
+use crate::formats::open_file;
 use mcap::MAGIC;
 use mcap::records::op;
 use prost::bytes::{Buf, Bytes};
@@ -208,14 +209,7 @@ pub(crate) struct Container<R> {
 impl Container<BufReader<File>> {
     /// Opens a file. A file that is still being written is read up to its current end.
     pub fn open(path: &Path) -> Result<Self> {
-        // Checked before opening, because opening a pipe waits for its writer.
-        let metadata = std::fs::metadata(path).map_err(Error::file(path))?;
-        if !metadata.is_file() {
-            let why = "a recording is read from a regular file";
-            return Err(Error::file(path)(std::io::Error::other(why)));
-        }
-        let file = File::open(path).map_err(Error::file(path))?;
-        Container::new(BufReader::new(file))
+        Container::new(BufReader::new(open_file(path)?.bytes))
     }
 
     /// Returns the file.

@@ -292,19 +292,11 @@ impl Columns {
 
     /// Adds the atom of a line to a frame.
     fn put(&self, line: &[u8], space: &SimulationBox, frame: &mut Frame<'_>) -> Result<(), String> {
-        let mut found: [&[u8]; 7] = [b""; 7];
-        let mut all = 0;
-        for word in words(line) {
-            for (found, &column) in found.iter_mut().zip(&self.used) {
-                if column == all {
-                    *found = word;
-                }
-            }
-            all += 1;
+        let words: Vec<&[u8]> = words(line).collect();
+        if words.len() != self.all {
+            return Err(format!("{} columns, expected {}", words.len(), self.all));
         }
-        if all != self.all {
-            return Err(format!("{all} columns, expected {}", self.all));
-        }
+        let found = self.used.map(|column| words[column]);
         let flags = (self.unwrapped == Unwrapped::ByFlags).then_some(&found[4..]);
         let (id, at, flags) = atom(found[0], &found[1..4], flags)?;
         let at = match self.scaled {

@@ -12,10 +12,10 @@
 mod clearance;
 mod edges;
 mod lattice;
+mod octree;
 mod splines;
 #[cfg(test)]
 mod tests;
-mod tree;
 mod words;
 
 pub(crate) use self::clearance::ClearanceMonitor;
@@ -23,8 +23,8 @@ pub use self::clearance::ClearanceOptions;
 #[cfg(feature = "rerun")]
 pub(crate) use self::clearance::{CloseBlock, REACH, close_blocks};
 use self::edges::{Edges, Found};
+use self::octree::Octree;
 use self::splines::Chords;
-use self::tree::Tree;
 use crate::curve::{Cell, CurveSet, Image, Point};
 use crate::error::Result;
 use crate::pool;
@@ -177,7 +177,7 @@ impl Thickness {
     pub fn of(set: &CurveSet, cell: Option<&Cell>) -> Result<Thickness> {
         pool::check_process()?;
         let poca = |edges: &Edges| -> Result<Option<Strut>> {
-            let shortest = Tree::new(edges).shortest(edges)?;
+            let shortest = Octree::new(edges).shortest(edges)?;
             Ok(shortest.map(|found| edges.strut(&found)))
         };
         if set.basis().is_polyline() {
@@ -252,7 +252,7 @@ pub fn struts(set: &CurveSet, cell: Option<&Cell>, longest: f64) -> Result<Vec<S
         return Ok(on_splines.collect());
     }
     let edges = Edges::of(set, cell)?;
-    let mut found = Tree::new(&edges).up_to(&edges, longest)?;
+    let mut found = Octree::new(&edges).up_to(&edges, longest)?;
     found.sort_by(Found::order);
     Ok(found.iter().map(|found| edges.strut(found)).collect())
 }

@@ -1,4 +1,4 @@
-//! All pairs of edges (section 1, Algorithm 1): the oracle of the tree.
+//! All pairs of edges (section 1, Algorithm 1): the oracle of the octree.
 
 use crate::curve::Image;
 use crate::error::Result;

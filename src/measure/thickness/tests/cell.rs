@@ -227,14 +227,14 @@ fn a_supercell_has_the_same_struts() {
 }
 
 #[test]
-fn the_tree_finds_what_all_pairs_find_in_a_cell() {
+fn the_octree_finds_what_all_pairs_find_in_a_cell() {
     let mut total = 0;
     for seed in 0..300 {
         let mut random = Random::new(seed);
         let lattice = random.one_in(3);
         let (scene, cell) = random_scene(&mut random, lattice);
         let edges = Edges::of(&scene, Some(&cell)).unwrap();
-        let tree = Tree::new(&edges);
+        let tree = Octree::new(&edges);
         let wanted = brute::shortest(&edges).unwrap();
         let found = tree.shortest(&edges).unwrap();
         let length = |found: &Option<Found>| found.map(|found| edges.strut(&found).length);

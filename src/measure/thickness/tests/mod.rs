@@ -1,4 +1,4 @@
-//! The tree against all pairs, and both against known values.
+//! The octree against all pairs, and both against known values.
 
 mod brute;
 mod cell;
@@ -119,13 +119,13 @@ fn random_scene(random: &mut Random) -> CurveSet {
 }
 
 #[test]
-fn the_tree_finds_what_all_pairs_find() {
+fn the_octree_finds_what_all_pairs_find() {
     let (mut struts, mut none) = (0, 0);
     for seed in 0..400 {
         let mut random = Random::new(seed);
         let scene = random_scene(&mut random);
         let edges = Edges::of(&scene, None).unwrap();
-        let tree = Tree::new(&edges);
+        let tree = Octree::new(&edges);
         let wanted = brute::shortest(&edges).unwrap();
         assert_eq!(tree.shortest(&edges).unwrap(), wanted, "seed {seed}");
         let Some(shortest) = wanted else {

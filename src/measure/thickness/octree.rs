@@ -1,16 +1,17 @@
-//! Hierarchy of boxes around the edges, and its search with ramps (section 4, Algorithm 4). In place
-//! of an octree, the edges are halved along the longest side of their box.
+//! Octree over the edges, built from octal tags (section 3, Algorithm 3), and its search with ramps
+//! (section 4, Algorithm 4).
 
 use super::edges::{Edge, Edges, Found, TOLERANCE};
-use crate::curve::vector::{add, dot, sub};
+use crate::curve::vector::{add, dot};
 use crate::curve::{Image, Point, bounds, is_home, union};
 use crate::error::Result;
 use rayon::prelude::*;
 use std::ops::Range;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-/// Maximum number of edges of a leaf.
-const LEAF: usize = 8;
+/// Maximum number of bits of a box number along an axis, three of which fit into a tag.
+const MOST_BITS: u32 = 21;
+
 /// Number of edges that a task searches.
 const CHUNK: usize = 128;
 
@@ -31,7 +32,7 @@ fn distance_sq(a: &Bounds, b: &Bounds) -> f64 {
 #[derive(Clone, Copy, Debug)]
 struct Node {
     bounds: Bounds,
-    /// Its edges in [`Tree::order`].
+    /// Its edges in [`Octree::order`].
     first: u32,
     end: u32,
     /// Node after the last one below it.
@@ -39,43 +40,60 @@ struct Node {
     is_leaf: bool,
 }
 
-/// The hierarchy. Its nodes are in one array, in which a search only moves forward.
+/// The octree. Its nodes are in one array, in which a search only moves forward.
 #[derive(Debug)]
-pub(super) struct Tree {
+pub(super) struct Octree {
     nodes: Vec<Node>,
-    /// Edges in the order of the leaves.
+    /// Edges by octal tag.
     order: Vec<u32>,
     /// Bounds of the edges in this order.
     bounds: Vec<Bounds>,
 }
 
-/// Adds the node of some edges, of which `first` are before them, and those below it. Orders the
-/// edges.
-fn add_node(edges: &Edges, order: &mut [u32], first: usize, nodes: &mut Vec<Node>) {
-    let bounds = order.iter().map(|&k| bounds_of(edges.get(k)));
-    let bounds = bounds.reduce(union).unwrap_or_default();
-    let (at, is_leaf) = (nodes.len(), order.len() <= LEAF);
-    nodes.push(Node {
-        bounds,
-        first: first as u32,
-        end: (first + order.len()) as u32,
-        skip: 0,
-        is_leaf,
-    });
-    if !is_leaf {
-        let sides = sub(bounds[1], bounds[0]);
-        let longest = (0..3).max_by(|&x, &y| sides[x].total_cmp(&sides[y]));
-        let x = longest.expect("three axes");
-        let middle = |k: u32| edges.get(k).start[x] + 0.5 * edges.get(k).along[x];
-        let half = order.len() / 2;
-        order.select_nth_unstable_by(half, |&a, &b| {
-            middle(a).total_cmp(&middle(b)).then(a.cmp(&b))
+/// Sizes of the boxes while the tree is built.
+struct Builder<'a> {
+    tags: &'a [u64],
+    bounds: &'a [Bounds],
+    /// Maximum number of edges of a leaf.
+    most: usize,
+    nodes: Vec<Node>,
+}
+
+impl Builder<'_> {
+    /// Adds the node of a range of edges, whose tags agree in all digits before `digit`, from the
+    /// least significant one. A node with one child is left out.
+    fn add(&mut self, range: Range<usize>, digit: u32) {
+        let at = self.nodes.len();
+        let octant = |k: usize| self.tags[k] >> (3 * (digit - 1)) & 7;
+        let is_leaf = digit == 0 || range.len() <= self.most;
+        if !is_leaf && octant(range.start) == octant(range.end - 1) {
+            return self.add(range, digit - 1);
+        }
+        self.nodes.push(Node {
+            bounds: bounds([]),
+            first: range.start as u32,
+            end: range.end as u32,
+            skip: 0,
+            is_leaf,
         });
-        let (left, right) = order.split_at_mut(half);
-        add_node(edges, left, first, nodes);
-        add_node(edges, right, first + half, nodes);
+        let mut around = bounds([]);
+        if is_leaf {
+            around = self.bounds[range].iter().copied().fold(around, union);
+        } else {
+            let mut start = range.start;
+            while start < range.end {
+                let octant = self.tags[start] >> (3 * (digit - 1));
+                let same = |tag: &u64| *tag >> (3 * (digit - 1)) == octant;
+                let end = start + self.tags[start..range.end].partition_point(same);
+                let child = self.nodes.len();
+                self.add(start..end, digit - 1);
+                around = union(around, self.nodes[child].bounds);
+                start = end;
+            }
+        }
+        self.nodes[at].bounds = around;
+        self.nodes[at].skip = self.nodes.len() as u32;
     }
-    nodes[at].skip = nodes.len() as u32;
 }
 
 /// Region that contains the other end of every strut which starts on an edge: the slab between the
@@ -112,14 +130,40 @@ impl Ramp<'_> {
     }
 }
 
-impl Tree {
-    pub fn new(edges: &Edges) -> Tree {
-        let mut order: Vec<u32> = (0..edges.len() as u32).collect();
-        let mut nodes = Vec::new();
-        add_node(edges, &mut order, 0, &mut nodes);
-        let bounds = order.iter().map(|&k| bounds_of(edges.get(k))).collect();
-        Tree {
-            nodes,
+impl Octree {
+    /// Builds the tree, with `ceil(3/4 log2 n)` levels as in section 5.
+    pub fn new(edges: &Edges) -> Octree {
+        let n = edges.len();
+        let levels = (0.75 * (n.max(2) as f64).log2()).ceil() as u32;
+        let bits = (levels - 1).min(MOST_BITS);
+        let most = n.div_ceil(1 << bits).max(1);
+        let middle = |k: u32, x: usize| {
+            let edge = edges.get(k);
+            edge.start[x] + 0.5 * edge.along[x]
+        };
+        let mut tags = vec![0; n];
+        for x in 0..3 {
+            let mut sorted: Vec<(f64, u32)> = (0..n as u32).map(|k| (middle(k, x), k)).collect();
+            sorted.par_sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+            for (rank, &(_, k)) in sorted.iter().enumerate() {
+                tags[k as usize] |= spread((rank / most) as u64) << x;
+            }
+        }
+        let mut order: Vec<(u64, u32)> = tags.into_iter().zip(0..).collect();
+        order.par_sort_unstable();
+        let (tags, order): (Vec<u64>, Vec<u32>) = order.into_iter().unzip();
+        let bounds: Vec<Bounds> = order.iter().map(|&k| bounds_of(edges.get(k))).collect();
+        let mut builder = Builder {
+            tags: &tags,
+            bounds: &bounds,
+            most,
+            nodes: Vec::new(),
+        };
+        if n > 0 {
+            builder.add(0..n, bits);
+        }
+        Octree {
+            nodes: builder.nodes,
             order,
             bounds,
         }
@@ -257,5 +301,34 @@ impl Tree {
                 }
             }
         }
+    }
+}
+
+/// Moves bit `k` of a number to bit `3 k`.
+fn spread(number: u64) -> u64 {
+    let mut x = number & ((1 << MOST_BITS) - 1);
+    for (shift, mask) in [
+        (32, 0x001f_0000_0000_ffff),
+        (16, 0x001f_0000_ff00_00ff),
+        (8, 0x100f_00f0_0f00_f00f),
+        (4, 0x10c3_0c30_c30c_30c3),
+        (2, 0x1249_2492_4924_9249),
+    ] {
+        x = (x | x << shift) & mask;
+    }
+    x
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn spreads_the_bits() {
+        for number in [0, 1, 0b1101, 0x1f_ffff, 0x15_5555] {
+            let slow = (0..MOST_BITS).fold(0, |x, k| x | (number >> k & 1) << (3 * k));
+            assert_eq!(spread(number), slow, "{number:b}");
+        }
+        assert_eq!(spread(0b1101), 0b1_001_000_001);
     }
 }
