@@ -52,7 +52,7 @@ impl Certificate {
         if !comparison.has_fresh() {
             return false;
         }
-        let (fresh, missing): (Vec<&Defect>, Vec<&Defect>) = comparison
+        let (fresh, others): (Vec<&Defect>, Vec<&Defect>) = comparison
             .defects
             .iter()
             .partition(|d| d.kind == DefectKind::NoBaseline);
@@ -62,7 +62,7 @@ impl Certificate {
         // that has none.
         let curves = fresh.iter().filter(|d| d.j.is_none()).map(|d| d.i);
         let curves: Vec<u32> = curves.collect();
-        for d in missing {
+        for d in others {
             match d.j {
                 Some(j) if has(d.i, None) || has(j, None) => self.undefined.push(*d),
                 Some(_) => {}
@@ -75,8 +75,8 @@ impl Certificate {
     }
 
     /// Returns true if the pair, or one of its curves, has no linking number here.
-    pub(crate) fn lacks(&self, i: u32, j: Option<u32>) -> bool {
-        lacks(&self.undefined, i, j)
+    pub(crate) fn has_no_number(&self, i: u32, j: Option<u32>) -> bool {
+        is_undefined(&self.undefined, i, j)
     }
 
     /// Compares this frame with its baseline.
@@ -112,15 +112,15 @@ impl Certificate {
         }
         let checked = |i: u32, j: u32| unchecked.binary_search(&(i, j)).is_err();
         let mut defects = self.undefined.clone();
-        let missing = baseline.undefined.iter();
-        let missing =
-            missing.filter(|d| !self.lacks(d.i, d.j) && d.j.is_none_or(|j| checked(d.i, j)));
-        defects.extend(missing.map(|d| Defect {
+        let fresh = baseline.undefined.iter();
+        let fresh =
+            fresh.filter(|d| !self.has_no_number(d.i, d.j) && d.j.is_none_or(|j| checked(d.i, j)));
+        defects.extend(fresh.map(|d| Defect {
             kind: DefectKind::NoBaseline,
             ..*d
         }));
         defects.sort_by_key(|d| (d.i, d.j));
-        let known = |i: u32, j: u32| !lacks(&defects, i, Some(j));
+        let known = |i: u32, j: u32| !is_undefined(&defects, i, Some(j));
         let [before, now] = [baseline, self].map(|c| c.links.iter().map(Link::entry));
         let mut changes = Differences::between(before, now).changes;
         changes.retain(|c| checked(c.i, c.j) && known(c.i, c.j));
@@ -134,14 +134,14 @@ impl Certificate {
     }
 }
 
-/// Returns true if the pair, or one of its curves, is in a sorted list.
-fn lacks(undefined: &[Defect], i: u32, j: Option<u32>) -> bool {
-    let missing = |i, j| {
+/// Returns true if the sorted list has the pair, or has one of its curves alone.
+fn is_undefined(undefined: &[Defect], i: u32, j: Option<u32>) -> bool {
+    let contains = |i, j| {
         let key = (i, j, Image::default());
         let found = undefined.binary_search_by_key(&key, |d| (d.i, d.j, d.image));
         found.is_ok()
     };
-    missing(i, j) || missing(i, None) || j.is_some_and(|j| missing(j, None))
+    contains(i, j) || contains(i, None) || j.is_some_and(|j| contains(j, None))
 }
 
 #[cfg(test)]

@@ -189,7 +189,7 @@ impl Certificate {
         out.defects
             .extend(fresh().map(|(pair, _)| no_baseline(*pair)));
         let known = baseline.undefined.iter();
-        let known = known.filter(|d| d.j.is_none() && !self.lacks(d.i, None));
+        let known = known.filter(|d| d.j.is_none() && !self.has_no_number(d.i, None));
         out.defects.extend(known.map(|d| Defect {
             kind: DefectKind::NoBaseline,
             ..*d

@@ -27,11 +27,11 @@ sweep: a command for developers, `cargo run --release -p study -- --help` in a c
 --amplitude: --frames N,amplitude=A
 --beta: --kernel barnes-hut,beta=B, of `linkwatch certify`
 --bisect: `linkwatch replay FILE.mcap`, whose summary names the first violation
---bonds: `linkwatch check` reads files that need it
+--bonds: `linkwatch check`, which has this option
 --by-time: `linkwatch diff FIRST.mcap SECOND.mcap --by-time`
---closed: `linkwatch check` reads files that need it
+--closed: `linkwatch check`, which has this option
 --connect: --show HOST:PORT
---counts: `linkwatch check` reads files that need it
+--counts: `linkwatch check`, which has this option
 --device: `linkwatch certify --device`; other commands choose it
 --diameter: --frames N,diameter=D
 --diff: `linkwatch diff FIRST.mcap SECOND.mcap`
@@ -40,7 +40,7 @@ sweep: a command for developers, `cargo run --release -p study -- --help` in a c
 --discretize: `linkwatch convert MODEL OUT.obj`, then `linkwatch certify OUT.obj`
 --kernel: `linkwatch certify --kernel`; other commands choose it
 --motion: --frames N,motion=MOTION
---one-motion: `linkwatch check` reads files that need it
+--one-motion: `linkwatch check`, which has this option
 --order: --kernel fmm,order=P, of `linkwatch certify`
 --paranoid: Strategy::Paranoid, in a program that uses the library
 --publish: `linkwatch play FILE --service NAME`
@@ -56,7 +56,7 @@ sweep: a command for developers, `cargo run --release -p study -- --help` in a c
 --serve: --show web
 --target: --kernel barnes-hut,beta=B,target=E, of `linkwatch certify`
 --thickness: --radius
---topic: `linkwatch check` reads files that need it
+--topic: `linkwatch check`, which has this option
 --unwrapped: --wrapped=false
 --view: --show live
 --view-every: --show WHERE,every=N

@@ -371,7 +371,7 @@ impl Engine {
     pub fn aborts(&self, report: &Report) -> bool {
         let known = &self.known;
         let lacks = |baseline: Option<&Arc<Certificate>>, a: u32, b: Option<u32>| {
-            let lacks = baseline.is_some_and(|baseline| baseline.lacks(a, b));
+            let lacks = baseline.is_some_and(|baseline| baseline.has_no_number(a, b));
             lacks || known.touch_from_the_start(a, b)
         };
         let expected = |d: &Defect| match (&known.cell, d.pair()) {

@@ -71,7 +71,8 @@ def verify(run: Run, client: Any, chunk: int | None, progress: bool | None) -> N
     first = next(parts, None)
     if first is None:
         return
-    # The workers of Dask have it from one another, and make it again if it is lost.
+    # The state after the first frame. Workers of Dask fetch it from one another, and compute it
+    # again if a worker that had it is lost.
     begin = submit(_begin, first, run.options)
     begin = begin if _is_dask(client) else begin.result()
     waiting: deque[tuple[Any, Any]] = deque()
