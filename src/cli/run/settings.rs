@@ -64,8 +64,11 @@ impl Judge {
         let abort_on = abort_on.unwrap_or_default();
         judge.abort_on = Some(abort_on);
         let given = &mut judge.event_args;
-        // Frames that were converted have no verdicts, so nothing was recorded.
-        given.events = given.events.or(recorded(metadata, "events"));
+        // Earlier versions recorded neither. Frames that were converted have a limit alone: no run
+        // was recorded.
+        let converted = metadata.contains_key(MOTION_LIMIT);
+        let events = given.events.or(recorded(metadata, "events"));
+        given.events = events.or((!converted).then_some(Events::Off));
         given.motion_limit = given.motion_limit.or(Some(recorded_limit(metadata)));
         if given.events(abort_on) == Events::Off {
             // A limit needs a search.
