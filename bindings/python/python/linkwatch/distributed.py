@@ -196,7 +196,8 @@ def check_many(
     >>> from tempfile import TemporaryDirectory
     >>> import linkwatch
     >>> import numpy as np
-    >>> frames = [linkwatch.io.Frame(np.eye(3), [-3], seq=k) for k in range(2)]
+    >>> rings = np.concatenate([np.eye(3), np.eye(3) + 0.3])
+    >>> frames = [linkwatch.io.Frame(rings, [-3, -3], seq=k) for k in range(2)]
     >>> with TemporaryDirectory() as folder, ThreadPoolExecutor(2) as client:
     ...     paths = [linkwatch.write(frames, f"{folder}/{name}.npz")[0] for name in "ab"]
     ...     [run.verdict for run in linkwatch.distributed.check_many(paths, client)]

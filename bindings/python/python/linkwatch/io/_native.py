@@ -40,8 +40,9 @@ def read(paths: Sequence[Path], options: Options) -> Frames:
         archive = Path(folder) / "frames.npz"
         words += [*map(str, paths), str(archive)]
         ended = subprocess.run(words, capture_output=True, text=True, check=False)
-        # Lines are an error, or begin with a level.
-        said = [line.strip().split(maxsplit=1) for line in ended.stderr.splitlines()]
+        # Lines are an error, or begin with a level. Options have no dashes here.
+        errors = ended.stderr.replace("option `--", "option `")
+        said = [line.strip().split(maxsplit=1) for line in errors.splitlines()]
         if not archive.exists():
             lines = [" ".join(words[words[0] in LEVELS :]) for words in said if words]
             raise ValueError("; ".join(lines).removeprefix("error: "))
