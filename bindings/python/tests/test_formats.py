@@ -325,6 +325,21 @@ def test_several_files_are_frames(tmp_path):
         linkwatch.read(tmp_path / "f9.ply", written(tmp_path, "a.vtk", vtk()))
 
 
+def test_the_command_reads_files_of_the_package(tmp_path):
+    files = []
+    for k in range(3):
+        moved = POINTS + np.repeat([[0, 0, 0], [2.5 * (k > 1), 0, 0]], 12, axis=0)
+        changed = ply().replace(rows(POINTS).encode(), rows(moved).encode())
+        files.append(written(tmp_path, f"f{k}.ply", changed))
+    code, said, err = run("check", *files, "--events=off")
+    assert (code, "curves 0 and 1 came apart" in said) == (1, True), err
+    assert run("check", *files[:2])[0] == 0
+    assert run("certify", files[0])[:2] == (0, "2 # lines: 1\n0,1,-1\n")
+    assert run("certify", "--cell", "9,9,9", files[0])[0] == 0
+    code, said, err = run("measure", "writhe", files[0])
+    assert code == 0 and "writhe" in said, err
+
+
 def test_a_collection_of_paraview_has_times(tmp_path):
     for name in ("a.vtp", "b.vtp"):
         written(tmp_path, name, vtp())

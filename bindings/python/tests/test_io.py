@@ -99,13 +99,12 @@ def test_the_module_is_the_command(tmp_path):
     assert (tmp_path / "run.bcc").exists()
 
 
-def test_the_command_names_the_way_to_read_other_files(tmp_path):
+def test_a_damaged_file_is_named_by_every_command(tmp_path):
     path = tmp_path / "a.ply"
     path.write_text("ply\n")
-    code, _, err = run("certify", path)
-    assert code == 2
-    way = f"`linkwatch convert {path} {tmp_path / 'a.npz'}`"
-    assert f"only the package reads this format: {way}" in err
+    for words in (["certify"], ["check"], ["measure", "writhe"]):
+        code, out, err = run(*words, path)
+        assert (code, out) == (2, "") and f"error: {path}: " in err
 
 
 def test_a_missing_library_is_named(tmp_path, monkeypatch):

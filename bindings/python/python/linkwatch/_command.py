@@ -6,6 +6,7 @@ import os
 import pathlib
 import signal
 import sys
+import tempfile
 
 from ._linkwatch import command
 
@@ -30,14 +31,32 @@ def main() -> int:
     args = sys.argv[1:]
     if args[:1] == ["convert"] and (code := convert(args[1:])) is not None:
         return code
-    code = command(["linkwatch", *args])
-    for arg in filter(_only_the_package_reads, args[1:] if code == 2 else []):
-        archive = pathlib.Path(arg).with_suffix(".npz")
-        print(
-            f"{arg}: only the package reads this format: `linkwatch convert {arg} {archive}`",
-            file=sys.stderr,
-        )
-    return code
+    files = [arg for arg in args[1:] if _only_the_package_reads(arg)]
+    if not files or args[0] not in ("check", "certify", "measure"):
+        return command(["linkwatch", *args])
+    # By an archive, which the command reads.
+    with tempfile.TemporaryDirectory(prefix="linkwatch-") as folder:
+        archive = str(pathlib.Path(folder) / f"{pathlib.Path(files[-1]).stem}.npz")
+        options, others = _options_of_readers([arg for arg in args if arg not in files])
+        code = convert([*files, *options, archive])
+        if code == 2:
+            return 2
+        return command(["linkwatch", *others, archive])
+
+
+def _options_of_readers(args: list[str]) -> tuple[list[str], list[str]]:
+    """Returns the options of :func:`convert` among others, and the others."""
+    options, others = [], []
+    words = iter(args)
+    for word in words:
+        name, _, value = word.partition("=")
+        if name in FLAGS:
+            options.append(word)
+        elif name in ("--select", "--format", "--cell"):
+            options.append(word if value else f"{name}={next(words, '')}")
+        else:
+            others.append(word)
+    return options, others
 
 
 def _only_the_package_reads(arg: str) -> bool:
