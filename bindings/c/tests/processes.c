@@ -222,7 +222,7 @@ static void a_killed_simulator_ends_the_watch_and_frees_the_name(void) {
            (long)other);
   CHECK(!lw_open(service, NULL));
   CHECK_ERROR(words);
-  CHECK_ERROR("watched with `linkwatch watch --service NAME`");
+  CHECK_ERROR("give one of the two another service name");
   stop(&other);
   CHECK(end(&watcher) == 3);
   CHECK_TEXT(output(), "the simulator died without ending the session");
