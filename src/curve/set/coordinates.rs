@@ -78,6 +78,23 @@ impl Coordinates {
             _ => unreachable!("callers compare the precision first"),
         }
     }
+
+    /// Returns the number of slots in `first..first + count` that hold the same point as the next
+    /// slot. Compiled to vector instructions: read point by point, it took a multiple of the time
+    /// of all other work on a ribbon.
+    pub fn repeats(&self, first: usize, count: usize) -> usize {
+        fn count_in<T: PartialEq>(v: &[Vec<T>; 3], first: usize, count: usize) -> usize {
+            let [x, y, z] = v.each_ref().map(|v| &v[first..first + count + 1]);
+            let same = |v: &[T], k: usize| v[k] == v[k + 1];
+            (0..count)
+                .filter(|&k| same(x, k) & same(y, k) & same(z, k))
+                .count()
+        }
+        match self {
+            Self::F32(v) => count_in(v, first, count),
+            Self::F64(v) => count_in(v, first, count),
+        }
+    }
 }
 
 /// A type of coordinates.

@@ -168,10 +168,9 @@ impl CurveSet {
         if !self.basis.is_polyline() {
             return 0;
         }
-        let n = self.curves[i].points as usize;
-        let segments = 0..self.curves[i].segments as usize;
-        let repeats = |&k: &usize| self.point(i, k) == self.point(i, (k + 1) % n);
-        segments.filter(repeats).count()
+        let c = self.curves[i];
+        self.coordinates()
+            .repeats(c.first as usize, c.segments as usize)
     }
 
     /// Returns true if curve `i` has at least three distinct control points. A loop with fewer
