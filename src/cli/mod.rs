@@ -90,8 +90,8 @@ const MOST_THREADS: i64 = 1024;
 
 const EXIT_CODES: &str = "\
 Exit codes: 0 intact, recovered, accepted or done, 1 topology changed, 2 bad arguments or bad \
-input, 3 undecided (curves touch or are too close) or incomplete (data lost, or a file that was not \
-read as a whole)";
+input, 3 undecided (curves touch or are too close) or incomplete (data lost, or a file that was \
+not read as a whole)";
 
 // Common commands first: `--help` lists them in this order.
 #[derive(Debug, Subcommand)]
