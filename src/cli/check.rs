@@ -55,25 +55,10 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     let models = match &args.each_args.only {
         Some(model) => vec![model.clone()],
         None if args.each_args.each => {
-            let Args {
-                format,
-                baseline,
-                event_args,
-                braid_args,
-                ..
-            } = args;
-            let options = (
-                format,
-                baseline,
-                event_args,
-                braid_args,
-                args.cell_args,
-                args.early_exit,
-            );
-            let options = format!("{options:?}");
-            return args
-                .each_args
-                .run(&input::expand_models(&args.models)?, &options);
+            let compared = (&args.baseline, &args.event_args, &args.braid_args);
+            let options = (&args.format, compared, &args.cell_args, args.early_exit);
+            let models = input::expand_models(&args.models)?;
+            return args.each_args.run(&models, &format!("{options:?}"));
         }
         None => input::expand(&args.models, args.keep_order)?,
     };

@@ -121,8 +121,12 @@ impl EachArgs {
         let (next, lines) = (AtomicUsize::new(0), Mutex::new(lines));
         let work = || -> Result<()> {
             while let Some(model) = left.get(next.fetch_add(1, Ordering::Relaxed)) {
-                let mut line = verified(model, threads);
-                line.key = key(model, options);
+                // Of the file as it is before the run.
+                let key = key(model, options);
+                let line = Line {
+                    key,
+                    ..verified(model, threads)
+                };
                 let mut lines = lines.lock().unwrap_or_else(PoisonError::into_inner);
                 lines.put(&line)?;
             }
