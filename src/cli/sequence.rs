@@ -1,7 +1,7 @@
 //! Frames of several files, one after the other: those of one motion, or of several runs.
 
 use super::input::{self, FileFrames, FormatArgs, Read};
-use linkwatch::formats::ModelFrame;
+use linkwatch::formats::{Format, ModelFrame};
 use linkwatch::{CurveSet, Error, FrameInfo, LeftOut, Received, Result};
 use std::collections::VecDeque;
 use std::path::PathBuf;
@@ -126,7 +126,7 @@ impl Sequence {
                     return Some(Err(match found {
                         Err(source) => Error::File { path, source },
                         Ok(_) => Error::UnknownModel {
-                            path: self.with_others(path),
+                            path: self.with_unknown(path),
                         },
                     }));
                 }
@@ -135,17 +135,21 @@ impl Sequence {
         }
     }
 
-    /// Returns a path with all others behind it if it is the first one: a topology before its
-    /// trajectories means nothing alone.
-    fn with_others(&mut self, path: PathBuf) -> PathBuf {
-        if self.last.is_some() {
-            return path;
-        }
-        let others = std::mem::take(&mut self.files);
+    /// Returns a path with the next ones behind it that are of an unknown kind as well: a topology
+    /// and its trajectories are converted together.
+    fn with_unknown(&mut self, path: PathBuf) -> PathBuf {
         let mut all = path.into_os_string();
-        for other in others {
+        let is_unknown =
+            |path: &PathBuf| matches!(Format::of(path), Err(Error::UnknownModel { .. }));
+        while let Some(next) = self
+            .files
+            .as_slice()
+            .first()
+            .filter(|next| is_unknown(next))
+        {
             all.push(" ");
-            all.push(other);
+            all.push(next);
+            self.files.next();
         }
         all.into()
     }
