@@ -4,6 +4,7 @@ import base64
 import bz2
 import gzip
 import importlib.util
+import json
 import lzma
 import pickle
 import struct
@@ -13,7 +14,7 @@ import linkwatch
 import numpy as np
 import pytest
 from linkwatch import io
-from linkwatch._command import convert
+from linkwatch._command import OWN, convert
 from test_command import run
 
 # Rings of 12 points; one is in the plane z = 0, the other one in y = 0.
@@ -338,6 +339,28 @@ def test_the_command_reads_files_of_the_package(tmp_path):
     assert run("certify", "--cell", "9,9,9", files[0])[0] == 0
     code, said, err = run("measure", "writhe", files[0])
     assert code == 0 and "writhe" in said, err
+
+
+def test_each_file_of_the_package_is_a_run_of_its_own(tmp_path):
+    for name, shift in (("a", 0), ("b", 2.5)):
+        moved = POINTS + np.repeat([[0, 0, 0], [shift, 0, 0]], 12, axis=0)
+        frames = [io.Frame(p, [-12, -12], seq=k) for k, p in enumerate((POINTS, moved))]
+        (path,) = linkwatch.write(frames, tmp_path / f"{name}.npz")
+        (tmp_path / f"{name}.npz.gz").write_bytes(gzip.compress(path.read_bytes()))
+    packed = [tmp_path / f"{name}.npz.gz" for name in "ab"]
+    code, said, err = run("check", "--each", *packed)
+    lines = map(json.loads, said.splitlines())
+    assert {line["file"]: line["verdict"] for line in lines} == {
+        str(packed[0]): "intact",
+        str(packed[1]): "changed",
+    }
+    assert code == 1, err
+    assert run("convert", packed[0], tmp_path / "again.npz")[0] == 0
+
+
+def test_the_command_reads_its_own_files_without_the_readers():
+    suffixes = " ".join(one.suffixes for one in io.FORMATS).split()
+    assert not set(suffixes) & set(OWN)
 
 
 def test_a_collection_of_paraview_has_times(tmp_path):

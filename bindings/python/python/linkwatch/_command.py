@@ -16,6 +16,9 @@ FLAGS = {
     "--wrapped": "unwrap coordinates; =false: take them as they are",
 }
 
+# Suffixes of files that the command always reads itself: they cost no import of the readers.
+OWN = (".bcc", ".npy", ".npz", ".mcap", ".obj", ".vect", ".xyz", ".extxyz", ".dump", ".lammpstrj")
+
 
 def main() -> int:
     """Runs the command with the arguments of the process, and returns its exit code."""
@@ -31,17 +34,26 @@ def main() -> int:
     args = sys.argv[1:]
     if args[:1] == ["convert"] and (code := convert(args[1:])) is not None:
         return code
-    files = [arg for arg in args[1:] if _only_the_package_reads(arg)]
-    if not files or args[0] not in ("check", "certify", "measure"):
+    if args[:1] not in (["check"], ["certify"], ["measure"]):
+        return command(["linkwatch", *args])
+    only = args.index("--only") + 1 if "--only" in args else 0
+    if "--each" in args and not only:
+        # Each file comes back in a process of its own, as the value of `--only`.
+        return command(["linkwatch", *args])
+    files = list(filter(_only_the_package_reads, args[only:][:1] if only else args[1:]))
+    if not files:
         return command(["linkwatch", *args])
     # By an archive, which the command reads.
     with tempfile.TemporaryDirectory(prefix="linkwatch-") as folder:
         archive = str(pathlib.Path(folder) / f"{pathlib.Path(files[-1]).stem}.npz")
-        options, others = _options_of_readers([arg for arg in args if arg not in files])
-        code = convert([*files, *options, archive])
-        if code == 2:
+        if only:
+            args[only] = archive
+        else:
+            args = [*(arg for arg in args if arg not in files), archive]
+        options, others = _options_of_readers(args)
+        if convert([*files, *options, archive]) == 2:
             return 2
-        return command(["linkwatch", *others, archive])
+        return command(["linkwatch", *others])
 
 
 def _options_of_readers(args: list[str]) -> tuple[list[str], list[str]]:
@@ -61,10 +73,15 @@ def _options_of_readers(args: list[str]) -> tuple[list[str], list[str]]:
 
 def _only_the_package_reads(arg: str) -> bool:
     """Returns whether this package, but not the command itself, reads the file."""
+    if arg.startswith("-") or arg.lower().endswith(OWN):
+        return False
     from . import io
 
+    path = pathlib.Path(arg)
     try:
-        return pathlib.Path(arg).is_file() and io.format_of(pathlib.Path(arg)) is not io.FORMATS[-1]
+        if not path.is_file():
+            return False
+        return path.suffix.lower() in io.COMPRESSED or io.format_of(path) is not io.FORMATS[-1]
     except OSError:
         return False
 
