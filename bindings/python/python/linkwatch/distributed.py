@@ -85,24 +85,43 @@ def verify(run: Run, client: Any, chunk: int | None, progress: bool | None) -> N
     waiting.append((first, submit(_verify, first, run.options, None, False)))
     for _ in range(2 * workers):
         send()
-    state, number = None, None
+    parts_so_far = Parts(run)
     shown = bar((), source.length, progress, " frames")
     try:
         while waiting:
             part, future = waiting.popleft()
-            found, assumed, after, later = future.result()
-            if state is not None and assumed != number:
-                found, _, after, later = submit(_verify, part, run.options, state, False).result()
-            state, number = after, later
-            run._merge(found)
+            frames = len(run.frames)
+            parts_so_far.add(
+                future.result(),
+                lambda state: submit(_verify, part, run.options, state, False).result(),
+            )
             if hasattr(shown, "update"):
-                shown.update(len(found.frames))
+                shown.update(len(run.frames) - frames)
             send()
     finally:
         for _, future in waiting:
             future.cancel()
         if hasattr(shown, "close"):
             shown.close()
+
+
+class Parts:
+    """The parts of a run that were merged so far, and the state after them."""
+
+    def __init__(self, run: Run) -> None:
+        self.run = run
+        self.state: Any = None
+        self.number: Any = None
+
+    def add(self, result: Any, again: Callable[[Any], Any]) -> None:
+        """Adds the result of :func:`_verify` for the next part. ``again`` verifies the part from a
+        state on, if the result is that of another one.
+        """
+        found, assumed, after, later = result
+        if self.state is not None and assumed != self.number:
+            found, _, after, later = again(self.state)
+        self.state, self.number = after, later
+        self.run._merge(found)
 
 
 def _is_dask(client: Any) -> bool:

@@ -22,7 +22,9 @@ _log = library("MDAnalysis.lib.log", "mdanalysis", "an analysis of MDAnalysis")
 
 
 class _Spawned(_backends.BackendMultiprocessing):  # type: ignore[misc,name-defined]
-    """Starts processes anew: one that was forked from one that used linkwatch cannot use it."""
+    """Starts new processes without a fork: linkwatch fails in the forked copy of a process that
+    has used it.
+    """
 
     def apply(self, func: Callable[..., Any], computations: Sequence[Any]) -> list[Any]:
         from multiprocessing import get_context
@@ -143,12 +145,12 @@ class LinkAnalysis(_base.AnalysisBase):  # type: ignore[misc,name-defined]
 
     def _conclude(self) -> None:
         source: Any = self._source() if self._numbers else None
-        run, parts = Run(source, self._options), self.results.parts
-        state = number = None
-        for before, stop, (found, assumed, after, later) in parts:
-            if state is not None and assumed != number:
-                frames = source.part(before, stop)
-                found, _, after, later = distributed._verify(frames, self._options, state, False)
-            state, number = after, later
-            run._merge(found)
-        self.results = _base.Results(run=run)
+        merged = distributed.Parts(Run(source, self._options))
+        for before, stop, result in self.results.parts:
+            merged.add(
+                result,
+                lambda state: distributed._verify(
+                    source.part(before, stop), self._options, state, False
+                ),
+            )
+        self.results = _base.Results(run=merged.run)
