@@ -65,7 +65,7 @@ enum Mode {
 
 impl Mode {
     /// Returns the adapter if it is open.
-    fn open(&self) -> Option<&Arc<Gpu>> {
+    fn opened(&self) -> Option<&Arc<Gpu>> {
         match self {
             Mode::Off => None,
             Mode::Requested { gpu, .. } => Some(gpu),
@@ -76,7 +76,7 @@ impl Mode {
 
 impl Drop for Mode {
     fn drop(&mut self) {
-        if let Some(gpu) = self.open() {
+        if let Some(gpu) = self.opened() {
             Gpu::release(gpu);
         }
     }
@@ -147,7 +147,7 @@ impl GpuUse {
         if let Mode::Automatic { calibration, gpu } = &self.mode {
             gpu.get_or_init(|| open_calibrated(calibration));
         }
-        let gpu = self.mode.open()?;
+        let gpu = self.mode.opened()?;
         // Another engine that uses the adapter may have lost it.
         if gpu.is_lost() {
             self.fail(&"the adapter was lost");
@@ -160,7 +160,7 @@ impl GpuUse {
     pub fn info(&self) -> Option<DeviceInfo> {
         let gpu = self
             .mode
-            .open()
+            .opened()
             .filter(|gpu| !self.has_failed() && !gpu.is_lost());
         gpu.map(|gpu| gpu.info())
     }
