@@ -31,7 +31,7 @@ m = mujoco.MjModel.from_xml_string(
         <worldbody>{rings}</worldbody></mujoco>"""
 )
 d = mujoco.MjData(m)
-counts, bodies = -m.flex_vertnum, m.flex_vertbodyid  # minus: a closed curve of so many points
+counts, bodies = -m.flex_vertnum, m.flex_vertbodyid  # negative: closed curves
 first, last = bodies[: -counts[0]], bodies[counts[-1] :]
 
 with linkwatch.Client(args.service, counts=counts, radii=m.flex_radius, lockstep=True) as sim:

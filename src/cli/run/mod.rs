@@ -66,7 +66,7 @@ pub const PATIENT: Overflow = Overflow::WaitForProgress(Duration::from_secs(60))
 /// it has caught up.
 pub const PATIENCE: Duration = Duration::from_millis(500);
 
-/// Kind of a [`Run`], and what it is about.
+/// Properties of a [`Run`] that follow from its command.
 #[derive(Default)]
 pub struct Setup<'a> {
     /// `None` if the command has no such option.

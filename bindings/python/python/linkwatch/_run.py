@@ -372,7 +372,7 @@ class Run:
         if at is None or self.source is None or self.source.kind == "once":
             return []
         try:
-            # Opened anew, so that reading a part does not change what the summary says.
+            # A second source: reading a part of the first one would change its summary.
             source, recipe = self.source, self.source.recipe
             source = recipe[0](*recipe[1], **recipe[2]) if recipe else source
             part = source.part or (lambda start, stop: itertools.islice(source, start, stop))
