@@ -471,3 +471,21 @@ fn one_curve_alone_is_not_intact() {
     let run = linkwatch(&["check", text(&file), "--closed", "--events=all"]);
     assert_eq!(run.code, 0, "{}", run.stdout);
 }
+
+/// Regression test: files after one of an unknown kind were not verified.
+#[test]
+fn files_after_those_of_an_unknown_kind_are_verified() {
+    let folder = TempDir::new().unwrap();
+    let [topology, trajectory] = ["a.psf", "a.xtc"].map(|name| folder.path().join(name));
+    for file in [&topology, &trajectory] {
+        std::fs::write(file, "no model").unwrap();
+    }
+    let whole = chain(folder.path(), "whole.bcc", 0.5);
+    let broken = chain(folder.path(), "broken.bcc", -5.0);
+    let files = [&topology, &trajectory, &whole, &broken].map(|file| text(file));
+    let run = linkwatch(&[&["check", "--keep-order"][..], &files].concat());
+    assert_eq!(run.code, 2);
+    let together = format!("linkwatch convert {} {} OUT", files[0], files[1]);
+    assert!(run.stderr.contains(&together), "{}", run.stderr);
+    assert!(run.stdout.contains("came apart"), "{}", run.stdout);
+}

@@ -1,4 +1,4 @@
-"""The recipes in `examples/python`: each simulator runs intact, runs with a break, and obeys an abort."""
+"""The recipes in `examples/python`: each runs intact, runs with a break, and obeys an abort."""
 
 import importlib.util
 import pathlib
