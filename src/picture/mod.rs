@@ -15,10 +15,14 @@ pub(crate) mod svg;
 mod view;
 
 pub(crate) use self::panel::Scene;
+#[cfg(feature = "rerun")]
+pub(crate) use self::strands::{Part, Strand, own as strands_of};
 pub(crate) use self::strands::{Radii, Window};
 
 use self::panel::{HALF, frame, path, simplify};
-use self::strands::{Part, clip};
+#[cfg(not(feature = "rerun"))]
+use self::strands::Part;
+use self::strands::clip;
 use self::view::View;
 use crate::certificate::Certificate;
 use crate::curve::vector::dot;

@@ -70,6 +70,11 @@ impl Scene {
         }
     }
 
+    #[cfg(feature = "rerun")]
+    pub fn strands(&self) -> &[Strand] {
+        &self.strands
+    }
+
     /// Returns two directions from which the finding is clear.
     pub fn views(&self) -> [View; 2] {
         views(&self.strands)

@@ -127,7 +127,7 @@ impl Window {
 
 /// Group of a strand.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Part {
+pub(crate) enum Part {
     First,
     Second,
     Other,
@@ -135,7 +135,7 @@ pub(super) enum Part {
 
 /// A connected part of a curve in a window.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Strand {
+pub(crate) struct Strand {
     pub curve: u32,
     pub part: Part,
     /// True if the end is joined to the start, which is then repeated.
@@ -162,7 +162,7 @@ pub(super) fn strands(set: &CurveSet, spot: Spot, window: Window) -> Vec<Strand>
 }
 
 /// Returns the strands of the curves of a finding.
-fn own(set: &CurveSet, spot: Spot, window: Window) -> Vec<Strand> {
+pub(crate) fn own(set: &CurveSet, spot: Spot, window: Window) -> Vec<Strand> {
     let [a, b] = spot.curves;
     let mut own = Vec::new();
     for i in std::iter::once(a).chain((a != b).then_some(b)) {

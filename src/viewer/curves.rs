@@ -11,7 +11,7 @@
 
 use super::names::entity;
 use super::stream::log;
-use super::style::{DIMMED, ORANGE, QUIET, RED};
+use super::style::{DARK_RED, DIMMED, ORANGE, QUIET};
 use crate::curve::CurveSet;
 use crate::error::Result;
 use crate::verdict::Report;
@@ -183,7 +183,7 @@ impl Curves {
         for (group, members) in (0..).zip(members) {
             let (known, changed) = (&mut self.styles[group as usize], changed[group as usize]);
             let style = match group {
-                BROKEN => (RED, 2.5),
+                BROKEN => (DARK_RED, 1.2),
                 UNDECIDED => (ORANGE, 2.0),
                 _ if violation => (DIMMED, if many { 0.3 } else { 0.7 }),
                 _ => (QUIET, if many { 0.35 } else { 0.8 }),

@@ -1,6 +1,7 @@
 //! Layout of the viewer's views.
 
 use super::names::{APPLICATION, FRAME, entity};
+use super::tubes::MomentViews;
 use re_sdk::blueprint::components::{BackgroundKind, PanelState, PlayState};
 use re_sdk::blueprint::datatypes::{TextLogColumn, TextLogColumnKind, TimelineColumn};
 use re_sdk::blueprint::{
@@ -18,7 +19,7 @@ use re_sdk_types::components::Color;
 
 /// Legend in words, because legends in the plots would cover a third of them.
 pub(super) const KEY: &str = "\
-**Curves** red: changed; orange: no verdict
+**Curves** red: changed, with its other curve in pale orange; orange: no verdict
 
 **Marks** blue star: pull-through in this frame; blue dot: an earlier one; pale dots: where two \
 curves are closest
@@ -44,6 +45,7 @@ pub(super) fn send(
     timeline: &str,
     eye: Option<&EyeControls3D>,
     clearance: bool,
+    moments: Option<&MomentViews>,
 ) -> RecordingStreamResult<()> {
     let mut properties: Vec<(EntityPath, Box<dyn AsComponents>)> = Vec::new();
     let mut property = |view: &ContainerLike, name: &str, what: Box<dyn AsComponents>| {
@@ -55,12 +57,26 @@ pub(super) fn send(
     let scene = ContainerLike::from(scene);
     let background =
         Background::new(BackgroundKind::SolidColor).with_color(Color::from_u32(BACKGROUND));
-    property(&scene, "Background", Box::new(background));
+    property(&scene, "Background", Box::new(background.clone()));
     let grid = LineGrid3D::new().with_visible(false);
-    property(&scene, "LineGrid3D", Box::new(grid));
+    property(&scene, "LineGrid3D", Box::new(grid.clone()));
     if let Some(eye) = eye {
         property(&scene, "EyeControls3D", Box::new(eye.clone()));
     }
+    let moments = moments.map(|moments| {
+        let named = moments.names.iter().zip(entity::MOMENTS);
+        let views = named.filter_map(|(name, path)| {
+            let view = Spatial3DView::new(name.as_deref()?).with_contents([format!("{path}/**")]);
+            Some(ContainerLike::from(view))
+        });
+        let views: Vec<ContainerLike> = views.collect();
+        for view in &views {
+            property(view, "Background", Box::new(background.clone()));
+            property(view, "LineGrid3D", Box::new(grid.clone()));
+            property(view, "EyeControls3D", Box::new(moments.eye.clone()));
+        }
+        views
+    });
     let status = TextDocumentView::new("status").with_origin(entity::STATUS);
     let key = TextDocumentView::new("colours").with_origin(entity::KEY);
     let log = ContainerLike::from(TextLogView::new("log").with_origin(entity::LOG));
@@ -102,6 +118,15 @@ pub(super) fn send(
     };
     let words = Vertical::new([status.into(), key.into()])
         .with_row_shares([if clearance { 1.3 } else { 2.4 }, 1.0]);
+    let scene = match moments {
+        Some(views) => {
+            let shares = [1.6, 1.0];
+            Vertical::new([scene, Horizontal::new(views).into()])
+                .with_row_shares(shares)
+                .into()
+        }
+        None => scene,
+    };
     let top = Horizontal::new([scene, words.into()]).with_column_shares([4.0, 1.1]);
     // Work counters, one above the other, because counts of frames and pairs share no axis.
     let work = Vertical::new([marked, recomputed]).with_name("work");

@@ -39,6 +39,7 @@ mod style;
 mod target;
 #[cfg(test)]
 mod tests;
+mod tubes;
 mod view;
 
 pub use target::ViewerTarget;
@@ -50,6 +51,7 @@ use self::log::{Log, line};
 use self::names::{FRAME, SIM_TIME, UNTIL, entity};
 use self::passed::Passed;
 use self::stream::{failed, log, log_static, write};
+use self::tubes::{MomentViews, Moments};
 use self::view::View;
 use crate::curve::Point;
 use crate::error::{Error, Result};
@@ -61,6 +63,7 @@ use re_sdk::RecordingStream;
 use re_sdk_types::archetypes::{TextDocument, TextLog, Transform3D};
 use re_sdk_types::blueprint::archetypes::EyeControls3D;
 use std::num::NonZeroU64;
+use std::sync::Arc;
 use std::time::Duration;
 
 /// Time limit of the viewer to accept all data so far: some 250 MB may wait for it.
@@ -99,6 +102,11 @@ pub struct ViewerSink {
     /// The newest status.
     status: String,
     first: Option<First>,
+    /// Moments of the first violation, until the next frame, and their views after it.
+    moments: Option<Moments>,
+    moment_views: Option<MomentViews>,
+    /// Number of the frame whose curves were drawn last.
+    drawn: u64,
     cell: CellView,
     clearance: Option<ClearanceView>,
 }
@@ -144,6 +152,9 @@ impl ViewerSink {
             scale: None,
             status: String::new(),
             first: None,
+            moments: None,
+            moment_views: None,
+            drawn: 0,
             cell: CellView::default(),
             clearance: None,
         };
@@ -257,7 +268,8 @@ impl ViewerSink {
 
     fn layout(&self, timeline: &str, eye: Option<&EyeControls3D>) -> Result<()> {
         let clearance = self.clearance.is_some();
-        layout::send(&self.rec, timeline, eye, clearance).map_err(failed)
+        let moments = self.moment_views.as_ref();
+        layout::send(&self.rec, timeline, eye, clearance, moments).map_err(failed)
     }
 
     /// Returns an eye that sees all of the newest curves, or those around a place if one is given.
@@ -290,6 +302,9 @@ impl ViewerSink {
 
     /// Makes a run that has ended open at the first violation, or at its end if there is none.
     fn open_at_first(&mut self) -> Result<()> {
+        if let Some(moments) = self.moments.take() {
+            self.moment_views = moments.draw(&self.rec, None, &[])?;
+        }
         let (timeline, near) = match self.first.take() {
             Some(first) if first.later > 0 => {
                 let follow = plural_of(first.later, "frame follows", "frames follow");
@@ -351,7 +366,24 @@ impl Sink for ViewerSink {
                 self.scale = Some(scale);
             }
             let all = std::mem::take(&mut self.redraws);
+            let before = self
+                .curves
+                .shown()
+                .cloned()
+                .map(|before| (self.drawn, before));
+            let radii = &record.info.labels.radii;
+            if let Some(moments) = self.moments.take() {
+                let after = Some((report.seq, Arc::clone(set)));
+                self.moment_views = moments.draw(&self.rec, after, radii)?;
+                let eye = self.first.as_ref().and_then(|first| first.eye.clone());
+                self.layout(FRAME, eye.as_ref())?;
+            }
+            if self.first.is_none() && report.verdict != Verdict::Intact {
+                self.moments = Moments::of(report, before, set);
+            }
+            self.drawn = report.seq;
             self.curves.draw(&self.rec, set, report, all)?;
+            tubes::draw(&self.rec, set, report, radii)?;
             let cell = record.info.cell.as_ref();
             self.cell.draw(&self.rec, cell, set, report)?;
             picture::draw_places(&self.rec, set, cell, report)?;

@@ -19,6 +19,9 @@ pub(super) mod entity {
     pub const AT_REST: &str = "curves/intact/at_rest";
     pub const BROKEN: &str = "curves/broken";
     pub const UNDECIDED: &str = "curves/undecided";
+    pub const TUBES: &str = "curves/strands";
+    /// Moments of the first violation: before, at and after its frame.
+    pub const MOMENTS: [&str; 3] = ["moments/before", "moments/at", "moments/after"];
     pub const CELL: &str = "curves/cell";
     pub const IMAGES: &str = "curves/images";
     pub const PLACES: &str = "curves/places";

@@ -17,6 +17,9 @@ use re_sdk::RecordingStream;
 /// line, because more would hide one another.
 pub(super) const SHOWN: usize = 20;
 
+/// Maximum number of labels; the table has the other findings.
+const LABELS: usize = 3;
+
 /// Marks closer than this, in radii of the scene, share a label.
 const NEAR: f64 = 0.12;
 
@@ -104,6 +107,7 @@ pub(super) fn draw_places(
             None => labels.push((vec![spot], vec![text], *color)),
         }
     }
+    labels.truncate(LABELS);
     let colors: Vec<u32> = labels.iter().map(|(.., color)| *color).collect();
     let texts: Vec<String> = labels
         .iter()
