@@ -55,7 +55,7 @@ const DEPTHS: usize = 24;
 pub(crate) const STYLE: &str = include_str!("style.css");
 
 /// Values of the colours in a file. Few programs but browsers know variables.
-const COLOURS: [(&str, &str); 7] = [
+const COLOURS: [(&str, &str); 8] = [
     ("var(--text)", "#1c2329"),
     ("var(--dim)", "#5c6770"),
     ("var(--box)", "#f4f6f8"),
@@ -63,6 +63,7 @@ const COLOURS: [(&str, &str); 7] = [
     ("var(--b)", "#d35400"),
     ("var(--mark)", "#a0007d"),
     ("var(--other)", "#9aa4ad"),
+    ("var(--rest)", "#b0768f"),
 ];
 
 /// Two curves to mark.

@@ -26,7 +26,12 @@ const MARK: f64 = 20.0;
 const NAMES: f64 = 46.0;
 
 /// Groups of strands and their classes, from back to front.
-const GROUPS: [(Part, &str); 3] = [(Part::Other, "o"), (Part::First, "a"), (Part::Second, "b")];
+const GROUPS: [(Part, &str); 4] = [
+    (Part::Other, "o"),
+    (Part::Rest, "r"),
+    (Part::First, "a"),
+    (Part::Second, "b"),
+];
 
 /// Smallest distance of successive points, and largest deviation of a point that is omitted.
 const SPACING: f64 = 0.5;
@@ -86,7 +91,7 @@ impl Scene {
             points: simplify(view.pixels(&strand.points), SPACING),
             closed: strand.closed,
             width: match strand.part {
-                Part::Other => OTHER,
+                Part::Other | Part::Rest => OTHER,
                 _ => OWN,
             },
         };

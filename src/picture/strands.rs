@@ -18,6 +18,11 @@ const OTHERS: f64 = 1.15;
 const OWN_MOST: (usize, f64) = (1500, 60.0);
 const OTHER_MOST: (usize, f64) = (1200, 40.0);
 
+/// Length of a strand up to which it is shown whole, like a ring that fills the window, and length
+/// of the part around the place of a longer one. The rest of the curve is context.
+const WHOLE: f64 = 10.0;
+const FOCUS: f64 = 4.0;
+
 /// Number of edges of a spline segment, and size of segments that have one edge only.
 const SAMPLES: usize = 8;
 const DOT: f64 = 0.01;
@@ -130,6 +135,9 @@ impl Window {
 pub(crate) enum Part {
     First,
     Second,
+    /// Other parts of the curves of the finding.
+    Rest,
+    /// Other curves.
     Other,
 }
 
@@ -172,7 +180,48 @@ pub(crate) fn own(set: &CurveSet, spot: Spot, window: Window) -> Vec<Strand> {
         }
     }
     limit(&mut own, OWN_MOST);
-    own
+    focus(own)
+}
+
+/// Returns strands, the closest one first, of which only the closest one of each curve keeps its
+/// group, with a length of [`FOCUS`] if it is long. The others become [`Part::Rest`], and come first.
+fn focus(strands: Vec<Strand>) -> Vec<Strand> {
+    let mut rest = Vec::new();
+    let mut own: Vec<Strand> = Vec::new();
+    for mut strand in strands {
+        let mut context = |points: &[Point]| {
+            if points.len() > 1 {
+                rest.push(Strand {
+                    curve: strand.curve,
+                    part: Part::Rest,
+                    closed: false,
+                    points: points.to_vec(),
+                });
+            }
+        };
+        if own.iter().any(|known| known.part == strand.part) {
+            context(&strand.points);
+            continue;
+        }
+        if strand.closed {
+            // The closest point is in the middle.
+            let last = strand.points.len() - 1;
+            strand.points.truncate(last);
+            let at = closest(&strand).0;
+            strand.points.rotate_left((at + last - last / 2) % last);
+            strand.points.push(strand.points[0]);
+        }
+        let edges = strand.points.array_windows::<2>();
+        let length: f64 = edges.map(|[a, b]| hypot(sub(*b, *a))).sum();
+        let mut most = if length > WHOLE { FOCUS } else { WHOLE };
+        let (from, to) = around_closest(&strand, &mut { usize::MAX }, &mut most);
+        context(&strand.points[..=from]);
+        context(&strand.points[to..]);
+        trim(&mut strand, from, to);
+        own.push(strand);
+    }
+    rest.append(&mut own);
+    rest
 }
 
 /// Returns the group of segment `s` of curve `i`. If a curve meets itself, its groups are the parts
@@ -289,31 +338,44 @@ fn within(a: Point, b: Point, radius: f64) -> Option<[f64; 2]> {
 /// Keeps at most this number of edges, and this length: the strands that come closest to the
 /// centre, and of the last one the part around its closest point.
 fn limit(strands: &mut Vec<Strand>, (mut edges, mut length): (usize, f64)) {
-    let closest = |strand: &Strand| {
-        let distances = strand.points.iter().map(|p| dot(*p, *p)).enumerate();
-        distances
-            .min_by(|a, b| a.1.total_cmp(&b.1))
-            .unwrap_or((0, 0.0))
-    };
     // Squares are not negative, so that their bits have their order.
     strands.sort_by_cached_key(|strand| closest(strand).1.to_bits());
     for strand in strands.iter_mut() {
-        let (at, last) = (closest(strand).0, strand.points.len() - 1);
-        let (mut from, mut to) = (at, at);
-        while edges > 0 && length > 0.0 && (from > 0 || to < last) {
-            let back = from > 0 && (to == last || at - from <= to - at);
-            match back {
-                true => from -= 1,
-                false => to += 1,
-            }
-            let k = if back { from } else { to - 1 };
-            edges -= 1;
-            length -= hypot(sub(strand.points[k + 1], strand.points[k]));
-        }
-        strand.closed &= (from, to) == (0, last);
-        strand.points = strand.points[from..=to].to_vec();
+        let (from, to) = around_closest(strand, &mut edges, &mut length);
+        trim(strand, from, to);
     }
     strands.retain(|strand| strand.points.len() > 1);
+}
+
+/// Returns the point of a strand that is closest to the centre, and the square of its distance.
+fn closest(strand: &Strand) -> (usize, f64) {
+    let distances = strand.points.iter().map(|p| dot(*p, *p)).enumerate();
+    let closest = distances.min_by(|a, b| a.1.total_cmp(&b.1));
+    closest.unwrap_or((0, 0.0))
+}
+
+/// Returns the first and the last point of the part around the closest point that has at most this
+/// number of edges and this length, of which it takes what it uses.
+fn around_closest(strand: &Strand, edges: &mut usize, length: &mut f64) -> (usize, usize) {
+    let (at, last) = (closest(strand).0, strand.points.len() - 1);
+    let (mut from, mut to) = (at, at);
+    while *edges > 0 && *length > 0.0 && (from > 0 || to < last) {
+        let back = from > 0 && (to == last || at - from <= to - at);
+        match back {
+            true => from -= 1,
+            false => to += 1,
+        }
+        let k = if back { from } else { to - 1 };
+        *edges -= 1;
+        *length -= hypot(sub(strand.points[k + 1], strand.points[k]));
+    }
+    (from, to)
+}
+
+/// Removes the points before and after a part.
+fn trim(strand: &mut Strand, from: usize, to: usize) {
+    strand.closed &= (from, to) == (0, strand.points.len() - 1);
+    strand.points = strand.points[from..=to].to_vec();
 }
 
 #[cfg(test)]

@@ -81,20 +81,20 @@ impl Finding<'_> {
 
     /// Returns a few words for a label beside the place.
     #[cfg(feature = "rerun")]
-    pub fn label(self) -> String {
+    pub fn label(self, names: &[String]) -> String {
         let (i, j, image) = self.pair();
         let curves = match j {
-            Some(j) => super::label_of_pair((i, j), image),
-            None => i.to_string(),
+            Some(j) => super::label_of_pair((i, j), image, names),
+            None => super::label_of_curve(i, names),
         };
         match self {
             Finding::Change(c) => {
                 let (expected, found) = (c.expected, c.found);
                 format!("{curves}: linking number was {expected}, is {found}")
             }
-            Finding::PullThrough(e) => format!("{}, {:+}", e.label(), e.sign),
+            Finding::PullThrough(e) => format!("{}, {:+}", e.label(names), e.sign),
             Finding::Defect(d) => format!("{curves} {}", d.kind.words()),
-            Finding::Unresolved(e) => format!("{}: unresolved", e.label()),
+            Finding::Unresolved(e) => format!("{}: unresolved", e.label(names)),
         }
     }
 }

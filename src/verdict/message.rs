@@ -35,12 +35,26 @@ pub(crate) fn words_of_pair((i, j): (u32, u32), image: Image, names: &[String]) 
     }
 }
 
+/// Returns a curve for a label: its name, of which a long one keeps its end, or its index.
+#[cfg(feature = "rerun")]
+pub(crate) fn label_of_curve(i: u32, names: &[String]) -> String {
+    const MOST: usize = 20;
+    let name = names.get(i as usize).filter(|name| !name.is_empty());
+    let Some(name) = name else {
+        return i.to_string();
+    };
+    match name.char_indices().rev().nth(MOST - 1) {
+        Some((at, _)) if at > 0 => format!("\u{2026}{}", &name[at..]),
+        _ => name.clone(),
+    }
+}
+
 /// Returns two curves for a label: "3 & 4", or as [`words_of_pair`] if one is an image.
 #[cfg(feature = "rerun")]
-pub(crate) fn label_of_pair((i, j): (u32, u32), image: Image) -> String {
+pub(crate) fn label_of_pair((i, j): (u32, u32), image: Image, names: &[String]) -> String {
     match is_home(&image) {
-        true => format!("{i} & {j}"),
-        false => words_of_pair((i, j), image, &[]),
+        true => [i, j].map(|curve| label_of_curve(curve, names)).join(" & "),
+        false => words_of_pair((i, j), image, names),
     }
 }
 
@@ -134,9 +148,10 @@ impl PullThrough {
 
     /// Returns the pull-through for a label: "3 through 4".
     #[cfg(feature = "rerun")]
-    pub(crate) fn label(&self) -> String {
-        let (i, j, [n1, n2, n3]) = (self.i, self.j, self.image);
-        match (is_home(&self.image), i == j) {
+    pub(crate) fn label(&self, names: &[String]) -> String {
+        let ([i, j], [n1, n2, n3]) = ([self.i, self.j], self.image);
+        let [i, j] = [i, j].map(|curve| label_of_curve(curve, names));
+        match (is_home(&self.image), self.i == self.j) {
             (true, true) => format!("{i} through itself"),
             (true, false) => format!("{i} through {j}"),
             (false, true) => format!("{i} through its image {n1},{n2},{n3}"),

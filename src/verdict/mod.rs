@@ -16,14 +16,14 @@ pub(crate) use finding::Finding;
 #[cfg(any(feature = "client", feature = "mcap"))]
 pub use lasting::Lasting;
 pub use left_out::LeftOut;
-#[cfg(feature = "rerun")]
-pub(crate) use message::label_of_pair;
 #[cfg(feature = "cli")]
 pub(crate) use message::words_of_frame;
 #[cfg(feature = "verify")]
 pub(crate) use message::words_of_pair;
 #[cfg(feature = "client")]
 pub(crate) use message::words_of_roll_back;
+#[cfg(feature = "rerun")]
+pub(crate) use message::{label_of_curve, label_of_pair};
 pub use policy::AbortOn;
 pub use pull_through::PullThrough;
 

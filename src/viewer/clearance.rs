@@ -6,7 +6,7 @@ use super::plots;
 use super::stream::log;
 use super::style::{ORANGE, RED, YELLOW, lines, narrow, points};
 use crate::curve::vector::distance;
-use crate::curve::{Cell, CurveSet, Point};
+use crate::curve::{Cell, CurveLabels, CurveSet, Point};
 use crate::error::Result;
 use crate::measure::{ClearanceOptions, CloseBlock, REACH, close_blocks};
 use crate::simd::LANES;
@@ -53,23 +53,23 @@ impl ClearanceView {
         clearance.low && !was_low
     }
 
-    /// Draws the clearance of a frame with these radii of the curves, unless the options have one
-    /// of all.
+    /// Draws the clearance of a frame with the radii of the curves, unless the options have one of
+    /// all.
     pub fn draw(
         &mut self,
         rec: &RecordingStream,
         (set, cell): (&CurveSet, Option<&Cell>),
-        radii: &[f32],
+        labels: &CurveLabels,
         clearance: &Clearance,
     ) -> Result<()> {
         let radii: Vec<f64> = match self.options.radius {
             Some(radius) => vec![radius; set.len()],
-            None => radii.iter().map(|&radius| radius.into()).collect(),
+            None => labels.radii.iter().map(|&r| r.into()).collect(),
         };
         let blocks = self.close_blocks(set, cell, &radii);
         let low = self.options.low;
         draw_strands(rec, set, &blocks, low)?;
-        draw_marks(rec, clearance, &blocks, low)
+        draw_marks(rec, clearance, &blocks, low, &labels.names)
     }
 
     /// Returns the parts of curves that are close. If there are too many, only closer ones are
@@ -135,6 +135,7 @@ fn draw_marks(
     clearance: &Clearance,
     blocks: &[CloseBlock],
     low: f64,
+    names: &[String],
 ) -> Result<()> {
     let others = blocks.iter().map(|block| block.closest);
     let mut others: Vec<CloseStrands> = others.filter(|c| c.ratio < low).collect();
@@ -162,7 +163,7 @@ fn draw_marks(
     let label = clearance.closest.map(|c| {
         let share = format!(
             "{}: {:.0} % of the diameter",
-            label_of_pair((c.i, c.j), c.image),
+            label_of_pair((c.i, c.j), c.image, names),
             100.0 * c.ratio
         );
         points([narrow(middle(&c))], 0.0)

@@ -10,12 +10,12 @@ use crate::curve::vector::{add, add_scaled};
 use crate::curve::{CurveSet, Point};
 
 /// Size of a letter, and the margin around the text, in sizes of the feature (see
-/// [`super::local::feature`]) at the distance of the eye, in a view of some 600 pixels.
-const LETTER: [f64; 2] = [0.042, 0.11];
-const MARGIN: f64 = 0.06;
+/// [`super::local::feature`]) at the distance of the eye, in a view of some 440 pixels.
+const LETTER: [f64; 2] = [0.07, 0.18];
+const MARGIN: f64 = 0.1;
 
 /// Distances of a label from its mark that are tried, the nearest first.
-const DISTANCES: [f64; 6] = [0.35, 0.65, 1.0, 1.4, 1.8, 2.3];
+const DISTANCES: [f64; 6] = [0.45, 0.8, 1.2, 1.6, 2.1, 2.6];
 
 /// Directions that are tried, to the right and down: below, above, and beside the mark.
 const DIRECTIONS: [[f64; 2]; 4] = [[0.0, 1.0], [0.0, -1.0], [1.0, 0.0], [-1.0, 0.0]];
@@ -151,7 +151,7 @@ mod tests {
     #[test]
     fn a_label_is_close_below_its_place_if_nothing_is_there() {
         let (at, hidden) = placed(&[[0.0, 0.0]], "0 through itself");
-        assert!(at[0].abs() < 1e-9 && (0.3..0.4).contains(&at[1]), "{at:?}");
+        assert!(at[0].abs() < 1e-9 && (0.4..0.5).contains(&at[1]), "{at:?}");
         assert_eq!(hidden, 0);
     }
 

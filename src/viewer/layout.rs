@@ -64,18 +64,23 @@ pub(super) fn send(
         property(&scene, "EyeControls3D", Box::new(eye.clone()));
     }
     let moments = moments.map(|moments| {
+        let left_out = entity::NEAR_ONLY.map(|path| format!("- /{path}/**"));
+        let all = ["+ /curves/**".to_owned()].into_iter().chain(left_out);
+        let overview = Spatial3DView::new("overview").with_contents(all);
         let named = moments.names.iter().zip(entity::MOMENTS);
-        let views = named.filter_map(|(name, path)| {
+        let near = named.filter_map(|(name, path)| {
             let view = Spatial3DView::new(name.as_deref()?).with_contents([format!("{path}/**")]);
-            Some(ContainerLike::from(view))
+            Some((view, &moments.eye))
         });
-        let views: Vec<ContainerLike> = views.collect();
-        for view in &views {
-            property(view, "Background", Box::new(background.clone()));
-            property(view, "LineGrid3D", Box::new(grid.clone()));
-            property(view, "EyeControls3D", Box::new(moments.eye.clone()));
-        }
-        views
+        let views = [(overview, &moments.overview)].into_iter().chain(near);
+        let views = views.map(|(view, eye)| {
+            let view = ContainerLike::from(view);
+            property(&view, "Background", Box::new(background.clone()));
+            property(&view, "LineGrid3D", Box::new(grid.clone()));
+            property(&view, "EyeControls3D", Box::new(eye.clone()));
+            view
+        });
+        views.collect::<Vec<_>>()
     });
     let status = TextDocumentView::new("status").with_origin(entity::STATUS);
     let key = TextDocumentView::new("colours").with_origin(entity::KEY);
@@ -113,14 +118,16 @@ pub(super) fn send(
     });
     let times = plot("stages, ms", "/times/**");
     let links = match clearance {
-        true => Vertical::new([close, links]).into(),
+        true => Vertical::new([close, links])
+            .with_name("clearance and links")
+            .into(),
         false => links,
     };
     let words = Vertical::new([status.into(), key.into()])
         .with_row_shares([if clearance { 1.3 } else { 2.4 }, 1.0]);
     let scene = match moments {
         Some(views) => {
-            let shares = [1.6, 1.0];
+            let shares = [1.5, 1.0];
             Vertical::new([scene, Horizontal::new(views).into()])
                 .with_row_shares(shares)
                 .into()
@@ -132,9 +139,9 @@ pub(super) fn send(
     let work = Vertical::new([marked, recomputed]).with_name("work");
     // The wait is often a hundred times longer than the rest.
     let times = Vertical::new([times.into(), wait]).with_name("times");
-    let costs = Tabs::new([check, times.into(), work.into(), skipped]);
-    let bottom = Horizontal::new([log, links, costs.into()]);
-    let bottom = bottom.with_column_shares([2.3, 1.25, 1.55]);
+    let plots = Tabs::new([links, check, times.into(), work.into(), skipped]);
+    // Wide enough for most sentences of the log.
+    let bottom = Horizontal::new([log, plots.into()]).with_column_shares([1.9, 1.0]);
     let root = Vertical::new([top.into(), bottom.into()]).with_row_shares([2.6, 1.0]);
     let time = TimePanel::new()
         .with_state(PanelState::Collapsed)

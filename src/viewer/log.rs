@@ -80,7 +80,7 @@ impl Log {
             }
         }
         let outdated = news || had_events;
-        let status = outdated.then(|| status(report, since, &findings, passed, SHOWN));
+        let status = outdated.then(|| status(report, names, since, &findings, passed, SHOWN));
         self.last = Some(Logged {
             verdict: report.verdict,
             since,

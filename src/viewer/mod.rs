@@ -199,7 +199,7 @@ impl ViewerSink {
         let labels = &record.info.labels;
         if let Some(set) = record.curves.as_deref().filter(|_| draws) {
             let cell = record.info.cell.as_ref();
-            view.draw(&self.rec, (set, cell), &labels.radii, found)?;
+            view.draw(&self.rec, (set, cell), labels, found)?;
         }
         let becomes_low = view.becomes_low(found);
         match found.sentence_named(record.report.stats.extent, &labels.names) {
@@ -302,8 +302,8 @@ impl ViewerSink {
 
     /// Makes a run that has ended open at the first violation, or at its end if there is none.
     fn open_at_first(&mut self) -> Result<()> {
-        if let Some(moments) = self.moments.take() {
-            self.moment_views = moments.draw(&self.rec, None, &[])?;
+        if let (Some(_), Some(views)) = (&self.moments, &mut self.moment_views) {
+            views.names[2] = None;
         }
         let (timeline, near) = match self.first.take() {
             Some(first) if first.later > 0 => {
@@ -372,21 +372,26 @@ impl Sink for ViewerSink {
                 .cloned()
                 .map(|before| (self.drawn, before));
             let radii = &record.info.labels.radii;
+            let scale = self.scale.unwrap_or(1.0);
             if let Some(moments) = self.moments.take() {
                 let after = Some((report.seq, Arc::clone(set)));
-                self.moment_views = moments.draw(&self.rec, after, radii)?;
-                let eye = self.first.as_ref().and_then(|first| first.eye.clone());
-                self.layout(FRAME, eye.as_ref())?;
-            }
-            if self.first.is_none() && report.verdict != Verdict::Intact {
-                self.moments = Moments::of(report, before, set);
+                self.moment_views = moments.draw(&self.rec, after, radii, scale)?;
+            } else if self.first.is_none()
+                && report.verdict != Verdict::Intact
+                && let Some(moments) = Moments::of(report, before, set)
+            {
+                self.moment_views = moments.draw(&self.rec, None, radii, scale)?;
+                // Empty until the next frame, because a live viewer gets its layout once.
+                let after = self.moment_views.as_mut().map(|views| &mut views.names[2]);
+                after.map(|name| name.replace("after".into()));
+                self.moments = Some(moments);
             }
             self.drawn = report.seq;
             self.curves.draw(&self.rec, set, report, all)?;
             tubes::draw(&self.rec, set, report, radii)?;
             let cell = record.info.cell.as_ref();
             self.cell.draw(&self.rec, cell, set, report)?;
-            picture::draw_places(&self.rec, set, cell, report)?;
+            picture::draw_places(&self.rec, set, cell, report, &record.info.labels.names)?;
             picture::draw_passed(&self.rec, &self.passed, set)?;
         }
         self.passed.add(report, record.curves.as_deref());

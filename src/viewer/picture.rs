@@ -38,19 +38,20 @@ pub(super) fn draw_places(
     set: &CurveSet,
     cell: Option<&Cell>,
     report: &Report,
+    names: &[String],
 ) -> Result<()> {
     let spot = |finding: Finding| {
         let (segments, point) = finding.place()?;
         let by = cell.map_or([0.0; 3], |cell| cell.translation(finding.pair().2));
         let mut spot = local::spot(set, finding.curves(), (segments, by), point);
-        let mut text = finding.label();
+        let mut text = finding.label(names);
         let color = match finding {
             Finding::Change(_) => PALE_RED,
             Finding::Defect(_) | Finding::Unresolved(_) => PALE_ORANGE,
             Finding::PullThrough(e) => {
                 spot.marks = vec![point];
                 if e.i == e.j && is_home(&e.image) {
-                    text = e.label();
+                    text = e.label(names);
                 }
                 CYAN
             }

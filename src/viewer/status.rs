@@ -1,16 +1,17 @@
 //! Status of a run in words, and the findings that last over several frames.
 
 use super::passed::Passed;
-use crate::verdict::{Lasting, Report, Verdict, label_of_pair};
+use crate::verdict::{Lasting, Report, Verdict, label_of_curve, label_of_pair};
 use std::collections::BTreeMap;
 
 /// Findings that last, each with the frame since which it has persisted.
 pub(super) type Findings = BTreeMap<Lasting, u64>;
 
 /// Returns the status as markdown: the verdict, its first frame, the pairs, and the pull-throughs
-/// in this frame and so far.
+/// in this frame and so far. `names` are those of the curves, or empty.
 pub(super) fn status(
     report: &Report,
+    names: &[String],
     since: u64,
     seen: &Findings,
     passed: &Passed,
@@ -51,11 +52,11 @@ pub(super) fn status(
     }
     let changes = report.changes.iter().map(|c| {
         let words = format!("was {}, is {}", c.expected, c.found);
-        (label_of_pair((c.i, c.j), c.image), words)
+        (label_of_pair((c.i, c.j), c.image, names), words)
     });
     let defects = report.defects.iter().map(|d| {
-        let pair = d.j.map(|j| label_of_pair((d.i, j), d.image));
-        let curves = pair.unwrap_or_else(|| d.i.to_string());
+        let pair = d.j.map(|j| label_of_pair((d.i, j), d.image, names));
+        let curves = pair.unwrap_or_else(|| label_of_curve(d.i, names));
         (curves, d.kind.words().to_owned())
     });
     let rows = changes.chain(defects).zip(report.lasting().flatten());
@@ -74,7 +75,12 @@ pub(super) fn status(
         text.push_str("\n| pulled in this frame | sign | moment |\n|---|---|---|\n");
     }
     for e in report.events.iter().take(shown) {
-        let row = format!("| **{}** | {:+} | {:.3} |\n", e.label(), e.sign, e.fraction);
+        let row = format!(
+            "| **{}** | {:+} | {:.3} |\n",
+            e.label(names),
+            e.sign,
+            e.fraction
+        );
         text.push_str(&row);
     }
     text.extend(more(report.events.len()));
@@ -114,7 +120,7 @@ mod tests {
     fn the_status_names_the_broken_pairs_and_the_first_frame() {
         let report = report(5);
         let seen = report.lasting().flatten().zip(3..).collect();
-        let text = status(&report, 2, &seen, &Passed::default(), 4);
+        let text = status(&report, &[], 2, &seen, &Passed::default(), 4);
         assert!(
             text.starts_with("# TOPOLOGY CHANGED\n## since frame 2\n"),
             "{text}"
@@ -136,7 +142,7 @@ mod tests {
         let known: Vec<Lasting> = report.lasting().flatten().collect();
         assert_ne!(known[0], known[1]);
         let seen = report.lasting().flatten().zip(3..).collect();
-        let text = status(&report, 2, &seen, &Passed::default(), 4);
+        let text = status(&report, &[], 2, &seen, &Passed::default(), 4);
         for row in [
             "| **curve 4 and the image -1,0,0 of curve 7** | was 1, is 0 | 3 |",
             "| **curve 4 and the image 2,0,0 of curve 7** | was 1, is 0 | 4 |",
@@ -147,10 +153,25 @@ mod tests {
     }
 
     #[test]
+    fn the_table_has_the_names_of_curves() {
+        let mut report = report(1);
+        (report.changes[0].i, report.changes[0].j) = (0, 1);
+        report.events = vec![event(0, 1)];
+        let names = ["left".to_owned(), "sleeve/a/long/name/of/a/yarn".to_owned()];
+        let text = status(&report, &names, 2, &Findings::new(), &Passed::default(), 4);
+        for row in [
+            "| **left & \u{2026}/long/name/of/a/yarn** |",
+            "| **left through \u{2026}/long/name/of/a/yarn** |",
+        ] {
+            assert!(text.contains(row), "{row}: {text}");
+        }
+    }
+
+    #[test]
     fn the_table_is_sorted_by_the_frame_of_the_break() {
         let report = report(3);
         let seen = report.lasting().flatten().zip([30, 10, 20]).collect();
-        let text = status(&report, 2, &seen, &Passed::default(), 2);
+        let text = status(&report, &[], 2, &seen, &Passed::default(), 2);
         let rows: Vec<&str> = text.lines().filter(|l| l.starts_with("| **")).collect();
         assert_eq!(
             rows,
@@ -208,7 +229,7 @@ mod tests {
         report.events = vec![event(18, 19), event(7, 7)];
         let mut passed = Passed::default();
         passed.add(&report, None);
-        let text = status(&report, 2, &Findings::new(), &passed, 4);
+        let text = status(&report, &[], 2, &Findings::new(), &passed, 4);
         assert!(
             text.starts_with("# PULLED THROUGH\n## in frame 9\n"),
             "{text}"
@@ -226,7 +247,7 @@ mod tests {
         assert!(text.ends_with(so_far), "{text}");
         // In later frames the status is intact.
         (report.verdict, report.events) = (Verdict::Intact, Vec::new());
-        let text = status(&report, 10, &Findings::new(), &passed, 4);
+        let text = status(&report, &[], 10, &Findings::new(), &passed, 4);
         assert!(text.starts_with("# Intact\n"), "{text}");
         assert!(text.ends_with(so_far), "{text}");
     }

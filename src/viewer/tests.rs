@@ -9,7 +9,7 @@ use crate::verdict::{PullThrough, Report};
 use re_sdk::RecordingStreamBuilder;
 use re_sdk::log::{Chunk, LogMsg};
 use re_sdk::sink::MemorySinkStorage;
-use re_sdk_types::archetypes::{LineStrips3D, Points3D, Scalars};
+use re_sdk_types::archetypes::{Capsules3D, LineStrips3D, Points3D, Scalars};
 use re_sdk_types::blueprint::archetypes::TimePanelBlueprint;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
@@ -191,7 +191,7 @@ fn opens_at_the_first_violation(is_file: bool) {
     let messages = ended(&[intact(1), broken(2), intact(3), broken(4)], is_file);
     let (timelines, eyes) = layouts(&messages);
     assert_eq!(timelines, ["frame", "frame", "until_violation"]);
-    assert_eq!(eyes, 2, "at the violation, and at the end");
+    assert_eq!(eyes, 2 * VIEWS, "at the violation, and at the end");
     let until = UNTIL.into();
     let ends = messages.iter().filter_map(|message| match message {
         LogMsg::ArrowMsg(_, message) => Chunk::from_arrow_msg(message).ok(),
@@ -259,8 +259,12 @@ fn the_eye_of_a_live_viewer_is_moved_once() {
     let messages = logged(&[intact(1), broken(2), broken(3), intact(4), broken(5)]);
     let (timelines, eyes) = layouts(&messages);
     assert_eq!(timelines, ["frame", "frame"]);
-    assert_eq!(eyes, 1);
+    assert_eq!(eyes, VIEWS);
 }
+
+/// Number of views of curves at the first violation: the scene, the overview, and the frames before,
+/// at and after it.
+const VIEWS: usize = 5;
 
 /// Returns the number of curves of an entity, for each time that it was logged.
 fn strips(messages: &[LogMsg], path: &str) -> Vec<usize> {
@@ -305,4 +309,57 @@ fn texts(messages: &[LogMsg], path: &str) -> Vec<String> {
         texts.extend(rows.flatten().map(|text| text.to_string()));
     }
     texts
+}
+
+/// Number of tubes in the last row of an entity.
+fn tubes(messages: &[LogMsg], path: &str) -> usize {
+    let component = Capsules3D::descriptor_lengths().component;
+    let lengths = |chunk: Chunk| {
+        let rows = chunk.iter_slices::<f32>(component);
+        rows.map(<[f32]>::len).last()
+    };
+    chunks(messages, path)
+        .filter_map(lengths)
+        .last()
+        .unwrap_or(0)
+}
+
+#[test]
+fn the_first_violation_is_shown_before_at_and_after_its_frame() {
+    let passes = |seq, z| record(seq, Some(z), vec![event([1.0, 1.0, z.into()])]);
+    let frames = [
+        record(1, Some(0.0), Vec::new()),
+        passes(2, 1.0),
+        record(3, Some(2.0), Vec::new()),
+        passes(4, 3.0),
+    ];
+    let [before, at, after] = entity::MOMENTS.map(|path| format!("{path}/strands"));
+    let messages = logged(&frames[..2]);
+    assert_eq!(
+        [&before, &at, &after].map(|path| tubes(&messages, path)),
+        [3, 3, 0]
+    );
+    let messages = logged(&frames);
+    assert_eq!(
+        [&before, &at, &after].map(|path| tubes(&messages, path)),
+        [3, 3, 3]
+    );
+    // The scene has those of its frame.
+    let component = Capsules3D::descriptor_lengths().component;
+    let mut in_scene: Vec<(i64, usize)> = Vec::new();
+    for chunk in chunks(&messages, entity::TUBES) {
+        let frames = chunk.iter_component_indices(FRAME.into(), component);
+        let counts = chunk.iter_slices::<f32>(component).map(<[f32]>::len);
+        in_scene.extend(frames.map(|(t, _)| t.as_i64()).zip(counts));
+    }
+    in_scene.sort_unstable();
+    assert_eq!(in_scene, [(1, 0), (2, 3), (3, 0), (4, 3)]);
+}
+
+#[test]
+fn at_most_three_places_have_a_label() {
+    let apart = (0..8).map(|k| event([f64::from(k), 0.0, 0.0])).collect();
+    let messages = logged(&[record(1, Some(0.0), apart)]);
+    let labels = points(&messages, entity::LABELS);
+    assert_eq!(labels.last().unwrap().1.len(), 3, "{labels:?}");
 }

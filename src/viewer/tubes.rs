@@ -7,9 +7,10 @@
 use super::names::entity;
 use super::picture::SHOWN;
 use super::stream::{log, log_static};
-use super::style::{DIMMED, FIRST, SECOND, lines, narrow};
-use crate::curve::vector::{add_scaled, distance};
-use crate::curve::{CurveSet, Point, is_home};
+use super::style::{CYAN, DIMMED, FAINT_RED, FIRST, SECOND, lines, narrow, points};
+use super::view::View;
+use crate::curve::vector::{add_scaled, distance, mix};
+use crate::curve::{CurveSet, Point, bounds, is_home};
 use crate::error::Result;
 use crate::picture::{Part, Radii, Scene, Spot, Strand, Window, strands_of};
 use crate::verdict::{Finding, Report};
@@ -26,8 +27,9 @@ use std::sync::Arc;
 const RADIUS: f64 = 0.12;
 const LARGEST: f64 = 0.045;
 
-/// Distance of the eye from a moment, in sizes of its window.
-const EYE: f64 = 2.6;
+/// Distance of the eye from the middle of the strands of the moments, in their radius: all of it
+/// is in view.
+const EYE: f64 = 2.3;
 
 /// A frame, and its number.
 type Numbered = (u64, Arc<CurveSet>);
@@ -39,10 +41,11 @@ pub(super) struct Moments {
     at: Numbered,
 }
 
-/// Views of the moments: names, and the eye.
+/// Views of the moments: names, the eye of all, and that of the whole scene beside them.
 pub(super) struct MomentViews {
     pub names: [Option<String>; 3],
     pub eye: EyeControls3D,
+    pub overview: EyeControls3D,
 }
 
 /// Returns the place of a finding, if it is between curves and not their images.
@@ -125,7 +128,8 @@ pub(super) fn draw(
             continue;
         };
         drawn.push(spot);
-        for strand in strands_of(set, spot, window) {
+        let own = strands_of(set, spot, window).into_iter();
+        for strand in own.filter(|strand| strand.part != Part::Rest) {
             let place = |p: &Point| add_scaled(window.centre, window.reach, *p);
             let radius = radii.of(strand.curve) / window.reach;
             tubes.add(&strand, radius, window.reach, place);
@@ -146,12 +150,14 @@ impl Moments {
         })
     }
 
-    /// Logs the moments; `after` is the next frame, if there is one. Returns their views.
+    /// Logs the moments; `after` is the next frame, if there is one. Returns their views, and one
+    /// of the whole scene, which is drawn enlarged by `scale`.
     pub fn draw(
-        self,
+        &self,
         rec: &RecordingStream,
         after: Option<Numbered>,
         published: &[f32],
+        scale: f64,
     ) -> Result<Option<MomentViews>> {
         let (spot, radii) = (
             self.spot,
@@ -161,49 +167,68 @@ impl Moments {
             },
         );
         let after = after.filter(|(_, after)| after.same_layout(&self.at.1));
-        let frames = [self.before, Some(self.at), after];
+        let frames = [self.before.clone(), Some(self.at.clone()), after];
         let placed = frames
             .each_ref()
             .map(|frame| Some((&*frame.as_ref()?.1, spot)));
         let windows = Window::around(placed, 0.0);
-        let mut eye = None;
-        for ((placed, window), path) in placed.into_iter().zip(windows).zip(entity::MOMENTS) {
-            let (Some((set, spot)), Some(window)) = (placed, window) else {
+        let scene = |(placed, window): (Option<(&CurveSet, Spot)>, Option<Window>)| {
+            let (set, spot) = placed?;
+            Some((Scene::of(set, spot, window?), window?))
+        };
+        let scenes: Vec<_> = placed.into_iter().zip(windows).map(scene).collect();
+        let is_own = |strand: &&Strand| matches!(strand.part, Part::First | Part::Second);
+        let own = |scene: &Scene| -> Vec<Point> {
+            let own = scene.strands().iter().filter(is_own);
+            own.flat_map(|strand| &strand.points).copied().collect()
+        };
+        let shown: Vec<Point> = scenes.iter().flatten().flat_map(|(s, _)| own(s)).collect();
+        let Some(Some((at, _))) = scenes.get(1).filter(|_| !shown.is_empty()) else {
+            return Ok(None);
+        };
+        let [low, high] = bounds(shown);
+        let (middle, radius) = (mix(low, high, 0.5), 0.5 * distance(low, high));
+        let view = at.views()[0];
+        let eye = EyeControls3D::new()
+            .with_position(narrow(add_scaled(middle, EYE * radius, view.towards)))
+            .with_look_target(narrow(middle))
+            .with_eye_up(narrow(view.up));
+        for (scene, path) in scenes.iter().zip(entity::MOMENTS) {
+            let Some((scene, window)) = scene else {
                 continue;
             };
-            let scene = Scene::of(set, spot, window);
             let mut tubes = Tubes::default();
-            let (own, others): (Vec<&Strand>, _) = scene
-                .strands()
-                .iter()
-                .partition(|strand| strand.part != Part::Other);
+            let (own, others): (Vec<&Strand>, Vec<_>) = scene.strands().iter().partition(is_own);
             for strand in own {
                 tubes.add(strand, radii.of(strand.curve) / window.reach, 1.0, |p| *p);
             }
             log_static(rec, &format!("{path}/strands"), &tubes.archetype())?;
-            let others = others
-                .iter()
-                .map(|strand| strand.points.iter().map(|p| narrow(*p)));
-            let others = others.map(|points| points.collect::<Vec<_>>());
-            let others = lines(others, 0.7).with_colors([DIMMED]);
-            log_static(rec, &format!("{path}/others"), &others)?;
-            if path == entity::MOMENTS[1] {
-                let view = scene.views()[0];
-                eye = Some(
-                    EyeControls3D::new()
-                        .with_position(view.towards.map(|x| (EYE * x) as f32))
-                        .with_look_target([0.0; 3])
-                        .with_eye_up(narrow(view.up)),
-                );
+            // The middle of the two closest points.
+            let place = points([[0.0; 3]], 4.5).with_colors([CYAN]);
+            log_static(rec, &format!("{path}/place"), &place)?;
+            let (rest, others): (Vec<&Strand>, Vec<_>) = others
+                .into_iter()
+                .partition(|strand| strand.part == Part::Rest);
+            for (name, group, color) in [("rest", rest, FAINT_RED), ("others", others, DIMMED)] {
+                let points = group.iter().map(|s| s.points.iter().map(|p| narrow(*p)));
+                let strips = lines(points.map(|points| points.collect::<Vec<_>>()), 0.8);
+                log_static(rec, &format!("{path}/{name}"), &strips.with_colors([color]))?;
             }
         }
-        let words = ["before", "at the violation", "after"];
-        let name = |(frame, words): (&Option<Numbered>, &str)| {
-            let (seq, _) = frame.as_ref()?;
+        let name = |k: usize, words: &str| {
+            let (seq, _) = frames[k].as_ref()?;
             Some(format!("{words}: frame {seq}"))
         };
-        let mut names = frames.iter().zip(words).map(name);
-        let names = [(); 3].map(|()| names.next().flatten());
-        Ok(eye.map(|eye| MomentViews { names, eye }))
+        let names = [
+            name(0, "before"),
+            name(1, "at the violation"),
+            name(2, "after"),
+        ];
+        let overview = View::of(&self.at.1).map_or_else(|| eye.clone(), |v| v.eye(None, scale));
+        Ok(Some(MomentViews {
+            names,
+            eye,
+            overview,
+        }))
     }
 }

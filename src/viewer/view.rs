@@ -9,7 +9,7 @@ const EYE_DISTANCE: f64 = 2.0;
 
 /// Distance of the eye from a violation, in sizes of the feature there (see
 /// [`super::local::feature`]). A ring fills a third of the height.
-const EYE_DISTANCE_NEAR: f64 = 4.0;
+const EYE_DISTANCE_NEAR: f64 = 5.0;
 
 /// Mean length of a segment from which on curves are drawn at their size, and number of segments of
 /// that mean.
@@ -71,7 +71,7 @@ impl View {
         (nearer < 0.9).then(|| axes.map(|axis| enlarged * dot(offset, axis)))
     }
 
-    /// Returns a quarter of the distance of the eye from a place with a feature of this size.
+    /// Returns the size that a feature at a place counts as: not more than the whole scene needs.
     pub fn unit(&self, size: f64) -> f64 {
         size.min(EYE_DISTANCE * self.radius / EYE_DISTANCE_NEAR)
     }
@@ -147,8 +147,8 @@ mod tests {
         assert!(along.abs() < 1e-12 && right[0] > 0.0, "{right:?}");
         let across: f64 = (0..3).map(|x| down[x] * scene.from[x]).sum();
         assert!(across.abs() < 1e-12 && down[2] < 0.0, "{down:?}");
-        // The eye is at a distance of 8 from the origin.
-        let nearer = scene.from.map(|x| 4.0 * x);
+        // The eye is at a distance of 10 from the origin.
+        let nearer = scene.from.map(|x| 5.0 * x);
         let point = [0, 1, 2].map(|x| nearer[x] + right[x] + 2.0 * down[x]);
         let [x, y] = scene.on_screen(point, [0.0; 3], 2.0).unwrap();
         assert!(
@@ -156,7 +156,7 @@ mod tests {
             "{x} {y}"
         );
         assert_eq!(
-            scene.on_screen(scene.from.map(|x| 9.0 * x), [0.0; 3], 2.0),
+            scene.on_screen(scene.from.map(|x| 11.0 * x), [0.0; 3], 2.0),
             None
         );
         let position = |place, scale| {
@@ -167,7 +167,7 @@ mod tests {
         };
         let distance = |p: Point, q: Point| (0..3).map(|x| (p[x] - q[x]).powi(2)).sum::<f64>();
         let near = distance(position(Some(([9.0; 3], 2.0)), 1.0), [9.0; 3]).sqrt();
-        assert!((near - 8.0).abs() < 1e-5, "{near}");
+        assert!((near - 10.0).abs() < 1e-5, "{near}");
         let far = distance(position(None, 10.0), scene.center.map(|x| 10.0 * x)).sqrt();
         assert!((far / scene.radius - 20.0).abs() < 1e-5, "{far}");
     }
