@@ -49,7 +49,7 @@ impl Label {
 }
 
 /// Minimum time between two updates of the status line.
-const EVERY: Duration = Duration::from_millis(100);
+const EVERY: Duration = Duration::from_secs(1);
 
 /// A status line on a terminal, with results above it. Without a terminal, results only.
 #[derive(Clone, Default)]

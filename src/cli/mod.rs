@@ -62,6 +62,9 @@ struct Cli {
     /// Print only warnings and errors on stderr
     #[arg(short, long, global = true, help_heading = GENERAL)]
     quiet: bool,
+    /// Also print how frames were verified, and the times of the stages, on stderr
+    #[arg(short, long, global = true, help_heading = GENERAL, conflicts_with = "quiet")]
+    verbose: bool,
     /// Number of CPU threads to compute with [default: one per core]
     #[arg(
         long, global = true, help_heading = GENERAL, value_name = "N",
@@ -181,7 +184,7 @@ pub fn run_command(args: impl IntoIterator<Item = OsString>) -> u8 {
             return if text.use_stderr() { 2 } else { 0 };
         }
     };
-    output::init(cli.quiet);
+    output::init(cli.quiet, cli.verbose);
     let code = match run(&cli) {
         Ok(outcome) => outcome.code(),
         Err(e) => {

@@ -18,8 +18,12 @@ use tracing_subscriber::EnvFilter;
 const FINISH: Duration = Duration::from_secs(5);
 
 /// Sends log messages to stderr. `RUST_LOG` overrides the level.
-pub fn init(quiet: bool) {
-    let level = if quiet { "warn" } else { "info" };
+pub fn init(quiet: bool, verbose: bool) {
+    let level = match (quiet, verbose) {
+        (true, _) => "warn",
+        (_, true) => "debug",
+        _ => "info",
+    };
     let filter = EnvFilter::try_from_default_env()
         .unwrap_or_else(|_| EnvFilter::new(format!("warn,linkwatch={level}")));
     tracing_subscriber::fmt()

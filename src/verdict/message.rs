@@ -369,8 +369,14 @@ impl Report {
 
     /// Same as [`findings`](Report::findings), with the names of all curves, or without if empty.
     pub fn findings_named<'a>(&'a self, names: &'a [String]) -> impl Iterator<Item = String> + 'a {
+        self.all_findings()
+            .map(move |finding| self.sentence_of(finding, names))
+    }
+
+    /// Returns the sentence for a finding.
+    pub(crate) fn sentence_of(&self, finding: Finding<'_>, names: &[String]) -> String {
         let extent = self.stats.extent;
-        self.all_findings().map(move |finding| match finding {
+        match finding {
             Finding::Change(c) => match self.loops_of(c.i, Some(c.j)) {
                 Some(pair) => pair.change(c, extent, names),
                 None => c.sentence_named(extent, names),
@@ -378,7 +384,7 @@ impl Report {
             Finding::PullThrough(e) => e.sentence_named(extent, names),
             Finding::Defect(d) => self.defect(d, names),
             Finding::Unresolved(e) => format!("unresolved: {}", e.with_motion(names, extent)),
-        })
+        }
     }
 
     /// Returns the curves of a finding about virtual loops.

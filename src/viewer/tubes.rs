@@ -141,10 +141,8 @@ pub(super) fn draw(
 impl Moments {
     /// Returns the moments of the first finding of a report that has a place.
     pub fn of(report: &Report, before: Option<Numbered>, set: &Arc<CurveSet>) -> Option<Moments> {
-        let is_event = |f: &Finding<'_>| matches!(f, Finding::PullThrough(_));
-        let (events, others): (Vec<_>, Vec<_>) = report.first_findings(SHOWN).partition(is_event);
         Some(Moments {
-            spot: events.into_iter().chain(others).find_map(spot)?,
+            spot: report.passages_first().find_map(spot)?,
             before: before.filter(|(_, before)| before.same_layout(set)),
             at: (report.seq, Arc::clone(set)),
         })

@@ -169,7 +169,7 @@ fn files_with_several_frames_are_runs_of_their_own() {
     );
     assert!(
         run.stdout
-            .contains("\n2 runs, each compared with its own first frame")
+            .contains("; 2 runs, each compared with its own first frame")
     );
     let run = linkwatch(&[&["check", "--one-motion"], &both[..]].concat());
     assert_eq!(run.code, 1, "{}", run.stdout);

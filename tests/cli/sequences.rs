@@ -79,7 +79,10 @@ fn a_sequence_is_compared_with_its_first_frame_and_summarised() {
         run.stdout
             .contains("\nchanged: 11 frames verified, 0 rejected; a check took")
     );
-    assert!(run.stdout.contains("\nfirst violation: ") && run.stdout.contains("F8.bcc\n"));
+    assert!(run.stdout.contains("\nfirst violation: ") && run.stdout.contains("F8.bcc: curves "));
+    assert!(!run.stdout.contains("partial") && !run.stderr.contains("partial"));
+    let run = check(&models, &["-v"]);
+    assert!(run.stderr.contains("DEBUG frames: "), "{}", run.stderr);
     let same = check(&models, &["--baseline", "first-frame"]);
     assert_eq!(same.code, 1);
     let first = &summary(&check(&models, &["--json"]))["first_violation"];

@@ -43,6 +43,7 @@ use linkwatch::{
     Received, Result, RunProgress, Session, SessionOptions, SinkQueue, Strategy, Verdict,
 };
 use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, Instant, SystemTime};
 
@@ -106,6 +107,8 @@ pub struct Run {
     metrics: Option<SessionMetrics>,
     junit: Option<Junit>,
     overwrite: Overwrite,
+    /// The output files.
+    written: Vec<PathBuf>,
     /// `None` until a frame was verified with the baseline.
     origin: Option<Origin>,
     /// True if the sinks have an earlier baseline.
@@ -166,6 +169,7 @@ impl Run {
             metrics: None,
             junit,
             overwrite: sinks.overwrite,
+            written: sinks.paths().into_iter().map(Path::to_owned).collect(),
             origin,
             baseline_changed: false,
             begun: false,
@@ -435,7 +439,7 @@ impl Run {
         self.live.clear();
         // The verdict on a single model is its summary.
         if !(self.models && tally.verified + tally.rejected <= 1) {
-            self.sum_up(&summaries, kept);
+            self.sum_up(&summaries, &kept);
         }
         self.outcome()
     }

@@ -1,6 +1,5 @@
 //! New findings of a frame: a finding that lasts over several frames is printed once.
 
-use crate::verdict::Finding;
 use linkwatch::{Lasting, Point, Report, Verdict};
 use std::collections::BTreeSet;
 
@@ -67,23 +66,30 @@ impl News {
             notable: !(report.appeared.is_empty() && report.gone.is_empty())
                 || self.last_verdict.unwrap_or(Verdict::Intact) != report.verdict,
         };
-        let mut first: Option<Finding> = None;
         let mut lasting = BTreeSet::new();
-        let findings = report.all_findings().zip(report.lasting());
-        for ((finding, last), sentence) in findings.zip(report.findings_named(names)) {
+        for (last, sentence) in report.lasting().zip(report.findings_named(names)) {
             lasting.extend(last);
             if last.is_some_and(|l| self.known.contains(&l)) {
                 new.known += 1;
                 continue;
             }
             new.sentences.push(sentence);
-            first.get_or_insert(finding);
         }
         new.notable |= !new.sentences.is_empty();
         if report.verdict != Verdict::Intact && self.first_violation.is_none() {
+            // The one that the viewer and the report show first.
+            let first = report.passages_first().next();
             let curves = first.map(|finding| finding.pair());
             let curves = curves.map(|(i, j, _)| std::iter::once(i).chain(j).collect());
-            let others = report.rejected.iter().chain(&report.missing);
+            let sentence = first.map(|finding| report.sentence_of(finding, names));
+            let other = || {
+                report
+                    .rejected
+                    .iter()
+                    .chain(&report.missing)
+                    .next()
+                    .cloned()
+            };
             self.first_violation = Some(Violation {
                 frame: report.seq,
                 time: report.time,
@@ -91,7 +97,7 @@ impl News {
                 verdict: report.verdict,
                 curves: curves.unwrap_or_default(),
                 point: first.and_then(|finding| Some(finding.place()?.1)),
-                finding: new.sentences.iter().chain(others).next().cloned(),
+                finding: sentence.or_else(other),
             });
         }
         self.last_verdict = Some(report.verdict);

@@ -5,9 +5,9 @@ use super::times::to_json;
 use super::{Judged, Run, THE_FRAMES};
 use crate::cli::live::Label;
 use crate::cli::output::{self, count, millis, plural};
+use crate::curve::Notation;
 use linkwatch::LeftOut;
-use linkwatch::kernels::Offload;
-use linkwatch::{Report, Route, Work};
+use linkwatch::Report;
 
 /// Maximum number of sentences printed about one frame of a stream; the rest is counted.
 const SENTENCES: usize = 8;
@@ -87,14 +87,25 @@ impl Run {
             }
         }
         if model.is_none() {
+            let links = self.session.baseline().map_or(0, |b| b.links().len());
+            let closest = report.clearance.as_ref().and_then(|c| c.closest);
+            let closest = closest.map_or_else(String::new, |c| {
+                format!(
+                    ", closest approach {}",
+                    Notation::of_scene(report.stats.extent, c.points[0]).length(c.distance)
+                )
+            });
+            let skipped = match self.tally.skipped {
+                0 => String::new(),
+                n => format!(", {} skipped", count(n)),
+            };
             self.live.status(format_args!(
-                "{}: {}, {} ({}); {} verified, {} skipped",
+                "{} ({}): {} verified{skipped}, {}{closest}, verdict after {}",
                 report.frame(),
                 report.verdict,
-                millis(times.check()),
-                in_words(&judged.work, judged.offload),
                 count(self.tally.verified),
-                count(self.tally.skipped),
+                plural(links as u64, "link"),
+                millis(judged.latency.unwrap_or(times.check())),
             ));
         }
     }
@@ -147,35 +158,5 @@ fn print_model(model: &str, report: &Report, news: &New) {
     if report.stats.unchecked > 0 {
         let unchecked = plural(report.stats.unchecked, "pair");
         output::line(format_args!("  {unchecked} not checked"));
-    }
-}
-
-/// Describes the work of a frame in a few words.
-fn in_words(work: &Work, offload: Offload) -> String {
-    let age = match work.reference_age {
-        Some(age) => format!(", reference {}", plural(age, "frame")),
-        None => String::new(),
-    };
-    match work.route {
-        Route::Quiet => format!("quiet{age}"),
-        Route::Full => {
-            let summed = match work.summed {
-                0 => String::new(),
-                n => format!(", {} decided by sums", count(n)),
-            };
-            let offloaded = match offload.tests {
-                0 => String::new(),
-                n => format!(", {} on the GPU", plural(n, "test")),
-            };
-            format!(
-                "full, {}{summed}{offloaded}{age}",
-                plural(work.recomputed, "pair")
-            )
-        }
-        Route::Partial => format!(
-            "partial, {} searched, {} recomputed{age}",
-            plural(work.searched, "pair"),
-            count(work.recomputed),
-        ),
     }
 }

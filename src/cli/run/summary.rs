@@ -73,7 +73,7 @@ pub struct Summary {
 
 impl Run {
     /// Prints the summary.
-    pub(super) fn sum_up(&self, sinks: &[SinkSummary], notes: Vec<String>) {
+    pub(super) fn sum_up(&self, sinks: &[SinkSummary], notes: &[String]) {
         let (tally, sum) = (self.tally, &self.sum);
         let (recovered, accepted) = (sum.violations.recovered, sum.violations.accepted);
         let word = match (tally.verified, self.outcome()) {
@@ -120,35 +120,36 @@ impl Run {
             }));
             return;
         }
+        if quiet + partial > 0 {
+            let [quiet, partial, full] = [quiet, partial, full].map(count);
+            tracing::debug!("frames: {quiet} quiet, {partial} partial, {full} full");
+        }
+        if let Some(times) = sum.times.words() {
+            tracing::debug!("{times}");
+        }
         let some = |there: bool, words: String| there.then_some(words);
         let checks = match tally.verified {
             0 => String::new(),
             _ => format!("; {}", sum.times.checks.words()),
         };
-        let ended = |n: u32, what: &str| {
-            let violations = plural_of(n.into(), "violation was", "violations were");
-            some(n > 0, format!("{violations} {what}"))
-        };
-        let open = sum.open_curves.unwrap_or(0);
-        let open_words = match (plural(open, "open curve"), checked) {
-            (curves, true) => {
-                format!("{curves} verified for pull-throughs, without linking numbers")
-            }
-            (curves, false) => {
-                format!("not verified: {curves} (--events=between verifies pull-throughs)")
-            }
-        };
-        let [n_quiet, n_partial, n_full] = [quiet, partial, full].map(count);
         let so_far = match (word, tally.skipped) {
             (_, 0) | ("changed", _) => "",
             _ => " as far as verified",
         };
+        let ended = |n: u32, what: &str| {
+            let violations = plural_of(n.into(), "violation was", "violations were");
+            some(n > 0, format!("{violations} {what}"))
+        };
         let low = self.options.clearance.map_or(0.0, |options| options.low);
-        let lines = [
+        let open = sum.open_curves.unwrap_or(0);
+        let open_curves = plural(open, "open curve");
+        // In the order in which users ask, a line each.
+        let verdict = [
             Some(format!(
                 "{word}{so_far}: {}{checks}",
                 tally.words(self.models)
             )),
+            self.baseline_words().filter(|_| self.is_live),
             some(
                 runs > 1,
                 format!(
@@ -157,50 +158,74 @@ impl Run {
                     plural(runs, "run")
                 ),
             ),
-            some(
-                quiet + partial > 0,
-                format!("frames: {n_quiet} quiet, {n_partial} partial, {n_full} full"),
-            ),
-            sum.times.words(),
-            self.baseline_words().filter(|_| self.is_live),
+        ];
+        let violation = [
+            first
+                .as_ref()
+                .map(|first| format!("first violation: {first}")),
             ended(
                 recovered,
                 "rolled back, and the simulation went on from an intact frame",
             ),
             ended(accepted, "accepted by the simulator as a new baseline"),
-            first.as_ref().map(|first| match self.models {
-                // The findings of each model are printed above.
-                true => format!("first violation: {}", first.name),
-                false => format!("first violation: {first}"),
-            }),
-            sum.clearance.words(low),
+        ];
+        let not_searched = [
+            some(open > 0, open_curves.clone()),
+            some(
+                yarns > 1,
+                format!("{} curves that run through the cell", count(yarns as u64)),
+            ),
+            Some("pull-throughs that linking numbers do not show".to_owned()),
+        ];
+        let not_searched: Vec<String> = not_searched.into_iter().flatten().collect();
+        let unverified = [
+            some(
+                !checked,
+                format!(
+                    "not verified: {} (--events=between searches for pull-throughs)",
+                    not_searched.join(", ")
+                ),
+            ),
+            some(!sum.left_out.is_empty(), LeftOut::sentence(&sum.left_out)),
+            some(sum.unresolved.pull_throughs > 0, sum.unresolved.words()),
             sum.unmeasured
                 .as_ref()
                 .map(|why| format!("clearance was not measured in all frames: {why}")),
-            some(sum.unresolved.pull_throughs > 0, sum.unresolved.words()),
-            some(open > 0, open_words),
+        ];
+        let others = [
             some(
-                !checked,
-                "not verified: pull-throughs that linking numbers do not show (--events=between \
-                 searches for them)"
-                    .into(),
+                checked && open > 0,
+                format!("{open_curves} verified for pull-throughs, without linking numbers"),
             ),
-            some(!sum.left_out.is_empty(), LeftOut::sentence(&sum.left_out)),
             some(
                 sum.jumps > 0,
                 format!("{}, and were followed", jumped(sum.jumps)),
             ),
-            some(
-                yarns > 1 && !checked,
-                format!(
-                    "not verified: pull-throughs of {} curves that run through the cell \
-                     (--events=between verifies them)",
-                    count(yarns as u64)
-                ),
-            ),
+            sum.clearance.words(low),
             sum.comparison.as_ref().map(|(words, _)| words.clone()),
         ];
-        let lines: Vec<String> = lines.into_iter().flatten().chain(notes).collect();
+        let line = |parts: &[Option<String>]| {
+            let parts: Vec<&str> = parts.iter().flatten().map(String::as_str).collect();
+            (!parts.is_empty()).then(|| parts.join("; "))
+        };
+        let files: Vec<String> = self
+            .written
+            .iter()
+            .filter(|path| path.exists())
+            .map(|path| path.display().to_string())
+            .collect();
+        let mut files = vec![some(
+            !files.is_empty(),
+            format!("files: {}", files.join(", ")),
+        )];
+        files.extend(
+            notes
+                .iter()
+                .flat_map(|note| note.lines())
+                .map(|note| Some(note.to_owned())),
+        );
+        let groups = [&verdict[..], &violation, &unverified, &others, &files];
+        let lines: Vec<String> = groups.into_iter().filter_map(line).collect();
         self.live.label.line(lines.join("\n"));
     }
 }
