@@ -288,7 +288,9 @@ impl Fuzzer<'_> {
                     self.watcher.options.events != Events::Off || self.known.verified.is_none();
                 match effect {
                     _ if steps => {}
-                    Effect::None => assert_eq!(report.verdict, Verdict::Intact, "{names:?}"),
+                    Effect::None => {
+                        assert_eq!(report.verdict, Verdict::Intact, "{names:?}: {report:?}");
+                    }
                     Effect::Verdict(verdict) => assert_eq!(
                         report.verdict,
                         verdict,

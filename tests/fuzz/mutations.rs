@@ -401,7 +401,8 @@ pub const LAYOUT: &[ByteChange] = &[
             ]);
             set_word(f, at + 4 * r.below(n), value.to_bits() as i32);
         }
-        Effect::None
+        // Of a frame that has none, if other lies announced them for a moment: a coordinate.
+        Effect::Unknown
     }),
 ];
 
