@@ -46,7 +46,7 @@ const FILLED: f64 = 0.94;
 const PANEL: f64 = 600.0;
 const GAP: f64 = 12.0;
 const STEP: f64 = PANEL + GAP;
-const TITLE: f64 = 64.0;
+const TITLE: f64 = 84.0;
 
 /// Number of depths that are drawn one above the other.
 const DEPTHS: usize = 24;
@@ -118,10 +118,13 @@ pub fn draw(set: &CurveSet, title: &str, subtitle: &str, marked: &[Marked]) -> S
             rect width=(width) height=(height) fill="#fff" {}
             text x="12" y="26" font-size="16" font-weight="bold" { (plain(title, 100)) }
             text x="12" y="48" font-size="13" { (plain(subtitle, 140)) }
-            @for (k, panel) in panels.iter().enumerate() {
-                svg x=(k as f64 * STEP) y=(TITLE) width=(PANEL) height=(PANEL) {
-                    (panel)
+            @if !marked.is_empty() {
+                text x="12" y=(TITLE - 10.0) font-size="13" {
+                    tspan fill="#d21f1f" { "red" } ": curves of the links; grey: other curves"
                 }
+            }
+            @for (k, panel) in panels.iter().enumerate() {
+                g transform={"translate(" (k as f64 * STEP) " " (TITLE) ")"} { (panel) }
             }
         }
     }
@@ -139,13 +142,15 @@ fn around(set: &CurveSet, curves: [u32; 2], place: Place) -> Option<Markup> {
     let [_, window, _] = Window::around([None, Some((set, spot)), None], 0.0);
     let scene = Scene::of(set, spot, window?);
     let [i, j] = curves;
-    let picture = scene.svg(scene.views()[0], Radii::default(), "the place of a link");
+    let view = scene.views()[0].fitted(scene.own());
+    let picture = scene.svg(view, Radii::default(), "the place of a link");
     Some(html! {
-        rect width="100%" height="100%" fill="#f4f6f8" {}
-        (picture)
-        text x="12" y="24" font-size="14" font-weight="bold" {
-            tspan.at { "curve " (i) } " " tspan.bt { "curve " (j) }
+        text x="0" y="-10" font-size="13" {
+            tspan.at { "curve " (i) } " and " tspan.bt { "curve " (j) } " where they are closest"
+            @if scene.has_rest() { ", and their other parts (" tspan.rt { "thin" } ")" }
         }
+        rect width=(PANEL) height=(PANEL) fill="#f4f6f8" {}
+        svg width=(PANEL) height=(PANEL) { (picture) }
     })
 }
 
@@ -161,6 +166,7 @@ fn whole(set: &CurveSet, marked: &[Marked]) -> Markup {
     let window = Window {
         centre: [0, 1, 2].map(|x| 0.5 * low[x] + 0.5 * high[x]),
         reach,
+        apart: 0.0,
     };
     let deep = dot(view.towards.map(f64::abs), half) / reach;
     let deep = deep.max(f64::MIN_POSITIVE);
@@ -202,7 +208,7 @@ fn whole(set: &CurveSet, marked: &[Marked]) -> Markup {
     let places = places.map(|p| view.pixels(&[p])[0]);
     let places = places.filter(|p| p.iter().all(|x| x.is_finite()));
     let label = "the whole model";
-    frame(
+    let picture = frame(
         label,
         reach,
         view,
@@ -218,7 +224,8 @@ fn whole(set: &CurveSet, marked: &[Marked]) -> Markup {
             }
             @for [x, y, _] in places { circle.m cx=(px(x)) cy=(px(y)) r="6" {} }
         },
-    )
+    );
+    html! { svg width=(PANEL) height=(PANEL) { (picture) } }
 }
 
 #[cfg(test)]

@@ -80,6 +80,17 @@ impl Scene {
         &self.strands
     }
 
+    /// Returns true if other parts of the curves of the finding are in the window.
+    pub fn has_rest(&self) -> bool {
+        self.strands.iter().any(|s| s.part == Part::Rest)
+    }
+
+    /// Returns the points of the two strands of the finding.
+    pub fn own(&self) -> impl Iterator<Item = &Point> {
+        let own = |s: &&Strand| matches!(s.part, Part::First | Part::Second);
+        self.strands.iter().filter(own).flat_map(|s| &s.points)
+    }
+
     /// Returns two directions from which the finding is clear.
     pub fn views(&self) -> [View; 2] {
         views(&self.strands)
@@ -101,16 +112,18 @@ impl Scene {
             let all = self.strands.iter().zip(&lines).zip(&visible);
             all.filter(move |((strand, _), _)| strand.part == group)
         };
-        let wide = |strand: &Strand| 2.0 * radii.of(strand.curve) / self.window.reach * HALF;
+        let wide = |strand: &Strand| view.length(2.0 * radii.of(strand.curve) / self.window.reach);
+        let place = view.pixels(&[[0.0; 3]])[0];
         frame(
             label,
             self.window.reach,
             view,
             &html! {
                 @for (group, class) in GROUPS {
-                    // Bands that are wider than the lines.
-                    @for ((strand, line), _) in of(group).filter(|((s, l), _)| wide(s) > l.width) {
-                        @let width = px(wide(strand).min(2.0 * SIZE));
+                    // Bands that are wider than the lines, and do not fill the picture.
+                    @let is_band = |s: &Strand, l: &Line| wide(s) > l.width && wide(s) < HALF;
+                    @for ((strand, line), _) in of(group).filter(|((s, l), _)| is_band(s, l)) {
+                        @let width = px(wide(strand));
                         @let data = path([&line.points]);
                         path class={(class) " w"} style={"stroke-width:" (width)} d=(data) {}
                     }
@@ -119,17 +132,17 @@ impl Scene {
                     @let data = path(of(group).flat_map(|(_, pieces)| pieces));
                     @if !data.is_empty() { path class=(class) d=(data) {} }
                 }
-                circle.m cx=(HALF) cy=(HALF) r=(MARK) {}
-                (self.names(view))
+                circle.m cx=(px(place[0])) cy=(px(place[1])) r=(MARK) {}
+                (self.names(view, place))
             },
         )
     }
 
     /// Names the segments beside their middle, away from the place and from one another.
-    fn names(&self, view: View) -> Markup {
+    fn names(&self, view: View, [x0, y0, _]: Point) -> Markup {
         let mut taken: Vec<[f64; 2]> = Vec::new();
         let mut place = |[x, y]: [f64; 2], half: f64| {
-            let [dx, dy] = [x - HALF, y - HALF];
+            let [dx, dy] = [x - x0, y - y0];
             let length = dx.hypot(dy);
             // Strands that cross at the place itself: one name above, one below.
             let [dx, dy] = match length > 4.0 {
@@ -143,7 +156,7 @@ impl Scene {
             ];
             let close = |t: &&[f64; 2]| (t[0] - x).abs() < 2.0 * half && (t[1] - y).abs() < 15.0;
             let y = match taken.iter().find(close) {
-                Some([_, t]) if *t > HALF => t - 16.0,
+                Some([_, t]) if *t > y0 => t - 16.0,
                 Some([_, t]) => t + 16.0,
                 None => y,
             };
@@ -172,6 +185,7 @@ impl Scene {
 /// of at most a third of the width.
 pub(super) fn frame(label: &str, reach: f64, view: View, content: &Markup) -> Markup {
     const AT: [f64; 2] = [SIZE - 30.0, SIZE - 28.0];
+    let reach = reach / view.scale;
     let length = round_below(0.66 * reach);
     let end = 12.0 + length / reach * HALF;
     let axes = [("x", 0), ("y", 1), ("z", 2)].map(|(name, k)| {

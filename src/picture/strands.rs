@@ -8,9 +8,9 @@ use super::Spot;
 use crate::curve::vector::{dot, hypot, mix, sub};
 use crate::curve::{CurveSet, Point, feature, nearest, point_at};
 
-/// Radius of the ball for the curves of the finding, which fills the corners of a picture, and for
-/// the others, which would hide them.
-const OWN: f64 = 1.5;
+/// Radius of the ball for the curves of the finding, which is large enough for a ring that passes
+/// the place, and for the others, which would hide them.
+const OWN: f64 = 2.2;
 const OTHERS: f64 = 1.15;
 
 /// Maximum number of edges of each group, and their maximum length. A longer line would fill the
@@ -33,6 +33,8 @@ pub(crate) struct Window {
     pub centre: Point,
     /// Half of its width.
     pub reach: f64,
+    /// Largest distance of the two strands at the place, over the frames, in units of the reach.
+    pub apart: f64,
 }
 
 /// Radii of the strands of a frame, as far as the recording has them.
@@ -105,23 +107,15 @@ impl Window {
             true => reach,
             false => segment.max(f64::MIN_POSITIVE),
         };
-        let windows = frames.map(|frame| {
+        let reach = reach.max((1.5 * radii).min(3.0 * size));
+        let apart = 2.0 * motion / reach;
+        frames.map(|frame| {
             let centre = centre(frame?);
-            Some(Window { centre, reach })
-        });
-        // No larger than what there is to see.
-        let shown = frames.into_iter().zip(windows);
-        let shown = shown.filter_map(|(frame, window)| Some((frame?, window?)));
-        let shown = shown.flat_map(|((set, spot), window)| own(set, spot, window));
-        let farthest = |strand: Strand| strand.points.into_iter().map(hypot).fold(0.0, f64::max);
-        let share = match shown.map(farthest).fold(0.0, f64::max) {
-            0.0 => 1.0,
-            farthest => (1.12 * farthest).min(1.0),
-        };
-        windows.map(|window| {
-            let Window { centre, reach } = window?;
-            let reach = (share * reach).max((1.5 * radii).min(3.0 * size));
-            Some(Window { centre, reach })
+            Some(Window {
+                centre,
+                reach,
+                apart,
+            })
         })
     }
 
@@ -409,7 +403,15 @@ mod tests {
             image: Default::default(),
             ..spot([0, 0])
         };
-        strands(set, other, Window { centre, reach })
+        strands(
+            set,
+            other,
+            Window {
+                centre,
+                reach,
+                apart: 0.0,
+            },
+        )
     }
 
     #[test]
@@ -462,6 +464,7 @@ mod tests {
         let window = Window {
             centre: [0.0; 3],
             reach: 2.0,
+            apart: 0.0,
         };
         let found = strands(&set, spot([1, 7]), window);
         let parts: Vec<Part> = found.iter().map(|s| s.part).collect();

@@ -8,13 +8,16 @@
 
 use super::panel::HALF;
 use super::strands::{Part, Strand};
-use crate::curve::Point;
 use crate::curve::vector::{cross, dot, mix, norm, sub};
+use crate::curve::{Point, bounds};
 use std::f64::consts::{PI, TAU};
 
 /// Number of first and of second directions that are compared.
 const FIRST: usize = 400;
 const SECOND: usize = 48;
+
+/// Half of the width of a picture, in half widths of what fills it.
+const MARGIN: f64 = 1.12;
 
 /// Share of the best area or width that counts even if it is not visible, so that parallel strands
 /// and flat ones can be compared.
@@ -26,6 +29,10 @@ pub(crate) struct View {
     pub across: Point,
     pub up: Point,
     pub towards: Point,
+    /// Middle of the picture along the first two axes, in units of the window.
+    pub middle: [f64; 2],
+    /// Pictures with a scale of 1 have the width of their window.
+    pub scale: f64,
 }
 
 impl View {
@@ -42,14 +49,46 @@ impl View {
             across,
             up,
             towards: cross(across, up),
+            middle: [0.0; 2],
+            scale: 1.0,
         }
+    }
+
+    /// Returns the view whose picture has these points, with a margin.
+    pub fn fitted<'a>(self, points: impl Iterator<Item = &'a Point>) -> View {
+        let seen = points.map(|p| [dot(self.across, *p), dot(self.up, *p), 0.0]);
+        let [low, high] = bounds(seen);
+        let half = 0.5 * (high[0] - low[0]).max(high[1] - low[1]);
+        if !(half > 0.0 && half.is_finite()) {
+            return self;
+        }
+        View {
+            middle: [0, 1].map(|x| 0.5 * (low[x] + high[x])),
+            scale: 1.0 / (half * MARGIN),
+            ..self
+        }
+    }
+
+    /// Returns the view of the place from nearer, in which this length is a third of the picture.
+    pub fn closer(self, length: f64) -> View {
+        View {
+            middle: [0.0; 2],
+            scale: 0.67 / length,
+            ..self
+        }
+    }
+
+    /// Returns a length of the window in pixels.
+    pub fn length(&self, length: f64) -> f64 {
+        HALF * self.scale * length
     }
 
     /// Returns points of a window in pixels to the right and down, and their depth.
     pub fn pixels(&self, points: &[Point]) -> Vec<Point> {
         let pixel = |p: &Point| {
             let [x, y, z] = [self.across, self.up, self.towards].map(|axis| dot(axis, *p));
-            [HALF + HALF * x, HALF - HALF * y, HALF * z]
+            let [x, y] = [x - self.middle[0], y - self.middle[1]];
+            [HALF + self.length(x), HALF - self.length(y), self.length(z)]
         };
         points.iter().map(pixel).collect()
     }
@@ -90,6 +129,8 @@ pub(super) fn views(strands: &[Strand]) -> [View; 2] {
         across: cross(up, towards),
         up,
         towards,
+        middle: [0.0; 2],
+        scale: 1.0,
     })
 }
 

@@ -5,7 +5,7 @@
 //! frames, and the finished pictures.
 
 use super::facts::Facts;
-use super::rows::Moment;
+use super::rows::{Moment, names_of};
 use super::violations::{Shot, Violation, Violations};
 use crate::curve::{Cell, CurveLabels, CurveSet, Image, Translated, is_home};
 use crate::picture::{Radii, Scene, Spot, Window};
@@ -24,7 +24,11 @@ pub(super) const CHOICE: &str = "The first four violations, the pair with the mo
      the deepest one (the pair that is furthest apart in the frame in which it changed), and then \
      the next ones. Each is shown in the previous recorded frame, in its own, and in the next one. \
      The window moves with both strands; the second row is the first one after a quarter turn \
-     about its vertical.";
+     about its vertical. If the strands are near one another, a third row shows the place in it \
+     from nearer.";
+
+/// Enlargement from which on the place has a picture of its own, because frames would look alike.
+const ALIKE: f64 = 2.5;
 
 /// Pictures of one finding.
 pub(super) struct Figure {
@@ -35,8 +39,11 @@ pub(super) struct Figure {
     pub thick: bool,
     /// What the frames before, at and after it are: "frame 27 at 0.9 s".
     pub captions: [String; 3],
-    /// The pictures of the frames from both sides, as SVG; `None` if there is none.
-    pub rows: [[Option<String>; 3]; 2],
+    /// Names of both curves, if they have some.
+    pub names: Option<[String; 2]>,
+    /// The pictures of the frames from both sides, as SVG; `None` if there is none. If the strands
+    /// are so near one another that the frames look alike, a third row shows the place.
+    pub rows: Vec<[Option<String>; 3]>,
 }
 
 /// Chooses the violations that have pictures: see [`CHOICE`]. Returns the position of each pair,
@@ -264,19 +271,29 @@ impl Figure {
             Some(Scene::of(set, spot, windows[k]?))
         });
         // The views are those that suit the frame of the violation.
-        let views = scenes[1].as_ref().map(Scene::views);
-        let rows = [0, 1].map(|row| {
+        let mut views = Vec::new();
+        if let (Some(at), Some(window)) = (&scenes[1], windows[1]) {
+            let shown = || scenes.iter().flatten().flat_map(Scene::own);
+            views.extend(at.views().map(|view| view.fitted(shown())));
+            let close = views[1].closer(window.apart);
+            if window.apart > 0.0 && close.scale > ALIKE * views[1].scale {
+                views.push(close);
+            }
+        }
+        let rows = views.into_iter().map(|view| {
             [0, 1, 2].map(|k| {
-                let picture = scenes[k].as_ref()?.svg(views?[row], radii[k], &captions[k]);
+                let picture = scenes[k].as_ref()?.svg(view, radii[k], &captions[k]);
                 Some(picture.into_string())
             })
         });
+        let rows = rows.collect();
         Figure {
             reason,
-            shot,
             thick: both.iter().all(|r| *r > 0.0),
             captions,
+            names: at.and_then(|at| names_of(shot.spot.curves, &at.labels.names)),
             rows,
+            shot,
         }
     }
 }

@@ -159,7 +159,12 @@ fn pictures(figure: &Figure) -> Markup {
             (false, [n1, n2, n3]) => format!("image {n1},{n2},{n3} of "),
         };
         let [i, s] = [spot.curves[k], spot.segments[k]];
-        (line(class), format!("{image}curve {i}, segment {s}"))
+        let name = figure
+            .names
+            .as_ref()
+            .map(|names| format!(" ({})", plain(&names[k], 60)));
+        let name = name.unwrap_or_default();
+        (line(class), format!("{image}curve {i}{name}, segment {s}"))
     };
     let mut marks = vec![curve("sa", 0, Image::default())];
     if curve("", 0, Image::default()).1 != curve("", 1, spot.image).1 {
@@ -168,6 +173,10 @@ fn pictures(figure: &Figure) -> Markup {
     if figure.thick {
         let band = html! { path.sa.w d="M0 5.5H16" style="stroke-width:11" {} };
         marks.push((band, "diameter of the strands".into()));
+    }
+    let has_rest = |svg: &String| svg.contains("class=\"r\"");
+    if figure.rows.iter().flatten().flatten().any(has_rest) {
+        marks.push((line("r"), "other parts of these curves".into()));
     }
     let ring = html! { circle.m cx="8" cy="5.5" r="4.5" {} };
     marks.extend([(line("o"), "neighbours".into()), (ring, "the place".into())]);
@@ -182,11 +191,11 @@ fn pictures(figure: &Figure) -> Markup {
                 (legend(marks))
             }
             div.pictures {
-                @for caption in &figure.captions { p { (caption) } }
-                @for picture in figure.rows.as_flattened() {
-                    @match picture {
-                        Some(svg) => div { (PreEscaped(svg)) },
-                        None => div.none { "no picture" },
+                @for (k, caption) in figure.captions.iter().enumerate() {
+                    @let pictures = figure.rows.iter().filter_map(|row| row[k].as_ref());
+                    div.moment {
+                        p { (caption) }
+                        @for svg in pictures { div { (PreEscaped(svg)) } }
                     }
                 }
             }

@@ -176,11 +176,8 @@ impl Moments {
         };
         let scenes: Vec<_> = placed.into_iter().zip(windows).map(scene).collect();
         let is_own = |strand: &&Strand| matches!(strand.part, Part::First | Part::Second);
-        let own = |scene: &Scene| -> Vec<Point> {
-            let own = scene.strands().iter().filter(is_own);
-            own.flat_map(|strand| &strand.points).copied().collect()
-        };
-        let shown: Vec<Point> = scenes.iter().flatten().flat_map(|(s, _)| own(s)).collect();
+        let shown = scenes.iter().flatten().flat_map(|(scene, _)| scene.own());
+        let shown: Vec<Point> = shown.copied().collect();
         let Some(Some((at, _))) = scenes.get(1).filter(|_| !shown.is_empty()) else {
             return Ok(None);
         };

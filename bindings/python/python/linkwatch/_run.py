@@ -394,12 +394,13 @@ class Run:
             return []  # the report says why
         (style,) = re.findall(r"<style>(.*?)</style>", text, re.S)
         found = re.findall(r'<svg ([^>]*aria-label="([^"]*)".*?</svg>)', text, re.S)
+        # Further pictures of a frame are from other directions.
+        found = [next(group) for _, group in itertools.groupby(found, key=lambda f: f[1])]
         labels = [label for _, label in found]
         ours = f"at the violation: frame {self.frames[at]['frame']} "
         here = next((k for k, label in enumerate(labels) if f"{label} ".startswith(ours)), None)
         if here is None:
             return []
-        # Later pictures are those from another direction.
         start = here - labels[here - 1].startswith("before: ")
         stop = here + 1 + "".join(labels[here + 1 :][:1]).startswith("after: ")
         head = '<svg xmlns="http://www.w3.org/2000/svg" '
