@@ -20,9 +20,13 @@ pub struct Args {
     #[arg(value_name = "FILE.mcap")]
     recording: PathBuf,
     /// The page [default: the name of the recording with .html, in the current folder; none with
-    /// --text or --json]
+    /// --text, --svg or --json]
     #[arg(short, long, value_name = "FILE.html", help_heading = super::WRITE)]
     output: Option<PathBuf>,
+    /// Draw the violations with pictures, each before, at and after its frame, as
+    /// `violation-1.svg`, .. in a folder, which is created
+    #[arg(long, value_name = "FOLDER", help_heading = super::WRITE)]
+    svg: Option<PathBuf>,
     /// Print the report as plain text
     #[arg(long, help_heading = super::WRITE, conflicts_with = "json")]
     text: bool,
@@ -34,7 +38,7 @@ pub struct Args {
 pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     let page = match &args.output {
         Some(path) => Some(path.clone()),
-        None if args.text || json => None,
+        None if args.text || json || args.svg.is_some() => None,
         None => {
             let name = args.recording.file_name().unwrap_or_default();
             Some(PathBuf::from(name).with_extension("html"))
@@ -70,6 +74,15 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
             count((html.len() as u64).div_ceil(1000)),
             plural(report.figures() as u64, "violation"),
         );
+    }
+    if let Some(folder) = &args.svg {
+        std::fs::create_dir_all(folder).map_err(Error::file(folder))?;
+        for (k, picture) in report.pictures().enumerate() {
+            let path = folder.join(format!("violation-{}.svg", k + 1));
+            write_text(&path, args.overwrite, &picture)?;
+        }
+        let drawn = plural(report.figures() as u64, "violation");
+        tracing::info!("{}: pictures of {drawn}", folder.display());
     }
     Ok(match report.conclusion() {
         Conclusion::Intact | Conclusion::Recovered | Conclusion::Accepted => Outcome::Fine,

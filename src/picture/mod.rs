@@ -42,11 +42,13 @@ const SPACING: f64 = 0.6;
 /// Share of the picture that the model fills.
 const FILLED: f64 = 0.94;
 
-/// Size of a panel of a file in pixels, its distance to the next one, and height of the title.
+/// Size of a panel of a file in pixels, its distance to the next one, and heights of the title and
+/// of a caption.
 const PANEL: f64 = 600.0;
 const GAP: f64 = 12.0;
 const STEP: f64 = PANEL + GAP;
-const TITLE: f64 = 84.0;
+const TITLE: f64 = 56.0;
+const CAPTION: f64 = 28.0;
 
 /// Number of depths that are drawn one above the other.
 const DEPTHS: usize = 24;
@@ -100,39 +102,54 @@ pub fn links(set: &CurveSet, certificate: &Certificate, most: usize) -> Vec<Mark
     certificate.links.iter().enumerate().map(place).collect()
 }
 
-/// Draws a model with marked pairs of curves, and beside it the place of the first pair that has
-/// one, as an SVG file.
-pub fn draw(set: &CurveSet, title: &str, subtitle: &str, marked: &[Marked]) -> String {
-    let place = marked.iter().find_map(|m| around(set, m.curves, m.place?));
-    let panels = std::iter::once(whole(set, marked)).chain(place);
-    let panels: Vec<Markup> = panels.collect();
-    let (width, height) = (panels.len() as f64 * STEP - GAP, PANEL + TITLE);
+/// A picture with a caption.
+pub(crate) type Panel = (Markup, Markup);
+
+/// Returns an SVG file with a title and rows of panels.
+pub(crate) fn sheet(title: &str, subtitle: &str, rows: &[Vec<Panel>]) -> String {
     let style = COLOURS
         .iter()
         .fold(STYLE.to_owned(), |style, (name, value)| {
             style.replace(name, value)
         });
+    let most = rows.iter().map(Vec::len).max().unwrap_or(0);
+    let width = most as f64 * STEP - GAP;
+    let height = TITLE + rows.len() as f64 * (CAPTION + PANEL);
     html! {
         svg xmlns="http://www.w3.org/2000/svg" viewBox={"0 0 " (width) " " (height)} {
             style { (PreEscaped(style)) }
             rect width=(width) height=(height) fill="#fff" {}
-            text x="12" y="26" font-size="16" font-weight="bold" { (plain(title, 100)) }
-            text x="12" y="48" font-size="13" { (plain(subtitle, 140)) }
-            @if !marked.is_empty() {
-                text x="12" y=(TITLE - 10.0) font-size="13" {
-                    tspan fill="#d21f1f" { "red" } ": curves of the links; grey: other curves"
+            text x="12" y="26" font-size="16" font-weight="bold" { (plain(title, (width / 9.5) as usize)) }
+            text x="12" y="48" font-size="13" { (plain(subtitle, (width / 7.0) as usize)) }
+            @for (row, panels) in rows.iter().enumerate() {
+                @for (k, (caption, picture)) in panels.iter().enumerate() {
+                    @let x = k as f64 * STEP;
+                    @let y = TITLE + row as f64 * (CAPTION + PANEL) + CAPTION;
+                    text x=(x + 12.0) y=(y - 9.0) font-size="13" { (caption) }
+                    rect x=(x) y=(y) width=(PANEL) height=(PANEL) fill="#f4f6f8" {}
+                    svg x=(x) y=(y) width=(PANEL) height=(PANEL) { (picture) }
                 }
-            }
-            @for (k, panel) in panels.iter().enumerate() {
-                g transform={"translate(" (k as f64 * STEP) " " (TITLE) ")"} { (panel) }
             }
         }
     }
     .into_string()
 }
 
+/// Draws a model with marked pairs of curves, and beside it the place of the first pair that has
+/// one, as an SVG file.
+pub fn draw(set: &CurveSet, title: &str, subtitle: &str, marked: &[Marked]) -> String {
+    let place = marked.iter().find_map(|m| around(set, m.curves, m.place?));
+    let caption = html! {
+        @if !marked.is_empty() {
+            tspan fill="#d21f1f" { "red" } ": curves of the links; grey: other curves"
+        }
+    };
+    let panels = std::iter::once((caption, whole(set, marked))).chain(place);
+    sheet(title, subtitle, &[panels.collect()])
+}
+
 /// Draws the surroundings of a place.
-fn around(set: &CurveSet, curves: [u32; 2], place: Place) -> Option<Markup> {
+fn around(set: &CurveSet, curves: [u32; 2], place: Place) -> Option<Panel> {
     let spot = Spot {
         curves,
         image: Image::default(),
@@ -142,16 +159,13 @@ fn around(set: &CurveSet, curves: [u32; 2], place: Place) -> Option<Markup> {
     let [_, window, _] = Window::around([None, Some((set, spot)), None], 0.0);
     let scene = Scene::of(set, spot, window?);
     let [i, j] = curves;
+    let caption = html! {
+        tspan.at { "curve " (i) } " and " tspan.bt { "curve " (j) } " where they are closest"
+        @if scene.has_rest() { ", and their other parts (" tspan.rt { "thin" } ")" }
+    };
     let view = scene.views()[0].fitted(scene.own());
     let picture = scene.svg(view, Radii::default(), "the place of a link");
-    Some(html! {
-        text x="0" y="-10" font-size="13" {
-            tspan.at { "curve " (i) } " and " tspan.bt { "curve " (j) } " where they are closest"
-            @if scene.has_rest() { ", and their other parts (" tspan.rt { "thin" } ")" }
-        }
-        rect width=(PANEL) height=(PANEL) fill="#f4f6f8" {}
-        svg width=(PANEL) height=(PANEL) { (picture) }
-    })
+    Some((caption, picture))
 }
 
 /// Draws the whole model.
@@ -208,7 +222,7 @@ fn whole(set: &CurveSet, marked: &[Marked]) -> Markup {
     let places = places.map(|p| view.pixels(&[p])[0]);
     let places = places.filter(|p| p.iter().all(|x| x.is_finite()));
     let label = "the whole model";
-    let picture = frame(
+    frame(
         label,
         reach,
         view,
@@ -224,8 +238,7 @@ fn whole(set: &CurveSet, marked: &[Marked]) -> Markup {
             }
             @for [x, y, _] in places { circle.m cx=(px(x)) cy=(px(y)) r="6" {} }
         },
-    );
-    html! { svg width=(PANEL) height=(PANEL) { (picture) } }
+    )
 }
 
 #[cfg(test)]

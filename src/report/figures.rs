@@ -8,9 +8,10 @@ use super::facts::Facts;
 use super::rows::{Moment, names_of};
 use super::violations::{Shot, Violation, Violations};
 use crate::curve::{Cell, CurveLabels, CurveSet, Image, Translated, is_home};
-use crate::picture::{Radii, Scene, Spot, Window};
+use crate::picture::{Panel, Radii, Scene, Spot, Window, sheet};
 use crate::record::{RecordedFrame, RecordedItem, RecordingReader};
 use crate::words::plural;
+use maud::PreEscaped;
 use std::collections::VecDeque;
 use std::io::{Read, Seek};
 use std::sync::Arc;
@@ -228,6 +229,24 @@ pub(super) fn draw<R: Read + Seek>(
 }
 
 impl Figure {
+    /// Returns the pictures from the first side, and of the place, as an SVG file.
+    pub fn sheet(&self) -> String {
+        let panel = |(picture, caption): (&Option<String>, &String)| {
+            let picture = PreEscaped(picture.as_ref()?.clone());
+            Some((PreEscaped(caption.clone()), picture))
+        };
+        let row =
+            |row: &[Option<String>; 3]| row.iter().zip(&self.captions).filter_map(panel).collect();
+        let shown = self.rows.iter().take(1).chain(self.rows.get(2));
+        let rows: Vec<Vec<Panel>> = shown.map(row).collect();
+        let title = format!("{}: {}", self.shot.moment, self.shot.sentence);
+        sheet(
+            &title,
+            self.shot.passage.as_deref().unwrap_or_default(),
+            &rows,
+        )
+    }
+
     /// Draws the pictures of one finding. `what` are words for its frame, `measured` is the radius
     /// of all strands if there is one.
     fn draw(

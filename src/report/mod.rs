@@ -77,6 +77,11 @@ impl RunReport {
         self.facts.sentence()
     }
 
+    /// Returns the pictures of each violation as an SVG file: before, at and after its frame.
+    pub fn pictures(&self) -> impl Iterator<Item = String> + '_ {
+        self.figures.iter().map(Figure::sheet)
+    }
+
     /// Returns the number of violations with pictures.
     pub fn figures(&self) -> usize {
         self.figures.len()

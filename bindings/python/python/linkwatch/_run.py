@@ -7,7 +7,6 @@ import dataclasses
 import inspect
 import itertools
 import os
-import re
 import subprocess
 import sys
 import tempfile
@@ -350,11 +349,8 @@ class Run:
         from io import BytesIO
 
         shown = [f"<pre style='white-space: pre-wrap'>{html.escape(self.summary)}</pre>"]
-        for label, picture in self._pictures():
-            shown.append(
-                f"<figure style='display: inline-block; width: 30%; margin: 0 1% 0 0'>{label}"
-                f"{_image('svg+xml', picture.encode(), label)}</figure>"
-            )
+        if (picture := self._picture()) is not None:
+            shown.append(_image("svg+xml", picture, "before, at and after the first violation"))
         try:
             plot = BytesIO()
             self.plot().savefig(plot, format="png", dpi=80)
@@ -363,14 +359,14 @@ class Run:
             pass
         return "".join(shown)
 
-    def _pictures(self) -> list[tuple[str, str]]:
-        """Returns the pictures that the report has of the first violation, as titles and SVG: the
-        curves before it, in its frame, and after it. None if the frames cannot be read again.
+    def _picture(self) -> bytes | None:
+        """Returns the picture that the report has of the first violation, as SVG: the curves before
+        it, in its frame, and after it. None if the frames cannot be read again.
         """
         verdicts = [row["verdict"] for row in self.frames]
         at = next((k for k, v in enumerate(verdicts) if v not in ("intact", "rejected")), None)
         if at is None or self.source is None or self.source.kind == "once":
-            return []
+            return None
         try:
             # A second source: reading a part of the first one would change its summary.
             source, recipe = self.source, self.source.recipe
@@ -387,26 +383,12 @@ class Run:
                         options["baseline"] = baseline
             near = frames_in_memory(list(part(max(at - 1, 0), min(at + 2, len(verdicts)))))
             with tempfile.TemporaryDirectory(prefix="linkwatch-") as folder:
-                page = Path(folder) / "run.html"
-                Run(near, options).report(page)
-                text = page.read_text()
+                recording = Path(folder) / "run.mcap"
+                Run(near, options).record(recording)
+                _command("report", recording, "--svg", folder)
+                return (Path(folder) / "violation-1.svg").read_bytes()
         except (ImportError, OSError, ValueError):
-            return []  # the report says why
-        (style,) = re.findall(r"<style>(.*?)</style>", text, re.S)
-        found = re.findall(r'<svg ([^>]*aria-label="([^"]*)".*?</svg>)', text, re.S)
-        # Further pictures of a frame are from other directions.
-        found = [next(group) for _, group in itertools.groupby(found, key=lambda f: f[1])]
-        labels = [label for _, label in found]
-        ours = f"at the violation: frame {self.frames[at]['frame']} "
-        here = next((k for k, label in enumerate(labels) if f"{label} ".startswith(ours)), None)
-        if here is None:
-            return []
-        start = here - labels[here - 1].startswith("before: ")
-        stop = here + 1 + "".join(labels[here + 1 :][:1]).startswith("after: ")
-        head = '<svg xmlns="http://www.w3.org/2000/svg" '
-        style = f"<style>{style} svg {{ background: var(--box); }}</style>"
-        chosen = found[start:stop]
-        return [(label, head + rest.replace(">", f">{style}", 1)) for rest, label in chosen]
+            return None  # the report says why
 
     def record(
         self, path: str | os.PathLike[str], *, force: bool = False, settings: str = ""
