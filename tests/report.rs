@@ -93,14 +93,28 @@ fn bad_input_is_an_error_with_the_name_of_the_file() {
     assert!(!page.exists());
     // A picture of the violation, and no page unless it is asked for.
     let pictures = folder.path().join("pictures");
-    let run = linkwatch(&["report", text(&recording("squares")), "--svg", text(&pictures)]);
+    let run = linkwatch(&[
+        "report",
+        text(&recording("squares")),
+        "--svg",
+        text(&pictures),
+    ]);
     assert_eq!(run.code, 1, "{run:?}");
     let picture = std::fs::read_to_string(pictures.join("violation-1.svg")).unwrap();
-    for caption in ["before: frame 10", "at the violation: frame 11", "after: frame 12"] {
+    for caption in [
+        "before: frame 10",
+        "at the violation: frame 11",
+        "after: frame 12",
+    ] {
         assert!(picture.contains(caption), "{caption}: {picture}");
     }
     assert!(!pictures.join("violation-2.svg").exists());
-    let run = linkwatch(&["report", text(&recording("squares")), "--svg", text(&pictures)]);
+    let run = linkwatch(&[
+        "report",
+        text(&recording("squares")),
+        "--svg",
+        text(&pictures),
+    ]);
     assert_eq!(run.code, 2, "{run:?}");
     // The page never replaces the recording.
     let path = recording("squares");

@@ -1,8 +1,8 @@
 //! Pictures of a place: a frame from one side, as SVG.
 //!
-//! Both curves of the finding are thick and have a colour each; their neighbours are thin and grey.
-//! The lower strand of a crossing is interrupted. Strands whose radius is known have a pale band of
-//! their diameter: bands that overlap from both sides show surfaces that overlap. A ring marks the
+//! Both strands of the finding are thick and have a colour each; their neighbours, below them, are
+//! thin and grey. The lower one of the two is interrupted at a crossing. If its radius is known, a
+//! strand has a pale band of its diameter: bands that overlap show surfaces that overlap. A ring marks the
 //! place, a bar shows the scale, and a small cross the axes of the simulation.
 
 use super::Spot;
@@ -17,21 +17,23 @@ use maud::{Markup, html};
 pub(super) const SIZE: f64 = 300.0;
 pub(super) const HALF: f64 = SIZE / 2.0;
 
-/// Widths of the lines.
+/// Width of the lines of the finding.
 const OWN: f64 = 4.5;
-const OTHER: f64 = 1.4;
 
 /// Radius of the mark of the place, and distance of the names of segments from it.
 const MARK: f64 = 20.0;
 const NAMES: f64 = 46.0;
 
-/// Groups of strands and their classes, from back to front.
-const GROUPS: [(Part, &str); 4] = [
-    (Part::Other, "o"),
-    (Part::Rest, "r"),
-    (Part::First, "a"),
-    (Part::Second, "b"),
-];
+/// Groups of the other strands and their classes, from back to front.
+const OTHERS: [(Part, &str); 2] = [(Part::Other, "o"), (Part::Rest, "r")];
+
+/// Returns the class of a strand of the finding.
+fn class(strand: &Strand) -> &'static str {
+    match strand.part {
+        Part::Second => "b",
+        _ => "a",
+    }
+}
 
 /// Smallest distance of successive points, and largest deviation of a point that is omitted.
 const SPACING: f64 = 0.5;
@@ -87,8 +89,8 @@ impl Scene {
 
     /// Returns the points of the two strands of the finding.
     pub fn own(&self) -> impl Iterator<Item = &Point> {
-        let own = |s: &&Strand| matches!(s.part, Part::First | Part::Second);
-        self.strands.iter().filter(own).flat_map(|s| &s.points)
+        let own = self.strands.iter().filter(|strand| strand.is_own());
+        own.flat_map(|strand| &strand.points)
     }
 
     /// Returns two directions from which the finding is clear.
@@ -101,17 +103,15 @@ impl Scene {
         let flat = |strand: &Strand| Line {
             points: simplify(view.pixels(&strand.points), SPACING),
             closed: strand.closed,
-            width: match strand.part {
-                Part::Other | Part::Rest => OTHER,
-                _ => OWN,
-            },
+            width: OWN,
         };
-        let lines: Vec<Line> = self.strands.iter().map(flat).collect();
+        // Only the strands of the finding interrupt one another, so that every gap counts.
+        let [own, others]: [Vec<&Strand>; 2] = [true, false].map(|own| {
+            let all = self.strands.iter();
+            all.filter(|strand| strand.is_own() == own).collect()
+        });
+        let lines: Vec<Line> = own.iter().copied().map(flat).collect();
         let visible = visible(&lines);
-        let of = |group: Part| {
-            let all = self.strands.iter().zip(&lines).zip(&visible);
-            all.filter(move |((strand, _), _)| strand.part == group)
-        };
         let wide = |strand: &Strand| view.length(2.0 * radii.of(strand.curve) / self.window.reach);
         let place = view.pixels(&[[0.0; 3]])[0];
         frame(
@@ -119,18 +119,21 @@ impl Scene {
             self.window.reach,
             view,
             &html! {
-                @for (group, class) in GROUPS {
-                    // Bands that are wider than the lines, and do not fill the picture.
-                    @let is_band = |s: &Strand, l: &Line| wide(s) > l.width && wide(s) < HALF;
-                    @for ((strand, line), _) in of(group).filter(|((s, l), _)| is_band(s, l)) {
-                        @let width = px(wide(strand));
-                        @let data = path([&line.points]);
-                        path class={(class) " w"} style={"stroke-width:" (width)} d=(data) {}
+                @for (group, class) in OTHERS {
+                    @let lines: Vec<Line> =
+                        others.iter().filter(|s| s.part == group).map(|s| flat(s)).collect();
+                    @let data = path(lines.iter().map(|line| &line.points));
+                    @if !data.is_empty() { path class=(class) d=(data) {} }
+                }
+                // Bands that are wider than the lines, and do not fill the picture.
+                @for (strand, line) in own.iter().zip(&lines) {
+                    @if (OWN..HALF).contains(&wide(strand)) {
+                        @let style = format!("stroke-width:{}", px(wide(strand)));
+                        path class={(class(strand)) " w"} style=(style) d=(path([&line.points])) {}
                     }
                 }
-                @for (group, class) in GROUPS {
-                    @let data = path(of(group).flat_map(|(_, pieces)| pieces));
-                    @if !data.is_empty() { path class=(class) d=(data) {} }
+                @for (strand, pieces) in own.iter().zip(&visible) {
+                    path class=(class(strand)) d=(path(pieces)) {}
                 }
                 circle.m cx=(px(place[0])) cy=(px(place[1])) r=(MARK) {}
                 (self.names(view, place))

@@ -20,7 +20,7 @@ const OTHER_MOST: (usize, f64) = (1200, 40.0);
 
 /// Length of a strand up to which it is shown whole, like a ring that fills the window, and length
 /// of the part around the place of a longer one. The rest of the curve is context.
-const WHOLE: f64 = 10.0;
+const WHOLE: f64 = 16.0;
 const FOCUS: f64 = 4.0;
 
 /// Number of edges of a spline segment, and size of segments that have one edge only.
@@ -145,8 +145,13 @@ pub(crate) struct Strand {
     pub points: Vec<Point>,
 }
 
-#[cfg(test)]
 impl Strand {
+    /// Returns true if it is one of the two strands of the finding.
+    pub fn is_own(&self) -> bool {
+        matches!(self.part, Part::First | Part::Second)
+    }
+
+    #[cfg(test)]
     fn edges(&self) -> usize {
         self.points.len() - 1
     }

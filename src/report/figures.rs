@@ -7,9 +7,10 @@
 use super::facts::Facts;
 use super::rows::{Moment, names_of};
 use super::violations::{Shot, Violation, Violations};
-use crate::curve::{Cell, CurveLabels, CurveSet, Image, Translated, is_home};
+use crate::curve::{Cell, CurveLabels, CurveSet, Image, Translated, is_home, words_of_curve};
 use crate::picture::{Panel, Radii, Scene, Spot, Window, sheet};
 use crate::record::{RecordedFrame, RecordedItem, RecordingReader};
+use crate::verdict::words_of_pair;
 use crate::words::plural;
 use maud::PreEscaped;
 use std::collections::VecDeque;
@@ -40,6 +41,8 @@ pub(super) struct Figure {
     pub thick: bool,
     /// What the frames before, at and after it are: "frame 27 at 0.9 s".
     pub captions: [String; 3],
+    /// Both curves in words.
+    pair: String,
     /// Names of both curves, if they have some.
     pub names: Option<[String; 2]>,
     /// The pictures of the frames from both sides, as SVG; `None` if there is none. If the strands
@@ -239,12 +242,8 @@ impl Figure {
             |row: &[Option<String>; 3]| row.iter().zip(&self.captions).filter_map(panel).collect();
         let shown = self.rows.iter().take(1).chain(self.rows.get(2));
         let rows: Vec<Vec<Panel>> = shown.map(row).collect();
-        let title = format!("{}: {}", self.shot.moment, self.shot.sentence);
-        sheet(
-            &title,
-            self.shot.passage.as_deref().unwrap_or_default(),
-            &rows,
-        )
+        let title = format!("{}: {}", self.shot.moment, self.pair);
+        sheet(&title, &self.shot.sentence, &rows)
     }
 
     /// Draws the pictures of one finding. `what` are words for its frame, `measured` is the radius
@@ -306,10 +305,21 @@ impl Figure {
             })
         });
         let rows = rows.collect();
+        let labels = at.map_or(&[][..], |at| &at.labels.names);
         Figure {
             reason,
             thick: both.iter().all(|r| *r > 0.0),
             captions,
+            pair: match shot.spot {
+                Spot {
+                    curves: [i, j],
+                    image,
+                    ..
+                } if i == j && is_home(&image) => {
+                    format!("curve {}", words_of_curve(i, labels))
+                }
+                spot => words_of_pair(spot.curves.into(), spot.image, labels),
+            },
             names: at.and_then(|at| names_of(shot.spot.curves, &at.labels.names)),
             rows,
             shot,

@@ -378,7 +378,7 @@ impl Sink for ViewerSink {
                 self.moment_views = moments.draw(&self.rec, after, radii, scale)?;
             } else if self.first.is_none()
                 && report.verdict != Verdict::Intact
-                && let Some(moments) = Moments::of(report, before, set)
+                && let Some(moments) = Moments::of(report, &record.info.labels.names, before, set)
             {
                 self.moment_views = moments.draw(&self.rec, None, radii, scale)?;
                 // Empty until the next frame, because a live viewer gets its layout once.

@@ -7,13 +7,13 @@
 use super::names::entity;
 use super::picture::SHOWN;
 use super::stream::{log, log_static};
-use super::style::{CYAN, DIMMED, FAINT_RED, FIRST, SECOND, lines, narrow, points};
+use super::style::{CYAN, DIMMED, FAINT_RED, FIRST, SECOND, lines, narrow};
 use super::view::View;
 use crate::curve::vector::{add_scaled, distance, mix};
-use crate::curve::{CurveSet, Point, bounds, is_home};
+use crate::curve::{AXES, CurveSet, Point, bounds, is_home};
 use crate::error::Result;
 use crate::picture::{Part, Radii, Scene, Spot, Strand, Window, strands_of};
-use crate::verdict::{Finding, Report};
+use crate::verdict::{Finding, Report, label_of_pair};
 use nalgebra::{UnitQuaternion, Vector3};
 use re_sdk::RecordingStream;
 use re_sdk_types::archetypes::Capsules3D;
@@ -31,11 +31,16 @@ const LARGEST: f64 = 0.045;
 /// is in view.
 const EYE: f64 = 2.3;
 
+/// Length of the rays of the star at the place, in radii of the strands.
+const STAR: f64 = 0.2;
+
 /// A frame, and its number.
 type Numbered = (u64, Arc<CurveSet>);
 
 /// The first violation, until the frame after it is known.
 pub(super) struct Moments {
+    /// The curves, for a label.
+    pair: String,
     spot: Spot,
     before: Option<Numbered>,
     at: Numbered,
@@ -140,9 +145,19 @@ pub(super) fn draw(
 
 impl Moments {
     /// Returns the moments of the first finding of a report that has a place.
-    pub fn of(report: &Report, before: Option<Numbered>, set: &Arc<CurveSet>) -> Option<Moments> {
+    pub fn of(
+        report: &Report,
+        names: &[String],
+        before: Option<Numbered>,
+        set: &Arc<CurveSet>,
+    ) -> Option<Moments> {
+        let placed = |finding| Some((finding, spot(finding)?));
+        let (finding, spot) = report.passages_first().find_map(placed)?;
+        let (i, j, image) = finding.pair();
+        let pair = label_of_pair((i, j.unwrap_or(i)), image, names);
         Some(Moments {
-            spot: report.passages_first().find_map(spot)?,
+            pair,
+            spot,
             before: before.filter(|(_, before)| before.same_layout(set)),
             at: (report.seq, Arc::clone(set)),
         })
@@ -175,7 +190,6 @@ impl Moments {
             Some((Scene::of(set, spot, window?), window?))
         };
         let scenes: Vec<_> = placed.into_iter().zip(windows).map(scene).collect();
-        let is_own = |strand: &&Strand| matches!(strand.part, Part::First | Part::Second);
         let shown = scenes.iter().flatten().flat_map(|(scene, _)| scene.own());
         let shown: Vec<Point> = shown.copied().collect();
         let Some(Some((at, _))) = scenes.get(1).filter(|_| !shown.is_empty()) else {
@@ -193,14 +207,18 @@ impl Moments {
                 continue;
             };
             let mut tubes = Tubes::default();
-            let (own, others): (Vec<&Strand>, Vec<_>) = scene.strands().iter().partition(is_own);
+            let (own, others): (Vec<&Strand>, Vec<_>) =
+                scene.strands().iter().partition(|strand| strand.is_own());
             for strand in own {
                 tubes.add(strand, radii.of(strand.curve) / window.reach, 1.0, |p| *p);
             }
             log_static(rec, &format!("{path}/strands"), &tubes.archetype())?;
-            // The middle of the two closest points.
-            let place = points([[0.0; 3]], 4.5).with_colors([CYAN]);
-            log_static(rec, &format!("{path}/place"), &place)?;
+            if path == entity::MOMENTS[1] {
+                let reach = STAR * radius;
+                let rays = AXES.map(|axis| [-reach, reach].map(|t| axis.map(|x| (t * x) as f32)));
+                let star = lines(rays, 2.5).with_colors([CYAN]);
+                log_static(rec, &format!("{path}/place"), &star)?;
+            }
             let (rest, others): (Vec<&Strand>, Vec<_>) = others
                 .into_iter()
                 .partition(|strand| strand.part == Part::Rest);
@@ -214,11 +232,8 @@ impl Moments {
             let (seq, _) = frames[k].as_ref()?;
             Some(format!("{words}: frame {seq}"))
         };
-        let names = [
-            name(0, "before"),
-            name(1, "at the violation"),
-            name(2, "after"),
-        ];
+        let at = format!("{}, at", self.pair);
+        let names = [name(0, "before"), name(1, &at), name(2, "after")];
         let overview = View::of(&self.at.1).map_or_else(|| eye.clone(), |v| v.eye(None, scale));
         Ok(Some(MomentViews {
             names,
