@@ -42,7 +42,8 @@ pub struct Counters {
     pub rejected: u64,
 }
 
-/// First finding of a frame: a change if there is one, else a pull-through, else a defect.
+/// First finding of a frame: the change of the pair that was pulled through first, another change,
+/// a pull-through, or a defect.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum Finding {
@@ -77,15 +78,21 @@ impl Known {
     }
 
     /// Returns the first finding of a report that is not known; the first of all if there is none.
+    /// The change of the pair that was pulled through first comes before others, as in the report
+    /// of a run.
     fn first_new(&self, report: &Report) -> Option<Finding> {
         let changes = report.changes.iter().copied().map(Finding::Change);
         let events = report.events.iter().copied().map(Finding::Event);
         let defects = report.defects.iter().copied().map(Finding::Defect);
         let mut all = changes.chain(events).chain(defects);
         let is_new = |key: &Option<Lasting>| key.is_none_or(|key| !self.0.contains(&key));
-        let mut new = all.clone().zip(report.lasting());
-        let new = new.find(|(_, key)| is_new(key));
-        new.map(|(finding, _)| finding).or_else(|| all.next())
+        let new = all.clone().zip(report.lasting());
+        let new: Vec<Finding> = new.filter(|(_, key)| is_new(key)).map(|(f, _)| f).collect();
+        let pulled = report.events.first().map(|e| (e.i, e.j, e.image));
+        let explained = new
+            .iter()
+            .find(|f| matches!(f, Finding::Change(c) if Some((c.i, c.j, c.image)) == pulled));
+        explained.or(new.first()).copied().or_else(|| all.next())
     }
 }
 
@@ -565,6 +572,34 @@ mod tests {
             "frame 12: changed, 1 pull-through: curve 3 passed through itself at 0.250 of the step \
              (-1), at (1.00000, 2.00000, 3.00000), segments 7 and 9"
         );
+    }
+
+    #[test]
+    fn the_change_of_the_pair_that_was_pulled_through_first_is_transmitted() {
+        let lost = |i, j| Change {
+            i,
+            j,
+            image: [0; 3],
+            expected: 1,
+            found: 0,
+            place: None,
+        };
+        let passage = |i, j, fraction| PullThrough {
+            i,
+            j,
+            image: [0; 3],
+            segments: [0, 0],
+            fraction,
+            sign: 1,
+            point: [0.0; 3],
+            lengths: 0.25,
+        };
+        let mut r = report(Verdict::Changed);
+        r.changes = vec![lost(1, 2), lost(3, 4)];
+        r.events = vec![passage(3, 4, 0.25), passage(1, 2, 0.5)];
+        assert_eq!(sent(&r).first, Some(Finding::Change(lost(3, 4))));
+        r.events = vec![passage(5, 6, 0.125)];
+        assert_eq!(sent(&r).first, Some(Finding::Change(lost(1, 2))));
     }
 
     #[test]
