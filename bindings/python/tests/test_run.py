@@ -10,6 +10,7 @@ import warnings
 import xml.dom.minidom
 
 import linkwatch
+from linkwatch._view import strips
 import numpy as np
 import pytest
 from linkwatch.io import Frame
@@ -214,6 +215,36 @@ def test_html_shows_open_curves(closed):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         assert [word for word, _ in shown(run)] == ["before", "at", "after"]
+
+
+def test_a_run_is_shown_in_the_viewer(tmp_path, monkeypatch):
+    pytest.importorskip("rerun")
+    run = linkwatch.check(BROKEN, names=["left", "right"])
+    run.view(tmp_path / "run.rrd")
+    words = [sys.executable, "-m", "rerun", "rrd", "print", tmp_path / "run.rrd"]
+    printed = subprocess.run(words, capture_output=True, text=True, check=True).stdout
+    for path in ("/curves", "/pull-throughs", "/log"):
+        assert path in printed
+    with pytest.raises(ValueError, match="cannot be read again"):
+        linkwatch.check(iter(BROKEN)).view(tmp_path / "once.rrd")
+    monkeypatch.setitem(sys.modules, "rerun", None)
+    with pytest.raises(ImportError, match=r'pip install "linkwatch\[viewer\]"'):
+        run.view(tmp_path / "none.rrd")
+
+
+@pytest.mark.parametrize("basis", ["polyline", "catmull-rom", "b-spline", "bezier"])
+@pytest.mark.parametrize("closed", [False, True])
+def test_curves_are_drawn_along_their_splines(basis, closed):
+    n = {(False, "bezier"): 13, (True, "bezier"): 12}.get((closed, basis), 12)
+    points = np.random.default_rng(7).normal(size=(n, 3))
+    (drawn,) = strips(linkwatch.io.Frame(points, [-n if closed else n], basis))
+    assert (np.linalg.norm(np.diff(drawn, axis=0), axis=1) < 4).all()
+    assert np.allclose(drawn[0], drawn[-1]) == closed
+    if basis != "b-spline":
+        # Points of the curve itself.
+        distances = np.linalg.norm(drawn[:, None] - points[::3], axis=2)
+        inner = distances[:, 1:-1] if basis == "catmull-rom" and not closed else distances
+        assert (inner.min(axis=0) < 1e-12).all()
 
 
 def test_a_page_and_a_recording_of_a_run(tmp_path):

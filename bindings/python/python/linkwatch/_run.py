@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from . import Certificate, Session, certify, io
+from . import Certificate, Session, _view, certify, io
 from . import _arguments as arguments
 from .io._curves import plural
 from .io._frames import Frame, Frames, Summary, library
@@ -425,6 +425,20 @@ class Run:
                 words.append("--one-motion")
             record = ",".join(filter(None, [str(path), settings]))
             _command("check", *files, *words, "--force", "--record", record)
+
+    def view(self, path: str | os.PathLike[str] | None = None) -> None:
+        """Shows the frames in the rerun viewer: in the notebook, or else in a window. ``path``
+        writes a file for ``rerun FILE.rrd`` instead.
+
+        Curves of a change or a pull-through of the frame are red, places of pull-throughs blue.
+        The frames are read again, as for :meth:`record`. ``linkwatch replay --show`` of a
+        recording shows more; that command is in the Rust build with its viewer.
+
+        Raises:
+            ImportError: rerun is not installed: ``pip install "linkwatch[viewer]"``.
+            ValueError: the frames cannot be read again.
+        """
+        _view.view(self, path)
 
     def report(self, path: str | os.PathLike[str], *, force: bool = False) -> None:
         """Writes the page of ``linkwatch report``: what happened, with tables and pictures.
