@@ -114,13 +114,15 @@ pub(crate) fn sheet(title: &str, subtitle: &str, rows: &[Vec<Panel>]) -> String 
         });
     let most = rows.iter().map(Vec::len).max().unwrap_or(0);
     let width = most as f64 * STEP - GAP;
+    // A text that fits in letters of this width.
+    let fitted = |text: &str, letter: f64| plain(text, (width / letter) as usize);
     let height = TITLE + rows.len() as f64 * (CAPTION + PANEL);
     html! {
         svg xmlns="http://www.w3.org/2000/svg" viewBox={"0 0 " (width) " " (height)} {
             style { (PreEscaped(style)) }
             rect width=(width) height=(height) fill="#fff" {}
-            text x="12" y="26" font-size="16" font-weight="bold" { (plain(title, (width / 9.5) as usize)) }
-            text x="12" y="48" font-size="13" { (plain(subtitle, (width / 7.0) as usize)) }
+            text x="12" y="26" font-size="16" font-weight="bold" { (fitted(title, 9.5)) }
+            text x="12" y="48" font-size="13" { (fitted(subtitle, 7.0)) }
             @for (row, panels) in rows.iter().enumerate() {
                 @for (k, (caption, picture)) in panels.iter().enumerate() {
                     @let x = k as f64 * STEP;

@@ -2,8 +2,8 @@
 //!
 //! Both strands of the finding are thick and have a colour each; their neighbours, below them, are
 //! thin and grey. The lower one of the two is interrupted at a crossing. If its radius is known, a
-//! strand has a pale band of its diameter: bands that overlap show surfaces that overlap. A ring marks the
-//! place, a bar shows the scale, and a small cross the axes of the simulation.
+//! strand has a pale band of its diameter: bands that overlap show surfaces that overlap.
+//! A ring marks the place, a bar shows the scale, and a small cross the axes of the simulation.
 
 use super::Spot;
 use super::gaps::{Line, visible};

@@ -183,7 +183,8 @@ pub(crate) fn own(set: &CurveSet, spot: Spot, window: Window) -> Vec<Strand> {
 }
 
 /// Returns strands, the closest one first, of which only the closest one of each curve keeps its
-/// group, with a length of [`FOCUS`] if it is long. The others become [`Part::Rest`], and come first.
+/// group, with a length of [`FOCUS`] if it is long. The others become [`Part::Rest`], and come
+/// first.
 fn focus(strands: Vec<Strand>) -> Vec<Strand> {
     let mut rest = Vec::new();
     let mut own: Vec<Strand> = Vec::new();

@@ -262,8 +262,8 @@ fn the_eye_of_a_live_viewer_is_moved_once() {
     assert_eq!(eyes, VIEWS);
 }
 
-/// Number of views of curves at the first violation: the scene, the overview, and the frames before,
-/// at and after it.
+/// Number of views of curves at the first violation: the scene, the overview, and the frames
+/// before, at and after it.
 const VIEWS: usize = 5;
 
 /// Returns the number of curves of an entity, for each time that it was logged.
