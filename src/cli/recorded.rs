@@ -2,6 +2,7 @@
 
 use super::input::Read;
 use super::output::{count, plural};
+use crate::record::CUT_OFF;
 use linkwatch::{
     Ending, Error, FrameInfo, RecordedFrame, RecordedItem, RecordedVerdict, RecordingReader,
     Result, Verdict,
@@ -102,7 +103,10 @@ impl Recorded {
                 );
                 Some(Err(Error::Usage(what).in_file(&self.path)))
             }
-            _ => None,
+            _ => reader.metadata().get(CUT_OFF).map(|why| {
+                let what = format!("the recorded run has no end: {why}; all frames were read");
+                Err(Error::Usage(what).in_file(&self.path))
+            }),
         }
     }
 }

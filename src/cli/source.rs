@@ -2,10 +2,11 @@
 
 use super::input;
 use super::range::Range;
+use crate::record::CUT_OFF;
 use crate::words::truncated;
 use linkwatch::{Ending, Error, RecordedItem, RecordingReader, Result};
 use std::fs::File;
-use std::io::BufReader;
+use std::io::{BufReader, Read, Seek};
 use std::path::{Path, PathBuf};
 
 /// A recording, whose errors name the file.
@@ -66,10 +67,14 @@ impl Source {
     }
 }
 
-/// Warns of a recording that was cut off, with its end if that was reached. Returns true if it was.
-pub fn warn_of_cut(path: &Path, ending: Option<&Ending>) -> bool {
-    let Some(Ending::Cut { at, what }) = ending else {
-        return false;
+/// Warns of a recording that was cut off, and of one of a run without an end, once it was read.
+/// Returns true if it is one.
+pub fn warn_of_cut<R: Read + Seek>(path: &Path, reader: &RecordingReader<R>) -> bool {
+    if let Some(why) = reader.metadata().get(CUT_OFF) {
+        tracing::warn!("{}: the run has no end: {why}", path.display());
+    }
+    let Some(Ending::Cut { at, what }) = reader.ending() else {
+        return reader.metadata().contains_key(CUT_OFF);
     };
     tracing::warn!(
         "{}: {}; the complete frames were replayed",

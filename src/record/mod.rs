@@ -29,5 +29,8 @@ const BASELINE: (&str, &str) = ("/linkwatch/baseline", "Baseline");
 /// Name of the metadata record, which describes the recorder and its settings.
 const METADATA: &str = "linkwatch";
 
+/// Key of the reason why the run has no end, in a metadata record after the last frame.
+pub(crate) const CUT_OFF: &str = "cut_off";
+
 /// Message encoding and schema encoding of every channel.
 const PROTOBUF: &str = "protobuf";

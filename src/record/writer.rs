@@ -12,7 +12,7 @@
 //! damage is still detected.
 
 use super::messages::{DESCRIPTORS, PACKAGE, Recorded};
-use super::{BASELINE, FRAMES, LABELS, METADATA, PROTOBUF, VERDICTS};
+use super::{BASELINE, CUT_OFF, FRAMES, LABELS, METADATA, PROTOBUF, VERDICTS};
 use super::{file, schema};
 use crate::curve::{CurveLabels, CurveSet};
 use crate::error::{Error, Result};
@@ -32,7 +32,8 @@ use std::time::{Duration, SystemTime};
 
 const CHUNK_BYTES: u64 = 768 << 10;
 
-/// Upper bound of the size of a file without messages: every schema is written twice.
+/// Upper bound of the size of a file without messages: every schema is written twice. Metadata have
+/// less than half of the rest.
 const FIXED_BYTES: u64 = 2 * 4 * (DESCRIPTORS.len() as u64 + 256) + 8192;
 
 /// Upper bound of the bytes that a chunk adds: its header and its index, twice.
@@ -150,7 +151,7 @@ impl RecordingSink {
         metadata: &BTreeMap<String, String>,
     ) -> Result<RecordingSink> {
         let version = env!("CARGO_PKG_VERSION");
-        let mut writer = WriteOptions::new()
+        let writer = WriteOptions::new()
             .compression(None)
             .chunk_size(Some(CHUNK_BYTES))
             .disable_seeking(true)
@@ -162,15 +163,13 @@ impl RecordingSink {
             .map_err(|e| sink_error(path, e))?;
         let mut metadata = metadata.clone();
         metadata.insert("version".into(), version.into());
-        let name = METADATA.into();
-        let written = writer.write_metadata(&Metadata { name, metadata });
-        written.map_err(|e| sink_error(path, e))?;
         let mut log = Log {
             path: path.into(),
             writer,
             encoded: Vec::new(),
             bytes: FIXED_BYTES,
         };
+        log.describe(metadata)?;
         let mut channel =
             |(topic, message): (&str, &str)| log.channel(topic, &format!("{PACKAGE}.{message}"));
         Ok(RecordingSink {
@@ -297,6 +296,15 @@ impl Log {
     }
 }
 
+impl Log {
+    /// Writes a metadata record.
+    fn describe(&mut self, metadata: BTreeMap<String, String>) -> Result<()> {
+        let name = METADATA.into();
+        let written = self.writer.write_metadata(&Metadata { name, metadata });
+        written.map_err(|e| sink_error(&self.path, e))
+    }
+}
+
 impl Sink for RecordingSink {
     fn begin(&mut self, baseline: &BaselineRecord) -> Result<()> {
         let now = RunProgress::default().received(SystemTime::now());
@@ -319,6 +327,11 @@ impl Sink for RecordingSink {
             progress: Some(progress.record()),
         };
         self.log.write(self.verdicts, &message, seq, time)
+    }
+
+    fn cut_off(&mut self, why: &str) -> Result<()> {
+        let metadata = [(CUT_OFF.into(), why.into())].into();
+        self.log.describe(metadata)
     }
 
     fn flush(&mut self) -> Result<()> {

@@ -9,7 +9,7 @@ use crate::error::Result;
 use crate::incremental::Events;
 use crate::picture::Spot;
 use crate::picture::svg::plain;
-use crate::record::{Ending, RecordedItem, RecordedVerdict, RecordingReader, Retention};
+use crate::record::{CUT_OFF, Ending, RecordedItem, RecordedVerdict, RecordingReader, Retention};
 use crate::verdict::{DefectKind, LeftOut, Report, Stats, Verdict};
 use std::collections::BTreeMap;
 use std::io::{Read, Seek};
@@ -219,7 +219,8 @@ impl Facts {
         let lost = self.recorded_in_part() + self.unmeasured();
         let lost = self.counts.missing.saturating_add(lost);
         let lost = lost.saturating_add(self.unverified());
-        let lost = lost > 0 || !self.left_out.is_empty();
+        let cut = self.metadata.contains_key(CUT_OFF);
+        let lost = lost > 0 || cut || !self.left_out.is_empty();
         self.counts.verified == 0 || lost || self.end != End::Finished
     }
 }

@@ -2,7 +2,7 @@
 
 use super::facts::{End, Facts, Found};
 use crate::incremental::Events;
-use crate::record::Retention;
+use crate::record::{CUT_OFF, Retention};
 use crate::verdict::LeftOut;
 use crate::verdict::Verdict;
 use crate::words::{count, percent, plural, plural_of, truncated};
@@ -157,6 +157,7 @@ impl Facts {
                 .iter()
                 .map(|found| format!("not read: {found}")),
         );
+        gaps.extend(self.metadata.get(CUT_OFF).cloned());
         match &self.end {
             End::Finished => {}
             End::Cut(..) => gaps.push("the recording was cut off".into()),

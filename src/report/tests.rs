@@ -329,6 +329,15 @@ fn the_pair_that_was_pulled_through_first_is_named() {
 }
 
 #[test]
+fn a_run_without_an_end_is_not_intact() {
+    let run = Recorded::default().with("events", "all").intact().intact();
+    let run = run.with("cut_off", "the simulator died");
+    let sentence = "Not complete: the simulator died; what was recorded is intact: 2 frames, from \
+                    frame 0 to frame 1 at 0.5 s.";
+    says(run, Conclusion::Incomplete, sentence);
+}
+
+#[test]
 fn a_recording_that_was_cut_off_is_reported_up_to_its_end() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("run.mcap");

@@ -74,6 +74,15 @@ pub trait Sink: Send {
     /// The destination cannot be written.
     fn frame(&mut self, record: &FrameRecord) -> Result<()>;
 
+    /// Tells, after the last frame, why the run has no end, although all its frames are recorded.
+    ///
+    /// # Errors
+    ///
+    /// The destination cannot be written.
+    fn cut_off(&mut self, _why: &str) -> Result<()> {
+        Ok(())
+    }
+
     /// Writes all frames so far, so that they survive a crash of this process.
     ///
     /// # Errors

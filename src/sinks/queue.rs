@@ -68,6 +68,7 @@ pub struct SinkSummary {
 enum Event {
     Begin(Arc<BaselineRecord>),
     Expect(Arc<BaselineRecord>),
+    CutOff(&'static str),
     /// A frame, and true if its verdict differs from that of the previous frame.
     Frame(Arc<FrameRecord>, bool),
 }
@@ -277,6 +278,11 @@ impl SinkQueue {
     /// Passes a changed baseline to the sink ([`Sink::expect`]), like [`SinkQueue::begin`].
     pub fn expect(&self, baseline: Arc<BaselineRecord>) {
         self.push(Event::Expect(baseline));
+    }
+
+    /// Passes the reason to the sink ([`Sink::cut_off`]), like [`SinkQueue::begin`].
+    pub fn cut_off(&self, why: &'static str) {
+        self.push(Event::CutOff(why));
     }
 
     fn push(&self, event: Event) {
@@ -493,6 +499,7 @@ impl Worker {
             match event {
                 Some(Event::Begin(baseline)) => sink.begin(&baseline)?,
                 Some(Event::Expect(baseline)) => sink.expect(&baseline)?,
+                Some(Event::CutOff(why)) => sink.cut_off(why)?,
                 Some(Event::Frame(record, _)) => {
                     sink.frame(&record)?;
                     let mut state = self.shared.lock();

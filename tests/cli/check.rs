@@ -230,7 +230,7 @@ fn check_reports_pull_throughs_between_models() {
     // The frames are too far apart to decide whether four pull-throughs that cancel took place.
     let (code, out) = check(&[left, right], &[]);
     assert_eq!(code, 3, "{out}");
-    assert_eq!(out.matches("unresolved: ").count(), 4, "{out}");
+    assert_eq!(out.matches("\n  unresolved: ").count(), 4, "{out}");
     let (code, out) = check(&[left, right], &["--events", "--motion-limit", "10"]);
     assert_eq!(code, 1, "{out}");
     let passed = out

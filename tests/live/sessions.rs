@@ -107,8 +107,15 @@ fn a_killed_simulator_ends_the_watch_with_a_message_and_does_not_affect_the_next
         ended.stderr
     );
     assert!(ended.summary()["verified"].as_u64().unwrap() >= 20);
+    // Nobody takes the recording for a whole run.
     let replayed = replay(&recording);
-    assert_eq!(replayed.code, Some(0), "{}", replayed.stderr);
+    assert_eq!(replayed.code, Some(3), "{}", replayed.stderr);
+    for words in [&["check"][..], &["report", "--text"]] {
+        let run = linkwatch(&[words, &[recording.to_str().unwrap()]].concat());
+        assert_eq!(run.code, 3, "{run:?}");
+        let said = run.stdout.clone() + &run.stderr;
+        assert!(said.contains("the simulator died"), "{run:?}");
+    }
 
     let watch = Watch::start(folder.path(), "next", &service, &[]);
     let mut sim = client(&service);

@@ -373,7 +373,7 @@ impl Publisher<'_> {
     fn finish(mut self, end: End, start: Instant) -> Result<Outcome> {
         self.live.clear();
         let seconds = start.elapsed().as_secs_f64();
-        let cut = warn_of_cut(&self.source.path, self.source.reader.ending());
+        let cut = warn_of_cut(&self.source.path, &self.source.reader);
         let mut complete = !cut && !self.source.lacks_curves && self.counts.left_out == 0;
         complete &= matches!(end, End::AllPublished);
         let mut wait = SILENCE;

@@ -130,7 +130,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     }
     read.map_or(Ok(()), Err)?;
     let (mut session, comparison) = (replay.session, replay.comparison);
-    if warn_of_cut(&source.path, source.reader.ending()) {
+    if warn_of_cut(&source.path, &source.reader) {
         session.data_lost();
     }
     if replay.missing > 0 {

@@ -131,6 +131,8 @@ pub struct Run {
     sum: Summary,
     /// True if frames are missing.
     incomplete: bool,
+    /// Reason why the end of the run is missing.
+    cut: Option<&'static str>,
 }
 
 impl Run {
@@ -182,6 +184,7 @@ impl Run {
             news: News::default(),
             sum,
             incomplete,
+            cut: None,
         })
     }
 
@@ -370,6 +373,12 @@ impl Run {
         self.incomplete = true;
     }
 
+    /// Records that the run has no end, for this reason.
+    pub fn cut_off(&mut self, why: &'static str) {
+        self.cut = Some(why);
+        self.data_lost();
+    }
+
     /// Adds the comparison with the recorded verdicts to the summary.
     pub fn compared(&mut self, words: String, json: serde_json::Value) {
         self.sum.comparison = Some((words, json));
@@ -383,6 +392,9 @@ impl Run {
         let start = Instant::now();
         for queue in std::mem::take(&mut self.queues) {
             let complete = queue.requires_all_frames();
+            if let Some(why) = self.cut {
+                queue.cut_off(why);
+            }
             let summary = queue.finish(FINISH.saturating_sub(start.elapsed()));
             let all = plural(summary.written + summary.dropped, "frame");
             match &summary.failed {

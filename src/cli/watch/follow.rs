@@ -380,7 +380,7 @@ impl Follower<'_> {
                         tracing::info!(
                             "the simulator left without finishing (an error or a panic)"
                         );
-                        session.data_lost();
+                        session.cut_off("the simulator left without finishing");
                     }
                     let frames = plural(published, "frame");
                     tracing::info!("the simulator ended after {frames}");
@@ -392,7 +392,7 @@ impl Follower<'_> {
                         "the simulator died without ending the session; its last frames may be \
                          lost, and its own log may say why"
                     );
-                    session.data_lost();
+                    session.cut_off("the simulator died");
                     session.tally = counters;
                     return Ok(End::Simulator);
                 }

@@ -120,6 +120,13 @@ impl Files {
         Ok(())
     }
 
+    pub fn cut_off(&mut self, why: &str) -> Result<()> {
+        match &mut self.open {
+            Some(open) => open.sink.cut_off(why),
+            None => Ok(()),
+        }
+    }
+
     pub fn flush(&mut self) -> Result<()> {
         match &mut self.open {
             Some(open) => open.sink.flush(),

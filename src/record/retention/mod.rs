@@ -282,6 +282,11 @@ impl<K: Keep> Sink for Kept<K> {
         self.keep.frame(&mut self.files, record, start)
     }
 
+    fn cut_off(&mut self, why: &str) -> Result<()> {
+        self.keep.end(&mut self.files)?;
+        self.files.cut_off(why)
+    }
+
     fn flush(&mut self) -> Result<()> {
         self.files.flush()
     }
