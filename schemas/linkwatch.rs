@@ -90,6 +90,17 @@ pub struct Report {
     pub clearance: ::core::option::Option<Clearance>,
     #[prost(message, repeated, tag = "18")]
     pub left_out: ::prost::alloc::vec::Vec<LeftOut>,
+    #[prost(message, repeated, tag = "19")]
+    pub invariants: ::prost::alloc::vec::Vec<InvariantChange>,
+}
+#[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]
+pub struct InvariantChange {
+    #[prost(uint32, repeated, tag = "1")]
+    pub curves: ::prost::alloc::vec::Vec<u32>,
+    #[prost(string, tag = "2")]
+    pub expected: ::prost::alloc::string::String,
+    #[prost(string, tag = "3")]
+    pub found: ::prost::alloc::string::String,
 }
 #[derive(Clone, PartialEq, ::prost::Message)]
 pub struct Clearance {
@@ -310,6 +321,8 @@ pub struct Baseline {
     pub frame: ::core::option::Option<u64>,
     #[prost(uint64, tag = "9")]
     pub unverified: u64,
+    #[prost(string, repeated, tag = "10")]
+    pub invariants: ::prost::alloc::vec::Vec<::prost::alloc::string::String>,
 }
 #[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]
 pub struct YarnPeriod {

@@ -62,6 +62,7 @@
 //! | findings | [`Report`] with [`Verdict`], [`Change`], [`PullThrough`], [`Defect`], [`Place`] |
 //! | expected topology | [`Certificate`], [`Comparison`], [`Link`] |
 //! | DNA, polymers | [`Ribbon`], [`GaussIntegrals`]: writhe, twist, linking of open curves |
+//! | knots, triples of curves | [`Diagram`], [`diagrams`], [`Invariants`], [`TripleLink`] |
 //! | thickness | [`Thickness`], [`struts`], [`Strut`], [`MinRad`] |
 //! | cost of a frame | [`Stats`], [`Work`], [`Timings`], [`Progress`]; before the run: [`Plan`] |
 //! | kernels and devices | [`kernels::Method`], [`kernels::Device`], [`homotopic_polylines`] |
@@ -119,6 +120,8 @@ mod certificate;
 #[cfg(feature = "cli")]
 mod cli;
 mod curve;
+#[cfg(feature = "verify")]
+mod diagram;
 #[cfg(feature = "verify")]
 mod discretize;
 #[cfg(feature = "verify")]
@@ -191,6 +194,8 @@ pub use curve::{Basis, Cell, CurveLabels, Image, Point, Positions, Precision};
 #[cfg(feature = "verify")]
 pub use curve::{Curve, CurveSet};
 #[cfg(feature = "verify")]
+pub use diagram::{Diagram, InvariantKind, Invariants, KnotName, TripleLink, diagrams};
+#[cfg(feature = "verify")]
 pub use discretize::{Braid, BraidLoops, Braids, End, Polylines, chords, homotopic_polylines};
 #[cfg(feature = "verify")]
 pub use engine::{Certifier, Ladder, Plan, Progress, SessionOptions, Strategy, Timings};
@@ -223,8 +228,8 @@ pub use sinks::{
 #[cfg(feature = "cli")]
 use verdict::Lasting;
 pub use verdict::{
-    AbortOn, Change, ChangeKind, Clearance, CloseStrands, Defect, DefectKind, ImageLink, LeftOut,
-    Link, LoopPair, Place, PullThrough, Report, Stats, Verdict,
+    AbortOn, Change, ChangeKind, Clearance, CloseStrands, Defect, DefectKind, ImageLink,
+    InvariantChange, LeftOut, Link, LoopPair, Place, PullThrough, Report, Stats, Verdict,
 };
 #[cfg(feature = "rerun")]
 pub use viewer::{ViewerSink, ViewerTarget};

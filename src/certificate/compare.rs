@@ -172,6 +172,7 @@ mod tests {
                 .collect(),
             images: None,
             periods: Vec::new(),
+            higher: Vec::new(),
         }
     }
 

@@ -37,8 +37,11 @@
 //!
 //! The translations are those of [`canonical`] names, which depend on the topology alone: the text
 //! is the same whichever images the coordinates of the curves belong to.
+//!
+//! More lines have invariants of curves and of triples: see [`higher`].
 
 use super::Certificate;
+use super::higher;
 use super::is_near;
 use crate::curve::{Image, is_home};
 use crate::error::{Error, Result};
@@ -60,8 +63,9 @@ impl fmt::Display for Certificate {
     /// Writes the text of the file. Pairs without a linking number are listed as `i,j,undefined`,
     /// or `i,,undefined` for all pairs of a curve. If they were omitted, they would read as 0.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let higher = higher::invariant_lines(&self.higher);
         let Some(entries) = self.entries() else {
-            let lines = self.links.len() + self.undefined.len();
+            let lines = self.links.len() + self.undefined.len() + higher.len();
             writeln!(f, "{} {}", self.curves, line_count(lines))?;
             for l in &self.links {
                 writeln!(f, "{},{},{}", l.i, l.j, l.lambda)?;
@@ -70,10 +74,10 @@ impl fmt::Display for Certificate {
                 let j = d.j.map_or(String::new(), |j| j.to_string());
                 writeln!(f, "{},{j},{UNDEFINED}", d.i)?;
             }
-            return Ok(());
+            return higher.iter().try_for_each(|line| writeln!(f, "{line}"));
         };
         let curves = self.undefined.iter().filter(|d| d.j.is_none());
-        let lines = entries.len() + curves.clone().count() + self.periods.len();
+        let lines = entries.len() + curves.clone().count() + self.periods.len() + higher.len();
         let lines = line_count(lines);
         writeln!(f, "{PERIODIC} {} {lines}", self.curves)?;
         for (i, [n1, n2, n3]) in &self.periods {
@@ -88,7 +92,7 @@ impl fmt::Display for Certificate {
         for d in curves {
             writeln!(f, "{},,{UNDEFINED}", d.i)?;
         }
-        Ok(())
+        higher.iter().try_for_each(|line| writeln!(f, "{line}"))
     }
 }
 
@@ -130,8 +134,14 @@ impl Certificate {
         };
         let (mut entries, mut singles, mut periods) = (Vec::new(), Vec::new(), Vec::new());
         let mut found = 0;
+        let mut invariants = Vec::new();
         for (at, line) in lines {
             found += 1;
+            match higher::parse_invariant(line, curves, &mut invariants) {
+                Some(Ok(())) => continue,
+                Some(Err(what)) => return Err(bad(at, format!("'{}', {what}", clip(line)))),
+                None => {}
+            }
             let parsed = Line::parse(line, periodic);
             let parsed = parsed.ok_or_else(|| bad(at, format!("'{}', {expected}", clip(line))));
             match parsed? {
@@ -202,6 +212,7 @@ impl Certificate {
         };
         let mut certificate = certificate.with_entries(&entries, &[]);
         certificate.images.take_if(|_| !periodic);
+        certificate.higher = invariants;
         Ok(certificate)
     }
 

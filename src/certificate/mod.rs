@@ -3,13 +3,17 @@
 
 mod compare;
 mod file;
+mod higher;
 mod images;
 
 pub use compare::Comparison;
 pub(crate) use file::undefined_entry;
+#[cfg(feature = "mcap")]
+pub(crate) use higher::{invariant_lines, parse_invariant};
 pub(crate) use images::{Differences, no_baseline};
 
-use crate::curve::Image;
+use crate::curve::{CurveSet, Image};
+use crate::diagram::{HigherInvariants, InvariantKind};
 use crate::verdict::{Defect, ImageLink, Link};
 
 /// All linking numbers of a frame: the sparse upper triangular linking matrix (Qu & James 2021,
@@ -37,6 +41,9 @@ pub struct Certificate {
     pub(crate) images: Option<Vec<ImageLink>>,
     #[serde(default)]
     pub(crate) periods: Vec<(u32, Image)>,
+    /// Invariants of curves and of triples, if they were asked for.
+    #[serde(default, rename = "invariants")]
+    pub(crate) higher: Vec<HigherInvariants>,
 }
 
 /// Returns true if sums and multiples of a translation do not overflow.
@@ -87,6 +94,25 @@ impl Certificate {
     /// translations of their entries count up to multiples of it.
     pub fn periods(&self) -> &[(u32, Image)] {
         &self.periods
+    }
+
+    /// Adds invariants of one kind of the curves of the frame. Returns the reasons why curves have
+    /// none of their own.
+    ///
+    /// # Panics
+    ///
+    /// If the set has another number of curves.
+    pub fn add_invariants(&mut self, set: &CurveSet, kind: InvariantKind) -> Vec<Defect> {
+        assert_eq!(set.len(), self.curves, "the curves of the certificate");
+        let (found, defects) = HigherInvariants::of(set, kind);
+        self.higher.retain(|other| other.kind != kind);
+        self.higher.push(found);
+        defects
+    }
+
+    /// Returns the kinds of invariants that the certificate has beside linking numbers.
+    pub fn invariants(&self) -> impl Iterator<Item = InvariantKind> + '_ {
+        self.higher.iter().map(|found| found.kind)
     }
 
     /// Returns this certificate with the entries of these pairs, which must be sorted, replaced by

@@ -11,8 +11,8 @@ use super::output::{self, count, millis, percent, plural, plural_of};
 use super::{Outcome, output::with_progress};
 use linkwatch::kernels::{Method, Offload};
 use linkwatch::{
-    Braids, Certificate, Certifier, CurveSet, Error, Events, FrameInfo, ImageLink, Ladder,
-    Received, Result, Session, SessionOptions, Stats, picture,
+    Braids, Certificate, Certifier, CurveSet, Error, Events, FrameInfo, ImageLink, InvariantKind,
+    Ladder, Received, Result, Session, SessionOptions, Stats, picture,
 };
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -69,6 +69,13 @@ pub struct Args {
         requires = "open"
     )]
     at_least: f64,
+    /// Add invariants to the certificate: `self` (v2, v3 and the determinant of each closed curve)
+    /// and `triple` (Milnor's triple linking numbers)
+    #[arg(
+        long, value_name = "self,triple", value_delimiter = ',',
+        conflicts_with_all = ["braid", "explain", "noise", "open"]
+    )]
+    invariants: Vec<InvariantKind>,
     /// Print the decisions of each stage and the predicted cost, not the certificate
     #[arg(
         long, help_heading = super::KERNELS,
@@ -92,6 +99,8 @@ struct Certified {
     /// Work done on the GPU.
     offload: Offload,
     took: Duration,
+    /// True if all curves have the invariants that were asked for.
+    complete: bool,
 }
 
 /// Fails if a frame has a cell that the options do not consider.
@@ -115,6 +124,14 @@ fn certify(frame: Picked, args: &Args) -> Result<Certified> {
         true => certify_in_session(frame, args, braids)?,
         false => certify_alone(frame, args)?,
     };
+    for &kind in &args.invariants {
+        let set = &certified.frame.curves;
+        for defect in certified.certificate.add_invariants(set, kind) {
+            let sentence = defect.sentence_named(set.extent(), &[]);
+            tracing::warn!("{}: {sentence}", certified.frame.name);
+            certified.complete = false;
+        }
+    }
     certified.took = start.elapsed();
     let (frame, certificate, stats) = (&certified.frame, &certified.certificate, &certified.stats);
     let (name, set) = (&frame.name, &frame.curves);
@@ -186,6 +203,7 @@ fn certify_in_session(frame: Picked, args: &Args, braids: Option<Braids>) -> Res
         ladder: None,
         offload: verified.offload,
         took: Duration::ZERO,
+        complete: true,
     })
 }
 
@@ -212,6 +230,7 @@ fn certify_alone(frame: Picked, args: &Args) -> Result<Certified> {
         ladder: args.noise.is_none().then(|| certifier.ladder()),
         offload: certifier.offload(),
         took: Duration::ZERO,
+        complete: true,
     })
 }
 
@@ -266,7 +285,8 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
             let certified = certify(frame, args)?;
             print(path, &certified, args, style, json);
             write(path, &certified, args)?;
-            Ok(match certified.certificate.undefined.is_empty() {
+            let complete = certified.complete && certified.certificate.undefined.is_empty();
+            Ok(match complete {
                 true => Outcome::Fine,
                 false => Outcome::Undecided,
             })

@@ -70,7 +70,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     let mut judge = Judge {
         baseline: args.baseline.clone(),
         abort_on: Some(AbortOn::Never),
-        event_args: args.event_args,
+        event_args: args.event_args.clone(),
         braid_args: args.braid_args.clone(),
         cell_args: args.cell_args,
         // The models are files of the user, and no simulator runs on.

@@ -1,9 +1,10 @@
-//! The options `--events` and `--motion-limit` of every command that verifies successive frames.
+//! The options `--events`, `--motion-limit` and `--invariants` of every command that verifies
+//! successive frames.
 
-use linkwatch::{AbortOn, Events};
+use linkwatch::{AbortOn, Events, InvariantKind};
 
 /// Search for pull-throughs between successive frames.
-#[derive(Clone, Copy, Debug, Default, clap::Args)]
+#[derive(Clone, Debug, Default, clap::Args)]
 #[command(next_help_heading = super::COMPARE)]
 pub struct EventArgs {
     /// Pull-throughs to search for, each with its place and moment
@@ -23,25 +24,32 @@ pub struct EventArgs {
     /// decide whether the two pull-throughs took place [default: 1.5; replay: as recorded]
     #[arg(long, value_name = "LENGTHS")]
     pub motion_limit: Option<f64>,
+    /// Invariants to compare beside linking numbers: of each curve, or of triples
+    ///
+    /// `self`: v2, v3 and the determinant of each closed curve, which tell if its knot changed;
+    /// `triple`: Milnor's triple linking numbers, as of Borromean rings. For frames without the
+    /// motion between them [default: those of the baseline, if it is a file; replay: as recorded]
+    #[arg(long, value_name = "self,triple", value_delimiter = ',')]
+    pub invariants: Vec<InvariantKind>,
 }
 
 impl EventArgs {
     /// Returns true if the user chose a search or its limit.
-    pub fn are_given(self) -> bool {
+    pub fn are_given(&self) -> bool {
         self.events.is_some() || self.motion_limit.is_some()
     }
 
     /// Searches for no pull-throughs, unless the user asks for them: there is no step to search, or
     /// another option excludes it.
-    pub fn off_by_default(self) -> EventArgs {
+    pub fn off_by_default(&self) -> EventArgs {
         EventArgs {
             events: self.events.or(Some(Events::Off)),
-            ..self
+            ..self.clone()
         }
     }
 
     /// Returns the pull-throughs to search for: at least those that the policy needs.
-    pub fn events(self, abort_on: AbortOn) -> Events {
+    pub fn events(&self, abort_on: AbortOn) -> Events {
         match self.events.unwrap_or(Events::Between) {
             Events::Off if abort_on == AbortOn::Event => Events::Between,
             events => events,

@@ -10,6 +10,7 @@ mod clearance_args;
 mod completions;
 mod convert;
 mod devices;
+mod diagram;
 mod diff;
 mod each;
 mod event_args;
@@ -114,6 +115,7 @@ enum Command {
     Convert(convert::Args),
     Generate(generate::Args),
     Measure(measure::Args),
+    Diagram(diagram::Args),
     #[command(hide = true)]
     Thickness(measure::thickness::Args),
     #[command(hide = true)]
@@ -210,6 +212,7 @@ fn run(cli: &Cli) -> Result<Outcome> {
         Command::Certify(args) => certify::run(args, cli.json),
         Command::Check(args) => check::run(args, cli.json),
         Command::Convert(args) => convert::run(args, cli.json),
+        Command::Diagram(args) => diagram::run(args, cli.json),
         Command::Devices => devices::run(cli.json),
         Command::Generate(args) => generate::run(args, cli.json),
         Command::Measure(args) => measure::run(args, cli.json),

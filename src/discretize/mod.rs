@@ -11,6 +11,9 @@
 //! - [`homotopic_polylines`]: Algorithm 3 as published, for all pairs at once, with tight boxes.
 //!   The resulting polylines can be used independently of the splines.
 //!
+//! Linking numbers need no more than that. Diagrams need polylines of the same knot type:
+//! [`isotopic_polylines`].
+//!
 //! Polylines need no discretization.
 //!
 //! [`Braids`]: open curves between two rigid ends become virtual closed loops.
@@ -20,6 +23,7 @@ mod chords;
 mod global;
 mod halving;
 mod hulls;
+mod isotopic;
 mod pair;
 mod pieces;
 
@@ -28,6 +32,7 @@ pub use chords::chords;
 pub use global::{Polylines, homotopic_polylines};
 pub(crate) use halving::{Halving, Splits, sort_splits, vertices};
 pub(crate) use hulls::Hull;
+pub(crate) use isotopic::isotopic_polylines;
 pub(crate) use pair::{MovingSeparation, Separation};
 pub(crate) use pieces::{Sieve, pieces_between, pieces_within};
 

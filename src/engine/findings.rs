@@ -127,6 +127,10 @@ impl Engine {
         let defects = &mut motion.defects;
         self.steps
             .add_defects(known, &outcome, comparison, place, defects)?;
+        let unaccounted = self.unaccounted_passages(known, frame, &outcome)?;
+        motion.defects.extend(unaccounted);
+        let defects = &mut motion.defects;
+        defects.sort_by_key(|d| (d.i, d.j));
         let unaccounted = defects.iter().any(|d| d.kind == DefectKind::Unaccounted);
         if !unaccounted {
             motion.safe_fraction = self.steps.safe_fraction(known, frame, &outcome)?;

@@ -247,6 +247,7 @@ impl FullRun {
             undefined,
             images: _,
             periods: _,
+            higher: _,
         } = &mut self.certificate;
         *curves = set.len();
         links.clear();

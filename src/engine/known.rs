@@ -3,6 +3,7 @@
 use super::intactness::Intactness;
 use crate::certificate::{Certificate, Comparison};
 use crate::curve::{CurveChange, CurveSet, Frame, Precision};
+use crate::diagram::HigherInvariants;
 use crate::error::{Error, Result};
 use crate::incremental::{Contacts, Events};
 use crate::pairs::{Pair, PairFilter};
@@ -23,6 +24,8 @@ pub(super) struct Known {
     pub last: Option<Arc<Last>>,
     /// Last verified frame, if it had other curves than the current one; `last` is `None` then.
     pub across: Option<Arc<Across>>,
+    /// Expected invariants of curves and of triples, if they are compared, from the first frame on.
+    pub higher: Arc<Vec<HigherInvariants>>,
     /// Pairs of curves that have touched since the very first frame, sorted, without pairs of
     /// closed curves; `None` before that frame.
     pub touching: Option<Arc<Vec<Pair>>>,
@@ -229,6 +232,8 @@ impl Known {
             let all = (0_u32..).zip(origins);
             appeared.extend(all.filter(|(_, o)| o.is_none()).map(|(i, _)| i));
         }
+        let higher = self.higher.iter();
+        self.higher = Arc::new(higher.map(|of| of.with_curves(origins)).collect());
         let last = self.last.take().filter(|_| events != Events::Off);
         self.across = last.and_then(|last| {
             let before = &**last.frame.given();

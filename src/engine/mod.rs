@@ -13,6 +13,7 @@ mod compare;
 mod expand;
 mod findings;
 mod full;
+mod higher;
 mod intactness;
 mod known;
 mod ladder;
@@ -41,6 +42,7 @@ use self::routing::Routing;
 use self::steps::Steps;
 use crate::certificate::Certificate;
 use crate::curve::{Cell, CurveChange, CurveSet, Positions};
+use crate::diagram::InvariantKind;
 use crate::discretize::Braids;
 use crate::error::{Error, Result};
 use crate::incremental::{Events, Monitor, Work};
@@ -62,6 +64,7 @@ pub(crate) struct Engine {
     check_torn: bool,
     strategy: Strategy,
     early_exit: bool,
+    invariants: Vec<InvariantKind>,
     known: Known,
     /// Braids of the first frame, if there are any.
     braids: Option<Braids>,
@@ -131,7 +134,10 @@ impl Engine {
         let ends = (full.progress.cancel.clone(), full.progress.limit.clone());
         let incremental = options.strategy.is_incremental();
         let steps = Steps::new(options.events, incremental, limit, ends);
+        let higher = options.baseline.as_ref();
+        let higher = higher.map_or_else(Vec::new, |given| given.higher.clone());
         Engine {
+            invariants: options.invariants,
             abort_on: options.abort_on,
             max_pairs: options.max_pairs,
             check_torn: options.wrapped.is_none(),
@@ -139,6 +145,7 @@ impl Engine {
             early_exit: options.early_exit,
             braids: options.braids,
             known: Known {
+                higher: Arc::new(higher),
                 given: options.baseline.map(Arc::new),
                 cell: options.cell.map(|_| CellScene::default()),
                 ..Known::default()
@@ -311,11 +318,13 @@ impl Engine {
         let Motion {
             events,
             unresolved,
-            defects,
+            mut defects,
             safe_fraction,
         } = self.search_events(known, &frame, step, comparison)?;
         self.full.progress.check()?;
         let yarns = self.compare_yarns(known, &frame)?;
+        let invariants = self.compare_invariants(known, given, comparison, &mut defects);
+        self.full.progress.check()?;
         // From here on, the frame is not rejected.
         let unknown = !missing.is_empty() || self.steps.found_undecided();
         let extent = *known.extent.get_or_insert_with(|| given.extent());
@@ -323,6 +332,7 @@ impl Engine {
             changes: comparison.changes.clone(),
             events,
             unresolved,
+            invariants,
             defects,
             adopted: comparison.adopted.clone(),
             safe_fraction,

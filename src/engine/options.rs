@@ -2,6 +2,7 @@
 
 use crate::certificate::Certificate;
 use crate::curve::Cell;
+use crate::diagram::InvariantKind;
 use crate::discretize::Braids;
 use crate::error::{Error, Result};
 use crate::incremental::{Events, MOTION_LIMIT};
@@ -58,6 +59,12 @@ pub struct SessionOptions {
     /// their pair of curves and both moved further than the limit. With an infinite limit there are
     /// none.
     pub motion_limit: Option<f64>,
+    /// Invariants that are compared in each frame beside linking numbers
+    /// ([`Report::invariants`](crate::Report::invariants)), with those of the baseline, or of the
+    /// first frame if it has none. They tell frames apart without the motion between them: a curve
+    /// that was knotted or unknotted, or Borromean rings that came apart. Computed in full for each
+    /// frame. None by default. Excludes braids. Images of a cell are in no triple.
+    pub invariants: Vec<InvariantKind>,
     /// Strands whose clearance is measured in each frame ([`Report::clearance`]). `None`, the
     /// default: clearance is not measured.
     ///
@@ -162,6 +169,7 @@ impl Default for SessionOptions {
             early_exit: false,
             events: Events::default(),
             motion_limit: None,
+            invariants: Vec::new(),
             clearance: None,
             braids: None,
             cell: None,
@@ -224,6 +232,9 @@ impl SessionOptions {
                      curves without their images)"
                 ));
             }
+        }
+        if self.braids.is_some() && !self.invariants.is_empty() {
+            return refuse("invariants exclude braids: virtual loops are not the curves".into());
         }
         if self.abort_on == AbortOn::Event && !searches {
             return refuse("abort on event needs events, which are off".into());

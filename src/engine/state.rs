@@ -5,6 +5,7 @@ use super::known::{Last, LinkingNumbers};
 use super::{Engine, SessionOptions};
 use crate::certificate::Certificate;
 use crate::curve::{Cell, CurveSet, Frame, StoredCurves};
+use crate::diagram::HigherInvariants;
 use crate::discretize::Braids;
 use crate::error::{Error, Result};
 use crate::incremental::{Contacts, Events};
@@ -21,6 +22,7 @@ pub(crate) struct EngineState {
     baseline: Arc<Certificate>,
     /// Braids with everything that was found in the first frame, as JSON, and that frame.
     braids: Option<(String, StoredCurves)>,
+    higher: Arc<Vec<HigherInvariants>>,
     intactness: Intactness,
     extent: Option<f64>,
     /// True if the last frame is compared with the next one.
@@ -68,6 +70,7 @@ impl Engine {
                 let (braids, first) = scene.braids();
                 (braids.to_json(), StoredCurves(Arc::clone(first)))
             }),
+            higher: Arc::clone(&known.higher),
             intactness: known.intactness,
             extent: known.extent,
             continues: last.is_some(),
@@ -100,6 +103,7 @@ impl Engine {
         self.begin_frame();
         let mut known = self.known.clone();
         (known.intactness, known.extent) = (state.intactness, state.extent);
+        known.higher = state.higher;
         known.unknown_step = state
             .unknown_step
             .filter(|_| self.steps.events() != Events::Off);

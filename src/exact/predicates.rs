@@ -125,12 +125,18 @@ impl Predicates {
 }
 
 /// Returns the determinant of [`Predicates::orient3d`] in floating point, and a bound of its error.
+#[inline(always)]
+pub(crate) fn volume([a, b, c, d]: [Point; 4]) -> (f64, f64) {
+    determinant([a, b, c].map(|p| [p[0] - d[0], p[1] - d[1], p[2] - d[2]]))
+}
+
+/// Returns the determinant of three rows, each exact or a difference that was rounded once, and a
+/// bound of its error.
 ///
 /// Underflow: the six products of two numbers have an error of at most [`UNDERFLOW`] each, and are
 /// multiplied by a difference. The three products of those add as much again.
 #[inline(always)]
-pub(crate) fn volume([a, b, c, d]: [Point; 4]) -> (f64, f64) {
-    let [ad, bd, cd] = [a, b, c].map(|p| [p[0] - d[0], p[1] - d[1], p[2] - d[2]]);
+pub(super) fn determinant([ad, bd, cd]: [Point; 3]) -> (f64, f64) {
     let bc = [bd[0] * cd[1], cd[0] * bd[1]];
     let ca = [cd[0] * ad[1], ad[0] * cd[1]];
     let ab = [ad[0] * bd[1], bd[0] * ad[1]];

@@ -1,7 +1,7 @@
 //! Conversions of the messages in a recording from and to library types.
 
 use super::schema;
-use crate::certificate::{Certificate, undefined_entry};
+use crate::certificate::{Certificate, invariant_lines, parse_invariant, undefined_entry};
 use crate::curve::{Basis, Cell, Image, Precision, is_home};
 use crate::error::Result;
 pub(super) use crate::formats::container::invalid;
@@ -9,8 +9,8 @@ use crate::incremental::{Route, Work};
 use crate::sinks::{BaselineRecord, FrameTimes, LiveTimes, RunProgress};
 use crate::verdict::LeftOut;
 use crate::verdict::{
-    Change, Clearance, CloseStrands, Defect, DefectKind, ImageLink, Link, Place, PullThrough,
-    Report, Stats, Verdict,
+    Change, Clearance, CloseStrands, Defect, DefectKind, ImageLink, InvariantChange, Link, Place,
+    PullThrough, Report, Stats, Verdict,
 };
 use std::borrow::Cow;
 use std::sync::Arc;
@@ -216,6 +216,7 @@ messages! {
         point = [x, y, z] of [x, y, z]
     }
     Change { i, j, image, expected, found, place }
+    InvariantChange { curves, expected, found }
     Defect { i, j, image, kind, place }
     PullThrough {
         i, j, image, fraction, sign, lengths;
@@ -230,7 +231,7 @@ messages! {
     }
     Report {
         seq, time, verdict, abort, changes, events, unresolved, defects, adopted, last_intact,
-        safe_fraction, clearance, appeared, gone, missing, left_out, rejected, stats
+        safe_fraction, clearance, appeared, gone, missing, left_out, rejected, stats, invariants
         => loops: Vec::new()
     }
     FrameTimes {
@@ -314,6 +315,7 @@ impl Recorded<schema::Baseline> for BaselineRecord {
             periodic: c.images.is_some(),
             images: c.images.iter().flatten().map(image).collect(),
             periods: c.periods.record(),
+            invariants: invariant_lines(&c.higher),
         }
     }
 
@@ -363,13 +365,21 @@ impl Recorded<schema::Baseline> for BaselineRecord {
             return Err(invalid("defect of the baseline", what));
         }
         let curves = usize::try_from(b.curves);
+        let curves = curves.map_err(|_| invalid("curves of the baseline", b.curves))?;
+        let mut higher = Vec::new();
+        for line in &b.invariants {
+            let parsed = parse_invariant(line, curves, &mut higher);
+            let parsed = parsed.unwrap_or_else(|| Err(line.clone()));
+            parsed.map_err(|e| invalid("invariants of the baseline", e))?;
+        }
         Ok(BaselineRecord {
             certificate: Arc::new(Certificate {
-                curves: curves.map_err(|_| invalid("curves of the baseline", b.curves))?,
+                curves,
                 links,
                 undefined,
                 images: b.periodic.then_some(images),
                 periods: Recorded::read(b.periods)?,
+                higher,
             }),
             origin: b.origin,
             frame: b.frame,

@@ -113,6 +113,7 @@ impl Recorded {
             undefined: Vec::new(),
             images: None,
             periods: Vec::new(),
+            higher: Vec::new(),
         });
         let origin = "first frame".to_owned();
         sink.begin(&BaselineRecord {

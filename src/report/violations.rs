@@ -93,10 +93,12 @@ impl Violations {
             };
             let sentence = || match finding {
                 Finding::Change(c) => c.sentence_named(extent, names),
+                Finding::Invariant(c) => c.sentence_named(names),
                 Finding::Defect(d) => report.defect(d, names),
                 Finding::PullThrough(e) | Finding::Unresolved(e) => e.sentence_named(extent, names),
             };
             match finding {
+                Finding::Invariant(_) => {}
                 Finding::PullThrough(_) => pair.pull_throughs += 1,
                 Finding::Unresolved(_) => pair.unresolved += 1,
                 Finding::Change(c) => {

@@ -13,7 +13,7 @@ use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
 /// Version of the state. Another version cannot be read.
-const VERSION: u32 = 3;
+const VERSION: u32 = 4;
 
 /// State of a session after a verified frame: the frame, the baseline, and all else that later
 /// reports depend on. A clone shares the curves. It can be stored with serde, in a format that

@@ -55,6 +55,18 @@ pub struct LoopPair {
     pub nearest: [Option<[u32; 2]>; 2],
 }
 
+/// Invariants of a knot, or the triple linking number of three curves, that differ from the
+/// expected ones.
+#[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+pub struct InvariantChange {
+    /// The curve, or three curves; sorted.
+    pub curves: Vec<u32>,
+    /// Expected invariants in words: `v2 0, v3 0, determinant 1`, or `mu 1`.
+    pub expected: String,
+    /// Invariants of the frame in words.
+    pub found: String,
+}
+
 /// A linking number that differs from the expected one.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Change {

@@ -1,6 +1,6 @@
 //! Findings of a report, of all kinds alike.
 
-use super::{Change, Defect, PullThrough, Report};
+use super::{Change, Defect, InvariantChange, PullThrough, Report};
 use crate::curve::Image;
 #[cfg(any(feature = "cli", feature = "rerun"))]
 use crate::curve::Point;
@@ -9,6 +9,7 @@ use crate::curve::Point;
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Finding<'a> {
     Change(&'a Change),
+    Invariant(&'a InvariantChange),
     PullThrough(&'a PullThrough),
     Defect(&'a Defect),
     Unresolved(&'a PullThrough),
@@ -23,9 +24,11 @@ impl Report {
     /// Returns the findings in the order of [`Report::findings`], at most `most` of each kind.
     pub(crate) fn first_findings(&self, most: usize) -> impl Iterator<Item = Finding<'_>> {
         let changes = self.changes.iter().take(most).map(Finding::Change);
+        let invariants = self.invariants.iter().take(most).map(Finding::Invariant);
         let events = self.events.iter().take(most).map(Finding::PullThrough);
         let defects = self.defects.iter().take(most).map(Finding::Defect);
         let unresolved = self.unresolved.iter().take(most).map(Finding::Unresolved);
+        let changes = changes.chain(invariants);
         changes.chain(events).chain(defects).chain(unresolved)
     }
 }
@@ -35,6 +38,7 @@ impl Finding<'_> {
     pub fn pair(self) -> (u32, Option<u32>, Image) {
         match self {
             Finding::Change(c) => (c.i, Some(c.j), c.image),
+            Finding::Invariant(c) => (c.curves[0], c.curves.get(1).copied(), Image::default()),
             Finding::PullThrough(e) | Finding::Unresolved(e) => (e.i, Some(e.j), e.image),
             Finding::Defect(d) => (d.i, d.j, d.image),
         }
@@ -45,6 +49,7 @@ impl Finding<'_> {
     pub fn place(self) -> Option<([u32; 2], Point)> {
         let place = match self {
             Finding::Change(c) => c.place?,
+            Finding::Invariant(_) => return None,
             Finding::Defect(d) => d.place,
             Finding::PullThrough(e) | Finding::Unresolved(e) => {
                 return Some((e.segments, e.point));
@@ -76,7 +81,10 @@ impl Finding<'_> {
 
     /// Returns true if the topology changed, false if it is undecided.
     pub fn is_change(self) -> bool {
-        matches!(self, Finding::Change(_) | Finding::PullThrough(_))
+        matches!(
+            self,
+            Finding::Change(_) | Finding::Invariant(_) | Finding::PullThrough(_)
+        )
     }
 
     /// Returns a few words for a label beside the place.
@@ -92,6 +100,7 @@ impl Finding<'_> {
                 let (expected, found) = (c.expected, c.found);
                 format!("{curves}: linking number was {expected}, is {found}")
             }
+            Finding::Invariant(c) => format!("{curves}: was {}, is {}", c.expected, c.found),
             Finding::PullThrough(e) => format!("{}, {:+}", e.label(names), e.sign),
             Finding::Defect(d) => format!("{curves} {}", d.kind.words()),
             Finding::Unresolved(e) => format!("{}: unresolved", e.label(names)),

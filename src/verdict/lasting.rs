@@ -15,9 +15,9 @@ pub struct Lasting {
     pub j: Option<u32>,
     /// Translation of the second curve, in vectors of the cell.
     pub image: Image,
-    /// Linking number that was found; `None` for a defect.
+    /// Linking number that was found; `None` for a defect, and for invariants of curves.
     pub found: Option<i64>,
-    /// Kind of the defect; `None` for a changed linking number.
+    /// Kind of the defect; `None` for a change.
     pub kind: Option<DefectKind>,
 }
 
@@ -29,6 +29,7 @@ impl Report {
             let (found, kind) = match finding {
                 Finding::Change(c) => (Some(c.found), None),
                 Finding::Defect(d) => (None, Some(d.kind)),
+                Finding::Invariant(_) => (None, None),
                 Finding::PullThrough(_) | Finding::Unresolved(_) => return None,
             };
             let (i, j, image) = finding.pair();

@@ -2,8 +2,8 @@
 
 use super::finding::Finding;
 use super::{
-    Change, ChangeKind, Clearance, CloseStrands, Defect, DefectKind, ImageLink, LoopPair, Place,
-    PullThrough, Report,
+    Change, ChangeKind, Clearance, CloseStrands, Defect, DefectKind, ImageLink, InvariantChange,
+    LoopPair, Place, PullThrough, Report,
 };
 use crate::curve::{Image, Notation, is_home, significant, words_of_change, words_of_curve};
 use std::fmt;
@@ -102,6 +102,22 @@ impl fmt::Display for Change {
     }
 }
 
+impl InvariantChange {
+    /// Returns a sentence, with the names of all curves, or without if empty.
+    pub fn sentence_named(&self, names: &[String]) -> String {
+        let curves = self.curves.iter().map(|&i| words_of_curve(i, names));
+        let curves: Vec<String> = curves.collect();
+        let (expected, found) = (&self.expected, &self.found);
+        match &curves[..] {
+            [one] => format!("the knot of curve {one} changed: was {expected}, is {found}"),
+            _ => {
+                let curves = curves.join(", ");
+                format!("curves {curves}: triple linking number was {expected}, is {found}")
+            }
+        }
+    }
+}
+
 impl LoopPair {
     /// Returns the loops in words: "the virtual loops of curves 0 + 1 and 2 + 3".
     fn words(&self, names: &[String]) -> String {
@@ -186,6 +202,11 @@ impl Defect {
         let (i, what) = (words_of_curve(self.i, names), self.kind.words());
         match self.j {
             Some(j) if j == self.i && is_home(&self.image) => {
+                if self.kind == DefectKind::Unaccounted {
+                    return format!(
+                        "curve {i} has a change of v2 that differs from that of its pull-throughs"
+                    );
+                }
                 format!("parts of curve {i} {what}")
             }
             Some(j) => format!("{} {what}", words_of_pair((self.i, j), self.image, names)),
@@ -333,6 +354,7 @@ impl Report {
             (lost, "link* lost"),
             (gained, "link* gained"),
             (changed, "link* changed"),
+            (self.invariants.len(), "knot* or triple* changed"),
             (self.events.len(), "pull-through*"),
             (
                 self.defects.len() - of_step,
@@ -381,6 +403,7 @@ impl Report {
                 Some(pair) => pair.change(c, extent, names),
                 None => c.sentence_named(extent, names),
             },
+            Finding::Invariant(c) => c.sentence_named(names),
             Finding::PullThrough(e) => e.sentence_named(extent, names),
             Finding::Defect(d) => self.defect(d, names),
             Finding::Unresolved(e) => format!("unresolved: {}", e.with_motion(names, extent)),

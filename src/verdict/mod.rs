@@ -9,7 +9,7 @@ mod message;
 mod policy;
 mod pull_through;
 
-pub use change::{Change, ChangeKind, ImageLink, Link, LoopPair};
+pub use change::{Change, ChangeKind, ImageLink, InvariantChange, Link, LoopPair};
 pub use clearance::{Clearance, CloseStrands};
 #[cfg(any(feature = "cli", feature = "rerun"))]
 pub(crate) use finding::Finding;
@@ -254,6 +254,10 @@ pub struct Report {
     /// within their pair, and moved further than
     /// [the limit](crate::SessionOptions::motion_limit). In chronological order.
     pub unresolved: Vec<PullThrough>,
+    /// Invariants of knots and of triples of curves that differ from the expected ones, sorted
+    /// ([`SessionOptions::invariants`](crate::SessionOptions::invariants)).
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub invariants: Vec<InvariantChange>,
     /// Pairs and curves that could not be decided or compared, sorted by pair.
     pub defects: Vec<Defect>,
     /// Nonzero linking numbers that the baseline lacked, sorted by pair. They are expected from
@@ -311,7 +315,8 @@ impl Report {
             self.unresolved.len(),
             self.missing.len(),
         ];
-        if !(self.changes.is_empty() && self.events.is_empty()) {
+        let changed = [self.changes.len(), self.events.len(), self.invariants.len()];
+        if changed != [0; 3] {
             Verdict::Changed
         } else if self.has_contact() {
             Verdict::Contact
@@ -332,6 +337,7 @@ impl Report {
             changes: Vec::new(),
             events: Vec::new(),
             unresolved: Vec::new(),
+            invariants: Vec::new(),
             defects: Vec::new(),
             adopted: Vec::new(),
             last_intact: None,

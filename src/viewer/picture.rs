@@ -46,7 +46,7 @@ pub(super) fn draw_places(
         let mut spot = local::spot(set, finding.curves(), (segments, by), point);
         let mut text = finding.label(names);
         let color = match finding {
-            Finding::Change(_) => PALE_RED,
+            Finding::Change(_) | Finding::Invariant(_) => PALE_RED,
             Finding::Defect(_) | Finding::Unresolved(_) => PALE_ORANGE,
             Finding::PullThrough(e) => {
                 spot.marks = vec![point];

@@ -12,8 +12,9 @@ const ABSENT: [&str; 1] = ["loop pair"];
 
 /// Objects that have the fields of this one, too.
 const FRAME_OF_A_MODEL: &str = "frame of a model";
-const OF_A_MODEL: [&str; 5] = [
+const OF_A_MODEL: [&str; 6] = [
     "certified frame",
+    "diagram",
     "integral",
     "measured frame",
     "ribbon",
@@ -199,6 +200,27 @@ impl Schema {
 const TOUCHING: &str = "-1 -1 0\n1 -1 0\n1 1 0\n-1 1 0\n\n1 0 0\n3 0 0\n3 0 1\n1 0 1\n\n\
     0 0 -1\n-2 0 -1\n-2 0 1\n0 0 1\n";
 
+/// Borromean rings, the first one moved, and a torus knot of two strands.
+fn knots(apart: f64, twists: f64) -> String {
+    let mut lines = String::new();
+    for turn in 0..3 {
+        for [x, y] in [[-1.0, -2.0], [1.0, -2.0], [1.0, 2.0], [-1.0, 2.0]] {
+            let mut p = [x, y, 0.0];
+            p.rotate_right(turn);
+            let z = if turn == 0 { p[2] + apart } else { p[2] };
+            lines += &format!("{} {} {z}\n", p[0], p[1]);
+        }
+        lines += "\n";
+    }
+    for k in 0..60 {
+        let t = f64::from(k) * std::f64::consts::TAU / 60.0;
+        let r = 2.0 + (twists * t).cos();
+        let (x, y, z) = (r * (2.0 * t).cos(), r * (2.0 * t).sin(), (twists * t).sin());
+        lines += &format!("{} {y} {z}\n", x + 20.0);
+    }
+    lines
+}
+
 #[test]
 fn the_page_has_the_fields_of_the_output() {
     let mut schema = Schema::read();
@@ -252,6 +274,21 @@ fn the_page_has_the_fields_of_the_output() {
     schema.run("certified frame", &["certify", &sheet, "--cell", "3,3,3"]);
     schema.run("certified frame", &["certify", &touching, "--closed"]);
     schema.run("certified frame", &["certify", &partial]);
+    // Borromean rings come apart, and a trefoil comes undone.
+    let (rings, apart) = (path("rings.txt"), path("apart.txt"));
+    std::fs::write(&rings, knots(0.0, 3.0)).unwrap();
+    std::fs::write(&apart, knots(9.0, 1.0)).unwrap();
+    let invariants = ["--closed", "--invariants", "self,triple"];
+    schema.run(
+        "certified frame",
+        &[&["certify", &rings][..], &invariants].concat(),
+    );
+    schema.run(
+        "frame",
+        &[&["check", &rings, &apart][..], &invariants].concat(),
+    );
+    schema.run("diagram", &["diagram", &rings, "--closed"]);
+    schema.run("diagram", &["diagram", &touching, "--closed"]);
     schema.run("explanation", &["certify", &sheet, "--explain"]);
     schema.run(
         "integral",

@@ -6,6 +6,7 @@ mod certify;
 mod check;
 mod closing;
 mod convert;
+mod diagram;
 mod explain;
 mod formats;
 mod frames;

@@ -25,6 +25,7 @@ fn _linkwatch(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(strands::struts, module)?)?;
     module.add_function(wrap_pyfunction!(strands::ribbon, module)?)?;
     module.add_function(wrap_pyfunction!(strands::gauss, module)?)?;
+    module.add_function(wrap_pyfunction!(strands::diagram, module)?)?;
     module.add_function(wrap_pyfunction!(command, module)?)?;
     Ok(())
 }

@@ -67,20 +67,25 @@ impl Session {
     ))]
     fn new(
         py: Python<'_>,
-        words: [String; 3],
+        words: [String; 4],
         baseline: Option<Certificate>,
         flags: Flags,
         motion_limit: Option<f64>,
         strands: Option<Strands>,
         state: Option<&[u8]>,
     ) -> PyResult<Session> {
-        let [basis_name, events, abort_on] = words;
+        let [basis_name, events, abort_on, invariants] = words;
         let (incremental, keep_open, wrapped) = flags;
         let options = SessionOptions {
             baseline: baseline.map(|b| b.numbers),
             events: events.parse().map_err(option("events"))?,
             abort_on: abort_on.parse().map_err(option("abort_on"))?,
             motion_limit,
+            invariants: invariants
+                .split(',')
+                .filter(|kind| !kind.is_empty())
+                .map(|kind| kind.parse().map_err(option("invariants")))
+                .collect::<PyResult<_>>()?,
             wrapped,
             keep_open,
             clearance: strands.map(|(radius, low)| {

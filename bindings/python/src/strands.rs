@@ -1,4 +1,4 @@
-//! Thickness, struts, ribbons and Gauss integrals, as Python objects.
+//! Thickness, struts, ribbons, Gauss integrals and diagrams, as Python objects.
 
 use crate::call::{guarded, watched};
 use crate::exception;
@@ -148,4 +148,29 @@ pub fn gauss(
     })?;
     let found: Vec<Estimate> = found;
     Ok(found.iter().map(|one| (one.value, one.bound)).unzip())
+}
+
+/// Computes the reduced diagrams of closed curves, and of connected groups if they are asked for.
+/// Returns them, and sentences about curves that have none.
+#[pyfunction]
+pub fn diagram(
+    py: Python<'_>,
+    frame: Frame<'_>,
+    groups: bool,
+) -> PyResult<(Py<PyAny>, Vec<String>)> {
+    let found = measure(py, &frame, move |set, _| {
+        let (mut json, mut words, mut undecided) = (Vec::new(), Vec::new(), Vec::new());
+        for (_, diagram) in linkwatch::diagrams(set, groups) {
+            match diagram {
+                Ok(diagram) => {
+                    words.push(diagram.to_string());
+                    json.push(diagram.to_json());
+                }
+                Err(defect) => undecided.push(defect.sentence_named(set.extent(), &[])),
+            }
+        }
+        Ok((Value::from(json).to_string(), words, undecided))
+    })?;
+    let (json, words, undecided) = found;
+    Ok((result(py, "Diagram", (json, words), &[])?, undecided))
 }

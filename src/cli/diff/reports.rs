@@ -49,6 +49,7 @@ fn by_identity(report: &Report, names: &[String]) -> BTreeMap<Key, Vec<String>> 
             Finding::PullThrough(e) => (1, [e.sign.into(), 0]),
             Finding::Defect(d) => (2, [i64::from(d.kind as u32), 0]),
             Finding::Unresolved(e) => (3, [e.sign.into(), 0]),
+            Finding::Invariant(_) => (4, [0, 0]),
         };
         let (i, j, image) = finding.pair();
         let key = (kind, i, j, image, numbers);

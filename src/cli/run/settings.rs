@@ -6,7 +6,9 @@ use crate::cli::clearance_args::{self, ClearanceArgs};
 use crate::cli::event_args::EventArgs;
 use crate::cli::files::{Files, Overwrite};
 use linkwatch::Events;
-use linkwatch::{AbortOn, BaselineRecord, Braids, Certificate, Error, Result, SessionOptions};
+use linkwatch::{
+    AbortOn, BaselineRecord, Braids, Certificate, Error, InvariantKind, Result, SessionOptions,
+};
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::str::FromStr;
@@ -74,6 +76,11 @@ impl Judge {
             // A limit needs a search.
             given.motion_limit = None;
         }
+        let invariants = &mut judge.event_args.invariants;
+        if let (true, Some(words)) = (invariants.is_empty(), metadata.get("invariants")) {
+            let kinds = words.split(',').filter_map(|word| word.parse().ok());
+            invariants.extend(kinds.collect::<Vec<InvariantKind>>());
+        }
         judge.clearance_args = self.clearance_args.or_recorded(metadata);
         judge.braid_args = judge.braid_args.or_recorded(metadata)?;
         judge.cell_args.keep_open |= metadata.contains_key(KEEP_OPEN);
@@ -97,6 +104,10 @@ impl Judge {
             ("--braid", braids),
             ("--cell or --wrapped", self.cell_args.are_given()),
             ("--keep-open", keep_open),
+            (
+                "--invariants",
+                now.event_args.invariants != then.event_args.invariants,
+            ),
             ("--events", now.event_args.events != then.event_args.events),
             ("--max-pairs", self.max_pairs.is_some_and(is_stricter)),
             ("--motion-limit", limit),
@@ -139,6 +150,11 @@ impl Judge {
         if self.cell_args.keep_open {
             metadata.insert(KEEP_OPEN.into(), "true".into());
         }
+        let invariants = self.event_args.invariants.clone();
+        if !invariants.is_empty() {
+            let words: Vec<&str> = invariants.iter().map(|kind| kind.word()).collect();
+            metadata.insert("invariants".into(), words.join(","));
+        }
         let clearance = self.clearance_args.options()?;
         if let Some(clearance) = &clearance {
             clearance_args::write(clearance, metadata);
@@ -157,6 +173,7 @@ impl Judge {
         Ok(SessionOptions {
             abort_on,
             events,
+            invariants,
             clearance,
             braids,
             cell: self.cell_args.cell(None),

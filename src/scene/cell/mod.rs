@@ -369,6 +369,7 @@ impl CellScene {
             undefined: undefined.copied().collect(),
             images: Some(Vec::new()),
             periods: self.yarns.list(),
+            higher: Vec::new(),
         };
         let mut entries = periodic.entries().unwrap_or_default();
         let links = verified.links.iter();

@@ -8,6 +8,7 @@ assert_intact(frames)  in a test of a simulation
 certify(frame)         all linking numbers of a frame: a Certificate, which can be a baseline
 pull_throughs, safe_fraction                         the step between two frames
 thickness, struts, ribbon                            shape of the curves of a frame
+diagram, identify                                    knots and links: PD code, invariants, names
 linking, writhe, twist, gauss_integrals, thickness   of all frames of a run, as arrays
 distributed            runs on many machines; ``check(frames, client=..)`` is its short form
 
@@ -39,6 +40,7 @@ into it. Findings have the ``image`` of the second curve: its translation, in ve
 
 from __future__ import annotations
 
+import re
 import sys
 import warnings
 import weakref
@@ -50,11 +52,12 @@ from ._linkwatch import Client as _Client
 from ._linkwatch import Session as _Session
 from ._linkwatch import __version__
 from ._linkwatch import certify as _certify
+from ._linkwatch import diagram as _diagram
 from ._linkwatch import ribbon as _ribbon
 from ._linkwatch import struts as _struts
 from ._linkwatch import thickness as _thickness
-from ._results import Change, Clearance, Defect, Place, PullThrough, Report, Ribbon, Strut
-from ._results import Thickness
+from ._results import Change, Clearance, Defect, Diagram, InvariantChange, Place, PullThrough
+from ._results import Report, Ribbon, Strut, Thickness
 
 if TYPE_CHECKING:
     import os
@@ -85,6 +88,8 @@ __all__ = [
     "Client",
     "ClosingWarning",
     "Defect",
+    "Diagram",
+    "InvariantChange",
     "Message",
     "Place",
     "PullThrough",
@@ -99,8 +104,10 @@ __all__ = [
     "assert_intact",
     "certify",
     "check",
+    "diagram",
     "distributed",
     "gauss_integrals",
+    "identify",
     "io",
     "linking",
     "pull_throughs",
@@ -203,6 +210,9 @@ class Session:
         incremental: compute only linking numbers that may have changed. The verdicts are the same.
         motion_limit: motion between two frames, in segment lengths, up to which pull-throughs that
             cancel count as real.
+        invariants: what is compared beside linking numbers: ``"self"`` (``v2``, ``v3`` and the
+            determinant of each closed curve: its knot), ``"triple"`` (Milnor's triple linking
+            numbers) or ``"self,triple"``; by default nothing, or that of the baseline.
         radius: radius of the strands, or of each curve, in the units of the points:
             ``Report.clearance`` says how close they come.
         min_clearance: distance of center lines, as a share of the sum of the radii, below which
@@ -233,6 +243,7 @@ class Session:
         abort_on: str = "any",
         incremental: bool = True,
         motion_limit: float | None = None,
+        invariants: str = "",
         radius: float | Sequence[float] | npt.NDArray[Any] | None = None,
         min_clearance: float | None = None,
         cell: Cell | None = None,
@@ -266,6 +277,7 @@ class Session:
                 arguments.word("basis", basis, BASES),
                 arguments.word("events", events, "'between', 'all' or 'off'"),
                 arguments.word("abort_on", abort_on, "'any', 'lost', .. or 'never'"),
+                arguments.word("invariants", invariants, "'self', 'triple' or 'self,triple'"),
             ),
             baseline=baseline,
             flags=(
@@ -906,6 +918,94 @@ def ribbon(
     if not tolerance > 0:
         raise ValueError(f"tolerance is {tolerance}, expected a number above 0")
     return _ribbon(frame, both, pairing, axis == "first", tolerance)
+
+
+def diagram(
+    curves: Frame,
+    counts: Counts | None = None,
+    *,
+    closed: Closed | None = None,
+    basis: str = "polyline",
+    groups: bool = True,
+) -> list[Diagram]:
+    """Computes the exact planar diagrams of closed curves, reduced by Reidemeister moves I and II.
+
+    >>> import linkwatch
+    >>> ring = [[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]
+    >>> other = [[0, 0, -1], [2, 0, -1], [2, 0, 1], [0, 0, 1]]
+    >>> for found in linkwatch.diagram([ring, other]):
+    ...     print(found)
+    curve 0: 0 crossings; v2 0, v3 0, determinant 1: unknot
+    curve 1: 0 crossings; v2 0, v3 0, determinant 1: unknot
+    curves 0, 1: 2 crossings; determinant 2, 1 linking number
+
+    Args:
+        curves, counts, closed, basis: a frame. Open curves are skipped.
+        groups: diagrams of connected groups of several curves, too. Curves that are in no group
+            can be pulled away from all others.
+
+    Returns:
+        list[Diagram]: those of all closed curves, each by itself, then those of groups.
+
+    Raises:
+        UndecidedError: a curve touches itself or another one.
+        ValueError: a coordinate is not finite, or a curve has too few points.
+    """
+    if type(groups) is not bool:
+        raise TypeError(f"groups is {groups!r}, expected True or False")
+    found, undecided = _diagram(_measured(curves, counts, closed, basis, None), groups)
+    if undecided:
+        raise UndecidedError("; ".join(undecided))
+    return found
+
+
+def identify(diagram: Diagram) -> list[str]:
+    """Returns the names of a knot or link in the tables of Rolfsen and of Hoste and Thistlethwaite,
+    found by SnapPy (``pip install "linkwatch[knots]"``).
+
+    The complement must be hyperbolic and in SnapPy's census. Torus knots and composite knots are
+    not: of these, only ``3_1`` and ``5_1`` are found. Mirror images have the same name.
+
+    >>> import linkwatch
+    >>> import numpy as np
+    >>> t = 2 * np.pi * np.arange(60) / 60
+    >>> r = 2 + np.cos(3 * t)
+    >>> trefoil = np.stack([r * np.cos(2 * t), r * np.sin(2 * t), np.sin(3 * t)], axis=1)
+    >>> linkwatch.identify(linkwatch.diagram([trefoil])[0])  # doctest: +SKIP
+    ['3_1']
+    >>> linkwatch.identify(linkwatch.diagram([trefoil[:8]])[0])
+    ['unknot']
+
+    Args:
+        diagram: the diagram of a curve or of a group.
+
+    Raises:
+        ImportError: SnapPy is not installed.
+    """
+    from .io._frames import library
+
+    if not isinstance(diagram, Diagram):
+        raise TypeError(f"diagram is {type(diagram).__name__}, expected a Diagram")
+    if not diagram.pd and diagram.name:
+        return [diagram.name]
+    snappy = library("snappy", "knots", "the name of a knot")
+    link = snappy.Link([list(crossing) for crossing in diagram.pd])
+    link.simplify("global")
+    if diagram.name and len(link.crossings) <= 5:
+        return [diagram.name]  # its invariants tell it from all others with so few
+    if link.unlinked_unknot_components:
+        return []  # splittable
+    exterior = link.exterior()
+    return [
+        found.name()
+        for found in exterior.identify()
+        if re.fullmatch(r"\d+(\^\d+)?_\d+|[KL]\d+[an]\d+", found.name())
+        # The complement determines a knot, but not a link.
+        and any(
+            isometry.extends_to_link()
+            for isometry in exterior.is_isometric_to(found, return_isometries=True)
+        )
+    ]
 
 
 def assert_intact(

@@ -5,7 +5,7 @@ from typing import Any, overload
 import numpy as np
 import numpy.typing as npt
 
-from ._results import Change, Defect, PullThrough, Report, Ribbon, Strut, Thickness
+from ._results import Change, Defect, Diagram, PullThrough, Report, Ribbon, Strut, Thickness
 
 __version__: str
 
@@ -25,6 +25,7 @@ def ribbon(
 ) -> Ribbon: ...
 def thickness(frame: Frame) -> Thickness: ...
 def struts(frame: Frame, longest: float) -> list[Strut]: ...
+def diagram(frame: Frame, groups: bool) -> tuple[list[Diagram], list[str]]: ...
 def gauss(
     frame: Frame, pairs: list[tuple[int, int]] | None, tolerance: float
 ) -> tuple[list[float], list[float]]: ...
@@ -95,7 +96,7 @@ class Session:
     def __init__(
         self,
         *,
-        words: tuple[str, str, str],
+        words: tuple[str, str, str, str],
         baseline: Certificate | None,
         flags: tuple[bool, bool, bool | None],
         motion_limit: float | None,

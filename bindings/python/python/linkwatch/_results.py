@@ -219,6 +219,32 @@ class Clearance(Result):
 
 
 @dataclass(frozen=True, repr=False)
+class InvariantChange(Result):
+    """Invariants of a knot, or of three curves, that differ from the expected ones.
+
+    >>> import linkwatch
+    >>> import numpy as np
+    >>> t = 2 * np.pi * np.arange(60) / 60
+    >>> r = 2 + np.cos(3 * t)
+    >>> trefoil = np.stack([r * np.cos(2 * t), r * np.sin(2 * t), np.sin(3 * t)], axis=1)
+    >>> session = linkwatch.Session(events="off", invariants="self")
+    >>> session.step([trefoil]).verdict
+    'intact'
+    >>> [change] = session.step([trefoil * [1, 1, -1]]).invariants
+    >>> change.expected, change.found
+    ('v2 1, v3 -1, determinant 3', 'v2 1, v3 1, determinant 3')
+
+    Attributes:
+        curves: the curve, or three curves, from 0.
+        expected, found: invariants in words, in the baseline and in this frame.
+    """
+
+    curves: tuple[int, ...]
+    expected: str
+    found: str
+
+
+@dataclass(frozen=True, repr=False)
 class Report(Result):
     """The verdict on a frame. It is true if the frame is intact.
 
@@ -243,6 +269,7 @@ class Report(Result):
         verdict: intact, changed, contact, undecided or rejected.
         abort: True if the policy asks the simulator to stop.
         changes: linking numbers that differ from the expected ones, sorted by pair.
+        invariants: knots and triple linking numbers that differ from the expected ones.
         pull_throughs: pull-throughs since the last frame, in chronological order.
         unresolved: pull-throughs that cannot be resolved, because the frames are too far apart.
         defects: pairs and curves that could not be decided or compared, sorted by pair.
@@ -261,6 +288,7 @@ class Report(Result):
     verdict: str
     abort: bool
     changes: list[Change]
+    invariants: list[InvariantChange]
     pull_throughs: list[PullThrough]
     unresolved: list[PullThrough]
     defects: list[Defect]
@@ -390,6 +418,58 @@ class Ribbon(Result):
     rivals: list[tuple[str, float]]
 
 
+@dataclass(frozen=True, repr=False)
+class Diagram(Result):
+    """The reduced planar diagram of a closed curve, or of a connected group of them.
+
+    >>> import linkwatch
+    >>> import numpy as np
+    >>> t = 2 * np.pi * np.arange(60) / 60
+    >>> r = 2 + np.cos(3 * t)
+    >>> trefoil = np.stack([r * np.cos(2 * t), r * np.sin(2 * t), np.sin(3 * t)], axis=1)
+    >>> [found] = linkwatch.diagram([trefoil])
+    >>> found.crossings, found.v2, abs(found.v3), found.determinant, found.name
+    (3, 1, 1, 3, '3_1')
+
+    Attributes:
+        curves: the curves, from 0.
+        crossings: number of crossings that are left.
+        projected: number of crossings in the projection, before Reidemeister moves I and II.
+        signs: sign of each crossing: 1 if the upper strand turns counterclockwise to the lower one.
+        pd: PD code: the four arcs of each crossing, counterclockwise, the incoming lower one first;
+            from 1. ``snappy.Link(found.pd)`` reads it.
+        gauss: Gauss code of each curve: crossings from 1, negative if the curve passes below.
+        dt: Dowker-Thistlethwaite code of each curve.
+        determinant: that of the knot or link, ``|Delta(-1)|``; ``None`` above 20,000 crossings.
+        v2, v3: Vassiliev invariants of a knot; ``v3`` is 1 for the right-handed trefoil. ``None``
+            for groups of curves, and ``v3`` for a knot of more than 4000 crossings.
+        name: knot of at most 5 crossings with these invariants: ``"unknot"``, ``"3_1"``, ``"4_1"``,
+            ``"5_1"``, ``"5_2"``; else ``None``.
+        right_handed: handedness of this knot; ``None`` if it equals its mirror image.
+        proven: true if there are at most 5 crossings, so that it is this knot. Otherwise the
+            invariants are consistent with it.
+        links: linking numbers that are not 0, as tuples (i, j, lambda).
+        triples: Milnor's triple linking numbers that are not 0, as tuples (i, j, k, mu, modulus):
+            ``mu`` is defined up to multiples of ``modulus``.
+    """
+
+    curves: tuple[int, ...]
+    crossings: int
+    projected: int
+    signs: list[int]
+    pd: list[tuple[int, int, int, int]]
+    gauss: list[list[int]]
+    dt: list[list[int]]
+    determinant: int | None
+    v2: int | None
+    v3: int | None
+    name: str | None
+    right_handed: bool | None
+    proven: bool
+    links: list[tuple[int, int, int]]
+    triples: list[tuple[int, int, int, int, int]]
+
+
 def made(kind: str, text: str, words: list[str], names: list[str]) -> Any:
     """Returns the results of a kind from their JSON and their sentences."""
     json_of = json.loads(text)
@@ -418,11 +498,12 @@ def _report(json: dict[str, Any], words: list[str], names: list[str]) -> Report:
     others: dict[str, Any] = {"appeared": json.get("appeared", []), "gone": json.get("gone", [])}
     for name, key, kind in (
         ("changes", "changes", "Change"),
+        ("invariants", "invariants", "InvariantChange"),
         ("pull_throughs", "events", "PullThrough"),
         ("defects", "defects", "Defect"),
         ("unresolved", "unresolved", "PullThrough"),
     ):
-        others[name] = [_MAKERS[kind](one, [next(findings)], names) for one in json[key]]
+        others[name] = [_MAKERS[kind](one, [next(findings)], names) for one in json.get(key, [])]
     if clearance := json.get("clearance"):
         others["clearance"] = _clearance(clearance, words[-1:], names)
     others["findings"] = words[1 : -1 if clearance else None]
@@ -458,6 +539,24 @@ def _ribbon(json: dict[str, Any], words: list[str], names: list[str]) -> Any:
     return Ribbon._made(json, words[0], **others)
 
 
+def _diagram(json: dict[str, Any], words: list[str], names: list[str]) -> Any:
+    knot = json["knots"][0] if json["knots"] else {}
+    name = knot.get("name") or {}
+    return Diagram._made(
+        json,
+        words[0],
+        pd=[tuple(crossing) for crossing in json["pd"]],
+        determinant=None if json["determinant"] is None else int(json["determinant"]),
+        v2=knot.get("v2"),
+        v3=knot.get("v3"),
+        name=name.get("symbol"),
+        right_handed=name.get("right_handed"),
+        proven=name.get("proven", False),
+        links=[(one["i"], one["j"], one["lambda"]) for one in json["links"]],
+        triples=[(*one["curves"], one["mu"], one["modulus"]) for one in json["triples"]],
+    )
+
+
 _MAKERS: dict[str, Any] = {
     "Change": _finding(Change),
     "PullThrough": _finding(PullThrough),
@@ -466,6 +565,8 @@ _MAKERS: dict[str, Any] = {
     "Strut": _strut,
     "Thickness": _thickness,
     "Ribbon": _ribbon,
+    "Diagram": _diagram,
+    "InvariantChange": lambda json, words, names: InvariantChange._made(json, words[0]),
     "dict": lambda json, words, names: json,
 }
 

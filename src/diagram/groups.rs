@@ -1,0 +1,88 @@
+//! Diagrams of all curves of a frame, and of their connected groups.
+
+use super::Diagram;
+use crate::curve::CurveSet;
+use crate::pairs::{LinkSearch, Trees};
+use crate::verdict::Defect;
+use rayon::prelude::*;
+
+/// Returns the reduced diagrams of all closed curves, each by itself, then those of connected
+/// groups of curves, if `groups` is set; all sorted by their curves. Or the reason why curves have
+/// none: a contact, for example, which does not keep others from theirs.
+///
+/// A group is connected if its reduced diagram is. Curves that are in no group are splittable from
+/// all others: they can be pulled away from them.
+///
+/// ```
+/// use linkwatch::{diagrams, scenes::Scene};
+///
+/// let chainmail = "chainmail:rows=2,columns=2".parse::<Scene>()?.build()?;
+/// let found = diagrams(&chainmail.curves, true);
+/// let (curves, diagram) = found.last().expect("a group");
+/// assert_eq!(curves.len(), chainmail.curves.len());
+/// assert_eq!(diagram.as_ref().expect("no contact").links(), chainmail.certificate.links());
+/// # Ok::<(), linkwatch::Error>(())
+/// ```
+pub fn diagrams(set: &CurveSet, groups: bool) -> Vec<(Vec<u32>, Result<Diagram, Defect>)> {
+    let closed = (0..set.len() as u32).filter(|&i| set.curve(i as usize).closed);
+    let closed: Vec<u32> = closed.collect();
+    let of = |curves: &[u32]| Diagram::of(set, curves).map(Diagram::reduced);
+    let singles = closed.par_iter().map(|&i| (vec![i], of(&[i])));
+    let mut found: Vec<(Vec<u32>, Result<Diagram, Defect>)> = singles.collect();
+    if groups {
+        let near = near_groups(set, &closed).into_par_iter();
+        let parts: Vec<_> = near
+            .map(|group| match of(&group) {
+                Err(defect) => vec![(group, Err(defect))],
+                Ok(whole) => {
+                    let parts = whole.parts().into_iter();
+                    let parts = parts.filter(|part| part.curves().len() > 1);
+                    parts
+                        .map(|part| (part.curves().to_vec(), Ok(part)))
+                        .collect()
+                }
+            })
+            .collect();
+        let mut parts = parts.concat();
+        parts.sort_by(|a, b| a.0.cmp(&b.0));
+        found.extend(parts);
+    }
+    found
+}
+
+/// Returns the groups of several curves that chains of overlapping boxes connect.
+pub(super) fn near_groups(set: &CurveSet, closed: &[u32]) -> Vec<Vec<u32>> {
+    let subset = set.subset(closed);
+    let mut trees = Trees::default();
+    trees.refit(&subset);
+    let mut search = LinkSearch::default();
+    let near = search.find(trees.roots()).iter().copied();
+    let mut groups = connected(closed.len(), near);
+    groups.retain(|group| group.len() > 1);
+    let names = groups.iter_mut().flatten();
+    names.for_each(|i| *i = closed[*i as usize]);
+    groups
+}
+
+/// Returns the connected components of a graph of `n` vertices, each sorted, by their first vertex.
+pub(super) fn connected(n: usize, edges: impl Iterator<Item = (u32, u32)>) -> Vec<Vec<u32>> {
+    let mut of: Vec<usize> = (0..n).collect();
+    let mut members: Vec<Vec<u32>> = (0..n as u32).map(|i| vec![i]).collect();
+    for (a, b) in edges {
+        // The smaller component joins the larger one.
+        let mut both = [a, b].map(|i| of[i as usize]);
+        both.sort_by_key(|&k| members[k].len());
+        let [from, to] = both;
+        if from != to {
+            let moved = std::mem::take(&mut members[from]);
+            moved.iter().for_each(|&i| of[i as usize] = to);
+            members[to].extend(moved);
+        }
+    }
+    members.retain(|members| !members.is_empty());
+    members
+        .iter_mut()
+        .for_each(|members| members.sort_unstable());
+    members.sort_unstable();
+    members
+}

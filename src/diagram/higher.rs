@@ -1,0 +1,206 @@
+//! Invariants of the curves of a frame beyond the linking numbers of pairs: of knots, and of
+//! triples of curves. They are part of a certificate, and are compared as linking numbers are.
+
+use super::Diagram;
+use super::groups::near_groups;
+use crate::curve::CurveSet;
+use crate::pairs::Pair;
+use crate::verdict::{Defect, InvariantChange};
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+use std::collections::{BTreeMap, BTreeSet};
+
+vocabulary! {
+    /// Invariants beyond the linking numbers of pairs.
+    pub enum InvariantKind {
+        /// `v2`, `v3` and the determinant of each closed curve ([`Invariants`](crate::Invariants)).
+        Curve = "self",
+        /// Triple linking numbers ([`TripleLink`](crate::TripleLink)).
+        Triple = "triple",
+    }
+}
+
+impl InvariantKind {
+    /// Returns the numbers of unknots, or of curves that are not linked.
+    fn trivial(self) -> HigherNumbers {
+        let numbers: &[&str] = match self {
+            InvariantKind::Curve => &["0", "0", "1"],
+            InvariantKind::Triple => &["0", "0"],
+        };
+        numbers.iter().map(|&n| n.to_owned()).collect()
+    }
+}
+
+/// Numbers in decimal digits: `v2`, `v3` and the determinant, or `mu` and its modulus. `-` for one
+/// that was not computed.
+pub(crate) type HigherNumbers = Vec<String>;
+
+/// Invariants of one kind of a frame.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(crate) struct HigherInvariants {
+    pub kind: InvariantKind,
+    /// One curve or three, sorted, and their numbers, if they are not trivial.
+    pub numbers: Vec<(Vec<u32>, HigherNumbers)>,
+    /// Curves whose numbers are not known, because they touch a curve or are too close to one.
+    pub unknown: BTreeSet<u32>,
+}
+
+impl HigherInvariants {
+    /// Computes the invariants of all closed curves. Returns them, and the reasons why curves have
+    /// none of their own. (A pair that touches is a defect of its linking number already.)
+    pub fn of(set: &CurveSet, kind: InvariantKind) -> (HigherInvariants, Vec<Defect>) {
+        let closed = (0..set.len() as u32).filter(|&i| set.curve(i as usize).closed);
+        let closed: Vec<u32> = closed.collect();
+        let mut defects = Vec::new();
+        let mut out = HigherInvariants {
+            kind,
+            numbers: Vec::new(),
+            unknown: BTreeSet::new(),
+        };
+        match kind {
+            InvariantKind::Curve => {
+                let knot = |&i: &u32| {
+                    let diagram = Diagram::of(set, &[i])?.reduced();
+                    Ok((i, diagram.invariants().remove(0)))
+                };
+                for found in closed.par_iter().map(knot).collect::<Vec<_>>() {
+                    match found {
+                        Ok((i, knot)) => {
+                            let unknown = || "-".to_owned();
+                            let v3 = knot.v3.map_or_else(unknown, |v3| v3.to_string());
+                            let determinant = knot.determinant.unwrap_or_else(unknown);
+                            out.numbers
+                                .push((vec![i], vec![knot.v2.to_string(), v3, determinant]));
+                        }
+                        Err(defect) => defects.push(defect),
+                    }
+                }
+                out.unknown
+                    .extend(defects.iter().map(|defect: &Defect| defect.i));
+            }
+            InvariantKind::Triple => {
+                let groups = near_groups(set, &closed).into_par_iter();
+                let found: Vec<_> = groups.map(|group| triples(set, group)).collect();
+                for (triples, unknown) in found {
+                    out.numbers.extend(triples);
+                    out.unknown.extend(unknown);
+                }
+                out.numbers.sort();
+            }
+        }
+        out.numbers
+            .retain(|(_, numbers)| *numbers != kind.trivial());
+        (out, defects)
+    }
+
+    /// Compares these invariants with the expected ones, and expects from now on those of curves
+    /// that were not known. `changed` has the pairs whose linking numbers changed: their triples
+    /// are not compared.
+    pub fn compare(
+        &self,
+        expected: &mut HigherInvariants,
+        changed: &[Pair],
+    ) -> Vec<InvariantChange> {
+        let mut changes = Vec::new();
+        let tables = [&expected.numbers, &self.numbers].map(|numbers| {
+            let numbers = numbers.iter().map(|(curves, numbers)| (curves, numbers));
+            numbers.collect::<BTreeMap<&Vec<u32>, &HigherNumbers>>()
+        });
+        let all: BTreeSet<&Vec<u32>> = tables
+            .iter()
+            .flat_map(|table| table.keys().copied())
+            .collect();
+        let trivial = self.kind.trivial();
+        for curves in all {
+            let has = |unknown: &BTreeSet<u32>| curves.iter().any(|i| unknown.contains(i));
+            let is_changed = |(i, j): &Pair| curves.contains(i) && curves.contains(j);
+            if has(&self.unknown) || has(&expected.unknown) || changed.iter().any(is_changed) {
+                continue;
+            }
+            let [before, now] = tables
+                .each_ref()
+                .map(|t| *t.get(curves).unwrap_or(&&trivial));
+            let equal = |(a, b): (&String, &String)| a == b || a == "-" || b == "-";
+            if !before.iter().zip(now).all(equal) {
+                changes.push(InvariantChange {
+                    curves: curves.clone(),
+                    expected: self.words(before),
+                    found: self.words(now),
+                });
+            }
+        }
+        let is_known = |i: &u32| !self.unknown.contains(i);
+        let fresh: BTreeSet<u32> = expected.unknown.iter().copied().filter(is_known).collect();
+        if !fresh.is_empty() {
+            expected.unknown.retain(|i| !fresh.contains(i));
+            let is_fresh = |curves: &[u32]| curves.iter().any(|i| fresh.contains(i));
+            let adopted = self.numbers.iter().filter(|(curves, _)| is_fresh(curves));
+            expected.numbers.extend(adopted.cloned());
+            expected.numbers.sort();
+            expected.numbers.dedup_by(|a, b| a.0 == b.0);
+        }
+        changes
+    }
+
+    fn words(&self, numbers: &[String]) -> String {
+        match (self.kind, numbers) {
+            (InvariantKind::Curve, [v2, v3, determinant]) => {
+                format!("v2 {v2}, v3 {v3}, determinant {determinant}")
+            }
+            (_, [mu, modulus, ..]) if modulus != "0" => format!("mu {mu} mod {modulus}"),
+            (_, numbers) => format!("mu {}", numbers[0]),
+        }
+    }
+
+    /// Returns these invariants for other curves, of which `origins` has the indices in this frame.
+    /// Those of new curves are unknown, and so are triples if the order of the curves is another
+    /// one.
+    pub fn with_curves(&self, origins: &[Option<u32>]) -> HigherInvariants {
+        let mut index = BTreeMap::new();
+        let mut unknown = BTreeSet::new();
+        for (i, origin) in (0..).zip(origins) {
+            match origin {
+                Some(origin) if !self.unknown.contains(origin) => drop(index.insert(*origin, i)),
+                _ => drop(unknown.insert(i)),
+            }
+        }
+        if self.kind == InvariantKind::Triple && !index.values().is_sorted() {
+            unknown.extend(index.into_values());
+            index = BTreeMap::new();
+        }
+        let numbers = self.numbers.iter().filter_map(|(curves, numbers)| {
+            let curves = curves.iter().map(|i| index.get(i).copied());
+            Some((curves.collect::<Option<Vec<u32>>>()?, numbers.clone()))
+        });
+        let mut numbers: Vec<_> = numbers.collect();
+        numbers.sort();
+        HigherInvariants {
+            kind: self.kind,
+            numbers,
+            unknown,
+        }
+    }
+}
+
+/// Returns the triple linking numbers of a group of curves, without curves that touch another one,
+/// and these curves.
+fn triples(set: &CurveSet, mut group: Vec<u32>) -> (Vec<(Vec<u32>, HigherNumbers)>, Vec<u32>) {
+    let mut unknown = Vec::new();
+    while group.len() > 2 {
+        match Diagram::of(set, &group) {
+            Ok(diagram) => {
+                let found = diagram.reduced().triples().into_iter();
+                let numbers = found.map(|t| {
+                    let numbers = vec![t.mu.to_string(), t.modulus.to_string()];
+                    (t.curves.to_vec(), numbers)
+                });
+                return (numbers.collect(), unknown);
+            }
+            Err(defect) => {
+                let touch = |i: &u32| *i == defect.i || Some(*i) == defect.j;
+                unknown.extend(group.extract_if(.., |i| touch(i)));
+            }
+        }
+    }
+    (Vec::new(), unknown)
+}

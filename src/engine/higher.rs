@@ -1,0 +1,89 @@
+//! Invariants beyond the linking numbers of pairs: their comparison, and the balance of `v2` with
+//! the passages of a curve through itself.
+
+use super::Engine;
+use super::known::Known;
+use crate::certificate::Comparison;
+use crate::curve::{CurveSet, Frame, is_home};
+use crate::diagram::{HigherInvariants, InvariantKind, change_of_v2};
+use crate::error::Result;
+use crate::incremental::{Events, Outcome};
+use crate::pairs::Pair;
+use crate::pool;
+use crate::verdict::{Defect, DefectKind, InvariantChange, Place, PullThrough};
+use rayon::prelude::*;
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+impl Engine {
+    /// Compares the invariants of a frame with the expected ones, which are those of the first
+    /// frame if there are none. Adds curves that touch themselves to the defects.
+    pub(super) fn compare_invariants(
+        &self,
+        known: &mut Known,
+        set: &CurveSet,
+        comparison: &Comparison,
+        defects: &mut Vec<Defect>,
+    ) -> Vec<InvariantChange> {
+        let mut changes = Vec::new();
+        let changed: Vec<Pair> = comparison.changes.iter().map(|c| (c.i, c.j)).collect();
+        for kind in InvariantKind::ALL {
+            let expected = known.higher.iter().position(|of| of.kind == kind);
+            if expected.is_none() && !self.invariants.contains(&kind) {
+                continue;
+            }
+            let (found, touching) = pool::run(set.segments(), || HigherInvariants::of(set, kind));
+            for defect in touching {
+                let same = |other: &Defect| (other.i, other.j) == (defect.i, defect.j);
+                if !defects.iter().any(same) {
+                    defects.push(defect);
+                }
+            }
+            let all = Arc::make_mut(&mut known.higher);
+            match expected {
+                Some(at) => changes.extend(found.compare(&mut all[at], &changed)),
+                None => all.push(found),
+            }
+        }
+        defects.sort_by_key(|d| (d.i, d.j));
+        changes
+    }
+
+    /// Returns defects of the closed polylines whose change of `v2` since the previous frame
+    /// differs from the one that their passages through themselves cause.
+    pub(super) fn unaccounted_passages(
+        &self,
+        known: &Known,
+        frame: &Frame,
+        outcome: &Outcome,
+    ) -> Result<Vec<Defect>> {
+        let last = known.last.as_ref();
+        let last = last.filter(|_| known.cell.is_none() && known.braids.is_none());
+        let Some(last) = last.filter(|_| self.steps.events() == Events::All) else {
+            return Ok(Vec::new());
+        };
+        let mut passages: BTreeMap<u32, Vec<&PullThrough>> = BTreeMap::new();
+        for event in outcome.events.iter().chain(&outcome.unresolved) {
+            if event.i == event.j && is_home(&event.image) {
+                passages.entry(event.i).or_default().push(event);
+            }
+        }
+        let frames = [&**last.frame.set()?, &**frame.set()?];
+        passages.retain(|&i, _| {
+            let undecided = outcome.undecided.iter().any(|d| (d.i, d.j) == (i, Some(i)));
+            frames[1].basis().is_polyline() && frames[1].curve(i as usize).closed && !undecided
+        });
+        let passages: Vec<(u32, Vec<&PullThrough>)> = passages.into_iter().collect();
+        let unaccounted = passages.par_iter().filter_map(|(i, passages)| {
+            let [found, expected] = change_of_v2(frames, *i, passages)?;
+            let place = Place {
+                segments: passages[0].segments,
+                point: passages[0].point,
+                distance: 0.0,
+            };
+            let defect = Defect::of_pair((*i, *i), DefectKind::Unaccounted, place);
+            (found != expected).then_some(defect)
+        });
+        Ok(unaccounted.collect())
+    }
+}
