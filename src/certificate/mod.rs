@@ -110,6 +110,13 @@ impl Certificate {
         defects
     }
 
+    /// Returns the number of curves or triples with an invariant that was not computed, because
+    /// there are too many crossings.
+    #[cfg(feature = "cli")]
+    pub(crate) fn uncomputed(&self) -> usize {
+        self.higher.iter().map(HigherInvariants::uncomputed).sum()
+    }
+
     /// Returns the kinds of invariants that the certificate has beside linking numbers.
     pub fn invariants(&self) -> impl Iterator<Item = InvariantKind> + '_ {
         self.higher.iter().map(|found| found.kind)

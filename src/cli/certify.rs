@@ -132,6 +132,19 @@ fn certify(frame: Picked, args: &Args) -> Result<Certified> {
             certified.complete = false;
         }
     }
+    if cell.is_some() && !args.invariants.is_empty() {
+        let name = &certified.frame.name;
+        tracing::warn!("{name}: --invariants do not consider periodic images");
+    }
+    let uncomputed = certified.certificate.uncomputed();
+    if uncomputed > 0 {
+        tracing::warn!(
+            "{}: invariants of {} were not computed: too many crossings",
+            certified.frame.name,
+            plural_of(uncomputed as u64, "curve or triple", "curves or triples")
+        );
+        certified.complete = false;
+    }
     certified.took = start.elapsed();
     let (frame, certificate, stats) = (&certified.frame, &certified.certificate, &certified.stats);
     let (name, set) = (&frame.name, &frame.curves);

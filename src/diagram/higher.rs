@@ -31,9 +31,12 @@ impl InvariantKind {
     }
 }
 
-/// Numbers in decimal digits: `v2`, `v3` and the determinant, or `mu` and its modulus. `-` for one
-/// that was not computed.
+/// Numbers in decimal digits: `v2`, `v3` and the determinant, or `mu` and its modulus, or
+/// [`UNCOMPUTED`].
 pub(crate) type HigherNumbers = Vec<String>;
+
+/// In place of a number that was not computed, because there are too many crossings.
+pub(crate) const UNCOMPUTED: &str = "-";
 
 /// Invariants of one kind of a frame.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -66,7 +69,7 @@ impl HigherInvariants {
                 for found in closed.par_iter().map(knot).collect::<Vec<_>>() {
                     match found {
                         Ok((i, knot)) => {
-                            let unknown = || "-".to_owned();
+                            let unknown = || UNCOMPUTED.to_owned();
                             let v3 = knot.v3.map_or_else(unknown, |v3| v3.to_string());
                             let determinant = knot.determinant.unwrap_or_else(unknown);
                             out.numbers
@@ -93,15 +96,24 @@ impl HigherInvariants {
         (out, defects)
     }
 
+    /// Returns the number of curves or triples with a number that was not computed.
+    pub fn uncomputed(&self) -> usize {
+        let numbers = self.numbers.iter();
+        let not = |(_, numbers): &&(_, HigherNumbers)| numbers.iter().any(|n| n == UNCOMPUTED);
+        numbers.filter(not).count()
+    }
+
     /// Compares these invariants with the expected ones, and expects from now on those of curves
     /// that were not known. `changed` has the pairs whose linking numbers changed: their triples
-    /// are not compared.
+    /// are not compared. Also returns the number of curves or triples that could not be compared,
+    /// for which no defect of this frame is the reason.
     pub fn compare(
         &self,
         expected: &mut HigherInvariants,
         changed: &[Pair],
-    ) -> Vec<InvariantChange> {
+    ) -> (Vec<InvariantChange>, usize) {
         let mut changes = Vec::new();
+        let mut skipped = 0;
         let tables = [&expected.numbers, &self.numbers].map(|numbers| {
             let numbers = numbers.iter().map(|(curves, numbers)| (curves, numbers));
             numbers.collect::<BTreeMap<&Vec<u32>, &HigherNumbers>>()
@@ -120,8 +132,10 @@ impl HigherInvariants {
             let [before, now] = tables
                 .each_ref()
                 .map(|t| *t.get(curves).unwrap_or(&&trivial));
-            let equal = |(a, b): (&String, &String)| a == b || a == "-" || b == "-";
-            if !before.iter().zip(now).all(equal) {
+            let known = |n: &&String| *n != UNCOMPUTED;
+            skipped += usize::from(!before.iter().chain(now).all(|n| known(&n)));
+            let differ = |(a, b): (&String, &String)| a != b && known(&a) && known(&b);
+            if before.iter().zip(now).any(differ) {
                 changes.push(InvariantChange {
                     curves: curves.clone(),
                     expected: self.words(before),
@@ -131,6 +145,7 @@ impl HigherInvariants {
         }
         let is_known = |i: &u32| !self.unknown.contains(i);
         let fresh: BTreeSet<u32> = expected.unknown.iter().copied().filter(is_known).collect();
+        skipped += fresh.len();
         if !fresh.is_empty() {
             expected.unknown.retain(|i| !fresh.contains(i));
             let is_fresh = |curves: &[u32]| curves.iter().any(|i| fresh.contains(i));
@@ -139,7 +154,7 @@ impl HigherInvariants {
             expected.numbers.sort();
             expected.numbers.dedup_by(|a, b| a.0 == b.0);
         }
-        changes
+        (changes, skipped)
     }
 
     fn words(&self, numbers: &[String]) -> String {
@@ -203,4 +218,33 @@ fn triples(set: &CurveSet, mut group: Vec<u32>) -> (Vec<(Vec<u32>, HigherNumbers
         }
     }
     (Vec::new(), unknown)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_that_are_not_known_are_not_compared_and_counted() {
+        let of = |numbers: [&str; 3]| HigherInvariants {
+            kind: InvariantKind::Curve,
+            numbers: vec![(vec![2], numbers.map(str::to_owned).into())],
+            unknown: BTreeSet::new(),
+        };
+        let compare = |mut expected: HigherInvariants, found: HigherInvariants| {
+            let (changes, skipped) = found.compare(&mut expected, &[]);
+            (changes.len(), skipped)
+        };
+        let knot = || of(["1", "1", "3"]);
+        assert_eq!(compare(knot(), knot()), (0, 0));
+        assert_eq!(compare(knot(), of(["1", "-1", "3"])), (1, 0));
+        assert_eq!(compare(knot(), of(["1", UNCOMPUTED, "3"])), (0, 1));
+        assert_eq!(compare(of(["1", UNCOMPUTED, "3"]), knot()), (0, 1));
+        assert_eq!(compare(knot(), of(["2", UNCOMPUTED, "3"])), (1, 1));
+        assert_eq!(of(["1", UNCOMPUTED, "3"]).uncomputed(), 1);
+        // A curve that touched is known for the first time.
+        let mut touched = knot();
+        touched.unknown.insert(5);
+        assert_eq!(compare(touched, knot()), (0, 1));
+    }
 }

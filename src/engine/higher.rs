@@ -11,19 +11,22 @@ use crate::incremental::{Events, Outcome};
 use crate::pairs::Pair;
 use crate::pool;
 use crate::verdict::{Defect, DefectKind, InvariantChange, Place, PullThrough};
+use crate::words::plural_of;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
 impl Engine {
     /// Compares the invariants of a frame with the expected ones, which are those of the first
-    /// frame if there are none. Adds curves that touch themselves to the defects.
+    /// frame if there are none. Adds curves that touch themselves to the defects, and to `missing`
+    /// what could not be compared.
     pub(super) fn compare_invariants(
         &self,
         known: &mut Known,
         set: &CurveSet,
         comparison: &Comparison,
         defects: &mut Vec<Defect>,
+        missing: &mut Vec<String>,
     ) -> Vec<InvariantChange> {
         let mut changes = Vec::new();
         let changed: Vec<Pair> = comparison.changes.iter().map(|c| (c.i, c.j)).collect();
@@ -40,9 +43,24 @@ impl Engine {
                 }
             }
             let all = Arc::make_mut(&mut known.higher);
-            match expected {
-                Some(at) => changes.extend(found.compare(&mut all[at], &changed)),
-                None => all.push(found),
+            let skipped = match expected {
+                Some(at) => {
+                    let (new, skipped) = found.compare(&mut all[at], &changed);
+                    changes.extend(new);
+                    skipped
+                }
+                None => {
+                    let skipped = found.uncomputed();
+                    all.push(found);
+                    skipped
+                }
+            };
+            if skipped > 0 {
+                missing.push(format!(
+                    "invariants (`{kind}`) of {} were not compared: too many crossings, or unknown \
+                     in the frames before",
+                    plural_of(skipped as u64, "curve or triple", "curves or triples")
+                ));
             }
         }
         defects.sort_by_key(|d| (d.i, d.j));

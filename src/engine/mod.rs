@@ -323,7 +323,8 @@ impl Engine {
         } = self.search_events(known, &frame, step, comparison)?;
         self.full.progress.check()?;
         let yarns = self.compare_yarns(known, &frame)?;
-        let invariants = self.compare_invariants(known, given, comparison, &mut defects);
+        let invariants =
+            self.compare_invariants(known, given, comparison, &mut defects, &mut missing);
         self.full.progress.check()?;
         // From here on, the frame is not rejected.
         let unknown = !missing.is_empty() || self.steps.found_undecided();
