@@ -19,11 +19,11 @@ use std::sync::Arc;
 impl Engine {
     /// Compares the invariants of a frame with the expected ones, which are those of the first
     /// frame if there are none. Adds curves that touch themselves to the defects, and to `missing`
-    /// what could not be compared.
+    /// what could not be compared. `is_given`: a certificate was given, and this is the first frame.
     pub(super) fn compare_invariants(
         &self,
         known: &mut Known,
-        set: &CurveSet,
+        (set, is_given): (&CurveSet, bool),
         comparison: &Comparison,
         defects: &mut Vec<Defect>,
         missing: &mut Vec<String>,
@@ -34,6 +34,24 @@ impl Engine {
             let expected = known.higher.iter().position(|of| of.kind == kind);
             if expected.is_none() && !self.invariants.contains(&kind) {
                 continue;
+            }
+            let yarns = known.joined().map_or(0, |joined| joined.periods.len());
+            if kind == InvariantKind::Curve && yarns > 0 {
+                missing.push(format!(
+                    "no invariants (`{kind}`) of {} through the periodic cell",
+                    plural_of(yarns as u64, "curve that runs", "curves that run")
+                ));
+            }
+            if kind == InvariantKind::Triple && known.cell.is_some() {
+                // They depend on the images in which the coordinates of the curves are.
+                missing.push(format!("no invariants (`{kind}`) in a periodic cell"));
+                continue;
+            }
+            if expected.is_none() && is_given {
+                missing.push(format!(
+                    "the certificate has no invariants (`{kind}`): those of this frame are expected \
+                     from here on"
+                ));
             }
             let (found, touching) = pool::run(set.segments(), || HigherInvariants::of(set, kind));
             for defect in touching {

@@ -187,6 +187,14 @@ impl Engine {
         self.known.joined()
     }
 
+    /// Returns all expected linking numbers with the expected invariants, for a record.
+    #[cfg(feature = "cli")]
+    pub fn complete_baseline(&self) -> Option<Certificate> {
+        let baseline = Certificate::clone(self.known.joined()?);
+        let higher = self.known.higher.to_vec();
+        Some(Certificate { higher, ..baseline })
+    }
+
     /// Returns a view of the progress of the current frame.
     pub fn progress(&self) -> Arc<Progress> {
         Arc::clone(&self.full.progress)
@@ -294,6 +302,7 @@ impl Engine {
         let appeared = self.apply_change(known, next)?;
         known.check_number(given.len())?;
         self.begin_frame();
+        let is_given = known.given.is_some();
         self.begin_baseline(known, next)?;
         let (curves, broken) = known.close_braids(given)?;
         let next = Next {
@@ -323,8 +332,16 @@ impl Engine {
         } = self.search_events(known, &frame, step, comparison)?;
         self.full.progress.check()?;
         let yarns = self.compare_yarns(known, &frame)?;
-        let invariants =
-            self.compare_invariants(known, given, comparison, &mut defects, &mut missing);
+        let invariants = self.compare_invariants(
+            known,
+            (given, is_given),
+            comparison,
+            &mut defects,
+            &mut missing,
+        );
+        // Where a knot changed in the step is known only if passages of a curve with itself are.
+        let is_located = invariants.is_empty() || self.steps.events() == Events::All;
+        let safe_fraction = safe_fraction.filter(|_| is_located);
         self.full.progress.check()?;
         // From here on, the frame is not rejected.
         let unknown = !missing.is_empty() || self.steps.found_undecided();

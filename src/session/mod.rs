@@ -262,6 +262,12 @@ impl Session {
         self.engine.baseline().map(|baseline| &**baseline)
     }
 
+    /// Returns the baseline with the expected invariants, for a record.
+    #[cfg(feature = "cli")]
+    pub(crate) fn complete_baseline(&self) -> Option<Certificate> {
+        self.engine.complete_baseline()
+    }
+
     /// Returns the braids with everything that was found in the first frame, so that other sessions
     /// can close them in the same way. `None` before that frame, or without braids.
     pub fn braids(&self) -> Option<Braids> {

@@ -153,3 +153,85 @@ fn certificates_with_invariants_find_knots_and_rings_that_came_apart() {
     );
     assert!(!run.stderr.contains("differ"), "{}", run.stderr);
 }
+
+#[test]
+fn one_knot_alone_is_compared() {
+    let folder = TempDir::new().unwrap();
+    let knot = write(folder.path(), "a.txt", &[torus_knot(3.0)]);
+    let moved = torus_knot(3.0)
+        .into_iter()
+        .map(|[x, y, z]| [x + 0.01, y, z]);
+    let moved = write(folder.path(), "b.txt", &[moved.collect()]);
+    let check = ["check", text(&knot), text(&moved), "--closed"];
+    let run = linkwatch(&[&check[..], &["--invariants", "self"]].concat());
+    assert_eq!(run.code, 0, "{}{}", run.stdout, run.stderr);
+    assert_eq!(linkwatch(&check).code, 3);
+}
+
+#[test]
+fn invariants_that_are_not_compared_are_said() {
+    let folder = TempDir::new().unwrap();
+    let curves = [&[torus_knot(3.0)][..], &rings(0.0)].concat();
+    let model = write(folder.path(), "a.txt", &curves);
+    let cert = folder.path().join("a.cert");
+    linkwatch(&["certify", text(&model), "--closed", "-o", text(&cert)]);
+    let check = ["check", text(&model), "--closed"];
+    // A certificate of linking numbers alone.
+    let more = ["--baseline", text(&cert), "--invariants", "self"];
+    let run = linkwatch(&[&check[..], &more].concat());
+    assert_eq!(run.code, 3, "{}{}", run.stdout, run.stderr);
+    let said = "the certificate has no invariants (`self`)";
+    assert!(run.stdout.contains(said), "{}", run.stdout);
+    // The images of curves are not considered.
+    let more = [text(&model), "--cell", "90,90,90", "--invariants", "triple"];
+    let run = linkwatch(&[&check[..], &more].concat());
+    assert_eq!(run.code, 3, "{}{}", run.stdout, run.stderr);
+    let said = "no invariants (`triple`) in a periodic cell";
+    assert!(run.stdout.contains(said), "{}", run.stdout);
+}
+
+#[test]
+fn the_knot_of_a_yarn_through_a_cell_is_not_verified() {
+    let folder = TempDir::new().unwrap();
+    let yarn = [0.0, 5.0, 10.0, 15.0].map(|x| [x, 1.0, 1.0]).to_vec();
+    let ring = [[5.0, 5.0, 5.0], [8.0, 5.0, 5.0], [5.0, 8.0, 5.0]].to_vec();
+    let model = write(folder.path(), "yarn.txt", &[yarn, ring]);
+    let check = ["check", text(&model), text(&model), "--closed", "--wrapped"];
+    let more = ["--cell", "20,20,20", "--invariants", "self"];
+    let run = linkwatch(&[&check[..], &more].concat());
+    assert_eq!(run.code, 3, "{}{}", run.stdout, run.stderr);
+    let said = "no invariants (`self`) of 1 curve that runs through the periodic cell";
+    assert!(run.stdout.contains(said), "{}", run.stdout);
+}
+
+/// The numbers say that a knot changed in a step, not when.
+#[test]
+fn no_part_of_a_step_is_safe_if_only_a_knot_changed() {
+    let folder = TempDir::new().unwrap();
+    let frame = |k: u32| {
+        let mut knot = torus_knot(3.0);
+        // The lower strand of a crossing rises through the upper one.
+        for p in &mut knot[3..=7] {
+            p[2] += 0.25 * f64::from(k);
+        }
+        write(folder.path(), &format!("f{k}.txt"), &[knot])
+    };
+    let frames: Vec<PathBuf> = (0..12).map(frame).collect();
+    let frames: Vec<&str> = frames.iter().map(|path| text(path)).collect();
+    let safe = |more: &[&str]| {
+        let check = ["check", "--closed", "--json", "--invariants", "self"];
+        let run = linkwatch(&[&check[..], more, &frames].concat());
+        assert_eq!(run.code, 1, "{}{}", run.stdout, run.stderr);
+        let lines = run.stdout.lines().map(|line| {
+            let line: serde_json::Value = serde_json::from_str(line).unwrap();
+            line["report"].clone()
+        });
+        let changed = lines
+            .into_iter()
+            .find(|report| report["verdict"] == "changed");
+        changed.unwrap()["safe_fraction"].as_f64()
+    };
+    assert_eq!(safe(&[]), None);
+    let found = safe(&["--events=all"]).unwrap();
+    assert!((0.0..1.0).contains(&found), "{found}");
+}

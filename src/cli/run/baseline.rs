@@ -173,11 +173,12 @@ impl Run {
             return;
         }
         let layout = judged.info.layout;
-        let (Some(certificate), Some(origin)) = (self.session.baseline(), &self.origin) else {
+        let certificate = self.session.complete_baseline();
+        let (Some(certificate), Some(origin)) = (certificate, &self.origin) else {
             return;
         };
         let record = Arc::new(BaselineRecord {
-            certificate: Arc::new(certificate.clone()),
+            certificate: Arc::new(certificate),
             origin: origin.words.clone(),
             frame: origin.frame,
             unverified: origin.unverified,

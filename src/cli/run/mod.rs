@@ -432,7 +432,13 @@ impl Run {
             );
             self.data_lost();
         }
-        if tally.verified > 1 && !self.sum.has_pairs && self.options.events != Events::All {
+        let given = self.options.baseline.as_ref();
+        let knots = given.is_some_and(|baseline| baseline.invariants().next().is_some());
+        let knots = knots || !self.options.invariants.is_empty();
+        if tally.verified > 1
+            && !(self.sum.has_pairs || knots)
+            && self.options.events != Events::All
+        {
             tracing::warn!(
                 "nothing was verified: one curve alone has no linking number, and pull-throughs of \
                  a curve with itself are searched for by --events=all"
