@@ -19,7 +19,8 @@ use std::sync::Arc;
 impl Engine {
     /// Compares the invariants of a frame with the expected ones, which are those of the first
     /// frame if there are none. Adds curves that touch themselves to the defects, and to `missing`
-    /// what could not be compared. `is_given`: a certificate was given, and this is the first frame.
+    /// what could not be compared. `is_given`: a certificate was given, and this is the first
+    /// frame.
     pub(super) fn compare_invariants(
         &self,
         known: &mut Known,
@@ -49,8 +50,8 @@ impl Engine {
             }
             if expected.is_none() && is_given {
                 missing.push(format!(
-                    "the certificate has no invariants (`{kind}`): those of this frame are expected \
-                     from here on"
+                    "the certificate has no invariants (`{kind}`): those of this frame are \
+                     expected from here on"
                 ));
             }
             let (found, touching) = pool::run(set.segments(), || HigherInvariants::of(set, kind));
