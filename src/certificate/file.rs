@@ -51,7 +51,7 @@ use std::fmt;
 use std::path::Path;
 
 /// The entry of a pair without a linking number.
-const UNDEFINED: &str = "undefined";
+pub(super) const UNDEFINED: &str = "undefined";
 
 /// Last word of the line of a yarn.
 const PERIOD: &str = "period";

@@ -11,21 +11,19 @@
 //!
 //! A line `invariants` has the version of this extension, and a kind that was computed. It is
 //! before the other lines of its kind. A line `self i v2 v3 determinant` has the invariants of
-//! curve `i`, with `-` for a `v3` that was not computed; curves without a line have those of the
-//! unknot. A line
-//! `triple i j k mu modulus` has a triple linking number, with `i < j < k`; triples without a line
-//! have 0. `self i undefined` and `triple i undefined` stand for a curve whose invariants, or
-//! triples, are not known.
+//! curve `i`, with `-` for a number that was not computed; curves without a line have those of the
+//! unknot. A line `triple i j k mu modulus` has a triple linking number, with `i < j < k`; triples
+//! without a line have 0. `self i undefined` and `triple i undefined` stand for a curve whose
+//! invariants, or triples, are not known.
 //!
 //! The lines have no commas, so that verifycurves skips them.
 
-use crate::diagram::{HigherInvariants, InvariantKind};
+use super::file::UNDEFINED;
+use crate::diagram::{HigherInvariants, InvariantKind, UNCOMPUTED};
 use std::collections::BTreeSet;
 
 /// Start of the lines that name the kinds, with the version.
 const HEADER: [&str; 2] = ["invariants", "1"];
-
-const UNDEFINED: &str = "undefined";
 
 /// Returns the lines.
 pub(crate) fn invariant_lines(all: &[HigherInvariants]) -> Vec<String> {
@@ -43,8 +41,9 @@ pub(crate) fn invariant_lines(all: &[HigherInvariants]) -> Vec<String> {
     lines
 }
 
-/// Adds a line to the invariants of a certificate of so many curves. Returns `None` if it is
-/// another kind of line, and an error in words if it is malformed.
+/// Parses a line, and adds its invariants to `to`. `curves` is the number of curves of the
+/// certificate. Returns `None` for a line of another kind, and an error in words for a malformed
+/// one.
 pub(crate) fn parse_invariant(
     line: &str,
     curves: usize,
@@ -94,7 +93,7 @@ fn add(to: &mut HigherInvariants, fields: &[&str], curves: usize) -> Option<()> 
     let names: Vec<u32> = names.iter().map(curve).collect::<Option<_>>()?;
     let is_number = |n: &&str| {
         let digits = n.strip_prefix('-').unwrap_or(n);
-        *n == "-" || !digits.is_empty() && digits.bytes().all(|b| b.is_ascii_digit())
+        *n == UNCOMPUTED || !digits.is_empty() && digits.bytes().all(|b| b.is_ascii_digit())
     };
     if !names.array_windows().all(|[a, b]| a < b) || !numbers.iter().all(is_number) {
         return None;

@@ -121,7 +121,7 @@ impl EachArgs {
         let (next, lines) = (AtomicUsize::new(0), Mutex::new(lines));
         let work = || -> Result<()> {
             while let Some(model) = left.get(next.fetch_add(1, Ordering::Relaxed)) {
-                // Of the file as it is before the run.
+                // The key of the file before its run, because the file may change meanwhile.
                 let key = key(model, options);
                 let line = Line {
                     key,

@@ -70,11 +70,12 @@ impl Source {
 /// Warns of a recording that was cut off, and of one of a run without an end, once it was read.
 /// Returns true if it is one.
 pub fn warn_of_cut<R: Read + Seek>(path: &Path, reader: &RecordingReader<R>) -> bool {
-    if let Some(why) = reader.metadata().get(CUT_OFF) {
+    let why = reader.metadata().get(CUT_OFF);
+    if let Some(why) = why {
         tracing::warn!("{}: the run has no end: {why}", path.display());
     }
     let Some(Ending::Cut { at, what }) = reader.ending() else {
-        return reader.metadata().contains_key(CUT_OFF);
+        return why.is_some();
     };
     tracing::warn!(
         "{}: {}; the complete frames were replayed",

@@ -82,13 +82,8 @@ impl Diagram {
     /// passage at most, so that one crossing of two components gets different parities; then all
     /// of them do.
     pub fn dt_code(&self) -> Vec<Vec<i32>> {
-        let mut position = vec![(0, 0); 2 * self.signs.len()];
-        for (component, passages) in self.components.iter().enumerate() {
-            for (k, &passage) in passages.iter().enumerate() {
-                position[passage as usize] = (component, k);
-            }
-        }
-        let mut shifts: Vec<Option<usize>> = vec![None; self.components.len()];
+        let positions = self.positions();
+        let mut shifts: Vec<Option<u32>> = vec![None; self.components.len()];
         let mut front = VecDeque::new();
         for start in 0..shifts.len() {
             if shifts[start].is_none() {
@@ -96,8 +91,9 @@ impl Diagram {
                 front.push_back((start, 0));
             }
             while let Some((component, shift)) = front.pop_front() {
-                for (k, &passage) in self.components[component].iter().enumerate() {
-                    let (other, l) = position[passage as usize ^ 1];
+                for (k, &passage) in (0..).zip(&self.components[component]) {
+                    let (other, l) = positions[passage as usize ^ 1];
+                    let other = other as usize;
                     if shifts[other].is_none() {
                         let shift = (k + l + shift + 1) % 2;
                         shifts[other] = Some(shift);
@@ -111,7 +107,7 @@ impl Diagram {
         let mut first = 1;
         for (passages, shift) in self.components.iter().zip(&shifts) {
             let mut order = passages.clone();
-            order.rotate_left(shift.unwrap_or(0) % passages.len().max(1));
+            order.rotate_left(shift.unwrap_or(0) as usize % passages.len().max(1));
             for (number, &passage) in (first..).zip(&order) {
                 numbers[passage as usize] = number;
             }

@@ -24,8 +24,7 @@ use rayon::prelude::*;
 /// # Ok::<(), linkwatch::Error>(())
 /// ```
 pub fn diagrams(set: &CurveSet, groups: bool) -> Vec<(Vec<u32>, Result<Diagram, Defect>)> {
-    let closed = (0..set.len() as u32).filter(|&i| set.curve(i as usize).closed);
-    let closed: Vec<u32> = closed.collect();
+    let closed = closed_curves(set);
     let of = |curves: &[u32]| Diagram::of(set, curves).map(Diagram::reduced);
     let singles = closed.par_iter().map(|&i| (vec![i], of(&[i])));
     let mut found: Vec<(Vec<u32>, Result<Diagram, Defect>)> = singles.collect();
@@ -48,6 +47,15 @@ pub fn diagrams(set: &CurveSet, groups: bool) -> Vec<(Vec<u32>, Result<Diagram, 
         found.extend(parts);
     }
     found
+}
+
+/// Returns the indices of the closed curves.
+pub(super) fn closed_curves(set: &CurveSet) -> Vec<u32> {
+    let curves = (0..).zip(set.curves());
+    curves
+        .filter(|(_, curve)| curve.closed)
+        .map(|(i, _)| i)
+        .collect()
 }
 
 /// Returns the groups of several curves that chains of overlapping boxes connect.

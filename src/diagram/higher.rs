@@ -2,7 +2,7 @@
 //! triples of curves. They are part of a certificate, and are compared as linking numbers are.
 
 use super::Diagram;
-use super::groups::near_groups;
+use super::groups::{closed_curves, near_groups};
 use crate::curve::CurveSet;
 use crate::pairs::Pair;
 use crate::verdict::{Defect, InvariantChange};
@@ -52,8 +52,7 @@ impl HigherInvariants {
     /// Computes the invariants of all closed curves. Returns them, and the reasons why curves have
     /// none of their own. (A pair that touches is a defect of its linking number already.)
     pub fn of(set: &CurveSet, kind: InvariantKind) -> (HigherInvariants, Vec<Defect>) {
-        let closed = (0..set.len() as u32).filter(|&i| set.curve(i as usize).closed);
-        let closed: Vec<u32> = closed.collect();
+        let closed = closed_curves(set);
         let mut defects = Vec::new();
         let mut out = HigherInvariants {
             kind,
@@ -167,9 +166,9 @@ impl HigherInvariants {
         }
     }
 
-    /// Returns these invariants for other curves, of which `origins` has the indices in this frame.
-    /// Those of new curves are unknown, and so are triples if the order of the curves is another
-    /// one.
+    /// Returns these invariants for other curves. `origins` has the index of each one in this
+    /// frame, or `None` for a new curve, whose invariants are unknown. If the order of the curves
+    /// differs, triples are unknown as well.
     pub fn with_curves(&self, origins: &[Option<u32>]) -> HigherInvariants {
         let mut index = BTreeMap::new();
         let mut unknown = BTreeSet::new();

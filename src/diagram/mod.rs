@@ -13,8 +13,8 @@ mod vassiliev;
 mod words;
 
 pub use groups::diagrams;
-pub(crate) use higher::HigherInvariants;
 pub use higher::InvariantKind;
+pub(crate) use higher::{HigherInvariants, UNCOMPUTED};
 pub use names::KnotName;
 pub(crate) use smoothing::change_of_v2;
 

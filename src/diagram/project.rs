@@ -21,7 +21,7 @@
 //! direction is degenerate.
 
 use crate::curve::vector::{distance, dot, mix};
-use crate::curve::{Box3, CurveSet, Point, above, below};
+use crate::curve::{Box3, CurveSet, Point, above, below, bounds};
 use crate::exact::{Direction, Predicates, Seen, are_collinear, segments_touch};
 use crate::pairs::{LinkSearch, closest_of_segments};
 use crate::random::Random;
@@ -166,13 +166,8 @@ impl Edges {
     /// Draws a direction near the axis along which the curves are thinnest, as that gives few
     /// crossings.
     fn draw_direction(&mut self, random: &mut Random) {
-        let mut bounds = [[f64::INFINITY, f64::NEG_INFINITY]; 3];
-        for [start, _] in &self.ends {
-            for (bound, x) in bounds.iter_mut().zip(start) {
-                *bound = [bound[0].min(*x), bound[1].max(*x)];
-            }
-        }
-        let extent = |x: &usize| bounds[*x][1] / 2.0 - bounds[*x][0] / 2.0;
+        let [low, high] = bounds(self.ends.iter().map(|[start, _]| *start));
+        let extent = |x: &usize| high[*x] / 2.0 - low[*x] / 2.0;
         let thinnest = (0..3).min_by(|a, b| extent(a).total_cmp(&extent(b)));
         self.axis = thinnest.unwrap_or(2);
         let mut components = [(); 3].map(|()| (random.next() >> 36) as i32 - (1 << 27));

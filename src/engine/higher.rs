@@ -24,7 +24,8 @@ impl Engine {
     pub(super) fn compare_invariants(
         &self,
         known: &mut Known,
-        (set, is_given): (&CurveSet, bool),
+        set: &CurveSet,
+        is_given: bool,
         comparison: &Comparison,
         defects: &mut Vec<Defect>,
         missing: &mut Vec<String>,

@@ -334,12 +334,14 @@ impl Engine {
         let yarns = self.compare_yarns(known, &frame)?;
         let invariants = self.compare_invariants(
             known,
-            (given, is_given),
+            given,
+            is_given,
             comparison,
             &mut defects,
             &mut missing,
         );
-        // Where a knot changed in the step is known only if passages of a curve with itself are.
+        // The moment at which a knot changed is known only if passages of a curve with itself are
+        // searched for.
         let is_located = invariants.is_empty() || self.steps.events() == Events::All;
         let safe_fraction = safe_fraction.filter(|_| is_located);
         self.full.progress.check()?;

@@ -20,7 +20,7 @@ pub(super) mod entity {
     pub const BROKEN: &str = "curves/broken";
     pub const UNDECIDED: &str = "curves/undecided";
     pub const TUBES: &str = "curves/strands";
-    /// What the overview of a scene leaves out.
+    /// Entities that the overview of the scene does not show.
     pub const NEAR_ONLY: [&str; 2] = [TUBES, LABELS];
     /// Moments of the first violation: before, at and after its frame.
     pub const MOMENTS: [&str; 3] = ["moments/before", "moments/at", "moments/after"];

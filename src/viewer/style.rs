@@ -13,7 +13,7 @@ pub(super) const RED: u32 = 0xff3b30ff;
 /// Tubes of the first and the second curve of a finding.
 pub(super) const FIRST: u32 = 0xff4d42ff;
 pub(super) const SECOND: u32 = 0xffc08aff;
-/// Of the other parts of curves whose strands are tubes.
+/// Color of the curves of a change, beside the tubes of their strands.
 pub(super) const DARK_RED: u32 = 0x7d3430ff;
 pub(super) const ORANGE: u32 = 0xff9f0aff;
 /// Marks are paler than the curves below them, and labels, which have the same colour, stay

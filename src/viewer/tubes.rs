@@ -65,7 +65,7 @@ fn spot(finding: Finding<'_>) -> Option<Spot> {
     })
 }
 
-/// Tubes in the making.
+/// Columns of a [`Capsules3D`], one entry per edge of a strand.
 #[derive(Default)]
 struct Tubes {
     translations: Vec<[f32; 3]>,
@@ -87,7 +87,7 @@ impl Tubes {
             let [a, b] = [place(a), place(b)];
             let along = Vector3::from(b) - Vector3::from(a);
             let turned = UnitQuaternion::rotation_between(&Vector3::z(), &along);
-            // Downwards there are many.
+            // If the edge points down, the rotation is not unique.
             let turned = turned.unwrap_or_else(|| {
                 UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::PI)
             });
@@ -124,15 +124,17 @@ pub(super) fn draw(
         measured: None,
     };
     let mut tubes = Tubes::default();
-    let mut drawn: Vec<Spot> = Vec::new();
+    let mut drawn: Vec<[u32; 2]> = Vec::new();
     for spot in report.first_findings(SHOWN).filter_map(spot).take(SHOWN) {
         // A change and its pull-through are at one place.
-        let is_known = |other: &Spot| other.curves == spot.curves;
+        if drawn.contains(&spot.curves) {
+            continue;
+        }
         let [_, window, _] = Window::around([None, Some((set, spot)), None], 0.0);
-        let Some(window) = window.filter(|_| !drawn.iter().any(is_known)) else {
+        let Some(window) = window else {
             continue;
         };
-        drawn.push(spot);
+        drawn.push(spot.curves);
         let own = strands_of(set, spot, window).into_iter();
         for strand in own.filter(|strand| strand.part != Part::Rest) {
             let place = |p: &Point| add_scaled(window.centre, window.reach, *p);

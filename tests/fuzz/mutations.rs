@@ -401,7 +401,8 @@ pub const LAYOUT: &[ByteChange] = &[
             ]);
             set_word(f, at + 4 * r.below(n), value.to_bits() as i32);
         }
-        // Of a frame that has none, if other lies announced them for a moment: a coordinate.
+        // If another change has announced radii that the frame does not have, this writes into a
+        // coordinate.
         Effect::Unknown
     }),
 ];

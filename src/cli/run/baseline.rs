@@ -173,8 +173,10 @@ impl Run {
             return;
         }
         let layout = judged.info.layout;
-        let certificate = self.session.complete_baseline();
-        let (Some(certificate), Some(origin)) = (certificate, &self.origin) else {
+        let Some(origin) = &self.origin else {
+            return;
+        };
+        let Some(certificate) = self.session.complete_baseline() else {
             return;
         };
         let record = Arc::new(BaselineRecord {
