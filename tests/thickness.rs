@@ -59,6 +59,40 @@ fn values_and_places_are_printed() -> Result<(), Failed> {
     Ok(())
 }
 
+/// A closed spline whose last control point equals its first one, as many programs write them.
+fn doubled_control_points_are_named_and_skipped() -> Result<(), Failed> {
+    let folder = tempfile::tempdir()?;
+    let points = [
+        [2.0_f32, 0.0, 0.0],
+        [0.0, 2.0, 0.0],
+        [-2.0, 0.0, 0.0],
+        [0.0, -2.0, 0.0],
+    ];
+    let mut bytes = b"BCC\x44C0\x03\x00".to_vec();
+    bytes.extend([1_u64, 5].iter().flat_map(|n| n.to_le_bytes()));
+    bytes.extend([0; 40]);
+    bytes.extend((-5_i32).to_le_bytes());
+    let all = points.iter().chain(&points[..1]).flatten();
+    bytes.extend(all.flat_map(|x| x.to_le_bytes()));
+    let model = folder.path().join("closed.bcc");
+    std::fs::write(&model, bytes)?;
+    let run = linkwatch(&["measure", "thickness", text(&model)]);
+    let words = "1 doubled control point, first point 4 of curve 0: --skip-doubled counts it once";
+    assert!(run.stderr.contains(words), "{}", run.stderr);
+    let run = linkwatch(&[
+        "measure",
+        "thickness",
+        "--json",
+        "--skip-doubled",
+        text(&model),
+    ]);
+    assert!(run.stderr.contains("counted once"), "{}", run.stderr);
+    let found: Value = serde_json::from_str(&run.stdout)?;
+    let thickness = found["thickness"].as_f64().expect("a number");
+    assert!(thickness > 2.0 && thickness < 4.0, "{found}");
+    Ok(())
+}
+
 fn stiffness_divides_the_bend() -> Result<(), Failed> {
     let folder = tempfile::tempdir()?;
     let square = "v 0 0 0\nv 2 0 0\nv 2 2 0\nv 0 2 0\nl 1 2 3 4 1\n";
@@ -173,6 +207,11 @@ fn main() {
             "values_and_places_are_printed",
             true,
             values_and_places_are_printed,
+        ),
+        trial(
+            "doubled_control_points_are_named_and_skipped",
+            true,
+            doubled_control_points_are_named_and_skipped,
         ),
         trial(
             "stiffness_divides_the_bend",

@@ -30,6 +30,10 @@ pub struct Args {
     /// where two strands, or one and itself, overlap
     #[arg(long, value_name = "R|published")]
     radius: Option<StrandRadius>,
+    /// Count control points of splines that repeat the one before them once: a Catmull-Rom curve
+    /// turns back there
+    #[arg(long)]
+    skip_doubled: bool,
     #[command(flatten)]
     frames: FrameArgs,
     /// Stiffness of the tube: 2 minRad is divided by it
@@ -69,11 +73,26 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
 }
 
 fn measure(frame: &Picked, args: &Args) -> Result<Measured> {
-    let (set, cell) = (&frame.curves, frame.cell.as_ref());
+    let (mut set, cell) = (&frame.curves, frame.cell.as_ref());
     if cell.is_some() && frame.is_first {
         args.frames
             .cell_args
             .warn_of_segments(&frame.name, set, frame.cell);
+    }
+    let without;
+    if let [(curve, point), others @ ..] = &set.doubled_points()[..] {
+        let count = plural(1 + others.len() as u64, "doubled control point");
+        let place = format!("{count}, first point {point} of curve {curve}");
+        if args.skip_doubled {
+            tracing::warn!(
+                "{}: {place}: counted once; segments are numbered without",
+                frame.name
+            );
+            without = set.without_doubled_points()?;
+            set = &without;
+        } else {
+            tracing::warn!("{}: {place}: --skip-doubled counts it once", frame.name);
+        }
     }
     let published: Vec<f64> = frame.radii.iter().copied().map(f64::from).collect();
     let radii = match args.radius {

@@ -2,7 +2,9 @@
 
 use super::basis::{Bezier, bspline_knot, point_at};
 use super::coordinates::{Coordinates, Knots};
-use super::{Basis, CurveSet, Point};
+use super::curve::count_of;
+use super::{Basis, CurveSet, Point, Positions};
+use crate::error::Result;
 use std::ops::Range;
 
 /// Reader of the Bezier control points of segments. It asks once if the arrays of the set are
@@ -171,6 +173,42 @@ impl CurveSet {
         let c = self.curves[i];
         self.coordinates()
             .repeats(c.first as usize, c.segments as usize)
+    }
+
+    /// Returns the control points of uniform splines that equal the next one of their curve: curve
+    /// and number. A Catmull-Rom curve turns back at such a point.
+    pub fn doubled_points(&self) -> Vec<(u32, u32)> {
+        if !matches!(self.basis, Basis::CatmullRom | Basis::BSpline) {
+            return Vec::new();
+        }
+        let doubled = |i: usize| {
+            let curve = self.curves[i];
+            let last = curve.points - u32::from(!curve.closed);
+            let next = move |k: u32| self.point(i, ((k + 1) % curve.points) as usize);
+            let is_doubled = move |k: &u32| self.point(i, *k as usize) == next(*k);
+            (0..last).filter(is_doubled).map(move |k| (i as u32, k))
+        };
+        (0..self.len()).flat_map(doubled).collect()
+    }
+
+    /// Returns a copy in which doubled control points count once.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Count`](crate::Error::Count) if too few points of a curve are left.
+    pub fn without_doubled_points(&self) -> Result<CurveSet> {
+        let mut doubled = self.doubled_points().into_iter().peekable();
+        let (mut counts, mut points) = (Vec::new(), Vec::new());
+        for (i, curve) in self.curves.iter().enumerate() {
+            let before = points.len();
+            for k in 0..curve.points {
+                if doubled.next_if_eq(&(i as u32, k)).is_none() {
+                    points.push(self.point(i, k as usize));
+                }
+            }
+            counts.push(count_of(points.len() - before, curve.closed)?);
+        }
+        CurveSet::from_counts(self.basis, &counts, Positions::F64(points.as_flattened()))
     }
 
     /// Returns true if curve `i` has at least three distinct control points. A loop with fewer

@@ -1,9 +1,11 @@
 //! Edges of polylines with their neighbours, and the test for a strut between two of them.
 
+use super::approach::{Joints, Side, approach, directions, first_direction, last_direction};
 use super::lattice::Lattice;
+use super::splines;
 use super::{CurvePoint, MinRad, Strut};
-use crate::curve::vector::{add, add_scaled, dot, norm, sub};
-use crate::curve::{Cell, CurveSet, Image, Point, is_home};
+use crate::curve::vector::{add, add_scaled, distance, dot, norm, sub};
+use crate::curve::{Bezier, Cell, CurveSet, Image, Point, is_home, point_at};
 use crate::error::Result;
 use crate::pairs::{Nearest, Scale, nearest};
 use crate::periodic::period;
@@ -16,12 +18,14 @@ const NONE: u32 = u32::MAX;
 /// share.
 pub(super) const TOLERANCE: f64 = 1e-12;
 
-/// An edge, scaled.
+/// An edge of a polyline, or a segment of a spline; scaled.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Edge {
     pub start: Point,
     /// Vector to the end.
     pub along: Point,
+    /// Inner control points of a segment of a spline.
+    inner: Option<[Point; 2]>,
     pub curve: u32,
     segment: u32,
     /// Edges before and after it on its curve. Those of a curve that runs through the cell belong
@@ -31,13 +35,30 @@ pub(super) struct Edge {
 }
 
 impl Edge {
+    /// Returns the control points of the segment; those of an edge are its ends.
+    pub fn hull(&self) -> Bezier {
+        let end = add(self.start, self.along);
+        let [b, c] = self.inner.unwrap_or([self.start, end]);
+        [self.start, b, c, end]
+    }
+
+    /// Moves the edge.
+    pub fn translate(&mut self, by: Point) {
+        self.start = add(self.start, by);
+        self.inner = self.inner.map(|inner| inner.map(|p| add(p, by)));
+    }
+
+    pub fn is_straight(&self) -> bool {
+        self.inner.is_none()
+    }
+
     /// Returns true if an open curve ends with this edge.
     pub fn is_last(&self) -> bool {
         self.after == NONE
     }
 }
 
-/// All edges of positive length.
+/// All edges of positive length, or all segments of splines that are not points.
 #[derive(Debug)]
 pub(super) struct Edges {
     edges: Vec<Edge>,
@@ -54,9 +75,22 @@ pub(super) struct Found {
     pub image: Image,
     pub at: [f64; 2],
     pub distance_sq: f64,
+    /// Lower bound of the lengths of all struts that were searched for.
+    pub least: f64,
 }
 
 impl Found {
+    /// Returns the shorter one of two struts, with the lower bound of both.
+    pub fn shorter(self, other: Found) -> Found {
+        let least = self.least.min(other.least);
+        let shorter = if other.order(&self).is_lt() {
+            other
+        } else {
+            self
+        };
+        Found { least, ..shorter }
+    }
+
     /// Orders struts by length; equal ones by their edges.
     pub fn order(&self, other: &Found) -> std::cmp::Ordering {
         let length = self.distance_sq.total_cmp(&other.distance_sq);
@@ -72,9 +106,10 @@ impl Edges {
     ///
     /// The errors of [`Lattice::new`].
     pub fn of(set: &CurveSet, cell: Option<&Cell>) -> Result<Edges> {
+        let is_polyline = set.basis().is_polyline();
         let points = (0..set.len()).flat_map(|i| {
-            let last = set.curve(i).segments as usize;
-            (0..=last).map(move |s| set.knot(i, s))
+            let count = set.curve(i).segments as usize;
+            (0..count).flat_map(move |s| set.segment(i, s))
         });
         let vectors = cell.into_iter().flat_map(|cell| cell.vectors);
         let scale = Scale::of(points.chain(vectors));
@@ -84,18 +119,25 @@ impl Edges {
             let mut start = scale.apply(set.knot(i, 0));
             for segment in 0..curve.segments {
                 let end = scale.apply(set.knot(i, segment as usize + 1));
-                let along = sub(end, start);
+                let hull = |s: u32| set.segment(i, s as usize).map(|p| scale.apply(p));
+                let inner = (!is_polyline)
+                    .then(|| hull(segment))
+                    .map(|[_, b, c, _]| [b, c]);
+                let mut edge = Edge {
+                    start,
+                    along: sub(end, start),
+                    inner,
+                    curve: i as u32,
+                    segment,
+                    before: NONE,
+                    after: NONE,
+                };
                 // An edge so short that its square underflows has no direction either.
-                if dot(along, along) > 0.0 {
+                if directions(&edge.hull()).iter().any(|v| dot(*v, *v) > 0.0) {
                     let k = edges.len() as u32;
-                    edges.push(Edge {
-                        start,
-                        along,
-                        curve: i as u32,
-                        segment,
-                        before: if k > first { k - 1 } else { NONE },
-                        after: k + 1,
-                    });
+                    edge.before = if k > first { k - 1 } else { NONE };
+                    edge.after = k + 1;
+                    edges.push(edge);
                 }
                 start = end;
             }
@@ -141,8 +183,11 @@ impl Edges {
 
     /// Returns the length of all curves.
     pub fn length(&self) -> f64 {
-        let lengths = self.edges.iter().map(|e| norm(e.along));
-        self.scale.undo(lengths.sum())
+        let length = |edge: &Edge| match edge.is_straight() {
+            true => norm(edge.along),
+            false => splines::length(&edge.hull()),
+        };
+        self.scale.undo(self.edges.iter().map(length).sum())
     }
 
     /// Returns the sharpest bend.
@@ -189,10 +234,22 @@ impl Edges {
             false => ([j, i], backward, image),
         };
         let is_same = i == j && is_home(&image);
-        if is_same || self.follows(i, j, image) || self.follows(j, i, backward) {
+        let follows = [self.follows(i, j, image), self.follows(j, i, backward)];
+        let (a, b) = (self.get(i), &self.moved(self.get(j), image));
+        if !a.is_straight() {
+            let joints = Joints { is_same, follows };
+            let found = approach([&self.side(a), &self.side(b)], joints, limit_sq)?;
+            return Some(Found {
+                pair,
+                image,
+                at: found.at,
+                distance_sq: found.distance_sq,
+                least: found.least,
+            });
+        }
+        if is_same || follows.contains(&true) {
             return None;
         }
-        let (a, b) = (self.get(i), &self.moved(self.get(j), image));
         let mut near = nearest([a.start, a.along], [b.start, b.along]);
         if near.distance_sq > limit_sq {
             return None;
@@ -218,7 +275,20 @@ impl Edges {
             image,
             at: [near.s, near.t],
             distance_sq: near.distance_sq,
+            least: length,
         })
+    }
+
+    /// Returns a segment of a spline, with the directions of its neighbours.
+    pub fn side(&self, edge: &Edge) -> Side {
+        let neighbour = |k: u32| self.edges.get(k as usize).map(Edge::hull);
+        Side {
+            hull: edge.hull(),
+            neighbours: [
+                neighbour(edge.before).and_then(|hull| last_direction(&hull)),
+                neighbour(edge.after).and_then(|hull| first_direction(&hull)),
+            ],
+        }
     }
 
     /// Returns true if the distance from a point of an edge to the point that is nearest to the
@@ -232,15 +302,20 @@ impl Edges {
         before.is_none_or(|before| dot(before, toward) >= -TOLERANCE * norm(before) * length)
     }
 
+    /// Returns true if no end of a strut is at the end of its edge and at the start of the next one.
+    pub fn owns(&self, found: &Found) -> bool {
+        [0, 1]
+            .iter()
+            .all(|&k| found.at[k] < 1.0 || self.get(found.pair[k]).is_last())
+    }
+
     /// Returns an image of an edge.
     fn moved(&self, edge: &Edge, image: Image) -> Edge {
-        match &self.lattice {
-            Some(lattice) if !is_home(&image) => Edge {
-                start: add(edge.start, lattice.cell.translation(image)),
-                ..*edge
-            },
-            _ => *edge,
+        let mut moved = *edge;
+        if let Some(lattice) = self.lattice.as_ref().filter(|_| !is_home(&image)) {
+            moved.translate(lattice.cell.translation(image));
         }
+        moved
     }
 
     /// Returns the translation of an image, and a bound of the rounding errors of translated edges.
@@ -274,11 +349,17 @@ impl Edges {
                 point: self.given(&self.moved(edge, image), at[k]),
             }
         };
+        let ends = [end(0, Image::default()), end(1, image)];
+        let length = match found.distance_sq.sqrt() {
+            // Of parts that could not be resolved.
+            f64::INFINITY => distance(ends[0].point, ends[1].point),
+            length => self.scale.undo(length),
+        };
         Strut {
-            ends: [end(0, Image::default()), end(1, image)],
+            ends,
             image,
-            length: self.scale.undo(found.distance_sq.sqrt()),
-            error: 0.0,
+            length,
+            error: length - self.scale.undo(found.least),
         }
     }
 
@@ -292,7 +373,11 @@ impl Edges {
     fn given(&self, edge: &Edge, at: f64) -> Point {
         let back = self.home(edge.curve).map(|n| -n);
         let edge = self.moved(edge, back);
-        add_scaled(edge.start, at, edge.along).map(|x| self.scale.undo(x))
+        let point = match edge.is_straight() {
+            true => add_scaled(edge.start, at, edge.along),
+            false => point_at(&edge.hull(), at),
+        };
+        point.map(|x| self.scale.undo(x))
     }
 }
 

@@ -74,8 +74,7 @@ impl Lattice {
         for edges in edges.chunk_by_mut(|a, b| a.curve == b.curve) {
             lattice.bring_home(edges)?;
         }
-        let ends = |e: &Edge| [e.start, add(e.start, e.along)];
-        let bounds = edges.iter().flat_map(ends).map(|p| [p, p]);
+        let bounds = edges.iter().flat_map(Edge::hull).map(|p| [p, p]);
         let bounds = bounds.reduce(union).unwrap_or_default();
         let extent = norm([0, 1, 2].map(|x| bounds[1][x] - bounds[0][x]));
         lattice.bound = lattice.bound_of(edges, extent);
@@ -84,10 +83,10 @@ impl Lattice {
         Ok(lattice)
     }
 
-    /// Returns the fractional coordinates of both ends of an edge: the smaller and the larger ones.
+    /// Returns the smallest and largest fractional coordinates of an edge.
     fn range(&self, edge: &Edge) -> [Point; 2] {
         let fractional = |p: Point| self.inverse.map(|b| dot(b, p));
-        bounds([edge.start, add(edge.start, edge.along)].map(fractional))
+        bounds(edge.hull().map(fractional))
     }
 
     /// Moves the edges of a curve.
@@ -106,7 +105,7 @@ impl Lattice {
         }
         if !is_home(&home) {
             let by = self.cell.translation(home);
-            edges.iter_mut().for_each(|e| e.start = add(e.start, by));
+            edges.iter_mut().for_each(|edge| edge.translate(by));
         }
         self.homes[curve] = home;
         let by = home.map(f64::from);

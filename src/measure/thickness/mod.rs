@@ -9,6 +9,7 @@
 //! every image of every other one and with its own images. A curve that runs through the cell goes
 //! on in its next period. Each strut stands for its images.
 
+mod approach;
 mod clearance;
 mod edges;
 mod lattice;
@@ -24,7 +25,6 @@ pub use self::clearance::ClearanceOptions;
 pub(crate) use self::clearance::{CloseBlock, REACH, close_blocks};
 use self::edges::{Edges, Found};
 use self::octree::Octree;
-use self::splines::Chords;
 use crate::curve::{Cell, CurveSet, Image, Point};
 use crate::error::Result;
 use crate::pool;
@@ -135,7 +135,7 @@ pub struct MinRad {
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Thickness {
-    /// Length of all curves; that of splines is measured along the chords.
+    /// Length of all curves; that of splines is a quadrature with eight points per segment.
     pub length: f64,
     /// Sharpest bend; `None` if no curve bends.
     pub min_rad: Option<MinRad>,
@@ -144,10 +144,9 @@ pub struct Thickness {
 }
 
 impl Thickness {
-    /// Measures curves, open or closed. Repeated vertices of polylines count once. Splines are
-    /// measured by their curvature, and by the distances of chords that deviate from them by less
-    /// than a ten-thousandth of their distance, if 128 chords per segment are enough for that; the
-    /// results have the bounds of their errors.
+    /// Measures curves, open or closed. Repeated vertices of polylines count once. Bends and struts
+    /// of splines have bounds of their errors, a ten-thousandth of the value unless a curve has a
+    /// cusp, or curves coincide over long parts.
     ///
     /// In a periodic cell, all images that may be closer than the shortest strut are considered;
     /// their positions are rounded sums of coordinates and lattice vectors. The length is that of
@@ -176,27 +175,15 @@ impl Thickness {
     /// ```
     pub fn of(set: &CurveSet, cell: Option<&Cell>) -> Result<Thickness> {
         pool::check_process()?;
-        let poca = |edges: &Edges| -> Result<Option<Strut>> {
-            let shortest = Octree::new(edges).shortest(edges)?;
-            Ok(shortest.map(|found| edges.strut(&found)))
-        };
-        if set.basis().is_polyline() {
-            let edges = Edges::of(set, cell)?;
-            return Ok(Thickness {
-                length: edges.length(),
-                min_rad: edges.min_rad(),
-                poca: poca(&edges)?,
-            });
-        }
-        // Few chords tell how many are needed.
-        let rough = Edges::of(&Chords::new(set, None)?.polylines, cell)?;
-        let distance = poca(&rough)?.map(|strut| strut.length);
-        let chords = Chords::new(set, distance)?;
-        let edges = Edges::of(&chords.polylines, cell)?;
+        let edges = Edges::of(set, cell)?;
+        let shortest = Octree::new(&edges).shortest(&edges)?;
         Ok(Thickness {
             length: edges.length(),
-            min_rad: splines::min_rad(set, cell),
-            poca: poca(&edges)?.map(|strut| chords.on_splines(set, cell, &strut)),
+            min_rad: match set.basis().is_polyline() {
+                true => edges.min_rad(),
+                false => splines::min_rad(set, cell),
+            },
+            poca: shortest.map(|found| edges.strut(&found)),
         })
     }
 
@@ -218,9 +205,8 @@ impl Thickness {
     }
 }
 
-/// Returns all struts up to a length, shortest first. Those of splines are measured on chords that
-/// deviate from them by less than a ten-thousandth of this length, if 128 chords per segment are
-/// enough for that.
+/// Returns all struts up to a length, shortest first; of splines, the shortest one of each pair of
+/// segments, as other local minima between them can be part of the same approach.
 ///
 /// In a periodic cell, each strut once, without its images.
 ///
@@ -243,14 +229,6 @@ impl Thickness {
 /// ```
 pub fn struts(set: &CurveSet, cell: Option<&Cell>, longest: f64) -> Result<Vec<Strut>> {
     pool::check_process()?;
-    if !set.basis().is_polyline() {
-        let chords = Chords::new(set, Some(longest))?;
-        let found = struts(&chords.polylines, cell, longest)?;
-        let on_splines = found
-            .iter()
-            .map(|strut| chords.on_splines(set, cell, strut));
-        return Ok(on_splines.collect());
-    }
     let edges = Edges::of(set, cell)?;
     let mut found = Octree::new(&edges).up_to(&edges, longest)?;
     found.sort_by(Found::order);

@@ -1,13 +1,14 @@
 //! Octree over the edges, built from octal tags (section 3, Algorithm 3), and its search with ramps
 //! (section 4, Algorithm 4).
 
+use super::approach::{ACCURACY, Outlook};
 use super::edges::{Edge, Edges, Found, TOLERANCE};
-use crate::curve::vector::{add, dot};
+use crate::curve::vector::{add, dot, sub};
 use crate::curve::{Image, Point, bounds, is_home, union};
 use crate::error::Result;
 use rayon::prelude::*;
+use std::cell::Cell;
 use std::ops::Range;
-use std::sync::atomic::{AtomicU64, Ordering};
 
 /// Maximum number of bits of a box number along an axis, three of which fit into a tag.
 const MOST_BITS: u32 = 21;
@@ -15,11 +16,14 @@ const MOST_BITS: u32 = 21;
 /// Number of edges that a task searches.
 const CHUNK: usize = 128;
 
+/// Number of tasks of the first batch. The next one has twice as many, and so on.
+const FIRST_BATCH: usize = 4;
+
 /// A box, axis-aligned: smallest and largest coordinates.
 type Bounds = [Point; 2];
 
 fn bounds_of(edge: &Edge) -> Bounds {
-    bounds([edge.start, add(edge.start, edge.along)])
+    bounds(edge.hull())
 }
 
 /// Returns a lower bound of the squared distance between two boxes, rounding included.
@@ -105,13 +109,19 @@ struct Ramp<'a> {
     /// Vector along the edge before it.
     before: Option<Point>,
     bounds: Bounds,
+    /// Instead, for a segment of a spline.
+    outlook: Option<Outlook>,
 }
 
 impl Ramp<'_> {
     /// Returns true if a box may intersect the ramp.
     fn meets(&self, [lo, hi]: &Bounds) -> bool {
-        let center = [0, 1, 2].map(|x| 0.5 * (lo[x] + hi[x]) - self.edge.start[x]);
+        let middle = [0, 1, 2].map(|x| 0.5 * (lo[x] + hi[x]));
         let half = [0, 1, 2].map(|x| 0.5 * (hi[x] - lo[x]));
+        if let Some(outlook) = &self.outlook {
+            return outlook.meets(middle, half);
+        }
+        let center = sub(middle, self.edge.start);
         // Range of the scalar products with a vector, and a bound of the errors.
         let range = |v: Point| {
             let middle = dot(v, center);
@@ -175,34 +185,65 @@ impl Octree {
     ///
     /// The errors of [`Edges::check_images`].
     pub fn shortest(&self, edges: &Edges) -> Result<Option<Found>> {
-        // Squared length of the shortest strut so far: as bits, which have the same order.
-        let shortest = AtomicU64::new(f64::INFINITY.to_bits());
-        let limit = || f64::from_bits(shortest.load(Ordering::Relaxed));
-        let search = |chunk: usize, images: bool| {
-            let mut best: Option<Found> = None;
-            for k in self.chunk(chunk) {
-                self.search(edges, (k, images), limit, |found| {
-                    shortest.fetch_min(found.distance_sq.to_bits(), Ordering::Relaxed);
-                    if best.is_none_or(|best| found.order(&best).is_lt()) {
-                        best = Some(found);
-                    }
-                });
-            }
-            best
+        let Some(found) = self.shortest_below(edges, f64::INFINITY)? else {
+            return Ok(None);
         };
-        let all = |images: bool| {
-            let chunks = (0..self.chunks()).into_par_iter();
-            let best = chunks.filter_map(|chunk| search(chunk, images));
-            best.min_by(Found::order)
+        let resolved = found.distance_sq.sqrt() * (1.0 - ACCURACY);
+        if found.least >= resolved || found.distance_sq.is_infinite() {
+            return Ok(Some(found));
+        }
+        // Parts of splines that could not be resolved before this strut was known.
+        let limit_sq = found.distance_sq * (1.0 + 1e-12);
+        let found = Found {
+            least: resolved,
+            ..found
         };
-        let home = all(false);
+        let again = self.shortest_below(edges, limit_sq)?;
+        Ok(again.map(|again| again.shorter(found)).or(Some(found)))
+    }
+
+    /// Returns the shortest strut whose squared length is less than a limit.
+    fn shortest_below(&self, edges: &Edges, limit_sq: f64) -> Result<Option<Found>> {
+        let home = self.shortest_of(edges, false, limit_sq);
         if edges.lattice.is_none() {
             return Ok(home);
         }
-        shortest.fetch_min(edges.bound_sq().to_bits(), Ordering::Relaxed);
-        edges.check_images(limit())?;
-        let both = home.into_iter().chain(all(true));
-        Ok(both.min_by(Found::order))
+        let length_sq = home.map_or(limit_sq, |found| found.distance_sq);
+        let limit_sq = length_sq.min(edges.bound_sq());
+        edges.check_images(limit_sq)?;
+        let images = self.shortest_of(edges, true, limit_sq);
+        Ok(home.into_iter().chain(images).reduce(Found::shorter))
+    }
+
+    /// Returns the shortest strut of at most a squared length, with images or without.
+    ///
+    /// Batches of tasks know the shortest strut of the batches before, and not of one another, so
+    /// that the result does not depend on the number of threads.
+    fn shortest_of(&self, edges: &Edges, images: bool, limit_sq: f64) -> Option<Found> {
+        let search = |chunk: usize, mut best: Option<Found>| {
+            for k in self.chunk(chunk) {
+                let limit = Cell::new(best.map_or(limit_sq, |best| best.distance_sq));
+                self.search(
+                    edges,
+                    (k, images),
+                    || limit.get(),
+                    |found| {
+                        best = Some(best.map_or(found, |best| best.shorter(found)));
+                        limit.set(limit.get().min(found.distance_sq));
+                    },
+                );
+            }
+            best
+        };
+        let (mut best, mut start, mut count) = (None, 0, FIRST_BATCH);
+        while start < self.chunks() {
+            let end = self.chunks().min(start + count);
+            let batch = (start..end).into_par_iter();
+            let found = batch.filter_map(|chunk| search(chunk, best));
+            best = found.reduce_with(Found::shorter).or(best);
+            (start, count) = (end, 2 * count);
+        }
+        best
     }
 
     /// Returns all struts up to a length.
@@ -217,7 +258,15 @@ impl Octree {
             let mut all = Vec::new();
             for k in self.chunk(chunk) {
                 for images in [false, true] {
-                    self.search(edges, (k, images), || limit_sq, |found| all.push(found));
+                    self.search(
+                        edges,
+                        (k, images),
+                        || limit_sq,
+                        |found| {
+                            let is_near = found.distance_sq <= limit_sq;
+                            all.extend((is_near && edges.owns(&found)).then_some(found));
+                        },
+                    );
                 }
             }
             all
@@ -250,6 +299,7 @@ impl Octree {
             length_sq: dot(edge.along, edge.along),
             before: edges.before(edge),
             bounds: self.bounds[k],
+            outlook: (!edge.is_straight()).then(|| Outlook::new(&edges.side(edge))),
         };
         if !images {
             self.descend(edges, (&ramp, k, Image::default()), &limit, &mut found);
@@ -268,9 +318,10 @@ impl Octree {
         limit: &impl Fn() -> f64,
         found: &mut impl FnMut(Found),
     ) {
-        // Later nodes have later edges, which are not compared with this one.
+        // Later nodes have later edges, which are not compared with this one. A segment of a spline
+        // is compared with itself.
         let end = match is_home(&image) {
-            true => k,
+            true => k + usize::from(!ramp.edge.is_straight()),
             false => self.order.len(),
         };
         let (by, pad) = edges.shift(image);

@@ -1,86 +1,16 @@
-//! Splines: bends by their curvature, and chords for their distances.
+//! Bends and lengths of splines.
 
-use super::{CurvePoint, MinRad, Strut};
-use crate::curve::vector::{add, cross, distance, dot, norm, sub};
-use crate::curve::{Basis, Bezier, Cell, CurveSet, Point, sub_segment};
-use crate::discretize::chords;
-use crate::error::Result;
+use super::MinRad;
+use super::approach::{derivatives, directions, first_direction, is_corner, last_direction};
+use crate::curve::vector::{cross, dot, mix, norm, sub};
+use crate::curve::{Basis, Bezier, Cell, CurveSet, Point};
 use crate::pairs::Scale;
 use crate::periodic::period;
-
-/// Error of the distances, as a share of the distance that is looked for.
-const ACCURACY: f64 = 1e-4;
-
-/// Smallest and largest number of chords per segment, and largest number of all chords unless the
-/// smallest number per segment makes more.
-const CHORDS: [usize; 2] = [4, 128];
-const MOST_CHORDS: usize = 1 << 22;
 
 /// Relative error of the sharpest bend, and largest number of divisions of segments in addition to
 /// four per segment.
 const BEND_ACCURACY: f64 = 1e-4;
 const DIVISIONS: usize = 1 << 20;
-
-/// Sine of the angle at a joint from which on it is a corner.
-const CORNER: f64 = 1e-6;
-
-/// A polyline that replaces splines, with as many chords for each segment.
-pub(super) struct Chords {
-    pub polylines: CurveSet,
-    per_segment: u32,
-    /// Upper bound of the difference between a distance of chords and that of the splines at the
-    /// same parameters.
-    error: f64,
-}
-
-impl Chords {
-    /// Returns as many chords as needed for a distance, which is a guess; `None`: no distance is
-    /// known.
-    pub fn new(set: &CurveSet, distance: Option<f64>) -> Result<Chords> {
-        let segments = (0..set.len()).flat_map(|i| {
-            let count = set.curve(i).segments as usize;
-            (0..count).map(move |s| set.segment(i, s))
-        });
-        let deviation = segments.map(|hull| deviation(&hull)).fold(0.0, f64::max);
-        let [least, most] = CHORDS;
-        let needed = match distance {
-            Some(distance) if distance > 0.0 => (2.0 * deviation / (ACCURACY * distance)).sqrt(),
-            _ => 0.0,
-        };
-        let most = most.min(MOST_CHORDS / set.segments().max(1)).max(least);
-        let n = (needed.ceil() as usize).clamp(least, most);
-        Ok(Chords {
-            polylines: chords(set, n)?,
-            per_segment: n as u32,
-            error: 2.0 * deviation / (n * n) as f64,
-        })
-    }
-
-    /// Returns a strut between chords as one between splines, with its points on them.
-    pub fn on_splines(&self, set: &CurveSet, cell: Option<&Cell>, strut: &Strut) -> Strut {
-        let n = self.per_segment;
-        let mut ends = strut.ends.map(|end| {
-            let t = (f64::from(end.segment % n) + end.t) / f64::from(n);
-            let segment = end.segment / n;
-            CurvePoint {
-                segment,
-                t,
-                point: set.eval(end.curve as usize, segment as usize, t),
-                ..end
-            }
-        });
-        if let Some(cell) = cell {
-            ends[1].point = add(ends[1].point, cell.translation(strut.image));
-        }
-        let length = distance(ends[0].point, ends[1].point);
-        Strut {
-            ends,
-            image: strut.image,
-            length,
-            error: (length - strut.length + self.error).max(self.error),
-        }
-    }
-}
 
 /// Returns an upper bound of the distance between a cubic segment and its chord, both at the same
 /// parameter: an eighth of the largest second derivative, which is a combination of the second
@@ -88,6 +18,22 @@ impl Chords {
 pub(super) fn deviation([a, b, c, d]: &Bezier) -> f64 {
     let second = |p: &Point, q: &Point, r: &Point| norm(sub(sub(*r, *q), sub(*q, *p)));
     0.75 * second(a, b, c).max(second(b, c, d)) * (1.0 + 1e-9)
+}
+
+/// Returns the length of a segment, by the rule of Gauss and Legendre of four points in each half.
+pub(super) fn length(hull: &Bezier) -> f64 {
+    let nodes = [
+        (0.339_981_043_584_856_26, 0.652_145_154_862_546_1),
+        (0.861_136_311_594_052_6, 0.347_854_845_137_453_85),
+    ];
+    let speed = |t: f64| norm(derivatives(hull, t)[1]);
+    let half = |middle: f64| -> f64 {
+        let pair = |(x, weight): (f64, f64)| {
+            weight * (speed(middle - 0.25 * x) + speed(middle + 0.25 * x))
+        };
+        0.25 * nodes.map(pair).iter().sum::<f64>()
+    };
+    half(0.25) + half(0.75)
 }
 
 /// A part of a segment: its curve, its number, and its ends.
@@ -113,9 +59,9 @@ pub(super) fn min_rad(set: &CurveSet, cell: Option<&Cell>) -> Option<MinRad> {
     let mut best: Option<(f64, Part)> = None;
     let least = loop {
         let measure = |part: Part| {
-            let (i, s, [from, to]) = part;
+            let (i, s, _) = part;
             let hull = set.segment(i, s).map(|p| scale.apply(p));
-            let [least, radius] = radii(&sub_segment(&hull, from, to));
+            let [least, radius] = radii(&hull, part.2);
             if best.is_none_or(|(known, _)| radius < known) {
                 best = Some((radius, part));
             }
@@ -155,30 +101,20 @@ pub(super) fn min_rad(set: &CurveSet, cell: Option<&Cell>) -> Option<MinRad> {
     })
 }
 
-/// Returns a lower bound of the radius of curvature of a cubic segment, and the radius in its
-/// middle. The bound follows from the Bernstein coefficients of `|r'|^2` and of `r' x r''`.
-fn radii(hull: &Bezier) -> [f64; 2] {
-    let [a, b, c, d] = *hull;
-    let first = [sub(b, a), sub(c, b), sub(d, c)].map(|v| v.map(|x| 3.0 * x));
-    let second = [sub(first[1], first[0]), sub(first[2], first[1])].map(|v| v.map(|x| 2.0 * x));
-    let mix = |p: Point, u: f64, q: Point, v: f64| [0, 1, 2].map(|x| u * p[x] + v * q[x]);
+/// Returns a lower bound of the radius of curvature of a part of a cubic segment, and the radius in
+/// its middle. The bound follows from the Bernstein coefficients of `|r'|^2` and of `r' x r''`,
+/// which is quadratic. Both are divided, not the segment: the differences of the control points of
+/// a short part would have lost all digits.
+fn radii(hull: &Bezier, [from, to]: [f64; 2]) -> [f64; 2] {
+    let [u, v, w] = directions(hull);
+    let part = |[a, b, c]: [Point; 3]| {
+        let polar = |s: f64, t: f64| mix(mix(a, b, s), mix(b, c, s), t);
+        [polar(from, from), polar(from, to), polar(to, to)]
+    };
+    let first = part([u, v, w].map(|p| p.map(|x| 3.0 * x)));
+    let half = cross(u, w).map(|x| 0.5 * x);
+    let crossed = part([cross(u, v), half, cross(v, w)].map(|p| p.map(|x| 18.0 * x)));
     let third = 1.0 / 3.0;
-    let crossed = [
-        cross(first[0], second[0]),
-        mix(
-            cross(first[0], second[1]),
-            third,
-            cross(first[1], second[0]),
-            2.0 * third,
-        ),
-        mix(
-            cross(first[1], second[1]),
-            2.0 * third,
-            cross(first[2], second[0]),
-            third,
-        ),
-        cross(first[2], second[1]),
-    ];
     let most = crossed.map(norm).into_iter().fold(0.0, f64::max);
     let speeds = [
         dot(first[0], first[0]),
@@ -194,9 +130,9 @@ fn radii(hull: &Bezier) -> [f64; 2] {
         false if speed_sq > 0.0 => f64::INFINITY,
         false => 0.0,
     };
-    let velocity = [0, 1, 2].map(|x| 0.25 * (first[0][x] + 2.0 * first[1][x] + first[2][x]));
-    let acceleration = [0, 1, 2].map(|x| 0.5 * (second[0][x] + second[1][x]));
-    let middle = quotient(dot(velocity, velocity), norm(cross(velocity, acceleration)));
+    let [velocity, turn] =
+        [first, crossed].map(|[a, b, c]| [0, 1, 2].map(|x| 0.25 * (a[x] + 2.0 * b[x] + c[x])));
+    let middle = quotient(dot(velocity, velocity), norm(turn));
     [quotient(slowest, most).min(middle), middle]
 }
 
@@ -214,9 +150,8 @@ fn corner(set: &CurveSet, cell: Option<&Cell>) -> Option<MinRad> {
                 _ => continue,
             };
             let [before, after] = [s, next].map(|s| set.segment(i, s as usize));
-            let (u, v) = (sub(before[3], before[2]), sub(after[1], after[0]));
-            let lengths = norm(u) * norm(v);
-            if norm(cross(u, v)) > CORNER * lengths || dot(u, v) < 0.0 {
+            let directions = last_direction(&before).zip(first_direction(&after));
+            if directions.is_some_and(|(u, v)| is_corner(u, v)) {
                 return Some(MinRad {
                     radius: 0.0,
                     error: 0.0,
