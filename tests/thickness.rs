@@ -89,7 +89,8 @@ fn doubled_control_points_are_named_and_skipped() -> Result<(), Failed> {
     assert!(run.stderr.contains("counted once"), "{}", run.stderr);
     let found: Value = serde_json::from_str(&run.stdout)?;
     let thickness = found["thickness"].as_f64().expect("a number");
-    assert!(thickness > 2.0 && thickness < 4.0, "{found}");
+    // The four points bend the curve to a radius of one half.
+    assert!((thickness - 1.0).abs() < 1e-3, "{found}");
     Ok(())
 }
 
