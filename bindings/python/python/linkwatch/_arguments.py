@@ -167,17 +167,20 @@ def frame(
             raise ValueError(f"{name}: the frame holds no curves")
         flags = _flags(closed, len(arrays))
         counts = [-len(array) if flag else len(array) for array, flag in zip(arrays, flags)]
-        types = {str(array.dtype) for array in arrays if array.dtype.kind == "f"}
+        types = {array.dtype for array in arrays if array.dtype.kind == "f"}
         if len(types) > 1:
-            raise ValueError(f"{prefix}curves have different types: {', '.join(sorted(types))}")
+            names = ", ".join(sorted(map(str, types)))
+            raise ValueError(f"{prefix}curves have different types: {names}")
         points = np.concatenate(arrays)
     else:
         points = _array(name, curves)
         if closed is not None:
             _agree(counts, _flags(closed, len(counts)))
-    single = points.dtype.type is np.float32
+    kind = np.dtype(np.float32 if points.dtype.type is np.float32 else np.float64)
     # Arrays that Dask received may be misaligned.
-    return np.require(points, np.float32 if single else np.float64, ["C", "A"]), counts
+    if points.dtype != kind or not (points.flags.c_contiguous and points.flags.aligned):
+        points = np.require(points, kind, ["C", "A"])
+    return points, counts
 
 
 def _flags(closed: Any, curves: int) -> list[bool]:
