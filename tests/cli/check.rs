@@ -469,8 +469,14 @@ fn one_curve_alone_is_not_intact() {
     let run = linkwatch(&["check", text(&file), "--closed"]);
     assert_eq!(run.code, 3, "{}", run.stdout);
     assert!(run.stderr.contains("one curve alone"), "{}", run.stderr);
-    let run = linkwatch(&["check", text(&file), "--closed", "--events=all"]);
-    assert_eq!(run.code, 0, "{}", run.stdout);
+    for (option, code) in [
+        ("--events=all", 0),
+        ("--invariants=self", 0),
+        ("--invariants=triple", 3),
+    ] {
+        let run = linkwatch(&["check", text(&file), "--closed", option]);
+        assert_eq!(run.code, code, "{option}: {}", run.stdout);
+    }
 }
 
 /// Regression test: files after one of an unknown kind were not verified.

@@ -312,3 +312,19 @@ def test_every_link_of_rolfsen_agrees_with_snappy(snappy):
             assert [abs(triple[3]) for triple in found.triples] == [1]
     print(f"{named} of {len(LINKS)} links have names")
     assert named > 100
+
+
+def test_check_compares_knots():
+    trefoil = torus_knot(2, 3)
+    mirrored = trefoil * [1, 1, -1]
+    frames = [[trefoil], [trefoil], [mirrored], [mirrored]]
+    run = linkwatch.check(frames, events="off", invariants="self", progress=False)
+    assert run.verdict == "changed" and run.changes == []
+    [row] = run.invariants
+    assert list(row["curves"]) == [0]
+    assert (row["frame"], row["last"], row["frames"]) == (2, 3, 2)
+    assert "1 invariant differs from the baseline" in run.summary
+    assert len(run.to_pandas("invariants")) == 1
+    assert linkwatch.check(frames[:2], events="off", invariants="self", progress=False)
+    alone = linkwatch.check(frames, events="off", progress=False)
+    assert alone.verdict == "incomplete"

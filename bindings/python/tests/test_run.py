@@ -162,7 +162,7 @@ def test_tables_plots_and_html_of_a_run(monkeypatch, tmp_path):
     pytest.importorskip("pandas")
     run = linkwatch.check(BROKEN, radius=0.1)
     frames = run.to_pandas()
-    assert frames.shape == (6, 9) and list(frames["verdict"][2:4]) == ["intact", "changed"]
+    assert frames.shape == (6, 10) and list(frames["verdict"][2:4]) == ["intact", "changed"]
     assert run.to_pandas("changes")["found"].tolist() == [0]
     assert run.to_pandas("pull_throughs")["sign"].tolist() == [1]
     assert run.to_pandas("defects").empty and "kind" in run.to_pandas("defects").columns

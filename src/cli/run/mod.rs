@@ -39,8 +39,9 @@ use super::metrics::SessionMetrics;
 use super::output::{count, plural};
 use linkwatch::Events;
 use linkwatch::{
-    BaselineRecord, Continuation, Counters, FrameInfo, FrameRecord, FrameTimes, Overflow, Progress,
-    Received, Result, RunProgress, Session, SessionOptions, SinkQueue, Strategy, Verdict,
+    BaselineRecord, Certificate, Continuation, Counters, FrameInfo, FrameRecord, FrameTimes,
+    InvariantKind, Overflow, Progress, Received, Result, RunProgress, Session, SessionOptions,
+    SinkQueue, Strategy, Verdict,
 };
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -432,9 +433,13 @@ impl Run {
             );
             self.data_lost();
         }
-        let given = self.options.baseline.as_ref();
-        let knots = given.is_some_and(|baseline| baseline.invariants().next().is_some());
-        let knots = knots || !self.options.invariants.is_empty();
+        let given = self
+            .options
+            .baseline
+            .iter()
+            .flat_map(Certificate::invariants);
+        let kinds: Vec<InvariantKind> = given.chain(self.options.invariants.clone()).collect();
+        let knots = kinds.contains(&InvariantKind::Curve);
         if tally.verified > 1
             && !(self.sum.has_pairs || knots)
             && self.options.events != Events::All

@@ -26,12 +26,14 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator
     from typing import Any
 
-    from ._results import Change, Defect, Report
+    from ._results import Change, Defect, Report, Result
 
 #: Columns of the tables of a run.
 COLUMNS = {
-    "frames": "frame time verdict changes pull_throughs unresolved defects clearance rejected",
+    "frames": "frame time verdict changes invariants pull_throughs unresolved defects clearance "
+    "rejected",
     "changes": "i j names image expected found frame time last frames point segments distance",
+    "invariants": "curves expected found frame time last frames",
     "defects": "i j names image kind frame time last frames point segments distance",
     "pull_throughs": "frame time i j names image segments fraction sign point lengths unresolved",
 }
@@ -107,6 +109,7 @@ class Run:
         changes: each linking number that differs from the baseline, once: the first frame that has
             it (``frame``, ``time``), the last one, their number (``frames``), and the place in the
             first one.
+        invariants: knots and triple linking numbers that differ from the baseline, likewise.
         defects: pairs and curves without a linking number, or with an undecided step, likewise.
         pull_throughs: each one, with the frame at the end of the step; ``unresolved`` if it may not
             be real, because the frames are too far apart.
@@ -120,7 +123,8 @@ class Run:
         self.frames: list[dict[str, Any]] = []
         self.pull_throughs: list[dict[str, Any]] = []
         self.notes: list[str] = []
-        self._lasting: dict[str, dict[Any, dict[str, Any]]] = {"changes": {}, "defects": {}}
+        tables = ("changes", "invariants", "defects")
+        self._lasting: dict[str, dict[Any, dict[str, Any]]] = {table: {} for table in tables}
         self._left_out: dict[str, str] = {}
         self._first: str | None = None
         self._open = self._jumps = 0
@@ -131,6 +135,11 @@ class Run:
     def changes(self) -> list[dict[str, Any]]:
         """Linking numbers that differ from the baseline, each once."""
         return list(self._lasting["changes"].values())
+
+    @property
+    def invariants(self) -> list[dict[str, Any]]:
+        """Knots and triple linking numbers that differ from the baseline, each once."""
+        return list(self._lasting["invariants"].values())
 
     @property
     def defects(self) -> list[dict[str, Any]]:
@@ -147,14 +156,18 @@ class Run:
         """Adds the report on the next frame."""
         of_frame = {"frame": report.seq, "time": report.time}
         row: dict[str, Any] = {**of_frame, "verdict": report.verdict, "rejected": report.rejected}
-        for name in ("changes", "pull_throughs", "unresolved", "defects"):
+        for name in ("changes", "invariants", "pull_throughs", "unresolved", "defects"):
             row[name] = len(getattr(report, name))
         row["clearance"] = report.clearance and report.clearance.ratio
         self.frames.append(_in_order("frames", row))
         for change in report.changes:
-            self._add_lasting("changes", change, (change.expected, change.found), of_frame)
+            key = (*_curves(change), change.expected, change.found)
+            self._add_lasting("changes", key, change, of_frame)
+        for invariant in report.invariants:
+            key = (invariant.curves, invariant.expected, invariant.found)
+            self._add_lasting("invariants", key, invariant, of_frame)
         for defect in report.defects:
-            self._add_lasting("defects", defect, (defect.kind,), of_frame)
+            self._add_lasting("defects", (*_curves(defect), defect.kind), defect, of_frame)
         for passage in report.pull_throughs + report.unresolved:
             row = {**of_frame, **passage.to_dict(), "unresolved": passage in report.unresolved}
             self.pull_throughs.append(_in_order("pull_throughs", row))
@@ -165,14 +178,13 @@ class Run:
             self._first = "\n    ".join([report._words, *report.findings[:1]])
 
     def _add_lasting(
-        self, table: str, found: Change | Defect, which: tuple[Any, ...], of_frame: dict[str, Any]
+        self, table: str, key: tuple[Any, ...], found: Result, of_frame: dict[str, Any]
     ) -> None:
         """Adds a finding that may last over several frames."""
-        key = (found.names or (found.i, found.j), found.image, which)
         row = self._lasting[table].get(key)
         if row is None:
             row = {**of_frame, **found.to_dict(), "frames": 0}
-            row = self._lasting[table][key] = _in_order(table, {**row, **(row["place"] or {})})
+            row = self._lasting[table][key] = _in_order(table, {**row, **(row.get("place") or {})})
         row["last"] = of_frame["frame"]
         row["frames"] += 1
 
@@ -216,10 +228,12 @@ class Run:
             gaps.append("no frame was verified")
         elif verified == 1 and self.options.get("baseline") is None:
             gaps.append("one frame, and nothing to compare it with")
-        if not self._has_pairs and verified > 1 and self.options.get("events") != "all":
+        knots = "self" in (self.options.get("invariants") or "")
+        sees_itself = self.options.get("events") == "all" or knots
+        if not self._has_pairs and verified > 1 and not sees_itself:
             gaps.append(
-                "nothing was verified: one curve alone has no linking number, and pull-throughs of "
-                "a curve with itself are searched for by events='all'"
+                "nothing was verified: one curve alone has no linking number; events='all' searches "
+                "for pull-throughs of a curve with itself, invariants='self' compares its knot"
             )
         if self.options.get("events") == "off" and self._open:
             curves = plural(self._open, "open curve", "open curves")
@@ -253,6 +267,9 @@ class Run:
         if changes:
             numbers = plural(changes, "linking number differs", "linking numbers differ")
             lines.append(f"{numbers} from the baseline")
+        if self.invariants:
+            differ = plural(len(self.invariants), "invariant differs", "invariants differ")
+            lines.append(f"{differ} from the baseline")
         if resolved:
             lines.append(plural(resolved, "pull-through", "pull-throughs"))
         if unresolved:
@@ -291,8 +308,8 @@ class Run:
         return {**said, **tables, "notes": self.notes}
 
     def to_pandas(self, table: str = "frames") -> Any:
-        """Returns a table as a ``pandas.DataFrame``: ``"frames"``, ``"changes"``, ``"defects"`` or
-        ``"pull_throughs"``.
+        """Returns a table as a ``pandas.DataFrame``: ``"frames"``, ``"changes"``, ``"invariants"``,
+        ``"defects"`` or ``"pull_throughs"``.
 
         Raises:
             ImportError: pandas is not installed.
@@ -411,6 +428,8 @@ class Run:
         words = [f"--events={options['events']}"]
         if options["motion_limit"] is not None:
             words += ["--motion-limit", repr(options["motion_limit"])]
+        if options["invariants"]:
+            words.append(f"--invariants={options['invariants']}")
         if options["wrapped"] is not None:
             words.append(f"--wrapped={str(options['wrapped']).lower()}")
         if options["keep_open"]:
@@ -457,6 +476,11 @@ class Run:
 def _in_order(table: str, row: dict[str, Any]) -> dict[str, Any]:
     """Returns the columns of a table in a row."""
     return {column: row.get(column) for column in COLUMNS[table].split()}
+
+
+def _curves(found: Change | Defect) -> tuple[Any, ...]:
+    """Returns the curves of a finding."""
+    return found.names or (found.i, found.j), found.image
 
 
 def _image(kind: str, data: bytes, text: str) -> str:
@@ -565,6 +589,7 @@ def options_of(
     events: str = "between",
     radius: Any = None,
     motion_limit: float | None = None,
+    invariants: str = "",
     wrapped: bool | None = None,
     keep_open: bool = False,
 ) -> dict[str, Any]:
@@ -576,6 +601,7 @@ def options_of(
         events=events,
         radius=radius,
         motion_limit=motion_limit,
+        invariants=invariants,
         wrapped=wrapped,
         keep_open=keep_open,
     )
@@ -588,6 +614,7 @@ def check(
     *,
     radius: Any = None,
     motion_limit: float | None = None,
+    invariants: str = "",
     wrapped: bool | None = None,
     keep_open: bool = False,
     progress: bool | None = None,
@@ -617,7 +644,7 @@ def check(
             alone, for frames that are far apart.
         radius: radius of the strands, of each curve, or ``"published"``, those of the frames:
             ``run.frames`` has the clearance.
-        motion_limit, wrapped, keep_open: those of :class:`linkwatch.Session`.
+        motion_limit, invariants, wrapped, keep_open: those of :class:`linkwatch.Session`.
         progress: whether to show a progress bar; by default on a terminal, if ``tqdm`` is
             installed.
         client: ``dask.distributed.Client`` or ``concurrent.futures.Executor``: verifies chunks of
@@ -631,7 +658,9 @@ def check(
         TypeError, ValueError: an argument is invalid, a file is damaged, or no curve is closed and
             there are no ``events``.
     """
-    options = options_of(baseline, events, radius, motion_limit, wrapped, keep_open)
+    options = options_of(
+        baseline, events, radius, motion_limit, invariants, wrapped, keep_open
+    )
     source = frames_of(frames, **described)
     run = Run(source, options)
     if client is not None:

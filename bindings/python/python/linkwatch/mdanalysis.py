@@ -63,7 +63,7 @@ class LinkAnalysis(_base.AnalysisBase):  # type: ignore[misc,name-defined]
             curves it has. Lengths are in Angstrom.
         closed, unwrap, cell: those of :func:`linkwatch.io.from_mdanalysis`.
         verbose: whether to show a progress bar (with the backend ``"serial"``).
-        baseline, events, radius, motion_limit, wrapped, keep_open: those of
+        baseline, events, radius, motion_limit, invariants, wrapped, keep_open: those of
             :func:`linkwatch.check`.
 
     Attributes:
