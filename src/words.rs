@@ -7,8 +7,15 @@
 
 use std::time::Duration;
 
+/// Whole numbers that are counts.
+pub trait Count: std::fmt::Display {}
+
+impl Count for u32 {}
+impl Count for u64 {}
+impl Count for usize {}
+
 /// Formats a count with separators, `211,680`.
-pub fn count(n: u64) -> String {
+pub fn count(n: impl Count) -> String {
     let digits = n.to_string();
     let mut out = String::new();
     for (k, c) in digits.chars().enumerate() {
@@ -29,15 +36,15 @@ pub fn percent(share: f64) -> String {
 }
 
 /// Formats a count with its noun, `1 link`, `2 links`.
-pub fn plural(n: u64, noun: &str) -> String {
+pub fn plural(n: impl Count, noun: &str) -> String {
     plural_of(n, noun, &format!("{noun}s"))
 }
 
 /// Formats a count with its noun, `1 vertex`, `2 vertices`.
-pub fn plural_of(n: u64, one: &str, many: &str) -> String {
-    match n {
-        1 => format!("1 {one}"),
-        _ => format!("{} {many}", count(n)),
+pub fn plural_of(n: impl Count, one: &str, many: &str) -> String {
+    match count(n).as_str() {
+        "1" => format!("1 {one}"),
+        n => format!("{n} {many}"),
     }
 }
 
@@ -66,12 +73,12 @@ mod tests {
 
     #[test]
     fn counts_have_separators() {
-        assert_eq!(count(0), "0");
-        assert_eq!(count(999), "999");
-        assert_eq!(count(1000), "1,000");
-        assert_eq!(count(1_234_567), "1,234,567");
-        assert_eq!(plural(1, "link"), "1 link");
-        assert_eq!(plural(2000, "link"), "2,000 links");
+        assert_eq!(count(0_u64), "0");
+        assert_eq!(count(999_u64), "999");
+        assert_eq!(count(1000_u64), "1,000");
+        assert_eq!(count(1_234_567_u64), "1,234,567");
+        assert_eq!(plural(1_u64, "link"), "1 link");
+        assert_eq!(plural(2000_u64, "link"), "2,000 links");
         assert_eq!(millis(Duration::from_micros(1234)), "1.23 ms");
         assert_eq!(millis(Duration::from_millis(1234)), "1234 ms");
     }
