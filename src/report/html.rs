@@ -184,10 +184,7 @@ fn pictures(figure: &Figure) -> Markup {
         figure {
             figcaption {
                 h3 { (shot.moment) ": " (shot.sentence) }
-                p.dim {
-                    @if let Some(passage) = &shot.passage { (passage) ". " }
-                    (figure.reason)
-                }
+                @if let Some(passage) = &shot.passage { p.dim { (passage) "." } }
                 (legend(marks))
             }
             div.pictures {
@@ -227,7 +224,7 @@ fn section(table: &Table) -> Markup {
             h2 { (table.title) }
             (part(visible))
             @if !others.is_empty() {
-                details { summary { (count(others.len() as u64)) " more" } (part(others)) }
+                details { summary { (count(others.len())) " more" } (part(others)) }
             }
             @if let Some(more) = &table.more { p.dim { (more) } }
         }
