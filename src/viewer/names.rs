@@ -14,9 +14,8 @@ pub(super) const UNTIL: &str = "until_violation";
 /// Paths of the entities.
 pub(super) mod entity {
     pub const CURVES: &str = "curves";
-    pub const MOVING: &str = "curves/intact/moving";
     /// Parent of the blocks of curves at rest.
-    pub const AT_REST: &str = "curves/intact/at_rest";
+    pub const INTACT: &str = "curves/intact";
     pub const BROKEN: &str = "curves/broken";
     pub const UNDECIDED: &str = "curves/undecided";
     pub const TUBES: &str = "curves/strands";
