@@ -225,8 +225,6 @@ pub use sinks::{
     BaselineRecord, FrameRecord, FrameTimes, LiveTimes, Overflow, RunProgress, Sink, SinkQueue,
     SinkSummary,
 };
-#[cfg(feature = "cli")]
-use verdict::Lasting;
 pub use verdict::{
     AbortOn, Change, ChangeKind, Clearance, CloseStrands, Defect, DefectKind, ImageLink,
     InvariantChange, LeftOut, Link, LoopPair, Place, PullThrough, Report, Stats, Verdict,

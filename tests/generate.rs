@@ -67,16 +67,13 @@ fn reports_tests_decided_by_exact_arithmetic() {
         ("chainmail:rows=4,columns=5", false),
     ] {
         linkwatch(&["generate", scene, "--force", "-o", text(&model)]);
-        let Run { stdout, stderr, .. } = linkwatch(&["certify", "--json", text(&model)]);
-        assert_eq!(stderr.contains("decided exactly ("), some, "{stderr}");
+        let Run { stdout, .. } = linkwatch(&["certify", "--json", text(&model)]);
         let json: serde_json::Value = serde_json::from_str(&stdout).unwrap();
         let count = |name: &str| json["stats"][name].as_f64().unwrap();
         let share = count("exact") / count("tests");
         assert_eq!(json["exact_share"], share);
         assert_eq!(some, share > 0.0);
         assert!(share <= 1.0);
-        let reported = format!("decided exactly ({:.2} %)", 100.0 * share);
-        assert_eq!(stderr.contains(&reported), some, "{stderr}");
     }
 }
 

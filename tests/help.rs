@@ -157,40 +157,8 @@ fn the_manual_has_every_command_and_every_option() {
 }
 
 fn the_manual_formats_without_warnings() {
-    let folder = tempfile::tempdir().expect("a folder");
-    let out = folder.path().to_str().expect("UTF-8");
-    stdout(&["man", "--out", out]);
-    let pages = std::fs::read_dir(out).expect("a folder");
-    let pages = pages.map(|page| std::fs::read_to_string(page.unwrap().path()).unwrap());
-    let mut pages: Vec<String> = pages.collect();
-    assert!(pages.len() > COMMANDS.len());
-    pages.push(stdout(&["man"]));
-    for page in pages {
-        let warnings = give("groff", &["-man", "-Tutf8", "-ww", "-z"], &page);
-        assert_eq!(warnings.expect("groff"), "");
-    }
-}
-
-fn manual_pages_overwrite_no_file() {
-    let folder = tempfile::tempdir().expect("a folder");
-    let out = folder.path().join("man1");
-    let args = ["man", "--out", out.to_str().expect("UTF-8")];
-    stdout(&args);
-    let page = out.join("linkwatch-certify.1");
-    std::fs::write(&page, "mine").unwrap();
-    std::fs::remove_file(out.join("linkwatch.1")).unwrap();
-    let refused = linkwatch(&args);
-    assert_eq!(refused.code, 2);
-    let stderr = refused.stderr;
-    assert!(stderr.contains("the file exists; --force"), "{stderr}");
-    assert_eq!(std::fs::read_to_string(&page).unwrap(), "mine");
-    assert!(!out.join("linkwatch.1").exists(), "nothing was written");
-    stdout(&[&args[..], &["--force"]].concat());
-    assert!(
-        std::fs::read_to_string(&page)
-            .unwrap()
-            .contains(".TH linkwatch-certify 1")
-    );
+    let warnings = give("groff", &["-man", "-Tutf8", "-ww", "-z"], &stdout(&["man"]));
+    assert_eq!(warnings.expect("groff"), "");
 }
 
 fn errors_of_a_folder_and_a_misspelt_scene_give_advice() {
@@ -228,7 +196,6 @@ fn main() {
         bash_completes_a_command_and_an_option needs "bash",
         the_manual_has_every_command_and_every_option,
         the_manual_formats_without_warnings needs "groff",
-        manual_pages_overwrite_no_file,
         errors_of_a_folder_and_a_misspelt_scene_give_advice,
     );
     add!(options_of_watch_have_headings);

@@ -63,9 +63,9 @@ pub fn write(braids: &Braids, metadata: &mut BTreeMap<String, String>) {
 
 /// Returns the error of ends that would be found in another frame than those of the baseline.
 pub fn other_first_frame(what: &str) -> Error {
-    Error::Usage(format!(
+    usage!(
         "--braid auto finds the ends of braids in the first frame, but {what}: give the ends of \
          that frame (`linkwatch certify MODEL --braid auto --write-braid ends.json`, then --braid \
          ends.json)"
-    ))
+    )
 }

@@ -1,11 +1,10 @@
 //! The options `--cell`, `--wrapped` and `--keep-open` of every command that reads frames.
 
-use super::input::Read;
 use super::output;
-use linkwatch::LeftOut;
+use linkwatch::formats::ModelFrame;
 use linkwatch::{
-    Cell, Closing, ClosingKind, ClosingNote, CurveSet, CurveSource, Error, FrameInfo, Result,
-    Unwrap,
+    Cell, Closing, ClosingKind, ClosingNote, CurveSet, CurveSource, Error, FrameInfo, LeftOut,
+    Result, Unwrap,
 };
 use std::fmt;
 use std::str::FromStr;
@@ -149,7 +148,7 @@ impl Cells {
     }
 
     /// Considers a frame that is not used: the first one decides which curves are closed.
-    pub fn pass(&mut self, frame: Read) {
+    pub fn pass(&mut self, frame: ModelFrame) {
         let _ = frame.curves.and_then(|set| self.closed(set, &frame.info));
     }
 
@@ -179,9 +178,10 @@ impl Cells {
             return Ok(None);
         }
         let none = || {
-            let what = "--wrapped needs a periodic cell, but the frame has none: give it, \
-                        `--cell 10,10,10` for example";
-            Error::Usage(what.into())
+            usage!(
+                "--wrapped needs a periodic cell, but the frame has none: give it, \
+                        `--cell 10,10,10` for example"
+            )
         };
         let cell = self.args.cell(of_frame).or(of_frame);
         self.unwrap.unwrap(set, &cell.ok_or_else(none)?).map(Some)

@@ -1,5 +1,6 @@
 //! `linkwatch certify`: computes the certificates of models.
 
+use super::Outcome;
 use super::braid_args::BraidArgs;
 use super::explain;
 use super::files::{Content, Files, Overwrite, file_name, write_text};
@@ -7,8 +8,7 @@ use super::frames::{FrameArgs, Picked};
 use super::kernel::KernelArgs;
 use super::number::{not_negative, positive};
 use super::open;
-use super::output::{self, count, millis, percent, plural, plural_of};
-use super::{Outcome, output::with_progress};
+use super::output::{self, count, millis, plural, plural_of, with_progress};
 use linkwatch::kernels::{Method, Offload};
 use linkwatch::{
     Braids, Certificate, Certifier, CurveSet, Error, Events, FrameInfo, ImageLink, InvariantKind,
@@ -16,7 +16,7 @@ use linkwatch::{
 };
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// Maximum number of links of each of several models that are listed; the rest is counted.
 const LINKS: usize = 20;
@@ -86,10 +86,9 @@ pub struct Args {
     explain: bool,
 }
 
-/// A model with its certificate.
+/// Certificate of a frame.
+#[derive(Default)]
 struct Certified {
-    /// The frame. Its curves are those that were certified.
-    frame: Picked,
     /// Braids with their ends.
     braids: Option<Braids>,
     certificate: Certificate,
@@ -99,73 +98,60 @@ struct Certified {
     /// Work done on the GPU.
     offload: Offload,
     took: Duration,
-    /// True if all curves have the invariants that were asked for.
-    complete: bool,
+    /// True if a curve lacks an invariant that was asked for.
+    incomplete: bool,
 }
 
 /// Fails if a frame has a cell that the options do not consider.
 fn check_cell(frame: &Picked, args: &Args) -> Result<()> {
     match frame.cell {
-        Some(cell) if args.noise.is_some() || args.open => Err(Error::Usage(format!(
+        Some(cell) if args.noise.is_some() || args.open => Err(usage!(
             "{}: the frame has a periodic cell ({cell}), but --noise and --open do not consider \
              periodic images: --cell none ignores it",
             frame.name
-        ))),
+        )),
         _ => Ok(()),
     }
 }
 
 /// Computes the certificate of a frame.
-fn certify(frame: Picked, args: &Args) -> Result<Certified> {
-    let start = std::time::Instant::now();
+fn certify(frame: &Picked, args: &Args) -> Result<Certified> {
+    let start = Instant::now();
     let braids = args.braid_args.braids()?;
-    let cell = frame.cell;
+    let (name, set, cell) = (&frame.name, &frame.curves, frame.cell);
     let mut certified = match braids.is_some() || cell.is_some() {
         true => certify_in_session(frame, args, braids)?,
         false => certify_alone(frame, args)?,
     };
+    let certificate = &mut certified.certificate;
     for &kind in &args.invariants {
-        let set = &certified.frame.curves;
-        for defect in certified.certificate.add_invariants(set, kind) {
-            let sentence = defect.sentence_named(set.extent(), &[]);
-            tracing::warn!("{}: {sentence}", certified.frame.name);
-            certified.complete = false;
+        for defect in certificate.add_invariants(set, kind) {
+            tracing::warn!("{name}: {}", defect.sentence_named(set.extent(), &[]));
+            certified.incomplete = true;
         }
     }
     if cell.is_some() && !args.invariants.is_empty() {
-        let name = &certified.frame.name;
         tracing::warn!("{name}: --invariants do not consider periodic images");
     }
-    let uncomputed = certified.certificate.uncomputed();
-    if uncomputed > 0 {
+    if let uncomputed @ 1.. = certificate.uncomputed() {
         tracing::warn!(
-            "{}: invariants of {} were not computed: too many crossings",
-            certified.frame.name,
-            plural_of(uncomputed as u64, "curve or triple", "curves or triples")
+            "{name}: invariants of {} were not computed: too many crossings",
+            plural_of(uncomputed, "curve or triple", "curves or triples")
         );
-        certified.complete = false;
+        certified.incomplete = true;
     }
     certified.took = start.elapsed();
-    let (frame, certificate, stats) = (&certified.frame, &certified.certificate, &certified.stats);
-    let (name, set) = (&frame.name, &frame.curves);
     if frame.is_first {
-        output::warn_of_open_curves(name, stats, None);
+        output::warn_of_open_curves(name, &certified.stats, None);
         output::tell_of_yarns(name, certificate.periods.len(), None);
         args.frames.cell_args.warn_of_segments(name, set, cell);
     }
-    if stats.repeated_vertices > 0 {
-        let vertices = plural_of(
-            stats.repeated_vertices,
-            "repeated vertex",
-            "repeated vertices",
-        );
+    if let repeated @ 1.. = certified.stats.repeated_vertices {
+        let vertices = plural_of(repeated, "repeated vertex", "repeated vertices");
         tracing::warn!("{name}: {vertices} merged");
     }
-    if !certificate.undefined.is_empty() {
-        let extent = set.extent();
-        for defect in &certificate.undefined {
-            tracing::warn!("{name}: {}", defect.sentence_named(extent, &[]));
-        }
+    for defect in &certificate.undefined {
+        tracing::warn!("{name}: {}", defect.sentence_named(set.extent(), &[]));
     }
     Ok(certified)
 }
@@ -182,7 +168,7 @@ fn has_closed(set: &CurveSet) -> bool {
 }
 
 /// Computes the certificate of a frame with braids or with a periodic cell.
-fn certify_in_session(frame: Picked, args: &Args, braids: Option<Braids>) -> Result<Certified> {
+fn certify_in_session(frame: &Picked, args: &Args, braids: Option<Braids>) -> Result<Certified> {
     let (name, set) = (&frame.name, &frame.curves);
     // Curves that run through the cell are worth a certificate even if none is closed.
     let has_closed = has_closed(set);
@@ -210,18 +196,15 @@ fn certify_in_session(frame: Picked, args: &Args, braids: Option<Braids>) -> Res
     }
     Ok(Certified {
         braids,
-        frame,
         certificate,
         stats: verified.report.stats,
-        ladder: None,
         offload: verified.offload,
-        took: Duration::ZERO,
-        complete: true,
+        ..Certified::default()
     })
 }
 
 /// Computes the certificate of a frame with neither braids nor a periodic cell.
-fn certify_alone(frame: Picked, args: &Args) -> Result<Certified> {
+fn certify_alone(frame: &Picked, args: &Args) -> Result<Certified> {
     let (name, set) = (&frame.name, &frame.curves);
     if !has_closed(set) {
         return Err(nothing_closed(set).in_file(Path::new(name)));
@@ -236,14 +219,11 @@ fn certify_alone(frame: Picked, args: &Args) -> Result<Certified> {
         Ok::<_, Error>((certificate.clone(), stats))
     })?;
     Ok(Certified {
-        braids: None,
-        frame,
         certificate,
         stats,
         ladder: args.noise.is_none().then(|| certifier.ladder()),
         offload: certifier.offload(),
-        took: Duration::ZERO,
-        complete: true,
+        ..Certified::default()
     })
 }
 
@@ -254,9 +234,10 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     if let Some((option, _)) = outputs.iter().find(|(_, file)| file.is_some())
         && models.len() > 1
     {
-        let given = models.len();
-        let what = format!("{option} is for one model; {given} models were given");
-        return Err(Error::Usage(what));
+        return Err(usage!(
+            "{option} is for one model; {} were given",
+            models.len()
+        ));
     }
     let mut files = Files::new(args.overwrite);
     files.reads(args.braid_args.file());
@@ -276,11 +257,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
             }
         }
         let several = frames.several;
-        let style = match (models.len(), several) {
-            (1, false) => Style::Certificate,
-            (_, false) => Style::List,
-            (_, true) => Style::Line,
-        };
+        let is_alone = models.len() == 1 && !several;
         frames.each(|frame| {
             check_cell(&frame, args)?;
             if args.explain {
@@ -292,120 +269,86 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
             }
             if args.open {
                 let (tolerance, least) = (args.tolerance, args.at_least);
-                let titled = style != Style::Certificate;
-                return open::print(path, &frame, (tolerance, least), titled, json);
+                return open::print(path, &frame, (tolerance, least), !is_alone, json);
             }
-            let certified = certify(frame, args)?;
-            print(path, &certified, args, style, json);
-            write(path, &certified, args)?;
-            let complete = certified.complete && certified.certificate.undefined.is_empty();
-            Ok(match complete {
-                true => Outcome::Fine,
-                false => Outcome::Undecided,
-            })
+            let certified = certify(&frame, args)?;
+            match json {
+                true => print_json(path, &frame, &certified, args),
+                false if several => print_line(&frame.name, &certified),
+                false => print(&frame.name, &certified, args, is_alone),
+            }
+            write(path, &frame.curves, &certified, args)?;
+            let undefined = !certified.certificate.undefined.is_empty();
+            Ok(Outcome::undecided_if(certified.incomplete || undefined))
         })
     })
 }
 
-/// Output of a certificate on stdout.
-#[derive(Clone, Copy, PartialEq, Eq)]
-enum Style {
-    /// The certificate as in a file, for one frame of one model.
-    Certificate,
-    /// A summary and the links, for one of several models.
-    List,
-    /// One line, for one of several frames.
-    Line,
-}
-
 /// Prints a certificate.
-fn print(path: &Path, c: &Certified, args: &Args, style: Style, json: bool) {
-    let name = &c.frame.name;
-    if style != Style::Line {
-        tracing::info!("{name}: {}", summary(c));
-        log_work(c, args);
-    }
-    if json {
-        output::json(&serde_json::json!({
-            "model": path,
-            "frame": c.frame.number,
-            "time": c.frame.time,
-            "left_out": c.frame.left_out,
-            "joined_curves": c.frame.joined,
-            "offload": c.offload,
-            "basis": c.frame.curves.basis(),
-            "certificate": c.certificate,
-            "stats": c.stats,
-            "exact_share": c.stats.exact_share(),
-            "kernel": args.kernel.method(),
-            "ladder": c.ladder,
-            "ms": c.took.as_secs_f64() * 1e3,
-        }));
-        return;
-    }
-    match style {
-        Style::Certificate if args.output.is_some() => {}
-        Style::Certificate => output::line(c.certificate.to_string().trim_end()),
-        Style::List => {
-            output::line(format_args!("{name}: {}", summary(c)));
-            let links = c.certificate.links.iter();
-            let links =
-                links.map(|l| format!("curves {} and {}: linking number {}", l.i, l.j, l.lambda));
-            let images = c.certificate.images.iter().flatten();
-            let links: Vec<String> = links.chain(images.map(ImageLink::to_string)).collect();
-            output::first_lines("  ", &links, LINKS);
-        }
-        // The lines of the certificate, after that with the number of curves.
-        Style::Line => {
-            let certificate = c.certificate.to_string();
-            let links: Vec<&str> = certificate.lines().skip(1).collect();
-            let mut listed = links[..links.len().min(LINKS)].join(" ");
-            if links.len() > LINKS {
-                listed += &format!(" and {} more", links.len() - LINKS);
-            }
-            let separator = if links.is_empty() { "" } else { ": " };
-            output::line(format_args!("{name}: {}{separator}{listed}", summary(c)));
-        }
-    }
+fn print_json(path: &Path, frame: &Picked, c: &Certified, args: &Args) {
+    output::json(&serde_json::json!({
+        "model": path,
+        "frame": frame.number,
+        "time": frame.time,
+        "left_out": frame.left_out,
+        "joined_curves": frame.joined,
+        "offload": c.offload,
+        "basis": frame.curves.basis(),
+        "certificate": c.certificate,
+        "stats": c.stats,
+        "exact_share": c.stats.exact_share(),
+        "kernel": args.kernel.method(),
+        "ladder": c.ladder,
+        "ms": c.took.as_secs_f64() * 1e3,
+    }));
 }
 
-/// Logs the work of a certificate that was not usual.
-fn log_work(c: &Certified, args: &Args) {
-    let name = &c.frame.name;
-    let asked_to_sum = !matches!(args.kernel.method(), Method::Auto | Method::Crossings);
-    if c.stats.exact > 0 {
-        tracing::info!(
-            "{name}: {} decided exactly ({}), because floating-point numbers were not precise \
-             enough: slower, but equally certain",
-            plural(c.stats.exact, "orientation test"),
-            percent(c.stats.exact_share()),
-        );
-    }
+/// Prints a certificate as in a file, or a summary and the links of one of several models.
+fn print(name: &str, c: &Certified, args: &Args, is_alone: bool) {
+    let method = args.kernel.method();
+    let asked_to_sum = !matches!(method, Method::Auto | Method::Crossings);
     if let Some(l) = c.ladder.as_ref().filter(|l| l.summed > 0 || asked_to_sum) {
         tracing::info!(
-            "{name}: {} decided {} (error at most {}, proven bound {}), counting {}; the sums took \
-             {}",
-            args.kernel.method(),
+            "{name}: {method} decided {} (error at most {:.1e}, proven bound {:.1e}), counting \
+             {}; the sums took {}",
             plural(l.summed, "pair"),
-            brief(l.largest_error),
-            brief(l.largest_bound),
+            l.largest_error,
+            l.largest_bound,
             count(l.counted),
             millis(l.summing),
         );
     }
-    if c.offload.tests > 0 {
-        tracing::info!(
-            "{name}: {} on the GPU, {} of them repeated on the CPU ({})",
-            plural(c.offload.tests, "test"),
-            count(c.offload.undecided),
-            percent(c.offload.undecided as f64 / c.offload.tests as f64),
-        );
+    if is_alone {
+        tracing::info!("{name}: {}", summary(c));
+        if args.output.is_none() {
+            output::line(c.certificate.to_string().trim_end());
+        }
+        return;
     }
+    out!("{name}: {}", summary(c));
+    let links = c.certificate.links.iter();
+    let links = links.map(|l| format!("curves {} and {}: linking number {}", l.i, l.j, l.lambda));
+    let images = c.certificate.images.iter().flatten();
+    let links: Vec<String> = links.chain(images.map(ImageLink::to_string)).collect();
+    output::first_lines("  ", &links, LINKS);
+}
+
+/// Prints the summary of one of several frames, and the lines of its certificate after that with the
+/// number of curves.
+fn print_line(name: &str, c: &Certified) {
+    let certificate = c.certificate.to_string();
+    let links: Vec<&str> = certificate.lines().skip(1).collect();
+    let mut listed = links[..links.len().min(LINKS)].join(" ");
+    if links.len() > LINKS {
+        listed += &format!(" and {} more", links.len() - LINKS);
+    }
+    let separator = if links.is_empty() { "" } else { ": " };
+    out!("{name}: {}{separator}{listed}", summary(c));
 }
 
 /// Writes the files of a certificate.
-fn write(path: &Path, c: &Certified, args: &Args) -> Result<()> {
-    let (set, overwrite) = (&c.frame.curves, args.overwrite);
+fn write(path: &Path, set: &CurveSet, c: &Certified, args: &Args) -> Result<()> {
+    let overwrite = args.overwrite;
     let write = |file: &Path, text: &str| {
         let written = write_text(file, overwrite, text);
         written.inspect(|()| tracing::info!("{}: written", file.display()))
@@ -418,11 +361,8 @@ fn write(path: &Path, c: &Certified, args: &Args) -> Result<()> {
     }
     if let Some(folder) = &args.svg {
         let linked = picture::links(set, &c.certificate, PLACES);
-        let title = path
-            .file_name()
-            .unwrap_or(path.as_os_str())
-            .to_string_lossy();
-        let svg = picture::draw(set, &title, &summary(c), &linked);
+        let title = path.file_name().unwrap_or(path.as_os_str());
+        let svg = picture::draw(set, &title.to_string_lossy(), &summary(c), &linked);
         write(&picture_of(path, folder), &svg)?;
     }
     Ok(())
@@ -434,32 +374,21 @@ fn picture_of(model: &Path, folder: &Path) -> PathBuf {
     folder.join(file_name(&name.to_string_lossy()) + ".svg")
 }
 
-/// Formats a number with two digits.
-fn brief(x: f64) -> String {
-    format!("{x:.1e}")
-}
-
 fn summary(c: &Certified) -> String {
-    let undefined = match c.certificate.undefined.len() {
-        0 => String::new(),
-        n => format!(
-            ", {} without a linking number",
-            plural_of(n as u64, "pair or curve", "pairs or curves")
-        ),
-    };
-    let own = plural(c.certificate.links.len() as u64, "link");
-    let links = match &c.certificate.images {
-        None => own,
-        Some(images) => {
-            format!("{own}, {} with periodic images", count(images.len() as u64))
-        }
-    };
-    format!(
-        "{} of {}, {}, {}{undefined} ({})",
-        plural(c.stats.curves, "curve"),
-        plural(c.stats.segments, "segment"),
-        plural(c.stats.potential_links, "potential link"),
-        links,
-        millis(c.took),
-    )
+    let (certificate, stats) = (&c.certificate, &c.stats);
+    let mut words = format!(
+        "{} of {}, {}, {}",
+        plural(stats.curves, "curve"),
+        plural(stats.segments, "segment"),
+        plural(stats.potential_links, "potential link"),
+        plural(certificate.links.len(), "link"),
+    );
+    if let Some(images) = &certificate.images {
+        words += &format!(", {} with periodic images", count(images.len()));
+    }
+    if let n @ 1.. = certificate.undefined.len() {
+        let pairs = plural_of(n, "pair or curve", "pairs or curves");
+        words += &format!(", {pairs} without a linking number");
+    }
+    format!("{words} ({})", millis(c.took))
 }

@@ -81,16 +81,17 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     files.reads(models.iter().chain(args.format.files()));
     let mut frames = Sequence::new(models, &format, args.one_motion);
     let Some(first) = frames.next() else {
-        return Err(Error::Usage(format!("{name}: no frame")));
+        return Err(usage!("{name}: no frame"));
     };
     let second = frames.next();
     if from_first_frame && second.is_none() {
         // If the frame cannot be read, that is the reason.
         let Frame { curves, path, .. } = first?;
         curves.map_err(|e| e.in_file(&path))?;
-        let what = "one frame and nothing to compare it with: also give later ones of its motion, \
-                    or --baseline CERT (`linkwatch certify MODEL -o CERT` writes one)";
-        return Err(Error::Usage(what.into()));
+        return Err(usage!(
+            "one frame and nothing to compare it with: also give later ones of its motion, \
+                    or --baseline CERT (`linkwatch certify MODEL -o CERT` writes one)"
+        ));
     }
     let far = !args.event_args.are_given() && are_far_apart(&first, &second);
     if second.is_none() || args.early_exit || far {

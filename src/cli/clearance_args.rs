@@ -2,7 +2,7 @@
 
 use super::number::{positive, share};
 use super::run::recorded;
-use linkwatch::{ClearanceOptions, Error, Result};
+use linkwatch::{ClearanceOptions, Result};
 use std::collections::BTreeMap;
 use std::str::FromStr;
 
@@ -60,7 +60,7 @@ impl ClearanceArgs {
             (Some(StrandRadius::Of(radius)), _) => ClearanceOptions::new(Some(radius)),
             (Some(StrandRadius::Published), _) => ClearanceOptions::new(None),
             (None, Some(_)) => {
-                return Err(Error::Usage("--min-clearance needs --radius".into()));
+                return Err(usage!("--min-clearance needs --radius"));
             }
             (None, None) => return Ok(None),
         };

@@ -7,11 +7,10 @@ use super::input::{self, FormatArgs};
 use super::output::{self, count, plural};
 use super::run::MOTION_LIMIT;
 use super::sequence::{Frame, Sequence};
-use linkwatch::LeftOut;
-use linkwatch::SessionOptions;
 use linkwatch::formats::{Format, FrameWriter, ModelFrame};
 use linkwatch::{
-    Basis, Certifier, CurveSet, Error, FrameInfo, Result, chords, homotopic_polylines,
+    Basis, Certifier, CurveSet, FrameInfo, LeftOut, Result, SessionOptions, chords,
+    homotopic_polylines,
 };
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -64,11 +63,11 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     let mut cells = Cells::new(args.cell_args);
     let frames = Sequence::new(inputs, &format, args.one_motion);
     let mut frames = frames.filter_map(|frame| match frame {
-        Ok(frame) if frame.begins_run => Some(Err(Error::Usage(format!(
+        Ok(frame) if frame.begins_run => Some(Err(usage!(
             "{}: this file and one before it have several frames each, so they may be runs of \
              their own: convert each alone, or give --one-motion",
             frame.path.display()
-        )))),
+        ))),
         Ok(frame) if args.frame.is_some_and(|seq| seq != frame.info.seq) => {
             // The first frame decides which curves are closed.
             settle(frame, &mut cells);
@@ -77,10 +76,8 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         frame => Some(frame.map(|frame| settle(frame, &mut cells))),
     });
     let Some(first) = frames.next().transpose()? else {
-        return Err(Error::Usage(match args.frame {
-            Some(seq) => format!("the input has no frame {seq}"),
-            None => "the input has no frame".into(),
-        }));
+        let seq = args.frame.map(|seq| format!(" {seq}"));
+        return Err(usage!("the input has no frame{}", seq.unwrap_or_default()));
     };
     let second = frames.next().transpose()?;
     let numbered = second.is_some() && !target.is_none_or(Format::holds_frames);
@@ -110,11 +107,8 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     }
     converter.check_frames()?;
     converter.print(&args.output, numbered, json);
-    let outcome = match converter.invalid > 0 || converter.undecided {
-        true => Outcome::Undecided,
-        false => Outcome::Fine,
-    };
-    Ok(outcome.max(input::outcome_without(&converter.left_out)))
+    let lost = converter.invalid > 0 || !converter.left_out.is_empty();
+    Ok(Outcome::undecided_if(lost || converter.undecided))
 }
 
 /// Returns a frame with the cell that the user chose, and curves that are closed and unwrapped.
@@ -167,10 +161,7 @@ impl Converter {
             Some(format) => {
                 let mut writer = FrameWriter::create(path, format)?;
                 self.convert(frames, |curves, info| {
-                    let mut frame = ModelFrame::new(info.seq, Ok(curves));
-                    (frame.time, frame.cell) = (info.time, info.cell);
-                    (frame.labels, frame.left_out) = (info.labels, info.left_out);
-                    writer.frame(&frame)
+                    writer.frame(&ModelFrame::of(info, Ok(curves)))
                 })?;
                 writer.finish()
             }
@@ -199,11 +190,8 @@ impl Converter {
                 continue;
             }
             LeftOut::merge(&mut self.left_out, &frame.info.left_out);
-            if let Some(cell) = frame
-                .info
-                .cell
-                .filter(|_| !self.target.is_none_or(Format::holds_cells))
-            {
+            let holds_cells = self.target.is_none_or(Format::holds_cells);
+            if let Some(cell) = frame.info.cell.filter(|_| !holds_cells) {
                 if self.lost_cells == 0 {
                     tracing::warn!(
                         "{}: the output cannot hold its periodic cell, which is lost; give it with \
@@ -253,10 +241,8 @@ impl Converter {
 
     /// Fails if no frame was written.
     fn check_frames(&self) -> Result<()> {
-        match self.frames {
-            0 => Err(Error::Usage("the input has no valid frame".into())),
-            _ => Ok(()),
-        }
+        let any = (self.frames > 0).then_some(());
+        any.ok_or_else(|| usage!("the input has no valid frame"))
     }
 
     /// Replaces splines by polylines with the same linking numbers.
@@ -269,13 +255,13 @@ impl Converter {
         let found = self.certifier.certify(&curves).0;
         if let Some(change) = found.compare(&expected)?.changes.first() {
             let (i, j, before, after) = (change.i, change.j, change.expected, change.found);
-            return Err(Error::Usage(format!(
+            return Err(usage!(
                 "{name}: as polylines, curves {i} and {j} have the linking number {after} instead \
                  of {before}: give more --chords"
-            )));
+            ));
         }
         if !expected.undefined.is_empty() && !self.undecided {
-            let pairs = plural(expected.undefined.len() as u64, "pair of curves");
+            let pairs = plural(expected.undefined.len(), "pair of curves");
             tracing::warn!("{name}: {pairs} without a linking number, which may get another one");
             self.undecided = true;
         }
@@ -300,24 +286,21 @@ impl Converter {
         }
         let files = if numbered { " (numbered files)" } else { "" };
         let frames = plural(self.frames, "frame");
-        let points = match before == after {
-            true => plural(after, "point"),
-            false => format!("{}, {} before", plural(after, "point"), count(before)),
+        let points = plural(after, "point");
+        let before = match before == after {
+            true => String::new(),
+            false => format!(", {} before", count(before)),
         };
-        output::line(format_args!(
-            "{}{files}: {frames}, {points}",
-            path.display()
-        ));
+        out!("{}{files}: {frames}, {points}{before}", path.display());
         if self.lost_cells > 0 {
             let cells = plural(self.lost_cells, "frame");
-            output::line(format_args!("  lost: the periodic cell of {cells}"));
+            out!("  lost: the periodic cell of {cells}");
         }
         if self.invalid > 0 {
-            let invalid = plural(self.invalid, "invalid frame");
-            output::line(format_args!("  left out: {invalid}"));
+            out!("  left out: {}", plural(self.invalid, "invalid frame"));
         }
         if !self.left_out.is_empty() {
-            output::line(format_args!("  {}", LeftOut::sentence(&self.left_out)));
+            out!("  {}", LeftOut::sentence(&self.left_out));
         }
     }
 }

@@ -17,9 +17,9 @@ pub fn run(json: bool) -> Result<Outcome> {
             output::json(&output::joined(&serde_json::json!(device), calibration));
             continue;
         }
-        output::line(format_args!("{}: {}", device.index, device.name));
+        out!("{}: {}", device.index, device.name);
         for line in lines(device, calibration.as_ref()) {
-            output::line(format_args!("  {line}"));
+            out!("  {line}");
         }
     }
     Ok(Outcome::Fine)
@@ -48,7 +48,7 @@ fn lines(d: &DeviceInfo, calibration: Option<&Calibration>) -> Vec<String> {
     lines.push(match calibration {
         Some(c) => format!(
             "calibrated for {}: --device auto uses it if it is faster",
-            output::plural(c.threads as u64, "thread")
+            output::plural(c.threads, "thread")
         ),
         None => "not calibrated: --device auto does not use it (in a clone of linkwatch: cargo \
                  run --release -p study -- devices)"

@@ -43,7 +43,7 @@ pub fn run(args: &Args, as_json: bool) -> Result<Outcome> {
             let name = &frame.name;
             let head = json!({ "model": path, "frame": frame.number, "time": frame.time });
             let mut outcome = Outcome::Fine;
-            let mut unknots = 0;
+            let mut unknots = 0_u64;
             for (curves, diagram) in diagrams(&frame.curves, !args.each) {
                 match diagram {
                     Ok(diagram) => {
@@ -52,7 +52,7 @@ pub fn run(args: &Args, as_json: bool) -> Result<Outcome> {
                             _ => Diagram::MOST_FOR_DETERMINANT,
                         };
                         if diagram.crossings() > most {
-                            let crossings = plural(diagram.crossings() as u64, "crossing");
+                            let crossings = plural(diagram.crossings(), "crossing");
                             tracing::warn!("{name}: not all invariants of {crossings} computed");
                             outcome = Outcome::Undecided;
                         }
@@ -77,7 +77,7 @@ pub fn run(args: &Args, as_json: bool) -> Result<Outcome> {
             }
             if unknots > 0 && !as_json {
                 let curves = plural(unknots, "unknot");
-                output::line(format_args!("{name}: {curves}: no crossings are left"));
+                out!("{name}: {curves}: no crossings are left");
             }
             Ok(outcome)
         })
@@ -96,10 +96,10 @@ fn check(frame: &Picked) -> Result<()> {
             );
         }
         if let Some(i) = (0..set.len()).find(|&i| period(set, i, cell).is_some()) {
-            return Err(Error::Usage(format!(
+            return Err(usage!(
                 "{name}: curve {i} runs through the periodic cell, so it does not close; a diagram \
                  is one of closed curves"
-            )));
+            ));
         }
     }
     if open == set.len() {
@@ -107,7 +107,7 @@ fn check(frame: &Picked) -> Result<()> {
         return Err(Error::NothingClosed { curves, yarns });
     }
     if open > 0 && frame.is_first {
-        let curves = plural(open as u64, "open curve");
+        let curves = plural(open, "open curve");
         tracing::warn!("{name}: {curves} skipped: diagrams are those of closed curves");
     }
     Ok(())
@@ -115,7 +115,7 @@ fn check(frame: &Picked) -> Result<()> {
 
 /// Prints a diagram with crossings.
 fn print(name: &str, diagram: &Diagram, codes: &[Code]) {
-    output::line(format_args!("{name}: {diagram}"));
+    out!("{name}: {diagram}");
     for code in codes {
         let text = match code {
             Code::Pd => diagram.pd_text(),
@@ -123,6 +123,6 @@ fn print(name: &str, diagram: &Diagram, codes: &[Code]) {
             Code::Dt => diagram.dt_text(),
             Code::None => continue,
         };
-        output::line(format_args!("  {text}"));
+        out!("  {text}");
     }
 }

@@ -4,7 +4,7 @@
 
 use super::Outcome;
 use super::output;
-use linkwatch::{Error, Result};
+use linkwatch::Result;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use std::collections::HashMap;
@@ -50,7 +50,7 @@ pub struct EachArgs {
 }
 
 /// The line of a run.
-#[derive(Debug, Serialize, Deserialize)]
+#[derive(Debug, Default, Serialize, Deserialize)]
 struct Line {
     file: PathBuf,
     /// Exit code of the process; `None` if a signal ended it.
@@ -134,14 +134,12 @@ impl EachArgs {
         };
         thread::scope(|scope| {
             let workers: Vec<_> = (0..jobs).map(|_| scope.spawn(work)).collect();
-            let ended = workers
-                .into_iter()
-                .map(|w| w.join().expect("a worker never panics"));
-            ended.collect::<Result<()>>()
+            let mut workers = workers.into_iter();
+            workers.try_for_each(|worker| worker.join().expect("a worker never panics"))
         })?;
         let lines = lines.into_inner().unwrap_or_else(PoisonError::into_inner);
         let [intact, changed, undecided, failed] = lines.counts;
-        let runs = output::plural(models.len() as u64, "run");
+        let runs = output::plural(models.len(), "run");
         tracing::info!(
             "{runs}: {intact} intact, {changed} changed, {undecided} undecided or incomplete, \
              {failed} failed; {} verified now",
@@ -150,7 +148,7 @@ impl EachArgs {
         match (changed, failed, undecided) {
             (0, 0, 0) => Ok(Outcome::Fine),
             (0, 0, _) => Ok(Outcome::Undecided),
-            (0, ..) => Err(Error::Usage(format!("{failed} of {runs} failed"))),
+            (0, ..) => Err(usage!("{failed} of {runs} failed")),
             _ => Ok(Outcome::Changed),
         }
     }
@@ -160,8 +158,9 @@ impl Lines {
     /// Opens the output, and reads which runs it has.
     fn open(&mut self, path: &Path, resume: bool) -> Result<()> {
         if !resume && path.exists() {
-            let what = "exists: --resume skips the runs that it has, and appends the others";
-            return Err(Error::Usage(what.into()));
+            return Err(usage!(
+                "exists: --resume skips the runs that it has, and appends the others"
+            ));
         }
         let options = OpenOptions::new()
             .read(true)
@@ -176,11 +175,10 @@ impl Lines {
         file.set_len(whole as u64)?;
         let lines = text
             .lines()
-            .filter_map(|line| serde_json::from_str::<Line>(line).ok());
-        let done = lines.filter(|line| line.error.is_none());
-        self.done = done
-            .map(|line| (line.file, (line.code, line.key)))
-            .collect();
+            .filter_map(|line| serde_json::from_str(line).ok());
+        let done = lines.filter(|line: &Line| line.error.is_none());
+        let done = done.map(|line| (line.file, (line.code, line.key)));
+        self.done = done.collect();
         self.file = Some(file);
         Ok(())
     }
@@ -206,13 +204,7 @@ fn verified(model: &Path, threads: usize) -> Line {
     let start = Instant::now();
     let mut line = Line {
         file: model.to_owned(),
-        code: None,
-        error: None,
-        verdict: None,
-        seconds: 0.0,
-        warnings: Vec::new(),
-        summary: None,
-        key: String::new(),
+        ..Line::default()
     };
     match last_line(model, threads) {
         Ok((code, last, errors)) => {

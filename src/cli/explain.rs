@@ -18,11 +18,12 @@ pub fn print(path: &Path, frame: &Picked, options: &SessionOptions, json: bool) 
     }
     output::line(&frame.name);
     for line in lines(&plan) {
-        output::line(format_args!("  {line}"));
+        out!("  {line}");
     }
     Ok(Outcome::Fine)
 }
 
+/// Returns the decisions of the stages in words.
 fn lines(plan: &Plan) -> Vec<String> {
     let mut lines = vec![
         potential_links(plan),
@@ -37,88 +38,91 @@ fn lines(plan: &Plan) -> Vec<String> {
         kernel(plan),
     ];
     lines.extend(plan.device.as_ref().map(device));
-    lines.extend(plan.images.as_ref().map(images));
-    let Prediction { one_thread_ms, ms } = plan.total;
-    let mut stages = format!(
-        "boxes {}, search {}, linking numbers {}",
-        millis(plan.boxes.ms),
-        millis(plan.search.ms),
-        millis(plan.links.ms)
-    );
-    if let Some(images) = &plan.images {
-        stages += &format!(", images {}", millis(images.predicted.ms));
+    let mut stages: Vec<(&str, Prediction)> = vec![
+        ("boxes", plan.boxes),
+        ("search", plan.search),
+        ("linking numbers", plan.links),
+    ];
+    if let Some(found) = &plan.images {
+        lines.push(images(found));
+        stages.push(("images", found.predicted));
     }
-    let alone = match ms == one_thread_ms {
-        true => String::new(),
-        false => format!(" ({} on one thread)", millis(one_thread_ms)),
-    };
-    lines.push(format!("predicted: {}{alone}: {stages}", millis(ms)));
+    let stages: Vec<String> = stages
+        .iter()
+        .map(|(stage, cost)| format!("{stage} {}", millis(cost.ms)))
+        .collect();
+    let (all, alone) = (millis(plan.total.ms), millis(plan.total.one_thread_ms));
+    lines.push(format!(
+        "predicted: {all} ({alone} on one thread): {}",
+        stages.join(", ")
+    ));
     lines
 }
 
+/// Returns the parts whose count is not 0.
+fn some<const N: usize>(parts: [(usize, &str); N]) -> impl Iterator<Item = (usize, &str)> {
+    parts.into_iter().filter(|(n, _)| *n > 0)
+}
+
 fn potential_links(plan: &Plan) -> String {
-    let skipped = [
+    let mut words = format!(
+        "potential links: {} of {} of {} with {}",
+        count(plan.potential_links),
+        plural(plan.pairs, "pair"),
+        plural(plan.curves, "curve"),
+        plural(plan.segments, "segment"),
+    );
+    for (n, noun) in some([
         (plan.open_curves, "open curve"),
         (plan.degenerate_curves, "degenerate curve"),
-    ];
-    let skipped = skipped.into_iter().filter(|&(n, _)| n > 0);
-    let skipped: String = skipped
-        .map(|(n, noun)| format!(", {} skipped", number(n, noun)))
-        .collect();
-    let discarded = match plan.discarded {
-        0 => String::new(),
-        n => format!(", {} discarded by extents along diagonals", count(n as u64)),
-    };
-    format!(
-        "potential links: {} of {} of {} with {}{skipped}{discarded}",
-        count(plan.potential_links as u64),
-        plural(plan.pairs, "pair"),
-        number(plan.curves, "curve"),
-        number(plan.segments, "segment"),
-    )
+    ]) {
+        words += &format!(", {} skipped", plural(n, noun));
+    }
+    if plan.discarded > 0 {
+        words += &format!(
+            ", {} discarded by extents along diagonals",
+            count(plan.discarded)
+        );
+    }
+    words
 }
 
 fn direction(plan: &Plan) -> String {
     let best = plan.potential_links - plan.discarded - plan.by_formula;
-    let choices = [
+    let choices = some([
         (best, "the best of six"),
         (plan.by_formula, "a formula on boxes (small loops)"),
-    ];
-    let choices = choices.into_iter().filter(|&(n, _)| n > 0);
-    let choices: Vec<String> = choices
-        .map(|(n, words)| format!("{words} for {}", number(n, "link")))
-        .collect();
-    match choices.is_empty() {
-        true => "direction: none (no potential link)".into(),
-        false => format!("direction: {}", choices.join(", ")),
+    ]);
+    let choices = choices.map(|(n, words)| format!("{words} for {}", plural(n, "link")));
+    match choices.collect::<Vec<_>>().join(", ").as_str() {
+        "" => "direction: none (no potential link)".into(),
+        choices => format!("direction: {choices}"),
     }
 }
 
 fn kernel(plan: &Plan) -> String {
     let first = match plan.kernel {
-        Method::Fmm => format!(
-            "fmm first on {} (unless strands are too close), then ",
-            number(plan.summed, "link")
-        ),
+        Method::Fmm => {
+            let links = plural(plan.summed, "link");
+            format!("fmm first on {links} (unless strands are too close), then ")
+        }
         _ => String::new(),
     };
     let place = match plan.device.as_ref().filter(|d| d.chosen) {
-        Some(device) => format!(" on {}", device.adapter),
-        None => format!(
-            " on the CPU, {} of {} busy",
-            plan.busy_threads,
-            number(plan.threads, "thread")
-        ),
+        Some(device) => device.adapter.clone(),
+        None => {
+            let threads = plural(plan.threads, "thread");
+            format!("the CPU, {} of {threads} busy", plan.busy_threads)
+        }
     };
     format!(
-        "kernel: {first}crossings (exact){place}; {} expected, from {}",
+        "kernel: {first}crossings (exact) on {place}; {} expected, from {}",
         plural(plan.tests, "test"),
-        number(plan.sampled, "sampled link"),
+        plural(plan.sampled, "sampled link"),
     )
 }
 
 fn device(device: &DevicePlan) -> String {
-    let adapter = &device.adapter;
     let times = match device.adapter_ms.zip(device.cpu_ms) {
         Some((there, here)) => format!(
             "{} there within a factor of {:.1}, {} on the CPU",
@@ -135,7 +139,8 @@ fn device(device: &DevicePlan) -> String {
         None => "never".to_owned(),
     };
     format!(
-        "GPU: {adapter}, {}, {times}; direct sums: {}, Barnes-Hut: {}",
+        "GPU: {}, {}, {times}; direct sums: {}, Barnes-Hut: {}",
+        device.adapter,
         if device.chosen {
             "chosen"
         } else {
@@ -147,30 +152,21 @@ fn device(device: &DevicePlan) -> String {
 }
 
 fn images(images: &ImagePlan) -> String {
-    let yarns = match images.yarns {
-        0 => String::new(),
-        n => format!(
-            ", and {} of rings and yarns that run through the cell (not predicted)",
-            number(n, "pair")
-        ),
-    };
-    format!(
-        "periodic images: {} of {} and their images{yarns}",
-        number(images.potential_links, "potential link"),
-        number(images.curves, "curve"),
-    )
-}
-
-/// Formats a number of things, as [`plural`] does.
-fn number(n: usize, noun: &str) -> String {
-    plural(n as u64, noun)
-}
-
-/// Formats milliseconds with two significant digits at most.
-fn millis(ms: f64) -> String {
-    match ms {
-        ms if ms < 0.1 => format!("{ms:.3} ms"),
-        ms if ms < 10.0 => format!("{ms:.2} ms"),
-        ms => format!("{ms:.0} ms"),
+    let mut words = format!(
+        "periodic images: {} of {} and their images",
+        plural(images.potential_links, "potential link"),
+        plural(images.curves, "curve"),
+    );
+    if images.yarns > 0 {
+        words += &format!(
+            ", and {} with yarns (not predicted)",
+            plural(images.yarns, "pair")
+        );
     }
+    words
+}
+
+/// Formats a predicted time.
+fn millis(ms: f64) -> String {
+    output::millis(std::time::Duration::from_secs_f64(ms * 1e-3))
 }

@@ -105,7 +105,7 @@ impl Files {
 
     fn check(&mut self, option: &str, path: &Path, content: Content) -> Result<()> {
         let name = format!("{option} {}", path.display());
-        let refuse = |why: &str| Err(Error::Usage(format!("{name}: {why}")));
+        let refuse = |why: &str| Err(usage!("{name}: {why}"));
         let extension = path.extension().unwrap_or_default().to_string_lossy();
         if let Some(why) = content.refuse_extension(&extension.to_lowercase()) {
             return refuse(why);
@@ -128,7 +128,7 @@ impl Files {
         if content == Content::Recording
             && let Err(e) = linkwatch::RecordingSink::check_unused(path)
         {
-            return Err(Error::Usage(format!("{option} {e}")));
+            return Err(usage!("{option} {e}"));
         }
         if !folder_of(&resolve(path)).is_dir() {
             return refuse("its folder does not exist");
@@ -196,7 +196,7 @@ fn check_still_free(path: &Path, file: &Path, part: &Path, overwrite: Overwrite)
     }
     let kept = part.display();
     let why = format!("another process created the file meanwhile; the output is in {kept}");
-    Err(Error::Usage(format!("{}: {why}", path.display())))
+    Err(usage!("{}: {why}", path.display()))
 }
 
 /// [`write_whole`] for a text.

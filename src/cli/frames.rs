@@ -2,10 +2,10 @@
 
 use super::Outcome;
 use super::cell_args::{CellArgs, Cells};
-use super::input::{self, FileFrames, FormatArgs, Read};
+use super::input::{self, FileFrames, FormatArgs};
 use crate::verdict::words_of_frame;
-use linkwatch::LeftOut;
-use linkwatch::{Cell, CurveSet, Error, Result};
+use linkwatch::formats::ModelFrame;
+use linkwatch::{Cell, CurveSet, LeftOut, Result};
 use std::collections::VecDeque;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
@@ -112,7 +112,7 @@ pub struct Selected {
     selection: Selection,
     frames: FileFrames,
     /// Frames that were read ahead.
-    ahead: VecDeque<Result<Read>>,
+    ahead: VecDeque<Result<ModelFrame>>,
     /// True if all chosen frames were read.
     ended: bool,
     /// Number of the last frame that was read, for a range of numbers.
@@ -159,7 +159,7 @@ impl Selected {
                 Selection::Numbers(from, to) => format!("no frame from {from} to {to}"),
                 _ => "no frame".into(),
             };
-            return Err(Error::Usage(format!("{}: {what}", argument.display())));
+            return Err(usage!("{}: {what}", argument.display()));
         }
         selected.several = selected.ahead.len() > 1;
         Ok(selected)
@@ -169,10 +169,10 @@ impl Selected {
     pub fn check_one(&self, what: &str) -> Result<()> {
         match self.several {
             false => Ok(()),
-            true => Err(Error::Usage(format!(
+            true => Err(usage!(
                 "{}: the file has several frames, and {what} takes one: choose it with --frame",
                 self.path.display()
-            ))),
+            )),
         }
     }
 
@@ -211,15 +211,12 @@ impl Selected {
         }
         match valid {
             true => Ok(outcome),
-            false => Err(Error::Usage(format!(
-                "{}: no valid frame",
-                self.path.display()
-            ))),
+            false => Err(usage!("{}: no valid frame", self.path.display())),
         }
     }
 
     /// Reads the next chosen frame.
-    fn read(&mut self) -> Option<Result<Read>> {
+    fn read(&mut self) -> Option<Result<ModelFrame>> {
         while !self.ended {
             let Some(frame) = self.frames.next() else {
                 break;
@@ -268,7 +265,7 @@ impl Selected {
         Ok(())
     }
 
-    fn name(&self, frame: &Read) -> String {
+    fn name(&self, frame: &ModelFrame) -> String {
         let path = self.path.display();
         match self.several || self.numbered && self.selection != Selection::All {
             true => format!(
@@ -280,7 +277,7 @@ impl Selected {
     }
 
     /// Returns a frame with the cell that the user chose, and unwrapped curves.
-    fn pick(&mut self, frame: Read, is_first: bool) -> Result<Picked> {
+    fn pick(&mut self, frame: ModelFrame, is_first: bool) -> Result<Picked> {
         let name = self.name(&frame);
         let (args, of_frame) = (self.cells.args, frame.info.cell);
         let set = self.cells.closed(frame.curves?, &frame.info)?;

@@ -2,8 +2,9 @@
 
 use super::Outcome;
 use super::files::{Content, Files, Overwrite, write_text, write_whole};
+use super::live::Live;
 use super::number::{not_negative, positive};
-use super::output::{self, count, millis, plural};
+use super::output::{self, millis, plural};
 use super::settings::{named, split};
 use linkwatch::formats::{Format, FrameWriter, ModelFrame};
 use linkwatch::scenes::{KINDS, Motion, MotionKind, MovingScene, Scene};
@@ -81,7 +82,7 @@ pub fn run(args: &Args, as_json: bool) -> Result<Outcome> {
         frames.map_or(String::new(), |n| format!("{} of ", plural(n, "frame"))),
         plural(sizes[0], "curve"),
         plural(sizes[1], "segment"),
-        plural(links as u64, "link"),
+        plural(links, "link"),
         millis(start.elapsed()),
     );
     if let Some(file) = &args.certificate {
@@ -152,7 +153,7 @@ impl Moving {
             let name = scene.kind().name;
             let what =
                 "has no diameter, the unit of the motion: give it, `--frames 9,diameter=0.2`";
-            Error::Usage(format!("{name} {what}"))
+            usage!("{name} {what}")
         })?;
         Ok(MovingScene {
             motion: self.motion.clone(),
@@ -171,21 +172,21 @@ fn frame_format(path: &Path) -> Result<Format> {
         return Ok(format);
     }
     let what = "holds one frame: name it .npz or .npy";
-    Err(Error::Usage(format!("-o {}: {what}", path.display())))
+    Err(usage!("-o {}: {what}", path.display()))
 }
 
 /// Writes the frames one by one.
 fn write_frames(path: &Path, format: Format, moving: &MovingScene, curves: CurveSet) -> Result<()> {
     let mut writer = FrameWriter::create(path, format)?;
-    let bar = output::bar(moving.frames, "frames");
+    let (live, frames) = (Live::default(), moving.frames);
     moving.play(curves, |seq, curves| {
         let mut frame = ModelFrame::new(seq, Ok(curves));
-        frame.time = seq as f64;
+        frame.info.time = seq as f64;
         writer.frame(&frame)?;
-        bar.inc(1);
+        live.status(format_args!("frame {seq} of {frames}"));
         frame.curves
     })?;
-    bar.finish_and_clear();
+    live.clear();
     writer.finish()
 }
 
@@ -195,23 +196,10 @@ fn list(as_json: bool) {
             output::json(&json!(kind));
             continue;
         }
-        output::line(format_args!("{}: {}", kind.name, kind.purpose));
+        out!("{}: {}", kind.name, kind.purpose);
         for p in kind.parameters {
             let default = format!("{}={}", p.name, p.default);
-            let (min, max) = match p.integer {
-                true => (signed(p.min), signed(p.max)),
-                false => (p.min.to_string(), p.max.to_string()),
-            };
-            output::line(format_args!(
-                "  {default:20} {} ({min} to {max})",
-                p.meaning
-            ));
+            out!("  {default:20} {} ({} to {})", p.meaning, p.min, p.max);
         }
     }
-}
-
-/// Formats an integer with separators, `-1,000,000`.
-fn signed(x: f64) -> String {
-    let sign = if x < 0.0 { "-" } else { "" };
-    format!("{sign}{}", count(x.abs() as u64))
 }

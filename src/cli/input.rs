@@ -2,11 +2,9 @@
 
 use super::recorded::Recorded;
 use super::{Outcome, order, output};
-use linkwatch::LeftOut;
-use linkwatch::RecordingReader;
 use linkwatch::formats::{Frames, ModelFrame, ReadOptions};
 use linkwatch::scenes::Scene;
-use linkwatch::{CurveSet, Error, FrameInfo, Result, formats};
+use linkwatch::{CurveSet, Error, LeftOut, RecordingReader, Result, formats};
 use std::path::{Path, PathBuf};
 
 /// Information on curves that some formats lack.
@@ -70,10 +68,7 @@ impl FormatArgs {
 
 /// Returns the best possible outcome for curves without these elements of their file.
 pub fn outcome_without(left_out: &[LeftOut]) -> Outcome {
-    match left_out.is_empty() {
-        true => Outcome::Fine,
-        false => Outcome::Undecided,
-    }
+    Outcome::undecided_if(!left_out.is_empty())
 }
 
 /// Warns of elements of a file that were not read, once for each kind. `known` has the kinds that
@@ -87,14 +82,13 @@ pub fn warn_of_new(file: &Path, known: &mut Vec<LeftOut>, found: &[LeftOut]) {
 
 /// Builds the scene that an argument describes.
 fn scene(argument: &Path) -> Result<CurveSet> {
-    let scene: Scene = argument.to_string_lossy().parse().map_err(|e| match e {
-        Error::Scene { scene, what } => Error::Scene {
-            scene,
-            what: format!(
-                "{what}; and no file has this name (kinds of files: {})",
-                formats::MODEL_FILES
-            ),
-        },
+    let scene = argument.to_string_lossy().parse::<Scene>();
+    let scene = scene.map_err(|e| match e {
+        Error::Scene { scene, what } => {
+            let known = formats::MODEL_FILES;
+            let what = format!("{what}; and no file has this name (kinds of files: {known})");
+            Error::Scene { scene, what }
+        }
         other => other,
     })?;
     Ok(scene.build()?.curves)
@@ -138,7 +132,7 @@ pub fn expand_models(arguments: &[PathBuf]) -> Result<Vec<PathBuf>> {
 }
 
 fn models_in(folder: &Path) -> Result<Vec<PathBuf>> {
-    let refuse = |why: String| Error::Usage(format!("{}: {why}", folder.display()));
+    let refuse = |why: String| usage!("{}: {why}", folder.display());
     let entries = std::fs::read_dir(folder).map_err(|e| refuse(e.to_string()))?;
     let files = entries.flatten().map(|entry| entry.path());
     let is_model = |file: &PathBuf| match formats::Format::of(file) {
@@ -160,26 +154,24 @@ fn models_in(folder: &Path) -> Result<Vec<PathBuf>> {
 /// Checks that the models of a folder may be frames of one motion.
 fn check_one_format(folder: &Path, models: &[PathBuf]) -> Result<()> {
     let extension = |file: &Path| file.extension().unwrap_or_default().to_ascii_lowercase();
-    let different = models
-        .windows(2)
-        .find(|m| extension(&m[0]) != extension(&m[1]));
-    match different {
+    let mut pairs = models.array_windows::<2>();
+    match pairs.find(|[a, b]| extension(a) != extension(b)) {
         None => Ok(()),
-        Some(pair) => Err(Error::Usage(format!(
+        Some([a, b]) => Err(usage!(
             "{}: models of several formats ({}, {}): give a pattern, or the files",
             folder.display(),
-            pair[0].display(),
-            pair[1].display()
-        ))),
+            a.display(),
+            b.display()
+        )),
     }
 }
 
 fn matches(pattern: &Path) -> Result<Vec<PathBuf>> {
     let text = pattern.to_string_lossy();
-    let found = glob::glob(&text).map_err(|e| Error::Usage(format!("{text}: {e}")))?;
+    let found = glob::glob(&text).map_err(|e| usage!("{text}: {e}"))?;
     let mut files: Vec<PathBuf> = found.flatten().filter(|file| file.is_file()).collect();
     if files.is_empty() {
-        return Err(Error::Usage(format!("{text}: no file has such a name")));
+        return Err(usage!("{text}: no file has such a name"));
     }
     order::sort(&mut files);
     Ok(files)
@@ -225,47 +217,22 @@ pub fn check_recording(path: &Path) -> Result<()> {
     if !path.is_file() || is_recording(path)? {
         return Ok(());
     }
-    Err(Error::Usage(format!(
+    Err(usage!(
         "{0}: not a recording: `linkwatch check {0} --record RUN.mcap` verifies its frames and \
          writes one",
         path.display()
-    )))
-}
-
-/// A frame of a file.
-pub struct Read {
-    /// Number, time, cell, names and radii; for a recording, all that the simulator told about the
-    /// frame.
-    pub info: FrameInfo,
-    /// The curves, or the reason why the frame is invalid.
-    pub curves: Result<CurveSet>,
-}
-
-impl From<ModelFrame> for Read {
-    fn from(frame: ModelFrame) -> Read {
-        Read {
-            info: FrameInfo {
-                cell: frame.cell,
-                closed_by_default: frame.closed_by_default,
-                labels: frame.labels,
-                left_out: frame.left_out,
-                ..FrameInfo::at(frame.seq, frame.time)
-            },
-            curves: frame.curves,
-        }
-    }
+    ))
 }
 
 /// Frames of a file, in the order of the file.
-pub type FileFrames = Box<dyn Iterator<Item = Result<Read>>>;
+pub type FileFrames = Box<dyn Iterator<Item = Result<ModelFrame>>>;
 
 /// Opens a model file or a recording.
 pub fn open(path: &Path, args: &FormatArgs) -> Result<FileFrames> {
     if is_mcap(path) && is_recording(path)? {
         return Ok(Box::new(Recorded::open(path)?));
     }
-    let frames = Frames::open(path, &args.options())?;
-    Ok(Box::new(frames.map(|frame| frame.map(Read::from))))
+    Ok(Box::new(Frames::open(path, &args.options())?))
 }
 
 /// Same as [`open`]; an argument that is no file is a scene of one frame.
@@ -273,7 +240,7 @@ pub fn open_or_build(argument: &Path, args: &FormatArgs) -> Result<FileFrames> {
     match open(argument, args) {
         Err(Error::UnknownModel { .. }) if !argument.exists() => {
             let frame = ModelFrame::new(0, Ok(scene(argument)?));
-            Ok(Box::new(std::iter::once(Ok(frame.into()))))
+            Ok(Box::new(std::iter::once(Ok(frame))))
         }
         frames => frames,
     }

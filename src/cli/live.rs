@@ -28,17 +28,6 @@ impl Label {
         output::line(lines.join("\n"));
     }
 
-    /// Writes the first `most` lines to stdout, indented, and the number of the others.
-    pub fn first_lines(self, indent: &str, lines: &[String], most: usize) {
-        for text in lines.iter().take(most) {
-            self.line(format_args!("{indent}{text}"));
-        }
-        if lines.len() > most {
-            let more = output::count((lines.len() - most) as u64);
-            self.line(format_args!("{indent}and {more} more"));
-        }
-    }
-
     /// Writes an object as one line of JSON to stdout, with this label.
     pub fn json(self, mut object: Value) {
         if let Some(session) = self.0 {

@@ -1,48 +1,22 @@
 //! `linkwatch man`: the help as manual pages.
 
-use super::files::{Content, Files, Overwrite, write_text};
 use super::{Cli, Outcome, output};
 use clap::{Command, CommandFactory};
 use clap_mangen::Man;
-use linkwatch::{Error, Result};
-use std::path::PathBuf;
-
-/// Print the manual page, with all commands
-///
-/// `linkwatch man | man -l -` shows it.
-#[derive(Debug, clap::Args)]
-pub struct Args {
-    /// Write a page for each command to a folder instead, `linkwatch.1`, `linkwatch-watch.1` ..
-    #[arg(long, value_name = "FOLDER", help_heading = super::WRITE)]
-    out: Option<PathBuf>,
-    #[command(flatten)]
-    overwrite: Overwrite,
-}
+use linkwatch::Result;
 
 /// Runs the command.
-pub fn run(args: &Args) -> Result<Outcome> {
+pub fn run() -> Result<Outcome> {
     let mut command = complete(Cli::command()).disable_help_subcommand(true);
     command.build();
-    let Some(folder) = &args.out else {
-        let mut page = page(&command)?;
-        for command in descendants(&command) {
-            page += &section(command)?;
-        }
-        output::line(page.trim_end());
-        return Ok(Outcome::Fine);
-    };
-    std::fs::create_dir_all(folder).map_err(|e| Error::Io(e).in_file(folder))?;
-    let mut files = Files::new(args.overwrite);
-    let mut pages = Vec::new();
-    for command in std::iter::once(&command).chain(descendants(&command)) {
-        let file = folder.join(Man::new(command.clone()).get_filename());
-        files.writes("--out", [&file], Content::Text)?;
-        pages.push((file, page(command)?));
+    let mut page = Vec::new();
+    Man::new(command.clone()).render(&mut page)?;
+    // The exit codes are the only text after the options.
+    let mut page = text(page)?.replace(".SH EXTRA", ".SH \"EXIT STATUS\"");
+    for command in descendants(&command) {
+        page += &section(command)?;
     }
-    for (file, page) in &pages {
-        write_text(file, args.overwrite, page)?;
-    }
-    tracing::info!("{}: {} pages written", folder.display(), pages.len());
+    output::line(page.trim_end());
     Ok(Outcome::Fine)
 }
 
@@ -58,14 +32,6 @@ fn descendants(command: &Command) -> Vec<&Command> {
     let own = command.get_subcommands();
     own.flat_map(|c| std::iter::once(c).chain(descendants(c)))
         .collect()
-}
-
-/// Returns the page of a command.
-fn page(command: &Command) -> Result<String> {
-    let mut page = Vec::new();
-    Man::new(command.clone()).render(&mut page)?;
-    // The exit codes are the only text after the options.
-    Ok(text(page)?.replace(".SH EXTRA", ".SH \"EXIT STATUS\""))
 }
 
 /// Returns a command as a section of a page. Its headings become those of subsections.
@@ -89,5 +55,5 @@ fn section(command: &Command) -> Result<String> {
 }
 
 fn text(page: Vec<u8>) -> Result<String> {
-    String::from_utf8(page).map_err(|e| Error::Usage(format!("the page is not valid UTF-8: {e}")))
+    String::from_utf8(page).map_err(|e| usage!("the page is not valid UTF-8: {e}"))
 }

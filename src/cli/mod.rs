@@ -1,6 +1,16 @@
 //! The command line, one file per subcommand. It uses only the public API of the library, by the
 //! name `linkwatch`, although it is a module of it.
 
+/// Creates the error of arguments or input that cannot be used, from a format string.
+macro_rules! usage {
+    ($($words:tt)*) => { $crate::error::Error::Usage(format!($($words)*)) };
+}
+
+/// Writes a line, or several, to stdout, from a format string.
+macro_rules! out {
+    ($($words:tt)*) => { $crate::cli::output::line(format_args!($($words)*)) };
+}
+
 mod arguments;
 mod braid_args;
 mod cell_args;
@@ -43,7 +53,7 @@ mod stream;
 mod watch;
 
 use clap::{ArgAction, Parser, Subcommand};
-use linkwatch::{Error, Result, Verdict};
+use linkwatch::{Result, Verdict};
 use std::ffi::OsString;
 use std::io::Write;
 #[cfg(unix)]
@@ -123,7 +133,10 @@ enum Command {
     /// List the GPU adapters that kernels can run on
     Devices,
     Completions(completions::Args),
-    Man(man::Args),
+    /// Print the manual page, with all commands
+    ///
+    /// `linkwatch man | man -l -` shows it.
+    Man,
 }
 
 /// Result of a command, worst last.
@@ -155,9 +168,16 @@ impl Outcome {
         match verdict {
             Verdict::Intact => Outcome::Fine,
             Verdict::Changed => Outcome::Changed,
-            Verdict::Contact | Verdict::Undecided | Verdict::Stale | Verdict::Rejected => {
-                Outcome::Undecided
-            }
+            _ => Outcome::Undecided,
+        }
+    }
+
+    /// Returns the outcome of a run that is incomplete, or that has no finding.
+    fn undecided_if(incomplete: bool) -> Outcome {
+        if incomplete {
+            Outcome::Undecided
+        } else {
+            Outcome::Fine
         }
     }
 
@@ -206,7 +226,7 @@ fn run(cli: &Cli) -> Result<Outcome> {
     if let Some(n) = cli.threads {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(n.into());
         pool.build_global()
-            .map_err(|e| Error::Usage(format!("--threads {n}: {e}")))?;
+            .map_err(|e| usage!("--threads {n}: {e}"))?;
     }
     match &cli.command {
         Command::Certify(args) => certify::run(args, cli.json),
@@ -217,14 +237,8 @@ fn run(cli: &Cli) -> Result<Outcome> {
         Command::Generate(args) => generate::run(args, cli.json),
         Command::Measure(args) => measure::run(args, cli.json),
         // Names of earlier versions, which take the same arguments.
-        Command::Thickness(args) => {
-            tracing::warn!("`linkwatch thickness` is now `linkwatch measure thickness`");
-            measure::thickness::run(args, cli.json)
-        }
-        Command::Writhe(args) => {
-            tracing::warn!("`linkwatch writhe` is now `linkwatch measure writhe`");
-            measure::writhe::run(args, cli.json)
-        }
+        Command::Thickness(args) => measure::thickness::run(args, cli.json),
+        Command::Writhe(args) => measure::writhe::run(args, cli.json),
         Command::Watch(args) => watch::run(args, cli.json),
         Command::Replay(args) => replay::run(args, cli.json),
         Command::Report(args) => report::run(args, cli.json),
@@ -232,7 +246,7 @@ fn run(cli: &Cli) -> Result<Outcome> {
         Command::Play(args) => play::run(args, cli.json),
         Command::Services => services::run(cli.json),
         Command::Completions(args) => completions::run(args),
-        Command::Man(args) => man::run(args),
+        Command::Man => man::run(),
     }
 }
 

@@ -22,11 +22,11 @@ pub fn print(
 ) -> Result<Outcome> {
     let (name, set) = (&frame.name, &frame.curves);
     if titled && !as_json {
-        output::line(format_args!("# {name}"));
+        out!("# {name}");
     }
     let integrals = GaussIntegrals::new(set)?;
     let start = Instant::now();
-    let (mut printed, mut undecided) = (0, 0);
+    let (mut printed, mut undecided) = (0_u64, 0_u64);
     let mut worst = None;
     for i in 0..set.len() {
         for (k, found) in integrals.row(i, tolerance).into_iter().enumerate() {
@@ -46,14 +46,14 @@ pub fn print(
                 }));
             } else {
                 let (value, bound) = (found.value, found.bound);
-                output::line(format_args!("{i},{j},{value:.12},{bound:.1e}"));
+                out!("{i},{j},{value:.12},{bound:.1e}");
             }
         }
     }
     let pairs = set.len() * set.len().saturating_sub(1) / 2;
     tracing::info!(
         "{name}: {}, {} of them printed ({})",
-        plural(pairs as u64, "linking integral"),
+        plural(pairs, "linking integral"),
         output::count(printed),
         millis(start.elapsed()),
     );

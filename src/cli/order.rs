@@ -1,14 +1,14 @@
 //! Order of model files: a shell sorts `F1 F10 F2`, but the frames of a motion are `F1 F2 F10`.
 
-use std::cmp::Ordering;
 use std::path::PathBuf;
 
-/// Part of a name: text, or a decimal number.
-#[derive(Debug, PartialEq, Eq)]
+/// Part of a name: text, or a decimal number. Numbers come first, ordered by value.
+#[derive(Debug, PartialEq, Eq, PartialOrd, Ord)]
 enum Part<'a> {
+    /// Number of integer digits, these digits without leading zeros, and those after a decimal
+    /// point.
+    Number(usize, &'a str, &'a str),
     Text(&'a str),
-    /// Integer digits without leading zeros, and the digits after a decimal point.
-    Number(&'a str, &'a str),
 }
 
 /// Splits a name into texts and numbers.
@@ -26,7 +26,8 @@ fn parts(name: &str) -> Vec<Part<'_>> {
             continue;
         }
         let fraction = after.strip_prefix('.').map_or("", |f| &f[..digits(f)]);
-        parts.push(Part::Number(whole.trim_start_matches('0'), fraction));
+        let whole = whole.trim_start_matches('0');
+        parts.push(Part::Number(whole.len(), whole, fraction));
         rest = match fraction {
             "" => after,
             fraction => &after[1 + fraction.len()..],
@@ -35,12 +36,11 @@ fn parts(name: &str) -> Vec<Part<'_>> {
     parts
 }
 
-/// Compares two paths folder by folder, and the names of files before their extensions: `out.obj`
-/// comes before `out1.obj`.
-fn compare(a: &str, b: &str) -> Ordering {
-    let [a, b] = [a, b].map(|path| path.split(['/', '\\']).flat_map(name_and_extension));
-    let both = a.zip(b).map(|(a, b)| compare_names(a, b));
-    both.reduce(Ordering::then).unwrap_or(Ordering::Equal)
+/// Returns the sort key of a path: its folders one by one, and the name of the file before its
+/// extension, so that `out.obj` comes before `out1.obj`.
+fn key(path: &str) -> Vec<Vec<Part<'_>>> {
+    let names = path.split(['/', '\\']).flat_map(name_and_extension);
+    names.map(parts).collect()
 }
 
 /// Splits a name before its extension, which does not begin with a digit: `t0.25` has none.
@@ -53,33 +53,15 @@ fn name_and_extension(name: &str) -> [&str; 2] {
     }
 }
 
-/// Compares two names by their parts: texts as texts, numbers by value.
-fn compare_names(a: &str, b: &str) -> Ordering {
-    let (a, b) = (parts(a), parts(b));
-    for pair in a.iter().zip(&b) {
-        let order = match pair {
-            (Part::Number(a, f), Part::Number(b, g)) => {
-                a.len().cmp(&b.len()).then(a.cmp(b)).then(f.cmp(g))
-            }
-            (Part::Text(a), Part::Text(b)) => a.cmp(b),
-            (Part::Number(..), Part::Text(_)) => Ordering::Less,
-            (Part::Text(_), Part::Number(..)) => Ordering::Greater,
-        };
-        if order != Ordering::Equal {
-            return order;
-        }
-    }
-    a.len().cmp(&b.len())
-}
-
 /// Returns true if the names differ in nothing but their numbers.
 fn same_texts(a: &str, b: &str) -> bool {
-    let (a, b) = (parts(a), parts(b));
-    let same = |pair: (&Part<'_>, &Part<'_>)| match pair {
-        (Part::Text(a), Part::Text(b)) => a == b,
-        (a, b) => std::mem::discriminant(a) == std::mem::discriminant(b),
+    let texts = |name| {
+        let parts = parts(name).into_iter();
+        parts
+            .map(|part| Some(part).filter(|part| matches!(part, Part::Text(_))))
+            .collect::<Vec<_>>()
     };
-    a.len() == b.len() && a.iter().zip(&b).all(same)
+    texts(a) == texts(b)
 }
 
 /// Returns a name as shells compare it in most languages: without punctuation and case.
@@ -98,10 +80,10 @@ pub fn sort(files: &mut [PathBuf]) -> bool {
         .collect();
     let numbered = names.array_windows().all(|[a, b]| same_texts(a, b));
     let of_shell = names.is_sorted() || names.is_sorted_by_key(|name| letters(name));
-    if !(numbered || of_shell) || names.is_sorted_by(|a, b| compare(a, b).is_le()) {
+    if !(numbered || of_shell) || names.is_sorted_by_key(|name| key(name)) {
         return false;
     }
-    files.sort_by(|a, b| compare(&a.to_string_lossy(), &b.to_string_lossy()));
+    files.sort_by(|a, b| key(&a.to_string_lossy()).cmp(&key(&b.to_string_lossy())));
     true
 }
 

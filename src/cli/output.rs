@@ -1,21 +1,20 @@
 //! Output of the command: results on stdout, everything else on stderr.
 
-use super::live::Label;
 use super::stream::{self, Lost, Target};
 pub use crate::words::{count, millis, percent, plural, plural_of};
-use indicatif::{HumanDuration, ProgressBar, ProgressState, ProgressStyle};
-use linkwatch::LeftOut;
-use linkwatch::{Cell, CurveSet, Events, Progress, Stats, Unwrap};
-use std::fmt;
+use linkwatch::{Cell, CurveSet, Events, LeftOut, Progress, Stats, Unwrap};
 use std::io::{self, Write};
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::mpsc;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 use tracing_subscriber::EnvFilter;
 
 /// Time limit at the end of the run for results that nobody reads.
 const FINISH: Duration = Duration::from_secs(5);
+
+/// Interval at which the progress of a frame is shown.
+const INTERVAL: Duration = Duration::from_millis(700);
 
 /// Sends log messages to stderr. `RUST_LOG` overrides the level.
 pub fn init(quiet: bool, verbose: bool) {
@@ -62,9 +61,20 @@ pub fn line(text: impl std::fmt::Display) {
     stream::put(Target::Out, with_dashes(&format!("{text}\n")));
 }
 
+/// Returns the first `most` lines, indented, and the number of the others.
+pub fn listed(indent: &str, lines: &[String], most: usize) -> Vec<String> {
+    let more = lines.len().saturating_sub(most);
+    let first = lines.iter().take(most);
+    let mut listed: Vec<String> = first.map(|line| format!("{indent}{line}")).collect();
+    if more > 0 {
+        listed.push(format!("{indent}and {} more", count(more)));
+    }
+    listed
+}
+
 /// Writes the first `most` lines to stdout, indented, and the number of the others.
 pub fn first_lines(indent: &str, lines: &[String], most: usize) {
-    Label::default().first_lines(indent, lines, most);
+    listed(indent, lines, most).iter().for_each(line);
 }
 
 /// Writes a value as one line of JSON to stdout.
@@ -108,7 +118,8 @@ pub fn finish() -> bool {
     lost.is_none()
 }
 
-/// Runs `work`, with a progress bar on the terminal if it takes longer than 0.7 s.
+/// Runs `work`, with its progress on the status line of the terminal if it takes longer than
+/// [`INTERVAL`].
 pub fn with_progress<T>(what: &str, progress: Arc<Progress>, work: impl FnOnce() -> T) -> T {
     if !console_on_stderr() {
         return work();
@@ -116,57 +127,27 @@ pub fn with_progress<T>(what: &str, progress: Arc<Progress>, work: impl FnOnce()
     let (done, ended) = mpsc::channel::<()>();
     std::thread::scope(|scope| {
         scope.spawn(move || {
-            // Most runs end before a bar could be read.
-            if ended.recv_timeout(Duration::from_millis(700))
-                != Err(mpsc::RecvTimeoutError::Timeout)
-            {
-                return;
+            let start = Instant::now();
+            while ended.recv_timeout(INTERVAL) == Err(mpsc::RecvTimeoutError::Timeout) {
+                status(format!("{what}: {}", words_of(&progress, start)));
             }
-            let bar = ProgressBar::no_length().with_message(what.to_owned());
-            while ended.recv_timeout(Duration::from_millis(100))
-                == Err(mpsc::RecvTimeoutError::Timeout)
-            {
-                show_pairs(&bar, progress.pairs());
-            }
-            bar.finish_and_clear();
+            status(String::new());
         });
         let result = work();
-        // The receiver may have ended already; then there is no bar to end.
+        // The thread removes the status line and ends.
         drop(done);
         result
     })
 }
 
-/// Shows the progress of a frame. There is no bar until its pairs are counted, because a bar
-/// without a length looks full.
-fn show_pairs(bar: &ProgressBar, (done, total): (u64, u64)) {
-    if total == 0 {
-        bar.set_style(style("{msg}: finding pairs that come close, {elapsed}"));
-    } else if bar.length().is_none() {
-        bar.set_style(bar_of("pairs"));
-        bar.set_length(total);
-    }
-    bar.set_position(done);
-}
-
-/// Returns a progress bar for a number of frames, rows or the like, hidden if stderr is not a
-/// terminal. The caller draws it between two of them.
-pub fn bar(length: u64, of: &str) -> ProgressBar {
-    ProgressBar::new(length).with_style(bar_of(of))
-}
-
-fn bar_of(items: &str) -> ProgressStyle {
-    let template = format!("{{msg}} [{{bar:40}}] {{human_pos}}/{{human_len}} {items}{{left}}");
-    style(&template).with_key("left", |state: &ProgressState, out: &mut dyn fmt::Write| {
-        // Before the first item is done, the time left is unknown.
-        if state.pos() > 0 {
-            write!(out, ", {:#} left", HumanDuration(state.eta())).ok();
-        }
-    })
-}
-
-fn style(template: &str) -> ProgressStyle {
-    ProgressStyle::with_template(template).expect("the template is valid")
+/// Returns the progress of a frame in words.
+pub fn words_of(progress: &Progress, start: Instant) -> String {
+    let (done, total) = progress.pairs();
+    let work = match total {
+        0 => "finding pairs that come close".to_owned(),
+        _ => format!("{} of {}", count(done), plural(total, "pair")),
+    };
+    format!("{work} in {:.0} s", start.elapsed().as_secs_f64())
 }
 
 /// Returns true if stderr is a terminal.
@@ -207,16 +188,16 @@ pub fn warn_of_open_curves(name: &str, stats: &Stats, events: Option<Events>) {
 /// Tells which linking numbers curves that run through the cell have, and warns of what is not
 /// verified. `events` is the setting for pull-throughs, if the command sees several frames.
 pub fn tell_of_yarns(name: &str, yarns: usize, events: Option<Events>) {
-    let (run, numbers) = match yarns {
+    let words = match yarns {
         0 => return,
-        1 => ("runs", "it has linking numbers with closed curves"),
-        _ => (
-            "run",
-            "they have linking numbers with closed curves, but not with one another",
+        1 => "1 curve runs through the cell: it has linking numbers with closed curves".into(),
+        n => format!(
+            "{} curves run through the cell: they have linking numbers with closed curves, but \
+             not with one another",
+            count(n)
         ),
     };
-    let curves = plural(yarns as u64, "curve");
-    let words = format!("{name}: {curves} {run} through the cell: {numbers}");
+    let words = format!("{name}: {words}");
     match events {
         Some(Events::Off) if yarns > 1 => {
             tracing::warn!("{words}; --events=between verifies their pull-throughs");
@@ -233,12 +214,8 @@ pub fn warn_of_long_segment(name: &str, curves: &CurveSet) {
     let Some(long) = curves.long_segment() else {
         return;
     };
-    let others = match long.count {
-        1 => String::new(),
-        n => format!(", and so do {}", plural_of(n as u64 - 1, "other", "others")),
-    };
     tracing::warn!(
-        "{name}: {long}{others}; if the box is periodic and the coordinates are wrapped into it, \
+        "{name}: {long}; if the box is periodic and the coordinates are wrapped into it, \
          links across its boundary are not detected: give --cell and --wrapped"
     );
 }
@@ -250,22 +227,5 @@ pub fn warn_of_wrapped(name: &str, curves: &CurveSet, cell: &Cell) {
             "{name}: {why}; if the coordinates are wrapped into the cell, give --wrapped: \
              otherwise the curves are taken as they are"
         );
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// Regression test: a bar of length 0 is drawn full.
-    #[test]
-    fn a_progress_bar_does_not_start_full() {
-        let bar = ProgressBar::no_length();
-        show_pairs(&bar, (0, 0));
-        assert_eq!((bar.position(), bar.length()), (0, None));
-        show_pairs(&bar, (0, 12));
-        assert_eq!((bar.position(), bar.length()), (0, Some(12)));
-        show_pairs(&bar, (5, 12));
-        assert_eq!((bar.position(), bar.length()), (5, Some(12)));
     }
 }

@@ -1,6 +1,6 @@
 //! The options `--from` and `--to`: frames by number or by simulation time.
 
-use linkwatch::{Error, Result};
+use linkwatch::Result;
 use std::fmt;
 use std::str::FromStr;
 
@@ -55,9 +55,7 @@ impl Range {
             _ => false,
         };
         match (self.from, self.to) {
-            (Some(from), Some(to)) if empty => {
-                Err(Error::Usage(format!("--from {from} is after --to {to}")))
-            }
+            (Some(from), Some(to)) if empty => Err(usage!("--from {from} is after --to {to}")),
             _ => Ok(()),
         }
     }

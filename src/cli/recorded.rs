@@ -1,11 +1,11 @@
 //! Frames of a recording of linkwatch, for all commands that read files.
 
-use super::input::Read;
 use super::output::{count, plural};
 use crate::record::CUT_OFF;
+use linkwatch::formats::ModelFrame;
 use linkwatch::{
-    Ending, Error, FrameInfo, RecordedFrame, RecordedItem, RecordedVerdict, RecordingReader,
-    Result, Verdict,
+    Ending, FrameInfo, RecordedFrame, RecordedItem, RecordedVerdict, RecordingReader, Result,
+    Verdict,
 };
 use std::fs::File;
 use std::io::BufReader;
@@ -43,7 +43,7 @@ impl Recorded {
         })
     }
 
-    fn frame(&mut self, frame: RecordedFrame) -> Read {
+    fn frame(&mut self, frame: RecordedFrame) -> ModelFrame {
         self.begun = true;
         self.frame = Some(frame.seq);
         let mut set = None;
@@ -51,11 +51,11 @@ impl Recorded {
         let mut info = frame.info;
         info.cuts = info.cuts.wrapping_add(self.gaps);
         let curves = curves.map(|()| set.expect("set by a frame without errors"));
-        Read { info, curves }
+        ModelFrame::of(info, curves)
     }
 
     /// Returns the frame of a verdict if that was rejected. Counts frames that are missing.
-    fn verdict(&mut self, recorded: RecordedVerdict) -> Option<Read> {
+    fn verdict(&mut self, recorded: RecordedVerdict) -> Option<ModelFrame> {
         let RecordedVerdict { report, progress } = recorded;
         let has_curves = self.frame.take() == Some(report.seq);
         let answered = progress.verified.saturating_add(progress.rejected);
@@ -66,11 +66,9 @@ impl Recorded {
         self.begun = true;
         if report.verdict == Verdict::Rejected && !has_curves {
             let why = report.rejected.unwrap_or_else(|| "invalid".into());
-            let why = Error::Usage(format!("rejected when it was recorded: {why}"));
-            return Some(Read {
-                info: FrameInfo::at(report.seq, report.time),
-                curves: Err(why),
-            });
+            let why = usage!("rejected when it was recorded: {why}");
+            let info = FrameInfo::at(report.seq, report.time);
+            return Some(ModelFrame::of(info, Err(why)));
         }
         self.miss(u64::from(!has_curves));
         None
@@ -84,7 +82,7 @@ impl Recorded {
     }
 
     /// Returns the end of the recording, which is an error if it was cut off.
-    fn end(&mut self) -> Option<Result<Read>> {
+    fn end(&mut self) -> Option<Result<ModelFrame>> {
         let reader = self.reader.take()?;
         if self.absent > 0 {
             tracing::warn!(
@@ -94,27 +92,25 @@ impl Recorded {
                 plural(self.absent, "frame"),
             );
         }
-        match reader.ending() {
-            Some(Ending::Cut { at, what }) => {
-                let what = format!(
-                    "the recording was cut off at byte {}, in {what}; all complete frames before \
-                     that were read",
-                    count(*at)
-                );
-                Some(Err(Error::Usage(what).in_file(&self.path)))
+        let why = match reader.ending() {
+            Some(Ending::Cut { at, what }) => usage!(
+                "the recording was cut off at byte {}, in {what}; all complete frames before that \
+                 were read",
+                count(*at)
+            ),
+            _ => {
+                let why = reader.metadata().get(CUT_OFF)?;
+                usage!("the recorded run has no end: {why}; all frames were read")
             }
-            _ => reader.metadata().get(CUT_OFF).map(|why| {
-                let what = format!("the recorded run has no end: {why}; all frames were read");
-                Err(Error::Usage(what).in_file(&self.path))
-            }),
-        }
+        };
+        Some(Err(why.in_file(&self.path)))
     }
 }
 
 impl Iterator for Recorded {
-    type Item = Result<Read>;
+    type Item = Result<ModelFrame>;
 
-    fn next(&mut self) -> Option<Result<Read>> {
+    fn next(&mut self) -> Option<Result<ModelFrame>> {
         loop {
             match self.reader.as_mut()?.next_item() {
                 Ok(Some(RecordedItem::Frame(frame))) => return Some(Ok(self.frame(frame))),

@@ -53,8 +53,9 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         files.writes("-o", [path], Content::Text)?;
         if path.extension().is_none_or(|e| e != "html" && e != "htm") {
             let path = path.display();
-            let what = format!("-o {path}: the page is HTML: name it .html (--text prints words)");
-            return Err(Error::Usage(what));
+            return Err(usage!(
+                "-o {path}: the page is HTML: name it .html (--text prints words)"
+            ));
         }
     }
     let report = RunReport::read(&args.recording)?;
@@ -72,7 +73,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
             "{}: {} kB, pictures of {}",
             path.display(),
             count((html.len() as u64).div_ceil(1000)),
-            plural(report.figures() as u64, "violation"),
+            plural(report.figures(), "violation"),
         );
     }
     if let Some(folder) = &args.svg {
@@ -81,7 +82,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
             let path = folder.join(format!("violation-{}.svg", k + 1));
             write_text(&path, args.overwrite, &picture)?;
         }
-        let drawn = plural(report.figures() as u64, "violation");
+        let drawn = plural(report.figures(), "violation");
         tracing::info!("{}: pictures of {drawn}", folder.display());
     }
     Ok(match report.conclusion() {

@@ -1,6 +1,6 @@
 //! Frames of several files, one after the other: those of one motion, or of several runs.
 
-use super::input::{self, FileFrames, FormatArgs, Read};
+use super::input::{self, FileFrames, FormatArgs};
 use linkwatch::formats::{Format, ModelFrame};
 use linkwatch::{CurveSet, Error, FrameInfo, LeftOut, Received, Result};
 use std::collections::VecDeque;
@@ -37,7 +37,7 @@ struct File {
     path: PathBuf,
     frames: FileFrames,
     /// Frames that were read ahead.
-    ahead: VecDeque<Result<Read>>,
+    ahead: VecDeque<Result<ModelFrame>>,
     /// True until its first frame was taken, if that begins a run.
     begins_run: bool,
     /// Cuts and layout of its last valid frame.
@@ -97,7 +97,7 @@ impl Sequence {
     }
 
     /// Returns the next frame, with its file and true if it begins a run.
-    fn read(&mut self) -> Option<Result<(PathBuf, Read, bool)>> {
+    fn read(&mut self) -> Option<Result<(PathBuf, ModelFrame, bool)>> {
         loop {
             if let Some(file) = &mut self.current {
                 let begins_run = std::mem::take(&mut file.begins_run);
@@ -159,8 +159,8 @@ impl Sequence {
     }
 
     /// Returns the frame of a file whose content is invalid.
-    fn invalid(&self, why: Error) -> Read {
-        ModelFrame::new(self.next_seq(), Err(why)).into()
+    fn invalid(&self, why: Error) -> ModelFrame {
+        ModelFrame::new(self.next_seq(), Err(why))
     }
 
     /// Notes what is known about a valid frame. Named curves may change from frame to frame; radii

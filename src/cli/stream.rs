@@ -69,8 +69,9 @@ struct State {
     patience: Duration,
     lost: u64,
     why: String,
-    /// Status line of the terminal.
+    /// Status line of the terminal, and the one that it shows.
     status: String,
+    shown: String,
 }
 
 /// Standard output and standard error. If both are terminals, they are the same one, so all text
@@ -100,14 +101,19 @@ pub fn put(target: Target, bytes: Vec<u8>) {
 /// Replaces the status line if stderr is a terminal.
 pub fn status(text: String) {
     let mut state = ERR.lock();
-    if is_terminal() && state.overflow.is_some() {
-        state.status = text;
+    if !is_terminal() {
+        return;
+    }
+    state.status = text;
+    let (target, bytes) = (Target::Err, Vec::new());
+    let text = Text { target, bytes };
+    if state.overflow.is_none() {
+        let shown = state.status.clone();
+        show(&text, &shown, &mut state.shown).ok();
+    } else if state.waiting.is_empty() {
         // If the terminal is slow, it shows the newest status with the next text.
-        if state.waiting.is_empty() {
-            let (target, bytes) = (Target::Err, Vec::new());
-            state.push(Text { target, bytes });
-            ERR.changed.notify_all();
-        }
+        state.push(text);
+        ERR.changed.notify_all();
     }
 }
 
@@ -151,7 +157,8 @@ impl Stream {
     fn put(&self, text: Text) {
         let mut state = self.lock();
         let Some(overflow) = state.overflow else {
-            let outcome = write(text.target, &text.bytes);
+            let status = state.status.clone();
+            let outcome = show(&text, &status, &mut state.shown);
             return state.note(text.lines(), outcome);
         };
         let start = Instant::now();
@@ -191,7 +198,7 @@ impl Stream {
             state.writing = Some(text.lines());
             let status = state.status.clone();
             drop(state);
-            let outcome = self.write(&text, &status, &mut shown);
+            let outcome = show(&text, &status, &mut shown);
             let mut state = self.lock();
             state.writing = None;
             state.note(text.lines(), outcome);
@@ -202,23 +209,6 @@ impl Stream {
             drop(state);
             self.changed.notify_all();
         }
-    }
-
-    /// Writes a text and then redraws the status line.
-    fn write(&self, text: &Text, status: &str, shown: &mut String) -> io::Result<()> {
-        if shown.is_empty() && status.is_empty() {
-            return write(text.target, &text.bytes);
-        }
-        if shown != status || !text.bytes.is_empty() {
-            write(Target::Err, ERASE.as_bytes()).ok();
-            let outcome = write(text.target, &text.bytes);
-            // Turns line wrap off, because a wrapped status line could not be erased.
-            let line = format!("\x1b[?7l{status}\x1b[?7h");
-            write(Target::Err, line.as_bytes()).ok();
-            status.clone_into(shown);
-            return outcome;
-        }
-        Ok(())
     }
 
     fn finish(&self, limit: Duration) -> Option<Lost> {
@@ -255,11 +245,11 @@ impl State {
     }
 
     fn note(&mut self, lines: u64, outcome: io::Result<()>) {
-        match outcome {
-            Ok(()) => {}
-            // The reader closed the pipe (`linkwatch .. | head`): it does not need the rest.
-            Err(e) if e.kind() == ErrorKind::BrokenPipe => {}
-            Err(e) => self.lose(lines, e.to_string()),
+        // A reader that closed the pipe (`linkwatch .. | head`) does not need the rest.
+        if let Err(e) = outcome
+            && e.kind() != ErrorKind::BrokenPipe
+        {
+            self.lose(lines, e.to_string());
         }
     }
 
@@ -269,6 +259,20 @@ impl State {
             self.why = why;
         }
     }
+}
+
+/// Writes a text and then redraws the status line.
+fn show(text: &Text, status: &str, shown: &mut String) -> io::Result<()> {
+    if shown == status && (shown.is_empty() || text.bytes.is_empty()) {
+        return write(text.target, &text.bytes);
+    }
+    write(Target::Err, ERASE.as_bytes()).ok();
+    let outcome = write(text.target, &text.bytes);
+    // Turns line wrap off, because a wrapped status line could not be erased.
+    let line = format!("\x1b[?7l{status}\x1b[?7h");
+    write(Target::Err, line.as_bytes()).ok();
+    status.clone_into(shown);
+    outcome
 }
 
 /// Writes all bytes, retrying if the stream would block.

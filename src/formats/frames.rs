@@ -5,11 +5,10 @@
 //! and not that of the file (unless the format has to be read as a whole).
 
 use super::Format;
-use crate::curve::{Cell, CurveLabels, CurveSet};
+use crate::curve::CurveSet;
 use crate::error::Result;
-use crate::verdict::LeftOut;
+use crate::ingest::FrameInfo;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 
 /// Information on curves that some formats lack, and that the caller adds.
 #[derive(Clone, Debug, Default)]
@@ -33,20 +32,10 @@ pub struct ReadOptions {
 #[derive(Debug)]
 #[non_exhaustive]
 pub struct ModelFrame {
-    /// Number of the frame: as the file gives it (the time step of LAMMPS),
-    /// or counted from 0. Strictly increasing within a file.
-    pub seq: u64,
-    /// Simulation time in seconds; 0 if the file has none.
-    pub time: f64,
-    /// Periodic cell of the frame, if the file has one.
-    pub cell: Option<Cell>,
-    /// Names and radii of the curves, as far as the file has them.
-    pub labels: Arc<CurveLabels>,
-    /// Elements of the file that may be curves of this frame and are not in `curves`, by kind.
-    pub left_out: Vec<LeftOut>,
-    /// True if the file does not say which curves are closed: all are, because the format closes
-    /// them by default ([`crate::CurveSource`]).
-    pub closed_by_default: bool,
+    /// Number, time and cell of the frame, labels of its curves, and elements that were not read,
+    /// as far as the file has them. Numbers are those of the file (the time step of LAMMPS), or
+    /// counted from 0. They increase within a file.
+    pub info: FrameInfo,
     /// The curves, or the reason why this frame is invalid although later ones can be read.
     pub curves: Result<CurveSet>,
 }
@@ -54,15 +43,12 @@ pub struct ModelFrame {
 impl ModelFrame {
     /// Creates a frame of curves without time and labels.
     pub fn new(seq: u64, curves: Result<CurveSet>) -> ModelFrame {
-        ModelFrame {
-            seq,
-            time: 0.0,
-            cell: None,
-            labels: Arc::default(),
-            left_out: Vec::new(),
-            closed_by_default: false,
-            curves,
-        }
+        ModelFrame::of(FrameInfo::at(seq, 0.0), curves)
+    }
+
+    /// Creates a frame.
+    pub fn of(info: FrameInfo, curves: Result<CurveSet>) -> ModelFrame {
+        ModelFrame { info, curves }
     }
 }
 
@@ -89,7 +75,7 @@ pub(super) trait FrameSource {
 /// formats::write_bcc(&file, &ring.build()?.curves)?;
 /// for frame in formats::Frames::open(&file, &formats::ReadOptions::default())? {
 ///     let frame = frame?;
-///     assert_eq!((frame.seq, frame.curves?.len()), (0, 2));
+///     assert_eq!((frame.info.seq, frame.curves?.len()), (0, 2));
 /// }
 /// # std::fs::remove_file(file)?;
 /// # Ok::<(), linkwatch::Error>(())

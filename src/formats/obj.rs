@@ -57,7 +57,6 @@ struct Curve {
 struct State {
     /// Why the type is not read, in words.
     unread: Option<String>,
-    rational: bool,
     degree: u32,
 }
 
@@ -65,18 +64,15 @@ impl Default for State {
     fn default() -> State {
         State {
             unread: Some("without cstype".into()),
-            rational: false,
             degree: 0,
         }
     }
 }
 
 impl State {
-    /// Reads `cstype rat type`.
+    /// Reads `cstype type`. Rational curves are not read.
     fn set_type(&mut self, tokens: &[&[u8]]) {
-        self.rational = tokens.first() == Some(&b"rat".as_slice());
-        let kind = tokens.get(usize::from(self.rational)).copied();
-        self.unread = match kind.unwrap_or_default() {
+        self.unread = match tokens.first().copied().unwrap_or_default() {
             b"bezier" | b"bspline" => None,
             other => Some(format!("of the cstype {}", quote(other))),
         };
@@ -90,7 +86,6 @@ struct Element {
     indices: Range<usize>,
     /// Why it is not read, in words.
     unread: Option<String>,
-    rational: bool,
     range: [f64; 2],
     knots: Vec<f64>,
 }
@@ -122,8 +117,6 @@ impl Element {
 #[derive(Default)]
 struct Statements {
     vertices: Vec<Point>,
-    /// Weights of vertices that are not 1, in the order of the vertices.
-    weights: Vec<(u32, f64)>,
     indices: Vec<u32>,
     curves: Vec<Curve>,
     edges: Vec<Edge>,
@@ -139,8 +132,9 @@ struct Statements {
 /// Reads a file to its end.
 pub(super) fn read(input: Input<impl BufRead>) -> Result<Source<'static>> {
     let (curves, left_out) = curves_in(input)?;
-    let frame = ModelFrame::new(0, Ok(curves));
-    Ok(ModelFrame { left_out, ..frame }.into())
+    let mut frame = ModelFrame::new(0, Ok(curves));
+    frame.info.left_out = left_out;
+    Ok(frame.into())
 }
 
 /// Reads the curves of a file, and what is left out.
@@ -246,16 +240,10 @@ impl Statements {
 
     fn vertex(&mut self, tokens: &[&[u8]]) -> Result<(), String> {
         let numbers = numbers(tokens)?;
-        let [x, y, z, ref more @ ..] = numbers[..] else {
+        let [x, y, z, ..] = numbers[..] else {
             let n = numbers.len();
             return Err(format!("a vertex with {n} coordinates, expected x y z"));
         };
-        // More numbers than a weight are a colour.
-        if let &[weight] = more
-            && weight != 1.0
-        {
-            self.weights.push((self.vertices.len() as u32, weight));
-        }
         self.vertices.push([x, y, z]);
         Ok(())
     }
@@ -322,7 +310,6 @@ impl Statements {
             line,
             indices,
             unread: self.state.unread.clone().or(unread),
-            rational: self.state.rational,
             range,
             knots: Vec::new(),
         });
@@ -332,18 +319,13 @@ impl Statements {
 
     /// Turns free-form curves into polylines, or counts them as left out.
     fn finish_elements(&mut self) {
-        let is_positive = |vertex: u32| match self.weights.binary_search_by_key(&vertex, |w| w.0) {
-            Ok(k) => self.weights[k].1 > 0.0,
-            Err(_) => true,
-        };
         for element in std::mem::take(&mut self.elements) {
             let (line, mut indices) = (element.line, element.indices.clone());
             let control = &self.indices[indices.clone()];
             let unread = match &element.unread {
                 Some(why) => Some(&why[..]),
-                None if !element.is_whole() => Some("cut by its range or broken by its knots"),
-                None if !element.rational || control.iter().all(|&v| is_positive(v)) => None,
-                None => Some("rational, with weights that are not positive"),
+                None if element.is_whole() => None,
+                None => Some("cut by its range or broken by its knots"),
             };
             if let Some(why) = unread {
                 LeftOut::add(&mut self.left_out, FREE_FORM, || {
@@ -647,7 +629,6 @@ mod tests {
                 &open,
             ),
             ("cstype bezier\ndeg 1 1\ncurv 0 3 1 2 3 4\nend", &open),
-            ("cstype rat bspline\ndeg 1\ncurv 0 1 1 2 3 4 1", &closed),
         ] {
             let text = format!("{text}{statements}");
             let (set, left_out) = curves_in(text.as_bytes().into()).unwrap();
@@ -679,8 +660,8 @@ mod tests {
                 "broken by its knots",
             ),
             (
-                "v 0 0 0 -1\ncstype rat bspline\ndeg 1\ncurv 0 1 1 2 8",
-                "weights that are not positive",
+                "cstype rat bspline\ndeg 1\ncurv 0 1 1 2 3",
+                "of the cstype 'rat'",
             ),
         ] {
             let (set, left_out) =

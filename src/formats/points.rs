@@ -480,7 +480,12 @@ mod tests {
     fn counts_begin_the_frames_of_a_motion() {
         let text = "3\n1 0 0\n2 0 0\n3 0 0\n3\n4 0 0\n5 0 0\n6 0 0\n";
         let found = frames(text, Some(true), None).unwrap();
-        let first = |frame: &ModelFrame| (frame.seq, frame.curves.as_ref().unwrap().point(0, 0)[0]);
+        let first = |frame: &ModelFrame| {
+            (
+                frame.info.seq,
+                frame.curves.as_ref().unwrap().point(0, 0)[0],
+            )
+        };
         assert_eq!(
             found.iter().map(first).collect::<Vec<_>>(),
             [(0, 1.0), (1, 4.0)]

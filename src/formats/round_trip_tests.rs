@@ -61,7 +61,7 @@ fn assert_same(extension: &str, found: &[ModelFrame], expected: &[ModelFrame]) {
         );
         assert_eq!(curves(a), curves(b), "{extension}");
         assert_eq!(a.basis(), b.basis(), "{extension}");
-        assert_eq!(found.seq, expected.seq, "{extension}");
+        assert_eq!(found.info.seq, expected.info.seq, "{extension}");
     }
 }
 
@@ -104,18 +104,16 @@ proptest! {
         let frames: Vec<ModelFrame> = (seqs.into_iter().enumerate())
             .map(|(k, seq)| {
                 let set = set(basis, &[-6, 7, -9], &xyz[k % xyz.len()..], precision);
-                ModelFrame {
-                    time: time + k as f64,
-                    labels: labels.clone(),
-                    ..ModelFrame::new(seq, Ok(set))
-                }
+                let mut frame = ModelFrame::new(seq, Ok(set));
+                (frame.info.time, frame.info.labels) = (time + k as f64, labels.clone());
+                frame
             })
             .collect();
         let found = again("npz", &frames, &ReadOptions::default()).unwrap();
         assert_same("npz", &found, &frames);
         for (found, expected) in found.iter().zip(&frames) {
-            prop_assert_eq!(found.time, expected.time);
-            prop_assert_eq!(&*found.labels, &*labels);
+            prop_assert_eq!(found.info.time, expected.info.time);
+            prop_assert_eq!(&*found.info.labels, &*labels);
             prop_assert_eq!(found.curves.as_ref().unwrap().precision(), precision);
         }
     }
@@ -126,10 +124,9 @@ fn frames_of_a_motion_round_trip_in_formats_with_frames() {
     let frame = |seq, time, x: f64| {
         let xyz = [x, 0.5, 1.0, -1.0, 2.0, 1e-3, x + 7.0, 0.25];
         let set = set(Basis::Polyline, &[-4, 5, -3], &xyz, Precision::F64);
-        ModelFrame {
-            time,
-            ..ModelFrame::new(seq, Ok(set))
-        }
+        let mut frame = ModelFrame::new(seq, Ok(set));
+        frame.info.time = time;
+        frame
     };
     let frames = [frame(0, 0.0, 0.1), frame(1, 0.5, 0.2), frame(2, 0.75, 0.3)];
     for (extension, format) in written() {
@@ -144,7 +141,7 @@ fn frames_of_a_motion_round_trip_in_formats_with_frames() {
             let found = result.unwrap();
             assert_same(extension, &found, &frames);
             if extension != "npy" {
-                let times = found.iter().map(|frame| frame.time);
+                let times = found.iter().map(|frame| frame.info.time);
                 assert!(times.eq([0.0, 0.5, 0.75]), "{extension}");
             }
         } else {
@@ -186,16 +183,17 @@ fn cells_round_trip_in_the_formats_that_hold_them() {
         let cell: Cell = text.parse().unwrap();
         for (extension, format) in written() {
             let set = || set(Basis::Polyline, &[-4, 4], &xyz, Precision::F32);
-            let frame = |seq| ModelFrame {
-                cell: Some(cell),
-                ..ModelFrame::new(seq, Ok(set()))
+            let frame = |seq| {
+                let mut frame = ModelFrame::new(seq, Ok(set()));
+                frame.info.cell = Some(cell);
+                frame
             };
             let mut frames = vec![frame(0)];
             frames.extend(format.holds_frames().then(|| frame(1)));
             let found = again(extension, &frames, &with_counts(&set(), extension)).unwrap();
             for frame in &found {
                 assert!(frame.curves.is_ok(), "{extension}: {text}");
-                match frame.cell {
+                match frame.info.cell {
                     Some(found) if format.holds_cells() => {
                         assert_eq!(found.vectors, cell.vectors, "{extension}");
                     }
@@ -203,7 +201,7 @@ fn cells_round_trip_in_the_formats_that_hold_them() {
                 }
             }
             if format == Format::Npz {
-                assert!(found.iter().all(|frame| frame.cell == Some(cell)));
+                assert!(found.iter().all(|frame| frame.info.cell == Some(cell)));
             }
         }
     }
@@ -218,18 +216,17 @@ fn a_cell_may_change_from_frame_to_frame() {
             &[0.5, 1.0, 0.0, 0.25, 0.75],
             Precision::F64,
         );
-        ModelFrame {
-            cell: cell.map(|cell| cell.parse().unwrap()),
-            ..ModelFrame::new(seq, Ok(set))
-        }
+        let mut frame = ModelFrame::new(seq, Ok(set));
+        frame.info.cell = cell.map(|cell| cell.parse().unwrap());
+        frame
     };
     let sheared = [
         frame(0, Some("10,10,10")),
         frame(1, Some("10,0,0,2,10,0,0,0,10")),
     ];
     let found = again("npz", &sheared, &ReadOptions::default()).unwrap();
-    let cells = found.iter().map(|frame| frame.cell);
-    assert!(cells.eq(sheared.iter().map(|frame| frame.cell)));
+    let cells = found.iter().map(|frame| frame.info.cell);
+    assert!(cells.eq(sheared.iter().map(|frame| frame.info.cell)));
     let lost = [frame(0, Some("10,10,10")), frame(1, None)];
     let error = again("npz", &lost, &ReadOptions::default())
         .unwrap_err()

@@ -6,24 +6,18 @@ use crate::error::{Error, Result};
 use crate::periodic::find_torn;
 
 impl ModelFrame {
-    /// Adds the cell of the frame. Curves that it tears make the frame invalid, unless the caller
-    /// unwraps them.
-    pub(super) fn in_cell(
-        mut self,
-        cell: Option<Cell>,
-        options: &ReadOptions,
-        format: &'static str,
-    ) -> ModelFrame {
-        let found = match (&cell, &self.curves) {
+    /// Curves that the cell of the frame tears make it invalid, unless the caller unwraps them.
+    pub(super) fn check_torn(mut self, options: &ReadOptions, format: &'static str) -> ModelFrame {
+        let found = match (&self.info.cell, &self.curves) {
             (Some(cell), Ok(set)) if !options.wrapped => find_torn(set, cell, 0..set.len()),
-            _ => Ok(None),
+            _ => return self,
         };
         match found {
             Ok(None) => {}
             Ok(Some(torn)) => self.curves = Err(Error::unsupported(format, torn)),
             Err(e) => self.curves = Err(e),
         }
-        ModelFrame { cell, ..self }
+        self
     }
 }
 

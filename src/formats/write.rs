@@ -73,7 +73,7 @@ impl FrameWriter {
     /// hold them, or no second frame; [`Error::File`].
     pub fn frame(&mut self, frame: &ModelFrame) -> Result<()> {
         let set = frame.curves.as_ref().map_err(|e| {
-            let what = format_args!("frame {}, which is invalid: {e}", frame.seq);
+            let what = format_args!("frame {}, which is invalid: {e}", frame.info.seq);
             Error::unsupported("output", what)
         });
         let written = set.and_then(|set| match &mut self.sink {

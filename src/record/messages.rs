@@ -7,10 +7,9 @@ use crate::error::Result;
 pub(super) use crate::formats::container::invalid;
 use crate::incremental::{Route, Work};
 use crate::sinks::{BaselineRecord, FrameTimes, LiveTimes, RunProgress};
-use crate::verdict::LeftOut;
 use crate::verdict::{
-    Change, Clearance, CloseStrands, Defect, DefectKind, ImageLink, InvariantChange, Link, Place,
-    PullThrough, Report, Stats, Verdict,
+    Change, Clearance, CloseStrands, Defect, DefectKind, ImageLink, InvariantChange, LeftOut, Link,
+    Place, PullThrough, Report, Stats, Verdict,
 };
 use std::borrow::Cow;
 use std::sync::Arc;

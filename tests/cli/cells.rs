@@ -30,8 +30,8 @@ pub fn write(folder: &Path, name: &str, cell: Option<&str>, frames: &[[Vec<Point
         let xyz = curves.concat().concat();
         let set = CurveSet::from_counts(Basis::Polyline, &counts, Positions::F64(&xyz)).unwrap();
         let mut frame = ModelFrame::new(k as u64, Ok(set));
-        frame.time = 0.5 * k as f64;
-        frame.cell = cell.map(|cell| cell.parse().unwrap());
+        frame.info.time = 0.5 * k as f64;
+        frame.info.cell = cell.map(|cell| cell.parse().unwrap());
         writer.frame(&frame).unwrap();
     }
     writer.finish().unwrap();
@@ -291,7 +291,7 @@ fn a_recording_of_curves_that_jump_has_the_frames_as_they_were_given() {
         let positions = Positions::F32(&xyz);
         let set = CurveSet::from_counts(Basis::Polyline, &[-16, -16], positions).unwrap();
         let mut frame = ModelFrame::new(k, Ok(set));
-        frame.cell = Some("10,10,10".parse().unwrap());
+        frame.info.cell = Some("10,10,10".parse().unwrap());
         writer.frame(&frame).unwrap();
     }
     writer.finish().unwrap();

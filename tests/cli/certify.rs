@@ -185,7 +185,7 @@ fn periodic(path: &Path, cell: &str, counts: &[i32], points: &[[f64; 3]]) {
     let positions = Positions::F64(points.as_flattened());
     let set = CurveSet::from_counts(Basis::Polyline, counts, positions).unwrap();
     let mut frame = formats::ModelFrame::new(0, Ok(set));
-    frame.cell = Some(cell.parse().unwrap());
+    frame.info.cell = Some(cell.parse().unwrap());
     let mut writer =
         formats::FrameWriter::create(path, formats::Format::of(path).unwrap()).unwrap();
     writer.frame(&frame).unwrap();

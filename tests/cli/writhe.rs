@@ -205,7 +205,7 @@ fn the_writhe_of_a_yarn_through_the_cell_is_refused() {
         let xyz = Positions::F64(xyz.as_flattened());
         let set = CurveSet::from_counts(Basis::Polyline, &[4], xyz).unwrap();
         let mut frame = ModelFrame::new(0, Ok(set));
-        frame.cell = Some("9,9,9".parse().unwrap());
+        frame.info.cell = Some("9,9,9".parse().unwrap());
         let mut writer = FrameWriter::create(&path, Format::of(&path).unwrap()).unwrap();
         writer.frame(&frame).unwrap();
         writer.finish().unwrap();

@@ -217,7 +217,7 @@ fn every_curve_of_a_file_is_read_or_counted() {
                 panic!("{} frames:\n{}", frames.len(), given.text);
             };
             let curves = frame.curves.as_ref().expect("a valid frame");
-            let left_out: u64 = frame.left_out.iter().map(|found| found.count).sum();
+            let left_out: u64 = frame.info.left_out.iter().map(|found| found.count).sum();
             assert_eq!(
                 (curves.len(), left_out),
                 (given.read, given.left_out),

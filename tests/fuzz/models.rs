@@ -101,7 +101,7 @@ impl Corpus {
             for seq in 0..2 {
                 let mut frame = ModelFrame::new(seq, formats::read(&path("a.vect")));
                 if name != "a.npy" {
-                    frame.cell = Some(Cell::orthogonal([0.0; 3], [9.0, 9.0, 0.0]));
+                    frame.info.cell = Some(Cell::orthogonal([0.0; 3], [9.0, 9.0, 0.0]));
                 }
                 writer.frame(&frame).expect("a frame");
             }

@@ -168,7 +168,7 @@ fn measure(scene: &Scene, moving: &MovingScene, events: Events, file: &Path) -> 
         for frame in formats::Frames::open(file, &ReadOptions::default())? {
             let frame = frame?;
             let curves = frame.curves.map_err(|e| e.in_file(file))?;
-            let info = FrameInfo::at(frame.seq, frame.time);
+            let info = FrameInfo::at(frame.info.seq, frame.info.time);
             let frame = Received::new(info, Ok(Arc::new(curves)));
             let (verified, elapsed) = timed(|| session.verify(frame));
             times.push(elapsed.cpu_ms);

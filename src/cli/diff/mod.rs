@@ -6,7 +6,7 @@ mod runs;
 use self::runs::{FrameDiff, OnlyIn, RunDiff, diff_runs};
 use super::Outcome;
 use super::output::{self, count, plural};
-use linkwatch::{Error, RecordingReader, Result};
+use linkwatch::{RecordingReader, Result};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
@@ -37,8 +37,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     let paths = [args.first.as_path(), args.second.as_path()];
     let same = paths.map(|path| std::fs::canonicalize(path).ok());
     if same[0].is_some() && same[0] == same[1] {
-        let what = format!("{}: both are the same file", args.second.display());
-        return Err(Error::Usage(what));
+        return Err(usage!("{}: both are the same file", args.second.display()));
     }
     let open = |path: &Path| RecordingReader::open(path).map_err(|e| e.in_file(path));
     let [mut a, mut b] = [open(paths[0])?, open(paths[1])?];
@@ -95,22 +94,22 @@ fn print(diff: &RunDiff, names: &[String; 2], by_time: bool) {
         n => count(n),
     };
     let equal = count(compared - different);
-    output::line(format_args!("verdicts: {equal} equal, {unlike} different"));
+    out!("verdicts: {equal} equal, {unlike} different");
     if let Some(first) = &diff.first {
         print_frame(first, names);
     }
     match curves.first {
         _ if curves.compared == 0 => {}
-        None => output::line(format_args!(
+        None => out!(
             "curves: the same bits in all {}",
             plural(curves.compared, "frame")
-        )),
-        Some(seq) => output::line(format_args!(
+        ),
+        Some(seq) => out!(
             "curves: the runs diverge at {}; {} of {} have the same bits",
             frame(seq),
             count(curves.equal),
             plural(curves.compared, "frame")
-        )),
+        ),
     }
     for (name, only) in names.iter().zip(&diff.only) {
         if let OnlyIn {
@@ -120,32 +119,30 @@ fn print(diff: &RunDiff, names: &[String; 2], by_time: bool) {
         } = only
         {
             let frames = plural(*frames, "frame");
-            output::line(format_args!(
-                "only in {name}: {frames}, from {from} to {to}"
-            ));
+            out!("only in {name}: {frames}, from {from} to {to}");
         }
     }
     if diff.without_verdict > 0 {
-        output::line(format_args!(
+        out!(
             "not compared: {} without a verdict in one or both",
             plural(diff.without_verdict, "frame")
-        ));
+        );
     }
     if compared == 0 && diff.without_verdict == 0 {
         let (what, advice) = match by_time {
             false => ("number", "; --by-time compares by simulation time"),
             true => ("simulation time", ""),
         };
-        output::line(format_args!("no frame has the same {what} in both{advice}"));
+        out!("no frame has the same {what} in both{advice}");
     }
 }
 
 /// Prints the first frame with different verdicts.
 fn print_frame(first: &FrameDiff, names: &[String; 2]) {
-    output::line(format_args!("first difference: {}", frame(first.seq)));
+    out!("first difference: {}", frame(first.seq));
     let runs = names.iter().zip(&first.headlines);
     for ((name, headline), only) in runs.zip(&first.difference.only) {
-        output::line(format_args!("  {name}: {headline}"));
+        out!("  {name}: {headline}");
         let only: Vec<String> = only.iter().map(|f| format!("only here: {f}")).collect();
         output::first_lines("    ", &only, FINDINGS);
     }

@@ -3,7 +3,7 @@
 //! Both recordings are read once, side by side; memory holds one frame of each.
 
 use super::reports::{ReportDifference, difference};
-use linkwatch::{Ending, Error, RecordedFrame, RecordedItem, RecordingReader, Report, Result};
+use linkwatch::{Ending, RecordedFrame, RecordedItem, RecordingReader, Report, Result};
 use serde::Serialize;
 use std::cmp::Ordering;
 use std::io::{Read, Seek};
@@ -205,11 +205,12 @@ impl RunDiff {
         let [m, n] = [p, q].map(|frame| frame.counts.len());
         // Curves that a simulator adds or removes later are a difference of the runs.
         if m != n && self.curves.compared == 0 {
-            return Err(Error::Usage(format!(
+            return Err(usage!(
                 "the recordings are of different scenes: {m} curves in frame {} of the first, {n} \
                  in frame {} of the second",
-                p.seq, q.seq
-            )));
+                p.seq,
+                q.seq
+            ));
         }
         self.curves.compared += 1;
         match p.same_curves(q) {

@@ -100,8 +100,7 @@ fn measure(frame: &Picked, args: &Args) -> Result<Measured> {
         Some(StrandRadius::Of(radius)) => vec![radius; set.len()],
         Some(StrandRadius::Published) if published.len() == set.len() => published,
         Some(StrandRadius::Published) => {
-            let what = format!("{}: the curves have no radii", frame.name);
-            return Err(Error::Usage(what));
+            return Err(usage!("{}: the curves have no radii", frame.name));
         }
     };
     let found = Thickness::of(set, cell)?;
@@ -133,32 +132,32 @@ fn measure(frame: &Picked, args: &Args) -> Result<Measured> {
 fn print(name: &str, measured: &Measured, several: bool, args: &Args) {
     let Measured { found, extent, .. } = measured;
     let stiffness = args.stiffness;
-    output::line(format_args!(
+    out!(
         "{name}: thickness {}, ropelength {}, length {}",
         found.thickness(stiffness),
         found.ropelength(stiffness),
         found.length
-    ));
+    );
     if !several {
         let none = || "no curve bends".to_owned();
         let bend = found.min_rad.map_or_else(none, |m| m.sentence(*extent));
-        output::line(format_args!("  {bend}"));
+        out!("  {bend}");
         let none = || "no strut: the distance between the curves has no local minimum".to_owned();
         let strut = found.poca.map_or_else(none, |s| s.sentence(*extent));
-        output::line(format_args!("  {strut}"));
+        out!("  {strut}");
     }
     if let Some(struts) = &measured.struts {
-        output::line(format_args!("  {}", plural(struts.len() as u64, "strut")));
+        out!("  {}", plural(struts.len(), "strut"));
         let struts: Vec<String> = struts.iter().map(|s| s.sentence(*extent)).collect();
         output::first_lines("    ", &struts, SENTENCES);
     }
     if let Some(overlaps) = &measured.overlaps {
-        let places = plural(overlaps.len() as u64, "overlap");
+        let places = plural(overlaps.len(), "overlap");
         let strands = match args.radius {
             Some(StrandRadius::Of(radius)) => format!("of radius {radius}"),
             _ => "with the published radii".into(),
         };
-        output::line(format_args!("  {places} of strands {strands}"));
+        out!("  {places} of strands {strands}");
         let overlaps = overlaps.iter().map(|(strut, sum)| {
             let share = percent((sum - strut.length) / sum);
             format!("{share} of the diameter: {}", strut.sentence(*extent))
@@ -167,10 +166,10 @@ fn print(name: &str, measured: &Measured, several: bool, args: &Args) {
         let radius = |bend: &MinRad| measured.radii[bend.curve as usize];
         if let Some(bend) = found.min_rad.filter(|bend| bend.radius < radius(bend)) {
             let share = bend.radius / radius(&bend);
-            output::line(format_args!(
+            out!(
                 "  a strand bends too sharply: its radius of curvature is {} of its radius",
                 percent(share)
-            ));
+            );
         }
     }
 }

@@ -7,7 +7,7 @@ use crate::cli::number::positive;
 use crate::cli::output::{self, millis};
 use linkwatch::kernels::Estimate;
 use linkwatch::{
-    Axis, Cell, CurveSet, Error, GaussIntegrals, Image, Pairing, PairingReason, Result, Ribbon,
+    Axis, Cell, CurveSet, GaussIntegrals, Image, Pairing, PairingReason, Result, Ribbon,
     RibbonOptions, beside, period,
 };
 use serde_json::{Value, json};
@@ -104,10 +104,10 @@ fn refuse_yarns(name: &str, set: &CurveSet, cell: &Cell) -> Result<()> {
     let mut curves = 0..set.len();
     match curves.find(|&i| period(set, i, cell).is_some()) {
         None => Ok(()),
-        Some(i) => Err(Error::Usage(format!(
+        Some(i) => Err(usage!(
             "{name}: curve {i} runs through the periodic cell: it stands for an infinite curve, \
              and the writhe of one period would depend on where it begins"
-        ))),
+        )),
     }
 }
 
@@ -132,7 +132,7 @@ fn curves(frame: &Picked, args: &Args, head: Option<Value>) -> Result<Outcome> {
             });
             output::json(&output::joined(head, found));
         } else {
-            output::line(format_args!("{name}: writhe {writhe} ({})", millis(took)));
+            out!("{name}: writhe {writhe} ({})", millis(took));
         }
         if writhe.bound > args.tolerance {
             outcome = Outcome::Undecided;
@@ -186,13 +186,13 @@ fn ribbons(frame: &Picked, args: &Args, head: Option<Value>) -> Result<Outcome> 
         } else {
             let linking = ribbon.linking.map_or("undefined".into(), |n| n.to_string());
             let [lk, tw, wr] = ribbon.times.map(millis);
-            output::line(format_args!(
+            out!(
                 "{name}: Lk {linking} ({lk}), Tw {} ({tw}), Wr {} ({wr}), Lk - Tw - Wr {residual}; \
                  {}",
                 ribbon.twist,
                 ribbon.writhe,
                 pairing_words(&ribbon),
-            ));
+            );
         }
         if !ribbon.rivals.is_empty() {
             let rivals = ribbon.rivals.iter();
@@ -252,10 +252,10 @@ fn strands(name: &str, set: &CurveSet, asked: &[Strands]) -> Result<Vec<[usize; 
         match *strands {
             Strands::Of(i, j) => all.push([i, j]),
             Strands::Pairs if set.len() % 2 == 1 => {
-                return Err(Error::Usage(format!(
+                return Err(usage!(
                     "{name}: --ribbon pairs needs an even number of curves, not {}",
                     set.len()
-                )));
+                ));
             }
             Strands::Pairs => all.extend((0..set.len() / 2).map(|k| [2 * k, 2 * k + 1])),
         }

@@ -6,7 +6,7 @@ mod http;
 pub use self::figures::{ServiceMetrics, SessionMetrics};
 
 use self::http::{LIMIT, PATH, Server};
-use linkwatch::{Error, Result};
+use linkwatch::Result;
 use std::io::ErrorKind;
 use std::net::{SocketAddr, TcpListener};
 
@@ -36,7 +36,7 @@ impl MetricsArgs {
                 ErrorKind::PermissionDenied => "; give a port from 1024 on",
                 _ => "",
             };
-            Error::Usage(format!("--metrics {address}: {e}{advice}"))
+            usage!("--metrics {address}: {e}{advice}")
         })?;
         let local = listener.local_addr()?;
         let figures = figures.clone();

@@ -13,7 +13,7 @@ use super::run::PATIENT;
 use super::signals::{TICK, stop_on_signals};
 use super::source::{Source, warn_of_cut};
 use linkwatch::{
-    Client, ClientOptions, CurveLabels, Error, MessageKind, Outcome as Waited, RecordedFrame,
+    Client, ClientOptions, CurveLabels, MessageKind, Outcome as Waited, RecordedFrame,
     RecordedItem, Result, Verdict, VerdictMessage,
 };
 use serde_json::json;
@@ -61,15 +61,6 @@ pub struct Args {
     cell: CellArg,
 }
 
-/// Reason for the end of the run.
-enum End {
-    AllPublished,
-    Signal,
-    Abort,
-    /// The watcher left or does not answer.
-    NoWatcher(String),
-}
-
 /// Runs the command.
 pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     args.range.check()?;
@@ -99,7 +90,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         counts: Counts::default(),
     };
     let Some(first) = publisher.next()? else {
-        return Err(Error::Usage(format!("{name}: no frame to publish")));
+        return Err(usage!("{name}: no frame to publish"));
     };
     // Described before the wait, so that shared memory is created for frames of this size.
     publisher.describe(&first)?;
@@ -178,13 +169,11 @@ impl Publisher<'_> {
             match item {
                 RecordedItem::Frame(frame) if range.is_before(frame.seq, frame.time) => break,
                 RecordedItem::Frame(frame) if range.contains(frame.seq, frame.time) => {
-                    match frame.check() {
-                        Ok(()) => return Ok(Some(frame)),
-                        Err(e) => {
-                            tracing::warn!("frame {} is not published: {e}", frame.seq);
-                            self.counts.left_out += 1;
-                        }
-                    }
+                    let Err(e) = frame.check() else {
+                        return Ok(Some(frame));
+                    };
+                    tracing::warn!("frame {} is not published: {e}", frame.seq);
+                    self.counts.left_out += 1;
                 }
                 RecordedItem::Verdict(recorded) => {
                     let report = &recorded.report;
@@ -210,22 +199,21 @@ impl Publisher<'_> {
         }
         let labels = CurveLabels::clone(&frame.info.labels);
         let (basis, precision) = (frame.basis, frame.precision);
-        let described = self
-            .client
-            .describe_labelled(basis, precision, &frame.counts, labels);
-        described.map_err(|e| Error::Usage(format!("frame {}: {e}", frame.seq)))
+        let client = &mut self.client;
+        let described = client.describe_labelled(basis, precision, &frame.counts, labels);
+        described.map_err(|e| usage!("frame {}: {e}", frame.seq))
     }
 
-    /// Publishes the frames at their pace.
-    fn publish_all(&mut self, first: RecordedFrame) -> Result<End> {
+    /// Publishes the frames at their pace. Returns the reason if it ends before the last one.
+    fn publish_all(&mut self, first: RecordedFrame) -> Result<Option<String>> {
         let mut clock = Clock::new(self.args.speed);
         let mut next = Some(first);
         while let Some(frame) = next {
             let due = clock.due(frame.received_ns as f64 * 1e-9);
             loop {
                 self.read_verdicts()?;
-                if let Some(end) = self.end() {
-                    return Ok(end);
+                if let Some(why) = self.stops() {
+                    return Ok(Some(why));
                 }
                 let left = due.saturating_duration_since(Instant::now());
                 if left.is_zero() {
@@ -235,14 +223,14 @@ impl Publisher<'_> {
             }
             let seq = self.publish(frame)?;
             if self.args.lockstep
-                && let Some(end) = self.wait(seq)?
+                && let Some(why) = self.wait(seq)?
             {
-                return Ok(end);
+                return Ok(Some(why));
             }
             next = self.next()?;
         }
         self.wait_for_last()?;
-        Ok(self.end().unwrap_or(End::AllPublished))
+        Ok(self.stops())
     }
 
     /// Publishes a frame. Returns its number.
@@ -333,16 +321,16 @@ impl Publisher<'_> {
     }
 
     /// Returns the reason to stop, if there is one.
-    fn end(&mut self) -> Option<End> {
+    fn stops(&mut self) -> Option<String> {
         if self.is_stopped() {
-            return Some(End::Signal);
+            return Some("stopped by a signal".into());
         }
-        let aborted = self.client.aborted().is_some();
-        (aborted && self.args.stop_on_abort).then_some(End::Abort)
+        let aborted = self.args.stop_on_abort && self.client.aborted().is_some();
+        aborted.then(|| "stopped, because the watcher asked for it".into())
     }
 
     /// Waits for the verdict on a frame. Returns a reason to stop, if there is one.
-    fn wait(&mut self, seq: u64) -> Result<Option<End>> {
+    fn wait(&mut self, seq: u64) -> Result<Option<String>> {
         let start = Instant::now();
         loop {
             let asked = Instant::now();
@@ -351,18 +339,15 @@ impl Publisher<'_> {
                     self.answered(*message);
                     return Ok(None);
                 }
-                Waited::NoWatcher(why) => {
-                    return Ok(Some(End::NoWatcher(why.to_string())));
-                }
+                Waited::NoWatcher(why) => return Ok(Some(why.to_string())),
                 // The watcher skipped the frame.
                 Waited::Stale if asked.elapsed() < TICK => return Ok(None),
-                Waited::Stale if self.is_stopped() => return Ok(Some(End::Signal)),
+                Waited::Stale if self.is_stopped() => return Ok(self.stops()),
                 Waited::Stale => {
                     let silent = self.client.silent_for().unwrap_or(start.elapsed());
                     if silent > SILENCE {
                         let silent = silent.as_secs();
-                        let why = format!("the watcher has been silent for {silent} s");
-                        return Ok(Some(End::NoWatcher(why)));
+                        return Ok(Some(format!("the watcher has been silent for {silent} s")));
                     }
                 }
             }
@@ -370,24 +355,15 @@ impl Publisher<'_> {
     }
 
     /// Ends the session, and prints the summary.
-    fn finish(mut self, end: End, start: Instant) -> Result<Outcome> {
+    fn finish(mut self, end: Option<String>, start: Instant) -> Result<Outcome> {
         self.live.clear();
         let seconds = start.elapsed().as_secs_f64();
         let cut = warn_of_cut(&self.source.path, &self.source.reader);
         let mut complete = !cut && !self.source.lacks_curves && self.counts.left_out == 0;
-        complete &= matches!(end, End::AllPublished);
         let mut wait = SILENCE;
-        match &end {
-            End::AllPublished => {}
-            End::Signal => {
-                tracing::info!("stopped by a signal");
-                wait = LOOK;
-            }
-            End::Abort => tracing::info!("stopped, because the watcher asked for it"),
-            End::NoWatcher(why) => {
-                tracing::error!("{why}; no further frame is published");
-                wait = LOOK;
-            }
+        if let Some(why) = end {
+            tracing::warn!("{why}; no further frame is published");
+            (complete, wait) = (false, LOOK);
         }
         self.read_verdicts()?;
         let goodbye: Option<VerdictMessage> = self.client.finish_within(wait)?;
@@ -412,24 +388,18 @@ impl Publisher<'_> {
             }
             output::line(line);
             let counts = &self.counts;
+            let without = "not published, without recorded curves";
             let skipped = "not recorded, which the watcher counts as skipped";
             for (n, noun, what) in [
                 (counts.left_out, "invalid frame", "not published"),
-                (
-                    counts.rejected,
-                    "frame",
-                    "not published, without recorded curves",
-                ),
+                (counts.rejected, "frame", without),
                 (counts.numbers_between, "frame", skipped),
             ] {
                 if n > 0 {
-                    output::line(format_args!("{what}: {}", plural(n, noun)));
+                    out!("{what}: {}", plural(n, noun));
                 }
             }
         }
-        Ok(match complete {
-            true => self.worst,
-            false => self.worst.max(Outcome::Undecided),
-        })
+        Ok(self.worst.max(Outcome::undecided_if(!complete)))
     }
 }

@@ -3,10 +3,9 @@
 
 use super::{Judged, Run};
 use crate::cli::output::{count, plural, plural_of};
-use linkwatch::Verdict;
 use linkwatch::{
     BaselineRecord, Basis, Certificate, Continuation, CurveSet, Defect, DefectKind, FrameInfo,
-    Precision,
+    Precision, Verdict,
 };
 use std::sync::Arc;
 
@@ -216,7 +215,7 @@ fn words_of_scene(curves: &CurveSet, info: &FrameInfo, certificate: &Certificate
     ];
     let kinds = kinds.into_iter().filter(|(n, _)| *n > 0);
     let kinds: Vec<String> = kinds
-        .map(|(n, kind)| format!("{} {kind}", count(n as u64)))
+        .map(|(n, kind)| format!("{} {kind}", count(n)))
         .collect();
     let basis = match curves.basis() {
         Basis::Polyline => "polylines",
@@ -244,7 +243,7 @@ fn words_of_scene(curves: &CurveSet, info: &FrameInfo, certificate: &Certificate
     };
     format!(
         "{} ({}): {basis} in {precision} precision, {names}, {radii}, {cell}",
-        plural(curves.len() as u64, "curve"),
+        plural(curves.len(), "curve"),
         kinds.join(", ")
     )
 }

@@ -37,11 +37,10 @@ use super::files::{Files, Overwrite};
 use super::live::Live;
 use super::metrics::SessionMetrics;
 use super::output::{count, plural};
-use linkwatch::Events;
 use linkwatch::{
-    BaselineRecord, Certificate, Continuation, Counters, FrameInfo, FrameRecord, FrameTimes,
-    InvariantKind, Overflow, Progress, Received, Result, RunProgress, Session, SessionOptions,
-    SinkQueue, Strategy, Verdict,
+    BaselineRecord, Certificate, Continuation, Counters, Events, FrameInfo, FrameRecord,
+    FrameTimes, InvariantKind, Overflow, Progress, Received, Result, RunProgress, Session,
+    SessionOptions, SinkQueue, Strategy, Verdict,
 };
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};

@@ -1,7 +1,7 @@
 //! New findings of a frame: a finding that lasts over several frames is printed once.
 
-use linkwatch::{Lasting, Point, Report, Verdict};
-use std::collections::BTreeSet;
+use crate::verdict::Known;
+use linkwatch::{Point, Report, Verdict};
 
 /// First frame whose verdict is not intact, with its first finding.
 #[derive(Clone, Debug, serde::Serialize)]
@@ -45,37 +45,29 @@ pub struct New {
 /// Findings printed so far.
 #[derive(Default)]
 pub struct News {
-    /// Changes and defects of the last frame.
-    known: BTreeSet<Lasting>,
-    last_verdict: Option<Verdict>,
+    known: Known,
     pub first_violation: Option<Violation>,
 }
 
 impl News {
     /// Forgets the findings of the last frame, because the next one has other curves.
     pub fn forget(&mut self) {
-        self.known.clear();
+        self.known.forget();
     }
 
     /// Returns the news of a report, and records it. `names` are those of the curves, or empty.
     /// `model` is the file of the frame, if it has one.
     pub fn of(&mut self, report: &Report, names: &[String], model: Option<&str>) -> New {
-        let mut new = New {
-            sentences: Vec::new(),
-            known: 0,
+        let novelty = self.known.update(report);
+        let sentences = report.findings_named(names).zip(&novelty.new);
+        let sentences = sentences.filter_map(|(sentence, new)| new.then_some(sentence));
+        let new = New {
+            sentences: sentences.collect(),
+            known: novelty.new.iter().filter(|new| !**new).count(),
             notable: !(report.appeared.is_empty() && report.gone.is_empty())
-                || self.last_verdict.unwrap_or(Verdict::Intact) != report.verdict,
+                || novelty.before.unwrap_or(Verdict::Intact) != report.verdict
+                || novelty.new.contains(&true),
         };
-        let mut lasting = BTreeSet::new();
-        for (last, sentence) in report.lasting().zip(report.findings_named(names)) {
-            lasting.extend(last);
-            if last.is_some_and(|l| self.known.contains(&l)) {
-                new.known += 1;
-                continue;
-            }
-            new.sentences.push(sentence);
-        }
-        new.notable |= !new.sentences.is_empty();
         if report.verdict != Verdict::Intact && self.first_violation.is_none() {
             // The one that the viewer and the report show first.
             let first = report.passages_first().next();
@@ -83,12 +75,8 @@ impl News {
             let curves = curves.map(|(i, j, _)| std::iter::once(i).chain(j).collect());
             let sentence = first.map(|finding| report.sentence_of(finding, names));
             let other = || {
-                report
-                    .rejected
-                    .iter()
-                    .chain(&report.missing)
-                    .next()
-                    .cloned()
+                let mut others = report.rejected.iter().chain(&report.missing);
+                others.next().cloned()
             };
             self.first_violation = Some(Violation {
                 frame: report.seq,
@@ -99,12 +87,6 @@ impl News {
                 point: first.and_then(|finding| Some(finding.place()?.1)),
                 finding: sentence.or_else(other),
             });
-        }
-        self.last_verdict = Some(report.verdict);
-        // The findings of a rejected frame are unknown. Others that ended are printed again if they
-        // return.
-        if report.verdict != Verdict::Rejected {
-            self.known = lasting;
         }
         new
     }

@@ -3,11 +3,8 @@
 use super::news::New;
 use super::times::to_json;
 use super::{Judged, Run, THE_FRAMES};
-use crate::cli::live::Label;
-use crate::cli::output::{self, count, millis, plural};
-use crate::curve::Notation;
-use linkwatch::LeftOut;
-use linkwatch::Report;
+use crate::cli::output::{self, count, listed, millis, plural};
+use linkwatch::{LeftOut, Report};
 
 /// Maximum number of sentences printed about one frame of a stream; the rest is counted.
 const SENTENCES: usize = 8;
@@ -66,68 +63,51 @@ impl Run {
         let news = self.news.of(report, names, model.as_deref());
         let violation = self.news.first_violation.as_ref();
         let low = self.sum.clearance.add(report, names, violation);
-        match model {
-            _ if self.json => {}
-            Some(model) => {
-                print_model(model, report, &news);
-                if new_kind {
-                    output::line(format_args!("  {}", LeftOut::sentence(left_out)));
-                }
-            }
-            None if news.notable => print_frame(self.live.label, judged, &news),
-            None => {}
+        let mut lines = match model {
+            Some(model) => lines_of_model(model, report, &news),
+            None if news.notable => lines_of_frame(judged, &news),
+            None => Vec::new(),
+        };
+        if new_kind && model.is_some() {
+            lines.push(format!("  {}", LeftOut::sentence(left_out)));
         }
-        if let Some(low) = low.filter(|_| !self.json) {
-            match model {
-                Some(_) => output::line(format_args!("  {low}")),
-                None => self.live.label.line(low),
-            }
+        if let Some(low) = low {
+            let indent = if model.is_some() { "  " } else { "" };
+            lines.push(format!("{indent}{low}"));
             if report.abort && !news.notable {
-                self.live.label.line(abort_words(judged));
+                lines.push(abort_words(judged).into());
             }
+        }
+        if !(self.json || lines.is_empty()) {
+            self.live.label.line(lines.join("\n"));
         }
         if model.is_none() {
-            let links = self.session.baseline().map_or(0, |b| b.links().len());
-            let closest = report.clearance.as_ref().and_then(|c| c.closest);
-            let closest = closest.map_or_else(String::new, |c| {
-                format!(
-                    ", closest approach {}",
-                    Notation::of_scene(report.stats.extent, c.points[0]).length(c.distance)
-                )
-            });
-            let skipped = match self.tally.skipped {
-                0 => String::new(),
-                n => format!(", {} skipped", count(n)),
-            };
             self.live.status(format_args!(
-                "{} ({}): {} verified{skipped}, {}{closest}, verdict after {}",
+                "{} ({}): {} verified, {} skipped, verdict after {}",
                 report.frame(),
                 report.verdict,
                 count(self.tally.verified),
-                plural(links as u64, "link"),
+                count(self.tally.skipped),
                 millis(judged.latency.unwrap_or(times.check())),
             ));
         }
     }
 }
 
-/// Prints the verdict on a frame of a stream, and its new findings.
-fn print_frame(label: Label, judged: &Judged, news: &New) {
+/// Returns the verdict on a frame of a stream, and its new findings.
+fn lines_of_frame(judged: &Judged, news: &New) -> Vec<String> {
     let Judged { report, times, .. } = judged;
-    label.line(format_args!(
-        "{} (checked in {})",
-        report.headline(),
-        millis(times.check())
-    ));
-    label.first_lines("  ", &news.sentences, SENTENCES);
-    if !news.sentences.is_empty()
-        && let Some(words) = report.roll_back()
-    {
-        label.line(format_args!("  to roll back: {words}"));
+    let (headline, check) = (report.headline(), millis(times.check()));
+    let mut lines = vec![format!("{headline} (checked in {check})")];
+    lines.extend(listed("  ", &news.sentences, SENTENCES));
+    if !news.sentences.is_empty() {
+        let words = report.roll_back();
+        lines.extend(words.map(|words| format!("  to roll back: {words}")));
     }
     if report.abort {
-        label.line(abort_words(judged));
+        lines.push(abort_words(judged).into());
     }
+    lines
 }
 
 /// Returns the line below a finding that asks the simulator to stop.
@@ -138,25 +118,20 @@ fn abort_words(judged: &Judged) -> &'static str {
     }
 }
 
-/// Prints the verdict on a model file, and its new findings.
-fn print_model(model: &str, report: &Report, news: &New) {
-    output::line(format_args!("{model}: {}", report.verdict));
-    let others = report.missing.iter().chain(&report.rejected);
-    for sentence in news.sentences.iter().take(MODEL_SENTENCES).chain(others) {
-        output::line(format_args!("  {sentence}"));
-    }
-    if let Some(more @ 1..) = news.sentences.len().checked_sub(MODEL_SENTENCES) {
-        output::line(format_args!("  and {more} more (--json prints all)"));
-    }
-    if let Some(words) = report.change_of_curves() {
-        output::line(format_args!("  {words}"));
-    }
+/// Returns the verdict on a model file, and its new findings.
+fn lines_of_model(model: &str, report: &Report, news: &New) -> Vec<String> {
+    let mut lines = vec![format!("{model}: {}", report.verdict)];
+    lines.extend(listed("  ", &news.sentences, MODEL_SENTENCES));
+    let others = report.missing.iter().chain(&report.rejected).cloned();
+    let others = others.chain(report.change_of_curves());
+    lines.extend(others.map(|sentence| format!("  {sentence}")));
     if news.known > 0 {
-        let known = plural(news.known as u64, "finding");
-        output::line(format_args!("  {known} as in the previous model"));
+        let known = plural(news.known, "finding");
+        lines.push(format!("  {known} as in the previous model"));
     }
     if report.stats.unchecked > 0 {
         let unchecked = plural(report.stats.unchecked, "pair");
-        output::line(format_args!("  {unchecked} not checked"));
+        lines.push(format!("  {unchecked} not checked"));
     }
+    lines
 }

@@ -5,9 +5,8 @@ use crate::cli::cell_args::{CellArgs, KEEP_OPEN};
 use crate::cli::clearance_args::{self, ClearanceArgs};
 use crate::cli::event_args::EventArgs;
 use crate::cli::files::{Files, Overwrite};
-use linkwatch::Events;
 use linkwatch::{
-    AbortOn, BaselineRecord, Braids, Certificate, Error, InvariantKind, Result, SessionOptions,
+    AbortOn, BaselineRecord, Braids, Certificate, Events, InvariantKind, Result, SessionOptions,
 };
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -159,8 +158,7 @@ impl Judge {
         if let Some(clearance) = &clearance {
             clearance_args::write(clearance, metadata);
         } else if abort_on == AbortOn::Clearance {
-            let why = "--abort-on clearance needs --radius";
-            return Err(Error::Usage(why.into()));
+            return Err(usage!("--abort-on clearance needs --radius"));
         }
         let braids = self.braid_args.braids()?;
         if let Some(braids) = &braids {

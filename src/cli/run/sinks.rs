@@ -2,10 +2,8 @@
 
 use super::record::recording;
 use super::viewer::Show;
-use crate::cli::files::with_suffix;
-use crate::cli::files::{Content, Files, Overwrite};
-use linkwatch::RecordingOptions;
-use linkwatch::{ClearanceOptions, Overflow, Result, SinkQueue};
+use crate::cli::files::{Content, Files, Overwrite, with_suffix};
+use linkwatch::{ClearanceOptions, Overflow, RecordingOptions, Result, SinkQueue};
 use std::collections::BTreeMap;
 use std::path::Path;
 

@@ -6,8 +6,7 @@ use super::times::RunTimes;
 use super::violations::Violations;
 use crate::cli::Outcome;
 use crate::cli::output::{count, percent, plural, plural_of};
-use linkwatch::LeftOut;
-use linkwatch::{Counters, Events, Report, SinkSummary};
+use linkwatch::{Counters, Events, LeftOut, Report, SinkSummary};
 use serde_json::json;
 
 impl Counters {
@@ -137,7 +136,7 @@ impl Run {
             _ => " as far as verified",
         };
         let ended = |n: u32, what: &str| {
-            let violations = plural_of(n.into(), "violation was", "violations were");
+            let violations = plural_of(n, "violation was", "violations were");
             some(n > 0, format!("{violations} {what}"))
         };
         let low = self.options.clearance.map_or(0.0, |options| options.low);
@@ -173,7 +172,7 @@ impl Run {
             some(open > 0, open_curves.clone()),
             some(
                 yarns > 1,
-                format!("{} curves that run through the cell", count(yarns as u64)),
+                format!("{} curves that run through the cell", count(yarns)),
             ),
             Some("pull-throughs that linking numbers do not show".to_owned()),
         ];

@@ -152,7 +152,7 @@ impl Show {
                     _ => "",
                 };
                 let file = "--show FILE.rrd writes a file for a viewer on any machine";
-                Error::Usage(format!("{e}; {file}{others}"))
+                usage!("{e}; {file}{others}")
             })?;
         }
         Ok(queue)
@@ -172,7 +172,8 @@ fn of_viewer(overflow: Overflow) -> (Overflow, Duration) {
     }
 }
 
-#[cfg(all(test, feature = "rerun"))]
+#[cfg(test)]
+#[cfg(feature = "rerun")]
 mod tests {
     use super::*;
 

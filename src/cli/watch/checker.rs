@@ -1,6 +1,6 @@
 //! Judges a frame in a thread, so that the thread of the bus can send heartbeats meanwhile.
 
-use crate::cli::output::{count, plural};
+use crate::cli::output::words_of;
 use crate::cli::run::{Judged, Run};
 use crate::cli::signals::TICK;
 use linkwatch::{Received, Result};
@@ -36,13 +36,7 @@ pub fn judge(
             if stop.load(Ordering::Relaxed) {
                 progress.cancel();
             }
-            let (done, total) = progress.pairs();
-            let work = match total {
-                0 => "finding pairs that come close".to_owned(),
-                _ => format!("{} of {}", count(done), plural(total, "pair")),
-            };
-            let seconds = start.elapsed().as_secs_f64();
-            live.status(format_args!("frame {seq}: {work} in {seconds:.0} s"));
+            live.status(format_args!("frame {seq}: {}", words_of(&progress, start)));
             if beat.elapsed() >= HEARTBEAT {
                 beat = Instant::now();
                 // If the bus fails, the result cannot be sent, so cancel the check.

@@ -12,15 +12,15 @@ const POLL: Duration = Duration::from_millis(2);
 /// Closes sessions, each in a thread of its own, and keeps the worst outcome.
 pub struct Closer {
     worst: Outcome,
-    /// Sessions that may not have closed. Each one ends within the time limit of the sinks.
-    pending: Vec<JoinHandle<Outcome>>,
+    /// Threads of the sessions. Each one ends within the time limit of the sinks.
+    sessions: Vec<JoinHandle<Outcome>>,
 }
 
 impl Closer {
     /// Begins with the worst outcome of earlier sessions.
     pub fn new(worst: Outcome) -> Closer {
-        let pending = Vec::new();
-        Closer { worst, pending }
+        let sessions = Vec::new();
+        Closer { worst, sessions }
     }
 
     /// Adds an outcome.
@@ -36,25 +36,16 @@ impl Closer {
         while !thread.is_finished() && start.elapsed() < PATIENCE {
             std::thread::sleep(POLL);
         }
-        self.pending.push(thread);
-        let pending = std::mem::take(&mut self.pending).into_iter();
-        let (closed, open) = pending.partition(JoinHandle::is_finished);
-        self.pending = open;
-        self.join(closed);
+        self.sessions.push(thread);
         Ok(())
-    }
-
-    fn join(&mut self, sessions: Vec<JoinHandle<Outcome>>) {
-        for session in sessions {
-            // If the thread panicked, the panic was printed.
-            self.add(session.join().unwrap_or(Outcome::Undecided));
-        }
     }
 
     /// Waits for all sessions. Returns the worst outcome.
     pub fn finish(mut self) -> Outcome {
-        let pending = std::mem::take(&mut self.pending);
-        self.join(pending);
+        for session in std::mem::take(&mut self.sessions) {
+            // If the thread panicked, the panic was printed.
+            self.add(session.join().unwrap_or(Outcome::Undecided));
+        }
         self.worst
     }
 }

@@ -11,6 +11,7 @@ use crate::error::Result;
 use crate::formats::frames::{FrameSource, ModelFrame};
 use crate::formats::lines::{Lines, integer, words};
 use crate::formats::{number, quote};
+use crate::ingest::FrameInfo;
 use std::io::BufRead;
 
 pub(super) const FORMAT: &str = "LAMMPS dump";
@@ -170,12 +171,13 @@ impl<R: BufRead> FrameSource for Dump<R> {
         };
         let closest = cell.as_ref().filter(|_| !self.wrapped);
         let curves = self.atoms(atoms, &space, closest, &columns)?;
-        Ok(Some(ModelFrame {
-            time: header.time,
+        let info = FrameInfo {
             cell,
             left_out: self.curves.left_out.clone(),
-            ..ModelFrame::new(step, no_lattice.map_or(curves, Err))
-        }))
+            ..FrameInfo::at(step, header.time)
+        };
+        let curves = no_lattice.map_or(curves, Err);
+        Ok(Some(ModelFrame::of(info, curves)))
     }
 }
 

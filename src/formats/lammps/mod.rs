@@ -30,7 +30,7 @@ mod dump;
 use self::bonds::Curves;
 use self::cell::Unwrapped;
 use self::data::Wanted;
-use super::frames::{FrameSource, ModelFrame, ReadOptions, Source};
+use super::frames::{ModelFrame, ReadOptions, Source};
 use super::lines::Lines;
 use super::{Format, Input};
 use crate::error::{Error, Result};
@@ -66,11 +66,8 @@ pub(super) fn read_data(
         false => Unwrapped::Unknown,
     };
     let closest = cell.as_ref().filter(|_| !options.wrapped);
-    let frame = ModelFrame {
-        cell,
-        left_out,
-        ..ModelFrame::new(0, Ok(frame.finish(closest, unwrapped)?))
-    };
+    let mut frame = ModelFrame::new(0, Ok(frame.finish(closest, unwrapped)?));
+    (frame.info.cell, frame.info.left_out) = (cell, left_out);
     Ok(frame.into())
 }
 
@@ -78,35 +75,19 @@ pub(super) fn read_data(
 pub(super) fn open_dump(path: &Path, options: &ReadOptions) -> Result<Source<'static>> {
     let lines = Lines::new(dump::FORMAT, super::open_text(path)?)?;
     let bonds = options.bonds.clone().or_else(|| beside(path));
-    let curves = match &bonds {
+    let mut curves = match &bonds {
         Some(bonds) => read_bonds(bonds).map_err(|e| e.in_file(bonds))?,
         None => chains(path, options.closed)?,
     };
-    let mut left_out = Vec::new();
     if bonds.is_none() && options.closed.is_none() {
         // Rings would be verified without the bonds that close them.
         let kind = ["possible closing bond", "possible closing bonds"];
         let advice = "the option `closed` or the option `closed=false` decides";
-        left_out.push(LeftOut::new(curves.len() as u64, kind, advice));
+        curves
+            .left_out
+            .push(LeftOut::new(curves.len() as u64, kind, advice));
     }
-    let frames = dump::Dump::new(lines, curves, options.wrapped);
-    Ok(Box::new(Incomplete { frames, left_out }))
-}
-
-/// Frames that lack elements of their file.
-struct Incomplete<S> {
-    frames: S,
-    left_out: Vec<LeftOut>,
-}
-
-impl<S: FrameSource> FrameSource for Incomplete<S> {
-    fn next_frame(&mut self) -> Result<Option<ModelFrame>> {
-        let mut frame = self.frames.next_frame()?;
-        if let Some(frame) = &mut frame {
-            frame.left_out.extend_from_slice(&self.left_out);
-        }
-        Ok(frame)
-    }
+    Ok(Box::new(dump::Dump::new(lines, curves, options.wrapped)))
 }
 
 /// Returns the curves of a dump without bonds, and says what is assumed.

@@ -50,7 +50,7 @@ fn all_files_that_lammps_writes_have_the_same_certificate() {
         let frames = frames(name, Some(bonds));
         for (frame, seq) in frames.iter().zip([0, 250, 500]) {
             let frame = frame.as_ref().unwrap();
-            assert_eq!(frame.seq, seq);
+            assert_eq!(frame.info.seq, seq);
             let set = frame.curves.as_ref().unwrap();
             assert_eq!(certificate(set), CERTIFICATE, "{name}");
         }
@@ -101,7 +101,7 @@ fn all_dumps_of_a_run_have_the_same_points() {
 #[test]
 fn a_dump_has_the_time_that_lammps_wrote() {
     let times = frames("flags.dump", Some("rings.data")).into_iter();
-    let times: Vec<f64> = times.map(|frame| frame.unwrap().time).collect();
+    let times: Vec<f64> = times.map(|frame| frame.unwrap().info.time).collect();
     assert_eq!(times, [0.0, 1.0, 2.0]);
 }
 
@@ -131,8 +131,8 @@ fn wrapped_rings_are_given_as_they_are_to_a_caller_that_unwraps_them() {
     };
     let (wrapped, whole) = (read("wrapped.dump"), read("unwrapped.dump"));
     for (wrapped, whole) in wrapped.iter().zip(&whole) {
-        assert_eq!(wrapped.cell, whole.cell);
-        let cell = wrapped.cell.unwrap();
+        assert_eq!(wrapped.info.cell, whole.info.cell);
+        let cell = wrapped.info.cell.unwrap();
         assert_eq!(cell.to_string(), "12,12,12");
         let [a, b] = [wrapped, whole].map(|frame| frame.curves.as_ref().unwrap());
         let mut moved = 0;
@@ -153,7 +153,7 @@ fn wrapped_rings_are_given_as_they_are_to_a_caller_that_unwraps_them() {
 fn frames_have_the_cell_of_their_box() {
     let cell = |name, bonds| {
         let frame = frames(name, Some(bonds)).remove(0).unwrap();
-        frame.cell.unwrap()
+        frame.info.cell.unwrap()
     };
     let tilted = cell("triclinic.dump", "triclinic.data");
     let expected = [[12.0, 0.0, 0.0], [2.5, 12.0, 0.0], [-1.5, 3.0, 12.0]];
@@ -165,7 +165,7 @@ fn frames_have_the_cell_of_their_box() {
     let data = Frames::open(&file("triclinic.data"), &options)
         .unwrap()
         .next();
-    assert_eq!(data.unwrap().unwrap().cell.unwrap().vectors, expected);
+    assert_eq!(data.unwrap().unwrap().info.cell.unwrap().vectors, expected);
     // Only along periodic directions, and with the corner of the box.
     let bounds = "BOUNDS pp pp ff\n0 9\n0 9\n0 9";
     for (kind, expected) in [
@@ -190,7 +190,10 @@ fn frames_have_the_cell_of_their_box() {
             .replacen(bounds, kind, 1)
             .replacen("2 2 0 9", "2 2 0 1", 1);
         let frame = dump(&text).unwrap().remove(0);
-        assert_eq!(frame.cell.map(|cell| cell.to_string()).as_deref(), expected);
+        assert_eq!(
+            frame.info.cell.map(|cell| cell.to_string()).as_deref(),
+            expected
+        );
         assert!(frame.curves.is_ok());
     }
 }
@@ -202,6 +205,7 @@ fn a_data_file_is_periodic_unless_its_title_says_otherwise() {
         let text = format!("{title}{}", &text[text.find('\n').unwrap()..]);
         data_frame(&text, false)
             .unwrap()
+            .info
             .cell
             .map(|cell| cell.to_string())
     };
@@ -343,11 +347,11 @@ fn molecules_with_branches_are_counted_and_atoms_without_bonds_are_no_curves() {
     assert_eq!(ids(&frame.curves.unwrap()), [(true, vec![7, 8, 9])]);
     let said = |left_out: &[LeftOut]| LeftOut::sentence(left_out);
     let expected = "not read, so not verified: 1 molecule with branches (atom 1 has 3 bonds)";
-    assert_eq!(said(&frame.left_out), expected);
+    assert_eq!(said(&frame.info.left_out), expected);
     let lines = bonded(12, &bonds[4..]).replacen("atoms\n", "atoms\n7 lines\n0 bodies\n", 1);
     let frame = data_frame(&lines, false).unwrap();
     let expected = "not read, so not verified: 7 line particles (the first one: header)";
-    assert_eq!(said(&frame.left_out), expected);
+    assert_eq!(said(&frame.info.left_out), expected);
     // The frames of a dump lack the molecules of its bonds.
     let mut source = read_dump(
         DUMP.as_bytes(),
@@ -357,7 +361,7 @@ fn molecules_with_branches_are_counted_and_atoms_without_bonds_are_no_curves() {
     .unwrap();
     let frame = source.next_frame().unwrap().unwrap();
     assert_eq!(
-        (frame.curves.unwrap().len(), frame.left_out[0].count),
+        (frame.curves.unwrap().len(), frame.info.left_out[0].count),
         (1, 1)
     );
     let expected = "1 of 1 molecules (5 atoms) have branches, so that they are no curves: atom 1 \
@@ -379,7 +383,7 @@ fn a_curve_that_closes_only_through_the_boundary_is_refused() {
     assert_error_contains(data(text), "in spite of image flags");
     let frame = data_frame(text, true).unwrap();
     assert_eq!(frame.curves.unwrap().point(0, 2), [7.0, 0.0, 0.0]);
-    assert_eq!(frame.cell.unwrap().to_string(), "9,9,9");
+    assert_eq!(frame.info.cell.unwrap().to_string(), "9,9,9");
     // Without flags it may be wrapped.
     let plain = text.replace(" 0 0 0 0 0\n", " 0 0\n");
     assert_error_contains(data(&plain), "the curve is wrapped at the boundary");
@@ -665,7 +669,7 @@ fn a_general_box_gives_the_turned_curves() {
         while let Some(line) = given.next() {
             if line.starts_with("ITEM: BOX") {
                 general += "ITEM: BOX BOUNDS abc origin pp pp pp\n";
-                let cell = straight[seen].as_ref().unwrap().cell.unwrap();
+                let cell = straight[seen].as_ref().unwrap().info.cell.unwrap();
                 let origin = turned(cell.origin);
                 seen += 1;
                 for (vector, low) in cell.vectors.into_iter().zip(origin) {
@@ -713,7 +717,7 @@ fn a_general_box_gives_the_turned_curves() {
     );
     let frame = data_frame(&general, false).unwrap();
     let expected = "0,50,0,-50,0,1,0,0,50,-5,-6,-7";
-    assert_eq!(frame.cell.unwrap().to_string(), expected);
+    assert_eq!(frame.info.cell.unwrap().to_string(), expected);
     assert_eq!(
         curves(&frame.curves.unwrap()),
         curves(&data(&text).unwrap())

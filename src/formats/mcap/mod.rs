@@ -30,6 +30,7 @@ use self::state::{State, Update};
 use super::frames::{FrameSource, ModelFrame, ReadOptions, Source};
 use crate::error::{Error, Result};
 use crate::formats::container::{self, Container, Ending, invalid};
+use crate::ingest::FrameInfo;
 use crate::verdict::LeftOut;
 use crate::words::plural;
 use prost::bytes::Bytes;
@@ -388,14 +389,13 @@ impl<R: Read + Seek> FrameSource for McapFrames<R> {
             };
             let mut left_out = self.left_out.clone();
             left_out.extend(self.state.left_out());
-            let frame = ModelFrame {
-                time: time as f64 * 1e-9,
+            let info = FrameInfo {
                 labels,
                 left_out,
-                ..ModelFrame::new(self.seq, curves)
+                ..FrameInfo::at(self.seq, time as f64 * 1e-9)
             };
             self.seq += 1;
-            return Ok(Some(frame));
+            return Ok(Some(ModelFrame::of(info, curves)));
         }
         self.check_end(false)?;
         match self.seq {

@@ -52,13 +52,13 @@ fn recordings_of_other_programs_have_the_links_of_their_motion() {
             if let Some(closed) = closed.unwrap() {
                 set = closed;
             }
-            assert_eq!(frame.seq, k as u64);
+            assert_eq!(frame.info.seq, k as u64);
             assert!(
-                (frame.time % 1.7e9 - 1.0 - 0.1 * k as f64).abs() < 1e-6,
+                (frame.info.time % 1.7e9 - 1.0 - 0.1 * k as f64).abs() < 1e-6,
                 "{}",
-                frame.time
+                frame.info.time
             );
-            let mut names: Vec<&str> = frame.labels.names.iter().map(String::as_str).collect();
+            let mut names: Vec<&str> = frame.info.labels.names.iter().map(String::as_str).collect();
             let counts: Vec<i32> = set.counts().collect();
             let expected: &[i32] = match k {
                 0 => &[-12, -12, 4, 2],
@@ -90,7 +90,7 @@ fn recordings_of_other_programs_have_the_links_of_their_motion() {
 
 #[test]
 fn names_are_those_of_entities_and_markers() {
-    let names = |name: &str| frames(name)[0].labels.names.clone();
+    let names = |name: &str| frames(name)[0].info.labels.names.clone();
     assert_eq!(names("scene.mcap"), ["ring", "turned", "rope", "spark"]);
     assert_eq!(
         names("markers.mcap"),
@@ -314,7 +314,7 @@ fn messages_of_one_time_are_one_frame_unless_they_change_a_curve_again() {
             .collect();
         let (frames, e) = read(&file((SCENE_UPDATE, "json"), &messages));
         assert_eq!(e, None);
-        let curves = |f: &ModelFrame| (f.time, f.curves.as_ref().unwrap().len());
+        let curves = |f: &ModelFrame| (f.info.time, f.curves.as_ref().unwrap().len());
         frames.iter().map(curves).collect::<Vec<_>>()
     };
     // The time of the message counts if it has one, else that of the log.
@@ -361,10 +361,10 @@ fn cylinders_beside_lines_are_counted_and_other_shapes_are_no_curves() {
     assert_eq!((frames.len(), e), (1, None));
     assert_eq!(frames[0].curves.as_ref().unwrap().len(), 1);
     let says = "not read, so not verified: 2 cylinders (the first one: \"a\")";
-    assert_eq!(LeftOut::sentence(&frames[0].left_out), says);
+    assert_eq!(LeftOut::sentence(&frames[0].info.left_out), says);
     let shapes = with_others(true, serde_json::json!({"spheres": [{}], "texts": [{}]}));
     let (frames, _) = read(&file((SCENE_UPDATE, "json"), &[(1, shapes)]));
-    assert_eq!(frames[0].left_out, []);
+    assert_eq!(frames[0].info.left_out, []);
     // In protobuf: an entity (field 2) with an empty cylinder (field 10) and a sphere (field 9).
     let update = scene::protobuf(&[0x12, 4, 0x52, 0, 0x4a, 0]).unwrap();
     let Change::Put(_, entity) = &update.changes[0] else {

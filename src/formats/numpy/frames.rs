@@ -5,6 +5,7 @@ use super::{Cells, FORMAT, Others};
 use crate::curve::{Basis, CurveLabels, CurveSet, CurveSetBuilder, Positions, Precision, count_of};
 use crate::error::{Error, Result};
 use crate::formats::frames::{FrameSource, ModelFrame, ReadOptions};
+use crate::ingest::FrameInfo;
 use std::io::Read;
 use std::sync::Arc;
 
@@ -188,25 +189,21 @@ impl<R: Read> FrameSource for ArrayFrames<R> {
         let curves = self.curves()?;
         self.next += 1;
         let k = frame as usize;
-        let Others {
-            times,
-            seq,
-            left_out,
-            ..
-        } = &self.others;
+        let Others { times, seq, .. } = &self.others;
         let seq = seq.as_ref().map_or(frame, |seq| seq[k]);
         let cell = match &self.others.cells {
             Cells::None => None,
             Cells::One(cell) => Some(*cell),
             Cells::Each(cells) => Some(cells[k]),
         };
-        let frame = ModelFrame {
-            time: times.as_ref().map_or(0.0, |times| times[k]),
+        let info = FrameInfo {
+            cell,
             labels: self.labels.clone(),
-            left_out: left_out.clone(),
+            left_out: self.others.left_out.clone(),
             closed_by_default: self.layout.closed_by_default,
-            ..ModelFrame::new(seq, curves)
+            ..FrameInfo::at(seq, times.as_ref().map_or(0.0, |times| times[k]))
         };
-        Ok(Some(frame.in_cell(cell, &self.options, FORMAT)))
+        let frame = ModelFrame::of(info, curves);
+        Ok(Some(frame.check_torn(&self.options, FORMAT)))
     }
 }

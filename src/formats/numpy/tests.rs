@@ -64,15 +64,18 @@ fn all_files_that_numpy_writes_have_the_same_certificates() {
 #[test]
 fn an_archive_has_basis_times_numbers_names_and_radii() {
     let frames = frames("compressed.npz", None).unwrap();
-    assert_eq!(frames.iter().map(|f| f.seq).collect::<Vec<_>>(), [10, 20]);
     assert_eq!(
-        frames.iter().map(|f| f.time).collect::<Vec<_>>(),
+        frames.iter().map(|f| f.info.seq).collect::<Vec<_>>(),
+        [10, 20]
+    );
+    assert_eq!(
+        frames.iter().map(|f| f.info.time).collect::<Vec<_>>(),
         [0.0, 0.25]
     );
     for frame in frames {
         assert_eq!(frame.curves.unwrap().basis(), Basis::BSpline);
         let expected = CurveLabels::named(["a", "b", "ring ü"]).with_radii([0.1, 0.1, 0.2]);
-        assert_eq!(*frame.labels, expected);
+        assert_eq!(*frame.info.labels, expected);
     }
 }
 
@@ -385,7 +388,7 @@ fn arrays_of_other_names_that_may_hold_points_are_counted() {
         let mut source = read_npz(seekable(&bytes), &options(None));
         let frame = source.as_mut().unwrap().next_frame().unwrap().unwrap();
         assert!(frame.curves.is_ok());
-        frame.left_out
+        frame.info.left_out
     };
     for (name, shape) in [
         ("positions_b", "(2, 5, 3)"),
@@ -424,7 +427,7 @@ fn elements_that_the_writer_left_out_are_left_out() {
     let mut source = read_npz(seekable(&bytes), &options(None)).unwrap();
     let frame = source.next_frame().unwrap().unwrap();
     let expected = "2 kinds of elements that the archive leaves out (the first one: 3 blobs)";
-    assert_eq!(frame.left_out[0].to_string(), expected);
+    assert_eq!(frame.info.left_out[0].to_string(), expected);
 }
 
 #[test]
@@ -436,7 +439,7 @@ fn frames_have_the_cell_of_the_archive() {
         let mut found = Vec::new();
         while let Some(frame) = source.next_frame()? {
             frame.curves?;
-            found.push(frame.cell.unwrap().to_string());
+            found.push(frame.info.cell.unwrap().to_string());
         }
         Ok::<_, Error>(found)
     };
@@ -523,7 +526,7 @@ fn a_curve_that_the_cell_of_an_archive_tears_is_refused_unless_it_is_unwrapped()
         let mut source =
             ArrayFrames::new(&points[..], positions.unwrap(), others, &options, 999).unwrap();
         let frame = source.next_frame().unwrap().unwrap();
-        assert_eq!(frame.cell.unwrap().to_string(), "9,0,0");
+        assert_eq!(frame.info.cell.unwrap().to_string(), "9,0,0");
         match frame.curves {
             Ok(set) => assert!(wrapped && set.point(0, 1)[0] == 8.0),
             Err(e) => {

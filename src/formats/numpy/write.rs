@@ -157,11 +157,11 @@ const POSITIONS: &str = "positions";
 
 impl NpzFile {
     pub fn create(path: &Path, frame: &ModelFrame, set: &CurveSet) -> Result<NpzFile> {
-        frame.labels.check(set.len())?;
+        frame.info.labels.check(set.len())?;
         let lead = Member::local_header(POSITIONS, 0, 0).len();
         let mut file = NpzFile {
             stream: Stream::create(path, set, lead)?,
-            labels: frame.labels.clone(),
+            labels: frame.info.labels.clone(),
             seq: Vec::new(),
             times: Vec::new(),
             cells: Vec::new(),
@@ -173,23 +173,23 @@ impl NpzFile {
 
     /// Adds what a frame has besides its positions.
     fn add(&mut self, frame: &ModelFrame) {
-        self.seq.push(frame.seq);
-        self.times.push(frame.time);
-        self.cells.extend(frame.cell);
-        LeftOut::merge(&mut self.left_out, &frame.left_out);
+        self.seq.push(frame.info.seq);
+        self.times.push(frame.info.time);
+        self.cells.extend(frame.info.cell);
+        LeftOut::merge(&mut self.left_out, &frame.info.left_out);
     }
 }
 
 impl FrameSink for NpzFile {
     fn frame(&mut self, frame: &ModelFrame, set: &CurveSet) -> Result<()> {
         let wrong = |what: String| Err(Error::unsupported(FORMAT, what));
-        if self.labels != frame.labels {
+        if self.labels != frame.info.labels {
             return wrong("a frame with other names or radii than the first one".into());
         }
-        if let Some(last) = self.seq.last().filter(|last| frame.seq <= **last) {
-            return wrong(format!("frame {} after frame {last}", frame.seq));
+        if let Some(last) = self.seq.last().filter(|last| frame.info.seq <= **last) {
+            return wrong(format!("frame {} after frame {last}", frame.info.seq));
         }
-        if frame.cell.is_some() == self.cells.is_empty() {
+        if frame.info.cell.is_some() == self.cells.is_empty() {
             return wrong("frames with a periodic cell and others without one".into());
         }
         self.stream.frame(set)?;

@@ -32,6 +32,7 @@ use super::Input;
 use super::frames::{FrameSource, ModelFrame, ReadOptions, Source};
 use super::lines::{Lines, integer};
 use crate::error::{Error, Result};
+use crate::ingest::FrameInfo;
 use std::io::BufRead;
 
 const FORMAT: &str = "extended XYZ";
@@ -111,12 +112,13 @@ impl<R: BufRead> FrameSource for XyzFrames<R> {
         let (comment, seq, cell) = begun.map_err(|what: String| self.lines.bad(what))?;
         let counts = self.options.counts.as_deref();
         let curves = atoms::read(&mut self.lines, count, &comment, counts)?;
-        let frame = ModelFrame {
-            time: comment.time,
+        let info = FrameInfo {
+            cell,
             closed_by_default: comment.columns.closed.is_none() && counts.is_none(),
-            ..ModelFrame::new(seq, curves)
+            ..FrameInfo::at(seq, comment.time)
         };
-        Ok(Some(frame.in_cell(cell, &self.options, FORMAT)))
+        let frame = ModelFrame::of(info, curves);
+        Ok(Some(frame.check_torn(&self.options, FORMAT)))
     }
 }
 

@@ -62,8 +62,11 @@ fn atoms_with_ids_have_the_order_of_the_ids() {
                 Properties=id:I:1:species:S:1:pos:R:3:molecule:I:1 Timestep=500\n\
                 4 1 4.0 1 0 2\n2 1 2.0 0 0 1\n1 1 1.0 0 0 2\n3 1 3.0 0 0 1\n";
     let frame = frames(text).unwrap().remove(0);
-    assert_eq!(frame.seq, 500);
-    assert_eq!(frame.cell.unwrap().to_string(), "9,0,0,0,9,0,0,0,9,0,0,-1");
+    assert_eq!(frame.info.seq, 500);
+    assert_eq!(
+        frame.info.cell.unwrap().to_string(),
+        "9,0,0,0,9,0,0,0,9,0,0,-1"
+    );
     let found = xs(frame.curves.as_ref().unwrap());
     assert_eq!(found, [(true, vec![1.0, 4.0]), (true, vec![2.0, 3.0])]);
     let twice = text.replace("3 1 3.0", "2 1 3.0");
@@ -146,7 +149,7 @@ fn counts_divide_the_atoms_of_files_without_a_column() {
 fn the_cell_repeats_along_the_directions_of_pbc() {
     let cell = |keys: &str| {
         let atoms: [(i64, f64); 3] = [(1, 0.0), (1, 1.0), (1, 2.0)];
-        let found = frames(&frame(keys, &atoms)).map(|mut frames| frames.remove(0).cell);
+        let found = frames(&frame(keys, &atoms)).map(|mut frames| frames.remove(0).info.cell);
         found.map(|cell| cell.map(|cell| cell.to_string()))
     };
     let lattice = "Lattice=\"9 0 0 -2.5 8 0 0 1 7\"";
@@ -244,7 +247,7 @@ fn curves_that_the_boundary_tears_are_refused_unless_the_caller_unwraps_them() {
     let free = text(8.0).replace("pbc='T F F'", "pbc='F T F'");
     let two = frames(&format!("{}\n{free}\n", text(1.0))).unwrap();
     assert!(two.iter().all(|frame| frame.curves.is_ok()));
-    let cells = two.iter().map(|frame| frame.cell.unwrap().to_string());
+    let cells = two.iter().map(|frame| frame.info.cell.unwrap().to_string());
     assert_eq!(cells.collect::<Vec<_>>(), ["9,0,0", "0,9,0"]);
 }
 
@@ -252,7 +255,12 @@ fn curves_that_the_boundary_tears_are_refused_unless_the_caller_unwraps_them() {
 fn frames_are_numbered_by_their_time_step_or_counted() {
     let three = |keys: [&str; 3]| {
         let text = keys.map(|key| frame(key, &RINGS)).concat();
-        frames(&text).map(|frames| frames.iter().map(|f| (f.seq, f.time)).collect::<Vec<_>>())
+        frames(&text).map(|frames| {
+            frames
+                .iter()
+                .map(|f| (f.info.seq, f.info.time))
+                .collect::<Vec<_>>()
+        })
     };
     let error = three(["", "a=b=c", ""]).unwrap_err().to_string();
     assert!(
@@ -370,6 +378,6 @@ fn a_frame_with_a_wrong_atom_is_invalid_and_the_next_one_is_read() {
         let error = two[0].curves.as_ref().unwrap_err().to_string();
         assert!(error.contains(says), "{error}");
         assert!(two[1].curves.is_ok());
-        assert_eq!(two[1].seq, 1);
+        assert_eq!(two[1].info.seq, 1);
     }
 }

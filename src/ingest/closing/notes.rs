@@ -68,7 +68,7 @@ impl fmt::Display for ClosingNote {
         } = *self;
         let verb = |one: &'static str, many: &'static str| if count == 1 { one } else { many };
         let first = format!("{}curve {first}", verb("", "the first one: "));
-        let curves = plural(count as u64, "curve");
+        let curves = plural(count, "curve");
         let (are, stay) = (verb("is", "are"), verb("stays", "stay"));
         let limit = ClosingNote::FACTOR;
         match kind {
@@ -84,7 +84,7 @@ impl fmt::Display for ClosingNote {
                 "{} {stay} open ({first}): first and last points coincide, but a closed spline \
                  repeats its first three control points at the end, and another one would have \
                  another shape",
-                plural(count as u64, "spline"),
+                plural(count, "spline"),
             ),
             ClosingKind::Opened => write!(
                 f,

@@ -15,9 +15,9 @@ use super::files::Files;
 use super::{Keep, Start, bytes_of_findings};
 use crate::error::Result;
 use crate::sinks::FrameRecord;
-use crate::verdict::{Lasting, Report, Verdict};
+use crate::verdict::{Known, Verdict};
 use crate::words::plural;
-use std::collections::{BTreeSet, VecDeque};
+use std::collections::VecDeque;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -116,7 +116,10 @@ impl Window {
         self.seen += 1;
         self.expire(now);
         let open = self.until.is_some_and(|until| now <= until);
-        if self.known.is_new(&record.report) {
+        let report = &record.report;
+        let novelty = self.known.update(report);
+        let is_new = novelty.before != Some(report.verdict) || novelty.new.contains(&true);
+        if is_new && report.verdict != Verdict::Intact {
             self.begin_window(record, now, open);
         } else if !open {
             self.until = None;
@@ -247,30 +250,5 @@ impl Keep for Window {
             "recording: {frames} of {seen} frames, around {windows} (a window of {seconds} \
              s){short}"
         ))
-    }
-}
-
-/// Findings of the previous frame.
-#[derive(Default)]
-struct Known {
-    verdict: Option<Verdict>,
-    findings: BTreeSet<Lasting>,
-}
-
-impl Known {
-    /// Returns true if a frame is not intact, and has another verdict than the previous frame or a
-    /// finding that the previous one did not have.
-    fn is_new(&mut self, report: &Report) -> bool {
-        let findings: BTreeSet<Lasting> = report.lasting().flatten().collect();
-        let verdict = self.verdict.replace(report.verdict);
-        let new = verdict != Some(report.verdict)
-            || !findings.is_subset(&self.findings)
-            || !report.events.is_empty()
-            || !report.unresolved.is_empty();
-        // Frames without curves have no findings: those of the frame before may still be there.
-        if report.verdict != Verdict::Rejected {
-            self.findings = findings;
-        }
-        new && report.verdict != Verdict::Intact
     }
 }
