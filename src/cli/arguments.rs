@@ -1,28 +1,74 @@
 //! Parsing of the command line, with errors in plain words.
 
 use super::Cli;
-use clap::error::{ContextKind, ErrorKind};
+use clap::error::{ContextKind, ContextValue, ErrorKind};
 use clap::{Arg, Command, CommandFactory, Error, FromArgMatches};
 use std::ffi::OsString;
 
 /// Errors of the standard library for numbers, and what they mean.
-const IN_WORDS: [(&str, &str); 6] = [
-    ("invalid digit found in string", "expected a whole number"),
-    (
-        "cannot parse integer from empty string",
-        "expected a whole number",
-    ),
-    (
-        "number too large to fit in target type",
-        "the number is too large",
-    ),
-    (
-        "number too small to fit in target type",
-        "the number is too small",
-    ),
-    ("invalid float literal", "expected a number"),
-    ("cannot parse float from empty string", "expected a number"),
-];
+const IN_WORDS: &str = "\
+invalid digit found in string: expected a whole number
+cannot parse integer from empty string: expected a whole number
+number too large to fit in target type: the number is too large
+number too small to fit in target type: the number is too small
+invalid float literal: expected a number
+cannot parse float from empty string: expected a number
+";
+
+/// Commands and options of earlier versions, and what to use instead.
+const GONE: &str = "\
+plan: `linkwatch certify --explain MODEL` prints the plan
+study: a command for developers, `cargo run --release -p study -- --help` in a clone
+sweep: a command for developers, `cargo run --release -p study -- --help` in a clone
+--repeat: a command for developers, `cargo run --release -p study -- --help` in a clone
+--measure: a command for developers, `cargo run --release -p study -- --help` in a clone
+--calibrate: a command for developers, `cargo run --release -p study -- --help` in a clone
+--against: --baseline
+--amplitude: --frames N,amplitude=A
+--beta: --kernel barnes-hut,beta=B, of `linkwatch certify`
+--bisect: `linkwatch replay FILE.mcap`, whose summary names the first violation
+--bonds: `linkwatch check`, which has this option
+--by-time: `linkwatch diff FIRST.mcap SECOND.mcap --by-time`
+--closed: `linkwatch check`, which has this option
+--connect: --show HOST:PORT
+--counts: `linkwatch check`, which has this option
+--device: `linkwatch certify --device`; other commands choose it
+--diameter: --frames N,diameter=D
+--diff: `linkwatch diff FIRST.mcap SECOND.mcap`
+--diff-curves: --json, which prints all changes
+--diff-pairs: --json, which prints all changes
+--discretize: `linkwatch convert MODEL OUT.obj`, then `linkwatch certify OUT.obj`
+--kernel: `linkwatch certify --kernel`; other commands choose it
+--motion: --frames N,motion=MOTION
+--one-motion: `linkwatch check`, which has this option
+--order: --kernel fmm,order=P, of `linkwatch certify`
+--paranoid: Strategy::Paranoid, in a program that uses the library
+--publish: `linkwatch play FILE --service NAME`
+--pull: --frames N,pull=SEQ
+--record-every: --record FILE.mcap,every=N
+--record-for: `linkwatch replay FILE.mcap --show FILE.rrd`
+--record-keep: --record FILE.mcap,window=SECONDS, or a program that deletes old files
+--record-max: --record FILE.mcap,max=SIZE
+--record-window: --record FILE.mcap,window=SECONDS
+--record-window-memory: --record FILE.mcap,window=SECONDS,memory=SIZE
+--rrd: --show FILE.rrd
+--self: --events=all
+--serve: --show web
+--target: --kernel barnes-hut,beta=B,target=E, of `linkwatch certify`
+--thickness: --radius
+--topic: `linkwatch check`, which has this option
+--unwrapped: --wrapped=false
+--view: --show live
+--view-every: --show WHERE,every=N
+--view-only: hide the curves without findings in the viewer (curves/intact)
+--wait-mode: nothing: a watch sleeps until a frame arrives
+--write-loops: BraidLoops, in a program that uses the library
+";
+
+/// Returns the rows of a table: a key and its text.
+fn rows(table: &'static str) -> impl Iterator<Item = (&'static str, &'static str)> {
+    table.lines().filter_map(|row| row.split_once(": "))
+}
 
 /// Parses the arguments, the first of which is the name of the program.
 pub fn parse(args: impl IntoIterator<Item = OsString>) -> Result<Cli, Error> {
@@ -63,6 +109,12 @@ fn with_negative_numbers(command: Command) -> Command {
 /// Rewrites an error that only a programmer understands, and removes a tip that never helps: to
 /// pass an unknown option as a file name.
 fn in_words(mut error: Error) -> Error {
+    if let Some((name, instead)) = gone(&error) {
+        return Error::raw(
+            error.kind(),
+            format!("{name} is gone; instead: {instead}\n"),
+        );
+    }
     if error.kind() == ErrorKind::UnknownArgument {
         error.remove(ContextKind::Suggested);
     }
@@ -70,15 +122,25 @@ fn in_words(mut error: Error) -> Error {
         return error;
     }
     let text = error.render().to_string();
-    match IN_WORDS
-        .iter()
-        .find(|(technical, _)| text.contains(*technical))
-    {
+    match rows(IN_WORDS).find(|(technical, _)| text.contains(technical)) {
         Some((technical, words)) => {
             let text = text.replace(technical, words);
             let text = text.strip_prefix("error: ").unwrap_or(&text);
             Error::raw(ErrorKind::ValueValidation, text)
         }
         None => error,
+    }
+}
+
+/// Returns the command or the option of an error that is gone, and what to use instead.
+fn gone(error: &Error) -> Option<(&'static str, &'static str)> {
+    let unknown = match error.kind() {
+        ErrorKind::InvalidSubcommand => error.get(ContextKind::InvalidSubcommand),
+        ErrorKind::UnknownArgument => error.get(ContextKind::InvalidArg),
+        _ => None,
+    };
+    match unknown? {
+        ContextValue::String(unknown) => rows(GONE).find(|(name, _)| name == unknown),
+        _ => None,
     }
 }

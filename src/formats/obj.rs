@@ -57,6 +57,7 @@ struct Curve {
 struct State {
     /// Why the type is not read, in words.
     unread: Option<String>,
+    rational: bool,
     degree: u32,
 }
 
@@ -64,15 +65,18 @@ impl Default for State {
     fn default() -> State {
         State {
             unread: Some("without cstype".into()),
+            rational: false,
             degree: 0,
         }
     }
 }
 
 impl State {
-    /// Reads `cstype type`. Rational curves are not read.
+    /// Reads `cstype rat type`.
     fn set_type(&mut self, tokens: &[&[u8]]) {
-        self.unread = match tokens.first().copied().unwrap_or_default() {
+        self.rational = tokens.first() == Some(&b"rat".as_slice());
+        let kind = tokens.get(usize::from(self.rational)).copied();
+        self.unread = match kind.unwrap_or_default() {
             b"bezier" | b"bspline" => None,
             other => Some(format!("of the cstype {}", quote(other))),
         };
@@ -86,6 +90,7 @@ struct Element {
     indices: Range<usize>,
     /// Why it is not read, in words.
     unread: Option<String>,
+    rational: bool,
     range: [f64; 2],
     knots: Vec<f64>,
 }
@@ -117,6 +122,8 @@ impl Element {
 #[derive(Default)]
 struct Statements {
     vertices: Vec<Point>,
+    /// Weights of vertices that are not 1, in the order of the vertices.
+    weights: Vec<(u32, f64)>,
     indices: Vec<u32>,
     curves: Vec<Curve>,
     edges: Vec<Edge>,
@@ -240,10 +247,16 @@ impl Statements {
 
     fn vertex(&mut self, tokens: &[&[u8]]) -> Result<(), String> {
         let numbers = numbers(tokens)?;
-        let [x, y, z, ..] = numbers[..] else {
+        let [x, y, z, ref more @ ..] = numbers[..] else {
             let n = numbers.len();
             return Err(format!("a vertex with {n} coordinates, expected x y z"));
         };
+        // More numbers than a weight are a colour.
+        if let &[weight] = more
+            && weight != 1.0
+        {
+            self.weights.push((self.vertices.len() as u32, weight));
+        }
         self.vertices.push([x, y, z]);
         Ok(())
     }
@@ -310,6 +323,7 @@ impl Statements {
             line,
             indices,
             unread: self.state.unread.clone().or(unread),
+            rational: self.state.rational,
             range,
             knots: Vec::new(),
         });
@@ -319,13 +333,18 @@ impl Statements {
 
     /// Turns free-form curves into polylines, or counts them as left out.
     fn finish_elements(&mut self) {
+        let is_positive = |vertex: u32| match self.weights.binary_search_by_key(&vertex, |w| w.0) {
+            Ok(k) => self.weights[k].1 > 0.0,
+            Err(_) => true,
+        };
         for element in std::mem::take(&mut self.elements) {
             let (line, mut indices) = (element.line, element.indices.clone());
             let control = &self.indices[indices.clone()];
             let unread = match &element.unread {
                 Some(why) => Some(&why[..]),
-                None if element.is_whole() => None,
-                None => Some("cut by its range or broken by its knots"),
+                None if !element.is_whole() => Some("cut by its range or broken by its knots"),
+                None if !element.rational || control.iter().all(|&v| is_positive(v)) => None,
+                None => Some("rational, with weights that are not positive"),
             };
             if let Some(why) = unread {
                 LeftOut::add(&mut self.left_out, FREE_FORM, || {
@@ -629,6 +648,7 @@ mod tests {
                 &open,
             ),
             ("cstype bezier\ndeg 1 1\ncurv 0 3 1 2 3 4\nend", &open),
+            ("cstype rat bspline\ndeg 1\ncurv 0 1 1 2 3 4 1", &closed),
         ] {
             let text = format!("{text}{statements}");
             let (set, left_out) = curves_in(text.as_bytes().into()).unwrap();
@@ -660,8 +680,8 @@ mod tests {
                 "broken by its knots",
             ),
             (
-                "cstype rat bspline\ndeg 1\ncurv 0 1 1 2 3",
-                "of the cstype 'rat'",
+                "v 0 0 0 -1\ncstype rat bspline\ndeg 1\ncurv 0 1 1 2 8",
+                "weights that are not positive",
             ),
         ] {
             let (set, left_out) =

@@ -61,11 +61,34 @@ fn bad_arguments_exit_with_2() {
 }
 
 #[test]
-fn a_value_of_events_needs_an_equals_sign() {
-    let run = linkwatch(&["check", "a.bcc", "--events", "all"]);
-    assert_eq!((run.code, run.stdout.as_str()), (2, ""));
-    assert!(run.stderr.contains("write --events=all"), "{}", run.stderr);
-    assert_eq!(run.stderr.lines().count(), 1, "{}", run.stderr);
+fn what_is_written_in_another_way_says_so_in_one_line() {
+    let explain = "plan is gone; instead: `linkwatch certify --explain MODEL`";
+    let study = "is gone; instead: a command for developers";
+    for (args, says) in [
+        (&["plan", "ribbon"][..], explain),
+        (&["study", "frames", "knit"], study),
+        (&["sweep", "a.bcc", "--quantize", "24..8"], study),
+        (&["certify", "a.bcc", "--repeat", "3"], "--repeat is gone"),
+        (&["devices", "--calibrate"], "--calibrate is gone"),
+        (&["check", "a.bcc", "--events", "all"], "write --events=all"),
+        (
+            &["check", "a.bcc", "--rrd", "a.rrd"],
+            "--rrd is gone; instead: --show FILE.rrd",
+        ),
+        (
+            &["watch", "--record-every=3"],
+            "--record-every is gone; instead: --record FILE.mcap,every=N",
+        ),
+        (
+            &["replay", "a.mcap", "--diff", "b.mcap"],
+            "--diff is gone; instead: `linkwatch diff",
+        ),
+    ] {
+        let run = linkwatch(args);
+        assert_eq!((run.code, run.stdout.as_str()), (2, ""), "{args:?}");
+        assert!(run.stderr.contains(says), "{args:?}: {}", run.stderr);
+        assert_eq!(run.stderr.lines().count(), 1, "{}", run.stderr);
+    }
 }
 
 #[test]

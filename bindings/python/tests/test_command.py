@@ -75,6 +75,7 @@ def test_check_returns_1_if_a_link_was_lost(linked, apart):
         (["bogus"], "unrecognized subcommand 'bogus'"),
         (["watch", "--show", "run.rrd"], "this build of linkwatch has no viewer"),
         (["certify", "missing.bcc"], "missing.bcc"),
+        (["study"], "study is gone; instead: a command for developers"),
     ],
 )
 def test_bad_arguments_return_2(args, words):

@@ -4,6 +4,7 @@ use super::news::New;
 use super::times::to_json;
 use super::{Judged, Run, THE_FRAMES};
 use crate::cli::output::{self, count, listed, millis, plural};
+use crate::curve::Notation;
 use linkwatch::{LeftOut, Report};
 
 /// Maximum number of sentences printed about one frame of a stream; the rest is counted.
@@ -82,12 +83,19 @@ impl Run {
             self.live.label.line(lines.join("\n"));
         }
         if model.is_none() {
+            let closest = report.clearance.as_ref().and_then(|c| c.closest);
+            let closest = closest.map_or_else(String::new, |c| {
+                let notation = Notation::of_scene(report.stats.extent, c.points[0]);
+                format!(", closest approach {}", notation.length(c.distance))
+            });
+            let links = self.session.baseline().map_or(0, |b| b.links().len());
             self.live.status(format_args!(
-                "{} ({}): {} verified, {} skipped, verdict after {}",
+                "{} ({}): {} verified, {} skipped, {}{closest}, verdict after {}",
                 report.frame(),
                 report.verdict,
                 count(self.tally.verified),
                 count(self.tally.skipped),
+                plural(links as u64, "link"),
                 millis(judged.latency.unwrap_or(times.check())),
             ));
         }
