@@ -19,12 +19,13 @@ pub(crate) use self::panel::Scene;
 pub(crate) use self::strands::{Part, Strand, own as strands_of};
 pub(crate) use self::strands::{Radii, Window};
 
-use self::panel::{frame, path, simplify};
+use self::panel::{HALF, frame, path, simplify};
 #[cfg(not(feature = "rerun"))]
 use self::strands::Part;
 use self::strands::clip;
 use self::view::View;
 use crate::certificate::Certificate;
+use crate::curve::vector::dot;
 use crate::curve::{CurveSet, Image, Point};
 use crate::pairs::{Trees, closest_approach};
 use crate::picture::svg::{plain, px};
@@ -48,6 +49,9 @@ const GAP: f64 = 12.0;
 const STEP: f64 = PANEL + GAP;
 const TITLE: f64 = 56.0;
 const CAPTION: f64 = 28.0;
+
+/// Number of depths that are drawn one above the other.
+const DEPTHS: usize = 24;
 
 /// Rules of style sheets for pictures. The colours are variables.
 pub(crate) const STYLE: &str = include_str!("style.css");
@@ -180,6 +184,8 @@ fn whole(set: &CurveSet, marked: &[Marked]) -> Markup {
         reach,
         apart: 0.0,
     };
+    let deep = dot(view.towards.map(f64::abs), half) / reach;
+    let deep = deep.max(f64::MIN_POSITIVE);
     let lines = |i: usize| {
         let mut strands = Vec::new();
         // A ball that has the whole model.
@@ -193,11 +199,24 @@ fn whole(set: &CurveSet, marked: &[Marked]) -> Markup {
     let all: f64 = all.map(|l| l.windows(2).map(length).sum::<f64>()).sum();
     let spacing = SPACING.max(all / MOST_POINTS);
     let red: BTreeSet<u32> = marked.iter().flat_map(|m| m.curves).collect();
-    // Those of other curves and of marked ones.
-    let mut paths = [String::new(), String::new()];
+    // The last path is that of marked curves.
+    let mut paths = vec![String::new(); DEPTHS + 1];
     for i in 0..set.len() {
-        let all: Vec<Vec<Point>> = lines(i).map(|line| simplify(line, spacing)).collect();
-        paths[usize::from(red.contains(&(i as u32)))] += &path(&all);
+        let is_red = red.contains(&(i as u32));
+        let layer = |e: &[Point; 2]| {
+            let depth = 0.5 + 0.25 * (e[0][2] + e[1][2]) / (HALF * deep);
+            let layer = ((depth * DEPTHS as f64) as usize).min(DEPTHS - 1);
+            if is_red { DEPTHS } else { layer }
+        };
+        for line in lines(i) {
+            let line = simplify(line, spacing);
+            let edges: Vec<&[Point; 2]> = line.array_windows().collect();
+            for edges in edges.chunk_by(|e, f| layer(e) == layer(f)) {
+                let ends = edges.iter().map(|e| e[1]);
+                let points: Vec<Point> = std::iter::once(edges[0][0]).chain(ends).collect();
+                paths[layer(edges[0])] += &path([&points]);
+            }
+        }
     }
     let places = marked
         .iter()
@@ -210,10 +229,14 @@ fn whole(set: &CurveSet, marked: &[Marked]) -> Markup {
         reach,
         view,
         &html! {
-            @for (colour, data) in ["#8b949c", "#d21f1f"].iter().zip(&paths) {
-                @if !data.is_empty() {
-                    path stroke=(colour) stroke-width=".6" stroke-linejoin="round" d=(data) {}
-                }
+            @for (k, data) in paths.iter().enumerate().filter(|(_, data)| !data.is_empty()) {
+                // From light at the back to dark in front.
+                @let grey = (215.0 - 150.0 * k as f64 / DEPTHS as f64) as u8;
+                @let colour = match k {
+                    DEPTHS => "#d21f1f".to_owned(),
+                    _ => format!("rgb({grey},{grey},{})", grey + 12),
+                };
+                path stroke=(colour) stroke-width=".6" stroke-linejoin="round" d=(data) {}
             }
             @for [x, y, _] in places { circle.m cx=(px(x)) cy=(px(y)) r="6" {} }
         },

@@ -1,19 +1,27 @@
 //! Directions from which a place is drawn.
 //!
-//! The first direction is near the normal of both strands at the place, so that they cross at a
-//! wide angle, and tilted: from the normal itself, two linked rings are lines, which show no
-//! linking. The second one is the same view after a quarter turn about the vertical.
+//! The first direction is the one of many in which both strands are open and cross at a wide angle:
+//! the product of the area that the crossing tangents span, and of the smaller width of the two
+//! strands, both as seen. A ring that is seen from the side would be a line, which shows no
+//! linking. The second direction is the best one orthogonal to the first: the same view after a
+//! quarter turn about the vertical.
 
 use super::panel::HALF;
 use super::strands::{Part, Strand};
-use crate::curve::vector::{add, add_scaled, cross, dot, mix, norm, sub};
+use crate::curve::vector::{cross, dot, mix, norm, sub};
 use crate::curve::{Point, bounds};
+use std::f64::consts::{PI, TAU};
 
-/// Share of both directions in that of the first view, beside the normal of both.
-const TILT: f64 = 0.8;
+/// Number of first and of second directions that are compared.
+const FIRST: usize = 400;
+const SECOND: usize = 48;
 
 /// Half of the width of a picture, in half widths of what fills it.
 const MARGIN: f64 = 1.12;
+
+/// Share of the best area or width that counts even if it is not visible, so that parallel strands
+/// and flat ones can be compared.
+const LEAST: f64 = 0.12;
 
 /// Axes of a picture: to the right, up, and towards the viewer. Orthonormal.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -89,26 +97,36 @@ impl View {
 
 /// Returns both views of the strands of a finding.
 pub(super) fn views(strands: &[Strand]) -> [View; 2] {
-    let [t, u] = [Part::First, Part::Second].map(|part| tangent(strands, part));
-    let normal = match cross(t, u) {
-        n if norm(n) > 0.1 => unit(n),
-        _ => unit(cross(t, least_axis(t))),
+    let shapes = [Part::First, Part::Second].map(|part| Shape::of(strands, part));
+    let score = |d: Point| {
+        let normal = cross(shapes[0].tangent, shapes[1].tangent);
+        let crossing = dot(normal, d).abs();
+        let widths = shapes.iter().filter_map(|shape| shape.width(d));
+        let width = widths.fold(1.0, f64::min);
+        (crossing + LEAST) * (width + LEAST)
     };
-    // Not along the normal itself, from which one would see the edges of two linked rings.
-    let towards = unit(add_scaled(normal, TILT, add(t, u)));
-    let towards = if norm(towards) > 0.5 {
-        towards
-    } else {
-        [0.0, 0.0, 1.0]
+    let best = |directions: &mut dyn Iterator<Item = Point>| {
+        let scored = directions.map(|d| (score(d), d));
+        let best = scored.max_by(|a, b| a.0.total_cmp(&b.0));
+        best.map_or([0.0, 0.0, 1.0], |(_, d)| d)
     };
-    // Both have the same axis up, as near to z as possible.
-    let z = if towards[2].abs() < 0.99 {
-        [0.0, 0.0, 1.0]
-    } else {
-        [0.0, 1.0, 0.0]
+    // From above: the opposite direction shows the same.
+    let towards = best(&mut (0..FIRST).map(half_sphere));
+    let aside = unit(cross(towards, least_axis(towards)));
+    let other = cross(towards, aside);
+    let turned = |k: usize| {
+        let (sin, cos) = (TAU * k as f64 / SECOND as f64).sin_cos();
+        [0, 1, 2].map(|x| cos * aside[x] + sin * other[x])
     };
-    let up = unit(add_scaled(z, -dot(z, towards), towards));
-    [towards, cross(up, towards)].map(|towards| View {
+    let second = best(&mut (0..SECOND).map(turned));
+    // Both have the same axis up, the one that points up in space.
+    let up = cross(towards, second);
+    let upright = up[2] > 0.0 || up[2] == 0.0 && up[1] >= 0.0;
+    let (second, up) = match upright {
+        true => (second, up),
+        false => (second.map(|x| -x), up.map(|x| -x)),
+    };
+    [towards, second].map(|towards| View {
         across: cross(up, towards),
         up,
         towards,
@@ -117,14 +135,76 @@ pub(super) fn views(strands: &[Strand]) -> [View; 2] {
     })
 }
 
-/// Returns the direction of a strand at the point closest to the place, of length 1, or 0.
-fn tangent(strands: &[Strand], part: Part) -> Point {
-    let own = strands.iter().filter(|s| s.part == part);
-    let edges = own.flat_map(|s| s.points.array_windows::<2>());
-    let edges = edges.filter(|[a, b]| a != b);
-    let distance = |[a, b]: &[Point; 2]| norm(mix(*a, *b, 0.5)) - 0.5 * norm(sub(*b, *a));
-    let closest = edges.min_by(|a, b| distance(a).total_cmp(&distance(b)));
-    closest.map_or([0.0; 3], |[a, b]| unit(sub(*b, *a)))
+/// Returns one of [`FIRST`] directions that cover the upper half of a sphere evenly.
+fn half_sphere(k: usize) -> Point {
+    let golden = PI * (3.0 - 5f64.sqrt());
+    let z = (k as f64 + 0.5) / FIRST as f64;
+    let (sin, cos) = (golden * k as f64).sin_cos();
+    let radius = (1.0 - z * z).sqrt();
+    [radius * cos, radius * sin, z]
+}
+
+/// Direction and extent of a strand near the place.
+struct Shape {
+    /// Direction at the point closest to the place, of length 1, or 0.
+    tangent: Point,
+    /// Second moments of its points; `None` without points.
+    moments: Option<[Point; 3]>,
+}
+
+impl Shape {
+    fn of(strands: &[Strand], part: Part) -> Shape {
+        let mut tangent = [0.0; 3];
+        let mut closest = f64::INFINITY;
+        let (mut sum, mut count) = ([0.0; 3], 0.0);
+        let own = || strands.iter().filter(|s| s.part == part);
+        for edge in own().flat_map(|s| s.points.windows(2)) {
+            let along = sub(edge[1], edge[0]);
+            let middle = mix(edge[0], edge[1], 0.5);
+            let length = norm(along);
+            let distance = norm(middle) - 0.5 * length;
+            if length > 0.0 && distance < closest {
+                (closest, tangent) = (distance, along.map(|x| x / length));
+            }
+            // Edges count by their length, so that the sampling does not matter.
+            (0..3).for_each(|x| sum[x] += length * middle[x]);
+            count += length;
+        }
+        if count == 0.0 {
+            return Shape {
+                tangent,
+                moments: None,
+            };
+        }
+        let mean = sum.map(|x| x / count);
+        let mut moments = [[0.0; 3]; 3];
+        for edge in own().flat_map(|s| s.points.windows(2)) {
+            let length = norm(sub(edge[1], edge[0])) / count;
+            for p in edge {
+                let d = sub(*p, mean);
+                for (row, x) in moments.iter_mut().zip(d) {
+                    (0..3).for_each(|k| row[k] += 0.5 * length * x * d[k]);
+                }
+            }
+        }
+        Shape {
+            tangent,
+            moments: Some(moments),
+        }
+    }
+
+    /// Returns the width of the strand, as seen from a direction, as a share of its length. `None`
+    /// without points.
+    fn width(&self, d: Point) -> Option<f64> {
+        let m = self.moments.as_ref()?;
+        let a = unit(cross(d, least_axis(d)));
+        let b = cross(d, a);
+        let entry = |p: Point, q: Point| dot(p, m.map(|row| dot(row, q)));
+        let (aa, ab, bb) = (entry(a, a), entry(a, b), entry(b, b));
+        let (mean, half) = (0.5 * (aa + bb), (0.5 * (aa - bb)).hypot(ab));
+        let largest = (0..3).map(|k| m[k][k]).sum::<f64>();
+        Some(((mean - half).max(0.0) / largest.max(f64::MIN_POSITIVE)).sqrt())
+    }
 }
 
 /// Returns the axis that is farthest from a direction.
@@ -145,7 +225,6 @@ fn unit(v: Point) -> Point {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::f64::consts::TAU;
 
     /// Returns a ring in the plane of two axes, through the origin.
     fn ring(part: Part, centre: Point, a: Point, b: Point) -> Strand {
