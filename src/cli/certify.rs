@@ -333,8 +333,8 @@ fn print(name: &str, c: &Certified, args: &Args, is_alone: bool) {
     output::first_lines("  ", &links, LINKS);
 }
 
-/// Prints the summary of one of several frames, and the lines of its certificate after that with the
-/// number of curves.
+/// Prints the summary of one of several frames, and the lines of its certificate, without the first
+/// one, which has the number of curves.
 fn print_line(name: &str, c: &Certified) {
     let certificate = c.certificate.to_string();
     let links: Vec<&str> = certificate.lines().skip(1).collect();

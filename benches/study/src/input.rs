@@ -18,14 +18,14 @@ pub fn read(argument: &str) -> Result<CurveSet> {
     };
     let frame = frames.next().transpose()?;
     let frame = frame.ok_or_else(|| usage(format!("{argument}: a file without frames")))?;
-    if let Some(cell) = frame.cell {
+    if let Some(cell) = frame.info.cell {
         return Err(usage(format!(
             "{argument}: the frame has a periodic cell ({cell}), but studies consider the curves \
              alone: `linkwatch convert` writes them to a format without a cell, .bcc for example"
         )));
     }
     let source = CurveSource {
-        closed_by_default: frame.closed_by_default,
+        closed_by_default: frame.info.closed_by_default,
         ..CurveSource::default()
     };
     let set = frame.curves.map_err(|e| e.in_file(path))?;

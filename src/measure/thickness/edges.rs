@@ -302,7 +302,7 @@ impl Edges {
         before.is_none_or(|before| dot(before, toward) >= -TOLERANCE * norm(before) * length)
     }
 
-    /// Returns true if no end of a strut is at the end of its edge and at the start of the next one.
+    /// Returns true if no end of a strut is also at the start of the next edge.
     pub fn owns(&self, found: &Found) -> bool {
         [0, 1]
             .iter()

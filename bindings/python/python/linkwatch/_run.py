@@ -232,8 +232,9 @@ class Run:
         sees_itself = self.options.get("events") == "all" or knots
         if not self._has_pairs and verified > 1 and not sees_itself:
             gaps.append(
-                "nothing was verified: one curve alone has no linking number; events='all' searches "
-                "for pull-throughs of a curve with itself, invariants='self' compares its knot"
+                "nothing was verified: one curve alone has no linking number; events='all' "
+                "searches for pull-throughs of a curve with itself, invariants='self' compares its "
+                "knot"
             )
         if self.options.get("events") == "off" and self._open:
             curves = plural(self._open, "open curve", "open curves")
