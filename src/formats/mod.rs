@@ -16,7 +16,8 @@
 //!
 //! LAMMPS files, extended XYZ and plain text of any other name are recognized by their content.
 //!
-//! Elements of a file that may be curves and are not read are counted: [`ModelFrame::left_out`].
+//! Elements of a file that may be curves and are not read are counted:
+//! [`FrameInfo::left_out`](crate::FrameInfo::left_out).
 //!
 //! A file is not trusted: every count is compared with the length of the file before anything is
 //! allocated, so that memory is linear in that length for any counts. (A compressed array may take

@@ -16,9 +16,10 @@
 //! ([`GROUPS`]: the first that exists) are a curve, in the order of the file, or of their numbers
 //! in the column `id:I:1` if there is one. Curves have the order of their first atoms. They are
 //! closed if a column `closed:L:1` says `T`, or if there is no such column
-//! ([`ModelFrame::closed_by_default`]). [`ReadOptions::counts`] has precedence over these
-//! columns: then the first atoms are the first curve, and so on. A file without both is refused:
-//! taken as a single curve, many curves would look unlinked.
+//! ([`FrameInfo::closed_by_default`](crate::FrameInfo::closed_by_default)).
+//! [`ReadOptions::counts`] has precedence over these columns: then the first atoms are the first
+//! curve, and so on. A file without both is refused: as a single curve, many would look
+//! unlinked.
 //!
 //! Curves that the boundary of the cell tears are refused, unless [`ReadOptions::wrapped`].
 //!
