@@ -106,7 +106,7 @@ fn lists_scenes() {
     );
     assert!(stdout.contains("\nribbon: double helix"), "{stdout}");
     assert!(stdout.contains("  segments=200000 "), "{stdout}");
-    assert!(stdout.contains("(-1,000,000 to 1,000,000)"), "{stdout}");
+    assert!(stdout.contains("(-1000000 to 1000000)"), "{stdout}");
     let Run { code, stdout, .. } = linkwatch(&["generate", "--list", "--json"]);
     let lines: Vec<serde_json::Value> = stdout
         .lines()
