@@ -47,13 +47,16 @@ const ZERO: f64 = 1e-15;
 /// Number of pairs of parts after which bends are bounded as well.
 const FEW_PAIRS: usize = 8;
 
-/// A cubic segment, and how its curve goes on at its start and at its end.
+/// A cubic segment, and the directions of its neighbours on the curve.
 #[derive(Clone, Copy)]
 pub(super) struct Side {
     pub hull: Bezier,
-    /// Directions in which the curve arrives at the start, and leaves the end: `None` if it is
-    /// open there.
-    pub neighbours: [Option<Point>; 2],
+    /// Direction at the end of the segment before this one, and at the start of the one after it.
+    /// `None` at the ends of an open curve.
+    neighbours: [Option<Point>; 2],
+    /// True for the start and for the end if a local minimum of a distance may be there even if the
+    /// distance changes: the curve is open, or has a corner.
+    is_free: [bool; 2],
 }
 
 /// Joints of two segments.
@@ -79,7 +82,7 @@ struct Part {
     hull: Bezier,
     range: [f64; 2],
     deviation: f64,
-    /// See [`Side::free_ends`].
+    /// See [`Side`].
     is_free: [bool; 2],
 }
 
@@ -89,7 +92,7 @@ impl Part {
             hull: side.hull,
             range: [0.0, 1.0],
             deviation: deviation(&side.hull),
-            is_free: side.free_ends(),
+            is_free: side.is_free,
         }
     }
 
@@ -144,14 +147,38 @@ pub(super) fn last_direction(hull: &Bezier) -> Option<Point> {
 }
 
 impl Side {
-    /// Returns for the start and the end whether a local minimum of a distance may be there even
-    /// if the distance changes: the curve is open, or has a corner.
-    fn free_ends(&self) -> [bool; 2] {
-        let ends = [first_direction(&self.hull), last_direction(&self.hull)];
-        [0, 1].map(|k| match (self.neighbours[k], ends[k]) {
+    pub fn new(hull: Bezier, [before, after]: [Option<Bezier>; 2]) -> Side {
+        let neighbours = [
+            before.and_then(|hull| last_direction(&hull)),
+            after.and_then(|hull| first_direction(&hull)),
+        ];
+        let ends = [first_direction(&hull), last_direction(&hull)];
+        let is_free = [0, 1].map(|k| match (neighbours[k], ends[k]) {
             (Some(u), Some(v)) => is_corner(u, v),
             _ => true,
-        })
+        });
+        Side {
+            hull,
+            neighbours,
+            is_free,
+        }
+    }
+
+    /// Returns true if a box, given by its center and half of its size, may contain the other end
+    /// of a strut that starts on the segment.
+    pub fn may_face(&self, center: Point, half: Point) -> bool {
+        let range = |v: Point| {
+            let (middle, reach) = (dot(v, center), dot(v.map(f64::abs), half));
+            [middle - reach, middle + reach]
+        };
+        let [start, ..] = self.hull;
+        let size = self
+            .hull
+            .map(|p| norm(sub(p, start)))
+            .into_iter()
+            .fold(0.0, f64::max);
+        let reach = norm(sub(center, start)) + norm(half) + size;
+        !is_one_sided(&self.hull, self.is_free, range, reach)
     }
 
     /// Returns true if the distance to a point does not shrink, to first order, from the point at
@@ -168,39 +195,6 @@ impl Side {
             }
             _ => slope.abs() <= slack(tangent),
         }
-    }
-}
-
-/// A segment as seen from boxes: decides which of them cannot contain the other end of a strut that
-/// starts on it.
-pub(super) struct Outlook {
-    hull: Bezier,
-    is_free: [bool; 2],
-    size: f64,
-}
-
-impl Outlook {
-    pub fn new(side: &Side) -> Outlook {
-        let [start, ..] = side.hull;
-        Outlook {
-            hull: side.hull,
-            is_free: side.free_ends(),
-            size: side
-                .hull
-                .iter()
-                .map(|p| norm(sub(*p, start)))
-                .fold(0.0, f64::max),
-        }
-    }
-
-    /// Returns true if a box, given by its center and half of its size, may contain such an end.
-    pub fn meets(&self, center: Point, half: Point) -> bool {
-        let range = |v: Point| {
-            let (middle, reach) = (dot(v, center), dot(v.map(f64::abs), half));
-            [middle - reach, middle + reach]
-        };
-        let reach = norm(sub(center, self.hull[0])) + norm(half) + self.size;
-        !is_one_sided(&self.hull, self.is_free, range, reach)
     }
 }
 
@@ -366,7 +360,7 @@ impl Search<'_> {
                 ],
                 false => [alone(0), alone(1)],
             };
-            // So near the minimum, rounding hides how the distance shrinks.
+            // Rounding errors are larger than what the distance still shrinks by.
             if is_convex && step[0].abs().max(step[1].abs()) < 1e-7 {
                 at = [0, 1].map(|k| (at[k] + step[k]).clamp(0.0, 1.0));
                 value = self.distance_sq(at);

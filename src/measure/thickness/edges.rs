@@ -1,6 +1,6 @@
 //! Edges of polylines with their neighbours, and the test for a strut between two of them.
 
-use super::approach::{Joints, Side, approach, directions, first_direction, last_direction};
+use super::approach::{Joints, Side, approach, directions};
 use super::lattice::Lattice;
 use super::splines;
 use super::{CurvePoint, MinRad, Strut};
@@ -107,10 +107,7 @@ impl Edges {
     /// The errors of [`Lattice::new`].
     pub fn of(set: &CurveSet, cell: Option<&Cell>) -> Result<Edges> {
         let is_polyline = set.basis().is_polyline();
-        let points = (0..set.len()).flat_map(|i| {
-            let count = set.curve(i).segments as usize;
-            (0..count).flat_map(move |s| set.segment(i, s))
-        });
+        let points = (0..set.len()).flat_map(|i| set.points_in(i));
         let vectors = cell.into_iter().flat_map(|cell| cell.vectors);
         let scale = Scale::of(points.chain(vectors));
         let mut edges = Vec::with_capacity(set.segments());
@@ -119,10 +116,10 @@ impl Edges {
             let mut start = scale.apply(set.knot(i, 0));
             for segment in 0..curve.segments {
                 let end = scale.apply(set.knot(i, segment as usize + 1));
-                let hull = |s: u32| set.segment(i, s as usize).map(|p| scale.apply(p));
-                let inner = (!is_polyline)
-                    .then(|| hull(segment))
-                    .map(|[_, b, c, _]| [b, c]);
+                let inner = (!is_polyline).then(|| {
+                    let [_, b, c, _] = set.segment(i, segment as usize);
+                    [b, c].map(|p| scale.apply(p))
+                });
                 let mut edge = Edge {
                     start,
                     along: sub(end, start),
@@ -282,13 +279,7 @@ impl Edges {
     /// Returns a segment of a spline, with the directions of its neighbours.
     pub fn side(&self, edge: &Edge) -> Side {
         let neighbour = |k: u32| self.edges.get(k as usize).map(Edge::hull);
-        Side {
-            hull: edge.hull(),
-            neighbours: [
-                neighbour(edge.before).and_then(|hull| last_direction(&hull)),
-                neighbour(edge.after).and_then(|hull| first_direction(&hull)),
-            ],
-        }
+        Side::new(edge.hull(), [edge.before, edge.after].map(neighbour))
     }
 
     /// Returns true if the distance from a point of an edge to the point that is nearest to the
@@ -304,9 +295,8 @@ impl Edges {
 
     /// Returns true if no end of a strut is also at the start of the next edge.
     pub fn owns(&self, found: &Found) -> bool {
-        [0, 1]
-            .iter()
-            .all(|&k| found.at[k] < 1.0 || self.get(found.pair[k]).is_last())
+        let mut ends = found.pair.into_iter().zip(found.at);
+        ends.all(|(edge, at)| at < 1.0 || self.get(edge).is_last())
     }
 
     /// Returns an image of an edge.

@@ -1,7 +1,7 @@
 //! Octree over the edges, built from octal tags (section 3, Algorithm 3), and its search with ramps
 //! (section 4, Algorithm 4).
 
-use super::approach::{ACCURACY, Outlook};
+use super::approach::{ACCURACY, Side};
 use super::edges::{Edge, Edges, Found, TOLERANCE};
 use crate::curve::vector::{add, dot, sub};
 use crate::curve::{Image, Point, bounds, is_home, union};
@@ -110,7 +110,7 @@ struct Ramp<'a> {
     before: Option<Point>,
     bounds: Bounds,
     /// Instead, for a segment of a spline.
-    outlook: Option<Outlook>,
+    side: Option<Side>,
 }
 
 impl Ramp<'_> {
@@ -118,8 +118,8 @@ impl Ramp<'_> {
     fn meets(&self, [lo, hi]: &Bounds) -> bool {
         let middle = [0, 1, 2].map(|x| 0.5 * (lo[x] + hi[x]));
         let half = [0, 1, 2].map(|x| 0.5 * (hi[x] - lo[x]));
-        if let Some(outlook) = &self.outlook {
-            return outlook.meets(middle, half);
+        if let Some(side) = &self.side {
+            return side.may_face(middle, half);
         }
         let center = sub(middle, self.edge.start);
         // Range of the scalar products with a vector, and a bound of the errors.
@@ -299,7 +299,7 @@ impl Octree {
             length_sq: dot(edge.along, edge.along),
             before: edges.before(edge),
             bounds: self.bounds[k],
-            outlook: (!edge.is_straight()).then(|| Outlook::new(&edges.side(edge))),
+            side: (!edge.is_straight()).then(|| edges.side(edge)),
         };
         if !images {
             self.descend(edges, (&ramp, k, Image::default()), &limit, &mut found);

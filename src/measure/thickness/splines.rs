@@ -59,9 +59,9 @@ pub(super) fn min_rad(set: &CurveSet, cell: Option<&Cell>) -> Option<MinRad> {
     let mut best: Option<(f64, Part)> = None;
     let least = loop {
         let measure = |part: Part| {
-            let (i, s, _) = part;
+            let (i, s, range) = part;
             let hull = set.segment(i, s).map(|p| scale.apply(p));
-            let [least, radius] = radii(&hull, part.2);
+            let [least, radius] = radii(&hull, range);
             if best.is_none_or(|(known, _)| radius < known) {
                 best = Some((radius, part));
             }
