@@ -11,6 +11,7 @@ use crate::curve::{Cell, CurveLabels, CurveSet, Image, Translated, is_home, word
 use crate::picture::{Panel, Radii, Scene, Spot, Window, sheet};
 use crate::record::{RecordedFrame, RecordedItem, RecordingReader};
 use crate::verdict::words_of_pair;
+use crate::words::plural;
 use maud::PreEscaped;
 use std::collections::VecDeque;
 use std::io::{Read, Seek};
@@ -33,6 +34,8 @@ const ALIKE: f64 = 2.5;
 
 /// Pictures of one finding.
 pub(super) struct Figure {
+    /// Reason for the choice, as a sentence.
+    pub reason: String,
     pub shot: Shot,
     /// True if the radii of both strands are known.
     pub thick: bool,
@@ -47,9 +50,9 @@ pub(super) struct Figure {
     pub rows: Vec<[Option<String>; 3]>,
 }
 
-/// Chooses the violations that have pictures: see [`CHOICE`]. Returns the position of each pair.
-/// Pairs that are undecided have pictures only if no pair changed.
-pub(super) fn choose(violations: &Violations) -> Vec<usize> {
+/// Chooses the violations that have pictures: see [`CHOICE`]. Returns the position of each pair,
+/// and the reasons. Pairs that are undecided have pictures only if no pair changed.
+pub(super) fn choose(violations: &Violations) -> Vec<(usize, String)> {
     let ordinal = |v: &Violation| v.shot.as_ref().and_then(|s| s.ordinal);
     let pairs = violations.pairs.iter().enumerate();
     let mut all: Vec<(usize, &Violation)> = pairs.filter(|(_, v)| ordinal(v).is_some()).collect();
@@ -58,23 +61,34 @@ pub(super) fn choose(violations: &Violations) -> Vec<usize> {
     }
     // In the order of the pictures; a pair may have touched before it changed.
     all.sort_by_key(|(_, v)| ordinal(v));
-    let depth = |v: &Violation| {
-        let place = v.link.as_ref().and_then(|link| link.place);
-        place.map_or(0.0, |place| place.distance)
+    let rank = |(k, (pair, _)): (usize, &(usize, &Violation))| match k {
+        0 => (*pair, "first".to_owned()),
+        k => (*pair, format!("number {}", k + 1)),
     };
-    let most = all.iter().rev().max_by_key(|(_, v)| v.pull_throughs);
-    let deepest = all.iter().rev();
-    let deepest = deepest.max_by(|(_, v), (_, w)| depth(v).total_cmp(&depth(w)));
-    let mut chosen = Vec::new();
-    for (pair, _) in all
-        .iter()
-        .take(FIRST)
-        .chain(most)
-        .chain(deepest)
-        .chain(&all)
-    {
-        if chosen.len() < MOST && !chosen.contains(pair) {
-            chosen.push(*pair);
+    let mut ranks = all.iter().enumerate().map(rank);
+    let mut chosen: Vec<(usize, String)> = ranks.by_ref().take(FIRST).collect();
+    let depth = |v: &Violation| {
+        v.link
+            .as_ref()
+            .and_then(|l| l.place)
+            .map_or(0.0, |p| p.distance)
+    };
+    let last_first = || all.iter().rev();
+    let most = last_first().max_by_key(|(_, v)| v.pull_throughs);
+    let most = most.filter(|(_, v)| v.pull_throughs > 1);
+    let most = most.map(|(pair, v)| (*pair, format!("most pull-throughs ({})", v.pull_throughs)));
+    let deepest = last_first().max_by(|a, b| depth(a.1).total_cmp(&depth(b.1)));
+    let deepest = deepest.filter(|(_, v)| depth(v) > 0.0 && all.len() > 1);
+    let deepest = deepest.map(|(pair, _)| (*pair, "deepest".to_owned()));
+    for (pair, reason) in most.into_iter().chain(deepest) {
+        match chosen.iter_mut().find(|(known, _)| *known == pair) {
+            Some((_, reasons)) => *reasons += &format!(", {reason}"),
+            None => chosen.push((pair, reason)),
+        }
+    }
+    for (pair, reason) in ranks {
+        if chosen.len() < MOST && chosen.iter().all(|(known, _)| *known != pair) {
+            chosen.push((pair, reason));
         }
     }
     chosen
@@ -158,21 +172,30 @@ pub(super) fn draw<R: Read + Seek>(
 ) -> (Vec<Figure>, Option<Figure>) {
     let pairs = &facts.violations.pairs;
     let chosen = choose(&facts.violations).into_iter();
-    let mut shots: Vec<Shot> = chosen.filter_map(|pair| pairs[pair].shot.clone()).collect();
+    let chosen = chosen.filter_map(|(pair, reason)| {
+        Some((format!("Chosen as: {reason}."), pairs[pair].shot.clone()?))
+    });
+    let mut shots: Vec<(String, Shot)> = chosen.collect();
     let violations = shots.len();
-    let what = |s: &Shot| (s.moment, s.spot.curves, s.spot.image);
+    let is_low = |(_, s): &(String, Shot), low: &Shot| {
+        (s.moment, s.spot.curves, s.spot.image) == (low.moment, low.spot.curves, low.spot.image)
+    };
     if let Some((_, low)) = &facts.low
-        && !shots.iter().any(|shot| what(shot) == what(low))
+        && !shots.iter().any(|shot| is_low(shot, low))
     {
-        shots.push(low.clone());
+        let frames = plural(facts.clearances[1], "frame");
+        let reason = format!(
+            "The clearance is below the limit in {frames}: the lowest one of those whose curves \
+             are recorded."
+        );
+        shots.push((reason, low.clone()));
     }
-    // Drawn in the order of the recording.
-    let mut orders: Vec<(usize, Shot)> = shots.into_iter().enumerate().collect();
-    orders.sort_by_key(|(_, shot)| std::cmp::Reverse(shot.ordinal));
+    let mut orders: Vec<(usize, (String, Shot))> = shots.into_iter().enumerate().collect();
+    orders.sort_by_key(|(_, (_, shot))| std::cmp::Reverse(shot.ordinal));
     let mut figures = Vec::new();
     let mut held: VecDeque<Held> = VecDeque::new();
     let mut ordinal = 0;
-    let at = |(_, shot): &(usize, Shot)| shot.ordinal.unwrap_or(0);
+    let at = |(_, (_, shot)): &(usize, (String, Shot))| shot.ordinal.unwrap_or(0);
     while !orders.is_empty() {
         // The first pass has reported damage.
         let item = reader.next_item().unwrap_or(None);
@@ -191,12 +214,15 @@ pub(super) fn draw<R: Read + Seek>(
             let at = at(&order);
             let find = |ordinal: Option<u64>| held.iter().find(|h| Some(h.ordinal) == ordinal);
             let frames = [at.checked_sub(1), Some(at), at.checked_add(1)].map(find);
-            let (rank, shot) = order;
+            let (rank, (reason, shot)) = order;
             let what = match rank < violations {
                 true => "at the violation",
                 false => "lowest clearance",
             };
-            figures.push((rank, Figure::draw(shot, what, frames, facts.radius())));
+            figures.push((
+                rank,
+                Figure::draw(reason, shot, what, frames, facts.radius()),
+            ));
         }
     }
     figures.sort_by_key(|(rank, _)| *rank);
@@ -222,7 +248,13 @@ impl Figure {
 
     /// Draws the pictures of one finding. `what` are words for its frame, `measured` is the radius
     /// of all strands if there is one.
-    fn draw(shot: Shot, what: &str, frames: [Option<&Held>; 3], measured: Option<f64>) -> Figure {
+    fn draw(
+        reason: String,
+        shot: Shot,
+        what: &str,
+        frames: [Option<&Held>; 3],
+        measured: Option<f64>,
+    ) -> Figure {
         let at = frames[1];
         let place = |held: &Held| held.spot(at?, shot.spot);
         let captions = [0, 1, 2].map(|k| {
@@ -275,6 +307,7 @@ impl Figure {
         let rows = rows.collect();
         let labels = at.map_or(&[][..], |at| &at.labels.names);
         Figure {
+            reason,
             thick: both.iter().all(|r| *r > 0.0),
             captions,
             pair: match shot.spot {

@@ -184,7 +184,10 @@ fn pictures(figure: &Figure) -> Markup {
         figure {
             figcaption {
                 h3 { (shot.moment) ": " (shot.sentence) }
-                @if let Some(passage) = &shot.passage { p.dim { (passage) "." } }
+                p.dim {
+                    @if let Some(passage) = &shot.passage { (passage) ". " }
+                    (figure.reason)
+                }
                 (legend(marks))
             }
             div.pictures {
@@ -224,7 +227,7 @@ fn section(table: &Table) -> Markup {
             h2 { (table.title) }
             (part(visible))
             @if !others.is_empty() {
-                details { summary { (count(others.len())) " more" } (part(others)) }
+                details { summary { (count(others.len() as u64)) " more" } (part(others)) }
             }
             @if let Some(more) = &table.more { p.dim { (more) } }
         }

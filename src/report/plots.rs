@@ -78,7 +78,7 @@ impl Facts {
                 ],
                 Kind::Bars,
             ),
-            ("time", "Milliseconds per frame", "", times, Kind::Lines),
+            ("time", "Milliseconds per frame", "", times, Kind::Times),
             (
                 "skipped and missing frames",
                 "Frames skipped or missing before a frame",
@@ -120,21 +120,63 @@ enum Kind {
     Counts,
     /// Bars of whole numbers.
     Bars,
+    /// Lines on a logarithmic axis if the values differ by much.
+    Times,
+}
+
+/// Vertical axis from the power of ten `low` to `high` if it is logarithmic, and else from 0.
+struct Scale {
+    low: Option<f64>,
+    high: f64,
+}
+
+impl Scale {
+    fn of(content: &[Figures], kind: Kind) -> Scale {
+        let values = content.iter().flat_map(|f| &f.values).flatten().copied();
+        let values: Vec<f64> = values.filter(|x| x.is_finite()).collect();
+        let high = values.iter().copied().fold(0.0, f64::max);
+        let low = values.into_iter().filter(|x| *x > 0.0).fold(high, f64::min);
+        match kind == Kind::Times && high > 20.0 * low {
+            true => Scale {
+                low: Some(10f64.powf(low.log10().floor())),
+                high: 10f64.powf(high.log10().ceil()),
+            },
+            false => Scale {
+                low: None,
+                high: 1.05 * high,
+            },
+        }
+    }
+
+    fn y(&self, x: f64) -> f64 {
+        let share = match self.low {
+            Some(low) => (x.max(low) / low).log10() / (self.high / low).log10(),
+            None => x / self.high,
+        };
+        BOTTOM - (BOTTOM - TOP) * share.clamp(0.0, 1.0)
+    }
+
+    fn ticks(&self, kind: Kind) -> Vec<f64> {
+        let Some(low) = self.low else {
+            let whole = matches!(kind, Kind::Counts | Kind::Bars);
+            let ticks = ticks(self.high, 3).into_iter();
+            return ticks.filter(|t| !whole || t.fract() == 0.0).collect();
+        };
+        let decades = (self.high / low).log10().round() as i32;
+        let powers = (0..=decades).step_by((decades / 5 + 1) as usize);
+        powers.map(|k| low * 10f64.powi(k)).collect()
+    }
 }
 
 fn draw(axis: &Axis<'_>, title: String, content: Vec<Figures>, kind: Kind) -> Plot {
-    let values = content.iter().flat_map(|f| &f.values).flatten();
-    let highest = values.filter(|x| x.is_finite()).fold(0.0, |a, b| b.max(a));
-    let high = 1.05 * highest;
-    let y = |x: f64| BOTTOM - (BOTTOM - TOP) * (x / high).clamp(0.0, 1.0);
-    let is_tick = |tick: &f64| kind == Kind::Lines || tick.fract() == 0.0;
+    let scale = Scale::of(&content, kind);
     let is_bar = kind == Kind::Bars;
     let data = |f: &Figures| {
         let mut data = String::new();
         let mut open = false;
         for (k, value) in f.values.iter().enumerate() {
             let value = value.filter(|x| x.is_finite() && (!is_bar || *x > 0.0));
-            let Some(y) = value.map(|value| px(y(value))) else {
+            let Some(y) = value.map(|value| px(scale.y(value))) else {
                 open = false;
                 continue;
             };
@@ -154,8 +196,8 @@ fn draw(axis: &Axis<'_>, title: String, content: Vec<Figures>, kind: Kind) -> Pl
     };
     let svg = html! {
         svg viewBox={"0 0 " (WIDTH) " " (HEIGHT)} role="img" aria-label=(title) {
-            @for tick in ticks(high, 3).into_iter().filter(is_tick) {
-                @let y = y(tick);
+            @for tick in scale.ticks(kind) {
+                @let y = scale.y(tick);
                 path.g d={"M" (LEFT) " " (px(y)) "H" (RIGHT)} {}
                 text.t.e.d x=(LEFT - 8.0) y=(px(y + 4.0)) { (significant(tick)) }
             }

@@ -52,16 +52,16 @@ impl Facts {
         let number = |n: u32| some(n > 0, count(n));
         let [start, end] = self.received_ns;
         let lasted = Duration::from_nanos(end.saturating_sub(start)).as_secs_f64();
-        let recorded = format!("in {} s", rounded(lasted));
+        let recorded = format!("{}, in {} s", date(start), rounded(lasted));
         let total: f64 = bins.iter().map(|b| b.total_ms).sum();
         let mean = rounded(total / bins.iter().map(|b| b.frames).sum::<u64>() as f64);
         let longest = rounded(bins.iter().map(|b| b.max_ms).fold(0.0, f64::max));
         let took = format!("{mean} ms on average, {longest} ms at most");
         let baseline = self.baseline.as_ref().map(|baseline| {
-            let links = plural(baseline.links, "link");
+            let links = plural(baseline.links as u64, "link");
             let undefined = match baseline.undefined {
                 0 => String::new(),
-                n => format!(", {} without a linking number", count(n)),
+                n => format!(", {} without a linking number", count(n as u64)),
             };
             format!("{}: {links}{undefined}", baseline.origin)
         });
@@ -112,5 +112,41 @@ impl Facts {
             Some((name.to_owned(), value.clone()))
         });
         rows.into_iter().chain(metadata).flatten().collect()
+    }
+}
+
+/// Formats a time in nanoseconds since 1970 as a date and a time of day, in UTC.
+fn date(ns: u64) -> String {
+    let seconds = ns / 1_000_000_000;
+    let (days, second) = (seconds / 86_400, seconds % 86_400);
+    // Days since March 1 of the year 0, in eras of 400 years (Howard Hinnant, "chrono-Compatible
+    // Low-Level Date Algorithms").
+    let days = days + 719_468;
+    let (era, day) = (days / 146_097, days % 146_097);
+    let year = (day - day / 1460 + day / 36_524 - day / 146_096) / 365;
+    let day = day - (365 * year + year / 4 - year / 100);
+    let month = (5 * day + 2) / 153;
+    let day = day - (153 * month + 2) / 5 + 1;
+    let month = if month < 10 { month + 3 } else { month - 9 };
+    let year = 400 * era + year + u64::from(month <= 2);
+    let [hour, minute, second] = [second / 3600, second / 60 % 60, second % 60];
+    format!("{year}-{month:02}-{day:02} {hour:02}:{minute:02}:{second:02} UTC")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::date;
+
+    #[test]
+    fn times_are_dates_in_utc() {
+        for (seconds, expected) in [
+            (0, "1970-01-01 00:00:00 UTC"),
+            (951_782_399, "2000-02-28 23:59:59 UTC"),
+            (951_782_400, "2000-02-29 00:00:00 UTC"),
+            (1_767_225_599, "2025-12-31 23:59:59 UTC"),
+            (4_107_542_400, "2100-03-01 00:00:00 UTC"),
+        ] {
+            assert_eq!(date(seconds * 1_000_000_000), expected);
+        }
     }
 }

@@ -574,7 +574,18 @@ fn the_worst_violations_are_the_first_the_most_frequent_and_the_deepest() {
         violations.add(&report, &[], Some(k));
     }
     let chosen = figures::choose(&violations);
-    assert_eq!(chosen, [0, 1, 2, 3, 12, 15]);
+    let chosen: Vec<(usize, &str)> = chosen.iter().map(|(k, why)| (*k, &**why)).collect();
+    assert_eq!(
+        chosen,
+        [
+            (0, "first"),
+            (1, "number 2"),
+            (2, "number 3"),
+            (3, "number 4"),
+            (12, "most pull-throughs (5)"),
+            (15, "deepest"),
+        ]
+    );
 }
 
 #[test]

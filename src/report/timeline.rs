@@ -30,6 +30,12 @@ impl Facts {
         let bins = &self.series.bins;
         let axis = Axis::of(bins);
         let gap = if axis.step >= BORDERED { 1.0 } else { 0.0 };
+        // Equal columns without borders are one rectangle.
+        let alike = |a: &Bin, b: &Bin| gap == 0.0 && is_plain(a) && is_plain(b);
+        let columns = bins.chunk_by(alike).scan(0, |end, columns| {
+            *end += columns.len();
+            Some((axis.x(*end - columns.len()), axis.x(*end), columns))
+        });
         let first = self.changed.as_ref().or(self.unsettled.as_ref());
         let first = first.and_then(|found| {
             let x = axis.middle(self.series.bin_of(found.moment.frame)?);
@@ -48,8 +54,13 @@ impl Facts {
             svg viewBox={"0 0 " (WIDTH) " " (HEIGHT)} role="img"
                 aria-label={(words) ": " (words_of(&self.verdicts))}
             {
+                @for (from, to, columns) in columns {
+                    g {
+                        (column(&columns[0], from, to - from - gap))
+                        title { (title(columns)) }
+                    }
+                }
                 @for (k, bin) in bins.iter().enumerate() {
-                    (column(bin, axis.x(k), axis.step - gap))
                     @if bin.pull_throughs + bin.unresolved > 0 {
                         @let class = if bin.pull_throughs > 0 { "p" } else { "p u" };
                         @let (x, y) = (px(axis.middle(k)), px(MARKS + 10.0));
@@ -102,6 +113,11 @@ fn words_of(verdicts: &[u64; 6]) -> String {
     words.join(", ")
 }
 
+/// Returns true if all frames of a column are intact.
+fn is_plain(bin: &Bin) -> bool {
+    bin.verdicts[Verdict::Intact as usize] == bin.frames
+}
+
 /// Draws the column of a bin: the share of each verdict, the worst on top.
 fn column(bin: &Bin, x: f64, width: f64) -> Markup {
     const BEST_FIRST: [Verdict; 6] = [
@@ -132,5 +148,22 @@ fn column(bin: &Bin, x: f64, width: f64) -> Markup {
             rect class={"v" (verdict)} x=(px(x)) y=(top) width=(px(width.max(0.5)))
                 height=(height) {}
         }
+    }
+}
+
+/// Describes the frames of columns, of which all or one have the same verdicts.
+fn title(columns: &[Bin]) -> String {
+    let (first, last) = (&columns[0], columns[columns.len() - 1].last_frame);
+    let frames = match first.first.frame == last {
+        true => first.first.to_string(),
+        false => format!("frames {} to {last}", first.first.frame),
+    };
+    let verdict = Verdict::ALL
+        .into_iter()
+        .find(|v| first.verdicts[*v as usize] == first.frames);
+    let verdicts = verdict.map_or_else(|| words_of(&first.verdicts), |v| v.to_string());
+    match first.pull_throughs {
+        0 => format!("{frames}: {verdicts}"),
+        n => format!("{frames}: {verdicts}, {}", plural(n, "pull-through")),
     }
 }

@@ -18,6 +18,9 @@ use std::time::{Duration, Instant};
 /// Interval of flushes while all frames are intact: the most that a crash can lose.
 const FLUSH_EVERY: Duration = Duration::from_secs(1);
 
+/// Time after which a warning is logged while the caller waits for the sink.
+const SILENCE: Duration = Duration::from_secs(2);
+
 /// Policy if the queue is full.
 ///
 /// If the queue is still full after waiting, the oldest waiting frame is dropped and counted.
@@ -135,6 +138,25 @@ impl Shared {
             .drained
             .wait_timeout_while(state, limit, |state| holds(state));
         wait.unwrap_or_else(PoisonError::into_inner).0
+    }
+
+    /// Like [`Shared::wait_while`], but logs a warning if the wait is long. `word` is the predicate
+    /// of the warning.
+    fn wait_with_warning<'a>(
+        &'a self,
+        mut state: MutexGuard<'a, State>,
+        limit: Duration,
+        holds: impl Fn(&State) -> bool,
+        word: &str,
+    ) -> MutexGuard<'a, State> {
+        let (silent, more) = (limit.min(SILENCE), limit.saturating_sub(SILENCE));
+        state = self.wait_while(state, silent, &holds);
+        if holds(&state) && !more.is_zero() {
+            let name = self.name;
+            tracing::warn!("{name} {word} for {SILENCE:?}; waiting at most {more:.0?} more");
+            state = self.wait_while(state, more, &holds);
+        }
+        state
     }
 
     /// Marks the sink as failed, unless it is. Waiting frames are lost, and no caller waits any
@@ -301,7 +323,9 @@ impl SinkQueue {
         let full = |s: &State| self.is_full(s) && !s.has_failed();
         let start = Instant::now();
         let patience = state.patience;
-        state = self.shared.wait_while(state, patience, full);
+        state = self
+            .shared
+            .wait_with_warning(state, patience, full, "has taken no frame");
         if full(&state) {
             state.patience = Duration::ZERO;
         } else if let Overflow::Wait(_) = self.shared.overflow {
@@ -329,8 +353,12 @@ impl SinkQueue {
         let working = |s: &State| !s.done && !s.has_failed();
         loop {
             let waiting = state.frames;
-            let same = |s: &State| working(s) && (!each || s.frames == waiting);
-            state = self.shared.wait_while(state, limit, same);
+            state = self.shared.wait_with_warning(
+                state,
+                limit,
+                |s| working(s) && (!each || s.frames == waiting),
+                "has not finished",
+            );
             if !working(&state) || state.frames == waiting {
                 break;
             }

@@ -4,7 +4,7 @@
 use super::names::entity;
 use super::plots;
 use super::stream::log;
-use super::style::{RED, YELLOW, lines, narrow, points};
+use super::style::{ORANGE, RED, YELLOW, lines, narrow, points};
 use crate::curve::vector::distance;
 use crate::curve::{Cell, CurveLabels, CurveSet, Point};
 use crate::error::Result;
@@ -20,6 +20,9 @@ const MARKS: usize = 20;
 /// Marks closer than this to a closer place, in sums of the radii, are left out.
 const APART: f64 = 4.0;
 
+/// Least clearance up to which strands are drawn.
+const LEAST_REACH: f64 = 0.25;
+
 /// Number of points per segment of a spline.
 const POINTS_PER_SEGMENT: usize = 4;
 
@@ -31,8 +34,8 @@ pub(super) struct ClearanceView {
     options: ClearanceOptions,
     /// True if the clearance of the last frame was low.
     was_low: bool,
-    /// True if more strands were close than memory holds.
-    too_many: bool,
+    /// Clearance up to which strands are drawn.
+    reach: f64,
 }
 
 impl ClearanceView {
@@ -40,7 +43,7 @@ impl ClearanceView {
         ClearanceView {
             options,
             was_low: false,
-            too_many: false,
+            reach: REACH,
         }
     }
 
@@ -77,14 +80,19 @@ impl ClearanceView {
         cell: Option<&Cell>,
         radii: &[f64],
     ) -> Vec<CloseBlock> {
-        if self.too_many {
-            return Vec::new();
+        while self.reach >= LEAST_REACH {
+            match close_blocks(set, cell, radii, self.reach) {
+                Ok(blocks) => return blocks,
+                Err(e) => {
+                    tracing::warn!(
+                        "strands closer than {:.0} % of their diameter are not drawn any more: {e}",
+                        100.0 * self.reach
+                    );
+                    self.reach *= 0.5;
+                }
+            }
         }
-        close_blocks(set, cell, radii, REACH).unwrap_or_else(|e| {
-            tracing::warn!("close strands are not drawn any more: {e}");
-            self.too_many = true;
-            Vec::new()
-        })
+        Vec::new()
     }
 
     /// Logs the clearance of a frame in the plots.
@@ -172,12 +180,26 @@ fn middle(strands: &CloseStrands) -> Point {
     [0, 1, 2].map(|x| p[x] + 0.5 * (q[x] - p[x]))
 }
 
-/// Returns the colour of a clearance: red below `low`, yellow if strands touch, and [`FAR`] else.
+/// Returns the colour of a clearance: [`FAR`] at the reach, yellow where strands touch, orange
+/// between that and `low`, and red from there on.
 fn color(ratio: f64, low: f64) -> u32 {
-    match ratio {
-        r if r < low => RED,
-        r if r <= 1.0 => YELLOW,
-        _ => FAR,
+    let mix = |from: u32, to: u32, share: f64| {
+        let [from, to] = [from, to].map(u32::to_be_bytes);
+        let part = |k: usize| {
+            let (a, b) = (f64::from(from[k]), f64::from(to[k]));
+            (a + (b - a) * share.clamp(0.0, 1.0)).round() as u8
+        };
+        u32::from_be_bytes([part(0), part(1), part(2), 0xff])
+    };
+    if ratio >= 1.0 {
+        return mix(YELLOW, FAR, (ratio - 1.0) / (REACH - 1.0));
+    }
+    // Halfway from contact to the warning.
+    let half = 0.5 * (1.0 + low);
+    match ratio >= half {
+        true => mix(ORANGE, YELLOW, (ratio - half) / (1.0 - half)),
+        false if ratio > low => mix(RED, ORANGE, (ratio - low) / (half - low)),
+        false => RED,
     }
 }
 
@@ -195,15 +217,17 @@ mod tests {
         let counts = vec![-3; count];
         let set = CurveSet::from_counts(Basis::Polyline, &counts, Positions::F64(&xyz)).unwrap();
         let mut view = ClearanceView::new(ClearanceOptions::new(Some(10.0)));
+        // The limit is exceeded at every distance.
         assert!(view.close_blocks(&set, None, &vec![10.0; count]).is_empty());
-        assert!(view.too_many);
+        assert!(view.reach < LEAST_REACH);
     }
 
     #[test]
     fn colours_go_from_far_over_contact_to_the_warning() {
-        for (ratio, expected) in [(REACH, FAR), (1.0, YELLOW), (0.5, YELLOW), (0.2, RED)] {
+        for (ratio, expected) in [(REACH, FAR), (1.0, YELLOW), (0.75, ORANGE), (0.5, RED)] {
             assert_eq!(color(ratio, 0.5), expected, "{ratio}");
         }
+        assert_eq!(color(0.2, 0.5), RED);
         // The warning at contact.
         assert_eq!(color(1.0, 1.0), YELLOW);
         assert_eq!(color(0.99, 1.0), RED);

@@ -10,7 +10,7 @@ use re_sdk_types::archetypes::LineStrips3D;
 use std::num::NonZeroU64;
 use std::sync::Arc;
 
-const BLOCK: &str = "curves/intact/0";
+const BLOCK: &str = "curves/intact/at_rest/0";
 
 /// Triangles beside one another, at these heights.
 fn triangles(seq: u64, heights: &[f32]) -> FrameRecord {
@@ -73,16 +73,29 @@ fn all(frames: impl IntoIterator<Item = FrameRecord>) -> Vec<LogMsg> {
 fn curves_at_rest_are_logged_once() {
     let messages = all((1..=5).map(|seq| triangles(seq, &[0.0; 3])));
     assert_eq!(strips_by_frame(&messages, BLOCK), [(1, 3)]);
+    assert_eq!(strips_by_frame(&messages, entity::MOVING), []);
 }
 
 #[test]
-fn a_block_is_logged_if_one_of_its_curves_moved() {
+fn a_curve_that_moves_is_logged_without_the_others() {
     let frames = [0.0, 0.0, 1.0, 2.0, 2.0, 3.0];
     let messages = all((1..)
         .zip(frames)
         .map(|(seq, z)| triangles(seq, &[0.0, z, 0.0])));
-    let moved = [(1, 3), (3, 3), (4, 3), (6, 3)];
-    assert_eq!(strips_by_frame(&messages, BLOCK), moved);
+    assert_eq!(strips_by_frame(&messages, BLOCK), [(1, 3), (3, 2)]);
+    let moving = [(3, 1), (4, 1), (6, 1)];
+    assert_eq!(strips_by_frame(&messages, entity::MOVING), moving);
+}
+
+#[test]
+fn a_curve_that_has_stopped_returns_to_its_block() {
+    let height = |seq| if seq == 1 { 0.0 } else { 1.0 };
+    let messages = all((1..=90).map(|seq| triangles(seq, &[height(seq), 0.0])));
+    assert_eq!(strips_by_frame(&messages, BLOCK), [(1, 2), (2, 1), (60, 2)]);
+    assert_eq!(
+        strips_by_frame(&messages, entity::MOVING),
+        [(2, 1), (60, 0)]
+    );
 }
 
 #[test]
@@ -107,15 +120,17 @@ fn other_curves_replace_all_groups() {
     let mut fewer = triangles(3, &[0.0; 2]);
     fewer.info.layout = 1;
     let messages = all(frames.into_iter().chain([fewer]));
-    assert_eq!(strips_by_frame(&messages, BLOCK), [(1, 3), (2, 3), (3, 2)]);
+    assert_eq!(strips_by_frame(&messages, BLOCK), [(1, 3), (2, 2), (3, 2)]);
+    assert_eq!(strips_by_frame(&messages, entity::MOVING), [(2, 1), (3, 0)]);
 }
 
 #[test]
 fn large_scenes_have_a_limited_number_of_blocks() {
     for (curves, blocks) in [(10, 1), (10_000, 4), (400_000, 64)] {
         let messages = all([triangles(1, &vec![0.0; curves])]);
-        let number =
-            |k: &usize| !strips_by_frame(&messages, &format!("curves/intact/{k}")).is_empty();
+        let number = |k: &usize| {
+            !strips_by_frame(&messages, &format!("curves/intact/at_rest/{k}")).is_empty()
+        };
         assert_eq!((0..100).take_while(number).count(), blocks, "{curves}");
     }
 }
@@ -130,8 +145,9 @@ fn the_curves_of_every_third_frame_and_of_every_violation_are_logged() {
     let every = NonZeroU64::new(3).unwrap();
     let messages = collected(|sink| sink.with_every(every), frames);
     // The block of the first frame, the violation in frame 5, and its end in frame 6.
-    let shown = [(1, 3), (4, 3), (5, 1), (6, 3), (7, 3)];
-    assert_eq!(strips_by_frame(&messages, BLOCK), shown);
+    assert_eq!(strips_by_frame(&messages, BLOCK), [(1, 3), (4, 0)]);
+    let moving = [(4, 3), (5, 1), (6, 3), (7, 3)];
+    assert_eq!(strips_by_frame(&messages, entity::MOVING), moving);
     assert_eq!(strips_by_frame(&messages, entity::BROKEN), [(5, 2), (6, 0)]);
     // The plots have all frames.
     let counts = chunks(&messages, entity::SKIPPED).filter(|c| !c.is_static());
@@ -154,9 +170,11 @@ fn frames_at_earlier_times_are_on_the_timeline_of_frames_only() {
         frames.sort_unstable();
         frames
     };
-    assert_eq!(on_time(BLOCK), [1, 2, 3, 5, 6]);
-    let all = [1, 2, 3, 4, 5, 6].map(|seq| (seq, 2));
-    assert_eq!(strips_by_frame(&messages, BLOCK), all);
+    assert_eq!(on_time(entity::MOVING), [2, 3, 5, 6]);
+    // Frame 5 has all groups, because those of frame 4 are not on the timeline.
+    assert_eq!(on_time(BLOCK), [1, 2, 5]);
+    let moving = strips_by_frame(&messages, entity::MOVING);
+    assert_eq!(moving, [2, 3, 4, 5, 6].map(|seq| (seq, 1)));
 }
 
 #[test]

@@ -1,11 +1,13 @@
-//! Curves of the picture, in groups: those of the findings, and blocks of the others. A group is an
-//! entity, and is logged only if one of its curves moved, joined or left.
+//! Curves of the picture, in groups: those of the findings, those that move, and blocks of curves
+//! at rest. A group is an entity, and is logged only if one of its curves moved, joined or left.
 //!
-//! Every curve is in one group, so a frame never takes more than all curves once, and a row per
-//! group.
+//! A curve at rest that moves leaves its block for the group of moving curves. It returns with
+//! others after [`REST`] frames at rest. Every curve is in one group at most, so a frame never
+//! takes more than all curves once, and a row per group.
 //!
 //! Cost: a comparison of all points with those of the previous frame, which is exact, and the
-//! points of the groups that changed.
+//! points of the groups that changed. If curves move by turns, different ones in each frame, most
+//! blocks are logged in each.
 
 use super::names::entity;
 use super::stream::log;
@@ -17,6 +19,10 @@ use re_sdk::RecordingStream;
 use re_sdk_types::archetypes::LineStrips3D;
 use re_sdk_types::components::Radius;
 use std::sync::Arc;
+
+/// Number of frames that a curve must be at rest to join its block again. Curves join every so many
+/// frames.
+const REST: u64 = 30;
 
 /// Number of points of a block, and maximum number of blocks, because viewers draw many entities
 /// slowly.
@@ -34,7 +40,10 @@ const POINTS: usize = 400_000;
 /// Groups. Blocks have the following numbers.
 const BROKEN: u32 = 0;
 const UNDECIDED: u32 = 1;
-const BLOCKS: u32 = 2;
+const MOVING: u32 = 2;
+const BLOCKS: u32 = 3;
+/// Group of the curves that were not shown so far.
+const HIDDEN: u32 = u32::MAX;
 
 /// Colour, and width on the screen.
 type Style = (u32, f32);
@@ -43,8 +52,11 @@ type Style = (u32, f32);
 #[derive(Default)]
 pub(super) struct Curves {
     shown: Option<Arc<CurveSet>>,
-    /// Group of each curve.
+    /// Number of frames so far.
+    frames: u64,
+    /// Group of each curve, and the frame in which it last moved.
     groups: Vec<u32>,
+    moved: Vec<u64>,
     /// Block of each curve.
     blocks: Vec<u32>,
     /// Style of each group that was ever logged.
@@ -66,21 +78,23 @@ impl Curves {
         report: &Report,
         all: bool,
     ) -> Result<()> {
+        self.frames += 1;
         let mut changed = vec![all; self.styles.len()];
         let before = self.shown.take().filter(|before| before.same_layout(set));
         let moved = match &before {
             Some(before) => set.moved_since(before),
             None => {
-                // All groups: also those of other curves are cleared.
+                // Clears the groups of other curves.
+                changed.fill(true);
                 self.divide(set);
-                changed = vec![true; self.styles.len()];
                 vec![false; set.len()]
             }
         };
-        let groups = self.arrange(report);
+        let groups = self.arrange(report, &moved);
+        changed.resize(self.styles.len(), all);
         for (k, (&new, &old)) in groups.iter().zip(&self.groups).enumerate() {
             for group in [new, old] {
-                if new != old || moved[k] {
+                if (new != old || moved[k]) && group != HIDDEN {
                     changed[group as usize] = true;
                 }
             }
@@ -90,17 +104,21 @@ impl Curves {
         self.log_groups(rec, set, &changed)
     }
 
-    /// Divides new curves into blocks.
+    /// Divides new curves into blocks. All are at rest.
     fn divide(&mut self, set: &CurveSet) {
         let size = BLOCK_POINTS.max(set.points().div_ceil(MOST_BLOCKS));
-        let counts = set.curves().iter().map(|c| c.points as usize);
-        let blocks = counts.scan(0, |before, count| {
-            let block = *before / size;
-            *before += count;
+        let mut before = 0;
+        let block = |points: &mut usize, count: u32| {
+            let block = *points / size;
+            *points += count as usize;
             Some(BLOCKS + block as u32)
-        });
-        self.blocks = blocks.collect();
-        self.groups.clone_from(&self.blocks);
+        };
+        let counts = set.curves().iter().map(|c| c.points);
+        self.blocks = counts
+            .filter_map(|count| block(&mut before, count))
+            .collect();
+        self.groups = vec![HIDDEN; set.len()];
+        self.moved = vec![0; set.len()];
         let groups = self.blocks.last().map_or(BLOCKS, |last| last + 1) as usize;
         if self.styles.len() < groups {
             self.styles.resize(groups, None);
@@ -108,15 +126,30 @@ impl Curves {
     }
 
     /// Returns the groups of the curves in this frame.
-    fn arrange(&self, report: &Report) -> Vec<u32> {
-        let mut groups = self.blocks.clone();
-        for finding in report.all_findings() {
-            let group = if finding.is_change() {
-                BROKEN
-            } else {
-                UNDECIDED
-            };
-            for i in finding.curves() {
+    fn arrange(&mut self, report: &Report, moved: &[bool]) -> Vec<u32> {
+        let now = self.frames;
+        let returns = now.is_multiple_of(REST);
+        let at_rest = |k: usize, last: &mut u64| {
+            if moved[k] {
+                *last = now;
+            }
+            match self.groups[k] {
+                // Since the first frame.
+                _ if *last == 0 => true,
+                MOVING => returns && now - *last >= REST,
+                BROKEN | UNDECIDED | HIDDEN => now - *last >= REST,
+                _ => !moved[k],
+            }
+        };
+        let mut groups: Vec<u32> = Vec::with_capacity(moved.len());
+        for (k, last) in self.moved.iter_mut().enumerate() {
+            groups.push(match at_rest(k, last) {
+                true => self.blocks[k],
+                false => MOVING,
+            });
+        }
+        for (curves, group) in groups_of_findings(report) {
+            for i in curves {
                 if let Some(g) = groups.get_mut(i as usize) {
                     *g = group.min(*g);
                 }
@@ -134,7 +167,12 @@ impl Curves {
         let detail = (POINTS / set.segments().max(1)).clamp(1, POINTS_PER_SEGMENT);
         let mut members: Vec<Vec<usize>> = vec![Vec::new(); changed.len()];
         let mut counts = vec![0; changed.len()];
-        for (k, &group) in self.groups.iter().enumerate() {
+        for (k, &group) in self
+            .groups
+            .iter()
+            .enumerate()
+            .filter(|(_, g)| **g != HIDDEN)
+        {
             counts[group as usize] += 1;
             if changed[group as usize] {
                 members[group as usize].push(k);
@@ -178,6 +216,18 @@ fn path(group: u32) -> String {
     match group {
         BROKEN => entity::BROKEN.into(),
         UNDECIDED => entity::UNDECIDED.into(),
-        block => format!("{}/{}", entity::INTACT, block - BLOCKS),
+        MOVING => entity::MOVING.into(),
+        block => format!("{}/{}", entity::AT_REST, block - BLOCKS),
     }
+}
+
+/// Returns the curves of each finding, and their group.
+fn groups_of_findings(report: &Report) -> impl Iterator<Item = ([u32; 2], u32)> + '_ {
+    report.all_findings().map(|finding| {
+        let group = match finding.is_change() {
+            true => BROKEN,
+            false => UNDECIDED,
+        };
+        (finding.curves(), group)
+    })
 }

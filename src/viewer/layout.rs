@@ -53,36 +53,35 @@ pub(super) fn send(
             properties.push((format!("{}/{name}", view.blueprint_path()).into(), what));
         }
     };
+    let scene = Spatial3DView::new("curves").with_contents(["/curves/**"]);
+    let scene = ContainerLike::from(scene);
     let background =
         Background::new(BackgroundKind::SolidColor).with_color(Color::from_u32(BACKGROUND));
-    let mut spatial = |view: Spatial3DView, eye: Option<&EyeControls3D>| {
-        let view = ContainerLike::from(view);
-        property(&view, "Background", Box::new(background.clone()));
-        let grid = LineGrid3D::new().with_visible(false);
-        property(&view, "LineGrid3D", Box::new(grid));
-        if let Some(eye) = eye {
-            property(&view, "EyeControls3D", Box::new(eye.clone()));
-        }
-        view
-    };
-    let mut scene = spatial(
-        Spatial3DView::new("curves").with_contents(["/curves/**"]),
-        eye,
-    );
-    if let Some(moments) = moments {
+    property(&scene, "Background", Box::new(background.clone()));
+    let grid = LineGrid3D::new().with_visible(false);
+    property(&scene, "LineGrid3D", Box::new(grid.clone()));
+    if let Some(eye) = eye {
+        property(&scene, "EyeControls3D", Box::new(eye.clone()));
+    }
+    let moments = moments.map(|moments| {
         let left_out = entity::NEAR_ONLY.map(|path| format!("- /{path}/**"));
         let all = ["+ /curves/**".to_owned()].into_iter().chain(left_out);
         let overview = Spatial3DView::new("overview").with_contents(all);
-        let mut views = vec![spatial(overview, Some(&moments.overview))];
-        for (name, path) in moments.names.iter().zip(entity::MOMENTS) {
-            if let Some(name) = name.as_deref() {
-                let view = Spatial3DView::new(name).with_contents([format!("{path}/**")]);
-                views.push(spatial(view, Some(&moments.eye)));
-            }
-        }
-        let both = Vertical::new([scene, Horizontal::new(views).into()]);
-        scene = both.with_row_shares([1.5, 1.0]).into();
-    }
+        let named = moments.names.iter().zip(entity::MOMENTS);
+        let near = named.filter_map(|(name, path)| {
+            let view = Spatial3DView::new(name.as_deref()?).with_contents([format!("{path}/**")]);
+            Some((view, &moments.eye))
+        });
+        let views = [(overview, &moments.overview)].into_iter().chain(near);
+        let views = views.map(|(view, eye)| {
+            let view = ContainerLike::from(view);
+            property(&view, "Background", Box::new(background.clone()));
+            property(&view, "LineGrid3D", Box::new(grid.clone()));
+            property(&view, "EyeControls3D", Box::new(eye.clone()));
+            view
+        });
+        views.collect::<Vec<_>>()
+    });
     let status = TextDocumentView::new("status").with_origin(entity::STATUS);
     let key = TextDocumentView::new("colours").with_origin(entity::KEY);
     let log = ContainerLike::from(TextLogView::new("log").with_origin(entity::LOG));
@@ -101,26 +100,47 @@ pub(super) fn send(
         .with_timeline_columns([frame])
         .with_text_log_columns(columns);
     property(&log, "TextLogColumns", Box::new(columns));
-    let plots = [
-        ("clearance, diameters", "/clearance/**"),
+    let plot = |name: &str, contents: &str| TimeSeriesView::new(name).with_contents([contents]);
+    let [links, close, check, wait, marked, recomputed, skipped] = [
         ("links and pull-throughs", "/links/**"),
+        ("clearance, diameters", "/clearance/**"),
         ("check, ms", "/check/**"),
-        ("stages, ms", "/times/**"),
         ("wait for the frame, ms", "/wait/**"),
         ("blocks marked, %", "/marked/**"),
         ("pairs recomputed", "/recomputed/**"),
         ("skipped", "/skipped/**"),
-    ];
-    let shown = plots.into_iter().skip(usize::from(!clearance));
-    let plots = Tabs::new(shown.map(|(name, contents)| {
-        let plot = ContainerLike::from(TimeSeriesView::new(name).with_contents([contents]));
-        let legend = PlotLegend::new().with_visible(name == "stages, ms");
+    ]
+    .map(|(name, contents)| {
+        let plot = ContainerLike::from(plot(name, contents));
+        let legend = PlotLegend::new().with_visible(false);
         property(&plot, "PlotLegend", Box::new(legend));
         plot
-    }));
+    });
+    let times = plot("stages, ms", "/times/**");
+    let links = match clearance {
+        true => Vertical::new([close, links])
+            .with_name("clearance and links")
+            .into(),
+        false => links,
+    };
     let words = Vertical::new([status.into(), key.into()])
         .with_row_shares([if clearance { 1.3 } else { 2.4 }, 1.0]);
+    let scene = match moments {
+        Some(views) => {
+            let shares = [1.5, 1.0];
+            Vertical::new([scene, Horizontal::new(views).into()])
+                .with_row_shares(shares)
+                .into()
+        }
+        None => scene,
+    };
     let top = Horizontal::new([scene, words.into()]).with_column_shares([4.0, 1.1]);
+    // Work counters, one above the other, because counts of frames and pairs share no axis.
+    let work = Vertical::new([marked, recomputed]).with_name("work");
+    // The wait is often a hundred times longer than the rest.
+    let times = Vertical::new([times.into(), wait]).with_name("times");
+    let plots = Tabs::new([links, check, times.into(), work.into(), skipped]);
+    // Wide enough for most sentences of the log.
     let bottom = Horizontal::new([log, plots.into()]).with_column_shares([1.9, 1.0]);
     let root = Vertical::new([top.into(), bottom.into()]).with_row_shares([2.6, 1.0]);
     let time = TimePanel::new()

@@ -8,6 +8,11 @@ use crate::verdict::Report;
 
 /// Place of a finding, for the picture.
 pub(super) struct Spot {
+    /// The curves, and a segment of each.
+    pub curves: [u32; 2],
+    pub segments: [u32; 2],
+    /// Translation of the second curve, of which an image takes part.
+    pub by: Point,
     /// Points to mark, one on each curve; the place itself if there is no curve to mark.
     pub marks: Vec<Point>,
     /// Size of the smaller feature of the two curves; 0 if there is none.
@@ -34,7 +39,13 @@ pub(super) fn spot(
     }
     let sizes = strands().filter_map(|(i, s)| feature(set, i, s));
     let size = sizes.min_by(f64::total_cmp).unwrap_or(0.0);
-    Spot { marks, size }
+    Spot {
+        curves,
+        segments,
+        by,
+        marks,
+        size,
+    }
 }
 
 /// Returns the curves, the segments and the point of each finding that has a place.

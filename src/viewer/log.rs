@@ -2,9 +2,9 @@
 
 use super::passed::Passed;
 use super::picture::SHOWN;
-use super::status::status;
+use super::status::{Findings, status};
 use super::style::{CYAN, ORANGE, QUIET, RED};
-use crate::verdict::{Known, Report, Verdict};
+use crate::verdict::{Lasting, Report, Verdict};
 use re_sdk_types::archetypes::TextLog;
 use re_sdk_types::components::{Color, TextLogLevel};
 
@@ -14,13 +14,7 @@ const QUIET_FRAMES: u64 = 200;
 /// State of the log at the last frame, to log only what is new.
 #[derive(Default)]
 pub(super) struct Log {
-    known: Known,
-    /// First frame of the last verdict.
-    since: u64,
-    /// True if the status lists pull-throughs of the last frame.
-    had_events: bool,
-    /// Frame of the last line.
-    last: u64,
+    last: Option<Logged>,
 }
 
 /// New lines of a frame, and the status if the previous one is outdated.
@@ -29,38 +23,71 @@ pub(super) struct News {
     pub status: Option<String>,
 }
 
+/// State of the log. A frame that differs in it gets a log line.
+struct Logged {
+    verdict: Verdict,
+    /// First frame of this verdict.
+    since: u64,
+    findings: Findings,
+    /// True if the status lists pull-throughs of its frame.
+    events: bool,
+    /// Frame of the last line.
+    at: u64,
+}
+
 impl Log {
     /// Returns a line for a frame with news, a sentence for each new finding, and occasionally a
     /// line for a frame without news. `names` are those of the curves, or empty.
     pub fn news(&mut self, report: &Report, names: &[String], passed: &Passed) -> News {
-        let novelty = self.known.update(report);
-        let turned = novelty.before != Some(report.verdict);
-        if turned {
-            self.since = report.seq;
-        }
+        let before = self.last.take();
+        let turned = before.as_ref().is_none_or(|t| t.verdict != report.verdict);
+        let since = match &before {
+            Some(t) if !turned => t.since,
+            _ => report.seq,
+        };
+        let last = before.as_ref().map_or(report.seq, |t| t.at);
+        let had_events = before.as_ref().is_some_and(|t| t.events);
+        let known = before.map(|t| t.findings).unwrap_or_default();
+        let findings: Findings = report
+            .lasting()
+            .flatten()
+            .map(|key| (key, known.get(&key).copied().unwrap_or(report.seq)))
+            .collect();
+        // The findings contain the first frame of each, so a finding that returns is new.
         let has_events = !report.events.is_empty();
-        let news = turned || has_events || novelty.changed;
+        let news = turned || has_events || findings != known;
         let news = news || !(report.appeared.is_empty() && report.gone.is_empty());
+        let due = news || report.seq.abs_diff(last) >= QUIET_FRAMES;
         let mut lines = Vec::new();
-        if news || report.seq.abs_diff(self.last) >= QUIET_FRAMES {
+        if due {
             lines.push(line(report.verdict, report.headline()));
-            self.last = report.seq;
         }
-        let all = report.lasting().zip(report.findings_named(names));
-        let mut new = all.zip(novelty.new).filter(|(_, new)| news && *new);
-        for ((key, text), _) in new.by_ref().take(SHOWN) {
-            let line = line(report.verdict, text);
-            // In the colour of its mark.
-            lines.push(match key {
-                None => line.with_color(Color::from_u32(CYAN)),
-                Some(_) => line,
-            });
+        if news {
+            let sentences = report.lasting().zip(report.findings_named(names));
+            let is_new = |key: &Option<Lasting>| key.is_none_or(|k| !known.contains_key(&k));
+            let mut new = sentences.filter(|(key, _)| is_new(key));
+            for (key, text) in new.by_ref().take(SHOWN) {
+                let line = line(report.verdict, text);
+                // In the colour of its mark.
+                lines.push(match key {
+                    None => line.with_color(Color::from_u32(CYAN)),
+                    Some(_) => line,
+                });
+            }
+            let more = new.count();
+            if more > 0 {
+                lines.push(line(report.verdict, format!("and {more} more")));
+            }
         }
-        if let more @ 1.. = new.count() {
-            lines.push(line(report.verdict, format!("and {more} more")));
-        }
-        let outdated = news || std::mem::replace(&mut self.had_events, has_events);
-        let status = outdated.then(|| status(report, names, self.since, passed, SHOWN));
+        let outdated = news || had_events;
+        let status = outdated.then(|| status(report, names, since, &findings, passed, SHOWN));
+        self.last = Some(Logged {
+            verdict: report.verdict,
+            since,
+            findings,
+            events: has_events,
+            at: if due { report.seq } else { last },
+        });
         News { lines, status }
     }
 }

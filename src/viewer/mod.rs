@@ -24,6 +24,7 @@ mod clearance;
 #[cfg(test)]
 mod curve_tests;
 mod curves;
+mod label;
 mod layout;
 mod local;
 mod log;
@@ -213,13 +214,15 @@ impl ViewerSink {
     /// Logs a line. The lines of later frames are also at the end of the timeline of the first
     /// violation, so that the run opens with the whole log.
     fn log_line(&self, line: &TextLog) -> Result<()> {
-        let Some(first) = &self.first else {
-            return log(&self.rec, entity::LOG, line);
-        };
-        self.rec.set_time_sequence(UNTIL, first.frame);
-        let logged = log(&self.rec, entity::LOG, line);
-        self.rec.disable_timeline(UNTIL);
-        logged
+        match &self.first {
+            Some(first) => {
+                self.rec.set_time_sequence(UNTIL, first.frame);
+                let logged = log(&self.rec, entity::LOG, line);
+                self.rec.disable_timeline(UNTIL);
+                logged
+            }
+            None => log(&self.rec, entity::LOG, line),
+        }
     }
 
     /// Places the following data at a simulation time.

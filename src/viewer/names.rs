@@ -14,8 +14,9 @@ pub(super) const UNTIL: &str = "until_violation";
 /// Paths of the entities.
 pub(super) mod entity {
     pub const CURVES: &str = "curves";
+    pub const MOVING: &str = "curves/intact/moving";
     /// Parent of the blocks of curves at rest.
-    pub const INTACT: &str = "curves/intact";
+    pub const AT_REST: &str = "curves/intact/at_rest";
     pub const BROKEN: &str = "curves/broken";
     pub const UNDECIDED: &str = "curves/undecided";
     pub const TUBES: &str = "curves/strands";

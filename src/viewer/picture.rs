@@ -1,12 +1,13 @@
 //! Marks and labels at the places of the findings of a frame.
 
+use super::label::{self, Label};
 use super::local::{self, Spot};
 use super::names::entity;
 use super::passed::{self, Passed};
 use super::stream::log;
 use super::style::{CYAN, PALE_ORANGE, PALE_RED, lines, narrow, points};
 use super::view::View;
-use crate::curve::vector::{add_scaled, dot, sub};
+use crate::curve::vector::add_scaled;
 use crate::curve::{AXES, Cell, CurveSet, is_home};
 use crate::error::Result;
 use crate::verdict::{Finding, Report};
@@ -28,9 +29,6 @@ const STAR: f64 = 0.14;
 
 /// Size of a feature without extent, in radii of the scene.
 const DOT: f64 = 0.05;
-
-/// Distance of a label above its place, as a share of the same size.
-const ABOVE: f64 = 0.8;
 
 /// Logs a dot on each curve of a finding, a star at each pull-through of this frame, and a label
 /// beside each place, broken pairs first. Findings close together share a label, because labels
@@ -78,9 +76,11 @@ pub(super) fn draw_places(
         &points(centers, 6.5).with_colors([CYAN]),
     )?;
 
-    let any = !(marked.is_empty() && events.is_empty());
-    let radius = any.then(|| View::of(set)).flatten();
-    let radius = radius.map_or(0.0, |view| view.radius);
+    let view = match marked.is_empty() && events.is_empty() {
+        true => None,
+        false => View::of(set),
+    };
+    let radius = view.as_ref().map_or(0.0, |view| view.radius);
     let size = |spot: &Spot| match spot.size > 0.0 {
         true => spot.size.min(radius),
         false => DOT * radius,
@@ -93,35 +93,46 @@ pub(super) fn draw_places(
     log(rec, entity::STARS, &lines(rays, 2.0).with_colors([CYAN]))?;
 
     let near_sq = (NEAR * radius).powi(2);
-    let mut labels: Vec<(&Spot, Vec<&str>, u32)> = Vec::new();
+    let mut labels: Vec<(Vec<&Spot>, Vec<&str>, u32)> = Vec::new();
     for (spot, text, color) in marked.iter().chain(events.iter().take(SHOWN)) {
         let point = spot.marks[0];
         let close = |other: &Spot| {
-            let apart = sub(other.marks[0], point);
-            dot(apart, apart) < near_sq
+            let other = other.marks[0];
+            (0..3).map(|x| (other[x] - point[x]).powi(2)).sum::<f64>() < near_sq
         };
-        match labels.iter_mut().find(|(other, ..)| close(other)) {
-            Some((_, texts, _)) => texts.push(text),
-            None => labels.push((spot, vec![text], *color)),
+        match labels.iter_mut().find(|(spots, ..)| close(spots[0])) {
+            Some((spots, texts, _)) => {
+                spots.push(spot);
+                texts.push(text);
+            }
+            None => labels.push((vec![spot], vec![text], *color)),
         }
     }
     labels.truncate(LABELS);
     let colors: Vec<u32> = labels.iter().map(|(.., color)| *color).collect();
-    let texts = labels.iter().map(|(_, texts, _)| texts.join("\n"));
-    let leader = |(spot, ..): &(&Spot, _, _)| {
-        let above = add_scaled(spot.marks[0], ABOVE * size(spot), AXES[2]);
-        [spot.marks[0], above].map(narrow)
+    let texts: Vec<String> = labels
+        .iter()
+        .map(|(_, texts, _)| texts.join("\n"))
+        .collect();
+    let place = |((spots, ..), text): (&(Vec<&Spot>, Vec<&str>, u32), &String)| match &view {
+        Some(view) => label::place(set, spots, view.unit(size(spots[0])), text, view),
+        // Without extent.
+        None => Label {
+            anchor: spots[0].marks[0],
+            leader: [spots[0].marks[0]; 2],
+        },
     };
-    let placed: Vec<[[f32; 3]; 2]> = labels.iter().map(leader).collect();
-    let labelled = points(placed.iter().map(|[_, end]| *end), 0.0)
-        .with_labels(texts.collect::<Vec<_>>())
+    let placed: Vec<Label> = labels.iter().zip(&texts).map(place).collect();
+    let labelled = points(placed.iter().map(|label| narrow(label.anchor)), 0.0)
+        .with_labels(texts)
         .with_colors(colors.clone())
         .with_show_labels(true);
     log(rec, entity::LABELS, &labelled)?;
+    let leaders = placed.iter().map(|label| label.leader.map(narrow));
     log(
         rec,
         entity::LEADERS,
-        &lines(placed, 0.6).with_colors(colors),
+        &lines(leaders, 0.6).with_colors(colors),
     )
 }
 

@@ -152,8 +152,10 @@ fn wait(process: &mut Child, ports: &[u16], mode: &str) -> Result<()> {
         }
         if start.elapsed() > START_LIMIT {
             process.kill().ok();
-            let what = format!("`{PROGRAM}{mode}` did not listen within {START_LIMIT:?}");
-            return Err(failed(what));
+            return Err(failed(format_args!(
+                "`{PROGRAM}{mode}` did not listen on port {} within {START_LIMIT:?}",
+                ports[0]
+            )));
         }
         std::thread::sleep(INTERVAL);
     }

@@ -1,8 +1,11 @@
-//! Status of a run in words.
+//! Status of a run in words, and the findings that last over several frames.
 
 use super::passed::Passed;
-use crate::verdict::{Report, Verdict, label_of_curve, label_of_pair};
-use crate::words::plural;
+use crate::verdict::{Lasting, Report, Verdict, label_of_curve, label_of_pair};
+use std::collections::BTreeMap;
+
+/// Findings that last, each with the frame since which it has persisted.
+pub(super) type Findings = BTreeMap<Lasting, u64>;
 
 /// Returns the status as markdown: the verdict, its first frame, the pairs, and the pull-throughs
 /// in this frame and so far. `names` are those of the curves, or empty.
@@ -10,6 +13,7 @@ pub(super) fn status(
     report: &Report,
     names: &[String],
     since: u64,
+    seen: &Findings,
     passed: &Passed,
     shown: usize,
 ) -> String {
@@ -44,7 +48,7 @@ pub(super) fn status(
         text.push_str("\nEvery linking number is the expected one.\n");
     }
     if !(report.changes.is_empty() && report.defects.is_empty()) {
-        text.push_str("\n| curves | linking number |\n|---|---|\n");
+        text.push_str("\n| curves | linking number | since |\n|---|---|---|\n");
     }
     let changes = report.changes.iter().map(|c| {
         let words = format!("was {}, is {}", c.expected, c.found);
@@ -55,8 +59,12 @@ pub(super) fn status(
         let curves = pair.unwrap_or_else(|| label_of_curve(d.i, names));
         (curves, d.kind.words().to_owned())
     });
-    for (curves, words) in changes.chain(defects).take(shown) {
-        text.push_str(&format!("| **{curves}** | {words} |\n"));
+    let rows = changes.chain(defects).zip(report.lasting().flatten());
+    let frame = |key| seen.get(&key).copied().unwrap_or(since);
+    let mut rows: Vec<_> = rows.map(|(row, key)| (frame(key), row)).collect();
+    rows.sort_by_key(|(frame, _)| *frame);
+    for (frame, (curves, words)) in rows.into_iter().take(shown) {
+        text.push_str(&format!("| **{curves}** | {words} | {frame} |\n"));
     }
     let more = |count: usize| {
         let more = count.saturating_sub(shown);
@@ -67,13 +75,21 @@ pub(super) fn status(
         text.push_str("\n| pulled in this frame | sign | moment |\n|---|---|---|\n");
     }
     for e in report.events.iter().take(shown) {
-        let (label, sign, moment) = (e.label(names), e.sign, e.fraction);
-        text.push_str(&format!("| **{label}** | {sign:+} | {moment:.3} |\n"));
+        let row = format!(
+            "| **{}** | {:+} | {:.3} |\n",
+            e.label(names),
+            e.sign,
+            e.fraction
+        );
+        text.push_str(&row);
     }
     text.extend(more(report.events.len()));
-    if let n @ 1.. = report.unresolved.len() {
-        let unresolved = plural(n, "unresolved pull-through");
-        text.push_str(&format!("\n{unresolved}: the frames are too far apart.\n"));
+    match report.unresolved.len() {
+        0 => {}
+        1 => text.push_str("\n1 unresolved pull-through: the frames are too far apart.\n"),
+        n => text.push_str(&format!(
+            "\n{n} unresolved pull-throughs: the frames are too far apart.\n"
+        )),
     }
     text.extend(passed.words().map(|words| format!("\n{words}\n")));
     text
@@ -82,7 +98,7 @@ pub(super) fn status(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::verdict::{Change, Defect, DefectKind, Lasting, Place, PullThrough};
+    use crate::verdict::{Change, Defect, DefectKind, Place, PullThrough};
 
     fn report(changes: u32) -> Report {
         let change = |k| Change {
@@ -103,12 +119,13 @@ mod tests {
     #[test]
     fn the_status_names_the_broken_pairs_and_the_first_frame() {
         let report = report(5);
-        let text = status(&report, &[], 2, &Passed::default(), 4);
+        let seen = report.lasting().flatten().zip(3..).collect();
+        let text = status(&report, &[], 2, &seen, &Passed::default(), 4);
         assert!(
             text.starts_with("# TOPOLOGY CHANGED\n## since frame 2\n"),
             "{text}"
         );
-        assert!(text.contains("| **1 & 101** | was 1, is 0 |"), "{text}");
+        assert!(text.contains("| **1 & 101** | was 1, is 0 | 4 |"), "{text}");
         assert!(text.ends_with("\nand 1 more\n"), "{text}");
     }
 
@@ -124,10 +141,11 @@ mod tests {
         }];
         let known: Vec<Lasting> = report.lasting().flatten().collect();
         assert_ne!(known[0], known[1]);
-        let text = status(&report, &[], 2, &Passed::default(), 4);
+        let seen = report.lasting().flatten().zip(3..).collect();
+        let text = status(&report, &[], 2, &seen, &Passed::default(), 4);
         for row in [
-            "| **curve 4 and the image -1,0,0 of curve 7** | was 1, is 0 |",
-            "| **curve 4 and the image 2,0,0 of curve 7** | was 1, is 0 |",
+            "| **curve 4 and the image -1,0,0 of curve 7** | was 1, is 0 | 3 |",
+            "| **curve 4 and the image 2,0,0 of curve 7** | was 1, is 0 | 4 |",
             "| **4 through the image -1,0,0 of 7** | -1 | 0.250 |",
         ] {
             assert!(text.contains(row), "{row}: {text}");
@@ -140,13 +158,30 @@ mod tests {
         (report.changes[0].i, report.changes[0].j) = (0, 1);
         report.events = vec![event(0, 1)];
         let names = ["left".to_owned(), "sleeve/a/long/name/of/a/yarn".to_owned()];
-        let text = status(&report, &names, 2, &Passed::default(), 4);
+        let text = status(&report, &names, 2, &Findings::new(), &Passed::default(), 4);
         for row in [
             "| **left & \u{2026}/long/name/of/a/yarn** |",
             "| **left through \u{2026}/long/name/of/a/yarn** |",
         ] {
             assert!(text.contains(row), "{row}: {text}");
         }
+    }
+
+    #[test]
+    fn the_table_is_sorted_by_the_frame_of_the_break() {
+        let report = report(3);
+        let seen = report.lasting().flatten().zip([30, 10, 20]).collect();
+        let text = status(&report, &[], 2, &seen, &Passed::default(), 2);
+        let rows: Vec<&str> = text.lines().filter(|l| l.starts_with("| **")).collect();
+        assert_eq!(
+            rows,
+            [
+                "| **1 & 101** | was 1, is 0 | 10 |",
+                "| **2 & 102** | was 1, is 0 | 20 |"
+            ]
+        );
+        let header = "| curves | linking number | since |";
+        assert!(text.contains(header), "{text}");
     }
 
     fn event(i: u32, j: u32) -> PullThrough {
@@ -194,7 +229,7 @@ mod tests {
         report.events = vec![event(18, 19), event(7, 7)];
         let mut passed = Passed::default();
         passed.add(&report, None);
-        let text = status(&report, &[], 2, &passed, 4);
+        let text = status(&report, &[], 2, &Findings::new(), &passed, 4);
         assert!(
             text.starts_with("# PULLED THROUGH\n## in frame 9\n"),
             "{text}"
@@ -212,7 +247,7 @@ mod tests {
         assert!(text.ends_with(so_far), "{text}");
         // In later frames the status is intact.
         (report.verdict, report.events) = (Verdict::Intact, Vec::new());
-        let text = status(&report, &[], 10, &passed, 4);
+        let text = status(&report, &[], 10, &Findings::new(), &passed, 4);
         assert!(text.starts_with("# Intact\n"), "{text}");
         assert!(text.ends_with(so_far), "{text}");
     }

@@ -1,6 +1,6 @@
 //! View of a scene: the direction and the distance of the eye, and the enlargement of small scenes.
 
-use crate::curve::vector::{hypot, sub};
+use crate::curve::vector::{dot, hypot, sub};
 use crate::curve::{CurveSet, Point, bounds};
 use re_sdk_types::blueprint::archetypes::EyeControls3D;
 
@@ -48,12 +48,40 @@ impl View {
         })
     }
 
+    /// Returns the unit vector that points to the right on the screen.
+    pub fn right(&self) -> Point {
+        let [x, y, _] = self.from;
+        unit([-y, x, 0.0])
+    }
+
+    /// Returns the unit vector that points down on the screen.
+    pub fn down(&self) -> Point {
+        let [x, y, z] = self.from;
+        unit([z * x, z * y, z * z - 1.0])
+    }
+
+    /// Returns how far to the right and down of a place another point is seen, in these units (see
+    /// [`View::unit`]) at the distance of the place. `None` if the point is not in front of an eye
+    /// that looks at the place.
+    pub fn on_screen(&self, point: Point, place: Point, unit: f64) -> Option<[f64; 2]> {
+        let offset = sub(point, place);
+        let nearer = dot(offset, self.from) / (EYE_DISTANCE_NEAR * unit);
+        let enlarged = 1.0 / (unit * (1.0 - nearer));
+        let axes = [self.right(), self.down()];
+        (nearer < 0.9).then(|| axes.map(|axis| enlarged * dot(offset, axis)))
+    }
+
+    /// Returns the size that a feature at a place counts as: not more than the whole scene needs.
+    pub fn unit(&self, size: f64) -> f64 {
+        size.min(EYE_DISTANCE * self.radius / EYE_DISTANCE_NEAR)
+    }
+
     /// Returns an eye that sees all curves, or those around a place if one is given. Viewers draw
     /// curves enlarged by `scale`.
     pub fn eye(&self, place: Option<(Point, f64)>, scale: f64) -> EyeControls3D {
         let far = EYE_DISTANCE * self.radius;
         let (target, away) = match place {
-            Some((point, size)) if size > 0.0 => (point, (EYE_DISTANCE_NEAR * size).min(far)),
+            Some((point, size)) if size > 0.0 => (point, EYE_DISTANCE_NEAR * self.unit(size)),
             Some((point, _)) => (point, far),
             None => (self.center, far),
         };
@@ -112,6 +140,25 @@ mod tests {
         let points = [0.0, 0.0, 0.0, 200.0, 0.0, 0.0, 0.0, 200.0, 40.0];
         let set = CurveSet::from_counts(Basis::Polyline, &[-3], Positions::F64(&points)).unwrap();
         let scene = View::of(&set).unwrap();
+        let (right, down) = (scene.right(), scene.down());
+        let along: f64 = (0..3)
+            .map(|x| right[x] * scene.from[x] + right[x] * down[x])
+            .sum();
+        assert!(along.abs() < 1e-12 && right[0] > 0.0, "{right:?}");
+        let across: f64 = (0..3).map(|x| down[x] * scene.from[x]).sum();
+        assert!(across.abs() < 1e-12 && down[2] < 0.0, "{down:?}");
+        // The eye is at a distance of 10 from the origin.
+        let nearer = scene.from.map(|x| 5.0 * x);
+        let point = [0, 1, 2].map(|x| nearer[x] + right[x] + 2.0 * down[x]);
+        let [x, y] = scene.on_screen(point, [0.0; 3], 2.0).unwrap();
+        assert!(
+            (x - 1.0).abs() < 1e-12 && (y - 2.0).abs() < 1e-12,
+            "{x} {y}"
+        );
+        assert_eq!(
+            scene.on_screen(scene.from.map(|x| 11.0 * x), [0.0; 3], 2.0),
+            None
+        );
         let position = |place, scale| {
             let eye = scene.eye(place, scale);
             let batch = eye.position.unwrap().array;

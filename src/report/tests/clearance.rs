@@ -42,6 +42,11 @@ fn the_lowest_clearance_below_the_limit_has_pictures() {
     );
     let figure = report.low_clearance.as_ref().expect("pictures");
     assert_eq!((figure.shot.moment.frame, pictures(figure).count()), (2, 6));
+    assert!(
+        figure.reason.contains("below the limit in 3 frames"),
+        "{}",
+        figure.reason
+    );
     let html = report.html();
     assert!(html.contains("<h2>Lowest clearance</h2>"), "{html}");
     assert!(html.contains("lowest clearance: frame 2 at 1 s"), "{html}");
