@@ -3,7 +3,7 @@
 use super::finding::Finding;
 use super::{DefectKind, Report};
 use crate::curve::Image;
-#[cfg(any(feature = "mcap", feature = "rerun"))]
+#[cfg(feature = "mcap")]
 use {super::Verdict, std::collections::BTreeSet};
 
 /// Identity of a finding that may last over several frames: a changed linking number or a defect.
@@ -47,27 +47,24 @@ impl Report {
 }
 
 /// Verdict and findings of the previous frame, to tell what is new in the next one.
-#[cfg(any(feature = "mcap", feature = "rerun"))]
+#[cfg(feature = "mcap")]
 #[derive(Debug, Default)]
 pub(crate) struct Known {
     verdict: Option<Verdict>,
     findings: BTreeSet<Lasting>,
 }
 
-/// What is new in a frame.
-#[cfg(any(feature = "mcap", feature = "rerun"))]
+/// Verdict of the previous frame, and the findings of a frame that the previous one did not have.
+#[cfg(feature = "mcap")]
 pub(crate) struct Novelty {
     /// Verdict of the previous frame.
     pub before: Option<Verdict>,
     /// True for each finding, in the order of [`Report::findings`], that the previous frame did not
     /// have. Pull-throughs are always new.
     pub new: Vec<bool>,
-    /// True if the previous frame had other findings that last.
-    #[cfg_attr(not(feature = "rerun"), allow(dead_code))]
-    pub changed: bool,
 }
 
-#[cfg(any(feature = "mcap", feature = "rerun"))]
+#[cfg(feature = "mcap")]
 impl Known {
     /// Forgets the findings, because the next frame has other curves.
     #[cfg(feature = "cli")]
@@ -81,17 +78,11 @@ impl Known {
         let lasting: Vec<Option<Lasting>> = report.lasting().collect();
         let is_new = |last: &Option<Lasting>| last.is_none_or(|l| !self.findings.contains(&l));
         let new = lasting.iter().map(is_new).collect();
-        let findings: BTreeSet<Lasting> = lasting.into_iter().flatten().collect();
-        let changed = findings != self.findings;
         if report.verdict != Verdict::Rejected {
-            self.findings = findings;
+            self.findings = lasting.into_iter().flatten().collect();
         }
         let before = self.verdict.replace(report.verdict);
-        Novelty {
-            before,
-            new,
-            changed,
-        }
+        Novelty { before, new }
     }
 }
 

@@ -13,9 +13,9 @@ pub use change::{Change, ChangeKind, ImageLink, InvariantChange, Link, LoopPair}
 pub use clearance::{Clearance, CloseStrands};
 #[cfg(any(feature = "cli", feature = "rerun"))]
 pub(crate) use finding::Finding;
-#[cfg(any(feature = "mcap", feature = "rerun"))]
+#[cfg(feature = "mcap")]
 pub(crate) use lasting::Known;
-#[cfg(any(feature = "client", all(test, feature = "rerun")))]
+#[cfg(any(feature = "client", feature = "rerun"))]
 pub use lasting::Lasting;
 pub use left_out::LeftOut;
 #[cfg(feature = "cli")]

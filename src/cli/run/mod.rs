@@ -432,13 +432,13 @@ impl Run {
             );
             self.data_lost();
         }
-        let given = self
-            .options
-            .baseline
-            .iter()
-            .flat_map(Certificate::invariants);
-        let kinds: Vec<InvariantKind> = given.chain(self.options.invariants.clone()).collect();
-        let knots = kinds.contains(&InvariantKind::Curve);
+        let compares = |baseline: &Certificate| {
+            baseline
+                .invariants()
+                .any(|kind| kind == InvariantKind::Curve)
+        };
+        let knots = self.options.invariants.contains(&InvariantKind::Curve)
+            || self.options.baseline.as_ref().is_some_and(compares);
         if tally.verified > 1
             && !(self.sum.has_pairs || knots)
             && self.options.events != Events::All
