@@ -61,6 +61,22 @@ const USD: [&str; 4] = ["usd", "usda", "usdc", "usdz"];
 const PREFIXES: [(&str, Format); 2] =
     [("data.", Format::LammpsData), ("dump.", Format::LammpsDump)];
 
+/// Returns advice on naming the models in a folder.
+fn advice_on(folder: &Path) -> String {
+    let files = std::fs::read_dir(folder).into_iter().flatten().flatten();
+    let models = files
+        .map(|file| file.path())
+        .filter(|path| Format::of_extension(path).is_some());
+    match models.min() {
+        Some(model) => {
+            let extension = model.extension().unwrap_or_default();
+            let pattern = folder.join("*").with_extension(extension);
+            format!("for the models in it, give {}", pattern.display())
+        }
+        None => format!("it holds no models ({MODEL_FILES})"),
+    }
+}
+
 impl Format {
     /// Returns the format of a file by its name, or by its content if the name is not known.
     ///
@@ -70,11 +86,9 @@ impl Format {
     /// which the Python package reads.
     pub fn of(path: &Path) -> Result<Format> {
         if path.is_dir() {
-            let advice = format!("give the models in it ({MODEL_FILES})");
-            return Err(Error::Folder {
-                path: path.into(),
-                advice,
-            });
+            let advice = advice_on(path);
+            let path = path.into();
+            return Err(Error::Folder { path, advice });
         }
         if is_usd(path) {
             return Err(needs_python(path));

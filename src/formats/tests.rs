@@ -140,11 +140,16 @@ fn the_error_of_a_folder_shows_how_to_name_its_models() {
     let folder = tempfile::tempdir().unwrap();
     let error = |path: &Path| read(path).unwrap_err().to_string();
     let path = folder.path();
-    let advice = format!(
-        "{}: not a regular file but a folder; give the models",
+    let empty = format!(
+        "{}: not a regular file but a folder; it holds no models",
         path.display()
     );
-    assert!(error(path).starts_with(&advice), "{}", error(path));
+    assert!(error(path).starts_with(&empty), "{}", error(path));
+    for name in ["b.bcc", "notes.txt"] {
+        std::fs::write(path.join(name), "").unwrap();
+    }
+    let advice = format!("for the models in it, give {}/*.bcc", path.display());
+    assert!(error(path).ends_with(&advice), "{}", error(path));
     // A folder may have the name of a model.
     let inner = path.join("frames.bcc");
     std::fs::create_dir(&inner).unwrap();
