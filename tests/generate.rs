@@ -67,13 +67,16 @@ fn reports_tests_decided_by_exact_arithmetic() {
         ("chainmail:rows=4,columns=5", false),
     ] {
         linkwatch(&["generate", scene, "--force", "-o", text(&model)]);
-        let Run { stdout, .. } = linkwatch(&["certify", "--json", text(&model)]);
+        let Run { stdout, stderr, .. } = linkwatch(&["certify", "--json", text(&model)]);
+        assert_eq!(stderr.contains("decided exactly ("), some, "{stderr}");
         let json: serde_json::Value = serde_json::from_str(&stdout).unwrap();
         let count = |name: &str| json["stats"][name].as_f64().unwrap();
         let share = count("exact") / count("tests");
         assert_eq!(json["exact_share"], share);
         assert_eq!(some, share > 0.0);
         assert!(share <= 1.0);
+        let reported = format!("decided exactly ({:.2} %)", 100.0 * share);
+        assert_eq!(stderr.contains(&reported), some, "{stderr}");
     }
 }
 
@@ -106,7 +109,7 @@ fn lists_scenes() {
     );
     assert!(stdout.contains("\nribbon: double helix"), "{stdout}");
     assert!(stdout.contains("  segments=200000 "), "{stdout}");
-    assert!(stdout.contains("(-1000000 to 1000000)"), "{stdout}");
+    assert!(stdout.contains("(-1,000,000 to 1,000,000)"), "{stdout}");
     let Run { code, stdout, .. } = linkwatch(&["generate", "--list", "--json"]);
     let lines: Vec<serde_json::Value> = stdout
         .lines()

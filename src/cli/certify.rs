@@ -8,7 +8,7 @@ use super::frames::{FrameArgs, Picked};
 use super::kernel::KernelArgs;
 use super::number::{not_negative, positive};
 use super::open;
-use super::output::{self, count, millis, plural, plural_of, with_progress};
+use super::output::{self, count, millis, percent, plural, plural_of, with_progress};
 use linkwatch::kernels::{Method, Offload};
 use linkwatch::{
     Braids, Certificate, Certifier, CurveSet, Error, Events, FrameInfo, ImageLink, InvariantKind,
@@ -272,6 +272,9 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
                 return open::print(path, &frame, (tolerance, least), !is_alone, json);
             }
             let certified = certify(&frame, args)?;
+            if !several {
+                log_work(&frame.name, &certified, args);
+            }
             match json {
                 true => print_json(path, &frame, &certified, args),
                 false if several => print_line(&frame.name, &certified),
@@ -303,8 +306,17 @@ fn print_json(path: &Path, frame: &Picked, c: &Certified, args: &Args) {
     }));
 }
 
-/// Prints a certificate as in a file, or a summary and the links of one of several models.
-fn print(name: &str, c: &Certified, args: &Args, is_alone: bool) {
+/// Logs a summary, and the work of a certificate that was not usual.
+fn log_work(name: &str, c: &Certified, args: &Args) {
+    tracing::info!("{name}: {}", summary(c));
+    if c.stats.exact > 0 {
+        tracing::info!(
+            "{name}: {} decided exactly ({}), because floating-point numbers were not precise \
+             enough: slower, but equally certain",
+            plural(c.stats.exact, "orientation test"),
+            percent(c.stats.exact_share()),
+        );
+    }
     let method = args.kernel.method();
     let asked_to_sum = !matches!(method, Method::Auto | Method::Crossings);
     if let Some(l) = c.ladder.as_ref().filter(|l| l.summed > 0 || asked_to_sum) {
@@ -318,8 +330,19 @@ fn print(name: &str, c: &Certified, args: &Args, is_alone: bool) {
             millis(l.summing),
         );
     }
+    if c.offload.tests > 0 {
+        tracing::info!(
+            "{name}: {} on the GPU, {} of them repeated on the CPU ({})",
+            plural(c.offload.tests, "test"),
+            count(c.offload.undecided),
+            percent(c.offload.undecided as f64 / c.offload.tests as f64),
+        );
+    }
+}
+
+/// Prints a certificate as in a file, or a summary and the links of one of several models.
+fn print(name: &str, c: &Certified, args: &Args, is_alone: bool) {
     if is_alone {
-        tracing::info!("{name}: {}", summary(c));
         if args.output.is_none() {
             output::line(c.certificate.to_string().trim_end());
         }

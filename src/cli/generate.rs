@@ -4,7 +4,7 @@ use super::Outcome;
 use super::files::{Content, Files, Overwrite, write_text, write_whole};
 use super::live::Live;
 use super::number::{not_negative, positive};
-use super::output::{self, millis, plural};
+use super::output::{self, count, millis, plural};
 use super::settings::{named, split};
 use linkwatch::formats::{Format, FrameWriter, ModelFrame};
 use linkwatch::scenes::{KINDS, Motion, MotionKind, MovingScene, Scene};
@@ -199,7 +199,17 @@ fn list(as_json: bool) {
         out!("{}: {}", kind.name, kind.purpose);
         for p in kind.parameters {
             let default = format!("{}={}", p.name, p.default);
-            out!("  {default:20} {} ({} to {})", p.meaning, p.min, p.max);
+            let (min, max) = match p.integer {
+                true => (signed(p.min), signed(p.max)),
+                false => (p.min.to_string(), p.max.to_string()),
+            };
+            out!("  {default:20} {} ({min} to {max})", p.meaning);
         }
     }
+}
+
+/// Formats an integer with separators, `-1,000,000`.
+fn signed(x: f64) -> String {
+    let sign = if x < 0.0 { "-" } else { "" };
+    format!("{sign}{}", count(x.abs() as u64))
 }

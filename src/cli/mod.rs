@@ -168,7 +168,9 @@ impl Outcome {
         match verdict {
             Verdict::Intact => Outcome::Fine,
             Verdict::Changed => Outcome::Changed,
-            _ => Outcome::Undecided,
+            Verdict::Contact | Verdict::Undecided | Verdict::Stale | Verdict::Rejected => {
+                Outcome::Undecided
+            }
         }
     }
 

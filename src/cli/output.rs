@@ -214,8 +214,12 @@ pub fn warn_of_long_segment(name: &str, curves: &CurveSet) {
     let Some(long) = curves.long_segment() else {
         return;
     };
+    let others = match long.count {
+        1 => String::new(),
+        n => format!(", and so do {}", plural_of(n - 1, "other", "others")),
+    };
     tracing::warn!(
-        "{name}: {long}; if the box is periodic and the coordinates are wrapped into it, \
+        "{name}: {long}{others}; if the box is periodic and the coordinates are wrapped into it, \
          links across its boundary are not detected: give --cell and --wrapped"
     );
 }

@@ -1,7 +1,7 @@
 //! `linkwatch services`: the live services of this machine.
 
 use super::{Outcome, output};
-use linkwatch::{Result, services};
+use linkwatch::{Result, ServiceInfo, services};
 
 /// Runs the command.
 pub fn run(json: bool) -> Result<Outcome> {
@@ -32,19 +32,24 @@ pub fn hint(service: &str, waited: &str) {
         Err(e) => return tracing::warn!("{e}"),
     };
     let (own, others): (Vec<_>, Vec<_>) = all.into_iter().partition(|s| s.service == service);
+    let none_came = format!("no simulator connected to service '{service}' within {waited}");
     if let Some(simulator) = own.iter().find_map(|s| s.simulator.as_ref()) {
         tracing::info!(
             "the simulator on service '{service}' ({simulator}) has not sent anything yet"
         );
-        return;
+    } else if others.is_empty() {
+        tracing::info!(
+            "{none_came}, and no other service is live on this machine: start the simulator with \
+             this service name, as the same user"
+        );
+    } else {
+        tracing::warn!("{none_came}; live services on this machine (`linkwatch services`):");
+        others.iter().for_each(|s| tracing::warn!("  {s}"));
     }
-    tracing::warn!(
-        "no simulator connected to service '{service}' within {waited}; other live services of \
-         this user on this machine: {}",
-        others.len()
-    );
-    others.iter().for_each(|s| tracing::warn!("  {s}"));
-    if !others.is_empty() {
-        tracing::warn!("to watch one of them: --service NAME");
+    let free = |s: &&ServiceInfo| s.simulator.is_some() && s.watcher.is_none();
+    if own.iter().all(|s| s.simulator.is_none())
+        && let Some(free) = others.iter().find(free)
+    {
+        tracing::warn!("to watch one of them: --service '{}'", free.service);
     }
 }

@@ -13,7 +13,7 @@ use super::run::PATIENT;
 use super::signals::{TICK, stop_on_signals};
 use super::source::{Source, warn_of_cut};
 use linkwatch::{
-    Client, ClientOptions, CurveLabels, MessageKind, Outcome as Waited, RecordedFrame,
+    Client, ClientOptions, CurveLabels, Error, MessageKind, Outcome as Waited, RecordedFrame,
     RecordedItem, Result, Verdict, VerdictMessage,
 };
 use serde_json::json;
@@ -61,6 +61,15 @@ pub struct Args {
     cell: CellArg,
 }
 
+/// Reason for the end of the run.
+enum End {
+    AllPublished,
+    Signal,
+    Abort,
+    /// The watcher left or does not answer.
+    NoWatcher(String),
+}
+
 /// Runs the command.
 pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     args.range.check()?;
@@ -90,7 +99,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         counts: Counts::default(),
     };
     let Some(first) = publisher.next()? else {
-        return Err(usage!("{name}: no frame to publish"));
+        return Err(Error::Usage(format!("{name}: no frame to publish")));
     };
     // Described before the wait, so that shared memory is created for frames of this size.
     publisher.describe(&first)?;
@@ -169,11 +178,13 @@ impl Publisher<'_> {
             match item {
                 RecordedItem::Frame(frame) if range.is_before(frame.seq, frame.time) => break,
                 RecordedItem::Frame(frame) if range.contains(frame.seq, frame.time) => {
-                    let Err(e) = frame.check() else {
-                        return Ok(Some(frame));
-                    };
-                    tracing::warn!("frame {} is not published: {e}", frame.seq);
-                    self.counts.left_out += 1;
+                    match frame.check() {
+                        Ok(()) => return Ok(Some(frame)),
+                        Err(e) => {
+                            tracing::warn!("frame {} is not published: {e}", frame.seq);
+                            self.counts.left_out += 1;
+                        }
+                    }
                 }
                 RecordedItem::Verdict(recorded) => {
                     let report = &recorded.report;
@@ -199,21 +210,22 @@ impl Publisher<'_> {
         }
         let labels = CurveLabels::clone(&frame.info.labels);
         let (basis, precision) = (frame.basis, frame.precision);
-        let client = &mut self.client;
-        let described = client.describe_labelled(basis, precision, &frame.counts, labels);
-        described.map_err(|e| usage!("frame {}: {e}", frame.seq))
+        let described = self
+            .client
+            .describe_labelled(basis, precision, &frame.counts, labels);
+        described.map_err(|e| Error::Usage(format!("frame {}: {e}", frame.seq)))
     }
 
-    /// Publishes the frames at their pace. Returns the reason if it ends before the last one.
-    fn publish_all(&mut self, first: RecordedFrame) -> Result<Option<String>> {
+    /// Publishes the frames at their pace.
+    fn publish_all(&mut self, first: RecordedFrame) -> Result<End> {
         let mut clock = Clock::new(self.args.speed);
         let mut next = Some(first);
         while let Some(frame) = next {
             let due = clock.due(frame.received_ns as f64 * 1e-9);
             loop {
                 self.read_verdicts()?;
-                if let Some(why) = self.stops() {
-                    return Ok(Some(why));
+                if let Some(end) = self.end() {
+                    return Ok(end);
                 }
                 let left = due.saturating_duration_since(Instant::now());
                 if left.is_zero() {
@@ -223,14 +235,14 @@ impl Publisher<'_> {
             }
             let seq = self.publish(frame)?;
             if self.args.lockstep
-                && let Some(why) = self.wait(seq)?
+                && let Some(end) = self.wait(seq)?
             {
-                return Ok(Some(why));
+                return Ok(end);
             }
             next = self.next()?;
         }
         self.wait_for_last()?;
-        Ok(self.stops())
+        Ok(self.end().unwrap_or(End::AllPublished))
     }
 
     /// Publishes a frame. Returns its number.
@@ -321,16 +333,16 @@ impl Publisher<'_> {
     }
 
     /// Returns the reason to stop, if there is one.
-    fn stops(&mut self) -> Option<String> {
+    fn end(&mut self) -> Option<End> {
         if self.is_stopped() {
-            return Some("stopped by a signal".into());
+            return Some(End::Signal);
         }
-        let aborted = self.args.stop_on_abort && self.client.aborted().is_some();
-        aborted.then(|| "stopped, because the watcher asked for it".into())
+        let aborted = self.client.aborted().is_some();
+        (aborted && self.args.stop_on_abort).then_some(End::Abort)
     }
 
     /// Waits for the verdict on a frame. Returns a reason to stop, if there is one.
-    fn wait(&mut self, seq: u64) -> Result<Option<String>> {
+    fn wait(&mut self, seq: u64) -> Result<Option<End>> {
         let start = Instant::now();
         loop {
             let asked = Instant::now();
@@ -339,15 +351,18 @@ impl Publisher<'_> {
                     self.answered(*message);
                     return Ok(None);
                 }
-                Waited::NoWatcher(why) => return Ok(Some(why.to_string())),
+                Waited::NoWatcher(why) => {
+                    return Ok(Some(End::NoWatcher(why.to_string())));
+                }
                 // The watcher skipped the frame.
                 Waited::Stale if asked.elapsed() < TICK => return Ok(None),
-                Waited::Stale if self.is_stopped() => return Ok(self.stops()),
+                Waited::Stale if self.is_stopped() => return Ok(Some(End::Signal)),
                 Waited::Stale => {
                     let silent = self.client.silent_for().unwrap_or(start.elapsed());
                     if silent > SILENCE {
                         let silent = silent.as_secs();
-                        return Ok(Some(format!("the watcher has been silent for {silent} s")));
+                        let why = format!("the watcher has been silent for {silent} s");
+                        return Ok(Some(End::NoWatcher(why)));
                     }
                 }
             }
@@ -355,15 +370,24 @@ impl Publisher<'_> {
     }
 
     /// Ends the session, and prints the summary.
-    fn finish(mut self, end: Option<String>, start: Instant) -> Result<Outcome> {
+    fn finish(mut self, end: End, start: Instant) -> Result<Outcome> {
         self.live.clear();
         let seconds = start.elapsed().as_secs_f64();
         let cut = warn_of_cut(&self.source.path, &self.source.reader);
         let mut complete = !cut && !self.source.lacks_curves && self.counts.left_out == 0;
+        complete &= matches!(end, End::AllPublished);
         let mut wait = SILENCE;
-        if let Some(why) = end {
-            tracing::warn!("{why}; no further frame is published");
-            (complete, wait) = (false, LOOK);
+        match &end {
+            End::AllPublished => {}
+            End::Signal => {
+                tracing::info!("stopped by a signal");
+                wait = LOOK;
+            }
+            End::Abort => tracing::info!("stopped, because the watcher asked for it"),
+            End::NoWatcher(why) => {
+                tracing::error!("{why}; no further frame is published");
+                wait = LOOK;
+            }
         }
         self.read_verdicts()?;
         let goodbye: Option<VerdictMessage> = self.client.finish_within(wait)?;
@@ -388,18 +412,24 @@ impl Publisher<'_> {
             }
             output::line(line);
             let counts = &self.counts;
-            let without = "not published, without recorded curves";
             let skipped = "not recorded, which the watcher counts as skipped";
             for (n, noun, what) in [
                 (counts.left_out, "invalid frame", "not published"),
-                (counts.rejected, "frame", without),
+                (
+                    counts.rejected,
+                    "frame",
+                    "not published, without recorded curves",
+                ),
                 (counts.numbers_between, "frame", skipped),
             ] {
                 if n > 0 {
-                    out!("{what}: {}", plural(n, noun));
+                    output::line(format_args!("{what}: {}", plural(n, noun)));
                 }
             }
         }
-        Ok(self.worst.max(Outcome::undecided_if(!complete)))
+        Ok(match complete {
+            true => self.worst,
+            false => self.worst.max(Outcome::Undecided),
+        })
     }
 }

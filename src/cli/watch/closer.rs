@@ -12,15 +12,15 @@ const POLL: Duration = Duration::from_millis(2);
 /// Closes sessions, each in a thread of its own, and keeps the worst outcome.
 pub struct Closer {
     worst: Outcome,
-    /// Threads of the sessions. Each one ends within the time limit of the sinks.
-    sessions: Vec<JoinHandle<Outcome>>,
+    /// Sessions that may not have closed. Each one ends within the time limit of the sinks.
+    pending: Vec<JoinHandle<Outcome>>,
 }
 
 impl Closer {
     /// Begins with the worst outcome of earlier sessions.
     pub fn new(worst: Outcome) -> Closer {
-        let sessions = Vec::new();
-        Closer { worst, sessions }
+        let pending = Vec::new();
+        Closer { worst, pending }
     }
 
     /// Adds an outcome.
@@ -36,16 +36,25 @@ impl Closer {
         while !thread.is_finished() && start.elapsed() < PATIENCE {
             std::thread::sleep(POLL);
         }
-        self.sessions.push(thread);
+        self.pending.push(thread);
+        let pending = std::mem::take(&mut self.pending).into_iter();
+        let (closed, open) = pending.partition(JoinHandle::is_finished);
+        self.pending = open;
+        self.join(closed);
         Ok(())
+    }
+
+    fn join(&mut self, sessions: Vec<JoinHandle<Outcome>>) {
+        for session in sessions {
+            // If the thread panicked, the panic was printed.
+            self.add(session.join().unwrap_or(Outcome::Undecided));
+        }
     }
 
     /// Waits for all sessions. Returns the worst outcome.
     pub fn finish(mut self) -> Outcome {
-        for session in std::mem::take(&mut self.sessions) {
-            // If the thread panicked, the panic was printed.
-            self.add(session.join().unwrap_or(Outcome::Undecided));
-        }
+        let pending = std::mem::take(&mut self.pending);
+        self.join(pending);
         self.worst
     }
 }
