@@ -32,22 +32,31 @@ fn ways() -> Vec<Options> {
 fn bounds_cover_the_error_on_scenes() {
     for text in [
         "ribbon:segments=2000,lambda=10",
-        "ribbon:segments=20000,lambda=-100",
-        "ribbon:segments=60000,lambda=1000",
         "woundball:segments=4000,crossings=20",
         "torus_link:segments=4000,toroidal=10,poloidal=20",
         "torus_zero:segments=16000,periods=20",
     ] {
-        let (set, lambda) = scene(text);
-        for way in ways() {
-            let found = BarnesHut::new(&set, way).linking_number((0, 1));
-            check(found, lambda, &format_args!("{text} {way:?}"));
-            let back = BarnesHut::new(&set, way).linking_number((1, 0));
-            check(back, lambda, &format_args!("{text} {way:?}, swapped"));
-            if let Accept::Bound(budget) = way.accept {
-                assert!(found.bound <= budget, "{text} {way:?}: {found:?}");
-                assert_eq!(found.integer(), Some(lambda));
-            }
+        check_scene(text);
+    }
+}
+
+#[test]
+#[ignore = "takes minutes"]
+fn bounds_cover_the_error_on_long_ribbons() {
+    check_scene("ribbon:segments=20000,lambda=-100");
+    check_scene("ribbon:segments=60000,lambda=1000");
+}
+
+fn check_scene(text: &str) {
+    let (set, lambda) = scene(text);
+    for way in ways() {
+        let found = BarnesHut::new(&set, way).linking_number((0, 1));
+        check(found, lambda, &format_args!("{text} {way:?}"));
+        let back = BarnesHut::new(&set, way).linking_number((1, 0));
+        check(back, lambda, &format_args!("{text} {way:?}, swapped"));
+        if let Accept::Bound(budget) = way.accept {
+            assert!(found.bound <= budget, "{text} {way:?}: {found:?}");
+            assert_eq!(found.integer(), Some(lambda));
         }
     }
 }
