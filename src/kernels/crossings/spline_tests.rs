@@ -87,7 +87,9 @@ fn check_random_splines(pairs: usize, seed: u64) {
             "{basis:?}: {linked} linked, {refined} points added, \
              {control_polygon_lies} unlike their control polygons"
         );
-        assert!(linked > pairs / 10 && refined > 2 * pairs && control_polygon_lies > pairs / 40);
+        assert!(
+            linked > pairs / 10 && refined > 2 * pairs as u64 && control_polygon_lies > pairs / 40
+        );
     }
 }
 
