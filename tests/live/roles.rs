@@ -379,7 +379,8 @@ fn memory_does_not_grow_with_the_sessions() {
         .map(|c| *c.iter().min().unwrap())
         .collect();
     println!("least resident memory of each 50 sessions: {least:?} kB");
-    // A third of a frame for each of the sessions.
-    let grown = least[3].saturating_sub(least[0]);
-    assert!(grown < 150 * 80, "{least:?} kB");
+    // A third of a frame for each of the sessions. The first fifty are not compared: the first one
+    // of a process has less, because later ones fill its pools.
+    let grown = least[3].saturating_sub(least[1]);
+    assert!(grown < 100 * 80, "{least:?} kB");
 }
