@@ -219,11 +219,8 @@ fn sequences_of_each_basis(count: u64) {
         for precision in [Precision::F32, Precision::F64] {
             let tally = sequences(basis, precision, first..first + count);
             assert!(u64::from(tally.changes_of_curves) > 2 * count, "{tally:?}");
-            assert!(u64::from(tally.changed_links) > count, "{tally:?}");
-            assert!(
-                u64::from(tally.pull_throughs_across) > count / 2,
-                "{tally:?}"
-            );
+            assert!(tally.changed_links > 10, "{tally:?}");
+            assert!(tally.pull_throughs_across > 5, "{tally:?}");
             assert!(u64::from(tally.intact) > count, "{tally:?}");
         }
     }
@@ -231,10 +228,10 @@ fn sequences_of_each_basis(count: u64) {
 
 #[test]
 fn curves_that_come_and_go_are_compared_by_name() {
-    sequences_of_each_basis(4);
+    sequences_of_each_basis(8);
 }
 
-/// The same test with 40 times as many sequences.
+/// The same test with 20 times as many sequences.
 #[test]
 #[ignore = "takes minutes"]
 fn very_many_curves_that_come_and_go() {

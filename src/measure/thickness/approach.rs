@@ -57,6 +57,8 @@ pub(super) struct Side {
     /// True for the start and for the end if a local minimum of a distance may be there even if the
     /// distance changes: the curve is open, or has a corner.
     is_free: [bool; 2],
+    /// Upper bound of the distance from its start to any of its points.
+    size: f64,
 }
 
 /// Joints of two segments.
@@ -157,10 +159,12 @@ impl Side {
             (Some(u), Some(v)) => is_corner(u, v),
             _ => true,
         });
+        let distances = hull.map(|p| norm(sub(p, hull[0])));
         Side {
             hull,
             neighbours,
             is_free,
+            size: distances.into_iter().fold(0.0, f64::max),
         }
     }
 
@@ -171,13 +175,7 @@ impl Side {
             let (middle, reach) = (dot(v, center), dot(v.map(f64::abs), half));
             [middle - reach, middle + reach]
         };
-        let [start, ..] = self.hull;
-        let size = self
-            .hull
-            .map(|p| norm(sub(p, start)))
-            .into_iter()
-            .fold(0.0, f64::max);
-        let reach = norm(sub(center, start)) + norm(half) + size;
+        let reach = norm(sub(center, self.hull[0])) + norm(half) + self.size;
         !is_one_sided(&self.hull, self.is_free, range, reach)
     }
 
