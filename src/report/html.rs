@@ -227,7 +227,7 @@ fn section(table: &Table) -> Markup {
             h2 { (table.title) }
             (part(visible))
             @if !others.is_empty() {
-                details { summary { (count(others.len() as u64)) " more" } (part(others)) }
+                details { summary { (count(others.len())) " more" } (part(others)) }
             }
             @if let Some(more) = &table.more { p.dim { (more) } }
         }

@@ -113,10 +113,7 @@ impl Facts {
             let finding = format!("{}{passages}", link.sentence);
             Some([link.first.to_string(), finding, lasted(link.frames, last)])
         });
-        let unlisted = format!(
-            "Only the first {} are listed.",
-            plural(pairs.len() as u64, "pair")
-        );
+        let unlisted = format!("Only the first {} are listed.", plural(pairs.len(), "pair"));
         let passages = self.pull_throughs.rows.iter();
         let passages = passages.map(|p| [p.moment.to_string(), p.sentence.clone(), String::new()]);
         let defects = pairs.iter().filter_map(|pair| {

@@ -58,10 +58,10 @@ impl Facts {
         let longest = rounded(bins.iter().map(|b| b.max_ms).fold(0.0, f64::max));
         let took = format!("{mean} ms on average, {longest} ms at most");
         let baseline = self.baseline.as_ref().map(|baseline| {
-            let links = plural(baseline.links as u64, "link");
+            let links = plural(baseline.links, "link");
             let undefined = match baseline.undefined {
                 0 => String::new(),
-                n => format!(", {} without a linking number", count(n as u64)),
+                n => format!(", {} without a linking number", count(n)),
             };
             format!("{}: {links}{undefined}", baseline.origin)
         });

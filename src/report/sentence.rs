@@ -3,8 +3,7 @@
 use super::facts::{End, Facts, Found};
 use crate::incremental::Events;
 use crate::record::{CUT_OFF, Retention};
-use crate::verdict::LeftOut;
-use crate::verdict::Verdict;
+use crate::verdict::{LeftOut, Verdict};
 use crate::words::{count, percent, plural, plural_of, truncated};
 use std::fmt;
 
@@ -177,7 +176,7 @@ impl Facts {
             let findings = plural(more, "more finding");
             note(more, format!("{} has {findings}", found.moment));
             let pairs = self.violations.pairs.iter().filter(|pair| pair.changed());
-            let pairs = plural(pairs.count() as u64, "pair");
+            let pairs = plural(pairs.count(), "pair");
             let at_least = match self.violations.more {
                 true => "more than ",
                 false => "",

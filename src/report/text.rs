@@ -31,7 +31,7 @@ impl fmt::Display for RunReport {
                 write!(f, "\n  {frame}: {finding}{separator}{lasted}")?;
             }
             if let more @ 1.. = table.rows.len().saturating_sub(ROWS) {
-                write!(f, "\n  and {} more", count(more as u64))?;
+                write!(f, "\n  and {} more", count(more))?;
             }
             if let Some(more) = &table.more {
                 write!(f, "\n  {more}")?;

@@ -7,7 +7,7 @@ use super::passed::{self, Passed};
 use super::stream::log;
 use super::style::{CYAN, PALE_ORANGE, PALE_RED, lines, narrow, points};
 use super::view::View;
-use crate::curve::vector::add_scaled;
+use crate::curve::vector::{add_scaled, dot, sub};
 use crate::curve::{AXES, Cell, CurveSet, is_home};
 use crate::error::Result;
 use crate::verdict::{Finding, Report};
@@ -97,8 +97,8 @@ pub(super) fn draw_places(
     for (spot, text, color) in marked.iter().chain(events.iter().take(SHOWN)) {
         let point = spot.marks[0];
         let close = |other: &Spot| {
-            let other = other.marks[0];
-            (0..3).map(|x| (other[x] - point[x]).powi(2)).sum::<f64>() < near_sq
+            let apart = sub(other.marks[0], point);
+            dot(apart, apart) < near_sq
         };
         match labels.iter_mut().find(|(spots, ..)| close(spots[0])) {
             Some((spots, texts, _)) => {

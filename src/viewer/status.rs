@@ -2,6 +2,7 @@
 
 use super::passed::Passed;
 use crate::verdict::{Lasting, Report, Verdict, label_of_curve, label_of_pair};
+use crate::words::plural;
 use std::collections::BTreeMap;
 
 /// Findings that last, each with the frame since which it has persisted.
@@ -84,12 +85,9 @@ pub(super) fn status(
         text.push_str(&row);
     }
     text.extend(more(report.events.len()));
-    match report.unresolved.len() {
-        0 => {}
-        1 => text.push_str("\n1 unresolved pull-through: the frames are too far apart.\n"),
-        n => text.push_str(&format!(
-            "\n{n} unresolved pull-throughs: the frames are too far apart.\n"
-        )),
+    if let n @ 1.. = report.unresolved.len() {
+        let unresolved = plural(n, "unresolved pull-through");
+        text.push_str(&format!("\n{unresolved}: the frames are too far apart.\n"));
     }
     text.extend(passed.words().map(|words| format!("\n{words}\n")));
     text

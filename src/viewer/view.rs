@@ -145,7 +145,7 @@ mod tests {
             .map(|x| right[x] * scene.from[x] + right[x] * down[x])
             .sum();
         assert!(along.abs() < 1e-12 && right[0] > 0.0, "{right:?}");
-        let across: f64 = (0..3).map(|x| down[x] * scene.from[x]).sum();
+        let across: f64 = dot(down, scene.from);
         assert!(across.abs() < 1e-12 && down[2] < 0.0, "{down:?}");
         // The eye is at a distance of 10 from the origin.
         let nearer = scene.from.map(|x| 5.0 * x);

@@ -13,7 +13,7 @@ use super::run::PATIENT;
 use super::signals::{TICK, stop_on_signals};
 use super::source::{Source, warn_of_cut};
 use linkwatch::{
-    Client, ClientOptions, CurveLabels, Error, MessageKind, Outcome as Waited, RecordedFrame,
+    Client, ClientOptions, CurveLabels, MessageKind, Outcome as Waited, RecordedFrame,
     RecordedItem, Result, Verdict, VerdictMessage,
 };
 use serde_json::json;
@@ -99,7 +99,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         counts: Counts::default(),
     };
     let Some(first) = publisher.next()? else {
-        return Err(Error::Usage(format!("{name}: no frame to publish")));
+        return Err(usage!("{name}: no frame to publish"));
     };
     // Described before the wait, so that shared memory is created for frames of this size.
     publisher.describe(&first)?;
@@ -213,7 +213,7 @@ impl Publisher<'_> {
         let described = self
             .client
             .describe_labelled(basis, precision, &frame.counts, labels);
-        described.map_err(|e| Error::Usage(format!("frame {}: {e}", frame.seq)))
+        described.map_err(|e| usage!("frame {}: {e}", frame.seq))
     }
 
     /// Publishes the frames at their pace.
@@ -423,13 +423,10 @@ impl Publisher<'_> {
                 (counts.numbers_between, "frame", skipped),
             ] {
                 if n > 0 {
-                    output::line(format_args!("{what}: {}", plural(n, noun)));
+                    out!("{what}: {}", plural(n, noun));
                 }
             }
         }
-        Ok(match complete {
-            true => self.worst,
-            false => self.worst.max(Outcome::Undecided),
-        })
+        Ok(self.worst.max(Outcome::undecided_if(!complete)))
     }
 }
