@@ -50,6 +50,17 @@ fn follow(planted: &PlantedStep, events: Events, routes: &mut [u64; 3]) -> Vec<R
 /// segments, sign and moment, and in no other frame.
 #[test]
 fn reports_planted_pull_throughs_in_their_frame_and_no_others() {
+    check_planted(160);
+}
+
+#[test]
+#[ignore = "takes minutes"]
+fn reports_many_planted_pull_throughs_in_their_frame_and_no_others() {
+    check_planted(1600);
+}
+
+/// Checks this number of steps, a multiple of 4, for each kind of pull-throughs.
+fn check_planted(steps: usize) {
     let mut routes = [0; 3];
     for plant in [
         Plant::Single,
@@ -59,7 +70,7 @@ fn reports_planted_pull_throughs_in_their_frame_and_no_others() {
     ] {
         let mut r = Random::new(2000 + plant as u64);
         let mut done = 0;
-        while done < 160 {
+        while done < steps {
             let basis = Basis::ALL[done % Basis::ALL.len()];
             let Some(planted) = planted_step(&mut r, basis, plant) else {
                 continue;
@@ -96,8 +107,14 @@ fn reports_planted_pull_throughs_in_their_frame_and_no_others() {
             }
         }
     }
-    assert!(routes[Route::Quiet as usize] > 1600, "{routes:?}");
-    assert!(routes[Route::Partial as usize] > 16, "{routes:?}");
+    assert!(
+        routes[Route::Quiet as usize] > 10 * steps as u64,
+        "{routes:?}"
+    );
+    assert!(
+        10 * routes[Route::Partial as usize] > steps as u64,
+        "{routes:?}"
+    );
 }
 
 /// Receives a frame into memory of its own.

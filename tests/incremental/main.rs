@@ -208,7 +208,17 @@ fn a_loop_that_was_degenerate_in_the_reference_frame_recovers() {
 /// The curves of a stream may change between frames, if their number stays the same.
 #[test]
 fn sets_with_changed_curves() {
-    for seed in 0..40 {
+    changed_curves(0..40);
+}
+
+#[test]
+#[ignore = "takes minutes"]
+fn very_many_sets_with_changed_curves() {
+    changed_curves(40..2000);
+}
+
+fn changed_curves(seeds: Range<u64>) {
+    for seed in seeds {
         let mut random = Random::new(900_000 + seed);
         let mut movies: Vec<Movie> = (0..3)
             .map(|_| {

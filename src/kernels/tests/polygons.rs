@@ -107,6 +107,20 @@ pub fn polylines(curves: &[&[[f64; 3]]]) -> CurveSet {
     CurveSet::from_counts(Basis::Polyline, &counts, Positions::F64(&flat)).expect("finite")
 }
 
+/// Scenes for kernels with bounds.
+pub const SCENES: [&str; 4] = [
+    "ribbon:segments=2000,lambda=10",
+    "woundball:segments=4000,crossings=20",
+    "torus_link:segments=4000,toroidal=10,poloidal=20",
+    "torus_zero:segments=16000,periods=20",
+];
+
+/// Scenes that take minutes.
+pub const LONG_RIBBONS: [&str; 2] = [
+    "ribbon:segments=20000,lambda=-100",
+    "ribbon:segments=60000,lambda=1000",
+];
+
 /// Returns the curves of a scene, and the linking number of the first pair.
 pub fn scene(text: &str) -> (CurveSet, i64) {
     let generated = text

@@ -1,5 +1,5 @@
 use super::*;
-use crate::kernels::tests::polygons::{check, hopf, polylines, scene};
+use crate::kernels::tests::polygons::{LONG_RIBBONS, SCENES, check, hopf, polylines, scene};
 use crate::scenes::Scene;
 
 fn options(order: Order, accept: Accept) -> Options {
@@ -30,21 +30,13 @@ fn ways() -> Vec<Options> {
 
 #[test]
 fn bounds_cover_the_error_on_scenes() {
-    for text in [
-        "ribbon:segments=2000,lambda=10",
-        "woundball:segments=4000,crossings=20",
-        "torus_link:segments=4000,toroidal=10,poloidal=20",
-        "torus_zero:segments=16000,periods=20",
-    ] {
-        check_scene(text);
-    }
+    SCENES.into_iter().for_each(check_scene);
 }
 
 #[test]
 #[ignore = "takes minutes"]
 fn bounds_cover_the_error_on_long_ribbons() {
-    check_scene("ribbon:segments=20000,lambda=-100");
-    check_scene("ribbon:segments=60000,lambda=1000");
+    LONG_RIBBONS.into_iter().for_each(check_scene);
 }
 
 fn check_scene(text: &str) {

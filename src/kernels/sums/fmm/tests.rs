@@ -1,7 +1,9 @@
 use super::*;
 use crate::kernels::sums::barnes_hut::{self, BarnesHut};
 use crate::kernels::tests::oracle;
-use crate::kernels::tests::polygons::{check, exact_set_of, hopf, polylines, scene};
+use crate::kernels::tests::polygons::{
+    LONG_RIBBONS, SCENES, check, exact_set_of, hopf, polylines, scene,
+};
 use crate::random::Random;
 
 fn options(order: Option<u32>, accept: Accept) -> Options {
@@ -71,21 +73,13 @@ fn bounds_cover_the_error_on_many_walks() {
 
 #[test]
 fn bounds_cover_the_error_on_scenes() {
-    for text in [
-        "ribbon:segments=2000,lambda=10",
-        "woundball:segments=4000,crossings=20",
-        "torus_link:segments=4000,toroidal=10,poloidal=20",
-        "torus_zero:segments=16000,periods=20",
-    ] {
-        check_scene(text);
-    }
+    SCENES.into_iter().for_each(check_scene);
 }
 
 #[test]
 #[ignore = "takes minutes"]
 fn bounds_cover_the_error_on_long_ribbons() {
-    check_scene("ribbon:segments=20000,lambda=-100");
-    check_scene("ribbon:segments=60000,lambda=1000");
+    LONG_RIBBONS.into_iter().for_each(check_scene);
 }
 
 fn check_scene(text: &str) {
