@@ -306,9 +306,8 @@ fn print_json(path: &Path, frame: &Picked, c: &Certified, args: &Args) {
     }));
 }
 
-/// Logs a summary, and the work of a certificate that was not usual.
+/// Logs the work of a certificate that was not usual.
 fn log_work(name: &str, c: &Certified, args: &Args) {
-    tracing::info!("{name}: {}", summary(c));
     if c.stats.exact > 0 {
         tracing::info!(
             "{name}: {} decided exactly ({}), because floating-point numbers were not precise \
@@ -343,6 +342,7 @@ fn log_work(name: &str, c: &Certified, args: &Args) {
 /// Prints a certificate as in a file, or a summary and the links of one of several models.
 fn print(name: &str, c: &Certified, args: &Args, is_alone: bool) {
     if is_alone {
+        tracing::info!("{name}: {}", summary(c));
         if args.output.is_none() {
             output::line(c.certificate.to_string().trim_end());
         }
