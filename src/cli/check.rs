@@ -9,7 +9,7 @@ use super::input::{self, FormatArgs};
 use super::output::with_progress;
 use super::run::{Baseline, Judge, JunitArgs, Run, Setup, Sinks};
 use super::sequence::{Frame, Sequence};
-use crate::curve::vector::distance;
+use crate::curve::vector::{distance, per_axis};
 use linkwatch::{AbortOn, CurveSet, Error, Point, Result, SessionOptions};
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -189,10 +189,10 @@ fn motion(from: &CurveSet, to: &CurveSet) -> Option<f64> {
     let length = median(within.map(|&(i, k)| distance(from.point(i, k - 1), from.point(i, k))))?;
     let moved = |&(i, k): &(usize, usize)| {
         let (a, b) = (from.point(i, k), to.point(i, k));
-        [0, 1, 2].map(|x| b[x] - a[x])
+        per_axis(|x| b[x] - a[x])
     };
     let moved: Vec<Point> = slots.iter().map(moved).collect();
-    let all = [0, 1, 2].map(|x| median(moved.iter().map(|by| by[x])).unwrap_or(0.0));
+    let all = per_axis(|x| median(moved.iter().map(|by| by[x])).unwrap_or(0.0));
     Some(median(moved.iter().map(|by| distance(*by, all)))? / length)
 }
 

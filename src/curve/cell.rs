@@ -1,7 +1,7 @@
 //! Periodic cell of a frame.
 
 use super::Point;
-use super::vector::{cross, dot, norm};
+use super::vector::{cross, dot, norm, per_axis};
 use crate::error::{Error, Result};
 use std::fmt;
 use std::str::FromStr;
@@ -17,12 +17,12 @@ pub(crate) fn is_home(image: &Image) -> bool {
 
 /// Returns the sum of two translations.
 pub(crate) fn plus(a: Image, b: Image) -> Image {
-    [0, 1, 2].map(|k| a[k].wrapping_add(b[k]))
+    per_axis(|k| a[k].wrapping_add(b[k]))
 }
 
 /// Returns the difference of two translations.
 pub(crate) fn minus(a: Image, b: Image) -> Image {
-    [0, 1, 2].map(|k| a[k].wrapping_sub(b[k]))
+    per_axis(|k| a[k].wrapping_sub(b[k]))
 }
 
 /// Periodic cell: the lattice along which a scene repeats.
@@ -99,7 +99,7 @@ impl Cell {
     /// the others. `None` if the vectors are almost linearly dependent.
     pub(crate) fn inverse(&self) -> Option<[Point; 3]> {
         let a = self.basis()?;
-        let normals = [0, 1, 2].map(|k| cross(a[(k + 1) % 3], a[(k + 2) % 3]));
+        let normals = per_axis(|k| cross(a[(k + 1) % 3], a[(k + 2) % 3]));
         let volume = dot(a[0], normals[0]);
         let box_volume: f64 = a.map(norm).iter().product();
         // Also false if a number is not finite.
@@ -149,7 +149,7 @@ impl Cell {
             true => dot(inverse[k], self.vectors[l]).round(),
             false => f64::from(u8::from(k == l)),
         };
-        let m = [0, 1, 2].map(|k| [0, 1, 2].map(|l| multiple(k, l)));
+        let m = per_axis(|k| per_axis(|l| multiple(k, l)));
         let minor = |r: usize, c: usize| {
             let [r1, r2, c1, c2] = [(r + 1) % 3, (r + 2) % 3, (c + 1) % 3, (c + 2) % 3];
             m[r1][c1] * m[r2][c2] - m[r1][c2] * m[r2][c1]
@@ -160,9 +160,9 @@ impl Cell {
             return *self;
         }
         // The inverse of `m` has the entries `minor(k, l) * determinant` in row `l`, column `k`.
-        let vectors = [0, 1, 2].map(|k| match periodic[k] {
+        let vectors = per_axis(|k| match periodic[k] {
             false => self.vectors[k],
-            true => [0, 1, 2].map(|x| {
+            true => per_axis(|x| {
                 let term = |l: usize| determinant * minor(k, l) * self.vectors[l][x];
                 term(0) + term(1) + term(2)
             }),
@@ -172,8 +172,8 @@ impl Cell {
 
     /// Returns the translation of an image, up to rounding.
     pub(crate) fn translation(&self, image: Image) -> Point {
-        [0, 1, 2].map(|x| {
-            let terms = [0, 1, 2].map(|k| f64::from(image[k]) * self.vectors[k][x]);
+        per_axis(|x| {
+            let terms = per_axis(|k| f64::from(image[k]) * self.vectors[k][x]);
             terms[0] + terms[1] + terms[2]
         })
     }
@@ -193,7 +193,7 @@ impl fmt::Display for Cell {
     /// Writes three numbers for a cell along the axes with its corner at the origin, else nine or
     /// twelve: the vectors, and then the corner.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let edges = [0, 1, 2].map(|x| self.vectors[x][x]);
+        let edges = per_axis(|x| self.vectors[x][x]);
         let corner = (self.origin != [0.0; 3]).then_some(self.origin);
         let along_axes = Cell::orthogonal(self.origin, edges) == *self;
         let numbers: Vec<f64> = match (along_axes, corner) {

@@ -1,6 +1,7 @@
 //! Coordinates of the input, as they come from outside.
 
 use super::Point;
+use crate::curve::vector::per_axis;
 use std::ops::Range;
 
 /// Floating-point type of the input coordinates. They are stored in this type, without rounding.
@@ -58,8 +59,8 @@ impl<'a> Positions<'a> {
     #[inline]
     pub(crate) fn point(&self, k: usize) -> Point {
         match self {
-            Positions::F32(v) => [0, 1, 2].map(|x| v[3 * k + x].into()),
-            Positions::F64(v) => [0, 1, 2].map(|x| v[3 * k + x]),
+            Positions::F32(v) => per_axis(|x| v[3 * k + x].into()),
+            Positions::F64(v) => per_axis(|x| v[3 * k + x]),
         }
     }
 

@@ -8,6 +8,13 @@
 use super::Point;
 use std::ops::{Add, Mul, Sub};
 
+/// Returns the vector whose component `x` is `of(x)`. The compiler does not always inline the
+/// `map` of an array, nor what it calls.
+#[inline(always)]
+pub(crate) fn per_axis<T>(mut of: impl FnMut(usize) -> T) -> [T; 3] {
+    [of(0), of(1), of(2)]
+}
+
 /// Returns `a + b`.
 #[inline(always)]
 pub(crate) fn add<T: Copy + Add<Output = T>>(a: [T; 3], b: [T; 3]) -> [T; 3] {
@@ -29,13 +36,13 @@ pub(crate) fn add_scaled(a: Point, t: f64, b: Point) -> Point {
 /// Returns `(1 - t) a + t b`.
 #[inline(always)]
 pub(crate) fn mix(a: Point, b: Point, t: f64) -> Point {
-    [0, 1, 2].map(|x| (1.0 - t) * a[x] + t * b[x])
+    per_axis(|x| (1.0 - t) * a[x] + t * b[x])
 }
 
 /// Returns `a / 2 - b / 2`. The difference of two finite numbers may overflow, half of it does not.
 #[inline(always)]
 pub(crate) fn half_difference(a: Point, b: Point) -> Point {
-    [0, 1, 2].map(|x| 0.5 * a[x] - 0.5 * b[x])
+    per_axis(|x| 0.5 * a[x] - 0.5 * b[x])
 }
 
 /// Returns `a . b`, as `(a0 b0 + a1 b1) + a2 b2`.

@@ -1,6 +1,6 @@
 //! Separation of the convex hulls of two cubic segments, by more than rounding errors.
 
-use crate::curve::vector::{add, add_scaled, cross, dot, sub};
+use crate::curve::vector::{add, add_scaled, cross, dot, per_axis, sub};
 use crate::curve::{Bezier, Bounds, Point, larger, pow2, smaller};
 
 /// Convex hull of a cubic segment, given by its control points: `points[axis][k]`.
@@ -19,7 +19,7 @@ impl Hull {
     /// Returns one of the four control points.
     #[inline(always)]
     pub fn point(&self, k: usize) -> Point {
-        [0, 1, 2].map(|x| self.points[x][k])
+        per_axis(|x| self.points[x][k])
     }
 
     /// Returns the mean of the four control points.
@@ -78,7 +78,7 @@ impl Hull {
     /// Returns the hull of a piece of a segment.
     pub fn of_piece(p: &Bezier) -> Hull {
         Hull {
-            points: [0, 1, 2].map(|x| [0, 1, 2, 3].map(|k| p[k][x])),
+            points: per_axis(|x| [0, 1, 2, 3].map(|k| p[k][x])),
         }
     }
 
@@ -344,8 +344,7 @@ mod tests {
 
     #[test]
     fn separates_strands_at_an_angle_and_side_by_side() {
-        let line =
-            |p: Point, d: Point| [0.0, 1.0, 2.0, 3.0].map(|t| [0, 1, 2].map(|x| p[x] + t * d[x]));
+        let line = |p: Point, d: Point| [0.0, 1.0, 2.0, 3.0].map(|t| per_axis(|x| p[x] + t * d[x]));
         let a = line([0.0; 3], [1.0, 1.0, 0.0]);
         // The boxes overlap in both cases.
         assert!(separated(

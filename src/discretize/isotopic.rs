@@ -15,7 +15,7 @@
 
 use super::MAX_LEVEL;
 use super::hulls::{Hull, separation_margin};
-use crate::curve::vector::hypot;
+use crate::curve::vector::{hypot, per_axis};
 use crate::curve::{Basis, Box3, CurveSet, Point, Positions, above, below, bounds, sub_segment};
 use crate::pairs::{LinkSearch, closest_of_segments};
 use crate::verdict::{Defect, DefectKind};
@@ -51,7 +51,7 @@ impl Piece {
 
     fn chord(&self) -> f64 {
         let [a, b] = [0, 3].map(|k| self.hull.point(k));
-        hypot([0, 1, 2].map(|x| b[x] - a[x]))
+        hypot(per_axis(|x| b[x] - a[x]))
     }
 }
 

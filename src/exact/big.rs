@@ -2,6 +2,7 @@
 //! Slow, and rarely needed.
 
 use super::predicates::Orientation;
+use crate::curve::vector::per_axis;
 use crate::curve::{Point, SumPoint, TERMS, single};
 use num_bigint::{BigInt, Sign};
 use std::cmp::Ordering;
@@ -79,7 +80,7 @@ impl Orientation for BigPredicates {
     }
 
     fn orient3d(&mut self, [a, b, c, d]: [&BigPoint; 4]) -> i32 {
-        let [a, b, c] = [a, b, c].map(|p| [0, 1, 2].map(|x| &p[x] - &d[x]));
+        let [a, b, c] = [a, b, c].map(|p| per_axis(|x| &p[x] - &d[x]));
         let minor = |p: &BigPoint, q: &BigPoint| &p[0] * &q[1] - &q[0] * &p[1];
         sign(&(&a[2] * minor(&b, &c) + &b[2] * minor(&c, &a) + &c[2] * minor(&a, &b)))
     }

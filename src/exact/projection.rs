@@ -5,7 +5,7 @@
 
 use super::big::{self, BigPoint};
 use super::predicates::{Predicates, determinant};
-use crate::curve::vector::{add, sub};
+use crate::curve::vector::{add, per_axis, sub};
 use crate::curve::{Point, pow2, single};
 use num_bigint::BigInt;
 use std::cmp::Ordering;
@@ -62,7 +62,7 @@ impl Direction {
     }
 
     fn exact_area(&self, a: &BigPoint, b: &BigPoint, c: &BigPoint) -> BigInt {
-        let from_a = |p: &BigPoint| [0, 1, 2].map(|x| &p[x] - &a[x]);
+        let from_a = |p: &BigPoint| per_axis(|x| &p[x] - &a[x]);
         let (u, v) = (from_a(b), from_a(c));
         let minor = |x: usize, y: usize| &u[x] * &v[y] - &u[y] * &v[x];
         minor(1, 2) * self.0[0] + minor(2, 0) * self.0[1] + minor(0, 1) * self.0[2]

@@ -27,6 +27,7 @@ use super::blocks::{CHUNK, Real};
 use super::covered::Covered;
 use super::ledger::Observer;
 use super::reference::{Block, Reference};
+use crate::curve::vector::per_axis;
 use crate::curve::{Coordinates, CurveSet, larger, smaller};
 use crate::discretize::MovingSeparation;
 use crate::exact::{Decided, Ties, passages, passages_of_sums};
@@ -71,13 +72,15 @@ struct Displacement {
 impl Displacement {
     /// Returns an upper bound of the squared lengths.
     fn largest_square(&self) -> f64 {
-        square([0, 1, 2].map(|x| larger(self.hi[x], -self.lo[x])))
+        square(per_axis(|x| larger(self.hi[x], -self.lo[x])))
     }
 
     /// Returns an upper bound of the squared lengths of the differences from another displacement.
     #[inline(always)]
     fn largest_difference_square(&self, other: &Displacement) -> f64 {
-        square([0, 1, 2].map(|x| larger(other.hi[x] - self.lo[x], self.hi[x] - other.lo[x])))
+        square(per_axis(|x| {
+            larger(other.hi[x] - self.lo[x], self.hi[x] - other.lo[x])
+        }))
     }
 }
 
@@ -265,7 +268,7 @@ impl<'a> MovedBlocks<'a> {
                 hi[x] = larger(hi[x], bounds[x][1]);
             }
         }
-        let diagonal = square([0, 1, 2].map(|x| hi[x] - lo[x])).sqrt();
+        let diagonal = square(per_axis(|x| hi[x] - lo[x])).sqrt();
         let enlarged = set.basis().overshoot();
         for x in 0..3 {
             // The bend first: the control points themselves are displaced by that.
@@ -361,11 +364,11 @@ fn bounds<T: Real + Into<f64>>(
     let n = slots.len();
     let [p, q] = [p, q].map(|v| v.each_ref().map(|v| &v[slots.clone()][..n]));
     let t = affine.t;
-    [0, 1, 2].map(|x| {
-        let m = [0, 1, 2].map(|y| affine.inverse[(x, y)]);
+    per_axis(|x| {
+        let m = per_axis(|y| affine.inverse[(x, y)]);
         let (mut lo, mut hi) = (f64::INFINITY, f64::NEG_INFINITY);
         for k in 0..n {
-            let v = [0, 1, 2].map(|y| p[y][k].into() - t[y]);
+            let v = per_axis(|y| p[y][k].into() - t[y]);
             let d = m[0] * v[0] + m[1] * v[1] + m[2] * v[2] - q[x][k].into();
             lo = smaller(lo, d);
             hi = larger(hi, d);
@@ -393,7 +396,7 @@ mod tests {
             let points = (0..n).map(|k| {
                 let t = TAU * k as f64 / n as f64;
                 let (c, s, f) = (t.cos(), t.sin(), (3.0 * t).cos());
-                [0, 1, 2].map(|x| center[x] + c * u[x] + s * v[x] + f * w[x])
+                per_axis(|x| center[x] + c * u[x] + s * v[x] + f * w[x])
             });
             points.collect()
         });
@@ -433,7 +436,7 @@ mod tests {
                     let (way, noise) = (r.point(size), 0.1 * size);
                     let place = |p: &Point| {
                         let jitter = r.point(noise);
-                        [0, 1, 2].map(|x| p[x] + way[x] + jitter[x])
+                        per_axis(|x| p[x] + way[x] + jitter[x])
                     };
                     ring.iter().map(place).collect()
                 });

@@ -12,6 +12,7 @@
 use super::affine::Affine;
 use super::blocks::{BLOCK, Real, VALUES};
 use super::stream::IMAGES;
+use crate::curve::vector::per_axis;
 use crate::curve::{Point, Positions, bounds};
 use crate::simd::{LANES, Simd};
 
@@ -58,7 +59,7 @@ impl Packed {
 
     fn new(points: &[Point; BLOCK], max_abs: f64, allowances: &[f32; BLOCK]) -> Packed {
         let [lo, hi] = bounds(points.iter().copied());
-        let origin = [0, 1, 2].map(|x| 0.5 * lo[x] + 0.5 * hi[x]);
+        let origin = per_axis(|x| 0.5 * lo[x] + 0.5 * hi[x]);
         let size = (0..3).map(|x| hi[x] - lo[x]).fold(0.0, f64::max);
         // If the scale is 0 or too large for the type, the offsets are too, and the allowance
         // accounts for the error.
@@ -154,7 +155,7 @@ impl PackedCondition {
         let stray = (affine.m - nalgebra::Matrix3::identity()).norm();
         PackedCondition {
             affine: *affine,
-            m: [0, 1, 2].map(|r| [0, 1, 2].map(|c| affine.m[(r, c)] as f32)),
+            m: per_axis(|r| per_axis(|c| affine.m[(r, c)] as f32)),
             sigma: affine.sigma * (1.0 - 64.0 * U),
             // Nothing is proven if single precision may overflow.
             error: if size < f32::LARGEST {

@@ -8,6 +8,7 @@ use super::affine::Affine;
 use super::blocks::{BLOCK, CHUNK, Real, VALUES};
 use super::packed::{Packed, PackedCondition};
 use super::reference::Reference;
+use crate::curve::vector::per_axis;
 use crate::curve::{Bad, Positions, Received, Scalar, largest_within, smaller};
 use crate::simd::{Simd, dispatch_wide, prefetch};
 use rayon::prelude::*;
@@ -52,8 +53,8 @@ impl<T: Real> Condition<T> {
     fn new(affine: &Affine, reference: f64, current: f64) -> Option<Condition<T>> {
         let size = affine.largest_row() * reference + affine.t.amax() + current;
         (size < T::LARGEST).then(|| Condition {
-            m: [0, 1, 2].map(|r| [0, 1, 2].map(|c| T::from_f64(affine.m[(r, c)]))),
-            t: [0, 1, 2].map(|r| T::from_f64(affine.t[r])),
+            m: per_axis(|r| per_axis(|c| T::from_f64(affine.m[(r, c)]))),
+            t: per_axis(|r| T::from_f64(affine.t[r])),
             sigma: T::from_f64(affine.sigma * (1.0 - 16.0 * T::U)),
             error: T::from_f64((16.0 * T::U + IMAGES) * size * (1.0 + 4.0 * T::U)) + T::TINY,
         })

@@ -5,7 +5,7 @@
 
 use super::layout::Node;
 use super::trees::{CurveTree, Trees};
-use crate::curve::vector::{add_scaled, cross, distance, dot, half_difference, sub};
+use crate::curve::vector::{add_scaled, cross, distance, dot, half_difference, per_axis, sub};
 use crate::curve::{BoxGroup, CurveSet, Point, point_at, pow2};
 use crate::verdict::Place;
 
@@ -116,7 +116,7 @@ fn chords<'a>(
 pub(crate) fn closest_place(p0: Point, p1: Point, q0: Point, q1: Point) -> (Point, f64) {
     let [a, b] = closest_points(p0, p1, q0, q1);
     // Halves are added, because the sum may overflow.
-    let middle = [0, 1, 2].map(|x| 0.5 * a[x] + 0.5 * b[x]);
+    let middle = per_axis(|x| 0.5 * a[x] + 0.5 * b[x]);
     (middle, scaled_distance(a, b))
 }
 
@@ -280,9 +280,9 @@ mod tests {
     fn exact_distance([p0, d]: [Point; 2], [q0, e]: [Point; 2]) -> f64 {
         let [p0, d, q0, e] = [p0, d, q0, e].map(|v| v.map(exact));
         let minus =
-            |a: &[BigInt; 3], b: &[BigInt; 3]| -> [BigInt; 3] { [0, 1, 2].map(|x| &a[x] - &b[x]) };
+            |a: &[BigInt; 3], b: &[BigInt; 3]| -> [BigInt; 3] { per_axis(|x| &a[x] - &b[x]) };
         let plus =
-            |a: &[BigInt; 3], b: &[BigInt; 3]| -> [BigInt; 3] { [0, 1, 2].map(|x| &a[x] + &b[x]) };
+            |a: &[BigInt; 3], b: &[BigInt; 3]| -> [BigInt; 3] { per_axis(|x| &a[x] + &b[x]) };
         // Squared distances as fractions.
         let mut all: Vec<(BigInt, BigInt)> = Vec::new();
         let mut point_and_segment = |point: &[BigInt; 3], start: &[BigInt; 3], v: &[BigInt; 3]| {

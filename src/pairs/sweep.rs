@@ -6,6 +6,7 @@
 use super::buckets::BucketSort;
 use super::{Pair, PairFilter, SMALL};
 use crate::cancel::PairLimit;
+use crate::curve::vector::per_axis;
 use crate::curve::{Box3, CurveSet, Diagonals};
 use crate::simd::{LANES, Lanes, dispatch};
 use crate::verdict::Defect;
@@ -340,7 +341,7 @@ fn widest_axis(boxes: &[Box3]) -> usize {
             f64::INFINITY
         }
     };
-    let spreads = [0, 1, 2].map(spread);
+    let spreads = per_axis(spread);
     (0..3)
         .max_by(|&a, &b| spreads[a].total_cmp(&spreads[b]))
         .unwrap_or(0)
@@ -381,7 +382,7 @@ mod tests {
                     return Box3::EMPTY;
                 }
                 let lo = lo.map(f32::from);
-                Box3 { lo, hi: [0, 1, 2].map(|x| lo[x] + f32::from(size[x])) }
+                Box3 { lo, hi: per_axis(|x| lo[x] + f32::from(size[x])) }
             }).collect();
             let want = potential_links_brute(&boxes);
             let mut search = LinkSearch::default();

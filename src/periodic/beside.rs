@@ -1,6 +1,6 @@
 //! The image of a curve that lies beside another curve.
 
-use crate::curve::vector::{add, dot, sub};
+use crate::curve::vector::{add, dot, per_axis, sub};
 use crate::curve::{Cell, CurveSet, Image, Point, Positions};
 use crate::error::Result;
 
@@ -26,7 +26,7 @@ pub fn beside(set: &CurveSet, [i, j]: [usize; 2], cell: &Cell) -> Result<(CurveS
             .fold([0.0; 3], |sum, p| add(sum, p.map(|x| x / n)))
     };
     let apart = sub(centre(i), centre(j));
-    let image: Image = [0, 1, 2].map(|x| match cell.periodic()[x] {
+    let image: Image = per_axis(|x| match cell.periodic()[x] {
         true => dot(inverse[x], apart).round().clamp(-1e9, 1e9) as i32,
         false => 0,
     });

@@ -16,7 +16,7 @@
 //! image of its start. Along a direction without repetition, the length of a lattice vector takes
 //! the place of 1.
 
-use crate::curve::vector::{add, dot, sub};
+use crate::curve::vector::{add, dot, per_axis, sub};
 use crate::curve::{Basis, Box3, Cell, CurveSet, Point, above, below, union};
 use crate::error::{Error, Result};
 use crate::incremental::{PointMap, QuietBounds};
@@ -68,7 +68,7 @@ impl<'a> Boxer<'a> {
 
     /// Returns the box of a curve, from the bounds of its control points.
     fn padded(&self, [lo, hi]: Bounds) -> Bounds {
-        let pad = [0, 1, 2].map(|x| {
+        let pad = per_axis(|x| {
             let size = lo[x].abs().max(hi[x].abs()).max(self.units[x]);
             self.spline * (hi[x] - lo[x]) + PAD * size
         });
@@ -174,13 +174,13 @@ impl FractionalBoxes {
     /// each direction: negative or NaN if it is not inside.
     pub fn room_for(&self, curve: usize, [lo, hi]: &Bounds) -> Point {
         let around = &self.bounds[curve];
-        [0, 1, 2].map(|x| smaller_or_nan(lo[x] - around[0][x], around[1][x] - hi[x]))
+        per_axis(|x| smaller_or_nan(lo[x] - around[0][x], around[1][x] - hi[x]))
     }
 
     /// Returns the largest side of all boxes along each direction.
     pub fn largest_sides(&self) -> Point {
         let sides = self.bounds.iter().map(sides);
-        sides.fold([0.0; 3], |a, b| [0, 1, 2].map(|x| a[x].max(b[x])))
+        sides.fold([0.0; 3], |a, b| per_axis(|x| a[x].max(b[x])))
     }
 
     /// Returns the curves with boxes of more than half of the cell along a lattice vector: others
@@ -217,7 +217,7 @@ fn sides([lo, hi]: &Bounds) -> Point {
 
 /// Returns the smaller one of two rooms along each direction.
 pub(super) fn smaller_room(a: Point, b: Point) -> Point {
-    [0, 1, 2].map(|x| smaller_or_nan(a[x], b[x]))
+    per_axis(|x| smaller_or_nan(a[x], b[x]))
 }
 
 /// Returns the smaller number, or NaN if one of both is NaN.
@@ -269,7 +269,7 @@ impl Bend {
         for _ in 0..64 {
             let product =
                 |r: usize, k: usize| (0..3).map(|m| entries[r][m] * sum[m][k]).sum::<f64>();
-            sum = [0, 1, 2].map(|r| [0, 1, 2].map(|k| entries[r][k] + product(r, k)));
+            sum = per_axis(|r| per_axis(|k| entries[r][k] + product(r, k)));
         }
         Ok(Bend(sum.map(|row| row.map(|x| 0.5 * x))))
     }
@@ -285,13 +285,13 @@ fn change_of(from: &Cell, to: &Cell) -> [Point; 3] {
     let (Some(a), Some(b), Some(inverse)) = (from.basis(), to.basis(), from.inverse()) else {
         return [[f64::NAN; 3]; 3];
     };
-    inverse.map(|row| [0, 1, 2].map(|k| dot(row, sub(b[k], a[k])).abs()))
+    inverse.map(|row| per_axis(|k| dot(row, sub(b[k], a[k])).abs()))
 }
 
 /// Returns a box, translated and rounded outward. Its bounds are finite.
 pub(super) fn single([lo, hi]: &[Point; 2], by: Point) -> Box3 {
     Box3 {
-        lo: [0, 1, 2].map(|x| below(lo[x] + by[x])),
-        hi: [0, 1, 2].map(|x| above(hi[x] + by[x])),
+        lo: per_axis(|x| below(lo[x] + by[x])),
+        hi: per_axis(|x| above(hi[x] + by[x])),
     }
 }

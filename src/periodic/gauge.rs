@@ -22,6 +22,7 @@
 
 use super::names::{Entry, neighbours};
 use super::{ImagePair, YarnPeriod, period_of_pair};
+use crate::curve::vector::per_axis;
 use crate::curve::{Image, minus, plus};
 use std::collections::{BTreeMap, VecDeque};
 
@@ -176,7 +177,7 @@ impl<'a> Gauge<'a> {
         let mut sum = [0; 3];
         for (&k, &n) in motion {
             let one = self.tree.effect(k, pair);
-            sum = [0, 1, 2].map(|x| sum[x] + one[x].wrapping_mul(n));
+            sum = per_axis(|x| sum[x] + one[x].wrapping_mul(n));
         }
         sum
     }
@@ -187,7 +188,7 @@ impl<'a> Gauge<'a> {
         let [from, to] = [i, j].map(|i| self.tree.shifts[i as usize]);
         let made = self.effect(&self.made, (i, j));
         let named = minus(plus(image, from), to);
-        let mut value = [0, 1, 2].map(|x| i64::from(named[x]).wrapping_add(made[x]));
+        let mut value = per_axis(|x| i64::from(named[x]).wrapping_add(made[x]));
         // Vectors by which the entry may change, and the motions that do so.
         let (mut vectors, mut rest): (Vec<_>, Vec<_>) = std::mem::take(&mut self.rest)
             .into_iter()
@@ -201,7 +202,7 @@ impl<'a> Gauge<'a> {
                 let mut divided = true;
                 for (other, by) in vectors.iter_mut().filter(|v| v.0[x] != 0) {
                     let times = other[x].div_euclid(pivot[x]);
-                    *other = [0, 1, 2].map(|y| other[y].wrapping_sub(times.wrapping_mul(pivot[y])));
+                    *other = per_axis(|y| other[y].wrapping_sub(times.wrapping_mul(pivot[y])));
                     add(by, &motion, -times);
                     divided &= other[x] == 0;
                 }
@@ -212,7 +213,7 @@ impl<'a> Gauge<'a> {
                 let times = value[x]
                     .div_euclid(pivot[x].abs())
                     .wrapping_mul(pivot[x].signum());
-                value = [0, 1, 2].map(|y| value[y].wrapping_sub(times.wrapping_mul(pivot[y])));
+                value = per_axis(|y| value[y].wrapping_sub(times.wrapping_mul(pivot[y])));
                 add(&mut self.made, &motion, -times);
                 break;
             }

@@ -15,7 +15,7 @@
 //! Cost: a few operations per curve. A frame in which a curve is not at its first image is copied.
 
 use super::unwrap::LONGEST;
-use crate::curve::vector::{add, dot, sub};
+use crate::curve::vector::{add, dot, per_axis, sub};
 use crate::curve::{Cell, CurveSet, Image, Point, Positions, is_home, plus};
 use crate::error::Result;
 
@@ -75,7 +75,7 @@ impl Jumps {
             if step.iter().all(|x| x.abs() <= 0.5) {
                 continue;
             }
-            let back = [0, 1, 2].map(|x| match periodic[x] {
+            let back = per_axis(|x| match periodic[x] {
                 true => -step[x].round().clamp(-1e9, 1e9) as i32,
                 false => 0,
             });

@@ -22,6 +22,7 @@
 
 use super::pairs::PointLimit;
 use super::through::RingAndYarn;
+use crate::curve::vector::per_axis;
 use crate::curve::{Cell, CurveSet, Image, Point, SumEdges, Translated, bounds, single};
 use crate::discretize::{self, Halving, Separation, sort_splits};
 use crate::error::{Error, Result};
@@ -116,7 +117,7 @@ impl View {
     fn images(&self) -> impl Iterator<Item = Image> {
         let RingAndYarn { image, period, .. } = self.pair;
         let times = self.from..=self.to;
-        times.map(move |times| [0, 1, 2].map(|x| image[x] + times * period[x]))
+        times.map(move |times| per_axis(|x| image[x] + times * period[x]))
     }
 
     /// Returns the closed curve, and the images of the yarn.
@@ -145,7 +146,7 @@ impl View {
                     // The yarn comes first, and the closed curve is translated.
                     let mut place = closest_of_segments(set, [yarn, ring], [s, t]);
                     let by = cell.translation(self.pair.pair().image);
-                    place.point = [0, 1, 2].map(|x| place.point[x] + by[x]);
+                    place.point = per_axis(|x| place.point[x] + by[x]);
                     place
                 }
             };
@@ -221,7 +222,7 @@ fn split(
     let ends = |i: usize| [0, set.curve(i).segments].map(|s| set.knot(i, s as usize));
     let gaps = yarns.windows(2).flat_map(|next| {
         let ([_, p], [q, _]) = (ends(next[0]), ends(next[1]));
-        [0, 1, 2].map(|x| (p[x] - q[x]).abs())
+        per_axis(|x| (p[x] - q[x]).abs())
     });
     let gap = gaps.fold(0.0, f64::max);
     let hulls = |i: usize| -> Vec<[Point; 2]> {

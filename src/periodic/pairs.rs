@@ -11,6 +11,7 @@
 use super::boxes::{Bend, Bounds, Boxer, FractionalBoxes, single, smaller_room};
 use super::through::RingAndYarn;
 use crate::cancel::PairLimit;
+use crate::curve::vector::per_axis;
 use crate::curve::{Box3, Cell, Curve, Image, Point, Translated};
 use crate::error::{Error, Result};
 use crate::incremental::{PointMap, QuietBounds};
@@ -128,7 +129,7 @@ impl ImagePairs {
     /// cell, or a length along directions without repetition.
     pub fn margin(boxes: &FractionalBoxes, cell: &Cell) -> Point {
         let periodic = cell.periodic();
-        [0, 1, 2].map(|x| match periodic[x] {
+        per_axis(|x| match periodic[x] {
             true => MARGIN.min(OF_SIZE * boxes.mean_size(x)),
             false => ACROSS * boxes.extent(x),
         })
@@ -229,7 +230,7 @@ impl ImagePairs {
         if let Some((earlier, room)) = known
             && let Some(difference) = at.difference(&map, earlier)
         {
-            let room = [0, 1, 2].map(|x| room[x] - 2.0 * difference[x]);
+            let room = per_axis(|x| room[x] - 2.0 * difference[x]);
             if self.is_enough(room, bend) {
                 return room;
             }
@@ -425,7 +426,7 @@ pub(crate) fn overlapping<'a, F: Fn(usize) -> bool>(
                 false => 0..=0,
             }
         };
-        let ranges = [0, 1, 2].map(range);
+        let ranges = per_axis(range);
         let size = |r: &RangeInclusive<i32>| u64::from(r.end().abs_diff(*r.start())) + 1;
         let sizes = ranges.iter().map(size);
         total = sizes.fold(1_u64, u64::saturating_mul).saturating_add(total);
@@ -433,7 +434,7 @@ pub(crate) fn overlapping<'a, F: Fn(usize) -> bool>(
             return Err(i);
         }
         for n in images_in(ranges) {
-            let translated = single(bounds, [0, 1, 2].map(|x| by[x] + f64::from(n[x])));
+            let translated = single(bounds, per_axis(|x| by[x] + f64::from(n[x])));
             if translated.overlaps(&outer) {
                 images.push((i as u32, n));
                 singles.push(translated);
@@ -447,7 +448,7 @@ pub(crate) fn overlapping<'a, F: Fn(usize) -> bool>(
         if m != Image::default() && n != Image::default() {
             return None;
         }
-        let image = [0, 1, 2].map(|x| {
+        let image = per_axis(|x| {
             let [from, to] = [(i, m), (j, n)].map(|(i, n)| home[i as usize][x] + n[x]);
             to - from
         });
@@ -483,7 +484,7 @@ mod tests {
             true => -reach..=reach,
             false => 0..=0,
         };
-        let ranges = [0, 1, 2].map(range);
+        let ranges = per_axis(range);
         let all = boxes.bounds.iter().enumerate();
         for (i, a) in all.clone() {
             for (j, b) in all.clone().skip(i) {

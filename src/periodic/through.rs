@@ -8,7 +8,7 @@
 //! same number ([`linking`](super::linking)).
 
 use super::ImagePair;
-use crate::curve::vector::{dot, norm, sub};
+use crate::curve::vector::{dot, norm, per_axis, sub};
 use crate::curve::{Cell, CurveSet, Image, Point, Precision, pow2, significant};
 
 /// Returns the largest distance of the end of a curve from the image of its start along a
@@ -95,7 +95,7 @@ pub(crate) fn reduced(image: Image, period: Image) -> Image {
         return image;
     };
     let times = image[x].div_euclid(period[x]);
-    [0, 1, 2].map(|x| image[x].wrapping_sub(times.wrapping_mul(period[x])))
+    per_axis(|x| image[x].wrapping_sub(times.wrapping_mul(period[x])))
 }
 
 /// Returns true if a translation is a multiple of a period.
@@ -148,7 +148,7 @@ impl Ends {
         let d = sub(end, start);
         let along = inverse.map(|b| dot(b, d));
         let periodic = cell.periodic();
-        let nearest = [0, 1, 2].map(|x| if periodic[x] { along[x].round() } else { 0.0 });
+        let nearest = per_axis(|x| if periodic[x] { along[x].round() } else { 0.0 });
         if nearest == [0.0; 3] || !nearest.iter().all(|n| n.abs() <= 1e6) {
             return None;
         }
@@ -158,8 +158,9 @@ impl Ends {
         Some(Ends {
             image,
             off: sub(along, nearest),
-            size: [0, 1, 2]
-                .map(|x| units[x] + size_of(&inverse[x], &start) + size_of(&inverse[x], &end)),
+            size: per_axis(|x| {
+                units[x] + size_of(&inverse[x], &start) + size_of(&inverse[x], &end)
+            }),
             distance: norm(sub(d, by)),
         })
     }

@@ -158,6 +158,7 @@ fn moved_too_far(curve: usize, share: (usize, f64)) -> Error {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::curve::vector::per_axis;
     use crate::random::Random;
 
     /// Random walks that close in space, or up to a lattice vector, wrapped into a sheared cell.
@@ -166,7 +167,7 @@ mod tests {
         let phase = [0; 3].map(|_| std::f64::consts::TAU * random.unit());
         let point = |k: usize| {
             let t = k as f64 / n as f64;
-            [0, 1, 2].map(|x| {
+            per_axis(|x| {
                 let wave = 2.0 * (std::f64::consts::TAU * t + phase[x]).sin();
                 start[x] + wave + t * period[x]
             })
@@ -187,17 +188,17 @@ mod tests {
             let mut offset: Option<Image> = None;
             for frame in 0..20 {
                 let drift = [0.7 * f64::from(frame), -0.9 * f64::from(frame), 0.3];
-                let at = |p: &Point| [0, 1, 2].map(|x| p[x] + drift[x]);
+                let at = |p: &Point| per_axis(|x| p[x] + drift[x]);
                 let wrapped: Vec<Point> = curve
                     .iter()
                     .map(|p| {
                         let p = at(p);
-                        let home = [0, 1, 2].map(|x| {
+                        let home = per_axis(|x| {
                             let b = inverse[x];
                             -(b[0] * p[0] + b[1] * p[1] + b[2] * p[2]).floor() as i32
                         });
                         let by = cell.translation(home);
-                        [0, 1, 2].map(|x| p[x] + by[x])
+                        per_axis(|x| p[x] + by[x])
                     })
                     .collect();
                 let positions = Positions::F64(wrapped.as_flattened());
@@ -209,9 +210,9 @@ mod tests {
                 // The same image in all frames, for all vertices.
                 for (k, p) in curve.iter().enumerate() {
                     let (found, expected) = (out.point(0, k), at(p));
-                    let by = [0, 1, 2].map(|x| {
+                    let by = per_axis(|x| {
                         let b = inverse[x];
-                        let d = [0, 1, 2].map(|x| found[x] - expected[x]);
+                        let d = per_axis(|x| found[x] - expected[x]);
                         b[0] * d[0] + b[1] * d[1] + b[2] * d[2]
                     });
                     let rounded = by.map(|u| u.round() as i32);

@@ -4,6 +4,7 @@
 //! horizontally.
 
 use crate::curve::Point;
+use crate::curve::vector::per_axis;
 use std::ops::Range;
 
 /// A projected strand: to the right and down in pixels, and depth, which grows towards the viewer.
@@ -147,7 +148,7 @@ fn piece(points: &[Point], lengths: &[f64], from: f64, to: f64) -> Vec<Point> {
             // The points themselves, so that the ends of closed lines are recognised.
             t if t <= 0.0 || t.is_nan() => points[k - 1],
             t if t >= 1.0 => points[k],
-            t => [0, 1, 2].map(|x| points[k - 1][x] + t * (points[k][x] - points[k - 1][x])),
+            t => per_axis(|x| points[k - 1][x] + t * (points[k][x] - points[k - 1][x])),
         }
     };
     let inner = points

@@ -25,7 +25,7 @@ use self::strands::Part;
 use self::strands::clip;
 use self::view::View;
 use crate::certificate::Certificate;
-use crate::curve::vector::dot;
+use crate::curve::vector::{dot, per_axis};
 use crate::curve::{CurveSet, Image, Point};
 use crate::pairs::{Trees, closest_approach};
 use crate::picture::svg::{plain, px};
@@ -173,14 +173,14 @@ fn around(set: &CurveSet, curves: [u32; 2], place: Place) -> Option<Panel> {
 /// Draws the whole model.
 fn whole(set: &CurveSet, marked: &[Marked]) -> Markup {
     let [low, high] = set.corners();
-    let half = [0, 1, 2].map(|x| (0.5 * high[x] - 0.5 * low[x]).max(0.0));
+    let half = per_axis(|x| (0.5 * high[x] - 0.5 * low[x]).max(0.0));
     let view = View::along_thinnest(half);
     let reach = match half.into_iter().fold(0.0, f64::max) / FILLED {
         0.0 => 1.0,
         reach => reach.min(f64::MAX),
     };
     let window = Window {
-        centre: [0, 1, 2].map(|x| 0.5 * low[x] + 0.5 * high[x]),
+        centre: per_axis(|x| 0.5 * low[x] + 0.5 * high[x]),
         reach,
         apart: 0.0,
     };

@@ -8,7 +8,7 @@
 
 use super::panel::HALF;
 use super::strands::{Part, Strand};
-use crate::curve::vector::{cross, dot, mix, norm, sub};
+use crate::curve::vector::{cross, dot, mix, norm, per_axis, sub};
 use crate::curve::{Point, bounds};
 use std::f64::consts::{PI, TAU};
 
@@ -116,7 +116,7 @@ pub(super) fn views(strands: &[Strand]) -> [View; 2] {
     let other = cross(towards, aside);
     let turned = |k: usize| {
         let (sin, cos) = (TAU * k as f64 / SECOND as f64).sin_cos();
-        [0, 1, 2].map(|x| cos * aside[x] + sin * other[x])
+        per_axis(|x| cos * aside[x] + sin * other[x])
     };
     let second = best(&mut (0..SECOND).map(turned));
     // Both have the same axis up, the one that points up in space.
@@ -230,7 +230,7 @@ mod tests {
     fn ring(part: Part, centre: Point, a: Point, b: Point) -> Strand {
         let point = |k: usize| {
             let (sin, cos) = (TAU * k as f64 / 24.0).sin_cos();
-            [0, 1, 2].map(|x| centre[x] + cos * a[x] + sin * b[x])
+            per_axis(|x| centre[x] + cos * a[x] + sin * b[x])
         };
         Strand {
             curve: part as u32,

@@ -7,6 +7,7 @@
 use super::facts::Facts;
 use super::rows::{Moment, names_of};
 use super::violations::{Shot, Violation, Violations};
+use crate::curve::vector::per_axis;
 use crate::curve::{Cell, CurveLabels, CurveSet, Image, Translated, is_home, words_of_curve};
 use crate::picture::{Panel, Radii, Scene, Spot, Window, sheet};
 use crate::record::{RecordedFrame, RecordedItem, RecordingReader};
@@ -257,7 +258,7 @@ impl Figure {
     ) -> Figure {
         let at = frames[1];
         let place = |held: &Held| held.spot(at?, shot.spot);
-        let captions = [0, 1, 2].map(|k| {
+        let captions = per_axis(|k| {
             let name = ["before", what, "after"][k];
             match frames[k] {
                 None if k == 0 => format!("{name}: no earlier frame was recorded"),
@@ -277,14 +278,14 @@ impl Figure {
             let held = frame?;
             held.with_image(place(held)?)
         });
-        let placed = [0, 1, 2].map(|k| drawn[k].as_ref().map(|(set, spot, _)| (&**set, *spot)));
-        let radii = [0, 1, 2].map(|k| Radii {
+        let placed = per_axis(|k| drawn[k].as_ref().map(|(set, spot, _)| (&**set, *spot)));
+        let radii = per_axis(|k| Radii {
             published: drawn[k].as_ref().map_or(&[], |(.., radii)| radii),
             measured,
         });
         let both = shot.spot.curves.map(|i| radii[1].of(i));
         let windows = Window::around(placed, both.iter().sum());
-        let scenes = [0, 1, 2].map(|k| {
+        let scenes = per_axis(|k| {
             let (set, spot) = placed[k]?;
             Some(Scene::of(set, spot, windows[k]?))
         });
@@ -299,7 +300,7 @@ impl Figure {
             }
         }
         let rows = views.into_iter().map(|view| {
-            [0, 1, 2].map(|k| {
+            per_axis(|k| {
                 let picture = scenes[k].as_ref()?.svg(view, radii[k], &captions[k]);
                 Some(picture.into_string())
             })

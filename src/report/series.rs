@@ -5,6 +5,7 @@
 //! figures: counts are added, and of other figures the extremes are kept.
 
 use super::rows::Moment;
+use crate::curve::vector::per_axis;
 use crate::verdict::{ChangeKind, Report, Verdict};
 
 /// Maximum number of bins, even.
@@ -63,7 +64,7 @@ impl Bin {
             *sum += n;
         }
         let links = self.links.into_iter().chain(next.links);
-        self.links = links.reduce(|a, b| [0, 1, 2].map(|k| a[k].max(b[k])));
+        self.links = links.reduce(|a, b| per_axis(|k| a[k].max(b[k])));
         self.pull_throughs += next.pull_throughs;
         self.unresolved += next.unresolved;
         self.skipped = self.skipped.saturating_add(next.skipped);

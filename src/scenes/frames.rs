@@ -18,7 +18,7 @@
 
 use super::motion::{Motion, MotionKind};
 use super::pull_through::Pull;
-use crate::curve::vector::dot;
+use crate::curve::vector::{dot, per_axis};
 use crate::curve::{CurveSet, Point, Positions, Received};
 use crate::random::Random;
 use rayon::prelude::*;
@@ -68,7 +68,7 @@ impl Frames {
         Frames {
             base: (0..set.len()).flat_map(|i| set.points_in(i)).collect(),
             replaced: Vec::new(),
-            centre: [0, 1, 2].map(|x| lo[x] + (hi[x] - lo[x]) / 2.0),
+            centre: per_axis(|x| lo[x] + (hi[x] - lo[x]) / 2.0),
             length,
             seed: 0,
             frame: set.positions().into(),
@@ -133,7 +133,7 @@ impl Frames {
         let factor = STRETCH.powf((TAU * turns).sin());
         let about_centre = |m: [Point; 3]| {
             let c = self.centre;
-            Step::Affine(m, [0, 1, 2].map(|x| c[x] - dot(m[x], c)))
+            Step::Affine(m, per_axis(|x| c[x] - dot(m[x], c)))
         };
         let random = || Random::from_key([self.seed, frame, k]);
         Some(match kind {
@@ -184,12 +184,12 @@ impl Step {
                 amplitude,
                 wave_number,
                 phases,
-            } => [0, 1, 2].map(|x| {
+            } => per_axis(|x| {
                 let along = p[(x + 1) % 3] + p[(x + 2) % 3];
                 p[x] + amplitude * (wave_number * along + phases[x]).sin()
             }),
             Step::Noise { amplitude, .. } => p.map(|x| x + amplitude * (2.0 * random.unit() - 1.0)),
-            Step::Affine(m, by) => [0, 1, 2].map(|x| dot(m[x], p) + by[x]),
+            Step::Affine(m, by) => per_axis(|x| dot(m[x], p) + by[x]),
         }
     }
 }
@@ -229,8 +229,7 @@ fn rotation(angle: f64) -> [Point; 3] {
     let [x, y, z] = AXIS;
     let across = [[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]];
     let one = diagonal_matrix([c; 3]);
-    [0, 1, 2]
-        .map(|i| [0, 1, 2].map(|j| one[i][j] + s * across[i][j] + (1.0 - c) * AXIS[i] * AXIS[j]))
+    per_axis(|i| per_axis(|j| one[i][j] + s * across[i][j] + (1.0 - c) * AXIS[i] * AXIS[j]))
 }
 
 #[cfg(test)]

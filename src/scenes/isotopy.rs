@@ -16,6 +16,7 @@
 
 use super::sagitta;
 use crate::curve::Point;
+use crate::curve::vector::per_axis;
 use std::f64::consts::TAU;
 
 /// A shear along one wave.
@@ -47,7 +48,7 @@ impl Shear {
         let [x, y, z] = self.normal;
         let along = x * p[0] + y * p[1] + z * p[2];
         let by = self.amplitude() * (self.wave_number() * along + self.phase).sin();
-        [0, 1, 2].map(|k| p[k] + by * self.direction[k])
+        per_axis(|k| p[k] + by * self.direction[k])
     }
 }
 
@@ -111,12 +112,12 @@ mod tests {
         for _ in 0..20_000 {
             let p = [0; 3].map(|_: i32| 60.0 * random.unit());
             let step = [0; 3].map(|_: i32| random.unit() - 0.5);
-            let q = [0, 1, 2].map(|k| p[k] + step[k]);
-            let middle = [0, 1, 2].map(|k| p[k] + step[k] / 2.0);
+            let q = per_axis(|k| p[k] + step[k]);
+            let middle = per_axis(|k| p[k] + step[k] / 2.0);
             let (edge, moved) = (distance(p, q), [p, q, middle].map(|p| isotopy.apply(p)));
             let ratio = distance(moved[0], moved[1]) / edge;
             (nearest, farthest) = (nearest.min(ratio), farthest.max(ratio));
-            let chord = [0, 1, 2].map(|k| (moved[0][k] + moved[1][k]) / 2.0);
+            let chord = per_axis(|k| (moved[0][k] + moved[1][k]) / 2.0);
             highest = highest.max(distance(chord, moved[2]) / isotopy.sagitta(edge));
             assert!(distance(p, moved[0]) <= isotopy.reach());
         }

@@ -76,7 +76,7 @@ fn build(scene: &Scene) -> Result<Generated> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::curve::vector::{distance, sub};
+    use crate::curve::vector::{distance, per_axis, sub};
     use crate::curve::{CurveSet, Point};
 
     /// Returns points of a row, several per segment, with their values of `t`.
@@ -103,7 +103,7 @@ mod tests {
             let set = built(&format!(
                 "knit:rows=3,stitches={stitches},segments={segments},diameter=2"
             ));
-            let rows = [0, 1, 2].map(|row| samples(&set, row, each));
+            let rows = per_axis(|row| samples(&set, row, each));
             let two_stitches = &rows[0][..rows[0].len() / stitches * 2];
             for (row, all) in rows.iter().enumerate() {
                 // Except neighbours along the yarn.

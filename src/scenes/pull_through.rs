@@ -1,6 +1,6 @@
 //! Synthetic pull-throughs: a piece of one curve is moved through a neighbouring one.
 
-use crate::curve::vector::{add_scaled, cross, distance, dot, norm, sub};
+use crate::curve::vector::{add_scaled, cross, distance, dot, norm, per_axis, sub};
 use crate::curve::{CurveSet, Point, point_at};
 use crate::pairs::{LinkSearch, Pair, Trees, closest_approach};
 use crate::verdict::Place;
@@ -78,7 +78,7 @@ fn pull_through(set: &CurveSet, trees: &Trees, pair: Pair) -> Option<Pull> {
         pair,
         place,
         points: window.collect(),
-        by: [0, 1, 2].map(|x| DISPLACEMENT * (q[x] - p[x])),
+        by: per_axis(|x| DISPLACEMENT * (q[x] - p[x])),
     })
 }
 

@@ -5,6 +5,7 @@ use super::{
     Change, ChangeKind, Clearance, CloseStrands, Defect, DefectKind, ImageLink, InvariantChange,
     LoopPair, Place, PullThrough, Report,
 };
+use crate::curve::vector::per_axis;
 use crate::curve::{Image, Notation, is_home, significant, words_of_change, words_of_curve};
 use std::fmt;
 
@@ -246,7 +247,7 @@ impl CloseStrands {
     pub fn sentence_named(&self, extent: f64, names: &[String]) -> String {
         let ([s, t], [p, q]) = (self.segments, self.points);
         let strands = self.words(names);
-        let middle = [0, 1, 2].map(|x| p[x] + 0.5 * (q[x] - p[x]));
+        let middle = per_axis(|x| p[x] + 0.5 * (q[x] - p[x]));
         let notation = Notation::of_scene(extent, middle);
         let (point, distance) = (notation.point(middle), notation.length(self.distance));
         format!(

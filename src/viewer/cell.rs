@@ -3,7 +3,7 @@
 use super::names::entity;
 use super::stream::log;
 use super::style::{DIMMED, FAINT_RED, lines, narrow};
-use crate::curve::vector::add;
+use crate::curve::vector::{add, per_axis};
 use crate::curve::{Cell, CurveSet, Image, Point, is_home};
 use crate::error::Result;
 use crate::verdict::Report;
@@ -47,7 +47,7 @@ impl CellView {
         let strips = images.iter().take(MOST).map(|&(curve, image)| {
             let by = narrow(cell.translation(image));
             let strip = set.display_polyline(curve as usize, POINTS).into_iter();
-            strip.map(move |p| [0, 1, 2].map(|x| p[x] + by[x]))
+            strip.map(move |p| per_axis(|x| p[x] + by[x]))
         });
         let strips: Vec<Vec<[f32; 3]>> = strips.map(Iterator::collect).collect();
         log(

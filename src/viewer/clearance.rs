@@ -5,7 +5,7 @@ use super::names::entity;
 use super::plots;
 use super::stream::log;
 use super::style::{ORANGE, RED, YELLOW, lines, narrow, points};
-use crate::curve::vector::distance;
+use crate::curve::vector::{distance, per_axis};
 use crate::curve::{Cell, CurveLabels, CurveSet, Point};
 use crate::error::Result;
 use crate::measure::{ClearanceOptions, CloseBlock, REACH, close_blocks};
@@ -177,7 +177,7 @@ fn draw_marks(
 
 fn middle(strands: &CloseStrands) -> Point {
     let [p, q] = strands.points;
-    [0, 1, 2].map(|x| p[x] + 0.5 * (q[x] - p[x]))
+    per_axis(|x| p[x] + 0.5 * (q[x] - p[x]))
 }
 
 /// Returns the colour of a clearance: [`FAR`] at the reach, yellow where strands touch, orange

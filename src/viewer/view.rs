@@ -1,6 +1,6 @@
 //! View of a scene: the direction and the distance of the eye, and the enlargement of small scenes.
 
-use crate::curve::vector::{dot, hypot, sub};
+use crate::curve::vector::{dot, hypot, per_axis, sub};
 use crate::curve::{CurveSet, Point, bounds};
 use re_sdk_types::blueprint::archetypes::EyeControls3D;
 
@@ -42,7 +42,7 @@ impl View {
         let radius = 0.5 * hypot(size);
         let thinnest = (0..3).min_by(|&a, &b| size[a].total_cmp(&size[b]))?;
         (radius > 0.0 && radius.is_finite()).then(|| View {
-            center: [0, 1, 2].map(|x| 0.5 * (lo[x] + hi[x])),
+            center: per_axis(|x| 0.5 * (lo[x] + hi[x])),
             radius,
             from: unit(LOOK_FROM[thinnest]),
         })
@@ -85,7 +85,7 @@ impl View {
             Some((point, _)) => (point, far),
             None => (self.center, far),
         };
-        let position = [0, 1, 2].map(|x| (scale * (target[x] + away * self.from[x])) as f32);
+        let position = per_axis(|x| (scale * (target[x] + away * self.from[x])) as f32);
         EyeControls3D::new()
             .with_position(position)
             .with_look_target(target.map(|x| (scale * x) as f32))
@@ -149,7 +149,7 @@ mod tests {
         assert!(across.abs() < 1e-12 && down[2] < 0.0, "{down:?}");
         // The eye is at a distance of 10 from the origin.
         let nearer = scene.from.map(|x| 5.0 * x);
-        let point = [0, 1, 2].map(|x| nearer[x] + right[x] + 2.0 * down[x]);
+        let point = per_axis(|x| nearer[x] + right[x] + 2.0 * down[x]);
         let [x, y] = scene.on_screen(point, [0.0; 3], 2.0).unwrap();
         assert!(
             (x - 1.0).abs() < 1e-12 && (y - 2.0).abs() < 1e-12,

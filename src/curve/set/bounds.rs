@@ -1,6 +1,6 @@
 //! Bounds of the control points of a curve, in any linear coordinates.
 
-use super::vector::dot;
+use super::vector::{dot, per_axis};
 use super::{CurveSet, Point, Positions, larger, smaller};
 
 /// Rows of the coordinates in which points are given.
@@ -30,7 +30,7 @@ fn bounds_of<T: Copy + Into<f64>>(xyz: &[T], rows: &[Point; 3]) -> [Point; 2] {
     }
     // The axes of an orthogonal cell. Products are in the order of the coordinates.
     let [lo, hi] = bounds(points);
-    let ends = [0, 1, 2].map(|x| [lo[x], hi[x]].map(|at| rows[x][x] * at));
+    let ends = per_axis(|x| [lo[x], hi[x]].map(|at| rows[x][x] * at));
     [
         ends.map(|[a, b]| smaller(a, b)),
         ends.map(|[a, b]| larger(a, b)),
@@ -40,8 +40,8 @@ fn bounds_of<T: Copy + Into<f64>>(xyz: &[T], rows: &[Point; 3]) -> [Point; 2] {
 /// Returns the bounds around two others.
 pub(crate) fn union(a: [Point; 2], b: [Point; 2]) -> [Point; 2] {
     [
-        [0, 1, 2].map(|x| a[0][x].min(b[0][x])),
-        [0, 1, 2].map(|x| a[1][x].max(b[1][x])),
+        per_axis(|x| a[0][x].min(b[0][x])),
+        per_axis(|x| a[1][x].max(b[1][x])),
     ]
 }
 

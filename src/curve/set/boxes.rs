@@ -1,6 +1,7 @@
 //! Axis-aligned boxes, single and in groups of eight.
 
 use super::pow2;
+use crate::curve::vector::per_axis;
 use crate::simd::LANES;
 
 /// A closed axis-aligned box in single precision. Values that are not representable are rounded
@@ -39,8 +40,8 @@ impl Box3 {
     /// Returns the smallest box that contains both boxes.
     pub fn union(&self, other: &Box3) -> Box3 {
         Box3 {
-            lo: [0, 1, 2].map(|x| smaller(self.lo[x], other.lo[x])),
-            hi: [0, 1, 2].map(|x| larger(self.hi[x], other.hi[x])),
+            lo: per_axis(|x| smaller(self.lo[x], other.lo[x])),
+            hi: per_axis(|x| larger(self.hi[x], other.hi[x])),
         }
     }
 
@@ -103,8 +104,8 @@ impl BoxGroup {
     #[inline(always)]
     pub fn lane(&self, i: usize) -> Box3 {
         Box3 {
-            lo: [0, 1, 2].map(|x| self.lo[x][i]),
-            hi: [0, 1, 2].map(|x| self.hi[x][i]),
+            lo: per_axis(|x| self.lo[x][i]),
+            hi: per_axis(|x| self.hi[x][i]),
         }
     }
 
@@ -120,13 +121,14 @@ impl BoxGroup {
     /// Returns the smallest box that contains all eight.
     #[inline(always)]
     pub fn bounds(&self) -> Box3 {
-        let fold = |v: &[f32; LANES], pick: fn(f32, f32) -> f32| {
-            let four = [0, 1, 2, 3].map(|i| pick(v[i], v[i + 4]));
-            pick(pick(four[0], four[1]), pick(four[2], four[3]))
-        };
+        #[inline(always)]
+        fn fold(v: &[f32; LANES], pick: impl Fn(f32, f32) -> f32) -> f32 {
+            let two = |i: usize| pick(v[i], v[i + 4]);
+            pick(pick(two(0), two(1)), pick(two(2), two(3)))
+        }
         Box3 {
-            lo: [0, 1, 2].map(|x| fold(&self.lo[x], smaller)),
-            hi: [0, 1, 2].map(|x| fold(&self.hi[x], larger)),
+            lo: per_axis(|x| fold(&self.lo[x], smaller)),
+            hi: per_axis(|x| fold(&self.hi[x], larger)),
         }
     }
 }

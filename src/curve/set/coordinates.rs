@@ -4,6 +4,7 @@ use super::basis::bspline_knot;
 use super::curve::Curve;
 use super::spread;
 use super::{Basis, Point, Positions, Precision};
+use crate::curve::vector::per_axis;
 use crate::simd::dispatch;
 
 /// Coordinates in three arrays, one per axis, in the precision of the input.
@@ -41,8 +42,8 @@ impl Coordinates {
     #[inline]
     pub fn at(&self, slot: usize) -> Point {
         match self {
-            Self::F32(v) => [0, 1, 2].map(|x| f64::from(v[x][slot])),
-            Self::F64(v) => [0, 1, 2].map(|x| v[x][slot]),
+            Self::F32(v) => per_axis(|x| f64::from(v[x][slot])),
+            Self::F64(v) => per_axis(|x| v[x][slot]),
         }
     }
 

@@ -1,6 +1,6 @@
 //! The extent of a scene, and segments that are too long for it.
 
-use super::vector::{half_difference, hypot, sub};
+use super::vector::{half_difference, hypot, per_axis, sub};
 use super::{CurveSet, Point, bounds, significant};
 use std::fmt;
 
@@ -78,7 +78,7 @@ impl CurveSet {
             let d = sub(b, a);
             edges += 1.0;
             sum += hypot(d);
-            most = [0, 1, 2].map(|x| most[x].max(d[x].abs()));
+            most = per_axis(|x| most[x].max(d[x].abs()));
         });
         let sides = sides(self.corners());
         let limit = sides.map(|side| (SHARE * side).max(AVERAGES * sum / edges));

@@ -4,6 +4,7 @@ use super::basis::{Bezier, bspline_knot, point_at};
 use super::coordinates::{Coordinates, Knots};
 use super::curve::count_of;
 use super::{Basis, CurveSet, Point, Positions};
+use crate::curve::vector::per_axis;
 use crate::error::Result;
 use std::ops::Range;
 
@@ -98,7 +99,7 @@ impl CurveSet {
             Basis::CatmullRom => self.at(slot + 1),
             Basis::BSpline => {
                 let (a, b, c) = (self.at(slot), self.at(slot + 1), self.at(slot + 2));
-                [0, 1, 2].map(|x| bspline_knot(a[x], b[x], c[x]))
+                per_axis(|x| bspline_knot(a[x], b[x], c[x]))
             }
         }
     }
@@ -136,7 +137,7 @@ impl CurveSet {
     /// Returns the Bezier form of segment `s` of curve `i`.
     pub(crate) fn segment(&self, i: usize, s: usize) -> Bezier {
         let hull = self.hull(i, s);
-        [0, 1, 2, 3].map(|k| [0, 1, 2].map(|x| hull[x][k]))
+        [0, 1, 2, 3].map(|k| per_axis(|x| hull[x][k]))
     }
 
     /// Returns the point of curve `i` at parameter `t` in `[0, 1]` of its segment `s`.

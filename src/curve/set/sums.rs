@@ -6,7 +6,7 @@
 //! include the error. Tests that they do not decide use the exact sums.
 
 use super::parts::multiple;
-use super::vector::{add, two_sum};
+use super::vector::{add, per_axis, two_sum};
 use super::{Cell, CurveSet, Image, Point, Positions, is_home, larger, minus, plus, pow2};
 use crate::error::Result;
 use std::collections::BTreeMap;
@@ -143,8 +143,8 @@ impl SumsOfFrame<'_> {
         let cell = self.cell;
         let by = cell.translation(image);
         // Products and sums of the translation are exact, or all of its sums count as rounded.
-        let terms = [0, 1, 2].map(|x| {
-            let products = [0, 1, 2].map(|k| (f64::from(image[k]), cell.vectors[k][x]));
+        let terms = per_axis(|x| {
+            let products = per_axis(|k| (f64::from(image[k]), cell.vectors[k][x]));
             let whole = products.map(|(n, a)| n * a);
             let errors = products.map(|(n, a)| n.mul_add(a, -(n * a)));
             let sums_up = two_sum(whole[0], whole[1]).1 == 0.0
@@ -156,7 +156,7 @@ impl SumsOfFrame<'_> {
         for p in (from..to).map(|k| positions.point(k)) {
             self.largest = p.iter().fold(self.largest, |a, x| larger(a, x.abs()));
             if self.exact {
-                self.exact = [0, 1, 2].map(|x| two_sum(p[x], by[x]).1) == [0.0; 3];
+                self.exact = per_axis(|x| two_sum(p[x], by[x]).1) == [0.0; 3];
             }
             xyz.extend(add(p, by));
         }
@@ -272,10 +272,10 @@ impl CurveSet {
     /// the cell at this fraction.
     pub(super) fn translated_toward([from, to]: [&Sums; 2], fraction: f64) -> Result<CurveSet> {
         let frame = Arc::new(from.frame.toward(&to.frame, fraction)?);
-        let mix = |a: Point, b: Point| [0, 1, 2].map(|x| a[x] + fraction * (b[x] - a[x]));
+        let mix = |a: Point, b: Point| per_axis(|x| a[x] + fraction * (b[x] - a[x]));
         let cell = Cell {
             origin: mix(from.cell.origin, to.cell.origin),
-            vectors: [0, 1, 2].map(|k| mix(from.cell.vectors[k], to.cell.vectors[k])),
+            vectors: per_axis(|k| mix(from.cell.vectors[k], to.cell.vectors[k])),
         };
         let mut out = None;
         CurveSet::translate(&frame, &from.curves, &cell, &mut out)?;

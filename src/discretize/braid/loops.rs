@@ -4,6 +4,7 @@ use super::end::End;
 use super::pose::{Pose, mean};
 use super::volume::Piece;
 use super::{Braid, Braids, auto};
+use crate::curve::vector::per_axis;
 use crate::curve::{
     AXES, Basis, Bezier, CurveSet, Notation, Point, Positions, Shape, bounds, count_of,
 };
@@ -540,7 +541,7 @@ impl<'a> Pen<'a> {
             return;
         }
         if let Some(a) = self.last {
-            let at = |t: f64| [0, 1, 2].map(|x| a[x] + (p[x] - a[x]) * t);
+            let at = |t: f64| per_axis(|x| a[x] + (p[x] - a[x]) * t);
             self.out
                 .extend([a, at(1.0 / 3.0), at(2.0 / 3.0)].iter().flatten());
         }

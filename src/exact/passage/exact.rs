@@ -6,6 +6,7 @@ use super::super::{Predicates, segments_touch};
 use super::polynomial::{Dyadic, Interval, Polynomial, Root};
 use super::ring::{Infinitesimal, Ring};
 use super::{Edges, Moment, Ties};
+use crate::curve::vector::per_axis;
 use crate::curve::{SumEdges, SumPoint};
 use num_bigint::BigInt;
 
@@ -44,14 +45,14 @@ impl MovingEdges<BigInt> {
         let values: [f64; 24] = std::array::from_fn(|k| point(k / 3)[k % 3]);
         let all = big::integers(values);
         MovingEdges::of_points(&std::array::from_fn(|k| {
-            [0, 1, 2].map(|x| all[3 * k + x].clone())
+            per_axis(|x| all[3 * k + x].clone())
         }))
     }
 
     /// Ends in this order: a, b of the first edge, c, d of the second one; in both frames.
     fn of_points(all: &[BigPoint; 8]) -> Self {
         let track = |from: usize, to: usize| {
-            [0, 1, 2].map(|x| {
+            per_axis(|x| {
                 let [start, end] =
                     [0, 4].map(|frame| all[frame + to][x].minus(&all[frame + from][x]));
                 let slope = &end - &start;
@@ -68,7 +69,7 @@ impl MovingEdges<BigInt> {
     /// Returns the motion with the first curve translated by powers of `e`.
     pub fn translated(&self, exponents: [u32; 3]) -> MovingEdges<Infinitesimal> {
         let lift = |track: &Track<BigInt>| {
-            [0, 1, 2].map(|x| {
+            per_axis(|x| {
                 let lifted = track[x].coefficients().iter();
                 Polynomial::new(lifted.map(|c| Infinitesimal::from(c.clone())))
             })
@@ -335,12 +336,12 @@ impl<R: Ring> MovingEdges<R> {
     /// The result is the same for any axis `w`; see [`super`] for the proof.
     pub fn net_passages(&self, interval: &Interval, w: usize) -> i32 {
         let crossings = self.crossing(&interval.to, w) - self.crossing(&interval.from, w);
-        let negated = |p: &Track<R>| [0, 1, 2].map(|x| Polynomial::new([]).minus(&p[x]));
+        let negated = |p: &Track<R>| per_axis(|x| Polynomial::new([]).minus(&p[x]));
         let (c, a) = (&self.between, &negated(&self.between));
         let (d, b) = (&sum(c, &self.second), &sum(a, &self.first));
         // Vectors from the ends of the first edge to those of the second one: c - a, d - a, and c -
         // b, d - b. The other way round: a - c, b - c, and a - d, b - d.
-        let from = |p: &Track<R>, edge: &Track<R>| [0, 1, 2].map(|x| p[x].minus(&edge[x]));
+        let from = |p: &Track<R>, edge: &Track<R>| per_axis(|x| p[x].minus(&edge[x]));
         let (from_b, from_d) = (from(c, &self.first), from(a, &self.second));
         let net_gain = net_gain(c, d, interval, w, -1)
             - net_gain(&from_b, &sum(&from_b, &self.second), interval, w, -1)
@@ -394,11 +395,11 @@ fn net_gain<R: Ring>(
 }
 
 fn sum<R: Ring>(p: &Track<R>, q: &Track<R>) -> Track<R> {
-    [0, 1, 2].map(|x| p[x].plus(&q[x]))
+    per_axis(|x| p[x].plus(&q[x]))
 }
 
 fn cross<R: Ring>(p: &Track<R>, q: &Track<R>) -> Track<R> {
-    [0, 1, 2].map(|w| cross_along(p, q, w))
+    per_axis(|w| cross_along(p, q, w))
 }
 
 /// Returns one component of the cross product.

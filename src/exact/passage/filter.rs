@@ -31,7 +31,7 @@
 //! `P, Q, R`.
 
 use super::{Edges, Moment, Passage, along};
-use crate::curve::vector::{cross, dot, sub};
+use crate::curve::vector::{cross, dot, per_axis, sub};
 use crate::curve::{Point, pow2};
 
 /// Half a unit in the last place of 1: the largest relative error of one operation.
@@ -118,7 +118,7 @@ pub(super) fn passages(before: &Edges, after: &Edges, rounding: f64) -> Option<F
         return Some([None; 3]);
     }
     // The axis along which the projections of both edges are longest, approximately.
-    let middle = [0, 1, 2].map(|x| (n[0][x] + 2.0 * n[1][x] + n[2][x]).abs());
+    let middle = per_axis(|x| (n[0][x] + 2.0 * n[1][x] + n[2][x]).abs());
     let w = (0..3).fold(0, |w, x| if middle[x] > middle[w] { x } else { w });
     let (a, c) = (bernstein(r0, r1, q0, q1), bernstein(p0, p1, r0, r1));
     let along_axis = |f: &dyn Fn(usize) -> f64| [f(0), f(1), f(2)];
@@ -271,7 +271,7 @@ fn bernstein(p0: Point, p1: Point, q0: Point, q1: Point) -> [Point; 3] {
     let (s, t) = (cross(p0, q1), cross(p1, q0));
     [
         cross(p0, q0),
-        [0, 1, 2].map(|x| 0.5 * (s[x] + t[x])),
+        per_axis(|x| 0.5 * (s[x] + t[x])),
         cross(p1, q1),
     ]
 }

@@ -102,7 +102,7 @@ mod ring;
 #[cfg(test)]
 mod tests;
 
-use crate::curve::vector::{dot, half_difference, mix, two_sum};
+use crate::curve::vector::{dot, half_difference, mix, per_axis, two_sum};
 use crate::curve::{Point, SumEdges, SumPoint, TERMS};
 
 /// Ends of an edge of the first curve and of an edge of the second one.
@@ -212,7 +212,7 @@ pub(crate) fn passages_of_sums(
         [&local[0], &local[1]],
         exact::events_of_sums(sums, ties),
         &mut |mut p| {
-            p.point = [0, 1, 2].map(|x| p.point[x] + before[0][0][x]);
+            p.point = per_axis(|x| p.point[x] + before[0][0][x]);
             out(p);
         },
     )
@@ -226,7 +226,7 @@ pub(crate) fn equal_sums(p: &SumPoint, q: &SumPoint) -> bool {
 
 /// Returns the vector from one point to another, rounded once or twice.
 fn difference(to: &SumPoint, from: &SumPoint) -> Point {
-    [0, 1, 2].map(|x| {
+    per_axis(|x| {
         // A growing expansion (Shewchuk 1997): its parts add up to the exact sum.
         let mut parts = [0.0; 2 * TERMS];
         let terms = to[x].into_iter().chain(from[x].map(|term| -term));
@@ -283,7 +283,7 @@ fn along(before: &Edges, after: &Edges, time: f64, at: [f64; 2]) -> Point {
         mix(start, end, at[side])
     });
     // Halves are added, because the sum may overflow.
-    [0, 1, 2].map(|x| 0.5 * p[x] + 0.5 * q[x])
+    per_axis(|x| 0.5 * p[x] + 0.5 * q[x])
 }
 
 /// Returns the positions along the edges at which they are nearest to each other at a time. In
@@ -319,7 +319,7 @@ fn nearest(before: &Edges, after: &Edges, time: f64) -> [f64; 2] {
         next_to_second(1.0),
     ];
     let distance = |[s, u]: [f64; 2]| {
-        let gap = [0, 1, 2].map(|x| r[x] + u * q[x] - s * p[x]);
+        let gap = per_axis(|x| r[x] + u * q[x] - s * p[x]);
         dot(gap, gap)
     };
     places

@@ -3,6 +3,7 @@
 
 use super::super::big;
 use super::ring::Ring;
+use crate::curve::vector::per_axis;
 use num_bigint::BigInt;
 
 /// A rational time `numerator / 2^exponent`.
@@ -348,7 +349,7 @@ impl<R: Ring> Root<R> {
     /// is.
     pub fn all(f: &Polynomial<R>) -> Vec<Root<R>> {
         let number = |n: i32| R::from(BigInt::from(n));
-        let [c, b, a] = [0, 1, 2].map(|k| f.coefficient(k));
+        let [c, b, a] = per_axis(|k| f.coefficient(k));
         let negated = |x: &R| R::zero().minus(x);
         if a.sign() == 0 {
             return match b.sign() {

@@ -1,5 +1,6 @@
 //! The box of a simulation: scaled coordinates, image flags, and the cell along which it repeats.
 
+use crate::curve::vector::per_axis;
 use crate::curve::{Cell, Point};
 use crate::error::Result;
 use crate::formats::lines::integer;
@@ -46,7 +47,7 @@ pub(super) enum Unwrapped {
 impl SimulationBox {
     /// Returns a box from its bounds and its tilt factors xy, xz and yz.
     pub fn new([low, high]: [Point; 2], tilt: [f64; 3], periodic: [bool; 3]) -> SimulationBox {
-        let [lx, ly, lz] = [0, 1, 2].map(|x| high[x] - low[x]);
+        let [lx, ly, lz] = per_axis(|x| high[x] - low[x]);
         let [xy, xz, yz] = tilt;
         SimulationBox {
             low,
@@ -81,7 +82,7 @@ impl SimulationBox {
     /// Returns a multiple of each edge, added.
     pub fn shift(&self, [a, b, c]: [f64; 3]) -> Point {
         let [u, v, w] = &self.edges;
-        [0, 1, 2].map(|x| a * u[x] + b * v[x] + c * w[x])
+        per_axis(|x| a * u[x] + b * v[x] + c * w[x])
     }
 
     /// Returns the cell along which the scene repeats, if it does.

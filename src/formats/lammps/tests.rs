@@ -4,6 +4,7 @@ use super::*;
 use crate::Certifier;
 use crate::LeftOut;
 use crate::curve::CurveSet;
+use crate::curve::vector::per_axis;
 use crate::formats::tests::{assert_error_contains, curves, frames_of};
 use crate::formats::{Format, Frames, ModelFrame, read};
 use proptest::prelude::*;
@@ -684,7 +685,7 @@ fn a_general_box_gives_the_turned_curves() {
                 atoms = columns.filter(|_| moved && line.starts_with("ITEM: ATOMS"));
             } else if let Some(x) = atoms {
                 let mut words: Vec<String> = line.split(' ').map(str::to_owned).collect();
-                let point = [0, 1, 2].map(|k| words[x + k].parse().unwrap());
+                let point = per_axis(|k| words[x + k].parse().unwrap());
                 for (word, value) in words[x..].iter_mut().zip(turned(point)) {
                     *word = format!("{value:?}");
                 }
@@ -824,7 +825,7 @@ proptest! {
         let mut points = vec![[5.0; 3]];
         for step in &steps {
             let p = points[points.len() - 1];
-            points.push([0, 1, 2].map(|x| p[x] + step[x]));
+            points.push(per_axis(|x| p[x] + step[x]));
         }
         for k in (1..steps.len()).rev() {
             points.push(points[k].map(|x| x + 0.25));
@@ -845,12 +846,12 @@ proptest! {
                 edge[x] = s.floor();
                 flags[x] = edge[x];
                 let shift = space.shift(edge);
-                wrapped = [0, 1, 2].map(|x| wrapped[x] - shift[x]);
+                wrapped = per_axis(|x| wrapped[x] - shift[x]);
             }
             torn |= previous.is_some_and(|f| f != flags);
             previous = Some(flags);
             let shift = space.shift(flags);
-            with_flags.put(id, [0, 1, 2].map(|x| wrapped[x] + shift[x])).unwrap();
+            with_flags.put(id, per_axis(|x| wrapped[x] + shift[x])).unwrap();
             without.put(id, wrapped).unwrap();
         }
         let unwrapped = with_flags.finish(cell.as_ref(), Unwrapped::ByFlags);

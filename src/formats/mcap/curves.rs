@@ -10,7 +10,7 @@
 
 use super::state::Strip;
 use crate::curve::Point;
-use crate::curve::vector::{add, add_scaled, cross, dot};
+use crate::curve::vector::{add, add_scaled, cross, dot, per_axis};
 use crate::formats::chains::{Chain, Chains, Edge};
 use crate::formats::container::foxglove::LineType;
 use std::collections::HashMap;
@@ -31,7 +31,7 @@ impl Pose {
         if axis != [0.0; 3] {
             let norm = dot(axis, axis) + w * w;
             let turn = cross(axis, add_scaled(cross(axis, p), w, p));
-            moved = [0, 1, 2].map(|k| p[k] + 2.0 * turn[k] / norm);
+            moved = per_axis(|k| p[k] + 2.0 * turn[k] / norm);
         }
         add(moved, self.position)
     }

@@ -34,7 +34,7 @@ use super::clearance::typical_clearance;
 use super::gap::{DEPTH, GOOD, gap, least_component};
 use super::neighbours::{NearBlocks, Neighbours, near_leaves};
 use crate::certificate::Certificate;
-use crate::curve::vector::distance;
+use crate::curve::vector::{distance, per_axis};
 use crate::curve::{Basis, Box3, CurveSet, Point, pow2};
 use crate::discretize::Hull;
 use crate::incremental::covered::Covered;
@@ -334,7 +334,7 @@ impl<'a> Allowances<'a> {
         let weights = weights(set.basis());
         let steps = |(i, s): (usize, u32)| -> [Point; 3] {
             let b = set.segment(i, s as usize);
-            [0, 1, 2].map(|k| [0, 1, 2].map(|x| (b[k + 1][x] - b[k][x]) / weights[k]))
+            per_axis(|k| per_axis(|x| (b[k + 1][x] - b[k][x]) / weights[k]))
         };
         let both = ends.map(steps);
         // No weight is less than a third.

@@ -1,7 +1,7 @@
 //! Lower bounds of the gap between two segments, and of the components of vectors along an axis.
 
 use crate::curve::Point;
-use crate::curve::vector::{add_scaled, distance, dot, sub};
+use crate::curve::vector::{add_scaled, distance, dot, per_axis, sub};
 use crate::discretize::Hull;
 use crate::pairs::closest_points;
 
@@ -82,7 +82,7 @@ fn gap_of_hulls(a: &Hull, b: &Hull, [p, q]: [Point; 2], enough: f64) -> f64 {
 /// rounding errors. Returns 0 if no unit vector was found that makes all components positive.
 pub(super) fn least_component(vectors: &[Point]) -> f64 {
     let share = 1.0 / vectors.len() as f64;
-    let mean = [0, 1, 2].map(|x| vectors.iter().map(|v| v[x] * share).sum());
+    let mean = per_axis(|x| vectors.iter().map(|v| v[x] * share).sum());
     let least = |n: Point| {
         let all = vectors.iter().map(|&v| (dot(v, n), v));
         all.fold((f64::INFINITY, n), |a, b| if b.0 < a.0 { b } else { a })

@@ -1,7 +1,7 @@
 //! Random frames whose points move within their allowances.
 
 use super::*;
-use crate::curve::vector::{distance, norm, sub};
+use crate::curve::vector::{distance, norm, per_axis, sub};
 use crate::curve::{Basis, Point, Positions};
 use crate::incremental::ledger::Ledger;
 
@@ -46,7 +46,7 @@ fn points(n: usize) -> impl Strategy<Value = Vec<Point>> {
                 let t = part * std::f64::consts::TAU * k as f64 / n as f64;
                 let wave = size * (f64::from(f) * t).cos();
                 let at = |x: usize| t.cos() * u[x] + t.sin() * v[x] + wave * w[x];
-                [0, 1, 2].map(|x| center[x] + 2.0 * at(x))
+                per_axis(|x| center[x] + 2.0 * at(x))
             })
             .collect()
     });
@@ -131,7 +131,7 @@ fn moved(curves: &Curves, reference: &Reference, seed: u64, direction: Direction
             };
             let allowed = f64::from(reference.allowances[k]).min(10.0);
             let scale = 0.999_999 * allowed / norm(v).max(1e-9);
-            let mut q = [0, 1, 2].map(|x| p[x] + scale * v[x]);
+            let mut q = per_axis(|x| p[x] + scale * v[x]);
             if !curves.double {
                 q = q.map(|x| f64::from(x as f32));
             }

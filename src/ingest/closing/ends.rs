@@ -1,6 +1,6 @@
 //! Distances of the ends of a curve.
 
-use crate::curve::vector::{dot, hypot, sub};
+use crate::curve::vector::{dot, hypot, per_axis, sub};
 use crate::curve::{Basis, Cell, Point, Positions, Precision, are_three_distinct, bspline_knot};
 use crate::error::{Error, Result};
 use std::ops::Range;
@@ -40,7 +40,7 @@ impl Metric {
         if let Some((vectors, inverse)) = &self.lattice {
             let shares = inverse.map(|b| dot(b, d).round());
             for (v, share) in vectors.iter().zip(shares) {
-                d = [0, 1, 2].map(|x| d[x] - share * v[x]);
+                d = per_axis(|x| d[x] - share * v[x]);
             }
         }
         hypot(d)
@@ -143,11 +143,11 @@ impl Layout {
         }
         // The control points, and the curve itself, which begins beside the second one.
         let last = self.points - 1;
-        let [first, second, third] = [0, 1, 2].map(|k| self.point(at, k));
-        let [end, before, third_last] = [0, 1, 2].map(|k| self.point(at, last - k));
+        let [first, second, third] = per_axis(|k| self.point(at, k));
+        let [end, before, third_last] = per_axis(|k| self.point(at, last - k));
         let [start, stop] = match self.basis {
             Basis::BSpline => [[first, second, third], [third_last, before, end]]
-                .map(|p| [0, 1, 2].map(|x| bspline_knot(p[0][x], p[1][x], p[2][x]))),
+                .map(|p| per_axis(|x| bspline_knot(p[0][x], p[1][x], p[2][x]))),
             _ => [second, before],
         };
         let meet = |p, q| metric.distance(p, q) <= within;

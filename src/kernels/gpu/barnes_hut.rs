@@ -37,6 +37,7 @@ use super::fixed;
 use super::frame::Frame;
 use super::layout::{AngleSum, Criterion, FarSum, Node, NodePair, Parameters, word};
 use super::{State, direct};
+use crate::curve::vector::per_axis;
 use crate::kernels::Estimate;
 use crate::kernels::sums::barnes_hut::pack;
 use crate::pairs::Pair;
@@ -128,10 +129,7 @@ impl Forest {
                 let Some((_, open)) = frame.vertices[range.clone()].split_last() else {
                     return (Vec::new(), 0);
                 };
-                let points: Vec<_> = open
-                    .iter()
-                    .map(|p| [0, 1, 2].map(|x| f64::from(p[x])))
-                    .collect();
+                let points: Vec<_> = open.iter().map(|p| per_axis(|x| f64::from(p[x]))).collect();
                 let mut nodes = Vec::new();
                 let levels = pack(&points, range.start as u32, &mut nodes);
                 (nodes, levels)

@@ -2,6 +2,7 @@
 //! of the rounding error.
 
 use super::precision::Real;
+use crate::curve::vector::per_axis;
 use crate::curve::{CurveSet, bounds};
 use crate::kernels::sums::direct::Scale;
 use crate::pairs::Pair;
@@ -146,7 +147,7 @@ fn middle(set: &CurveSet, bodies: &[Range<usize>]) -> ([f64; 3], f64) {
     let points = bodies.iter().cloned().flatten();
     let [lo, hi] = bounds(points.map(|k| positions.point(k)));
     // Each half is finite, and so is their sum.
-    let centre = [0, 1, 2].map(|x| 0.5 * lo[x] + 0.5 * hi[x]);
+    let centre = per_axis(|x| 0.5 * lo[x] + 0.5 * hi[x]);
     let half = (0..3).fold(0.0, |m: f64, x| {
         m.max(hi[x] - centre[x]).max(centre[x] - lo[x])
     });

@@ -33,6 +33,7 @@ use super::direct::Formula;
 use super::direct::block::gauss_sum;
 use super::interval::{Interval, angle_of};
 use super::{Estimate, direct::Scale};
+use crate::curve::vector::per_axis;
 use crate::curve::{CurveSet, Point};
 
 /// Maximum number of segment pairs that are summed directly.
@@ -80,7 +81,7 @@ impl Chain {
     /// Returns the coordinates by axis. The first vertex of a closed polyline is repeated.
     fn strip(&self) -> [Vec<f64>; 3] {
         let end = self.points.first().filter(|_| self.closed);
-        [0, 1, 2].map(|x| self.points.iter().chain(end).map(|p| p[x]).collect())
+        per_axis(|x| self.points.iter().chain(end).map(|p| p[x]).collect())
     }
 
     /// Returns the Gauss integral of two different polylines. Its bound is at most `tolerance` if

@@ -1,6 +1,7 @@
 //! Gauss integrals in comparison to each other and to high-precision values.
 
 use super::*;
+use crate::curve::vector::per_axis;
 use crate::random::Random;
 
 fn random_walk(random: &mut Random, n: usize, step: f64) -> Vec<Point> {
@@ -8,7 +9,7 @@ fn random_walk(random: &mut Random, n: usize, step: f64) -> Vec<Point> {
     (0..n)
         .map(|_| {
             let d = random.point(step);
-            at = [0, 1, 2].map(|x| 0.8 * at[x] + d[x]);
+            at = per_axis(|x| 0.8 * at[x] + d[x]);
             at
         })
         .collect()

@@ -3,6 +3,7 @@
 use super::oracle;
 use super::polygons::{Polygon, exact_set_of, floats, set_of, winding};
 use super::table::Kernel;
+use crate::curve::vector::per_axis;
 use crate::curve::{Basis, CurveSet, Positions};
 use crate::kernels::{Device, Estimate, Method};
 use crate::random::Random;
@@ -155,7 +156,7 @@ impl Motion {
     }
 
     fn of(&self, p: &Polygon) -> Polygon {
-        let place = |p: &[i64; 3]| [0, 1, 2].map(|x| self.signs[x] * p[self.order[x]] + self.by[x]);
+        let place = |p: &[i64; 3]| per_axis(|x| self.signs[x] * p[self.order[x]] + self.by[x]);
         p.iter().map(place).collect()
     }
 }
@@ -217,13 +218,13 @@ pub fn numbered_properties(kernel: &Kernel) {
         let (mut longer, other) = (times(&a, 2), times(&b, 2));
         let k = at % a.len();
         let (p, q) = (longer[k], longer[(k + 1) % a.len()]);
-        longer.insert(k + 1, [0, 1, 2].map(|x| (p[x] + q[x]) / 2));
+        longer.insert(k + 1, per_axis(|x| (p[x] + q[x]) / 2));
         longer.insert(k, p);
         say("5: vertices inserted, and repeated", &longer, &other, want);
         let along = |p: &[i64; 3]| (0..3).map(|x| motion.signs[x] * p[x]).sum::<i64>();
         let gap = a.iter().map(along).max().unwrap_or(0) - b.iter().map(along).min().unwrap_or(0);
         let by = gap.max(0) / 3 + 1;
-        let push = |p: &[i64; 3]| [0, 1, 2].map(|x| p[x] + by * motion.signs[x]);
+        let push = |p: &[i64; 3]| per_axis(|x| p[x] + by * motion.signs[x]);
         let apart: Polygon = b.iter().map(push).collect();
         say("6: a plane between them", &a, &apart, Some(0));
         Ok(())

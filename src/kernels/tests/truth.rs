@@ -2,6 +2,7 @@
 //! correct to about 28 digits.
 
 use crate::curve::Point;
+use crate::curve::vector::per_axis;
 use crate::kernels::sums::interval::Interval;
 use crate::kernels::{Chain, Estimate};
 use crate::random::Random;
@@ -100,7 +101,7 @@ fn integral(a: &[Point], b: &[Point]) -> Double {
     let mut sum = Double(0.0, 0.0);
     for k in a.windows(2) {
         for l in b.windows(2) {
-            let sub = |p: Point, q: Point| -> Vector { [0, 1, 2].map(|x| Double::of(p[x], -q[x])) };
+            let sub = |p: Point, q: Point| -> Vector { per_axis(|x| Double::of(p[x], -q[x])) };
             let [a, b] = [sub(l[0], k[0]), sub(l[0], k[1])];
             let [c, d] = [sub(l[1], k[1]), sub(l[1], k[0])];
             for [a, b, c] in [[a, b, c], [c, d, a]] {
@@ -171,7 +172,7 @@ fn random_pairs(seed: u64, count: usize) -> (f64, f64, usize) {
             let n = 2 + random.below(6usize);
             (0..n)
                 .map(|_| random.point(scale))
-                .map(|p| [0, 1, 2].map(|x| first[x] + p[x]))
+                .map(|p| per_axis(|x| first[x] + p[x]))
                 .collect()
         };
         // Half of the pairs are small curves near each other and far from the origin.
@@ -184,9 +185,9 @@ fn random_pairs(seed: u64, count: usize) -> (f64, f64, usize) {
         if k % 5 == 0 {
             // A segment that passes another one at a very small distance.
             let [p, q] = [b[0], b[1]];
-            let beside = [0, 1, 2].map(|x| 0.5 * (p[x] + q[x]) + 1e-6 * scale * (x as f64 - 0.7));
+            let beside = per_axis(|x| 0.5 * (p[x] + q[x]) + 1e-6 * scale * (x as f64 - 0.7));
             let end = a[0];
-            a.insert(1, [0, 1, 2].map(|x| beside[x] + (beside[x] - end[x])));
+            a.insert(1, per_axis(|x| beside[x] + (beside[x] - end[x])));
         }
         let truth = integral(&a, &b);
         widths.push(check(a, b, truth));

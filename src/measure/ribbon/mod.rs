@@ -44,6 +44,7 @@ mod twist;
 pub use gauss::GaussIntegrals;
 pub use pairing::{Pairing, PairingReason};
 
+use crate::curve::vector::per_axis;
 use crate::curve::{CurveSet, Point};
 use crate::error::{Error, Result};
 use crate::kernels::crossings::{Input, Workspaces, linking_number};
@@ -203,7 +204,7 @@ fn twist_about(axis: Axis, first: &[Point], second: &[Point]) -> (Vec<Point>, Es
         Axis::First => (first.to_vec(), second),
         Axis::Centre => {
             let both = first.iter().zip(second);
-            let halfway = |(a, b): (&Point, &Point)| [0, 1, 2].map(|x| 0.5 * (a[x] + b[x]));
+            let halfway = |(a, b): (&Point, &Point)| per_axis(|x| 0.5 * (a[x] + b[x]));
             (both.map(halfway).collect(), first)
         }
     };

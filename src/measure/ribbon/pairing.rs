@@ -27,7 +27,7 @@
 //! Linear: all pairings are compared at [`SAMPLES`] vertices at most.
 
 use crate::curve::Point;
-use crate::curve::vector::{norm, sub};
+use crate::curve::vector::{norm, per_axis, sub};
 use crate::error::{Error, Result};
 use rayon::prelude::*;
 use std::fmt;
@@ -251,7 +251,7 @@ fn smoothest(
     let length = |d: &Distances| -> f64 {
         let centre = |k: usize| {
             let (a, b) = (first[k % n], second[d.pairing.partner(k % n, n)]);
-            [0, 1, 2].map(|x| 0.5 * (a[x] + b[x]))
+            per_axis(|x| 0.5 * (a[x] + b[x]))
         };
         let step = |&k: &usize| norm(sub(centre(k + 1), centre(k)));
         samples.iter().map(step).sum()

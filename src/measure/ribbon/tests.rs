@@ -1,7 +1,7 @@
 //! `Lk = Tw + Wr` on random ribbons, and ribbons with known numbers.
 
 use super::*;
-use crate::curve::vector::{add_scaled, cross, dot, norm, sub};
+use crate::curve::vector::{add_scaled, cross, dot, norm, per_axis, sub};
 use crate::curve::{Basis, Positions};
 use crate::random::Random;
 use crate::scenes::Scene;
@@ -303,7 +303,7 @@ impl Helix {
                 let (z, out) = (TAU * self.turns * k as f64 / n + phase).sin_cos();
                 let exact = [(radius + out) * c, (radius + out) * s, z];
                 let deviation = random.point(self.noise);
-                [0, 1, 2].map(|x| exact[x] + deviation[x])
+                per_axis(|x| exact[x] + deviation[x])
             };
             (0..self.pairs).map(vertex).collect()
         })

@@ -4,7 +4,7 @@ use super::approach::{Joints, Side, approach, directions};
 use super::lattice::Lattice;
 use super::splines;
 use super::{CurvePoint, MinRad, Strut};
-use crate::curve::vector::{add, add_scaled, distance, dot, norm, sub};
+use crate::curve::vector::{add, add_scaled, distance, dot, norm, per_axis, sub};
 use crate::curve::{Bezier, Cell, CurveSet, Image, Point, is_home, point_at};
 use crate::error::Result;
 use crate::pairs::{Nearest, Scale, nearest};
@@ -329,7 +329,7 @@ impl Edges {
             false => (edges, found.at, found.image),
         };
         let [first, second] = edges.map(|edge| self.home(edge.curve));
-        let image = [0, 1, 2].map(|x| image[x] + second[x] - first[x]);
+        let image = per_axis(|x| image[x] + second[x] - first[x]);
         let end = |k: usize, image: Image| {
             let edge = edges[k];
             CurvePoint {

@@ -13,7 +13,7 @@
 //! images are near.
 
 use super::edges::{Edge, Edges};
-use crate::curve::vector::{add, dot, norm};
+use crate::curve::vector::{add, dot, norm, per_axis};
 use crate::curve::{Cell, CurveSet, Image, Point, bounds, is_home, union};
 use crate::error::{Error, Result};
 use crate::pairs::Scale;
@@ -76,7 +76,7 @@ impl Lattice {
         }
         let bounds = edges.iter().flat_map(Edge::hull).map(|p| [p, p]);
         let bounds = bounds.reduce(union).unwrap_or_default();
-        let extent = norm([0, 1, 2].map(|x| bounds[1][x] - bounds[0][x]));
+        let extent = norm(per_axis(|x| bounds[1][x] - bounds[0][x]));
         lattice.bound = lattice.bound_of(edges, extent);
         let numbers = bounds.as_flattened().iter();
         lattice.size = numbers.fold(0.0, |most, x| most.max(x.abs()));
@@ -167,7 +167,7 @@ impl Lattice {
     pub fn images(&self, edge: &Edge, distance: f64) -> impl Iterator<Item = Image> {
         let ([lo, hi], reach) = (self.range(edge), self.reach(distance));
         let periodic = self.cell.periodic();
-        let ranges = [0, 1, 2].map(|x| {
+        let ranges = per_axis(|x| {
             if !periodic[x] {
                 return 0..=0;
             }

@@ -3,7 +3,7 @@
 
 use super::approach::{ACCURACY, Side};
 use super::edges::{Edge, Edges, Found, TOLERANCE};
-use crate::curve::vector::{add, dot, sub};
+use crate::curve::vector::{add, dot, per_axis, sub};
 use crate::curve::{Image, Point, bounds, is_home, union};
 use crate::error::Result;
 use rayon::prelude::*;
@@ -28,7 +28,7 @@ fn bounds_of(edge: &Edge) -> Bounds {
 
 /// Returns a lower bound of the squared distance between two boxes, rounding included.
 fn distance_sq(a: &Bounds, b: &Bounds) -> f64 {
-    let gap = [0, 1, 2].map(|x| (a[0][x] - b[1][x]).max(b[0][x] - a[1][x]).max(0.0));
+    let gap = per_axis(|x| (a[0][x] - b[1][x]).max(b[0][x] - a[1][x]).max(0.0));
     dot(gap, gap) * (1.0 - TOLERANCE)
 }
 
@@ -116,8 +116,8 @@ struct Ramp<'a> {
 impl Ramp<'_> {
     /// Returns true if a box may intersect the ramp.
     fn meets(&self, [lo, hi]: &Bounds) -> bool {
-        let middle = [0, 1, 2].map(|x| 0.5 * (lo[x] + hi[x]));
-        let half = [0, 1, 2].map(|x| 0.5 * (hi[x] - lo[x]));
+        let middle = per_axis(|x| 0.5 * (lo[x] + hi[x]));
+        let half = per_axis(|x| 0.5 * (hi[x] - lo[x]));
         if let Some(side) = &self.side {
             return side.may_face(middle, half);
         }

@@ -2,7 +2,7 @@
 
 use super::MinRad;
 use super::approach::{derivatives, directions, first_direction, is_corner, last_direction};
-use crate::curve::vector::{cross, dot, mix, norm, sub};
+use crate::curve::vector::{cross, dot, mix, norm, per_axis, sub};
 use crate::curve::{Basis, Bezier, Cell, CurveSet, Point};
 use crate::pairs::Scale;
 use crate::periodic::period;
@@ -131,7 +131,7 @@ fn radii(hull: &Bezier, [from, to]: [f64; 2]) -> [f64; 2] {
         false => 0.0,
     };
     let [velocity, turn] =
-        [first, crossed].map(|[a, b, c]| [0, 1, 2].map(|x| 0.25 * (a[x] + 2.0 * b[x] + c[x])));
+        [first, crossed].map(|[a, b, c]| per_axis(|x| 0.25 * (a[x] + 2.0 * b[x] + c[x])));
     let middle = quotient(dot(velocity, velocity), norm(turn));
     [quotient(slowest, most).min(middle), middle]
 }

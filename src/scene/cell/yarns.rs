@@ -15,6 +15,7 @@
 //!   If a closed curve may have passed between the two, the pair counts as undecided, too.
 
 use crate::certificate::{Differences, no_baseline};
+use crate::curve::vector::per_axis;
 use crate::curve::{AXES, Cell, CurveSet, Image, Point, Precision, bounds, pow2, union};
 use crate::error::Result;
 use crate::periodic::{
@@ -218,7 +219,7 @@ fn joint(set: &CurveSet, cell: &Cell, pair: &RingAndYarn) -> [Point; 2] {
     let yarn = pair.yarn as usize;
     let by = cell.translation(pair.period);
     let [start, end] = [0, set.curve(yarn).segments as usize].map(|s| set.knot(yarn, s));
-    [end, [0, 1, 2].map(|x| start[x] + by[x])]
+    [end, per_axis(|x| start[x] + by[x])]
 }
 
 /// Returns the entries that are not 0, sorted.

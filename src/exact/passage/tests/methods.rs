@@ -1,6 +1,7 @@
 //! The floating-point filter, exact arithmetic and the Cauchy index, compared with one another.
 
 use super::*;
+use crate::curve::vector::per_axis;
 use crate::exact::passage::exact::{MovingEdges, TRANSLATION, events};
 use crate::exact::passage::polynomial::{Interval, Polynomial, index};
 use crate::exact::passage::ring::Infinitesimal;
@@ -52,7 +53,7 @@ fn methods_agree_on_random_motions() {
 /// Returns two edges of length about 1. Inner points of them are within `gap` of each other before
 /// every end moves by `motion`.
 pub(super) fn meeting(r: &mut Random, gap: f64, motion: f64) -> (Edges, Edges) {
-    let along = |p: Point, d: Point, t: f64| [0, 1, 2].map(|x| p[x] + t * d[x]);
+    let along = |p: Point, d: Point, t: f64| per_axis(|x| p[x] + t * d[x]);
     let place = r.point(10.0);
     let mut edge = |from: Point| {
         let (d, s) = (r.point(1.0), 0.5 + r.between(-0.4, 0.4));
@@ -147,7 +148,7 @@ fn every_axis_and_the_cauchy_index_count_the_same() {
         let all: i32 = all.iter().map(|e| e.sign).sum();
         let count = |exponents: [u32; 3]| {
             let translated = motion.translated(exponents);
-            let [x, y, z] = [0, 1, 2].map(|w| translated.net_passages(&Interval::step(), w));
+            let [x, y, z] = per_axis(|w| translated.net_passages(&Interval::step(), w));
             assert!(x == y && y == z, "{frames:?}: {x} {y} {z}");
             (translated, x)
         };
@@ -180,7 +181,7 @@ fn the_translation_is_on_no_surface_of_an_end_and_an_edge() {
             frames.iter_mut().for_each(|f| f[0].reverse());
         }
         let translated = MovingEdges::new(&frames[0], &frames[1]).translated(TRANSLATION);
-        let counts = [0, 1, 2].map(|w| translated.net_passages(&Interval::step(), w));
+        let counts = per_axis(|w| translated.net_passages(&Interval::step(), w));
         assert!(
             counts.iter().all(|&n| n == counts[0]),
             "{frames:?}: {counts:?}"

@@ -1,6 +1,7 @@
 //! Sums of passages of random polygons, compared with the linking numbers of the oracle.
 
 use super::*;
+use crate::curve::vector::per_axis;
 use crate::kernels::tests::oracle;
 
 /// A polygon in both frames.
@@ -65,7 +66,7 @@ pub(super) fn scene(r: &mut Random) -> [Moving; 2] {
     let mut scene = [random(r), random(r)];
     let vector = |r: &mut Random, size: i64| [0; 3].map(|_| r.below(2 * size + 1) - size);
     let moved = |p: &Polygon, v: [i64; 3]| -> Polygon {
-        p.iter().map(|p| [0, 1, 2].map(|x| p[x] + v[x])).collect()
+        p.iter().map(|p| per_axis(|x| p[x] + v[x])).collect()
     };
     match r.below(8) {
         // Arbitrary motion.
@@ -106,7 +107,7 @@ pub(super) fn scene(r: &mut Random) -> [Moving; 2] {
             scene[1][1] = scene[1][0].clone();
             let l = r.below(scene[1][0].len());
             let (q, d) = (scene[1][0][l], scene[1][0][(l + 1) % scene[1][0].len()]);
-            let on = |m: i64| [0, 1, 2].map(|x| q[x] + m * (d[x] - q[x]));
+            let on = |m: i64| per_axis(|x| q[x] + m * (d[x] - q[x]));
             let k = r.below(scene[0][0].len());
             (scene[0][0][k], scene[0][1][k]) = (on(-1), on(2));
             if r.one_in(2) {

@@ -1,6 +1,7 @@
 //! Curves so close to one another that a naive search would not end in time.
 
 use super::*;
+use crate::curve::vector::per_axis;
 
 /// Returns a closed spline that follows a few random points several times, within `noise`, and
 /// moves by as much.
@@ -11,7 +12,7 @@ fn doubled(r: &mut Random, basis: Basis, points: usize, turns: usize, noise: f64
         let xyz: Vec<f64> = around
             .flat_map(|p| {
                 let v = r.point(noise);
-                [0, 1, 2].map(|x| p[x] + v[x])
+                per_axis(|x| p[x] + v[x])
             })
             .collect();
         let counts = [-((points * turns) as i32)];

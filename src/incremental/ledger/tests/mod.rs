@@ -10,6 +10,7 @@ use super::cancellation::{Found, cancel};
 use super::pair::Part;
 use super::*;
 use crate::certificate::Certificate;
+use crate::curve::vector::per_axis;
 use crate::curve::{Basis, Point, Positions};
 use crate::engine::Certifier;
 use crate::random::Random;
@@ -56,7 +57,7 @@ fn random_step(r: &mut Random, basis: Basis) -> [CurveSet; 2] {
             .map(|k| {
                 let t = TAU * k as f64 / n as f64;
                 let (c, s, f) = (t.cos(), t.sin(), (3.0 * t).cos());
-                [0, 1, 2].map(|x| center[x] + c * u[x] + s * v[x] + f * w[x])
+                per_axis(|x| center[x] + c * u[x] + s * v[x] + f * w[x])
             })
             .collect()
     };
@@ -71,7 +72,7 @@ fn random_step(r: &mut Random, basis: Basis) -> [CurveSet; 2] {
         0 => {
             for p in after.iter_mut().flatten() {
                 let v = r.point(size);
-                *p = [0, 1, 2].map(|x| p[x] + v[x]);
+                *p = per_axis(|x| p[x] + v[x]);
             }
         }
         // Each curve moves as a whole; some are at rest.
@@ -81,7 +82,7 @@ fn random_step(r: &mut Random, basis: Basis) -> [CurveSet; 2] {
                 let v = r.point(size);
                 curve
                     .iter_mut()
-                    .for_each(|p| *p = [0, 1, 2].map(|x| p[x] + v[x]));
+                    .for_each(|p| *p = per_axis(|x| p[x] + v[x]));
             }
         }
         // A rotation of all curves.
@@ -96,7 +97,7 @@ fn random_step(r: &mut Random, basis: Basis) -> [CurveSet; 2] {
             let (k, v) = (r.point(2.0), r.point(size));
             for p in after.iter_mut().flatten() {
                 let f = (k[0] * p[0] + k[1] * p[1] + k[2] * p[2]).sin();
-                *p = [0, 1, 2].map(|x| p[x] + f * v[x]);
+                *p = per_axis(|x| p[x] + f * v[x]);
             }
         }
         // A few points jump far: pull-throughs.
@@ -313,7 +314,7 @@ fn the_outcome_depends_only_on_the_frames() {
                     0.5 * s,
                 ];
                 let off = r.point(f);
-                [0, 1, 2].map(|x| near[x] + off[x])
+                per_axis(|x| near[x] + off[x])
             })
             .collect()
     };

@@ -5,7 +5,7 @@
 //! a moving edge meets a resting one follow from a linear equation, which is solved here by
 //! Cramer's rule, independently of the code and the method of the ledger.
 
-use crate::curve::vector::{add, cross, dot, mix, norm, sub};
+use crate::curve::vector::{add, cross, dot, mix, norm, per_axis, sub};
 use crate::curve::{Basis, CurveSet, Point, Positions};
 use crate::random::Random;
 
@@ -48,7 +48,7 @@ fn strands(r: &mut Random, plant: Plant) -> ([Vec<Point>; 2], [Vec<Point>; 2]) {
             .map(|k| {
                 let t = k as f64 / n as f64;
                 let off = r.point(0.04);
-                [0, 1, 2].map(|x| (1.0 - t) * from[x] + t * to[x] + off[x])
+                per_axis(|x| (1.0 - t) * from[x] + t * to[x] + off[x])
             })
             .collect()
     };
@@ -178,7 +178,7 @@ pub(crate) fn planted_step(r: &mut Random, basis: Basis, plant: Plant) -> Option
     let offset = r.point(20.0);
     let drift = r.point(5.0);
     let place = |mut p: Point, t: f64| {
-        p = [0, 1, 2].map(|x| scale * (p[x] + offset[x] + t * drift[x]));
+        p = per_axis(|x| scale * (p[x] + offset[x] + t * drift[x]));
         p.rotate_left(turn);
         p
     };
@@ -272,7 +272,7 @@ fn solve(
     let bounds = |points: &[Point]| {
         let least = |x: usize| points.iter().fold(f64::MAX, |m, p| m.min(p[x]));
         let most = |x: usize| points.iter().fold(f64::MIN, |m, p| m.max(p[x]));
-        ([0, 1, 2].map(least), [0, 1, 2].map(most))
+        (per_axis(least), per_axis(most))
     };
     let resting: Vec<_> = resting.iter().map(|q| (q, bounds(&q.before))).collect();
     for p in moving {
@@ -291,7 +291,7 @@ fn solve(
                 continue;
             }
             let t = dot(r, de) / volume;
-            let rest = [0, 1, 2].map(|x| r[x] - t * step[x]);
+            let rest = per_axis(|x| r[x] - t * step[x]);
             let area = dot(de, de);
             let s = dot(cross(rest, e), de) / area;
             let u = dot(cross(rest, d), de) / area;
@@ -310,7 +310,7 @@ fn solve(
             if !ok(along[0]) || !ok(along[1]) || !ok(t) {
                 return None;
             }
-            let point = [0, 1, 2].map(|x| p.before[0][x] + s * d[x] + t * (step[x] + drift[x]));
+            let point = per_axis(|x| p.before[0][x] + s * d[x] + t * (step[x] + drift[x]));
             let (mut curves, mut segments) = ([p.curve, q.curve], [p.segment, q.segment]);
             if (curves[0], segments[0]) > (curves[1], segments[1]) {
                 curves.reverse();

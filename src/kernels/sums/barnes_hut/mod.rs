@@ -23,7 +23,7 @@ mod trees;
 
 use super::{Estimate, Summation};
 use crate::curve::CurveSet;
-use crate::curve::vector::dot;
+use crate::curve::vector::{dot, per_axis};
 use crate::pairs::Pair;
 #[cfg(feature = "gpu")]
 pub(crate) use packed::{LEAF_SEGMENTS, pack};
@@ -342,7 +342,7 @@ impl Walk<'_> {
     fn accepted(&self, t: Node, u: Node) -> Option<Bounds> {
         let a = self.trees[0].reach.get(t.place as usize)?;
         let b = self.trees[1].reach.get(u.place as usize)?;
-        let r = [0, 1, 2].map(|x| a.centre[x] - b.centre[x]);
+        let r = per_axis(|x| a.centre[x] - b.centre[x]);
         let square = dot(r, r);
         match self.criterion {
             Criterion::Beta(beta) | Criterion::Estimated(beta) => {
@@ -436,7 +436,7 @@ impl Walk<'_> {
         let [first, second] = self.trees;
         let (t, u) = (t.place as usize, u.place as usize);
         let (a, b) = (&first.reach[t], &second.reach[u]);
-        let r = [0, 1, 2].map(|x| a.centre[x] - b.centre[x]);
+        let r = per_axis(|x| a.centre[x] - b.centre[x]);
         let moments = [&first.moments[t], &second.moments[u]];
         next_order(dot(r, r), [a, b], moments) / (4.0 * PI)
     }

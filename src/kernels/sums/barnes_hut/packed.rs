@@ -3,6 +3,7 @@
 
 use super::trees::{LEAF, Node, Tree};
 use crate::curve::Point;
+use crate::curve::vector::per_axis;
 use crate::kernels::gpu::Node as Packed;
 use std::ops::Range;
 
@@ -32,7 +33,7 @@ fn add(tree: &Tree, node: Node, vertices: Range<u32>, out: &mut Vec<Packed>) -> 
     let over = |x: f64| if x > 0.0 { 1.0 / x } else { 0.0 };
     let square = over(radius * radius);
     let high = reach.centre.map(|x| x as f32);
-    let low = [0, 1, 2].map(|x| (reach.centre[x] - f64::from(high[x])) as f32);
+    let low = per_axis(|x| (reach.centre[x] - f64::from(high[x])) as f32);
     let first = vertices.start + node.first * LEAF as u32;
     let at = out.len();
     let mut packed = Packed {

@@ -9,7 +9,7 @@
 use super::bound::Reach;
 use super::moments::Moments;
 use crate::curve::pow2;
-use crate::curve::vector::{dot, norm, sub};
+use crate::curve::vector::{dot, norm, per_axis, sub};
 use crate::curve::{CurveSet, Point, union};
 use crate::kernels::sums::join;
 
@@ -84,7 +84,7 @@ impl Tree {
     fn through(n: usize, closed: bool, point: impl Fn(usize) -> Point) -> Tree {
         let segments = if closed { n } else { n.saturating_sub(1) };
         let leaves = segments.div_ceil(LEAF);
-        let vertices = [0, 1, 2].map(|x| {
+        let vertices = per_axis(|x| {
             let mut v = Vec::with_capacity(leaves * LEAF + 1);
             v.extend((0..n).map(|k| point(k)[x]));
             let end = if closed { v.first() } else { v.last() };
@@ -157,7 +157,7 @@ fn build(
     } else {
         [0.5; 2]
     };
-    let centre = [0, 1, 2].map(|x| {
+    let centre = per_axis(|x| {
         let [p, q] = parts.map(|(child, _)| child.centre[x]);
         p + shares[1] * (q - p)
     });
@@ -183,7 +183,7 @@ fn build(
             *s += share * t;
         }
     }
-    let corner = [0, 1, 2].map(|x| (extent[1][x] - centre[x]).max(centre[x] - extent[0][x]));
+    let corner = per_axis(|x| (extent[1][x] - centre[x]).max(centre[x] - extent[0][x]));
     finish(reach, by_children.min(norm(corner)));
     extent
 }
@@ -212,7 +212,7 @@ fn build_leaf(
     };
     let from = |centre: Point, k: usize| {
         let (p, q) = (point(k), point(k + 1));
-        [0, 1, 2].map(|x| 0.5 * (p[x] - centre[x]) + 0.5 * (q[x] - centre[x]))
+        per_axis(|x| 0.5 * (p[x] - centre[x]) + 0.5 * (q[x] - centre[x]))
     };
     let mut centre = base;
     for k in 0..LEAF {

@@ -47,6 +47,7 @@ use super::harmonics::MOST;
 use super::tree::Ball;
 use crate::curve::Point;
 use crate::curve::pow2;
+use crate::curve::vector::per_axis;
 use std::f64::consts::PI;
 
 /// Error bounds of the contribution of a node pair.
@@ -135,7 +136,7 @@ impl Bounding {
     /// the distance; at least 1 if no series is used.
     #[inline(always)]
     pub fn separation(a: &Ball, b: &Ball) -> (Point, f64, f64) {
-        let r = [0, 1, 2].map(|x| a.centre[x] - b.centre[x]);
+        let r = per_axis(|x| a.centre[x] - b.centre[x]);
         let square = r[0] * r[0] + r[1] * r[1] + r[2] * r[2];
         if square > NEAREST {
             let distance = square.sqrt();

@@ -8,6 +8,7 @@
 use super::harmonics::{Buffers, Lanes, ShiftBuffers, add_segments, add_shifted, count};
 use super::norms::Norms;
 use super::tree::{Ball, GRAIN, LEAF, Tree};
+use crate::curve::vector::per_axis;
 use crate::kernels::sums::join;
 use crate::simd::dispatch;
 use std::ops::Range;
@@ -110,7 +111,7 @@ impl Build<'_> {
             for place in [at[0][0], at[1][0]] {
                 let child = self.tree.balls[place];
                 let moments = &below[(place - at[0][0]) * size..][..size];
-                let r = [0, 1, 2].map(|x| (child.centre[x] - ball.centre[x]) / ball.size);
+                let r = per_axis(|x| (child.centre[x] - ball.centre[x]) / ball.size);
                 add_shifted(order, moments, child.size / ball.size, r, &mut buffers, own);
             }
         }

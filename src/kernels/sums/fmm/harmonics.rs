@@ -35,6 +35,7 @@
 )]
 
 use crate::curve::Point;
+use crate::curve::vector::per_axis;
 
 /// Maximum order.
 pub(super) const MOST: usize = 20;
@@ -152,7 +153,7 @@ pub(super) fn add_segments<const L: usize>(
     buffers: &mut Buffers<L>,
     out: &mut [Lanes<L>],
 ) {
-    let q = [0, 1, 2].map(|x| map(|l| p[x][l] + e[x][l]));
+    let q = per_axis(|x| map(|l| p[x][l] + e[x][l]));
     let turn =
         [(1, 2), (2, 0), (0, 1)].map(|(x, y)| map(|l| p[x][l] * e[y][l] - p[y][l] * e[x][l]));
     regular(order - 1, &q, &mut buffers.end);

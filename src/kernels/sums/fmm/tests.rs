@@ -1,4 +1,5 @@
 use super::*;
+use crate::curve::vector::per_axis;
 use crate::kernels::sums::barnes_hut::{self, BarnesHut};
 use crate::kernels::tests::oracle;
 use crate::kernels::tests::polygons::{
@@ -203,8 +204,8 @@ fn moments_of_parents_equal_those_of_their_segments() {
         let mut direct = vec![[0.0]; 2 * harmonics::count(order)];
         let [starts, ends] = &tree.ends;
         for k in 0..starts[0].len() {
-            let p = [0, 1, 2].map(|x| [(starts[x][k] - root.centre[x]) / root.size]);
-            let e = [0, 1, 2].map(|x| [(ends[x][k] - starts[x][k]) / root.size]);
+            let p = per_axis(|x| [(starts[x][k] - root.centre[x]) / root.size]);
+            let e = per_axis(|x| [(ends[x][k] - starts[x][k]) / root.size]);
             harmonics::add_segments(order, &p, &e, &mut buffers, &mut direct);
         }
         let length = root.length / root.size;
@@ -320,7 +321,7 @@ fn piece(random: &mut Random, kind: usize) -> Vec<[f64; 3]> {
             match kind {
                 // Long segments, each of which crosses the whole piece; also flat and thin pieces.
                 0 => free,
-                1 => [0, 1, 2].map(|x| free[x] * stretch[x]),
+                1 => per_axis(|x| free[x] * stretch[x]),
                 // On a sphere, so that all means are maximal; and at its six poles.
                 2 => {
                     let r = free.iter().map(|x| x * x).sum::<f64>().sqrt().max(1e-9);
@@ -329,7 +330,7 @@ fn piece(random: &mut Random, kind: usize) -> Vec<[f64; 3]> {
                 3 => {
                     let most =
                         (0..3).fold(0, |m, x| if free[x].abs() > free[m].abs() { x } else { m });
-                    [0, 1, 2].map(|x| {
+                    per_axis(|x| {
                         if x == most {
                             free[x].signum()
                         } else {
@@ -344,12 +345,12 @@ fn piece(random: &mut Random, kind: usize) -> Vec<[f64; 3]> {
                     } else {
                         (n as f64 / 8.0 * t).fract()
                     };
-                    [0, 1, 2].map(|x| way * axis[x] + free[x] * [1e-7, 0.05][kind - 4])
+                    per_axis(|x| way * axis[x] + free[x] * [1e-7, 0.05][kind - 4])
                 }
                 // Two distant clusters with long segments between them.
                 6 => {
                     let end = if k % 2 == 0 { 1.0 } else { -1.0 };
-                    [0, 1, 2].map(|x| end * axis[x] + 0.01 * free[x])
+                    per_axis(|x| end * axis[x] + 0.01 * free[x])
                 }
                 // A helix.
                 _ => [
@@ -390,9 +391,7 @@ fn check_nodes(cases: usize, seed: u64) -> [f64; 2] {
         let offset = [0.0, 1.0, 1e3, 1e6][(unit().abs() * 4.0) as usize % 4];
         let towards = [unit(), unit(), unit()];
         let scaled = |c: &[[f64; 3]], f: f64, by: [f64; 3]| -> Vec<[f64; 3]> {
-            c.iter()
-                .map(|p| [0, 1, 2].map(|x| p[x] * f + by[x]))
-                .collect()
+            c.iter().map(|p| per_axis(|x| p[x] * f + by[x])).collect()
         };
         let here = scaled(&curves[0], 1.0, [offset; 3]);
         let there = |by| scaled(&curves[1], ratio, by);
@@ -410,8 +409,7 @@ fn check_nodes(cases: usize, seed: u64) -> [f64; 2] {
         let size = towards.iter().map(|x| x * x).sum::<f64>().sqrt().max(1e-3);
         // Mostly along an axis of the piece itself: from its centre to its first point.
         let distance = ((a.radius + b.radius) / far).max(2.0 / 0.899 * a.radius.max(b.radius));
-        let by =
-            [0, 1, 2].map(|x| (a.centre[x] - b.centre[x] + towards[x] / size * distance) / scale);
+        let by = per_axis(|x| (a.centre[x] - b.centre[x] + towards[x] / size * distance) / scale);
         let (at, _, _, fmm) = nodes(&mut random, by, Some(at));
         let trees = fmm.pair((0, 1)).expect("two curves");
         let run = |expansions: [Option<&Expansions>; 2], criterion| {
@@ -483,8 +481,8 @@ fn the_rounding_error_of_shifted_moments_is_within_the_bound() {
         let mut direct = vec![[0.0]; 2 * size];
         let [starts, ends] = &tree.ends;
         for k in 0..starts[0].len() {
-            let p = [0, 1, 2].map(|x| [(starts[x][k] - root.centre[x]) / root.size]);
-            let e = [0, 1, 2].map(|x| [(ends[x][k] - starts[x][k]) / root.size]);
+            let p = per_axis(|x| [(starts[x][k] - root.centre[x]) / root.size]);
+            let e = per_axis(|x| [(ends[x][k] - starts[x][k]) / root.size]);
             harmonics::add_segments(order, &p, &e, &mut buffers, &mut direct);
         }
         let (length, spread) = (root.length / root.size, root.spread / root.size);

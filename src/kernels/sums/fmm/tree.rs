@@ -12,6 +12,7 @@
 )]
 
 use crate::curve::pow2;
+use crate::curve::vector::per_axis;
 use crate::curve::{CurveSet, Point, bounds, union};
 use crate::kernels::sums::barnes_hut::Node;
 use crate::kernels::sums::join;
@@ -87,8 +88,7 @@ impl Tree {
             number: u32::MAX,
         };
         segments.resize(leaves * LEAF, filler);
-        let ends =
-            [0, 1].map(|e| [0, 1, 2].map(|x| segments.iter().map(|s| s.ends[e][x]).collect()));
+        let ends = [0, 1].map(|e| per_axis(|x| segments.iter().map(|s| s.ends[e][x]).collect()));
         let mut balls = vec![EMPTY; (2 * leaves).saturating_sub(1)];
         enclose(&ends, 0, leaves, &mut balls);
         Tree { ends, balls }
@@ -106,7 +106,7 @@ fn sort(segments: &mut [Segment], leaves: usize) {
         segments.sort_unstable_by_key(|s| s.number);
         return;
     }
-    let middles = segments.iter().map(|s| [0, 1, 2].map(|x| s.middle(x)));
+    let middles = segments.iter().map(|s| per_axis(|x| s.middle(x)));
     let [lo, hi] = bounds(middles);
     let side = |x: usize| hi[x] - lo[x];
     let axis = (1..3).fold(0, |best, x| if side(x) > side(best) { x } else { best });
@@ -158,7 +158,7 @@ fn enclose(ends: &[[Vec<f64>; 3]; 2], first: usize, leaves: usize, balls: &mut [
         extent = union(a, b);
         ball.length = left[0].length + right[0].length;
     }
-    let centre = [0, 1, 2].map(|x| 0.5 * extent[0][x] + 0.5 * extent[1][x]);
+    let centre = per_axis(|x| 0.5 * extent[0][x] + 0.5 * extent[1][x]);
     let mut farthest: f64 = 0.0;
     for points in ends {
         let [x, y, z] = points.each_ref().map(|p| &p[range.clone()]);

@@ -14,7 +14,7 @@
 //! the same holds for the motion before that, and so on: if it was not listed, all motions together
 //! exceed twice the skin.
 
-use crate::curve::vector::norm;
+use crate::curve::vector::{norm, per_axis};
 use crate::curve::{Box3, Cell, Image, Point, above, below, is_home, pow2};
 use crate::error::{Error, Result};
 use crate::pairs::LinkSearch;
@@ -66,7 +66,7 @@ impl Lattice {
             let (lo, hi) = (b.lo.map(f64::from), b.hi.map(f64::from));
             let largest = lo.iter().chain(&hi).fold(0.0, |m: f64, x| m.max(x.abs()));
             // Boxes are rounded to single precision.
-            norm([0, 1, 2].map(|x| hi[x] - lo[x])) + largest * pow2(-20)
+            norm(per_axis(|x| hi[x] - lo[x])) + largest * pow2(-20)
         };
         Ok(Lattice {
             cell: *cell,
@@ -90,9 +90,9 @@ impl Lattice {
         let units = self.cell.units();
         let bounds = boxes.iter().map(|b| {
             let (lo, hi) = (b.lo.map(f64::from), b.hi.map(f64::from));
-            let middle = [0, 1, 2].map(|x| 0.5 * (lo[x] + hi[x]));
-            let half = [0, 1, 2].map(|x| 0.5 * (hi[x] - lo[x]));
-            let range = [0, 1, 2].map(|k| {
+            let middle = per_axis(|x| 0.5 * (lo[x] + hi[x]));
+            let half = per_axis(|x| 0.5 * (hi[x] - lo[x]));
+            let range = per_axis(|k| {
                 let b = self.inverse[k];
                 let term = |x: usize| b[x] * middle[x];
                 let size: f64 = (0..3).map(|x| b[x].abs() * half[x]).sum();
@@ -114,8 +114,8 @@ impl Lattice {
         }
         let by = self.cell.translation(image);
         let moved = Box3 {
-            lo: [0, 1, 2].map(|x| below(f64::from(bounds.lo[x]) + by[x])),
-            hi: [0, 1, 2].map(|x| above(f64::from(bounds.hi[x]) + by[x])),
+            lo: per_axis(|x| below(f64::from(bounds.lo[x]) + by[x])),
+            hi: per_axis(|x| above(f64::from(bounds.hi[x]) + by[x])),
         };
         (moved, norm(by) * pow2(-22))
     }
@@ -125,15 +125,15 @@ impl Lattice {
         if cell.vectors == self.cell.vectors {
             return None;
         }
-        let vector = |k: usize| [0, 1, 2].map(|x| cell.vectors[k][x] - self.cell.vectors[k][x]);
+        let vector = |k: usize| per_axis(|x| cell.vectors[k][x] - self.cell.vectors[k][x]);
         // No cell without an inverse is measured: then nothing is known about this one.
         let inverse = cell.inverse().map(|b| b.map(norm));
         Some(LatticeMotion {
             moved: Cell {
                 origin: [0.0; 3],
-                vectors: [0, 1, 2].map(vector),
+                vectors: per_axis(vector),
             },
-            lengths: [0, 1, 2].map(|k| norm(cell.vectors[k]).max(norm(self.cell.vectors[k]))),
+            lengths: per_axis(|k| norm(cell.vectors[k]).max(norm(self.cell.vectors[k]))),
             inverse: inverse.unwrap_or([f64::INFINITY; 3]),
             within: self.reach + self.extent,
         })

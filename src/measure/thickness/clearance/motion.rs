@@ -1,5 +1,6 @@
 //! Motion of a scene since a reference frame: a rigid motion, and what remains of each part.
 
+use crate::curve::vector::per_axis;
 use crate::curve::{Point, Positions, larger, smaller};
 use nalgebra::{Matrix3, Vector3};
 use std::ops::{Range, Sub};
@@ -78,7 +79,7 @@ impl Rigid {
 
     /// Returns an upper bound of the distances between the motion of some points and this one.
     pub fn largest_from(&self, moved: &Displacements) -> f64 {
-        let most = [0, 1, 2].map(|x| {
+        let most = per_axis(|x| {
             let (lo, hi, shift) = (moved.lo[x], moved.hi[x], self.shift[x]);
             larger(hi - shift, shift - lo) + 1e-15 * shift.abs()
         });
@@ -103,8 +104,8 @@ impl Displacements {
     #[inline(always)]
     pub fn shifted(&self, by: Point, rounding: f64) -> Displacements {
         Displacements {
-            lo: [0, 1, 2].map(|x| self.lo[x] + by[x] - rounding),
-            hi: [0, 1, 2].map(|x| self.hi[x] + by[x] + rounding),
+            lo: per_axis(|x| self.lo[x] + by[x] - rounding),
+            hi: per_axis(|x| self.hi[x] + by[x] + rounding),
         }
     }
 
@@ -112,7 +113,7 @@ impl Displacements {
     /// another.
     #[inline(always)]
     pub fn largest_between(&self, other: &Displacements) -> f64 {
-        let most = [0, 1, 2].map(|x| larger(self.hi[x] - other.lo[x], other.hi[x] - self.lo[x]));
+        let most = per_axis(|x| larger(self.hi[x] - other.lo[x], other.hi[x] - self.lo[x]));
         (most[0] * most[0] + most[1] * most[1] + most[2] * most[2]).sqrt() * (1.0 + 1e-9)
     }
 }
@@ -187,12 +188,12 @@ impl Step<'_> {
 
     #[inline(always)]
     fn widened(&self, [lo, hi]: [Point; 2], rounding: f64) -> Displacements {
-        let by = [0, 1, 2].map(|x| {
+        let by = per_axis(|x| {
             self.widen * (hi[x] - lo[x]) + 1.3e-7 * larger(hi[x].abs(), lo[x].abs()) + rounding
         });
         Displacements {
-            lo: [0, 1, 2].map(|x| lo[x] - by[x]),
-            hi: [0, 1, 2].map(|x| hi[x] + by[x]),
+            lo: per_axis(|x| lo[x] - by[x]),
+            hi: per_axis(|x| hi[x] + by[x]),
         }
     }
 }
@@ -243,8 +244,8 @@ impl<T: Real> Extremes<T> {
         let lo: [T; 6] = std::array::from_fn(|k| smaller(lo[k], lo[k + 6]));
         let hi: [T; 6] = std::array::from_fn(|k| larger(hi[k], hi[k + 6]));
         [
-            [0, 1, 2].map(|x| smaller(lo[x], lo[x + 3]).into()),
-            [0, 1, 2].map(|x| larger(hi[x], hi[x + 3]).into()),
+            per_axis(|x| smaller(lo[x], lo[x + 3]).into()),
+            per_axis(|x| larger(hi[x], hi[x + 3]).into()),
         ]
     }
 }

@@ -1,7 +1,7 @@
 //! Blocks of eight segments, and the distance between two of them.
 
 use super::blocks::{BlockPair, Blocks};
-use crate::curve::vector::{add, add_scaled, distance, sub};
+use crate::curve::vector::{add, add_scaled, distance, per_axis, sub};
 use crate::curve::{Cell, Curve, CurveSet, Image, Point, Positions, is_home, multiple, point_at};
 use crate::measure::thickness::splines::deviation;
 use crate::pairs::nearest;
@@ -233,9 +233,9 @@ impl Strands<'_> {
         let radii = self.radii[i] + self.radii[j];
         let mut squares = [[f64::INFINITY; LANES]; LANES];
         for (k, squares) in squares.iter_mut().enumerate().take(a.count) {
-            let middle = [0, 1, 2].map(|x| a.middles[x][k]);
+            let middle = per_axis(|x| a.middles[x][k]);
             for (l, square) in squares.iter_mut().enumerate() {
-                let d = [0, 1, 2].map(|x| b.middles[x][l] - middle[x]);
+                let d = per_axis(|x| b.middles[x][l] - middle[x]);
                 *square = (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]) * (1.0 - 1e-12);
             }
         }
@@ -393,7 +393,7 @@ impl Strands<'_> {
         let [around_one, around_other] = [&one, &other].map(|points| {
             std::array::from_fn::<(Point, f64), CHORDS, _>(|q| {
                 let [from, to] = [points[q], points[q + 1]];
-                let middle = [0, 1, 2].map(|x| 0.5 * (from[x] + to[x]));
+                let middle = per_axis(|x| 0.5 * (from[x] + to[x]));
                 (middle, 0.5 * distance(from, to))
             })
         });
@@ -451,8 +451,8 @@ impl Strands<'_> {
                 last = to;
             } else {
                 let q = [0, 1, 2, 3].map(|k| control(s, k));
-                let axes = [0, 1, 2].map(|x| basis.hull([q[0][x], q[1][x], q[2][x], q[3][x]]));
-                out.hulls[k] = [0, 1, 2, 3].map(|k| [0, 1, 2].map(|x| axes[x][k]));
+                let axes = per_axis(|x| basis.hull([q[0][x], q[1][x], q[2][x], q[3][x]]));
+                out.hulls[k] = [0, 1, 2, 3].map(|k| per_axis(|x| axes[x][k]));
                 out.deviations[k] = deviation(&out.hulls[k]);
             }
             let [from, .., to] = out.hulls[k];

@@ -1,7 +1,7 @@
 //! The monitor against a comparison of all pairs of segments in every frame.
 
 use super::*;
-use crate::curve::vector::{add, distance, norm, sub};
+use crate::curve::vector::{add, distance, norm, per_axis, sub};
 use crate::curve::{Basis, Point, Positions, is_home};
 use crate::measure::thickness::splines::deviation;
 use crate::pairs::nearest;
@@ -30,7 +30,7 @@ fn images(set: &CurveSet, cell: Option<&Cell>, distance: f64) -> Vec<Image> {
         (1.4 * (hi - lo) + norm(b) * distance).ceil() as i32
     });
     let range = |x: usize| if cell.periodic()[x] { most[x] } else { 0 };
-    let all = images_in([0, 1, 2].map(|x| -range(x)..=range(x)));
+    let all = images_in(per_axis(|x| -range(x)..=range(x)));
     all.filter(|image| *image >= Image::default()).collect()
 }
 
@@ -180,7 +180,7 @@ impl MovingCell {
             let (inverse, basis) = (before.inverse().unwrap(), self.cell.basis().unwrap());
             for p in points {
                 let u = inverse.map(|b| b[0] * p[0] + b[1] * p[1] + b[2] * p[2]);
-                *p = [0, 1, 2].map(|x| (0..3).map(|k| u[k] * basis[k][x]).sum());
+                *p = per_axis(|x| (0..3).map(|k| u[k] * basis[k][x]).sum());
             }
         }
     }
@@ -217,7 +217,7 @@ fn scene(random: &mut Random, basis: Basis) -> (Vec<i32>, Vec<Point>) {
             let t = turns * TAU * m as f64 / n as f64;
             let drift = if k == 0 { 0.3 * t } else { 0.0 };
             let (c, s) = (t.cos(), t.sin());
-            points.push([0, 1, 2].map(|x| center[x] + c * u[x] + s * v[x] + drift));
+            points.push(per_axis(|x| center[x] + c * u[x] + s * v[x] + drift));
         }
         counts.push(if open { n as i32 } else { -(n as i32) });
     }
@@ -248,7 +248,7 @@ fn check(seed: u64, frames: u64, in_cell: bool) {
         Some(cell) if basis.is_polyline() && random.one_in(2) => {
             let n = counts.last_mut().unwrap();
             *n = n.abs();
-            [0, 1, 2].map(|x| i32::from(cell.cell.periodic()[x]))
+            per_axis(|x| i32::from(cell.cell.periodic()[x]))
         }
         _ => Image::default(),
     };

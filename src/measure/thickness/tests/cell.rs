@@ -1,7 +1,7 @@
 //! Struts in periodic cells against those of a supercell, and known values.
 
 use super::*;
-use crate::curve::vector::{add, norm, sub};
+use crate::curve::vector::{add, norm, per_axis, sub};
 use crate::curve::{Basis, Positions};
 use crate::periodic::{images_in, period, reduced};
 use crate::random::Random;
@@ -28,7 +28,7 @@ type Key = ([(u32, u32); 2], Image);
 
 /// Returns the key of a strut between two images.
 fn key([(a, m), (b, n)]: [((u32, u32), Image); 2]) -> Key {
-    let image = [0, 1, 2].map(|x| n[x] - m[x]);
+    let image = per_axis(|x| n[x] - m[x]);
     let backward = image.map(|n| -n);
     let forward = match a.0 == b.0 {
         true => image > backward || image == HOME && a <= b,
@@ -67,9 +67,9 @@ impl Supercell {
             for image in images {
                 let range = if runs_through { -times..=times } else { 0..=0 };
                 let before = points.len();
-                let first = [0, 1, 2].map(|x| image[x] + range.start() * period[x]);
+                let first = per_axis(|x| image[x] + range.start() * period[x]);
                 for m in range {
-                    let by = [0, 1, 2].map(|x| image[x] + m * period[x]);
+                    let by = per_axis(|x| image[x] + m * period[x]);
                     let by = cell.translation(by);
                     points.extend(own.iter().map(|&p| add(p, by)));
                 }
@@ -95,7 +95,7 @@ impl Supercell {
             let (curve, first, segments) = self.copies[end.curve as usize];
             let period = self.periods[curve as usize];
             let times = (end.segment / segments) as i32;
-            let image = [0, 1, 2].map(|x| first[x] + times * period[x]);
+            let image = per_axis(|x| first[x] + times * period[x]);
             ((curve, end.segment % segments), image)
         };
         let all = struts(&self.set, None, longest).unwrap();
@@ -131,7 +131,7 @@ fn random_scene(random: &mut Random, lattice: bool) -> (CurveSet, Cell) {
         if lattice {
             own.iter_mut().flatten().for_each(|x| *x = x.round());
         }
-        let period = [0, 1, 2].map(|x| match cell.periodic()[x] {
+        let period = per_axis(|x| match cell.periodic()[x] {
             true => random.below(3_i32) - 1,
             false => 0,
         });
@@ -156,11 +156,11 @@ fn reach(scene: &CurveSet, cell: &Cell, distance: f64) -> [i32; 3] {
     });
     let (mut lo, mut hi) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
     for p in knots {
-        lo = [0, 1, 2].map(|x| lo[x].min(p[x]));
-        hi = [0, 1, 2].map(|x| hi[x].max(p[x]));
+        lo = per_axis(|x| lo[x].min(p[x]));
+        hi = per_axis(|x| hi[x].max(p[x]));
     }
     let inverse = cell.inverse().unwrap();
-    [0, 1, 2].map(|x| match cell.periodic()[x] {
+    per_axis(|x| match cell.periodic()[x] {
         true => (norm(inverse[x]) * (norm(sub(hi, lo)) + distance)).ceil() as i32,
         false => 0,
     })
@@ -335,7 +335,7 @@ fn moving_a_curve_by_a_lattice_vector_changes_only_the_image() {
             .map(|_| {
                 let far = random.pick(&[2, 1000]);
                 let shift = [0; 3].map(|_| random.below(2 * far + 1) - far);
-                [0, 1, 2].map(|x| if cell.periodic()[x] { shift[x] } else { 0 })
+                per_axis(|x| if cell.periodic()[x] { shift[x] } else { 0 })
             })
             .collect();
         let (mut counts, mut points) = (Vec::new(), Vec::new());
@@ -359,7 +359,7 @@ fn moving_a_curve_by_a_lattice_vector_changes_only_the_image() {
         let mut count = 0;
         for strut in after {
             let [a, b] = strut.ends.map(|end| shifts[end.curve as usize]);
-            let image = [0, 1, 2].map(|x| strut.image[x] + b[x] - a[x]);
+            let image = per_axis(|x| strut.image[x] + b[x] - a[x]);
             let length = before.get(&(place(&strut), image));
             let error = length.map_or(f64::INFINITY, |l| (l - strut.length).abs());
             assert!(error < 1e-9, "seed {seed}: {strut} {length:?}");

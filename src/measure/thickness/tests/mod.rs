@@ -4,7 +4,7 @@ mod brute;
 mod cell;
 
 use super::*;
-use crate::curve::vector::norm;
+use crate::curve::vector::{norm, per_axis};
 use crate::curve::{Basis, Positions};
 use crate::random::Random;
 use std::f64::consts::{PI, TAU};
@@ -246,7 +246,7 @@ fn parallel_lines_have_a_strut() {
                 } else {
                     random.between(0.001, 0.5)
                 };
-                xyz.extend([0, 1, 2].map(|x| scale * (at * along[x] + side * across[x])));
+                xyz.extend(per_axis(|x| scale * (at * along[x] + side * across[x])));
             }
             ranges.push([first, at]);
         }
@@ -429,8 +429,8 @@ fn bends_and_distances_of_random_splines_are_within_their_bounds() {
             for k in 0..200 {
                 let t = (f64::from(k) + 0.5) / 200.0;
                 let [a, b, c] = [t - h, t, t + h].map(|t| set.eval(0, s, t));
-                let first = [0, 1, 2].map(|x| (c[x] - a[x]) / (2.0 * h));
-                let second = [0, 1, 2].map(|x| (a[x] - 2.0 * b[x] + c[x]) / (h * h));
+                let first = per_axis(|x| (c[x] - a[x]) / (2.0 * h));
+                let second = per_axis(|x| (a[x] - 2.0 * b[x] + c[x]) / (h * h));
                 let turn = norm(crate::curve::vector::cross(first, second));
                 least = least.min(norm(first).powi(3) / turn);
             }
