@@ -34,10 +34,10 @@ impl<'a> Separation<'a> {
     #[inline(always)]
     pub fn add_close(&self, pairs: &[(u32, u32)], close: &mut Vec<(u32, u32)>) {
         for &(s, t) in pairs {
-            let [a, b] = [(self.curves[0], s), (self.curves[1], t)].map(|(i, s)| Hull {
-                points: self.hulls.at(i, s as usize),
-            });
-            if !a.separated(&b, self.margin) {
+            let hull = |side: usize, s: u32| Hull {
+                points: self.hulls.at(self.curves[side], s as usize),
+            };
+            if !hull(0, s).separated(&hull(1, t), self.margin) {
                 close.push((s, t));
             }
         }

@@ -85,7 +85,7 @@ impl Coordinates {
     /// of all other work on a ribbon.
     pub fn repeats(&self, first: usize, count: usize) -> usize {
         fn count_in<T: PartialEq>(v: &[Vec<T>; 3], first: usize, count: usize) -> usize {
-            let [x, y, z] = v.each_ref().map(|v| &v[first..first + count + 1]);
+            let [x, y, z] = per_axis(|x| &v[x][first..first + count + 1]);
             let same = |v: &[T], k: usize| v[k] == v[k + 1];
             (0..count)
                 .filter(|&k| same(x, k) & same(y, k) & same(z, k))

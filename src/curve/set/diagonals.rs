@@ -3,6 +3,7 @@
 use super::boxes::{above, below, larger, smaller};
 use super::coordinates::{Coordinates, Scalar};
 use super::{Basis, CurveSet, pow2};
+use crate::curve::vector::per_axis;
 use crate::simd::{LANES, Lanes};
 use std::ops::{Add, Sub};
 
@@ -62,7 +63,7 @@ impl CurveSet {
                 let wide = |x: f32| f64::from(x.clamp(f32::MIN, f32::MAX));
                 bounds(
                     simd,
-                    v.each_ref().map(|v| &v[slots.clone()]),
+                    per_axis(|x| &v[x][slots.clone()]),
                     |x| below(wide(x) - outward(wide(x))),
                     |x| above(wide(x) + outward(wide(x))),
                 )
@@ -71,7 +72,7 @@ impl CurveSet {
                 let pad = 2.0 * self.rounding();
                 bounds(
                     simd,
-                    v.each_ref().map(|v| &v[slots.clone()]),
+                    per_axis(|x| &v[x][slots.clone()]),
                     |x| below((x - pad).clamp(f64::MIN, f64::MAX)),
                     |x| above((x + pad).clamp(f64::MIN, f64::MAX)),
                 )

@@ -35,6 +35,7 @@ impl Hulls<'_> {
 }
 
 /// Returns true if three or more points differ from one another.
+#[inline]
 pub(crate) fn are_three_distinct(mut points: impl Iterator<Item = Point>) -> bool {
     let a = points.next();
     let b = points.find(|p| Some(*p) != a);
@@ -70,6 +71,7 @@ impl CurveSet {
     }
 
     /// Returns the slot at which segment `s` of curve `i` starts.
+    #[inline]
     pub(super) fn slot(&self, i: usize, s: usize) -> usize {
         self.curves[i].first as usize + s * self.basis.stride()
     }
@@ -91,6 +93,7 @@ impl CurveSet {
     ///
     /// For polylines, Catmull-Rom and Bezier this is an input point. For B-splines it is computed
     /// in double precision.
+    #[inline]
     pub fn knot(&self, i: usize, s: usize) -> Point {
         debug_assert!(s <= self.curves[i].segments as usize);
         let slot = self.slot(i, s);
@@ -137,7 +140,8 @@ impl CurveSet {
     /// Returns the Bezier form of segment `s` of curve `i`.
     pub(crate) fn segment(&self, i: usize, s: usize) -> Bezier {
         let hull = self.hull(i, s);
-        [0, 1, 2, 3].map(|k| per_axis(|x| hull[x][k]))
+        let point = |k: usize| per_axis(|x| hull[x][k]);
+        [point(0), point(1), point(2), point(3)]
     }
 
     /// Returns the point of curve `i` at parameter `t` in `[0, 1]` of its segment `s`.
