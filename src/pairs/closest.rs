@@ -186,7 +186,9 @@ pub(crate) struct Nearest {
 }
 
 /// Returns the nearest points of two segments, each given by its start and the vector to its end,
-/// in floating point. Products of four coordinates must neither overflow nor underflow.
+/// in floating point. Products of four coordinates must neither overflow nor underflow. Without
+/// branches, so that a loop over segments is compiled to vector instructions.
+#[inline(always)]
 pub(crate) fn nearest([p0, d]: [Point; 2], [q0, e]: [Point; 2]) -> Nearest {
     let r = sub(p0, q0);
     let (dd, de, ee, dr, er) = (dot(d, d), dot(d, e), dot(e, e), dot(d, r), dot(e, r));
@@ -222,10 +224,8 @@ pub(crate) fn nearest([p0, d]: [Point; 2], [q0, e]: [Point; 2]) -> Nearest {
     // the lines; with the normal, the distance is as precise as the coordinates.
     let normal = cross(d, e);
     let normal_sq = dot(normal, normal);
-    if normal_sq > 0.0 {
-        let s = (dot(cross(e, r), normal) / normal_sq).clamp(0.0, 1.0);
-        consider(s, clamped(er + s * de, ee));
-    }
+    let s = clamped(dot(cross(e, r), normal), normal_sq);
+    consider(s, clamped(er + s * de, ee));
     best
 }
 

@@ -136,13 +136,33 @@ struct Block {
     /// Upper bounds of the distances of the segments from their chords.
     deviations: [f64; LANES],
     hulls: [[Point; 4]; LANES],
+    /// Starts of the chords, and the vectors to their ends.
+    chords: [[[f64; LANES]; 3]; 2],
 }
 
 impl Block {
+    /// Returns the distances of a chord from those of another block.
+    #[inline(always)]
+    fn distances(&self, k: usize, other: &Block) -> [f64; LANES] {
+        let chord = |block: &Block, k: usize| {
+            let of = |end: usize| per_axis(|x| block.chords[end][x][k]);
+            [of(0), of(1)]
+        };
+        let one = chord(self, k);
+        let mut out = [0.0; LANES];
+        for (l, out) in out.iter_mut().enumerate() {
+            *out = nearest(one, chord(other, l)).distance_sq.sqrt();
+        }
+        out
+    }
+
     /// Moves the block.
     fn translate(&mut self, by: Point) {
         for (middles, by) in self.middles.iter_mut().zip(by) {
             middles.iter_mut().for_each(|x| *x += by);
+        }
+        for (starts, by) in self.chords[0].iter_mut().zip(by) {
+            starts.iter_mut().for_each(|x| *x += by);
         }
         for point in self.hulls.as_flattened_mut() {
             *point = add(*point, by);
@@ -242,70 +262,58 @@ impl Strands<'_> {
         if let Some(later) = self.later(pair) {
             self.exclude((pair, later), [a, b], &mut squares);
         }
-        let mut found = [(0, 0); LANES * LANES];
-        let (mut count, mut least) = (0, f64::INFINITY);
-        for (k, squares) in squares.iter().enumerate().take(a.count) {
-            let near = limit * radii + a.radii[k];
-            for (l, &square) in squares.iter().enumerate().take(b.count) {
-                let most = near + b.radii[l];
-                if square < most * most {
-                    found[count] = (k, l);
-                    count += 1;
-                } else {
-                    least = least.min(square);
-                }
-            }
-        }
         let largest = |block: &Block| block.radii.iter().fold(0.0, |m: f64, &r| m.max(r));
-        // The bound of those that are not measured.
-        let beyond = (least.sqrt() - largest(a) - largest(b)).max(limit * radii) / radii;
-        let found = &mut found[..count];
-        // The closest spheres first.
-        if let Some(k) = (0..count).min_by(|&p, &q| {
-            let square = |k: usize| squares[found[k].0][found[k].1];
-            square(p).total_cmp(&square(q))
-        }) {
-            found.swap(0, k);
-        }
-        let mut rough = [0.0; LANES * LANES];
-        let (mut closest, mut bound) = (None::<CloseStrands>, beyond);
-        for (&mut (k, l), rough) in found.iter_mut().zip(&mut rough) {
-            let best = closest.map_or(f64::INFINITY, |c| c.distance);
-            let most = best + a.radii[k] + b.radii[l];
-            if squares[k][l] >= most * most {
-                *rough = f64::INFINITY;
+        let spheres = largest(a) + largest(b);
+        // Lower bounds of the distances of all segments: of the spheres, or of the chords.
+        let (mut least, mut is_near) = (f64::INFINITY, false);
+        let mut bounds = [[f64::INFINITY; LANES]; LANES];
+        for (k, squares) in squares.iter().enumerate().take(a.count) {
+            let near = |l: usize| {
+                let most = limit * radii + a.radii[k] + b.radii[l];
+                squares[l] < most * most
+            };
+            let beyond = |l: usize| if near(l) { f64::INFINITY } else { squares[l] };
+            least = (0..b.count).map(beyond).fold(least, f64::min);
+            if !(0..b.count).any(near) {
                 continue;
             }
-            let strands = self.closest((pair, [a, b]), [k, l], radii, false);
-            *rough = strands.distance - strands.error * radii;
-            bound = bound.min(strands.ratio - strands.error);
-            if strands.distance < best {
-                closest = Some(strands);
+            is_near = true;
+            let distances = a.distances(k, b);
+            for l in (0..b.count).filter(|&l| near(l)) {
+                bounds[k][l] = distances[l] - a.deviations[k] - b.deviations[l];
             }
         }
-        let Some(mut closest) = closest else {
+        // The bound of those whose spheres are beyond the limit.
+        let beyond = (least.sqrt() - spheres).max(limit * radii) / radii;
+        if !is_near {
             return Measured {
-                bound,
+                bound: beyond,
                 closest: None,
             };
-        };
-        if !self.set.basis().is_polyline() && bound <= limit {
-            bound = beyond;
-            closest.distance = f64::INFINITY;
-            for (&mut (k, l), &rough) in found.iter_mut().zip(&rough) {
-                if rough >= closest.distance {
-                    continue;
-                }
-                let strands = self.closest((pair, [a, b]), [k, l], radii, true);
-                bound = bound.min(strands.ratio - strands.error);
-                if strands.distance < closest.distance {
-                    closest = strands;
-                }
+        }
+        let precise = !self.set.basis().is_polyline();
+        let mut closest = None::<CloseStrands>;
+        let mut bound = beyond;
+        // The closest chords first.
+        loop {
+            let all = bounds.as_flattened().iter().zip(0..);
+            let (&least, at) = all.min_by(|a, b| a.0.total_cmp(b.0)).expect("64 bounds");
+            if closest.is_some_and(|c| least >= c.distance.min(limit * radii)) {
+                bound = bound.min(least / radii);
+                break;
             }
+            let (k, l) = (at / LANES, at % LANES);
+            let worth = precise && least <= limit * radii;
+            let strands = self.closest((pair, [a, b]), [k, l], radii, worth);
+            bound = bound.min(strands.ratio - strands.error);
+            if closest.is_none_or(|c| strands.distance < c.distance) {
+                closest = Some(strands);
+            }
+            bounds[k][l] = f64::INFINITY;
         }
         Measured {
-            bound: bound.min(closest.ratio),
-            closest: Some(closest),
+            bound: closest.map_or(bound, |c| bound.min(c.ratio)),
+            closest,
         }
     }
 
@@ -441,6 +449,7 @@ impl Strands<'_> {
             radii: [0.0; LANES],
             deviations: [0.0; LANES],
             hulls: [[[0.0; 3]; 4]; LANES],
+            chords: [[[0.0; LANES]; 3]; 2],
         };
         let mut last = control(first as usize, 0);
         for k in 0..count {
@@ -458,6 +467,8 @@ impl Strands<'_> {
             let [from, .., to] = out.hulls[k];
             for x in 0..3 {
                 out.middles[x][k] = 0.5 * (from[x] + to[x]);
+                out.chords[0][x][k] = from[x];
+                out.chords[1][x][k] = to[x] - from[x];
             }
             out.radii[k] = (0.5 * distance(from, to)) * (1.0 + 1e-12) + out.deviations[k];
         }
