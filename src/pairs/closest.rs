@@ -6,8 +6,10 @@
 use super::layout::Node;
 use super::trees::{CurveTree, Trees};
 use crate::curve::vector::{add_scaled, cross, distance, dot, half_difference, per_axis, sub};
-use crate::curve::{BoxGroup, CurveSet, Point, point_at, pow2};
+use crate::curve::{BoxGroup, CurveSet, Point, point_at, pow2, smaller};
+use crate::simd::LANES;
 use crate::verdict::Place;
+use std::ops::{Add, Mul, Sub};
 
 /// Number of chords that approximate a spline segment.
 const CHORDS: usize = 8;
@@ -186,9 +188,8 @@ pub(crate) struct Nearest {
 }
 
 /// Returns the nearest points of two segments, each given by its start and the vector to its end,
-/// in floating point. Products of four coordinates must neither overflow nor underflow. Without
-/// branches, so that a loop over segments is compiled to vector instructions.
-#[inline(always)]
+/// in floating point. Products of four coordinates must neither overflow nor underflow.
+#[inline]
 pub(crate) fn nearest([p0, d]: [Point; 2], [q0, e]: [Point; 2]) -> Nearest {
     let r = sub(p0, q0);
     let (dd, de, ee, dr, er) = (dot(d, d), dot(d, e), dot(e, e), dot(d, r), dot(e, r));
@@ -229,10 +230,93 @@ pub(crate) fn nearest([p0, d]: [Point; 2], [q0, e]: [Point; 2]) -> Nearest {
     best
 }
 
+/// Eight numbers. Loops over them are compiled to vector instructions.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Eight(pub [f64; LANES]);
+
+impl Eight {
+    /// Returns eight vectors that are all `v`.
+    #[inline(always)]
+    pub fn all(v: Point) -> [Eight; 3] {
+        per_axis(|x| Eight([v[x]; LANES]))
+    }
+
+    #[inline(always)]
+    fn with(mut self, other: Eight, f: impl Fn(f64, f64) -> f64) -> Eight {
+        for (a, b) in self.0.iter_mut().zip(other.0) {
+            *a = f(*a, b);
+        }
+        self
+    }
+}
+
+impl Add for Eight {
+    type Output = Eight;
+
+    #[inline(always)]
+    fn add(self, other: Eight) -> Eight {
+        self.with(other, |a, b| a + b)
+    }
+}
+
+impl Sub for Eight {
+    type Output = Eight;
+
+    #[inline(always)]
+    fn sub(self, other: Eight) -> Eight {
+        self.with(other, |a, b| a - b)
+    }
+}
+
+impl Mul for Eight {
+    type Output = Eight;
+
+    #[inline(always)]
+    fn mul(self, other: Eight) -> Eight {
+        self.with(other, |a, b| a * b)
+    }
+}
+
+/// Returns the squared distances of eight pairs of segments, each the same as by [`nearest`].
+#[inline(always)]
+pub(crate) fn squared_distances(
+    [p0, d]: [[Eight; 3]; 2],
+    [q0, e]: [[Eight; 3]; 2],
+) -> [f64; LANES] {
+    let r = sub(p0, q0);
+    let (dd, de, ee, dr, er) = (dot(d, d), dot(d, e), dot(e, e), dot(d, r), dot(e, r));
+    let along = |a: [Eight; 3], t: Eight, b: [Eight; 3]| per_axis(|x| a[x] + t * b[x]);
+    let clamped = |numerator: Eight, denominator: Eight| {
+        numerator.with(denominator, |n, d| {
+            if d > 0.0 {
+                (n / d).clamp(0.0, 1.0)
+            } else {
+                0.0
+            }
+        })
+    };
+    let at = |s: Eight, t: Eight| {
+        let c = sub(along(p0, s, d), along(q0, t, e));
+        dot(c, c)
+    };
+    let on_second = |s: Eight| at(s, clamped(er + s * de, ee));
+    let on_first = |t: Eight| at(clamped(t * de - dr, dd), t);
+    let normal = cross(d, e);
+    let inside = clamped(dot(cross(e, r), normal), dot(normal, normal));
+    let ends = [0.0, 1.0].map(|end| Eight([end; LANES]));
+    let [first, second] = [on_second(ends[0]), on_second(ends[1])];
+    let least = first.with(second, smaller).with(on_first(ends[0]), smaller);
+    least
+        .with(on_first(ends[1]), smaller)
+        .with(on_second(inside), smaller)
+        .0
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::curve::{Basis, Positions};
+    use crate::random::Random;
     use num_bigint::BigInt;
 
     #[test]
@@ -258,6 +342,37 @@ mod tests {
             }
             assert_eq!(found.distance, want, "{basis:?}");
             assert_eq!(closest_of_segments(&set, [0, 1], found.segments), found);
+        }
+    }
+
+    #[test]
+    fn eight_squared_distances_are_those_of_the_nearest_points() {
+        let mut random = Random::new(5);
+        for k in 0..1000 {
+            // Some vectors are parallel, orthogonal, or zero.
+            let mut segments = || {
+                let mut eight = [[Eight([0.0; LANES]); 3]; 2];
+                for (v, x) in eight.as_flattened_mut().iter_mut().zip(0..) {
+                    v.0 = v.0.map(|_| match (k + x) % 4 {
+                        0 => random.below(3_usize) as f64 - 1.0,
+                        _ => random.between(-1.0, 1.0),
+                    });
+                }
+                if k % 10 == 0 {
+                    eight[1] = Eight::all([1.0, -2.0, f64::from(k % 3)]);
+                }
+                eight
+            };
+            let (one, other) = (segments(), segments());
+            let found = squared_distances(one, other);
+            for (l, found) in found.into_iter().enumerate() {
+                let lane = |v: [Eight; 3]| per_axis(|x| v[x].0[l]);
+                assert_eq!(
+                    found,
+                    nearest(one.map(lane), other.map(lane)).distance_sq,
+                    "{k} {l}"
+                );
+            }
         }
     }
 

@@ -18,7 +18,8 @@ mod trees;
 
 pub(crate) use blocks::{BlockLists, Blocks};
 pub(crate) use closest::{
-    Nearest, Scale, closest_approach, closest_of_segments, closest_points, nearest,
+    Eight, Nearest, Scale, closest_approach, closest_of_segments, closest_points, nearest,
+    squared_distances,
 };
 pub(crate) use descent::{Agenda, Query, SegmentPairs, descend, overlapping};
 pub(crate) use filter::{LoopPairs, PairFilter};

@@ -488,7 +488,11 @@ impl ClearanceMonitor {
         let due = list.below((level + tolerance).min(list.reach.ratio));
         let pairs: Vec<BlockPair> = due.iter().map(|&k| list.blocks_of(k)).collect();
         let limit = (level + 2.0 * tolerance).min(REACH);
-        let measured = strands.measure(&pairs, limit);
+        // A list for one frame needs no bounds of the others.
+        let measured = match list.reach.skin == 0.0 {
+            true => strands.measure_closest(&pairs, limit),
+            false => strands.measure(&pairs, limit),
+        };
         list.improve(due.into_iter().zip(&measured));
         found.add(pairs, measured);
         let [_, level] = self.level(list.reach.skin, found.ratio());

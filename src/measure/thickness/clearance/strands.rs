@@ -1,10 +1,13 @@
 //! Blocks of eight segments, and the distance between two of them.
 
+use super::CLOSEST;
 use super::blocks::{BlockPair, Blocks};
 use crate::curve::vector::{add, add_scaled, distance, per_axis, sub};
-use crate::curve::{Cell, Curve, CurveSet, Image, Point, Positions, is_home, multiple, point_at};
+use crate::curve::{
+    Cell, Curve, CurveSet, Image, Point, Positions, is_home, multiple, point_at, smaller,
+};
 use crate::measure::thickness::splines::deviation;
-use crate::pairs::nearest;
+use crate::pairs::{Eight, nearest, squared_distances};
 use crate::simd::{LANES, dispatch};
 use crate::verdict::CloseStrands;
 use rayon::prelude::*;
@@ -14,10 +17,16 @@ use std::f64::consts::PI;
 const DEVIATION: f64 = 0.02;
 
 /// Maximum number of chords of a segment.
-const CHORDS: usize = 8;
+const CHORDS: usize = LANES;
 
 /// Number of pairs of blocks that a task measures.
-const RUN: usize = 128;
+const RUN: usize = 1024;
+
+/// One of so many pairs is measured before the others.
+const SAMPLE: usize = 16;
+
+/// Number of blocks that a task keeps.
+const KNOWN: usize = 64;
 
 /// Positions along the curves.
 #[derive(Debug)]
@@ -127,6 +136,7 @@ impl Measured {
 }
 
 /// A part of a curve: its segments, and a sphere around each.
+#[derive(Clone)]
 struct Block {
     curve: usize,
     first: u32,
@@ -137,23 +147,15 @@ struct Block {
     deviations: [f64; LANES],
     hulls: [[Point; 4]; LANES],
     /// Starts of the chords, and the vectors to their ends.
-    chords: [[[f64; LANES]; 3]; 2],
+    chords: [[Eight; 3]; 2],
 }
 
 impl Block {
     /// Returns the distances of a chord from those of another block.
     #[inline(always)]
     fn distances(&self, k: usize, other: &Block) -> [f64; LANES] {
-        let chord = |block: &Block, k: usize| {
-            let of = |end: usize| per_axis(|x| block.chords[end][x][k]);
-            [of(0), of(1)]
-        };
-        let one = chord(self, k);
-        let mut out = [0.0; LANES];
-        for (l, out) in out.iter_mut().enumerate() {
-            *out = nearest(one, chord(other, l)).distance_sq.sqrt();
-        }
-        out
+        let one = self.chords.map(|v| Eight::all(per_axis(|x| v[x].0[k])));
+        squared_distances(one, other.chords).map(f64::sqrt)
     }
 
     /// Moves the block.
@@ -162,7 +164,7 @@ impl Block {
             middles.iter_mut().for_each(|x| *x += by);
         }
         for (starts, by) in self.chords[0].iter_mut().zip(by) {
-            starts.iter_mut().for_each(|x| *x += by);
+            starts.0.iter_mut().for_each(|x| *x += by);
         }
         for point in self.hulls.as_flattened_mut() {
             *point = add(*point, by);
@@ -223,38 +225,93 @@ impl Strands<'_> {
     /// Measures the distances of pairs of blocks, as shares of the sum of their radii. Distances
     /// beyond `limit` are only bounded from below.
     pub fn measure(&self, pairs: &[BlockPair], limit: f64) -> Vec<Measured> {
-        let run = |pairs: &[BlockPair]| dispatch!(Strands::measure_run(self, pairs, limit));
+        self.measure_by(pairs, limit, !self.set.basis().is_polyline())
+    }
+
+    /// Measures the distances of the closest strands of pairs of blocks, and bounds the others from
+    /// below, by this distance or more. The bounds are as rough as that allows.
+    pub fn measure_closest(&self, pairs: &[BlockPair], limit: f64) -> Vec<Measured> {
+        // Some pairs first: most of the others are further apart than the closest of these.
+        let some: Vec<BlockPair> = pairs.iter().step_by(SAMPLE).copied().collect();
+        let some = self.measure_by(&some, limit, false);
+        let closest = some.iter().filter_map(|m| m.closest);
+        let limit = closest.map(|c| c.ratio + c.error).fold(limit, f64::min);
+        let mut all = self.measure_by(pairs, limit, false);
+        if self.set.basis().is_polyline() {
+            return all;
+        }
+        let mut order: Vec<usize> = (0..all.len())
+            .filter(|&k| all[k].closest.is_some())
+            .collect();
+        order.sort_unstable_by(|&a, &b| all[a].bound.total_cmp(&all[b].bound).then(a.cmp(&b)));
+        let (mut rest, mut best) = (&order[..], limit);
+        // More at a time, the more there are.
+        while rest.first().is_some_and(|&k| all[k].bound < best) {
+            let (now, later) =
+                rest.split_at((order.len() - rest.len()).max(CLOSEST).min(rest.len()));
+            let pairs: Vec<BlockPair> = now.iter().map(|&k| pairs[k]).collect();
+            for (&k, measured) in now.iter().zip(self.measure(&pairs, best)) {
+                best = best.min(measured.ratio());
+                all[k] = measured;
+            }
+            rest = later;
+        }
+        // Those that are left are no closer, and their chords may be far from them.
+        rest.iter().for_each(|&k| all[k].closest = None);
+        all
+    }
+
+    fn measure_by(&self, pairs: &[BlockPair], limit: f64, precise: bool) -> Vec<Measured> {
+        let run =
+            |pairs: &[BlockPair]| dispatch!(Strands::measure_run(self, pairs, limit, precise));
         pairs.par_chunks(RUN).map(run).flatten_iter().collect()
     }
 
     #[inline(always)]
-    fn measure_run(&self, pairs: &[BlockPair], limit: f64) -> Vec<Measured> {
-        let mut last = None;
-        let measure = |pair: &BlockPair| {
+    fn measure_run(&self, pairs: &[BlockPair], limit: f64, precise: bool) -> Vec<Measured> {
+        let mut first = None;
+        // Blocks that follow one another along a curve have many near blocks in common.
+        let mut known = [const { None }; KNOWN];
+        let mut out = Vec::with_capacity(pairs.len());
+        // Not a closure, which would not be compiled to the same instructions.
+        for pair in pairs {
             let [a, b] = pair.blocks;
-            let one = match last.take() {
-                Some((known, block)) if known == a => block,
+            let one = match first.take() {
+                Some((number, block)) if number == a => block,
                 _ => self.block(a),
             };
-            let mut other = self.block(b);
+            let known = &mut known[b as usize % KNOWN];
+            let other = match known {
+                Some((number, block)) if *number == b => block,
+                _ => &mut known.insert((b, Box::new(self.block(b)))).1,
+            };
+            let mut moved;
+            let mut blocks = [&one, &**other];
             if let Some(cell) = self.cell.filter(|_| !is_home(&pair.image)) {
-                other.translate(cell.translation(pair.image));
+                moved = (*blocks[1]).clone();
+                moved.translate(cell.translation(pair.image));
+                blocks[1] = &moved;
             }
-            let measured = self.measure_pair(pair, [&one, &other], limit);
-            last = Some((a, one));
-            measured
-        };
-        pairs.iter().map(measure).collect()
+            out.push(self.measure_pair(pair, blocks, limit, precise));
+            first = Some((a, one));
+        }
+        out
     }
 
     #[inline(always)]
-    fn measure_pair(&self, pair: &BlockPair, [a, b]: [&Block; 2], limit: f64) -> Measured {
+    fn measure_pair(
+        &self,
+        pair: &BlockPair,
+        [a, b]: [&Block; 2],
+        limit: f64,
+        precise: bool,
+    ) -> Measured {
         let (i, j) = (a.curve, b.curve);
         let radii = self.radii[i] + self.radii[j];
         let mut squares = [[f64::INFINITY; LANES]; LANES];
         for (k, squares) in squares.iter_mut().enumerate().take(a.count) {
             let middle = per_axis(|x| a.middles[x][k]);
-            for (l, square) in squares.iter_mut().enumerate() {
+            for (l, square) in squares.iter_mut().enumerate().take(b.count) {
                 let d = per_axis(|x| b.middles[x][l] - middle[x]);
                 *square = (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]) * (1.0 - 1e-12);
             }
@@ -268,19 +325,20 @@ impl Strands<'_> {
         let (mut least, mut is_near) = (f64::INFINITY, false);
         let mut bounds = [[f64::INFINITY; LANES]; LANES];
         for (k, squares) in squares.iter().enumerate().take(a.count) {
-            let near = |l: usize| {
+            let (mut near, mut any) = ([false; LANES], false);
+            for l in 0..LANES {
                 let most = limit * radii + a.radii[k] + b.radii[l];
-                squares[l] < most * most
-            };
-            let beyond = |l: usize| if near(l) { f64::INFINITY } else { squares[l] };
-            least = (0..b.count).map(beyond).fold(least, f64::min);
-            if !(0..b.count).any(near) {
-                continue;
+                near[l] = squares[l] < most * most;
+                any |= near[l];
+                least = smaller(least, if near[l] { f64::INFINITY } else { squares[l] });
             }
-            is_near = true;
-            let distances = a.distances(k, b);
-            for l in (0..b.count).filter(|&l| near(l)) {
-                bounds[k][l] = distances[l] - a.deviations[k] - b.deviations[l];
+            if any {
+                is_near = true;
+                let distances = a.distances(k, b);
+                for l in 0..LANES {
+                    let bound = distances[l] - a.deviations[k] - b.deviations[l];
+                    bounds[k][l] = if near[l] { bound } else { f64::INFINITY };
+                }
             }
         }
         // The bound of those whose spheres are beyond the limit.
@@ -291,23 +349,22 @@ impl Strands<'_> {
                 closest: None,
             };
         }
-        let precise = !self.set.basis().is_polyline();
-        let mut closest = None::<CloseStrands>;
-        let mut bound = beyond;
+        let (mut closest, mut bound) = (None::<CloseStrands>, beyond);
+        let mut most = limit * radii;
         // The closest chords first.
         loop {
             let all = bounds.as_flattened().iter().zip(0..);
             let (&least, at) = all.min_by(|a, b| a.0.total_cmp(b.0)).expect("64 bounds");
-            if closest.is_some_and(|c| least >= c.distance.min(limit * radii)) {
+            if least >= most {
                 bound = bound.min(least / radii);
                 break;
             }
             let (k, l) = (at / LANES, at % LANES);
-            let worth = precise && least <= limit * radii;
-            let strands = self.closest((pair, [a, b]), [k, l], radii, worth);
+            let strands = self.closest((pair, [a, b]), [k, l], radii, precise);
             bound = bound.min(strands.ratio - strands.error);
             if closest.is_none_or(|c| strands.distance < c.distance) {
                 closest = Some(strands);
+                most = most.min(strands.distance);
             }
             bounds[k][l] = f64::INFINITY;
         }
@@ -377,6 +434,7 @@ impl Strands<'_> {
 
     /// Returns the closest points of two splines, on as many chords as needed, and the bound of the
     /// error of their distance.
+    #[inline(always)]
     fn closest_of_chords(
         &self,
         [a, b]: [&Block; 2],
@@ -397,28 +455,29 @@ impl Strands<'_> {
             std::array::from_fn::<Point, { CHORDS + 1 }, _>(point)
         });
         let error = a.deviations[k] / (m * m) as f64 + b.deviations[l] / (n * n) as f64;
-        // Middle and half the length of each chord.
-        let [around_one, around_other] = [&one, &other].map(|points| {
-            std::array::from_fn::<(Point, f64), CHORDS, _>(|q| {
-                let [from, to] = [points[q], points[q + 1]];
-                let middle = per_axis(|x| 0.5 * (from[x] + to[x]));
-                (middle, 0.5 * distance(from, to))
-            })
-        });
-        let mut best = (f64::INFINITY, [[0.0; 3]; 2]);
+        // All chords of the second spline side by side.
+        let mut chords = [[Eight([0.0; LANES]); 3]; 2];
+        for q in 0..CHORDS {
+            for x in 0..3 {
+                chords[0][x].0[q] = other[q][x];
+                chords[1][x].0[q] = other[q + 1][x] - other[q][x];
+            }
+        }
+        let mut best = (f64::INFINITY, [0, 0]);
         for p in 0..m {
-            for q in 0..n {
-                let ((x, r), (y, s)) = (around_one[p], around_other[q]);
-                if distance(x, y) * (1.0 + 1e-12) - r - s >= best.0 {
-                    continue;
-                }
-                let found = closest_of_edges([one[p], one[p + 1]], [other[q], other[q + 1]]);
-                if found.0 < best.0 {
-                    best = found;
+            let chord = [one[p], sub(one[p + 1], one[p])].map(Eight::all);
+            let squares = squared_distances(chord, chords);
+            for (q, &square) in squares.iter().enumerate().take(n) {
+                if square < best.0 {
+                    best = (square, [p, q]);
                 }
             }
         }
-        (best, error)
+        let [p, q] = best.1;
+        (
+            closest_of_edges([one[p], one[p + 1]], [other[q], other[q + 1]]),
+            error,
+        )
     }
 
     /// Reads a block of a curve.
@@ -449,7 +508,7 @@ impl Strands<'_> {
             radii: [0.0; LANES],
             deviations: [0.0; LANES],
             hulls: [[[0.0; 3]; 4]; LANES],
-            chords: [[[0.0; LANES]; 3]; 2],
+            chords: [[Eight([0.0; LANES]); 3]; 2],
         };
         let mut last = control(first as usize, 0);
         for k in 0..count {
@@ -467,8 +526,8 @@ impl Strands<'_> {
             let [from, .., to] = out.hulls[k];
             for x in 0..3 {
                 out.middles[x][k] = 0.5 * (from[x] + to[x]);
-                out.chords[0][x][k] = from[x];
-                out.chords[1][x][k] = to[x] - from[x];
+                out.chords[0][x].0[k] = from[x];
+                out.chords[1][x].0[k] = to[x] - from[x];
             }
             out.radii[k] = (0.5 * distance(from, to)) * (1.0 + 1e-12) + out.deviations[k];
         }
