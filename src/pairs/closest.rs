@@ -283,33 +283,37 @@ pub(crate) fn squared_distances(
     [p0, d]: [[Eight; 3]; 2],
     [q0, e]: [[Eight; 3]; 2],
 ) -> [f64; LANES] {
+    // Not closures, which would not be compiled to the same instructions.
+    #[inline(always)]
+    fn clamped(numerator: Eight, denominator: Eight) -> Eight {
+        numerator.with(denominator, |n, d| {
+            let quotient = (n / d).clamp(0.0, 1.0);
+            if d > 0.0 { quotient } else { 0.0 }
+        })
+    }
+    #[inline(always)]
+    fn point([start, along]: [[Eight; 3]; 2], t: Eight) -> [Eight; 3] {
+        [
+            start[0] + t * along[0],
+            start[1] + t * along[1],
+            start[2] + t * along[2],
+        ]
+    }
     let r = sub(p0, q0);
     let (dd, de, ee, dr, er) = (dot(d, d), dot(d, e), dot(e, e), dot(d, r), dot(e, r));
-    let along = |a: [Eight; 3], t: Eight, b: [Eight; 3]| per_axis(|x| a[x] + t * b[x]);
-    let clamped = |numerator: Eight, denominator: Eight| {
-        numerator.with(denominator, |n, d| {
-            if d > 0.0 {
-                (n / d).clamp(0.0, 1.0)
-            } else {
-                0.0
-            }
-        })
-    };
-    let at = |s: Eight, t: Eight| {
-        let c = sub(along(p0, s, d), along(q0, t, e));
-        dot(c, c)
-    };
-    let on_second = |s: Eight| at(s, clamped(er + s * de, ee));
-    let on_first = |t: Eight| at(clamped(t * de - dr, dd), t);
     let normal = cross(d, e);
     let inside = clamped(dot(cross(e, r), normal), dot(normal, normal));
-    let ends = [0.0, 1.0].map(|end| Eight([end; LANES]));
-    let [first, second] = [on_second(ends[0]), on_second(ends[1])];
-    let least = first.with(second, smaller).with(on_first(ends[0]), smaller);
-    least
-        .with(on_first(ends[1]), smaller)
-        .with(on_second(inside), smaller)
-        .0
+    let [zero, one] = [Eight([0.0; LANES]), Eight([1.0; LANES])];
+    let mut least = Eight([f64::INFINITY; LANES]);
+    for s in [zero, one, inside] {
+        let c = sub(point([p0, d], s), point([q0, e], clamped(er + s * de, ee)));
+        least = least.with(dot(c, c), smaller);
+    }
+    for t in [zero, one] {
+        let c = sub(point([p0, d], clamped(t * de - dr, dd)), point([q0, e], t));
+        least = least.with(dot(c, c), smaller);
+    }
+    least.0
 }
 
 #[cfg(test)]

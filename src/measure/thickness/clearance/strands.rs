@@ -351,7 +351,8 @@ impl Strands<'_> {
         }
         let (mut closest, mut bound) = (None::<CloseStrands>, beyond);
         let mut most = limit * radii;
-        // The closest chords first.
+        // The closest chords first. That of the lowest bound is enough if they are no closer than
+        // that.
         loop {
             let all = bounds.as_flattened().iter().zip(0..);
             let (&least, at) = all.min_by(|a, b| a.0.total_cmp(b.0)).expect("64 bounds");
@@ -365,6 +366,9 @@ impl Strands<'_> {
             if closest.is_none_or(|c| strands.distance < c.distance) {
                 closest = Some(strands);
                 most = most.min(strands.distance);
+            }
+            if !precise {
+                break;
             }
             bounds[k][l] = f64::INFINITY;
         }
