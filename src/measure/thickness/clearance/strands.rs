@@ -231,11 +231,13 @@ impl Strands<'_> {
     /// Measures the distances of the closest strands of pairs of blocks, and bounds the others from
     /// below, by this distance or more. The bounds are as rough as that allows.
     pub fn measure_closest(&self, pairs: &[BlockPair], limit: f64) -> Vec<Measured> {
-        // Some pairs first: most of the others are further apart than the closest of these.
+        // Some pairs first: most of the others are further apart than the closest of these, which
+        // are measured again.
         let some: Vec<BlockPair> = pairs.iter().step_by(SAMPLE).copied().collect();
         let some = self.measure_by(&some, limit, false);
         let closest = some.iter().filter_map(|m| m.closest);
-        let limit = closest.map(|c| c.ratio + c.error).fold(limit, f64::min);
+        let closest = closest.map(|c| (c.ratio + c.error) * (1.0 + 1e-9));
+        let limit = closest.fold(limit, f64::min);
         let mut all = self.measure_by(pairs, limit, false);
         if self.set.basis().is_polyline() {
             return all;
