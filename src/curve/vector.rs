@@ -29,7 +29,11 @@ pub(crate) fn sub<T: Copy + Sub<Output = T>>(a: [T; 3], b: [T; 3]) -> [T; 3] {
 
 /// Returns `a + t b`.
 #[inline(always)]
-pub(crate) fn add_scaled(a: Point, t: f64, b: Point) -> Point {
+pub(crate) fn add_scaled<T: Copy + Add<Output = T> + Mul<Output = T>>(
+    a: [T; 3],
+    t: T,
+    b: [T; 3],
+) -> [T; 3] {
     [a[0] + t * b[0], a[1] + t * b[1], a[2] + t * b[2]]
 }
 

@@ -190,44 +190,96 @@ pub(crate) struct Nearest {
 /// Returns the nearest points of two segments, each given by its start and the vector to its end,
 /// in floating point. Products of four coordinates must neither overflow nor underflow.
 #[inline]
-pub(crate) fn nearest([p0, d]: [Point; 2], [q0, e]: [Point; 2]) -> Nearest {
-    let r = sub(p0, q0);
-    let (dd, de, ee, dr, er) = (dot(d, d), dot(d, e), dot(e, e), dot(d, r), dot(e, r));
+pub(crate) fn nearest(first: [Point; 2], second: [Point; 2]) -> Nearest {
     let mut best = Nearest {
         s: 0.0,
         t: 0.0,
         distance_sq: f64::INFINITY,
     };
-    let mut consider = |s: f64, t: f64| {
-        let c = sub(add_scaled(p0, s, d), add_scaled(q0, t, e));
-        let distance_sq = dot(c, c);
+    for [s, t] in candidates(first, second) {
+        let distance_sq = squared_distance(first, second, [s, t]);
         if distance_sq < best.distance_sq {
             best = Nearest { s, t, distance_sq };
         }
-    };
-    let clamped = |numerator: f64, denominator: f64| {
-        if denominator > 0.0 {
-            (numerator / denominator).clamp(0.0, 1.0)
-        } else {
-            0.0
-        }
-    };
-    // Candidates: the four ends with the other segment, and the interior. Nearly parallel segments
-    // need no threshold, because an end finds their nearest points as well.
-    for s in [0.0, 1.0] {
-        consider(s, clamped(er + s * de, ee));
     }
-    for t in [0.0, 1.0] {
-        consider(clamped(t * de - dr, dd), t);
+    best
+}
+
+/// Returns the squared distances of eight pairs of segments, each the same as by [`nearest`].
+#[inline(always)]
+pub(crate) fn squared_distances(first: [[Eight; 3]; 2], second: [[Eight; 3]; 2]) -> [f64; LANES] {
+    let mut least = Eight([f64::INFINITY; LANES]);
+    for places in candidates(first, second) {
+        least = least.with(squared_distance(first, second, places), smaller);
     }
+    least.0
+}
+
+/// Returns five pairs of places on two segments. One of them has the nearest points.
+#[inline(always)]
+fn candidates<T: Number>([p0, d]: [[T; 3]; 2], [q0, e]: [[T; 3]; 2]) -> [[T; 2]; 5] {
+    let r = sub(p0, q0);
+    let (dd, de, ee, dr, er) = (dot(d, d), dot(d, e), dot(e, e), dot(d, r), dot(e, r));
+    // The four ends with the other segment, and the interior. Nearly parallel segments need no
+    // threshold, because an end finds their nearest points as well.
+    let [start, end] = [T::all(0.0), T::all(1.0)];
+    let nearest_to_start = [start, er.place(ee)];
+    let nearest_to_end = [end, (er + de).place(ee)];
+    let start_of_second = [(start - dr).place(dd), start];
+    let end_of_second = [(de - dr).place(dd), end];
     // The shortest connection of two lines is parallel to the normal of both. Scalar products alone
     // would find its place with an error that grows with the inverse square of the angle between
     // the lines; with the normal, the distance is as precise as the coordinates.
     let normal = cross(d, e);
-    let normal_sq = dot(normal, normal);
-    let s = clamped(dot(cross(e, r), normal), normal_sq);
-    consider(s, clamped(er + s * de, ee));
-    best
+    let s = dot(cross(e, r), normal).place(dot(normal, normal));
+    let interior = [s, (er + s * de).place(ee)];
+    [
+        nearest_to_start,
+        nearest_to_end,
+        start_of_second,
+        end_of_second,
+        interior,
+    ]
+}
+
+/// Returns the squared distance of two places on segments.
+#[inline(always)]
+fn squared_distance<T: Number>([p0, d]: [[T; 3]; 2], [q0, e]: [[T; 3]; 2], [s, t]: [T; 2]) -> T {
+    let c = sub(add_scaled(p0, s, d), add_scaled(q0, t, e));
+    dot(c, c)
+}
+
+/// A number, or eight of them.
+trait Number: Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> {
+    fn all(x: f64) -> Self;
+
+    /// Returns the quotient of two numbers, from 0 to 1; 0 if the denominator is not positive.
+    fn place(self, denominator: Self) -> Self;
+}
+
+impl Number for f64 {
+    #[inline(always)]
+    fn all(x: f64) -> f64 {
+        x
+    }
+
+    #[inline(always)]
+    fn place(self, denominator: f64) -> f64 {
+        let quotient = (self / denominator).clamp(0.0, 1.0);
+        if denominator > 0.0 { quotient } else { 0.0 }
+    }
+}
+
+impl Number for Eight {
+    #[inline(always)]
+    fn all(x: f64) -> Eight {
+        Eight([x; LANES])
+    }
+
+    #[inline(always)]
+    fn place(self, denominator: Eight) -> Eight {
+        self.with(denominator, f64::place)
+    }
 }
 
 /// Eight numbers. Loops over them are compiled to vector instructions.
@@ -237,8 +289,8 @@ pub(crate) struct Eight(pub [f64; LANES]);
 impl Eight {
     /// Returns eight vectors that are all `v`.
     #[inline(always)]
-    pub fn all(v: Point) -> [Eight; 3] {
-        per_axis(|x| Eight([v[x]; LANES]))
+    pub fn repeat(v: Point) -> [Eight; 3] {
+        per_axis(|x| Eight::all(v[x]))
     }
 
     #[inline(always)]
@@ -275,45 +327,6 @@ impl Mul for Eight {
     fn mul(self, other: Eight) -> Eight {
         self.with(other, |a, b| a * b)
     }
-}
-
-/// Returns the squared distances of eight pairs of segments, each the same as by [`nearest`].
-#[inline(always)]
-pub(crate) fn squared_distances(
-    [p0, d]: [[Eight; 3]; 2],
-    [q0, e]: [[Eight; 3]; 2],
-) -> [f64; LANES] {
-    // Not closures, which would not be compiled to the same instructions.
-    #[inline(always)]
-    fn clamped(numerator: Eight, denominator: Eight) -> Eight {
-        numerator.with(denominator, |n, d| {
-            let quotient = (n / d).clamp(0.0, 1.0);
-            if d > 0.0 { quotient } else { 0.0 }
-        })
-    }
-    #[inline(always)]
-    fn point([start, along]: [[Eight; 3]; 2], t: Eight) -> [Eight; 3] {
-        [
-            start[0] + t * along[0],
-            start[1] + t * along[1],
-            start[2] + t * along[2],
-        ]
-    }
-    let r = sub(p0, q0);
-    let (dd, de, ee, dr, er) = (dot(d, d), dot(d, e), dot(e, e), dot(d, r), dot(e, r));
-    let normal = cross(d, e);
-    let inside = clamped(dot(cross(e, r), normal), dot(normal, normal));
-    let [zero, one] = [Eight([0.0; LANES]), Eight([1.0; LANES])];
-    let mut least = Eight([f64::INFINITY; LANES]);
-    for s in [zero, one, inside] {
-        let c = sub(point([p0, d], s), point([q0, e], clamped(er + s * de, ee)));
-        least = least.with(dot(c, c), smaller);
-    }
-    for t in [zero, one] {
-        let c = sub(point([p0, d], clamped(t * de - dr, dd)), point([q0, e], t));
-        least = least.with(dot(c, c), smaller);
-    }
-    least.0
 }
 
 #[cfg(test)]
@@ -363,7 +376,7 @@ mod tests {
                     });
                 }
                 if k % 10 == 0 {
-                    eight[1] = Eight::all([1.0, -2.0, f64::from(k % 3)]);
+                    eight[1] = Eight::repeat([1.0, -2.0, f64::from(k % 3)]);
                 }
                 eight
             };

@@ -1,7 +1,7 @@
 //! Axis-aligned boxes, single and in groups of eight.
 
 use super::pow2;
-use crate::curve::vector::per_axis;
+use super::vector::per_axis;
 use crate::simd::LANES;
 
 /// A closed axis-aligned box in single precision. Values that are not representable are rounded

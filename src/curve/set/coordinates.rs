@@ -3,8 +3,8 @@
 use super::basis::bspline_knot;
 use super::curve::Curve;
 use super::spread;
+use super::vector::per_axis;
 use super::{Basis, Point, Positions, Precision};
-use crate::curve::vector::per_axis;
 use crate::simd::dispatch;
 
 /// Coordinates in three arrays, one per axis, in the precision of the input.

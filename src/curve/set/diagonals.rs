@@ -2,8 +2,8 @@
 
 use super::boxes::{above, below, larger, smaller};
 use super::coordinates::{Coordinates, Scalar};
+use super::vector::per_axis;
 use super::{Basis, CurveSet, pow2};
-use crate::curve::vector::per_axis;
 use crate::simd::{LANES, Lanes};
 use std::ops::{Add, Sub};
 

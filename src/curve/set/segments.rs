@@ -3,8 +3,8 @@
 use super::basis::{Bezier, bspline_knot, point_at};
 use super::coordinates::{Coordinates, Knots};
 use super::curve::count_of;
+use super::vector::per_axis;
 use super::{Basis, CurveSet, Point, Positions};
-use crate::curve::vector::per_axis;
 use crate::error::Result;
 use std::ops::Range;
 

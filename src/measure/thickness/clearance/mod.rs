@@ -488,7 +488,8 @@ impl ClearanceMonitor {
         let due = list.below((level + tolerance).min(list.reach.ratio));
         let pairs: Vec<BlockPair> = due.iter().map(|&k| list.blocks_of(k)).collect();
         let limit = (level + 2.0 * tolerance).min(REACH);
-        // A list for one frame needs no bounds of the others.
+        // A list that is used for one frame only needs no precise bounds of pairs that are not the
+        // closest.
         let measured = match list.reach.skin == 0.0 {
             true => strands.measure_closest(&pairs, limit),
             false => strands.measure(&pairs, limit),

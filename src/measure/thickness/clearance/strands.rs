@@ -20,12 +20,12 @@ const DEVIATION: f64 = 0.02;
 const CHORDS: usize = LANES;
 
 /// Number of pairs of blocks that a task measures.
-const RUN: usize = 1024;
+const RUN: usize = 256;
 
-/// One of so many pairs is measured before the others.
+/// One of this many pairs is in the sample that is measured first.
 const SAMPLE: usize = 16;
 
-/// Number of blocks that a task keeps.
+/// Number of blocks in the cache of a task.
 const KNOWN: usize = 64;
 
 /// Positions along the curves.
@@ -154,7 +154,7 @@ impl Block {
     /// Returns the distances of a chord from those of another block.
     #[inline(always)]
     fn distances(&self, k: usize, other: &Block) -> [f64; LANES] {
-        let one = self.chords.map(|v| Eight::all(per_axis(|x| v[x].0[k])));
+        let one = self.chords.map(|v| Eight::repeat(per_axis(|x| v[x].0[k])));
         squared_distances(one, other.chords).map(f64::sqrt)
     }
 
@@ -228,14 +228,14 @@ impl Strands<'_> {
         self.measure_by(pairs, limit, !self.set.basis().is_polyline())
     }
 
-    /// Measures the distances of the closest strands of pairs of blocks, and bounds the others from
-    /// below, by this distance or more. The bounds are as rough as that allows.
+    /// Measures only the closest strands of all pairs of blocks. Other pairs have a lower bound,
+    /// which is no smaller than the distance of the closest strands.
     pub fn measure_closest(&self, pairs: &[BlockPair], limit: f64) -> Vec<Measured> {
-        // Some pairs first: most of the others are further apart than the closest of these, which
-        // are measured again.
-        let some: Vec<BlockPair> = pairs.iter().step_by(SAMPLE).copied().collect();
-        let some = self.measure_by(&some, limit, false);
-        let closest = some.iter().filter_map(|m| m.closest);
+        // The closest strands of a sample are an upper bound of the smallest distance. The limit is
+        // a little larger, so that they are found again if no others are closer.
+        let sample: Vec<BlockPair> = pairs.iter().step_by(SAMPLE).copied().collect();
+        let sample = self.measure_by(&sample, limit, false);
+        let closest = sample.iter().filter_map(|m| m.closest);
         let closest = closest.map(|c| (c.ratio + c.error) * (1.0 + 1e-9));
         let limit = closest.fold(limit, f64::min);
         let mut all = self.measure_by(pairs, limit, false);
@@ -247,10 +247,11 @@ impl Strands<'_> {
             .collect();
         order.sort_unstable_by(|&a, &b| all[a].bound.total_cmp(&all[b].bound).then(a.cmp(&b)));
         let (mut rest, mut best) = (&order[..], limit);
-        // More at a time, the more there are.
+        // In the order of their bounds, until the next bound is no smaller than the smallest
+        // distance. Each round measures as many pairs as all rounds before it.
         while rest.first().is_some_and(|&k| all[k].bound < best) {
-            let (now, later) =
-                rest.split_at((order.len() - rest.len()).max(CLOSEST).min(rest.len()));
+            let count = (order.len() - rest.len()).max(CLOSEST);
+            let (now, later) = rest.split_at(count.min(rest.len()));
             let pairs: Vec<BlockPair> = now.iter().map(|&k| pairs[k]).collect();
             for (&k, measured) in now.iter().zip(self.measure(&pairs, best)) {
                 best = best.min(measured.ratio());
@@ -258,7 +259,8 @@ impl Strands<'_> {
             }
             rest = later;
         }
-        // Those that are left are no closer, and their chords may be far from them.
+        // The remaining pairs are no closer. Their closest strands are not reported, because they
+        // are those of undivided chords, which may be far from the splines.
         rest.iter().for_each(|&k| all[k].closest = None);
         all
     }
@@ -275,7 +277,7 @@ impl Strands<'_> {
         // Blocks that follow one another along a curve have many near blocks in common.
         let mut known = [const { None }; KNOWN];
         let mut out = Vec::with_capacity(pairs.len());
-        // Not a closure, which would not be compiled to the same instructions.
+        // The body of a closure would not be compiled to the instruction set of this function.
         for pair in pairs {
             let [a, b] = pair.blocks;
             let one = match first.take() {
@@ -324,7 +326,7 @@ impl Strands<'_> {
         let largest = |block: &Block| block.radii.iter().fold(0.0, |m: f64, &r| m.max(r));
         let spheres = largest(a) + largest(b);
         // Lower bounds of the distances of all segments: of the spheres, or of the chords.
-        let (mut least, mut is_near) = (f64::INFINITY, false);
+        let mut least = f64::INFINITY;
         let mut bounds = [[f64::INFINITY; LANES]; LANES];
         for (k, squares) in squares.iter().enumerate().take(a.count) {
             let (mut near, mut any) = ([false; LANES], false);
@@ -335,7 +337,6 @@ impl Strands<'_> {
                 least = smaller(least, if near[l] { f64::INFINITY } else { squares[l] });
             }
             if any {
-                is_near = true;
                 let distances = a.distances(k, b);
                 for l in 0..LANES {
                     let bound = distances[l] - a.deviations[k] - b.deviations[l];
@@ -345,16 +346,10 @@ impl Strands<'_> {
         }
         // The bound of those whose spheres are beyond the limit.
         let beyond = (least.sqrt() - spheres).max(limit * radii) / radii;
-        if !is_near {
-            return Measured {
-                bound: beyond,
-                closest: None,
-            };
-        }
         let (mut closest, mut bound) = (None::<CloseStrands>, beyond);
         let mut most = limit * radii;
-        // The closest chords first. That of the lowest bound is enough if they are no closer than
-        // that.
+        // In the order of the bounds, until the next one is no smaller than the best distance.
+        // Without `precise`, the first one is enough: its bound is that of the whole pair.
         loop {
             let all = bounds.as_flattened().iter().zip(0..);
             let (&least, at) = all.min_by(|a, b| a.0.total_cmp(b.0)).expect("64 bounds");
@@ -471,7 +466,7 @@ impl Strands<'_> {
         }
         let mut best = (f64::INFINITY, [0, 0]);
         for p in 0..m {
-            let chord = [one[p], sub(one[p + 1], one[p])].map(Eight::all);
+            let chord = [one[p], sub(one[p + 1], one[p])].map(Eight::repeat);
             let squares = squared_distances(chord, chords);
             for (q, &square) in squares.iter().enumerate().take(n) {
                 if square < best.0 {
