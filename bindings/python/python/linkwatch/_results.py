@@ -5,7 +5,6 @@ from __future__ import annotations
 import copy
 import json
 import math
-from dataclasses import dataclass, field, fields
 from typing import TYPE_CHECKING, Any
 
 from . import _arguments as arguments
@@ -17,11 +16,11 @@ Point = tuple[float, float, float]
 Image = tuple[int, int, int]
 
 
-@dataclass(frozen=True, repr=False)
 class Result:
-    """A result."""
+    """A result. Its fields are the annotations of its class, and cannot be changed."""
 
-    _json: dict[str, Any] = field(compare=False)
+    # Not a dataclass: 13 of these were half of the time of `import linkwatch`.
+    _json: dict[str, Any]
     _words: str
 
     def to_dict(self) -> dict[str, Any]:
@@ -36,13 +35,31 @@ class Result:
     def __repr__(self) -> str:
         return f"<{type(self).__name__}: {self._words}>"
 
+    def __setattr__(self, name: str, value: object) -> None:
+        raise AttributeError(f"cannot assign to field {name!r}: results cannot be changed")
+
+    def __delattr__(self, name: str) -> None:
+        raise AttributeError(f"cannot delete field {name!r}: results cannot be changed")
+
+    def _compared(self) -> list[Any]:
+        return [value for name, value in vars(self).items() if name != "_json"]
+
+    def __eq__(self, other: object) -> bool:
+        if type(other) is not type(self):
+            return NotImplemented
+        return self._compared() == other._compared()
+
+    def __hash__(self) -> int:
+        return hash(tuple(self._compared()))
+
     @classmethod
     def _made(cls, json: dict[str, Any], words: str, **other: Any) -> Any:
         """Returns the object of this class, whose fields are those of the JSON and others."""
-        found: dict[str, Any] = {}
+        made = cls()
+        vars(made).update(_json=json, _words=words)
         kinds = _KINDS.get(cls.__name__)
         if kinds is None:
-            kinds = [(one.name, str(one.type)) for one in fields(cls)[2:]]
+            kinds = [field for one in cls.__mro__[-3::-1] for field in one.__annotations__.items()]
             _KINDS[cls.__name__] = kinds
         for name, kind in kinds:
             value = other[name] if name in other else json.get(name)
@@ -50,8 +67,8 @@ class Result:
                 value = math.inf
             elif isinstance(value, list) and not kind.startswith("list"):
                 value = _tuple(value)
-            found[name] = value
-        return cls(json, words, **found)
+            vars(made)[name] = value
+        return made
 
 
 #: Names and types of the fields that a class of results has in addition, by its name.
@@ -63,7 +80,6 @@ def _tuple(value: Any) -> Any:
     return tuple(map(_tuple, value)) if isinstance(value, list) else value
 
 
-@dataclass(frozen=True, repr=False)
 class Place(Result):
     """The place at which two curves are closest.
 
@@ -89,7 +105,6 @@ class Place(Result):
     distance: float
 
 
-@dataclass(frozen=True, repr=False)
 class Finding(Result):
     """A finding about two curves, or one."""
 
@@ -98,7 +113,6 @@ class Finding(Result):
     names: tuple[str, ...]
 
 
-@dataclass(frozen=True, repr=False)
 class Change(Finding):
     """A linking number that differs from the expected one.
 
@@ -125,7 +139,6 @@ class Change(Finding):
     place: Place | None
 
 
-@dataclass(frozen=True, repr=False)
 class PullThrough(Finding):
     """A passage of a curve through another one, or through itself, between two frames.
 
@@ -156,7 +169,6 @@ class PullThrough(Finding):
     lengths: float
 
 
-@dataclass(frozen=True, repr=False)
 class Defect(Finding):
     """A pair of curves, or a curve, that could not be decided or compared.
 
@@ -181,7 +193,6 @@ class Defect(Finding):
     place: Place
 
 
-@dataclass(frozen=True, repr=False)
 class Clearance(Result):
     """Clearance of a frame.
 
@@ -218,7 +229,6 @@ class Clearance(Result):
     frames_left: float | None
 
 
-@dataclass(frozen=True, repr=False)
 class InvariantChange(Result):
     """Invariants of a knot, or of three curves, that differ from the expected ones.
 
@@ -244,7 +254,6 @@ class InvariantChange(Result):
     found: str
 
 
-@dataclass(frozen=True, repr=False)
 class Report(Result):
     """The verdict on a frame. It is true if the frame is intact.
 
@@ -312,7 +321,6 @@ class Report(Result):
         return "\n  ".join([self._words, *self.findings])
 
 
-@dataclass(frozen=True, repr=False)
 class Strut(Result):
     """Two points of curves whose distance is a local minimum.
 
@@ -346,7 +354,6 @@ class Strut(Result):
     gradient: tuple[tuple[Point, Point], tuple[Point, Point]] | None
 
 
-@dataclass(frozen=True, repr=False)
 class Thickness(Result):
     """How sharply curves bend, and how close they come.
 
@@ -381,7 +388,6 @@ class Thickness(Result):
         return self.length / thickness if thickness else math.inf
 
 
-@dataclass(frozen=True, repr=False)
 class Ribbon(Result):
     """Linking number, twist and writhe of a closed ribbon between two curves.
 
@@ -418,7 +424,6 @@ class Ribbon(Result):
     rivals: list[tuple[str, float]]
 
 
-@dataclass(frozen=True, repr=False)
 class Diagram(Result):
     """The reduced planar diagram of a closed curve, or of a connected group of them.
 
