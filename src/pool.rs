@@ -9,7 +9,7 @@ use std::process;
 use std::sync::atomic::{AtomicU32, Ordering};
 
 /// Number of segments up to which the calling thread computes a frame alone.
-const SMALL: usize = 1024;
+const SMALL: usize = 2048;
 
 /// Runs a function that works on the curves of a frame with `segments` segments. If they are many,
 /// it runs in the pool, so that its parallel parts do not each pass to another thread and back.

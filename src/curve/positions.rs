@@ -65,7 +65,7 @@ impl<'a> Positions<'a> {
     }
 
     /// Returns the coordinates in a range.
-    pub(super) fn part(&self, range: Range<usize>) -> Self {
+    pub(crate) fn part(&self, range: Range<usize>) -> Self {
         match self {
             Positions::F32(v) => Positions::F32(&v[range]),
             Positions::F64(v) => Positions::F64(&v[range]),

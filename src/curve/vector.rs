@@ -6,7 +6,7 @@
 //! use them (see [`crate::simd`]).
 
 use super::Point;
-use std::ops::{Add, Mul, Sub};
+use std::ops::{Add, Mul, Range, Sub};
 
 /// Returns the vector whose component `x` is `of(x)`. The compiler does not always inline the
 /// `map` of an array, nor what it calls.
@@ -71,9 +71,17 @@ pub(crate) fn norm(v: Point) -> f64 {
     dot(v, v).sqrt()
 }
 
-/// Returns the length of any vector. Slower than [`norm`].
+/// Squared lengths of vectors whose squares neither overflow nor underflow.
+pub(crate) const SQUARES: Range<f64> = 1e-290..1e290;
+
+/// Returns the length of any vector.
+#[inline]
 pub(crate) fn hypot(v: Point) -> f64 {
-    v[0].hypot(v[1]).hypot(v[2])
+    let squared = dot(v, v);
+    match SQUARES.contains(&squared) {
+        true => squared.sqrt(),
+        false => v[0].hypot(v[1]).hypot(v[2]),
+    }
 }
 
 /// Returns the distance of two points, the squares of whose differences neither overflow nor

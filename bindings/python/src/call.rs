@@ -26,14 +26,19 @@ pub fn guarded<R>(run: impl FnOnce() -> PyResult<R>) -> PyResult<R> {
     })
 }
 
-/// Runs a function on another thread, without the interpreter lock. Ctrl-C cancels the progress,
-/// and is returned beside the result. Without a progress, it ends the call at once, and the
-/// function runs on to its end, unused.
+/// Runs a function without the interpreter lock, on another thread unless it is quick. Ctrl-C
+/// cancels the progress, and is returned beside the result. Without a progress, it ends the call at
+/// once, and the function runs on to its end, unused.
 pub fn watched<R: Send + 'static>(
     py: Python<'_>,
+    is_quick: bool,
     progress: Option<&Progress>,
     run: impl FnOnce() -> R + Send + 'static,
 ) -> PyResult<(R, PyResult<()>)> {
+    if is_quick {
+        // Python handles Ctrl-C after the call.
+        return Ok((py.detach(run), Ok(())));
+    }
     let (send, receive) = mpsc::channel();
     std::thread::spawn(move || send.send(catch_unwind(AssertUnwindSafe(run))));
     let receive = Mutex::new(receive);

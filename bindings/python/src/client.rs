@@ -369,7 +369,10 @@ impl Client {
             let left = client.as_ref().and_then(|client| client.departure());
             let left = left.map(ToString::to_string);
             let finish = move || client.map(|client| client.finish_within(limit)).transpose();
-            let last = watched(py, None, finish)?.0.map_err(exception)?.flatten();
+            let last = watched(py, false, None, finish)?
+                .0
+                .map_err(exception)?
+                .flatten();
             match &last {
                 Some(_) => state.goodbye.clone_from(&last),
                 None => state.no_verdict = left,

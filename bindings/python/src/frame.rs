@@ -2,15 +2,26 @@
 //! curve.
 
 use linkwatch::{Basis, Cell, Positions};
-use numpy::{PyReadonlyArray2, PyUntypedArrayMethods};
+use numpy::{PyArray2, PyArrayMethods, PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
 /// Points in an array of the shape `(n, 3)`, in single or double precision.
-#[derive(FromPyObject)]
 pub enum Points<'py> {
     Single(PyReadonlyArray2<'py, f32>),
     Double(PyReadonlyArray2<'py, f64>),
+}
+
+impl<'a, 'py> FromPyObject<'a, 'py> for Points<'py> {
+    type Error = PyErr;
+
+    fn extract(points: Borrowed<'a, 'py, PyAny>) -> PyResult<Self> {
+        // A failed `extract` would write a message, which takes longer than two small curves.
+        match points.cast::<PyArray2<f32>>() {
+            Ok(array) => Ok(Points::Single(array.try_readonly()?)),
+            Err(_) => points.extract().map(Points::Double),
+        }
+    }
 }
 
 impl Points<'_> {

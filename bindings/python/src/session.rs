@@ -323,16 +323,9 @@ impl State {
         let segments = received.segments();
         let is_quick = segments <= self.most && self.longest < LONG;
         let start = Instant::now();
-        let (outcome, signals) = match is_quick {
-            true => (py.detach(|| session.verify(received)), Ok(())),
-            false => {
-                let progress = session.progress();
-                let verify = move || (session.verify(received), session);
-                let ((outcome, back), signals) = watched(py, Some(&progress), verify)?;
-                session = back;
-                (outcome, signals)
-            }
-        };
+        let progress = session.progress();
+        let verify = move || (session.verify(received), session);
+        let ((outcome, mut session), signals) = watched(py, is_quick, Some(&progress), verify)?;
         if session.progress().is_cancelled() {
             let (options, state) = (self.options.clone(), session.state());
             *session = linkwatch::Session::resume(options, state).map_err(exception)?;
@@ -362,6 +355,9 @@ impl State {
             .unwrap_or_default()
     }
 }
+
+/// Number of segments of which all linking numbers take less than a second, however they lie.
+const QUICK: usize = 20_000;
 
 /// Computes all linking numbers of a frame, without the interpreter lock. Also returns decisions
 /// about closed and open curves.
@@ -404,7 +400,8 @@ pub fn certify(
             cell,
             ..FrameInfo::default()
         };
-        let (found, signals) = watched(py, Some(&progress), move || {
+        let is_quick = set.segments() <= QUICK;
+        let (found, signals) = watched(py, is_quick, Some(&progress), move || {
             let report = session.feed(info, set)?;
             match (report.rejected, session.baseline()) {
                 (None, Some(baseline)) => Ok(baseline.clone()),

@@ -33,7 +33,7 @@ fn measure<T: Send + 'static>(
     guarded(|| {
         let set = Closing::default().curves(frame, CurveSource::default());
         let set = set.map_err(exception)?;
-        let (measured, _) = watched(py, None, move || run(&set, cell.as_ref()))?;
+        let (measured, _) = watched(py, false, None, move || run(&set, cell.as_ref()))?;
         measured.map_err(exception)
     })
 }

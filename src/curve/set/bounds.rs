@@ -45,13 +45,24 @@ pub(crate) fn union(a: [Point; 2], b: [Point; 2]) -> [Point; 2] {
     ]
 }
 
+/// Returns the bounds of points in the coordinates `row . x`.
+fn bounds_along(points: Positions<'_>, rows: &[Point; 3]) -> [Point; 2] {
+    match points {
+        Positions::F32(v) => bounds_of(v, rows),
+        Positions::F64(v) => bounds_of(v, rows),
+    }
+}
+
 impl CurveSet {
+    /// Returns the lowest and the highest corner of the bounding box of all control points. They
+    /// are infinite if there are none.
+    pub(crate) fn corners(&self) -> [Point; 2] {
+        bounds_along(self.positions(), &AXES)
+    }
+
     /// Returns the bounds of the control points of curve `i` in the coordinates `row . x`, up to
     /// rounding.
     pub(crate) fn bounds_along(&self, i: usize, rows: &[Point; 3]) -> [Point; 2] {
-        match self.positions_in(i) {
-            Positions::F32(v) => bounds_of(v, rows),
-            Positions::F64(v) => bounds_of(v, rows),
-        }
+        bounds_along(self.positions_in(i), rows)
     }
 }

@@ -1,7 +1,7 @@
 //! The extent of a scene, and segments that are too long for it.
 
 use super::vector::{half_difference, hypot, per_axis, sub};
-use super::{CurveSet, Point, bounds, significant};
+use super::{CurveSet, Point, significant};
 use std::fmt;
 
 /// Share of the extent of a scene along an axis above which the extent of a segment along it is
@@ -58,12 +58,6 @@ impl CurveSet {
     /// simulation. Infinite extents count as the largest number. Costs a pass over all points.
     pub fn extent(&self) -> f64 {
         sides(self.corners()).into_iter().fold(0.0, f64::max)
-    }
-
-    /// Returns the lowest and the highest corner of the bounding box of all control points. They
-    /// are infinite if there are none.
-    pub(crate) fn corners(&self) -> [Point; 2] {
-        bounds((0..self.len()).flat_map(|i| self.points_in(i)))
     }
 
     /// Returns the longest of the segments that span more than half of the scene along an axis and

@@ -1,7 +1,9 @@
 //! Distances of the ends of a curve.
 
-use crate::curve::vector::{dot, hypot, per_axis, sub};
-use crate::curve::{Basis, Cell, Point, Positions, Precision, are_three_distinct, bspline_knot};
+use crate::curve::vector::{SQUARES, dot, hypot, per_axis, sub};
+use crate::curve::{
+    Basis, Cell, Point, Positions, Precision, are_three_distinct, bspline_knot, larger,
+};
 use crate::error::{Error, Result};
 use std::ops::Range;
 
@@ -22,6 +24,11 @@ pub(super) struct Metric {
 }
 
 impl Metric {
+    /// Returns true if distances are those in space.
+    pub fn is_plain(&self) -> bool {
+        self.lattice.is_none()
+    }
+
     pub fn new(cell: Option<&Cell>) -> Metric {
         let lattice = cell.and_then(|cell| {
             let mut inverse = cell.inverse()?;
@@ -35,7 +42,8 @@ impl Metric {
         Metric { lattice }
     }
 
-    fn distance(&self, a: Point, b: Point) -> f64 {
+    #[inline(always)]
+    fn difference(&self, a: Point, b: Point) -> Point {
         let mut d = sub(b, a);
         if let Some((vectors, inverse)) = &self.lattice {
             let shares = inverse.map(|b| dot(b, d).round());
@@ -43,7 +51,24 @@ impl Metric {
                 d = per_axis(|x| d[x] - share * v[x]);
             }
         }
-        hypot(d)
+        d
+    }
+
+    /// Returns the square of the longest distance of consecutive knots, which are every `stride`
+    /// points `x y z x y z ..`. The others are left out, also behind the last whole segment.
+    fn longest_square<T: Copy + Into<f64>>(&self, points: &[T], stride: usize) -> f64 {
+        let points = points.as_chunks::<3>().0;
+        let mut longest = 0.0;
+        for k in (stride..=points.len() - stride).step_by(stride) {
+            let [a, b] = [points[k - stride], points[k]];
+            let d = self.difference(per_axis(|x| a[x].into()), per_axis(|x| b[x].into()));
+            longest = larger(dot(d, d), longest);
+        }
+        longest
+    }
+
+    fn distance(&self, a: Point, b: Point) -> f64 {
+        hypot(self.difference(a, b))
     }
 }
 
@@ -88,6 +113,7 @@ impl Layout {
         self.first + lead..self.first + self.points - self.repeated() + lead
     }
 
+    #[inline(always)]
     fn point(&self, at: &Positions<'_>, k: usize) -> Point {
         at.point(self.first + k)
     }
@@ -112,6 +138,12 @@ impl Layout {
         let mut steps: Vec<f64> = (0..self.points - 1).map(step).collect();
         let middle = steps.len() / 2;
         let (_, median, _) = steps.select_nth_unstable_by(middle, f64::total_cmp);
+        (near * *median).max(self.rounding(at).min(NEAR_IF_ROUNDED * *median))
+    }
+
+    /// Returns the largest distance of ends that meet by rounding alone, whatever the median
+    /// segment is.
+    fn rounding(&self, at: &Positions<'_>) -> f64 {
         let ends = [self.point(at, 0), self.point(at, self.points - 1)];
         let largest = ends
             .as_flattened()
@@ -121,8 +153,7 @@ impl Layout {
             Precision::F32 => f64::from(f32::EPSILON),
             Precision::F64 => f64::EPSILON,
         };
-        let rounding = (4.0 * unit * largest).min(NEAR_IF_ROUNDED * *median);
-        (near * *median).max(rounding)
+        4.0 * unit * largest
     }
 
     fn has_three_distinct_points(&self, at: &Positions<'_>) -> bool {
@@ -158,9 +189,13 @@ impl Layout {
     }
 
     /// Returns the largest distance at which the last point of a closed polyline repeats the first
-    /// one. `None` if it does not.
-    pub fn repeats(&self, at: &Positions<'_>, metric: &Metric) -> Option<f64> {
+    /// one. `None` if it does not. `factor` is that of [`Layout::closing_factor`].
+    pub fn repeats(&self, at: &Positions<'_>, metric: &Metric, factor: f64) -> Option<f64> {
         let gap = self.gap(at, metric).filter(|_| self.basis.is_polyline())?;
+        // The median segment is at most as long as the longest one.
+        if factor > 2.0 * NEAR_IF_CLOSED && gap > self.rounding(at) {
+            return None;
+        }
         let within = self.tolerance(at, metric, NEAR_IF_CLOSED);
         (gap <= within && self.has_three_distinct_points(at)).then_some(within)
     }
@@ -218,12 +253,22 @@ impl Layout {
         if knots < 3 {
             return 0.0;
         }
-        let length = |a: usize, b: usize| {
-            metric.distance(self.point(at, a * stride), self.point(at, b * stride))
+        let segment = |a: usize, b: usize| {
+            metric.difference(self.point(at, a * stride), self.point(at, b * stride))
         };
-        let longest = (1..knots).map(|k| length(k - 1, k)).fold(0.0, f64::max);
+        let points = 3 * self.first..3 * (self.first + self.points);
+        let squared = match at.part(points) {
+            Positions::F32(v) => metric.longest_square(v, stride),
+            Positions::F64(v) => metric.longest_square(v, stride),
+        };
+        let longest = match SQUARES.contains(&squared) {
+            true => squared.sqrt(),
+            false => (1..knots)
+                .map(|k| hypot(segment(k - 1, k)))
+                .fold(0.0, f64::max),
+        };
         match longest > 0.0 {
-            true => length(knots - 1, 0) / longest,
+            true => hypot(segment(knots - 1, 0)) / longest,
             false => 0.0,
         }
     }

@@ -268,10 +268,11 @@ impl Closing {
                 let factor = layout.closing_factor(at, &nearest);
                 let is_long = |factor: f64| factor > ClosingNote::FACTOR;
                 // Curves through the cell close up to a lattice vector.
-                let apart = match source.wrapped {
+                let own = match source.wrapped || nearest.is_plain() {
                     true => factor,
-                    false => factor.max(layout.closing_factor(at, &plain)),
+                    false => layout.closing_factor(at, &plain),
                 };
+                let apart = factor.max(own);
                 if is_long(factor) && source.closed_by_default {
                     note(ClosingKind::Opened, i, factor);
                     Known::Open
@@ -279,7 +280,7 @@ impl Closing {
                     if is_long(apart) {
                         note(ClosingKind::Long, i, apart);
                     }
-                    match layout.repeats(at, metric).filter(|_| !self.keep_open) {
+                    match layout.repeats(at, metric, own).filter(|_| !self.keep_open) {
                         Some(within) => {
                             note(ClosingKind::Joined, i, 0.0);
                             Known::Repeated(within)
