@@ -55,14 +55,14 @@ impl Metric {
     }
 
     /// Returns the square of the longest distance of consecutive knots, which are every `stride`
-    /// points `x y z x y z ..`. The others are left out, also behind the last whole segment.
+    /// points `x y z x y z ..`.
     fn longest_square<T: Copy + Into<f64>>(&self, points: &[T], stride: usize) -> f64 {
-        let points = points.as_chunks::<3>().0;
-        let mut longest = 0.0;
-        for k in (stride..=points.len() - stride).step_by(stride) {
-            let [a, b] = [points[k - stride], points[k]];
-            let d = self.difference(per_axis(|x| a[x].into()), per_axis(|x| b[x].into()));
-            longest = larger(dot(d, d), longest);
+        let knots = points.as_chunks::<3>().0.chunks_exact(stride);
+        let mut knots = knots.map(|knot| per_axis(|x| knot[0][x].into()));
+        let (mut last, mut longest) = (knots.next().unwrap_or_default(), 0.0);
+        for next in knots {
+            let d = self.difference(last, next);
+            (last, longest) = (next, larger(dot(d, d), longest));
         }
         longest
     }
