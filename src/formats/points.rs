@@ -34,9 +34,9 @@
 use super::frames::{FrameSource, ModelFrame, ReadOptions, Source};
 use super::lines::{Lines, integer, words};
 use super::{Input, divided, is_in, number, quote};
-use crate::curve::{CurveSet, Point, count_of};
+use crate::curve::{CurveSet, Point, Positions, count_of};
 use crate::error::{Error, Result};
-use crate::ingest::ends_meet;
+use crate::ingest::Closing;
 use std::collections::HashSet;
 use std::io::BufRead;
 use std::path::Path;
@@ -302,11 +302,13 @@ impl Curves {
     /// Returns the number of points of each curve, below 0 if it is closed, and removes points that
     /// repeat the first one of a closed curve.
     fn counts(&mut self, closed: Option<bool>, is_first: bool) -> Result<Vec<i32>> {
-        let (mut counts, mut undecided) = (Vec::with_capacity(self.sizes.len()), 0);
+        let sizes = self.sizes.iter().map(|&size| count_of(size, false));
+        let sizes: Vec<i32> = sizes.collect::<Result<_>>()?;
+        let meet = Closing::ends_meet(&sizes, Positions::F64(self.points.as_flattened()));
+        let (mut counts, mut undecided) = (Vec::with_capacity(sizes.len()), 0);
         let (mut first, mut kept) = (0, 0);
-        for &size in &self.sizes {
-            let repeats = ends_meet(&self.points[first..first + size]);
-            let is_closed = closed.unwrap_or(false);
+        let is_closed = closed.unwrap_or(false);
+        for (&size, repeats) in self.sizes.iter().zip(meet) {
             undecided += u64::from(is_first && closed.is_none() && !repeats);
             let size_of_curve = size - usize::from(is_closed && repeats);
             self.points.copy_within(first..first + size_of_curve, kept);

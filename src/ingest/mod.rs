@@ -12,8 +12,8 @@ mod closing;
 mod info;
 
 pub(crate) use crate::curve::FramePool;
+pub(crate) use closing::Decisions;
 pub use closing::{Closing, ClosingKind, ClosingNote, CurveSource};
-pub(crate) use closing::{Decisions, ends_meet};
 pub use info::FrameInfo;
 
 use crate::curve::{Basis, CurveSet, Positions};

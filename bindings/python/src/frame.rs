@@ -1,7 +1,8 @@
 //! Frames as the Python package passes them: one array of points, and the number of points of each
 //! curve.
 
-use linkwatch::{Basis, Cell, Positions};
+use crate::call::guarded;
+use linkwatch::{Basis, Cell, Closing, Positions};
 use numpy::{PyArray2, PyArrayMethods, PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
@@ -63,4 +64,11 @@ pub fn basis(name: &str) -> PyResult<Basis> {
             Err(PyValueError::new_err(format!("basis {other:?}: {known}")))
         }
     }
+}
+
+/// Returns for each polyline if it ends where it starts.
+#[pyfunction]
+pub fn ends_meet(points: Points<'_>, counts: Vec<i32>) -> PyResult<Vec<bool>> {
+    let positions = points.positions()?;
+    guarded(|| Ok(Closing::ends_meet(&counts, positions)))
 }

@@ -1,10 +1,11 @@
 //! Results as Python objects: their JSON and their words, which `python/linkwatch/_results.py`
-//! turns into data classes.
+//! turns into objects.
 
-use linkwatch::{Change, Defect, PullThrough, Report};
+use linkwatch::{Change, Defect, PullThrough, Report, Verdict};
 use pyo3::exceptions::PyRuntimeError;
 use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
+use pyo3::types::PyDict;
 use serde::Serialize;
 
 /// JSON, and sentences.
@@ -28,8 +29,9 @@ pub fn result(
     Ok(made.call1((class, json, words, names))?.unbind())
 }
 
-/// Returns a report as JSON, and its headline, findings and clearance in words.
-pub fn report(report: &Report, names: &[String]) -> Described {
+/// Returns a report as an object, which reads most of its fields when they are needed.
+pub fn report(py: Python<'_>, report: &Report, names: &[String]) -> PyResult<Py<PyAny>> {
+    static MADE: PyOnceLock<Py<PyAny>> = PyOnceLock::new();
     let mut text = json(report);
     text.pop();
     text += &format!(",\"left_out\":{}}}", json(&report.left_out));
@@ -39,7 +41,21 @@ pub fn report(report: &Report, names: &[String]) -> Described {
         let sentence = clearance.sentence_named(report.stats.extent, names);
         words.push(sentence.unwrap_or_else(|| "no strands are close".into()));
     }
-    (text, words)
+    let is_plain = report.verdict == Verdict::Intact
+        && words.len() == 1
+        && report.clearance.is_none()
+        && report.left_out.is_empty();
+    let known = PyDict::new(py);
+    known.set_item("seq", report.seq)?;
+    // As in the JSON.
+    let time = Some(report.time).filter(|time| time.is_finite());
+    known.set_item("time", time.unwrap_or(f64::INFINITY))?;
+    known.set_item("verdict", report.verdict.to_string())?;
+    known.set_item("abort", report.abort)?;
+    known.set_item("rejected", report.rejected.as_deref())?;
+    known.set_item("_plain", is_plain)?;
+    let made = MADE.import(py, "linkwatch._results", "made_report")?;
+    Ok(made.call1((text, words, names, known))?.unbind())
 }
 
 /// Returns changes as JSON and in words. `extent` is that of the scene, 0 if it is unknown.

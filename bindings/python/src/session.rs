@@ -4,7 +4,7 @@ use crate::call::{Shared, guarded, watched};
 use crate::certificate::Certificate;
 use crate::exception;
 use crate::frame::{Points, basis, cell};
-use crate::result::{packed, report, result, unpacked};
+use crate::result::{packed, report, unpacked};
 use linkwatch::{
     Basis, Cell, ClearanceOptions, Closing, ClosingNote, CurveLabels, CurveSet, CurveSource, Error,
     FrameInfo, RawFrame, SessionOptions, SessionState, Strategy, VerifiedFrame, period,
@@ -182,7 +182,7 @@ impl Session {
         self.state.with(py, |state| {
             let verified = state.step(py, frame, time, of_file)?;
             let names = &verified.info.labels.names;
-            result(py, "Report", report(&verified.report, names), names)
+            report(py, &verified.report, names)
         })
     }
 

@@ -15,7 +15,7 @@ pub use self::notes::{ClosingKind, ClosingNote};
 
 use self::ends::{Ends, Layout, Metric};
 use super::RawFrame;
-use crate::curve::{Basis, Cell, CurveSet, Point, Positions};
+use crate::curve::{Basis, Cell, CurveSet, Positions};
 use crate::error::Result;
 use serde::{Deserialize, Serialize};
 use std::ops::Range;
@@ -77,13 +77,6 @@ pub struct Closing {
     doubles: Vec<f64>,
 }
 
-/// Returns true if a polyline ends where it starts, by the rule of [`Closing`].
-pub(crate) fn ends_meet(points: &[Point]) -> bool {
-    let layout = Layout::new(Basis::Polyline, 0, i32::try_from(points.len()).unwrap_or(0));
-    let at = Positions::F64(points.as_flattened());
-    matches!(layout.ends(&at, &Metric::new(None)), Ends::Meet { .. })
-}
-
 /// Properties of the source of a frame.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct CurveSource {
@@ -131,6 +124,21 @@ impl Closing {
             keep_open,
             ..Closing::default()
         }
+    }
+
+    /// Returns for each curve if it ends where it starts, by the rule for open polylines, whether
+    /// the counts are negative or not.
+    ///
+    /// # Panics
+    /// If there are fewer points than the counts say.
+    pub fn ends_meet(counts: &[i32], positions: Positions<'_>) -> Vec<bool> {
+        let (space, mut first) = (Metric::new(None), 0);
+        let meet = |&count: &i32| {
+            let layout = Layout::new(Basis::Polyline, first, count);
+            first += layout.points;
+            matches!(layout.ends(&positions, &space), Ends::Meet { .. })
+        };
+        counts.iter().map(meet).collect()
     }
 
     /// Returns the number of curves that are closed because they end where they start.

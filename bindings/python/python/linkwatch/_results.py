@@ -41,8 +41,9 @@ class Result:
     def __delattr__(self, name: str) -> None:
         raise AttributeError(f"cannot delete field {name!r}: results cannot be changed")
 
-    def _compared(self) -> list[Any]:
-        return [value for name, value in vars(self).items() if name != "_json"]
+    def _compared(self) -> dict[str, Any]:
+        self._json  # all fields are there then
+        return {name: value for name, value in vars(self).items() if name != "_json"}
 
     def __eq__(self, other: object) -> bool:
         if type(other) is not type(self):
@@ -50,7 +51,7 @@ class Result:
         return self._compared() == other._compared()
 
     def __hash__(self) -> int:
-        return hash(tuple(self._compared()))
+        return hash(tuple(self._compared().values()))
 
     @classmethod
     def _made(cls, json: dict[str, Any], words: str, **other: Any) -> Any:
@@ -59,7 +60,8 @@ class Result:
         vars(made).update(_json=json, _words=words)
         kinds = _KINDS.get(cls.__name__)
         if kinds is None:
-            kinds = [field for one in cls.__mro__[-3::-1] for field in one.__annotations__.items()]
+            every = [field for one in cls.__mro__[-2::-1] for field in one.__annotations__.items()]
+            kinds = [field for field in every if not field[0].startswith("_")]
             _KINDS[cls.__name__] = kinds
         for name, kind in kinds:
             value = other[name] if name in other else json.get(name)
@@ -71,7 +73,7 @@ class Result:
         return made
 
 
-#: Names and types of the fields that a class of results has in addition, by its name.
+#: Names and types of the public fields of a class of results, by its name.
 _KINDS: dict[str, list[tuple[str, str]]] = {}
 
 
@@ -308,6 +310,18 @@ class Report(Result):
     safe_fraction: float | None
     clearance: Clearance | None
     rejected: str | None
+    #: True if it is intact, and there is nothing else to tell.
+    _plain: bool
+
+    if not TYPE_CHECKING:
+
+        def __getattr__(self, name: str) -> Any:
+            # Most fields of most reports are never needed, so they are read when one is.
+            unread = vars(self).pop("_unread", None)
+            if unread is None:
+                raise AttributeError(f"a report has no attribute {name!r}")
+            vars(self).update(vars(_report(*unread)))
+            return getattr(self, name)
 
     @property
     def intact(self) -> bool:
@@ -498,9 +512,17 @@ def _finding(cls: type[Finding]) -> Any:
     return make
 
 
-def _report(json: dict[str, Any], words: list[str], names: list[str]) -> Report:
+def made_report(text: str, words: list[str], names: list[str], known: dict[str, Any]) -> Report:
+    """Returns a report from its JSON, its sentences, and fields that are known."""
+    report = Report()
+    vars(report).update(known, _words=words[0], _unread=(text, words, names))
+    return report
+
+
+def _report(text: str, words: list[str], names: list[str]) -> Report:
+    json_of = json.loads(text)
     findings = iter(words[1:])
-    others: dict[str, Any] = {"appeared": json.get("appeared", []), "gone": json.get("gone", [])}
+    others: dict[str, Any] = {key: json_of.get(key, []) for key in ("appeared", "gone")}
     for name, key, kind in (
         ("changes", "changes", "Change"),
         ("invariants", "invariants", "InvariantChange"),
@@ -508,11 +530,11 @@ def _report(json: dict[str, Any], words: list[str], names: list[str]) -> Report:
         ("defects", "defects", "Defect"),
         ("unresolved", "unresolved", "PullThrough"),
     ):
-        others[name] = [_MAKERS[kind](one, [next(findings)], names) for one in json.get(key, [])]
-    if clearance := json.get("clearance"):
+        others[name] = [_MAKERS[kind](one, [next(findings)], names) for one in json_of.get(key, [])]
+    if clearance := json_of.get("clearance"):
         others["clearance"] = _clearance(clearance, words[-1:], names)
     others["findings"] = words[1 : -1 if clearance else None]
-    made: Report = Report._made(json, words[0], **others)
+    made: Report = Report._made(json_of, words[0], **others)
     return made
 
 
@@ -566,7 +588,6 @@ _MAKERS: dict[str, Any] = {
     "Change": _finding(Change),
     "PullThrough": _finding(PullThrough),
     "Defect": _finding(Defect),
-    "Report": _report,
     "Strut": _strut,
     "Thickness": _thickness,
     "Ribbon": _ribbon,

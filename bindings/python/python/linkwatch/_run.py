@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import base64
-import dataclasses
 import inspect
 import itertools
 import os
@@ -11,6 +10,7 @@ import subprocess
 import sys
 import tempfile
 import warnings
+from collections import deque
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -37,6 +37,13 @@ COLUMNS = {
     "defects": "i j names image kind frame time last frames point segments distance",
     "pull_throughs": "frame time i j names image segments fraction sign point lengths unresolved",
 }
+#: Row of a frame that is intact, without its number and its time.
+PLAIN = {
+    **dict.fromkeys(COLUMNS["frames"].split(), 0),
+    **{"verdict": "intact", "clearance": None, "rejected": None},
+}
+#: Number of frames that are read ahead, so that the thread that reads them need not wait for each.
+AHEAD = 3
 #: Number of findings that a summary prints of each kind.
 PRINTED = 5
 
@@ -82,8 +89,8 @@ def frames_in_memory(
         for seq, one in enumerate(given):
             if not isinstance(one, Frame):
                 points, sizes = arguments.frame(one, numbers, closed, f"frame {seq}")
-                one = Frame(points, sizes, basis, labels, cell=vectors, seq=seq, time=float(seq))
-                one = dataclasses.replace(one, closed_by_default=by_default)
+                at = float(seq)
+                one = Frame(points, sizes, basis, labels, [], vectors, seq, at, None, by_default)
             yield one
 
     found = Frames(Path("frames"), load, Summary(), getattr(given, "__len__", lambda: None)())
@@ -155,6 +162,9 @@ class Run:
     def _add(self, report: Report) -> None:
         """Adds the report on the next frame."""
         of_frame = {"frame": report.seq, "time": report.time}
+        if report._plain:
+            self.frames.append({**PLAIN, **of_frame})
+            return
         row: dict[str, Any] = {**of_frame, "verdict": report.verdict, "rejected": report.rejected}
         for name in ("changes", "invariants", "pull_throughs", "unresolved", "defects"):
             row[name] = len(getattr(report, name))
@@ -561,12 +571,12 @@ class Checker:
 
 
 def ahead(frames: Iterable[Frame]) -> Iterator[Frame]:
-    """Yields frames, each of which is read by another thread while the previous one is used."""
+    """Yields frames. Another thread reads the next ones meanwhile."""
     with ThreadPoolExecutor(1) as pool:
         left = iter(frames)
-        coming = pool.submit(next, left, None)
-        while (frame := coming.result()) is not None:
-            coming = pool.submit(next, left, None)
+        coming = deque(pool.submit(next, left, None) for _ in range(AHEAD))
+        while (frame := coming.popleft().result()) is not None:
+            coming.append(pool.submit(next, left, None))
             yield frame
 
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from .. import _arguments as arguments
+from .. import _linkwatch
 from ._frames import Frame, Frames, LeftOut, Summary
 
 if TYPE_CHECKING:
@@ -127,24 +128,19 @@ class Rules:
             at = int(np.argmin(np.isfinite(points).all(axis=1)))
             raise Unfit(f"point {at} has a coordinate that is not finite")
         decide = given != self._counts
-        ends = np.cumsum(np.abs(given))
         straight = scene.basis == "polyline"
         joined = self._joined
-        parts = np.split(points, ends[:-1]) if decide or joined else []
+        meet = ends_meet(points, given) if decide or joined else []
         if decide:
-            keep_open = options.closed is False
-            joined = [
-                k
-                for k, part in enumerate(parts)
-                if straight and not (keep_open and given[k] > 0) and ends_meet(part)
-            ]
+            may_join = [straight and (n < 0 or options.closed is not False) for n in given]
+            joined = [k for k, met in enumerate(meet) if met and may_join[k]]
         counts = [*given]
         for k in joined:
-            if not ends_meet(parts[k]):
+            if not meet[k]:
                 raise Unfit(f"the ends of curve {k}, which is closed, are apart: it was cut")
             counts[k] = 1 - abs(counts[k])
         if joined:
-            points = np.delete(points, ends[joined] - 1, axis=0)
+            points = np.delete(points, np.cumsum(np.abs(given))[joined] - 1, axis=0)
         by_request = 0
         if options.closed and straight:
             by_request = sum(count > 2 for count in counts)
@@ -198,15 +194,9 @@ def plural(number: int, one: str, many: str) -> str:
     return f"{number} {one if number == 1 else many}"
 
 
-def ends_meet(points: Array) -> bool:
-    """Returns if a curve ends where it starts, by the rule of docs/reference/formats.md."""
-    if len(points) < 4:
-        return False
-    ends = points[[0, -1]]
-    gap = np.linalg.norm(ends[1].astype(float) - ends[0])
-    median = np.median(np.linalg.norm(np.diff(points.astype(float), axis=0), axis=1))
-    rounding = 4 * np.spacing(np.abs(ends).max())
-    return bool(gap <= max(1e-3 * median, min(rounding, 0.1 * median)))
+def ends_meet(points: Array, counts: list[int]) -> list[bool]:
+    """Returns if each curve ends where it starts, by the rule of docs/reference/formats.md."""
+    return _linkwatch.ends_meet(*arguments.frame(points, counts, None))
 
 
 def unwrapped(points: Array, counts: list[int], cell: Array) -> tuple[Array, list[int], int]:

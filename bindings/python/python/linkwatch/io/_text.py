@@ -134,7 +134,7 @@ def read_obj(path: Path) -> Scene:
     if any(curve.name for curve in scene.curves):
         scene.basis = "bezier"
         for curve in scene.curves:
-            if not curve.closed and ends_meet(curve.points):
+            if not curve.closed and ends_meet(curve.points, [len(curve.points)])[0]:
                 curve.points, curve.closed = curve.points[:-1], True
             if not curve.name:
                 curve.points = _splines.bezier(curve.points, "polyline", curve.closed)

@@ -61,8 +61,8 @@ def read(paths: Sequence[Path], options: Options) -> Frames:
             summary.notes.append(f"{batch.path}: {what}")
     first = next(scene.frames())
     if first.basis == "polyline" and first.rejected is None:
-        parts = np.split(first.positions, np.cumsum(np.abs(first.counts))[:-1])
-        met = sum(n > 0 and ends_meet(part) for n, part in zip(first.counts, parts))
+        meet = ends_meet(first.positions, first.counts)
+        met = sum(n > 0 and meets for n, meets in zip(first.counts, meet))
         if met:
             are = plural(met, "open curve ends where it starts", "open curves end where they start")
             summary.notes.append(f"{are}; a session and the command close such curves")
