@@ -78,6 +78,23 @@ def test_a_result_can_be_copied_pickled_and_turned_into_a_dict(name):
     assert "\n" not in repr(one) and len(repr(one)) < 200
 
 
+def test_a_report_is_the_same_whenever_its_fields_are_read():
+    session = linkwatch.Session([-4, -4])
+    for k, out in enumerate((0, 0.5, 3, np.nan)):
+        report = session.step(np.concatenate(linked(out)), time=np.inf if k == 1 else 0.5 * k)
+        before = report.seq, report.time, report.verdict, report.abort, report.rejected
+        early = copy.copy(report)
+        assert report.last_intact == min(k, 1) and "stats" in report.to_dict()
+        assert before == (k, np.inf if k == 1 else 0.5 * k, *before[2:])
+        after = report.seq, report.time, report.verdict, report.abort, report.rejected
+        assert after == before and early == report and pickle.loads(pickle.dumps(early)) == report
+        assert before[2] == ("intact", "intact", "changed", "rejected")[k]
+        with pytest.raises(AttributeError, match="no attribute 'verdicts'"):
+            report.verdicts
+        with pytest.raises(AttributeError, match="cannot be changed"):
+            report.verdict = "intact"
+
+
 def test_the_dict_is_what_the_command_prints(tmp_path):
     certificate = linkwatch.certify(linked())
     model = write_bcc(tmp_path / "linked.bcc", [curve.astype("f4") for curve in linked()])

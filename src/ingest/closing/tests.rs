@@ -353,3 +353,46 @@ fn a_ring_across_the_boundary_of_the_cell_stays_closed() {
     );
     assert!(closing.take_notes().is_empty());
 }
+
+/// The factor of the closing segment spares the median of most curves.
+#[test]
+fn a_repeated_point_is_found_whether_the_median_is_needed_or_not() {
+    let mut random = crate::random::Random::new(31);
+    let mut found = [0; 2];
+    for _ in 0..2000 {
+        let n = 4 + random.below(30);
+        let scale = 10f64.powi(random.below(9) as i32 - 4);
+        let mut points: Vec<Point> = (0..n)
+            .map(|_| std::array::from_fn(|_| scale * (random.unit() + 2.0)))
+            .collect();
+        let gap = scale * 10f64.powi(-(random.below(17) as i32));
+        points.push([points[0][0] + gap, points[0][1], points[0][2]]);
+        let at = Positions::F64(points.as_flattened());
+        let layout = Layout::new(Basis::Polyline, 0, -(points.len() as i32));
+        let space = Metric::new(None);
+        let factor = layout.closing_factor(&at, &space);
+        let [quick, full] = [factor, 0.0].map(|factor| layout.repeats(&at, &space, factor));
+        assert_eq!(quick, full, "{points:?}");
+        found[usize::from(full.is_some())] += 1;
+    }
+    assert!(found.iter().all(|&n| n > 300), "{found:?}");
+}
+
+/// Squares of lengths overflow or underflow in the outer ones.
+#[test]
+fn the_closing_segment_is_compared_at_all_scales() {
+    let square = [
+        [0.0, 0.0, 0.0],
+        [1.0, 0.0, 0.0],
+        [1.0, 1.0, 0.0],
+        [5.0, 7.0, 9.0],
+    ];
+    let factor = |scale: f64| {
+        let points = square.map(|p| p.map(|x| scale * x));
+        let layout = Layout::new(Basis::Polyline, 0, -4);
+        layout.closing_factor(&Positions::F64(points.as_flattened()), &Metric::new(None))
+    };
+    for exponent in [-1000, -600, -500, -10, 0, 400, 600, 1000] {
+        assert_eq!(factor(2f64.powi(exponent)), factor(1.0), "{exponent}");
+    }
+}
