@@ -361,11 +361,11 @@ fn a_repeated_point_is_found_whether_the_median_is_needed_or_not() {
     let mut found = [0; 2];
     for _ in 0..2000 {
         let n = 4 + random.below(30);
-        let scale = 10f64.powi(random.below(9) as i32 - 4);
+        let scale = 10f64.powi(random.below(9) - 4);
         let mut points: Vec<Point> = (0..n)
             .map(|_| std::array::from_fn(|_| scale * (random.unit() + 2.0)))
             .collect();
-        let gap = scale * 10f64.powi(-(random.below(17) as i32));
+        let gap = scale * 10f64.powi(-random.below(17));
         points.push([points[0][0] + gap, points[0][1], points[0][2]]);
         let at = Positions::F64(points.as_flattened());
         let layout = Layout::new(Basis::Polyline, 0, -(points.len() as i32));
