@@ -15,22 +15,21 @@
 //! | curves | kernel | cost |
 //! |---|---|---|
 //! | two, up to [`DIRECT`] segment pairs | direct sum; intervals if not precise enough | n^2 |
-//! | two, more segments | Barnes-Hut | n log n |
+//! | two, more segments | fast multipole method | n |
 //! | one, up to [`FEW`] segments | intervals | n^2 |
-//! | one, more segments | Barnes-Hut on one tree, intervals along the curve | n log n |
+//! | one, more segments | fast multipole method on one tree | n |
 //!
-//! Barnes-Hut refines its expansions until its proven bound is within the tolerance, and sums all
-//! leaf pairs directly if that is cheaper. It ends with a larger bound, which is returned, at its
-//! limit of work or if rounding alone exceeds the tolerance.
+//! The fast multipole method plans its expansions so that its proven bound is within the tolerance.
+//! If that takes too much work, or if rounding alone exceeds the tolerance, the bound is larger.
 //!
 //! # Limits
 //!
 //! Segments that touch or nearly touch have an uncertain angle, of up to half a turn either way.
 //! They raise the bound by 1/2 or more (by 1 or more in a writhe, which jumps by 2 there).
 
-use super::barnes_hut::{between, itself};
 use super::direct::Formula;
 use super::direct::block::gauss_sum;
+use super::fmm::{between, itself};
 use super::interval::{Interval, angle_of};
 use super::{Estimate, direct::Scale};
 use crate::curve::vector::per_axis;

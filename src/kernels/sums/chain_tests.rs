@@ -50,6 +50,33 @@ fn writhe_by_trees_agrees_with_intervals() {
     }
 }
 
+/// Large enough for expansions of several orders, in trees of several levels.
+#[test]
+fn writhe_of_many_segments_agrees_with_intervals() {
+    let mut random = Random::new(10);
+    let mut at = [0.0; 3];
+    let loose: Vec<Point> = (0..1800)
+        .map(|_| {
+            let d = random.point(0.02);
+            at = per_axis(|x| (at[x] + d[x]).clamp(-0.9, 0.9));
+            at
+        })
+        .collect();
+    for points in [
+        loose,
+        torus_knot(1800, 2.0, 45.0),
+        torus_knot(1801, 7.0, 12.0),
+    ] {
+        for closed in [true, false] {
+            let chain = Chain::new(points.clone(), closed);
+            let enclosed = chain.enclose_writhe();
+            for tolerance in [1.0, 1e-2, 1e-4, 1e-6] {
+                check(chain.writhe(tolerance), enclosed, tolerance);
+            }
+        }
+    }
+}
+
 #[test]
 fn linking_integrals_by_all_kernels_agree_with_intervals() {
     let mut random = Random::new(9);

@@ -14,7 +14,6 @@ mod bound;
 mod evaluate;
 mod moments;
 mod near;
-mod own;
 #[cfg(feature = "gpu")]
 mod packed;
 #[cfg(test)]
@@ -37,7 +36,6 @@ use std::sync::Arc;
 use trees::Tree;
 
 pub(super) use near::Angles;
-pub(super) use own::{between, itself};
 pub(super) use trees::Node;
 
 /// Highest order of the expansion.
@@ -168,13 +166,12 @@ const SMALL: usize = 64;
 /// Approximate number of tasks of a pass.
 const TASKS: usize = 128;
 
-/// Makes one pass over two trees, or over one tree and itself.
+/// Makes one pass over two trees.
 fn pass(order: Order, trees: [&Tree; 2], criterion: Criterion) -> Sum {
     let walk = Walk {
         trees,
         order,
         criterion,
-        own: std::ptr::eq(trees[0], trees[1]),
     };
     let mut start = Sum::default();
     let mut agenda = vec![(trees[0].root(), trees[1].root())];
@@ -331,9 +328,6 @@ struct Walk<'a> {
     trees: [&'a Tree; 2],
     order: Order,
     criterion: Criterion,
-    /// True if both trees are the same one. Leaf pairs whose segments may be adjacent are skipped
-    /// then ([`own`]).
-    own: bool,
 }
 
 impl Walk<'_> {
@@ -369,14 +363,9 @@ impl Walk<'_> {
         self.open((t, u), next);
     }
 
-    /// Replaces the larger node by its children. A node and itself are replaced by all pairs of its
-    /// children, each pair once.
+    /// Replaces the larger node by its children.
     #[inline(always)]
     fn open(&self, (t, u): (Node, Node), next: &mut Vec<(Node, Node)>) {
-        if self.own && t.place == u.place {
-            let [a, b] = t.children();
-            return next.extend([(a, a), (a, b), (b, b)]);
-        }
         let radius = |side: usize, n: Node| self.trees[side].reach[n.place as usize].radius;
         if u.is_leaf() || (!t.is_leaf() && radius(0, t) > radius(1, u)) {
             next.extend(t.children().map(|t| (t, u)));
@@ -414,10 +403,8 @@ impl Walk<'_> {
                     filled = 0;
                 }
             } else if t.is_leaf() && u.is_leaf() {
-                if !(self.own && own::neighbours(self.trees[0].leaves(), t.first, u.first)) {
-                    angles.add(self.trees, [t.first as usize, u.first as usize]);
-                    sum.summed += 1;
-                }
+                angles.add(self.trees, [t.first as usize, u.first as usize]);
+                sum.summed += 1;
             } else {
                 self.open((t, u), agenda);
             }

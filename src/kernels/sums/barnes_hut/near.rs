@@ -92,19 +92,21 @@ impl Angles {
             let below = Row::new(corner(k), &ends);
             let (p, q) = (corner(k - 1), corner(k));
             let side = sub(q, p);
-            self.add_row(side, &ends, &above, &below);
+            self.add_row(side, &ends, [&above, &below], [false; LEAF]);
             above = below;
         }
         self.count += 1;
     }
 
     /// Adds the angles of all segment pairs of two ranges of two curves, whose limits are multiples
-    /// of [`LEAF`]. The segments are given by their start and end points.
+    /// of [`LEAF`]. The segments are given by their start and end points. `skipped` returns which
+    /// pairs of a segment with [`LEAF`] others are left out, the first of which it is given.
     #[inline(always)]
     pub fn add_segments(
         &mut self,
         [first, second]: [&[[Vec<f64>; 3]; 2]; 2],
         [i, j]: [Range<usize>; 2],
+        skipped: impl Fn(usize, usize) -> [bool; LEAF],
     ) {
         let corner = |end: usize, k: usize| first[end].each_ref().map(|v| v[k]);
         for at in j.step_by(LEAF) {
@@ -122,16 +124,22 @@ impl Angles {
                 };
                 let below = Row::new(q, &ends);
                 let side = sub(q, p);
-                self.add_row(side, &ends, &above, &below);
+                self.add_row(side, &ends, [&above, &below], skipped(k, at));
                 before = Some((q, below));
             }
             self.count += (i.len() / LEAF) as u64;
         }
     }
 
-    /// Adds the pairs of one segment with those of a leaf.
+    /// Adds the pairs of one segment with those of a leaf that are not skipped.
     #[inline(always)]
-    fn add_row(&mut self, side: [f64; 3], ends: &[[Lanes; 3]; 2], above: &Row, below: &Row) {
+    fn add_row(
+        &mut self,
+        side: [f64; 3],
+        ends: &[[Lanes; 3]; 2],
+        [above, below]: [&Row; 2],
+        skipped: [bool; LEAF],
+    ) {
         for l in 0..LEAF {
             let at = |v: &[Lanes; 3]| [v[0][l], v[1][l], v[2][l]];
             let (a, b, e, c) = (
@@ -163,7 +171,8 @@ impl Angles {
             let (zx, zy) = (d1 * d2 - p * p, p * sum);
             let fits = (zx.abs() > MIN_PRODUCT) | (zy.abs() > MIN_PRODUCT);
             let ratio = (off[0] * size[1] + off[1] * size[0]) / (size[0] * size[1]);
-            let certain = clear & ahead & fits;
+            let certain = clear & ahead & fits & !skipped[l];
+            let uncertain = if skipped[l] { 0.0 } else { FULL_TURN };
             let (x, y) = (self.x[l], self.y[l]);
             let (sx, sy) = (x * zx - y * zy, x * zy + y * zx);
             let up = (y >= 0.0) & (zy >= 0.0) & (sy < 0.0);
@@ -173,7 +182,7 @@ impl Angles {
             self.x[l] = if certain { sx * shrink } else { x };
             self.y[l] = if certain { sy * shrink } else { y };
             self.turns[l] += if certain { turn } else { 0.0 };
-            self.error[l] += if certain { 3.0 * ratio } else { FULL_TURN };
+            self.error[l] += if certain { 3.0 * ratio } else { uncertain };
         }
     }
 

@@ -62,33 +62,27 @@ impl Node {
 #[derive(Clone, Debug)]
 pub(super) struct Tree {
     /// Vertices, as an array for each axis: one more than all leaves together have segments. Copies
-    /// of the last vertex fill the end; that of a closed curve is its first one.
+    /// of the first one fill the end.
     pub vertices: [Vec<f64>; 3],
     pub reach: Vec<Reach>,
     pub moments: Vec<Moments>,
 }
 
 impl Tree {
-    /// Builds the tree of curve `i`, a polyline, with its coordinates multiplied by `scale`, a
-    /// power of two.
+    /// Builds the tree of curve `i`, a closed polyline, with its coordinates multiplied by `scale`,
+    /// a power of two.
     pub fn new(set: &CurveSet, i: usize, scale: f64) -> Tree {
-        let n = set.curve(i).points as usize;
-        Tree::through(n, true, |k| set.point(i, k).map(|x| x * scale))
+        let point = |k: usize| set.point(i, k).map(|x| x * scale);
+        Tree::of(set.curve(i).points as usize, point)
     }
 
-    /// Builds the tree of a polyline. Coordinates are at most 1.
-    pub fn of(points: &[Point], closed: bool) -> Tree {
-        Tree::through(points.len(), closed, |k| points[k])
-    }
-
-    fn through(n: usize, closed: bool, point: impl Fn(usize) -> Point) -> Tree {
-        let segments = if closed { n } else { n.saturating_sub(1) };
-        let leaves = segments.div_ceil(LEAF);
+    /// Builds the tree of a closed polyline of `n` points.
+    pub fn of(n: usize, point: impl Fn(usize) -> Point) -> Tree {
+        let leaves = n.div_ceil(LEAF);
         let vertices = per_axis(|x| {
             let mut v = Vec::with_capacity(leaves * LEAF + 1);
             v.extend((0..n).map(|k| point(k)[x]));
-            let end = if closed { v.first() } else { v.last() };
-            let end = end.copied().unwrap_or_default();
+            let end = v.first().copied().unwrap_or_default();
             v.resize(leaves * LEAF + 1, end);
             v
         });

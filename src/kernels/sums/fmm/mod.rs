@@ -19,6 +19,7 @@
 
 mod bound;
 mod expansions;
+mod gauss;
 mod harmonics;
 mod interact;
 mod norms;
@@ -34,6 +35,7 @@ use crate::curve::CurveSet;
 use crate::pairs::Pair;
 use bound::OUTWARD;
 use expansions::Expansions;
+pub(super) use gauss::{between, itself};
 use rayon::prelude::*;
 use tree::Tree;
 use walk::{Criterion, Sum, Walk};
@@ -47,8 +49,11 @@ pub(crate) enum Accept {
         expect(dead_code, reason = "used by tests that sweep the order")
     )]
     Separation(f64),
-    /// Accepts by the proven error bound, such that the bound of the sum is below this.
+    /// Accepts by the proven error bound, such that the bound of the sum is below this, and admits
+    /// only one integer.
     Bound(f64),
+    /// As `Bound`, for sums that are no integers.
+    Within(f64),
 }
 
 /// Options of the sum.
@@ -106,7 +111,12 @@ impl Fmm {
         }
     }
 
+    /// Returns the trees of a pair. A curve has no linking number with itself: the sum is its
+    /// writhe.
     fn pair(&self, (i, j): Pair) -> Option<[&Tree; 2]> {
+        if i == j && !matches!(self.options.accept, Accept::Within(_)) {
+            return None;
+        }
         let tree = |i: u32| self.trees.get(i as usize)?.as_ref();
         Some([tree(i)?, tree(j)?])
     }
@@ -119,7 +129,7 @@ impl Fmm {
         }
         let least = match self.options.accept {
             Accept::Separation(_) => ORDERS[0],
-            Accept::Bound(budget) => {
+            Accept::Bound(budget) | Accept::Within(budget) => {
                 let magnitude = Walk::magnitude(trees);
                 let digits = (magnitude / budget).log10().max(0.0);
                 // Fitted so that expansions and the near field cost about the same.
@@ -145,7 +155,7 @@ impl Fmm {
                 let criterion = Criterion::Separation(q);
                 return Some((criterion, plan(criterion)?));
             }
-            Accept::Bound(budget) => budget,
+            Accept::Bound(budget) | Accept::Within(budget) => budget,
         };
         // A part of the budget is reserved for rounding errors.
         let aim = 0.8 * budget;
@@ -191,6 +201,14 @@ impl Summation for Fmm {
 
     /// Computes the expansions once for each curve and order, for all of its pairs.
     fn linking_numbers(&self, pairs: &[Pair]) -> Vec<Estimate> {
+        self.sums(pairs)
+    }
+}
+
+impl Fmm {
+    /// Returns the Gauss integrals of pairs of curves; that of a curve and itself is over unordered
+    /// pairs of its segments.
+    fn sums(&self, pairs: &[Pair]) -> Vec<Estimate> {
         let mut estimates = vec![Estimate::UNKNOWN; pairs.len()];
         let orders: Vec<Option<Option<usize>>> = pairs
             .par_iter()
@@ -207,9 +225,16 @@ impl Summation for Fmm {
         }
         estimates
     }
-}
 
-impl Fmm {
+    /// Returns true if no higher order is needed.
+    fn suffices(&self, sum: Estimate) -> bool {
+        match self.options.accept {
+            Accept::Separation(_) => true,
+            Accept::Bound(_) => sum.integer().is_some(),
+            Accept::Within(budget) => sum.bound <= budget,
+        }
+    }
+
     /// Sums the pairs of the lowest order. Returns the others, and those that need a higher order.
     fn stage(
         &self,
@@ -267,10 +292,8 @@ impl Fmm {
             .par_iter()
             .zip(plans)
             .map(|(&(at, _), first)| {
-                let bounded = matches!(self.options.accept, Accept::Bound(_));
                 // If most of the work is near field, a higher order increases it.
-                let more =
-                    self.options.order.is_none() && order.is_some() && bounded && first.is_some();
+                let more = self.options.order.is_none() && order.is_some() && first.is_some();
                 // The moments may be smaller than their upper bounds, so larger nodes may be
                 // accepted.
                 let again = first.and_then(|(criterion, _)| plan(&expansions, at, Some(criterion)));
@@ -280,7 +303,7 @@ impl Fmm {
                 };
                 let of = |i: u32| expansions[i as usize].as_ref();
                 let sum = Walk::new(trees, [of(i), of(j)], criterion).sum();
-                (sum, more && sum.estimate().integer().is_none())
+                (sum, more && !self.suffices(sum.estimate()))
             })
             .collect();
         for (&(at, _), sum) in now.iter().zip(sums) {

@@ -46,14 +46,21 @@ const EMPTY: Ball = Ball {
     size: 1.0,
 };
 
-/// Tree of a closed curve.
+/// Tree of a curve.
 #[derive(Clone, Debug)]
 pub(super) struct Tree {
     /// Start and end points of the segments, as an array for each axis, in the order of the leaves.
     /// The last leaf is padded with points.
     pub ends: [[Vec<f64>; 3]; 2],
     pub balls: Vec<Ball>,
+    /// Numbers of the segments along the curve; [`FILLER`] for the padding.
+    pub numbers: Vec<u32>,
+    /// True if the first segment is adjacent to the last one.
+    pub closed: bool,
 }
+
+/// Number of a segment that only fills a leaf.
+pub(super) const FILLER: u32 = u32::MAX;
 
 /// A segment during the construction of the leaves.
 #[derive(Clone, Copy, Debug, Default)]
@@ -72,30 +79,45 @@ impl Tree {
     /// Builds the tree of curve `i`, a closed polyline of at least one point, with its coordinates
     /// multiplied by `scale`, a power of two.
     pub fn new(set: &CurveSet, i: usize, scale: f64) -> Tree {
-        let n = set.curve(i).points as usize;
-        let leaves = n.div_ceil(LEAF);
         let point = |k: usize| set.point(i, k).map(|x| x * scale);
-        let mut segments: Vec<Segment> = (0..n)
+        Tree::of(set.curve(i).points as usize, true, point)
+    }
+
+    /// Builds the tree of a polyline of `n` points, with at least one segment.
+    pub fn of(n: usize, closed: bool, point: impl Fn(usize) -> Point) -> Tree {
+        let mut segments: Vec<Segment> = (0..n - usize::from(!closed))
             .map(|k| Segment {
                 ends: [point(k), point(if k + 1 < n { k + 1 } else { 0 })],
                 number: k as u32,
             })
             .collect();
+        let leaves = segments.len().div_ceil(LEAF);
         sort(&mut segments, leaves);
         let last = segments.last().map_or([0.0; 3], |s| s.ends[1]);
         let filler = Segment {
             ends: [last; 2],
-            number: u32::MAX,
+            number: FILLER,
         };
         segments.resize(leaves * LEAF, filler);
         let ends = [0, 1].map(|e| per_axis(|x| segments.iter().map(|s| s.ends[e][x]).collect()));
         let mut balls = vec![EMPTY; (2 * leaves).saturating_sub(1)];
         enclose(&ends, 0, leaves, &mut balls);
-        Tree { ends, balls }
+        Tree {
+            ends,
+            balls,
+            numbers: segments.iter().map(|s| s.number).collect(),
+            closed,
+        }
     }
 
     pub fn root(&self) -> Node {
         Node::root(self.balls.len().div_ceil(2) as u32)
+    }
+
+    /// Returns the number that the last segment has if the first one is adjacent to it.
+    pub fn last(&self) -> Option<u32> {
+        let segments = self.numbers.iter().filter(|&&k| k != FILLER).count();
+        self.closed.then(|| segments as u32 - 1)
     }
 }
 

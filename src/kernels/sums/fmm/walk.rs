@@ -4,7 +4,7 @@ use super::OUTWARD;
 use super::bound::{Bounding, Bounds, WIDEST};
 use super::expansions::Expansions;
 use super::interact::{BATCH, Buffers, Side, interact};
-use super::tree::{Ball, LEAF, Tree};
+use super::tree::{Ball, FILLER, LEAF, Tree};
 use crate::curve::Point;
 use crate::kernels::Estimate;
 use crate::kernels::sums::barnes_hut::{Angles, Node};
@@ -121,6 +121,9 @@ pub(super) struct Walk<'a> {
     expansions: Option<[&'a Expansions; 2]>,
     bounding: Bounding,
     criterion: Criterion,
+    /// True if both trees are the same one: each pair of its segments is summed once, except for
+    /// adjacent ones, which lie in a plane and contribute nothing.
+    own: bool,
 }
 
 /// An accepted node pair.
@@ -146,6 +149,7 @@ impl<'a> Walk<'a> {
             expansions,
             bounding: Bounding::new(order),
             criterion,
+            own: std::ptr::eq(trees[0], trees[1]),
         }
     }
 
@@ -209,9 +213,14 @@ impl<'a> Walk<'a> {
         })
     }
 
-    /// Replaces the larger node by its children.
+    /// Replaces the larger node by its children. A node and itself are replaced by all pairs of its
+    /// children, each pair once.
     #[inline(always)]
     fn open(&self, (t, u): (Node, Node), next: &mut Vec<(Node, Node)>) {
+        if self.own && t.place == u.place {
+            let [a, b] = t.children();
+            return next.extend([(a, a), (a, b), (b, b)]);
+        }
         if u.is_leaf() || (!t.is_leaf() && self.ball(0, t).radius > self.ball(1, u).radius) {
             next.extend(t.children().map(|t| (t, u)));
         } else {
@@ -304,6 +313,7 @@ impl<'a> Walk<'a> {
         let mut sum = Sum::ZERO;
         let mut angles = Angles::ZERO;
         let mut batch: Vec<([Side; 2], Point)> = Vec::with_capacity(BATCH);
+        let last = self.trees[0].last();
         while let Some((t, u)) = agenda.pop() {
             sum.visited += 1;
             if let (Some(accepted), Some(expansions)) = (self.accepted(t, u), self.expansions) {
@@ -324,7 +334,24 @@ impl<'a> Walk<'a> {
             } else if t.is_leaf() && u.is_leaf() {
                 let [first, second] = self.trees;
                 let range = |n: Node| n.first as usize * LEAF..(n.first as usize + 1) * LEAF;
-                angles.add_segments([&first.ends, &second.ends], [range(t), range(u)]);
+                let (ends, ranges) = ([&first.ends, &second.ends], [range(t), range(u)]);
+                if self.own {
+                    let numbers = &first.numbers;
+                    let skipped = |k: usize, at: usize| {
+                        std::array::from_fn(|l| {
+                            let (a, b) = (numbers[k], numbers[at + l]);
+                            let apart = a.abs_diff(b);
+                            apart <= 1
+                                || last == Some(apart)
+                                || a == FILLER
+                                || b == FILLER
+                                || (t.place == u.place && b < a)
+                        })
+                    };
+                    angles.add_segments(ends, ranges, skipped);
+                } else {
+                    angles.add_segments(ends, ranges, |_, _| Default::default());
+                }
                 sum.summed += 1;
             } else {
                 self.open((t, u), agenda);
