@@ -226,12 +226,14 @@ impl Fmm {
         estimates
     }
 
-    /// Returns true if no higher order is needed.
-    fn suffices(&self, sum: Estimate) -> bool {
+    /// Returns true if a higher order is not needed, or of no use.
+    fn suffices(&self, sum: &Sum) -> bool {
         match self.options.accept {
             Accept::Separation(_) => true,
-            Accept::Bound(_) => sum.integer().is_some(),
-            Accept::Within(budget) => sum.bound <= budget,
+            Accept::Bound(_) => sum.estimate().integer().is_some(),
+            Accept::Within(budget) => {
+                sum.estimate().bound <= budget || sum.estimate_of_rounding() > 0.2 * budget
+            }
         }
     }
 
@@ -303,7 +305,7 @@ impl Fmm {
                 };
                 let of = |i: u32| expansions[i as usize].as_ref();
                 let sum = Walk::new(trees, [of(i), of(j)], criterion).sum();
-                (sum, more && !self.suffices(sum.estimate()))
+                (sum, more && !self.suffices(&sum))
             })
             .collect();
         for (&(at, _), sum) in now.iter().zip(sums) {

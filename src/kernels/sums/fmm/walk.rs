@@ -86,15 +86,16 @@ impl Sum {
         self.expanded as f64 * 0.001 * p * p * p + self.summed as f64 * 0.8
     }
 
-    pub fn estimate(&self) -> Estimate {
+    /// Returns the bound without the remainders: the part that a higher order does not reduce.
+    pub fn estimate_of_rounding(&self) -> f64 {
         // Every sum has at most as many terms as there are node pairs; each addition has an error
         // of one unit.
         let units = (self.expanded + self.summed + 64) as f64 * f64::EPSILON;
-        let rounding = self.near_error
-            + self.rounding
-            + self.bounds.size * units
-            + units * (1.0 + self.near.abs());
-        let bound = (self.bounds.tail + rounding) * OUTWARD;
+        self.near_error + self.rounding + self.bounds.size * units + units * (1.0 + self.near.abs())
+    }
+
+    pub fn estimate(&self) -> Estimate {
+        let bound = (self.bounds.tail + self.estimate_of_rounding()) * OUTWARD;
         if !bound.is_finite() {
             return Estimate::UNKNOWN;
         }
