@@ -24,11 +24,6 @@ pub(super) struct Metric {
 }
 
 impl Metric {
-    /// Returns true if distances are those in space.
-    pub fn is_plain(&self) -> bool {
-        self.lattice.is_none()
-    }
-
     pub fn new(cell: Option<&Cell>) -> Metric {
         let lattice = cell.and_then(|cell| {
             let mut inverse = cell.inverse()?;

@@ -276,7 +276,7 @@ impl Closing {
                 let factor = layout.closing_factor(at, &nearest);
                 let is_long = |factor: f64| factor > ClosingNote::FACTOR;
                 // Curves through the cell close up to a lattice vector.
-                let own = match source.wrapped || nearest.is_plain() {
+                let own = match source.wrapped || source.cell.is_none() {
                     true => factor,
                     false => layout.closing_factor(at, &plain),
                 };

@@ -55,8 +55,8 @@ pub(super) struct Tree {
     pub balls: Vec<Ball>,
     /// Numbers of the segments along the curve; [`FILLER`] for the padding.
     pub numbers: Vec<u32>,
-    /// True if the first segment is adjacent to the last one.
-    pub closed: bool,
+    /// Number of the last segment if the first one is adjacent to it.
+    pub last: Option<u32>,
 }
 
 /// Number of a segment that only fills a leaf.
@@ -91,11 +91,12 @@ impl Tree {
                 number: k as u32,
             })
             .collect();
+        let last = closed.then(|| segments.len() as u32 - 1);
         let leaves = segments.len().div_ceil(LEAF);
         sort(&mut segments, leaves);
-        let last = segments.last().map_or([0.0; 3], |s| s.ends[1]);
+        let end = segments.last().map_or([0.0; 3], |s| s.ends[1]);
         let filler = Segment {
-            ends: [last; 2],
+            ends: [end; 2],
             number: FILLER,
         };
         segments.resize(leaves * LEAF, filler);
@@ -106,18 +107,12 @@ impl Tree {
             ends,
             balls,
             numbers: segments.iter().map(|s| s.number).collect(),
-            closed,
+            last,
         }
     }
 
     pub fn root(&self) -> Node {
         Node::root(self.balls.len().div_ceil(2) as u32)
-    }
-
-    /// Returns the number that the last segment has if the first one is adjacent to it.
-    pub fn last(&self) -> Option<u32> {
-        let segments = self.numbers.iter().filter(|&&k| k != FILLER).count();
-        self.closed.then(|| segments as u32 - 1)
     }
 }
 

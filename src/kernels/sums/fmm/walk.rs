@@ -314,7 +314,6 @@ impl<'a> Walk<'a> {
         let mut sum = Sum::ZERO;
         let mut angles = Angles::ZERO;
         let mut batch: Vec<([Side; 2], Point)> = Vec::with_capacity(BATCH);
-        let last = self.trees[0].last();
         while let Some((t, u)) = agenda.pop() {
             sum.visited += 1;
             if let (Some(accepted), Some(expansions)) = (self.accepted(t, u), self.expansions) {
@@ -343,7 +342,7 @@ impl<'a> Walk<'a> {
                             let (a, b) = (numbers[k], numbers[at + l]);
                             let apart = a.abs_diff(b);
                             apart <= 1
-                                || last == Some(apart)
+                                || first.last == Some(apart)
                                 || a == FILLER
                                 || b == FILLER
                                 || (t.place == u.place && b < a)
