@@ -18,7 +18,7 @@ use super::Diagram;
 use num_bigint::BigUint;
 use rayon::prelude::*;
 use std::cmp::Reverse;
-use std::collections::BinaryHeap;
+use std::collections::{BTreeMap, BinaryHeap};
 
 impl Diagram {
     /// Returns the determinant.
@@ -31,29 +31,7 @@ impl Diagram {
             return BigUint::from(1_u32);
         }
         let (faces, edges) = self.goeritz_graph();
-        let mut degrees = vec![0_u64; faces];
-        for &(a, b, _) in &edges {
-            degrees[a] += 1;
-            degrees[b] += 1;
-        }
-        // The vertex that is left out is that with the largest degree: the bound is smallest.
-        let root = (0..faces).max_by_key(|&f| degrees[f]).unwrap_or(0);
-        let others = (0..faces).filter(|&f| f != root);
-        let bound: BigUint = others.map(|f| BigUint::from(degrees[f].max(1))).product();
-        let mut product = BigUint::from(1_u32);
-        let primes = (0..1 << 30)
-            .map(|k| (1 << 31) - 1 - 2 * k)
-            .filter(|&n| is_prime(n));
-        let primes = primes.take_while(|&prime| {
-            let enough = product > &bound * 2_u32;
-            product *= prime;
-            !enough
-        });
-        let primes: Vec<u64> = primes.collect();
-        let residues = primes
-            .par_iter()
-            .map(|&p| (p, minor(faces, &edges, root, p)));
-        combine(residues.collect())
+        determinant(faces, &edges)
     }
 
     /// Returns the number of faces, and the edges of the graph of those of one colour: two faces
@@ -113,115 +91,287 @@ impl Diagram {
     }
 }
 
-/// Columns and values of a row of a sparse matrix, sorted.
-type Row = Vec<(u32, u64)>;
+/// Returns the determinant of the Laplacian of a graph, without the row and the column of a vertex
+/// that has edges.
+fn determinant(faces: usize, edges: &[(usize, usize, i64)]) -> BigUint {
+    let mut degrees = vec![0_u64; faces];
+    for &(a, b, _) in edges {
+        degrees[a] += 1;
+        degrees[b] += 1;
+    }
+    // The vertex that is left out is that with the largest degree: the bound is smallest.
+    let root = (0..faces).max_by_key(|&f| degrees[f]).unwrap_or(0);
+    let others = (0..faces).filter(|&f| f != root);
+    let bound: BigUint = others.map(|f| BigUint::from(degrees[f].max(1))).product();
+    let mut product = BigUint::from(1_u32);
+    let primes = (0..1 << 30)
+        .map(|k| (1 << 31) - 1 - 2 * k)
+        .filter(|&n| is_prime(n));
+    let primes = primes.take_while(|&prime| {
+        let enough = product > &bound * 2_u32;
+        product *= prime;
+        !enough
+    });
+    let primes: Vec<u64> = primes.collect();
+    let minor = |p| minor(faces, edges, root, Modulus::new(p));
+    let (_, program) = minor(primes[0]);
+    let residue = |&p: &u64| {
+        let repeated = program.run(Modulus::new(p));
+        (p, repeated.unwrap_or_else(|| minor(p).0))
+    };
+    combine(primes.par_iter().map(residue).collect())
+}
 
-/// Returns the determinant of the Laplacian without the row and the column of `root`, modulo a
-/// prime
-/// `p` below `2^31`, by elimination of the vertex with the fewest neighbours.
-fn minor(vertices: usize, edges: &[(usize, usize, i64)], root: usize, p: u64) -> u64 {
-    let mut diagonal = vec![0; vertices];
-    let mut rows = vec![Row::new(); vertices];
-    // Faces of the other colour have no edges.
-    let mut done = vec![true; vertices];
-    for &(a, b, weight) in edges {
-        (done[a], done[b]) = (false, false);
-        for (a, b) in [(a, b), (b, a)].into_iter().filter(|(a, b)| a != b) {
-            diagonal[a] = (diagonal[a] + weight.rem_euclid(p as i64) as u64) % p;
-            if a != root && b != root {
-                add(
-                    &mut rows[a],
-                    b as u32,
-                    (-weight).rem_euclid(p as i64) as u64,
-                    p,
-                );
+/// Arithmetic modulo a prime below `2^31`.
+#[derive(Clone, Copy)]
+struct Modulus {
+    prime: u64,
+    /// `2^64` divided by the prime, rounded down.
+    reciprocal: u64,
+}
+
+impl Modulus {
+    fn new(prime: u64) -> Modulus {
+        let reciprocal = u64::MAX / prime;
+        Modulus { prime, reciprocal }
+    }
+
+    /// Returns the remainder of `a b + c`, for numbers up to the prime.
+    fn multiply_add(self, a: u64, b: u64, c: u64) -> u64 {
+        let n = a * b + c;
+        // The quotient is exact or too small by 1.
+        let quotient = (u128::from(n) * u128::from(self.reciprocal)) >> 64;
+        let rest = n - quotient as u64 * self.prime;
+        rest.min(rest.wrapping_sub(self.prime))
+    }
+
+    /// Returns the inverse by Fermat's theorem; 0 for 0.
+    fn inverse(self, n: u64) -> u64 {
+        let (mut base, mut exponent, mut out) = (n, self.prime - 2, 1);
+        while exponent > 0 {
+            if exponent % 2 == 1 {
+                out = self.multiply_add(out, base, 0);
+            }
+            base = self.multiply_add(base, base, 0);
+            exponent /= 2;
+        }
+        out
+    }
+}
+
+/// Index of a number in the elimination: the entries of the diagonal, 1, the other entries that are
+/// not 0, and intermediate results.
+type Slot = u32;
+
+/// The elimination of a matrix as operations on numbers, to repeat it modulo other primes. No entry
+/// counts as 0 because it is 0 modulo the first prime, so the operations hold modulo all primes that
+/// divide no pivot.
+#[derive(Default)]
+struct Program {
+    start: Vec<i64>,
+    /// `to`, `a`, `b`: adds the product of `a` and `b`; stores the negative inverse of `a` if `b` is
+    /// [`INVERT`].
+    operations: Vec<[Slot; 3]>,
+    slots: usize,
+    /// Product of the pivots.
+    product: Slot,
+    /// Entries of the rows that are left, all 0. The determinant is the product if there are none.
+    rest: Vec<Slot>,
+}
+
+const INVERT: Slot = Slot::MAX;
+
+impl Program {
+    /// Returns the determinant. `None` if the prime divides a pivot, or the rest is not 0.
+    fn run(&self, modulus: Modulus) -> Option<u64> {
+        let mut values = self.values(modulus);
+        values.resize(self.slots, 0);
+        for &operation in &self.operations {
+            apply(&mut values, operation, modulus);
+        }
+        self.determinant(&values)
+    }
+
+    fn determinant(&self, values: &[u64]) -> Option<u64> {
+        let product = values[self.product as usize];
+        let holds = product != 0 && self.rest.iter().all(|&slot| values[slot as usize] == 0);
+        holds.then_some(if self.rest.is_empty() { product } else { 0 })
+    }
+
+    fn values(&self, modulus: Modulus) -> Vec<u64> {
+        let remainder = |n: &i64| n.rem_euclid(modulus.prime as i64) as u64;
+        self.start.iter().map(remainder).collect()
+    }
+}
+
+fn apply(values: &mut [u64], [to, a, b]: [Slot; 3], modulus: Modulus) {
+    let at = |slot: Slot| values[slot as usize];
+    values[to as usize] = match b {
+        INVERT => modulus.prime - modulus.inverse(at(a)),
+        b => modulus.multiply_add(at(a), at(b), at(to)),
+    };
+}
+
+/// A symmetric sparse matrix while it is eliminated.
+struct Matrix {
+    /// The slot of the entry for each other column of a row.
+    rows: Vec<BTreeMap<u32, Slot>>,
+    values: Vec<u64>,
+    modulus: Modulus,
+    program: Program,
+}
+
+impl Matrix {
+    /// Returns the Laplacian of a graph without the row and the column of `root`, and the rows that
+    /// it has: faces of the other colour have no edges.
+    fn laplacian(
+        faces: usize,
+        edges: &[(usize, usize, i64)],
+        root: usize,
+        modulus: Modulus,
+    ) -> (Matrix, Vec<bool>) {
+        let mut out = Matrix {
+            rows: vec![BTreeMap::new(); faces],
+            values: vec![0; faces + 1],
+            modulus,
+            program: Program::default(),
+        };
+        let mut used = vec![false; faces];
+        let mut start = vec![0; faces];
+        start.push(1);
+        for &(a, b, weight) in edges {
+            (used[a], used[b]) = (true, true);
+            if a != b {
+                start[a] += weight;
+                start[b] += weight;
+                if a != root && b != root {
+                    let slot = out.slot(a as u32, b as u32) as usize;
+                    start.resize(out.values.len(), 0);
+                    start[slot] -= weight;
+                }
             }
         }
+        used[root] = false;
+        out.program.start = start;
+        out.program.product = faces as Slot;
+        out.values = out.program.values(modulus);
+        (out, used)
     }
-    done[root] = true;
-    let used = (0..vertices).filter(|&v| !done[v]);
-    let queue = used.map(|v| Reverse((rows[v].len(), v as u32)));
-    let mut queue: BinaryHeap<Reverse<(usize, u32)>> = queue.collect();
-    let mut determinant = 1;
-    while let Some(Reverse((degree, v))) = queue.pop() {
-        let at = v as usize;
-        // Each change of a row adds an entry with its new length.
-        if done[at] || degree != rows[at].len() {
-            continue;
+
+    fn new_slot(&mut self) -> Slot {
+        self.values.push(0);
+        self.values.len() as Slot - 1
+    }
+
+    /// Returns the slot of an entry.
+    fn slot(&mut self, a: u32, b: u32) -> Slot {
+        if a == b {
+            return a;
         }
-        if diagonal[at] == 0 {
-            // The row and the column of a neighbour are added, which keeps the determinant.
-            let Some(&(u, with)) = rows[at].first() else {
-                return 0;
+        if let Some(&slot) = self.rows[a as usize].get(&b) {
+            return slot;
+        }
+        let slot = self.new_slot();
+        self.rows[a as usize].insert(b, slot);
+        self.rows[b as usize].insert(a, slot);
+        slot
+    }
+
+    /// Applies an operation, and adds it to the program.
+    fn apply(&mut self, to: Slot, a: Slot, b: Slot) {
+        apply(&mut self.values, [to, a, b], self.modulus);
+        self.program.operations.push([to, a, b]);
+    }
+
+    /// Eliminates a row and its column. Returns their other columns.
+    fn eliminate(&mut self, v: u32) -> Vec<(u32, Slot)> {
+        let row: Vec<_> = std::mem::take(&mut self.rows[v as usize])
+            .into_iter()
+            .collect();
+        let inverse = self.new_slot();
+        self.apply(inverse, v, INVERT);
+        for (k, &(a, entry)) in row.iter().enumerate() {
+            self.rows[a as usize].remove(&v);
+            let factor = self.new_slot();
+            self.apply(factor, entry, inverse);
+            for &(b, entry) in &row[k..] {
+                let to = self.slot(a, b);
+                self.apply(to, factor, entry);
+            }
+        }
+        row
+    }
+
+    /// Adds a row and its column to another one, which keeps the determinant. Returns the columns.
+    fn add(&mut self, from: u32, to: u32) -> Vec<(u32, Slot)> {
+        let row: Vec<_> = self.rows[from as usize].clone().into_iter().collect();
+        let one = self.rows.len() as Slot;
+        let both = self.slot(from, to);
+        for (to, a) in [(to, both), (both, from), (to, both)] {
+            self.apply(to, a, one);
+        }
+        for &(column, entry) in row.iter().filter(|(column, _)| *column != to) {
+            let to = self.slot(to, column);
+            self.apply(to, entry, one);
+        }
+        row
+    }
+}
+
+/// Returns the determinant of the Laplacian without the row and the column of `root` modulo a
+/// prime, and the program that computes it.
+///
+/// The next pivot is that of the row with the fewest entries, among those that are not 0.
+fn minor(
+    faces: usize,
+    edges: &[(usize, usize, i64)],
+    root: usize,
+    modulus: Modulus,
+) -> (u64, Program) {
+    let (mut matrix, mut left) = Matrix::laplacian(faces, edges, root, modulus);
+    let degree = |matrix: &Matrix, v: u32| Reverse((matrix.rows[v as usize].len(), v));
+    let rows = (0..faces as u32).filter(|&v| left[v as usize]);
+    let mut queue: BinaryHeap<_> = rows.map(|v| degree(&matrix, v)).collect();
+    loop {
+        let changed = if let Some(Reverse((length, v))) = queue.pop() {
+            let at = v as usize;
+            // A row is in the queue again after each change.
+            if !left[at] || length != matrix.rows[at].len() || matrix.values[at] == 0 {
+                continue;
+            }
+            left[at] = false;
+            let changed = matrix.eliminate(v);
+            let product = matrix.new_slot();
+            matrix.apply(product, matrix.program.product, v);
+            matrix.program.product = product;
+            changed
+        } else {
+            // All pivots are 0.
+            let entry = |v: u32| {
+                let mut row = matrix.rows[v as usize].iter();
+                Some((
+                    v,
+                    *row.find(|(_, slot)| matrix.values[**slot as usize] != 0)?.0,
+                ))
             };
-            let (of_u, own) = (rows[u as usize].clone(), diagonal[u as usize]);
-            diagonal[at] = (own + 2 * with) % p;
-            for (w, value) in of_u.into_iter().filter(|(w, _)| *w != v).chain([(u, own)]) {
-                add(&mut rows[at], w, value, p);
-                add(&mut rows[w as usize], v, value, p);
-                queue.push(Reverse((rows[w as usize].len(), w)));
-            }
-            queue.push(Reverse((rows[at].len(), v)));
-            continue;
-        }
-        done[at] = true;
-        determinant = determinant * diagonal[at] % p;
-        let inverse = inverse(diagonal[at], p);
-        let neighbours = std::mem::take(&mut rows[at]);
-        for &(a, x) in &neighbours {
-            let factor = (p - x * inverse % p) % p;
-            diagonal[a as usize] = (diagonal[a as usize] + factor * x) % p;
-            rows[a as usize] = sum(&rows[a as usize], &neighbours, factor, p, [v, a]);
-        }
-        let changed = neighbours.iter().map(|&(a, _)| a);
-        queue.extend(changed.map(|a| Reverse((rows[a as usize].len(), a))));
+            let mut rows = (0..faces as u32).filter(|&v| left[v as usize]);
+            let Some((to, from)) = rows.find_map(entry) else {
+                break;
+            };
+            queue.push(degree(&matrix, to));
+            let mut changed = matrix.add(from, to);
+            changed.push((to, to));
+            changed
+        };
+        queue.extend(changed.iter().map(|&(v, _)| degree(&matrix, v)));
     }
-    determinant
-}
-
-/// Returns a sparse row plus a multiple of another one, both sorted, without two columns and
-/// without zeros.
-fn sum(row: &[(u32, u64)], other: &[(u32, u64)], by: u64, p: u64, skip: [u32; 2]) -> Row {
-    let mut out = Row::with_capacity(row.len() + other.len());
-    let (mut row, mut other) = (row.iter().peekable(), other.iter().peekable());
-    while let Some(column) = row
-        .peek()
-        .into_iter()
-        .chain(other.peek())
-        .map(|e| e.0)
-        .min()
-    {
-        let own = row.next_if(|e| e.0 == column).map_or(0, |e| e.1);
-        let added = other.next_if(|e| e.0 == column).map_or(0, |e| e.1);
-        let value = (own + by * added) % p;
-        if value != 0 && !skip.contains(&column) {
-            out.push((column, value));
-        }
+    for v in (0..faces as u32).filter(|&v| left[v as usize]) {
+        let row = matrix.rows[v as usize].values();
+        matrix.program.rest.extend(row.copied().chain([v]));
     }
-    out
-}
-
-/// Adds to an entry of a sparse row. Entries that become 0 are removed.
-fn add(row: &mut Row, column: u32, value: u64, p: u64) {
-    match row.binary_search_by_key(&column, |e| e.0) {
-        Ok(at) if row[at].1 + value == p => drop(row.remove(at)),
-        Ok(at) => row[at].1 = (row[at].1 + value) % p,
-        Err(at) if value != 0 => row.insert(at, (column, value)),
-        Err(_) => {}
-    }
-}
-
-/// Returns the inverse modulo a prime below `2^31`, by Fermat's theorem.
-fn inverse(a: u64, p: u64) -> u64 {
-    let (mut base, mut exponent, mut out) = (a, p - 2, 1);
-    while exponent > 0 {
-        if exponent % 2 == 1 {
-            out = out * base % p;
-        }
-        base = base * base % p;
-        exponent /= 2;
-    }
-    out
+    matrix.program.slots = matrix.values.len();
+    let determinant = matrix.program.determinant(&matrix.values);
+    (determinant.expect("no pivot is 0"), matrix.program)
 }
 
 /// Returns true if an odd number is prime.
@@ -237,7 +387,7 @@ fn combine(residues: Vec<(u64, u64)>) -> BigUint {
     for (p, residue) in residues {
         let low = |n: &BigUint| u64::try_from(n % p).expect("less than the prime");
         let missing = (residue + p - low(&value)) % p;
-        value += &modulus * (missing * inverse(low(&modulus), p) % p);
+        value += &modulus * (missing * Modulus::new(p).inverse(low(&modulus)) % p);
         modulus *= p;
     }
     let negative = modulus - &value;
@@ -247,6 +397,62 @@ fn combine(residues: Vec<(u64, u64)>) -> BigUint {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::random::Random;
+    use num_bigint::BigInt;
+
+    /// Returns the absolute value of the determinant of a dense matrix (Bareiss 1968).
+    fn dense(mut rows: Vec<Vec<BigInt>>) -> BigUint {
+        let n = rows.len();
+        let mut last = BigInt::from(1);
+        for k in 0..n {
+            let Some(pivot) = (k..n).find(|&i| rows[i][k] != BigInt::ZERO) else {
+                return BigUint::ZERO;
+            };
+            rows.swap(k, pivot);
+            for i in k + 1..n {
+                for j in k + 1..n {
+                    rows[i][j] = (&rows[i][j] * &rows[k][k] - &rows[i][k] * &rows[k][j]) / &last;
+                }
+            }
+            last = rows[k][k].clone();
+        }
+        last.magnitude().clone()
+    }
+
+    #[test]
+    fn sparse_elimination_equals_a_dense_one() {
+        let mut random = Random::new(44);
+        let mut zero = 0;
+        for round in 0..3000 {
+            let faces = 2 + round % 11;
+            let count = faces - 1 + random.below(2 * faces);
+            let mut edge = || {
+                let weight = 1 - 2 * random.below(2) as i64;
+                (random.below(faces), random.below(faces), weight)
+            };
+            let edges: Vec<_> = (0..count).map(|_| edge()).collect();
+            let mut used = vec![false; faces];
+            let mut laplacian = vec![vec![BigInt::ZERO; faces]; faces];
+            for &(a, b, weight) in &edges {
+                (used[a], used[b]) = (true, true);
+                if a != b {
+                    for (a, b) in [(a, b), (b, a)] {
+                        laplacian[a][a] += weight;
+                        laplacian[a][b] -= weight;
+                    }
+                }
+            }
+            let with_edges: Vec<usize> = (0..faces).filter(|&f| used[f]).collect();
+            let row = |&a: &usize| {
+                let columns = with_edges[1..].iter();
+                columns.map(|&b| laplacian[a][b].clone()).collect()
+            };
+            let expected = dense(with_edges[1..].iter().map(row).collect());
+            assert_eq!(determinant(faces, &edges), expected, "{faces} {edges:?}");
+            zero += usize::from(expected == BigUint::ZERO);
+        }
+        assert!((300..2700).contains(&zero), "{zero} of 3000 are singular");
+    }
 
     #[test]
     fn residues_determine_positive_and_negative_integers() {

@@ -99,11 +99,11 @@ pub struct TripleLink {
 
 impl Diagram {
     /// Largest number of crossings of a curve for which [`Invariants::v3`] is computed.
-    pub const MOST_FOR_V3: usize = 4000;
+    pub const MOST_FOR_V3: usize = 20_000;
 
     /// Largest number of crossings for which determinants are computed: a minute or two for a dense
     /// diagram.
-    pub const MOST_FOR_DETERMINANT: usize = 4000;
+    pub const MOST_FOR_DETERMINANT: usize = 20_000;
 
     /// Projects closed curves. `curves` are indices of different curves of the set. The direction
     /// of the projection depends on the curves alone. Splines are replaced by polylines that are
