@@ -50,17 +50,20 @@ fn single(set: &CurveSet) -> CurveSet {
 #[test]
 fn curves_that_jump_by_a_lattice_vector_are_followed_and_nothing_else_changes() {
     let (mut jumps, mut events, mut changed) = (0, 0, 0);
-    for seed in 0..80 {
+    // Images that may meet were also forgotten if curves in single precision were converted, and
+    // their numbers were then those of other images: seen in small motions.
+    for seed in 0..160 {
+        let motion = if seed < 80 { 0.5 } else { 0.05 };
         let mut random = Random::from_key([seed, 71]);
         let mut frame = snapped(Scene::random(seed));
         let frames = (0..8).map(|k| {
-            frame = snapped(frame.moved(100 * seed + k, 0.5));
+            frame = snapped(frame.moved(100 * seed + k, motion));
             frame.clone()
         });
         let frames: Vec<Scene> = frames.collect();
         for strategy in [Strategy::Full, Strategy::Incremental, Strategy::Paranoid] {
             // On a grid, curves touch.
-            let is_single = seed % 6 == 3;
+            let is_single = seed % 6 == 3 || seed >= 80;
             let new = |wrapped| {
                 let mut options = frames[0].options(strategy, Events::Between);
                 options.wrapped = wrapped;

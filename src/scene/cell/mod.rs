@@ -199,12 +199,15 @@ impl CellScene {
         found.map_or(given, |found| found.pairs.curves.len())
     }
 
-    /// Converts the previous frame to double precision. Its images are searched for again.
+    /// Converts the previous frame to double precision. Its images are the same.
     pub fn widen(&mut self) -> Result<()> {
+        self.quiet = None;
         if let Some(before) = &mut self.before {
             before.given = Arc::new(before.given.widened()?);
+            if let Some(found) = &mut self.found {
+                found.of = before.given.shape();
+            }
         }
-        self.forget_images();
         Ok(())
     }
 
