@@ -152,11 +152,17 @@ pub(super) fn integer<T: FromStr>(word: &[u8], expected: impl Display) -> Result
         .ok_or_else(|| format!("{}, expected {expected}", quote(word)))
 }
 
+/// Parses a decimal number. Its exponent may begin with D, as Fortran writes it.
+pub(super) fn parsed(token: &[u8]) -> Option<f64> {
+    let text = std::str::from_utf8(token).ok()?;
+    let number = text.parse().ok();
+    number.or_else(|| text.replace(['D', 'd'], "e").parse().ok())
+}
+
 /// Parses a finite decimal number, or returns an error text.
 pub(super) fn number(token: &[u8]) -> Result<f64, String> {
-    let parsed = std::str::from_utf8(token).ok().and_then(|t| t.parse().ok());
-    match parsed {
-        Some(x) if f64::is_finite(x) => Ok(x),
+    match parsed(token) {
+        Some(x) if x.is_finite() => Ok(x),
         Some(_) => Err(format!("{} is not a finite number", quote(token))),
         None => Err(format!("{}, expected a number", quote(token))),
     }

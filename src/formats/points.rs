@@ -32,7 +32,7 @@
 //! Cost: one pass, with the memory of a frame.
 
 use super::frames::{FrameSource, ModelFrame, ReadOptions, Source};
-use super::lines::{Lines, integer, words};
+use super::lines::{Lines, integer, parsed, words};
 use super::{Input, divided, is_in, number, quote};
 use crate::curve::{CurveSet, Point, Positions, count_of};
 use crate::error::{Error, Result};
@@ -53,6 +53,9 @@ const GROUPS: &str = "\
 const OTHERS: &str = "\
     arclength curvature diameter fx fy fz i id index length mass n nx ny nz point r radius s \
     species temperature torsion tx ty tz type vertex vx vy vz w weight width";
+
+/// Words for numbers that are missing.
+const MISSING: &str = "inf infinity n/a na nan nil none null";
 
 /// Starts before the first frame of a file.
 pub(super) fn read<'a>(
@@ -158,7 +161,14 @@ fn fields(line: &[u8]) -> Vec<&[u8]> {
 }
 
 fn is_number(field: &&[u8]) -> bool {
-    std::str::from_utf8(field).is_ok_and(|text| text.parse::<f64>().is_ok())
+    parsed(field).is_some()
+}
+
+/// Returns true if a field is a number, or stands for one that is missing or does not fit.
+fn is_value(field: &&[u8]) -> bool {
+    let word = String::from_utf8_lossy(field).to_ascii_lowercase();
+    let begins = |c: char| c.is_ascii_digit() || "+-.*".contains(c);
+    word.is_empty() || word.starts_with(begins) || is_in(MISSING, &word)
 }
 
 impl Columns {
@@ -178,7 +188,9 @@ impl Columns {
         }
         let fields = fields(line);
         let numbers = fields.iter().filter(|field| is_number(field)).count();
-        if !is_number(&fields[0]) && self.all > numbers && 2 * numbers <= fields.len() {
+        let is_row = fields.len() > 1 && fields.iter().all(is_value);
+        let few = self.all > numbers && 2 * numbers <= fields.len();
+        if !is_number(&fields[0]) && few && !is_row {
             if let Some(columns) = Columns::named(&fields)? {
                 *self = columns;
             }
@@ -472,6 +484,7 @@ mod tests {
             "Points:0,Points:1,Points:2,radius\n1,0,0,9\n2,0,0,9\n3,0,0,9\n\n4,0,0,9\n5,0,0,9",
             "# z y x\n0 0 1\n0 0 2\n0 0 3\n\n0 0 4\n0 0 5\n",
             "5\n1 0 0\n2 0 0\n3 0 0\n\n4 0 0\n5 0 0\n",
+            "1.0D+00 0d0 0\n2 0 0\n0.3D1 0 0\n\n4 0 0\n5 0 0\n",
         ] {
             assert_eq!(shape(text, Some(true)).unwrap(), expected, "{text}");
             assert!(begins(text.as_bytes()), "{text}");
@@ -604,6 +617,21 @@ mod tests {
             ("1 0 0\nl.0 2.0 3.0\n", "'l.0', expected a number"),
             ("C 1 0 0\nC 2 0 0\n", "line 1): 4 columns, expected 3"),
             ("1,,0\n", "'', expected a number"),
+            // Regression tests: these rows were taken for labels.
+            (
+                "x,y,z\n1,0,0\n,,\n2,0,0\n",
+                "line 3): 2 columns, expected 3",
+            ),
+            ("1,0,0\nNA,NA,NA\n2,0,0\n", "'NA', expected a number"),
+            (
+                "1 0 0\n******** ******** 0.0\n2 0 0\n",
+                "'********', expected a number",
+            ),
+            (
+                "1 0 0\n0.612-100 0.612-101 1.0\n",
+                "'0.612-100', expected a number",
+            ),
+            ("1;0;0\n0,0;1,0;0\n", "'0,0', expected a number"),
             (
                 "1 0 0\n2.5\n",
                 "'2.5', expected the number of points of a frame",
