@@ -2,7 +2,8 @@
 //! curve.
 
 use crate::call::guarded;
-use linkwatch::{Basis, Cell, Closing, Positions};
+use crate::exception;
+use linkwatch::{Basis, Cell, Closing, CurveSource, Positions, RawFrame};
 use numpy::{PyArray2, PyArrayMethods, PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
@@ -64,6 +65,35 @@ pub fn basis(name: &str) -> PyResult<Basis> {
             Err(PyValueError::new_err(format!("basis {other:?}: {known}")))
         }
     }
+}
+
+/// Returns the counts of curves that nothing says to be closed, below 0 if they are closed.
+#[pyfunction]
+pub fn decided_counts(
+    points: Points<'_>,
+    counts: Vec<i32>,
+    basis_name: &str,
+    cell_numbers: Option<[f64; 12]>,
+) -> PyResult<Vec<i32>> {
+    let frame = RawFrame {
+        basis: basis(basis_name)?,
+        counts: &counts,
+        positions: points.positions()?,
+    };
+    let source = CurveSource {
+        cell: cell_numbers.map(cell),
+        closed_by_default: true,
+        ..CurveSource::default()
+    };
+    guarded(|| {
+        let set = Closing::default()
+            .curves(frame, source)
+            .map_err(exception)?;
+        let decided = set.curves().iter().zip(&counts);
+        Ok(decided
+            .map(|(curve, n)| if curve.closed { -n.abs() } else { n.abs() })
+            .collect())
+    })
 }
 
 /// Returns for each polyline if it ends where it starts.

@@ -654,3 +654,50 @@ def test_what_the_command_leaves_out_is_said(tmp_path):
     assert "curv2" in str(frames.summary.left_out)
     linkwatch.write(frames, tmp_path / "b.npz")
     assert run("certify", tmp_path / "b.npz")[0] == 3
+
+
+def exploded(curves):
+    """Returns a VTK file of edges, each of which has points of its own."""
+    ends = [np.stack([curve, np.roll(curve, -1, axis=0)], axis=1) for curve in curves]
+    points = np.concatenate(ends).reshape(-1, 3)
+    edges = np.arange(len(points)).reshape(-1, 2)
+    header = f"# vtk DataFile Version 3.0\nx\nASCII\nDATASET POLYDATA\nPOINTS {len(points)} double"
+    numbers = "".join(f"{x:.17g} {y:.17g} {z:.17g}\n" for x, y, z in points)
+    lines = "".join(f"2 {a} {b}\n" for a, b in edges)
+    return f"{header}\n{numbers}LINES {len(edges)} {3 * len(edges)}\n{lines}"
+
+
+def test_edges_with_points_of_their_own_are_the_same_curves_in_all_frames(tmp_path):
+    # Regression test: the order and the direction of the curves followed their coordinates.
+    files = []
+    for k in range(12):
+        c, s = np.cos(0.5 * k), np.sin(0.5 * k)
+        turn = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
+        files.append(tmp_path / f"{k}.vtk")
+        files[-1].write_text(exploded([one @ turn for one in (RING, OTHER, OTHER + [4, 0, 0])]))
+    run = linkwatch.check(files, motion_limit=10.0)
+    assert run.verdict == "intact", run.summary
+    linked = {str(linkwatch.certify(f.positions, f.counts).links) for f in linkwatch.read(*files)}
+    assert len(linked) == 1, linked
+
+
+def test_names_with_decimal_numbers_are_in_the_order_of_the_command(tmp_path):
+    names = ["2/t10.vtk", "2/t9.5.vtk", "10/t0.1.vtk", "10/t0.2.vtk", "10/t0.15.vtk"]
+    ordered = ["2/t9.5.vtk", "2/t10.vtk", "10/t0.1.vtk", "10/t0.15.vtk", "10/t0.2.vtk"]
+    for name in names:
+        path = tmp_path / name
+        path.parent.mkdir(exist_ok=True)
+        path.write_text(exploded([RING + [ordered.index(name), 0, 0]]))
+    frames = linkwatch.read(*(tmp_path / name for name in names))
+    assert [round(frame.positions[0, 0] - RING[0, 0]) for frame in frames] == [0, 1, 2, 3, 4]
+
+
+def test_the_command_checks_all_frames_if_curves_change(tmp_path):
+    # Regression test: only the frames before the change were checked, and said to be intact.
+    for k in range(6):
+        curves = [RING, OTHER + [0.5 * k, 0, 0], OTHER + [9, 0, 0]][: 2 + (k > 1)]
+        (tmp_path / f"{k}.vtk").write_text(exploded(curves))
+    files = [str(tmp_path / f"{k}.vtk") for k in range(6)]
+    code, out, err = run("check", *files)
+    assert code == 3 and "the curves changed between frames" in out, (code, out, err)
+    assert "files: check them with" not in err

@@ -113,3 +113,18 @@ def test_a_missing_library_is_named(tmp_path, monkeypatch):
         monkeypatch.setitem(sys.modules, module, None)
         with pytest.raises(ImportError, match=rf'pip install "linkwatch\[{extra}\]"'):
             linkwatch.read(tmp_path / name)
+
+
+def test_curves_that_stay_open_are_written_as_open_curves(tmp_path):
+    # Regression test: a chain that nothing says to be closed was verified as an open curve, but
+    # closed in the recording and the report of the same run.
+    t = np.linspace(0, np.pi, 10)
+    chain = np.stack([3 * np.cos(t), 3 * np.sin(t), 0 * t], axis=1)
+    a = 2 * np.pi * np.arange(12) / 12
+    ring = np.stack([0 * a, 0.4 * np.cos(a), 0.4 * np.sin(a)], axis=1)
+    frames = [[chain, ring + [0.1, 2.1 - 0.3 * k, 0.01]] for k in range(12)]
+    checked = linkwatch.check(frames)
+    assert checked.verdict == "intact"
+    (path,) = linkwatch.write(checked.source, tmp_path / "run.npz")
+    assert np.load(path)["counts"].tolist() == [10, -12]
+    assert linkwatch.check(path).verdict == "intact"

@@ -13,6 +13,8 @@ if TYPE_CHECKING:
 
     import numpy.typing as npt
 
+    from .io import Frame as FileFrame
+
     Frame = Sequence[npt.ArrayLike] | npt.NDArray[Any]
     Counts = Sequence[int] | npt.NDArray[Any]
     Closed = bool | Sequence[bool]
@@ -226,3 +228,9 @@ def twelve(cell: Any) -> list[float]:
         raise ValueError(f"cell has the shape {given.shape}, {expected}")
     found: list[float] = given.astype(np.float64).ravel().tolist()
     return found + [0.0] * (12 - len(found))
+
+
+def raw(of: FileFrame) -> tuple[npt.NDArray[Any], list[int], str, list[float] | None]:
+    """Returns a frame of a file as the compiled functions take it."""
+    points, counts = frame(of.positions, of.counts, None)
+    return points, counts, of.basis, None if of.cell is None else twelve(of.cell)

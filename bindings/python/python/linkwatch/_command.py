@@ -51,8 +51,17 @@ def main() -> int:
         else:
             args = [*(arg for arg in args if arg not in files), archive]
         options, others = _options_of_readers(args)
-        if convert([*files, *options, archive]) == 2:
+        if convert([*files, *options, archive], says_parts=False) == 2:
             return 2
+        # Further archives have the frames from which on the curves are others.
+        more = len(os.listdir(folder)) - 1
+        if more and only:
+            print("error: the curves change: check the file without --each", file=sys.stderr)
+            return 2
+        if more:
+            others += [archive.replace(".npz", f"-{k + 2}.npz") for k in range(more)]
+            if args[0] == "check":
+                others += ["--one-motion", "--keep-order"]
         return command(["linkwatch", *others])
 
 
@@ -86,8 +95,9 @@ def _only_the_package_reads(arg: str) -> bool:
         return False
 
 
-def convert(args: list[str]) -> int | None:
+def convert(args: list[str], *, says_parts: bool = True) -> int | None:
     """Converts files that only this package reads to ``.npz``, and returns the exit code.
+    ``says_parts`` says how to check several files that were written.
 
     Returns ``None`` if no argument is such a file: the command itself converts all others.
     """
@@ -127,7 +137,7 @@ def convert(args: list[str]) -> int | None:
         return 2
     summary = frames.summary
     print(f"{', '.join(given.input)}: {summary}", file=sys.stderr)
-    if len(written) > 1:
+    if len(written) > 1 and says_parts:
         names = " ".join(map(str, written))
         print(
             f"the curves or names change, so there are {len(written)} files: check them with "

@@ -20,6 +20,12 @@ def certify(
     closed_by_default: bool,
     cell_numbers: list[float] | None,
 ) -> tuple[Certificate, list[str]]: ...
+def decided_counts(
+    points: npt.NDArray[Any],
+    counts: list[int],
+    basis_name: str,
+    cell_numbers: list[float] | None,
+) -> list[int]: ...
 def ends_meet(points: npt.NDArray[Any], counts: list[int]) -> list[bool]: ...
 def ribbon(
     frame: Frame, strands: tuple[int, int], pairing: str, axis_first: bool, tolerance: float

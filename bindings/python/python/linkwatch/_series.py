@@ -35,12 +35,6 @@ def _series(frames: Any, described: dict[str, Any], measure: Callable[[Any], Any
     return np.array([missing if one is None else one for one in found], np.float64)
 
 
-def _raw(frame: FileFrame) -> Frame:
-    points, counts = arguments.frame(frame.positions, frame.counts, None)
-    cell = None if frame.cell is None else arguments.twelve(frame.cell)
-    return points, counts, frame.basis, cell
-
-
 def _gauss(frame: Frame, pairs: Any, tolerance: float) -> Array:
     """Returns Gauss integrals, which are NaN if the bound of the error is above the tolerance."""
     values, bounds = map(np.asarray, _linkwatch.gauss(frame, pairs, tolerance))
@@ -67,7 +61,7 @@ def writhe(frames: Any, *, tolerance: float = 1e-4, **described: Any) -> Array:
     Raises:
         ValueError: the curves are splines, or their number changes.
     """
-    return _series(frames, described, lambda frame: _gauss(_raw(frame), None, tolerance))
+    return _series(frames, described, lambda frame: _gauss(arguments.raw(frame), None, tolerance))
 
 
 def linking(
@@ -93,7 +87,7 @@ def linking(
     """
 
     def measure(frame: FileFrame) -> Any:
-        points, counts, basis, cell = _raw(frame)
+        points, counts, basis, cell = arguments.raw(frame)
         by_default = frame.closed_by_default
         certificate, _ = _linkwatch.certify(points, counts, basis, by_default, cell)
         matrix = certificate.matrix(undefined=np.nan)
@@ -130,7 +124,7 @@ def twist(frames: Any, *, described: dict[str, Any] | None = None, **options: An
 
 def thickness(frames: Any, described: dict[str, Any]) -> Array:
     """Returns the thickness of all frames: see :func:`linkwatch.thickness`."""
-    return _series(frames, described, lambda frame: _linkwatch.thickness(_raw(frame)).thickness())
+    return _series(frames, described, lambda frame: _linkwatch.thickness(arguments.raw(frame)).thickness())
 
 
 def gauss_integrals(
@@ -166,7 +160,7 @@ def gauss_integrals(
     """
 
     def measure(frame: FileFrame) -> Any:
-        points, counts, basis, _ = _raw(frame)
+        points, counts, basis, _ = arguments.raw(frame)
         if subchains is not None:
             sizes = np.abs(counts)
             starts = np.cumsum(sizes) - sizes

@@ -288,9 +288,16 @@ def is_dump(path: Path) -> bool:
 
 
 def in_order(path: Path) -> list[Any]:
-    """Returns a key that sorts names by the numbers in them."""
-    parts = re.split(r"(\d+)", path.stem)
-    return [str(path.parent), *(int(p) if k % 2 else p for k, p in enumerate(parts)), path.suffix]
+    """Returns a key that sorts names by the numbers in them, as the command does."""
+    key = []
+    for name in path.parts:
+        stem, _, suffix = name.rpartition(".")
+        # The name `t0.25` has no suffix.
+        halves = (name, "") if not stem or suffix[:1].isdecimal() else (stem, suffix)
+        for half in halves:
+            found = re.findall(r"(\d+)(?:\.(\d+))?|(\D+)", half, re.ASCII)
+            key.append([(1, text) if text else (0, int(n), part) for n, part, text in found])
+    return key
 
 
 def _times(vectors: Array, matrix: Array) -> Array:

@@ -65,10 +65,12 @@ def _lines(scene: Scene, points: Array, lines: Sequence[Array]) -> Scene:
         joined = np.array(edges)
         if len(np.unique(joined)) == joined.size:
             # No edge shares a point with another one: places tell which ones meet.
-            used, same = np.unique(points[joined.ravel()], axis=0, return_inverse=True)
-            if len(used) < joined.size:
+            ends = points[joined.ravel()]
+            _, first, same = np.unique(ends, axis=0, return_index=True, return_inverse=True)
+            if len(first) < joined.size:
                 scene.notes.append("edges whose ends have equal coordinates are joined")
-                points, joined = used, same.reshape(-1, 2)
+                # The first ones of equal points: their order does not depend on coordinates.
+                points, joined = ends, first[same].reshape(-1, 2)
         curves_of_edges(points, joined, scene, "edges")
     return scene
 

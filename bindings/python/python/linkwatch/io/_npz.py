@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from .. import _arguments as arguments
+from .. import _linkwatch
 from ._frames import Frame, Frames
 
 if TYPE_CHECKING:
@@ -94,6 +96,9 @@ class _Part:
     def __init__(self, path: Path, first: Frame) -> None:
         self.path = path
         self.first = first
+        self.counts = first.counts
+        if first.closed_by_default:
+            self.counts = _linkwatch.decided_counts(*arguments.raw(first))
         self.spool = tempfile.TemporaryFile(dir=path.parent)
         self.seqs: list[int] = []
         self.times: list[float] = []
@@ -128,7 +133,7 @@ class _Part:
         """Writes the archive, under another name until it is complete."""
         first = self.first
         arrays: dict[str, Any] = {
-            "counts": np.array(first.counts, np.int32),
+            "counts": np.array(self.counts, np.int32),
             "basis": first.basis,
             "seq": np.array(self.seqs, np.uint64),
             "times": np.array(self.times, float),
