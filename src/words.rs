@@ -51,19 +51,16 @@ pub fn plural_of(n: impl Count, one: &str, many: &str) -> String {
 /// Formats a duration in milliseconds: two decimals below 10 ms, else none.
 pub fn millis(d: Duration) -> String {
     let ms = d.as_secs_f64() * 1e3;
-    if ms < 10.0 {
-        format!("{ms:.2} ms")
-    } else {
-        format!("{ms:.0} ms")
-    }
+    let decimals = if ms < 10.0 { 2 } else { 0 };
+    format!("{ms:.decimals$} ms")
 }
 
 /// Says that a recording ends at this byte, in this part of the file.
 pub fn truncated(at: u64, what: &str) -> String {
+    let at = count(at);
     format!(
-        "the recording is truncated at byte {}, in {what}: the recorder was stopped, or its disk \
-         was full",
-        count(at)
+        "the recording is truncated at byte {at}, in {what}: the recorder was stopped, or its disk \
+         was full"
     )
 }
 

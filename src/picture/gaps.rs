@@ -76,10 +76,9 @@ pub(super) fn visible(lines: &[Line]) -> Vec<Vec<Vec<Point>>> {
             }
         }
     }
-    let pieces = lines.iter().zip(&lengths).zip(gaps);
-    pieces
-        .map(|((line, lengths), gaps)| cut(line, lengths, gaps))
-        .collect()
+    let lines = lines.iter().zip(&lengths).zip(gaps);
+    let pieces = lines.map(|((line, lengths), gaps)| cut(line, lengths, gaps));
+    pieces.collect()
 }
 
 /// Returns the length of a line up to each of its points.
@@ -140,9 +139,8 @@ fn cut(line: &Line, lengths: &[f64], mut gaps: Vec<Range<f64>>) -> Vec<Vec<Point
 /// Returns the part of a line between two lengths.
 fn piece(points: &[Point], lengths: &[f64], from: f64, to: f64) -> Vec<Point> {
     let at = |length: f64| {
-        let k = lengths
-            .partition_point(|l| *l < length)
-            .clamp(1, points.len() - 1);
+        let k = lengths.partition_point(|l| *l < length);
+        let k = k.clamp(1, points.len() - 1);
         let t = (length - lengths[k - 1]) / (lengths[k] - lengths[k - 1]);
         match t {
             // The points themselves, so that the ends of closed lines are recognised.
@@ -151,10 +149,8 @@ fn piece(points: &[Point], lengths: &[f64], from: f64, to: f64) -> Vec<Point> {
             t => per_axis(|x| points[k - 1][x] + t * (points[k][x] - points[k - 1][x])),
         }
     };
-    let inner = points
-        .iter()
-        .zip(lengths)
-        .filter(|(_, l)| **l > from && **l < to);
+    let inner = points.iter().zip(lengths);
+    let inner = inner.filter(|(_, l)| **l > from && **l < to);
     let mut out = vec![at(from)];
     out.extend(inner.map(|(p, _)| *p));
     out.push(at(to));

@@ -107,11 +107,8 @@ pub(crate) type Panel = (Markup, Markup);
 
 /// Returns an SVG file with a title and rows of panels.
 pub(crate) fn sheet(title: &str, subtitle: &str, rows: &[Vec<Panel>]) -> String {
-    let style = COLOURS
-        .iter()
-        .fold(STYLE.to_owned(), |style, (name, value)| {
-            style.replace(name, value)
-        });
+    let replace = |style: String, (name, value)| style.replace(name, value);
+    let style = COLOURS.into_iter().fold(STYLE.to_owned(), replace);
     let most = rows.iter().map(Vec::len).max().unwrap_or(0);
     let width = most as f64 * STEP - GAP;
     // A text that fits in letters of this width.
@@ -190,9 +187,7 @@ fn whole(set: &CurveSet, marked: &[Marked]) -> Markup {
         let mut strands = Vec::new();
         // A ball that has the whole model.
         clip(set, i, window, 2.0, |_| Part::Other, &mut strands);
-        strands
-            .into_iter()
-            .map(|strand| view.pixels(&strand.points))
+        strands.into_iter().map(|s| view.pixels(&s.points))
     };
     let length = |e: &[Point]| (e[1][0] - e[0][0]).hypot(e[1][1] - e[0][1]);
     let all = (0..set.len()).flat_map(lines);
@@ -218,10 +213,8 @@ fn whole(set: &CurveSet, marked: &[Marked]) -> Markup {
             }
         }
     }
-    let places = marked
-        .iter()
-        .filter_map(|m| Some(window.local(m.place?.point)));
-    let places = places.map(|p| view.pixels(&[p])[0]);
+    let places = marked.iter().filter_map(|m| m.place);
+    let places = places.map(|place| view.pixels(&[window.local(place.point)])[0]);
     let places = places.filter(|p| p.iter().all(|x| x.is_finite()));
     let label = "the whole model";
     frame(

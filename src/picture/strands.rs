@@ -243,10 +243,7 @@ fn part_of(set: &CurveSet, spot: Spot, i: u32, s: u32) -> Part {
     } else {
         i == b
     };
-    match second {
-        true => Part::Second,
-        false => Part::First,
-    }
+    if second { Part::Second } else { Part::First }
 }
 
 /// Appends the parts of curve `i` in a ball around the window, of this radius.

@@ -7,9 +7,8 @@ pub(crate) fn plain(text: &str, most: usize) -> String {
     let refused = |c: char| c.is_control() || reorders(c);
     let mut chars = text.chars();
     let start = chars.by_ref().take(most);
-    let mut out: String = start
-        .map(|c| if refused(c) { '\u{fffd}' } else { c })
-        .collect();
+    let shown = start.map(|c| if refused(c) { '\u{fffd}' } else { c });
+    let mut out: String = shown.collect();
     if chars.next().is_some() {
         out.push('\u{2026}');
     }
@@ -20,20 +19,14 @@ pub(crate) fn plain(text: &str, most: usize) -> String {
 pub(crate) fn px(x: f64) -> String {
     let text = format!("{x:.1}");
     let short = text.strip_suffix(".0").unwrap_or(&text);
-    match short {
-        "-0" => "0".into(),
-        short => short.into(),
-    }
+    if short == "-0" { "0" } else { short }.into()
 }
 
 /// Returns the largest of 1, 2 and 5 times a power of ten that is at most `x`, which is above 0.
 pub(crate) fn round_below(x: f64) -> f64 {
     let power = 10f64.powi(x.log10().floor() as i32);
-    let steps = [5.0, 2.0, 1.0].into_iter();
-    let fits = steps
-        .map(|step| step * power)
-        .find(|&s| s <= x * (1.0 + 1e-9));
-    fits.unwrap_or(power)
+    let mut steps = [5.0, 2.0, 1.0].map(|step| step * power).into_iter();
+    steps.find(|&s| s <= x * (1.0 + 1e-9)).unwrap_or(power)
 }
 
 /// Returns about `n` round numbers from 0 to `max`.
@@ -42,11 +35,8 @@ pub(crate) fn ticks(max: f64, n: usize) -> Vec<f64> {
         return vec![0.0];
     }
     let step = round_below(max / n as f64).max(f64::MIN_POSITIVE);
-    let step = if max / step > 2.0 * n as f64 {
-        2.0 * step
-    } else {
-        step
-    };
+    let is_fine = max / step > 2.0 * n as f64;
+    let step = if is_fine { 2.0 * step } else { step };
     let last = (max / step * (1.0 + 1e-9)).floor().min(100.0) as usize;
     (0..=last).map(|k| k as f64 * step).collect()
 }

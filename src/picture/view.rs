@@ -170,12 +170,6 @@ impl Shape {
             (0..3).for_each(|x| sum[x] += length * middle[x]);
             count += length;
         }
-        if count == 0.0 {
-            return Shape {
-                tangent,
-                moments: None,
-            };
-        }
         let mean = sum.map(|x| x / count);
         let mut moments = [[0.0; 3]; 3];
         for edge in own().flat_map(|s| s.points.windows(2)) {
@@ -187,10 +181,8 @@ impl Shape {
                 }
             }
         }
-        Shape {
-            tangent,
-            moments: Some(moments),
-        }
+        let moments = (count != 0.0).then_some(moments);
+        Shape { tangent, moments }
     }
 
     /// Returns the width of the strand, as seen from a direction, as a share of its length. `None`
@@ -209,9 +201,7 @@ impl Shape {
 
 /// Returns the axis that is farthest from a direction.
 fn least_axis(d: Point) -> Point {
-    let axis = [0, 1, 2]
-        .into_iter()
-        .min_by(|&k, &l| d[k].abs().total_cmp(&d[l].abs()));
+    let axis = (0..3).min_by(|&k, &l| d[k].abs().total_cmp(&d[l].abs()));
     let mut out = [0.0; 3];
     out[axis.unwrap_or(0)] = 1.0;
     out

@@ -68,12 +68,8 @@ pub(super) fn choose(violations: &Violations) -> Vec<(usize, String)> {
     };
     let mut ranks = all.iter().enumerate().map(rank);
     let mut chosen: Vec<(usize, String)> = ranks.by_ref().take(FIRST).collect();
-    let depth = |v: &Violation| {
-        v.link
-            .as_ref()
-            .and_then(|l| l.place)
-            .map_or(0.0, |p| p.distance)
-    };
+    let place = |v: &Violation| v.link.as_ref()?.place;
+    let depth = |v: &Violation| place(v).map_or(0.0, |p| p.distance);
     let last_first = || all.iter().rev();
     let most = last_first().max_by_key(|(_, v)| v.pull_throughs);
     let most = most.filter(|(_, v)| v.pull_throughs > 1);
@@ -220,10 +216,8 @@ pub(super) fn draw<R: Read + Seek>(
                 true => "at the violation",
                 false => "lowest clearance",
             };
-            figures.push((
-                rank,
-                Figure::draw(reason, shot, what, frames, facts.radius()),
-            ));
+            let figure = Figure::draw(reason, shot, what, frames, facts.radius());
+            figures.push((rank, figure));
         }
     }
     figures.sort_by_key(|(rank, _)| *rank);
@@ -311,15 +305,11 @@ impl Figure {
             reason,
             thick: both.iter().all(|r| *r > 0.0),
             captions,
-            pair: match shot.spot {
-                Spot {
-                    curves: [i, j],
-                    image,
-                    ..
-                } if i == j && is_home(&image) => {
+            pair: match (shot.spot.curves, shot.spot.image) {
+                ([i, j], image) if i == j && is_home(&image) => {
                     format!("curve {}", words_of_curve(i, labels))
                 }
-                spot => words_of_pair(spot.curves.into(), spot.image, labels),
+                (curves, image) => words_of_pair(curves.into(), image, labels),
             },
             names: at.and_then(|at| names_of(shot.spot.curves, &at.labels.names)),
             rows,

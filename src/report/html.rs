@@ -159,11 +159,10 @@ fn pictures(figure: &Figure) -> Markup {
             (false, [n1, n2, n3]) => format!("image {n1},{n2},{n3} of "),
         };
         let [i, s] = [spot.curves[k], spot.segments[k]];
-        let name = figure
-            .names
-            .as_ref()
-            .map(|names| format!(" ({})", plain(&names[k], 60)));
-        let name = name.unwrap_or_default();
+        let name = match &figure.names {
+            Some(names) => format!(" ({})", plain(&names[k], 60)),
+            None => String::new(),
+        };
         (line(class), format!("{image}curve {i}{name}, segment {s}"))
     };
     let mut marks = vec![curve("sa", 0, Image::default())];

@@ -55,10 +55,8 @@ impl<T> Rows<T> {
 
     /// Returns a sentence about the rows that were counted, but not kept.
     fn more(&self) -> Option<String> {
-        match self.total - self.rows.len() as u64 {
-            0 => None,
-            n => Some(format!("{} more are not listed.", count(n))),
-        }
+        let n = self.total - self.rows.len() as u64;
+        (n > 0).then(|| format!("{} more are not listed.", count(n)))
     }
 }
 
@@ -125,28 +123,16 @@ impl Facts {
             let reason = format!("{}: {}", remark.verdict, remark.reason);
             [remark.moment.to_string(), reason, String::new()]
         });
+        let unlisted = self.violations.more.then_some(unlisted);
+        let (unlisted_passages, unread) = (self.pull_throughs.more(), self.remarks.more());
         let table = |title, rows, more| Table { title, rows, more };
         let tables = [
-            table(
-                "Violated links",
-                links.collect(),
-                self.violations.more.then_some(unlisted),
-            ),
-            table(
-                "Pull-throughs",
-                passages.collect(),
-                self.pull_throughs.more(),
-            ),
+            table("Violated links", links.collect(), unlisted),
+            table("Pull-throughs", passages.collect(), unlisted_passages),
             table("Pairs that could not be decided", defects.collect(), None),
-            table(
-                "Rejected and incomplete frames",
-                remarks.collect(),
-                self.remarks.more(),
-            ),
+            table("Rejected and incomplete frames", remarks.collect(), unread),
         ];
-        tables
-            .into_iter()
-            .filter(|table: &Table| !table.rows.is_empty())
+        tables.into_iter().filter(|table| !table.rows.is_empty())
     }
 }
 

@@ -24,13 +24,9 @@ impl Facts {
 
     /// Returns the numbers of frames.
     fn frames(&self) -> String {
-        let counts = &self.counts;
-        format!(
-            "{} verified, {} skipped, {} rejected",
-            plural(counts.verified, "frame"),
-            count(counts.skipped),
-            count(counts.rejected)
-        )
+        let [skipped, rejected] = [self.counts.skipped, self.counts.rejected].map(count);
+        let verified = plural(self.counts.verified, "frame");
+        format!("{verified} verified, {skipped} skipped, {rejected} rejected")
     }
 
     /// Returns the numbers of curves and segments.
@@ -71,32 +67,24 @@ impl Facts {
             Events::All => "between two curves, and of a curve through itself",
         };
         let is_verified = counts.verified > 0;
+        let extent = self.stats.extent;
+        let has_extent = is_verified && extent > 0.0;
+        let cuts = plural(counts.cuts, "time");
+        let has_events = self.metadata.contains_key("events");
         let rows = [
             ("recording", Some(recording.display().to_string())),
             ("frames", Some(self.frames())),
             ("from", self.span.map(|[first, _]| first.to_string())),
             ("to", self.span.map(|[_, last]| last.to_string())),
             ("recorded", some(start > 0, recorded)),
-            (
-                "rolled back or jumped",
-                some(counts.cuts > 0, plural(counts.cuts, "time")),
-            ),
+            ("rolled back or jumped", some(counts.cuts > 0, cuts)),
             ("violations rolled back", number(counts.recovered)),
             ("violations accepted", number(counts.accepted)),
             ("curves", some(is_verified, self.curves())),
-            (
-                "extent",
-                some(
-                    is_verified && self.stats.extent > 0.0,
-                    significant(self.stats.extent),
-                ),
-            ),
+            ("extent", some(has_extent, significant(extent))),
             ("a check took", some(is_verified, took)),
             ("baseline", baseline),
-            (
-                "pull-throughs",
-                some(self.metadata.contains_key("events"), events.into()),
-            ),
+            ("pull-throughs", some(has_events, events.into())),
         ];
         let rows = rows.map(|(name, value)| Some((name.to_owned(), value?)));
         let metadata = self.metadata.iter().map(|(key, value)| {

@@ -65,14 +65,11 @@ impl Facts {
         match conclusion {
             Conclusion::Changed => format!("The topology changed in {found}."),
             Conclusion::Recovered => {
-                let violations = plural_of(
-                    self.counts.recovered,
-                    "violation was rolled back",
-                    "violations were rolled back",
-                );
+                let n = self.counts.recovered;
+                let violations = plural_of(n, "violation was", "violations were");
                 format!(
-                    "Recovered: {violations}, and the simulation went on from an intact frame; the \
-                     first was in {found}."
+                    "Recovered: {violations} rolled back, and the simulation went on from an \
+                     intact frame; the first was in {found}."
                 )
             }
             Conclusion::Accepted => format!(
@@ -134,28 +131,20 @@ impl Facts {
     pub fn gaps(&self) -> Vec<String> {
         let counts = &self.counts;
         let mut gaps = Vec::new();
-        let mut gap = |n: u64, what: &str| {
-            if n > 0 {
-                gaps.push(format!(
-                    "{} {what}",
-                    plural_of(n, "frame was", "frames were")
-                ));
-            }
-        };
-        gap(
-            self.unverified(),
-            "published before the baseline, and not verified",
-        );
-        gap(counts.skipped, "skipped");
-        gap(counts.missing, "not recorded");
-        gap(counts.left_out, "left out of the recording on purpose");
-        gap(self.recorded_in_part(), "recorded in part");
-        gap(self.unmeasured(), "verified without the clearance");
-        gaps.extend(
-            self.left_out
-                .iter()
-                .map(|found| format!("not read: {found}")),
-        );
+        let before = "published before the baseline, and not verified";
+        for (n, what) in [
+            (self.unverified(), before),
+            (counts.skipped, "skipped"),
+            (counts.missing, "not recorded"),
+            (counts.left_out, "left out of the recording on purpose"),
+            (self.recorded_in_part(), "recorded in part"),
+            (self.unmeasured(), "verified without the clearance"),
+        ] {
+            let frames = plural_of(n, "frame was", "frames were");
+            gaps.extend((n > 0).then(|| format!("{frames} {what}")));
+        }
+        let unread = self.left_out.iter();
+        gaps.extend(unread.map(|found| format!("not read: {found}")));
         gaps.extend(self.metadata.get(CUT_OFF).cloned());
         match &self.end {
             End::Finished => {}
@@ -177,23 +166,19 @@ impl Facts {
             note(more, format!("{} has {findings}", found.moment));
             let pairs = self.violations.pairs.iter().filter(|pair| pair.changed());
             let pairs = plural(pairs.count(), "pair");
-            let at_least = match self.violations.more {
-                true => "more than ",
-                false => "",
-            };
+            let more = self.violations.more;
+            let at_least = if more { "more than " } else { "" };
             let changed = plural_of(self.of(Verdict::Changed), "frame has", "frames have");
             let words = format!("{changed} a changed topology, in {at_least}{pairs} of curves");
             note(1, words);
         }
         let touch = "curves touch, so that their linking number is not defined";
+        let invalid = "the frame is invalid and was not verified";
         for (verdict, what) in [
             (Verdict::Contact, touch),
             (Verdict::Undecided, "pairs could not be decided"),
             (Verdict::Stale, "the verdict came too late"),
-            (
-                Verdict::Rejected,
-                "the frame is invalid and was not verified",
-            ),
+            (Verdict::Rejected, invalid),
         ] {
             let n = self.of(verdict);
             let frames = plural_of(n, "frame is", "frames are");
@@ -204,13 +189,9 @@ impl Facts {
         let all = (counts.verified + counts.rejected) as f64 + counts.skipped as f64;
         let skipped = plural_of(counts.skipped, "frame was", "frames were");
         let share = percent(counts.skipped as f64 / all);
-        note(
-            counts.skipped,
-            format!(
-                "{skipped} skipped ({share}): published, but not verified, because the simulator \
-                 was faster"
-            ),
-        );
+        let why = "published, but not verified, because the simulator was faster";
+        let words = format!("{skipped} skipped ({share}): {why}");
+        note(counts.skipped, words);
         let on_purpose = "left out on purpose (outside a window, or in another file): verified, \
                           but their verdicts are not in this file";
         for (n, what) in [
@@ -220,10 +201,11 @@ impl Facts {
         ] {
             note(n, format!("{} {what}", frames(n)));
         }
-        let every = self.metadata.get(Retention::EVERY);
-        let every = every.map(|n| format!(", left out on purpose (every {n})"));
+        let every = match self.metadata.get(Retention::EVERY) {
+            Some(n) => format!(", left out on purpose (every {n})"),
+            None => String::new(),
+        };
         let verdicts = plural(counts.without_curves, "verdict");
-        let every = every.unwrap_or_default();
         let words = format!("{verdicts} without the curves of the frame{every}");
         note(counts.without_curves, words);
         match &self.end {

@@ -39,17 +39,14 @@ impl Facts {
         let first = self.changed.as_ref().or(self.unsettled.as_ref());
         let first = first.and_then(|found| {
             let x = axis.middle(self.series.bin_of(found.moment.frame)?);
-            let (class, aside) = if x > 0.7 * WIDTH {
-                ("t e", -9.0)
-            } else {
-                ("t", 9.0)
+            let (class, aside) = match x > 0.7 * WIDTH {
+                true => ("t e", -9.0),
+                false => ("t", 9.0),
             };
             Some((found, class, px(x), px(x + aside)))
         });
-        let words = format!(
-            "timeline of {}",
-            plural(bins.iter().map(|b| b.frames).sum::<u64>(), "frame")
-        );
+        let frames: u64 = bins.iter().map(|b| b.frames).sum();
+        let words = format!("timeline of {}", plural(frames, "frame"));
         html! {
             svg viewBox={"0 0 " (WIDTH) " " (HEIGHT)} role="img"
                 aria-label={(words) ": " (words_of(&self.verdicts))}
@@ -105,10 +102,8 @@ impl Facts {
 
 /// Returns the numbers of verdicts in words: "24 intact, 1 changed".
 fn words_of(verdicts: &[u64; 6]) -> String {
-    let words = Verdict::ALL
-        .into_iter()
-        .zip(verdicts)
-        .filter(|(_, n)| **n > 0);
+    let words = Verdict::ALL.into_iter().zip(verdicts);
+    let words = words.filter(|(_, n)| **n > 0);
     let words: Vec<String> = words.map(|(v, n)| format!("{} {v}", count(*n))).collect();
     words.join(", ")
 }
@@ -158,9 +153,8 @@ fn title(columns: &[Bin]) -> String {
         true => first.first.to_string(),
         false => format!("frames {} to {last}", first.first.frame),
     };
-    let verdict = Verdict::ALL
-        .into_iter()
-        .find(|v| first.verdicts[*v as usize] == first.frames);
+    let is_only = |v: &Verdict| first.verdicts[*v as usize] == first.frames;
+    let verdict = Verdict::ALL.into_iter().find(is_only);
     let verdicts = verdict.map_or_else(|| words_of(&first.verdicts), |v| v.to_string());
     match first.pull_throughs {
         0 => format!("{frames}: {verdicts}"),

@@ -49,7 +49,7 @@ pub(super) struct DefectRow {
 }
 
 /// What happened to a pair of curves, or to a curve and an image of another one or of itself.
-#[derive(Clone, Debug, serde::Serialize)]
+#[derive(Clone, Debug, Default, serde::Serialize)]
 pub(super) struct Violation {
     pub curves: [u32; 2],
     /// Translation of the second curve, in vectors of the cell.
@@ -161,12 +161,11 @@ impl Violations {
             // Curves without names stay the same.
             return;
         }
-        let indices = names.iter().map(String::as_str).zip(0_u32..);
-        let indices: HashMap<&str, u32> = indices.collect();
+        let indices: HashMap<&String, u32> = names.iter().zip(0..).collect();
         self.index.clear();
         for (k, pair) in self.pairs.iter().enumerate() {
             let now = pair.names.as_ref().and_then(|[a, b]| {
-                let [i, j] = [a, b].map(|name| indices.get(name.as_str()).copied());
+                let [i, j] = [a, b].map(|name| indices.get(name).copied());
                 Some([i?, j?])
             });
             if let Some([i, j]) = now {
@@ -194,11 +193,7 @@ impl Violations {
                     curves: key.0,
                     image: key.1,
                     names: names_of(key.0, names),
-                    link: None,
-                    defect: None,
-                    pull_throughs: 0,
-                    unresolved: 0,
-                    shot: None,
+                    ..Violation::default()
                 });
                 next
             }

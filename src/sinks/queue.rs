@@ -134,9 +134,8 @@ impl Shared {
         limit: Duration,
         holds: impl Fn(&State) -> bool,
     ) -> MutexGuard<'a, State> {
-        let wait = self
-            .drained
-            .wait_timeout_while(state, limit, |state| holds(state));
+        let holds = |state: &mut State| holds(state);
+        let wait = self.drained.wait_timeout_while(state, limit, holds);
         wait.unwrap_or_else(PoisonError::into_inner).0
     }
 
@@ -219,12 +218,10 @@ impl SinkQueue {
         let worker = Worker {
             shared: Arc::clone(&shared),
         };
-        let thread = std::thread::Builder::new()
-            .name(format!("linkwatch-{name}"))
-            .spawn(move || worker.run(open))?;
+        let thread = std::thread::Builder::new().name(format!("linkwatch-{name}"));
         Ok(SinkQueue {
+            thread: Some(thread.spawn(move || worker.run(open))?),
             shared,
-            thread: Some(thread),
             capacity: capacity.max(1),
             points: 0,
         })
@@ -304,10 +301,8 @@ impl SinkQueue {
         if self.is_full(&state) {
             drop_oldest(&mut state);
             if state.summary.dropped == 1 {
-                tracing::warn!(
-                    "{} is slower than the frames and misses some of them",
-                    self.shared.name
-                );
+                let name = self.shared.name;
+                tracing::warn!("{name} is slower than the frames and misses some of them");
             }
         }
         let turn = state.last_verdict != Some(record.report.verdict);
@@ -323,12 +318,11 @@ impl SinkQueue {
         let full = |s: &State| self.is_full(s) && !s.has_failed();
         let start = Instant::now();
         let patience = state.patience;
-        state = self
-            .shared
-            .wait_with_warning(state, patience, full, "has taken no frame");
+        let shared = &self.shared;
+        state = shared.wait_with_warning(state, patience, full, "has taken no frame");
         if full(&state) {
             state.patience = Duration::ZERO;
-        } else if let Overflow::Wait(_) = self.shared.overflow {
+        } else if let Overflow::Wait(_) = shared.overflow {
             state.patience = state.patience.saturating_sub(start.elapsed());
         }
         state
@@ -398,10 +392,8 @@ fn points(record: &FrameRecord) -> usize {
 /// Drops the oldest frame at which the verdict did not change, or else the oldest frame.
 fn drop_oldest(state: &mut State) {
     let find = |turns: bool| {
-        state
-            .events
-            .iter()
-            .position(|e| matches!(e, Event::Frame(_, turn) if turns || !turn))
+        let is_one = |e: &Event| matches!(e, Event::Frame(_, turn) if turns || !turn);
+        state.events.iter().position(is_one)
     };
     let at = find(false).or_else(|| find(true));
     if let Some(Event::Frame(record, _)) = at.and_then(|at| state.events.remove(at)) {
@@ -504,11 +496,8 @@ impl Worker {
                     sink.frame(&record)?;
                     let mut state = self.shared.lock();
                     state.summary.written += std::mem::take(&mut state.in_flight);
-                    let caught_up = match self.shared.overflow {
-                        Overflow::Wait(_) => state.frames == 0,
-                        Overflow::WaitForProgress(_) | Overflow::DropOldest => true,
-                    };
-                    if caught_up {
+                    let must_catch_up = matches!(self.shared.overflow, Overflow::Wait(_));
+                    if state.frames == 0 || !must_catch_up {
                         state.patience = self.shared.overflow.max_wait();
                     }
                     urgent = record.report.verdict != Verdict::Intact;
