@@ -2,7 +2,7 @@
 
 use super::Cli;
 use clap::error::{ContextKind, ContextValue, ErrorKind};
-use clap::{Arg, Command, CommandFactory, Error, FromArgMatches};
+use clap::{Command, CommandFactory, Error, FromArgMatches};
 use std::ffi::OsString;
 
 /// Errors of the standard library for numbers, and what they mean.
@@ -77,10 +77,8 @@ pub fn parse(args: impl IntoIterator<Item = OsString>) -> Result<Cli, Error> {
         |pair: &&[OsString]| pair[0] == "--events" && pair[1].to_str().is_some_and(is_events);
     if let Some(value) = args.windows(2).find(value) {
         // It would be taken as the name of a file.
-        let words = format!(
-            "write --events={}, with an equals sign\n",
-            value[1].display()
-        );
+        let value = value[1].display();
+        let words = format!("write --events={value}, with an equals sign\n");
         return Err(Error::raw(ErrorKind::ValueValidation, words));
     }
     let command = with_negative_numbers(Cli::command());
@@ -95,14 +93,11 @@ fn is_events(word: &str) -> bool {
 
 /// Lets all options take a negative number, so that the error names the option and its range.
 fn with_negative_numbers(command: Command) -> Command {
-    let takes_values = |arg: &Arg| arg.get_action().takes_values() && !arg.is_positional();
-    let command =
-        command.mut_args(
-            |arg| match takes_values(&arg) && !arg.is_allow_hyphen_values_set() {
-                true => arg.allow_negative_numbers(true),
-                false => arg,
-            },
-        );
+    let command = command.mut_args(|arg| {
+        let takes_values = arg.get_action().takes_values() && !arg.is_positional();
+        let is_limited = takes_values && !arg.is_allow_hyphen_values_set();
+        arg.allow_negative_numbers(is_limited)
+    });
     command.mut_subcommands(with_negative_numbers)
 }
 
@@ -110,10 +105,8 @@ fn with_negative_numbers(command: Command) -> Command {
 /// pass an unknown option as a file name.
 fn in_words(mut error: Error) -> Error {
     if let Some((name, instead)) = gone(&error) {
-        return Error::raw(
-            error.kind(),
-            format!("{name} is gone; instead: {instead}\n"),
-        );
+        let words = format!("{name} is gone; instead: {instead}\n");
+        return Error::raw(error.kind(), words);
     }
     if error.kind() == ErrorKind::UnknownArgument {
         error.remove(ContextKind::Suggested);

@@ -8,7 +8,7 @@ use linkwatch::Result;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use std::collections::HashMap;
-use std::fs::{File, OpenOptions};
+use std::fs::File;
 use std::hash::{DefaultHasher, Hash, Hasher};
 use std::io::{BufRead, BufReader, Read, Write};
 use std::num::NonZeroUsize;
@@ -123,10 +123,8 @@ impl EachArgs {
             while let Some(model) = left.get(next.fetch_add(1, Ordering::Relaxed)) {
                 // The key of the file before its run, because the file may change meanwhile.
                 let key = key(model, options);
-                let line = Line {
-                    key,
-                    ..verified(model, threads)
-                };
+                let mut line = verified(model, threads);
+                line.key = key;
                 let mut lines = lines.lock().unwrap_or_else(PoisonError::into_inner);
                 lines.put(&line)?;
             }
@@ -162,21 +160,15 @@ impl Lines {
                 "exists: --resume skips the runs that it has, and appends the others"
             ));
         }
-        let options = OpenOptions::new()
-            .read(true)
-            .append(true)
-            .create(true)
-            .to_owned();
-        let mut file = options.open(path)?;
+        let mut options = File::options();
+        let mut file = options.read(true).append(true).create(true).open(path)?;
         let mut text = String::new();
         file.read_to_string(&mut text)?;
         // The last line may have been cut.
         let whole = text.rfind('\n').map_or(0, |at| at + 1);
         file.set_len(whole as u64)?;
-        let lines = text
-            .lines()
-            .filter_map(|line| serde_json::from_str(line).ok());
-        let done = lines.filter(|line: &Line| line.error.is_none());
+        let lines = text.lines().flat_map(serde_json::from_str::<Line>);
+        let done = lines.filter(|line| line.error.is_none());
         let done = done.map(|line| (line.file, (line.code, line.key)));
         self.done = done.collect();
         self.file = Some(file);
@@ -225,7 +217,7 @@ fn verified(model: &Path, threads: usize) -> Line {
             }
             let warnings = errors
                 .lines()
-                .filter_map(|line| line.trim().strip_prefix("WARN "));
+                .filter_map(|l| l.trim().strip_prefix("WARN "));
             line.warnings = warnings.map(str::to_owned).collect();
         }
         Err(e) => line.error = Some(e.to_string()),
@@ -238,18 +230,13 @@ fn verified(model: &Path, threads: usize) -> Line {
 fn last_line(model: &Path, threads: usize) -> std::io::Result<(Option<i32>, String, String)> {
     let mut own = std::env::args_os();
     let mut command = Command::new(own.next().unwrap_or_default());
-    command
-        .args(own.filter(|arg| arg != "--json"))
-        .args(["--json", "--only"])
-        .arg(model);
+    command.args(own.filter(|arg| arg != "--json"));
+    command.args(["--json", "--only"]).arg(model);
     // An option --threads has priority.
     command.env("RAYON_NUM_THREADS", threads.to_string());
     let (out, err) = (Stdio::piped(), Stdio::piped());
-    let mut child = command
-        .stdin(Stdio::null())
-        .stdout(out)
-        .stderr(err)
-        .spawn()?;
+    command.stdin(Stdio::null()).stdout(out).stderr(err);
+    let mut child = command.spawn()?;
     let (out, mut err) = (child.stdout.take(), child.stderr.take());
     thread::scope(|scope| {
         let errors = scope.spawn(move || {

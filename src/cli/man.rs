@@ -30,8 +30,8 @@ fn complete(command: Command) -> Command {
 /// Returns the subcommands of a command, each followed by its own.
 fn descendants(command: &Command) -> Vec<&Command> {
     let own = command.get_subcommands();
-    own.flat_map(|c| std::iter::once(c).chain(descendants(c)))
-        .collect()
+    let all = own.flat_map(|c| std::iter::once(c).chain(descendants(c)));
+    all.collect()
 }
 
 /// Returns a command as a section of a page. Its headings become those of subsections.
@@ -48,10 +48,8 @@ fn section(command: &Command) -> Result<String> {
     Man::new(own).render_options_section(&mut parts)?;
     let name = command.get_bin_name().unwrap_or_default().to_uppercase();
     let parts = text(parts)?.replace("\n.SH ", "\n.SS ");
-    Ok(format!(
-        ".SH \"{name}\"\n{}",
-        parts.replacen(".SH ", ".SS ", 1)
-    ))
+    let parts = parts.replacen(".SH ", ".SS ", 1);
+    Ok(format!(".SH \"{name}\"\n{parts}"))
 }
 
 fn text(page: Vec<u8>) -> Result<String> {

@@ -55,13 +55,12 @@ fn name_and_extension(name: &str) -> [&str; 2] {
 
 /// Returns true if the names differ in nothing but their numbers.
 fn same_texts(a: &str, b: &str) -> bool {
-    let texts = |name| {
-        let parts = parts(name).into_iter();
-        parts
-            .map(|part| Some(part).filter(|part| matches!(part, Part::Text(_))))
-            .collect::<Vec<_>>()
+    let text = |part| match part {
+        Part::Text(text) => Some(text),
+        Part::Number(..) => None,
     };
-    texts(a) == texts(b)
+    let texts = |name| parts(name).into_iter().map(text);
+    texts(a).eq(texts(b))
 }
 
 /// Returns a name as shells compare it in most languages: without punctuation and case.
@@ -74,16 +73,14 @@ fn letters(name: &str) -> String {
 /// names differ in more than numbers, and the order is not the alphabetical one of a shell, with or
 /// without punctuation. Returns true if the order changed.
 pub fn sort(files: &mut [PathBuf]) -> bool {
-    let names: Vec<String> = files
-        .iter()
-        .map(|f| f.to_string_lossy().into_owned())
-        .collect();
+    let name = |file: &PathBuf| file.to_string_lossy().into_owned();
+    let names: Vec<String> = files.iter().map(name).collect();
     let numbered = names.array_windows().all(|[a, b]| same_texts(a, b));
     let of_shell = names.is_sorted() || names.is_sorted_by_key(|name| letters(name));
     if !(numbered || of_shell) || names.is_sorted_by_key(|name| key(name)) {
         return false;
     }
-    files.sort_by(|a, b| key(&a.to_string_lossy()).cmp(&key(&b.to_string_lossy())));
+    files.sort_by(|a, b| key(&name(a)).cmp(&key(&name(b))));
     true
 }
 

@@ -141,10 +141,9 @@ fn answer(mut connection: &TcpStream, page: impl Fn() -> String) -> io::Result<(
         _ => ("400 Bad Request", "not an HTTP request\n".into()),
     };
     // The version of the format of Prometheus.
-    let version = if status == "200 OK" {
-        "; version=0.0.4"
-    } else {
-        ""
+    let version = match status {
+        "200 OK" => "; version=0.0.4",
+        _ => "",
     };
     let length = body.len();
     write!(

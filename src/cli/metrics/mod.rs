@@ -62,12 +62,9 @@ fn address(text: &str) -> Result<String, &'static str> {
     // A name has a letter. The system would take "0" for 0.0.0.0: all interfaces.
     let is_name = host.contains(|c: char| c.is_alphabetic())
         && !host.contains(|c: char| c.is_whitespace() || ":[]/*".contains(c));
-    match is_port && (is_name || address.parse::<SocketAddr>().is_ok()) {
-        true => Ok(address),
-        false => {
-            Err("expected PORT or HOST:PORT, as in 9464, 192.0.2.1:9464 or [2001:db8::1]:9464")
-        }
-    }
+    let is_valid = is_port && (is_name || address.parse::<SocketAddr>().is_ok());
+    let expected = "expected PORT or HOST:PORT, as in 9464, 192.0.2.1:9464 or [2001:db8::1]:9464";
+    is_valid.then_some(address).ok_or(expected)
 }
 
 #[cfg(test)]

@@ -37,9 +37,8 @@ impl Closer {
             std::thread::sleep(POLL);
         }
         self.pending.push(thread);
-        let pending = std::mem::take(&mut self.pending).into_iter();
-        let (closed, open) = pending.partition(JoinHandle::is_finished);
-        self.pending = open;
+        let closed = self.pending.extract_if(.., |thread| thread.is_finished());
+        let closed = closed.collect();
         self.join(closed);
         Ok(())
     }
