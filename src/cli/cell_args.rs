@@ -1,13 +1,12 @@
 //! The options `--cell`, `--wrapped` and `--keep-open` of every command that reads frames.
 
-use super::output;
+use super::output::plural_of;
 use linkwatch::formats::ModelFrame;
 use linkwatch::{
-    Cell, Closing, ClosingKind, ClosingNote, CurveSet, CurveSource, Error, FrameInfo, LeftOut,
-    Result, Unwrap,
+    Cell, Closing, ClosingKind, ClosingNote, CurveSet, CurveSource, FrameInfo, LeftOut, Result,
+    Unwrap,
 };
 use std::fmt;
-use std::str::FromStr;
 
 /// The option --keep-open in the metadata of a recording.
 pub const KEEP_OPEN: &str = "keep_open";
@@ -23,14 +22,17 @@ pub struct CellArg {
     ///
     /// Edges along the axes (0: does not repeat), nine numbers (three vectors) or twelve (and the
     /// corner); `none` ignores the cell of the frames
-    #[arg(long, value_name = "10,10,10|..|none", allow_hyphen_values = true)]
+    #[arg(
+        long, value_name = "10,10,10|..|none", allow_hyphen_values = true,
+        value_parser = given_cell
+    )]
     cell: Option<GivenCell>,
 }
 
 impl CellArg {
     /// Returns the cell of a frame: that of the user, or that of the frame.
     pub fn cell(&self, of_frame: Option<Cell>) -> Option<Cell> {
-        self.cell.map_or(of_frame, |GivenCell(given)| given)
+        self.cell.unwrap_or(of_frame)
     }
 }
 
@@ -57,16 +59,11 @@ pub struct CellArgs {
 }
 
 /// Cell that the user gives; `None` ignores that of the frame.
-#[derive(Clone, Copy, Debug)]
-struct GivenCell(Option<Cell>);
+type GivenCell = Option<Cell>;
 
-impl FromStr for GivenCell {
-    type Err = Error;
-
-    fn from_str(text: &str) -> Result<Self> {
-        let given = (text != NONE).then(|| text.parse());
-        Ok(GivenCell(given.transpose()?))
-    }
+/// Parses a cell, or `none`.
+fn given_cell(text: &str) -> Result<GivenCell> {
+    (text != NONE).then(|| text.parse()).transpose()
 }
 
 impl CellArgs {
@@ -75,18 +72,33 @@ impl CellArgs {
         self.cell.cell.is_some() || self.wrapped.is_some()
     }
 
-    /// Warns of segments that are too long for the scene or for the cell of a frame.
+    /// Warns if the coordinates of curves look wrapped into a periodic box: segments span more than
+    /// half of the scene, or are too long for the cell of the frame.
     pub fn warn_of_segments(&self, name: &str, curves: &CurveSet, cell: Option<Cell>) {
-        match cell {
-            None => output::warn_of_long_segment(name, curves),
-            Some(_) if self.wrapped.is_some() => {}
-            Some(cell) => output::warn_of_wrapped(name, curves, &cell),
+        if let Some(cell) = cell {
+            if self.wrapped.is_none()
+                && let Err(why) = Unwrap::default().unwrap(curves, &cell)
+            {
+                tracing::warn!(
+                    "{name}: {why}; if the coordinates are wrapped into the cell, give --wrapped: \
+                     otherwise the curves are taken as they are"
+                );
+            }
+        } else if let Some(long) = curves.long_segment() {
+            let others = match long.count {
+                1 => String::new(),
+                n => format!(", and so do {}", plural_of(n - 1, "other", "others")),
+            };
+            tracing::warn!(
+                "{name}: {long}{others}; if the box is periodic and the coordinates are wrapped \
+                 into it, links across its boundary are not detected: give --cell and --wrapped"
+            );
         }
     }
 
     /// Returns true if the cells of the frames are ignored.
     pub fn ignores_cells(&self) -> bool {
-        matches!(self.cell.cell, Some(GivenCell(None)))
+        matches!(self.cell.cell, Some(None))
     }
 
     /// Returns the cell of a frame: that of the user, or that of the frame.

@@ -8,11 +8,11 @@ use super::frames::{FrameArgs, Picked};
 use super::kernel::KernelArgs;
 use super::number::{not_negative, positive};
 use super::open;
-use super::output::{self, count, millis, percent, plural, plural_of, with_progress};
+use super::output::{self, count, listed, millis, percent, plural, plural_of, with_progress};
 use linkwatch::kernels::{Method, Offload};
 use linkwatch::{
-    Braids, Certificate, Certifier, CurveSet, Error, Events, FrameInfo, ImageLink, InvariantKind,
-    Ladder, Received, Result, Session, SessionOptions, Stats, picture,
+    Braids, Certificate, Certifier, Error, Events, FrameInfo, ImageLink, InvariantKind, Ladder,
+    Received, Result, Session, SessionOptions, Stats, picture,
 };
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -134,10 +134,8 @@ fn certify(frame: &Picked, args: &Args) -> Result<Certified> {
         tracing::warn!("{name}: --invariants do not consider periodic images");
     }
     if let uncomputed @ 1.. = certificate.uncomputed() {
-        tracing::warn!(
-            "{name}: invariants of {} were not computed: too many crossings",
-            plural_of(uncomputed, "curve or triple", "curves or triples")
-        );
+        let those = plural_of(uncomputed, "curve or triple", "curves or triples");
+        tracing::warn!("{name}: invariants of {those} were not computed: too many crossings");
         certified.incomplete = true;
     }
     certified.took = start.elapsed();
@@ -156,22 +154,11 @@ fn certify(frame: &Picked, args: &Args) -> Result<Certified> {
     Ok(certified)
 }
 
-/// Returns the error of a frame without closed curves.
-fn nothing_closed(set: &CurveSet) -> Error {
-    let (curves, yarns) = (set.len(), 0);
-    Error::NothingClosed { curves, yarns }
-}
-
-/// Returns true if a curve is closed.
-fn has_closed(set: &CurveSet) -> bool {
-    set.open_curves() < set.len()
-}
-
 /// Computes the certificate of a frame with braids or with a periodic cell.
 fn certify_in_session(frame: &Picked, args: &Args, braids: Option<Braids>) -> Result<Certified> {
     let (name, set) = (&frame.name, &frame.curves);
     // Curves that run through the cell are worth a certificate even if none is closed.
-    let has_closed = has_closed(set);
+    let has_closed = set.open_curves() < set.len();
     let mut session = Session::new(SessionOptions {
         cell: frame.cell,
         wrapped: args.frames.cell_args.wrapped.filter(|wrapped| !wrapped),
@@ -192,7 +179,7 @@ fn certify_in_session(frame: &Picked, args: &Args, braids: Option<Braids>) -> Re
     let certificate = session.baseline().cloned().unwrap_or_default();
     let braids = session.braids();
     if !has_closed && braids.is_none() && certificate.periods.is_empty() {
-        return Err(nothing_closed(set));
+        return Err(frame.nothing_closed());
     }
     Ok(Certified {
         braids,
@@ -206,8 +193,8 @@ fn certify_in_session(frame: &Picked, args: &Args, braids: Option<Braids>) -> Re
 /// Computes the certificate of a frame with neither braids nor a periodic cell.
 fn certify_alone(frame: &Picked, args: &Args) -> Result<Certified> {
     let (name, set) = (&frame.name, &frame.curves);
-    if !has_closed(set) {
-        return Err(nothing_closed(set).in_file(Path::new(name)));
+    if set.open_curves() == set.len() {
+        return Err(frame.nothing_closed().in_file(name));
     }
     let mut certifier = Certifier::new(&args.kernel.options())?;
     let progress = certifier.progress();
@@ -231,13 +218,14 @@ fn certify_alone(frame: &Picked, args: &Args) -> Result<Certified> {
 pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     let models = args.frames.models()?;
     let outputs = [("-o", &args.output), ("--write-braid", &args.write_braid)];
-    if let Some((option, _)) = outputs.iter().find(|(_, file)| file.is_some())
+    let all = outputs.into_iter().chain([("--svg", &args.svg)]);
+    let mut given = all.filter_map(|(option, file)| file.as_ref().and(Some(option)));
+    let single = given.next();
+    if let Some(option @ ("-o" | "--write-braid")) = single
         && models.len() > 1
     {
-        return Err(usage!(
-            "{option} is for one model; {} were given",
-            models.len()
-        ));
+        let given = models.len();
+        return Err(usage!("{option} is for one model; {given} were given"));
     }
     let mut files = Files::new(args.overwrite);
     files.reads(args.braid_args.file());
@@ -250,49 +238,38 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         let pictures = models.iter().map(|model| picture_of(model, folder));
         files.writes("--svg", pictures, Content::Text)?;
     }
-    args.frames.for_each(&models, |path, frames| {
-        for (option, file) in outputs.iter().chain([&("--svg", &args.svg)]) {
-            if file.is_some() {
-                frames.check_one(option)?;
-            }
+    args.frames.for_each(&models, single, |frame| {
+        let is_alone = models.len() == 1 && !frame.several;
+        check_cell(&frame, args)?;
+        if args.explain {
+            let options = SessionOptions {
+                cell: frame.cell,
+                ..args.kernel.options()
+            };
+            return explain::print(&frame, &options, json);
         }
-        let several = frames.several;
-        let is_alone = models.len() == 1 && !several;
-        frames.each(|frame| {
-            check_cell(&frame, args)?;
-            if args.explain {
-                let options = SessionOptions {
-                    cell: frame.cell,
-                    ..args.kernel.options()
-                };
-                return explain::print(path, &frame, &options, json);
-            }
-            if args.open {
-                let (tolerance, least) = (args.tolerance, args.at_least);
-                return open::print(path, &frame, (tolerance, least), !is_alone, json);
-            }
-            let certified = certify(&frame, args)?;
-            if !several {
-                log_work(&frame.name, &certified, args);
-            }
-            match json {
-                true => print_json(path, &frame, &certified, args),
-                false if several => print_line(&frame.name, &certified),
-                false => print(&frame.name, &certified, args, is_alone),
-            }
-            write(path, &frame.curves, &certified, args)?;
-            let undefined = !certified.certificate.undefined.is_empty();
-            Ok(Outcome::undecided_if(certified.incomplete || undefined))
-        })
+        if args.open {
+            let (tolerance, least) = (args.tolerance, args.at_least);
+            return open::print(&frame, (tolerance, least), !is_alone, json);
+        }
+        let certified = certify(&frame, args)?;
+        if !frame.several {
+            log_work(&frame.name, &certified, args);
+        }
+        match json {
+            true => print_json(&frame, &certified, args),
+            false if frame.several => print_line(&frame.name, &certified),
+            false => print(&frame.name, &certified, args, is_alone),
+        }
+        write(&frame, &certified, args)?;
+        let undefined = !certified.certificate.undefined.is_empty();
+        Ok(Outcome::undecided_if(certified.incomplete || undefined))
     })
 }
 
 /// Prints a certificate.
-fn print_json(path: &Path, frame: &Picked, c: &Certified, args: &Args) {
-    output::json(&serde_json::json!({
-        "model": path,
-        "frame": frame.number,
-        "time": frame.time,
+fn print_json(frame: &Picked, c: &Certified, args: &Args) {
+    frame.print_json(serde_json::json!({
         "left_out": frame.left_out,
         "joined_curves": frame.joined,
         "offload": c.offload,
@@ -353,7 +330,7 @@ fn print(name: &str, c: &Certified, args: &Args, is_alone: bool) {
     let links = links.map(|l| format!("curves {} and {}: linking number {}", l.i, l.j, l.lambda));
     let images = c.certificate.images.iter().flatten();
     let links: Vec<String> = links.chain(images.map(ImageLink::to_string)).collect();
-    output::first_lines("  ", &links, LINKS);
+    listed("  ", &links, LINKS).iter().for_each(output::line);
 }
 
 /// Prints the summary of one of several frames, and the lines of its certificate, without the first
@@ -370,10 +347,10 @@ fn print_line(name: &str, c: &Certified) {
 }
 
 /// Writes the files of a certificate.
-fn write(path: &Path, set: &CurveSet, c: &Certified, args: &Args) -> Result<()> {
-    let overwrite = args.overwrite;
+fn write(frame: &Picked, c: &Certified, args: &Args) -> Result<()> {
+    let (set, model) = (&frame.curves, &frame.model);
     let write = |file: &Path, text: &str| {
-        let written = write_text(file, overwrite, text);
+        let written = write_text(file, args.overwrite, text);
         written.inspect(|()| tracing::info!("{}: written", file.display()))
     };
     if let (Some(file), Some(braids)) = (&args.write_braid, &c.braids) {
@@ -384,9 +361,9 @@ fn write(path: &Path, set: &CurveSet, c: &Certified, args: &Args) -> Result<()> 
     }
     if let Some(folder) = &args.svg {
         let linked = picture::links(set, &c.certificate, PLACES);
-        let title = path.file_name().unwrap_or(path.as_os_str());
+        let title = model.file_name().unwrap_or(model.as_os_str());
         let svg = picture::draw(set, &title.to_string_lossy(), &summary(c), &linked);
-        write(&picture_of(path, folder), &svg)?;
+        write(&picture_of(model, folder), &svg)?;
     }
     Ok(())
 }

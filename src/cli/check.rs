@@ -98,7 +98,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         judge.event_args = args.event_args.off_by_default();
     }
     let setup = Setup {
-        junit: Some(&args.junit),
+        junit: args.junit.clone(),
         full: single || args.early_exit || far,
         early_exit: args.early_exit,
         models: true,
@@ -122,8 +122,8 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
             judged.model = Some(name);
             Ok(judged)
         });
-        let judged = match judged {
-            Ok(judged) => judged,
+        match judged {
+            Ok(judged) => session.publish(judged),
             Err(e) => {
                 let nothing = has_nothing_to_verify(&e);
                 // The other models still get their verdicts.
@@ -137,10 +137,8 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
                 if nothing && from_first_frame {
                     break;
                 }
-                continue;
             }
-        };
-        session.publish(judged);
+        }
     }
     if failed.is_some() {
         session.data_lost();
@@ -207,7 +205,6 @@ fn median(numbers: impl Iterator<Item = f64>) -> Option<f64> {
 fn has_nothing_to_verify(e: &Error) -> bool {
     match e {
         Error::InFile { source, .. } => has_nothing_to_verify(source),
-        Error::Braid(_) => true,
-        e => matches!(e, Error::NothingClosed { .. }),
+        e => matches!(e, Error::Braid(_) | Error::NothingClosed { .. }),
     }
 }

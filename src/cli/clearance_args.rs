@@ -59,9 +59,7 @@ impl ClearanceArgs {
         let mut options = match (self.radius, self.min_clearance) {
             (Some(StrandRadius::Of(radius)), _) => ClearanceOptions::new(Some(radius)),
             (Some(StrandRadius::Published), _) => ClearanceOptions::new(None),
-            (None, Some(_)) => {
-                return Err(usage!("--min-clearance needs --radius"));
-            }
+            (None, Some(_)) => return Err(usage!("--min-clearance needs --radius")),
             (None, None) => return Ok(None),
         };
         options.low = self.min_clearance.unwrap_or(options.low);

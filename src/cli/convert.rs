@@ -53,10 +53,9 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     let inputs = input::expand(&args.inputs, args.keep_order)?;
     let mut files = Files::new(args.overwrite);
     files.reads(inputs.iter().chain(args.format.files()));
-    let target = format_of(&args.output)?;
-    let content = match target {
-        None => Content::Recording,
-        _ => Content::Model,
+    let (target, content) = match input::is_mcap(&args.output) {
+        true => (None, Content::Recording),
+        false => (Some(Format::to_write(&args.output)?), Content::Model),
     };
     files.writes("OUT", [&args.output], content)?;
     let format = args.format.wrapped(args.cell_args.wrapped.is_some());
@@ -120,13 +119,8 @@ fn settle(mut frame: Frame, cells: &mut Cells) -> Frame {
     frame
 }
 
-/// Returns the format of a model file; `None` for a recording.
-fn format_of(path: &Path) -> Result<Option<Format>> {
-    match input::is_mcap(path) {
-        true => Ok(None),
-        false => Format::to_write(path).map(Some),
-    }
-}
+/// Frames to convert.
+type Frames<'a> = dyn Iterator<Item = Result<Frame>> + 'a;
 
 /// Conversion in progress.
 #[derive(Default)]
@@ -152,11 +146,7 @@ struct Converter {
 
 impl Converter {
     /// Writes all valid frames to a file.
-    fn write(
-        &mut self,
-        path: &Path,
-        frames: &mut dyn Iterator<Item = Result<Frame>>,
-    ) -> Result<()> {
+    fn write(&mut self, path: &Path, frames: &mut Frames<'_>) -> Result<()> {
         match self.target {
             Some(format) => {
                 let mut writer = FrameWriter::create(path, format)?;
@@ -179,7 +169,7 @@ impl Converter {
     /// Converts all valid frames, and passes them to `write`.
     fn convert(
         &mut self,
-        frames: &mut dyn Iterator<Item = Result<Frame>>,
+        frames: &mut Frames<'_>,
         mut write: impl FnMut(CurveSet, FrameInfo) -> Result<()>,
     ) -> Result<()> {
         // A frame waits for the next one, so that the last one has the count of invalid frames.

@@ -2,8 +2,8 @@
 
 use super::Outcome;
 use super::frames::{FrameArgs, Picked};
-use super::output::{self, plural};
-use linkwatch::{Diagram, Error, Result, diagrams, period};
+use super::output::plural;
+use linkwatch::{Diagram, Result, diagrams};
 use serde_json::json;
 
 /// Compute planar diagrams of closed curves, and invariants that tell knots and links apart
@@ -37,74 +37,66 @@ enum Code {
 /// Runs the command.
 pub fn run(args: &Args, as_json: bool) -> Result<Outcome> {
     let models = args.frames.models()?;
-    args.frames.for_each(&models, |path, frames| {
-        frames.each(|frame| {
-            check(&frame)?;
-            let name = &frame.name;
-            let head = json!({ "model": path, "frame": frame.number, "time": frame.time });
-            let mut outcome = Outcome::Fine;
-            let mut unknots = 0_u64;
-            for (curves, diagram) in diagrams(&frame.curves, !args.each) {
-                match diagram {
-                    Ok(diagram) => {
-                        let most = match curves.len() {
-                            1 => Diagram::MOST_FOR_V3,
-                            _ => Diagram::MOST_FOR_DETERMINANT,
-                        };
-                        if diagram.crossings() > most {
-                            let crossings = plural(diagram.crossings(), "crossing");
-                            tracing::warn!("{name}: not all invariants of {crossings} computed");
-                            outcome = Outcome::Undecided;
-                        }
-                        if as_json {
-                            output::json(&output::joined(&head, diagram.to_json()));
-                        } else if diagram.crossings() == 0 {
-                            unknots += 1;
-                        } else {
-                            print(name, &diagram, &args.code);
-                        }
-                    }
-                    Err(defect) => {
+    args.frames.for_each(&models, None, |frame| {
+        check(&frame)?;
+        let name = &frame.name;
+        let mut outcome = Outcome::Fine;
+        let mut unknots = 0_u64;
+        for (curves, diagram) in diagrams(&frame.curves, !args.each) {
+            match diagram {
+                Ok(diagram) => {
+                    let most = match curves.len() {
+                        1 => Diagram::MOST_FOR_V3,
+                        _ => Diagram::MOST_FOR_DETERMINANT,
+                    };
+                    if diagram.crossings() > most {
+                        let crossings = plural(diagram.crossings(), "crossing");
+                        tracing::warn!("{name}: not all invariants of {crossings} computed");
                         outcome = Outcome::Undecided;
-                        let sentence = defect.sentence_named(frame.curves.extent(), &[]);
-                        tracing::warn!("{name}: no diagram: {sentence}");
-                        if as_json {
-                            let json = json!({ "curves": curves, "defect": defect });
-                            output::json(&output::joined(&head, json));
-                        }
+                    }
+                    if as_json {
+                        frame.print_json(diagram.to_json());
+                    } else if diagram.crossings() == 0 {
+                        unknots += 1;
+                    } else {
+                        print(name, &diagram, &args.code);
+                    }
+                }
+                Err(defect) => {
+                    outcome = Outcome::Undecided;
+                    let sentence = defect.sentence_named(frame.curves.extent(), &[]);
+                    tracing::warn!("{name}: no diagram: {sentence}");
+                    if as_json {
+                        frame.print_json(json!({ "curves": curves, "defect": defect }));
                     }
                 }
             }
-            if unknots > 0 && !as_json {
-                let curves = plural(unknots, "unknot");
-                out!("{name}: {curves}: no crossings are left");
-            }
-            Ok(outcome)
-        })
+        }
+        if unknots > 0 && !as_json {
+            let curves = plural(unknots, "unknot");
+            out!("{name}: {curves}: no crossings are left");
+        }
+        Ok(outcome)
     })
 }
 
 /// Refuses frames without closed curves, and curves that run through a periodic cell.
 fn check(frame: &Picked) -> Result<()> {
-    let (name, set) = (&frame.name, &frame.curves);
-    let open = set.curves().iter().filter(|c| !c.closed).count();
-    if let Some(cell) = &frame.cell {
-        if frame.is_first {
-            tracing::warn!(
-                "{name}: diagrams do not consider the periodic images of curves, only the curves \
-                 themselves"
-            );
-        }
-        if let Some(i) = (0..set.len()).find(|&i| period(set, i, cell).is_some()) {
-            return Err(usage!(
-                "{name}: curve {i} runs through the periodic cell, so it does not close; a diagram \
-                 is one of closed curves"
-            ));
-        }
+    let (name, open) = (&frame.name, frame.curves.open_curves());
+    if frame.cell.is_some() && frame.is_first {
+        tracing::warn!(
+            "{name}: diagrams do not consider the periodic images of curves, only the curves \
+             themselves"
+        );
     }
-    if open == set.len() {
-        let (curves, yarns) = (set.len(), 0);
-        return Err(Error::NothingClosed { curves, yarns });
+    if let Some(i) = frame.yarn() {
+        return Err(usage!(
+            "{name}: curve {i} runs through the periodic cell, so it does not close; a diagram is \
+             one of closed curves"
+        ));
+    }
+    if open == frame.curves.len() {
+        return Err(frame.nothing_closed());
     }
     if open > 0 && frame.is_first {
         let curves = plural(open, "open curve");

@@ -7,13 +7,12 @@ use crate::engine::{DevicePlan, ImagePlan, Prediction};
 use linkwatch::kernels::Method;
 use linkwatch::{Plan, Result, SessionOptions};
 use serde_json::json;
-use std::path::Path;
 
 /// Prints the plan of a frame.
-pub fn print(path: &Path, frame: &Picked, options: &SessionOptions, json: bool) -> Result<Outcome> {
+pub fn print(frame: &Picked, options: &SessionOptions, json: bool) -> Result<Outcome> {
     let plan = Plan::with(&frame.curves, options)?;
     if json {
-        output::json(&json!({ "model": path, "frame": frame.number, "plan": plan }));
+        output::json(&json!({ "model": frame.model, "frame": frame.number, "plan": plan }));
         return Ok(Outcome::Fine);
     }
     output::line(&frame.name);
@@ -47,15 +46,13 @@ fn lines(plan: &Plan) -> Vec<String> {
         lines.push(images(found));
         stages.push(("images", found.predicted));
     }
-    let stages: Vec<String> = stages
+    let stages = stages
         .iter()
-        .map(|(stage, cost)| format!("{stage} {}", millis(cost.ms)))
-        .collect();
+        .map(|(stage, cost)| format!("{stage} {}", millis(cost.ms)));
+    let stages = stages.collect::<Vec<String>>().join(", ");
     let (all, alone) = (millis(plan.total.ms), millis(plan.total.one_thread_ms));
-    lines.push(format!(
-        "predicted: {all} ({alone} on one thread): {}",
-        stages.join(", ")
-    ));
+    let predicted = format!("predicted: {all} ({alone} on one thread): {stages}");
+    lines.push(predicted);
     lines
 }
 
@@ -79,10 +76,8 @@ fn potential_links(plan: &Plan) -> String {
         words += &format!(", {} skipped", plural(n, noun));
     }
     if plan.discarded > 0 {
-        words += &format!(
-            ", {} discarded by extents along diagonals",
-            count(plan.discarded)
-        );
+        let discarded = count(plan.discarded);
+        words += &format!(", {discarded} discarded by extents along diagonals");
     }
     words
 }
@@ -115,21 +110,20 @@ fn kernel(plan: &Plan) -> String {
             format!("the CPU, {} of {threads} busy", plan.busy_threads)
         }
     };
-    format!(
-        "kernel: {first}crossings (exact) on {place}; {} expected, from {}",
+    let (tests, sampled) = (
         plural(plan.tests, "test"),
         plural(plan.sampled, "sampled link"),
-    )
+    );
+    format!("kernel: {first}crossings (exact) on {place}; {tests} expected, from {sampled}")
 }
 
 fn device(device: &DevicePlan) -> String {
     let times = match device.adapter_ms.zip(device.cpu_ms) {
-        Some((there, here)) => format!(
-            "{} there within a factor of {:.1}, {} on the CPU",
-            millis(there),
-            device.adapter_error_factor.unwrap_or(1.0),
-            millis(here),
-        ),
+        Some((there, here)) => {
+            let (there, here) = (millis(there), millis(here));
+            let factor = device.adapter_error_factor.unwrap_or(1.0);
+            format!("{there} there within a factor of {factor:.1}, {here} on the CPU")
+        }
         None if device.chosen => "not calibrated".into(),
         None => "splines are counted on the CPU".into(),
     };
@@ -138,30 +132,20 @@ fn device(device: &DevicePlan) -> String {
         Some(n) => format!("from {} on", plural(n, noun)),
         None => "never".to_owned(),
     };
-    format!(
-        "GPU: {}, {}, {times}; direct sums: {}, Barnes-Hut: {}",
-        device.adapter,
-        if device.chosen {
-            "chosen"
-        } else {
-            "not chosen"
-        },
-        from(device.direct_from, "segment pair"),
-        from(device.barnes_hut_from, "segment"),
-    )
+    let not = if device.chosen { "" } else { "not " };
+    let direct = from(device.direct_from, "segment pair");
+    let barnes_hut = from(device.barnes_hut_from, "segment");
+    let name = &device.adapter;
+    format!("GPU: {name}, {not}chosen, {times}; direct sums: {direct}, Barnes-Hut: {barnes_hut}")
 }
 
 fn images(images: &ImagePlan) -> String {
-    let mut words = format!(
-        "periodic images: {} of {} and their images",
-        plural(images.potential_links, "potential link"),
-        plural(images.curves, "curve"),
-    );
+    let links = plural(images.potential_links, "potential link");
+    let curves = plural(images.curves, "curve");
+    let mut words = format!("periodic images: {links} of {curves} and their images");
     if images.yarns > 0 {
-        words += &format!(
-            ", and {} with yarns (not predicted)",
-            plural(images.yarns, "pair")
-        );
+        let pairs = plural(images.yarns, "pair");
+        words += &format!(", and {pairs} with yarns (not predicted)");
     }
     words
 }

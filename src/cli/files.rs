@@ -31,47 +31,41 @@ impl Content {
     /// Returns an error text if the extension does not fit the content.
     fn refuse_extension(self, extension: &str) -> Option<&'static str> {
         const OTHERS: [&str; 7] = ["bcc", "obj", "vect", "npy", "npz", "mcap", "rrd"];
-        let (fits, why) = match self {
-            Content::Text => (
-                !OTHERS.contains(&extension),
-                "that is a model, a recording or a file of the viewer; the output is text",
-            ),
-            Content::Scene => (extension == "bcc", "scenes are written as .bcc"),
-            Content::Model => (true, ""),
-            Content::Recording => (
-                extension == "mcap",
-                "a recording is an .mcap file; --show writes a file for the viewer (.rrd)",
-            ),
-            Content::Viewer => (
-                extension == "rrd",
-                "a file for the viewer is an .rrd file; --record writes a recording (.mcap)",
-            ),
-        };
-        (!fits).then_some(why)
+        Some(match self {
+            Content::Text if OTHERS.contains(&extension) => {
+                "that is a model, a recording or a file of the viewer; the output is text"
+            }
+            Content::Scene if extension != "bcc" => "scenes are written as .bcc",
+            Content::Recording if extension != "mcap" => {
+                "a recording is an .mcap file; --show writes a file for the viewer (.rrd)"
+            }
+            Content::Viewer if extension != "rrd" => {
+                "a file for the viewer is an .rrd file; --record writes a recording (.mcap)"
+            }
+            _ => return None,
+        })
     }
 }
 
 /// All files of a command, checked one by one before its work starts.
 #[derive(Clone)]
 pub struct Files {
-    force: bool,
+    overwrite: Overwrite,
     /// Inputs and outputs, with their names for messages.
     known: Vec<(PathBuf, String)>,
 }
 
 impl Files {
     pub fn new(overwrite: Overwrite) -> Files {
-        Files {
-            force: overwrite.force,
-            known: Vec::new(),
-        }
+        let known = Vec::new();
+        Files { overwrite, known }
     }
 
     /// Returns true if [`Files::writes`] would not find another file under this name.
     pub fn is_free(&self, path: &Path) -> bool {
         let identity = resolve(path);
         let known = self.known.iter().any(|(known, _)| *known == identity);
-        !known && (self.force || std::fs::symlink_metadata(path).is_err())
+        !known && (self.overwrite.force || std::fs::symlink_metadata(path).is_err())
     }
 
     /// Registers inputs. They need not exist: a scene is not a file.
@@ -122,7 +116,7 @@ impl Files {
         if let Some((_, other)) = self.known.iter().find(|(known, _)| *known == identity) {
             return refuse(&format!("the same file as {other}"));
         }
-        if found.is_ok() && !self.force {
+        if found.is_ok() && !self.overwrite.force {
             return refuse("the file exists; --force overwrites it");
         }
         if content == Content::Recording
@@ -166,17 +160,17 @@ pub fn write_whole(
     // A symbolic link is kept: the file that it names is replaced.
     let file = resolve(path);
     let part = part_of(&file);
+    // The temporary file may not exist.
+    let remove = |_: &Error| drop(std::fs::remove_file(&part));
     let written = write(&part).map_err(|e| of_output(e, &part, path));
-    let removed = || {
-        // The temporary file may not exist.
-        std::fs::remove_file(&part).ok();
-    };
-    written.inspect_err(|_| removed())?;
-    check_still_free(path, &file, &part, overwrite)?;
-    let renamed = std::fs::rename(&part, &file);
-    renamed
-        .inspect_err(|_| removed())
-        .map_err(Error::file(path))
+    written.inspect_err(remove)?;
+    if file.exists() && !overwrite.force {
+        let kept = part.display();
+        let why = format!("another process created the file meanwhile; the output is in {kept}");
+        return Err(usage!("{}: {why}", path.display()));
+    }
+    let renamed = std::fs::rename(&part, &file).map_err(Error::file(path));
+    renamed.inspect_err(remove)
 }
 
 /// Names the output in an error that names the temporary file.
@@ -187,16 +181,6 @@ fn of_output(e: Error, part: &Path, path: &Path) -> Error {
         Error::InFile { path: of, source } if of == part => source.in_file(path),
         other => other,
     }
-}
-
-/// Fails if a file was created under the name of an output while that was written.
-fn check_still_free(path: &Path, file: &Path, part: &Path, overwrite: Overwrite) -> Result<()> {
-    if !file.exists() || overwrite.force {
-        return Ok(());
-    }
-    let kept = part.display();
-    let why = format!("another process created the file meanwhile; the output is in {kept}");
-    Err(usage!("{}: {why}", path.display()))
 }
 
 /// [`write_whole`] for a text.

@@ -1,14 +1,14 @@
 //! Frames of files for commands that consider each frame alone: the option `--frame`.
 
-use super::Outcome;
 use super::cell_args::{CellArgs, Cells};
 use super::input::{self, FileFrames, FormatArgs};
+use super::{Outcome, output};
 use crate::verdict::words_of_frame;
 use linkwatch::formats::ModelFrame;
-use linkwatch::{Cell, CurveSet, LeftOut, Result};
+use linkwatch::{Cell, CurveSet, Error, LeftOut, Result, period};
+use serde_json::{Value, json};
 use std::collections::VecDeque;
 use std::path::{Path, PathBuf};
-use std::str::FromStr;
 
 /// Models whose frames are considered one by one.
 #[derive(Clone, Debug, clap::Args)]
@@ -18,7 +18,10 @@ pub struct FrameArgs {
     models: Vec<PathBuf>,
     /// Frames of files with several: one by its number, those of a range of numbers (`3..9`, with
     /// both ends), `last` or `all` [default: all]
-    #[arg(long, help_heading = super::INPUT, value_name = "SEQ|FROM..TO|last|all")]
+    #[arg(
+        long, help_heading = super::INPUT, value_name = "SEQ|FROM..TO|last|all",
+        value_parser = selection
+    )]
     frame: Option<Selection>,
     #[command(flatten)]
     pub format: FormatArgs,
@@ -36,22 +39,17 @@ pub enum Selection {
     Numbers(u64, u64),
 }
 
-impl FromStr for Selection {
-    type Err = &'static str;
-
-    fn from_str(text: &str) -> Result<Selection, Self::Err> {
-        const EXPECTED: &str = "expected the number of a frame (28), a range of numbers from low \
-                                to high (3..9), `last` or `all`";
-        match text {
-            "all" => return Ok(Selection::All),
-            "last" => return Ok(Selection::Last),
-            _ => {}
-        }
-        let (from, to) = text.split_once("..").unwrap_or((text, text));
-        match (from.trim().parse(), to.trim().parse()) {
-            (Ok(from), Ok(to)) if from <= to => Ok(Selection::Numbers(from, to)),
-            _ => Err(EXPECTED),
-        }
+/// Parses the frames to take.
+fn selection(text: &str) -> Result<Selection, &'static str> {
+    let (from, to) = text.split_once("..").unwrap_or((text, text));
+    match (text, from.trim().parse(), to.trim().parse()) {
+        ("all", ..) => Ok(Selection::All),
+        ("last", ..) => Ok(Selection::Last),
+        (_, Ok(from), Ok(to)) if from <= to => Ok(Selection::Numbers(from, to)),
+        _ => Err(
+            "expected the number of a frame (28), a range of numbers from low to high \
+                  (3..9), `last` or `all`",
+        ),
     }
 }
 
@@ -63,17 +61,19 @@ impl FrameArgs {
 
     /// Opens each model, and calls `run` for the frames that are chosen. Returns the worst outcome.
     /// A model that fails does not keep the others from their results: the first error is returned,
-    /// and others are logged.
+    /// and others are logged. `single` is the option that takes one frame of a model, if there is
+    /// one.
     pub fn for_each(
         &self,
         models: &[PathBuf],
-        mut run: impl FnMut(&Path, Selected) -> Result<Outcome>,
+        single: Option<&str>,
+        mut run: impl FnMut(Picked) -> Result<Outcome>,
     ) -> Result<Outcome> {
         let mut outcome = Outcome::Fine;
         let mut failed = None;
         for model in models {
-            let selected = Selected::open(model, self);
-            match selected.and_then(|frames| run(model, frames)) {
+            let selected = Selected::open(model, self, single);
+            match selected.and_then(|frames| frames.each(&mut run)) {
                 Ok(of_model) => outcome = outcome.max(of_model),
                 Err(e) if failed.is_none() => failed = Some(e),
                 Err(e) => tracing::error!("{e}"),
@@ -85,6 +85,8 @@ impl FrameArgs {
 
 /// A frame of an argument, with the curves and the cell that the user chose.
 pub struct Picked {
+    /// The argument.
+    pub model: PathBuf,
     /// The argument; with the number and the time of the frame, if several frames are read or this
     /// one was chosen.
     pub name: String,
@@ -103,11 +105,34 @@ pub struct Picked {
     pub joined: usize,
     /// True for the first frame of the argument, with which the user is warned of the scene.
     pub is_first: bool,
+    /// True if several frames of the argument are chosen.
+    pub several: bool,
+}
+
+impl Picked {
+    /// Prints results about the frame as one line of JSON.
+    pub fn print_json(&self, results: Value) {
+        let model = self.model.to_string_lossy();
+        let frame = json!({ "model": model, "frame": self.number, "time": self.time });
+        output::json(&output::joined(&frame, results));
+    }
+
+    /// Returns the first curve that runs through the periodic cell, if one does.
+    pub fn yarn(&self) -> Option<usize> {
+        let (set, cell) = (&self.curves, self.cell.as_ref()?);
+        (0..set.len()).find(|&i| period(set, i, cell).is_some())
+    }
+
+    /// Returns the error of a frame without closed curves.
+    pub fn nothing_closed(&self) -> Error {
+        let (curves, yarns) = (self.curves.len(), 0);
+        Error::NothingClosed { curves, yarns }
+    }
 }
 
 /// The chosen frames of an argument: a model file, a recording, or a scene. They are read one by
 /// one; memory holds two of them.
-pub struct Selected {
+struct Selected {
     path: PathBuf,
     selection: Selection,
     frames: FileFrames,
@@ -120,7 +145,7 @@ pub struct Selected {
     /// True if the file may have several frames.
     numbered: bool,
     /// True if several frames are chosen.
-    pub several: bool,
+    several: bool,
     /// Elements that were not read, of which the user knows.
     left_out: Vec<LeftOut>,
     /// Decides for all frames which curves are closed.
@@ -129,8 +154,9 @@ pub struct Selected {
 
 impl Selected {
     /// Opens a model file if the argument has the extension of one or names an existing file.
-    /// Otherwise builds the scene that the argument describes.
-    fn open(argument: &Path, args: &FrameArgs) -> Result<Selected> {
+    /// Otherwise builds the scene that the argument describes. Fails if several frames are chosen
+    /// and the option `single` takes one.
+    fn open(argument: &Path, args: &FrameArgs, single: Option<&str>) -> Result<Selected> {
         let (cells, selection) = (args.cell_args, args.frame.unwrap_or_default());
         let format = args.format.wrapped(cells.wrapped.is_some());
         let mut selected = Selected {
@@ -162,17 +188,12 @@ impl Selected {
             return Err(usage!("{}: {what}", argument.display()));
         }
         selected.several = selected.ahead.len() > 1;
-        Ok(selected)
-    }
-
-    /// Fails if several frames are chosen. `what` names the option that takes one.
-    pub fn check_one(&self, what: &str) -> Result<()> {
-        match self.several {
-            false => Ok(()),
-            true => Err(usage!(
-                "{}: the file has several frames, and {what} takes one: choose it with --frame",
-                self.path.display()
+        match single {
+            Some(option) if selected.several => Err(usage!(
+                "{}: the file has several frames, and {option} takes one: choose it with --frame",
+                argument.display()
             )),
+            _ => Ok(selected),
         }
     }
 
@@ -182,8 +203,8 @@ impl Selected {
     /// # Errors
     ///
     /// No chosen frame is valid, and those of `run`.
-    pub fn each(mut self, mut run: impl FnMut(Picked) -> Result<Outcome>) -> Result<Outcome> {
-        let (mut outcome, mut valid, mut is_first) = (Outcome::Fine, false, true);
+    fn each(mut self, run: &mut impl FnMut(Picked) -> Result<Outcome>) -> Result<Outcome> {
+        let (mut outcome, mut valid) = (Outcome::Fine, false);
         while let Some(frame) = self.ahead.pop_front().or_else(|| self.read()) {
             let frame = match frame {
                 Ok(frame) => frame,
@@ -196,10 +217,10 @@ impl Selected {
                 Err(e) => return Err(e),
             };
             let name = self.name(&frame);
-            match self.pick(frame, is_first) {
+            match self.pick(frame, !valid) {
                 Ok(picked) => {
-                    (valid, is_first) = (true, false);
-                    outcome = outcome.max(input::outcome_without(&picked.left_out));
+                    valid = true;
+                    outcome = outcome.max(Outcome::undecided_if(!picked.left_out.is_empty()));
                     outcome = outcome.max(run(picked)?);
                 }
                 Err(e) if !self.several => return Err(e.in_file(&self.path)),
@@ -235,10 +256,8 @@ impl Selected {
         if !std::mem::replace(&mut self.ended, true)
             && let (Selection::Numbers(_, to), Some(last)) = (self.selection, self.last)
         {
-            tracing::warn!(
-                "{}: no frame {to}: the last one is {last}",
-                self.path.display()
-            );
+            let path = self.path.display();
+            tracing::warn!("{path}: no frame {to}: the last one is {last}");
         }
         None
     }
@@ -267,13 +286,11 @@ impl Selected {
 
     fn name(&self, frame: &ModelFrame) -> String {
         let path = self.path.display();
-        match self.several || self.numbered && self.selection != Selection::All {
-            true => format!(
-                "{path}, {}",
-                words_of_frame(frame.info.seq, frame.info.time)
-            ),
-            false => path.to_string(),
+        if !self.several && (!self.numbered || self.selection == Selection::All) {
+            return path.to_string();
         }
+        let words = words_of_frame(frame.info.seq, frame.info.time);
+        format!("{path}, {words}")
     }
 
     /// Returns a frame with the cell that the user chose, and unwrapped curves.
@@ -291,6 +308,7 @@ impl Selected {
             set.check_whole(cell)?;
         }
         Ok(Picked {
+            model: self.path.clone(),
             name,
             curves: unwrapped.unwrap_or(set),
             radii: frame.info.labels.radii.clone(),
@@ -300,6 +318,7 @@ impl Selected {
             left_out,
             joined: self.cells.joined(),
             is_first,
+            several: self.several,
         })
     }
 }
@@ -316,10 +335,10 @@ mod tests {
             ("28", Selection::Numbers(28, 28)),
             ("3..9", Selection::Numbers(3, 9)),
         ] {
-            assert_eq!(text.parse(), Ok(expected));
+            assert_eq!(selection(text), Ok(expected));
         }
         for bad in ["", "first", "9..3", "1..", "-1", "1.5"] {
-            assert!(bad.parse::<Selection>().is_err(), "{bad}");
+            assert!(selection(bad).is_err(), "{bad}");
         }
     }
 }

@@ -11,7 +11,6 @@ use linkwatch::scenes::{KINDS, Motion, MotionKind, MovingScene, Scene};
 use linkwatch::{CurveSet, Error, Result, formats};
 use serde_json::json;
 use std::path::{Path, PathBuf};
-use std::str::FromStr;
 use std::time::Instant;
 
 /// Generate a scene of any size, with its exact certificate
@@ -41,7 +40,7 @@ pub struct Args {
     /// diameter: of the yarn, in units of the scene (that of the scene, if it has one); pull=SEQ:
     /// from this frame on, the two nearest curves that pass crosswise are pulled through one
     /// another
-    #[arg(long, value_name = "N[,..]", requires = "scene")]
+    #[arg(long, value_name = "N[,..]", requires = "scene", value_parser = moving)]
     frames: Option<Moving>,
     #[command(flatten)]
     overwrite: Overwrite,
@@ -55,12 +54,10 @@ pub fn run(args: &Args, as_json: bool) -> Result<Outcome> {
     };
     let mut files = Files::new(args.overwrite);
     let (moving, content) = match &args.frames {
-        Some(frames) => (
-            Some((frames.of(scene)?, frame_format(path)?)),
-            Content::Model,
-        ),
+        Some(frames) => (Some(frames.of(scene)?), Content::Model),
         None => (None, Content::Scene),
     };
+    let format = moving.as_ref().map(|_| frame_format(path)).transpose()?;
     files.writes("-o", [path], content)?;
     files.writes("--certificate", &args.certificate, Content::Text)?;
     let start = Instant::now();
@@ -71,11 +68,13 @@ pub fn run(args: &Args, as_json: bool) -> Result<Outcome> {
     }
     let (sizes, basis) = ([curves.len(), curves.segments()], curves.basis());
     let sizes = sizes.map(|n| n as u64);
-    write_whole(path, args.overwrite, |part| match &moving {
-        Some((moving, format)) => write_frames(part, *format, moving, curves),
-        None => formats::write_bcc(part, &curves),
+    write_whole(path, args.overwrite, |part| {
+        match moving.as_ref().zip(format) {
+            Some((moving, format)) => write_frames(part, format, moving, curves),
+            None => formats::write_bcc(part, &curves),
+        }
     })?;
-    let frames = moving.map(|(moving, _)| moving.frames);
+    let frames = moving.map(|moving| moving.frames);
     tracing::info!(
         "{}: wrote {}{} of {}, {} ({})",
         path.display(),
@@ -115,35 +114,32 @@ struct Moving {
     pull: Option<u64>,
 }
 
-impl FromStr for Moving {
-    type Err = String;
-
-    fn from_str(text: &str) -> std::result::Result<Moving, String> {
-        let (frames, settings) = split(text, &["motion", "amplitude", "diameter", "pull"])?;
-        let frames = match frames.parse() {
-            Ok(frames) if frames > 0 => frames,
-            _ => return Err("expected a number of frames, at least 1".into()),
-        };
-        let mut moving = Moving {
-            frames,
-            motion: MotionKind::Smooth.into(),
-            amplitude: 0.05,
-            diameter: None,
-            pull: None,
-        };
-        for (key, value) in settings {
-            match key {
-                "motion" => moving.motion = value.parse().map_err(|e: Error| e.to_string())?,
-                "amplitude" => moving.amplitude = named(key, not_negative(value))?,
-                "diameter" => moving.diameter = Some(named(key, positive(value))?),
-                _ => match value.parse() {
-                    Ok(pull) if (1..frames).contains(&pull) => moving.pull = Some(pull),
-                    _ => return Err(format!("pull: expected a frame from 1 to {}", frames - 1)),
-                },
-            }
+/// Parses a number of frames, and the settings of the motion.
+fn moving(text: &str) -> Result<Moving, String> {
+    let (frames, settings) = split(text, &["motion", "amplitude", "diameter", "pull"])?;
+    let frames = match frames.parse() {
+        Ok(frames) if frames > 0 => frames,
+        _ => return Err("expected a number of frames, at least 1".into()),
+    };
+    let mut moving = Moving {
+        frames,
+        motion: MotionKind::Smooth.into(),
+        amplitude: 0.05,
+        diameter: None,
+        pull: None,
+    };
+    for (key, value) in settings {
+        match key {
+            "motion" => moving.motion = value.parse().map_err(|e: Error| e.to_string())?,
+            "amplitude" => moving.amplitude = named(key, not_negative(value))?,
+            "diameter" => moving.diameter = Some(named(key, positive(value))?),
+            _ => match value.parse() {
+                Ok(pull) if (1..frames).contains(&pull) => moving.pull = Some(pull),
+                _ => return Err(format!("pull: expected a frame from 1 to {}", frames - 1)),
+            },
         }
-        Ok(moving)
     }
+    Ok(moving)
 }
 
 impl Moving {

@@ -1,7 +1,7 @@
 //! Curves of arguments: model files, folders and patterns of them, recordings, generated scenes.
 
+use super::order;
 use super::recorded::Recorded;
-use super::{Outcome, order, output};
 use linkwatch::formats::{Frames, ModelFrame, ReadOptions};
 use linkwatch::scenes::Scene;
 use linkwatch::{CurveSet, Error, LeftOut, RecordingReader, Result, formats};
@@ -66,18 +66,15 @@ impl FormatArgs {
     }
 }
 
-/// Returns the best possible outcome for curves without these elements of their file.
-pub fn outcome_without(left_out: &[LeftOut]) -> Outcome {
-    Outcome::undecided_if(!left_out.is_empty())
-}
-
 /// Warns of elements of a file that were not read, once for each kind. `known` has the kinds that
 /// the user knows already.
 pub fn warn_of_new(file: &Path, known: &mut Vec<LeftOut>, found: &[LeftOut]) {
     let mut new = found.to_vec();
     new.retain(|found| known.iter().all(|known| known.kind != found.kind));
     LeftOut::merge(known, &new);
-    output::warn_of_left_out(file, &new);
+    if !new.is_empty() {
+        tracing::warn!("{}: {}", file.display(), LeftOut::sentence(&new));
+    }
 }
 
 /// Builds the scene that an argument describes.
@@ -111,11 +108,10 @@ pub fn expand(arguments: &[PathBuf], keep_order: bool) -> Result<Vec<PathBuf>> {
         }
     }
     if !keep_order && order::sort(&mut files) {
+        let [first, last] = [0, files.len() - 1].map(|k| files[k].display());
         tracing::warn!(
-            "models are sorted by the numbers in their names: {} .. {} (--keep-order keeps the \
-             given order)",
-            files[0].display(),
-            files[files.len() - 1].display(),
+            "models are sorted by the numbers in their names: {first} .. {last} (--keep-order \
+             keeps the given order)"
         );
     }
     Ok(files)
@@ -157,12 +153,11 @@ fn check_one_format(folder: &Path, models: &[PathBuf]) -> Result<()> {
     let mut pairs = models.array_windows::<2>();
     match pairs.find(|[a, b]| extension(a) != extension(b)) {
         None => Ok(()),
-        Some([a, b]) => Err(usage!(
-            "{}: models of several formats ({}, {}): give a pattern, or the files",
-            folder.display(),
-            a.display(),
-            b.display()
-        )),
+        Some([a, b]) => {
+            let [folder, a, b] = [folder, a, b].map(Path::display);
+            let what = format!("models of several formats ({a}, {b})");
+            Err(usage!("{folder}: {what}: give a pattern, or the files"))
+        }
     }
 }
 
@@ -217,10 +212,10 @@ pub fn check_recording(path: &Path) -> Result<()> {
     if !path.is_file() || is_recording(path)? {
         return Ok(());
     }
+    let path = path.display();
     Err(usage!(
-        "{0}: not a recording: `linkwatch check {0} --record RUN.mcap` verifies its frames and \
-         writes one",
-        path.display()
+        "{path}: not a recording: `linkwatch check {path} --record RUN.mcap` verifies its frames \
+         and writes one"
     ))
 }
 

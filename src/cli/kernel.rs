@@ -1,10 +1,9 @@
 //! The options `--kernel` and `--device` of `linkwatch certify`.
 
-use super::number::positive;
+use super::number::{one_or_more, positive};
 use super::settings::{named, split};
 use linkwatch::SessionOptions;
 use linkwatch::kernels::{Accuracy, Device, Method};
-use std::str::FromStr;
 
 /// Kernel that computes linking numbers, and its settings.
 #[derive(Clone, Debug, Default, clap::Args)]
@@ -18,7 +17,7 @@ pub struct KernelArgs {
     /// times their radii, and `,target=E` sums again if the published estimate of the error is
     /// above E; `fmm,order=P` sets the order of the expansions, 2 to 20. Without them the error
     /// bound decides
-    #[arg(long, value_name = "KERNEL[,..]", default_value = "auto")]
+    #[arg(long, value_name = "KERNEL[,..]", default_value = "auto", value_parser = kernel)]
     kernel: Kernel,
     /// Device that runs the kernel: auto, cpu, gpu, or the index or name of an adapter (`linkwatch
     /// devices`)
@@ -33,31 +32,28 @@ struct Kernel {
     accuracy: Accuracy,
 }
 
-impl FromStr for Kernel {
-    type Err = String;
-
-    fn from_str(text: &str) -> std::result::Result<Kernel, String> {
-        let (name, settings) = split(text, &["beta", "target", "order"])?;
-        let method: Method = name.parse().map_err(|e| format!("{e}"))?;
-        let mut accuracy = Accuracy::default();
-        for (key, value) in settings {
-            let of = match key {
-                "order" => Method::Fmm,
-                _ => Method::BarnesHut,
-            };
-            if method != of {
-                return Err(format!("{key} is a setting of {of}, not of {method}"));
-            }
-            match key {
-                "beta" => accuracy.beta = Some(named(key, beta(value))?),
-                "target" => accuracy.target = Some(named(key, positive(value))?),
-                _ => accuracy.order = Some(named(key, order(value))?),
-            }
+/// Parses the name of a kernel, and its settings.
+fn kernel(text: &str) -> Result<Kernel, String> {
+    let (name, settings) = split(text, &["beta", "target", "order"])?;
+    let method: Method = name.parse().map_err(|e| format!("{e}"))?;
+    let mut accuracy = Accuracy::default();
+    for (key, value) in settings {
+        let of = match key {
+            "order" => Method::Fmm,
+            _ => Method::BarnesHut,
+        };
+        if method != of {
+            return Err(format!("{key} is a setting of {of}, not of {method}"));
         }
-        match (accuracy.target, accuracy.beta) {
-            (Some(_), None) => Err("target needs beta".into()),
-            _ => Ok(Kernel { method, accuracy }),
+        match key {
+            "beta" => accuracy.beta = Some(named(key, one_or_more(value))?),
+            "target" => accuracy.target = Some(named(key, positive(value))?),
+            _ => accuracy.order = Some(named(key, order(value))?),
         }
+    }
+    match (accuracy.target, accuracy.beta) {
+        (Some(_), None) => Err("target needs beta".into()),
+        _ => Ok(Kernel { method, accuracy }),
     }
 }
 
@@ -78,14 +74,6 @@ impl KernelArgs {
     }
 }
 
-/// Parses the beta of Barnes-Hut.
-fn beta(text: &str) -> Result<f64, String> {
-    match text.parse() {
-        Ok(x) if f64::is_finite(x) && x >= 1.0 => Ok(x),
-        _ => Err("expected a number of at least 1".into()),
-    }
-}
-
 /// Parses the order of the fast multipole method.
 fn order(text: &str) -> Result<u32, String> {
     match text.parse() {
@@ -100,16 +88,13 @@ mod tests {
 
     #[test]
     fn settings_belong_to_their_kernel() {
-        let kernel: Kernel = "barnes-hut,beta=2,target=0.01".parse().unwrap();
-        assert_eq!(kernel.method, Method::BarnesHut);
+        let found = kernel("barnes-hut,beta=2,target=0.01").unwrap();
+        assert_eq!(found.method, Method::BarnesHut);
         assert_eq!(
-            (kernel.accuracy.beta, kernel.accuracy.target),
+            (found.accuracy.beta, found.accuracy.target),
             (Some(2.0), Some(0.01))
         );
-        assert_eq!(
-            "fmm,order=3".parse::<Kernel>().unwrap().accuracy.order,
-            Some(3)
-        );
+        assert_eq!(kernel("fmm,order=3").unwrap().accuracy.order, Some(3));
         for (bad, word) in [
             (
                 "auto,beta=2",
@@ -122,7 +107,7 @@ mod tests {
             ("barnes-hut,target=0.1", "target needs beta"),
             ("guess", "expected auto, crossings"),
         ] {
-            let error = bad.parse::<Kernel>().unwrap_err();
+            let error = kernel(bad).unwrap_err();
             assert!(error.contains(word), "{bad}: {error}");
         }
     }

@@ -1,7 +1,7 @@
 //! Status line on a terminal while frames arrive, and the label of the results of a session, if a
 //! watch has several in succession.
 
-use super::output;
+use super::{output, stream};
 use serde_json::Value;
 use std::cell::Cell;
 use std::fmt;
@@ -50,15 +50,14 @@ pub struct Live {
 impl Live {
     /// Replaces the status line, unless it was replaced less than [`EVERY`] ago.
     pub fn status(&self, text: impl fmt::Display) {
-        if output::console_on_stderr() && self.changed.get().is_none_or(|at| at.elapsed() >= EVERY)
-        {
+        if stream::is_terminal() && self.changed.get().is_none_or(|at| at.elapsed() >= EVERY) {
             self.changed.set(Some(Instant::now()));
-            output::status(format!("{}{text}", self.label));
+            stream::status(format!("{}{text}", self.label));
         }
     }
 
     /// Removes the status.
     pub fn clear(&self) {
-        output::status(String::new());
+        stream::status(String::new());
     }
 }

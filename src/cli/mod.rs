@@ -168,18 +168,15 @@ impl Outcome {
         match verdict {
             Verdict::Intact => Outcome::Fine,
             Verdict::Changed => Outcome::Changed,
-            Verdict::Contact | Verdict::Undecided | Verdict::Stale | Verdict::Rejected => {
-                Outcome::Undecided
-            }
+            _ => Outcome::Undecided,
         }
     }
 
     /// Returns the outcome of a run that is incomplete, or that has no finding.
     fn undecided_if(incomplete: bool) -> Outcome {
-        if incomplete {
-            Outcome::Undecided
-        } else {
-            Outcome::Fine
+        match incomplete {
+            true => Outcome::Undecided,
+            false => Outcome::Fine,
         }
     }
 
@@ -224,7 +221,9 @@ pub fn run_command(args: impl IntoIterator<Item = OsString>) -> u8 {
 }
 
 fn run(cli: &Cli) -> Result<Outcome> {
-    survive_file_size_limit()?;
+    // A write beyond `ulimit -f` then returns an error, instead of ending the process.
+    #[cfg(unix)]
+    signal_hook::flag::register(signal_hook::consts::SIGXFSZ, Arc::default())?;
     if let Some(n) = cli.threads {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(n.into());
         pool.build_global()
@@ -250,12 +249,4 @@ fn run(cli: &Cli) -> Result<Outcome> {
         Command::Completions(args) => completions::run(args),
         Command::Man => man::run(),
     }
-}
-
-/// Installs a handler for the signal that would end a process that writes beyond `ulimit -f`, so
-/// that the write returns an error instead.
-fn survive_file_size_limit() -> Result<()> {
-    #[cfg(unix)]
-    signal_hook::flag::register(signal_hook::consts::SIGXFSZ, Arc::default())?;
-    Ok(())
 }

@@ -2,12 +2,22 @@
 
 use std::time::Duration;
 
+/// Parses a number that fulfils a condition, which `expected` names.
+fn number(text: &str, expected: &str, fits: impl Fn(f64) -> bool) -> Result<f64, String> {
+    match text.parse() {
+        Ok(x) if f64::is_finite(x) && fits(x) => Ok(x),
+        _ => Err(format!("expected {expected}")),
+    }
+}
+
 /// Parses a number above 0.
 pub fn positive(text: &str) -> Result<f64, String> {
-    match text.parse() {
-        Ok(x) if f64::is_finite(x) && x > 0.0 => Ok(x),
-        _ => Err("expected a number above 0".into()),
-    }
+    number(text, "a number above 0", |x| x > 0.0)
+}
+
+/// Parses a number of at least 1.
+pub fn one_or_more(text: &str) -> Result<f64, String> {
+    number(text, "a number of at least 1", |x| x >= 1.0)
 }
 
 /// Parses an integer of at least 1.
@@ -18,10 +28,7 @@ pub fn at_least_one(text: &str) -> Result<std::num::NonZeroU64, String> {
 
 /// Parses a number of at least 0.
 pub fn not_negative(text: &str) -> Result<f64, String> {
-    match text.parse() {
-        Ok(x) if f64::is_finite(x) && x >= 0.0 => Ok(x),
-        _ => Err("expected a number of at least 0".into()),
-    }
+    number(text, "a number of at least 0", |x| x >= 0.0)
 }
 
 /// Parses a size in bytes: `1000000`, `500MB` or `2GiB`.

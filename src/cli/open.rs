@@ -3,10 +3,9 @@
 use super::Outcome;
 use super::frames::Picked;
 use super::measure::writhe::warn_of_bound;
-use super::output::{self, millis, plural};
+use super::output::{count, millis, plural};
 use linkwatch::{GaussIntegrals, Result};
 use serde_json::json;
-use std::path::Path;
 use std::time::Instant;
 
 /// Prints `i,j,integral,bound` for every pair of curves of a set. None is rounded to an integer.
@@ -14,7 +13,6 @@ use std::time::Instant;
 /// Pairs whose integral is below `least` in size, even with its bound, are skipped.
 /// A line with the name of the frame comes first if it is `titled`.
 pub fn print(
-    path: &Path,
     frame: &Picked,
     (tolerance, least): (f64, f64),
     titled: bool,
@@ -40,10 +38,8 @@ pub fn print(
             }
             printed += 1;
             if as_json {
-                output::json(&json!({
-                    "model": path, "frame": frame.number, "time": frame.time, "i": i, "j": j,
-                    "integral": found.value, "bound": found.bound,
-                }));
+                let (integral, bound) = (found.value, found.bound);
+                frame.print_json(json!({ "i": i, "j": j, "integral": integral, "bound": bound }));
             } else {
                 let (value, bound) = (found.value, found.bound);
                 out!("{i},{j},{value:.12},{bound:.1e}");
@@ -51,12 +47,9 @@ pub fn print(
         }
     }
     let pairs = set.len() * set.len().saturating_sub(1) / 2;
-    tracing::info!(
-        "{name}: {}, {} of them printed ({})",
-        plural(pairs, "linking integral"),
-        output::count(printed),
-        millis(start.elapsed()),
-    );
+    let (integrals, printed) = (plural(pairs, "linking integral"), count(printed));
+    let took = millis(start.elapsed());
+    tracing::info!("{name}: {integrals}, {printed} of them printed ({took})");
     let Some((i, j, found)) = worst else {
         return Ok(Outcome::Fine);
     };

@@ -2,9 +2,8 @@
 
 use super::stream::{self, Lost, Target};
 pub use crate::words::{count, millis, percent, plural, plural_of};
-use linkwatch::{Cell, CurveSet, Events, LeftOut, Progress, Stats, Unwrap};
+use linkwatch::{Events, Progress, Stats};
 use std::io::{self, Write};
-use std::path::Path;
 use std::sync::Arc;
 use std::sync::mpsc;
 use std::time::{Duration, Instant};
@@ -28,7 +27,7 @@ pub fn init(quiet: bool, verbose: bool) {
     tracing_subscriber::fmt()
         .with_env_filter(filter)
         .with_writer(|| Log)
-        .with_ansi(console_on_stderr())
+        .with_ansi(stream::is_terminal())
         .without_time()
         .with_target(false)
         .init();
@@ -72,11 +71,6 @@ pub fn listed(indent: &str, lines: &[String], most: usize) -> Vec<String> {
     listed
 }
 
-/// Writes the first `most` lines to stdout, indented, and the number of the others.
-pub fn first_lines(indent: &str, lines: &[String], most: usize) {
-    listed(indent, lines, most).iter().for_each(line);
-}
-
 /// Writes a value as one line of JSON to stdout.
 pub fn json(value: &serde_json::Value) {
     stream::put(Target::Out, format!("{value}\n").into_bytes());
@@ -96,16 +90,6 @@ pub fn error(e: impl std::fmt::Display) {
     stream::put(Target::Err, with_dashes(&format!("error: {e}\n")));
 }
 
-/// Limits how long a line may block on stdout or stderr from now on.
-pub fn detach(overflow: linkwatch::Overflow) -> linkwatch::Result<()> {
-    Ok(stream::detach(overflow)?)
-}
-
-/// Replaces the status line below the results, on a terminal.
-pub fn status(text: String) {
-    stream::status(text);
-}
-
 /// Writes the pending text. Returns false, and reports it, if results were lost.
 pub fn finish() -> bool {
     stream::status(String::new());
@@ -121,7 +105,7 @@ pub fn finish() -> bool {
 /// Runs `work`, with its progress on the status line of the terminal if it takes longer than
 /// [`INTERVAL`].
 pub fn with_progress<T>(what: &str, progress: Arc<Progress>, work: impl FnOnce() -> T) -> T {
-    if !console_on_stderr() {
+    if !stream::is_terminal() {
         return work();
     }
     let (done, ended) = mpsc::channel::<()>();
@@ -129,9 +113,9 @@ pub fn with_progress<T>(what: &str, progress: Arc<Progress>, work: impl FnOnce()
         scope.spawn(move || {
             let start = Instant::now();
             while ended.recv_timeout(INTERVAL) == Err(mpsc::RecvTimeoutError::Timeout) {
-                status(format!("{what}: {}", words_of(&progress, start)));
+                stream::status(format!("{what}: {}", words_of(&progress, start)));
             }
-            status(String::new());
+            stream::status(String::new());
         });
         let result = work();
         // The thread removes the status line and ends.
@@ -148,18 +132,6 @@ pub fn words_of(progress: &Progress, start: Instant) -> String {
         _ => format!("{} of {}", count(done), plural(total, "pair")),
     };
     format!("{work} in {:.0} s", start.elapsed().as_secs_f64())
-}
-
-/// Returns true if stderr is a terminal.
-pub fn console_on_stderr() -> bool {
-    stream::is_terminal()
-}
-
-/// Warns of elements of a file that were not read, if there are any.
-pub fn warn_of_left_out(file: &Path, left_out: &[LeftOut]) {
-    if !left_out.is_empty() {
-        tracing::warn!("{}: {}", file.display(), LeftOut::sentence(left_out));
-    }
 }
 
 /// Warns of open curves. `events` is the setting for pull-throughs, if the command sees several
@@ -206,30 +178,5 @@ pub fn tell_of_yarns(name: &str, yarns: usize, events: Option<Events>) {
             tracing::warn!("{words}; `check` and `watch` verify their pull-throughs")
         }
         _ => tracing::info!("{words}"),
-    }
-}
-
-/// Warns of segments that span more than half of the scene, as wrapped curves of a periodic box do.
-pub fn warn_of_long_segment(name: &str, curves: &CurveSet) {
-    let Some(long) = curves.long_segment() else {
-        return;
-    };
-    let others = match long.count {
-        1 => String::new(),
-        n => format!(", and so do {}", plural_of(n - 1, "other", "others")),
-    };
-    tracing::warn!(
-        "{name}: {long}{others}; if the box is periodic and the coordinates are wrapped into it, \
-         links across its boundary are not detected: give --cell and --wrapped"
-    );
-}
-
-/// Warns if curves with a periodic cell look as if their coordinates were wrapped into it.
-pub fn warn_of_wrapped(name: &str, curves: &CurveSet, cell: &Cell) {
-    if let Err(why) = Unwrap::default().unwrap(curves, cell) {
-        tracing::warn!(
-            "{name}: {why}; if the coordinates are wrapped into the cell, give --wrapped: \
-             otherwise the curves are taken as they are"
-        );
     }
 }

@@ -2,7 +2,6 @@
 
 use linkwatch::Result;
 use std::fmt;
-use std::str::FromStr;
 
 /// Number of a frame, or a simulation time.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -12,18 +11,14 @@ pub enum Bound {
     Time(f64),
 }
 
-impl FromStr for Bound {
-    type Err = &'static str;
-
-    fn from_str(text: &str) -> std::result::Result<Self, Self::Err> {
-        let parsed = match text.strip_suffix('s') {
-            Some(seconds) => seconds.trim_end().parse().ok().map(Bound::Time),
-            None => text.parse().ok().map(Bound::Seq),
-        };
-        parsed
-            .filter(|bound| !matches!(bound, Bound::Time(t) if !t.is_finite()))
-            .ok_or("expected the number of a frame (28), or a simulation time in seconds (1.5s)")
-    }
+/// Parses the number of a frame, or a simulation time.
+fn bound(text: &str) -> Result<Bound, &'static str> {
+    let parsed = match text.strip_suffix('s') {
+        Some(seconds) => seconds.trim_end().parse().ok().map(Bound::Time),
+        None => text.parse().ok().map(Bound::Seq),
+    };
+    let valid = parsed.filter(|bound| !matches!(bound, Bound::Time(t) if !t.is_finite()));
+    valid.ok_or("expected the number of a frame (28), or a simulation time in seconds (1.5s)")
 }
 
 impl fmt::Display for Bound {
@@ -39,10 +34,10 @@ impl fmt::Display for Bound {
 #[derive(Clone, Copy, Debug, Default, clap::Args)]
 pub struct Range {
     /// Begin with this frame: its number, or a simulation time in seconds (`1.5s`)
-    #[arg(long, value_name = "SEQ|TIME", allow_negative_numbers = true)]
+    #[arg(long, value_name = "SEQ|TIME", allow_negative_numbers = true, value_parser = bound)]
     pub from: Option<Bound>,
     /// End with this frame: its number, or a simulation time in seconds (`2s`)
-    #[arg(long, value_name = "SEQ|TIME", allow_negative_numbers = true)]
+    #[arg(long, value_name = "SEQ|TIME", allow_negative_numbers = true, value_parser = bound)]
     pub to: Option<Bound>,
 }
 
@@ -89,19 +84,19 @@ mod tests {
 
     #[test]
     fn bounds_are_numbers_of_frames_or_times_in_seconds() {
-        assert_eq!("28".parse(), Ok(Bound::Seq(28)));
-        assert_eq!("1.5s".parse(), Ok(Bound::Time(1.5)));
-        assert_eq!("-2 s".parse(), Ok(Bound::Time(-2.0)));
+        assert_eq!(bound("28"), Ok(Bound::Seq(28)));
+        assert_eq!(bound("1.5s"), Ok(Bound::Time(1.5)));
+        assert_eq!(bound("-2 s"), Ok(Bound::Time(-2.0)));
         for bad in ["", "s", "1.5", "-1", "nans", "infs", "1ms", "28f"] {
-            assert!(bad.parse::<Bound>().is_err(), "{bad}");
+            assert!(bound(bad).is_err(), "{bad}");
         }
     }
 
     #[test]
     fn a_range_has_both_of_its_bounds() {
         let range = |from: &str, to: &str| Range {
-            from: Some(from.parse().unwrap()),
-            to: Some(to.parse().unwrap()),
+            from: Some(bound(from).unwrap()),
+            to: Some(bound(to).unwrap()),
         };
         let numbers = range("2", "4");
         assert_eq!(

@@ -1,15 +1,11 @@
 //! Frames of a recording of linkwatch, for all commands that read files.
 
 use super::output::{count, plural};
+use super::source::Source;
 use crate::record::CUT_OFF;
 use linkwatch::formats::ModelFrame;
-use linkwatch::{
-    Ending, FrameInfo, RecordedFrame, RecordedItem, RecordedVerdict, RecordingReader, Result,
-    Verdict,
-};
-use std::fs::File;
-use std::io::BufReader;
-use std::path::{Path, PathBuf};
+use linkwatch::{Ending, FrameInfo, RecordedFrame, RecordedItem, RecordedVerdict, Result, Verdict};
+use std::path::Path;
 
 /// Frames of a recording with what the simulator told about them: cell, cuts, layout, names, radii
 /// and time step.
@@ -18,9 +14,8 @@ use std::path::{Path, PathBuf};
 /// curves does not continue the previous one, as after a cut.
 #[derive(Default)]
 pub struct Recorded {
-    path: PathBuf,
     /// `None` after the end, and after an error.
-    reader: Option<RecordingReader<BufReader<File>>>,
+    source: Option<Source>,
     /// True if a frame was read.
     begun: bool,
     /// Number of the last frame with curves, until its verdict is read.
@@ -37,8 +32,7 @@ impl Recorded {
     /// Opens a recording. Errors name the file.
     pub fn open(path: &Path) -> Result<Recorded> {
         Ok(Recorded {
-            reader: Some(RecordingReader::open(path).map_err(|e| e.in_file(path))?),
-            path: path.to_owned(),
+            source: Some(Source::new(path)?),
             ..Recorded::default()
         })
     }
@@ -83,12 +77,12 @@ impl Recorded {
 
     /// Returns the end of the recording, which is an error if it was cut off.
     fn end(&mut self) -> Option<Result<ModelFrame>> {
-        let reader = self.reader.take()?;
+        let Source { path, reader, .. } = self.source.take()?;
         if self.absent > 0 {
             tracing::warn!(
                 "{}: the curves of {} are not in the recording; frames after them are read as \
                  after a cut",
-                self.path.display(),
+                path.display(),
                 plural(self.absent, "frame"),
             );
         }
@@ -103,7 +97,7 @@ impl Recorded {
                 usage!("the recorded run has no end: {why}; all frames were read")
             }
         };
-        Some(Err(why.in_file(&self.path)))
+        Some(Err(why.in_file(path)))
     }
 }
 
@@ -112,7 +106,7 @@ impl Iterator for Recorded {
 
     fn next(&mut self) -> Option<Result<ModelFrame>> {
         loop {
-            match self.reader.as_mut()?.next_item() {
+            match self.source.as_mut()?.next() {
                 Ok(Some(RecordedItem::Frame(frame))) => return Some(Ok(self.frame(frame))),
                 Ok(Some(RecordedItem::Verdict(recorded))) => {
                     if let Some(rejected) = self.verdict(*recorded) {
@@ -125,8 +119,8 @@ impl Iterator for Recorded {
                 }
                 Ok(None) => return self.end(),
                 Err(e) => {
-                    self.reader = None;
-                    return Some(Err(e.in_file(&self.path)));
+                    self.source = None;
+                    return Some(Err(e));
                 }
             }
         }

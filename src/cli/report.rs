@@ -66,15 +66,12 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     } else {
         output::line(report.sentence());
     }
+    let drawn = plural(report.figures(), "violation");
     if let Some(path) = &page {
         let html = report.html();
         write_text(path, args.overwrite, &html)?;
-        tracing::info!(
-            "{}: {} kB, pictures of {}",
-            path.display(),
-            count((html.len() as u64).div_ceil(1000)),
-            plural(report.figures(), "violation"),
-        );
+        let size = count(html.len().div_ceil(1000));
+        tracing::info!("{}: {size} kB, pictures of {drawn}", path.display());
     }
     if let Some(folder) = &args.svg {
         std::fs::create_dir_all(folder).map_err(Error::file(folder))?;
@@ -82,7 +79,6 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
             let path = folder.join(format!("violation-{}.svg", k + 1));
             write_text(&path, args.overwrite, &picture)?;
         }
-        let drawn = plural(report.figures(), "violation");
         tracing::info!("{}: pictures of {drawn}", folder.display());
     }
     Ok(match report.conclusion() {

@@ -15,7 +15,7 @@ use std::sync::Arc;
 #[derive(Default)]
 pub struct Sequence {
     args: FormatArgs,
-    files: std::vec::IntoIter<PathBuf>,
+    files: VecDeque<PathBuf>,
     /// True if there is one file, whose frames keep their numbers.
     single: bool,
     /// True if all files are one motion.
@@ -36,8 +36,6 @@ pub struct Sequence {
 struct File {
     path: PathBuf,
     frames: FileFrames,
-    /// Frames that were read ahead.
-    ahead: VecDeque<Result<ModelFrame>>,
     /// True until its first frame was taken, if that begins a run.
     begins_run: bool,
     /// Cuts and layout of its last valid frame.
@@ -72,7 +70,7 @@ impl Sequence {
             args: args.clone(),
             single: files.len() == 1,
             one_motion,
-            files: files.into_iter(),
+            files: files.into(),
             ..Sequence::default()
         }
     }
@@ -80,17 +78,14 @@ impl Sequence {
     /// Opens the next file. Its first two frames show if it has several.
     fn open(&mut self, path: PathBuf) -> Result<File> {
         let mut frames = input::open(&path, &self.args)?;
-        let ahead: VecDeque<_> = match self.single {
-            true => VecDeque::new(),
-            false => frames.by_ref().take(2).collect(),
-        };
+        let most_ahead = if self.single { 0 } else { 2 };
+        let ahead: Vec<_> = frames.by_ref().take(most_ahead).collect();
         let has_several = ahead.len() > 1;
         let begins_run = has_several && self.had_several && !self.one_motion;
         self.had_several |= has_several;
         Ok(File {
             path,
-            frames,
-            ahead,
+            frames: Box::new(ahead.into_iter().chain(frames)),
             begins_run,
             told: None,
         })
@@ -101,7 +96,7 @@ impl Sequence {
         loop {
             if let Some(file) = &mut self.current {
                 let begins_run = std::mem::take(&mut file.begins_run);
-                if let Some(frame) = file.ahead.pop_front().or_else(|| file.frames.next()) {
+                if let Some(frame) = file.frames.next() {
                     return Some(match frame {
                         Ok(frame) => Ok((file.path.clone(), frame, begins_run)),
                         Err(Error::InFile { path, source }) => {
@@ -112,7 +107,7 @@ impl Sequence {
                 }
                 self.current = None;
             }
-            let path = self.files.next()?;
+            let path = self.files.pop_front()?;
             match self.open(path) {
                 Ok(file) => {
                     self.current = Some(file);
@@ -140,16 +135,10 @@ impl Sequence {
     fn with_unknown(&mut self, path: PathBuf) -> PathBuf {
         let mut all = path.into_os_string();
         let is_unknown =
-            |path: &PathBuf| matches!(Format::of(path), Err(Error::UnknownModel { .. }));
-        while let Some(next) = self
-            .files
-            .as_slice()
-            .first()
-            .filter(|next| is_unknown(next))
-        {
+            |path: &mut PathBuf| matches!(Format::of(path), Err(Error::UnknownModel { .. }));
+        while let Some(next) = self.files.pop_front_if(is_unknown) {
             all.push(" ");
             all.push(next);
-            self.files.next();
         }
         all.into()
     }
@@ -166,13 +155,10 @@ impl Sequence {
     /// Notes what is known about a valid frame. Named curves may change from frame to frame; radii
     /// alone do not, unless the simulator described its curves again: the first ones are kept.
     fn note(&mut self, curves: &CurveSet, info: &FrameInfo) {
-        let told = self
-            .current
-            .as_mut()
-            .and_then(|file| file.told.replace((info.cuts, info.layout)));
-        let (cut, described) = told.map_or((false, false), |(cuts, layout)| {
-            (cuts != info.cuts, layout != info.layout)
-        });
+        let now = (info.cuts, info.layout);
+        let told = self.current.as_mut().and_then(|f| f.told.replace(now));
+        let (cuts, layout) = told.unwrap_or(now);
+        let (cut, described) = (cuts != info.cuts, layout != info.layout);
         self.info.cuts = self.info.cuts.wrapping_add(u32::from(cut));
         self.info.time_step = info.time_step;
         let same_counts = curves.counts().eq(self.counts.iter().copied());

@@ -6,7 +6,7 @@ use crate::record::CUT_OFF;
 use crate::words::truncated;
 use linkwatch::{Ending, Error, RecordedItem, RecordingReader, Result};
 use std::fs::File;
-use std::io::{BufReader, Read, Seek};
+use std::io::BufReader;
 use std::path::{Path, PathBuf};
 
 /// A recording, whose errors name the file.
@@ -19,8 +19,14 @@ pub struct Source {
 }
 
 impl Source {
+    /// Opens a recording, with a hint for an MCAP file of another program.
     pub fn open(path: &Path) -> Result<Source> {
         input::check_recording(path)?;
+        Source::new(path)
+    }
+
+    /// Opens a file that is taken for a recording.
+    pub fn new(path: &Path) -> Result<Source> {
         Ok(Source {
             path: path.into(),
             reader: RecordingReader::open(path).map_err(|e| e.in_file(path))?,
@@ -47,13 +53,13 @@ impl Source {
         let skipped = frames.position(|f| !range.is_after(f.seq, f.time));
         let Some(skipped) = skipped else {
             // At the end of the file. A last verdict may have no frame.
-            let last = outline.frames.last();
-            if let Some(last) = last {
-                let what = "no frame in this range; the last one of the recording is frame";
-                tracing::warn!("{}: {what} {}", self.path.display(), last.seq);
-                self.reader.go_to(last).map_err(in_file)?;
-            }
-            return Ok(last.map(|_| outline.frames.len() - 1));
+            let Some(last) = outline.frames.last() else {
+                return Ok(None);
+            };
+            let what = "no frame in this range; the last one of the recording is frame";
+            tracing::warn!("{}: {what} {}", self.path.display(), last.seq);
+            self.reader.go_to(last).map_err(in_file)?;
+            return Ok(Some(outline.frames.len() - 1));
         };
         let mut start = &outline.frames[skipped];
         let mut verdicts = outline.verdicts.iter();
@@ -69,18 +75,16 @@ impl Source {
 
 /// Warns of a recording that was cut off, and of one of a run without an end, once it was read.
 /// Returns true if it is one.
-pub fn warn_of_cut<R: Read + Seek>(path: &Path, reader: &RecordingReader<R>) -> bool {
-    let why = reader.metadata().get(CUT_OFF);
+pub fn warn_of_cut(source: &Source) -> bool {
+    let path = source.path.display();
+    let why = source.reader.metadata().get(CUT_OFF);
     if let Some(why) = why {
-        tracing::warn!("{}: the run has no end: {why}", path.display());
+        tracing::warn!("{path}: the run has no end: {why}");
     }
-    let Some(Ending::Cut { at, what }) = reader.ending() else {
+    let Some(Ending::Cut { at, what }) = source.reader.ending() else {
         return why.is_some();
     };
-    tracing::warn!(
-        "{}: {}; the complete frames were replayed",
-        path.display(),
-        truncated(*at, what),
-    );
+    let cut = truncated(*at, what);
+    tracing::warn!("{path}: {cut}; the complete frames were replayed");
     true
 }

@@ -31,6 +31,7 @@ pub enum Target {
 }
 
 /// Results that were lost, and the reason.
+#[derive(Clone, Default)]
 pub struct Lost {
     pub lines: u64,
     pub why: String,
@@ -67,8 +68,7 @@ struct State {
     /// `None` until the stream is detached.
     overflow: Option<Overflow>,
     patience: Duration,
-    lost: u64,
-    why: String,
+    lost: Lost,
     /// Status line of the terminal, and the one that it shows.
     status: String,
     shown: String,
@@ -227,10 +227,7 @@ impl Stream {
             state.waiting.clear();
             state.lose(lines, "no program reads it".to_owned());
         }
-        (state.lost > 0).then(|| Lost {
-            lines: state.lost,
-            why: state.why.clone(),
-        })
+        Some(state.lost.clone()).filter(|lost| lost.lines > 0)
     }
 }
 
@@ -255,8 +252,8 @@ impl State {
 
     fn lose(&mut self, lines: u64, why: String) {
         if lines > 0 {
-            self.lost += lines;
-            self.why = why;
+            self.lost.lines += lines;
+            self.lost.why = why;
         }
     }
 }

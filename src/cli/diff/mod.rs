@@ -3,12 +3,13 @@
 mod reports;
 mod runs;
 
-use self::runs::{FrameDiff, OnlyIn, RunDiff, diff_runs};
+use self::runs::{FrameDiff, RunDiff, diff_runs};
 use super::Outcome;
-use super::output::{self, count, plural};
-use linkwatch::{RecordingReader, Result};
+use super::output::{self, count, listed, plural};
+use super::source::Source;
+use linkwatch::Result;
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 /// Settings of a run that change its verdicts, by their names in the metadata of a recording.
 const RECORDED: [&str; 2] = ["events", "motion_limit"];
@@ -39,11 +40,9 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     if same[0].is_some() && same[0] == same[1] {
         return Err(usage!("{}: both are the same file", args.second.display()));
     }
-    let open = |path: &Path| RecordingReader::open(path).map_err(|e| e.in_file(path));
-    let [mut a, mut b] = [open(paths[0])?, open(paths[1])?];
-    let runs = [(paths[0], &mut a), (paths[1], &mut b)];
-    let diff = diff_runs(runs, args.by_time)?;
-    let settings = other_settings(a.metadata(), b.metadata());
+    let mut runs = [Source::new(paths[0])?, Source::new(paths[1])?];
+    let diff = diff_runs(&mut runs, args.by_time)?;
+    let settings = other_settings(runs.each_ref().map(|run| run.reader.metadata()));
     let names = paths.map(|path| path.display().to_string());
     if json {
         output::json(&serde_json::json!({
@@ -78,13 +77,12 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
 }
 
 /// Returns the settings that differ, in words.
-fn other_settings(a: &BTreeMap<String, String>, b: &BTreeMap<String, String>) -> Vec<String> {
-    let values = |name: &str| [a, b].map(|m| m.get(name).map_or("unknown", String::as_str));
-    let settings = RECORDED.map(|name| (name, values(name)));
-    let differing = settings.iter().filter(|(_, [a, b])| a != b);
-    differing
-        .map(|(name, [a, b])| format!("{name} is {a} in the first, {b} in the second"))
-        .collect()
+fn other_settings(runs: [&BTreeMap<String, String>; 2]) -> Vec<String> {
+    let differing = RECORDED.into_iter().filter_map(|name| {
+        let [a, b] = runs.map(|run| run.get(name).map_or("unknown", String::as_str));
+        (a != b).then(|| format!("{name} is {a} in the first, {b} in the second"))
+    });
+    differing.collect()
 }
 
 fn print(diff: &RunDiff, names: &[String; 2], by_time: bool) {
@@ -98,35 +96,24 @@ fn print(diff: &RunDiff, names: &[String; 2], by_time: bool) {
     if let Some(first) = &diff.first {
         print_frame(first, names);
     }
+    let frames = plural(curves.compared, "frame");
     match curves.first {
         _ if curves.compared == 0 => {}
-        None => out!(
-            "curves: the same bits in all {}",
-            plural(curves.compared, "frame")
-        ),
-        Some(seq) => out!(
-            "curves: the runs diverge at {}; {} of {} have the same bits",
-            frame(seq),
-            count(curves.equal),
-            plural(curves.compared, "frame")
-        ),
+        None => out!("curves: the same bits in all {frames}"),
+        Some(seq) => {
+            let (first, equal) = (frame(seq), count(curves.equal));
+            out!("curves: the runs diverge at {first}; {equal} of {frames} have the same bits");
+        }
     }
     for (name, only) in names.iter().zip(&diff.only) {
-        if let OnlyIn {
-            frames,
-            range: Some([from, to]),
-            ..
-        } = only
-        {
-            let frames = plural(*frames, "frame");
+        if let Some([from, to]) = only.range {
+            let frames = plural(only.frames, "frame");
             out!("only in {name}: {frames}, from {from} to {to}");
         }
     }
     if diff.without_verdict > 0 {
-        out!(
-            "not compared: {} without a verdict in one or both",
-            plural(diff.without_verdict, "frame")
-        );
+        let frames = plural(diff.without_verdict, "frame");
+        out!("not compared: {frames} without a verdict in one or both");
     }
     if compared == 0 && diff.without_verdict == 0 {
         let (what, advice) = match by_time {
@@ -144,7 +131,9 @@ fn print_frame(first: &FrameDiff, names: &[String; 2]) {
     for ((name, headline), only) in runs.zip(&first.difference.only) {
         out!("  {name}: {headline}");
         let only: Vec<String> = only.iter().map(|f| format!("only here: {f}")).collect();
-        output::first_lines("    ", &only, FINDINGS);
+        listed("    ", &only, FINDINGS)
+            .iter()
+            .for_each(output::line);
     }
 }
 

@@ -3,11 +3,10 @@
 //! Both recordings are read once, side by side; memory holds one frame of each.
 
 use super::reports::{ReportDifference, difference};
-use linkwatch::{Ending, RecordedFrame, RecordedItem, RecordingReader, Report, Result};
+use crate::cli::source::Source;
+use linkwatch::{Ending, RecordedFrame, RecordedItem, Report, Result};
 use serde::Serialize;
 use std::cmp::Ordering;
-use std::io::{Read, Seek};
-use std::path::Path;
 
 /// Largest difference of the times of one frame in two runs, relative to the time: sums of time
 /// steps round differently.
@@ -83,22 +82,13 @@ struct Entry {
 }
 
 /// Frames of a run, one by one.
-struct Run<'a, R> {
-    path: &'a Path,
-    reader: &'a mut RecordingReader<R>,
+struct Run<'a> {
+    source: &'a mut Source,
     /// Frame whose verdict was not read yet.
     waiting: Option<RecordedFrame>,
 }
 
-impl<'a, R: Read + Seek> Run<'a, R> {
-    fn new((path, reader): (&'a Path, &'a mut RecordingReader<R>)) -> Self {
-        Run {
-            path,
-            reader,
-            waiting: None,
-        }
-    }
-
+impl Run<'_> {
     fn next(&mut self) -> Result<Option<Entry>> {
         let alone = |frame: RecordedFrame| Entry {
             seq: frame.seq,
@@ -107,7 +97,7 @@ impl<'a, R: Read + Seek> Run<'a, R> {
             report: None,
         };
         loop {
-            let before = match self.reader.next_item().map_err(|e| e.in_file(self.path))? {
+            let before = match self.source.next()? {
                 Some(RecordedItem::Baseline(_)) => continue,
                 Some(RecordedItem::Frame(frame)) => self.waiting.replace(frame),
                 Some(RecordedItem::Verdict(recorded)) => {
@@ -140,12 +130,12 @@ fn same_time(a: f64, b: f64) -> bool {
 ///
 /// The errors of reading, with the path of the recording; [`Error::Usage`] if the runs have
 /// different numbers of curves, so that their findings are about other curves.
-pub fn diff_runs<R: Read + Seek>(
-    runs: [(&Path, &mut RecordingReader<R>); 2],
-    by_time: bool,
-) -> Result<RunDiff> {
+pub fn diff_runs(runs: &mut [Source; 2], by_time: bool) -> Result<RunDiff> {
     let mut diff = RunDiff::default();
-    let [mut first, mut second] = runs.map(Run::new);
+    let [mut first, mut second] = runs.each_mut().map(|source| Run {
+        source,
+        waiting: None,
+    });
     let (mut a, mut b) = (first.next()?, second.next()?);
     loop {
         let order = match (&a, &b) {
@@ -169,8 +159,8 @@ pub fn diff_runs<R: Read + Seek>(
             b = second.next()?;
         }
     }
-    let was_cut = |run: Run<'_, R>| matches!(run.reader.ending(), Some(Ending::Cut { .. }));
-    diff.cut = [first, second].map(was_cut);
+    let was_cut = |run: &Source| matches!(run.reader.ending(), Some(Ending::Cut { .. }));
+    diff.cut = runs.each_ref().map(was_cut);
     Ok(diff)
 }
 
@@ -205,11 +195,10 @@ impl RunDiff {
         let [m, n] = [p, q].map(|frame| frame.counts.len());
         // Curves that a simulator adds or removes later are a difference of the runs.
         if m != n && self.curves.compared == 0 {
+            let [p, q] = [p.seq, q.seq];
             return Err(usage!(
-                "the recordings are of different scenes: {m} curves in frame {} of the first, {n} \
-                 in frame {} of the second",
-                p.seq,
-                q.seq
+                "the recordings are of different scenes: {m} curves in frame {p} of the first, {n} \
+                 in frame {q} of the second"
             ));
         }
         self.curves.compared += 1;
@@ -226,12 +215,11 @@ impl RunDiff {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::path::PathBuf;
 
     fn diff(names: [&str; 2], by_time: bool) -> Result<RunDiff> {
-        let paths = names.map(|name| PathBuf::from(format!("recordings/{name}.mcap")));
-        let [mut a, mut b] = paths.each_ref().map(|p| RecordingReader::open(p).unwrap());
-        diff_runs([(&paths[0], &mut a), (&paths[1], &mut b)], by_time)
+        let paths = names.map(|name| format!("recordings/{name}.mcap"));
+        let mut runs = paths.map(|path| Source::new(path.as_ref()).unwrap());
+        diff_runs(&mut runs, by_time)
     }
 
     #[test]

@@ -4,7 +4,7 @@ use crate::cli::Outcome;
 use crate::cli::clearance_args::StrandRadius;
 use crate::cli::frames::{FrameArgs, Picked};
 use crate::cli::number::positive;
-use crate::cli::output::{self, percent, plural};
+use crate::cli::output::{self, listed, percent, plural};
 use linkwatch::{Error, MinRad, Result, Strut, Thickness, struts};
 use serde_json::{Value, json};
 
@@ -56,42 +56,33 @@ struct Measured {
 /// Runs the command.
 pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     let models = args.frames.models()?;
-    args.frames.for_each(&models, |path, frames| {
-        let several = frames.several;
-        frames.each(|frame| {
-            let measured = measure(&frame, args)?;
-            let head = json!({
-                "model": path.display().to_string(), "frame": frame.number, "time": frame.time,
-            });
-            match json {
-                true => output::json(&output::joined(&head, to_json(&measured, args))),
-                false => print(&frame.name, &measured, several, args),
-            }
-            Ok(Outcome::Fine)
-        })
+    args.frames.for_each(&models, None, |frame| {
+        let measured = measure(&frame, args)?;
+        match json {
+            true => frame.print_json(to_json(&measured, args)),
+            false => print(&frame, &measured, args),
+        }
+        Ok(Outcome::Fine)
     })
 }
 
 fn measure(frame: &Picked, args: &Args) -> Result<Measured> {
-    let (mut set, cell) = (&frame.curves, frame.cell.as_ref());
+    let (name, mut set, cell) = (&frame.name, &frame.curves, frame.cell.as_ref());
     if cell.is_some() && frame.is_first {
         args.frames
             .cell_args
-            .warn_of_segments(&frame.name, set, frame.cell);
+            .warn_of_segments(name, set, frame.cell);
     }
     let without;
     if let [(curve, point), others @ ..] = &set.doubled_points()[..] {
         let count = plural(1 + others.len() as u64, "doubled control point");
         let place = format!("{count}, first point {point} of curve {curve}");
         if args.skip_doubled {
-            tracing::warn!(
-                "{}: {place}: counted once; segments are numbered without",
-                frame.name
-            );
+            tracing::warn!("{name}: {place}: counted once; segments are numbered without");
             without = set.without_doubled_points()?;
             set = &without;
         } else {
-            tracing::warn!("{}: {place}: --skip-doubled counts it once", frame.name);
+            tracing::warn!("{name}: {place}: --skip-doubled counts it once");
         }
     }
     let published: Vec<f64> = frame.radii.iter().copied().map(f64::from).collect();
@@ -100,7 +91,7 @@ fn measure(frame: &Picked, args: &Args) -> Result<Measured> {
         Some(StrandRadius::Of(radius)) => vec![radius; set.len()],
         Some(StrandRadius::Published) if published.len() == set.len() => published,
         Some(StrandRadius::Published) => {
-            return Err(usage!("{}: the curves have no radii", frame.name));
+            return Err(usage!("{name}: the curves have no radii"));
         }
     };
     let found = Thickness::of(set, cell)?;
@@ -129,16 +120,13 @@ fn measure(frame: &Picked, args: &Args) -> Result<Measured> {
 }
 
 /// Prints the results of a frame: one line for each of several frames, and what was asked for.
-fn print(name: &str, measured: &Measured, several: bool, args: &Args) {
+fn print(frame: &Picked, measured: &Measured, args: &Args) {
     let Measured { found, extent, .. } = measured;
-    let stiffness = args.stiffness;
-    out!(
-        "{name}: thickness {}, ropelength {}, length {}",
-        found.thickness(stiffness),
-        found.ropelength(stiffness),
-        found.length
-    );
-    if !several {
+    let (name, length) = (&frame.name, found.length);
+    let thickness = found.thickness(args.stiffness);
+    let ropelength = found.ropelength(args.stiffness);
+    out!("{name}: thickness {thickness}, ropelength {ropelength}, length {length}");
+    if !frame.several {
         let none = || "no curve bends".to_owned();
         let bend = found.min_rad.map_or_else(none, |m| m.sentence(*extent));
         out!("  {bend}");
@@ -146,10 +134,15 @@ fn print(name: &str, measured: &Measured, several: bool, args: &Args) {
         let strut = found.poca.map_or_else(none, |s| s.sentence(*extent));
         out!("  {strut}");
     }
+    let print_first = |lines: &[String]| {
+        listed("    ", lines, SENTENCES)
+            .iter()
+            .for_each(output::line);
+    };
     if let Some(struts) = &measured.struts {
         out!("  {}", plural(struts.len(), "strut"));
         let struts: Vec<String> = struts.iter().map(|s| s.sentence(*extent)).collect();
-        output::first_lines("    ", &struts, SENTENCES);
+        print_first(&struts);
     }
     if let Some(overlaps) = &measured.overlaps {
         let places = plural(overlaps.len(), "overlap");
@@ -162,14 +155,11 @@ fn print(name: &str, measured: &Measured, several: bool, args: &Args) {
             let share = percent((sum - strut.length) / sum);
             format!("{share} of the diameter: {}", strut.sentence(*extent))
         });
-        output::first_lines("    ", &overlaps.collect::<Vec<_>>(), SENTENCES);
+        print_first(&overlaps.collect::<Vec<_>>());
         let radius = |bend: &MinRad| measured.radii[bend.curve as usize];
         if let Some(bend) = found.min_rad.filter(|bend| bend.radius < radius(bend)) {
-            let share = bend.radius / radius(&bend);
-            out!(
-                "  a strand bends too sharply: its radius of curvature is {} of its radius",
-                percent(share)
-            );
+            let share = percent(bend.radius / radius(&bend));
+            out!("  a strand bends too sharply: its radius of curvature is {share} of its radius");
         }
     }
 }
@@ -194,10 +184,9 @@ fn to_json(measured: &Measured, args: &Args) -> Value {
         line["struts"] = json!(struts);
     }
     if let Some(overlaps) = &measured.overlaps {
-        let overlaps = overlaps
-            .iter()
-            .map(|(strut, sum)| json!({ "depth": sum - strut.length, "strut": strut }));
-        line["overlaps"] = overlaps.collect();
+        let json =
+            |(strut, sum): &(Strut, f64)| json!({ "depth": sum - strut.length, "strut": strut });
+        line["overlaps"] = overlaps.iter().map(json).collect();
     }
     line
 }

@@ -4,14 +4,13 @@
 use crate::cli::Outcome;
 use crate::cli::frames::{FrameArgs, Picked};
 use crate::cli::number::positive;
-use crate::cli::output::{self, millis};
+use crate::cli::output::millis;
 use linkwatch::kernels::Estimate;
 use linkwatch::{
-    Axis, Cell, CurveSet, GaussIntegrals, Image, Pairing, PairingReason, Result, Ribbon,
-    RibbonOptions, beside, period,
+    Axis, CurveSet, GaussIntegrals, Image, Pairing, PairingReason, Result, Ribbon, RibbonOptions,
+    beside,
 };
-use serde_json::{Value, json};
-use std::str::FromStr;
+use serde_json::json;
 use std::time::Instant;
 
 /// Compute the writhe of curves, and linking number, twist and writhe of ribbons such as DNA
@@ -24,7 +23,7 @@ use std::time::Instant;
 pub struct Args {
     /// Two closed curves with the same number of vertices that are the strands of a ribbon, counted
     /// from 0 (may be repeated); or `pairs`: curves 0 and 1, 2 and 3, and so on
-    #[arg(long, value_name = "I,J|pairs")]
+    #[arg(long, value_name = "I,J|pairs", value_parser = ribbon)]
     ribbon: Vec<Strands>,
     /// Vertices of the strands that belong together: `parallel` (k with k), `antiparallel` (k with
     /// n - 1 - k, as in files of DNA), or one of these with a shift (`antiparallel:1`); or `auto`:
@@ -60,60 +59,42 @@ enum Strands {
     Pairs,
 }
 
-impl FromStr for Strands {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Strands, String> {
-        if text == "pairs" {
-            return Ok(Strands::Pairs);
-        }
-        let two = text.split_once(',');
-        let two = two.map(|(i, j)| (i.trim().parse(), j.trim().parse()));
-        match two {
-            Some((Ok(i), Ok(j))) => Ok(Strands::Of(i, j)),
-            _ => Err("expected two curves, `0,1` for example, or `pairs`".into()),
-        }
+fn ribbon(text: &str) -> Result<Strands, &'static str> {
+    let two = text.split_once(',');
+    let two = two.map(|(i, j)| (i.trim().parse(), j.trim().parse()));
+    match two {
+        _ if text == "pairs" => Ok(Strands::Pairs),
+        Some((Ok(i), Ok(j))) => Ok(Strands::Of(i, j)),
+        _ => Err("expected two curves, `0,1` for example, or `pairs`"),
     }
 }
 
 /// Runs the command.
 pub fn run(args: &Args, as_json: bool) -> Result<Outcome> {
     let models = args.frames.models()?;
-    args.frames.for_each(&models, |path, frames| {
-        frames.each(|frame| {
-            if let Some(cell) = frame.cell {
-                if frame.is_first {
-                    args.frames
-                        .cell_args
-                        .warn_of_segments(&frame.name, &frame.curves, Some(cell));
-                }
-                refuse_yarns(&frame.name, &frame.curves, &cell)?;
-            }
-            let head = json!({ "model": path, "frame": frame.number, "time": frame.time });
-            match args.ribbon.is_empty() {
-                true => curves(&frame, args, as_json.then_some(head)),
-                false => ribbons(&frame, args, as_json.then_some(head)),
-            }
-        })
+    args.frames.for_each(&models, None, |frame| {
+        let (name, set) = (&frame.name, &frame.curves);
+        if frame.cell.is_some() && frame.is_first {
+            args.frames
+                .cell_args
+                .warn_of_segments(name, set, frame.cell);
+        }
+        // The writhe of other curves does not depend on their images.
+        if let Some(i) = frame.yarn() {
+            return Err(usage!(
+                "{name}: curve {i} runs through the periodic cell: it stands for an infinite \
+                 curve, and the writhe of one period would depend on where it begins"
+            ));
+        }
+        match args.ribbon.is_empty() {
+            true => curves(&frame, args, as_json),
+            false => ribbons(&frame, args, as_json),
+        }
     })
 }
 
-/// Refuses curves that run through a periodic cell. The writhe of other curves does not depend on
-/// their images.
-fn refuse_yarns(name: &str, set: &CurveSet, cell: &Cell) -> Result<()> {
-    let mut curves = 0..set.len();
-    match curves.find(|&i| period(set, i, cell).is_some()) {
-        None => Ok(()),
-        Some(i) => Err(usage!(
-            "{name}: curve {i} runs through the periodic cell: it stands for an infinite curve, \
-             and the writhe of one period would depend on where it begins"
-        )),
-    }
-}
-
-/// Prints the writhe of every curve. `head` has the first fields of each JSON object, if results
-/// are printed as JSON.
-fn curves(frame: &Picked, args: &Args, head: Option<Value>) -> Result<Outcome> {
+/// Prints the writhe of every curve.
+fn curves(frame: &Picked, args: &Args, as_json: bool) -> Result<Outcome> {
     let set = &frame.curves;
     let integrals = GaussIntegrals::new(set)?;
     let mut outcome = Outcome::Fine;
@@ -122,15 +103,14 @@ fn curves(frame: &Picked, args: &Args, head: Option<Value>) -> Result<Outcome> {
         let writhe = integrals.writhe(i, args.tolerance);
         let took = start.elapsed();
         let name = format!("{}: curve {i}", frame.name);
-        if let Some(head) = &head {
-            let found = json!({
+        if as_json {
+            frame.print_json(json!({
                 "curve": i,
                 "closed": set.curve(i).closed,
                 "segments": set.curve(i).segments,
                 "writhe": writhe,
                 "ms": took.as_secs_f64() * 1e3,
-            });
-            output::json(&output::joined(head, found));
+            }));
         } else {
             out!("{name}: writhe {writhe} ({})", millis(took));
         }
@@ -142,15 +122,14 @@ fn curves(frame: &Picked, args: &Args, head: Option<Value>) -> Result<Outcome> {
     Ok(outcome)
 }
 
-/// Prints linking number, twist and writhe of every ribbon. See [`curves`].
-fn ribbons(frame: &Picked, args: &Args, head: Option<Value>) -> Result<Outcome> {
+/// Prints linking number, twist and writhe of every ribbon.
+fn ribbons(frame: &Picked, args: &Args, as_json: bool) -> Result<Outcome> {
     let set = &frame.curves;
     let mut outcome = Outcome::Fine;
     for [i, j] in strands(&frame.name, set, &args.ribbon)? {
-        let axis = if args.axis_first {
-            Axis::First
-        } else {
-            Axis::Centre
+        let axis = match args.axis_first {
+            true => Axis::First,
+            false => Axis::Centre,
         };
         let options = RibbonOptions {
             axis,
@@ -168,8 +147,8 @@ fn ribbons(frame: &Picked, args: &Args, head: Option<Value>) -> Result<Outcome> 
         let residual = ribbon.residual();
         let passages = ribbon.passages();
         let name = format!("{}: ribbon {i},{j}", frame.name);
-        if let Some(head) = &head {
-            let found = json!({
+        if as_json {
+            frame.print_json(json!({
                 "strands": [i, j],
                 "image": of_image.as_ref().map(|(_, image)| image),
                 "axis": axis,
@@ -181,8 +160,7 @@ fn ribbons(frame: &Picked, args: &Args, head: Option<Value>) -> Result<Outcome> 
                 "residual": residual,
                 "passages": passages,
                 "ms": ribbon.times.map(|t| t.as_secs_f64() * 1e3),
-            });
-            output::json(&output::joined(head, found));
+            }));
         } else {
             let linking = ribbon.linking.map_or("undefined".into(), |n| n.to_string());
             let [lk, tw, wr] = ribbon.times.map(millis);
@@ -194,15 +172,13 @@ fn ribbons(frame: &Picked, args: &Args, head: Option<Value>) -> Result<Outcome> 
                 pairing_words(&ribbon),
             );
         }
-        if !ribbon.rivals.is_empty() {
-            let rivals = ribbon.rivals.iter();
-            let rivals: Vec<String> = rivals
-                .map(|(rival, twist)| format!("--pairing {rival} gives Tw {twist}"))
-                .collect();
+        let rivals = ribbon.rivals.iter();
+        let rivals = rivals.map(|(rival, twist)| format!("--pairing {rival} gives Tw {twist}"));
+        let rivals = rivals.collect::<Vec<String>>().join(", ");
+        if !rivals.is_empty() {
             tracing::warn!(
                 "{name}: another pairing of the vertices fits nearly as well, and has another \
-                 twist: {}",
-                rivals.join(", ")
+                 twist: {rivals}"
             );
         }
         if let Some((_, image)) = &of_image

@@ -2,7 +2,7 @@
 
 mod pace;
 
-use self::pace::{Clock, Speed};
+use self::pace::{Clock, Speed, speed};
 use super::Outcome;
 use super::cell_args::CellArg;
 use super::live::Live;
@@ -12,6 +12,7 @@ use super::range::Range;
 use super::run::PATIENT;
 use super::signals::{TICK, stop_on_signals};
 use super::source::{Source, warn_of_cut};
+use super::stream;
 use linkwatch::{
     Client, ClientOptions, CurveLabels, MessageKind, Outcome as Waited, RecordedFrame,
     RecordedItem, Result, Verdict, VerdictMessage,
@@ -46,7 +47,7 @@ pub struct Args {
     #[arg(long, value_name = "NAME", default_value = "linkwatch")]
     service: String,
     /// Pace of the frames: a factor of the recorded pace, or `max` for as fast as they can be read
-    #[arg(long, value_name = "FACTOR|max", default_value = "1")]
+    #[arg(long, value_name = "FACTOR|max", default_value = "1", value_parser = speed)]
     speed: Speed,
     /// Wait for the verdict on each frame, so that none is skipped
     #[arg(long)]
@@ -76,7 +77,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     let mut source = Source::open(&args.file)?;
     let service = args.service.as_str();
     let stop = stop_on_signals()?;
-    output::detach(PATIENT)?;
+    stream::detach(PATIENT)?;
     let options = ClientOptions {
         lockstep: args.lockstep,
         ..ClientOptions::default()
@@ -178,13 +179,11 @@ impl Publisher<'_> {
             match item {
                 RecordedItem::Frame(frame) if range.is_before(frame.seq, frame.time) => break,
                 RecordedItem::Frame(frame) if range.contains(frame.seq, frame.time) => {
-                    match frame.check() {
-                        Ok(()) => return Ok(Some(frame)),
-                        Err(e) => {
-                            tracing::warn!("frame {} is not published: {e}", frame.seq);
-                            self.counts.left_out += 1;
-                        }
-                    }
+                    let Err(e) = frame.check() else {
+                        return Ok(Some(frame));
+                    };
+                    tracing::warn!("frame {} is not published: {e}", frame.seq);
+                    self.counts.left_out += 1;
                 }
                 RecordedItem::Verdict(recorded) => {
                     let report = &recorded.report;
@@ -209,10 +208,8 @@ impl Publisher<'_> {
             return Ok(());
         }
         let labels = CurveLabels::clone(&frame.info.labels);
-        let (basis, precision) = (frame.basis, frame.precision);
-        let described = self
-            .client
-            .describe_labelled(basis, precision, &frame.counts, labels);
+        let (basis, precision, client) = (frame.basis, frame.precision, &mut self.client);
+        let described = client.describe_labelled(basis, precision, &frame.counts, labels);
         described.map_err(|e| usage!("frame {}: {e}", frame.seq))
     }
 
@@ -266,10 +263,9 @@ impl Publisher<'_> {
         self.last = Some(seq);
         self.previous = Some(frame);
         self.counts.published += 1;
-        self.live.status(format_args!(
-            "frame {seq}: published; {} so far",
-            plural(self.counts.published, "frame")
-        ));
+        let so_far = plural(self.counts.published, "frame");
+        let status = format_args!("frame {seq}: published; {so_far} so far");
+        self.live.status(status);
         Ok(seq)
     }
 
@@ -321,9 +317,11 @@ impl Publisher<'_> {
     /// Waits for the verdict on the last frame, which the watcher does not skip.
     fn wait_for_last(&mut self) -> Result<()> {
         self.read_verdicts()?;
-        let is_silent = |silent: Option<Duration>| silent.is_none_or(|silent| silent >= SILENCE);
         while self.answer.as_ref().map(|answer| answer.seq) < self.last
-            && !is_silent(self.client.silent_for())
+            && self
+                .client
+                .silent_for()
+                .is_some_and(|silent| silent < SILENCE)
             && !self.is_stopped()
         {
             std::thread::sleep(POLL);
@@ -351,9 +349,7 @@ impl Publisher<'_> {
                     self.answered(*message);
                     return Ok(None);
                 }
-                Waited::NoWatcher(why) => {
-                    return Ok(Some(End::NoWatcher(why.to_string())));
-                }
+                Waited::NoWatcher(why) => return Ok(Some(End::NoWatcher(why.to_string()))),
                 // The watcher skipped the frame.
                 Waited::Stale if asked.elapsed() < TICK => return Ok(None),
                 Waited::Stale if self.is_stopped() => return Ok(Some(End::Signal)),
@@ -373,28 +369,25 @@ impl Publisher<'_> {
     fn finish(mut self, end: End, start: Instant) -> Result<Outcome> {
         self.live.clear();
         let seconds = start.elapsed().as_secs_f64();
-        let cut = warn_of_cut(&self.source.path, &self.source.reader);
-        let mut complete = !cut && !self.source.lacks_curves && self.counts.left_out == 0;
-        complete &= matches!(end, End::AllPublished);
-        let mut wait = SILENCE;
-        match &end {
+        let cut = warn_of_cut(&self.source);
+        let all = matches!(end, End::AllPublished);
+        let complete = all && !cut && !self.source.lacks_curves && self.counts.left_out == 0;
+        let wait = match &end {
+            End::AllPublished | End::Abort => SILENCE,
+            End::Signal | End::NoWatcher(_) => LOOK,
+        };
+        match end {
             End::AllPublished => {}
-            End::Signal => {
-                tracing::info!("stopped by a signal");
-                wait = LOOK;
-            }
+            End::Signal => tracing::info!("stopped by a signal"),
             End::Abort => tracing::info!("stopped, because the watcher asked for it"),
-            End::NoWatcher(why) => {
-                tracing::error!("{why}; no further frame is published");
-                wait = LOOK;
-            }
+            End::NoWatcher(why) => tracing::error!("{why}; no further frame is published"),
         }
         self.read_verdicts()?;
         let goodbye: Option<VerdictMessage> = self.client.finish_within(wait)?;
         if goodbye.is_none() {
             tracing::warn!("the watcher did not confirm the end of the session");
-            complete = false;
         }
+        let complete = complete && goodbye.is_some();
         let counters = goodbye.map(|message| message.counters);
         let service = &self.args.service;
         if self.json {
@@ -412,14 +405,11 @@ impl Publisher<'_> {
             }
             output::line(line);
             let counts = &self.counts;
+            let rejected = "not published, without recorded curves";
             let skipped = "not recorded, which the watcher counts as skipped";
             for (n, noun, what) in [
                 (counts.left_out, "invalid frame", "not published"),
-                (
-                    counts.rejected,
-                    "frame",
-                    "not published, without recorded curves",
-                ),
+                (counts.rejected, "frame", rejected),
                 (counts.numbers_between, "frame", skipped),
             ] {
                 if n > 0 {

@@ -1,7 +1,6 @@
 //! Pace at which recorded frames are published.
 
 use crate::cli::number::positive;
-use std::str::FromStr;
 use std::time::{Duration, Instant};
 
 /// Pace of the frames.
@@ -11,17 +10,13 @@ pub enum Speed {
     Max,
 }
 
-impl FromStr for Speed {
-    type Err = String;
-
-    fn from_str(text: &str) -> std::result::Result<Self, String> {
-        match text {
-            "max" => Ok(Speed::Max),
-            factor => positive(factor)
-                .map(Speed::Factor)
-                .map_err(|e| format!("{e}, or `max`")),
-        }
+/// Parses a factor, or `max`.
+pub fn speed(text: &str) -> Result<Speed, String> {
+    if text == "max" {
+        return Ok(Speed::Max);
     }
+    let factor = positive(text).map_err(|e| format!("{e}, or `max`"));
+    factor.map(Speed::Factor)
 }
 
 /// Times at which frames are due.
@@ -55,7 +50,7 @@ mod tests {
 
     #[test]
     fn frames_are_due_at_a_factor_of_the_recorded_pace() {
-        let mut clock = Clock::new("4".parse().unwrap());
+        let mut clock = Clock::new(speed("4").unwrap());
         let start = clock.due(100.0);
         assert_eq!(clock.due(102.0), start + Duration::from_millis(500));
         assert_eq!(clock.due(101.0), start + Duration::from_millis(250));
@@ -63,7 +58,7 @@ mod tests {
         for recorded in [99.0, f64::NAN] {
             assert!(clock.due(recorded) <= Instant::now());
         }
-        let mut clock = Clock::new("max".parse().unwrap());
+        let mut clock = Clock::new(speed("max").unwrap());
         for recorded in [0.0, 1e9] {
             assert!(clock.due(recorded) <= Instant::now());
         }
@@ -72,7 +67,7 @@ mod tests {
     #[test]
     fn a_speed_is_a_factor_above_0_or_max() {
         for bad in ["", "0", "-1", "nan", "inf", "fast"] {
-            assert!(bad.parse::<Speed>().is_err(), "{bad}");
+            assert!(speed(bad).is_err(), "{bad}");
         }
     }
 }

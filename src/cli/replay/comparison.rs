@@ -46,45 +46,34 @@ impl Comparison {
             return "verdicts: the recording has none to compare with".into();
         }
         if !self.differing.is_empty() {
-            return format!(
-                "verdicts: not compared with the recorded ones: recorded with another {}",
-                self.differing.join(", ")
-            );
+            let options = self.differing.join(", ");
+            let what = "not compared with the recorded ones";
+            return format!("verdicts: {what}: recorded with another {options}");
         }
         let unlike = match self.unlike {
             0 => String::new(),
             n => format!(", {} different", count(n)),
         };
+        let rejected = "the curves of rejected frames are not recorded";
+        let after_missing = "the frames before them are not in the recording";
         let uncompared = [
-            (
-                self.rejected,
-                "not compared: the curves of rejected frames are not recorded",
-            ),
-            (
-                self.incomplete,
-                "not compared: the step to them was unknown",
-            ),
-            (
-                self.after_missing,
-                "not compared: the frames before them are not in the recording",
-            ),
-            (
-                self.thinned,
-                "not compared: their curves were left out on purpose",
-            ),
-            (self.left_out, "frames were left out on purpose"),
+            (self.rejected, rejected),
+            (self.incomplete, "the step to them was unknown"),
+            (self.after_missing, after_missing),
+            (self.thinned, "their curves were left out on purpose"),
         ];
-        let uncompared = uncompared.iter().filter(|(n, _)| *n > 0);
-        let uncompared = uncompared.map(|(n, why)| format!("; {} {why}", count(*n)));
-        let why = match self.thinned + self.left_out {
-            0 => String::new(),
-            _ => format!(" ({})", self.left_out_by),
-        };
-        format!(
-            "verdicts: {} equal to the recorded ones{unlike}{}{why}",
-            count(self.equal),
-            uncompared.collect::<String>()
-        )
+        let equal = count(self.equal);
+        let mut words = format!("verdicts: {equal} equal to the recorded ones{unlike}");
+        for (n, why) in uncompared.into_iter().filter(|(n, _)| *n > 0) {
+            words += &format!("; {} not compared: {why}", count(n));
+        }
+        if self.left_out > 0 {
+            words += &format!("; {} frames were left out on purpose", count(self.left_out));
+        }
+        if self.thinned + self.left_out > 0 {
+            words += &format!(" ({})", self.left_out_by);
+        }
+        words
     }
 }
 

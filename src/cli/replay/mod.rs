@@ -3,11 +3,11 @@
 mod comparison;
 
 use self::comparison::{Comparison, alike, left_out_by};
-use super::output::{self, plural};
+use super::output::plural;
 use super::range::Range;
 use super::run::{Judge, Judged, JunitArgs, PATIENT, Run, Setup, Sinks};
 use super::source::{Source, warn_of_cut};
-use super::{Outcome, braid_args, signals};
+use super::{Outcome, braid_args, signals, stream};
 use linkwatch::{
     AbortOn, BaselineRecord, Braids, Error, Events, Received, RecordedItem, RecordedVerdict,
     Report, Result, Retention, Verdict,
@@ -41,11 +41,8 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     range.check()?;
     let mut source = Source::open(&args.file)?;
     let name = args.file.display().to_string();
-    let Start {
-        baseline,
-        mut before,
-        mut answered,
-    } = Start::read(&mut source)?;
+    let (baseline, mut before) = read_start(&mut source)?;
+    let mut answered = Some(0);
     let begin = baseline.as_ref().and_then(|baseline| baseline.frame);
     let mut left_out = false;
     // Windows have baselines of their own, which must be read.
@@ -67,15 +64,16 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     }
     let mut files = judge.files(args.sinks.overwrite);
     files.reads([&args.file]);
-    output::detach(PATIENT)?;
+    stream::detach(PATIENT)?;
     let setup = Setup {
-        junit: Some(&args.junit),
+        junit: args.junit.clone(),
         baseline,
         title: format!("replay of {name}"),
         metadata: BTreeMap::from([("replay_of".to_owned(), name.clone())]),
         json,
         ..Setup::default()
     };
+    let off = Events::Off.word();
     let mut replay = Replay {
         session: Run::new(&judge, &args.sinks, files, setup)?,
         comparison: Comparison {
@@ -91,9 +89,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         answered,
         missing: 0,
         begin,
-        motion: recorded_metadata
-            .get("events")
-            .is_some_and(|e| *e != Events::Off.to_string()),
+        motion: recorded_metadata.get("events").is_some_and(|e| e != off),
         every: recorded_metadata.contains_key(Retention::EVERY),
         range,
         left_out,
@@ -130,7 +126,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     }
     read.map_or(Ok(()), Err)?;
     let (mut session, comparison) = (replay.session, replay.comparison);
-    if warn_of_cut(&source.path, &source.reader) {
+    if warn_of_cut(&source) {
         session.data_lost();
     }
     if replay.missing > 0 {
@@ -153,38 +149,22 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     Ok(session.finish())
 }
 
-/// Begin of a source: its baseline, and the items before and including the first frame.
-struct Start {
-    baseline: Option<linkwatch::BaselineRecord>,
-    before: Vec<RecordedItem>,
-    /// See [`Replay::answered`].
-    answered: Option<u64>,
-}
-
-impl Start {
-    /// Reads the baseline, which comes before the first frame that was compared with it. Rejected
-    /// frames may come earlier.
-    fn read(source: &mut Source) -> Result<Start> {
-        let mut start = Start {
-            baseline: None,
-            before: Vec::new(),
-            answered: Some(0),
-        };
-        while let Some(item) = source.next()? {
-            match item {
-                RecordedItem::Baseline(baseline) => {
-                    start.baseline = Some(baseline);
-                    break;
-                }
-                RecordedItem::Frame(_) => {
-                    start.before.push(item);
-                    break;
-                }
-                RecordedItem::Verdict(_) => start.before.push(item),
-            }
+/// Reads the baseline, which comes before the first frame that was compared with it. Returns also
+/// the items before it: rejected frames may come earlier. If there is no baseline, the last one is
+/// the first frame.
+fn read_start(source: &mut Source) -> Result<(Option<BaselineRecord>, Vec<RecordedItem>)> {
+    let mut before = Vec::new();
+    while let Some(item) = source.next()? {
+        if let RecordedItem::Baseline(baseline) = item {
+            return Ok((Some(baseline), before));
         }
-        Ok(start)
+        let is_frame = matches!(item, RecordedItem::Frame(_));
+        before.push(item);
+        if is_frame {
+            break;
+        }
     }
+    Ok((None, before))
 }
 
 /// A frame to judge, or a recorded verdict.
@@ -248,15 +228,6 @@ impl Replay {
                 self.restarted = false;
                 self.ended |= self.range.is_before(frame.seq, frame.time);
             }
-            RecordedItem::Verdict(recorded)
-                if !self
-                    .range
-                    .contains(recorded.report.seq, recorded.report.time) =>
-            {
-                let progress = &recorded.progress;
-                self.answered = Some(progress.verified + progress.rejected);
-                self.comparison.left_out = progress.left_out;
-            }
             RecordedItem::Frame(frame) => {
                 let info = frame.info.clone();
                 let frame = self.session.ingest(info, |receive| frame.read(receive));
@@ -266,6 +237,12 @@ impl Replay {
                 self.waiting.push_back(Waiting::Frame(frame));
             }
             RecordedItem::Verdict(recorded) => {
+                let RecordedVerdict { report, progress } = &*recorded;
+                if !self.range.contains(report.seq, report.time) {
+                    self.answered = Some(progress.verified + progress.rejected);
+                    self.comparison.left_out = progress.left_out;
+                    return Ok(());
+                }
                 self.waiting.push_back(Waiting::Verdict(recorded));
                 if self.waiting.len() > MOST_WAITING {
                     self.finish_waiting()?;
@@ -351,10 +328,8 @@ impl Replay {
                 self.begin_again(None);
             }
             None => {
-                tracing::error!(
-                    "frame {}: the recording lacks the frame of a verdict",
-                    report.seq
-                );
+                let seq = report.seq;
+                tracing::error!("frame {seq}: the recording lacks the frame of a verdict");
                 self.comparison.unlike += 1;
             }
         }

@@ -56,29 +56,22 @@ impl Run {
         self.news.forget();
         self.sum.violations.begin_run();
         if let Some(junit) = &mut self.junit {
-            junit.begin_run();
+            junit.violation = None;
         }
         self.begun = false;
         self.is_new_run = true;
         self.sum.further_runs += 1;
     }
 
-    /// Takes note of the first verified frame of a baseline, before the verdict on it is sent and
-    /// [`Run::publish`] is called.
-    pub fn note_baseline(&mut self, judged: &Judged) {
-        if judged.report.verdict != Verdict::Rejected {
-            self.find_origin(judged);
-        }
-    }
-
-    /// Finds the origin of the baseline, if it is not known.
-    fn find_origin(&mut self, judged: &Judged) {
+    /// Finds the origin of the baseline at its first verified frame, if it is not known. Call this
+    /// before the verdict on the frame is sent.
+    pub fn find_origin(&mut self, judged: &Judged) {
         let (seq, info) = (judged.report.seq, &judged.info);
-        if self.origin.is_some() {
+        if self.origin.is_some() || judged.report.verdict == Verdict::Rejected {
             return;
         }
         // Frames that were rejected are no reason: a watch that was there has seen them.
-        let missed = match (self.is_live, self.begun) {
+        let missed = match (self.setup.live, self.begun) {
             (true, false) => self.tally.since(self.before).skipped.min(seq),
             (true, true) => seq.saturating_sub(info.baseline),
             (false, _) => 0,
@@ -91,16 +84,16 @@ impl Run {
                 false => "first frame".into(),
             },
             frame: Some(seq),
-            unverified: if self.from_now { 0 } else { missed },
+            unverified: if self.setup.from_now { 0 } else { missed },
         });
         if missed > 0 {
-            let before = plural_of(missed, "frame before it was", "frames before it were");
+            let before = before_it(missed);
             let why = match self.begun {
                 true => "the frame that the simulator accepted was not verified",
                 false => "the watch started late",
             };
             let late = format!("{why}: the baseline is frame {seq}, and {before} not verified");
-            match self.from_now {
+            match self.setup.from_now {
                 true => tracing::info!("{late}"),
                 false => {
                     tracing::warn!("{late} (--from-now accepts this)");
@@ -114,7 +107,7 @@ impl Run {
     pub(super) fn begin_baseline(&mut self, judged: &Judged) {
         let begins = !self.begun || self.baseline_changed;
         self.find_origin(judged);
-        if self.is_live
+        if self.setup.live
             && begins
             && let (Some(curves), Some(words)) = (&judged.curves, self.baseline_words())
         {
@@ -136,12 +129,7 @@ impl Run {
             words += &format!(", with {}", plural(links(certificate), "link"));
         }
         if origin.unverified > 0 {
-            let before = plural_of(
-                origin.unverified,
-                "frame before it was",
-                "frames before it were",
-            );
-            words += &format!("; {before} not verified");
+            words += &format!("; {} not verified", before_it(origin.unverified));
         }
         Some(words)
     }
@@ -171,11 +159,8 @@ impl Run {
         if self.begun && !self.changes_baseline(judged) {
             return;
         }
-        let layout = judged.info.layout;
-        let Some(origin) = &self.origin else {
-            return;
-        };
-        let Some(certificate) = self.session.complete_baseline() else {
+        let certificate = self.session.complete_baseline();
+        let (Some(origin), Some(certificate)) = (&self.origin, certificate) else {
             return;
         };
         let record = Arc::new(BaselineRecord {
@@ -192,16 +177,19 @@ impl Run {
         }
         (self.begun, self.baseline_changed) = (true, false);
         if judged.curves.is_some() {
-            self.sent_layout = layout;
+            self.sent_layout = judged.info.layout;
         }
     }
 }
 
+/// Returns the words for frames before the baseline, without what happened to them.
+fn before_it(frames: u64) -> String {
+    plural_of(frames, "frame before it was", "frames before it were")
+}
+
 /// Returns the number of pairs that are linked, periodic images included.
 fn links(certificate: &Certificate) -> u64 {
-    let images = certificate.images.iter().flatten();
-    let images = images.count();
-    (certificate.links.len() + images) as u64
+    (certificate.links.len() + certificate.images.iter().flatten().count()) as u64
 }
 
 /// Returns what a frame has: its curves, their basis and precision, names, radii and the cell.
@@ -214,9 +202,8 @@ fn words_of_scene(curves: &CurveSet, info: &FrameInfo, certificate: &Certificate
         (through, "through the cell"),
     ];
     let kinds = kinds.into_iter().filter(|(n, _)| *n > 0);
-    let kinds: Vec<String> = kinds
-        .map(|(n, kind)| format!("{} {kind}", count(n)))
-        .collect();
+    let kinds = kinds.map(|(n, kind)| format!("{} {kind}", count(n)));
+    let kinds = kinds.collect::<Vec<String>>().join(", ");
     let basis = match curves.basis() {
         Basis::Polyline => "polylines",
         Basis::CatmullRom => "Catmull-Rom splines",
@@ -241,9 +228,6 @@ fn words_of_scene(curves: &CurveSet, info: &FrameInfo, certificate: &Certificate
         Some(cell) => format!("the periodic cell {cell}"),
         None => "no periodic cell".into(),
     };
-    format!(
-        "{} ({}): {basis} in {precision} precision, {names}, {radii}, {cell}",
-        plural(curves.len(), "curve"),
-        kinds.join(", ")
-    )
+    let curves = plural(curves.len(), "curve");
+    format!("{curves} ({kinds}): {basis} in {precision} precision, {names}, {radii}, {cell}")
 }

@@ -36,22 +36,18 @@ impl ClearanceLog {
         if violation.is_some() {
             self.before_violation.get_or_insert(self.measured);
         }
-        if let Some(closest) = clearance.closest
-            && self
-                .lowest
-                .as_ref()
-                .is_none_or(|(.., lowest)| closest.ratio < lowest.ratio)
-        {
+        let lowest = self.lowest.as_ref().map(|(.., lowest)| lowest.ratio);
+        let is_lower = |c: &CloseStrands| lowest.is_none_or(|lowest| c.ratio < lowest);
+        if let Some(closest) = clearance.closest.filter(is_lower) {
             self.lowest = Some((report.seq, report.frame(), closest));
         }
-        let closest = clearance.closest.filter(|_| clearance.low);
-        let Some(closest) = closest else {
+        let Some(closest) = clearance.closest.filter(|_| clearance.low) else {
             self.warned = None;
             return None;
         };
         self.low += 1;
-        self.first_low
-            .get_or_insert_with(|| (self.measured, report.seq, report.frame()));
+        let first = || (self.measured, report.seq, report.frame());
+        self.first_low.get_or_insert_with(first);
         // Again at half the clearance.
         if self
             .warned
@@ -82,11 +78,8 @@ impl ClearanceLog {
         let lowest = percent(closest.ratio);
         let mut text = format!("clearance: at least {lowest} of the diameter, in {frame}");
         if let Some((_, _, first)) = &self.first_low {
-            text += &format!(
-                "; below {} in {}, first in {first}",
-                percent(low),
-                plural(self.low, "frame"),
-            );
+            let (low, frames) = (percent(low), plural(self.low, "frame"));
+            text += &format!("; below {low} in {frames}, first in {first}");
         }
         match (self.lead(), self.before_violation) {
             (Some(1), _) => text += ", 1 frame before the first violation",

@@ -11,7 +11,7 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 /// The option of a command.
-#[derive(Clone, Debug, clap::Args)]
+#[derive(Clone, Debug, Default, clap::Args)]
 #[command(next_help_heading = crate::cli::WRITE)]
 pub struct JunitArgs {
     /// Write the verdict on every frame as a test case of JUnit XML, for continuous integration
@@ -41,8 +41,8 @@ pub struct Junit {
     path: PathBuf,
     title: String,
     cases: Vec<Case>,
-    /// First frame of the current violation.
-    violation: Option<usize>,
+    /// First frame of the current violation. Nothing ends it in another run.
+    pub violation: Option<usize>,
 }
 
 /// A test case: a frame.
@@ -107,11 +107,6 @@ impl Junit {
             problem.element = "skipped";
             problem.message += "; rolled back or accepted by the simulator";
         }
-    }
-
-    /// Begins another run, in which nothing ends a violation of the one before.
-    pub fn begin_run(&mut self) {
-        self.violation = None;
     }
 
     /// Writes the file. `complete` is false if frames are missing, or differ from those recorded.

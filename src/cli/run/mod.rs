@@ -33,7 +33,7 @@ use self::news::News;
 use self::summary::{Summary, jumped};
 use super::Outcome;
 use super::cell_args::{CellArgs, say};
-use super::files::{Files, Overwrite};
+use super::files::Files;
 use super::live::Live;
 use super::metrics::SessionMetrics;
 use super::output::{count, plural};
@@ -43,7 +43,6 @@ use linkwatch::{
     SessionOptions, SinkQueue, Strategy, Verdict,
 };
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, Instant, SystemTime};
 
@@ -69,9 +68,8 @@ pub const PATIENCE: Duration = Duration::from_millis(500);
 
 /// Properties of a [`Run`] that follow from its command.
 #[derive(Default)]
-pub struct Setup<'a> {
-    /// `None` if the command has no such option.
-    pub junit: Option<&'a JunitArgs>,
+pub struct Setup {
+    pub junit: JunitArgs,
     /// True if every frame is verified in full, because successive ones have little in common.
     pub full: bool,
     /// See [`SessionOptions::early_exit`].
@@ -96,19 +94,14 @@ pub struct Run {
     session: Session,
     options: SessionOptions,
     cell_args: CellArgs,
-    is_live: bool,
-    from_now: bool,
-    /// True if frames are model files.
-    models: bool,
-    json: bool,
+    /// Its baseline is `None` here.
+    setup: Setup,
     /// Output shown while the run lasts, and the label of all results.
     pub live: Live,
     queues: Vec<SinkQueue>,
     metrics: Option<SessionMetrics>,
     junit: Option<Junit>,
-    overwrite: Overwrite,
-    /// The output files.
-    written: Vec<PathBuf>,
+    sinks: Sinks,
     /// `None` until a frame was verified with the baseline.
     origin: Option<Origin>,
     /// True if the sinks have an earlier baseline.
@@ -137,13 +130,11 @@ pub struct Run {
 
 impl Run {
     /// Prepares a run. `files` are the inputs and outputs of the command so far.
-    pub fn new(judge: &Judge, sinks: &Sinks, mut files: Files, setup: Setup<'_>) -> Result<Run> {
-        let mut metadata = setup.metadata;
+    pub fn new(judge: &Judge, sinks: &Sinks, mut files: Files, mut setup: Setup) -> Result<Run> {
         sinks.check_files(&mut files)?;
-        let junit = setup.junit.map(|args| args.open(&mut files, &setup.title));
-        let junit = junit.transpose()?.flatten();
-        let baseline = judge.baseline(setup.baseline)?;
-        let mut options = judge.options(&mut metadata)?;
+        let junit = setup.junit.open(&mut files, &setup.title)?;
+        let baseline = judge.baseline(setup.baseline.take())?;
+        let mut options = judge.options(&mut setup.metadata)?;
         if !setup.full {
             options.strategy = Strategy::Incremental;
         }
@@ -157,21 +148,17 @@ impl Run {
             true => Overflow::Wait(PATIENCE),
             false => PATIENT,
         };
-        let queues = sinks.open(&setup.title, &metadata, options.clearance, overflow);
+        let queues = sinks.open(&setup, options.clearance, overflow);
         Ok(Run {
             session: Session::new(options.clone())?,
             queues: queues?,
             options,
             cell_args: judge.cell_args,
-            is_live: setup.live,
-            from_now: setup.from_now,
-            models: setup.models,
-            json: setup.json,
+            setup,
             live: Live::default(),
             metrics: None,
             junit,
-            overwrite: sinks.overwrite,
-            written: sinks.paths().into_iter().map(Path::to_owned).collect(),
+            sinks: sinks.clone(),
             origin,
             baseline_changed: false,
             begun: false,
@@ -208,11 +195,7 @@ impl Run {
 
     /// Returns the outcome so far.
     pub fn outcome(&self) -> Outcome {
-        let own = match self.incomplete {
-            true => Outcome::Undecided,
-            false => Outcome::Fine,
-        };
-        own.max(self.sum.violations.outcome())
+        Outcome::undecided_if(self.incomplete).max(self.sum.violations.outcome())
     }
 
     /// Returns the number of violations that were rolled back, if this frame ends the one for which
@@ -281,15 +264,11 @@ impl Run {
             self.data_lost();
         }
         Ok(Judged {
-            report: Arc::new(verified.report),
-            times,
-            work: verified.work,
             offload: verified.offload,
             curves: verified.curves,
             info: verified.info,
-            model: None,
-            latency: None,
             step: verified.continuation,
+            ..Judged::of(verified.report, times, verified.work)
         })
     }
 
@@ -310,7 +289,7 @@ impl Run {
     /// Passes a frame to the sinks, and prints its new findings.
     pub fn publish(&mut self, judged: Judged) {
         match judged.report.verdict {
-            _ if self.is_live => {}
+            _ if self.setup.live => {}
             Verdict::Rejected => self.tally.rejected += 1,
             _ => self.tally.verified += 1,
         }
@@ -339,7 +318,7 @@ impl Run {
             metrics.add(&judged.report, judged.latency);
         }
         self.print(&judged);
-        if recovered && !self.json {
+        if recovered && !self.setup.json {
             let (frame, words) = (judged.report.frame(), violations::words(judged.step));
             self.live.label.line(format_args!("{frame}: {words}"));
         }
@@ -396,23 +375,20 @@ impl Run {
                 queue.cut_off(why);
             }
             let summary = queue.finish(FINISH.saturating_sub(start.elapsed()));
-            let all = plural(summary.written + summary.dropped, "frame");
+            let (name, all) = (summary.name, summary.written + summary.dropped);
+            let all = plural(all, "frame");
             match &summary.failed {
                 // The sink logged the reason when it failed. Its note tells how much it has.
                 Some(_) if summary.note.is_some() => {
-                    tracing::error!("{} is incomplete", summary.name);
+                    tracing::error!("{name} is incomplete");
                 }
-                Some(_) => tracing::error!(
-                    "{} is incomplete: it has at least {} of {all}",
-                    summary.name,
-                    count(summary.written),
-                ),
+                Some(_) => {
+                    let written = count(summary.written);
+                    tracing::error!("{name} is incomplete: it has at least {written} of {all}");
+                }
                 None if summary.dropped > 0 => {
                     let missed = count(summary.dropped);
-                    kept.push(format!(
-                        "{} missed {missed} of {all}: it is too slow",
-                        summary.name
-                    ));
+                    kept.push(format!("{name} missed {missed} of {all}: it is too slow"));
                 }
                 None => {}
             }
@@ -432,17 +408,12 @@ impl Run {
             );
             self.data_lost();
         }
-        let compares = |baseline: &Certificate| {
-            baseline
-                .invariants()
-                .any(|kind| kind == InvariantKind::Curve)
-        };
-        let knots = self.options.invariants.contains(&InvariantKind::Curve)
-            || self.options.baseline.as_ref().is_some_and(compares);
-        if tally.verified > 1
-            && !(self.sum.has_pairs || knots)
-            && self.options.events != Events::All
-        {
+        let options = &self.options;
+        let curve = InvariantKind::Curve;
+        let compares = |baseline: &Certificate| baseline.invariants().any(|kind| kind == curve);
+        let baseline = options.baseline.as_ref();
+        let knots = options.invariants.contains(&curve) || baseline.is_some_and(compares);
+        if tally.verified > 1 && !(self.sum.has_pairs || knots || options.events == Events::All) {
             tracing::warn!(
                 "nothing was verified: one curve alone has no linking number, and pull-throughs of \
                  a curve with itself are searched for by --events=all"
@@ -453,14 +424,14 @@ impl Run {
             self.data_lost();
         }
         if let Some(junit) = self.junit.take()
-            && let Err(e) = junit.write(!self.incomplete, self.overwrite)
+            && let Err(e) = junit.write(!self.incomplete, self.sinks.overwrite)
         {
             tracing::error!("{e}");
             self.data_lost();
         }
         self.live.clear();
         // The verdict on a single model is its summary.
-        if !(self.models && tally.verified + tally.rejected <= 1) {
+        if !(self.setup.models && tally.verified + tally.rejected <= 1) {
             self.sum_up(&summaries, &kept);
         }
         self.outcome()

@@ -74,10 +74,7 @@ impl News {
             let curves = first.map(|finding| finding.pair());
             let curves = curves.map(|(i, j, _)| std::iter::once(i).chain(j).collect());
             let sentence = first.map(|finding| report.sentence_of(finding, names));
-            let other = || {
-                let mut others = report.rejected.iter().chain(&report.missing);
-                others.next().cloned()
-            };
+            let mut others = report.rejected.iter().chain(&report.missing);
             self.first_violation = Some(Violation {
                 frame: report.seq,
                 time: report.time,
@@ -85,7 +82,7 @@ impl News {
                 verdict: report.verdict,
                 curves: curves.unwrap_or_default(),
                 point: first.and_then(|finding| Some(finding.place()?.1)),
-                finding: sentence.or_else(other),
+                finding: sentence.or_else(|| others.next().cloned()),
             });
         }
         new

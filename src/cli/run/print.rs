@@ -24,9 +24,8 @@ impl Run {
         let name = judged.model.as_deref().unwrap_or(THE_FRAMES);
         output::warn_of_open_curves(name, &judged.report.stats, Some(self.options.events));
         output::tell_of_yarns(name, self.yarns(), Some(self.options.events));
-        if let Some(curves) = &judged.curves {
-            self.cell_args
-                .warn_of_segments(name, curves, judged.info.cell);
+        if let (Some(curves), args) = (&judged.curves, self.cell_args) {
+            args.warn_of_segments(name, curves, judged.info.cell);
         }
     }
 
@@ -39,7 +38,7 @@ impl Run {
             self.data_lost();
         }
         let names = &judged.info.labels.names;
-        if self.json {
+        if self.setup.json {
             let measured = judged.curves.is_some() && self.options.clearance.is_some();
             let mut line = serde_json::json!({
                 "report": **report,
@@ -79,7 +78,7 @@ impl Run {
                 lines.push(abort_words(judged).into());
             }
         }
-        if !(self.json || lines.is_empty()) {
+        if !(self.setup.json || lines.is_empty()) {
             self.live.label.line(lines.join("\n"));
         }
         if model.is_none() {

@@ -90,12 +90,13 @@ impl Judge {
     pub fn differing(&self, metadata: &BTreeMap<String, String>) -> Result<Vec<&'static str>> {
         let now = self.or_recorded(metadata)?;
         let then = Judge::default().or_recorded(metadata)?;
-        let limit = self.event_args.motion_limit;
         let braids = now.braid_args.braids()? != then.braid_args.braids()?;
         let keep_open = now.cell_args.keep_open != then.cell_args.keep_open;
+        let limit = self.event_args.motion_limit;
         let limit = limit.is_some_and(|limit| limit != recorded_limit(metadata));
         let clearance =
             now.abort_on == Some(AbortOn::Clearance) && now.clearance_args != then.clearance_args;
+        let invariants = now.event_args.invariants != then.event_args.invariants;
         let is_stricter = |pairs: usize| pairs < SessionOptions::MAX_PAIRS;
         let options = [
             ("--abort-on", now.abort_on != then.abort_on),
@@ -103,10 +104,7 @@ impl Judge {
             ("--braid", braids),
             ("--cell or --wrapped", self.cell_args.are_given()),
             ("--keep-open", keep_open),
-            (
-                "--invariants",
-                now.event_args.invariants != then.event_args.invariants,
-            ),
+            ("--invariants", invariants),
             ("--events", now.event_args.events != then.event_args.events),
             ("--max-pairs", self.max_pairs.is_some_and(is_stricter)),
             ("--motion-limit", limit),

@@ -1,10 +1,10 @@
 //! Destinations of verified frames: a recording (`--record`) and a viewer (`--show`).
 
+use super::Setup;
 use super::record::recording;
-use super::viewer::Show;
+use super::viewer::{Show, show};
 use crate::cli::files::{Content, Files, Overwrite, with_suffix};
 use linkwatch::{ClearanceOptions, Overflow, RecordingOptions, Result, SinkQueue};
-use std::collections::BTreeMap;
 use std::path::Path;
 
 /// Maximum number of frames that wait for a sink.
@@ -37,7 +37,7 @@ pub struct Sinks {
     /// verdict is not intact or differs from the previous one (plots and log have all frames).
     /// `web` starts an installed `rerun` as a server, which stays when the run ends,
     /// and prints the address; port 9090 and the next one unless given
-    #[arg(long, value_name = "WHERE[,..]")]
+    #[arg(long, value_name = "WHERE[,..]", value_parser = show)]
     show: Option<Show>,
     #[command(flatten)]
     pub overwrite: Overwrite,
@@ -46,11 +46,8 @@ pub struct Sinks {
 impl Sinks {
     /// Checks the output files, which must differ from all other files of the command.
     pub fn check_files(&self, files: &mut Files) -> Result<()> {
-        files.writes(
-            "--record",
-            self.record.iter().map(|r| &r.path),
-            Content::Recording,
-        )?;
+        let recorded = self.record.iter().map(|record| &record.path);
+        files.writes("--record", recorded, Content::Recording)?;
         let shown = self.show.iter().filter_map(Show::path);
         files.writes("--show", shown, Content::Viewer)
     }
@@ -80,25 +77,24 @@ impl Sinks {
         recorded.chain(shown).collect()
     }
 
-    /// Opens the sinks. Files are created at the first frame. `title` names the run in the viewer,
-    /// which shows the clearance if it is measured.
+    /// Opens the sinks of a run. Files are created at the first frame. The viewer shows the
+    /// clearance if it is measured.
     pub fn open(
         &self,
-        title: &str,
-        metadata: &BTreeMap<String, String>,
+        run: &Setup,
         clearance: Option<ClearanceOptions>,
         overflow: Overflow,
     ) -> Result<Vec<SinkQueue>> {
         let mut queues = Vec::new();
         if let Some(record) = &self.record {
             let mut options = record.clone();
-            options.metadata = metadata.clone();
+            options.metadata = run.metadata.clone();
             options.overwrite = self.overwrite.force;
             let queue = SinkQueue::spawn("recording", WAITING, overflow, move || options.open())?;
             queues.push(queue.with_points(WAITING_POINTS));
         }
         if let Some(show) = &self.show {
-            queues.push(show.open(title, clearance, overflow, self.overwrite)?);
+            queues.push(show.open(&run.title, clearance, overflow, self.overwrite)?);
         }
         Ok(queues)
     }

@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 /// State of a run after a frame.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct RunState {
-    session: SessionState,
+    pub session: SessionState,
     /// `None` until a frame was verified with the baseline.
     origin: Option<Origin>,
 }
@@ -17,22 +17,6 @@ impl RunState {
     /// Returns true if this is the state after a frame.
     pub fn is_after(&self, seq: Option<u64>) -> bool {
         self.session.info().map(|info| info.seq) == seq
-    }
-
-    /// Returns the state after later frames, which another process verified: see
-    /// [`SessionState::after_unknown_frames`].
-    pub fn after_unknown_frames(
-        self,
-        cuts: u32,
-        last_intact: Option<u64>,
-        intact: bool,
-        why: &str,
-    ) -> RunState {
-        let session = self.session;
-        RunState {
-            session: session.after_unknown_frames(cuts, last_intact, intact, why.into()),
-            ..self
-        }
     }
 }
 

@@ -87,7 +87,7 @@ impl Run {
         let first = &self.news.first_violation;
         let checked = self.options.events != Events::Off;
         let (runs, yarns) = (1 + sum.further_runs, self.yarns());
-        if self.json {
+        if self.setup.json {
             self.live.label.json(json!({
                 "summary": {
                     "verdict": word,
@@ -127,6 +127,7 @@ impl Run {
             tracing::debug!("{times}");
         }
         let some = |there: bool, words: String| there.then_some(words);
+        let tally_words = tally.words(self.setup.models);
         let checks = match tally.verified {
             0 => String::new(),
             _ => format!("; {}", sum.times.checks.words()),
@@ -142,89 +143,58 @@ impl Run {
         let low = self.options.clearance.map_or(0.0, |options| options.low);
         let open = sum.open_curves.unwrap_or(0);
         let open_curves = plural(open, "open curve");
+        let joined = |parts: &[Option<String>], separator: &str| {
+            let parts: Vec<&str> = parts.iter().flatten().map(String::as_str).collect();
+            parts.join(separator)
+        };
         // In the order in which users ask, a line each.
+        let own = "each compared with its own first frame (--one-motion: all files are one motion)";
         let verdict = [
-            Some(format!(
-                "{word}{so_far}: {}{checks}",
-                tally.words(self.models)
-            )),
-            self.baseline_words().filter(|_| self.is_live),
-            some(
-                runs > 1,
-                format!(
-                    "{}, each compared with its own first frame (--one-motion: all files are one \
-                     motion)",
-                    plural(runs, "run")
-                ),
-            ),
+            Some(format!("{word}{so_far}: {tally_words}{checks}")),
+            self.baseline_words().filter(|_| self.setup.live),
+            some(runs > 1, format!("{}, {own}", plural(runs, "run"))),
         ];
+        let rolled_back = "rolled back, and the simulation went on from an intact frame";
         let violation = [
-            first
-                .as_ref()
-                .map(|first| format!("first violation: {first}")),
-            ended(
-                recovered,
-                "rolled back, and the simulation went on from an intact frame",
-            ),
+            first.as_ref().map(|v| format!("first violation: {v}")),
+            ended(recovered, rolled_back),
             ended(accepted, "accepted by the simulator as a new baseline"),
         ];
+        let through = format!("{} curves that run through the cell", count(yarns));
+        let hidden = "pull-throughs that linking numbers do not show".to_owned();
         let not_searched = [
             some(open > 0, open_curves.clone()),
-            some(
-                yarns > 1,
-                format!("{} curves that run through the cell", count(yarns)),
-            ),
-            Some("pull-throughs that linking numbers do not show".to_owned()),
+            some(yarns > 1, through),
+            Some(hidden),
         ];
-        let not_searched: Vec<String> = not_searched.into_iter().flatten().collect();
+        let not_searched = format!(
+            "not verified: {} (--events=between searches for pull-throughs)",
+            joined(&not_searched, ", ")
+        );
+        let unmeasured = |why| format!("clearance was not measured in all frames: {why}");
         let unverified = [
-            some(
-                !checked,
-                format!(
-                    "not verified: {} (--events=between searches for pull-throughs)",
-                    not_searched.join(", ")
-                ),
-            ),
+            some(!checked, not_searched),
             some(!sum.left_out.is_empty(), LeftOut::sentence(&sum.left_out)),
             some(sum.unresolved.pull_throughs > 0, sum.unresolved.words()),
-            sum.unmeasured
-                .as_ref()
-                .map(|why| format!("clearance was not measured in all frames: {why}")),
+            sum.unmeasured.as_ref().map(unmeasured),
         ];
+        let passed = format!("{open_curves} verified for pull-throughs, without linking numbers");
+        let jumps = format!("{}, and were followed", jumped(sum.jumps));
         let others = [
-            some(
-                checked && open > 0,
-                format!("{open_curves} verified for pull-throughs, without linking numbers"),
-            ),
-            some(
-                sum.jumps > 0,
-                format!("{}, and were followed", jumped(sum.jumps)),
-            ),
+            some(checked && open > 0, passed),
+            some(sum.jumps > 0, jumps),
             sum.clearance.words(low),
             sum.comparison.as_ref().map(|(words, _)| words.clone()),
         ];
-        let line = |parts: &[Option<String>]| {
-            let parts: Vec<&str> = parts.iter().flatten().map(String::as_str).collect();
-            (!parts.is_empty()).then(|| parts.join("; "))
-        };
-        let files: Vec<String> = self
-            .written
-            .iter()
-            .filter(|path| path.exists())
-            .map(|path| path.display().to_string())
-            .collect();
-        let mut files = vec![some(
-            !files.is_empty(),
-            format!("files: {}", files.join(", ")),
-        )];
-        files.extend(
-            notes
-                .iter()
-                .flat_map(|note| note.lines())
-                .map(|note| Some(note.to_owned())),
-        );
-        let groups = [&verdict[..], &violation, &unverified, &others, &files];
-        let lines: Vec<String> = groups.into_iter().filter_map(line).collect();
+        let files = self.sinks.paths().into_iter().filter(|path| path.exists());
+        let files = files.map(|path| Some(path.display().to_string()));
+        let files = joined(&files.collect::<Vec<_>>(), ", ");
+        let mut outputs = vec![some(!files.is_empty(), format!("files: {files}"))];
+        let notes = notes.iter().flat_map(|note| note.lines());
+        outputs.extend(notes.map(|note| Some(note.to_owned())));
+        let groups = [&verdict[..], &violation, &unverified, &others, &outputs];
+        let lines = groups.map(|parts| joined(parts, "; "));
+        let lines: Vec<String> = lines.into_iter().filter(|line| !line.is_empty()).collect();
         self.live.label.line(lines.join("\n"));
     }
 }

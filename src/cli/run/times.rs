@@ -43,10 +43,7 @@ pub struct RunTimes {
 impl RunTimes {
     pub fn add(&mut self, times: &FrameTimes) {
         self.checks.add(times.check());
-        let [wait, send] = [
-            times.live.map(|live| live.wait),
-            times.live.map(|live| live.send),
-        ];
+        let (wait, send) = times.live.map(|live| (live.wait, live.send)).unzip();
         let stages = [wait, Some(times.ingest), Some(times.verification), send];
         for (all, time) in self.stages.iter_mut().zip(stages) {
             time.into_iter().for_each(|time| all.add(time));
@@ -66,7 +63,7 @@ impl RunTimes {
     /// Returns the times of each stage in milliseconds, and the share of the time between frames.
     pub fn to_json(&self) -> Value {
         let stages = STAGES.into_iter().zip(&self.stages);
-        let stages = stages.filter(|(_, d)| !d.is_empty());
+        let stages = stages.filter(|(_, d)| !d.buckets.is_empty());
         let stages = stages.map(|(name, d)| {
             let [median, p99] = [0.5, 0.99].map(|q| ms(d.quantile(q)));
             let times = json!({ "median": median, "p99": p99, "max": ms(d.longest) });
@@ -85,11 +82,10 @@ impl RunTimes {
             let [median, p99] = [0.5, 0.99].map(|q| millis(d.quantile(q)));
             format!("{name} {median}, {p99}, {}", millis(d.longest))
         });
-        let stages: Vec<String> = stages.collect();
+        let stages = stages.collect::<Vec<String>>().join("; ");
         Some(format!(
-            "times (median, 99th percentile, maximum): {}; {share} of the time between frames \
-             until the verdict was sent",
-            stages.join("; ")
+            "times (median, 99th percentile, maximum): {stages}; {share} of the time between \
+             frames until the verdict was sent"
         ))
     }
 }
@@ -109,10 +105,6 @@ impl Durations {
         let bucket = d.as_secs_f64().max(1e-9).ln() / Self::RATIO.ln();
         *self.buckets.entry(bucket.round() as i32).or_default() += 1;
         self.longest = self.longest.max(d);
-    }
-
-    fn is_empty(&self) -> bool {
-        self.buckets.is_empty()
     }
 
     /// Returns the duration that the share `q` of all durations does not exceed, with the precision
@@ -136,11 +128,8 @@ impl Durations {
 
     /// Returns median and maximum in words.
     pub fn words(&self) -> String {
-        format!(
-            "a check took {} (median), {} at most",
-            millis(self.median()),
-            millis(self.longest)
-        )
+        let [median, longest] = [self.median(), self.longest].map(millis);
+        format!("a check took {median} (median), {longest} at most")
     }
 }
 

@@ -12,7 +12,6 @@ use linkwatch::{Error, Sink, ViewerSink, ViewerTarget as Target};
 use std::convert::Infallible as Target;
 use std::num::NonZeroU64;
 use std::path::Path;
-use std::str::FromStr;
 #[cfg(feature = "rerun")]
 use std::time::Duration;
 
@@ -36,27 +35,24 @@ pub struct Show {
     later: bool,
 }
 
-impl FromStr for Show {
-    type Err = String;
-
-    fn from_str(text: &str) -> std::result::Result<Show, String> {
-        let (what, settings) = split(text, &["every"])?;
-        let target = target(what)?;
-        let mut every = NonZeroU64::MIN;
-        for (key, value) in settings {
-            every = named(key, at_least_one(value))?;
-        }
-        Ok(Show {
-            target,
-            every,
-            later: false,
-        })
+/// Parses where frames are shown, and the settings behind it.
+pub fn show(text: &str) -> Result<Show, String> {
+    let (what, settings) = split(text, &["every"])?;
+    let target = target(what)?;
+    let mut every = NonZeroU64::MIN;
+    for (key, value) in settings {
+        every = named(key, at_least_one(value))?;
     }
+    Ok(Show {
+        target,
+        every,
+        later: false,
+    })
 }
 
 /// A build without a viewer says how to get one.
 #[cfg(not(feature = "rerun"))]
-fn target(what: &str) -> std::result::Result<Target, String> {
+fn target(what: &str) -> Result<Target, String> {
     Err(format!(
         "this build of linkwatch has no viewer, like that of the Python package; `cargo install \
          --path . --locked` in its source builds one that has it; --record FILE.mcap records the \
@@ -65,7 +61,7 @@ fn target(what: &str) -> std::result::Result<Target, String> {
 }
 
 #[cfg(feature = "rerun")]
-fn target(what: &str) -> std::result::Result<Target, String> {
+fn target(what: &str) -> Result<Target, String> {
     Ok(match (what, what.strip_prefix("web:").map(str::parse)) {
         ("live", _) => Target::Spawn,
         ("web", _) => Target::Serve(PORT),
@@ -185,8 +181,8 @@ mod tests {
         assert_eq!(target("a,b.rrd"), Ok(Target::File("a,b.rrd".into())));
         let url = "rerun+http://host:9876/proxy";
         assert_eq!(target(url), Ok(Target::Connect(url.into())));
-        let show: Show = "run.rrd,every=5".parse().unwrap();
-        assert!(show.every.get() == 5 && show.path() == Some(Path::new("run.rrd")));
+        let found = show("run.rrd,every=5").unwrap();
+        assert!(found.every.get() == 5 && found.path() == Some(Path::new("run.rrd")));
         for bad in [
             "",
             "run.mcap",
@@ -196,7 +192,7 @@ mod tests {
             "live,every=0",
             "live,only=violated",
         ] {
-            assert!(bad.parse::<Show>().is_err(), "{bad}");
+            assert!(show(bad).is_err(), "{bad}");
         }
     }
 

@@ -47,11 +47,12 @@ impl Violations {
 
     /// Returns the number of violations that were rolled back, after this frame.
     pub fn recovered_after(&self, step: Continuation) -> u32 {
-        let current = self
-            .current
-            .as_ref()
-            .filter(|_| step != Continuation::Accepted);
-        self.recovered + current.map_or(0, Violation::recovered)
+        match &self.current {
+            Some(violation) if step != Continuation::Accepted => {
+                self.recovered + violation.recovered()
+            }
+            _ => self.recovered,
+        }
     }
 
     /// Adds a frame.

@@ -59,10 +59,8 @@ impl Follower<'_> {
     /// Prepares the first session. `inputs` are the inputs of the command.
     pub fn first(&self, sinks: &Sinks, inputs: Files) -> Result<Box<Run>> {
         // The session that is to continue, or a new one.
-        let number = match self.state.interrupted() {
-            Some(_) => self.sessions,
-            None => self.sessions + 1,
-        };
+        let is_new = self.state.interrupted().is_none();
+        let number = self.sessions + u64::from(is_new);
         if self.state.is_restart() {
             announce_files(number, sinks);
         }
@@ -142,15 +140,16 @@ impl Follower<'_> {
             }
             self.take_up(&mut session, &mut sidecar, id)?;
             let ended = self.verify(&mut session, &mut sidecar);
+            let is_complete = matches!(&ended, Ok(End::Simulator));
             self.metrics.disconnected();
-            if !matches!(&ended, Ok(End::Simulator)) {
+            if !is_complete {
                 session.tally = sidecar.counters();
             }
             if let Err(e) = &ended {
                 sidecar.leave(&e.to_string());
             }
             self.check_skipped(&mut session);
-            if matches!(&ended, Ok(End::Simulator)) {
+            if is_complete {
                 self.state.end_session(session.outcome())?;
             }
             let fatal = matches!(&ended, Ok(End::Signal) | Err(Error::Bus(_)));
@@ -166,7 +165,7 @@ impl Follower<'_> {
                 // In any case, the frames verified so far are kept and summarised.
                 closer.add(session.finish());
                 let worst = closer.finish();
-                self.end(worst, matches!(&ended, Ok(End::Simulator)))?;
+                self.end(worst, is_complete)?;
                 return ended.and_then(|_| result(worst, self.failed));
             }
             if let Err(e) = ended {
@@ -233,10 +232,9 @@ impl Follower<'_> {
     fn check_skipped(&self, session: &mut Run) {
         let share = session.tally.skipped_share();
         if let Some(most) = self.args.max_skipped.filter(|&most| share > most) {
+            let [share, most] = [share, most].map(percent);
             tracing::error!(
-                "{} of the frames were skipped, more than the {} of --max-skipped",
-                percent(share),
-                percent(most),
+                "{share} of the frames were skipped, more than the {most} of --max-skipped"
             );
             session.data_lost();
         }
@@ -346,7 +344,7 @@ impl Follower<'_> {
                     // Before the verdict: the next process must expect what this one answered for.
                     if session.changes_baseline(&judged) {
                         session.tally = sidecar.counters();
-                        session.note_baseline(&judged);
+                        session.find_origin(&judged);
                         self.state.keep(|| session.state())?;
                     }
                     if let Some(recovered) = session.recovered_by(&judged) {
@@ -377,10 +375,9 @@ impl Follower<'_> {
                     ..
                 } => {
                     if !clean {
-                        tracing::info!(
-                            "the simulator left without finishing (an error or a panic)"
-                        );
-                        session.cut_off("the simulator left without finishing");
+                        let why = "the simulator left without finishing";
+                        tracing::info!("{why} (an error or a panic)");
+                        session.cut_off(why);
                     }
                     let frames = plural(published, "frame");
                     tracing::info!("the simulator ended after {frames}");
@@ -413,14 +410,12 @@ impl Follower<'_> {
     /// Warns of an unreadable message, once for the same reason: a simulator that sends one usually
     /// sends it with each frame.
     fn reject(&mut self, why: Error) {
-        let advice = match why {
-            Error::Version { .. } => {
-                "; the simulator was built with another version of linkwatch: use one version on \
-                 both sides"
-            }
-            _ => "",
-        };
-        let why = format!("a message that is not a frame was rejected: {why}{advice}");
+        let is_version = matches!(why, Error::Version { .. });
+        let mut why = format!("a message that is not a frame was rejected: {why}");
+        if is_version {
+            why += "; the simulator was built with another version of linkwatch: use one version \
+                    on both sides";
+        }
         if why != self.unreadable {
             tracing::warn!("{why}");
             self.unreadable = why;

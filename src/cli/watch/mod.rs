@@ -10,9 +10,9 @@ use self::state::State;
 use super::Outcome;
 use super::metrics::{MetricsArgs, ServiceMetrics};
 use super::number::{seconds, share};
-use super::output;
 use super::run::{Judge, PATIENCE, Sinks};
 use super::signals::stop_on_signals;
+use super::stream;
 use linkwatch::{AbortOn, Error, Overflow, Result, Sidecar, SidecarOptions};
 use std::path::PathBuf;
 use std::time::Duration;
@@ -75,7 +75,7 @@ pub struct Args {
 /// Runs the command.
 pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     let stop = stop_on_signals()?;
-    output::detach(Overflow::Wait(PATIENCE))?;
+    stream::detach(Overflow::Wait(PATIENCE))?;
     let mut judge = args.judge.clone();
     if args.observe {
         // Reports and recordings must not claim an abort that is never sent.
@@ -117,11 +117,12 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     if let Some(state) = follower.state.interrupted() {
         sidecar.resume(state);
     }
-    let observes = match args.observe {
-        true => "; nothing is sent to it",
-        false => "",
+    let (service, observe) = (&args.service, args.observe);
+    let observes = if observe {
+        "; nothing is sent to it"
+    } else {
+        ""
     };
-    let service = &args.service;
     tracing::info!("waiting for a simulator on service '{service}'{observes}");
     follower.follow(sidecar, first)
 }

@@ -102,47 +102,41 @@ impl State {
         };
         let mut options = File::options();
         let options = options.read(true).write(true).create(true).truncate(false);
-        let mut file = lock(path, options.open(path).map_err(|e| unusable(path, e))?)?;
+        let mut file = options.open(path).map_err(|e| unusable(path, e))?;
+        file.try_lock().map_err(|e| match e {
+            TryLockError::WouldBlock => unusable(path, "another `linkwatch watch` has locked it"),
+            TryLockError::Error(e) => unusable(path, e),
+        })?;
         let earlier = read_note(path, &mut file)?;
         let mut fingerprint = DefaultHasher::new();
         settings.hash(&mut fingerprint);
         let settings = fingerprint.finish();
-        if earlier
-            .as_ref()
-            .is_some_and(|note| note.settings != settings)
-        {
+        let differs = |note: &Note| note.settings != settings;
+        if earlier.as_ref().is_some_and(differs) {
             let why = "it is of a watch with other settings (--baseline, --events, ..) or of \
                        another version of linkwatch: give the same ones, or remove it to start \
                        with a new baseline";
             return Err(unusable(path, why));
         }
-        let mut name = OsString::from(path);
-        name.push(".session");
-        let session = PathBuf::from(name);
+        let mut session = OsString::from(path);
+        session.push(".session");
+        let files = Some(Files {
+            path: path.to_owned(),
+            note: file,
+            session: session.into(),
+            written: Instant::now(),
+            writer: None,
+        });
+        let mut note = earlier.clone().unwrap_or_default();
+        note.settings = settings;
+        note.stopped = false;
+        note.restarts += u64::from(earlier.is_some());
+        // Frames may have been published while nobody watched.
+        let missed = Outcome::undecided_if(note.simulator.is_some());
+        note.outcome = note.outcome.max(missed);
         let mut state = State {
-            files: Some(Files {
-                path: path.to_owned(),
-                note: file,
-                session,
-                written: Instant::now(),
-                writer: None,
-            }),
-            note: match earlier.clone() {
-                Some(note) => Note {
-                    restarts: note.restarts + 1,
-                    stopped: false,
-                    outcome: match note.simulator {
-                        // Frames may have been published while nobody watched.
-                        Some(_) => note.outcome.max(Outcome::Undecided),
-                        None => note.outcome,
-                    },
-                    ..note
-                },
-                None => Note {
-                    settings,
-                    ..Note::default()
-                },
-            },
+            files,
+            note,
             earlier,
         };
         state.write()?;
@@ -170,17 +164,18 @@ impl State {
         if let (Some(note), Some(files)) = (self.earlier.take().filter(same), &self.files) {
             let run: Option<RunState> = read_session(&files.session)?;
             let why = if note.stopped { STOPPED } else { CRASHED };
-            let run = run.map(|run| match run.is_after(note.verified) {
-                true => run,
-                false => {
-                    let intact = note.verified.is_some() && note.last_intact == note.verified;
-                    run.after_unknown_frames(note.cuts, note.last_intact, intact, why)
+            let run = run.map(|mut run| {
+                let (cuts, last_intact, last) = (note.cuts, note.last_intact, note.verified);
+                if !run.is_after(last) {
+                    let intact = last.is_some() && last_intact == last;
+                    let session = run.session;
+                    let why = why.to_owned();
+                    run.session = session.after_unknown_frames(cuts, last_intact, intact, why);
                 }
+                run
             });
-            return Ok(Some(Earlier {
-                run,
-                in_hand: note.in_hand,
-            }));
+            let in_hand = note.in_hand;
+            return Ok(Some(Earlier { run, in_hand }));
         }
         self.end_session(Outcome::Fine)?;
         Ok(None)
@@ -276,14 +271,12 @@ impl State {
 
     /// Removes the files: the watch has ended, and no process continues it.
     pub fn end(&mut self) -> Result<()> {
-        match self.files.take() {
-            Some(mut files) => {
-                // Still there if the simulator of an earlier process did not come again.
-                files.remove_session();
-                std::fs::remove_file(&files.path).map_err(|e| unusable(&files.path, e))
-            }
-            None => Ok(()),
-        }
+        let Some(mut files) = self.files.take() else {
+            return Ok(());
+        };
+        // Still there if the simulator of an earlier process did not come again.
+        files.remove_session();
+        std::fs::remove_file(&files.path).map_err(|e| unusable(&files.path, e))
     }
 
     fn write(&mut self) -> Result<()> {
@@ -368,17 +361,6 @@ fn read_session(path: &Path) -> Result<Option<RunState>> {
     state.map(Some).map_err(|e| unusable(path, e))
 }
 
-/// Locks a file for this process.
-fn lock(path: &Path, file: File) -> Result<File> {
-    match file.try_lock() {
-        Ok(()) => Ok(file),
-        Err(TryLockError::WouldBlock) => {
-            Err(unusable(path, "another `linkwatch watch` has locked it"))
-        }
-        Err(TryLockError::Error(e)) => Err(unusable(path, e)),
-    }
-}
-
 /// Reads the progress note of a watch; `None` if the file is empty.
 fn read_note(path: &Path, file: &mut File) -> Result<Option<Note>> {
     let mut content = Vec::new();
@@ -387,13 +369,10 @@ fn read_note(path: &Path, file: &mut File) -> Result<Option<Note>> {
     if content.is_empty() {
         return Ok(None);
     }
-    let other = || {
-        unusable(
-            path,
-            "it is not the state of a watch of this version of linkwatch",
-        )
-    };
-    let note = content.strip_prefix(MAGIC).ok_or_else(other)?;
+    let other = "it is not the state of a watch of this version of linkwatch";
+    let note = content
+        .strip_prefix(MAGIC)
+        .ok_or_else(|| unusable(path, other))?;
     let note = postcard::take_from_bytes(note).map_err(|e| unusable(path, e))?;
     Ok(Some(note.0))
 }
@@ -403,10 +382,9 @@ fn bytes(value: &impl Serialize) -> Vec<u8> {
 }
 
 fn unusable(path: &Path, why: impl std::fmt::Display) -> Error {
-    Error::State(format!(
-        "the state of the watch cannot be used: {}: {why}",
-        path.display()
-    ))
+    let path = path.display();
+    let what = "the state of the watch cannot be used";
+    Error::State(format!("{what}: {path}: {why}"))
 }
 
 #[cfg(test)]
