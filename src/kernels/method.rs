@@ -117,9 +117,9 @@ impl Method {
 /// Barnes-Hut in two steps. The first pass accepts node pairs by distance; it proves most pairs of
 /// a garment in a third of the time. The second pass accepts by the error bound, for pairs that the
 /// first one leaves undecided.
-struct FirstByBeta<'a>([BarnesHut<'a>; 2]);
+struct FirstByBeta([BarnesHut; 2]);
 
-impl Summation for FirstByBeta<'_> {
+impl Summation for FirstByBeta {
     fn linking_number(&self, pair: Pair) -> Estimate {
         let [by_beta, by_bound] = &self.0;
         let first = by_beta.linking_number(pair);

@@ -376,11 +376,9 @@ pub(super) fn tiles(
 
 fn found(far: &FarSum, near: &AngleSum) -> Found {
     let Estimate { value, bound } = direct::estimate(near);
+    let total = bound + 1.000_001 * fixed::number(far.bound) + 1e-15 * value.abs();
     Found {
-        estimate: Estimate {
-            value: value + fixed::number(far.value),
-            bound: bound + 1.000_001 * fixed::number(far.bound) + 1e-15 * value.abs(),
-        },
+        estimate: Estimate::new(value + fixed::number(far.value), total),
         rounding: bound + fixed::number(far.size),
     }
 }

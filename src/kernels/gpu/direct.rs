@@ -334,8 +334,5 @@ pub(super) fn estimate(sum: &AngleSum) -> Estimate {
     }
     let value = fixed::number(sum.value);
     let bound = fixed::number(sum.bound) + PI * f64::from(sum.doubts);
-    Estimate {
-        value: value / TAU,
-        bound: (1.000_001 * bound + 1e-15 * value.abs()) / TAU,
-    }
+    Estimate::new(value / TAU, (1.000_001 * bound + 1e-15 * value.abs()) / TAU)
 }

@@ -17,27 +17,23 @@ pub struct Estimate {
 
 impl Estimate {
     /// An estimate that says nothing.
-    pub const UNKNOWN: Estimate = Estimate {
-        value: 0.0,
-        bound: f64::INFINITY,
-    };
+    pub const UNKNOWN: Estimate = Estimate::new(0.0, f64::INFINITY);
+
+    /// Returns the estimate of a number within `bound` of `value`.
+    pub(crate) const fn new(value: f64, bound: f64) -> Estimate {
+        Estimate { value, bound }
+    }
 
     /// Returns the sum of two numbers. The bound covers its rounding.
     pub(crate) fn plus(self, other: Estimate) -> Estimate {
         let value = self.value + other.value;
         let rounding = f64::EPSILON * value.abs();
-        Estimate {
-            value,
-            bound: 1.000_001 * (self.bound + other.bound + rounding),
-        }
+        Estimate::new(value, 1.000_001 * (self.bound + other.bound + rounding))
     }
 
     /// Returns the negative number.
     pub(crate) fn negated(self) -> Estimate {
-        Estimate {
-            value: -self.value,
-            bound: self.bound,
-        }
+        Estimate::new(-self.value, self.bound)
     }
 
     /// Returns true if the bound admits the number `x`.

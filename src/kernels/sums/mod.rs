@@ -10,6 +10,11 @@
 //! [`Chain`] has the Gauss integrals that are no integers: of open curves, and of a curve and
 //! itself.
 
+#![allow(
+    clippy::needless_range_loop,
+    reason = "one index runs over lanes, axes or degrees of several arrays"
+)]
+
 pub(crate) mod barnes_hut;
 mod chain;
 pub(crate) mod direct;

@@ -64,7 +64,7 @@ pub(super) struct Reach {
 
 /// Error bounds of the contribution of a node pair.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Bounds {
+pub(in crate::kernels::sums) struct Bounds {
     /// Bound of the remainder.
     pub tail: f64,
     /// Sum of the magnitudes of the terms, to which the rounding error is relative.
@@ -91,13 +91,13 @@ impl Bounds {
 pub(super) const ROUNDING: f64 = pow2(-38);
 
 /// Factor that covers the rounding of the bounds themselves, dozens of operations.
-pub(super) const OUTWARD: f64 = 1.0 + 1e-9;
+pub(in crate::kernels::sums) const OUTWARD: f64 = 1.0 + 1e-9;
 
 /// Maximum of `rho / |R|` for which the series is used.
 const WIDEST: f64 = 0.8;
 
 /// Squared distance below which an expansion could underflow (coordinates are at most 1).
-const NEAREST: f64 = pow2(-120);
+pub(in crate::kernels::sums) const NEAREST: f64 = pow2(-120);
 
 /// Returns the error bounds of the expansion of a node pair; `square` is the squared distance of
 /// the centres.

@@ -16,11 +16,6 @@
 //! with `D_k` the columns of `D`. This is a factored form of equations 28 to 30 in the supplement
 //! of Qu & James 2021.
 
-#![allow(
-    clippy::needless_range_loop,
-    reason = "one index runs over lanes or axes of several arrays"
-)]
-
 use super::Order;
 use super::bound::Reach;
 use super::moments::{COUNT, Moments, d, q};

@@ -28,7 +28,8 @@ use crate::pairs::Pair;
 pub(crate) use packed::{LEAF_SEGMENTS, pack};
 
 use crate::simd::dispatch;
-use bound::{Bounds, OUTWARD, ROUNDING, bounds};
+pub(super) use bound::{Bounds, NEAREST, OUTWARD};
+use bound::{ROUNDING, bounds};
 use evaluate::{BATCH, expand_batch, next_order};
 use rayon::prelude::*;
 use std::f64::consts::PI;
@@ -94,16 +95,15 @@ impl Default for Options {
 
 /// Barnes-Hut for all pairs of a set of polylines.
 #[derive(Debug)]
-pub(crate) struct BarnesHut<'a> {
-    set: &'a CurveSet,
+pub(crate) struct BarnesHut {
     options: Options,
     /// Trees of the closed curves; `None` for other curves.
     trees: Arc<[Option<Tree>]>,
 }
 
-impl<'a> BarnesHut<'a> {
+impl BarnesHut {
     /// Builds the trees of all closed polylines. Other curves have no linking numbers here.
-    pub fn new(set: &'a CurveSet, options: Options) -> BarnesHut<'a> {
+    pub fn new(set: &CurveSet, options: Options) -> BarnesHut {
         let scale = normalizing(set.max_abs());
         let polyline = set.basis().is_polyline();
         let trees = (0..set.len()).into_par_iter().map(|i| {
@@ -111,19 +111,15 @@ impl<'a> BarnesHut<'a> {
             fits.then(|| Tree::new(set, i, scale))
         });
         BarnesHut {
-            set,
             options,
             trees: trees.collect::<Vec<_>>().into(),
         }
     }
 
     /// Returns a kernel with the same trees and other options.
-    pub fn with(&self, options: Options) -> BarnesHut<'a> {
-        BarnesHut {
-            set: self.set,
-            options,
-            trees: Arc::clone(&self.trees),
-        }
+    pub fn with(&self, options: Options) -> BarnesHut {
+        let trees = Arc::clone(&self.trees);
+        BarnesHut { options, trees }
     }
 
     /// Returns the sum of a pair with its work, or `None` if a curve has no tree. A curve has no
@@ -173,12 +169,10 @@ fn pass(order: Order, trees: [&Tree; 2], criterion: Criterion) -> Sum {
         order,
         criterion,
     };
-    let mut start = Sum::default();
     let mut agenda = vec![(trees[0].root(), trees[1].root())];
     let work = trees[0].root().leaves as usize + trees[1].root().leaves as usize;
     if work <= SMALL {
-        walk.run(&mut agenda, &mut start);
-        return start;
+        return walk.run(agenda);
     }
     // Some hundred node pairs, independent of the number of threads.
     while agenda.len() < TASKS {
@@ -192,15 +186,9 @@ fn pass(order: Order, trees: [&Tree; 2], criterion: Criterion) -> Sum {
             break;
         }
     }
-    let parts: Vec<Sum> = agenda
-        .into_par_iter()
-        .map(|pair| {
-            let mut sum = Sum::default();
-            walk.run(&mut vec![pair], &mut sum);
-            sum
-        })
-        .collect();
-    parts.into_iter().fold(start, Sum::plus)
+    let parts = agenda.into_par_iter().map(|pair| walk.run(vec![pair]));
+    let parts: Vec<Sum> = parts.collect();
+    parts.into_iter().fold(Sum::default(), Sum::plus)
 }
 
 /// Repeats passes until the bound of the sum is at most `budget`, as far as possible
@@ -209,11 +197,11 @@ fn within(options: Options, budget: f64, trees: [&Tree; 2]) -> Sum {
     let order = options.order;
     let leaves = trees.map(|t| f64::from(t.root().leaves));
     let all = leaves[0] * leaves[1];
-    // A good initial value for neighbouring rings; long curves need more node pairs.
-    let mut share = budget / (8.0 * (leaves[0] + leaves[1]).sqrt());
-    if all <= UNEXPANDED {
-        share = 0.0;
-    }
+    let mut share = match all <= UNEXPANDED {
+        true => 0.0,
+        // A good initial value for neighbouring rings; long curves need more node pairs.
+        false => budget / (8.0 * (leaves[0] + leaves[1]).sqrt()),
+    };
     let mut sum = pass(order, trees, Criterion::Share(share));
     for _ in 0..PASSES {
         let bound = sum.estimate().bound;
@@ -237,11 +225,11 @@ fn within(options: Options, budget: f64, trees: [&Tree; 2]) -> Sum {
     sum
 }
 
-impl Summation for BarnesHut<'_> {
+impl Summation for BarnesHut {
     fn linking_number(&self, pair: Pair) -> Estimate {
-        debug_assert!((pair.0 as usize) < self.set.len() && (pair.1 as usize) < self.set.len());
-        self.sum(pair)
-            .map_or(Estimate::UNKNOWN, |sum| sum.estimate())
+        debug_assert!((pair.0.max(pair.1) as usize) < self.trees.len());
+        let sum = self.sum(pair);
+        sum.map_or(Estimate::UNKNOWN, |sum| sum.estimate())
     }
 }
 
@@ -315,10 +303,8 @@ impl Sum {
     }
 
     fn estimate(&self) -> Estimate {
-        Estimate {
-            value: self.far / (4.0 * PI) + self.near,
-            bound: (self.bounds.tail + self.estimate_of_rounding()) * OUTWARD,
-        }
+        let bound = (self.bounds.tail + self.estimate_of_rounding()) * OUTWARD;
+        Estimate::new(self.far / (4.0 * PI) + self.near, bound)
     }
 }
 
@@ -375,15 +361,15 @@ impl Walk<'_> {
     }
 
     /// Sums all node pairs of the agenda.
-    fn run(&self, agenda: &mut Vec<(Node, Node)>, sum: &mut Sum) {
-        dispatch!(Self::run_inline(self, agenda, sum))
+    fn run(&self, agenda: Vec<(Node, Node)>) -> Sum {
+        dispatch!(Self::run_inline(self, agenda))
     }
 
     #[inline(always)]
-    fn run_inline(&self, agenda: &mut Vec<(Node, Node)>, sum: &mut Sum) {
-        let [first, second] = self.trees;
-        let reach = [&first.reach[..], &second.reach[..]];
-        let moments = [&first.moments[..], &second.moments[..]];
+    fn run_inline(&self, mut agenda: Vec<(Node, Node)>) -> Sum {
+        let reach = self.trees.map(|tree| &tree.reach[..]);
+        let moments = self.trees.map(|tree| &tree.moments[..]);
+        let mut sum = Sum::default();
         let mut angles = Angles::ZERO;
         let mut batch = [(0, 0); BATCH];
         let mut filled = 0;
@@ -406,15 +392,14 @@ impl Walk<'_> {
                 angles.add(self.trees, [t.first as usize, u.first as usize]);
                 sum.summed += 1;
             } else {
-                self.open((t, u), agenda);
+                self.open((t, u), &mut agenda);
             }
         }
         if filled > 0 {
             sum.far += expand_batch(self.order, &batch[..filled], reach, moments);
         }
-        let (turns, error) = angles.turns();
-        sum.near += turns;
-        sum.near_error += error;
+        (sum.near, sum.near_error) = angles.turns();
+        sum
     }
 
     /// Returns the published estimate for a node pair. Its constant is not published, so this one

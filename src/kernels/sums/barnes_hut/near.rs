@@ -23,11 +23,6 @@
 //! Otherwise, or if the disc meets the negative axis, a full turn is uncertain: the segments nearly
 //! touch.
 
-#![allow(
-    clippy::needless_range_loop,
-    reason = "one index runs over lanes or axes of several arrays"
-)]
-
 use super::trees::{LEAF, Tree};
 use crate::curve::pow2;
 use crate::curve::vector::{cross, dot, sub};

@@ -144,10 +144,7 @@ impl Sum {
     /// margins of the bounds cover.
     #[inline(always)]
     pub fn estimate(&self) -> Estimate {
-        Estimate {
-            value: self.value,
-            bound: 1.001 * (self.bound + U * self.rounding),
-        }
+        Estimate::new(self.value, 1.001 * (self.bound + U * self.rounding))
     }
 }
 
@@ -351,10 +348,7 @@ impl<const N: usize> Block<N> {
             }
         }
         let Estimate { value, bound } = sum.estimate();
-        Estimate {
-            value: value / TAU,
-            bound: 1.001 * (bound + 4.0 * U * value.abs()) / TAU,
-        }
+        Estimate::new(value / TAU, 1.001 * (bound + 4.0 * U * value.abs()) / TAU)
     }
 }
 

@@ -38,26 +38,13 @@
 //! The last formula with `M = 2` also bounds the sum of the magnitudes of all terms, to which the
 //! rounding of their sum is relative.
 
-#![allow(
-    clippy::needless_range_loop,
-    reason = "one index runs over degrees of several arrays"
-)]
-
 use super::harmonics::MOST;
 use super::tree::Ball;
 use crate::curve::Point;
 use crate::curve::pow2;
 use crate::curve::vector::per_axis;
+use crate::kernels::sums::barnes_hut::{Bounds, NEAREST, OUTWARD};
 use std::f64::consts::PI;
-
-/// Error bounds of the contribution of a node pair.
-#[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Bounds {
-    /// Bound of the remainder.
-    pub tail: f64,
-    /// Sum of the magnitudes of the terms, to which the rounding error of their sum is relative.
-    pub size: f64,
-}
 
 /// Rounding error of a term of degree `n`, divided by `(n + 2)^2` and by the maximum of the term.
 /// It covers the moments of both nodes and their interaction.
@@ -80,17 +67,11 @@ pub(super) struct Bounds {
 /// radii.
 pub(super) const ROUNDING: f64 = pow2(-44);
 
-/// Factor that covers the rounding of the bounds themselves.
-pub(super) const OUTWARD: f64 = 1.0 + 1e-9;
-
 /// Maximum of `(r1 + r2) / R` for which the series is used.
 pub(super) const WIDEST: f64 = 0.8;
 
 /// Maximum of `(1 + (m + 1) / (p + 1)) r / R`, which is at most `2 r / R`.
 const STEEPEST: f64 = 0.9;
-
-/// Squared distance below which underflow could matter (coordinates are at most 1).
-const NEAREST: f64 = pow2(-120);
 
 /// Returns the binomials `C(p + 1 + m, m)` for the order `p`.
 fn binomials(order: usize) -> [f64; MOST + 1] {

@@ -1,10 +1,5 @@
 //! Moments of the nodes of a curve.
 
-#![allow(
-    clippy::needless_range_loop,
-    reason = "one index runs over lanes or axes of several arrays"
-)]
-
 use super::harmonics::{Buffers, Lanes, ShiftBuffers, add_segments, add_shifted, count};
 use super::norms::Norms;
 use super::tree::{Ball, GRAIN, LEAF, Tree};

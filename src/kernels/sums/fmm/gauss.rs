@@ -3,7 +3,7 @@
 use super::tree::Tree;
 use super::{Accept, Fmm, Options};
 use crate::curve::Point;
-use crate::kernels::Estimate;
+use crate::kernels::{Estimate, Summation};
 use crate::pairs::Pair;
 
 /// Approximate maximum work, in microseconds of one core. A sum that needs more has a larger bound.
@@ -38,9 +38,7 @@ fn within(chains: &[(&[Point], bool)], pair: Pair, budget: f64) -> Estimate {
             accept: Accept::Within(budget),
             limit: LIMIT,
         };
-        let [sum] = fmm.sums(&[pair])[..] else {
-            return Estimate::UNKNOWN;
-        };
+        let sum = fmm.linking_number(pair);
         if sum.bound.is_finite() || budget > LARGEST {
             return sum;
         }

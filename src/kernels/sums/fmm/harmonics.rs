@@ -29,11 +29,6 @@
 //! to `q`, `(n + 1) I_n = R_n(q) + p . grad I_n` by Euler's theorem, and gradients are sums of
 //! harmonics of the previous degree.
 
-#![allow(
-    clippy::needless_range_loop,
-    reason = "one index runs over lanes or axes of several arrays"
-)]
-
 use crate::curve::Point;
 use crate::curve::vector::per_axis;
 

@@ -27,11 +27,6 @@
 //! the cost of the sum is then of the order of `p^3`, not `p^4`. There is neither a local expansion
 //! nor a downward pass, because the result is a single number.
 
-#![allow(
-    clippy::needless_range_loop,
-    reason = "one index runs over lanes or axes of several arrays"
-)]
-
 use super::harmonics::{Lanes, MOST, at, count};
 use super::rotate::{SWAP, turn};
 use crate::curve::Point;

@@ -32,8 +32,7 @@ mod walk;
 use super::barnes_hut::normalizing;
 use super::{Estimate, Summation};
 use crate::curve::CurveSet;
-use crate::pairs::Pair;
-use bound::OUTWARD;
+use crate::pairs::{Pair, curves_of};
 use expansions::Expansions;
 pub(super) use gauss::{between, itself};
 use rayon::prelude::*;
@@ -195,37 +194,24 @@ const UNEXPANDED: usize = 9;
 
 impl Summation for Fmm {
     fn linking_number(&self, pair: Pair) -> Estimate {
-        let estimates = self.linking_numbers(&[pair]);
-        estimates.first().copied().unwrap_or(Estimate::UNKNOWN)
+        self.linking_numbers(&[pair])[0]
     }
 
-    /// Computes the expansions once for each curve and order, for all of its pairs.
+    /// Computes the expansions once for each curve and order, for all of its pairs. The Gauss
+    /// integral of a curve and itself is over unordered pairs of its segments.
     fn linking_numbers(&self, pairs: &[Pair]) -> Vec<Estimate> {
-        self.sums(pairs)
+        let mut estimates = vec![Estimate::UNKNOWN; pairs.len()];
+        let order = |(at, &pair): (usize, &Pair)| Some((at, self.order(self.pair(pair)?)));
+        let orders = pairs.par_iter().enumerate().filter_map(order);
+        let mut agenda: Vec<(usize, Option<usize>)> = orders.collect();
+        while !agenda.is_empty() {
+            agenda = self.stage(pairs, &agenda, &mut estimates);
+        }
+        estimates
     }
 }
 
 impl Fmm {
-    /// Returns the Gauss integrals of pairs of curves; that of a curve and itself is over unordered
-    /// pairs of its segments.
-    fn sums(&self, pairs: &[Pair]) -> Vec<Estimate> {
-        let mut estimates = vec![Estimate::UNKNOWN; pairs.len()];
-        let orders: Vec<Option<Option<usize>>> = pairs
-            .par_iter()
-            .map(|&pair| self.pair(pair).map(|trees| self.order(trees)))
-            .collect();
-        let mut agenda: Vec<(usize, Option<usize>)> = orders
-            .into_iter()
-            .enumerate()
-            .filter_map(|(at, order)| Some((at, order?)))
-            .collect();
-        while !agenda.is_empty() {
-            let next = self.stage(pairs, &agenda, &mut estimates);
-            agenda = next;
-        }
-        estimates
-    }
-
     /// Returns true if a higher order is not needed, or of no use.
     fn suffices(&self, sum: &Sum) -> bool {
         match self.options.accept {
@@ -246,70 +232,53 @@ impl Fmm {
     ) -> Vec<(usize, Option<usize>)> {
         let order = agenda.iter().map(|a| a.1).min().flatten();
         let (now, mut later): (Vec<_>, Vec<_>) = agenda.iter().partition(|a| a.1 == order);
-        let mut used = vec![false; self.trees.len()];
-        for &(at, _) in &now {
-            let (i, j) = pairs[at];
-            used[i as usize] = true;
-            used[j as usize] = true;
-        }
+        let used = curves_of(now.iter().map(|&(at, _)| pairs[at]));
         // Upper bounds, known without moments, tell which nodes need moments.
-        let mut expansions: Vec<Option<Expansions>> = self
-            .trees
-            .par_iter()
-            .zip(used)
-            .map(|(tree, used)| {
-                let (tree, order) = (tree.as_ref().filter(|_| used)?, order?);
-                Some(Expansions::outline(tree, order))
-            })
-            .collect();
-        let plan = |expansions: &[Option<Expansions>], at: usize, start| {
-            let of = |i: u32| expansions[i as usize].as_ref();
-            let (i, j) = pairs[at];
-            self.plan(self.pair((i, j))?, [of(i), of(j)], start)
+        let outline = |(i, tree): (usize, &Option<Tree>)| {
+            let is_used = used.binary_search(&(i as u32)).is_ok();
+            let (tree, order) = (tree.as_ref().filter(|_| is_used)?, order?);
+            Some(Expansions::outline(tree, order))
         };
-        let plans: Vec<_> = now
-            .par_iter()
-            .map(|&(at, _)| plan(&expansions, at, None))
-            .collect();
+        let outlines = self.trees.par_iter().enumerate().map(outline);
+        let mut expansions: Vec<Option<Expansions>> = outlines.collect();
+        let plan = |expansions: &[Option<Expansions>], at: usize, start| {
+            let (i, j) = pairs[at];
+            let of = [i, j].map(|i| expansions[i as usize].as_ref());
+            self.plan(self.pair((i, j))?, of, start)
+        };
+        let first = now.par_iter().map(|&(at, _)| plan(&expansions, at, None));
+        let plans: Vec<_> = first.collect();
         let mut least = vec![u32::MAX; self.trees.len()];
         for (&(at, _), plan) in now.iter().zip(&plans) {
+            let Some((_, sum)) = plan else {
+                continue;
+            };
             let (i, j) = pairs[at];
-            for (curve, smallest) in [i, j]
-                .into_iter()
-                .zip(plan.map_or([u32::MAX; 2], |p| p.1.smallest))
-            {
+            for (curve, smallest) in [i, j].into_iter().zip(sum.smallest) {
                 least[curve as usize] = smallest.min(least[curve as usize]);
             }
         }
-        expansions
-            .par_iter_mut()
-            .zip(&self.trees)
-            .zip(least)
-            .for_each(|((expansions, tree), least)| {
-                if let (Some(expansions), Some(tree)) = (expansions, tree) {
-                    expansions.fill(tree, least);
-                }
-            });
-        let sums: Vec<(Sum, bool)> = now
-            .par_iter()
-            .zip(plans)
-            .map(|(&(at, _), first)| {
-                // If most of the work is near field, a higher order increases it.
-                let more = self.options.order.is_none() && order.is_some() && first.is_some();
-                // The moments may be smaller than their upper bounds, so larger nodes may be
-                // accepted.
-                let again = first.and_then(|(criterion, _)| plan(&expansions, at, Some(criterion)));
-                let (i, j) = pairs[at];
-                let (Some((criterion, _)), Some(trees)) = (again, self.pair((i, j))) else {
-                    return (Sum::UNKNOWN, more);
-                };
-                let of = |i: u32| expansions[i as usize].as_ref();
-                let sum = Walk::new(trees, [of(i), of(j)], criterion).sum();
-                (sum, more && !self.suffices(&sum))
-            })
-            .collect();
-        for (&(at, _), sum) in now.iter().zip(sums) {
-            let (sum, more) = sum;
+        let all = expansions.par_iter_mut().zip(&self.trees).zip(least);
+        all.for_each(|((expansions, tree), least)| {
+            if let (Some(expansions), Some(tree)) = (expansions, tree) {
+                expansions.fill(tree, least);
+            }
+        });
+        let sum = |(&(at, _), first): (&(usize, _), Option<(Criterion, Sum)>)| {
+            // If most of the work is near field, a higher order increases it.
+            let more = self.options.order.is_none() && order.is_some() && first.is_some();
+            // The moments may be smaller than their upper bounds, so larger nodes may be accepted.
+            let again = first.and_then(|(criterion, _)| plan(&expansions, at, Some(criterion)));
+            let (i, j) = pairs[at];
+            let (Some((criterion, _)), Some(trees)) = (again, self.pair((i, j))) else {
+                return (Sum::UNKNOWN, more);
+            };
+            let of = [i, j].map(|i| expansions[i as usize].as_ref());
+            let sum = Walk::new(trees, of, criterion).sum();
+            (sum, more && !self.suffices(&sum))
+        };
+        let sums: Vec<(Sum, bool)> = now.par_iter().zip(plans).map(sum).collect();
+        for (&(at, _), (sum, more)) in now.iter().zip(sums) {
             let estimate = sum.estimate();
             if estimate.bound < estimates[at].bound {
                 estimates[at] = estimate;

@@ -7,11 +7,6 @@
 //! `|x|` over the node bound the degrees that are not stored. The stored degrees are smaller than
 //! these bounds if strands cancel.
 
-#![allow(
-    clippy::needless_range_loop,
-    reason = "one index runs over lanes or axes of several arrays"
-)]
-
 use super::bound::ROUNDING;
 use super::harmonics::{MOST, at};
 use super::interact::FACTORIALS;

@@ -4,25 +4,13 @@
 //! exchanges of y and z, which are constant matrices (Dehnen 2014, section 3.3); only a fourth of
 //! their entries are not 0.
 
-#![allow(
-    clippy::needless_range_loop,
-    reason = "one index runs over lanes or axes of several arrays"
-)]
-
 use super::harmonics::{Lanes, MOST, at};
 use std::sync::LazyLock;
 
-/// A row of the exchange matrix: the indices and coefficients of its entries.
+/// Exchange of y and z: `f(x, z, y)` for every real and imaginary part of every harmonic. Each row
+/// of the matrix has the indices and coefficients of its entries.
 #[derive(Clone, Debug)]
-struct Row {
-    terms: Vec<(u32, f64)>,
-}
-
-/// Exchange of y and z: `f(x, z, y)` for every real and imaginary part of every harmonic.
-#[derive(Clone, Debug)]
-pub(super) struct Swap {
-    rows: Vec<Row>,
-}
+pub(super) struct Swap(Vec<Vec<(u32, f64)>>);
 
 /// The exchange up to the maximum order.
 pub(super) static SWAP: LazyLock<Swap> = LazyLock::new(Swap::new);
@@ -33,7 +21,7 @@ impl Swap {
     /// Computes the matrix degree by degree, from the derivatives. All entries are multiples of
     /// `2^-n`, and exact.
     fn new() -> Swap {
-        let mut rows = vec![Row { terms: Vec::new() }; at(MOST + 1, 0)];
+        let mut rows = vec![Vec::new(); at(MOST + 1, 0)];
         // Coefficients of R_n^k(x, z, y), for k from -n to n, in terms of R_n^l.
         let mut before: Vec<Vec<Complex>> = vec![vec![[1.0, 0.0]]];
         for n in 1..=MOST as isize {
@@ -77,13 +65,11 @@ impl Swap {
                             next[(k + n) as usize][(n - l) as usize].map(|x| x * sign)
                         }
                     };
-                    let (i, j) = (
-                        at(n as usize, k as usize),
-                        at(n as usize, l as usize) as u32,
-                    );
+                    let [i, j] = [k, l].map(|order| at(n as usize, order as usize));
+                    let j = j as u32;
                     let mut push = |row: usize, column: u32, x: f64| {
                         if x != 0.0 {
-                            rows[row].terms.push((column, x));
+                            rows[row].push((column, x));
                         }
                     };
                     push(i, j, a + c);
@@ -96,7 +82,7 @@ impl Swap {
             }
             before = next;
         }
-        Swap { rows }
+        Swap(rows)
     }
 
     /// Exchanges y and z.
@@ -104,7 +90,7 @@ impl Swap {
     pub fn apply<const L: usize>(&self, order: usize, from: &[Lanes<L>], to: &mut [Lanes<L>]) {
         for i in at(1, 0)..at(order + 1, 0) {
             let mut sum = [0.0; L];
-            for &(j, c) in &self.rows[i].terms {
+            for &(j, c) in &self.0[i] {
                 let x = &from[j as usize];
                 for l in 0..L {
                     sum[l] += c * x[l];

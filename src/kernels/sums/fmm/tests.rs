@@ -168,7 +168,7 @@ fn the_bound_exceeds_the_error_by_a_limited_factor() {
         let leaves = trees.map(|t| t.root().children()[0]);
         let run = |expansions: [Option<&Expansions>; 2], criterion| {
             let walk = Walk::new(trees, expansions, criterion);
-            walk.run(&mut vec![(leaves[0], leaves[1])])
+            walk.run(vec![(leaves[0], leaves[1])])
         };
         let direct = run([None; 2], Criterion::Share(0.0));
         assert_eq!((direct.expanded, direct.summed), (0, 1));
@@ -413,7 +413,7 @@ fn check_nodes(cases: usize, seed: u64) -> [f64; 2] {
         let (at, _, _, fmm) = nodes(&mut random, by, Some(at));
         let trees = fmm.pair((0, 1)).expect("two curves");
         let run = |expansions: [Option<&Expansions>; 2], criterion| {
-            Walk::new(trees, expansions, criterion).run(&mut vec![(at[0], at[1])])
+            Walk::new(trees, expansions, criterion).run(vec![(at[0], at[1])])
         };
         let direct = run([None; 2], Criterion::Share(0.0));
         for order in [2, 3, 5, 8, 13, 20] {

@@ -6,11 +6,6 @@
 //! [`super::super::barnes_hut`], so that the places of the children follow from the number of
 //! leaves. All leaves but the last one are full.
 
-#![allow(
-    clippy::needless_range_loop,
-    reason = "one index runs over lanes or axes of several arrays"
-)]
-
 use crate::curve::pow2;
 use crate::curve::vector::per_axis;
 use crate::curve::{CurveSet, Point, bounds, union};

@@ -1,13 +1,12 @@
 //! Simultaneous descent in two trees.
 
-use super::OUTWARD;
-use super::bound::{Bounding, Bounds, WIDEST};
+use super::bound::{Bounding, WIDEST};
 use super::expansions::Expansions;
 use super::interact::{BATCH, Buffers, Side, interact};
 use super::tree::{Ball, FILLER, LEAF, Tree};
 use crate::curve::Point;
 use crate::kernels::Estimate;
-use crate::kernels::sums::barnes_hut::{Angles, Node};
+use crate::kernels::sums::barnes_hut::{Angles, Bounds, Node, OUTWARD};
 use crate::simd::dispatch;
 use rayon::prelude::*;
 use std::f64::consts::PI;
@@ -99,10 +98,7 @@ impl Sum {
         if !bound.is_finite() {
             return Estimate::UNKNOWN;
         }
-        Estimate {
-            value: self.far / (4.0 * PI) + self.near,
-            bound,
-        }
+        Estimate::new(self.far / (4.0 * PI) + self.near, bound)
     }
 }
 
@@ -256,21 +252,19 @@ impl<'a> Walk<'a> {
     }
 
     /// Runs tasks and adds the results in their order.
-    fn over(tasks: &[(Node, Node)], run: impl Fn(&mut Vec<(Node, Node)>) -> Sum + Sync) -> Sum {
-        match tasks {
-            [one] => run(&mut vec![*one]),
-            tasks => {
-                let parts = tasks.par_iter().map(|&pair| run(&mut vec![pair]));
-                let parts: Vec<Sum> = parts.collect();
-                parts.into_iter().fold(Sum::ZERO, Sum::plus)
-            }
+    fn over(tasks: &[(Node, Node)], run: impl Fn(Vec<(Node, Node)>) -> Sum + Sync) -> Sum {
+        if let [one] = tasks {
+            return run(vec![*one]);
         }
+        let parts = tasks.par_iter().map(|&pair| run(vec![pair]));
+        let parts: Vec<Sum> = parts.collect();
+        parts.into_iter().fold(Sum::ZERO, Sum::plus)
     }
 
     /// Dry run: returns the work and the remainder of a pass, without the sum. Returns `None` as
     /// soon as the work exceeds `limit`, in microseconds.
     pub fn plan(&self, limit: f64) -> Option<Sum> {
-        let dry = |agenda: &mut Vec<(Node, Node)>| {
+        let dry = |mut agenda: Vec<(Node, Node)>| {
             let mut sum = Sum::ZERO;
             while let Some((t, u)) = agenda.pop() {
                 sum.visited += 1;
@@ -281,7 +275,7 @@ impl<'a> Walk<'a> {
                 } else if t.is_leaf() && u.is_leaf() {
                     sum.summed += 1;
                 } else {
-                    self.open((t, u), agenda);
+                    self.open((t, u), &mut agenda);
                 }
             }
             sum
@@ -303,12 +297,12 @@ impl<'a> Walk<'a> {
     }
 
     /// Sums all node pairs of the agenda.
-    pub fn run(&self, agenda: &mut Vec<(Node, Node)>) -> Sum {
+    pub fn run(&self, agenda: Vec<(Node, Node)>) -> Sum {
         dispatch!(Self::run_inline(self, agenda))
     }
 
     #[inline(always)]
-    fn run_inline(&self, agenda: &mut Vec<(Node, Node)>) -> Sum {
+    fn run_inline(&self, mut agenda: Vec<(Node, Node)>) -> Sum {
         let order = self.expansions.map_or(0, |e| e[0].order);
         let mut buffers = Buffers::new(order);
         let mut sum = Sum::ZERO;
@@ -354,15 +348,13 @@ impl<'a> Walk<'a> {
                 }
                 sum.summed += 1;
             } else {
-                self.open((t, u), agenda);
+                self.open((t, u), &mut agenda);
             }
         }
         if !batch.is_empty() {
             sum.far += expand(order, &mut batch, &mut buffers);
         }
-        let (turns, error) = angles.turns();
-        sum.near = turns;
-        sum.near_error = error;
+        (sum.near, sum.near_error) = angles.turns();
         sum
     }
 }

@@ -42,9 +42,8 @@ pub(crate) fn enclose(set: &CurveSet, (i, j): Pair, noise: f64) -> Interval {
     };
     let cubes = |[x, y, z]: [&[f64]; 3]| -> Vec<Vector> {
         let points = x.iter().zip(y).zip(z);
-        points
-            .map(|((&x, &y), &z)| [x, y, z].map(|x| cube(x, radius)))
-            .collect()
+        let cubes = points.map(|((&x, &y), &z)| [x, y, z].map(|x| cube(x, radius)));
+        cubes.collect()
     };
     let (first, second) = (cubes(first), cubes(second));
     let rows: Vec<Interval> = second
@@ -61,15 +60,10 @@ pub(crate) fn enclose(set: &CurveSet, (i, j): Pair, noise: f64) -> Interval {
 /// Returns the interval of a scaled coordinate with an uncertainty of `radius`. Subnormal
 /// coordinates may have been rounded by the scaling.
 pub(crate) fn cube(x: f64, radius: f64) -> Interval {
-    let exact = x.abs() >= f64::MIN_POSITIVE;
-    Interval::around(
-        x,
-        if exact {
-            radius
-        } else {
-            radius + f64::MIN_POSITIVE
-        },
-    )
+    match x.abs() >= f64::MIN_POSITIVE {
+        true => Interval::around(x, radius),
+        false => Interval::around(x, radius + f64::MIN_POSITIVE),
+    }
 }
 
 /// Returns half the solid angle of a pair of segments, given by their scaled end points.
@@ -86,10 +80,7 @@ fn angle(k: [Vector; 2], l: [Vector; 2]) -> Interval {
         sub(l[1], k[1]),
         sub(l[1], k[0]),
     ];
-    let half_turn = Interval {
-        lo: -Interval::PI.hi,
-        hi: Interval::PI.hi,
-    };
+    let half_turn = Interval::new(-Interval::PI.hi, Interval::PI.hi);
     match (half_solid_angle(a, b, c), half_solid_angle(c, d, a)) {
         (Some(one), Some(other)) => (one + other).within(half_turn),
         _ => half_turn,

@@ -1,6 +1,7 @@
 //! Intervals of real numbers, rounded outward.
 
 use crate::kernels::Estimate;
+use std::f64::consts::PI;
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
 /// All numbers from `lo` to `hi`. An operation returns an interval that contains every result for
@@ -14,23 +15,28 @@ pub(crate) struct Interval {
 
 impl Interval {
     /// The interval of all numbers.
-    pub const ENTIRE: Interval = Interval {
-        lo: f64::NEG_INFINITY,
-        hi: f64::INFINITY,
-    };
+    pub const ENTIRE: Interval = Interval::new(f64::NEG_INFINITY, f64::INFINITY);
 
     /// The interval that contains 0 only.
-    pub const ZERO: Interval = Interval { lo: 0.0, hi: 0.0 };
+    pub const ZERO: Interval = Interval::point(0.0);
 
     /// Pi. The constant is the nearest number below pi.
-    pub const PI: Interval = Interval {
-        lo: std::f64::consts::PI,
-        hi: std::f64::consts::PI.next_up(),
-    };
+    pub const PI: Interval = Interval::new(PI, PI.next_up());
+
+    /// Half of pi.
+    const HALF_PI: Interval = Interval::new(0.5 * Interval::PI.lo, 0.5 * Interval::PI.hi);
+
+    /// A quarter of pi.
+    const QUARTER_PI: Interval = Interval::new(0.25 * Interval::PI.lo, 0.25 * Interval::PI.hi);
+
+    /// Returns the interval of all numbers from `lo` to `hi`.
+    pub const fn new(lo: f64, hi: f64) -> Interval {
+        Interval { lo, hi }
+    }
 
     /// Returns the interval of a single number.
-    pub fn point(x: f64) -> Interval {
-        Interval { lo: x, hi: x }
+    pub const fn point(x: f64) -> Interval {
+        Interval::new(x, x)
     }
 
     /// Returns the interval of all numbers whose distance from `x` is at most `radius`.
@@ -46,10 +52,7 @@ impl Interval {
         if lo.is_nan() || hi.is_nan() {
             return Interval::ENTIRE;
         }
-        Interval {
-            lo: lo.next_down(),
-            hi: hi.next_up(),
-        }
+        Interval::new(lo.next_down(), hi.next_up())
     }
 
     /// Returns the middle of the interval, with a bound that covers both ends.
@@ -78,25 +81,17 @@ impl Interval {
 
     /// Returns the intersection with another interval, which must not be disjoint.
     pub fn within(self, other: Interval) -> Interval {
-        Interval {
-            lo: self.lo.max(other.lo),
-            hi: self.hi.min(other.hi),
-        }
+        Interval::new(self.lo.max(other.lo), self.hi.min(other.hi))
     }
 
     /// Returns the interval of the squares.
     pub fn square(self) -> Interval {
         let (p, q) = (self.lo * self.lo, self.hi * self.hi);
-        let most = p.max(q).next_up();
-        let least = if self.contains(0.0) {
-            0.0
-        } else {
-            p.min(q).next_down()
+        let least = match self.contains(0.0) {
+            true => 0.0,
+            false => p.min(q).next_down(),
         };
-        Interval {
-            lo: least,
-            hi: most,
-        }
+        Interval::new(least, p.max(q).next_up())
     }
 
     /// Returns the interval of the square roots of its non-negative numbers.
@@ -110,16 +105,12 @@ impl Interval {
     /// Returns the interval of the arguments of complex numbers, between `-pi` and `pi`. Returns
     /// `None` if one of them may be 0 or negative.
     pub fn argument(real: Interval, imaginary: Interval) -> Option<Interval> {
-        let quarter = Interval {
-            lo: 0.5 * Interval::PI.lo,
-            hi: 0.5 * Interval::PI.hi,
-        };
         if real.lo > 0.0 {
             Some((imaginary / real).arctangent())
         } else if imaginary.lo > 0.0 {
-            Some(quarter - (real / imaginary).arctangent())
+            Some(Interval::HALF_PI - (real / imaginary).arctangent())
         } else if imaginary.hi < 0.0 {
-            Some(-quarter - (real / imaginary).arctangent())
+            Some(-Interval::HALF_PI - (real / imaginary).arctangent())
         } else {
             None
         }
@@ -127,10 +118,7 @@ impl Interval {
 
     /// Returns the interval of the arctangents, between `-pi/2` and `pi/2`.
     pub fn arctangent(self) -> Interval {
-        Interval {
-            lo: arctangent(self.lo).lo,
-            hi: arctangent(self.hi).hi,
-        }
+        Interval::new(arctangent(self.lo).lo, arctangent(self.hi).hi)
     }
 }
 
@@ -138,10 +126,7 @@ impl Neg for Interval {
     type Output = Interval;
 
     fn neg(self) -> Interval {
-        Interval {
-            lo: -self.hi,
-            hi: -self.lo,
-        }
+        Interval::new(-self.hi, -self.lo)
     }
 }
 
@@ -210,18 +195,14 @@ fn arctangent(x: f64) -> Interval {
     if x < 0.0 {
         return -arctangent(-x);
     }
-    let quarter = Interval {
-        lo: 0.5 * Interval::PI.lo,
-        hi: 0.5 * Interval::PI.hi,
-    };
     if x == f64::INFINITY {
-        return quarter;
+        return Interval::HALF_PI;
     }
     let t = Interval::point(x);
-    if x > 1.0 {
-        return quarter - unit_arctangent(Interval::point(1.0) / t);
+    match x > 1.0 {
+        true => Interval::HALF_PI - unit_arctangent(Interval::point(1.0) / t),
+        false => unit_arctangent(t),
     }
-    unit_arctangent(t)
 }
 
 /// Returns the arctangent of a narrow interval, approximately within 0 to 1.
@@ -230,11 +211,7 @@ fn unit_arctangent(t: Interval) -> Interval {
     if 3.0 * t.hi <= 1.0 {
         return series(t);
     }
-    let eighth = Interval {
-        lo: 0.25 * Interval::PI.lo,
-        hi: 0.25 * Interval::PI.hi,
-    };
-    let half = eighth - series(one / three);
+    let half = Interval::QUARTER_PI - series(one / three);
     // A single occurrence of t keeps the interval narrow: 2 - 5 / (2 + t).
     half + series(two - Interval::point(5.0) / (two + t))
 }
@@ -251,12 +228,7 @@ fn series(t: Interval) -> Interval {
     }
     let power = (0..16).fold(Interval::point(1.0), |p, _| p * s);
     let rest = power / Interval::point(33.0);
-    let sum = sum
-        + Interval {
-            lo: 0.0,
-            hi: rest.hi,
-        };
-    t * sum
+    t * (sum + Interval::new(0.0, rest.hi))
 }
 
 #[cfg(test)]
