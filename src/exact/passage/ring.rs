@@ -2,7 +2,7 @@
 
 use super::super::big;
 use num_bigint::BigInt;
-use std::cmp::Ordering;
+use std::collections::BTreeMap;
 
 /// An ordered commutative ring without zero divisors.
 ///
@@ -41,50 +41,29 @@ impl Ring for BigInt {
 /// smaller than every positive rational: the sign is that of the lowest term. It equals the sign of
 /// the value at every sufficiently small positive number `e`.
 ///
-/// Stores the nonzero terms as exponent and coefficient, lowest exponent first.
+/// Stores the nonzero coefficients by their exponents.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) struct Infinitesimal(Vec<(u32, BigInt)>);
+pub(super) struct Infinitesimal(BTreeMap<u32, BigInt>);
 
 impl Infinitesimal {
     /// Returns `coefficient * e^exponent`.
     pub fn term(exponent: u32, coefficient: BigInt) -> Self {
-        Self::normal(vec![(exponent, coefficient)])
+        Self::normal([(exponent, coefficient)].into())
     }
 
     /// Returns the exponent of the lowest term.
     pub fn order(&self) -> Option<u32> {
-        self.0.first().map(|t| t.0)
+        self.0.keys().next().copied()
     }
 
     /// Returns the coefficient of `e^exponent`.
     pub fn coefficient(&self, exponent: u32) -> BigInt {
-        let found = self.0.binary_search_by_key(&exponent, |t| t.0);
-        found.map_or(BigInt::ZERO, |k| self.0[k].1.clone())
+        self.0.get(&exponent).cloned().unwrap_or_default()
     }
 
-    fn normal(mut terms: Vec<(u32, BigInt)>) -> Self {
-        terms.retain(|t| big::sign(&t.1) != 0);
+    fn normal(mut terms: BTreeMap<u32, BigInt>) -> Self {
+        terms.retain(|_, coefficient| big::sign(coefficient) != 0);
         Infinitesimal(terms)
-    }
-
-    /// Returns the sum, with `term` applied to the coefficients of `other`.
-    fn merge(&self, other: &Self, term: impl Fn(&BigInt) -> BigInt) -> Self {
-        let mut out = Vec::with_capacity(self.0.len() + other.0.len());
-        let (mut left, mut right) = (self.0.iter().peekable(), other.0.iter().peekable());
-        loop {
-            let order = match (left.peek(), right.peek()) {
-                (Some(l), Some(r)) => l.0.cmp(&r.0),
-                (Some(_), None) => Ordering::Less,
-                (None, Some(_)) => Ordering::Greater,
-                (None, None) => return Self::normal(out),
-            };
-            let l = left.next_if(|_| order.is_le());
-            let r = right.next_if(|_| order.is_ge()).map(|r| (r.0, term(&r.1)));
-            out.extend(match (l, r) {
-                (Some(l), Some(r)) => Some((l.0, &l.1 + r.1)),
-                (l, r) => l.cloned().or(r),
-            });
-        }
     }
 }
 
@@ -96,25 +75,33 @@ impl From<BigInt> for Infinitesimal {
 
 impl Ring for Infinitesimal {
     fn sign(&self) -> i32 {
-        self.0.first().map_or(0, |t| big::sign(&t.1))
+        self.0.values().next().map_or(0, big::sign)
     }
 
     fn plus(&self, other: &Self) -> Self {
-        self.merge(other, BigInt::clone)
+        let mut sum = self.0.clone();
+        for (&k, x) in &other.0 {
+            *sum.entry(k).or_default() += x;
+        }
+        Self::normal(sum)
     }
 
     fn minus(&self, other: &Self) -> Self {
-        self.merge(other, |x| -x)
+        let mut difference = self.0.clone();
+        for (&k, x) in &other.0 {
+            *difference.entry(k).or_default() -= x;
+        }
+        Self::normal(difference)
     }
 
     fn times(&self, other: &Self) -> Self {
-        let mut products = std::collections::BTreeMap::<u32, BigInt>::new();
+        let mut products = BTreeMap::<u32, BigInt>::new();
         for (i, x) in &self.0 {
             for (j, y) in &other.0 {
                 *products.entry(i + j).or_default() += x * y;
             }
         }
-        Self::normal(products.into_iter().collect())
+        Self::normal(products)
     }
 }
 
@@ -151,8 +138,8 @@ mod tests {
             prop_assert_eq!(x.times(&y).sign(), x.sign() * y.sign());
             prop_assert_eq!(x.times(&y.plus(&z)), x.times(&y).plus(&x.times(&z)));
             prop_assert_eq!(x.minus(&x), Infinitesimal::zero());
-            prop_assert_eq!(x.order(), x.0.first().map(|t| t.0));
-            prop_assert!(x.0.windows(2).all(|w| w[0].0 < w[1].0));
+            prop_assert_eq!(x.order(), x.0.first_key_value().map(|t| *t.0));
+            prop_assert!(x.0.values().all(|c| big::sign(c) != 0));
         }
     }
 }
