@@ -39,21 +39,20 @@ pub(super) fn refit_range<S: Leaves>(
     for (k, layout) in layouts.iter().enumerate() {
         let stored = &mut groups[at..at + layout.groups as usize];
         at += stored.len();
-        roots[k] = if layout.tree && source.has_tree(first + k) {
-            refit_curve(source, first + k, layout, stored)
-        } else {
-            Box3::EMPTY
-        };
+        roots[k] = refit_curve(source, first + k, layout, stored);
     }
 }
 
-/// Refits the tree of one curve. Returns its root box.
+/// Refits the tree of one curve. Returns its root box, which is empty if the curve has no tree.
 pub(super) fn refit_curve<S: Leaves>(
     source: S,
     i: usize,
     layout: &Layout,
     groups: &mut [BoxGroup],
 ) -> Box3 {
+    if !(layout.tree && source.has_tree(i)) {
+        return Box3::EMPTY;
+    }
     let leaves = (layout.segments as usize).div_ceil(LANES);
     let (stored, upper) = groups.split_at_mut(if layout.leaves { leaves } else { 0 });
     if leaves == 1 {
@@ -133,43 +132,32 @@ impl<S: Leaves> Strip<'_, S> {
             if !self.stored.is_empty() {
                 self.stored[at..at + count].copy_from_slice(leaves);
             }
-            *group = match (&*leaves).try_into() {
-                Ok(eight) => bounds_of_eight(simd, eight),
-                Err(_) => bounds_of_few(leaves),
-            };
+            *group = bounds(simd, leaves);
         }
     }
-}
-
-/// Returns the bounding boxes of fewer than eight groups, one per lane.
-#[inline(always)]
-fn bounds_of_few(groups: &[BoxGroup]) -> BoxGroup {
-    let mut out = BoxGroup::EMPTY;
-    for (k, group) in groups.iter().enumerate() {
-        let Box3 { lo, hi } = group.bounds();
-        for x in 0..3 {
-            (out.lo[x][k], out.hi[x][k]) = (lo[x], hi[x]);
-        }
-    }
-    out
 }
 
 /// Refits a level from the level below.
 #[inline(always)]
 fn raise<L: Lanes>(simd: L, below: &[BoxGroup], level: &mut [BoxGroup]) {
     for (groups, parent) in below.chunks(LANES).zip(level) {
-        *parent = match groups.try_into() {
-            Ok(eight) => bounds_of_eight(simd, eight),
-            Err(_) => bounds_of_few(groups),
-        };
+        *parent = bounds(simd, groups);
     }
 }
 
-/// Returns the bounding boxes of eight groups, one per lane.
+/// Returns the bounding boxes of up to eight groups, one per lane.
 #[inline(always)]
-fn bounds_of_eight<L: Lanes>(simd: L, groups: &[BoxGroup; LANES]) -> BoxGroup {
+fn bounds<L: Lanes>(simd: L, groups: &[BoxGroup]) -> BoxGroup {
     let mut out = BoxGroup::EMPTY;
-    let [a, b, c, d, e, f, g, h] = groups;
+    let [a, b, c, d, e, f, g, h] = groups else {
+        for (k, group) in groups.iter().enumerate() {
+            let Box3 { lo, hi } = group.bounds();
+            for x in 0..3 {
+                (out.lo[x][k], out.hi[x][k]) = (lo[x], hi[x]);
+            }
+        }
+        return out;
+    };
     for x in 0..3 {
         let lo = [
             simd.load(&a.lo[x]),

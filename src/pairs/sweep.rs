@@ -88,32 +88,34 @@ impl LinkSearch {
         degenerate: &[Defect],
     ) -> &mut Vec<Pair> {
         self.sweep(boxes);
-        let LinkSearch {
-            sweep,
-            parts,
-            diagonals,
-            ..
-        } = self;
         if !degenerate.is_empty() {
             let kept = |i: u32| degenerate.binary_search_by_key(&i, |d| d.i).is_err();
-            parts
-                .par_iter_mut()
-                .for_each(|part| part.retain(|&(i, j)| kept(i) && kept(j)));
+            self.retain(|i, j| kept(i) && kept(j));
         }
-        let count = |parts: &[Vec<Pair>]| parts.iter().map(Vec::len).sum::<usize>();
-        let links = count(parts);
-        if links > MANY * sweep.order.len() && set.basis().is_polyline() {
+        let links = self.count();
+        if links > MANY * self.sweep.order.len() && set.basis().is_polyline() {
+            let mut diagonals = std::mem::take(&mut self.diagonals);
             diagonals.resize(set.len(), Diagonals::UNBOUNDED);
             let tasks = diagonals.par_chunks_mut(CHUNK).enumerate();
             tasks.for_each(|(task, part)| {
                 dispatch!(simd => extents(simd, (set, boxes), task, part));
             });
-            parts.par_iter_mut().for_each(|part| {
-                part.retain(|&(i, j)| !diagonals[i as usize].apart(&diagonals[j as usize]));
-            });
+            self.retain(|i, j| !diagonals[i as usize].apart(&diagonals[j as usize]));
+            self.diagonals = diagonals;
         }
-        self.discarded = links - count(parts);
+        self.discarded = links - self.count();
         self.collect(boxes.len())
+    }
+
+    /// Keeps the found pairs for which this holds.
+    fn retain(&mut self, keeps: impl Fn(u32, u32) -> bool + Sync) {
+        let parts = self.parts.par_iter_mut();
+        parts.for_each(|part| part.retain(|&(i, j)| keeps(i, j)));
+    }
+
+    /// Returns the number of found pairs.
+    fn count(&self) -> usize {
+        self.parts.iter().map(Vec::len).sum()
     }
 
     /// Returns the number of potential links that [`LinkSearch::find_links`] discarded, because
@@ -124,21 +126,15 @@ impl LinkSearch {
 
     /// Fills the parts with the pairs of overlapping boxes.
     fn sweep(&mut self, boxes: &[Box3]) {
-        let LinkSearch {
-            sweep,
-            parts,
-            sort,
-            filter,
-            limit,
-            ..
-        } = self;
-        let most = limit.most();
+        let most = self.limit.most();
         let total = AtomicUsize::new(0);
-        sweep.fill(boxes, sort);
-        let filter = filter.as_ref();
+        self.sweep.fill(boxes, &mut self.sort);
+        let (sweep, filter) = (&self.sweep, self.filter.as_ref());
         let n = sweep.order.len();
-        parts.resize_with(Self::tasks(n).max(parts.len()), Vec::new);
-        parts.par_iter_mut().enumerate().for_each(|(c, part)| {
+        let tasks = Self::tasks(n).max(self.parts.len());
+        self.parts.resize_with(tasks, Vec::new);
+        let parts = self.parts.par_iter_mut().enumerate();
+        parts.for_each(|(c, part)| {
             part.clear();
             if total.load(Ordering::Relaxed) > most {
                 return;
@@ -147,7 +143,7 @@ impl LinkSearch {
             while !range.is_empty() && part.len() <= most {
                 let (first, all) = (part.len(), (range.clone(), most));
                 let found = &mut *part;
-                range.start = dispatch!(simd => Sweep::run(&*sweep, simd, all, found));
+                range.start = dispatch!(simd => Sweep::run(sweep, simd, all, found));
                 // Other pairs neither count nor end the search.
                 if let Some(filter) = filter {
                     part.extract_if(first.., |&mut (i, j)| !filter.contains(i, j))
@@ -157,8 +153,8 @@ impl LinkSearch {
             total.fetch_add(part.len(), Ordering::Relaxed);
         });
         if total.into_inner() > most {
-            limit.exceed();
-            parts.fill_with(Vec::new);
+            self.limit.exceed();
+            self.parts.fill_with(Vec::new);
         }
     }
 
@@ -222,12 +218,7 @@ struct Sweep {
 impl Sweep {
     fn fill(&mut self, boxes: &[Box3], sort: &mut BucketSort) {
         let axis = widest_axis(boxes);
-        let Sweep {
-            keys,
-            order,
-            lo,
-            hi,
-        } = self;
+        let Sweep { keys, order, .. } = self;
         let some = boxes.iter().enumerate().filter(|&(_, b)| *b != Box3::EMPTY);
         let starts = some.clone().map(|(_, b)| f64::from(b.lo[axis]));
         let first = starts.clone().fold(f64::INFINITY, f64::min);
@@ -243,7 +234,7 @@ impl Sweep {
         sort.sort(some.map(key), buckets, bucket, keys);
         order.clear();
         order.extend(keys.iter().map(|&key| key as u32));
-        for (k, (lo, hi)) in lo.iter_mut().zip(hi).enumerate() {
+        for (k, (lo, hi)) in self.lo.iter_mut().zip(&mut self.hi).enumerate() {
             let x = (axis + k) % 3;
             lo.clear();
             hi.clear();
@@ -335,16 +326,14 @@ fn widest_axis(boxes: &[Box3]) -> usize {
             width += f64::from(b.hi[x]) - f64::from(b.lo[x]);
         }
         let width = width / boxes.len().max(1) as f64;
-        if width > 0.0 {
-            (hi - lo) / width
-        } else {
-            f64::INFINITY
+        match width > 0.0 {
+            true => (hi - lo) / width,
+            false => f64::INFINITY,
         }
     };
     let spreads = per_axis(spread);
-    (0..3)
-        .max_by(|&a, &b| spreads[a].total_cmp(&spreads[b]))
-        .unwrap_or(0)
+    let widest = (0..3).max_by(|&a, &b| spreads[a].total_cmp(&spreads[b]));
+    widest.unwrap_or(0)
 }
 
 #[cfg(test)]

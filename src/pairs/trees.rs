@@ -83,21 +83,12 @@ impl Trees {
         if 4 * curves.len() > leaves.curves().len() {
             return self.refit_all(leaves);
         }
-        let Trees {
-            layouts,
-            groups,
-            roots,
-            ..
-        } = self;
         for &i in curves {
             let i = i as usize;
-            let layout = &layouts[i];
+            let layout = &self.layouts[i];
             let first = layout.start as usize;
-            let groups = &mut groups[first..first + layout.groups as usize];
-            roots[i] = match layout.tree && leaves.has_tree(i) {
-                true => refit_curve(leaves, i, layout, groups),
-                false => Box3::EMPTY,
-            };
+            let groups = &mut self.groups[first..first + layout.groups as usize];
+            self.roots[i] = refit_curve(leaves, i, layout, groups);
         }
     }
 

@@ -1,6 +1,7 @@
 //! The operations without special instructions.
 
 use super::{LANES, Lanes, PACKED, Row, Simd};
+use std::array::from_fn;
 
 /// The instructions that every CPU has.
 #[derive(Clone, Copy, Debug)]
@@ -27,11 +28,7 @@ impl Lanes for Portable {
 
     #[inline(always)]
     fn less(self, a: Row<f32>, b: Row<f32>) -> Row<u32> {
-        let mut m = [0; LANES];
-        for (m, (a, b)) in m.iter_mut().zip(a.iter().zip(b)) {
-            *m = if *a < b { u32::MAX } else { 0 };
-        }
-        m
+        from_fn(|k| if a[k] < b[k] { u32::MAX } else { 0 })
     }
 
     #[inline(always)]
@@ -51,38 +48,22 @@ impl Lanes for Portable {
 
     #[inline(always)]
     fn outside(self, m: Row<u32>, words: Row<u32>) -> Row<u32> {
-        let mut out = words;
-        for (out, m) in out.iter_mut().zip(m) {
-            *out &= !m;
-        }
-        out
+        from_fn(|k| words[k] & !m[k])
     }
 
     #[inline(always)]
     fn or_words(self, a: Row<u32>, b: Row<u32>) -> Row<u32> {
-        let mut out = a;
-        for (out, b) in out.iter_mut().zip(b) {
-            *out |= b;
-        }
-        out
+        from_fn(|k| a[k] | b[k])
     }
 
     #[inline(always)]
     fn and_words(self, a: Row<u32>, b: Row<u32>) -> Row<u32> {
-        let mut out = a;
-        for (out, b) in out.iter_mut().zip(b) {
-            *out &= b;
-        }
-        out
+        from_fn(|k| a[k] & b[k])
     }
 
     #[inline(always)]
     fn nonzero(self, words: Row<u32>) -> u32 {
-        let mut bits = 0;
-        for (k, w) in words.into_iter().enumerate() {
-            bits |= u32::from(w != 0) << k;
-        }
-        bits
+        (0..LANES).fold(0, |bits, k| bits | u32::from(words[k] != 0) << k)
     }
 
     #[inline(always)]
@@ -92,42 +73,24 @@ impl Lanes for Portable {
 
     #[inline(always)]
     fn packed(self, bits: u32) -> Row<u32> {
-        let mut order = [0; LANES];
-        for (to, from) in order.iter_mut().zip(PACKED[(bits & 0xff) as usize]) {
-            *to = from.into();
-        }
-        order
+        PACKED[(bits & 0xff) as usize].map(u32::from)
     }
 
     #[inline(always)]
     fn permute(self, words: Row<u32>, order: Row<u32>) -> Row<u32> {
-        let mut out = words;
-        for (to, from) in out.iter_mut().zip(order) {
-            *to = words[from as usize % LANES];
-        }
-        out
+        order.map(|k| words[k as usize % LANES])
     }
 
     #[inline(always)]
     fn least(self, rows: [Row<f32>; LANES]) -> Row<f32> {
-        let mut out = [f32::INFINITY; LANES];
-        for (out, row) in out.iter_mut().zip(rows) {
-            for x in row {
-                *out = if x < *out { x } else { *out };
-            }
-        }
-        out
+        let least = |a, b| if b < a { b } else { a };
+        rows.map(|row| row.into_iter().fold(f32::INFINITY, least))
     }
 
     #[inline(always)]
     fn greatest(self, rows: [Row<f32>; LANES]) -> Row<f32> {
-        let mut out = [f32::NEG_INFINITY; LANES];
-        for (out, row) in out.iter_mut().zip(rows) {
-            for x in row {
-                *out = if x > *out { x } else { *out };
-            }
-        }
-        out
+        let greatest = |a, b| if b > a { b } else { a };
+        rows.map(|row| row.into_iter().fold(f32::NEG_INFINITY, greatest))
     }
 
     #[inline(always)]
@@ -137,10 +100,6 @@ impl Lanes for Portable {
 
     #[inline(always)]
     fn count_from(self, first: u32) -> Row<u32> {
-        let mut out = [first; LANES];
-        for (k, out) in out.iter_mut().enumerate() {
-            *out += k as u32;
-        }
-        out
+        from_fn(|k| first + k as u32)
     }
 }
