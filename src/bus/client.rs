@@ -3,7 +3,7 @@
 use super::frames::{Connection, FrameMemory, Frames};
 use super::message::{MessageKind, VerdictMessage};
 use super::service::{Endpoint, Role, bus};
-use super::services::services;
+use super::services::{ServiceInfo, services};
 use super::wait_mode::WaitMode;
 use super::watcher::{Departure, Watcher};
 use super::wire::{FLAG_ANNOUNCE, FLAG_END, FLAG_UNFINISHED};
@@ -362,10 +362,8 @@ impl Client {
             return;
         }
         let all = services().unwrap_or_default();
-        let mut free = all
-            .iter()
-            .filter(|s| s.watcher.is_some() && s.simulator.is_none());
-        if let Some(free) = free.next() {
+        let is_free = |s: &&ServiceInfo| s.watcher.is_some() && s.simulator.is_none();
+        if let Some(free) = all.iter().find(is_free) {
             tracing::warn!(
                 "no watcher came to service '{}'; one waits for a simulator on another service: \
                  {free}",
@@ -394,12 +392,11 @@ impl Client {
     /// [`Error::Bus`] if the connection fails.
     pub fn poll(&mut self) -> Result<Option<VerdictMessage>> {
         self.connection.check()?;
-        while let Some(sample) = self
-            .connection
-            .subscriber
-            .receive()
-            .map_err(bus("receive"))?
-        {
+        loop {
+            let received = self.connection.subscriber.receive();
+            let Some(sample) = received.map_err(bus("receive"))? else {
+                return Ok(None);
+            };
             let wire = *sample.payload();
             let (port, node) = (sample.header().publisher_id(), sample.header().node_id());
             drop(sample);
@@ -425,7 +422,6 @@ impl Client {
                 MessageKind::Hello | MessageKind::Verdict => {}
             }
         }
-        Ok(None)
     }
 
     /// Reads all pending verdicts.
@@ -585,9 +581,8 @@ impl Drop for Client {
     fn drop(&mut self) {
         if !self.finished && self.frames.publishers.is_some() {
             // Best effort: without this message the watcher notices the end half a second later.
-            let _ = self
-                .frames
-                .signal(&self.connection, FLAG_END | FLAG_UNFINISHED);
+            let flags = FLAG_END | FLAG_UNFINISHED;
+            let _ = self.frames.signal(&self.connection, flags);
         }
     }
 }

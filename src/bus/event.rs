@@ -101,30 +101,23 @@ impl Frame {
     pub fn info(&self, last: &mut LastLabels) -> Result<FrameInfo> {
         let table = self.view()?.table;
         // Zeros after a part may also belong to the part, so equal bytes alone are not enough.
-        let FrameHeader {
-            n_curves,
-            names_bytes,
-            flags,
-            ..
-        } = self.header;
-        let sizes = [n_curves, names_bytes, flags & FLAG_RADII];
+        let header = &self.header;
+        let radii = header.flags & FLAG_RADII;
+        let sizes = [header.n_curves, header.names_bytes, radii];
         if sizes != last.sizes || table != last.table {
             // Decoded from a copy, because the bytes in shared memory could change meanwhile.
             let table = table.to_vec();
-            last.labels = Arc::new(self.header.labels(&table)?);
+            last.labels = Arc::new(header.labels(&table)?);
             (last.sizes, last.table) = (sizes, table);
         }
         Ok(FrameInfo {
-            seq: self.seq(),
-            time: self.time(),
-            cuts: self.header.cuts,
-            baseline: self.header.baseline,
-            layout: self.header.layout,
-            time_step: self.header.time_step,
-            closed_by_default: false,
-            cell: self.header.cell()?,
+            cuts: header.cuts,
+            baseline: header.baseline,
+            layout: header.layout,
+            time_step: header.time_step,
+            cell: header.cell()?,
             labels: Arc::clone(&last.labels),
-            left_out: Vec::new(),
+            ..FrameInfo::at(header.seq, header.time)
         })
     }
 

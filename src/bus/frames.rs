@@ -63,7 +63,7 @@ impl Publishers {
 }
 
 /// Frames of a session: their layout and their numbers.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(super) struct Frames {
     /// `None` before something was sent or declared.
     pub publishers: Option<Owned<Publishers>>,
@@ -102,24 +102,17 @@ impl Frames {
     /// Starts a session. `lockstep` informs the watcher that the simulator waits for each verdict.
     pub fn new(lockstep: bool) -> Frames {
         Frames {
-            publishers: None,
             session: random(),
             lockstep,
-            layout: None,
-            layouts: 0,
-            time_step: 0.0,
-            cell: None,
-            next: 0,
-            baseline: None,
-            cuts: 0,
+            ..Frames::default()
         }
     }
 
     /// Connects to watchers that started since the last frame.
     pub fn connect(&self) {
-        self.publishers
-            .iter()
-            .for_each(|publishers| publishers.connect());
+        if let Some(publishers) = &self.publishers {
+            publishers.connect();
+        }
     }
 
     /// Marks the next frame as not continuing the previous one.
@@ -147,11 +140,9 @@ impl Frames {
         let unnamed = |labels: &CurveLabels| labels.names.is_empty();
         let before = self.layout.as_ref().map(|layout| &layout.labels);
         if self.next > 0 && (unnamed(&labels) || before.is_none_or(unnamed)) {
-            return Err(Error::Bus(
-                "curves without names cannot change after the first frame: name them from the \
-                 first frame on, or finish this client and open another one"
-                    .into(),
-            ));
+            let what = "curves without names cannot change after the first frame: name them from \
+                        the first frame on, or finish this client and open another one";
+            return Err(Error::Bus(what.into()));
         }
         let mut points = 0;
         for (curve, &count) in counts.iter().enumerate() {
@@ -262,15 +253,11 @@ impl Frames {
     /// Returns memory for the next frame, at `time` seconds of simulation.
     pub fn begin(&self, time: f64) -> Result<FrameMemory> {
         let Some(layout) = &self.layout else {
-            return Err(Error::Bus(
-                "no curves are declared: call Client::describe before the first frame".into(),
-            ));
+            let what = "no curves are declared: call Client::describe before the first frame";
+            return Err(Error::Bus(what.into()));
         };
         let (basis, precision) = (layout.basis, layout.precision);
-        let radii = match layout.labels.radii.is_empty() {
-            true => 0,
-            false => FLAG_RADII,
-        };
+        let has_radii = !layout.labels.radii.is_empty();
         let header = FrameHeader {
             time,
             names_bytes: layout.names_bytes,
@@ -278,7 +265,7 @@ impl Frames {
             n_curves: layout.curves as u32,
             basis: basis.code(),
             coordinate_bytes: precision.bytes() as u32,
-            ..self.header(radii)
+            ..self.header(if has_radii { FLAG_RADII } else { 0 })
         };
         let table = layout.table.len();
         let bytes = table + 3 * layout.points * precision.bytes();
@@ -308,10 +295,9 @@ impl Frames {
         let publishers = publishers.expect("`describe` created them");
         let header = sample.user_header_mut();
         if header.session != self.session || layout != self.layouts {
-            return Err(Error::Bus(
-                "the frame belongs to another client, or to an earlier description of the curves"
-                    .into(),
-            ));
+            let what = "the frame belongs to another client, or to an earlier description of the \
+                        curves";
+            return Err(Error::Bus(what.into()));
         }
         (header.seq, header.cuts) = (self.next, self.cuts);
         header.baseline = baseline.unwrap_or(self.next);

@@ -89,9 +89,9 @@ impl Known {
         let new = all.clone().zip(report.lasting());
         let new: Vec<Finding> = new.filter(|(_, key)| is_new(key)).map(|(f, _)| f).collect();
         let pulled = report.events.first().map(|e| (e.i, e.j, e.image));
-        let explained = new
-            .iter()
-            .find(|f| matches!(f, Finding::Change(c) if Some((c.i, c.j, c.image)) == pulled));
+        let explains =
+            |f: &&Finding| matches!(f, Finding::Change(c) if Some((c.i, c.j, c.image)) == pulled);
+        let explained = new.iter().find(explains);
         explained.or(new.first()).copied().or_else(|| all.next())
     }
 }
@@ -158,17 +158,14 @@ pub struct VerdictMessage {
 
 impl fmt::Display for VerdictMessage {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Counters {
-            verified,
-            skipped,
-            rejected,
-        } = self.counters;
         match self.kind {
             MessageKind::Hello => write!(f, "linkwatch is watching")?,
             MessageKind::Goodbye => write!(f, "linkwatch is done with this session")?,
             MessageKind::Verdict => {}
         }
         if self.kind != MessageKind::Verdict {
+            let c = &self.counters;
+            let (verified, skipped, rejected) = (c.verified, c.skipped, c.rejected);
             write!(
                 f,
                 ": {verified} frames verified, {skipped} skipped, {rejected} rejected"
@@ -333,14 +330,10 @@ impl VerdictWire {
         }
         let curves = words_of_change(&report.appeared, &report.gone);
         // A finding says more.
-        let close = report
-            .clearance
-            .as_ref()
-            .filter(|_| wire.finding == FINDING_NONE);
-        let close = close.and_then(Clearance::reason);
+        let clearance = report.clearance.filter(|_| wire.finding == FINDING_NONE);
+        let close = clearance.as_ref().and_then(Clearance::reason);
         let reasons = report.rejected.iter().chain(&report.missing);
-        let mut reasons = reasons.chain(&curves).chain(&close);
-        match reasons.next() {
+        match reasons.chain(&curves).chain(&close).next() {
             Some(reason) => wire.with_reason(reason),
             None => wire,
         }

@@ -149,22 +149,18 @@ impl Endpoint {
                 .open_or_create()
         })
         .map_err(cannot_open(&verdicts_name))?;
-        let (frame_events, verdict_events) = (
-            open_events(&node, &frames_name)?,
-            open_events(&node, &verdicts_name)?,
-        );
+        let frame_events = open_events(&node, &frames_name)?;
+        let verdict_events = open_events(&node, &verdicts_name)?;
         let (receive, send) = match role {
             Role::Simulator => (verdict_events, Some(frame_events)),
             Role::Watcher => (frame_events, Some(verdict_events)),
             Role::Observer => (frame_events, None),
         };
+        let listener = receive.listener_builder().create();
         let notifier = send.map(|events| events.notifier_builder().create());
         Ok(Endpoint {
             role,
-            listener: receive
-                .listener_builder()
-                .create()
-                .map_err(bus("listener"))?,
+            listener: listener.map_err(bus("listener"))?,
             notifier: notifier.transpose().map_err(bus("notifier"))?,
             wait_mode,
             spins: AtomicU32::new(0),

@@ -120,9 +120,9 @@ pub fn services() -> Result<Vec<ServiceInfo>> {
 pub(super) fn user_of(service: &ServiceName) -> Option<Attached> {
     let mut user = None;
     let look = |details: ServiceDetails<Ipc>| {
-        if details.static_details.name() == service {
+        if details.static_details.name() == service && user.is_none() {
             let first = living(&details).into_values().next();
-            user = user.take().or(first.map(|living| living.process));
+            user = first.map(|living| living.process);
         }
     };
     list(look).ok().and(user)
@@ -158,17 +158,14 @@ impl Found {
             nodes.into_iter().next().map(|living| living.process)
         };
         let (simulator, watcher) = (with_role(self.simulators), with_role(self.watchers));
-        let processes = |observes: bool, attached: &BTreeMap<UniqueNodeId, Living>| {
-            let found = attached
-                .values()
-                .filter(|living| living.observes == observes);
-            found.map(|living| living.process.clone()).collect()
-        };
+        let (observers, others): (Vec<Living>, Vec<Living>) =
+            attached.into_values().partition(|living| living.observes);
+        let processes = |all: Vec<Living>| all.into_iter().map(|living| living.process).collect();
         Some(ServiceInfo {
             simulator,
             watcher,
-            observers: processes(true, &attached),
-            others: processes(false, &attached),
+            observers: processes(observers),
+            others: processes(others),
             compatible: known && !self.strange,
             service,
         })
@@ -189,22 +186,17 @@ fn list(mut look: impl FnMut(ServiceDetails<Ipc>)) -> Result<()> {
 /// on a file, so a killed process does not count.
 fn living(details: &ServiceDetails<Ipc>) -> BTreeMap<UniqueNodeId, Living> {
     let nodes = details.dynamic_details.iter().flat_map(|d| &d.nodes);
-    let alive = nodes.filter_map(|state| match state {
-        NodeState::Alive(view) => Some(view),
-        _ => None,
+    let alive = nodes.filter_map(|state| {
+        let NodeState::Alive(view) = state else {
+            return None;
+        };
+        let known = view.details().as_ref();
+        let process = Attached {
+            process: view.id().pid().value() as u32,
+            program: known.map(|d| d.executable().to_string()),
+        };
+        let observes = known.is_some_and(|d| *d.name() == OBSERVER);
+        Some((*view.id(), Living { process, observes }))
     });
-    alive
-        .map(|view| {
-            let program = view.details().as_ref().map(|d| d.executable().to_string());
-            let name = view.details().as_ref().map(|d| d.name().to_string());
-            let living = Living {
-                observes: name.as_deref() == Some(OBSERVER),
-                process: Attached {
-                    process: view.id().pid().value() as u32,
-                    program,
-                },
-            };
-            (*view.id(), living)
-        })
-        .collect()
+    alive.collect()
 }

@@ -105,7 +105,7 @@ impl SidecarState {
     }
 }
 
-#[derive(Debug)]
+#[derive(Debug, Default)]
 struct Session {
     id: u64,
     /// Process of the simulator as iceoryx2 identifies it; `None` if it ended before it could be
@@ -128,7 +128,6 @@ struct Session {
     baseline: Option<u64>,
     /// When the newest frame began to wait for its baseline.
     waits: Option<Instant>,
-    heard: Instant,
 }
 
 /// A sequence number and the time at which it was received.
@@ -143,17 +142,12 @@ impl Seen {
     /// Returns the first sequence number that can follow, and an upper bound of those that the
     /// simulator can have reached by now.
     fn next(self) -> (u64, u64) {
-        let Some(at) = self.at else {
-            return (self.seq + 1, MAX_SEQUENCE);
-        };
-        let micros = u64::try_from(at.elapsed().as_micros()).unwrap_or(u64::MAX);
-        let most = micros
-            .saturating_mul(MAX_FRAMES_PER_US)
-            .saturating_add(AHEAD);
-        (
-            self.seq + 1,
-            self.seq.saturating_add(most).min(MAX_SEQUENCE),
-        )
+        let most = self.at.map_or(MAX_SEQUENCE, |at| {
+            let micros = u64::try_from(at.elapsed().as_micros()).unwrap_or(u64::MAX);
+            let ahead = micros.saturating_mul(MAX_FRAMES_PER_US);
+            ahead.saturating_add(AHEAD).saturating_add(self.seq)
+        });
+        (self.seq + 1, most.min(MAX_SEQUENCE))
     }
 
     fn precedes(self, seq: u64) -> bool {
@@ -206,19 +200,6 @@ impl Session {
     }
 }
 
-#[expect(
-    clippy::large_enum_variant,
-    reason = "a box would be an allocation per frame"
-)]
-#[derive(Debug)]
-enum Pending {
-    NewSession,
-    Frame(Frame),
-    Unreadable(Error),
-    End { published: u64, clean: bool },
-    Lost,
-}
-
 /// Watcher's end of the bus.
 #[derive(Debug)]
 pub struct Sidecar {
@@ -237,7 +218,10 @@ pub struct Sidecar {
     held: VecDeque<Frame>,
     /// Session that another watcher watched, until a frame arrives that it had not received.
     resumed: Option<SidecarState>,
-    pending: VecDeque<Pending>,
+    /// Events to return. Their counters are set then.
+    pending: VecDeque<Event>,
+    /// Time at which the simulator last sent anything.
+    heard: Instant,
     /// Time at which this watcher last sent anything.
     last_message: Instant,
     /// Time of the last check that the process of the simulator exists.
@@ -259,16 +243,13 @@ impl Sidecar {
         };
         let endpoint = Endpoint::open(service, role, options.wait_mode)?;
         let publisher = (!options.observe).then(|| {
-            let publisher = endpoint.verdicts.publisher_builder();
-            publisher
-                .backpressure_strategy(BackpressureStrategy::DiscardData)
-                .create()
+            let builder = endpoint.verdicts.publisher_builder();
+            let builder = builder.backpressure_strategy(BackpressureStrategy::DiscardData);
+            builder.create().map_err(bus("publisher of verdicts"))
         });
         let mut sidecar = Sidecar {
             subscriber: endpoint.subscribe_to_frames(service)?,
-            publisher: publisher
-                .transpose()
-                .map_err(bus("publisher of verdicts"))?,
+            publisher: publisher.transpose()?,
             max_frame_bytes: options.max_frame_bytes,
             session: None,
             ended: VecDeque::new(),
@@ -278,6 +259,7 @@ impl Sidecar {
             held: VecDeque::new(),
             resumed: None,
             pending: VecDeque::new(),
+            heard: Instant::now(),
             last_message: Instant::now(),
             process_checked: Instant::now(),
             endpoint,
@@ -288,9 +270,8 @@ impl Sidecar {
 
     /// Returns the counters of this session so far.
     pub fn counters(&self) -> Counters {
-        self.session
-            .as_ref()
-            .map_or(Counters::default(), |s| s.counters)
+        let session = self.session.as_ref();
+        session.map(|s| s.counters).unwrap_or_default()
     }
 
     /// Returns the state of the session, once a frame of it was received.
@@ -331,18 +312,15 @@ impl Sidecar {
             if self.pending.is_empty() {
                 self.drain()?;
             }
-            if let Some(pending) = self.pending.pop_front() {
-                return Ok(self.deliver(pending));
-            }
-            if let Some(frame) = self.next_frame() {
-                return Ok(self.deliver(Pending::Frame(frame)));
+            let waiting = self.pending.pop_front();
+            if let Some(event) = waiting.or_else(|| self.next_frame().map(Event::Frame)) {
+                return Ok(self.deliver(event));
             }
             if self.simulator_is_gone() {
                 // The simulator may have published between the last poll and the check of its
                 // process.
                 self.drain()?;
-                self.flush();
-                self.pending.push_back(Pending::Lost);
+                self.lose_simulator();
                 continue;
             }
             let left = timeout.saturating_sub(start.elapsed());
@@ -356,7 +334,7 @@ impl Sidecar {
     fn drain(&mut self) -> Result<()> {
         for _ in 0..BATCH {
             // The messages after the first one map the memory of their publishers.
-            if !matches!(self.pending.back(), None | Some(Pending::NewSession)) {
+            if !matches!(self.pending.back(), None | Some(Event::NewSession { .. })) {
                 break;
             }
             let received = match self.held.pop_front() {
@@ -424,7 +402,7 @@ impl Sidecar {
     fn take(&mut self, mut frame: Frame) {
         let header = frame.header;
         if let Err(e) = header.check_layout() {
-            self.pending.push_back(Pending::Unreadable(e));
+            self.pending.push_back(Event::Unreadable(e));
             return;
         }
         let is = |flag| header.flags & flag != 0;
@@ -439,8 +417,7 @@ impl Sidecar {
             // simulator that came last is the one that is watched.
             _ if self.ended.contains(&header.session) => return,
             Some(_) => {
-                self.flush();
-                self.pending.push_back(Pending::Lost);
+                self.lose_simulator();
                 self.held.push_back(frame);
                 return;
             }
@@ -450,33 +427,30 @@ impl Sidecar {
                 self.session = Some(Session {
                     id,
                     node: node_of(&self.endpoint.frames, frame.sample.origin()),
-                    last_seen: None,
-                    stray: None,
                     delivered: self.resumed.map_or(0, SidecarState::delivered),
                     counters: self.resumed.map(|state| state.counters).unwrap_or_default(),
-                    abort: None,
-                    known: Known::default(),
-                    recovered: 0,
                     // The other watcher had the baseline.
                     baseline: self.resumed.map(|_| header.baseline),
-                    waits: None,
-                    heard: Instant::now(),
+                    ..Session::default()
                 });
-                self.pending.push_back(Pending::NewSession);
+                self.pending.push_back(Event::NewSession { session: id });
             }
         }
         let session = self.session.as_mut().expect("set or compared above");
-        session.heard = Instant::now();
+        self.heard = Instant::now();
         if is(FLAG_END) {
             self.receive_baseline(header.session);
             let session = self.session.as_ref().expect("as above");
             let (published, why) = session.published(header.seq);
-            self.flush();
-            self.pending.extend(why.map(Pending::Unreadable));
-            self.pending.push_back(Pending::End {
+            let end = Event::End {
+                session: session.id,
                 published,
+                counters: session.counters,
                 clean: !is(FLAG_UNFINISHED),
-            });
+            };
+            self.flush();
+            self.pending.extend(why.map(Event::Unreadable));
+            self.pending.push_back(end);
         } else if is(FLAG_ANNOUNCE) {
             // After the answer, the simulator may end at any time, and memory that is not mapped by
             // then is lost. A failure shows in the next heartbeat.
@@ -494,7 +468,7 @@ impl Sidecar {
         } else if let Err(why) = session.number(header.seq, is_baseline) {
             frame.fault = Some(why);
             self.flush();
-            self.pending.push_back(Pending::Frame(frame));
+            self.pending.push_back(Event::Frame(frame));
         } else if is_baseline {
             // An older frame is skipped.
             (self.resumed, self.newest) = (None, None);
@@ -508,14 +482,24 @@ impl Sidecar {
     /// Queues the frames that wait, because the event that follows must not overtake them.
     fn flush(&mut self) {
         let frames = self.take_baseline().into_iter().chain(self.newest.take());
-        self.pending.extend(frames.map(Pending::Frame));
+        self.pending.extend(frames.map(Event::Frame));
+    }
+
+    /// Queues the loss of the simulator, after the frames that wait.
+    fn lose_simulator(&mut self) {
+        self.flush();
+        let lost = |session: &Session| Event::SimulatorLost {
+            session: session.id,
+            counters: session.counters,
+        };
+        self.pending.extend(self.session.as_ref().map(lost));
     }
 
     fn simulator_is_gone(&mut self) -> bool {
         let Some(session) = &self.session else {
             return false;
         };
-        if session.heard.elapsed() < SILENCE || self.process_checked.elapsed() < SILENCE {
+        if self.heard.elapsed().min(self.process_checked.elapsed()) < SILENCE {
             return false;
         }
         self.process_checked = Instant::now();
@@ -523,50 +507,40 @@ impl Sidecar {
     }
 
     /// Updates the state for an event that is returned.
-    fn deliver(&mut self, pending: Pending) -> Event {
+    fn deliver(&mut self, mut event: Event) -> Event {
         let Some(session) = &mut self.session else {
-            return match pending {
-                Pending::Unreadable(e) => Event::Unreadable(e),
+            return match event {
+                Event::Unreadable(_) => event,
                 _ => Event::Idle,
             };
         };
-        let id = session.id;
-        match pending {
-            Pending::Unreadable(e) => Event::Unreadable(e),
-            Pending::NewSession => {
+        match &mut event {
+            Event::NewSession { .. } => {
                 // Best effort, like the goodbye: the event must be returned in any case.
                 let _ = self.heartbeat();
-                Event::NewSession { session: id }
             }
-            Pending::Frame(frame) => {
-                if frame.fault.is_none() {
-                    session.delivered += 1;
-                    session.skip_to(frame.seq() + 1);
-                    (session.baseline, session.waits) = (Some(frame.header.baseline), None);
-                }
-                Event::Frame(frame)
+            Event::Frame(frame) if frame.fault.is_none() => {
+                session.delivered += 1;
+                session.skip_to(frame.seq() + 1);
+                (session.baseline, session.waits) = (Some(frame.header.baseline), None);
             }
-            Pending::End { published, clean } => {
-                let published = published.max(session.delivered);
-                session.skip_to(published);
-                let counters = session.counters;
+            Event::End {
+                published,
+                counters,
+                ..
+            } => {
+                *published = session.delivered.max(*published);
+                session.skip_to(*published);
+                *counters = session.counters;
                 self.end_session();
-                Event::End {
-                    session: id,
-                    published,
-                    counters,
-                    clean,
-                }
             }
-            Pending::Lost => {
-                let counters = session.counters;
+            Event::SimulatorLost { counters, .. } => {
+                *counters = session.counters;
                 self.end_session();
-                Event::SimulatorLost {
-                    session: id,
-                    counters,
-                }
             }
+            Event::Frame(_) | Event::Unreadable(_) | Event::Idle => {}
         }
+        event
     }
 
     /// Leaves the session before its end: says goodbye to its simulator, with the reason `why`, and
@@ -606,22 +580,16 @@ impl Sidecar {
     /// [`Error::Bus`] if the message cannot be sent.
     pub fn send_verdict(&mut self, report: &Report, check: Duration) -> Result<()> {
         let Some(session) = &mut self.session else {
-            return Err(Error::Bus(format!(
-                "the session of frame {} has ended",
-                report.seq
-            )));
+            let what = format!("the session of frame {} has ended", report.seq);
+            return Err(Error::Bus(what));
         };
-        if report.verdict == Verdict::Rejected {
-            session.counters.rejected += 1;
-        } else {
-            session.counters.verified += 1;
+        match report.verdict {
+            Verdict::Rejected => session.counters.rejected += 1,
+            _ => session.counters.verified += 1,
         }
         let (id, counters) = (session.id, session.counters);
-        let wire = VerdictWire::from_report(report, &session.known, id, counters, check);
-        let wire = VerdictWire {
-            recovered: session.recovered,
-            ..wire
-        };
+        let mut wire = VerdictWire::from_report(report, &session.known, id, counters, check);
+        wire.recovered = session.recovered;
         session.known.record(report);
         // The simulator must accept the repeated message, so it cannot be an abort for a frame with
         // an impossible number.

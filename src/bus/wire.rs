@@ -217,11 +217,8 @@ impl FrameHeader {
     /// message belongs to a session. Until this check, no other field has a meaning.
     pub fn check_layout(&self) -> Result<()> {
         if self.magic != FRAME_MAGIC {
-            return Err(Error::format(
-                "frame",
-                "magic number",
-                format_args!("{:#018x}, expected {FRAME_MAGIC:#018x}", self.magic),
-            ));
+            let what = format!("{:#018x}, expected {FRAME_MAGIC:#018x}", self.magic);
+            return Err(Error::format("frame", "magic number", what));
         }
         if self.version != LAYOUT_VERSION {
             return Err(Error::Version {
@@ -232,11 +229,8 @@ impl FrameHeader {
         }
         // In a message of the watcher, 0 stands for no session.
         if self.session == 0 {
-            return Err(Error::format(
-                "frame",
-                "session",
-                "0, expected a random number",
-            ));
+            let what = "0, expected a random number";
+            return Err(Error::format("frame", "session", what));
         }
         Ok(())
     }
@@ -245,34 +239,29 @@ impl FrameHeader {
     /// `self` must be a copy, because the header in shared memory may change at any time.
     #[cfg(feature = "bus")]
     pub fn view<'a>(&self, payload: &'a [u8], max_bytes: usize) -> Result<View<'a>> {
-        let field = |place, what: std::fmt::Arguments<'_>| Err(Error::format("frame", place, what));
+        let field = |place, what: String| Err(Error::format("frame", place, what));
         if payload.len() > max_bytes {
             let what = "bytes of a frame (more than the limit)";
             return Err(Error::count(what, payload.len(), max_bytes));
         }
         if !self.time.is_finite() {
-            return field("time", format_args!("{} seconds", self.time));
+            return field("time", format!("{} seconds", self.time));
         }
         if !(self.time_step >= 0.0 && self.time_step.is_finite()) {
-            return field("time step", format_args!("{} seconds", self.time_step));
+            return field("time step", format!("{} seconds", self.time_step));
         }
         self.cell()?;
         let Some(&basis) = Basis::ALL.get(self.basis as usize) else {
             let last = Basis::ALL.len() - 1;
             return field(
                 "basis code",
-                format_args!("{}, expected 0 to {last}", self.basis),
+                format!("{}, expected 0 to {last}", self.basis),
             );
         };
         let precision = match self.coordinate_bytes {
             4 => Precision::F32,
             8 => Precision::F64,
-            n => {
-                return field(
-                    "bytes of a coordinate",
-                    format_args!("{n}, expected 4 or 8"),
-                );
-            }
+            n => return field("bytes of a coordinate", format!("{n}, expected 4 or 8")),
         };
         let curves = self.n_curves as usize;
         let table = self.table();
@@ -282,14 +271,14 @@ impl FrameHeader {
         }
         let (table, positions) = payload.split_at(table.bytes() as usize);
         let Some(counts) = cast(&table[..curves * size_of::<i32>()]) else {
-            return field("payload", format_args!("not aligned"));
+            return field("payload", "not aligned".into());
         };
         let positions = match precision {
             Precision::F32 => cast(positions).map(Positions::F32),
             Precision::F64 => cast(positions).map(Positions::F64),
         };
         let Some(positions) = positions else {
-            return field("positions", format_args!("not aligned"));
+            return field("positions", "not aligned".into());
         };
         Ok(View {
             table,
@@ -362,16 +351,10 @@ impl FrameHeader {
             }
         };
         let radii = &table[(sizes.counts + sizes.names) as usize..];
-        let radii = match sizes.radii {
-            0 => &[],
-            _ => &radii[..curves * size_of::<f32>()],
-        };
-        let radii = radii.as_chunks().0.iter();
-        let labels = CurveLabels {
-            names,
-            radii: radii.map(|bytes| f32::from_ne_bytes(*bytes)).collect(),
-            ..CurveLabels::default()
-        };
+        let count = if sizes.radii > 0 { curves } else { 0 };
+        let radii = radii.as_chunks().0.iter().take(count);
+        let radii = radii.map(|bytes| f32::from_ne_bytes(*bytes));
+        let labels = CurveLabels::named(names).with_radii(radii);
         labels.check(curves)?;
         Ok(labels)
     }
