@@ -1,9 +1,10 @@
 //! Sessions that begin with a frame, beside the state of the frames before it.
 
+use super::Session;
 use super::coordinates::Coordinates;
-use super::{Next, Session};
+use crate::certificate::Certificate;
 use crate::curve::Cell;
-use crate::engine::{Engine, EngineState, SessionOptions};
+use crate::engine::{Engine, EngineState};
 use crate::error::{Error, Result};
 use crate::ingest::FrameInfo;
 
@@ -15,7 +16,7 @@ pub(super) enum Begin<'a> {
     /// As its own baseline.
     Accepted,
     /// As a part of a run with this baseline.
-    Part,
+    Part(&'a Certificate),
     /// After another session.
     Resumed(&'a EngineState),
 }
@@ -28,37 +29,26 @@ pub(super) struct Begun {
 
 impl Begun {
     pub fn new(session: &Session, begin: Begin<'_>, info: &FrameInfo) -> Result<Begun> {
-        let Session {
-            options,
-            engine,
-            next,
-            ..
-        } = session;
-        let part = match next {
-            Next::Part(baseline) => Some(baseline),
-            _ => None,
-        };
-        let mut options = SessionOptions {
-            cell: info.cell,
-            ..options.clone()
-        };
+        let mut options = session.options.clone();
+        options.cell = info.cell;
         match begin {
             Begin::First => {}
             Begin::Accepted => options.baseline = None,
-            Begin::Part => {
-                options.baseline = part.cloned();
-                options.braids = engine.braids().or(options.braids);
+            Begin::Part(baseline) => {
+                options.baseline = Some(baseline.clone());
+                options.braids = session.engine.braids().or(options.braids);
             }
             Begin::Resumed(state) => options = state.options(options)?,
         }
-        let mut begun = Engine::new(options)?;
-        begun.share_progress(engine.progress());
-        if let Begin::Part = begin {
-            begun.continue_after(engine);
+        let mut engine = Engine::new(options)?;
+        engine.share_progress(session.engine.progress());
+        if let Begin::Part(_) = begin {
+            engine.continue_after(&session.engine);
         }
+        let coordinates = session.coordinates.restarted();
         Ok(Begun {
-            engine: begun,
-            coordinates: session.coordinates.restarted(),
+            engine,
+            coordinates,
         })
     }
 }
@@ -70,21 +60,17 @@ impl Begun {
 /// The errors of [`Cell::check`]; [`Error::Usage`] if only one of both frames has a cell, or
 /// they repeat along other vectors.
 pub(super) fn check_cell(cell: Option<Cell>, last: Option<Option<Cell>>) -> Result<Option<Cell>> {
-    let refuse = |what: &str| Err(Error::Usage(what.into()));
     if let Some(cell) = &cell {
         cell.check()?;
     }
-    match (cell, last) {
-        (cell, None) | (cell @ None, Some(None)) => Ok(cell),
-        (Some(_), Some(None)) => {
-            refuse("this frame has a periodic cell, but the previous ones had none")
+    let what = match (cell, last) {
+        (cell, None) | (cell @ None, Some(None)) => return Ok(cell),
+        (Some(cell), Some(Some(last))) if cell.periodic() == last.periodic() => {
+            return Ok(Some(cell.in_basis_of(&last)));
         }
-        (None, Some(Some(_))) => {
-            refuse("this frame has no periodic cell, but the previous ones had one")
-        }
-        (Some(cell), Some(Some(last))) if cell.periodic() != last.periodic() => {
-            refuse("the cell repeats along other vectors than before")
-        }
-        (Some(cell), Some(Some(last))) => Ok(Some(cell.in_basis_of(&last))),
-    }
+        (Some(_), Some(None)) => "this frame has a periodic cell, but the previous ones had none",
+        (None, Some(Some(_))) => "this frame has no periodic cell, but the previous ones had one",
+        (Some(_), Some(Some(_))) => "the cell repeats along other vectors than before",
+    };
+    Err(Error::Usage(what.into()))
 }

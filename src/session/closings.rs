@@ -65,10 +65,8 @@ impl Closings {
 
     /// Returns the decisions that were made since the last call.
     pub fn take_notes(&mut self) -> Vec<ClosingNote> {
-        self.of
-            .iter_mut()
-            .flat_map(|of| of.1.take_notes())
-            .collect()
+        let all = self.of.iter_mut();
+        all.flat_map(|of| of.1.take_notes()).collect()
     }
 
     /// Returns the number of curves that are closed because they end where they start.

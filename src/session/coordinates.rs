@@ -12,21 +12,20 @@ use std::sync::Arc;
 pub(super) struct Coordinates {
     /// [`SessionOptions::wrapped`](crate::SessionOptions::wrapped).
     wrapped: Option<bool>,
-    /// State after the last verified frame, and after the current one.
-    unwrap: Unwrap,
+    /// State after the last verified frame.
+    pub state: CoordinateState,
+    /// Unwrapping after the current frame.
     unwrapped: Option<Unwrap>,
-    jumps: Jumps,
-    /// Number of jumps before this session began again.
-    earlier: u64,
     /// Last verified frame, where it was verified.
-    last: Option<Arc<CurveSet>>,
+    pub last: Option<Arc<CurveSet>>,
 }
 
 /// State after a verified frame.
-#[derive(Clone, Debug, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub(super) struct CoordinateState {
     unwrap: Unwrap,
     jumps: Jumps,
+    /// Number of jumps before this session began again.
     earlier: u64,
 }
 
@@ -40,35 +39,14 @@ impl Coordinates {
 
     /// Returns the state before a first frame.
     pub fn restarted(&self) -> Coordinates {
-        Coordinates {
-            earlier: self.jumps(),
-            ..Coordinates::new(self.wrapped)
-        }
-    }
-
-    /// Returns the last verified frame, where it was verified.
-    pub fn last(&self) -> Option<&Arc<CurveSet>> {
-        self.last.as_ref()
-    }
-
-    /// Returns the state after the last verified frame.
-    pub fn state(&self) -> CoordinateState {
-        CoordinateState {
-            unwrap: self.unwrap.clone(),
-            jumps: self.jumps.clone(),
-            earlier: self.earlier,
-        }
-    }
-
-    /// Continues from a state and its frame.
-    pub fn resume(&mut self, state: CoordinateState, last: Arc<CurveSet>) {
-        (self.unwrap, self.jumps) = (state.unwrap, state.jumps);
-        (self.earlier, self.last) = (state.earlier, Some(last));
+        let mut restarted = Coordinates::new(self.wrapped);
+        restarted.state.earlier = self.jumps();
+        restarted
     }
 
     /// Returns the number of jumps so far.
     pub fn jumps(&self) -> u64 {
-        self.earlier + self.jumps.count()
+        self.state.earlier + self.state.jumps.count()
     }
 
     /// Returns the curves of a frame where they are verified. `cell` is the one with which they
@@ -86,21 +64,20 @@ impl Coordinates {
     ) -> Result<Arc<CurveSet>> {
         let placed = match (self.wrapped, cell) {
             (Some(true), _) => {
-                let none = || {
-                    let what = "wrapped coordinates need a periodic cell, but the frame has none";
-                    Error::Usage(what.into())
-                };
-                let cell = cell.or(of_frame).ok_or_else(none)?;
-                let mut unwrap = self.unwrap.clone();
+                let none = "wrapped coordinates need a periodic cell, but the frame has none";
+                let cell = cell.or(of_frame).ok_or_else(|| Error::Usage(none.into()))?;
+                let mut unwrap = self.state.unwrap.clone();
                 let curves = unwrap.unwrap(given, &cell)?;
                 self.unwrapped = Some(unwrap);
                 Some(curves)
             }
-            (None, Some(cell)) => self.jumps.follow(given, &cell, self.last.as_deref())?,
+            (None, Some(cell)) => {
+                let last = self.last.as_deref();
+                self.state.jumps.follow(given, &cell, last)?
+            }
             _ => None,
         };
-        let precision = |set: &CurveSet| set.precision();
-        let last = self.last.as_deref().map(precision);
+        let last = self.last.as_deref().map(CurveSet::precision);
         let set = placed.map_or_else(|| Arc::clone(given), Arc::new);
         match (last, set.precision()) {
             // Curves that were followed have double precision.
@@ -112,9 +89,9 @@ impl Coordinates {
     /// Continues from the current frame, where it was verified.
     pub fn commit(&mut self, placed: &Arc<CurveSet>) {
         if let Some(unwrap) = self.unwrapped.take() {
-            self.unwrap = unwrap;
+            self.state.unwrap = unwrap;
         }
-        self.jumps.commit();
+        self.state.jumps.commit();
         self.last = Some(Arc::clone(placed));
     }
 }

@@ -143,24 +143,17 @@ impl Session {
         let last = self.last.as_ref().and_then(|last| last.cell);
         let cell = self.cell(&info);
         let cell = cell.map(|cell| last.map_or(cell, |last| cell.in_basis_of(&last)));
-        let Session {
-            pool,
-            engine,
-            closings,
-            ..
-        } = self;
-        if pool.0 != info.layout {
-            *pool = (info.layout, FramePool::default());
+        if self.pool.0 != info.layout {
+            self.pool = (info.layout, FramePool::default());
         }
-        let closing = closings.of(info.layout);
-        let curves = pool.1.receive(|set| {
+        let (engine, closing) = (&mut self.engine, self.closings.of(info.layout));
+        let curves = self.pool.1.receive(|set| {
             read(&mut |frame| engine.receive(closing.close(frame, source)?, cell.as_ref(), set))
         });
         Received {
-            info,
-            curves,
             is_closed: true,
             took: start.elapsed(),
+            ..Received::new(info, curves)
         }
     }
 
@@ -177,30 +170,22 @@ impl Session {
     pub fn verify(&mut self, frame: Received) -> Result<VerifiedFrame> {
         pool::check_process()?;
         let start = Instant::now();
-        let Received {
-            mut info,
-            curves,
-            is_closed,
-            took,
-        } = frame;
+        let (mut info, is_closed) = (frame.info, frame.is_closed);
         let (seq, time) = (info.seq, info.time);
-        let closed = curves.and_then(|set| match is_closed {
-            true => Ok(set),
-            false => self.close(set, &info),
-        });
         let mut continuation = Continuation::Continues;
-        let outcome = closed.and_then(|set| {
-            if is_closed {
-                self.check_layout(&info, &set)?;
-            }
-            self.try_to_verify(&mut info, set, &mut continuation)
+        let outcome = frame.curves.and_then(|set| {
+            let closed = match is_closed {
+                true => self.check_layout(&info, &set).map(|()| set),
+                false => self.close(set, &info),
+            };
+            self.try_to_verify(&mut info, closed?, &mut continuation)
         });
         self.closings.end_frame(info.layout, outcome.is_ok());
         let mut verified = VerifiedFrame {
             curves: None,
             continuation,
             notes: self.closings.take_notes(),
-            ingest: took,
+            ingest: frame.took,
             report: Report::new(seq, time, Verdict::Rejected),
             info,
             jumps: self.coordinates.jumps(),
@@ -216,7 +201,7 @@ impl Session {
                 verified.report = report;
                 verified.curves = Some(curves);
                 verified.timings = Timings {
-                    clearance: self.strands.took(),
+                    clearance: self.strands.took,
                     ..self.engine.timings()
                 };
                 verified.work = self.engine.work();
@@ -230,7 +215,7 @@ impl Session {
         let notes = verified.notes.iter().filter_map(ClosingNote::left_out);
         LeftOut::merge(&mut verified.info.left_out, &Vec::from_iter(notes));
         verified.report.left_out = verified.info.left_out.clone();
-        verified.unmeasured = self.strands.unmeasured().map(str::to_owned);
+        verified.unmeasured = self.strands.unmeasured.clone();
         verified.verification = start.elapsed();
         Ok(verified)
     }
@@ -347,11 +332,10 @@ impl Session {
     /// Fails if the curves of a received frame are others than those of the last verified frame of
     /// the same layout.
     fn check_layout(&self, info: &FrameInfo, set: &CurveSet) -> Result<()> {
-        let last = self.last().filter(|last| last.layout == info.layout);
-        let Some(given) = self.given.as_ref().filter(|_| last.is_some()) else {
-            return Ok(());
-        };
-        given.check_same_layout(set)
+        match (self.last(), &self.given) {
+            (Some(last), Some(given)) if last.layout == info.layout => given.check_same_layout(set),
+            _ => Ok(()),
+        }
     }
 
     /// Verifies valid curves. Returns the report, and the curves for outputs.
@@ -372,7 +356,7 @@ impl Session {
             (false, false) => Continuation::Continues,
         };
         let begin = match (&self.next, last) {
-            (Next::Part(_), _) => Some(Begin::Part),
+            (Next::Part(baseline), _) => Some(Begin::Part(baseline)),
             (Next::AsTold | Next::Cut, None) if self.fits_the_first_frame(info) => None,
             (_, None) => Some(Begin::First),
             (_, Some(_)) => accepted.then_some(Begin::Accepted),

@@ -84,7 +84,8 @@ impl Session {
     /// Returns the state after the last verified frame.
     pub fn state(&self) -> SessionState {
         let engine = self.engine.state();
-        let known = self.last.as_ref().zip(engine).zip(self.coordinates.last());
+        let curves = self.coordinates.last.as_ref();
+        let known = self.last.as_ref().zip(engine).zip(curves);
         SessionState {
             version: VERSION,
             verified: known.map(|((info, engine), curves)| Verified {
@@ -92,7 +93,7 @@ impl Session {
                 curves: StoredCurves(Arc::clone(curves)),
                 engine,
                 closings: self.closings.decisions(),
-                coordinates: self.coordinates.state(),
+                coordinates: self.coordinates.state.clone(),
                 strands: self.strands.trend(),
             }),
         }
@@ -115,17 +116,14 @@ impl Session {
         let Some(verified) = state.verified else {
             return Ok(session);
         };
-        let Verified {
-            info,
-            curves: StoredCurves(curves),
-            ..
-        } = verified;
+        let (info, StoredCurves(curves)) = (verified.info, verified.curves);
         let mut begun = Begun::new(&session, Begin::Resumed(&verified.engine), &info)?;
         begun.engine.resume(verified.engine, &curves, info.cell)?;
         session.engine = begun.engine;
         session.closings =
             Closings::decided(session.options.keep_open, info.layout, verified.closings);
-        session.coordinates.resume(verified.coordinates, curves);
+        session.coordinates.state = verified.coordinates;
+        session.coordinates.last = Some(curves);
         session.strands = Strands::resumed(&session.options, &info, verified.strands);
         session.last = Some(info);
         Ok(session)

@@ -16,9 +16,10 @@ pub(super) struct Strands {
     monitor: Option<ClearanceMonitor>,
     /// Layout of the curves that are measured.
     layout: Option<u32>,
-    /// Reason why the clearance is no longer measured.
-    unmeasured: Option<String>,
-    took: Duration,
+    /// Reason why the clearance is not measured, although the options ask for it.
+    pub unmeasured: Option<String>,
+    /// Time that the last frame took.
+    pub took: Duration,
 }
 
 impl Strands {
@@ -57,16 +58,6 @@ impl Strands {
     pub fn trend(&self) -> Vec<(u64, f64)> {
         let monitor = self.monitor.as_ref();
         monitor.map_or_else(Vec::new, ClearanceMonitor::trend)
-    }
-
-    /// Returns the reason why clearance is not measured, although the options ask for it.
-    pub fn unmeasured(&self) -> Option<&str> {
-        self.unmeasured.as_deref()
-    }
-
-    /// Returns the time that the last frame took.
-    pub fn took(&self) -> Duration {
-        self.took
     }
 
     /// The next frame does not continue the last one.
