@@ -52,10 +52,9 @@ impl Certificate {
         if !comparison.has_fresh() {
             return false;
         }
-        let (fresh, others): (Vec<&Defect>, Vec<&Defect>) = comparison
-            .defects
-            .iter()
-            .partition(|d| d.kind == DefectKind::NoBaseline);
+        let defects = comparison.defects.iter();
+        let (fresh, others): (Vec<&Defect>, Vec<&Defect>) =
+            defects.partition(|d| d.kind == DefectKind::NoBaseline);
         let has = |i: u32, j: Option<u32>| fresh.iter().any(|d| (d.i, d.j) == (i, j));
         self.undefined.retain(|d| !has(d.i, d.j));
         // A curve that has linking numbers again may still touch another curve, or be beside one

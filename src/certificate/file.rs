@@ -111,23 +111,20 @@ impl Certificate {
         let bad = |line: usize, what: String| {
             Error::format("certificate", format_args!("line {}", line + 1), what)
         };
-        let mut lines = text
-            .lines()
-            .enumerate()
-            .filter(|(_, l)| !l.trim().is_empty());
-        let (at, first) = lines
-            .next()
-            .ok_or_else(|| bad(0, "empty; expected the number of curves".into()))?;
+        let lines = text.lines().enumerate();
+        let mut lines = lines.filter(|(_, line)| !line.trim().is_empty());
+        let empty = || bad(0, "empty; expected the number of curves".into());
+        let (at, first) = lines.next().ok_or_else(empty)?;
         let after = first.trim_start().strip_prefix(PERIODIC);
         let (periodic, first) = (after.is_some(), after.unwrap_or(first));
         let (number, comment) = match first.split_once('#') {
             Some((number, _)) => (number, Some(&first[number.len()..])),
             None => (first, None),
         };
-        let curves: usize = number.trim().parse().map_err(|_| {
+        let Ok(curves) = number.trim().parse::<usize>() else {
             let what = format!("'{}', expected the number of curves", clip(first));
-            bad(at, what)
-        })?;
+            return Err(bad(at, what));
+        };
         let expected = match periodic {
             true => "expected i,j,n1,n2,n3,lambda or i,j,n1,n2,n3,undefined or i,,n1,n2,n3,period",
             false => "expected i,j,lambda or i,j,undefined",
@@ -201,12 +198,10 @@ impl Certificate {
             return Err(Error::format("certificate", "whole file", what));
         }
         entries.retain(|e| e.1 != Some(0));
+        let undefined = singles.into_iter().map(|i| undefined_entry(i, None));
         let certificate = Certificate {
             curves,
-            undefined: singles
-                .into_iter()
-                .map(|i| undefined_entry(i, None))
-                .collect(),
+            undefined: undefined.collect(),
             periods,
             ..Certificate::default()
         };

@@ -23,12 +23,11 @@ impl Differences {
     ) -> Differences {
         let (mut before, mut now) = (before.into_iter().peekable(), now.into_iter().peekable());
         let (mut changes, mut fresh) = (Vec::new(), Vec::new());
-        while let Some(pair) = [before.peek(), now.peek()]
-            .into_iter()
-            .flatten()
-            .map(|e| e.0)
-            .min()
-        {
+        loop {
+            let next = [before.peek(), now.peek()].into_iter().flatten();
+            let Some(pair) = next.map(|entry| entry.0).min() else {
+                return Differences { changes, fresh };
+            };
             let ImagePair { i, j, image } = pair;
             match [number(&mut before, pair), number(&mut now, pair)] {
                 [None, Some(lambda)] => fresh.push((pair, lambda)),
@@ -44,7 +43,6 @@ impl Differences {
                 _ => {}
             }
         }
-        Differences { changes, fresh }
     }
 }
 
@@ -76,10 +74,8 @@ impl Certificate {
     pub(crate) fn entries(&self) -> Option<Vec<Entry>> {
         let images = self.images.as_ref()?;
         let links = self.links.iter().map(Link::entry);
-        let undefined = self
-            .undefined
-            .iter()
-            .filter_map(|d| Some((d.pair()?, None)));
+        let undefined = self.undefined.iter();
+        let undefined = undefined.filter_map(|d| Some((d.pair()?, None)));
         let images = images.iter().map(|l| {
             let (i, j, image) = (l.i, l.j, l.image);
             (ImagePair { i, j, image }, Some(l.lambda))
@@ -145,11 +141,9 @@ impl Certificate {
             };
             let other = curves.find(|(_, before, now)| before != now);
             let (i, before, now) = other.unwrap_or_default();
-            return Err(Error::Usage(format!(
-                "curve {i} {} in the baseline, but it {}",
-                words(before),
-                words(now)
-            )));
+            let (before, now) = (words(before), words(now));
+            let what = format!("curve {i} {before} in the baseline, but it {now}");
+            return Err(Error::Usage(what));
         }
         let entries = aligned(self.curves, &baseline, &now, &frame.periods);
         Ok(self.with_entries(&entries, &[]))
@@ -170,32 +164,29 @@ impl Certificate {
             let of_curve = |c: &Certificate| c.undefined.iter().any(|d| (d.i, d.j) == (i, None));
             of_curve(self) || of_curve(&baseline)
         };
-        let mut differences = Differences::between(before, now);
-        differences
-            .changes
-            .retain(|c| !without(c.i) && !without(c.j));
-        differences
-            .fresh
-            .retain(|(pair, _)| !without(pair.i) && !without(pair.j));
-        let fresh = || differences.fresh.iter();
-        let own = fresh().filter(|(pair, lambda)| is_home(&pair.image) && *lambda != 0);
-        let mut out = Comparison {
-            adopted: own
-                .map(|&(ImagePair { i, j, .. }, lambda)| Link { i, j, lambda })
-                .collect(),
-            defects: self.undefined.clone(),
-            changes: differences.changes,
-        };
-        out.defects
-            .extend(fresh().map(|(pair, _)| no_baseline(*pair)));
+        let Differences {
+            mut changes,
+            mut fresh,
+        } = Differences::between(before, now);
+        changes.retain(|c| !without(c.i) && !without(c.j));
+        fresh.retain(|(pair, _)| !without(pair.i) && !without(pair.j));
+        let own = fresh.iter().filter(|e| is_home(&e.0.image) && e.1 != 0);
+        let adopted = own.map(|&(ImagePair { i, j, .. }, lambda)| Link { i, j, lambda });
+        let adopted = adopted.collect();
+        let mut defects = self.undefined.clone();
+        defects.extend(fresh.iter().map(|(pair, _)| no_baseline(*pair)));
         let known = baseline.undefined.iter();
         let known = known.filter(|d| d.j.is_none() && !self.has_no_number(d.i, None));
-        out.defects.extend(known.map(|d| Defect {
+        defects.extend(known.map(|d| Defect {
             kind: DefectKind::NoBaseline,
             ..*d
         }));
-        out.defects.sort_by_key(|d| (d.i, d.j, d.image));
-        Ok(out)
+        defects.sort_by_key(|d| (d.i, d.j, d.image));
+        Ok(Comparison {
+            changes,
+            defects,
+            adopted,
+        })
     }
 }
 
