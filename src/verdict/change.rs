@@ -2,11 +2,10 @@
 
 use super::Place;
 use crate::curve::Image;
+use serde::{Deserialize, Serialize};
 
 /// A nonzero entry of the linking matrix.
-#[derive(
-    Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, serde::Serialize, serde::Deserialize,
-)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 pub struct Link {
     /// First curve, from 0; less than `j`.
     pub i: u32,
@@ -17,9 +16,7 @@ pub struct Link {
 }
 
 /// A linking number of a curve and a periodic image, of another curve or of itself.
-#[derive(
-    Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, serde::Serialize, serde::Deserialize,
-)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 pub struct ImageLink {
     /// First curve, from 0.
     pub i: u32,
@@ -44,7 +41,7 @@ vocabulary! {
 }
 
 /// A pair of curves of a finding, at least one of which stands for a virtual loop.
-#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct LoopPair {
     /// First and second curve, as in the finding ([`Change::i`]).
     pub curves: [u32; 2],
@@ -57,7 +54,7 @@ pub struct LoopPair {
 
 /// Invariants of a knot, or the triple linking number of three curves, that differ from the
 /// expected ones.
-#[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct InvariantChange {
     /// The curve, or three curves; sorted.
     pub curves: Vec<u32>,
@@ -68,7 +65,7 @@ pub struct InvariantChange {
 }
 
 /// A linking number that differs from the expected one.
-#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Change {
     /// First curve, from 0; less than `j`, or equal if a curve is linked with its own image.
     pub i: u32,

@@ -153,14 +153,16 @@ impl LoopPair {
 impl PullThrough {
     /// Returns the pull-through in a few words: "curves 3 and 4 passed through one another".
     pub(crate) fn words(&self, names: &[String]) -> String {
-        if self.i == self.j && is_home(&self.image) {
-            return format!(
+        match self.i == self.j && is_home(&self.image) {
+            true => format!(
                 "curve {} passed through itself",
                 words_of_curve(self.i, names)
-            );
+            ),
+            false => {
+                let pair = words_of_pair((self.i, self.j), self.image, names);
+                format!("{pair} passed through one another")
+            }
         }
-        let pair = words_of_pair((self.i, self.j), self.image, names);
-        format!("{pair} passed through one another")
     }
 
     /// Returns the pull-through for a label: "3 through 4".
@@ -202,14 +204,14 @@ impl Defect {
     pub(crate) fn words(&self, names: &[String]) -> String {
         let (i, what) = (words_of_curve(self.i, names), self.kind.words());
         match self.j {
-            Some(j) if j == self.i && is_home(&self.image) => {
-                if self.kind == DefectKind::Unaccounted {
-                    return format!(
+            Some(j) if j == self.i && is_home(&self.image) => match self.kind {
+                DefectKind::Unaccounted => {
+                    format!(
                         "curve {i} has a change of v2 that differs from that of its pull-throughs"
-                    );
+                    )
                 }
-                format!("parts of curve {i} {what}")
-            }
+                _ => format!("parts of curve {i} {what}"),
+            },
             Some(j) => format!("{} {what}", words_of_pair((self.i, j), self.image, names)),
             None => format!("curve {i} {what}"),
         }
@@ -218,12 +220,10 @@ impl Defect {
     /// Returns a sentence: see [`Change::sentence_named`].
     pub fn sentence_named(&self, extent: f64, names: &[String]) -> String {
         let (what, point) = (self.words(names), self.place.point);
+        let notation = Notation::of_scene(extent, point);
         match self.j {
             Some(_) => format!("{what}, {}", self.place.words(extent)),
-            None => {
-                let point = Notation::of_scene(extent, point).point(point);
-                format!("{what}, at {point}")
-            }
+            None => format!("{what}, at {}", notation.point(point)),
         }
     }
 }
@@ -271,10 +271,8 @@ impl Clearance {
     pub(crate) fn reason(&self) -> Option<String> {
         let closest = self.closest.filter(|_| self.low)?;
         let (share, trend) = (100.0 * closest.ratio, self.trend(closest.ratio));
-        let strands = closest.words(&[]);
-        Some(format!(
-            "low clearance of {strands}, {share:.1} % of their diameter{trend}"
-        ))
+        let what = format!("low clearance of {}", closest.words(&[]));
+        Some(format!("{what}, {share:.1} % of their diameter{trend}"))
     }
 
     /// Returns the end of a sentence about strands of this clearance.
@@ -300,14 +298,13 @@ pub(crate) fn words_of_roll_back(
     safe_fraction: Option<f64>,
 ) -> Option<String> {
     let words = format!("frame {} is intact", last_intact?);
-    Some(match safe_fraction {
-        // Rounded down, as the share is.
-        Some(share) => {
-            let share = (share * 1e3).floor() / 1e3;
-            format!("{words}, and {share:.3} of the step from there is safe")
-        }
-        None => words,
-    })
+    // Rounded down, as the share is.
+    let Some(share) = safe_fraction.map(|share| (share * 1e3).floor() / 1e3) else {
+        return Some(words);
+    };
+    Some(format!(
+        "{words}, and {share:.3} of the step from there is safe"
+    ))
 }
 
 /// Returns the number of a frame and its simulation time: see [`Report::frame`].
@@ -346,6 +343,7 @@ impl Report {
     pub fn headline(&self) -> String {
         let of_step = self.defects.iter().filter(|d| d.kind.is_of_step()).count();
         let [lost, gained, changed] = ChangeKind::ALL.map(|kind| self.count(kind));
+        let numbers = self.defects.len() - of_step;
         let step = match of_step {
             1 => "step of a pair or curve undecided",
             _ => "step* of pair* or curve* undecided",
@@ -357,10 +355,7 @@ impl Report {
             (changed, "link* changed"),
             (self.invariants.len(), "knot* or triple* changed"),
             (self.events.len(), "pull-through*"),
-            (
-                self.defects.len() - of_step,
-                "pair* or curve* without a linking number",
-            ),
+            (numbers, "pair* or curve* without a linking number"),
             (of_step, step),
             (self.unresolved.len(), "unresolved pull-through*"),
         ];
@@ -392,8 +387,8 @@ impl Report {
 
     /// Same as [`findings`](Report::findings), with the names of all curves, or without if empty.
     pub fn findings_named<'a>(&'a self, names: &'a [String]) -> impl Iterator<Item = String> + 'a {
-        self.all_findings()
-            .map(move |finding| self.sentence_of(finding, names))
+        let all = self.all_findings();
+        all.map(move |finding| self.sentence_of(finding, names))
     }
 
     /// Returns the sentence for a finding.

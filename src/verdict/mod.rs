@@ -312,20 +312,13 @@ impl Report {
     /// Returns the verdict that follows from the findings.
     #[cfg(feature = "verify")]
     pub(crate) fn verdict_of_findings(&self) -> Verdict {
-        let findings = [
-            self.defects.len(),
-            self.unresolved.len(),
-            self.missing.len(),
-        ];
-        let changed = [self.changes.len(), self.events.len(), self.invariants.len()];
-        if changed != [0; 3] {
-            Verdict::Changed
-        } else if self.has_contact() {
-            Verdict::Contact
-        } else if findings != [0; 3] {
-            Verdict::Undecided
-        } else {
-            Verdict::Intact
+        let changes = self.changes.len() + self.events.len() + self.invariants.len();
+        let undecided = self.defects.len() + self.unresolved.len() + self.missing.len();
+        match (changes, undecided) {
+            (1.., _) => Verdict::Changed,
+            _ if self.has_contact() => Verdict::Contact,
+            (0, 1..) => Verdict::Undecided,
+            (0, 0) => Verdict::Intact,
         }
     }
 

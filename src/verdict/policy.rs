@@ -35,11 +35,8 @@ impl AbortOn {
     /// Returns true if the findings ask the simulator to stop. Contacts that are `expected`,
     /// because the curves touch in the baseline, do not.
     pub fn aborts(self, report: &Report, expected: impl Fn(&Defect) -> bool) -> bool {
-        let mut contacts = report
-            .defects
-            .iter()
-            .filter(|d| d.kind == DefectKind::Contact);
-        let has_contact = contacts.any(|d| !expected(d));
+        let is_contact = |d: &Defect| d.kind == DefectKind::Contact && !expected(d);
+        let has_contact = report.defects.iter().any(is_contact);
         let unlike = |kind| report.changes.iter().any(|c| c.kind() != kind);
         let any = || matches!(report.verdict, Verdict::Changed | Verdict::Rejected) || has_contact;
         match self {
