@@ -50,11 +50,8 @@ impl CellView {
             strip.map(move |p| per_axis(|x| p[x] + by[x]))
         });
         let strips: Vec<Vec<[f32; 3]>> = strips.map(Iterator::collect).collect();
-        log(
-            rec,
-            entity::IMAGES,
-            &lines(strips, 1.0).with_colors([FAINT_RED]),
-        )
+        let images = lines(strips, 1.0).with_colors([FAINT_RED]);
+        log(rec, entity::IMAGES, &images)
     }
 }
 
@@ -69,18 +66,12 @@ fn images_of(report: &Report) -> BTreeSet<(u32, Image)> {
 
 /// Returns the edges of a cell. Directions without repetition have none.
 fn edges(cell: &Cell) -> Vec<[Point; 2]> {
-    let directions: Vec<Point> = cell
-        .vectors
-        .into_iter()
-        .filter(|v| *v != [0.0; 3])
-        .collect();
+    let directions = cell.vectors.into_iter().filter(|v| *v != [0.0; 3]);
+    let directions: Vec<Point> = directions.collect();
     // A corner is a set of directions.
     let corner = |set: usize| {
-        let taken = directions
-            .iter()
-            .enumerate()
-            .filter(|(k, _)| set >> k & 1 != 0);
-        taken.fold(cell.origin, |p, (_, &v)| add(p, v))
+        let taken = (0..directions.len()).filter(|k| set >> k & 1 != 0);
+        taken.fold(cell.origin, |p, k| add(p, directions[k]))
     };
     let corners = 0..1 << directions.len();
     let along = |k: usize| {

@@ -152,27 +152,21 @@ fn draw_marks(
     }
     let colors: Vec<u32> = marks.iter().map(|m| color(m.ratio, low)).collect();
     let between = lines(marks.iter().map(|m| m.points.map(narrow)), 1.5);
-    log(
-        rec,
-        entity::CLOSEST_LINES,
-        &between.with_colors(colors.clone()),
-    )?;
+    let between = between.with_colors(colors.clone());
+    log(rec, entity::CLOSEST_LINES, &between)?;
     let dots = marks.iter().flat_map(|m| m.points.map(narrow));
     let dots = points(dots, 3.5).with_colors(colors.iter().flat_map(|&c| [c; 2]));
     log(rec, entity::CLOSEST, &dots)?;
     let label = clearance.closest.map(|c| {
-        let share = format!(
-            "{}: {:.0} % of the diameter",
-            label_of_pair((c.i, c.j), c.image, names),
-            100.0 * c.ratio
-        );
+        let (pair, share) = (label_of_pair((c.i, c.j), c.image, names), 100.0 * c.ratio);
+        let share = format!("{pair}: {share:.0} % of the diameter");
         points([narrow(middle(&c))], 0.0)
             .with_labels([share])
             .with_colors([color(c.ratio, low)])
             .with_show_labels(true)
     });
-    let none = || points([], 0.0);
-    log(rec, entity::CLOSEST_LABEL, &label.unwrap_or_else(none))
+    let label = label.unwrap_or_else(|| points([], 0.0));
+    log(rec, entity::CLOSEST_LABEL, &label)
 }
 
 fn middle(strands: &CloseStrands) -> Point {

@@ -51,7 +51,7 @@ type Style = (u32, f32);
 /// Curves as they were last logged.
 #[derive(Default)]
 pub(super) struct Curves {
-    shown: Option<Arc<CurveSet>>,
+    pub shown: Option<Arc<CurveSet>>,
     /// Number of frames so far.
     frames: u64,
     /// Group of each curve, and the frame in which it last moved.
@@ -64,11 +64,6 @@ pub(super) struct Curves {
 }
 
 impl Curves {
-    /// Returns the curves as they were last logged.
-    pub fn shown(&self) -> Option<&Arc<CurveSet>> {
-        self.shown.as_ref()
-    }
-
     /// Logs the groups that changed; `all`: all groups. Curves are thin lines also if they have a
     /// radius, because thick ones hide the marks.
     pub fn draw(
@@ -107,16 +102,8 @@ impl Curves {
     /// Divides new curves into blocks. All are at rest.
     fn divide(&mut self, set: &CurveSet) {
         let size = BLOCK_POINTS.max(set.points().div_ceil(MOST_BLOCKS));
-        let mut before = 0;
-        let block = |points: &mut usize, count: u32| {
-            let block = *points / size;
-            *points += count as usize;
-            Some(BLOCKS + block as u32)
-        };
-        let counts = set.curves().iter().map(|c| c.points);
-        self.blocks = counts
-            .filter_map(|count| block(&mut before, count))
-            .collect();
+        let block = |i| BLOCKS + (set.points_of(i).start / size) as u32;
+        self.blocks = (0..set.len()).map(block).collect();
         self.groups = vec![HIDDEN; set.len()];
         self.moved = vec![0; set.len()];
         let groups = self.blocks.last().map_or(BLOCKS, |last| last + 1) as usize;
@@ -129,24 +116,20 @@ impl Curves {
     fn arrange(&mut self, report: &Report, moved: &[bool]) -> Vec<u32> {
         let now = self.frames;
         let returns = now.is_multiple_of(REST);
-        let at_rest = |k: usize, last: &mut u64| {
+        let mut groups: Vec<u32> = Vec::with_capacity(moved.len());
+        for (k, last) in self.moved.iter_mut().enumerate() {
             if moved[k] {
                 *last = now;
             }
-            match self.groups[k] {
+            let rested = now - *last >= REST;
+            let at_rest = match self.groups[k] {
                 // Since the first frame.
                 _ if *last == 0 => true,
-                MOVING => returns && now - *last >= REST,
-                BROKEN | UNDECIDED | HIDDEN => now - *last >= REST,
+                MOVING => returns && rested,
+                BROKEN | UNDECIDED | HIDDEN => rested,
                 _ => !moved[k],
-            }
-        };
-        let mut groups: Vec<u32> = Vec::with_capacity(moved.len());
-        for (k, last) in self.moved.iter_mut().enumerate() {
-            groups.push(match at_rest(k, last) {
-                true => self.blocks[k],
-                false => MOVING,
-            });
+            };
+            groups.push(if at_rest { self.blocks[k] } else { MOVING });
         }
         for (curves, group) in groups_of_findings(report) {
             for i in curves {
@@ -167,12 +150,8 @@ impl Curves {
         let detail = (POINTS / set.segments().max(1)).clamp(1, POINTS_PER_SEGMENT);
         let mut members: Vec<Vec<usize>> = vec![Vec::new(); changed.len()];
         let mut counts = vec![0; changed.len()];
-        for (k, &group) in self
-            .groups
-            .iter()
-            .enumerate()
-            .filter(|(_, g)| **g != HIDDEN)
-        {
+        let groups = self.groups.iter().enumerate();
+        for (k, &group) in groups.filter(|(_, group)| **group != HIDDEN) {
             counts[group as usize] += 1;
             if changed[group as usize] {
                 members[group as usize].push(k);
@@ -201,8 +180,8 @@ impl Curves {
             }
             if restyled {
                 let (color, width) = style;
-                lines = lines.with_colors([color]);
-                lines = lines.with_radii([Radius::new_ui_points(width)]);
+                let radii = [Radius::new_ui_points(width)];
+                lines = lines.with_colors([color]).with_radii(radii);
                 *known = Some(style);
             }
             log(rec, &path(group), &lines)?;

@@ -36,12 +36,10 @@ pub(super) struct Label {
 /// Places a text beside the first mark of the first of some spots. `size` is that of the feature
 /// there.
 pub(super) fn place(set: &CurveSet, spots: &[&Spot], size: f64, text: &str, view: &View) -> Label {
-    let axes = [view.right(), view.down()];
     let mark = spots[0].marks[0];
     let covered = spots.iter().flat_map(|spot| curve_points(set, spot));
-    let covered: Vec<[f64; 2]> = covered
-        .filter_map(|p| view.on_screen(p, mark, size))
-        .collect();
+    let covered = covered.filter_map(|p| view.on_screen(p, mark, size));
+    let covered: Vec<[f64; 2]> = covered.collect();
     let letters = text.lines().map(|line| line.chars().count()).max();
     let width = letters.unwrap_or(0) as f64 * LETTER[0] + 2.0 * MARGIN;
     let height = text.lines().count() as f64 * LETTER[1] + 2.0 * MARGIN;
@@ -51,18 +49,14 @@ pub(super) fn place(set: &CurveSet, spots: &[&Spot], size: f64, text: &str, view
         let inside = |p: &&[f64; 2]| (0..2).all(|x| (p[x] - center[x]).abs() < half[x]);
         covered.iter().filter(inside).count()
     };
-    let tried = DISTANCES
-        .iter()
-        .flat_map(|&far| DIRECTIONS.map(|d| (far, d)));
+    let tried = DISTANCES.into_iter();
+    let tried = tried.flat_map(|far| DIRECTIONS.map(|d| (far, d)));
     // The first of several with the same number.
     let best = tried.min_by_key(|&(far, direction)| hidden(center(far, direction)));
     let (far, direction) = best.expect("there are some");
     let in_scene = |[right, down]: [f64; 2]| {
-        add_scaled(
-            add_scaled(mark, size * right, axes[0]),
-            size * down,
-            axes[1],
-        )
+        let beside = add_scaled(mark, size * right, view.right());
+        add_scaled(beside, size * down, view.down())
     };
     let [x, y] = center(far, direction);
     Label {

@@ -53,16 +53,20 @@ pub(super) fn send(
             properties.push((format!("{}/{name}", view.blueprint_path()).into(), what));
         }
     };
-    let scene = Spatial3DView::new("curves").with_contents(["/curves/**"]);
-    let scene = ContainerLike::from(scene);
     let background =
         Background::new(BackgroundKind::SolidColor).with_color(Color::from_u32(BACKGROUND));
-    property(&scene, "Background", Box::new(background.clone()));
     let grid = LineGrid3D::new().with_visible(false);
-    property(&scene, "LineGrid3D", Box::new(grid.clone()));
-    if let Some(eye) = eye {
-        property(&scene, "EyeControls3D", Box::new(eye.clone()));
-    }
+    let mut spatial = |view: Spatial3DView, eye: Option<&EyeControls3D>| {
+        let view = ContainerLike::from(view);
+        property(&view, "Background", Box::new(background.clone()));
+        property(&view, "LineGrid3D", Box::new(grid.clone()));
+        if let Some(eye) = eye {
+            property(&view, "EyeControls3D", Box::new(eye.clone()));
+        }
+        view
+    };
+    let scene = Spatial3DView::new("curves").with_contents(["/curves/**"]);
+    let scene = spatial(scene, eye);
     let moments = moments.map(|moments| {
         let left_out = entity::NEAR_ONLY.map(|path| format!("- /{path}/**"));
         let all = ["+ /curves/**".to_owned()].into_iter().chain(left_out);
@@ -73,13 +77,7 @@ pub(super) fn send(
             Some((view, &moments.eye))
         });
         let views = [(overview, &moments.overview)].into_iter().chain(near);
-        let views = views.map(|(view, eye)| {
-            let view = ContainerLike::from(view);
-            property(&view, "Background", Box::new(background.clone()));
-            property(&view, "LineGrid3D", Box::new(grid.clone()));
-            property(&view, "EyeControls3D", Box::new(eye.clone()));
-            view
-        });
+        let views = views.map(|(view, eye)| spatial(view, Some(eye)));
         views.collect::<Vec<_>>()
     });
     let status = TextDocumentView::new("status").with_origin(entity::STATUS);
@@ -117,20 +115,17 @@ pub(super) fn send(
         plot
     });
     let times = plot("stages, ms", "/times/**");
+    let both = "clearance and links";
     let links = match clearance {
-        true => Vertical::new([close, links])
-            .with_name("clearance and links")
-            .into(),
+        true => Vertical::new([close, links]).with_name(both).into(),
         false => links,
     };
     let words = Vertical::new([status.into(), key.into()])
         .with_row_shares([if clearance { 1.3 } else { 2.4 }, 1.0]);
     let scene = match moments {
         Some(views) => {
-            let shares = [1.5, 1.0];
-            Vertical::new([scene, Horizontal::new(views).into()])
-                .with_row_shares(shares)
-                .into()
+            let scenes = Vertical::new([scene, Horizontal::new(views).into()]);
+            scenes.with_row_shares([1.5, 1.0]).into()
         }
         None => scene,
     };

@@ -48,11 +48,8 @@ impl Log {
         let last = before.as_ref().map_or(report.seq, |t| t.at);
         let had_events = before.as_ref().is_some_and(|t| t.events);
         let known = before.map(|t| t.findings).unwrap_or_default();
-        let findings: Findings = report
-            .lasting()
-            .flatten()
-            .map(|key| (key, known.get(&key).copied().unwrap_or(report.seq)))
-            .collect();
+        let since_frame = |key| (key, known.get(&key).copied().unwrap_or(report.seq));
+        let findings: Findings = report.lasting().flatten().map(since_frame).collect();
         // The findings contain the first frame of each, so a finding that returns is new.
         let has_events = !report.events.is_empty();
         let news = turned || has_events || findings != known;
@@ -94,17 +91,11 @@ impl Log {
 
 /// Returns a line in the colour of a verdict.
 pub(super) fn line(verdict: Verdict, text: impl Into<String>) -> TextLog {
-    let level = match verdict {
-        Verdict::Intact => TextLogLevel::INFO,
-        Verdict::Changed => TextLogLevel::ERROR,
-        _ => TextLogLevel::WARN,
+    let (level, color) = match verdict {
+        Verdict::Intact => (TextLogLevel::INFO, QUIET),
+        Verdict::Changed => (TextLogLevel::ERROR, RED),
+        _ => (TextLogLevel::WARN, ORANGE),
     };
-    let color = match verdict {
-        Verdict::Intact => QUIET,
-        Verdict::Changed => RED,
-        _ => ORANGE,
-    };
-    TextLog::new(text.into())
-        .with_level(level)
-        .with_color(Color::from_u32(color))
+    let line = TextLog::new(text.into()).with_level(level);
+    line.with_color(Color::from_u32(color))
 }

@@ -56,6 +56,7 @@ use self::view::View;
 use crate::curve::Point;
 use crate::error::{Error, Result};
 use crate::measure::ClearanceOptions;
+use crate::picture::Radii;
 use crate::sinks::{BaselineRecord, FrameRecord, Sink};
 use crate::verdict::Verdict;
 use crate::words::plural_of;
@@ -259,7 +260,7 @@ impl ViewerSink {
     fn incomplete(&self, e: impl std::fmt::Display) -> Error {
         match self.is_file {
             // The library has logged the error of the system.
-            true => failed(format_args!(
+            true => failed(format!(
                 "its file is not complete: see the error above ({e})"
             )),
             false => failed(e),
@@ -274,7 +275,7 @@ impl ViewerSink {
 
     /// Returns an eye that sees all of the newest curves, or those around a place if one is given.
     fn eye(&self, place: Option<(Point, f64)>) -> Option<EyeControls3D> {
-        let view = View::of(self.curves.shown()?)?;
+        let view = View::of(self.curves.shown.as_ref()?)?;
         Some(view.eye(place, self.scale.unwrap_or(1.0)))
     }
 
@@ -366,12 +367,12 @@ impl Sink for ViewerSink {
                 self.scale = Some(scale);
             }
             let all = std::mem::take(&mut self.redraws);
-            let before = self
-                .curves
-                .shown()
-                .cloned()
-                .map(|before| (self.drawn, before));
-            let radii = &record.info.labels.radii;
+            let before = self.curves.shown.as_ref();
+            let before = before.map(|before| (self.drawn, Arc::clone(before)));
+            let radii = Radii {
+                published: &record.info.labels.radii,
+                measured: None,
+            };
             let scale = self.scale.unwrap_or(1.0);
             if let Some(moments) = self.moments.take() {
                 let after = Some((report.seq, Arc::clone(set)));
@@ -397,9 +398,8 @@ impl Sink for ViewerSink {
         self.passed.add(report, record.curves.as_deref());
         plots::add(&self.rec, record)?;
         self.add_clearance(record, draws)?;
-        let news = self
-            .log
-            .news(report, &record.info.labels.names, &self.passed);
+        let names = &record.info.labels.names;
+        let news = self.log.news(report, names, &self.passed);
         for line in &news.lines {
             self.log_line(line)?;
         }

@@ -70,16 +70,11 @@ pub(super) fn draw_places(
     let (dots, colors): (Vec<_>, Vec<_>) = dots.unzip();
     log(rec, entity::PLACES, &points(dots, 5.0).with_colors(colors))?;
     let centers = events.iter().map(|(spot, ..)| narrow(spot.marks[0]));
-    log(
-        rec,
-        entity::EVENTS,
-        &points(centers, 6.5).with_colors([CYAN]),
-    )?;
+    let centers = points(centers, 6.5).with_colors([CYAN]);
+    log(rec, entity::EVENTS, &centers)?;
 
-    let view = match marked.is_empty() && events.is_empty() {
-        true => None,
-        false => View::of(set),
-    };
+    let has_marks = !(marked.is_empty() && events.is_empty());
+    let view = has_marks.then(|| View::of(set)).flatten();
     let radius = view.as_ref().map_or(0.0, |view| view.radius);
     let size = |spot: &Spot| match spot.size > 0.0 {
         true => spot.size.min(radius),
@@ -110,10 +105,8 @@ pub(super) fn draw_places(
     }
     labels.truncate(LABELS);
     let colors: Vec<u32> = labels.iter().map(|(.., color)| *color).collect();
-    let texts: Vec<String> = labels
-        .iter()
-        .map(|(_, texts, _)| texts.join("\n"))
-        .collect();
+    let texts = labels.iter().map(|(_, texts, _)| texts.join("\n"));
+    let texts: Vec<String> = texts.collect();
     let place = |((spots, ..), text): (&(Vec<&Spot>, Vec<&str>, u32), &String)| match &view {
         Some(view) => label::place(set, spots, view.unit(size(spots[0])), text, view),
         // Without extent.
@@ -129,19 +122,12 @@ pub(super) fn draw_places(
         .with_show_labels(true);
     log(rec, entity::LABELS, &labelled)?;
     let leaders = placed.iter().map(|label| label.leader.map(narrow));
-    log(
-        rec,
-        entity::LEADERS,
-        &lines(leaders, 0.6).with_colors(colors),
-    )
+    let leaders = lines(leaders, 0.6).with_colors(colors);
+    log(rec, entity::LEADERS, &leaders)
 }
 
 /// Logs a small mark on the curves for each pull-through of earlier frames.
 pub(super) fn draw_passed(rec: &RecordingStream, passed: &Passed, set: &CurveSet) -> Result<()> {
-    let before = passed.points(set).map(narrow);
-    log(
-        rec,
-        entity::PASSED,
-        &points(before, 5.0).with_colors([CYAN]),
-    )
+    let before = points(passed.points(set).map(narrow), 5.0);
+    log(rec, entity::PASSED, &before.with_colors([CYAN]))
 }

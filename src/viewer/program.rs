@@ -9,7 +9,7 @@ use super::stream::failed;
 use crate::error::Result;
 use std::io::ErrorKind;
 use std::net::{Ipv4Addr, SocketAddr, TcpStream};
-use std::process::{Child, Command, Stdio};
+use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
 /// Default port of viewers.
@@ -46,9 +46,8 @@ pub(super) fn show() -> Result<String> {
     let is_set = |name| std::env::var_os(name).is_some_and(|value| !value.is_empty());
     if cfg!(target_os = "linux") && !SCREENS.into_iter().any(is_set) {
         let names = SCREENS.join(", ");
-        return Err(failed(format_args!(
-            "no screen to show frames on: none of {names} is set"
-        )));
+        let what = format!("no screen to show frames on: none of {names} is set");
+        return Err(failed(what));
     }
     let mut command = program()?;
     command
@@ -137,12 +136,6 @@ fn start(mut command: Command, ports: &[u16], mode: &str) -> Result<u32> {
     #[cfg(unix)]
     std::os::unix::process::CommandExt::process_group(&mut command, 0);
     let mut process = command.spawn().map_err(failed)?;
-    wait(&mut process, ports, mode)?;
-    Ok(process.id())
-}
-
-/// Waits until a process listens on all ports.
-fn wait(process: &mut Child, ports: &[u16], mode: &str) -> Result<()> {
     let start = Instant::now();
     while !ports.iter().copied().all(listens) {
         if let Some(status) = process.try_wait().map_err(failed)? {
@@ -159,7 +152,7 @@ fn wait(process: &mut Child, ports: &[u16], mode: &str) -> Result<()> {
         }
         std::thread::sleep(INTERVAL);
     }
-    Ok(())
+    Ok(process.id())
 }
 
 /// Returns true if a process listens on a port of the loopback interface.

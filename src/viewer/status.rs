@@ -76,13 +76,8 @@ pub(super) fn status(
         text.push_str("\n| pulled in this frame | sign | moment |\n|---|---|---|\n");
     }
     for e in report.events.iter().take(shown) {
-        let row = format!(
-            "| **{}** | {:+} | {:.3} |\n",
-            e.label(names),
-            e.sign,
-            e.fraction
-        );
-        text.push_str(&row);
+        let (label, sign, moment) = (e.label(names), e.sign, e.fraction);
+        text.push_str(&format!("| **{label}** | {sign:+} | {moment:.3} |\n"));
     }
     text.extend(more(report.events.len()));
     if let n @ 1.. = report.unresolved.len() {

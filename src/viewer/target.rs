@@ -56,13 +56,9 @@ fn address_of(address: &str) -> (String, String) {
     let (scheme, rest) = address.split_once("://").unwrap_or(("rerun+http", address));
     let (host, path) = rest.split_once('/').unwrap_or((rest, "proxy"));
     // An IPv6 address contains colons, within brackets.
-    let has_port = host
-        .rsplit_once(':')
-        .is_some_and(|(_, port)| !port.contains(']'));
-    let host = if has_port {
-        host.to_owned()
-    } else {
-        format!("{host}:{PORT}")
+    let host = match host.rsplit_once(':') {
+        Some((_, port)) if !port.contains(']') => host.to_owned(),
+        _ => format!("{host}:{PORT}"),
     };
     let url = format!("{scheme}://{host}/{path}");
     (host, url)

@@ -117,12 +117,8 @@ pub(super) fn draw(
     rec: &RecordingStream,
     set: &CurveSet,
     report: &Report,
-    published: &[f32],
+    radii: Radii<'_>,
 ) -> Result<()> {
-    let radii = Radii {
-        published,
-        measured: None,
-    };
     let mut tubes = Tubes::default();
     let mut drawn: Vec<[u32; 2]> = Vec::new();
     for spot in report.first_findings(SHOWN).filter_map(spot).take(SHOWN) {
@@ -171,21 +167,13 @@ impl Moments {
         &self,
         rec: &RecordingStream,
         after: Option<Numbered>,
-        published: &[f32],
+        radii: Radii<'_>,
         scale: f64,
     ) -> Result<Option<MomentViews>> {
-        let (spot, radii) = (
-            self.spot,
-            Radii {
-                published,
-                measured: None,
-            },
-        );
         let after = after.filter(|(_, after)| after.same_layout(&self.at.1));
         let frames = [self.before.clone(), Some(self.at.clone()), after];
-        let placed = frames
-            .each_ref()
-            .map(|frame| Some((&*frame.as_ref()?.1, spot)));
+        let frame = frames.each_ref();
+        let placed = frame.map(|frame| Some((&*frame.as_ref()?.1, self.spot)));
         let windows = Window::around(placed, 0.0);
         let scene = |(placed, window): (Option<(&CurveSet, Spot)>, Option<Window>)| {
             let (set, spot) = placed?;
@@ -209,9 +197,7 @@ impl Moments {
                 continue;
             };
             let mut tubes = Tubes::default();
-            let (own, others): (Vec<&Strand>, Vec<_>) =
-                scene.strands().iter().partition(|strand| strand.is_own());
-            for strand in own {
+            for strand in scene.strands().iter().filter(|strand| strand.is_own()) {
                 tubes.add(strand, radii.of(strand.curve) / window.reach, 1.0, |p| *p);
             }
             log_static(rec, &format!("{path}/strands"), &tubes.archetype())?;
@@ -221,9 +207,9 @@ impl Moments {
                 let star = lines(rays, 2.5).with_colors([CYAN]);
                 log_static(rec, &format!("{path}/place"), &star)?;
             }
-            let (rest, others): (Vec<&Strand>, Vec<_>) = others
-                .into_iter()
-                .partition(|strand| strand.part == Part::Rest);
+            let others = scene.strands().iter().filter(|strand| !strand.is_own());
+            let (rest, others): (Vec<&Strand>, Vec<_>) =
+                others.partition(|strand| strand.part == Part::Rest);
             for (name, group, color) in [("rest", rest, FAINT_RED), ("others", others, DIMMED)] {
                 let points = group.iter().map(|s| s.points.iter().map(|p| narrow(*p)));
                 let strips = lines(points.map(|points| points.collect::<Vec<_>>()), 0.8);
