@@ -11,7 +11,7 @@
 use crate::error::{Error, Result};
 use std::fs::{File, OpenOptions, TryLockError};
 use std::io::{self, ErrorKind};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 /// Creates a file that does not exist.
 pub(super) fn create_new(path: &Path) -> Result<File> {
@@ -27,16 +27,11 @@ pub(super) fn create_or_replace(path: &Path) -> Result<File> {
         Ok(m) if !m.is_file() => Err(io::Error::other("not a regular file")),
         Ok(_) => replace(path),
         // A link to a file that does not exist is followed.
-        Err(_) => OpenOptions::new()
-            .write(true)
-            .create(true)
-            .truncate(false)
-            .open(path)
-            .and_then(|file| {
-                take(&file)?;
-                file.set_len(0)?;
-                Ok(file)
-            }),
+        Err(_) => {
+            let mut options = OpenOptions::new();
+            let opened = options.write(true).create(true).truncate(false).open(path);
+            opened.and_then(|file| take(&file).and_then(|()| file.set_len(0)).map(|()| file))
+        }
     };
     replaced.map_err(Error::file(path))
 }
@@ -63,10 +58,8 @@ pub(super) fn is_taken(error: &Error) -> bool {
     let Error::File { source, .. } = error else {
         return false;
     };
-    matches!(
-        source.kind(),
-        ErrorKind::AlreadyExists | ErrorKind::ResourceBusy
-    )
+    let kind = source.kind();
+    matches!(kind, ErrorKind::AlreadyExists | ErrorKind::ResourceBusy)
 }
 
 /// Replaces an existing file by a new, empty one. If `path` is a symbolic link, its target is
@@ -75,9 +68,7 @@ fn replace(path: &Path) -> io::Result<File> {
     let path = path.canonicalize()?;
     let old = File::open(&path)?;
     take(&old)?;
-    let mut part = path.clone().into_os_string();
-    part.push(format!(".{}.part", std::process::id()));
-    let part = PathBuf::from(part);
+    let part = path.with_added_extension(format!("{}.part", std::process::id()));
     let new = File::create(&part)?;
     let renamed = take(&new).and_then(|()| std::fs::rename(&part, &path));
     if let Err(e) = renamed {

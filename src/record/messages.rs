@@ -323,26 +323,17 @@ impl Recorded<schema::Baseline> for BaselineRecord {
         let bad_link = |what: String| Err(invalid("link of the baseline", what));
         let links: Vec<Link> = Recorded::read(b.links)?;
         let bad = |l: &&Link| l.i >= l.j || u64::from(l.j) >= b.curves || l.lambda == 0;
-        if let Some(l) = links.iter().find(bad) {
-            return bad_link(format!(
-                "{},{},{} of {} curves",
-                l.i, l.j, l.lambda, b.curves
-            ));
+        if let Some(Link { i, j, lambda }) = links.iter().find(bad) {
+            return bad_link(format!("{i},{j},{lambda} of {} curves", b.curves));
         }
-        let mut pairs = links.windows(2).map(|w| (&w[0], &w[1]));
-        if let Some((_, l)) = pairs.find(|(k, l)| (k.i, k.j) >= (l.i, l.j)) {
-            let what = "is not sorted after the previous pair";
-            return bad_link(format!("{},{} {what}", l.i, l.j));
+        let mut pairs = links.array_windows();
+        if let Some([_, Link { i, j, .. }]) = pairs.find(|[k, l]| (k.i, k.j) >= (l.i, l.j)) {
+            return bad_link(format!("{i},{j} is not sorted after the previous pair"));
         }
         let mut undefined: Vec<Defect> = Recorded::read(b.undefined)?;
         let mut images = Vec::with_capacity(b.images.len());
         for l in b.images {
             let (i, j, image) = (l.i, l.j, Image::read(l.image)?);
-            // Earlier versions recorded pairs without a linking number here.
-            let undefined_pair = || Defect {
-                image,
-                ..undefined_entry(i, Some(j))
-            };
             match l.lambda {
                 Some(lambda) => images.push(ImageLink {
                     i,
@@ -350,7 +341,11 @@ impl Recorded<schema::Baseline> for BaselineRecord {
                     image,
                     lambda,
                 }),
-                None => undefined.push(undefined_pair()),
+                // Earlier versions recorded pairs without a linking number here.
+                None => undefined.push(Defect {
+                    image,
+                    ..undefined_entry(i, Some(j))
+                }),
             }
         }
         undefined.sort_by_key(|d| (d.i, d.j, d.image));

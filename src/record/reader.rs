@@ -85,14 +85,12 @@ impl RecordedFrame {
         let counts = self.counts.iter().map(|c| u64::from(c.unsigned_abs()));
         let bytes = 3 * self.precision.bytes() as u64;
         let promised = counts.sum::<u64>().saturating_mul(bytes);
-        match self.positions.len() as u64 {
-            available if available == promised => Ok(()),
-            available => Err(Error::Count {
-                what: "bytes of positions in a recorded frame",
-                promised,
-                available,
-            }),
+        let available = self.positions.len();
+        if available as u64 == promised {
+            return Ok(());
         }
+        let what = "bytes of positions in a recorded frame";
+        Err(Error::count(what, promised, available))
     }
 
     /// Calls `receive` with the frame, for example within
@@ -123,12 +121,8 @@ impl RecordedFrame {
     }
 
     fn values<T, const N: usize>(&self, parse: fn([u8; N]) -> T) -> Vec<T> {
-        self.positions
-            .as_chunks()
-            .0
-            .iter()
-            .map(|b| parse(*b))
-            .collect()
+        let values = self.positions.as_chunks().0.iter();
+        values.map(|bytes| parse(*bytes)).collect()
     }
 }
 
@@ -322,16 +316,15 @@ impl<R: Read + Seek> RecordingReader<R> {
             (FRAMES, Channel::Frames),
             (VERDICTS, Channel::Verdicts),
         ];
-        let known = ours.into_iter().find(|((t, _), _)| *t == topic);
-        let (Some(((_, message), content)), Some((package, m))) = (known, schema.rsplit_once('.'))
-        else {
+        let (package, message) = schema.rsplit_once('.').unwrap_or_default();
+        let mut ours = ours.into_iter();
+        let Some((_, content)) = ours.find(|(of, _)| *of == (topic, message)) else {
             return Ok(Channel::Foreign);
         };
-        match (package == PACKAGE, version(package)) {
-            _ if m != message => Ok(Channel::Foreign),
-            (true, _) => Ok(content),
-            (false, None) => Ok(Channel::Foreign),
-            (false, Some(found)) => Err(Error::Version {
+        match version(package) {
+            _ if package == PACKAGE => Ok(content),
+            None => Ok(Channel::Foreign),
+            Some(found) => Err(Error::Version {
                 what: "the recording",
                 found,
                 known: version(PACKAGE).unwrap_or_default(),
@@ -361,16 +354,14 @@ impl<R: Read + Seek> RecordingReader<R> {
             precision: Recorded::read(m.precision)?,
             counts: m.counts,
             info: FrameInfo {
-                seq: m.seq,
-                time: m.time,
                 cuts: m.cuts,
                 baseline: m.baseline,
                 layout: m.layout,
                 time_step: m.time_step,
-                closed_by_default: false,
                 cell: Recorded::read(m.cell)?,
                 left_out: Recorded::read(m.left_out)?,
                 labels: Arc::clone(&self.labels),
+                ..FrameInfo::at(m.seq, m.time)
             },
             received_ns,
             positions: m.positions,
@@ -381,14 +372,11 @@ impl<R: Read + Seek> RecordingReader<R> {
 fn verdict(m: schema::Verdict, received_ns: u64) -> Result<RecordedItem> {
     let report = m.report;
     let report = report.ok_or_else(|| invalid("verdict", "the report is missing"))?;
-    let progress = RunProgress::read(m.progress.unwrap_or_default())?;
-    Ok(RecordedItem::Verdict(Box::new(RecordedVerdict {
-        report: Report::read(report)?,
-        progress: RunProgress {
-            received_ns,
-            ..progress
-        },
-    })))
+    let mut progress = RunProgress::read(m.progress.unwrap_or_default())?;
+    progress.received_ns = received_ns;
+    let report = Report::read(report)?;
+    let recorded = RecordedVerdict { report, progress };
+    Ok(RecordedItem::Verdict(Box::new(recorded)))
 }
 
 /// Returns the version in the name of a linkwatch package.
@@ -397,8 +385,7 @@ fn version(package: &str) -> Option<u64> {
 }
 
 fn decode<M: prost::Message + Default>(body: Bytes, place: Place) -> Result<M> {
-    let broken = |e| invalid(&words(place), invalid("message", e));
-    M::decode(body).map_err(broken)
+    M::decode(body).map_err(|e| invalid(&words(place), invalid("message", e)))
 }
 
 fn words(place: Place) -> String {

@@ -197,12 +197,10 @@ impl RecordingSink {
 
     /// Writes the index and the end of the file, without waiting for the disk.
     pub(super) fn close(self) -> Result<Box<dyn Output>> {
-        let Log {
-            path, mut writer, ..
-        } = self.log;
-        writer.finish().map_err(|e| sink_error(&path, e))?;
-        let prefix = writer.into_inner().into_inner().into_inner();
-        let prefix = prefix.map_err(|e| Error::file(&path)(e.into_error()))?;
+        let mut log = self.log;
+        log.writer.finish().map_err(|e| sink_error(&log.path, e))?;
+        let prefix = log.writer.into_inner().into_inner().into_inner();
+        let prefix = prefix.map_err(|e| Error::file(&log.path)(e.into_error()))?;
         Ok(prefix.output)
     }
 
@@ -226,10 +224,8 @@ impl RecordingSink {
     ) -> Result<()> {
         let labels = &info.labels;
         if !Arc::ptr_eq(labels, &self.last_labels) && **labels != *self.last_labels {
-            let message = schema::Labels {
-                names: labels.names.clone(),
-                radii: labels.radii.clone(),
-            };
+            let (names, radii) = (labels.names.clone(), labels.radii.clone());
+            let message = schema::Labels { names, radii };
             self.log.write(self.labels, &message, seq, time_ns)?;
             self.last_labels = Arc::clone(labels);
         }
@@ -259,23 +255,17 @@ impl RecordingSink {
 impl Log {
     /// Adds a channel of protobuf messages.
     fn channel(&mut self, topic: &str, message: &str) -> Result<u16> {
-        let schema = self.writer.add_schema(message, PROTOBUF, DESCRIPTORS);
-        schema
-            .and_then(|schema| {
-                let writer = &mut self.writer;
-                writer.add_channel(schema, topic, PROTOBUF, &BTreeMap::new())
-            })
-            .map_err(|e| sink_error(&self.path, e))
+        let (writer, none) = (&mut self.writer, BTreeMap::new());
+        let schema = writer.add_schema(message, PROTOBUF, DESCRIPTORS);
+        let added = schema.and_then(|schema| writer.add_channel(schema, topic, PROTOBUF, &none));
+        added.map_err(|e| sink_error(&self.path, e))
     }
 
     fn write(&mut self, channel: u16, message: &impl Message, seq: u64, ns: u64) -> Result<()> {
         let bytes = message.encoded_len();
         if bytes > MESSAGE_BYTES {
-            return Err(Error::Count {
-                what: "bytes of a message in a recording",
-                promised: bytes as u64,
-                available: MESSAGE_BYTES as u64,
-            });
+            let what = "bytes of a message in a recording";
+            return Err(Error::count(what, bytes, MESSAGE_BYTES));
         }
         self.encoded.clear();
         // Cannot fail, because a vector grows.
@@ -290,13 +280,10 @@ impl Log {
             log_time: ns,
             publish_time: ns,
         };
-        self.writer
-            .write_to_known_channel(&header, &self.encoded)
-            .map_err(|e| sink_error(&self.path, e))
+        let written = self.writer.write_to_known_channel(&header, &self.encoded);
+        written.map_err(|e| sink_error(&self.path, e))
     }
-}
 
-impl Log {
     /// Writes a metadata record.
     fn describe(&mut self, metadata: BTreeMap<String, String>) -> Result<()> {
         let name = METADATA.into();
@@ -307,9 +294,10 @@ impl Log {
 
 impl Sink for RecordingSink {
     fn begin(&mut self, baseline: &BaselineRecord) -> Result<()> {
-        let now = RunProgress::default().received(SystemTime::now());
-        self.log
-            .write(self.baseline, &baseline.record(), 0, now.received_ns)
+        let now = RunProgress::default()
+            .received(SystemTime::now())
+            .received_ns;
+        self.log.write(self.baseline, &baseline.record(), 0, now)
     }
 
     fn frame(&mut self, record: &FrameRecord) -> Result<()> {
@@ -318,10 +306,8 @@ impl Sink for RecordingSink {
         if let Some(curves) = &record.curves {
             self.write_curves((seq, record.report.time), curves, &record.info, time)?;
         }
-        let progress = RunProgress {
-            left_out: self.left_out,
-            ..record.progress
-        };
+        let mut progress = record.progress;
+        progress.left_out = self.left_out;
         let message = schema::Verdict {
             report: Some(record.report.record()),
             progress: Some(progress.record()),

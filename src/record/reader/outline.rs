@@ -108,15 +108,13 @@ impl<R: Read + Seek> RecordingReader<R> {
 fn begin_of_frame(mut body: &[u8]) -> (u64, f64) {
     const SEQ: u8 = 1 << 3;
     const TIME: u8 = 2 << 3 | 1;
-    let mut seq = 0;
-    if body.first() == Some(&SEQ) {
-        body.advance(1);
+    let (mut seq, mut time) = (0, 0.0);
+    if let Some(rest) = body.strip_prefix(&[SEQ]) {
+        body = rest;
         seq = prost::encoding::decode_varint(&mut body).unwrap_or_default();
     }
-    let mut time = 0.0;
-    if body.first() == Some(&TIME) {
-        body.advance(1);
-        time = body.try_get_f64_le().unwrap_or_default();
+    if let Some(mut rest) = body.strip_prefix(&[TIME]) {
+        time = rest.try_get_f64_le().unwrap_or_default();
     }
     (seq, time)
 }

@@ -58,11 +58,9 @@ impl Keep for Every {
     }
 
     fn note(&self, files: &Files) -> Option<String> {
-        let frames = files.frames() + u64::from(self.held.is_some());
+        let frames = files.frames + u64::from(self.held.is_some());
         let (recorded, every) = (self.recorded, self.every);
-        Some(format!(
-            "recording: curves of {recorded} of {frames} frames (every {every}), verdicts \
-             of all"
-        ))
+        let curves = format!("curves of {recorded} of {frames} frames (every {every})");
+        Some(format!("recording: {curves}, verdicts of all"))
     }
 }

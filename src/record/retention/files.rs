@@ -33,8 +33,9 @@ pub(super) struct Files {
     created: u64,
     last: Option<PathBuf>,
     /// True if the next frame does not continue the previous one.
-    again: bool,
-    frames: u64,
+    pub again: bool,
+    /// Number of frames written.
+    pub frames: u64,
 }
 
 /// The file that is being written.
@@ -79,16 +80,6 @@ impl Files {
         Ok(())
     }
 
-    /// Number of frames written.
-    pub fn frames(&self) -> u64 {
-        self.frames
-    }
-
-    /// Marks the next frame as not continuing the previous one.
-    pub fn begin_again(&mut self) {
-        self.again = true;
-    }
-
     /// Writes a frame; before it the baseline, if the frame does not continue the last one in the
     /// file.
     pub fn write(&mut self, record: &FrameRecord, start: &Start) -> Result<()> {
@@ -121,25 +112,19 @@ impl Files {
     }
 
     pub fn cut_off(&mut self, why: &str) -> Result<()> {
-        match &mut self.open {
-            Some(open) => open.sink.cut_off(why),
-            None => Ok(()),
-        }
+        let open = self.open.as_mut();
+        open.map_or(Ok(()), |open| open.sink.cut_off(why))
     }
 
     pub fn flush(&mut self) -> Result<()> {
-        match &mut self.open {
-            Some(open) => open.sink.flush(),
-            None => Ok(()),
-        }
+        let open = self.open.as_mut();
+        open.map_or(Ok(()), |open| open.sink.flush())
     }
 
     /// Ends the recording, and waits for the disk.
     pub fn finish(self) -> Result<()> {
-        match self.open {
-            Some(open) => Box::new(open.sink).finish(),
-            None => Ok(()),
-        }
+        let open = self.open;
+        open.map_or(Ok(()), |open| Box::new(open.sink).finish())
     }
 
     /// Returns the files in words, if there are several or the file has another name.
@@ -177,12 +162,11 @@ impl Files {
                     self.opened(path, sink);
                     return Ok(());
                 }
-                Err(e) if is_taken(&e) && self.number < last => {
-                    if self.number == 1 {
-                        tracing::warn!("{e}; the recording gets another name");
-                    }
+                Err(e) if !is_taken(&e) || self.number >= last => return Err(e),
+                Err(e) if self.number == 1 => {
+                    tracing::warn!("{e}; the recording gets another name");
                 }
-                Err(e) => return Err(e),
+                Err(_) => {}
             }
         }
     }
@@ -220,9 +204,7 @@ fn bytes_of(record: &FrameRecord, start: &Start) -> u64 {
         let names: usize = labels.names.iter().map(|name| name.len() + 4).sum();
         positions + (5 * set.len() + names + 4 * labels.radii.len()) as u64
     });
-    let baseline = start.baseline.as_ref().map_or(0, |b| {
-        let c = &b.certificate;
-        24 * (c.links.len() + c.undefined.len()) as u64
-    });
-    curves + bytes_of_findings(&record.report) + baseline + 2048
+    let certificate = start.baseline.as_ref().map(|b| &b.certificate);
+    let entries = certificate.map_or(0, |c| c.links.len() + c.undefined.len());
+    curves + bytes_of_findings(&record.report) + 24 * entries as u64 + 2048
 }

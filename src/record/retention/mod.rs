@@ -200,10 +200,9 @@ impl InForce {
         };
         let start = Start {
             baseline,
-            answered: self.answered,
+            answered: std::mem::replace(&mut self.answered, answered(record)),
             new,
         };
-        self.answered = answered(record);
         self.last = now.or(self.last);
         self.before.clone_from(&self.after);
         start
@@ -268,7 +267,7 @@ impl<K: Keep> Sink for Kept<K> {
     fn begin(&mut self, baseline: &BaselineRecord) -> Result<()> {
         self.keep.end(&mut self.files)?;
         self.state.begin(baseline);
-        self.files.begin_again();
+        self.files.again = true;
         Ok(())
     }
 

@@ -232,16 +232,14 @@ impl Keep for Window {
 
     fn note(&self, files: &Files) -> Option<String> {
         let (seen, seconds) = (self.seen, self.span.as_secs_f64());
-        let windows = match self.windows {
-            0 => {
-                return Some(format!(
-                    "recording: no violation in {seen} frames, so no file was written (a window \
-                     of {seconds} s)"
-                ));
-            }
-            n => plural(n, "violation"),
-        };
-        let frames = files.frames() + self.due as u64;
+        if self.windows == 0 {
+            return Some(format!(
+                "recording: no violation in {seen} frames, so no file was written (a window of \
+                 {seconds} s)"
+            ));
+        }
+        let windows = plural(self.windows, "violation");
+        let frames = files.frames + self.due as u64;
         let short = match self.short {
             0 => String::new(),
             n => format!("; {n} shorter before the violation: the memory for them is too small"),
