@@ -12,8 +12,8 @@
 //! | 24 | 40 bytes of text; some writers leave them undefined |
 //! | 64 | for each curve: i32 number of control points, negative if closed; f32 `x y z` of each |
 
-use super::little_endian;
 use super::write::create;
+use super::{little_endian, quote};
 use crate::curve::{Basis, CurveSet, Positions, Precision};
 use crate::error::{Error, Result};
 use std::io::{ErrorKind, Read, Write};
@@ -35,74 +35,62 @@ fn code(basis: Basis) -> &'static [u8; 2] {
     }
 }
 
-/// Content of the header, consistent with the length of the file.
-struct Header {
-    basis: Basis,
-    curves: u64,
-    points: u64,
-}
-
-impl Header {
-    fn parse(bytes: &[u8; HEADER_BYTES], len: u64) -> Result<Header> {
-        if &bytes[..3] != b"BCC" {
-            let what = format!("{}, expected 'BCC'", super::quote(&bytes[..3]));
-            return Err(Error::format(FORMAT, "byte 0", what));
-        }
-        if bytes[3] != 0x44 {
-            let what = format!(
-                "number sizes 0x{:02x}; supported is 0x44, integers and floats of 4 bytes",
-                bytes[3]
-            );
-            return Err(Error::unsupported(FORMAT, what));
-        }
-        let Some(basis) = Basis::ALL.into_iter().find(|&b| code(b)[..] == bytes[4..6]) else {
-            let what = format!(
-                "curve type {}; supported are PL, C0, BS and BZ",
-                super::quote(&bytes[4..6])
-            );
-            return Err(Error::unsupported(FORMAT, what));
-        };
-        if bytes[6] != 3 {
-            let what = format!("curves in {} dimensions; supported are 3", bytes[6]);
-            return Err(Error::unsupported(FORMAT, what));
-        }
-        let [curves, points] = [8, 16].map(|at| little_endian(&bytes[at..at + 8]));
-        let promised = HEADER_BYTES as u128
-            + u128::from(COUNT_BYTES) * u128::from(curves)
-            + POINT_BYTES as u128 * u128::from(points);
-        if promised != u128::from(len) {
-            let what = format!(
-                "{curves} curves with {points} points take {promised} bytes, the file has {len}"
-            );
-            return Err(Error::format(FORMAT, "header", what));
-        }
-        if points > u64::from(u32::MAX) {
-            let most = u64::from(u32::MAX);
-            return Err(Error::count("points of all curves", points, most));
-        }
-        Ok(Header {
-            basis,
-            curves,
-            points,
-        })
+/// Parses the header. Returns the basis and the numbers of curves and points, which are consistent
+/// with the length of the file.
+fn header(bytes: &[u8; HEADER_BYTES], len: u64) -> Result<(Basis, u64, u64)> {
+    let unsupported = |what: String| Err(Error::unsupported(FORMAT, what));
+    let [b'B', b'C', b'C', sizes, t0, t1, dimensions, ..] = *bytes else {
+        let what = format!("{}, expected 'BCC'", quote(&bytes[..3]));
+        return Err(Error::format(FORMAT, "byte 0", what));
+    };
+    if sizes != 0x44 {
+        return unsupported(format!(
+            "number sizes 0x{sizes:02x}; supported is 0x44, integers and floats of 4 bytes"
+        ));
     }
+    let kind = [t0, t1];
+    let Some(basis) = Basis::ALL.into_iter().find(|&b| *code(b) == kind) else {
+        let found = quote(&kind);
+        return unsupported(format!(
+            "curve type {found}; supported are PL, C0, BS and BZ"
+        ));
+    };
+    if dimensions != 3 {
+        return unsupported(format!(
+            "curves in {dimensions} dimensions; supported are 3"
+        ));
+    }
+    let [curves, points] = [8, 16].map(|at| little_endian(&bytes[at..at + 8]));
+    let promised = HEADER_BYTES as u128
+        + u128::from(COUNT_BYTES) * u128::from(curves)
+        + POINT_BYTES as u128 * u128::from(points);
+    if promised != u128::from(len) {
+        let what = format!(
+            "{curves} curves with {points} points take {promised} bytes, the file has {len}"
+        );
+        return Err(Error::format(FORMAT, "header", what));
+    }
+    if points > u64::from(u32::MAX) {
+        return Err(Error::count("points of all curves", points, u32::MAX));
+    }
+    Ok((basis, curves, points))
 }
 
 /// Reads a file of `len` bytes.
 pub(super) fn read(mut input: impl Read, len: u64) -> Result<CurveSet> {
-    let mut header = [0; HEADER_BYTES];
+    let mut bytes = [0; HEADER_BYTES];
     if len < HEADER_BYTES as u64 {
         let what = format!("{len} bytes, the header has {HEADER_BYTES}");
         return Err(Error::format(FORMAT, "header", what));
     }
-    fill(&mut input, &mut header, || "header".into())?;
-    let header = Header::parse(&header, len)?;
-    let mut builder = CurveSet::builder(header.basis, Precision::F32, header.points as usize);
+    fill(&mut input, &mut bytes, || "header".into())?;
+    let (basis, curves, points) = header(&bytes, len)?;
+    let mut builder = CurveSet::builder(basis, Precision::F32, points as usize);
     let mut at = HEADER_BYTES as u64;
-    let mut points_left = header.points;
-    let mut bytes = vec![0; CHUNK.min(header.points as usize) * POINT_BYTES];
+    let mut points_left = points;
+    let mut bytes = vec![0; CHUNK.min(points as usize) * POINT_BYTES];
     let mut xyz: Vec<f32> = Vec::with_capacity(bytes.len() / 4);
-    for curve in 0..header.curves {
+    for curve in 0..curves {
         let place = |at: u64| format!("byte {at}, curve {curve}");
         let mut count = [0; COUNT_BYTES as usize];
         fill(&mut input, &mut count, || place(at))?;
@@ -129,8 +117,8 @@ pub(super) fn read(mut input: impl Read, len: u64) -> Result<CurveSet> {
         }
     }
     if points_left > 0 {
-        let found = header.points - points_left;
-        let what = format!("{} points promised, the curves have {found}", header.points);
+        let found = points - points_left;
+        let what = format!("{points} points promised, the curves have {found}");
         return Err(Error::format(FORMAT, "byte 16", what));
     }
     builder.finish()
@@ -163,16 +151,15 @@ pub(super) fn check_precision(format: &'static str, set: &CurveSet) -> Result<()
     if set.precision() == Precision::F32 {
         return Ok(());
     }
-    for (i, c) in set.curves().iter().enumerate() {
-        for k in 0..c.points as usize {
-            for (axis, x) in ['x', 'y', 'z'].into_iter().zip(set.point(i, k)) {
-                if f64::from(x as f32) != x {
-                    let what = format!(
-                        "curve {i}, point {k}: coordinate {axis} is {x}, \
-                         which the format's single precision would round"
-                    );
-                    return Err(Error::unsupported(format, what));
-                }
+    for i in 0..set.len() {
+        for (k, p) in set.points_in(i).enumerate() {
+            if let Some(x) = p.iter().position(|&x| f64::from(x as f32) != x) {
+                let (axis, value) = (['x', 'y', 'z'][x], p[x]);
+                let what = format!(
+                    "curve {i}, point {k}: coordinate {axis} is {value}, which the format's single \
+                     precision would round"
+                );
+                return Err(Error::unsupported(format, what));
             }
         }
     }
@@ -180,22 +167,17 @@ pub(super) fn check_precision(format: &'static str, set: &CurveSet) -> Result<()
 }
 
 fn write(out: &mut dyn Write, set: &CurveSet) -> std::io::Result<()> {
-    let mut text = [0; 40];
-    let name = b"linkwatch";
-    text[..name.len()].copy_from_slice(name);
     out.write_all(b"BCC\x44")?;
     out.write_all(code(set.basis()))?;
     // Three dimensions, with y up as in the published models.
     out.write_all(&[3, 1])?;
     out.write_all(&(set.len() as u64).to_le_bytes())?;
     out.write_all(&(set.points() as u64).to_le_bytes())?;
-    out.write_all(&text)?;
+    write!(out, "{:\0<40}", "linkwatch")?;
     for (i, count) in set.counts().enumerate() {
         out.write_all(&count.to_le_bytes())?;
-        for k in 0..count.unsigned_abs() as usize {
-            for x in set.point(i, k) {
-                out.write_all(&(x as f32).to_le_bytes())?;
-            }
+        for x in set.points_in(i).flatten() {
+            out.write_all(&(x as f32).to_le_bytes())?;
         }
     }
     Ok(())

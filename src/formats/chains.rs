@@ -45,10 +45,8 @@ impl<'a> Chains<'a> {
                 let slots = &mut at_vertex[v as usize];
                 let Some(slot) = slots.iter_mut().find(|s| **s == NONE) else {
                     let [p, q] = slots.map(|e| edges[e].line);
-                    return Err(ThirdEdge {
-                        vertex: v,
-                        lines: [p, q, edge.line],
-                    });
+                    let (vertex, lines) = (v, [p, q, edge.line]);
+                    return Err(ThirdEdge { vertex, lines });
                 };
                 *slot = e;
             }

@@ -64,10 +64,11 @@ const PREFIXES: [(&str, Format); 2] =
 /// Returns advice on naming the models in a folder.
 fn advice_on(folder: &Path) -> String {
     let files = std::fs::read_dir(folder).into_iter().flatten().flatten();
-    let models = files
-        .map(|file| file.path())
-        .filter(|path| Format::of_extension(path).is_some());
-    match models.min() {
+    let files = files.map(|file| file.path());
+    match files
+        .filter(|path| Format::of_extension(path).is_some())
+        .min()
+    {
         Some(model) => {
             let extension = model.extension().unwrap_or_default();
             let pattern = folder.join("*").with_extension(extension);
@@ -86,8 +87,7 @@ impl Format {
     /// which the Python package reads.
     pub fn of(path: &Path) -> Result<Format> {
         if path.is_dir() {
-            let advice = advice_on(path);
-            let path = path.into();
+            let (path, advice) = (path.into(), advice_on(path));
             return Err(Error::Folder { path, advice });
         }
         if is_usd(path) {
@@ -116,10 +116,8 @@ impl Format {
     /// Returns the format of the extension of a file.
     pub(super) fn of_extension(path: &Path) -> Option<Format> {
         let extension = path.extension()?;
-        let mut known = EXTENSIONS.into_iter();
-        known
-            .find(|(name, _)| extension.eq_ignore_ascii_case(name))
-            .map(|(_, format)| format)
+        let is_known = |(name, _): &&(&str, Format)| extension.eq_ignore_ascii_case(name);
+        Some(EXTENSIONS.iter().find(is_known)?.1)
     }
 
     /// Returns the format that the name of a file suggests.
@@ -127,32 +125,25 @@ impl Format {
         Format::of_extension(path).or_else(|| {
             let name = path.file_name()?.to_str()?;
             let mut known = PREFIXES.into_iter();
-            known
-                .find(|(start, _)| name.starts_with(start) && name.len() > start.len())
-                .map(|(_, format)| format)
+            let found = known.find(|(start, _)| name.starts_with(start) && name != *start)?;
+            Some(found.1)
         })
     }
 
     /// Fails if an option is given that this format does not have.
     fn check(self, options: &ReadOptions) -> Result<()> {
         use Format::{LammpsDump, Mcap, Npy, Npz, Points, Xyz};
-        let given = [
-            (options.bonds.is_some(), "bonds", &[LammpsDump][..]),
-            (options.counts.is_some(), "counts", &[Npy, Npz, Points, Xyz]),
-            (
-                options.closed.is_some(),
-                "closed",
-                &[LammpsDump, Points, Xyz],
-            ),
-            (options.topic.is_some(), "topic", &[Mcap]),
-        ];
-        for (_, name, of) in given.into_iter().filter(|given| given.0) {
-            if !of.contains(&self) {
-                let what = format!("`{name}`, which this format does not have");
-                return Err(Error::unsupported("option", what));
-            }
-        }
-        Ok(())
+        let (bonds, counts) = (options.bonds.is_some(), options.counts.is_some());
+        let (closed, topic) = (options.closed.is_some(), options.topic.is_some());
+        let name = match self {
+            _ if bonds && self != LammpsDump => "bonds",
+            _ if counts && !matches!(self, Npy | Npz | Points | Xyz) => "counts",
+            _ if closed && !matches!(self, LammpsDump | Points | Xyz) => "closed",
+            _ if topic && self != Mcap => "topic",
+            _ => return Ok(()),
+        };
+        let what = format!("`{name}`, which this format does not have");
+        Err(Error::unsupported("option", what))
     }
 
     /// Opens a file of this format.
@@ -207,7 +198,7 @@ impl Format {
             Format::Bcc => write_bcc(path, set)?,
             Format::Obj => obj::write(path, set)?,
             Format::Vect => vect::write(path, set)?,
-            Format::Npy => return Ok(Box::new(numpy::NpyFile::create(path, set)?)),
+            Format::Npy => return Ok(Box::new(numpy::Stream::create_npy(path, set)?)),
             Format::Npz => return Ok(Box::new(numpy::NpzFile::create(path, frame, set)?)),
             _ => return Err(only_read(path)),
         }

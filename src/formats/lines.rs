@@ -15,11 +15,12 @@ pub(super) struct Lines<R> {
     /// Name of the file, for the log.
     pub name: String,
     input: R,
-    line: Vec<u8>,
+    /// The line, without the line break.
+    pub line: Vec<u8>,
     /// Number of the line, from 1.
-    number: u64,
+    pub number: u64,
     /// Bytes after the line.
-    left: u64,
+    pub left: u64,
     /// Maximum length of a line.
     longest: u64,
 }
@@ -53,11 +54,9 @@ impl<R: BufRead> Lines<R> {
     }
 
     /// Allows lines of any length.
-    pub fn with_long_lines(self) -> Self {
-        Lines {
-            longest: u64::MAX,
-            ..self
-        }
+    pub fn with_long_lines(mut self) -> Self {
+        self.longest = u64::MAX;
+        self
     }
 
     /// Steps to the next line; false at the end of the file.
@@ -68,10 +67,8 @@ impl<R: BufRead> Lines<R> {
 
     /// Appends the next line; false at the end of the file.
     pub fn append(&mut self) -> Result<bool> {
-        let limit = self.longest.min(self.left);
-        let read = (&mut self.input)
-            .take(limit)
-            .read_until(b'\n', &mut self.line)?;
+        let mut input = (&mut self.input).take(self.longest.min(self.left));
+        let read = input.read_until(b'\n', &mut self.line)?;
         self.left -= read as u64;
         self.number += 1;
         if self.line.last() == Some(&b'\n') {
@@ -106,21 +103,6 @@ impl<R: BufRead> Lines<R> {
         &self.line
     }
 
-    /// Returns the line, to remove what follows it.
-    pub fn text_mut(&mut self) -> &mut Vec<u8> {
-        &mut self.line
-    }
-
-    /// Returns the number of the line, from 1.
-    pub fn number(&self) -> u64 {
-        self.number
-    }
-
-    /// Returns the number of bytes after the line.
-    pub fn left(&self) -> u64 {
-        self.left
-    }
-
     /// Checks that the rest of the file has room for so many lines of at least `bytes` bytes. (The
     /// last one may lack its line break.)
     pub fn check_room(&self, lines: u64, bytes: u64, what: &str) -> Result<()> {
@@ -140,8 +122,8 @@ impl<R: BufRead> Lines<R> {
 
 /// Returns the words of a text.
 pub(super) fn words(text: &[u8]) -> impl Iterator<Item = &[u8]> {
-    text.split(u8::is_ascii_whitespace)
-        .filter(|w| !w.is_empty())
+    let words = text.split(u8::is_ascii_whitespace);
+    words.filter(|word| !word.is_empty())
 }
 
 /// Parses a word as an integer, or returns an error text.

@@ -158,12 +158,11 @@ fn curves_in(input: Input<impl BufRead>) -> Result<(CurveSet, Vec<LeftOut>)> {
     }
     let (index, line) = found.furthest;
     if index as usize >= found.vertices.len() && line > 0 {
-        let what = format!(
-            "vertex {}, but the file has {}",
-            u64::from(index) + 1,
-            found.vertices.len()
-        );
-        return Err(bad(line, what));
+        let (vertex, all) = (u64::from(index) + 1, found.vertices.len());
+        return Err(bad(
+            line,
+            format_args!("vertex {vertex}, but the file has {all}"),
+        ));
     }
     found.finish_elements();
     let left_out = std::mem::take(&mut found.left_out);
@@ -191,9 +190,9 @@ fn next_statement(lines: &mut Lines<impl BufRead>) -> Result<Option<u64>> {
     if !lines.advance()? {
         return Ok(None);
     }
-    let (first, mut start) = (lines.number(), 0);
+    let (first, mut start) = (lines.number, 0);
     loop {
-        let statement = lines.text_mut();
+        let statement = &mut lines.line;
         let new = &statement[start..];
         // A comment ends with its line even after a backslash, because it may end with a Windows
         // path.
@@ -242,9 +241,8 @@ impl Statements {
             }
             _ => ["unknown statement", "unknown statements"],
         };
-        LeftOut::add(&mut self.left_out, kind, || {
-            format!("line {line}: {}", quote(name))
-        });
+        let place = || format!("line {line}: {}", quote(name));
+        LeftOut::add(&mut self.left_out, kind, place);
         Ok(())
     }
 

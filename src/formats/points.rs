@@ -92,20 +92,15 @@ pub(super) fn begins(text: &[u8]) -> bool {
 /// them are not lines of this format. The reader says which.
 pub(super) fn is_table(path: &Path) -> bool {
     let extension = path.extension().unwrap_or_default();
-    if !["txt", "csv", "tsv", "dat", "raw"]
-        .iter()
-        .any(|e| extension.eq_ignore_ascii_case(e))
-    {
+    let tables = ["txt", "csv", "tsv", "dat", "raw"];
+    if !tables.iter().any(|e| extension.eq_ignore_ascii_case(e)) {
         return false;
     }
     let start = super::open_text(path).and_then(|mut input| Ok(input.bytes.fill_buf()?.to_vec()));
     let start = start.unwrap_or_default();
-    let lines = start
-        .split(|&b| b == b'\n')
-        .map(fields)
-        .filter(|f| !f.iter().all(|f| f.is_empty()));
+    let lines = start.split(|&b| b == b'\n').map(fields);
     let (mut all, mut numbers) = (0, 0);
-    for fields in lines {
+    for fields in lines.filter(|fields| fields.iter().any(|field| !field.is_empty())) {
         all += 1;
         numbers += usize::from(fields.iter().filter(|field| is_number(field)).count() > 1);
     }
@@ -147,12 +142,12 @@ impl Default for Columns {
 fn fields(line: &[u8]) -> Vec<&[u8]> {
     let separator = [b';', b',', b'\t'].into_iter().find(|b| line.contains(b));
     let mut fields: Vec<&[u8]> = match separator {
-        Some(separator) => line.split(|&b| b == separator).collect(),
+        Some(separator) => {
+            let fields = line.split(|&b| b == separator);
+            fields.map(<[u8]>::trim_ascii).collect()
+        }
         None => words(line).collect(),
     };
-    fields
-        .iter_mut()
-        .for_each(|field| *field = field.trim_ascii());
     // A separator at the end of a line.
     if fields.len() > 1 && fields.last().is_some_and(|field| field.is_empty()) {
         fields.pop();
@@ -176,14 +171,13 @@ impl Columns {
     fn line(&mut self, line: &[u8]) -> Result<Line, String> {
         let line = line.trim_ascii();
         let starts = [b"#".as_slice(), b"%", b"//"];
-        if let Some(comment) = starts.iter().find_map(|start| line.strip_prefix(*start)) {
-            // Some programs write the names of the columns as a comment.
-            if let Ok(Some(columns)) = Columns::named(&fields(comment.trim_ascii())) {
-                *self = columns;
-            }
-            return Ok(Line::Break { label: false });
+        let comment = starts.iter().find_map(|start| line.strip_prefix(*start));
+        // Some programs write the names of the columns as a comment.
+        let named = comment.map(|comment| Columns::named(&fields(comment.trim_ascii())));
+        if let Some(Ok(Some(columns))) = named {
+            *self = columns;
         }
-        if line.is_empty() {
+        if comment.is_some() || line.is_empty() {
             return Ok(Line::Break { label: false });
         }
         let fields = fields(line);
@@ -206,14 +200,9 @@ impl Columns {
                 "{found} columns, expected {all}; a header names others: `x,y,z,curve`"
             ));
         }
-        let mut at = [0.0; 3];
-        for (at, &column) in at.iter_mut().zip(&self.at) {
-            *at = number(fields[column])?;
-        }
-        Ok(Line::Point(
-            at,
-            self.group.map(|column| fields[column].to_vec()),
-        ))
+        let [x, y, z] = self.at.map(|column| number(fields[column]));
+        let group = self.group.map(|column| fields[column].to_vec());
+        Ok(Line::Point([x?, y?, z?], group))
     }
 
     /// Returns the columns of a header. `None` if it does not name the coordinates.
@@ -221,12 +210,8 @@ impl Columns {
         let name = |field: &&[u8]| {
             let text = String::from_utf8_lossy(field).to_ascii_lowercase();
             // A unit.
-            let name = text
-                .trim_matches('"')
-                .split(['(', '['])
-                .next()
-                .unwrap_or_default();
-            name.trim().to_owned()
+            let name = text.trim_matches('"').split(['(', '[']).next();
+            name.unwrap_or_default().trim().to_owned()
         };
         let names: Vec<String> = fields.iter().map(name).collect();
         let find = |wanted: [&str; 3]| {
@@ -239,10 +224,9 @@ impl Columns {
         };
         let mut group = None;
         for (k, name) in names.iter().enumerate() {
-            let is_group = is_in(GROUPS, name);
-            match (at.contains(&k), is_group) {
-                (true, _) => {}
-                (false, true) if group.is_none() => group = Some(k),
+            match name {
+                _ if at.contains(&k) => {}
+                _ if is_in(GROUPS, name) && group.is_none() => group = Some(k),
                 _ if is_in(OTHERS, name) => {}
                 _ => {
                     return Err(format!(
@@ -329,21 +313,16 @@ impl Curves {
             counts.push(count_of(size_of_curve, is_closed)?);
         }
         self.points.truncate(kept);
-        match undecided {
-            0 => Ok(counts),
-            n => {
-                let curves = self.sizes.len();
-                Err(Error::unsupported(
-                    FORMAT,
-                    format_args!(
-                        "nothing says if {n} of {curves} curves are closed: pass the option \
-                         `closed` if all are, the option `closed=false` if none is, or the number \
-                         of points of each curve, negative if it is closed (option `counts=-{}`)",
-                        self.sizes[0]
-                    ),
-                ))
-            }
+        if undecided == 0 {
+            return Ok(counts);
         }
+        let (n, first) = (self.sizes.len(), self.sizes[0]);
+        let what = format!(
+            "nothing says if {undecided} of {n} curves are closed: pass the option `closed` if all \
+             are, the option `closed=false` if none is, or the number of points of each curve, \
+             negative if it is closed (option `counts=-{first}`)"
+        );
+        Err(Error::unsupported(FORMAT, what))
     }
 }
 
@@ -390,9 +369,8 @@ impl<R: BufRead> Points<R> {
                     return Ok(Some(curves));
                 }
                 Line::Point(point, group) => {
-                    if count == Some(curves.points.len() as u64) {
-                        let what =
-                            format_args!("a point after the {} of its frame", count.unwrap_or(0));
+                    if let Some(n) = count.filter(|&n| n == curves.points.len() as u64) {
+                        let what = format!("a point after the {n} of its frame");
                         return Err(self.lines.bad(what));
                     }
                     let pushed = curves.push(point, group);
@@ -408,15 +386,14 @@ impl<R: BufRead> Points<R> {
     /// Fails if points are missing at the end of a frame, or it has no count.
     fn check_complete(&self, curves: &Curves, count: Option<u64>) -> Result<()> {
         let found = curves.points.len() as u64;
-        match count {
-            Some(count) if count != found => Err(self
-                .lines
-                .bad(format_args!("{found} points, {count} promised"))),
-            None if self.count.is_some() => Err(self.lines.bad(format_args!(
-                "the number of points of a frame after {found} points without a number"
-            ))),
-            _ => Ok(()),
-        }
+        let what = match count {
+            Some(count) if count != found => format!("{found} points, {count} promised"),
+            None if self.count.is_some() => {
+                format!("the number of points of a frame after {found} points without a number")
+            }
+            _ => return Ok(()),
+        };
+        Err(self.lines.bad(what))
     }
 }
 

@@ -8,15 +8,11 @@ use crate::periodic::find_torn;
 impl ModelFrame {
     /// Curves that the cell of the frame tears make it invalid, unless the caller unwraps them.
     pub(super) fn check_torn(mut self, options: &ReadOptions, format: &'static str) -> ModelFrame {
-        let found = match (&self.info.cell, &self.curves) {
-            (Some(cell), Ok(set)) if !options.wrapped => find_torn(set, cell, 0..set.len()),
-            _ => return self,
-        };
-        match found {
-            Ok(None) => {}
-            Ok(Some(torn)) => self.curves = Err(Error::unsupported(format, torn)),
-            Err(e) => self.curves = Err(e),
-        }
+        let cell = self.info.cell.filter(|_| !options.wrapped);
+        self.curves = self.curves.and_then(|set| {
+            let torn = cell.map_or(Ok(None), |cell| find_torn(&set, &cell, 0..set.len()))?;
+            torn.map_or(Ok(set), |torn| Err(Error::unsupported(format, torn)))
+        });
         self
     }
 }

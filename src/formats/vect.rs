@@ -20,22 +20,23 @@ const FORMAT: &str = "VECT";
 
 /// Reads a file.
 pub(super) fn read(input: Input<impl BufRead>) -> Result<CurveSet> {
-    let mut words = Words::new(input)?;
+    let mut words = Words {
+        lines: Lines::new(FORMAT, input)?.with_long_lines(),
+        word: 0..0,
+    };
     if words.next(format_args!("the word VECT"))? != b"VECT" {
         return Err(words.bad(format_args!("{}, expected VECT", quote(words.word()))));
     }
     if words.next(format_args!("the number of polylines"))? == b"BINARY" {
-        return Err(Error::unsupported(
-            FORMAT,
-            "binary files; only text files are supported",
-        ));
+        let what = "binary files; only text files are supported";
+        return Err(Error::unsupported(FORMAT, what));
     }
     let polylines: u64 = words.parse("the number of polylines")?;
     let vertices: u64 = words.integer(format_args!("the number of vertices"))?;
     let colours: u64 = words.integer(format_args!("the number of colours"))?;
     // Each number takes at least a digit and, except for the last, a space.
     let numbers = 2 * u128::from(polylines) + 3 * u128::from(vertices) + 4 * u128::from(colours);
-    let left = words.left();
+    let left = words.lines.left + (words.lines.text().len() - words.word.end) as u64;
     if 2 * numbers > u128::from(left) + 1 {
         return Err(words.bad(format_args!(
             "{polylines} polylines, {vertices} vertices and {colours} colours \
@@ -57,10 +58,9 @@ pub(super) fn read(input: Input<impl BufRead>) -> Result<CurveSet> {
         counts.push(count);
     }
     words.expect_sum("vertices", sum, vertices)?;
-    let mut sum: u64 = 0;
+    let mut sum = 0;
     for k in 0..polylines {
-        let count: u32 = words.integer(format_args!("the colours of polyline {k}"))?;
-        sum += u64::from(count);
+        sum += u64::from(words.integer::<u32>(format_args!("the colours of polyline {k}"))?);
     }
     words.expect_sum("colours", sum, colours)?;
 
@@ -113,24 +113,12 @@ struct Words<R> {
 }
 
 impl<R: BufRead> Words<R> {
-    fn new(input: Input<R>) -> Result<Self> {
-        Ok(Self {
-            lines: Lines::new(FORMAT, input)?.with_long_lines(),
-            word: 0..0,
-        })
-    }
-
     fn bad(&self, what: impl Display) -> Error {
         self.lines.bad(what)
     }
 
     fn word(&self) -> &[u8] {
         &self.lines.text()[self.word.clone()]
-    }
-
-    /// Returns the number of bytes after the word.
-    fn left(&self) -> u64 {
-        self.lines.left() + (self.lines.text().len() - self.word.end) as u64
     }
 
     /// Steps to the next word; false at the end of the file.

@@ -33,10 +33,8 @@ pub(super) struct OneFrame;
 
 impl FrameSink for OneFrame {
     fn frame(&mut self, _: &ModelFrame, _: &CurveSet) -> Result<()> {
-        Err(Error::unsupported(
-            "output",
-            "a second frame in one file of this format",
-        ))
+        let what = "a second frame in one file of this format";
+        Err(Error::unsupported("output", what))
     }
 }
 
@@ -55,14 +53,11 @@ impl FrameWriter {
     ///
     /// [`Error::Unsupported`] for formats that are only read.
     pub fn create(path: &Path, format: Format) -> Result<FrameWriter> {
-        match format.is_written() {
-            true => Ok(FrameWriter {
-                path: path.into(),
-                format,
-                sink: None,
-            }),
-            false => Err(only_read(path)),
+        if !format.is_written() {
+            return Err(only_read(path));
         }
+        let (path, sink) = (path.into(), None);
+        Ok(FrameWriter { path, format, sink })
     }
 
     /// Writes a frame. Its cell is lost if the format cannot hold one ([`Format::holds_cells`]).
@@ -100,14 +95,12 @@ impl FrameWriter {
 
 /// Rejects splines.
 pub(super) fn check_polylines(format: &'static str, set: &CurveSet) -> Result<()> {
-    match set.basis().is_polyline() {
-        true => Ok(()),
-        false => {
-            let kind = set.basis().describe(true);
-            let what = format!("splines ({kind}), only polylines");
-            Err(Error::unsupported(format, what))
-        }
+    if set.basis().is_polyline() {
+        return Ok(());
     }
+    let kind = set.basis().describe(true);
+    let what = format!("splines ({kind}), only polylines");
+    Err(Error::unsupported(format, what))
 }
 
 /// Rejects curves that have other numbers of points than those of the first frame.

@@ -1,10 +1,22 @@
 //! Messages of Foxglove, which are read from the files of other programs, in protobuf and in JSON:
 //! the fields that are read. Source: <https://docs.foxglove.dev/docs/sdk/schemas>.
 
-use super::protobuf::protobuf;
 use prost::Enumeration;
 use serde::de::IgnoredAny;
 use serde::{Deserialize, Deserializer};
+
+/// Defines structs of messages: the number, the name, the type and the kind of each field.
+macro_rules! protobuf {
+    ($($(#[$about:meta])* $name:ident {
+        $($tag:tt $(#[$about_field:meta])* $field:ident: $type:ty, ($($kind:tt)*);)*
+    })*) => {$(
+        $(#[$about])*
+        #[derive(Clone, PartialEq, ::prost::Message)]
+        pub(crate) struct $name {
+            $($(#[$about_field])* #[prost($($kind)*, tag = $tag)] pub $field: $type,)*
+        }
+    )*};
+}
 
 protobuf! {
     #[derive(Deserialize)]

@@ -19,7 +19,7 @@
 //! or that a chunk unpacks to.
 
 pub(crate) mod foxglove;
-pub(crate) mod protobuf;
+
 mod unpack;
 
 use crate::error::{Error, Result};
@@ -121,14 +121,11 @@ impl Record {
         let mut body = self.body;
         let mut parse = || {
             Some(match self.opcode {
-                op::SCHEMA => Content::Schema {
-                    id: body.try_get_u16_le().ok()?,
-                    name: string(&mut body)?,
-                    text: {
-                        let _encoding = string(&mut body)?;
-                        sized(&mut body)?
-                    },
-                },
+                op::SCHEMA => {
+                    let (id, name) = (body.try_get_u16_le().ok()?, string(&mut body)?);
+                    let (_encoding, text) = (string(&mut body)?, sized(&mut body)?);
+                    Content::Schema { id, name, text }
+                }
                 op::CHANNEL => Content::Channel {
                     id: body.try_get_u16_le().ok()?,
                     schema: body.try_get_u16_le().ok()?,
@@ -140,11 +137,10 @@ impl Record {
                     let _sequence = body.try_get_u32_le().ok()?;
                     let log_time = body.try_get_u64_le().ok()?;
                     let _publish_time = body.try_get_u64_le().ok()?;
-                    let body = std::mem::take(&mut body);
                     Content::Message {
                         channel,
                         log_time,
-                        body,
+                        body: std::mem::take(&mut body),
                     }
                 }
                 op::METADATA => {
@@ -388,13 +384,11 @@ impl<R: Read + Seek> Container<R> {
             }
             _ if length > left => self.overrun(at, length, "a record")?,
             op::SCHEMA | op::CHANNEL | op::MESSAGE | op::METADATA => {
-                let place = match self.walked {
-                    Some([chunk, first, _]) => Place {
-                        at: chunk,
-                        within: at - first,
-                    },
-                    None => Place { at, within: 0 },
+                let (at, within) = match self.walked {
+                    Some([chunk, first, _]) => (chunk, at - first),
+                    None => (at, 0),
                 };
+                let place = Place { at, within };
                 let body = match whole.filter(|_| opcode == op::MESSAGE && length >= 2) {
                     Some(whole) => self.take_begin(length, whole)?,
                     None => self.take(length)?,
@@ -449,11 +443,8 @@ impl<R: Read + Seek> Container<R> {
         let mut bytes = Vec::with_capacity(usize::try_from(n).unwrap_or(usize::MAX));
         let got = (&mut self.input).take(n).read_to_end(&mut bytes)? as u64;
         if got < n {
-            return Err(Error::count(
-                "bytes of a recording (it became shorter while it was read)",
-                n,
-                got,
-            ));
+            let what = "bytes of a recording (it became shorter while it was read)";
+            return Err(Error::count(what, n, got));
         }
         self.at += n;
         if let Some(checksum) = &mut self.checksum {
@@ -475,13 +466,10 @@ impl<R: Read + Seek> Container<R> {
             let first = self.at + CHUNK_HEADER;
             let head = self.take(CHUNK_HEADER)?;
             if head[COMPRESSION] == [0; 4] {
-                let stored = (&head[32..])
-                    .get_u64_le()
-                    .min(length - CHUNK_HEADER.min(length));
-                let end = if is_complete {
-                    first + stored
-                } else {
-                    self.length
+                let stored = (&head[32..]).get_u64_le();
+                let end = match is_complete {
+                    true => first + stored.min(length - CHUNK_HEADER),
+                    false => self.length,
                 };
                 self.walked = Some([at, first, end]);
                 return Ok(());

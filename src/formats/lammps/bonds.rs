@@ -23,7 +23,7 @@ pub(super) struct Curves {
     /// Place of each of these atoms among the points of all curves.
     places: Vec<u32>,
     /// Points of each curve, negative if it is closed.
-    counts: Vec<i32>,
+    pub counts: Vec<i32>,
     points: usize,
     /// Molecules that are no curves.
     pub left_out: Vec<LeftOut>,
@@ -60,10 +60,8 @@ fn molecules(edges: &[[u32; 2]], atoms: usize) -> Vec<u32> {
 
 /// Fails if there are more atoms than indices.
 fn check_number(what: &'static str, found: usize) -> Result<()> {
-    match found as u64 <= u64::from(u32::MAX) {
-        true => Ok(()),
-        false => Err(Error::count(what, found, u32::MAX)),
-    }
+    let checked = u32::try_from(found).map_err(|_| Error::count(what, found, u32::MAX));
+    checked.map(|_| ())
 }
 
 impl Curves {
@@ -97,8 +95,7 @@ impl Curves {
         }
         let is_branched = |atom: u32| branches.contains_key(&molecules[atom as usize]);
         let branched_atoms = (0..ids.len() as u32).filter(|&a| is_branched(a)).count();
-        let (branched, branch) = (branches.len(), branches.values().next());
-        let branch = branch.map(|&atom| (ids[atom], degrees[atom]));
+
         let edges = edges.into_iter().filter(|edge| !is_branched(edge[0]));
         let edges: Vec<Edge> = edges.map(|ends| Edge { ends, line: 0 }).collect();
         let chains = Chains::new(&edges, ids.len()).expect("no molecule has branches");
@@ -114,31 +111,32 @@ impl Curves {
             }
             counts.push(count_of(chain.vertices.len(), chain.closed)?);
         }
-        match branch {
-            _ if ids.is_empty() => {
-                let what = "no bonds, which define the curves";
-                Err(Error::unsupported(format, what))
-            }
-            Some((atom, bonds)) if counts.is_empty() => {
+        if ids.is_empty() {
+            let what = "no bonds, which define the curves";
+            return Err(Error::unsupported(format, what));
+        }
+        let mut left_out = Vec::new();
+        if let Some(&atom) = branches.values().next() {
+            let (branched, bonds) = (branches.len(), degrees[atom]);
+            let first = format!("atom {} has {bonds} bonds", ids[atom]);
+            if counts.is_empty() {
                 let what = format!(
                     "{branched} of {branched} molecules ({branched_atoms} atoms) have branches, so \
-                     that they are no curves: atom {atom} has {bonds} bonds"
+                     that they are no curves: {first}"
                 );
-                Err(Error::unsupported(format, what))
+                return Err(Error::unsupported(format, what));
             }
-            _ => Ok(Curves {
-                format,
-                ids,
-                places,
-                counts,
-                points: points as usize,
-                left_out: Vec::from_iter(branch.map(|(atom, bonds)| {
-                    let kind = ["molecule with branches", "molecules with branches"];
-                    let first = format!("atom {atom} has {bonds} bonds");
-                    LeftOut::new(branched as u64, kind, first)
-                })),
-            }),
+            let kind = ["molecule with branches", "molecules with branches"];
+            left_out.push(LeftOut::new(branched as u64, kind, first));
         }
+        Ok(Curves {
+            format,
+            ids,
+            places,
+            counts,
+            points: points as usize,
+            left_out,
+        })
     }
 
     /// Returns the curves of atoms, given by molecule and id: the atoms of a molecule in the order
@@ -181,11 +179,6 @@ impl Curves {
             counts,
             left_out: Vec::new(),
         })
-    }
-
-    /// Returns the number of curves.
-    pub fn len(&self) -> usize {
-        self.counts.len()
     }
 
     /// Reports how many of all atoms are ignored.
@@ -260,15 +253,10 @@ impl Frame<'_> {
         let set = CurveSet::from_counts(Basis::Polyline, &curves.counts, positions)?;
         let found = cell.map_or(Ok(None), |cell| find_torn(&set, cell, 0..set.len()))?;
         if let Some(found) = found {
-            let first: usize = set.curves()[..found.curve]
-                .iter()
-                .map(|c| c.points as usize)
-                .sum();
+            let first = set.points_of(found.curve).start;
             let atoms = found.ends.map(|k| curves.id_at(first + k));
-            return Err(Error::unsupported(
-                curves.format,
-                torn(atoms, &found, unwrapped),
-            ));
+            let what = torn(atoms, &found, unwrapped);
+            return Err(Error::unsupported(curves.format, what));
         }
         Ok(set)
     }

@@ -24,13 +24,14 @@ pub(super) fn atom(id: &[u8], at: &[&[u8]], flags: Option<&[&[u8]]>) -> Result<A
 }
 
 /// The box: three edges from its lower corner. Unless it is general, they are `(lx, 0, 0)`,
-/// `(xy, ly, 0)` and `(xz, yz, lz)`.
+/// `(xy, ly, 0)` and `(xz, yz, lz)`. The coordinates of a file with a general box
+/// (`triclinic/general`, and the default of OVITO) are in the same system as its edges.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct SimulationBox {
     pub low: Point,
-    edges: [Point; 3],
+    pub edges: [Point; 3],
     /// Directions in which atoms that leave the box come back on the other side.
-    periodic: [bool; 3],
+    pub periodic: [bool; 3],
 }
 
 /// How coordinates became those of a whole curve.
@@ -52,16 +53,6 @@ impl SimulationBox {
         SimulationBox {
             low,
             edges: [[lx, 0.0, 0.0], [xy, ly, 0.0], [xz, yz, lz]],
-            periodic,
-        }
-    }
-
-    /// Returns a general triclinic box (`triclinic/general`, and the default of OVITO). The
-    /// coordinates of its file are in the same system as its edges.
-    pub fn general(low: Point, edges: [Point; 3], periodic: [bool; 3]) -> SimulationBox {
-        SimulationBox {
-            low,
-            edges,
             periodic,
         }
     }

@@ -64,11 +64,8 @@ pub(super) fn begins(text: &[u8]) -> bool {
     const LINES: usize = 40;
     let header = text.split(|&b| b == b'\n').skip(1).take(LINES);
     header.map(without_comment).any(|line| {
-        let mut words = words(line);
-        let count = words
-            .next()
-            .is_some_and(|word| word.iter().all(u8::is_ascii_digit));
-        count && words.eq([b"atoms".as_slice()])
+        let words: Vec<&[u8]> = words(line).take(3).collect();
+        matches!(words[..], [count, b"atoms"] if count.iter().all(u8::is_ascii_digit))
     })
 }
 
@@ -95,13 +92,12 @@ pub(super) fn read(mut lines: Lines<impl BufRead>, wanted: Wanted) -> Result<Dat
             header.line(text).map_err(|what| lines.bad(what))?;
             continue;
         }
-        if in_header && wanted == Wanted::Everything {
-            data.space = header.space().map_err(|what| lines.bad(what))?;
-        }
-        if in_header {
+        if std::mem::take(&mut in_header) {
             data.left_out = std::mem::take(&mut header.left_out);
+            if wanted == Wanted::Everything {
+                data.space = header.space().map_err(|what| lines.bad(what))?;
+            }
         }
-        in_header = false;
         let section = ["Atoms", "Bonds"].map(|name| text == name.as_bytes());
         for (found, section) in found.iter_mut().zip(section) {
             if section && std::mem::replace(found, true) {
@@ -175,10 +171,14 @@ impl Header {
     }
 
     fn space(&self) -> Result<SimulationBox, String> {
+        let (low, periodic) = (self.origin, self.periodic);
         match self.edges {
             [Some(a), Some(b), Some(c)] => {
-                let periodic = self.periodic;
-                return Ok(SimulationBox::general(self.origin, [a, b, c], periodic));
+                return Ok(SimulationBox {
+                    low,
+                    edges: [a, b, c],
+                    periodic,
+                });
             }
             [None, None, None] => {}
             _ => return Err("the header ends without one of `avec`, `bvec` and `cvec`".into()),
@@ -189,7 +189,7 @@ impl Header {
             let [low, high] = given.ok_or_else(what)?;
             (bounds[0][x], bounds[1][x]) = (low, high);
         }
-        Ok(SimulationBox::new(bounds, self.tilt, self.periodic))
+        Ok(SimulationBox::new(bounds, self.tilt, periodic))
     }
 }
 
@@ -245,10 +245,12 @@ fn bond(text: &[u8]) -> Result<[u64; 2], String> {
 
 /// Columns of the section `Atoms`.
 struct Columns {
+    /// Number of columns.
+    all: usize,
     /// Column of x.
     x: usize,
-    /// Column of the atom type, to validate a style that was guessed from the number of columns.
-    checked_type: Option<usize>,
+    /// True if the style was guessed from the number of columns, so that the atom type is validated.
+    guessed: bool,
     /// True if three image flags follow the coordinates.
     flags: bool,
 }
@@ -300,16 +302,21 @@ impl Columns {
             }
         };
         Ok(Columns {
+            all: columns,
             x,
-            checked_type: style.is_none().then_some(2),
+            guessed: style.is_none(),
             flags: columns > least,
         })
     }
 
     /// Returns the id of an atom, its coordinates, and its image flags (0 without).
     fn atom(&self, words: &[&[u8]], types: u64) -> Result<Atom, String> {
-        if let Some(k) = self.checked_type {
-            let given: u64 = integer(words[k], "the type of an atom: name the style of the atoms")?;
+        if words.len() != self.all {
+            let (found, all) = (words.len(), self.all);
+            return Err(format!("{found} columns, but the first atom has {all}"));
+        }
+        if self.guessed {
+            let given: u64 = integer(words[2], "the type of an atom: name the style of the atoms")?;
             if !(1..=types).contains(&given) {
                 return Err(format!(
                     "type {given} of an atom in column 3, but there are {types} types: name the \
@@ -328,21 +335,15 @@ fn atoms(lines: &mut Lines<impl BufRead>, header: &Header, data: &mut Data) -> R
     let style = comment.map(|c| String::from_utf8_lossy(c).trim().to_owned());
     let style = style.as_deref().filter(|style| !style.is_empty());
     data.atoms.reserve_exact(header.atoms as usize);
-    let mut columns: Option<(Columns, usize)> = None;
+    let mut columns = None;
     for k in 0..header.atoms {
         line_of(lines, k, header.atoms, "atoms")?;
         let words: Vec<&[u8]> = words(without_comment(lines.text())).collect();
         let bad = |what| lines.bad(what);
-        let (columns, n) = match &mut columns {
+        let columns = match &mut columns {
             Some(known) => known,
-            none => none.insert((Columns::new(style, words.len()).map_err(bad)?, words.len())),
+            none => none.insert(Columns::new(style, words.len()).map_err(bad)?),
         };
-        if words.len() != *n {
-            return Err(lines.bad(format_args!(
-                "{} columns, but the first atom has {n}",
-                words.len()
-            )));
-        }
         let (id, at, flags) = columns.atom(&words, header.types).map_err(bad)?;
         data.flags = columns.flags;
         data.atoms.push((id, add(at, data.space.shift(flags))));

@@ -217,10 +217,8 @@ fn bounds(
     let (mut bounds, mut tilt, mut edges) = ([[0.0; 3]; 2], [0.0; 3], [[0.0; 3]; 3]);
     for x in 0..3 {
         lines.expect("the bounds of the box")?;
-        let values = words(lines.text())
-            .map(number)
-            .collect::<Result<Vec<_>, _>>();
-        match (values.map_err(|what| lines.bad(what))?.as_slice(), form) {
+        let values: Result<Vec<f64>, _> = words(lines.text()).map(number).collect();
+        match (&values.map_err(|what| lines.bad(what))?[..], form) {
             (&[low, high], Form::Orthogonal) => (bounds[0][x], bounds[1][x]) = (low, high),
             (&[low, high, factor], Form::Tilted) => {
                 (bounds[0][x], bounds[1][x], tilt[x]) = (low, high, factor);
@@ -234,7 +232,11 @@ fn bounds(
         }
     }
     Ok(match form {
-        Form::General => SimulationBox::general(bounds[0], edges, periodic),
+        Form::General => SimulationBox {
+            low: bounds[0],
+            edges,
+            periodic,
+        },
         _ => SimulationBox::of_dump(bounds, tilt, periodic),
     })
 }

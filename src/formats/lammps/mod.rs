@@ -57,9 +57,8 @@ pub(super) fn read_data(
     let cell = data.space.cell()?;
     let mut frame = curves.frame();
     for (id, at) in data.atoms {
-        frame
-            .put(id, at)
-            .map_err(|what| Error::format(data::FORMAT, "Atoms", what))?;
+        let put = frame.put(id, at);
+        put.map_err(|what| Error::format(data::FORMAT, "Atoms", what))?;
     }
     let unwrapped = match data.flags {
         true => Unwrapped::ByFlags,
@@ -83,9 +82,8 @@ pub(super) fn open_dump(path: &Path, options: &ReadOptions) -> Result<Source<'st
         // Rings would be verified without the bonds that close them.
         let kind = ["possible closing bond", "possible closing bonds"];
         let advice = "the option `closed` or the option `closed=false` decides";
-        curves
-            .left_out
-            .push(LeftOut::new(curves.len() as u64, kind, advice));
+        let possible = LeftOut::new(curves.counts.len() as u64, kind, advice);
+        curves.left_out.push(possible);
     }
     Ok(Box::new(dump::Dump::new(lines, curves, options.wrapped)))
 }
@@ -108,7 +106,7 @@ fn chains(path: &Path, closed: Option<bool>) -> Result<Curves> {
          the order of their ids, {kind}: give a data file with bonds (option `bonds`) if they \
          are not{other}",
         path.display(),
-        plural(curves.len() as u64, "chain"),
+        plural(curves.counts.len() as u64, "chain"),
     );
     Ok(curves)
 }

@@ -75,9 +75,9 @@ pub(super) fn strips(
 fn join(points: &[Point]) -> Result<Vec<Strip>, String> {
     let (pairs, rest) = points.as_chunks::<2>();
     if !rest.is_empty() {
-        let points = points.len();
+        let found = points.len();
         return Err(format!(
-            "a list of segments with an odd number of points: {points}"
+            "a list of segments with an odd number of points: {found}"
         ));
     }
     let mut vertices: Vec<Point> = Vec::new();
@@ -103,11 +103,10 @@ fn join(points: &[Point]) -> Result<Vec<Strip>, String> {
         let ([x, y, z], [p, q, r]) = (vertices[third.vertex as usize], third.lines);
         format!("more than two segments meet at ({x}, {y}, {z}): {p}, {q} and {r} of a list")
     })?;
-    let strip = |chain: Chain| Strip {
-        closed: chain.closed,
-        points: (chain.vertices.iter())
-            .map(|&v| vertices[v as usize])
-            .collect(),
+    let strip = |chain: Chain| {
+        let points = chain.vertices.iter().map(|&v| vertices[v as usize]);
+        let (closed, points) = (chain.closed, points.collect());
+        Strip { closed, points }
     };
     Ok(chains.curves().map(strip).collect())
 }

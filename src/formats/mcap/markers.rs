@@ -172,10 +172,8 @@ fn change<T, M>(marker: Marker<'_, T, M>) -> Result<Change, String> {
         0 | 1 => {
             let (mut strips, mut others) = (Vec::new(), Vec::new());
             if let Some(line) = line {
-                let pose = Pose {
-                    position: marker.position,
-                    rotation: marker.rotation,
-                };
+                let (position, rotation) = (marker.position, marker.rotation);
+                let pose = Pose { position, rotation };
                 let found = curves::strips(line, marker.points, &[], &pose);
                 strips = found.map_err(|what| format!("{name:?}: {what}"))?;
             } else {

@@ -149,9 +149,8 @@ impl Channels {
     fn left_out(&self) -> Vec<LeftOut> {
         let mut list = Vec::new();
         for (topic, (name, why)) in &self.topics {
-            if why.is_some()
-                || UNREAD.contains(&name.replace("/msg/", "/").as_str()) && !self.reads(topic)
-            {
+            let is_unread = UNREAD.contains(&&*name.replace("/msg/", "/"));
+            if why.is_some() || is_unread && !self.reads(topic) {
                 let kind = ["topic that may have lines", "topics that may have lines"];
                 LeftOut::add(&mut list, kind, || format!("{topic} ({name})"));
             }
@@ -207,10 +206,8 @@ impl Channels {
         if self.topics.is_empty() {
             return "it has no topics".into();
         }
-        let named = self.topics.iter().take(NAMED);
-        let named: Vec<String> = named
-            .map(|(t, (kind, _))| format!("{t} ({kind})"))
-            .collect();
+        let words = |(topic, (kind, _)): (&String, &(String, _))| format!("{topic} ({kind})");
+        let named: Vec<String> = self.topics.iter().take(NAMED).map(words).collect();
         let more = match self.topics.len().saturating_sub(NAMED) {
             0 => String::new(),
             more => format!(" and {more} more"),
@@ -262,20 +259,16 @@ impl<R: Read + Seek> McapFrames<R> {
         let found = Channels::find(&mut container)?;
         let chosen = found.choose(topic)?;
         container.go_to_start()?;
-        let left_out = match topic {
-            Some(_) => Vec::new(),
-            None => found.left_out(),
-        };
-        let channels = found.channels.into_iter().map(|(id, (topic, content))| {
-            let content = content.filter(|_| topic == chosen);
-            (id, content)
+        let channels = found.channels.iter().map(|(id, (topic, content))| {
+            let content = content.filter(|_| *topic == chosen);
+            (*id, content)
         });
         Ok(McapFrames {
             container,
             channels: channels.collect(),
             state: State::default(),
+            left_out: topic.map_or_else(|| found.left_out(), |_| Vec::new()),
             topic: chosen,
-            left_out,
             next: None,
             seq: 0,
         })
@@ -287,7 +280,7 @@ impl<R: Read + Seek> McapFrames<R> {
             return Ok(Some(next));
         }
         while let Some(record) = self.container.next()? {
-            let at = record.place.at;
+            let place = format!("message at byte {}", record.place.at);
             let container::Content::Message {
                 channel,
                 log_time,
@@ -296,7 +289,6 @@ impl<R: Read + Seek> McapFrames<R> {
             else {
                 continue;
             };
-            let place = format!("message at byte {at}");
             let channel = self.channels.get(&channel);
             let unknown = || invalid(&place, "a message of an unknown channel");
             if let Some(content) = channel.ok_or_else(unknown)? {
@@ -333,14 +325,12 @@ impl<R: Read + Seek> McapFrames<R> {
             true => "its messages are empty, or it has none".into(),
             false => format!("only {}, which are not read", seen.join(", ")),
         };
-        Error::unsupported(
-            FORMAT,
-            format_args!(
-                "no lines on topic {}: {has}; publish each curve as a marker of type LINE_STRIP \
-                 ({MARKER_ARRAY}), or as a line of {SCENE_UPDATE}",
-                self.topic
-            ),
-        )
+        let what = format!(
+            "no lines on topic {}: {has}; publish each curve as a marker of type LINE_STRIP \
+             ({MARKER_ARRAY}), or as a line of {SCENE_UPDATE}",
+            self.topic
+        );
+        Error::unsupported(FORMAT, what)
     }
 
     /// Applies the messages of a frame, of which this is the first one. Returns the place of the
@@ -383,17 +373,12 @@ impl<R: Read + Seek> FrameSource for McapFrames<R> {
                 )),
                 false => self.state.curves(),
             };
-            let (curves, labels) = match curves {
-                Ok((curves, labels)) => (Ok(curves), labels),
-                Err(e) => (Err(e), Default::default()),
-            };
-            let mut left_out = self.left_out.clone();
-            left_out.extend(self.state.left_out());
-            let info = FrameInfo {
-                labels,
-                left_out,
-                ..FrameInfo::at(self.seq, time as f64 * 1e-9)
-            };
+            let mut info = FrameInfo::at(self.seq, time as f64 * 1e-9);
+            info.left_out = [&self.left_out[..], &self.state.left_out()].concat();
+            let curves = curves.map(|(curves, labels)| {
+                info.labels = labels;
+                curves
+            });
             self.seq += 1;
             return Ok(Some(ModelFrame::of(info, curves)));
         }

@@ -37,10 +37,9 @@ fn changes(update: SceneUpdate) -> Result<Update, String> {
             let points = line.points.into_iter().map(Into::into).collect();
             let pose = line.pose.unwrap_or_default();
             let turn = pose.orientation.unwrap_or_default();
-            let pose = Pose {
-                position: pose.position.unwrap_or_default().into(),
-                rotation: [turn.x, turn.y, turn.z, turn.w],
-            };
+            let position = pose.position.unwrap_or_default().into();
+            let rotation = [turn.x, turn.y, turn.z, turn.w];
+            let pose = Pose { position, rotation };
             let found = curves::strips(kind, points, &line.indices, &pose);
             strips.extend(found.map_err(|what| format!("{name:?}: {what}"))?);
         }

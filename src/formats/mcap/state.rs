@@ -121,8 +121,8 @@ impl State {
                     self.entities.retain(|_, e| e.entity.namespace != namespace);
                 }
                 Change::Put(name, entity) => {
-                    self.seen
-                        .extend(entity.others.iter().map(|(kind, _)| kind[1]));
+                    let others = entity.others.iter();
+                    self.seen.extend(others.map(|(kind, _)| kind[1]));
                     if !entity.strips.is_empty() {
                         self.check_frame_id(&name, &entity.frame_id)?;
                     }

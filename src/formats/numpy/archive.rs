@@ -99,11 +99,8 @@ impl<R: ReaderAt> Archive<R> {
         let mut entries = zip.entries(&mut buffer);
         loop {
             let k = members.len();
-            let entry = entries.next_entry();
-            let Some(entry) = entry.map_err(wrong(format_args!(
-                "entry {k} of its directory is not valid"
-            )))?
-            else {
+            let invalid = format!("entry {k} of its directory is not valid");
+            let Some(entry) = entries.next_entry().map_err(wrong(invalid))? else {
                 break;
             };
             let member = Member::of(&entry)?;
@@ -148,10 +145,8 @@ impl<R: ReaderAt> Archive<R> {
         R: 'a,
     {
         let name = &member.name;
-        let entry = self.zip.get_entry(member.at);
-        let entry = entry.map_err(wrong(format_args!(
-            "array {name} is not where its entry says"
-        )))?;
+        let misplaced = format!("array {name} is not where its entry says");
+        let entry = self.zip.get_entry(member.at).map_err(wrong(misplaced))?;
         let (start, end) = entry.compressed_data_range();
         if end > self.len {
             let what = format!("array {name} of {} bytes reaches beyond", end - start);
@@ -175,15 +170,9 @@ impl<R: ReaderAt> Archive<R> {
                  compressed size: store it without compression (`np.savez`)"
             )));
         }
-        let mut bytes = Vec::new();
+        let (mut content, mut bytes) = (self.content(member)?, Vec::new());
         let place = format_args!("array {name}");
-        fill(
-            &mut self.content(member)?,
-            size as usize,
-            &mut bytes,
-            place,
-            0,
-        )?;
+        fill(&mut content, size as usize, &mut bytes, place, 0)?;
         Ok(bytes)
     }
 }

@@ -75,14 +75,12 @@ impl Array {
         };
         read(8, &mut bytes)?;
         if &bytes[..6] != b"\x93NUMPY" {
-            let what = format!(
-                "{}, expected the magic bytes of an array",
-                quote(&bytes[..6])
-            );
-            return Err(bad(&what));
+            let found = quote(&bytes[..6]);
+            return Err(bad(&format_args!(
+                "{found}, expected the magic bytes of an array"
+            )));
         }
-        let version = bytes[6];
-        let length_bytes = match version {
+        let length_bytes = match bytes[6] {
             1 => 2,
             2 | 3 => 4,
             other => return Err(bad(&format_args!("version {other}, expected 1, 2 or 3"))),
@@ -119,24 +117,24 @@ impl Array {
             );
             Error::format(FORMAT, format_args!("header of array {name}"), what)
         })?;
-        let unsupported = |what: String| Err(Error::unsupported(FORMAT, what));
+        let unsupported = |what: &str| {
+            let what = format!("array {name}: {what}");
+            Err(Error::unsupported(FORMAT, what))
+        };
         let Some(descr) = header.descr.as_str() else {
-            let what = format!("array {name}: a structured array; store plain numbers");
-            return unsupported(what);
+            return unsupported("a structured array; store plain numbers");
         };
         if header.fortran_order && header.shape.len() > 1 {
-            let what = format!(
-                "array {name}: Fortran order; store `np.ascontiguousarray({name})`, an array in C \
-                 order"
-            );
-            return unsupported(what);
+            let store = format!("np.ascontiguousarray({name})");
+            return unsupported(&format!(
+                "Fortran order; store `{store}`, an array in C order"
+            ));
         }
         if descr.contains('O') {
-            let what = format!(
-                "array {name}: pickled Python objects (type {descr}); store plain numbers \
+            return unsupported(&format!(
+                "pickled Python objects (type {descr}); store plain numbers \
                  (`.astype(np.float64)`)"
-            );
-            return unsupported(what);
+            ));
         }
         let mut letters = descr.chars();
         let order = letters.next();
@@ -154,8 +152,8 @@ impl Array {
         let size: Option<u32> = digits.parse().ok();
         let (Some('<' | '>' | '|' | '='), Some((kind, unit)), Some(size)) = (order, kind, size)
         else {
-            let what = format!("array {name}: type {}", quote(descr.as_bytes()));
-            return unsupported(format!("{what}; store numbers of type f8"));
+            let found = quote(descr.as_bytes());
+            return unsupported(&format!("type {found}; store numbers of type f8"));
         };
         Ok(Array {
             kind,
@@ -168,10 +166,9 @@ impl Array {
 
     /// Brings the bytes of values to little-endian order.
     pub fn to_little_endian(&self, bytes: &mut [u8]) {
-        let unit = if self.kind == Kind::Text {
-            4
-        } else {
-            self.size as usize
+        let unit = match self.kind {
+            Kind::Text => 4,
+            _ => self.size as usize,
         };
         if !self.little && unit > 0 {
             bytes.chunks_exact_mut(unit).for_each(<[u8]>::reverse);

@@ -64,12 +64,10 @@ impl Layout {
             return Err(bad(format_args!("shape {shape}, which has no frames")));
         }
         // Compared with the length of the array, so that no later number overflows.
-        let all = (curves.checked_mul(points)).filter(|n| (1..=u64::from(u32::MAX)).contains(n));
-        let Some(all) = all else {
-            return Err(bad(format_args!(
-                "shape {shape}, expected 1 to {} points in a frame",
-                u32::MAX
-            )));
+        const MOST: u64 = u32::MAX as u64;
+        let Some(all @ 1..=MOST) = curves.checked_mul(points) else {
+            let what = format!("shape {shape}, expected 1 to {MOST} points in a frame");
+            return Err(bad(what));
         };
         let frame_bytes = 3 * all * positions.size;
         if frame_bytes > limit {
@@ -87,10 +85,9 @@ impl Layout {
         let sum: u64 = sizes.clone().sum();
         let four_dimensions = positions.shape.len() == 4;
         if sum != all || (four_dimensions && !sizes.into_iter().all(|n| n == points)) {
-            return Err(bad(format_args!(
-                "shape {shape} does not fit {} curves with {sum} points",
-                counts.len()
-            )));
+            let n = counts.len();
+            let what = format!("shape {shape} does not fit {n} curves with {sum} points");
+            return Err(bad(what));
         }
         Ok(Layout {
             frames,
@@ -123,10 +120,9 @@ impl<R: Read> ArrayFrames<R> {
         limit: u64,
     ) -> Result<Self> {
         if positions.kind != Kind::Float || !matches!(positions.size, 4 | 8) {
-            let what = format!(
-                "positions of type {}; convert them with `.astype(np.float64)`",
-                positions.descr
-            );
+            let found = &positions.descr;
+            let what =
+                format!("positions of type {found}; convert them with `.astype(np.float64)`");
             return Err(Error::unsupported(FORMAT, what));
         }
         let layout = Layout::new(&positions, others.counts.take(), limit)?;

@@ -5,6 +5,7 @@ use super::array::{Array, Kind};
 use super::{Cells, FORMAT, Others};
 use crate::curve::{Basis, Cell, CurveLabels, Point};
 use crate::error::{Error, Result};
+use crate::formats::{little_endian, quote};
 use crate::verdict::LeftOut;
 use rawzip::ReaderAt;
 
@@ -67,13 +68,9 @@ fn may_hold_points(array: &Array) -> bool {
 /// Reads the arrays of these names that a file has.
 pub(super) fn read(archive: &Archive<impl ReaderAt>) -> Result<Others> {
     let find = |name| Values::find(archive, name);
-    let [counts, basis, times, seq] = [
-        find("counts")?,
-        find("basis")?,
-        find("times")?,
-        find("seq")?,
-    ];
-    let [names, radii, cell] = [find("names")?, find("radii")?, find("cell")?];
+    let (counts, basis) = (find("counts")?, find("basis")?);
+    let (times, seq) = (find("times")?, find("seq")?);
+    let (names, radii, cell) = (find("names")?, find("radii")?, find("cell")?);
     let floats = |values: Values| values.floats();
     let radii = radii.map(floats).transpose()?.unwrap_or_default();
     Ok(Others {
@@ -125,10 +122,8 @@ impl Values {
     }
 
     fn wrong_type(&self, expected: &str) -> Error {
-        self.bad(format_args!(
-            "type {}, expected {expected}",
-            self.array.descr
-        ))
+        let found = &self.array.descr;
+        self.bad(format_args!("type {found}, expected {expected}"))
     }
 
     /// Returns the bytes of each value.
@@ -138,25 +133,18 @@ impl Values {
 
     /// Returns the integers, which must fit into `T`.
     fn integers<T: TryFrom<i128>>(&self) -> Result<Vec<T>> {
-        let signed = match self.array.kind {
-            Kind::Signed => true,
-            Kind::Unsigned => false,
-            _ => return Err(self.wrong_type("integers")),
-        };
-        if self.array.size > 8 {
+        let kind = self.array.kind;
+        if !matches!(kind, Kind::Signed | Kind::Unsigned) || self.array.size > 8 {
             return Err(self.wrong_type("integers"));
         }
-        self.each()
-            .map(|bytes| {
-                let value = bytes.iter().rfold(0, |n, b| (n << 8) | i128::from(*b));
-                let range = 1_i128 << (8 * bytes.len());
-                let value = match signed && value >= range / 2 {
-                    true => value - range,
-                    false => value,
-                };
-                T::try_from(value).map_err(|_| self.bad(format_args!("{value} is out of range")))
-            })
-            .collect()
+        let integers = self.each().map(|bytes| {
+            let value = i128::from(little_endian(bytes));
+            let range = 1 << (8 * bytes.len());
+            let is_negative = kind == Kind::Signed && value >= range / 2;
+            let value = if is_negative { value - range } else { value };
+            T::try_from(value).map_err(|_| self.bad(format_args!("{value} is out of range")))
+        });
+        integers.collect()
     }
 
     /// Returns the numbers of frames.
@@ -173,10 +161,8 @@ impl Values {
             [a, b, c, d] => Some(f32::from_le_bytes([a, b, c, d]).into()),
             _ => Some(f64::from_le_bytes(bytes.try_into().ok()?)),
         };
-        if self.array.kind != Kind::Float {
-            return Err(self.wrong_type("f4 or f8"));
-        }
         let values: Option<Vec<f64>> = self.each().map(value).collect();
+        let values = values.filter(|_| self.array.kind == Kind::Float);
         let values = values.ok_or_else(|| self.wrong_type("f4 or f8"))?;
         match values.iter().position(|x| !x.is_finite()) {
             Some(k) => Err(self.bad(format_args!("value {k} is {}", values[k]))),
@@ -202,21 +188,19 @@ impl Values {
             }
         };
         let points: &[Point] = numbers.as_chunks().0;
-        let cells = points
-            .chunks_exact(rows as usize)
-            .enumerate()
-            .map(|(k, rows)| {
-                let cell = match *rows {
-                    [edges] => Cell::orthogonal([0.0; 3], edges),
-                    [a, b, c, ref corner @ ..] => Cell {
-                        origin: corner.first().copied().unwrap_or_default(),
-                        vectors: [a, b, c],
-                    },
-                    _ => unreachable!("one, three or four rows"),
-                };
-                let checked = cell.check().map(|()| cell);
-                checked.map_err(|e| self.bad(format_args!("cell {k}: {e}")))
-            });
+        let cell = |(k, rows): (usize, &[Point])| {
+            let cell = match *rows {
+                [edges] => Cell::orthogonal([0.0; 3], edges),
+                [a, b, c, ref corner @ ..] => Cell {
+                    origin: corner.first().copied().unwrap_or_default(),
+                    vectors: [a, b, c],
+                },
+                _ => unreachable!("one, three or four rows"),
+            };
+            let checked = cell.check().map(|()| cell);
+            checked.map_err(|e| self.bad(format_args!("cell {k}: {e}")))
+        };
+        let cells = points.chunks_exact(rows as usize).enumerate().map(cell);
         match (cells.collect::<Result<Vec<_>>>()?, one) {
             (cells, false) => Ok(Cells::Each(cells)),
             (cells, true) => Ok(Cells::One(cells[0])),
@@ -255,7 +239,7 @@ impl Values {
             [name] => name.parse().ok(),
             _ => None,
         };
-        let given = crate::formats::quote(texts.join(", ").as_bytes());
+        let given = quote(texts.join(", ").as_bytes());
         found.ok_or_else(|| self.bad(format_args!("{given}, {expected}")))
     }
 }

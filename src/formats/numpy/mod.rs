@@ -44,7 +44,7 @@ mod frames;
 mod labels;
 mod write;
 
-pub(super) use self::write::{NpyFile, NpzFile};
+pub(super) use self::write::{NpzFile, Stream};
 
 use self::array::Array;
 use self::frames::ArrayFrames;

@@ -35,7 +35,7 @@ fn array_header(descr: &str, shape: &str) -> [u8; HEADER_BYTES] {
 
 /// Positions of all frames: `frames x curves x points x 3` for closed curves of equal numbers of
 /// points, which can be read without counts, and otherwise `frames x points x 3`.
-struct Stream {
+pub(in crate::formats) struct Stream {
     out: BufWriter<File>,
     basis: Basis,
     precision: Precision,
@@ -65,11 +65,18 @@ impl Stream {
             hasher: Hasher::new(),
             buffer: Vec::new(),
         };
-        stream.frame(set)?;
+        stream.add(set)?;
         Ok(stream)
     }
 
-    fn frame(&mut self, set: &CurveSet) -> Result<()> {
+    /// Creates an `.npy` file: the positions. Unless all curves are closed and have equal numbers
+    /// of points, these numbers are not in the file.
+    pub fn create_npy(path: &Path, set: &CurveSet) -> Result<Stream> {
+        check_polylines("NumPy file (.npy)", set)?;
+        Stream::create(path, set, 0)
+    }
+
+    fn add(&mut self, set: &CurveSet) -> Result<()> {
         same_curves(FORMAT, &self.counts, set)?;
         if (set.basis(), set.precision()) != (self.basis, self.precision) {
             let what = "a frame of another basis or precision than the first one";
@@ -115,27 +122,17 @@ impl Stream {
     }
 }
 
-/// An `.npy` file: the positions. Unless all curves are closed and have equal numbers of points,
-/// these numbers are not in the file.
-pub(in crate::formats) struct NpyFile(Stream);
-
-impl NpyFile {
-    pub fn create(path: &Path, set: &CurveSet) -> Result<NpyFile> {
-        check_polylines("NumPy file (.npy)", set)?;
-        Ok(NpyFile(Stream::create(path, set, 0)?))
-    }
-}
-
-impl FrameSink for NpyFile {
+/// An `.npy` file.
+impl FrameSink for Stream {
     fn frame(&mut self, _: &ModelFrame, set: &CurveSet) -> Result<()> {
-        self.0.frame(set)
+        self.add(set)
     }
 
     fn finish(mut self: Box<Self>) -> Result<()> {
-        let (header, out) = (self.0.header(), &mut self.0.out);
-        out.seek(SeekFrom::Start(0))?;
-        out.write_all(&header)?;
-        Ok(out.flush()?)
+        let header = self.header();
+        self.out.seek(SeekFrom::Start(0))?;
+        self.out.write_all(&header)?;
+        Ok(self.out.flush()?)
     }
 }
 
@@ -192,7 +189,7 @@ impl FrameSink for NpzFile {
         if frame.info.cell.is_some() == self.cells.is_empty() {
             return wrong("frames with a periodic cell and others without one".into());
         }
-        self.stream.frame(set)?;
+        self.stream.add(set)?;
         self.add(frame);
         Ok(())
     }
@@ -218,10 +215,10 @@ impl FrameSink for NpzFile {
         let timed = self.times.iter().any(|t| *t != 0.0);
         let numbered = !self.seq.iter().copied().eq(0..stream.frames);
         let labels = &self.labels;
-        let basis = Texts::of(&[stream.basis.to_string()]);
-        let names = Texts::of(&labels.names);
+        let (basis_type, basis) = texts(&[stream.basis.to_string()]);
+        let (names_type, names) = texts(&labels.names);
         let said: Vec<String> = self.left_out.iter().map(LeftOut::to_string).collect();
-        let left_out = Texts::of(&said);
+        let (said_type, left_out) = texts(&said);
         let list = |len: usize| format!("{len},");
         let counts = flat(stream.counts.iter().map(|c| c.to_le_bytes()));
         let radii = flat(labels.radii.iter().map(|r| r.to_le_bytes()));
@@ -231,14 +228,9 @@ impl FrameSink for NpzFile {
         let frames = self.seq.len();
         let arrays = [
             ("counts", "<i4", list(stream.counts.len()), counts),
-            ("basis", &basis.descr, String::new(), basis.bytes),
-            ("names", &names.descr, list(labels.names.len()), names.bytes),
-            (
-                "left_out",
-                &left_out.descr,
-                list(said.len()),
-                left_out.bytes,
-            ),
+            ("basis", &basis_type, String::new(), basis),
+            ("names", &names_type, list(labels.names.len()), names),
+            ("left_out", &said_type, list(said.len()), left_out),
             ("radii", "<f4", list(labels.radii.len()), radii),
             ("times", "<f8", list(frames), times),
             ("cell", "<f8", cell_shape, cell),
@@ -267,27 +259,16 @@ fn flat<const N: usize>(values: impl Iterator<Item = [u8; N]>) -> Vec<u8> {
     values.flatten().collect()
 }
 
-/// Texts as characters of four bytes, filled up to the longest one.
-struct Texts {
-    descr: String,
-    bytes: Vec<u8>,
-}
-
-impl Texts {
-    fn of(texts: &[String]) -> Texts {
-        let longest = texts.iter().map(|t| t.chars().count()).max().unwrap_or(0);
-        let mut bytes = Vec::with_capacity(4 * longest * texts.len());
-        for text in texts {
-            let filled = text.chars().chain(std::iter::repeat('\0'));
-            bytes.extend(
-                filled
-                    .take(longest)
-                    .flat_map(|c| u32::from(c).to_le_bytes()),
-            );
-        }
-        let descr = format!("<U{longest}");
-        Texts { descr, bytes }
-    }
+/// Returns the type and the bytes of texts: characters of four bytes, filled up to the longest one.
+fn texts(texts: &[String]) -> (String, Vec<u8>) {
+    let longest = texts.iter().map(|t| t.chars().count()).max().unwrap_or(0);
+    let filled = |text: &String| {
+        let filler = std::iter::repeat_n('\0', longest - text.chars().count());
+        text.chars().chain(filler).collect::<Vec<char>>()
+    };
+    let characters = texts.iter().flat_map(filled);
+    let bytes = flat(characters.map(|c| u32::from(c).to_le_bytes()));
+    (format!("<U{longest}"), bytes)
 }
 
 /// Records of a stored member of a zip archive.

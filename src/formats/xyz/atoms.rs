@@ -61,25 +61,21 @@ impl Columns {
     fn atom(&self, line: &[u8]) -> Result<Atom, String> {
         let words: Vec<&[u8]> = words(line).take(self.all + 1).collect();
         if words.len() < self.all || words.len() > self.all && !self.more {
-            let found = match words.len() > self.all {
-                true => "more",
-                false => "fewer",
+            let found = if words.len() > self.all {
+                "more"
+            } else {
+                "fewer"
             };
-            return Err(format!(
-                "{found} columns than the {} of Properties",
-                self.all
-            ));
+            let all = self.all;
+            return Err(format!("{found} columns than the {all} of Properties"));
         }
-        let mut at = [0.0; 3];
-        for (at, word) in at.iter_mut().zip(&words[self.at..]) {
-            *at = number(word)?;
-        }
+        let [x, y, z] = [0, 1, 2].map(|axis| number(words[self.at + axis]));
         let number_in = |column: Option<usize>, what| match column {
             Some(column) => integer(words[column], what),
             None => Ok(0),
         };
         Ok(Atom {
-            at,
+            at: [x?, y?, z?],
             id: number_in(self.id, "the id of an atom")?,
             group: number_in(self.group, "the number of a curve")?,
             closed: self.closed.map_or(Ok(true), |column| flag(words[column]))?,
@@ -111,9 +107,9 @@ fn curves(mut atoms: Vec<Atom>, columns: &Columns, counts: Option<&[i32]>) -> Re
         let (size, closed) = &mut sizes[curve];
         *size += 1;
         if *closed != atom.closed {
+            let curve = atom.group;
             return bad(format!(
-                "curve {} is closed by some atoms, but not by others",
-                atom.group
+                "curve {curve} is closed by some atoms, but not by others"
             ));
         }
     }

@@ -62,10 +62,8 @@ impl Comment {
         let mut seen = [false; KEYS.len()];
         let mut text = Text(text);
         while let Some((key, value)) = text.pair()? {
-            let Some(k) = KEYS
-                .iter()
-                .position(|name| key.eq_ignore_ascii_case(name.as_bytes()))
-            else {
+            let is_key = |name: &str| key.eq_ignore_ascii_case(name.as_bytes());
+            let Some(k) = KEYS.into_iter().position(is_key) else {
                 continue;
             };
             let name = quote(key);
@@ -77,8 +75,7 @@ impl Comment {
             match k {
                 0 => {
                     let numbers: [f64; 9] = numbers(value).map_err(in_key)?;
-                    let [a, b, c] = [0, 3, 6].map(|k| [numbers[k], numbers[k + 1], numbers[k + 2]]);
-                    comment.lattice = Some([a, b, c]);
+                    comment.lattice = numbers.as_chunks::<3>().0.try_into().ok();
                 }
                 1 => comment.origin = Some(numbers(value).map_err(in_key)?),
                 2 => comment.pbc = Some(three_flags(value).map_err(in_key)?),
@@ -114,9 +111,8 @@ impl Comment {
 
 /// Returns the words of a value.
 fn parts(value: &[u8]) -> impl Iterator<Item = &[u8]> {
-    value
-        .split(|b| b.is_ascii_whitespace() || *b == b',')
-        .filter(|part| !part.is_empty())
+    let parts = value.split(|b| b.is_ascii_whitespace() || *b == b',');
+    parts.filter(|part| !part.is_empty())
 }
 
 fn numbers<const N: usize>(value: &[u8]) -> Result<[f64; N], String> {
@@ -138,10 +134,8 @@ pub(super) fn flag(word: &[u8]) -> Result<bool, String> {
 }
 
 fn three_flags(value: &[u8]) -> Result<[bool; 3], String> {
-    let flags = parts(value)
-        .take(4)
-        .map(flag)
-        .collect::<Result<Vec<_>, _>>()?;
+    let flags = parts(value).take(4).map(flag);
+    let flags = flags.collect::<Result<Vec<_>, _>>()?;
     <[bool; 3]>::try_from(flags).map_err(|flags| format!("{} of T and F, expected 3", flags.len()))
 }
 
@@ -151,17 +145,15 @@ impl Columns {
         let fields: Vec<&[u8]> = value.split(|b| *b == b':').collect();
         let (triples, rest) = fields.as_chunks::<3>();
         if !rest.is_empty() {
-            let value = quote(value);
-            return Err(format!(
-                "{value}, expected `name:type:columns:name:type:columns:..`"
-            ));
+            let expected = "expected `name:type:columns:name:type:columns:..`";
+            return Err(format!("{}, {expected}", quote(value)));
         }
         let mut columns = Columns {
             all: 0,
             more: false,
             ..Columns::default()
         };
-        let (mut at, mut group): (Option<usize>, Option<(usize, usize)>) = (None, None);
+        let (mut at, mut groups) = (None, [None; GROUPS.len()]);
         for &[name, kind, width] in triples {
             let first = columns.all;
             // A line has no room for more columns.
@@ -174,15 +166,14 @@ impl Columns {
                 (b"L", 1) if is("closed") => columns.closed = Some(first),
                 (b"I", 1) => {
                     if let Some(rank) = GROUPS.iter().position(|name| is(name)) {
-                        let better = group.is_none_or(|(other, _)| rank < other);
-                        group = if better { Some((rank, first)) } else { group };
+                        groups[rank].get_or_insert(first);
                     }
                 }
                 _ => {}
             }
         }
         columns.at = at.ok_or("no columns `pos:R:3`")?;
-        columns.group = group.map(|(_, column)| column);
+        columns.group = groups.into_iter().flatten().next();
         Ok(columns)
     }
 }
