@@ -101,10 +101,8 @@ impl Certificate {
         unchecked: &[(u32, u32)],
     ) -> Result<Comparison> {
         if self.curves != baseline.curves {
-            return Err(Error::CertificateMismatch {
-                certificate: baseline.curves,
-                model: self.curves,
-            });
+            let (certificate, model) = (baseline.curves, self.curves);
+            return Err(Error::CertificateMismatch { certificate, model });
         }
         if self.images.is_some() || baseline.images.is_some() {
             return self.compare_periodic(baseline);

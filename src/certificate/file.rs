@@ -198,7 +198,8 @@ impl Certificate {
             return Err(Error::format("certificate", "whole file", what));
         }
         entries.retain(|e| e.1 != Some(0));
-        let undefined = singles.into_iter().map(|i| undefined_entry(i, None));
+        let singles = singles.into_iter();
+        let undefined = singles.map(|i| undefined_entry(i, None, Image::default()));
         let certificate = Certificate {
             curves,
             undefined: undefined.collect(),
@@ -288,7 +289,7 @@ impl Line {
 }
 
 /// Returns a defect of a pair, or of all pairs of a curve, for an unknown reason.
-pub(crate) fn undefined_entry(i: u32, j: Option<u32>) -> Defect {
+pub(crate) fn undefined_entry(i: u32, j: Option<u32>, image: Image) -> Defect {
     let kind = match j {
         Some(_) => DefectKind::TooClose,
         None => DefectKind::Degenerate,
@@ -301,7 +302,7 @@ pub(crate) fn undefined_entry(i: u32, j: Option<u32>) -> Defect {
     Defect {
         i,
         j,
-        image: Image::default(),
+        image,
         kind,
         place,
     }

@@ -1,6 +1,6 @@
 //! Linking numbers with periodic images, and their comparison.
 
-use super::{Certificate, Comparison};
+use super::{Certificate, Comparison, undefined_entry};
 use crate::curve::{Image, is_home};
 use crate::error::{Error, Result};
 use crate::periodic::{Entry, ImagePair, aligned, reduced_all};
@@ -55,9 +55,8 @@ fn number(entries: &mut Peekable<impl Iterator<Item = Entry>>, pair: ImagePair) 
 /// Returns the defect of a pair that has a number now, but none to compare with.
 pub(crate) fn no_baseline(ImagePair { i, j, image }: ImagePair) -> Defect {
     Defect {
-        image,
         kind: DefectKind::NoBaseline,
-        ..super::file::undefined_entry(i, Some(j))
+        ..undefined_entry(i, Some(j), image)
     }
 }
 
@@ -106,9 +105,8 @@ impl Certificate {
                 (_, None) => {
                     let mut known = self.undefined.iter().chain(others);
                     let known = known.find(|d| d.pair() == Some(ImagePair { i, j, image }));
-                    let unknown = super::file::undefined_entry(i, Some(j));
-                    let unknown = Defect { image, ..unknown };
-                    out.undefined.push(known.copied().unwrap_or(unknown));
+                    let unknown = || undefined_entry(i, Some(j), image);
+                    out.undefined.push(known.copied().unwrap_or_else(unknown));
                 }
             }
         }

@@ -129,14 +129,9 @@ impl Certificate {
         let links = self.links.iter().filter(|l| keep(l.i, l.j));
         let undefined = self.undefined.iter();
         let undefined = undefined.filter(|d| d.j.is_none_or(|j| keep(d.i, j)));
-        let mut out = Certificate {
-            curves: self.curves,
-            links: links.chain(&by.links).copied().collect(),
-            undefined: undefined.chain(&by.undefined).copied().collect(),
-            ..Certificate::default()
-        };
-        out.sort();
-        out
+        let links = links.chain(&by.links).copied().collect();
+        let undefined = undefined.chain(&by.undefined).copied().collect();
+        Certificate::new(self.curves, links, undefined)
     }
 
     /// Returns true if a curve has no linking number with any other.
@@ -163,29 +158,18 @@ impl Certificate {
             })
         });
         let undefined = self.undefined.iter().filter_map(|d| {
-            let i = index(d.i)?;
-            let Some(j) = d.j else {
-                return Some(Defect { i, ..*d });
-            };
-            let j = index(j)?;
-            let mut defect = Defect {
-                i: i.min(j),
-                j: Some(i.max(j)),
-                ..*d
-            };
-            if i > j {
-                defect.place.segments.reverse();
+            let (mut defect, i) = (*d, index(d.i)?);
+            defect.i = i;
+            if let Some(j) = d.j {
+                let j = index(j)?;
+                (defect.i, defect.j) = (i.min(j), Some(i.max(j)));
+                if i > j {
+                    defect.place.segments.reverse();
+                }
             }
             Some(defect)
         });
-        let mut out = Certificate {
-            curves: origins.len(),
-            links: links.collect(),
-            undefined: undefined.collect(),
-            ..Certificate::default()
-        };
-        out.sort();
-        out
+        Certificate::new(origins.len(), links.collect(), undefined.collect())
     }
 
     /// Adds the entries of the pairs with one of these curves, sorted, from another certificate.

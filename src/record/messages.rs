@@ -146,22 +146,12 @@ impl Recorded<Option<schema::Place>> for Place {
     }
 }
 
-impl Recorded<schema::LeftOut> for LeftOut {
-    fn record(&self) -> schema::LeftOut {
-        let [one, several] = self.kind.each_ref().map(|kind| kind.to_string());
-        schema::LeftOut {
-            count: self.count,
-            one,
-            several,
-            first: self.first.clone(),
-        }
+impl Recorded<String> for Cow<'static, str> {
+    fn record(&self) -> String {
+        self.to_string()
     }
-    fn read(recorded: schema::LeftOut) -> Result<LeftOut> {
-        Ok(LeftOut {
-            count: recorded.count,
-            kind: [recorded.one, recorded.several].map(Cow::Owned),
-            first: recorded.first,
-        })
+    fn read(text: String) -> Result<Self> {
+        Ok(text.into())
     }
 }
 
@@ -185,7 +175,7 @@ macro_rules! messages {
     })*) => {$(
         impl Recorded<schema::$name> for $name {
             fn record(&self) -> schema::$name {
-                $($(let $pattern = self.$parts;)*)?
+                $($(let $pattern = &self.$parts;)*)?
                 schema::$name {
                     $($($($part: $part.record(),)*)*)?
                     $($field: self.$field.record(),)*
@@ -204,6 +194,7 @@ macro_rules! messages {
 }
 
 messages! {
+    LeftOut { count, first; kind = [one, several] of [one, several] }
     Link { i, j, lambda }
     Stats {
         curves, segments, open_curves, repeated_vertices, potential_links, separated, tests,
@@ -342,10 +333,7 @@ impl Recorded<schema::Baseline> for BaselineRecord {
                     lambda,
                 }),
                 // Earlier versions recorded pairs without a linking number here.
-                None => undefined.push(Defect {
-                    image,
-                    ..undefined_entry(i, Some(j))
-                }),
+                None => undefined.push(undefined_entry(i, Some(j), image)),
             }
         }
         undefined.sort_by_key(|d| (d.i, d.j, d.image));

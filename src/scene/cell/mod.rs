@@ -341,7 +341,10 @@ impl CellScene {
                     image: Image::default(),
                     ..*known
                 }),
-                (None, None) => out.undefined.push(undefined_entry(i, Some(j))),
+                (None, None) => {
+                    out.undefined
+                        .push(undefined_entry(i, Some(j), Image::default()));
+                }
             }
         }
         out.links.sort_unstable();
