@@ -266,12 +266,11 @@ impl<R: Read + Seek> RecordingReader<R> {
                 true => self.container.skim(whole)?,
                 false => self.container.next()?,
             };
-            let Some(record) = record else {
+            let Some((place, content)) = record else {
                 return Ok(None);
             };
-            let place = record.place;
-            match record.content()? {
-                Content::Schema { id, name, .. } => {
+            match content {
+                Content::Schema(id, name, _) => {
                     self.schemas.insert(id, name);
                 }
                 Content::Channel {
@@ -283,15 +282,11 @@ impl<R: Read + Seek> RecordingReader<R> {
                     let content = self.channel(schema, &topic, &encoding)?;
                     self.channels.insert(id, content);
                 }
-                Content::Metadata { name, entries } if name == METADATA => {
+                Content::Metadata(name, entries) if name == METADATA => {
                     self.metadata.extend(entries);
                 }
-                Content::Metadata { .. } | Content::Other => {}
-                Content::Message {
-                    channel,
-                    log_time,
-                    body,
-                } => match self.channels.get(&channel) {
+                Content::Metadata(..) | Content::Other => {}
+                Content::Message(channel, log_time, body) => match self.channels.get(&channel) {
                     None => return Err(invalid(&words(place), "a message of an unknown channel")),
                     Some(Channel::Labels) => {
                         let m: schema::Labels = decode(body, place)?;

@@ -19,7 +19,6 @@
 //! or that a chunk unpacks to.
 
 pub(crate) mod foxglove;
-
 mod unpack;
 
 use crate::error::{Error, Result};
@@ -80,21 +79,10 @@ pub(crate) struct Place {
     within: u64,
 }
 
-/// A record that readers of messages use.
-pub(crate) struct Record {
-    opcode: u8,
-    body: Bytes,
-    pub place: Place,
-}
-
 /// Content of a record.
 pub(crate) enum Content {
-    /// Name of a message type, and its text.
-    Schema {
-        id: u16,
-        name: String,
-        text: Bytes,
-    },
+    /// Message type: its number, its name and its text.
+    Schema(u16, String, Bytes),
     /// Messages of one type on a topic.
     Channel {
         id: u16,
@@ -102,68 +90,60 @@ pub(crate) enum Content {
         topic: String,
         encoding: String,
     },
-    /// `log_time` is in nanoseconds since 1970 (or since any other start).
-    Message {
-        channel: u16,
-        log_time: u64,
-        body: Bytes,
-    },
-    Metadata {
-        name: String,
-        entries: BTreeMap<String, String>,
-    },
+    /// Message: its channel, its time in the log in nanoseconds since 1970 (or since any other
+    /// start), and its bytes.
+    Message(u16, u64, Bytes),
+    /// Metadata: a name and entries.
+    Metadata(String, BTreeMap<String, String>),
     Other,
 }
 
-impl Record {
-    /// Parses the record.
-    pub fn content(self) -> Result<Content> {
-        let mut body = self.body;
-        let mut parse = || {
-            Some(match self.opcode {
-                op::SCHEMA => {
-                    let (id, name) = (body.try_get_u16_le().ok()?, string(&mut body)?);
-                    let (_encoding, text) = (string(&mut body)?, sized(&mut body)?);
-                    Content::Schema { id, name, text }
+/// A record that readers of messages use: its place and its content.
+type Record = (Place, Content);
+
+/// Parses a record.
+fn parse(opcode: u8, mut body: Bytes, place: Place) -> Result<Record> {
+    let mut parse = || {
+        Some(match opcode {
+            op::SCHEMA => {
+                let (id, name) = (body.try_get_u16_le().ok()?, string(&mut body)?);
+                let (_encoding, text) = (string(&mut body)?, sized(&mut body)?);
+                Content::Schema(id, name, text)
+            }
+            op::CHANNEL => Content::Channel {
+                id: body.try_get_u16_le().ok()?,
+                schema: body.try_get_u16_le().ok()?,
+                topic: string(&mut body)?,
+                encoding: string(&mut body)?,
+            },
+            op::MESSAGE => {
+                let channel = body.try_get_u16_le().ok()?;
+                let _sequence = body.try_get_u32_le().ok()?;
+                let log_time = body.try_get_u64_le().ok()?;
+                let _publish_time = body.try_get_u64_le().ok()?;
+                Content::Message(channel, log_time, std::mem::take(&mut body))
+            }
+            op::METADATA => {
+                let (name, mut rest) = (string(&mut body)?, sized(&mut body)?);
+                let mut entries = BTreeMap::new();
+                while !rest.is_empty() {
+                    entries.insert(string(&mut rest)?, string(&mut rest)?);
                 }
-                op::CHANNEL => Content::Channel {
-                    id: body.try_get_u16_le().ok()?,
-                    schema: body.try_get_u16_le().ok()?,
-                    topic: string(&mut body)?,
-                    encoding: string(&mut body)?,
-                },
-                op::MESSAGE => {
-                    let channel = body.try_get_u16_le().ok()?;
-                    let _sequence = body.try_get_u32_le().ok()?;
-                    let log_time = body.try_get_u64_le().ok()?;
-                    let _publish_time = body.try_get_u64_le().ok()?;
-                    Content::Message {
-                        channel,
-                        log_time,
-                        body: std::mem::take(&mut body),
-                    }
-                }
-                op::METADATA => {
-                    let (name, mut rest) = (string(&mut body)?, sized(&mut body)?);
-                    let mut entries = BTreeMap::new();
-                    while !rest.is_empty() {
-                        entries.insert(string(&mut rest)?, string(&mut rest)?);
-                    }
-                    Content::Metadata { name, entries }
-                }
-                _ => Content::Other,
-            })
-        };
-        parse().ok_or_else(|| {
-            let what = match self.opcode {
-                op::SCHEMA => "an invalid schema",
-                op::CHANNEL => "an invalid channel",
-                op::MESSAGE => "a message without a header",
-                _ => "an invalid metadata record",
-            };
-            invalid(&format!("byte {}", self.place.at), what)
+                Content::Metadata(name, entries)
+            }
+            _ => Content::Other,
         })
-    }
+    };
+    let content = parse().ok_or_else(|| {
+        let what = match opcode {
+            op::SCHEMA => "an invalid schema",
+            op::CHANNEL => "an invalid channel",
+            op::MESSAGE => "a message without a header",
+            _ => "an invalid metadata record",
+        };
+        invalid(&format!("byte {}", place.at), what)
+    })?;
+    Ok((place, content))
 }
 
 /// Returns the bytes after a length. `None` if there are fewer.
@@ -338,11 +318,7 @@ impl<R: Read + Seek> Container<R> {
             return Err(invalid(&format!("chunk at byte {}", place.at), what));
         }
         self.next.within += RECORD_HEADER + length;
-        Ok(Record {
-            opcode,
-            body: self.chunk.split_to(length as usize),
-            place,
-        })
+        parse(opcode, self.chunk.split_to(length as usize), place)
     }
 
     fn cut(&mut self, at: u64, what: &'static str) {
@@ -393,11 +369,7 @@ impl<R: Read + Seek> Container<R> {
                     Some(whole) => self.take_begin(length, whole)?,
                     None => self.take(length)?,
                 };
-                return Ok(Some(Record {
-                    opcode,
-                    body,
-                    place,
-                }));
+                return parse(opcode, body, place).map(Some);
             }
             0 | op::DATA_END | op::FOOTER => {
                 let what = format!("a record with opcode {opcode} and {length} bytes");

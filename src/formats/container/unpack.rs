@@ -89,12 +89,11 @@ mod tests {
     fn messages(bytes: &[u8]) -> Result<usize, String> {
         let mut container = Container::new(Cursor::new(bytes)).map_err(|e| e.to_string())?;
         let mut found = 0;
-        while let Some(record) = container.next().map_err(|e| e.to_string())? {
+        while let Some((_, content)) = container.next().map_err(|e| e.to_string())? {
             // Without its header of 22 bytes.
-            let content = record.content().map_err(|e| e.to_string())?;
             let is_whole = |body: &Bytes| body.len() == 18;
             found +=
-                usize::from(matches!(content, Content::Message { body, .. } if is_whole(&body)));
+                usize::from(matches!(content, Content::Message(_, _, body) if is_whole(&body)));
         }
         match container.ending() {
             Some(Ending::Finished) => Ok(found),

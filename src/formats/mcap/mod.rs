@@ -39,6 +39,7 @@ use std::io::{Read, Seek};
 use std::path::Path;
 
 const FORMAT: &str = "MCAP file";
+const NO_CURVES: &str = "no curves are left in this frame";
 
 /// Types of messages with curves.
 const SCENE_UPDATE: &str = "foxglove.SceneUpdate";
@@ -116,9 +117,9 @@ impl Channels {
     fn find<R: Read + Seek>(container: &mut Container<R>) -> Result<Channels> {
         let mut found = Channels::default();
         let mut schemas: HashMap<u16, Schema> = HashMap::new();
-        while let Some(record) = container.next()? {
-            match record.content()? {
-                container::Content::Schema { id, name, text } => {
+        while let Some((_, content)) = container.next()? {
+            match content {
+                container::Content::Schema(id, name, text) => {
                     schemas.insert(id, (name, text));
                 }
                 container::Content::Channel {
@@ -279,16 +280,11 @@ impl<R: Read + Seek> McapFrames<R> {
         if let Some(next) = self.next.take() {
             return Ok(Some(next));
         }
-        while let Some(record) = self.container.next()? {
-            let place = format!("message at byte {}", record.place.at);
-            let container::Content::Message {
-                channel,
-                log_time,
-                body,
-            } = record.content()?
-            else {
+        while let Some((place, content)) = self.container.next()? {
+            let container::Content::Message(channel, log_time, body) = content else {
                 continue;
             };
+            let place = format!("message at byte {}", place.at);
             let channel = self.channels.get(&channel);
             let unknown = || invalid(&place, "a message of an unknown channel");
             if let Some(content) = channel.ok_or_else(unknown)? {
@@ -366,11 +362,7 @@ impl<R: Read + Seek> FrameSource for McapFrames<R> {
             let curves = match self.state.is_empty() {
                 // Before the first curve there is nothing to verify.
                 true if self.seq == 0 => continue,
-                true => Err(Error::format(
-                    FORMAT,
-                    place,
-                    "no curves are left in this frame",
-                )),
+                true => Err(Error::format(FORMAT, place, NO_CURVES)),
                 false => self.state.curves(),
             };
             let mut info = FrameInfo::at(self.seq, time as f64 * 1e-9);

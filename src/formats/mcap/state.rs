@@ -147,17 +147,15 @@ impl State {
     }
 
     fn check_frame_id(&mut self, name: &str, frame_id: &str) -> Result<(), String> {
-        match &self.frame_id {
-            None => self.frame_id = Some((name.into(), frame_id.into())),
-            Some((first, of_first)) if of_first != frame_id => {
-                return Err(format!(
-                    "{name:?} is in the coordinate system {frame_id:?}, but {first:?} in \
-                     {of_first:?}; transforms are not read, so write all curves in one of them"
-                ));
-            }
-            Some(_) => {}
+        let first = || (name.to_owned(), frame_id.to_owned());
+        let (first, of_first) = self.frame_id.get_or_insert_with(first);
+        match of_first == frame_id {
+            true => Ok(()),
+            false => Err(format!(
+                "{name:?} is in the coordinate system {frame_id:?}, but {first:?} in \
+                 {of_first:?}; transforms are not read, so write all curves in one of them"
+            )),
         }
-        Ok(())
     }
 
     /// Returns true if there are no curves.

@@ -31,8 +31,8 @@ fn messages(name: &str) -> Vec<(Content, Vec<u8>)> {
     let channels = Channels::find(&mut container).unwrap();
     container.go_to_start().unwrap();
     let mut messages = Vec::new();
-    while let Some(record) = container.next().unwrap() {
-        if let container::Content::Message { channel, body, .. } = record.content().unwrap()
+    while let Some((_, content)) = container.next().unwrap() {
+        if let container::Content::Message(channel, _, body) = content
             && let (_, Some(content)) = &channels.channels[&channel]
         {
             messages.push((*content, body.into()));
