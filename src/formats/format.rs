@@ -65,10 +65,8 @@ const PREFIXES: [(&str, Format); 2] =
 fn advice_on(folder: &Path) -> String {
     let files = std::fs::read_dir(folder).into_iter().flatten().flatten();
     let files = files.map(|file| file.path());
-    match files
-        .filter(|path| Format::of_extension(path).is_some())
-        .min()
-    {
+    let models = files.filter(|path| Format::of_extension(path).is_some());
+    match models.min() {
         Some(model) => {
             let extension = model.extension().unwrap_or_default();
             let pattern = folder.join("*").with_extension(extension);

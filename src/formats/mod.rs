@@ -110,11 +110,8 @@ fn divided(
         let what = format!("{all} {kind} do not fit {n} curves with {sum} points");
         return Err(Error::format(format, kind, what));
     }
-    CurveSet::from_counts(
-        Basis::Polyline,
-        counts,
-        Positions::F64(points.as_flattened()),
-    )
+    let positions = Positions::F64(points.as_flattened());
+    CurveSet::from_counts(Basis::Polyline, counts, positions)
 }
 
 #[cfg(test)]

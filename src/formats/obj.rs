@@ -159,10 +159,8 @@ fn curves_in(input: Input<impl BufRead>) -> Result<(CurveSet, Vec<LeftOut>)> {
     let (index, line) = found.furthest;
     if index as usize >= found.vertices.len() && line > 0 {
         let (vertex, all) = (u64::from(index) + 1, found.vertices.len());
-        return Err(bad(
-            line,
-            format_args!("vertex {vertex}, but the file has {all}"),
-        ));
+        let what = format!("vertex {vertex}, but the file has {all}");
+        return Err(bad(line, what));
     }
     found.finish_elements();
     let left_out = std::mem::take(&mut found.left_out);

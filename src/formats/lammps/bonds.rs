@@ -95,7 +95,6 @@ impl Curves {
         }
         let is_branched = |atom: u32| branches.contains_key(&molecules[atom as usize]);
         let branched_atoms = (0..ids.len() as u32).filter(|&a| is_branched(a)).count();
-
         let edges = edges.into_iter().filter(|edge| !is_branched(edge[0]));
         let edges: Vec<Edge> = edges.map(|ends| Edge { ends, line: 0 }).collect();
         let chains = Chains::new(&edges, ids.len()).expect("no molecule has branches");

@@ -249,7 +249,7 @@ struct Columns {
     all: usize,
     /// Column of x.
     x: usize,
-    /// True if the style was guessed from the number of columns, so that the atom type is validated.
+    /// True if the style was guessed from the number of columns, so that atom types are validated.
     guessed: bool,
     /// True if three image flags follow the coordinates.
     flags: bool,

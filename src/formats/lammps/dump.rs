@@ -66,6 +66,20 @@ struct Header {
     space: Option<SimulationBox>,
 }
 
+impl Header {
+    /// Sets the value of an item of one line.
+    fn set(&mut self, item: &[u8], value: &[u8]) -> Result<(), String> {
+        match item {
+            b"TIMESTEP" => self.step = Some(integer(value, "a time step")?),
+            b"NUMBER OF ATOMS" => self.atoms = Some(integer(value, "the number of atoms")?),
+            b"TIME" => self.time = number(value)?,
+            b"UNITS" => {}
+            other => return Err(format!("item {}, which is not known", quote(other))),
+        }
+        Ok(())
+    }
+}
+
 impl<R: BufRead> Dump<R> {
     pub fn new(lines: Lines<R>, curves: Curves, wrapped: bool) -> Self {
         Dump {
@@ -107,19 +121,16 @@ impl<R: BufRead> Dump<R> {
 
 /// Reads up to the atoms of a frame. `None` at the end of the file.
 fn header(lines: &mut Lines<impl BufRead>) -> Result<Option<(Header, Columns)>> {
+    if !lines.advance_to_text()? {
+        return Ok(None);
+    }
     let mut header = Header::default();
-    let mut begun = false;
     loop {
-        match begun {
-            false if !lines.advance_to_text()? => return Ok(None),
-            false => begun = true,
-            true => lines.expect("an ITEM of the frame")?,
-        }
         let Some(item) = lines.text().strip_prefix(b"ITEM: ") else {
             let what = format!("{}, expected an ITEM", quote(lines.text()));
             return Err(lines.bad(what));
         };
-        let item = item.trim_ascii();
+        let item = item.trim_ascii().to_vec();
         if let Some(columns) = item.strip_prefix(b"ATOMS") {
             let columns = Columns::new(columns).map_err(|what| lines.bad(what))?;
             return Ok(Some((header, columns)));
@@ -127,21 +138,12 @@ fn header(lines: &mut Lines<impl BufRead>) -> Result<Option<(Header, Columns)>> 
         if let Some(kind) = item.strip_prefix(b"BOX BOUNDS") {
             let (form, periodic) = boundaries(kind).map_err(|what| lines.bad(what))?;
             header.space = Some(bounds(lines, form, periodic)?);
-            continue;
+        } else {
+            lines.expect(format_args!("the value of {}", quote(&item)))?;
+            let read = header.set(&item, lines.text().trim_ascii());
+            read.map_err(|what| lines.bad(what))?;
         }
-        let item = item.to_vec();
-        lines.expect(format_args!("the value of {}", quote(&item)))?;
-        let value = lines.text().trim_ascii();
-        let read = match &item[..] {
-            b"TIMESTEP" => integer(value, "a time step").map(|n| header.step = Some(n)),
-            b"NUMBER OF ATOMS" => {
-                integer(value, "the number of atoms").map(|n| header.atoms = Some(n))
-            }
-            b"TIME" => number(value).map(|t| header.time = t),
-            b"UNITS" => Ok(()),
-            other => Err(format!("item {}, which is not known", quote(other))),
-        };
-        read.map_err(|what| lines.bad(what))?;
+        lines.expect("an ITEM of the frame")?;
     }
 }
 
@@ -171,11 +173,8 @@ impl<R: BufRead> FrameSource for Dump<R> {
         };
         let closest = cell.as_ref().filter(|_| !self.wrapped);
         let curves = self.atoms(atoms, &space, closest, &columns)?;
-        let info = FrameInfo {
-            cell,
-            left_out: self.curves.left_out.clone(),
-            ..FrameInfo::at(step, header.time)
-        };
+        let mut info = FrameInfo::at(step, header.time);
+        (info.cell, info.left_out) = (cell, self.curves.left_out.clone());
         let curves = no_lattice.map_or(curves, Err);
         Ok(Some(ModelFrame::of(info, curves)))
     }

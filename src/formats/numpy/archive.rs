@@ -61,10 +61,8 @@ impl Member {
     /// zeros, which take a thousandth of their content.
     pub fn limit(&self, free: u64) -> u64 {
         let compressed = self.at.compressed_size_hint();
-        match self.deflated {
-            true => compressed.saturating_mul(MAX_RATIO).max(free),
-            false => u64::MAX,
-        }
+        let most = compressed.saturating_mul(MAX_RATIO).max(free);
+        if self.deflated { most } else { u64::MAX }
     }
 }
 

@@ -92,40 +92,27 @@ fn curves(mut atoms: Vec<Atom>, columns: &Columns, counts: Option<&[i32]>) -> Re
             return bad(format!("the id {} is there twice", pair[0].id));
         }
     }
-    if let Some(counts) = counts {
-        let points: Vec<Point> = atoms.iter().map(|atom| atom.at).collect();
-        return divided(FORMAT, "atoms", &points, counts);
-    }
-    // Index of the curve of each group, in the order of their first atoms.
-    let mut known: HashMap<i64, usize> = HashMap::new();
-    let mut sizes: Vec<(usize, bool)> = Vec::new();
-    for atom in &atoms {
-        let curve = *known.entry(atom.group).or_insert(sizes.len());
-        if curve == sizes.len() {
-            sizes.push((0, atom.closed));
+    let counts = match counts {
+        Some(counts) => counts.to_vec(),
+        None => {
+            // Index of the curve of each group, in the order of their first atoms.
+            let mut known: HashMap<i64, (usize, bool)> = HashMap::new();
+            for atom in &atoms {
+                let new = (known.len(), atom.closed);
+                let (_, closed) = *known.entry(atom.group).or_insert(new);
+                if closed != atom.closed {
+                    let curve = atom.group;
+                    return bad(format!(
+                        "curve {curve} is closed by some atoms, but not by others"
+                    ));
+                }
+            }
+            atoms.sort_by_cached_key(|atom| known[&atom.group].0);
+            let curves = atoms.chunk_by(|a, b| a.group == b.group);
+            let counts = curves.map(|curve| count_of(curve.len(), curve[0].closed));
+            counts.collect::<Result<_>>()?
         }
-        let (size, closed) = &mut sizes[curve];
-        *size += 1;
-        if *closed != atom.closed {
-            let curve = atom.group;
-            return bad(format!(
-                "curve {curve} is closed by some atoms, but not by others"
-            ));
-        }
-    }
-    let mut counts = Vec::with_capacity(sizes.len());
-    let mut places = Vec::with_capacity(sizes.len());
-    let mut first = 0;
-    for &(size, closed) in &sizes {
-        counts.push(count_of(size, closed)?);
-        places.push(first);
-        first += size;
-    }
-    let mut points = vec![[0.0; 3]; atoms.len()];
-    for atom in &atoms {
-        let place = &mut places[known[&atom.group]];
-        points[*place] = atom.at;
-        *place += 1;
-    }
+    };
+    let points: Vec<Point> = atoms.iter().map(|atom| atom.at).collect();
     divided(FORMAT, "atoms", &points, &counts)
 }

@@ -148,11 +148,8 @@ impl Columns {
             let expected = "expected `name:type:columns:name:type:columns:..`";
             return Err(format!("{}, {expected}", quote(value)));
         }
-        let mut columns = Columns {
-            all: 0,
-            more: false,
-            ..Columns::default()
-        };
+        let mut columns = Columns::default();
+        (columns.all, columns.more) = (0, false);
         let (mut at, mut groups) = (None, [None; GROUPS.len()]);
         for &[name, kind, width] in triples {
             let first = columns.all;

@@ -113,11 +113,9 @@ impl<R: BufRead> FrameSource for XyzFrames<R> {
         let (comment, seq, cell) = begun.map_err(|what: String| self.lines.bad(what))?;
         let counts = self.options.counts.as_deref();
         let curves = atoms::read(&mut self.lines, count, &comment, counts)?;
-        let info = FrameInfo {
-            cell,
-            closed_by_default: comment.columns.closed.is_none() && counts.is_none(),
-            ..FrameInfo::at(seq, comment.time)
-        };
+        let mut info = FrameInfo::at(seq, comment.time);
+        info.cell = cell;
+        info.closed_by_default = comment.columns.closed.is_none() && counts.is_none();
         let frame = ModelFrame::of(info, curves);
         Ok(Some(frame.check_torn(&self.options, FORMAT)))
     }
