@@ -481,11 +481,7 @@ impl Client {
     pub fn wait(&mut self, seq: u64, deadline: Duration) -> Result<Outcome> {
         let start = Instant::now();
         loop {
-            while self.last.as_ref().is_none_or(|m| m.seq < seq) {
-                if self.poll()?.is_none() {
-                    break;
-                }
-            }
+            while self.last.as_ref().is_none_or(|m| m.seq < seq) && self.poll()?.is_some() {}
             match &self.last {
                 Some(m) if m.seq == seq => return Ok(Outcome::Verdict(Box::new(m.clone()))),
                 // Frames are verified in order, so this one never will be.

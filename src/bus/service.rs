@@ -27,7 +27,7 @@ use iceoryx2::port::server::Server;
 use iceoryx2::port::subscriber::{Subscriber, SubscriberCreateError};
 use iceoryx2::prelude::{
     Alignment, CallbackProgression, Config, Node, NodeBuilder, NodeName, NodeState, PortFactory,
-    ServiceName, SignalHandlingMode, ZeroCopySend,
+    ServiceName, SignalHandlingMode,
 };
 use iceoryx2::service::port_factory::server::ServerCreateError;
 use iceoryx2::service::port_factory::{event, publish_subscribe};
@@ -279,10 +279,7 @@ pub(super) fn is_gone(service: &impl PortFactory<Service = Ipc>, id: NodeId) -> 
 }
 
 /// Returns the node of a publisher of this service; `None` if it has closed already.
-pub(super) fn node_of<H: Debug + ZeroCopySend>(
-    service: &publish_subscribe::PortFactory<Ipc, [u8], H>,
-    origin: UniquePublisherId,
-) -> Option<NodeId> {
+pub(super) fn node_of(service: &FrameService, origin: UniquePublisherId) -> Option<NodeId> {
     let mut node = None;
     service.dynamic_config().list_publishers(|publisher| {
         if publisher.publisher_id == origin {

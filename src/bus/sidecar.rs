@@ -164,10 +164,8 @@ impl Session {
     /// follows it, both are consistent, so the second one is accepted, and the number before them
     /// is taken as the error.
     fn number(&mut self, seq: u64, is_baseline: bool) -> Result<(), String> {
-        let seen = Seen {
-            seq,
-            at: (!is_baseline).then(Instant::now),
-        };
+        let at = (!is_baseline).then(Instant::now);
+        let seen = Seen { seq, at };
         let follows = |last: Seen| last.precedes(seq);
         if seq < MAX_SEQUENCE
             && (self.last_seen.is_none_or(follows) || self.stray.is_some_and(follows))

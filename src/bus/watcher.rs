@@ -140,14 +140,10 @@ impl Watcher {
     /// Checks whether a watcher that has been silent for a while still exists. Returns true if this
     /// call found it dead; its last messages may still be unread.
     pub fn has_crashed(&mut self, endpoint: &Endpoint) -> bool {
-        match self.state {
-            State::Here { heard, .. }
-                if heard.elapsed().min(self.checked.elapsed()) >= LIVENESS =>
-            {
-                self.find_dead(endpoint)
-            }
-            _ => false,
-        }
+        let State::Here { heard, .. } = self.state else {
+            return false;
+        };
+        heard.elapsed().min(self.checked.elapsed()) >= LIVENESS && self.find_dead(endpoint)
     }
 
     /// Like [`Watcher::has_crashed`], but also checks a watcher that sent a message a moment

@@ -280,14 +280,12 @@ impl FrameHeader {
         let Some(positions) = positions else {
             return field("positions", "not aligned".into());
         };
-        Ok(View {
-            table,
-            frame: RawFrame {
-                basis,
-                counts,
-                positions,
-            },
-        })
+        let frame = RawFrame {
+            basis,
+            counts,
+            positions,
+        };
+        Ok(View { table, frame })
     }
 
     /// Writes the periodic cell.
@@ -304,10 +302,8 @@ impl FrameHeader {
     pub fn cell(&self) -> Result<Option<Cell>> {
         let field = |what| Error::format("frame", "periodic cell", what);
         let (vectors, _) = self.cell.as_chunks::<3>();
-        let cell = Cell {
-            origin: self.cell_origin,
-            vectors: [vectors[0], vectors[1], vectors[2]],
-        };
+        let (origin, vectors) = (self.cell_origin, [vectors[0], vectors[1], vectors[2]]);
+        let cell = Cell { origin, vectors };
         let found = not_zero(&cell.vectors);
         if self.cell_vectors != found {
             let what = format!("{} vectors, but {found} are not zero", self.cell_vectors);

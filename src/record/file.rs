@@ -15,9 +15,8 @@ use std::path::Path;
 
 /// Creates a file that does not exist.
 pub(super) fn create_new(path: &Path) -> Result<File> {
-    let file = File::create_new(path).map_err(Error::file(path))?;
-    take(&file).map_err(Error::file(path))?;
-    Ok(file)
+    let created = File::create_new(path).and_then(|file| take(&file).map(|()| file));
+    created.map_err(Error::file(path))
 }
 
 /// Creates a file, or replaces an existing one. It must be a regular file, because opening a pipe

@@ -306,10 +306,8 @@ impl Session {
 
     /// Returns the cell with which a frame is verified.
     fn cell(&self, info: &FrameInfo) -> Option<Cell> {
-        match self.options.ignore_cell {
-            true => None,
-            false => self.options.cell.or(info.cell),
-        }
+        let cell = self.options.cell.or(info.cell);
+        cell.filter(|_| !self.options.ignore_cell)
     }
 
     /// Returns what the simulator told about the last verified frame, if the next one follows it.

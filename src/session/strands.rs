@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 
 /// Measures the clearance of verified frames, if the options ask for it. After a failure, no later
 /// frame of the same layout is measured.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(super) struct Strands {
     options: Option<ClearanceOptions>,
     monitor: Option<ClearanceMonitor>,
@@ -26,10 +26,7 @@ impl Strands {
     pub fn new(options: &SessionOptions) -> Strands {
         Strands {
             options: options.clearance,
-            monitor: None,
-            layout: None,
-            unmeasured: None,
-            took: Duration::ZERO,
+            ..Strands::default()
         }
     }
 

@@ -81,10 +81,7 @@ impl Finding<'_> {
 
     /// Returns true if the topology changed, false if it is undecided.
     pub fn is_change(self) -> bool {
-        matches!(
-            self,
-            Finding::Change(_) | Finding::Invariant(_) | Finding::PullThrough(_)
-        )
+        !matches!(self, Finding::Defect(_) | Finding::Unresolved(_))
     }
 
     /// Returns a few words for a label beside the place.

@@ -280,10 +280,7 @@ impl Clearance {
         let Some(left) = self.frames_left else {
             return String::new();
         };
-        let what = match ratio > 1.0 {
-            true => "contact",
-            false => "they meet",
-        };
+        let what = if ratio > 1.0 { "contact" } else { "they meet" };
         match left.round() {
             ..2.0 => format!("; {what} in the next frame at this rate"),
             left => format!("; {what} in about {left} frames at this rate"),

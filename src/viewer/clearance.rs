@@ -2,7 +2,7 @@
 //! places, and a plot.
 
 use super::names::entity;
-use super::plots;
+
 use super::stream::log;
 use super::style::{ORANGE, RED, YELLOW, lines, narrow, points};
 use crate::curve::vector::{distance, per_axis};
@@ -10,7 +10,7 @@ use crate::curve::{Cell, CurveLabels, CurveSet, Point};
 use crate::error::Result;
 use crate::measure::{ClearanceOptions, CloseBlock, REACH, close_blocks};
 use crate::simd::LANES;
-use crate::sinks::FrameRecord;
+
 use crate::verdict::{Clearance, CloseStrands, label_of_pair};
 use re_sdk::RecordingStream;
 
@@ -31,7 +31,7 @@ const FAR: u32 = 0x3d7a8cff;
 
 /// What is shown of the clearance.
 pub(super) struct ClearanceView {
-    options: ClearanceOptions,
+    pub options: ClearanceOptions,
     /// True if the clearance of the last frame was low.
     was_low: bool,
     /// Clearance up to which strands are drawn.
@@ -93,11 +93,6 @@ impl ClearanceView {
             }
         }
         Vec::new()
-    }
-
-    /// Logs the clearance of a frame in the plots.
-    pub fn plot(&self, rec: &RecordingStream, record: &FrameRecord) -> Result<()> {
-        plots::add_clearance(rec, record, self.options.low)
     }
 }
 

@@ -131,8 +131,12 @@ impl Curves {
             };
             groups.push(if at_rest { self.blocks[k] } else { MOVING });
         }
-        for (curves, group) in groups_of_findings(report) {
-            for i in curves {
+        for finding in report.all_findings() {
+            let group = match finding.is_change() {
+                true => BROKEN,
+                false => UNDECIDED,
+            };
+            for i in finding.curves() {
                 if let Some(g) = groups.get_mut(i as usize) {
                     *g = group.min(*g);
                 }
@@ -198,15 +202,4 @@ fn path(group: u32) -> String {
         MOVING => entity::MOVING.into(),
         block => format!("{}/{}", entity::AT_REST, block - BLOCKS),
     }
-}
-
-/// Returns the curves of each finding, and their group.
-fn groups_of_findings(report: &Report) -> impl Iterator<Item = ([u32; 2], u32)> + '_ {
-    report.all_findings().map(|finding| {
-        let group = match finding.is_change() {
-            true => BROKEN,
-            false => UNDECIDED,
-        };
-        (finding.curves(), group)
-    })
 }

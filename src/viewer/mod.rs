@@ -193,7 +193,7 @@ impl ViewerSink {
         let Some(view) = &mut self.clearance else {
             return Ok(());
         };
-        view.plot(&self.rec, record)?;
+        plots::add_clearance(&self.rec, record, view.options.low)?;
         let Some(found) = &record.report.clearance else {
             return Ok(());
         };
@@ -358,7 +358,7 @@ impl Sink for ViewerSink {
         if let Some(set) = record.curves.as_ref().filter(|_| draws) {
             if std::mem::replace(&mut self.layout, record.info.layout) != record.info.layout {
                 // The marks are on curves with other indices.
-                self.passed.forget_marks();
+                self.passed.marks.clear();
             }
             if self.scale.is_none() {
                 let scale = view::scale(set);

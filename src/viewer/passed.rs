@@ -13,7 +13,7 @@ pub(super) const KEPT: usize = 300;
 #[derive(Debug, Default)]
 pub(super) struct Passed {
     /// Curve, segment and parameter of the newest ones.
-    marks: VecDeque<(u32, u32, f64)>,
+    pub marks: VecDeque<(u32, u32, f64)>,
     /// Number of all so far, and the frame of the last.
     total: Option<(u64, u64)>,
 }
@@ -33,11 +33,6 @@ impl Passed {
         });
         self.marks.extend(marks);
         self.marks.drain(..self.marks.len().saturating_sub(KEPT));
-    }
-
-    /// Removes the marks, because later frames have other curves.
-    pub fn forget_marks(&mut self) {
-        self.marks.clear();
     }
 
     /// Returns the points of the curves where strands passed, at their positions in this frame.

@@ -26,7 +26,7 @@ pub enum ViewerTarget {
 impl ViewerTarget {
     pub(super) fn open(&self, title: &str) -> Result<RecordingStream> {
         let builder = RecordingStreamBuilder::new(APPLICATION).recording_name(title);
-        match self {
+        let url = match self {
             ViewerTarget::File(path) => {
                 // Created here first, so that our error names the file. A pipe without a reader
                 // would block without limit.
@@ -35,19 +35,17 @@ impl ViewerTarget {
                     return Err(Error::file(path)(source));
                 }
                 std::fs::File::create(path).map_err(Error::file(path))?;
-                builder.save(path).map_err(failed)
+                return builder.save(path).map_err(failed);
             }
             ViewerTarget::Connect(address) => {
                 let (host, url) = address_of(address);
                 probe(&host)?;
-                builder.connect_grpc_opts(url).map_err(failed)
+                url
             }
-            ViewerTarget::Spawn => builder.connect_grpc_opts(program::show()?).map_err(failed),
-            ViewerTarget::Serve(port) => {
-                let url = program::serve(*port)?;
-                builder.connect_grpc_opts(url).map_err(failed)
-            }
-        }
+            ViewerTarget::Spawn => program::show()?,
+            ViewerTarget::Serve(port) => program::serve(*port)?,
+        };
+        builder.connect_grpc_opts(url).map_err(failed)
     }
 }
 

@@ -122,16 +122,15 @@ impl RecordingOptions {
             return Err(Error::Usage(what));
         }
         let retention = self.retention;
-        match retention {
-            Retention::All => {}
-            Retention::Every(n) => {
-                self.metadata.insert(Retention::EVERY.into(), n.to_string());
-            }
+        let described = match retention {
+            Retention::All => None,
+            Retention::Every(n) => Some((Retention::EVERY, n.to_string())),
             Retention::Window { span, .. } => {
-                let seconds = span.as_secs_f64().to_string();
-                self.metadata.insert(Retention::WINDOW.into(), seconds);
+                Some((Retention::WINDOW, span.as_secs_f64().to_string()))
             }
-        }
+        };
+        let described = described.map(|(key, value)| (key.into(), value));
+        self.metadata.extend(described);
         sink(Files::new(self), retention)
     }
 }
