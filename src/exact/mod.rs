@@ -14,9 +14,7 @@ mod projection;
 mod touch;
 
 pub(crate) use crossing::{Batch, BatchOutcome, Crossing, crossing, crossing_of_sums};
-pub(crate) use passage::{
-    Decided, Edges, Moment, Passage, Ties, equal_sums, passages, passages_of_sums,
-};
+pub(crate) use passage::{Decided, Edges, Moment, Passage, Ties, equal_sums, passages_of_sums};
 pub(crate) use predicates::Predicates;
 pub(crate) use projection::{Direction, Seen, are_collinear};
 pub(crate) use touch::{segments_touch, sums_touch};

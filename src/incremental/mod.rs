@@ -20,7 +20,6 @@
 
 mod affine;
 mod blocks;
-mod coverage;
 mod covered;
 mod events;
 mod ledger;
@@ -34,7 +33,7 @@ mod stream;
 mod tests;
 mod work;
 
-pub(crate) use coverage::Coverage;
+pub(crate) use covered::Coverage;
 pub use events::Events;
 pub(crate) use ledger::{Contacts, Ledger, MOTION_LIMIT, Outcome, Touching, sort_by_time};
 pub(crate) use monitor::Monitor;

@@ -1,7 +1,7 @@
 //! Monitor of the reference frame: compares later frames with it, and decides when a new one pays.
 
 use super::affine::Affine;
-use super::coverage::Coverage;
+use super::covered::Coverage;
 use super::motion::MovedBlocks;
 use super::quiet_bounds::QuietBounds;
 use super::reference::Reference;

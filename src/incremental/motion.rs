@@ -30,7 +30,7 @@ use super::reference::{Block, Reference};
 use crate::curve::vector::per_axis;
 use crate::curve::{Coordinates, CurveSet, larger, smaller};
 use crate::discretize::MovingSeparation;
-use crate::exact::{Decided, Ties, passages, passages_of_sums};
+use crate::exact::{Decided, Ties, passages_of_sums};
 use crate::pairs::{Pair, overlapping};
 use crate::simd::{LANES, Portable, dispatch};
 use rayon::prelude::*;
@@ -196,10 +196,7 @@ impl<'a> MovedBlocks<'a> {
     /// Adds the pairs of some curves with all covered curves.
     fn add_all_pairs(&self, curves: &[u32], pairs: &mut Vec<Pair>) {
         let Reference { set, coverage, .. } = self.reference;
-        let covered = Covered {
-            set,
-            coverage: *coverage,
-        };
+        let covered = Covered::new(set, *coverage);
         for &i in curves {
             let others = covered.indices().map(|j| j as u32);
             let others = others.filter(|&j| i != j || coverage.self_crossings);
@@ -330,24 +327,12 @@ impl<'a> MovedBlocks<'a> {
 
 /// Returns false if two edges of two curves are proven not to meet during the step.
 fn edges_may_meet(frames: [&CurveSet; 2], curves: [usize; 2], segments: [u32; 2]) -> bool {
-    let ends = |set: &CurveSet| {
-        [0, 1].map(|side| {
-            let (i, s) = (curves[side], segments[side] as usize);
-            [set.knot(i, s), set.knot(i, s + 1)]
-        })
-    };
-    let [before, after] = &frames.map(ends);
-    let rounding = frames.map(CurveSet::rounding);
-    let rounding = rounding[0].max(rounding[1]);
-    let (ties, mut met) = (Ties::Report, false);
+    let edges = frames.map(|set| set.edges(curves, segments));
+    let rounding = frames[0].rounding().max(frames[1].rounding());
+    let sums = || frames.map(|set| set.exact_edges(curves, segments));
+    let mut met = false;
     let mut meet = |_| met = true;
-    let decided = match rounding == 0.0 {
-        true => passages(before, after, ties, &mut meet),
-        false => {
-            let sums = || frames.map(|set| set.exact_edges(curves, segments));
-            passages_of_sums([before, after], rounding, sums, ties, &mut meet)
-        }
-    };
+    let decided = passages_of_sums(edges.each_ref(), rounding, sums, Ties::Report, &mut meet);
     met || decided == Decided::Tie
 }
 

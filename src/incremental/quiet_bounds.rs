@@ -1,6 +1,7 @@
 //! Bounds of the curves of a quiet frame, known without reading its points.
 
 use super::affine::Affine;
+use super::reference::Reference;
 use crate::curve::Point;
 use nalgebra::{Matrix3, Vector3};
 
@@ -8,13 +9,8 @@ use nalgebra::{Matrix3, Vector3};
 /// place in the reference frame, moved by an affine map.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct QuietBounds<'a> {
-    /// Number of the reference frame.
-    pub(super) reference: u64,
-    /// Bounds of the control points of each curve in the reference frame, and of all.
-    pub(super) bounds: &'a [[Point; 2]],
-    pub(super) all: [Point; 2],
+    pub(super) reference: &'a Reference,
     pub(super) affine: Affine,
-    pub(super) distance: f64,
 }
 
 /// Map from a reference frame to coordinates of a quiet frame: `q -> N q + s`, and the largest
@@ -34,11 +30,14 @@ impl QuietBounds<'_> {
     /// at most the length of the row times the distance.
     pub fn map(&self, rows: [Point; 3]) -> PointMap {
         let rows = Matrix3::from_rows(&rows.map(|row| Vector3::from(row).transpose()));
+        let QuietBounds { reference, affine } = self;
+        // The condition of a frame is `|p - (M q + t)| <= sigma a`.
+        let distance = affine.sigma * reference.largest_allowance * (1.0 + 1e-6);
         PointMap {
-            n: rows * self.affine.m,
-            s: rows * self.affine.t,
-            distance: Vector3::from_fn(|x, _| rows.row(x).norm() * self.distance),
-            reference: self.reference,
+            n: rows * affine.m,
+            s: rows * affine.t,
+            distance: Vector3::from_fn(|x, _| rows.row(x).norm() * distance),
+            reference: reference.frame,
         }
     }
 
@@ -49,7 +48,7 @@ impl QuietBounds<'_> {
     /// minus the sum of the magnitudes of its components times half the sides.
     pub fn bounds(&self, map: &PointMap) -> impl Iterator<Item = [Point; 2]> {
         let (PointMap { n, s, distance, .. }, sizes) = (*map, map.n.abs());
-        self.bounds.iter().map(move |[lo, hi]| {
+        self.reference.bounds.iter().map(move |[lo, hi]| {
             let [lo, hi] = [lo, hi].map(|p| Vector3::from(*p) * 0.5);
             let (center, half) = (n * (lo + hi) + s, sizes * (hi - lo) + distance);
             [(center - half).into(), (center + half).into()]
@@ -67,7 +66,7 @@ impl QuietBounds<'_> {
             return None;
         }
         let (n, s) = (map.n - earlier.n, map.s - earlier.s);
-        let [lo, hi] = self.all.map(|p| Vector3::from(p) * 0.5);
+        let [lo, hi] = self.reference.around.map(|p| Vector3::from(p) * 0.5);
         let largest = (n * (lo + hi) + s).abs() + n.abs() * (hi - lo);
         Some((largest + (map.distance - earlier.distance).abs()).into())
     }

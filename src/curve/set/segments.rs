@@ -107,6 +107,15 @@ impl CurveSet {
         }
     }
 
+    /// Returns the ends of two segments, each of a curve.
+    #[inline]
+    pub(crate) fn edges(&self, curves: [usize; 2], segments: [u32; 2]) -> [[Point; 2]; 2] {
+        [0, 1].map(|side| {
+            let (i, s) = (curves[side], segments[side] as usize);
+            [self.knot(i, s), self.knot(i, s + 1)]
+        })
+    }
+
     /// Returns a reader of the knots of curve `i`, in a coordinate frame whose last axis is `w`.
     pub(crate) fn knots(&self, i: usize, w: usize) -> Knots<'_> {
         // Catmull-Rom segments start at the second point of their window.

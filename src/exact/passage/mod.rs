@@ -197,6 +197,9 @@ pub(crate) fn passages_of_sums(
     ties: Ties,
     out: &mut impl FnMut(Passage),
 ) -> Decided {
+    if rounding == 0.0 {
+        return passages(before, after, ties, out);
+    }
     if filter::apart(before, after, rounding) {
         return Decided::Apart;
     }

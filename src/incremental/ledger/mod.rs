@@ -70,15 +70,13 @@ mod task;
 pub(super) mod tests;
 mod unresolved;
 
-use self::contact::Contact;
 pub(crate) use self::contact::{Contacts, Touching};
 pub(crate) use self::outcome::Outcome;
 use self::pair::{Part, Workspace};
 pub(super) use self::swept::Observer;
 use self::swept::SweptTrees;
 use self::task::Step;
-use super::coverage::Coverage;
-use super::covered::Covered;
+use super::covered::{Coverage, Covered};
 use crate::cancel::{Cancel, PairLimit};
 use crate::curve::CurveSet;
 use crate::pairs::{LinkSearch, Pair, PairFilter, curves_of};
@@ -181,8 +179,11 @@ impl Ledger {
             return Outcome::default();
         }
         let segments = frames[0].segments();
-        let (mut outcome, found) =
-            pool::run(segments, || self.search(frames, coverage, pairs.as_deref()));
+        let search = || self.search(frames, coverage, pairs.as_deref());
+        let Part {
+            mut outcome,
+            contacts: found,
+        } = pool::run(segments, search);
         let followed = contacts.follow(&found, frames);
         outcome.events.extend(followed.events);
         sort_by_time(&mut outcome.events);
@@ -201,7 +202,7 @@ impl Ledger {
         frame: &CurveSet,
         coverage: Coverage,
     ) -> (Contacts, Vec<Touching>) {
-        let (_, found) = self.search([frame, frame], coverage, None);
+        let found = self.search([frame, frame], coverage, None).contacts;
         Contacts::of_first_frame(&found, frame)
     }
 
@@ -226,7 +227,7 @@ impl Ledger {
         frames: [&CurveSet; 2],
         coverage: Coverage,
         pairs: Option<&[Pair]>,
-    ) -> (Outcome, Vec<Contact>) {
+    ) -> Part {
         let [before, after] = frames;
         assert!(
             before.same_layout(after),
@@ -238,10 +239,7 @@ impl Ledger {
         self.pairs.clear();
         match pairs {
             Some(pairs) => self.pairs.extend_from_slice(pairs),
-            None => self.find_pairs(Covered {
-                set: before,
-                coverage,
-            }),
+            None => self.find_pairs(covered(before)),
         }
         let step = Step {
             frames,
@@ -252,12 +250,13 @@ impl Ledger {
         let pairs = &self.pairs[..];
         let size = pool::pairs_per_task(pairs.len(), before.segments());
         let count = pairs.len().div_ceil(size);
-        self.parts.resize_with(count, Part::default);
-        self.parts
+        // Taken out, so that a panic leaves no findings of this step in them.
+        let mut parts = std::mem::take(&mut self.parts);
+        parts.resize_with(count, Part::default);
+        parts
             .par_iter_mut()
             .zip(pairs.par_chunks(size))
             .for_each_init(Workspace::default, |workspace, (part, pairs)| {
-                part.clear();
                 for (k, &pair) in pairs.iter().enumerate() {
                     if let Some(&next) = pairs.get(k + AHEAD) {
                         step.trees.prefetch(next);
@@ -265,19 +264,11 @@ impl Ledger {
                     step.pair(pair, workspace, part);
                 }
             });
-        let mut outcome = Outcome::default();
-        let mut contacts = Vec::new();
-        for part in &self.parts {
-            contacts.extend_from_slice(&part.contacts);
-            outcome.events.extend_from_slice(&part.events);
-            outcome.unresolved.extend_from_slice(&part.unresolved);
-            outcome.undecided.extend_from_slice(&part.undecided);
-            outcome.sums.extend_from_slice(&part.sums);
-            outcome.near.extend_from_slice(&part.near);
-            outcome.counts.add(&part.counts);
-        }
-        contacts.sort_by_key(|c: &Contact| (c.event.i, c.event.j));
-        (outcome, contacts)
+        let mut found = Part::default();
+        parts.iter_mut().for_each(|part| found.append(part));
+        self.parts = parts;
+        found.contacts.sort_by_key(|c| (c.event.i, c.event.j));
+        found
     }
 
     /// Finds the pairs of curves that may meet, and the pairs of a curve and itself if they are

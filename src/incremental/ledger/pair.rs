@@ -3,36 +3,32 @@
 use super::cancellation::cancel;
 use super::candidates::Gathered;
 use super::contact::Contact;
-use super::outcome::Counts;
+use super::outcome::Outcome;
 use super::passages::Findings;
 use super::pieces::Cuts;
 use super::task::{Step, Task};
 use super::unresolved::far_and_cancelling;
 use crate::pairs::{Pair, closest_of_segments};
-use crate::verdict::{Defect, DefectKind, Link, PullThrough};
+use crate::verdict::{Defect, DefectKind, Link};
 
-/// Results of one task.
+/// Findings of one task, or of all: the contacts at both ends of the step are not followed yet.
 #[derive(Debug, Default)]
 pub(super) struct Part {
-    pub events: Vec<PullThrough>,
-    pub unresolved: Vec<PullThrough>,
-    pub undecided: Vec<Defect>,
-    pub sums: Vec<Link>,
+    pub outcome: Outcome,
     pub contacts: Vec<Contact>,
-    /// Pairs of splines, at least one of them open, that are not proven apart.
-    pub near: Vec<Pair>,
-    pub counts: Counts,
 }
 
 impl Part {
-    pub fn clear(&mut self) {
-        self.contacts.clear();
-        self.near.clear();
-        self.events.clear();
-        self.unresolved.clear();
-        self.undecided.clear();
-        self.sums.clear();
-        self.counts = Counts::default();
+    /// Takes the findings of another part, which keeps its buffers.
+    pub fn append(&mut self, part: &mut Part) {
+        let (all, own) = (&mut self.outcome, &mut part.outcome);
+        all.events.append(&mut own.events);
+        all.unresolved.append(&mut own.unresolved);
+        all.undecided.append(&mut own.undecided);
+        all.sums.append(&mut own.sums);
+        all.near.append(&mut own.near);
+        all.counts.add(&std::mem::take(&mut own.counts));
+        self.contacts.append(&mut part.contacts);
     }
 }
 
@@ -52,7 +48,7 @@ impl Step<'_> {
         let Gathered { near, found, .. } = gathered;
         let open = |i: usize| !self.frames[0].curve(i).closed;
         if !near.is_empty() && task.curves.into_iter().any(open) {
-            part.near.push(pair);
+            part.outcome.near.push(pair);
         }
         let done = if task.exceeds_limits() {
             Err([0, 0])
@@ -110,37 +106,35 @@ impl Task<'_> {
     fn conclude(&self, done: Result<(), [u32; 2]>, found: &mut Findings, part: &mut Part) {
         let frames = self.step.frames;
         let [i, j] = self.curves.map(|i| i as u32);
-        part.counts.add(&found.counts);
+        let Part { outcome, contacts } = part;
+        outcome.counts.add(&found.counts);
         let undecided = |kind, segments| {
             let place = closest_of_segments(frames[1], self.curves, segments);
             Defect::of_pair((i, j), kind, place)
         };
         if let Err(segments) = done {
             let defect = undecided(DefectKind::TooClose, segments);
-            return part.undecided.push(defect);
+            return outcome.undecided.push(defect);
         }
         found.ties.sort_unstable();
         found.ties.dedup();
         let ties = found.ties.iter();
-        part.undecided
-            .extend(ties.map(|&segments| undecided(DefectKind::Contact, segments)));
-        part.contacts.append(&mut found.contacts);
+        let ties = ties.map(|&segments| undecided(DefectKind::Contact, segments));
+        outcome.undecided.extend(ties);
+        contacts.append(&mut found.contacts);
         let curves = self.curves.map(|i| frames[0].curve(i));
         cancel(&mut found.passages, curves);
-        let from = part.events.len();
-        part.events.extend(found.passages.iter().map(|f| f.event));
-        let unresolved = far_and_cancelling(&part.events[from..], self.step.motion_limit);
-        let mut index = from..;
-        let far = part.events.extract_if(from.., |_| {
-            index
-                .next()
-                .is_some_and(|k| unresolved.contains(&(k - from)))
-        });
-        part.unresolved.extend(far);
+        let far = far_and_cancelling(&found.passages, self.step.motion_limit);
+        for (k, passage) in found.passages.iter().enumerate() {
+            match far.contains(&k) {
+                true => outcome.unresolved.push(passage.event),
+                false => outcome.events.push(passage.event),
+            }
+        }
         let signs = found.passages.iter().map(|f| i64::from(f.event.sign));
         let lambda = signs.sum();
         if !self.is_self() && lambda != 0 && curves.iter().all(|c| c.closed) {
-            part.sums.push(Link { i, j, lambda });
+            outcome.sums.push(Link { i, j, lambda });
         }
     }
 }

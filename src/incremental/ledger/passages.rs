@@ -6,10 +6,10 @@ use super::outcome::Counts;
 use super::pieces::{Cuts, MovingBoxes, PIECES, Vertex};
 use super::task::Task;
 use super::unresolved::relative_motion;
-use crate::curve::{CurveSet, Parts, Point, SumEdges};
+use crate::curve::{Parts, Point, SumEdges};
 use crate::discretize::{pieces_between, pieces_within};
 use crate::exact::{
-    Decided, Edges, Moment, Passage, Predicates, Ties, equal_sums, passages, passages_of_sums,
+    Decided, Edges, Moment, Passage, Predicates, Ties, equal_sums, passages_of_sums,
     segments_touch, sums_touch,
 };
 use crate::verdict::PullThrough;
@@ -52,11 +52,7 @@ impl Findings {
 impl Task<'_> {
     /// Adds the passages of two edges of polylines.
     pub fn add_edges(&self, s: u32, t: u32, found: &mut Findings) {
-        let [i, j] = self.curves;
-        let edges = |set: &CurveSet| {
-            [(i, s), (j, t)].map(|(i, s)| [set.knot(i, s as usize), set.knot(i, s as usize + 1)])
-        };
-        let [before, after] = self.step.frames.map(edges);
+        let [before, after] = self.step.frames.map(|set| set.edges(self.curves, [s, t]));
         let along = |at: [f64; 2]| [f64::from(s) + at[0], f64::from(t) + at[1]];
         self.add_passages(&before, &after, [s, t], along, found);
     }
@@ -199,16 +195,13 @@ impl Task<'_> {
             // A common end of pieces of one spline is no joint.
             if !self.splines() {
                 let contact = |f: usize| Contact {
-                    event: PullThrough {
-                        i,
-                        j,
-                        image: Default::default(),
-                        segments,
-                        fraction: f as f64,
+                    event: event(Passage {
+                        time: f as f64,
+                        moment: [Moment::Start, Moment::End][f],
                         sign: 0,
+                        at: [0.0; 2],
                         point: points[f],
-                        lengths: 0.0,
-                    },
+                    }),
                     joint: true,
                     counted: f == 1 || rests,
                 };
@@ -237,20 +230,13 @@ impl Task<'_> {
                 tie,
             }),
         };
-        let mut decided = match self.rounding == 0.0 {
-            true => passages(before, after, ties, &mut add),
-            false => {
-                let sums = || self.exact_edges(segments);
-                passages_of_sums([before, after], self.rounding, sums, ties, &mut add)
-            }
-        };
+        let frames = [before, after];
+        let sums = || self.exact_edges(segments);
+        let mut decided = passages_of_sums(frames, self.rounding, sums, ties, &mut add);
         if in_frames.iter().any(Option::is_some) {
-            let frames = [before, after];
-            let reaches =
-                |parts: &Parts, f: usize| self.reaches_neighbours(parts, f, frames[f], segments);
             let beyond = |f: usize| {
-                let parts = self.parts.filter(|_| in_frames[f].is_some());
-                parts.is_some_and(|parts| reaches(&parts, f))
+                let parts = self.parts.as_ref().filter(|_| in_frames[f].is_some());
+                parts.is_some_and(|p| self.reaches_neighbours(p, f, frames[f], segments))
             };
             if (0..2).any(beyond) {
                 decided = Decided::Tie;
@@ -313,14 +299,11 @@ impl Task<'_> {
         let ends = [(0, 0), (0, 1), (1, 0), (1, 1)];
         let near = |[p, q]: [&Point; 2]| (0..3).all(|x| (p[x] - q[x]).abs() <= 2.0 * self.rounding);
         let shared = |&(k, l): &(usize, usize)| frames.iter().all(|f| near([&f[0][k], &f[1][l]]));
-        let mut found = ends.into_iter().filter(shared);
-        let (k, _) = match self.rounding == 0.0 {
-            true => found.next()?,
-            false => {
-                let first = found.next()?;
-                return self.joint_of_sums(frames, segments, [first].into_iter().chain(found));
-            }
-        };
+        let mut found = ends.into_iter().filter(shared).peekable();
+        let &(k, _) = found.peek()?;
+        if self.rounding != 0.0 {
+            return self.joint_of_sums(frames, segments, found);
+        }
         Some(Joint {
             points: frames.map(|edges| edges[0][k]),
             rests: frames[0] == frames[1],
@@ -337,12 +320,10 @@ impl Task<'_> {
     ) -> Option<Joint> {
         let sums = self.exact_edges(segments);
         let (k, _) = ends.find(|&(k, l)| sums.iter().all(|f| equal_sums(&f[0][k], &f[1][l])))?;
-        let all = [(0, 0), (0, 1), (1, 0), (1, 1)];
+        let [before, after] = [0, 1].map(|f| sums[f].as_flattened().iter());
         Some(Joint {
             points: frames.map(|edges| edges[0][k]),
-            rests: all
-                .into_iter()
-                .all(|(side, end)| equal_sums(&sums[0][side][end], &sums[1][side][end])),
+            rests: before.zip(after).all(|(p, q)| equal_sums(p, q)),
         })
     }
 }

@@ -3,7 +3,7 @@
 
 use super::task::Task;
 use crate::curve::{Point, bounds, point_at};
-use crate::discretize::{Halving, Separation, Sieve};
+use crate::discretize::{Halving, Separation, Sieve, sort_splits};
 
 /// Minimum number of pieces of a spline segment.
 pub(super) const PIECES: u32 = 4;
@@ -67,10 +67,7 @@ impl Cuts {
                 at[if task.is_self() { 0 } else { side }].extend_from_slice(&splits.at);
             }
         }
-        for at in at.iter_mut() {
-            at.sort_unstable_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)));
-            at.dedup();
-        }
+        at.iter_mut().for_each(sort_splits);
         Ok(())
     }
 

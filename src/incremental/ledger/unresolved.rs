@@ -1,17 +1,18 @@
 //! Pull-throughs that the frames are too far apart to resolve: those that cancel and moved further
 //! than the limit.
 
+use super::cancellation::Found;
 use crate::curve::vector::{half_difference, hypot, mix};
 use crate::exact::Edges;
-use crate::verdict::PullThrough;
 
 /// Returns the indices of passages that cancel in pairs and moved further than the limit. Prefers
 /// those that moved furthest.
-pub(super) fn far_and_cancelling(passages: &[PullThrough], limit: f64) -> Vec<usize> {
+pub(super) fn far_and_cancelling(passages: &[Found], limit: f64) -> Vec<usize> {
+    let event = |k: usize| &passages[k].event;
     let [forward, backward] = [1, -1].map(|sign| {
-        let far = |k: &usize| passages[*k].sign == sign && passages[*k].lengths > limit;
+        let far = |k: &usize| event(*k).sign == sign && event(*k).lengths > limit;
         let mut far: Vec<usize> = (0..passages.len()).filter(far).collect();
-        far.sort_by(|&a, &b| passages[b].lengths.total_cmp(&passages[a].lengths));
+        far.sort_by(|&a, &b| event(b).lengths.total_cmp(&event(a).lengths));
         far
     });
     let pairs = forward.into_iter().zip(backward);

@@ -12,8 +12,7 @@ use self::allowances::{Allowances, MOST_NEAR};
 pub(super) use self::neighbours::{Block, Neighbours};
 use super::affine::{Affine, Sample};
 use super::blocks::CHUNK;
-use super::coverage::Coverage;
-use super::covered::Covered;
+use super::covered::{Coverage, Covered};
 use super::packed::Packed;
 use super::quiet_bounds::QuietBounds;
 use crate::certificate::Certificate;
@@ -83,18 +82,14 @@ impl Reference {
         let (set, given) = (Arc::clone(subject.set().ok()?), Arc::clone(subject.given()));
         let images = subject.translated().cloned();
         let mut trees = Trees::default();
-        let covered = Covered {
-            set: &set,
-            coverage,
-        };
+        let covered = Covered::new(&set, coverage);
         trees.refit(covered);
         let sample = Sample::new(&given, coverage.open_curves);
         let allowances = Allowances::new(covered, &trees, filter, most);
-        let (allowances, neighbours) = allowances.fill(&certificate)?;
-        let allowances = match &images {
-            Some(images) => least_of_images(&allowances, &set, images, &given),
-            None => allowances,
-        };
+        let (mut allowances, neighbours) = allowances.fill(&certificate)?;
+        if let Some(images) = &images {
+            allowances = least_of_images(&allowances, &set, images, &given);
+        }
         let points = Received::from(given.positions());
         let max_abs = set.max_abs();
         let packed = Packed::blocks(points.positions(), max_abs, &allowances);
@@ -125,14 +120,8 @@ impl Reference {
     /// after this map. `None` if some curves are not covered.
     pub fn quiet_bounds(&self, affine: Affine) -> Option<QuietBounds<'_>> {
         let all = self.coverage.open_curves || self.given.open_curves() == 0;
-        all.then_some(QuietBounds {
-            reference: self.frame,
-            bounds: &self.bounds,
-            all: self.around,
-            affine,
-            // The condition is `|p - (M q + t)| <= sigma a`.
-            distance: affine.sigma * self.largest_allowance * (1.0 + 1e-6),
-        })
+        let reference = self;
+        all.then_some(QuietBounds { reference, affine })
     }
 
     /// Returns the number of chunks of points.
@@ -147,14 +136,13 @@ impl Reference {
             return Cow::Borrowed(chunks);
         };
         let mut moved = vec![false; self.chunks()];
-        chunks
-            .iter()
-            .for_each(|&chunk| moved[chunk as usize] = true);
+        for &chunk in chunks {
+            moved[chunk as usize] = true;
+        }
         let mut all = chunks.to_vec();
         for (k, &(i, _)) in images.iter().enumerate() {
             let (from, to) = (self.given.points_of(i as usize), self.set.points_of(k));
-            let ends = images.next(k).is_some() && moved[from.start / CHUNK];
-            if ends {
+            if images.next(k).is_some() && moved[from.start / CHUNK] {
                 // The end of a yarn is an image of its start.
                 all.push(((to.end - 1) / CHUNK) as u32);
             }

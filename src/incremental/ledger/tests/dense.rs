@@ -63,9 +63,10 @@ fn doubled_splines_have_the_passages_of_all_their_pieces() {
             };
             let mut part = Part::default();
             step.pair_by_brute_force((0, 0), &mut part);
-            sort_by_time(&mut part.events);
-            assert_eq!(outcome.events, part.events, "{basis:?} {noise}");
-            assert_eq!(outcome.undecided, part.undecided, "{basis:?} {noise}");
+            sort_by_time(&mut part.outcome.events);
+            assert_eq!(outcome.events, part.outcome.events, "{basis:?} {noise}");
+            let undecided = &part.outcome.undecided;
+            assert_eq!(&outcome.undecided, undecided, "{basis:?} {noise}");
             events += outcome.events.len();
         }
     }

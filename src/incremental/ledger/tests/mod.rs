@@ -7,6 +7,7 @@ mod safe_fraction;
 mod speed;
 
 use super::cancellation::{Found, cancel};
+use super::contact::Contact;
 use super::pair::Part;
 use super::*;
 use crate::certificate::Certificate;
@@ -261,7 +262,10 @@ fn the_search_finds_the_passages_of_all_pairs_of_segments() {
         for k in 0..80 {
             let [before, after] = random_step(&mut r, basis);
             let frames = [&before, &after];
-            let (mut outcome, mut contacts) = ledger.search(frames, ALL, None);
+            let Part {
+                mut outcome,
+                mut contacts,
+            } = ledger.search(frames, ALL, None);
             let step = Step {
                 frames,
                 trees: &ledger.trees,
@@ -273,9 +277,9 @@ fn the_search_finds_the_passages_of_all_pairs_of_segments() {
             for pair in (0..n).flat_map(|i| (i..n).map(move |j| (i, j))) {
                 step.pair_by_brute_force(pair, &mut part);
             }
-            sort_by_time(&mut part.events);
+            sort_by_time(&mut part.outcome.events);
             sort_by_time(&mut outcome.events);
-            assert_eq!(outcome.events, part.events, "{basis:?} {k}");
+            assert_eq!(outcome.events, part.outcome.events, "{basis:?} {k}");
             for contacts in [&mut contacts, &mut part.contacts] {
                 let key = |c: &Contact| {
                     (
@@ -288,8 +292,8 @@ fn the_search_finds_the_passages_of_all_pairs_of_segments() {
                 contacts.sort_by_key(key);
             }
             assert_eq!(contacts, part.contacts, "{basis:?} {k}");
-            assert_eq!(outcome.undecided, part.undecided, "{basis:?} {k}");
-            assert_eq!(outcome.sums, part.sums, "{basis:?} {k}");
+            assert_eq!(outcome.undecided, part.outcome.undecided, "{basis:?} {k}");
+            assert_eq!(outcome.sums, part.outcome.sums, "{basis:?} {k}");
             events += outcome.events.len();
             undecided += outcome.undecided.len();
         }
