@@ -77,16 +77,13 @@ impl Basis {
 
     /// Returns the words for this kind of curve in messages.
     pub(crate) fn describe(self, closed: bool) -> &'static str {
-        match (self, closed) {
-            (Basis::Polyline, true) => "closed polyline",
-            (Basis::Polyline, false) => "open polyline",
-            (Basis::CatmullRom, true) => "closed Catmull-Rom",
-            (Basis::CatmullRom, false) => "open Catmull-Rom",
-            (Basis::BSpline, true) => "closed B-spline",
-            (Basis::BSpline, false) => "open B-spline",
-            (Basis::Bezier, true) => "closed Bezier",
-            (Basis::Bezier, false) => "open Bezier",
-        }
+        let words = match self {
+            Basis::Polyline => ["open polyline", "closed polyline"],
+            Basis::CatmullRom => ["open Catmull-Rom", "closed Catmull-Rom"],
+            Basis::BSpline => ["open B-spline", "closed B-spline"],
+            Basis::Bezier => ["open Bezier", "closed Bezier"],
+        };
+        words[usize::from(closed)]
     }
 
     /// Returns, in words, the condition that [`Basis::segments`] puts on the number of points.

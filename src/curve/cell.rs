@@ -84,10 +84,17 @@ impl Cell {
         if !self.periodic().contains(&true) {
             return refuse("no vector along which the scene repeats");
         }
-        match self.inverse() {
-            Some(_) => Ok(()),
-            None => refuse("the vectors lie in one plane or on one line"),
-        }
+        self.inverse_or_error().map(drop)
+    }
+
+    /// Returns the inverse ([`Cell::inverse`]).
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Usage`] if there is none.
+    pub(crate) fn inverse_or_error(&self) -> Result<[Point; 3]> {
+        let what = || format!("cell {self}: the vectors lie in one plane or on one line");
+        self.inverse().ok_or_else(|| Error::Usage(what()))
     }
 
     /// Range of the numbers of a cell, except 0. Products of six stay finite and normal.
@@ -203,11 +210,8 @@ impl fmt::Display for Cell {
                 vectors.chain(corner.into_iter().flatten()).collect()
             }
         };
-        for (k, x) in numbers.iter().enumerate() {
-            let separator = if k == 0 { "" } else { "," };
-            write!(f, "{separator}{x}")?;
-        }
-        Ok(())
+        let numbers: Vec<String> = numbers.iter().map(f64::to_string).collect();
+        f.write_str(&numbers.join(","))
     }
 }
 

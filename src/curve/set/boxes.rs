@@ -1,7 +1,7 @@
 //! Axis-aligned boxes, single and in groups of eight.
 
-use super::pow2;
 use super::vector::per_axis;
+use super::{Point, pow2};
 use crate::simd::LANES;
 
 /// A closed axis-aligned box in single precision. Values that are not representable are rounded
@@ -20,6 +20,14 @@ impl Box3 {
         lo: [f32::INFINITY; 3],
         hi: [f32::NEG_INFINITY; 3],
     };
+
+    /// Returns the box of some bounds, rounded outward. It is finite.
+    pub fn around([lo, hi]: [Point; 2]) -> Box3 {
+        Box3 {
+            lo: lo.map(below),
+            hi: hi.map(above),
+        }
+    }
 
     /// Returns true if the closed boxes share a point.
     pub fn overlaps(&self, other: &Box3) -> bool {

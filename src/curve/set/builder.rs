@@ -38,12 +38,9 @@ impl CurveSet {
     /// [`Error::NotFinite`].
     pub fn from_counts(basis: Basis, counts: &[i32], positions: Positions<'_>) -> Result<CurveSet> {
         let points: u64 = counts.iter().map(|c| u64::from(c.unsigned_abs())).sum();
-        if points.checked_mul(3) != Some(positions.len() as u64) {
-            return Err(Error::count(
-                "coordinates",
-                points.saturating_mul(3),
-                positions.len(),
-            ));
+        let (promised, found) = (points.saturating_mul(3), positions.len());
+        if promised != found as u64 {
+            return Err(Error::count("coordinates", promised, found));
         }
         let mut builder = CurveSet::builder_of(basis, positions.precision(), counts)?;
         builder.push(positions)?;
@@ -97,12 +94,9 @@ impl CurveSetBuilder {
     /// Appends control points of the curves that were started.
     pub fn push(&mut self, positions: Positions<'_>) -> Result<()> {
         let missing = 3 * self.set.points - self.set.positions().len();
-        if positions.len() > missing || !positions.len().is_multiple_of(3) {
-            return Err(Error::count(
-                "coordinates of the curves",
-                missing,
-                positions.len(),
-            ));
+        let given = positions.len();
+        if given > missing || !given.is_multiple_of(3) {
+            return Err(Error::count("coordinates of the curves", missing, given));
         }
         self.set.check_precision(positions.precision())?;
         self.set.append(positions)

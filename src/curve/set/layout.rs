@@ -6,19 +6,12 @@ use crate::error::{Error, Result};
 use std::sync::Arc;
 
 /// Basis, precision and sizes of the curves of a set.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Shape {
     basis: Basis,
     precision: Precision,
+    /// Equal at once if both are the same, because [`Curve`] is `Eq`.
     curves: Arc<Vec<Curve>>,
-}
-
-impl PartialEq for Shape {
-    fn eq(&self, other: &Shape) -> bool {
-        self.basis == other.basis
-            && self.precision == other.precision
-            && (Arc::ptr_eq(&self.curves, &other.curves) || self.curves == other.curves)
-    }
 }
 
 /// Creates the error of a set whose curves differ from those before.

@@ -192,21 +192,16 @@ impl CurveSet {
     /// Returns the start of segment `s` of curve `i`, a polyline, as exact sums. The end of a yarn
     /// is the image of its start.
     pub(crate) fn exact_knot(&self, i: usize, s: usize) -> SumPoint {
-        let Some(Sums {
-            frame,
-            curves,
-            cell,
-            ..
-        }) = self.sums.as_deref()
-        else {
+        let Some(sums) = self.sums.as_deref() else {
             return self.knot(i, s).map(single);
         };
-        let (curve, image) = curves[i];
-        let last = frame.curve(curve as usize).segments as usize;
-        match curves.next(i).filter(|_| s == last) {
-            Some(next) => sum_point(frame.knot(curve as usize, 0), cell, next),
-            None => sum_point(frame.knot(curve as usize, s), cell, image),
-        }
+        let (curve, image) = sums.curves[i];
+        let last = sums.frame.curve(curve as usize).segments as usize;
+        let (s, image) = match sums.curves.next(i).filter(|_| s == last) {
+            Some(next) => (0, next),
+            None => (s, image),
+        };
+        sum_point(sums.frame.knot(curve as usize, s), &sums.cell, image)
     }
 
     /// Returns two edges of polylines, each of a curve, as exact sums.

@@ -53,22 +53,19 @@ impl CurveSet {
             if !c.closed && !open {
                 continue;
             }
-            for point in here {
+            let n = c.segments as usize;
+            for at in here.map(|point| point - own.start + lead) {
                 // Windows that contain the point. Windows of closed curves may wrap around the end.
-                let (n, at) = (c.segments as usize, point - own.start + lead);
-                let last = at / stride;
                 for back in 0..window.div_ceil(stride) {
-                    if !c.closed {
-                        let before = last.checked_sub(back).filter(|&s| s < n);
-                        if let Some(s) = before.filter(|s| at - s * stride < window) {
-                            segment(i as u32, s as u32);
-                        }
-                        continue;
-                    }
-                    let s = (last + n - back) % n;
-                    let start = s * stride;
-                    let total = n * stride;
-                    let offset = (at + total - start) % total;
+                    let s = match c.closed {
+                        true => Some((at / stride + n - back) % n),
+                        false => (at / stride).checked_sub(back).filter(|&s| s < n),
+                    };
+                    let Some(s) = s else { continue };
+                    let offset = match c.closed {
+                        true => (at + (n - s) * stride) % (n * stride),
+                        false => at - s * stride,
+                    };
                     if offset < window {
                         segment(i as u32, s as u32);
                     }

@@ -41,12 +41,9 @@ impl CurveSet {
         copy: impl FnOnce(&mut Received, f64) -> Result<(), Bad>,
     ) -> Result<()> {
         self.check_precision(positions.precision())?;
-        if positions.len() != 3 * self.points {
-            return Err(Error::count(
-                "coordinates",
-                3 * self.points,
-                positions.len(),
-            ));
+        let (promised, found) = (3 * self.points, positions.len());
+        if promised != found {
+            return Err(Error::count("coordinates", promised, found));
         }
         let limit = self.limit();
         let copied = copy(self.begin_update(), limit);
