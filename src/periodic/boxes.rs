@@ -17,7 +17,7 @@
 //! the place of 1.
 
 use crate::curve::vector::{add, dot, per_axis, sub};
-use crate::curve::{Basis, Box3, Cell, CurveSet, Point, above, below, union};
+use crate::curve::{Basis, Box3, Cell, CurveSet, Point, union};
 use crate::error::{Error, Result};
 use crate::incremental::{PointMap, QuietBounds};
 use crate::pool;
@@ -48,21 +48,15 @@ impl<'a> Boxer<'a> {
     ///
     /// [`Error::Usage`] if the vectors of the cell do not span a lattice.
     pub fn new(set: &'a CurveSet, cell: &Cell) -> Result<Boxer<'a>> {
-        let inverse = cell.inverse().ok_or_else(|| {
-            Error::Usage(format!(
-                "cell {cell}: the vectors lie in one plane or on one line"
-            ))
-        })?;
-        let spline = match set.basis() {
-            // Segments are a sixth of the difference of two control points away from one.
-            Basis::CatmullRom => 0.2,
-            _ => 0.0,
-        };
         Ok(Boxer {
             set,
-            inverse,
+            inverse: cell.inverse_or_error()?,
             units: cell.units(),
-            spline,
+            spline: match set.basis() {
+                // Segments are a sixth of the difference of two control points away from one.
+                Basis::CatmullRom => 0.2,
+                _ => 0.0,
+            },
         })
     }
 
@@ -121,65 +115,56 @@ impl<'a> Boxer<'a> {
     }
 }
 
-/// Boxes of all curves of a frame.
+/// Boxes of all curves of a frame: minimum and maximum of each.
 #[derive(Clone, Debug)]
-pub(crate) struct FractionalBoxes {
-    /// Minimum and maximum of each curve.
-    pub bounds: Vec<Bounds>,
-}
+pub(crate) struct FractionalBoxes(pub Vec<Bounds>);
 
 impl FractionalBoxes {
     /// Returns the boxes of the curves, open or closed. Each contains the curve.
     pub fn new(boxer: &Boxer<'_>) -> FractionalBoxes {
         let segments = boxer.set.segments();
-        let bounds = pool::run(segments, || boxer.boxes().collect());
-        FractionalBoxes { bounds }
+        FractionalBoxes(pool::run(segments, || boxer.boxes().collect()))
     }
 
     /// Returns boxes that contain the curves at all times of the step from another frame, in which
     /// paths may bend.
     pub fn swept_from(&self, before: &FractionalBoxes, bend: &Bend) -> FractionalBoxes {
-        let both = before.bounds.iter().zip(&self.bounds);
+        let both = before.0.iter().zip(&self.0);
         let swept = both.map(|(a, b)| {
             let around = union(*a, *b);
             grown(&around, bend.of(sides(&around)))
         });
-        FractionalBoxes {
-            bounds: swept.collect(),
-        }
+        FractionalBoxes(swept.collect())
     }
 
     /// Returns the mean size of the curves along a direction.
     pub fn mean_size(&self, x: usize) -> f64 {
-        let total: f64 = self.bounds.iter().map(|b| sides(b)[x]).sum();
-        total / self.bounds.len().max(1) as f64
+        let total: f64 = self.0.iter().map(|b| sides(b)[x]).sum();
+        total / self.0.len().max(1) as f64
     }
 
     /// Returns the size of the scene along a direction.
     pub fn extent(&self, x: usize) -> f64 {
-        let all = self.bounds.iter().copied().reduce(union);
+        let all = self.0.iter().copied().reduce(union);
         all.map_or(0.0, |all| sides(&all)[x].max(0.0))
     }
 
     /// Returns the boxes grown by a margin on all sides: of these shares of the cell, or of these
     /// lengths.
     pub fn dilated(&self, margin: Point) -> FractionalBoxes {
-        let dilated = self.bounds.iter().map(|b| grown(b, margin));
-        FractionalBoxes {
-            bounds: dilated.collect(),
-        }
+        FractionalBoxes(self.0.iter().map(|b| grown(b, margin)).collect())
     }
 
     /// Returns the smallest distances of another box of a curve from the faces of this one, along
     /// each direction: negative or NaN if it is not inside.
     pub fn room_for(&self, curve: usize, [lo, hi]: &Bounds) -> Point {
-        let around = &self.bounds[curve];
+        let around = &self.0[curve];
         per_axis(|x| smaller_or_nan(lo[x] - around[0][x], around[1][x] - hi[x]))
     }
 
     /// Returns the largest side of all boxes along each direction.
     pub fn largest_sides(&self) -> Point {
-        let sides = self.bounds.iter().map(sides);
+        let sides = self.0.iter().map(sides);
         sides.fold([0.0; 3], |a, b| per_axis(|x| a[x].max(b[x])))
     }
 
@@ -188,7 +173,7 @@ impl FractionalBoxes {
     pub fn wide(&self, cell: &Cell) -> Vec<usize> {
         let periodic = cell.periodic();
         let is_wide = |b: &Bounds| (0..3).any(|x| periodic[x] && sides(b)[x] > 0.5);
-        let all = self.bounds.iter().enumerate();
+        let all = self.0.iter().enumerate();
         all.filter(|(_, b)| is_wide(b)).map(|(i, _)| i).collect()
     }
 
@@ -199,7 +184,7 @@ impl FractionalBoxes {
             let along = (0..3).filter(|&x| periodic[x]).map(|x| sides(b)[x]);
             along.fold(0.0, f64::max)
         };
-        let sides = self.bounds.iter().map(side).enumerate();
+        let sides = self.0.iter().map(side).enumerate();
         let widest = sides.max_by(|a, b| a.1.total_cmp(&b.1));
         widest.map_or(0, |(curve, _)| curve)
     }
@@ -289,9 +274,6 @@ fn change_of(from: &Cell, to: &Cell) -> [Point; 3] {
 }
 
 /// Returns a box, translated and rounded outward. Its bounds are finite.
-pub(super) fn single([lo, hi]: &[Point; 2], by: Point) -> Box3 {
-    Box3 {
-        lo: per_axis(|x| below(lo[x] + by[x])),
-        hi: per_axis(|x| above(hi[x] + by[x])),
-    }
+pub(super) fn single(bounds: &[Point; 2], by: Point) -> Box3 {
+    Box3::around(bounds.map(|p| add(p, by)))
 }

@@ -50,10 +50,8 @@ pub(crate) fn linking_numbers(
     if pairs.is_empty() {
         return Ok(Vec::new());
     }
-    let views: Vec<View> = pairs
-        .par_iter()
-        .map(|pair| View::new(frame, cell, pair))
-        .collect();
+    let views = pairs.par_iter().map(|pair| View::new(frame, cell, pair));
+    let views: Vec<View> = views.collect();
     let mut curves: Vec<(u32, Image)> = views.iter().flat_map(View::curves).collect();
     curves.sort_unstable();
     curves.dedup();
@@ -89,14 +87,10 @@ impl View {
         let period = cell.translation(pair.period);
         // The projection in which a period is longest.
         let size = |x: usize| period[x].abs();
-        let w = (0..3)
-            .min_by(|&a, &b| size(a).total_cmp(&size(b)))
-            .unwrap_or(2);
-        let plane = [(w + 1) % 3, (w + 2) % 3, w];
-        let x = match size(plane[0]) >= size(plane[1]) {
-            true => plane[0],
-            false => plane[1],
-        };
+        let shortest = (0..3).min_by(|&a, &b| size(a).total_cmp(&size(b)));
+        let w = shortest.unwrap_or(2);
+        let [u, v] = [(w + 1) % 3, (w + 2) % 3];
+        let (plane, x) = ([u, v, w], if size(u) >= size(v) { u } else { v });
         let offset = cell.translation(pair.image);
         let points = [lo, hi, first, last, offset, period];
         // Covers rounding, and the gap between the end of the yarn and the image of its start.
@@ -113,19 +107,12 @@ impl View {
         }
     }
 
-    /// Returns the translations of the yarn, one period after the other.
-    fn images(&self) -> impl Iterator<Item = Image> {
-        let RingAndYarn { image, period, .. } = self.pair;
-        let times = self.from..=self.to;
-        times.map(move |times| per_axis(|x| image[x] + times * period[x]))
-    }
-
-    /// Returns the closed curve, and the images of the yarn.
-    fn curves(&self) -> impl Iterator<Item = (u32, Image)> {
-        let ring = (self.pair.ring, Image::default());
-        [ring]
-            .into_iter()
-            .chain(self.images().map(|image| (self.pair.yarn, image)))
+    /// Returns the closed curve, and the images of the yarn, one period after the other.
+    fn curves(&self) -> impl Iterator<Item = (u32, Image)> + use<> {
+        let pair = self.pair;
+        let image = move |times| per_axis(|x| pair.image[x] + times * pair.period[x]);
+        let images = (self.from..=self.to).map(move |times| (pair.yarn, image(times)));
+        std::iter::once((pair.ring, Image::default())).chain(images)
     }
 
     /// Returns the linking number. `set` has the translated curves of all pairs.
@@ -348,21 +335,13 @@ impl Count<'_> {
                 false => self.set.exact_knot(strand.curve, v),
             })
         });
-        let touch = || {
-            (
-                strands[0].curve,
-                [strands[0].segments[s], strands[1].segments[t]],
-            )
-        };
-        match crossing_of_sums(edges, self.plane[2]) {
-            Crossing::None => {}
-            Crossing::Over(sign) => self.sum += i64::from(sign),
-            Crossing::Contact => {
-                self.contact.get_or_insert_with(touch);
-            }
+        let crossing = crossing_of_sums(edges, self.plane[2]);
+        if let Crossing::Over(sign) = crossing {
+            self.sum += i64::from(sign);
         }
-        if sums_touch(edges) {
-            self.contact.get_or_insert_with(touch);
+        if matches!(crossing, Crossing::Contact) || sums_touch(edges) {
+            let segments = [strands[0].segments[s], strands[1].segments[t]];
+            self.contact.get_or_insert((strands[0].curve, segments));
         }
     }
 }

@@ -39,7 +39,8 @@ pub(crate) use jumps::Jumps;
 pub(crate) use linking::{Number, linking_numbers};
 pub(crate) use names::{Entry, aligned, reduced_all};
 pub(crate) use pairs::{
-    ImagePair, ImagePairs, ImageState, QuietRoom, Searched, images_in, overlapping, too_far,
+    ImagePair, ImagePairs, ImageState, QuietRoom, Searched, home_of, images_in, overlapping,
+    too_far,
 };
 pub use through::period;
 pub(crate) use through::period_in;

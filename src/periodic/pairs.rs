@@ -11,8 +11,8 @@
 use super::boxes::{Bend, Bounds, Boxer, FractionalBoxes, single, smaller_room};
 use super::through::RingAndYarn;
 use crate::cancel::PairLimit;
-use crate::curve::vector::per_axis;
-use crate::curve::{Box3, Cell, Curve, Image, Point, Translated};
+use crate::curve::vector::{add, per_axis};
+use crate::curve::{Box3, Cell, Curve, Image, Point, Translated, union};
 use crate::error::{Error, Result};
 use crate::incremental::{PointMap, QuietBounds};
 use crate::pairs::{LinkSearch, PairFilter};
@@ -162,23 +162,19 @@ impl ImagePairs {
         let mut curves: Vec<(u32, Image)> = own.chain(curves).collect();
         curves.sort_unstable_by_key(order);
         curves.dedup();
-        let curves = Translated::new(curves, searched.periods);
-        Ok(ImagePairs {
-            filter: PairFilter::Images(curves.clone()),
-            yarns: yarns.into_iter().collect(),
+        let state = ImageState {
             curves,
-            sides: within.largest_sides(),
+            yarns: yarns.into_iter().collect(),
             wide: within.wide(cell),
-            within,
-        })
+            within: within.0,
+        };
+        Ok(ImagePairs::restored(state, searched.periods))
     }
 
     /// Returns the pairs of a state. `periods` has those of the curves that run through the cell.
     pub fn restored(state: ImageState, periods: &Arc<[Option<Image>]>) -> ImagePairs {
         let curves = Translated::new(state.curves, periods);
-        let within = FractionalBoxes {
-            bounds: state.within,
-        };
+        let within = FractionalBoxes(state.within);
         ImagePairs {
             filter: PairFilter::Images(curves.clone()),
             yarns: state.yarns,
@@ -195,7 +191,7 @@ impl ImagePairs {
             curves: self.curves.to_vec(),
             yarns: self.yarns.clone(),
             wide: self.wide.clone(),
-            within: self.within.bounds.clone(),
+            within: self.within.0.clone(),
         }
     }
 
@@ -244,7 +240,7 @@ impl ImagePairs {
 
     /// Returns true if there are translated curves.
     pub fn has_images(&self) -> bool {
-        self.curves.len() > self.within.bounds.len()
+        self.curves.len() > self.within.0.len()
     }
 
     /// Returns a pair of the filter: the first curve is not translated.
@@ -350,10 +346,10 @@ fn search(
     all: &mut Found<'_>,
 ) -> Result<()> {
     let (mut links, limit) = (LinkSearch::default(), PairLimit::default());
-    limit.begin(MOST_PAIRS.max(IMAGES as usize * boxes.bounds.len()));
+    limit.begin(MOST_PAIRS.max(IMAGES as usize * boxes.0.len()));
     links.limit_to(limit.clone());
     let is_used = |i: usize| searched.is_used(i);
-    let found = overlapping(&boxes.bounds, cell, is_used, &mut links).map_err(too_far)?;
+    let found = overlapping(&boxes.0, cell, is_used, &mut links).map_err(too_far)?;
     if limit.is_exceeded() {
         return Err(too_far(boxes.widest(cell)));
     }
@@ -391,22 +387,12 @@ pub(crate) fn overlapping<'a, F: Fn(usize) -> bool>(
     // Translation that brings the center of each box into the first cell.
     let mut home: Vec<Image> = Vec::with_capacity(bounds.len());
     let mut around = [[f64::INFINITY; 3], [f64::NEG_INFINITY; 3]];
-    for (i, [lo, hi]) in bounds.iter().enumerate() {
-        let mut by = Image::default();
-        for x in (0..3).filter(|&x| periodic[x]) {
-            let cells = (0.5 * (lo[x] + hi[x])).floor();
-            if cells.is_nan() || cells.abs() > FARTHEST || hi[x] - lo[x] > FARTHEST {
-                return Err(i);
-            }
-            by[x] = -cells as i32;
-        }
+    for (i, bounds) in bounds.iter().enumerate() {
+        let by = home_of(bounds, periodic).ok_or(i)?;
         home.push(by);
-        if !is_used(i) {
-            continue;
-        }
-        for x in 0..3 {
-            around[0][x] = around[0][x].min(lo[x] + f64::from(by[x]));
-            around[1][x] = around[1][x].max(hi[x] + f64::from(by[x]));
+        if is_used(i) {
+            let by = by.map(f64::from);
+            around = union(around, bounds.map(|p| add(p, by)));
         }
     }
     let outer = single(&around, [0.0; 3]);
@@ -456,6 +442,20 @@ pub(crate) fn overlapping<'a, F: Fn(usize) -> bool>(
     }))
 }
 
+/// Returns the translation that brings the center of a box into the first cell. `None` if the box
+/// spans too many cells, or is too far away.
+pub(crate) fn home_of([lo, hi]: &[Point; 2], periodic: [bool; 3]) -> Option<Image> {
+    let mut home = Image::default();
+    for x in (0..3).filter(|&x| periodic[x]) {
+        let cells = (0.5 * (lo[x] + hi[x])).floor();
+        if cells.is_nan() || cells.abs() > FARTHEST || hi[x] - lo[x] > FARTHEST {
+            return None;
+        }
+        home[x] = -cells as i32;
+    }
+    Some(home)
+}
+
 /// Returns all triples of numbers in these ranges.
 pub(crate) fn images_in([a, b, c]: [RangeInclusive<i32>; 3]) -> impl Iterator<Item = Image> {
     a.flat_map(move |i| {
@@ -485,7 +485,7 @@ mod tests {
             false => 0..=0,
         };
         let ranges = per_axis(range);
-        let all = boxes.bounds.iter().enumerate();
+        let all = boxes.0.iter().enumerate();
         for (i, a) in all.clone() {
             for (j, b) in all.clone().skip(i) {
                 for n in images_in(ranges.clone()) {
@@ -507,7 +507,7 @@ mod tests {
         cell: &Cell,
         pairs: &mut BTreeSet<ImagePair>,
     ) -> Result<()> {
-        let count = boxes.bounds.len();
+        let count = boxes.0.len();
         let xyz = vec![0.0; 9 * count];
         let positions = crate::curve::Positions::F64(&xyz);
         let counts = vec![-3; count];
@@ -541,9 +541,7 @@ mod tests {
                 let hi = lo.map(|x| x + size * random.unit());
                 [lo, hi]
             });
-            let boxes = FractionalBoxes {
-                bounds: bounds.collect(),
-            };
+            let boxes = FractionalBoxes(bounds.collect());
             let mut found = BTreeSet::new();
             find_in(&boxes, &cell, &mut found).unwrap();
             // Single precision makes boxes larger, so a few more pairs may be found.
@@ -560,9 +558,7 @@ mod tests {
     fn rejects_curves_that_span_too_many_cells() {
         let cell: Cell = "1,1,1".parse().unwrap();
         for far in [30.0, 1e3, 1e30] {
-            let boxes = FractionalBoxes {
-                bounds: vec![[[0.0; 3], [far; 3]]],
-            };
+            let boxes = FractionalBoxes(vec![[[0.0; 3], [far; 3]]]);
             let e = find_in(&boxes, &cell, &mut BTreeSet::new());
             let e = e.unwrap_err();
             assert!(

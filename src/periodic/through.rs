@@ -177,19 +177,12 @@ pub(crate) fn almost_yarns(set: &CurveSet, cell: &Cell) -> Option<String> {
         let is_near = ends.distance <= lengths.fold(0.0, f64::max);
         (is_near && period(set, i, cell).is_none()).then_some((i, ends))
     });
-    let (
-        i,
-        Ends {
-            image: [n1, n2, n3],
-            distance,
-            ..
-        },
-    ) = almost.next()?;
+    let (i, ends) = almost.next()?;
+    let ([n1, n2, n3], distance) = (ends.image, significant(ends.distance));
     let others = match almost.count() {
         0 => String::new(),
         n => format!(", and so do {n} others"),
     };
-    let distance = significant(distance);
     Some(format!(
         "curve {i} almost runs through the cell{others}: its end is {distance} away from the image \
          {n1},{n2},{n3} of its start, more than rounding; it is taken for an open curve"

@@ -33,9 +33,7 @@ pub(crate) fn find_torn(
     curves: impl IntoIterator<Item = usize>,
 ) -> Result<Option<Torn>> {
     cell.check()?;
-    let (Some(inverse), periodic) = (cell.inverse(), cell.periodic()) else {
-        return Ok(None);
-    };
+    let (inverse, periodic) = (cell.inverse_or_error()?, cell.periodic());
     for curve in curves {
         let info = set.curve(curve);
         let n = info.points as usize;
@@ -87,13 +85,8 @@ impl CurveSet {
 
 impl std::fmt::Display for Torn {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let Torn {
-            curve,
-            ends: [p, q],
-            direction,
-            share,
-        } = self;
-        let vector = ["first", "second", "third"][*direction];
+        let (curve, [p, q], share) = (self.curve, self.ends, self.share);
+        let vector = ["first", "second", "third"][self.direction];
         write!(
             f,
             "curve {curve} is {share:.3} of the {vector} vector of the periodic cell long from \

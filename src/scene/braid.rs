@@ -189,11 +189,9 @@ impl BraidScene {
             loops.nearest.reverse();
         }
         loops.curves = named;
-        if place.is_none() {
-            loops.nearest = [None; 2];
-        }
-        if let Some(place) = place {
-            place.segments = segments;
+        match place {
+            Some(place) => place.segments = segments,
+            None => loops.nearest = [None; 2],
         }
         (*i, *j) = (named[0], named[1]);
         Some(loops)

@@ -136,10 +136,7 @@ impl Ribbon {
         let [first, second]: [Vec<Point>; 2] = [i, j].map(|i| points(i).collect());
         let (pairing, reason, rivals) = match options.pairing {
             Some(pairing) => (pairing, PairingReason::Given, Vec::new()),
-            None => {
-                let found = pairing::find([&first, &second]);
-                (found.pairing, found.reason, found.rivals)
-            }
+            None => pairing::find([&first, &second]),
         };
         let start = Instant::now();
         let linking = count(&set.subset(&[i as u32, j as u32]));
@@ -182,8 +179,7 @@ impl Ribbon {
             value: linking as f64,
             bound: 0.0,
         };
-        let sum = self.twist.plus(self.writhe).negated();
-        linking.plus(sum)
+        linking.plus(self.twist.plus(self.writhe).negated())
     }
 
     /// Returns the signed number of passages of the ribbon through itself: 0 for a ribbon without

@@ -148,13 +148,6 @@ pub enum PairingReason {
     Distances,
 }
 
-/// A pairing that was found, and those that are nearly as good.
-pub(super) struct Found {
-    pub pairing: Pairing,
-    pub reason: PairingReason,
-    pub rivals: Vec<Pairing>,
-}
-
 /// Distances of the paired vertices of a pairing.
 #[derive(Clone, Copy)]
 struct Distances {
@@ -185,8 +178,9 @@ impl Distances {
     }
 }
 
-/// Finds the pairing of two strands with the same number of vertices.
-pub(super) fn find(strands: [&[Point]; 2]) -> Found {
+/// Finds the pairing of two strands with the same number of vertices. Returns it with the reason
+/// why it was taken, and the pairings that are nearly as good.
+pub(super) fn find(strands: [&[Point]; 2]) -> (Pairing, PairingReason, Vec<Pairing>) {
     let n = strands[0].len();
     let samples = samples(n);
     let all: Vec<Distances> = (0..2 * n)
@@ -207,10 +201,8 @@ pub(super) fn find(strands: [&[Point]; 2]) -> Found {
         |d: &&Distances| d.pairing.antiparallel == antiparallel && d.mean <= NEAR * nearest.mean;
     let close: Vec<Distances> = all.iter().filter(close).copied().collect();
     let by_spread = |a: &&Distances, b: &&Distances| a.spread.total_cmp(&b.spread);
-    let best = *close
-        .iter()
-        .min_by(by_spread)
-        .expect("the nearest is close");
+    let best = close.iter().min_by(by_spread);
+    let best = *best.expect("the nearest is close");
     let usual: &[usize] = if antiparallel { &[0, 1] } else { &[0] };
     let mut usual = usual.iter();
     let usual = usual.find_map(|&s| close.iter().find(|d| d.pairing.shift == s));
@@ -232,11 +224,8 @@ pub(super) fn find(strands: [&[Point]; 2]) -> Found {
     };
     let rivals: Vec<Pairing> = close.iter().filter(rival).map(|d| d.pairing).collect();
     let step = rivals.len().div_ceil(RIVALS).max(1);
-    Found {
-        pairing: taken.pairing,
-        reason,
-        rivals: rivals.into_iter().step_by(step).collect(),
-    }
+    let rivals = rivals.into_iter().step_by(step).collect();
+    (taken.pairing, reason, rivals)
 }
 
 /// Returns the pairing with the shortest centre line of those whose spread is similar to the best

@@ -83,11 +83,7 @@ impl Found {
     /// Returns the shorter one of two struts, with the lower bound of both.
     pub fn shorter(self, other: Found) -> Found {
         let least = self.least.min(other.least);
-        let shorter = if other.order(&self).is_lt() {
-            other
-        } else {
-            self
-        };
+        let shorter = std::cmp::min_by(self, other, Found::order);
         Found { least, ..shorter }
     }
 
@@ -142,13 +138,8 @@ impl Edges {
             if count > 0 {
                 let last = first + count - 1;
                 let continues = curve.closed || cell.is_some_and(|c| period(set, i, c).is_some());
-                let (before, after) = if continues {
-                    (last, first)
-                } else {
-                    (NONE, NONE)
-                };
-                edges[first as usize].before = before;
-                edges[last as usize].after = after;
+                edges[first as usize].before = if continues { last } else { NONE };
+                edges[last as usize].after = if continues { first } else { NONE };
             }
         }
         let lattice = cell.map(|cell| Lattice::new(&mut edges, set, cell, scale));

@@ -17,13 +17,10 @@ use crate::curve::vector::{add, dot, norm, per_axis};
 use crate::curve::{Cell, CurveSet, Image, Point, bounds, is_home, union};
 use crate::error::{Error, Result};
 use crate::pairs::Scale;
-use crate::periodic::{images_in, is_multiple, period, too_far};
+use crate::periodic::{home_of, images_in, is_multiple, period, too_far};
 
 /// Padding of fractional coordinates, relative to the largest number involved, and at least to 1.
 const PAD: f64 = 1e-7;
-
-/// Largest number of cells that a curve may be away from the first one.
-const FARTHEST: f64 = (1_u32 << 30) as f64;
 
 /// Maximum number of images that are compared with an edge.
 const MOST_IMAGES: f64 = (1_u32 << 24) as f64;
@@ -93,23 +90,15 @@ impl Lattice {
     fn bring_home(&mut self, edges: &mut [Edge]) -> Result<()> {
         let curve = edges[0].curve as usize;
         let ranges = edges.iter().map(|edge| self.range(edge));
-        let [lo, hi] = ranges.reduce(union).expect("a curve has edges");
-        let periodic = self.cell.periodic();
-        let mut home = Image::default();
-        for x in (0..3).filter(|&x| periodic[x]) {
-            let cells = (0.5 * (lo[x] + hi[x])).floor();
-            if cells.is_nan() || cells.abs() > FARTHEST || hi[x] - lo[x] > FARTHEST {
-                return Err(too_far(curve));
-            }
-            home[x] = -cells as i32;
-        }
+        let range = ranges.reduce(union).expect("a curve has edges");
+        let home = home_of(&range, self.cell.periodic()).ok_or_else(|| too_far(curve))?;
         if !is_home(&home) {
             let by = self.cell.translation(home);
             edges.iter_mut().for_each(|edge| edge.translate(by));
         }
         self.homes[curve] = home;
         let by = home.map(f64::from);
-        self.around = union(self.around, [add(lo, by), add(hi, by)]);
+        self.around = union(self.around, range.map(|p| add(p, by)));
         Ok(())
     }
 

@@ -316,10 +316,8 @@ impl CellScene {
         };
         // Curves without a linking number with any other one.
         for single in all.undefined.iter().filter(|d| d.j.is_none()) {
-            let curves = self
-                .found
-                .iter()
-                .flat_map(|found| found.pairs.curves.iter());
+            let found = self.found.iter();
+            let curves = found.flat_map(|found| found.pairs.curves.iter());
             let same = (0..).zip(curves).filter(|(_, of)| of.0 == single.i);
             out.undefined
                 .extend(same.map(|(i, _)| Defect { i, ..*single }));
@@ -443,9 +441,8 @@ impl CellScene {
             sort_by_time(events);
         }
         // Images of a curve share its own defects.
-        report
-            .defects
-            .retain(|d| d.j.is_some() || (d.i as usize) < given);
+        let is_given = |d: &Defect| d.j.is_some() || (d.i as usize) < given;
+        report.defects.retain(is_given);
         for Defect { i, j, image, .. } in &mut report.defects {
             if let Some(j) = j {
                 rename(i, j, image);

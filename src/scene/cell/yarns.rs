@@ -70,9 +70,8 @@ impl Yarns {
     /// Returns the curves that run through the cell, sorted, and their periods.
     pub fn list(&self) -> Vec<YarnPeriod> {
         let all = self.periods.iter().flat_map(|periods| periods.iter());
-        let yarns = (0..)
-            .zip(all)
-            .filter_map(|(i, period)| Some((i, (*period)?)));
+        let yarns = (0..).zip(all);
+        let yarns = yarns.filter_map(|(i, period)| Some((i, (*period)?)));
         yarns.collect()
     }
 
@@ -191,14 +190,12 @@ impl Yarns {
             let joints = step.map(|(set, cell)| joint(set, cell, pair));
             if !step[0].0.basis().is_polyline() {
                 // The margins of the separation of splines cover a gap of this size.
-                let covered = |(set, [p, q]): (&CurveSet, [Point; 2])| {
+                let covered = |set: &CurveSet, [p, q]: [Point; 2]| {
                     let most = set.max_abs() * pow2(-47);
                     (0..3).all(|x| (p[x] - q[x]).abs() <= most)
                 };
-                return !step
-                    .into_iter()
-                    .zip(joints)
-                    .all(|((set, _), j)| covered((set, j)));
+                let [(before, _), (now, _)] = step;
+                return !(covered(before, joints[0]) && covered(now, joints[1]));
             }
             // Periods that are translated end exactly where the next one starts.
             if pair.image != Image::default() {

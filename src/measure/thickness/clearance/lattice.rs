@@ -14,9 +14,9 @@
 //! the same holds for the motion before that, and so on: if it was not listed, all motions together
 //! exceed twice the skin.
 
-use crate::curve::vector::{norm, per_axis};
-use crate::curve::{Box3, Cell, Image, Point, above, below, is_home, pow2};
-use crate::error::{Error, Result};
+use crate::curve::vector::{add, norm, per_axis};
+use crate::curve::{Box3, Cell, Image, Point, is_home, pow2};
+use crate::error::Result;
 use crate::pairs::LinkSearch;
 use crate::periodic::overlapping;
 
@@ -55,12 +55,9 @@ impl Lattice {
     ///
     /// # Errors
     ///
-    /// [`Error::Usage`] if the vectors of the cell do not span a lattice.
+    /// [`Error::Usage`](crate::Error::Usage) if the vectors of the cell do not span a lattice.
     pub fn new(cell: &Cell, boxes: &[Box3], reach: f64) -> Result<Lattice> {
-        let inverse = cell.inverse().ok_or_else(|| {
-            let what = format!("cell {cell}: the vectors lie in one plane or on one line");
-            Error::Usage(what)
-        })?;
+        let inverse = cell.inverse_or_error()?;
         let all = boxes.iter().copied().reduce(|a, b| a.union(&b));
         let size = |b: Box3| {
             let (lo, hi) = (b.lo.map(f64::from), b.hi.map(f64::from));
@@ -113,11 +110,8 @@ impl Lattice {
             return (*bounds, 0.0);
         }
         let by = self.cell.translation(image);
-        let moved = Box3 {
-            lo: per_axis(|x| below(f64::from(bounds.lo[x]) + by[x])),
-            hi: per_axis(|x| above(f64::from(bounds.hi[x]) + by[x])),
-        };
-        (moved, norm(by) * pow2(-22))
+        let moved = [bounds.lo, bounds.hi].map(|p| add(p.map(f64::from), by));
+        (Box3::around(moved), norm(by) * pow2(-22))
     }
 
     /// Returns the motion to another cell, `None` if it is the same.

@@ -166,9 +166,8 @@ pub(crate) fn close_blocks(
         ratio: within,
         skin: 0.0,
     };
-    let list = list_pairs(&strands, reach, &mut LinkSearch::default())?;
-    let pairs = list.below(within).into_iter().map(|k| list.blocks_of(k));
-    let pairs: Vec<BlockPair> = pairs.collect();
+    let list = NearList::build(&strands, reach, &mut LinkSearch::default())?;
+    let pairs = list.blocks_of(&list.below(within));
     let mut closest: Vec<Option<CloseStrands>> = vec![None; layout.blocks.numbers.len()];
     for (pair, measured) in pairs.iter().zip(strands.measure(&pairs, within)) {
         let Some(found) = measured.closest.filter(|found| found.ratio < within) else {
@@ -200,17 +199,6 @@ fn check_radii(mut radii: impl Iterator<Item = f64>) -> Result<()> {
             "clearance needs a positive radius of each curve; that of curve {i} is {radius}"
         ))),
     }
-}
-
-/// Lists the near pairs of a frame.
-fn list_pairs(strands: &Strands<'_>, reach: Reach, search: &mut LinkSearch) -> Result<NearList> {
-    if strands.set.max_abs() > LARGEST {
-        return Err(Error::Unsupported {
-            format: "clearance",
-            what: format!("of coordinates above {LARGEST:e}"),
-        });
-    }
-    NearList::build(strands, reach, search)
 }
 
 /// Measures the clearance of successive frames.
@@ -252,10 +240,8 @@ struct Found {
 
 impl Found {
     fn add(&mut self, pairs: Vec<BlockPair>, measured: Vec<Measured>) {
-        let close = measured
-            .iter()
-            .filter_map(|m| m.closest)
-            .chain(self.closest);
+        let close = measured.iter().filter_map(|m| m.closest);
+        let close = close.chain(self.closest);
         let closest = close.min_by(|a, b| a.ratio.total_cmp(&b.ratio));
         self.closest = closest.filter(|c| c.ratio < REACH);
         self.pairs.extend(pairs.into_iter().zip(measured));
@@ -317,12 +303,12 @@ impl ClearanceMonitor {
 
     /// Returns the clearance of the last frames, by their number.
     pub fn trend(&self) -> Vec<(u64, f64)> {
-        self.trend.frames()
+        self.trend.frames.iter().copied().collect()
     }
 
     /// Continues after frames with this clearance.
     pub fn set_trend(&mut self, frames: Vec<(u64, f64)>) {
-        self.trend = Trend::after(frames);
+        self.trend.frames = frames.into();
     }
 
     /// Forgets the previous frames, because the next one does not continue them.
@@ -471,7 +457,7 @@ impl ClearanceMonitor {
             },
             skin,
         };
-        let mut list = list_pairs(strands, reach, &mut self.search)?;
+        let mut list = NearList::build(strands, reach, &mut self.search)?;
         if let Some((mut old, moved)) = old.filter(|_| skin > 0.0) {
             old.rebase(moved, strands, 0.0);
             list.inherit(&old);
@@ -486,7 +472,7 @@ impl ClearanceMonitor {
     fn settle(&mut self, list: &mut NearList, strands: &Strands<'_>, found: &mut Found) {
         let [tolerance, level] = self.level(list.reach.skin, found.ratio());
         let due = list.below((level + tolerance).min(list.reach.ratio));
-        let pairs: Vec<BlockPair> = due.iter().map(|&k| list.blocks_of(k)).collect();
+        let pairs = list.blocks_of(&due);
         let limit = (level + 2.0 * tolerance).min(REACH);
         // A list that is used for one frame only needs no precise bounds of pairs that are not the
         // closest.

@@ -3,7 +3,7 @@
 use crate::curve::vector::per_axis;
 use crate::curve::{Point, Positions, larger, smaller};
 use nalgebra::{Matrix3, Vector3};
-use std::ops::{Range, Sub};
+use std::ops::Sub;
 
 /// Number of points to which a rigid motion is fitted.
 const SAMPLES: usize = 64;
@@ -134,12 +134,8 @@ impl Step<'_> {
     pub fn displacements(&self, parts: &[Ranges], out: &mut [Displacements]) {
         for (ranges, out) in parts.iter().zip(out) {
             *out = match (self.frames, self.rigid.turn_back) {
-                ([Positions::F32(q), Positions::F32(p)], None) => {
-                    self.moved(ranges, |box_, range| box_.add(&q[range.clone()], &p[range]))
-                }
-                ([Positions::F64(q), Positions::F64(p)], None) => {
-                    self.moved(ranges, |box_, range| box_.add(&q[range.clone()], &p[range]))
-                }
+                ([Positions::F32(q), Positions::F32(p)], None) => self.moved(ranges, q, p),
+                ([Positions::F64(q), Positions::F64(p)], None) => self.moved(ranges, q, p),
                 (frames, Some(turn)) => self.turned_back(ranges, frames, &turn),
                 _ => unreachable!("frames of the same curves have the same precision"),
             };
@@ -147,15 +143,11 @@ impl Step<'_> {
     }
 
     #[inline(always)]
-    fn moved<T: Real>(
-        &self,
-        ranges: &Ranges,
-        add: impl Fn(&mut Extremes<T>, Range<usize>),
-    ) -> Displacements {
+    fn moved<T: Real>(&self, ranges: &Ranges, q: &[T], p: &[T]) -> Displacements {
         let mut extremes = Extremes::none();
-        for [from, to] in ranges {
+        for [from, to] in ranges.map(|ends| ends.map(|point| 3 * point as usize)) {
             if from < to {
-                add(&mut extremes, 3 * *from as usize..3 * *to as usize);
+                extremes.add(&q[from..to], &p[from..to]);
             }
         }
         self.widened(extremes.bounds(), 0.0)

@@ -1,5 +1,6 @@
 //! Pairs of near blocks, and how far they may move before they must be measured again.
 
+use super::LARGEST;
 use super::blocks::{BlockPair, Blocks, CHUNK};
 use super::lattice::{Lattice, LatticeMotion};
 use super::motion::{Displacements, Rigid, Step};
@@ -141,12 +142,16 @@ impl NearList {
     ///
     /// # Errors
     ///
-    /// [`Error::Unsupported`] if there are too many; [`Error::Usage`] if curves span too
-    /// many cells.
+    /// [`Error::Unsupported`] if there are too many, or coordinates are too large;
+    /// [`Error::Usage`] if curves span too many cells.
     pub fn build(strands: &Strands<'_>, reach: Reach, search: &mut LinkSearch) -> Result<NearList> {
         let Strands {
             set, radii, blocks, ..
         } = *strands;
+        let unsupported = |what: String| Error::unsupported("clearance", what);
+        if set.max_abs() > LARGEST {
+            return Err(unsupported(format!("of coordinates above {LARGEST:e}")));
+        }
         // Rounding of single-precision boxes.
         let rounding = set.max_abs() * pow2(-22);
         let bounds = |block: u32| {
@@ -182,12 +187,9 @@ impl NearList {
             }
         };
         if limit.is_exceeded() {
-            return Err(Error::Unsupported {
-                format: "clearance",
-                what: format!(
-                    "of more than {MOST_NEAR} pairs of close strands; is the radius too large?"
-                ),
-            });
+            return Err(unsupported(format!(
+                "of more than {MOST_NEAR} pairs of close strands; is the radius too large?"
+            )));
         }
         found.extend((0..count).map(|block| blocks.pair(block, block, Image::default())));
         found.sort_unstable();
@@ -197,10 +199,8 @@ impl NearList {
                 return None;
             }
             let [a, b] = pair.blocks.map(|k| k as usize);
-            let sum = [a, b]
-                .map(|k| radii[blocks.numbers.curves[k] as usize])
-                .iter()
-                .sum::<f64>();
+            let radius = |block: usize| radii[blocks.numbers.curves[block] as usize];
+            let sum = radius(a) + radius(b);
             let (other, rounding) = match &lattice {
                 None => (boxes[b], rounding),
                 Some(lattice) => {
@@ -255,11 +255,7 @@ impl NearList {
     /// `small` is as good as none.
     pub fn moved(&self, strands: &Strands<'_>, small: f64) -> Moved {
         // A rotation would turn the lattice, too.
-        let small = if self.lattice.is_some() {
-            f64::INFINITY
-        } else {
-            small
-        };
+        let small = self.lattice.as_ref().map_or(small, |_| f64::INFINITY);
         let rigid = Rigid::fit([self.reference.positions(), strands.positions], small);
         let (parts, step) = (&strands.blocks.chunks[..], &self.step(strands, rigid));
         let mut chunks = vec![Displacements::default(); parts.len()];
@@ -373,9 +369,10 @@ impl NearList {
         close.map(|(_, k)| k).collect()
     }
 
-    /// Returns the blocks of a pair.
-    pub fn blocks_of(&self, pair: u32) -> BlockPair {
-        self.pairs[pair as usize].pair
+    /// Returns the blocks of these pairs.
+    pub fn blocks_of(&self, pairs: &[u32]) -> Vec<BlockPair> {
+        let blocks = pairs.iter().map(|&k| self.pairs[k as usize].pair);
+        blocks.collect()
     }
 
     /// Records lower bounds of the clearance in the reference frame.

@@ -11,25 +11,13 @@ const FEWEST: usize = 4;
 /// Largest number of frames that is predicted.
 const FURTHEST: f64 = 1000.0;
 
-/// Clearance of the last frames.
+/// Numbers and clearances of the last frames.
 #[derive(Debug, Default)]
 pub(super) struct Trend {
-    frames: VecDeque<(u64, f64)>,
+    pub frames: VecDeque<(u64, f64)>,
 }
 
 impl Trend {
-    /// Returns the numbers and clearances of the last frames.
-    pub fn frames(&self) -> Vec<(u64, f64)> {
-        self.frames.iter().copied().collect()
-    }
-
-    /// Continues after these frames.
-    pub fn after(frames: Vec<(u64, f64)>) -> Trend {
-        Trend {
-            frames: frames.into(),
-        }
-    }
-
     /// Adds the clearance of a frame. Returns the number of frames until it is 1, or, if it is less
     /// already, 0, by the least-squares line through the last frames. `None` if it does not shrink
     /// along that line.
