@@ -155,28 +155,22 @@ impl Sample {
     pub fn new(set: &CurveSet, open: bool) -> Sample {
         let step = (set.points() / SAMPLES).max(1);
         let positions = set.positions();
-        let points = (0..set.len())
-            .filter(|&i| open || set.curve(i).closed)
-            .flat_map(|i| set.points_of(i))
-            .enumerate()
-            .filter(|(k, _)| (k / TOGETHER).is_multiple_of(step))
-            .map(|(_, k)| (k, Vector3::from(positions.point(k))));
+        let curves = (0..set.len()).filter(|&i| open || set.curve(i).closed);
+        let points = curves.flat_map(|i| set.points_of(i)).enumerate();
+        let points = points.filter(|(k, _)| (k / TOGETHER).is_multiple_of(step));
+        let points = points.map(|(_, k)| (k, Vector3::from(positions.point(k))));
         let points: Vec<_> = points.collect();
         let share = 1.0 / points.len().max(1) as f64;
         let mean: Vector3<f64> = points.iter().map(|(_, q)| q * share).sum();
-        let spread: Matrix3<f64> = points
-            .iter()
-            .map(|(_, q)| (q - mean) * (q - mean).transpose() * share)
-            .sum();
+        let square = |(_, q): &(usize, Vector3<f64>)| (q - mean) * (q - mean).transpose() * share;
+        let spread: Matrix3<f64> = points.iter().map(square).sum();
         // Regularization: across a plane or a line there is nothing to fit.
         let floor = Matrix3::identity() * (1e-9 * spread.trace() + f64::MIN_POSITIVE);
-        let shape = (spread + floor)
-            .try_inverse()
-            .unwrap_or_else(Matrix3::zeros);
+        let shape = (spread + floor).try_inverse();
         Sample {
             points,
             mean,
-            shape,
+            shape: shape.unwrap_or_else(Matrix3::zeros),
         }
     }
 }

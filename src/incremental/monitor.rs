@@ -105,23 +105,19 @@ impl Survey {
         range: f64,
     ) -> Result<Survey, Bad> {
         let sample = &reference.sample;
-        let mut survey = Survey {
-            contents: None,
-            affine: match (&reference.cell, cell) {
-                (Some(from), Some(to)) => Affine::fit_in_cell(sample, positions, [from, to]),
-                (None, None) => Affine::fit(sample, positions),
-                _ => None,
-            },
-            chunks: Vec::new(),
+        let affine = match (&reference.cell, cell) {
+            (Some(from), Some(to)) => Affine::fit_in_cell(sample, positions, [from, to]),
+            (None, None) => Affine::fit(sample, positions),
+            _ => None,
         };
         let limit = FEW_CHUNKS.max((reference.chunks() as f64 * MANY_CHUNKS) as usize);
-        let affine = survey.affine.as_ref();
-        let found = (limit, &mut survey.chunks);
-        let compared = compare(reference, affine, positions, copy, range, found)?;
-        if survey.chunks.len() > limit || !compared {
-            survey.affine = None;
-        }
-        Ok(survey)
+        let chunks = compare(reference, affine.as_ref(), positions, copy, range, limit)?;
+        let few = chunks.as_ref().is_some_and(|chunks| chunks.len() <= limit);
+        Ok(Survey {
+            contents: None,
+            affine: affine.filter(|_| few),
+            chunks: chunks.unwrap_or_default(),
+        })
     }
 
     /// Returns the number of chunks that moved, or the largest number if it is unknown.
@@ -215,9 +211,9 @@ impl Monitor {
             None => Survey::default(),
         };
         if let Some(built) = self.take_built(set, baseline) {
-            self.adopt_if_better(built, before, (set, cell));
+            self.adopt_if_better(built, (set, cell));
         }
-        // A frame between the two was rejected.
+        // A frame between the two was rejected, or the reference frame is a new one.
         if let (Some(known), Some(before)) = (&self.reference, before)
             && let given = before.given()
             && self.previous.contents != Some((given.contents(), before.cell().copied()))
@@ -282,13 +278,10 @@ impl Monitor {
     /// Returns bounds of the curves of a frame, if it is the current one, it is quiet, and the
     /// reference frame covers all curves.
     pub fn quiet_bounds(&self, set: &CurveSet) -> Option<QuietBounds<'_>> {
-        let current = self
-            .current
-            .contents
-            .is_some_and(|of| of.0 == set.contents());
-        let reference = &self.reference.as_ref().filter(|_| current)?.reference;
-        let affine = self.current.affine.filter(|_| self.current.moved() == 0)?;
-        reference.quiet_bounds(affine)
+        let (current, known) = (&self.current, self.reference.as_ref()?);
+        let is_of = current.contents.is_some_and(|of| of.0 == set.contents());
+        let affine = current.affine.filter(|_| is_of && current.moved() == 0)?;
+        known.reference.quiet_bounds(affine)
     }
 
     /// Returns true if the current frame would make a better reference.
@@ -312,21 +305,18 @@ impl Monitor {
         let build = move || {
             // A separate pool of one thread, because the pool of the stream works on the next
             // frames.
-            let pool = rayon::ThreadPoolBuilder::new()
-                .num_threads(1)
-                .build()
-                .ok()?;
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build();
             let filter = filter.as_ref();
             let reference = || Reference::build(&subject, certificate, frame, coverage, filter);
-            pool.install(reference)
+            pool.ok()?.install(reference)
         };
         let thread = std::thread::Builder::new().name("linkwatch-reference".into());
         // Without a thread there is no reference, and every frame is computed in full.
         self.build = thread.spawn(build).ok();
+        let backoff = (2 * self.backoff).max(BACKOFF * self.build_frames);
         self.backoff = if self.pays {
             1
         } else {
-            let backoff = (2 * self.backoff).max(BACKOFF * self.build_frames);
             backoff.min(MAX_BACKOFF)
         };
         self.next_reference = self.frame + self.backoff;
@@ -354,7 +344,7 @@ impl Monitor {
     pub fn make_allowances_infinite(&mut self) {
         let reference = &mut self.reference.as_mut().expect("a reference").reference;
         reference.allowances.fill(f32::INFINITY);
-        let (points, largest) = (reference.points.positions(), reference.max_abs);
+        let (points, largest) = (reference.given.positions(), reference.set.max_abs());
         reference.packed = super::packed::Packed::blocks(points, largest, &reference.allowances);
         self.received.clear();
     }
@@ -383,22 +373,14 @@ impl Monitor {
 
     /// Adopts a reference frame if fewer points of the current frame moved relative to it than
     /// relative to the present one.
-    fn adopt_if_better(
-        &mut self,
-        built: Known,
-        before: Option<&Frame>,
-        (set, cell): (&CurveSet, Option<&Cell>),
-    ) {
+    fn adopt_if_better(&mut self, built: Known, (set, cell): (&CurveSet, Option<&Cell>)) {
         let survey = Survey::of(&built.reference, set, cell);
         let present = self.reference.as_ref();
         let present = present.filter(|k| !k.reference.certificate.has_degenerate_curves());
         self.pays = present.is_none() || survey.moved() < self.current.moved();
         if self.pays {
             self.current = survey;
-            let before = before.filter(|before| before.given().same_layout(set));
-            self.previous = before.map_or_else(Survey::default, |before| {
-                Survey::of(&built.reference, before.given(), before.cell())
-            });
+            self.previous = Survey::default();
             self.reference = Some(built);
         }
     }

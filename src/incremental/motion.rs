@@ -146,19 +146,16 @@ impl<'a> MovedBlocks<'a> {
                 }
             }
         }
-        let displacements: Vec<Displacement> = blocks
-            .par_iter()
-            .with_min_len(GRAIN)
-            .map(|&block| self.displacement(block))
-            .collect();
+        let displacements = blocks.par_iter().with_min_len(GRAIN);
+        let displacements = displacements.map(|&block| self.displacement(block));
+        let displacements: Vec<Displacement> = displacements.collect();
         let slack = self.slack();
         let within = |most: f64, square: f64| most > 0.0 && square < most * most;
         let most = 0.5 * neighbours.range - slack;
         let marked = self.marked.iter().zip(&displacements);
         let stray = marked.filter(|(_, d)| !within(most, d.largest_square()));
-        let mut stray: Vec<u32> = stray
-            .map(|(&a, _)| neighbours.blocks.place(a).0 as u32)
-            .collect();
+        let stray = stray.map(|(&a, _)| neighbours.blocks.curves[a as usize]);
+        let mut stray: Vec<u32> = stray.collect();
         stray.dedup();
         if stray.len() > FEW_STRAYS {
             return None;
@@ -238,10 +235,10 @@ impl<'a> MovedBlocks<'a> {
     /// Returns a generous bound of the rounding errors of displacements, and of values computed
     /// from them.
     fn slack(&self) -> f64 {
-        let ends = self.ends.iter();
-        let size: f64 = ends
-            .map(|(affine, set)| set.max_abs() + affine.t.amax())
-            .sum();
+        let sizes = self
+            .ends
+            .map(|(affine, set)| set.max_abs() + affine.t.amax());
+        let size = sizes[0] + sizes[1];
         (self.reference.set.max_abs() + 10.0 * size) * 1e-12 + 1e-300
     }
 

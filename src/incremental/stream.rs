@@ -90,10 +90,10 @@ fn axes<T: Real>(values: &[T]) -> [[T; CHUNK]; 3] {
     axes
 }
 
-/// Compares the points of a frame with a reference frame. Adds the chunks of points that contain a
-/// point that moved further than its allowance, in order. Stops comparing if it has found more than
-/// `limit` chunks. Returns false if the points were not compared: there is no affine frame, or
-/// coordinates are too large.
+/// Compares the points of a frame with a reference frame. Returns the chunks of points that contain
+/// a point that moved further than its allowance, in order. Stops comparing if it has found more
+/// than `limit` chunks. Returns `None` if the points were not compared: there is no affine frame,
+/// or coordinates are too large.
 ///
 /// Copies the positions to `copy`, if given. Fails with the first value whose magnitude is not
 /// within `range`.
@@ -103,20 +103,20 @@ pub(super) fn compare(
     positions: Positions<'_>,
     copy: Option<&mut Received>,
     range: f64,
-    (limit, found): (usize, &mut Vec<u32>),
-) -> Result<bool, Bad> {
-    match (positions, &reference.points, copy) {
-        (Positions::F32(p), Received::F32(q), Some(Received::F32(copy))) => {
-            compare_all(reference, affine, (p, q), Some(copy), range, (limit, found))
+    limit: usize,
+) -> Result<Option<Vec<u32>>, Bad> {
+    match (positions, reference.given.positions(), copy) {
+        (Positions::F32(p), Positions::F32(q), Some(Received::F32(copy))) => {
+            compare_all(reference, affine, (p, q), Some(copy), range, limit)
         }
-        (Positions::F32(p), Received::F32(q), None) => {
-            compare_all(reference, affine, (p, q), None, range, (limit, found))
+        (Positions::F32(p), Positions::F32(q), None) => {
+            compare_all(reference, affine, (p, q), None, range, limit)
         }
-        (Positions::F64(p), Received::F64(q), Some(Received::F64(copy))) => {
-            compare_all(reference, affine, (p, q), Some(copy), range, (limit, found))
+        (Positions::F64(p), Positions::F64(q), Some(Received::F64(copy))) => {
+            compare_all(reference, affine, (p, q), Some(copy), range, limit)
         }
-        (Positions::F64(p), Received::F64(q), None) => {
-            compare_all(reference, affine, (p, q), None, range, (limit, found))
+        (Positions::F64(p), Positions::F64(q), None) => {
+            compare_all(reference, affine, (p, q), None, range, limit)
         }
         _ => unreachable!("callers compare the precision first"),
     }
@@ -128,8 +128,8 @@ fn compare_all<T: Real + Scalar>(
     (p, q): (&[T], &[T]),
     copy: Option<&mut Vec<T>>,
     range: f64,
-    (limit, found): (usize, &mut Vec<u32>),
-) -> Result<bool, Bad> {
+    limit: usize,
+) -> Result<Option<Vec<u32>>, Bad> {
     let comparison = affine.and_then(|affine| Comparison::new(reference, affine, q));
     let pass = Pass {
         // Blocks that satisfy the quick condition are not checked otherwise.
@@ -164,10 +164,10 @@ fn compare_all<T: Real + Scalar>(
             done.into_iter().collect::<Result<(), Bad>>()?;
         }
     }
-    found.extend(parts.iter().flat_map(|part| &part.found));
     let largest = parts.iter().map(|part| part.largest).max().unwrap_or(0);
     let largest = T::from_magnitude(largest);
-    Ok(pass.comparison.is_some_and(|c| largest <= c.largest))
+    let compared = pass.comparison.is_some_and(|c| largest <= c.largest);
+    Ok(compared.then(|| parts.into_iter().flat_map(|part| part.found).collect()))
 }
 
 /// Number of coordinates that are copied at once, then compared from the second-level cache.
@@ -243,7 +243,7 @@ impl<T: Real + Scalar> Pass<'_, T> {
 impl<'a, T: Real> Comparison<'a, T> {
     /// `points` are those of the reference frame.
     fn new(reference: &'a Reference, affine: &Affine, points: &'a [T]) -> Option<Self> {
-        let size = reference.max_abs;
+        let size = reference.set.max_abs();
         let largest = LARGER * (affine.largest_row() * size + affine.t.amax());
         Some(Comparison {
             condition: Condition::new(affine, size, largest)?,
@@ -341,7 +341,7 @@ mod tests {
                 allowances[k] = a.min(f32::MAX.into()) as f32;
             }
         }
-        let (points, largest) = (reference.points.positions(), reference.set.max_abs());
+        let (points, largest) = (reference.given.positions(), reference.set.max_abs());
         reference.packed = Packed::blocks(points, largest, &allowances);
         reference.allowances = allowances;
         reference
@@ -354,7 +354,7 @@ mod tests {
         affine: &Affine,
         mut share: impl FnMut(usize) -> Vector3<f64>,
     ) -> Vec<f64> {
-        let places = r.points.positions();
+        let places = r.given.positions();
         let points = (0..r.set.points()).map(|k| {
             let a = f64::from(r.allowances[k].min(r.set.max_abs() as f32));
             affine.m * (Vector3::from(places.point(k)) + share(k) * a) + affine.t
@@ -365,29 +365,18 @@ mod tests {
     /// Returns the chunks of a frame that moved, in a pass with a copy of its positions.
     fn moved_chunks(r: &Reference, affine: &Affine, frame: &CurveSet) -> Vec<u32> {
         let positions = frame.positions();
-        let mut found = Vec::new();
         let all = usize::MAX;
-        let compared = compare(
-            r,
-            Some(affine),
-            positions,
-            None,
-            f64::INFINITY,
-            (all, &mut found),
-        );
-        let compared = compared.unwrap();
-        if !compared {
-            found = (0..frame.points().div_ceil(CHUNK) as u32).collect();
-        }
-        let (mut copied, mut again) = (frame.clone(), Vec::new());
-        let found_again = (all, &mut again);
+        let found = compare(r, Some(affine), positions, None, f64::INFINITY, all).unwrap();
+        let (mut copied, mut again) = (frame.clone(), None);
         let copy = |copy: &mut Received, range| {
-            compare(r, Some(affine), positions, Some(copy), range, found_again).map(drop)
+            again = compare(r, Some(affine), positions, Some(copy), range, all)?;
+            Ok(())
         };
         copied.update_by(positions, copy).unwrap();
-        if compared {
+        if found.is_some() {
             assert_eq!(again, found);
         }
+        let found = found.unwrap_or_else(|| (0..frame.points().div_ceil(CHUNK) as u32).collect());
         assert_eq!(copied.max_abs(), frame.max_abs());
         for k in 0..frame.points() {
             assert_eq!(copied.positions().point(k), positions.point(k));
@@ -437,7 +426,7 @@ mod tests {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
             let found = pool.install(|| moved_chunks(&r, &affine, &frame));
             let points = frame.positions();
-            let [places, points] = [r.points.positions(), points];
+            let [places, points] = [r.given.positions(), points];
             for k in (0..frame.points()).filter(|&k| r.allowances[k] < f32::INFINITY) {
                 let [p, q] = [points, places].map(|at| Vector3::from(at.point(k)) / scale);
                 let off = (affine.inverse * (p - affine.t / scale) - q).norm();

@@ -214,10 +214,8 @@ fn follow_pair(
             Passed::Sum(0) | Passed::FromTheStart => {}
             Passed::Sum(sum) => {
                 // Any of the contacts can serve as the place; prefer one with the sign of the sum.
-                let place = start
-                    .iter()
-                    .filter(is_in_component)
-                    .max_by_key(|c| c.event.sign * sum.signum());
+                let places = start.iter().filter(is_in_component);
+                let place = places.max_by_key(|c| c.event.sign * sum.signum());
                 let event = place.map(|c| PullThrough {
                     sign: sum.signum(),
                     ..c.event
@@ -225,11 +223,10 @@ fn follow_pair(
                 followed.events.extend((0..sum.abs()).filter_map(|_| event));
             }
             Passed::Unknown => {
-                let defect = start
-                    .iter()
-                    .find(is_in_component)
-                    .map(|c| defect(c, frames[1]));
-                followed.undecided.extend(defect);
+                let place = start.iter().find(is_in_component);
+                followed
+                    .undecided
+                    .extend(place.map(|c| defect(c, frames[1])));
             }
         }
     }

@@ -180,11 +180,9 @@ impl Ledger {
         }
         let segments = frames[0].segments();
         let search = || self.search(frames, coverage, pairs.as_deref());
-        let Part {
-            mut outcome,
-            contacts: found,
-        } = pool::run(segments, search);
-        let followed = contacts.follow(&found, frames);
+        let found = pool::run(segments, search);
+        let followed = contacts.follow(&found.contacts, frames);
+        let mut outcome = found.outcome;
         outcome.events.extend(followed.events);
         sort_by_time(&mut outcome.events);
         sort_by_time(&mut outcome.unresolved);

@@ -80,17 +80,18 @@ impl Outcome {
         sums.chain(undecided).chain(self.contacts.pairs())
     }
 
+    /// Returns the pairs with a passage, and those that are undecided. Not sorted.
+    pub(super) fn passed_or_undecided(&self) -> impl Iterator<Item = Pair> {
+        let passages = self.events.iter().chain(&self.unresolved);
+        let undecided = self.undecided.iter().map(|d| (d.i, d.j.unwrap_or(d.i)));
+        passages.map(|e| (e.i, e.j)).chain(undecided)
+    }
+
     /// Returns all pairs that may have met in the step: those with a passage, undecided, in
     /// contact, or with an open spline that is near. Not sorted.
     pub fn met_pairs(&self) -> impl Iterator<Item = Pair> {
-        let passages = self.events.iter().chain(&self.unresolved);
-        let undecided = self.undecided.iter().map(|d| (d.i, d.j.unwrap_or(d.i)));
-        let passages = passages.map(|e| (e.i, e.j));
-        let near = self.near.iter().copied();
-        passages
-            .chain(undecided)
-            .chain(near)
-            .chain(self.contacts.pairs())
+        let others = self.near.iter().copied().chain(self.contacts.pairs());
+        self.passed_or_undecided().chain(others)
     }
 
     /// Returns the pairs of closed curves for which the change of the linking number differs from

@@ -213,12 +213,7 @@ impl Task<'_> {
             Some(_) => Ties::Report,
             None => Ties::Translate,
         };
-        let Findings {
-            passages: list,
-            contacts,
-            ties: touching,
-            counts,
-        } = found;
+        let list = &mut found.passages;
         let first = list.len();
         let mut in_frames = [None; 2];
         let mut add = |p: Passage| match p.moment {
@@ -253,13 +248,14 @@ impl Task<'_> {
                     joint: false,
                     counted: true,
                 };
-                contacts.extend(in_frames.into_iter().flatten().map(contact));
+                let in_frames = in_frames.into_iter().flatten();
+                found.contacts.extend(in_frames.map(contact));
             }
         }
-        counts.tests += 1;
-        counts.exact += u64::from(matches!(decided, Decided::Exact | Decided::Tie));
+        found.counts.tests += 1;
+        found.counts.exact += u64::from(matches!(decided, Decided::Exact | Decided::Tie));
         if decided == Decided::Tie {
-            touching.push(segments);
+            found.ties.push(segments);
         }
     }
 

@@ -39,14 +39,9 @@ impl Outcome {
     /// did not before.
     fn unsafe_pairs(&self, before: &Contacts) -> Vec<Pair> {
         let known = before.pairs();
-        let passages = self.events.iter().chain(&self.unresolved);
-        let undecided = self.undecided.iter().map(|d| (d.i, d.j.unwrap_or(d.i)));
         let contacts = self.contacts.pairs().into_iter();
-        passages
-            .map(|e| (e.i, e.j))
-            .chain(undecided)
-            .chain(contacts.filter(|pair| !known.contains(pair)))
-            .collect()
+        let new = contacts.filter(|pair| !known.contains(pair));
+        self.passed_or_undecided().chain(new).collect()
     }
 
     /// Returns true if the whole step is safe.

@@ -78,7 +78,7 @@ pub(super) struct Allowances<'a> {
     trees: &'a Trees,
     /// Pairs of curves that must stay apart; `None`: all.
     filter: Option<&'a PairFilter>,
-    pub reach: f64,
+    reach: f64,
     /// Bit patterns of the allowances. None is negative, so the patterns have the same order.
     slots: Vec<AtomicU32>,
     blocks: Blocks,
@@ -95,19 +95,17 @@ impl<'a> Allowances<'a> {
         filter: Option<&'a PairFilter>,
         most: usize,
     ) -> Self {
-        let mut all = Allowances {
-            most,
-            found: AtomicUsize::new(0),
+        let unbounded = |_| AtomicU32::new(f32::INFINITY.to_bits());
+        Allowances {
             covered,
             trees,
             filter,
             reach: typical_clearance(covered, trees, filter) * SHARE * GOOD,
-            slots: Vec::new(),
+            slots: (0..covered.set.slots()).map(unbounded).collect(),
             blocks: Blocks::new(covered.set),
-        };
-        let none = || AtomicU32::new(f32::INFINITY.to_bits());
-        all.slots.resize_with(covered.set.slots(), none);
-        all
+            most,
+            found: AtomicUsize::new(0),
+        }
     }
 
     fn lower(&self, slots: impl Iterator<Item = usize>, to: f64) {
@@ -160,12 +158,9 @@ impl<'a> Allowances<'a> {
         let at_most = |x: f64| (x + 2.0 * rounding).min(f32::MAX.into()) as f32;
         let within = at_most(self.reach / SHARE);
         let range = at_most(RANGE * self.reach / SHARE);
-        let dilated: Vec<Box3> = self
-            .trees
-            .roots()
-            .iter()
-            .map(|b| b.dilated(0.5 * range + rounding as f32))
-            .collect();
+        let dilation = 0.5 * range + rounding as f32;
+        let dilated = self.trees.roots().iter().map(|b| b.dilated(dilation));
+        let dilated: Vec<Box3> = dilated.collect();
         let mut search = LinkSearch::new(self.filter.cloned());
         let pairs = search.find(&dilated);
         if self.covered.coverage.self_crossings {
@@ -182,7 +177,7 @@ impl<'a> Allowances<'a> {
                     let (curves, own) = ([i as usize, j as usize], &mut buffers);
                     dispatch!(simd => Self::keep_apart(&self, simd, curves, within, own));
                     self.add_leaves(curves, range, &mut buffers);
-                    self.compact(&mut buffers.blocks, &mut buffers.counted);
+                    self.compact(&mut buffers);
                     if self.is_full() {
                         return Vec::new();
                     }
@@ -208,7 +203,12 @@ impl<'a> Allowances<'a> {
     }
 
     /// Keeps each pair of blocks once, with its smallest gap, and counts the new ones.
-    fn compact(&self, blocks: &mut Vec<NearBlocks>, counted: &mut usize) {
+    fn compact(
+        &self,
+        Buffers {
+            blocks, counted, ..
+        }: &mut Buffers,
+    ) {
         blocks.sort_unstable_by(|a, b| a.blocks.cmp(&b.blocks).then(a.gap.total_cmp(&b.gap)));
         blocks.dedup_by_key(|near| near.blocks);
         let new = blocks.len() - *counted;
@@ -217,9 +217,9 @@ impl<'a> Allowances<'a> {
     }
 
     /// [`Allowances::compact`] if the list has grown to twice its size or more.
-    fn compact_if_large(&self, blocks: &mut Vec<NearBlocks>, counted: &mut usize) {
-        if blocks.len() > 2 * *counted + COMPACT.min(self.most) {
-            self.compact(blocks, counted);
+    fn compact_if_large(&self, buffers: &mut Buffers) {
+        if buffers.blocks.len() > 2 * buffers.counted + COMPACT.min(self.most) {
+            self.compact(buffers);
         }
     }
 
@@ -238,26 +238,16 @@ impl<'a> Allowances<'a> {
 
     /// Applies the bounds that keep segments of two curves apart, or of a curve and itself.
     #[inline(always)]
-    fn keep_apart<L: Lanes>(
-        &self,
-        simd: L,
-        curves: [usize; 2],
-        reach: f32,
-        Buffers {
-            agenda,
-            near,
-            blocks,
-            counted,
-        }: &mut Buffers,
-    ) {
+    fn keep_apart<L: Lanes>(&self, simd: L, curves: [usize; 2], reach: f32, buffers: &mut Buffers) {
         let trees = curves.map(|i| self.trees.of(self.covered.set, i));
-        agenda.push((trees[0].root(), trees[1].root()));
+        buffers.agenda.push((trees[0].root(), trees[1].root()));
         let query = Query::in_space(reach);
-        while !agenda.is_empty() {
+        while !buffers.agenda.is_empty() {
+            let (agenda, near) = (&mut buffers.agenda, &mut buffers.near);
             descend::<L, _, true>(simd, trees, query, agenda, near, (usize::MAX, BATCH));
-            self.keep_all_apart(curves, &near.all, blocks);
-            near.all.clear();
-            self.compact_if_large(blocks, counted);
+            self.keep_all_apart(curves, &near.all, &mut buffers.blocks);
+            buffers.near.all.clear();
+            self.compact_if_large(buffers);
             if self.is_full() {
                 return;
             }
@@ -276,7 +266,7 @@ impl<'a> Allowances<'a> {
                     blocks: [i + a, j + b],
                     gap: gap.max(least),
                 });
-                self.compact_if_large(&mut buffers.blocks, &mut buffers.counted);
+                self.compact_if_large(buffers);
             }
             !self.is_full()
         });

@@ -25,20 +25,14 @@ pub(super) fn typical_clearance(
     let count = |i: usize| (set.curve(i).segments as usize).div_ceil(LANES);
     let total: usize = covered.indices().map(count).sum();
     let step = (total / SAMPLES).max(1);
-    let mut samples = Vec::new();
-    let mut at = step / 2;
-    for i in covered.indices() {
-        let n = count(i);
-        while at < n {
-            samples.push((i, at));
-            at += step;
-        }
-        at -= n;
-    }
-    let mut distances: Vec<f64> = samples
+    let blocks = covered
+        .indices()
+        .flat_map(|i| (0..count(i)).map(move |g| (i, g)));
+    let samples: Vec<(usize, usize)> = blocks.skip(step / 2).step_by(step).collect();
+    let distances = samples
         .par_iter()
-        .map(|&(i, g)| clearance(covered, trees, filter, (i, g)))
-        .collect();
+        .map(|&block| clearance(covered, trees, filter, block));
+    let mut distances: Vec<f64> = distances.collect();
     distances.sort_by(f64::total_cmp);
     let quartile = distances.get(distances.len() * 3 / 4);
     let all = 4.0 * set.max_abs().max(f64::MIN_POSITIVE);
@@ -60,18 +54,12 @@ fn clearance(
     let segments = (0..LANES as u32).map(|k| (block * LANES) as u32 + k);
     let n = set.curve(i).segments;
     let parts = |j: usize| set.parts(i, j);
-    let block: Vec<_> = segments
-        .filter(|&s| s < n)
-        .map(|s| (s, hull(i, s)))
-        .collect();
+    let block = segments.filter(|&s| s < n).map(|s| (s, hull(i, s)));
+    let block: Vec<(u32, Hull)> = block.collect();
     // Distances are not negative, so their bit patterns have the same order.
     let entry = |j: usize, b: &Box3, node: Option<Node>, at: u32| {
-        (
-            Reverse(bounds.dist_sq_below(b).to_bits()),
-            j,
-            at,
-            node.map(|n| n.level),
-        )
+        let distance = Reverse(bounds.dist_sq_below(b).to_bits());
+        (distance, j, at, node.map(|n| n.level))
     };
     let others = trees.roots().iter().enumerate().filter(|&(j, root)| {
         (j != i || covered.coverage.self_crossings)

@@ -16,7 +16,7 @@ use super::covered::{Coverage, Covered};
 use super::packed::Packed;
 use super::quiet_bounds::QuietBounds;
 use crate::certificate::Certificate;
-use crate::curve::{AXES, Cell, CurveSet, Frame, Point, Received, Translated, union};
+use crate::curve::{AXES, Cell, CurveSet, Frame, Point, Translated, union};
 use crate::pairs::{PairFilter, Trees};
 use std::borrow::Cow;
 use std::sync::Arc;
@@ -31,10 +31,6 @@ pub(super) struct Reference {
     /// Images of these curves.
     images: Option<Translated>,
     pub cell: Option<Cell>,
-    /// Upper bound of the coordinates of all curves.
-    pub max_abs: f64,
-    /// Positions of the control points of the given curves, in order.
-    pub points: Received,
     /// Pairs for which the allowances are valid.
     pub coverage: Coverage,
     pub certificate: Arc<Certificate>,
@@ -90,9 +86,7 @@ impl Reference {
         if let Some(images) = &images {
             allowances = least_of_images(&allowances, &set, images, &given);
         }
-        let points = Received::from(given.positions());
-        let max_abs = set.max_abs();
-        let packed = Packed::blocks(points.positions(), max_abs, &allowances);
+        let packed = Packed::blocks(given.positions(), set.max_abs(), &allowances);
         let finite = allowances.iter().filter(|a| a.is_finite());
         let bounds = (0..given.len()).map(|i| given.bounds_along(i, &AXES));
         let bounds: Vec<[Point; 2]> = bounds.collect();
@@ -104,8 +98,6 @@ impl Reference {
             given,
             images,
             cell: subject.cell().copied(),
-            max_abs,
-            points,
             coverage,
             certificate,
             frame,

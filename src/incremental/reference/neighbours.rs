@@ -37,10 +37,8 @@ impl Neighbours {
     /// Lists the neighbours.
     pub fn new(blocks: Blocks, near: &[NearBlocks], range: f64) -> Neighbours {
         // A block of a curve may be near itself.
-        let ways = |&NearBlocks {
-                        blocks: [a, b],
-                        gap,
-                    }: &NearBlocks| {
+        let ways = |near: &NearBlocks| {
+            let ([a, b], gap) = (near.blocks, near.gap);
             let both = [(a, b), (b, a)].map(|(a, block)| (a, Neighbour { block, gap }));
             both.into_iter().take(if a == b { 1 } else { 2 })
         };
