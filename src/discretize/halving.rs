@@ -116,11 +116,7 @@ impl Halving {
         volume: impl Fn(&Bezier) -> V,
         apart: impl Fn(&V, &V) -> bool,
     ) -> Result<u32, [u32; 2]> {
-        let Halving {
-            splits,
-            front,
-            next,
-        } = self;
+        let (splits, front, next) = (&mut self.splits, &mut self.front, &mut self.next);
         splits.iter_mut().for_each(Splits::clear);
         front.clear();
         front.extend(meeting.iter().map(|&(s, t)| Overlap {
@@ -160,9 +156,9 @@ impl Halving {
                 }
             }
             // A piece that overlaps several others was split once for each of them.
-            splits
-                .iter_mut()
-                .for_each(|splits| sort_splits(&mut splits.at));
+            for splits in splits.iter_mut() {
+                sort_splits(&mut splits.at);
+            }
             std::mem::swap(front, next);
         }
         for (splits, curve) in splits.iter_mut().zip(curves) {

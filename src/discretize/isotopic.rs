@@ -16,7 +16,7 @@
 use super::MAX_LEVEL;
 use super::hulls::{Hull, separation_margin};
 use crate::curve::vector::{hypot, per_axis};
-use crate::curve::{Basis, Box3, CurveSet, Point, Positions, above, below, bounds, sub_segment};
+use crate::curve::{Basis, Box3, CurveSet, Point, Positions, bounds, sub_segment};
 use crate::pairs::{LinkSearch, closest_of_segments};
 use crate::verdict::{Defect, DefectKind};
 
@@ -122,10 +122,7 @@ fn to_split(pieces: &[Piece], margin: f64) -> Result<Vec<bool>, [usize; 2]> {
     let boxed = |p: &Piece| {
         let points: [Point; 4] = [0, 1, 2, 3].map(|k| p.hull.point(k));
         let [lo, hi] = bounds(points);
-        Box3 {
-            lo: lo.map(|x| below(x - 2.0 * margin)),
-            hi: hi.map(|x| above(x + 2.0 * margin)),
-        }
+        Box3::around([lo.map(|x| x - 2.0 * margin), hi.map(|x| x + 2.0 * margin)])
     };
     let boxes: Vec<Box3> = pieces.iter().map(boxed).collect();
     let turns = (0..pieces.len()).filter(|&k| {
@@ -134,10 +131,8 @@ fn to_split(pieces: &[Piece], margin: f64) -> Result<Vec<bool>, [usize; 2]> {
     });
     let turns: Vec<[usize; 2]> = turns.map(|k| [k, next[k]]).collect();
     let mut search = LinkSearch::default();
-    let near = search
-        .find(&boxes)
-        .iter()
-        .map(|&(a, b)| [a as usize, b as usize]);
+    let near = search.find(&boxes).iter();
+    let near = near.map(|&(a, b)| [a as usize, b as usize]);
     let near = near.filter(|&[a, b]| {
         let apart = pieces[a].hull.separated(&pieces[b].hull, margin);
         next[a] != b && next[b] != a && !apart

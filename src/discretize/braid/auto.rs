@@ -19,14 +19,8 @@ const NEAR: f64 = 0.25;
 /// [`Error::Braid`] if there is no open curve, or a group has fewer than four.
 pub fn find(set: &CurveSet) -> Result<Vec<Braid>> {
     let open = (0..set.len()).filter(|&i| !set.curve(i).closed);
-    let curves: Vec<(u32, [Vector3<f64>; 2])> = open
-        .map(|i| {
-            (
-                i as u32,
-                [0, set.curve(i).segments as usize].map(|s| set.knot(i, s).into()),
-            )
-        })
-        .collect();
+    let ends = |i: usize| [0, set.curve(i).segments as usize].map(|s| set.knot(i, s).into());
+    let curves: Vec<(u32, [Vector3<f64>; 2])> = open.map(|i| (i as u32, ends(i))).collect();
     if curves.is_empty() {
         let what = format!("no open curve among {}, so there are no braids", set.len());
         return Err(Error::Braid(what));

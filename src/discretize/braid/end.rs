@@ -71,12 +71,8 @@ impl End {
                 return Err(what.into());
             }
             let local = along.iter().map(|x| Vector3::new(*x, 0.0, 0.0)).collect();
-            let shape = Shape {
-                local,
-                line: true,
-                spread: gap,
-            };
-            return Ok(vec![shape.end(gap, largest, given.clone())?]);
+            let end = End::with_routes(local, true, [gap; 2], largest, given.clone());
+            return Ok(vec![end?]);
         }
         let away = center - other;
         let upright = normal * normal.dot(&away).signum();
@@ -92,24 +88,17 @@ impl End {
         let mut ends = Vec::new();
         let mut why = "the direction outward has no length".to_owned();
         for direction in directions {
-            let Some(z) = direction
-                .try_normalize(0.0)
-                .filter(|z| z.iter().all(|x| x.is_finite()))
-            else {
+            let z = direction.try_normalize(0.0);
+            let Some(z) = z.filter(|z| z.iter().all(|x| x.is_finite())) else {
                 continue;
             };
-            let x = first - z * z.dot(&first);
-            let Some(x) = x.try_normalize(1e-3).or_else(|| {
-                let second = principal.axes[1];
-                (second - z * z.dot(&second)).try_normalize(1e-3)
-            }) else {
+            let across = |axis: Vector3<f64>| (axis - z * z.dot(&axis)).try_normalize(1e-3);
+            let Some(x) = across(first).or_else(|| across(principal.axes[1])) else {
                 continue;
             };
             let rotation = Matrix3::from_columns(&[x, z.cross(&x), z]);
-            let local: Vec<_> = points
-                .iter()
-                .map(|p| rotation.tr_mul(&(p - center)))
-                .collect();
+            let local = points.iter().map(|p| rotation.tr_mul(&(p - center)));
+            let local: Vec<Vector3<f64>> = local.collect();
             let flat: Vec<Vector2<f64>> = local.iter().map(|p| p.xy()).collect();
             let gap = smallest_distance(&flat);
             if gap < LEAST * spacing {
@@ -120,20 +109,10 @@ impl End {
                 );
                 continue;
             }
-            let shape = Shape {
-                local,
-                line: false,
-                spread: gap.min(principal.deviations[1]),
-            };
-            let outward = Some(z.into());
-            match shape.end(
-                gap,
-                largest,
-                Given {
-                    outward,
-                    ..given.clone()
-                },
-            ) {
+            let sizes = [gap, gap.min(principal.deviations[1])];
+            let mut given = given.clone();
+            given.outward = Some(z.into());
+            match End::with_routes(local, false, sizes, largest, given) {
                 Ok(end) => ends.push(end),
                 Err(e) => why = e,
             }
@@ -141,14 +120,27 @@ impl End {
         if ends.is_empty() { Err(why) } else { Ok(ends) }
     }
 
-    /// Returns the position of the end in a frame, from its end points and the middle of the other
-    /// end. Returns an error if an end point is not in its place: which, and how far off it is.
-    pub fn pose(&self, points: &[Vector3<f64>], other: Vector3<f64>) -> Result<Pose, Misfit> {
+    /// Returns the position of the end in a frame, from its end points, which are those of these
+    /// curves, and the middle of the other end.
+    ///
+    /// # Errors
+    ///
+    /// A reason why it has none, without the name of the end: an end point is not in its place, or
+    /// the points lie on a line through the other end.
+    pub fn pose(
+        &self,
+        points: &[Vector3<f64>],
+        other: Vector3<f64>,
+        curves: &[u32],
+    ) -> Result<Pose, String> {
         let pose = match self.line {
             false => fit(&self.local, points),
             true => {
                 let along: Vec<f64> = self.local.iter().map(|p| p.x).collect();
-                fit_line(&along, points, other).ok_or(Misfit::Direction)?
+                fit_line(&along, points, other).ok_or(
+                    "has its end points on a line that almost passes through the other end, so \
+                     its volume has no side to lie on",
+                )?
             }
         };
         let off = |(p, q): (&Vector3<f64>, &Vector3<f64>)| (pose.to_local(*p) - q).norm();
@@ -161,14 +153,16 @@ impl End {
             true => self.tolerance / TOLERANCE * STRAIGHT + self.tolerance,
             false => self.tolerance,
         };
-        match distance <= allowed {
-            true => Ok(pose),
-            false => Err(Misfit::Point {
-                k,
-                distance,
-                allowed,
-            }),
+        if distance <= allowed {
+            return Ok(pose);
         }
+        let notation = Notation::of_scene(0.0, [distance, allowed, 0.0]);
+        let [distance, allowed] = [distance, allowed].map(|length| notation.length(length));
+        Err(format!(
+            "is not rigid: the end of curve {} is {distance} from its place among the others, more \
+             than {allowed}",
+            curves[k]
+        ))
     }
 
     /// Returns the box around the layers, and the tubes.
@@ -187,37 +181,16 @@ impl End {
             .iter()
             .map(move |p| pose.to_world(*p).into())
     }
-}
 
-/// Reason why an end has no position.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Misfit {
-    /// An end point is not in its place.
-    Point {
-        k: usize,
-        distance: f64,
-        allowed: f64,
-    },
-    /// The end points lie on a line through the other end.
-    Direction,
-}
-
-/// End points in local coordinates, before routes are found.
-struct Shape {
-    local: Vec<Vector3<f64>>,
-    line: bool,
-    /// Unit of the tolerance.
-    spread: f64,
-}
-
-impl Shape {
-    /// Finds the routes and the volume. `gap` is the smallest distance of two stubs.
-    fn end(self, gap: f64, largest: f64, given: Given) -> Result<End, String> {
-        let Shape {
-            local,
-            line,
-            spread,
-        } = self;
+    /// Finds the routes and the volume of an end with these points in local coordinates. `gap` is
+    /// the smallest distance of two stubs, `spread` the unit of the tolerance.
+    fn with_routes(
+        local: Vec<Vector3<f64>>,
+        line: bool,
+        [gap, spread]: [f64; 2],
+        largest: f64,
+        given: Given,
+    ) -> Result<End, String> {
         if gap <= RESOLUTION * largest {
             return Err(format!(
                 "its end points are {gap:.3e} apart at the closest, too close for coordinates of \
@@ -251,11 +224,8 @@ impl Shape {
         };
         let connections = routes.iter().map(|route| {
             let z = depth(route.layer);
-            route
-                .path
-                .iter()
-                .map(|p| Vector3::new(p.x, p.y, z))
-                .collect()
+            let path = route.path.iter().map(|p| Vector3::new(p.x, p.y, z));
+            path.collect()
         });
         Ok(End {
             tolerance,
@@ -266,30 +236,5 @@ impl Shape {
             line,
             given,
         })
-    }
-}
-
-impl Misfit {
-    /// Returns the reason in words. `curves` are those of the braid.
-    pub fn words(self, curves: &[u32]) -> String {
-        match self {
-            Misfit::Point {
-                k,
-                distance,
-                allowed,
-            } => {
-                let notation = Notation::of_scene(0.0, [distance, allowed, 0.0]);
-                format!(
-                    "is not rigid: the end of curve {} is {} from its place among the others, more \
-                     than {}",
-                    curves[k],
-                    notation.length(distance),
-                    notation.length(allowed)
-                )
-            }
-            Misfit::Direction => "has its end points on a line that almost passes through the \
-                                  other end, so its volume has no side to lie on"
-                .into(),
-        }
     }
 }

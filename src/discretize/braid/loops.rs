@@ -45,13 +45,6 @@ struct Resolved {
     ends: [End; 2],
 }
 
-impl Resolved {
-    /// Returns the end points at both ends.
-    fn points(&self, set: &CurveSet) -> [Vec<Vector3<f64>>; 2] {
-        end_points(set, &self.curves, &self.reversed)
-    }
-}
-
 /// Returns the points of the left and of the right end of a braid.
 fn end_points(set: &CurveSet, curves: &[u32], reversed: &[bool]) -> [Vec<Vector3<f64>>; 2] {
     [false, true].map(|right| {
@@ -123,11 +116,8 @@ impl BraidLoops {
 
     /// Finds the ends of a braid such that no curve of the first frame is in their volumes.
     fn resolve(&self, b: usize, braid: &Braid, set: &CurveSet) -> Result<Resolved, String> {
-        let reversed: Vec<bool> = braid
-            .curves
-            .iter()
-            .map(|i| braid.reversed.contains(i))
-            .collect();
+        let reversed = braid.curves.iter().map(|i| braid.reversed.contains(i));
+        let reversed: Vec<bool> = reversed.collect();
         let points = end_points(set, &braid.curves, &reversed);
         let given = [&braid.left, &braid.right];
         let references = [0, 1].map(|side| match given[side].points.is_empty() {
@@ -143,11 +133,8 @@ impl BraidLoops {
                 points: references[side].iter().map(|p| (*p).into()).collect(),
                 ..given[side].clone()
             };
-            let largest = reference
-                .points
-                .iter()
-                .flatten()
-                .fold(set.max_abs(), |a, x| a.max(x.abs()));
+            let numbers = reference.points.iter().flatten();
+            let largest = numbers.fold(set.max_abs(), |a, x| a.max(x.abs()));
             let candidates = End::candidates(&reference, middles[1 - side], largest);
             let candidates = candidates.map_err(|why| format!("{name}: {why}"))?;
             let mut why = None;
@@ -182,8 +169,8 @@ impl BraidLoops {
         (points, other): (&[Vector3<f64>], Vector3<f64>),
         name: &str,
     ) -> Result<Pose, String> {
-        let pose = end.pose(points, other);
-        let pose = pose.map_err(|m| format!("{name} {}", m.words(curves)))?;
+        let pose = end.pose(points, other, curves);
+        let pose = pose.map_err(|why| format!("{name} {why}"))?;
         self.clear(set, (end, pose, curves), name)?;
         Ok(pose)
     }
@@ -242,7 +229,7 @@ impl BraidLoops {
     fn poses(&self, set: &CurveSet) -> Result<Vec<[Pose; 2]>, String> {
         let mut poses = Vec::with_capacity(self.braids.len());
         for (b, braid) in self.braids.iter().enumerate() {
-            let points = braid.points(set);
+            let points = end_points(set, &braid.curves, &braid.reversed);
             let middles = points.each_ref().map(|points| mean(points));
             let pose = |side: usize| {
                 let name = format!("the {} end of braid {b}", SIDES[side]);

@@ -34,10 +34,8 @@ pub fn mean(points: &[Vector3<f64>]) -> Vector3<f64> {
 pub fn principal_axes(points: &[Vector3<f64>]) -> Principal {
     let center = mean(points);
     // Scaled, so that no square overflows or underflows.
-    let largest = points
-        .iter()
-        .map(|p| (p - center).amax())
-        .fold(0.0, f64::max);
+    let sizes = points.iter().map(|p| (p - center).amax());
+    let largest = sizes.fold(0.0, f64::max);
     let scale = if largest > 0.0 { largest } else { 1.0 };
     let squares = points.iter().map(|p| {
         let d = (p - center) / scale;
@@ -87,11 +85,8 @@ pub fn fit_line(along: &[f64], points: &[Vector3<f64>], other: Vector3<f64>) -> 
     /// Smallest sine of the angle between the line and the direction to the other end.
     const SINE: f64 = 0.05;
     let origin = mean(points);
-    let sum: Vector3<f64> = along
-        .iter()
-        .zip(points)
-        .map(|(x, p)| (p - origin) * *x)
-        .sum();
+    let products = along.iter().zip(points).map(|(x, p)| (p - origin) * *x);
+    let sum: Vector3<f64> = products.sum();
     let x = sum.try_normalize(0.0)?;
     let away = (origin - other).try_normalize(0.0)?;
     let across = away - x * x.dot(&away);

@@ -27,13 +27,9 @@ const OFFSETS: [f64; 10] = [0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0, 16.0];
 
 /// Returns the smallest distance of two points.
 pub fn smallest_distance(points: &[Point2]) -> f64 {
-    let mut smallest = f64::INFINITY;
-    for (k, p) in points.iter().enumerate() {
-        for q in &points[..k] {
-            smallest = smallest.min((p - q).norm());
-        }
-    }
-    smallest
+    let before = |k: usize| points[..k].iter().map(move |q| (points[k] - q).norm());
+    let distances = (0..points.len()).flat_map(before);
+    distances.fold(f64::INFINITY, f64::min)
 }
 
 /// Returns the routes from each point to the next one, and from the last to the first. Returns
@@ -54,13 +50,11 @@ fn one(points: &[Point2], gap: f64, routes: &[Route], m: usize) -> Option<Route>
     let (a, b) = (points[m], points[(m + 1) % n]);
     let chord = b - a;
     let normal = Point2::new(-chord.y, chord.x).try_normalize(0.0)?;
-    let bent = OFFSETS
-        .iter()
-        .flat_map(|offset| [*offset, -offset])
-        .map(|offset| {
-            let aside = normal * (offset * gap);
-            vec![a, a + aside, b + aside, b]
-        });
+    let offsets = OFFSETS.iter().flat_map(|offset| [*offset, -offset]);
+    let bent = offsets.map(|offset| {
+        let aside = normal * (offset * gap);
+        vec![a, a + aside, b + aside, b]
+    });
     let mut paths = std::iter::once(vec![a, b]).chain(bent);
     let path = paths.find(|path| {
         let mut others = (0..n).filter(|&k| k != m && k != (m + 1) % n);
@@ -90,7 +84,6 @@ fn to_edge([a, b]: [Point2; 2], p: &Point2) -> f64 {
 
 /// Returns the distance of two paths: 0 if they cross.
 fn distance(path: &[Point2], other: &[Point2]) -> f64 {
-    let mut smallest = f64::INFINITY;
     for e in path.windows(2) {
         for f in other.windows(2) {
             if cross([e[0], e[1]], [f[0], f[1]]) {
@@ -99,13 +92,9 @@ fn distance(path: &[Point2], other: &[Point2]) -> f64 {
         }
     }
     // Paths that do not cross are closest at a vertex of one of them.
-    for p in path {
-        smallest = smallest.min(distance_to(other, p));
-    }
-    for p in other {
-        smallest = smallest.min(distance_to(path, p));
-    }
-    smallest
+    let own = path.iter().map(|p| distance_to(other, p));
+    let others = other.iter().map(|p| distance_to(path, p));
+    own.chain(others).fold(f64::INFINITY, f64::min)
 }
 
 fn cross([a, b]: [Point2; 2], [c, d]: [Point2; 2]) -> bool {
