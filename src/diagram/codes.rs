@@ -116,19 +116,14 @@ impl Diagram {
         }
         let evens = |order: &Vec<u32>| order.iter().step_by(2).map(|p| p ^ 1).collect();
         let evens: Vec<Vec<u32>> = orders.iter().map(evens).collect();
-        let level = evens
-            .iter()
-            .flatten()
-            .next()
-            .map_or(0, |passage| passage % 2);
+        let first = evens.iter().flatten().next();
+        let level = first.map_or(0, |passage| passage % 2);
         let number = |passage: &u32| match passage % 2 == level {
             true => numbers[*passage as usize],
             false => -numbers[*passage as usize],
         };
-        evens
-            .iter()
-            .map(|passages| passages.iter().map(number).collect())
-            .collect()
+        let codes = evens.iter().map(|order| order.iter().map(number).collect());
+        codes.collect()
     }
 
     /// Returns the DT code as text of SnapPy, `DT: [(4,6,2)]`.

@@ -104,9 +104,8 @@ fn determinant(faces: usize, edges: &[(usize, usize, i64)]) -> BigUint {
     let others = (0..faces).filter(|&f| f != root);
     let bound: BigUint = others.map(|f| BigUint::from(degrees[f].max(1))).product();
     let mut product = BigUint::from(1_u32);
-    let primes = (0..1 << 30)
-        .map(|k| (1 << 31) - 1 - 2 * k)
-        .filter(|&n| is_prime(n));
+    let numbers = (0..1 << 30).map(|k| (1 << 31) - 1 - 2 * k);
+    let primes = numbers.filter(|&n| is_prime(n));
     let primes = primes.take_while(|&prime| {
         let enough = product > &bound * 2_u32;
         product *= prime;

@@ -52,10 +52,8 @@ pub fn diagrams(set: &CurveSet, groups: bool) -> Vec<(Vec<u32>, Result<Diagram, 
 /// Returns the indices of the closed curves.
 pub(super) fn closed_curves(set: &CurveSet) -> Vec<u32> {
     let curves = (0..).zip(set.curves());
-    curves
-        .filter(|(_, curve)| curve.closed)
-        .map(|(i, _)| i)
-        .collect()
+    let closed = curves.filter(|(_, curve)| curve.closed);
+    closed.map(|(i, _)| i).collect()
 }
 
 /// Returns the groups of several curves that chains of overlapping boxes connect.
@@ -88,9 +86,7 @@ pub(super) fn connected(n: usize, edges: impl Iterator<Item = (u32, u32)>) -> Ve
         }
     }
     members.retain(|members| !members.is_empty());
-    members
-        .iter_mut()
-        .for_each(|members| members.sort_unstable());
+    members.iter_mut().for_each(|part| part.sort_unstable());
     members.sort_unstable();
     members
 }

@@ -117,10 +117,8 @@ impl HigherInvariants {
             let numbers = numbers.iter().map(|(curves, numbers)| (curves, numbers));
             numbers.collect::<BTreeMap<&Vec<u32>, &HigherNumbers>>()
         });
-        let all: BTreeSet<&Vec<u32>> = tables
-            .iter()
-            .flat_map(|table| table.keys().copied())
-            .collect();
+        let all = tables.iter().flat_map(|table| table.keys().copied());
+        let all: BTreeSet<&Vec<u32>> = all.collect();
         let trivial = self.kind.trivial();
         for curves in all {
             let has = |unknown: &BTreeSet<u32>| curves.iter().any(|i| unknown.contains(i));
@@ -128,9 +126,8 @@ impl HigherInvariants {
             if has(&self.unknown) || has(&expected.unknown) || changed.iter().any(is_changed) {
                 continue;
             }
-            let [before, now] = tables
-                .each_ref()
-                .map(|t| *t.get(curves).unwrap_or(&&trivial));
+            let numbers = |k: usize| *tables[k].get(curves).unwrap_or(&&trivial);
+            let [before, now] = [0, 1].map(numbers);
             let known = |n: &&String| *n != UNCOMPUTED;
             skipped += usize::from(!before.iter().chain(now).all(|n| known(&n)));
             let differ = |(a, b): (&String, &String)| a != b && known(&a) && known(&b);

@@ -45,10 +45,8 @@ impl Diagram {
         };
         let (of_first, of_second) = (passed(first, second), passed(second, first));
         let (mut sum, mut mu) = (0, 0);
-        for passage in self.components[third as usize]
-            .iter()
-            .filter(|passage| *passage % 2 == 0)
-        {
+        let passages = self.components[third as usize].iter();
+        for passage in passages.filter(|passage| *passage % 2 == 0) {
             let sign = i64::from(self.signs[*passage as usize / 2]);
             let (above, at) = positions[*passage as usize ^ 1];
             if above == first {

@@ -255,11 +255,8 @@ impl Diagram {
             }
         }
         let found = found.into_iter().map(|(curves, (mu, modulus))| {
-            let mu = if modulus == 0 {
-                mu
-            } else {
-                mu.rem_euclid(modulus)
-            };
+            // Any integer if the modulus is 0.
+            let mu = mu.checked_rem_euclid(modulus).unwrap_or(mu);
             TripleLink {
                 curves,
                 mu,
@@ -294,12 +291,16 @@ impl Diagram {
         sums
     }
 
+    /// Returns `v2` of a diagram of one component.
+    fn v2(&self) -> i64 {
+        vassiliev::v2(&self.components[0], |c| self.signs[c as usize].into())
+    }
+
     /// Returns the invariants of a diagram of one component.
     fn as_knot(&self) -> Invariants {
-        let passages = &self.components[0];
-        let v2 = vassiliev::v2(passages, |c| self.signs[c as usize].into());
+        let v2 = self.v2();
         let v3 = self.crossings() <= Self::MOST_FOR_V3;
-        let v3 = v3.then(|| vassiliev::v3(passages, &self.signs, v2));
+        let v3 = v3.then(|| vassiliev::v3(&self.components[0], &self.signs, v2));
         let determinant = self.link_determinant();
         Invariants {
             curve: self.curves[0],
@@ -315,10 +316,8 @@ impl Diagram {
     fn connected_components(&self) -> Vec<Vec<u32>> {
         let positions = self.positions();
         let crossings = positions.as_chunks::<2>().0.iter();
-        groups::connected(
-            self.curves.len(),
-            crossings.map(|[under, over]| (under.0, over.0)),
-        )
+        let edges = crossings.map(|[under, over]| (under.0, over.0));
+        groups::connected(self.curves.len(), edges)
     }
 
     fn is_connected(&self) -> bool {

@@ -67,20 +67,17 @@ pub(super) fn reduce(components: &mut [Vec<u32>], signs: &[i8]) -> [u64; 2] {
         if lists.removed[passage as usize] {
             continue;
         }
-        let crossings = if lists.next[passage as usize] == passage ^ 1 {
+        let other = if lists.next[passage as usize] == passage ^ 1 {
             moves[0] += 1;
-            [Some(passage / 2), None]
+            None
         } else if let Some(other) = lists.bigon(passage, signs) {
             moves[1] += 1;
-            [Some(passage / 2), Some(other)]
+            Some(other)
         } else {
             continue;
         };
-        for passage in crossings
-            .into_iter()
-            .flatten()
-            .flat_map(|c| [2 * c, 2 * c + 1])
-        {
+        let crossings = [passage / 2].into_iter().chain(other);
+        for passage in crossings.flat_map(|c| [2 * c, 2 * c + 1]) {
             work.push(lists.previous[passage as usize]);
             lists.remove(passage);
         }

@@ -21,7 +21,7 @@
 //! direction is degenerate.
 
 use crate::curve::vector::{distance, dot, mix};
-use crate::curve::{Box3, CurveSet, Point, above, below, bounds};
+use crate::curve::{Box3, CurveSet, Point, bounds};
 use crate::exact::{Direction, Predicates, Seen, are_collinear, segments_touch};
 use crate::pairs::{LinkSearch, closest_of_segments};
 use crate::random::Random;
@@ -286,11 +286,8 @@ impl Edges {
     /// Finds all crossings: pairs of edges whose boxes in the projection overlap.
     fn crossings(&self) -> Result<Vec<Found>, Stop> {
         let functions = self.direction.functions(self.axis);
-        let boxes: Vec<Box3> = self
-            .ends
-            .iter()
-            .map(|e| self.boxed(e, &functions))
-            .collect();
+        let boxes = self.ends.iter().map(|e| self.boxed(e, &functions));
+        let boxes: Vec<Box3> = boxes.collect();
         let mut search = LinkSearch::default();
         let pairs = search.find(&boxes);
         pairs.retain(|&(g, h)| self.next[g as usize] != h && self.next[h as usize] != g);
@@ -303,23 +300,16 @@ impl Edges {
 
     /// Returns the bounds of an edge along functions that are constant along the direction.
     fn boxed(&self, ends: &[Point; 2], functions: &[Point; 3]) -> Box3 {
-        let mut out = Box3 {
-            lo: [0.0; 3],
-            hi: [0.0; 3],
-        };
-        for (x, f) in functions.iter().enumerate() {
-            let values = ends.map(|p| dot(*f, p));
+        let range = functions.map(|f| {
+            let [a, b] = ends.map(|p| dot(f, p));
             // Each product and each of the two sums is rounded once.
             let size = ends.map(|p| dot(f.map(f64::abs), p.map(f64::abs)));
             let pad = 2.0 * f64::EPSILON * size[0].max(size[1]) + f64::MIN_POSITIVE;
-            (out.lo[x], out.hi[x]) = match pad.is_finite() {
-                true => (
-                    below(values[0].min(values[1]) - pad),
-                    above(values[0].max(values[1]) + pad),
-                ),
-                false => (f32::MIN, f32::MAX),
-            };
-        }
-        out
+            match pad.is_finite() {
+                true => [a.min(b) - pad, a.max(b) + pad],
+                false => [f64::MIN, f64::MAX],
+            }
+        });
+        Box3::around([range.map(|r| r[0]), range.map(|r| r[1])])
     }
 }

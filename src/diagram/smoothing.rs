@@ -91,12 +91,7 @@ fn linking_of_parts(set: &CurveSet, segments: [u32; 2], others: &[([u32; 2], i32
     let ends = passages.iter().enumerate();
     let mut ends = ends.filter(|(_, passage)| **passage as usize / 2 == crossing);
     let (start, end) = (ends.next()?.0, ends.next()?.0);
-    Some(vassiliev::linking_number(&passages[start + 1..end], &signs))
-}
-
-impl Diagram {
-    /// Returns `v2` of a diagram of one component.
-    fn v2(&self) -> i64 {
-        vassiliev::v2(&self.components[0], |c| self.signs[c as usize].into())
-    }
+    let part = &passages[start + 1..end];
+    let sign = |c: u32| signs[c as usize].into();
+    Some(vassiliev::linking_number(part, signs.len(), sign))
 }

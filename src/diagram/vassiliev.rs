@@ -87,21 +87,14 @@ pub(super) fn v2(passages: &[u32], sign: impl Fn(u32) -> i64) -> i64 {
 
 /// Returns the linking number of a part of a knot and of the rest: half the sum of the signs of the
 /// crossings that it passes once.
-pub(super) fn linking_number(part: &[u32], signs: &[i8]) -> i64 {
-    linking_of(part, signs.len(), |c| signs[c as usize].into())
-}
-
-fn linking_of(part: &[u32], crossings: usize, sign: impl Fn(u32) -> i64) -> i64 {
+pub(super) fn linking_number(part: &[u32], crossings: usize, sign: impl Fn(u32) -> i64) -> i64 {
     let mut inside = vec![false; crossings];
     let mut sum = 0;
     for crossing in part.iter().map(|passage| passage / 2) {
         let once = &mut inside[crossing as usize];
         *once = !*once;
-        sum += if *once {
-            sign(crossing)
-        } else {
-            -sign(crossing)
-        };
+        let sign = sign(crossing);
+        sum += if *once { sign } else { -sign };
     }
     sum / 2
 }
@@ -141,12 +134,9 @@ pub(super) fn v3(passages: &[u32], signs: &[i8], v2_of_knot: i64) -> i64 {
             let inner: Vec<u32> = passages[start + 1..end].iter().map(|&p| state(p)).collect();
             let outer = passages[end + 1..].iter().chain(&passages[..start]);
             let outer: Vec<u32> = outer.map(|&p| state(p)).collect();
-            let linking = linking_of(&inner, signs.len(), sign);
-            (
-                sign(passages[start] / 2),
-                linking,
-                v2(&inner, sign) + v2(&outer, sign),
-            )
+            let linking = linking_number(&inner, signs.len(), sign);
+            let of_parts = v2(&inner, sign) + v2(&outer, sign);
+            (sign(passages[start] / 2), linking, of_parts)
         })
         .collect();
     let (mut v2, mut doubled) = (v2_of_knot, 0);
