@@ -84,15 +84,9 @@ impl Frames {
     /// curve, in the precision of the set. `amplitude` is in units of the set. Frame 0 is the
     /// original set, bit for bit.
     pub fn at(&mut self, motion: &Motion, amplitude: f64, frame: u64) -> Positions<'_> {
-        let steps: Vec<Step> = match frame {
-            0 => Vec::new(),
-            _ => motion
-                .kinds()
-                .iter()
-                .enumerate()
-                .filter_map(|(k, &kind)| self.step(k as u64, kind, amplitude, frame))
-                .collect(),
-        };
+        let kinds = (0..).zip(motion.kinds()).filter(|_| frame > 0);
+        let steps = kinds.filter_map(|(k, &kind)| self.step(k, kind, amplitude, frame));
+        let steps: Vec<Step> = steps.collect();
         match &mut self.frame {
             Received::F32(to) => {
                 fill(to, &self.base, &steps, |x| x as f32);
@@ -133,65 +127,46 @@ impl Frames {
         let factor = STRETCH.powf((TAU * turns).sin());
         let about_centre = |m: [Point; 3]| {
             let c = self.centre;
-            Step::Affine(m, per_axis(|x| c[x] - dot(m[x], c)))
+            affine(m, per_axis(|x| c[x] - dot(m[x], c)))
         };
         let random = || Random::from_key([self.seed, frame, k]);
-        Some(match kind {
+        let transform: Transform = match kind {
             MotionKind::Still => return None,
             MotionKind::Smooth => {
                 let mut random = random();
-                Step::Waves {
-                    amplitude,
-                    wave_number: TAU / (WAVELENGTH * self.length),
-                    phases: [(); 3].map(|()| TAU * random.unit()),
-                }
+                let phases = [(); 3].map(|()| TAU * random.unit());
+                let wave_number = TAU / (WAVELENGTH * self.length);
+                Box::new(move |p, _| {
+                    per_axis(|x| {
+                        let along = p[(x + 1) % 3] + p[(x + 2) % 3];
+                        p[x] + amplitude * (wave_number * along + phases[x]).sin()
+                    })
+                })
             }
-            MotionKind::Iid => Step::Noise {
-                amplitude,
-                key: random().next(),
-            },
+            MotionKind::Iid => {
+                Box::new(move |p, random| p.map(|x| x + amplitude * (2.0 * random.unit() - 1.0)))
+            }
             MotionKind::Translate => {
                 let way = VELOCITY.map(|v| v * self.length * frame as f64);
-                Step::Affine(diagonal_matrix([1.0; 3]), way)
+                affine(diagonal_matrix([1.0; 3]), way)
             }
             MotionKind::Rotate => about_centre(rotation(TURN.to_radians() * frame as f64)),
             MotionKind::Stretch => about_centre(diagonal_matrix([factor, 1.0, 1.0])),
             MotionKind::Scale => about_centre(diagonal_matrix([factor; 3])),
-        })
+        };
+        Some((random().next(), transform))
     }
 }
 
-/// Transformation of every point of a frame.
-#[derive(Clone, Debug)]
-enum Step {
-    Waves {
-        amplitude: f64,
-        wave_number: f64,
-        phases: Point,
-    },
-    Noise {
-        amplitude: f64,
-        key: u64,
-    },
-    /// Rows of a matrix, and a translation.
-    Affine([Point; 3], Point),
-}
+/// Function that moves a point, with random numbers of its own.
+type Transform = Box<dyn Fn(Point, &mut Random) -> Point + Sync>;
 
-impl Step {
-    fn apply(&self, p: Point, random: &mut Random) -> Point {
-        match *self {
-            Step::Waves {
-                amplitude,
-                wave_number,
-                phases,
-            } => per_axis(|x| {
-                let along = p[(x + 1) % 3] + p[(x + 2) % 3];
-                p[x] + amplitude * (wave_number * along + phases[x]).sin()
-            }),
-            Step::Noise { amplitude, .. } => p.map(|x| x + amplitude * (2.0 * random.unit() - 1.0)),
-            Step::Affine(m, by) => per_axis(|x| dot(m[x], p) + by[x]),
-        }
-    }
+/// Transformation of every point of a frame, and the key of its random numbers.
+type Step = (u64, Transform);
+
+/// Returns an affine map, given by the rows of a matrix and a translation.
+fn affine(m: [Point; 3], by: Point) -> Transform {
+    Box::new(move |p, _| per_axis(|x| dot(m[x], p) + by[x]))
 }
 
 /// Moves all points. Every chunk has its own random numbers, so that threads share the work.
@@ -203,17 +178,13 @@ fn fill<T: Copy + Send + Sync>(
 ) {
     let chunks = to.par_chunks_mut(3 * CHUNK).zip(base.par_chunks(CHUNK));
     chunks.enumerate().for_each(|(chunk, (to, base))| {
-        let key = |step: &Step| match step {
-            Step::Noise { key, .. } => *key,
-            _ => 0,
-        };
-        let mut randoms: Vec<Random> = steps
+        let randoms = steps
             .iter()
-            .map(|s| Random::from_key([key(s), chunk as u64]))
-            .collect();
+            .map(|(key, _)| Random::from_key([*key, chunk as u64]));
+        let mut randoms: Vec<Random> = randoms.collect();
         for (to, &p) in to.chunks_exact_mut(3).zip(base) {
             let steps = steps.iter().zip(&mut randoms);
-            let p = steps.fold(p, |p, (step, random)| step.apply(p, random));
+            let p = steps.fold(p, |p, ((_, transform), random)| transform(p, random));
             to.copy_from_slice(&p.map(&round));
         }
     });

@@ -101,11 +101,8 @@ impl FromStr for Motion {
 
 impl fmt::Display for Motion {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        for (k, kind) in self.0.iter().enumerate() {
-            let separator = if k == 0 { "" } else { "+" };
-            write!(f, "{separator}{}", kind.word())?;
-        }
-        Ok(())
+        let words: Vec<&str> = self.0.iter().map(|kind| kind.word()).collect();
+        f.write_str(&words.join("+"))
     }
 }
 

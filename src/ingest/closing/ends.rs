@@ -140,10 +140,8 @@ impl Layout {
     /// segment is.
     fn rounding(&self, at: &Positions<'_>) -> f64 {
         let ends = [self.point(at, 0), self.point(at, self.points - 1)];
-        let largest = ends
-            .as_flattened()
-            .iter()
-            .fold(0.0, |m: f64, x| m.max(x.abs()));
+        let numbers = ends.as_flattened().iter();
+        let largest = numbers.fold(0.0, |m: f64, x| m.max(x.abs()));
         let unit = match at.precision() {
             Precision::F32 => f64::from(f32::EPSILON),
             Precision::F64 => f64::EPSILON,

@@ -60,18 +60,13 @@ impl ClosingNote {
 
 impl fmt::Display for ClosingNote {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let ClosingNote {
-            kind,
-            count,
-            first,
-            factor,
-        } = *self;
+        let (count, factor) = (self.count, self.factor);
         let verb = |one: &'static str, many: &'static str| if count == 1 { one } else { many };
-        let first = format!("{}curve {first}", verb("", "the first one: "));
+        let first = format!("{}curve {}", verb("", "the first one: "), self.first);
         let curves = plural(count, "curve");
         let (are, stay) = (verb("is", "are"), verb("stays", "stay"));
         let limit = ClosingNote::FACTOR;
-        match kind {
+        match self.kind {
             ClosingKind::Joined => {
                 let end = verb("ends where it starts", "end where they start");
                 write!(
