@@ -23,6 +23,7 @@
 //! reported as a contact. Passages during the motion of a joint are not counted: if a joint that
 //! formed during the run opens after it moved, the step is undecided.
 
+use super::outcome::Outcome;
 use crate::curve::{Curve, CurveSet};
 use crate::exact::{Predicates, segments_touch};
 use crate::pairs::{Pair, closest_of_segments};
@@ -100,20 +101,6 @@ pub(crate) struct Touching {
     pub from_the_start: bool,
 }
 
-/// Findings of a step about contacts.
-#[derive(Debug, Default)]
-pub(crate) struct Followed {
-    /// Passages through contacts that ended.
-    pub events: Vec<PullThrough>,
-    /// Contacts that ended, but whose sum of passages is unknown.
-    pub undecided: Vec<Defect>,
-    /// One contact for each pair of curves that touches in the last frame, except joints of the
-    /// first frame. Two closed curves are not included, since the certificate reports them.
-    pub touching: Vec<Touching>,
-    /// The contacts in the last frame.
-    pub contacts: Contacts,
-}
-
 impl Contacts {
     /// Returns these contacts with other numbers of the curves; `None` if a pair has none.
     pub fn renamed(&self, pair: impl Fn(Pair) -> Option<Pair>) -> Option<Contacts> {
@@ -161,25 +148,22 @@ impl Contacts {
     /// Follows the contacts of the first frame of a step to the last one. `found` has all contacts
     /// of the step, sorted by pair. An undecided pair has none in `found`: its contacts are
     /// discarded, and the sums of those that the next step finds are unknown.
-    pub(super) fn follow(&self, found: &[Contact], frames: [&CurveSet; 2]) -> Followed {
-        let mut followed = Followed::default();
+    ///
+    /// Adds to `out` the passages through contacts that ended, those of them whose sum is unknown,
+    /// and one contact for each pair of curves that touches in the last frame, except joints of the
+    /// first frame.
+    pub(super) fn follow(&self, found: &[Contact], frames: [&CurveSet; 2], out: &mut Outcome) {
         for found in found.chunk_by(|a, b| a.pair() == b.pair()) {
             let pair = found[0].pair();
             let from = self.components.partition_point(|c| c.pair < pair);
             let to = self.components.partition_point(|c| c.pair <= pair);
-            follow_pair(&self.components[from..to], found, frames, &mut followed);
+            follow_pair(&self.components[from..to], found, frames, out);
         }
-        followed
     }
 }
 
 /// [`Contacts::follow`] for one pair of curves.
-fn follow_pair(
-    open: &[Component],
-    found: &[Contact],
-    frames: [&CurveSet; 2],
-    followed: &mut Followed,
-) {
+fn follow_pair(open: &[Component], found: &[Contact], frames: [&CurveSet; 2], out: &mut Outcome) {
     let pair = found[0].pair();
     let (start, end): (Vec<&Contact>, Vec<&Contact>) = found.iter().partition(|c| c.at_start());
     let mut starts = components(&start, frames[0]);
@@ -220,18 +204,16 @@ fn follow_pair(
                     sign: sum.signum(),
                     ..c.event
                 });
-                followed.events.extend((0..sum.abs()).filter_map(|_| event));
+                out.events.extend((0..sum.abs()).filter_map(|_| event));
             }
             Passed::Unknown => {
                 let place = start.iter().find(is_in_component);
-                followed
-                    .undecided
-                    .extend(place.map(|c| defect(c, frames[1])));
+                out.undecided.extend(place.map(|c| defect(c, frames[1])));
             }
         }
     }
-    followed.touching.extend(touching(&ends, &end, frames[1]));
-    followed.contacts.components.extend(ends);
+    out.touching.extend(touching(&ends, &end, frames[1]));
+    out.contacts.components.extend(ends);
 }
 
 /// Maps each pair of segments to its component.

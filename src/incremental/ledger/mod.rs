@@ -180,17 +180,13 @@ impl Ledger {
         }
         let segments = frames[0].segments();
         let search = || self.search(frames, coverage, pairs.as_deref());
-        let found = pool::run(segments, search);
-        let followed = contacts.follow(&found.contacts, frames);
-        let mut outcome = found.outcome;
-        outcome.events.extend(followed.events);
+        let mut found = pool::run(segments, search);
+        let outcome = &mut found.outcome;
+        contacts.follow(&found.contacts, frames, outcome);
         sort_by_time(&mut outcome.events);
         sort_by_time(&mut outcome.unresolved);
-        outcome.undecided.extend(followed.undecided);
         outcome.undecided.sort_by_key(|d| (d.i, d.j));
-        outcome.touching = followed.touching;
-        outcome.contacts = followed.contacts;
-        outcome
+        found.outcome
     }
 
     /// Returns the contacts of a first frame, and the pairs of curves that touch. Their earlier

@@ -203,12 +203,8 @@ impl<'a> Allowances<'a> {
     }
 
     /// Keeps each pair of blocks once, with its smallest gap, and counts the new ones.
-    fn compact(
-        &self,
-        Buffers {
-            blocks, counted, ..
-        }: &mut Buffers,
-    ) {
+    fn compact(&self, buffers: &mut Buffers) {
+        let (blocks, counted) = (&mut buffers.blocks, &mut buffers.counted);
         blocks.sort_unstable_by(|a, b| a.blocks.cmp(&b.blocks).then(a.gap.total_cmp(&b.gap)));
         blocks.dedup_by_key(|near| near.blocks);
         let new = blocks.len() - *counted;
