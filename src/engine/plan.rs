@@ -352,8 +352,7 @@ impl ImagePlan {
             open_too: false,
             most,
         };
-        let margin = ImagePairs::margin(&boxes, cell);
-        let pairs = ImagePairs::find(&boxes, cell, margin, &searched, [])?;
+        let pairs = ImagePairs::find(&boxes, cell, &searched, [])?;
         let mut translated = None;
         if !pairs.curves.is_empty() {
             let set = Arc::new(set.clone());

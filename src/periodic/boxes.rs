@@ -19,7 +19,6 @@
 use crate::curve::vector::{add, dot, per_axis, sub};
 use crate::curve::{Basis, Box3, Cell, CurveSet, Point, union};
 use crate::error::{Error, Result};
-use crate::incremental::{PointMap, QuietBounds};
 use crate::pool;
 use rayon::prelude::*;
 
@@ -36,7 +35,7 @@ pub(super) type Bounds = [Point; 2];
 /// Maker of boxes of the curves of a frame, open or closed.
 pub(crate) struct Boxer<'a> {
     set: &'a CurveSet,
-    inverse: [Point; 3],
+    pub(super) inverse: [Point; 3],
     /// Size of a cell in fractional coordinates ([`Cell::units`]).
     units: Point,
     /// Share of its size by which a curve may leave the box of its control points.
@@ -61,7 +60,7 @@ impl<'a> Boxer<'a> {
     }
 
     /// Returns the box of a curve, from the bounds of its control points.
-    fn padded(&self, [lo, hi]: Bounds) -> Bounds {
+    pub(super) fn padded(&self, [lo, hi]: Bounds) -> Bounds {
         let pad = per_axis(|x| {
             let size = lo[x].abs().max(hi[x].abs()).max(self.units[x]);
             self.spline * (hi[x] - lo[x]) + PAD * size
@@ -98,20 +97,6 @@ impl<'a> Boxer<'a> {
     /// Returns true if the room in a frame is at most that by another computation, up to rounding.
     pub fn is_at_most(&self, room: Point, other: Point) -> bool {
         (0..3).all(|x| room[x] <= other[x] + 1e-9 * self.units[x])
-    }
-
-    /// Returns the map to fractional coordinates of a quiet frame.
-    pub fn map(&self, at: &QuietBounds<'_>) -> PointMap {
-        at.map(self.inverse)
-    }
-
-    /// Returns boxes of all curves of a quiet frame, without its points.
-    pub fn quiet_boxes(
-        &self,
-        at: &QuietBounds<'_>,
-        map: &PointMap,
-    ) -> impl Iterator<Item = Bounds> {
-        at.bounds(map).map(|b| self.padded(b))
     }
 }
 

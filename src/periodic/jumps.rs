@@ -60,7 +60,7 @@ impl Jumps {
     ) -> Result<Option<CurveSet>> {
         let inverse = cell.inverse().unwrap_or_default();
         let fractional = |p: Point| inverse.map(|b| dot(b, p));
-        let firsts = given.first_points().map(fractional);
+        let firsts = (0..given.len()).map(|i| fractional(given.point(i, 0)));
         self.current.clear();
         self.count[1] = 0;
         if self.before.len() != given.len() {

@@ -33,7 +33,13 @@ use rayon::prelude::*;
 use std::sync::Arc;
 
 /// Linking number of a pair, or the reason why there is none: they touch, or are too close.
-pub(crate) type Number = (RingAndYarn, std::result::Result<i64, (DefectKind, Place)>);
+pub(crate) type Number = (RingAndYarn, Counted);
+
+/// A linking number, or the reason why there is none.
+type Counted = Result<i64, (DefectKind, Place)>;
+
+/// A yarn of the set, its segment, and one of the closed curve.
+type Near = (usize, [u32; 2]);
 
 /// Returns the linking numbers of these pairs. `periods` has that of each curve.
 ///
@@ -116,17 +122,12 @@ impl View {
     }
 
     /// Returns the linking number. `set` has the translated curves of all pairs.
-    fn linking_number(
-        &self,
-        set: &CurveSet,
-        curves: &Translated,
-        cell: &Cell,
-    ) -> std::result::Result<i64, (DefectKind, Place)> {
+    fn linking_number(&self, set: &CurveSet, curves: &Translated, cell: &Cell) -> Counted {
         let number = |key: (u32, Image)| curves.partition_point(|other| *other < key);
         let mut numbers = self.curves().map(number);
         let ring = numbers.next().unwrap_or_default();
         let yarns: Vec<usize> = numbers.collect();
-        let lacks = |kind, (yarn, [s, t]): (usize, [u32; 2])| {
+        let lacks = |kind, (yarn, [s, t]): Near| {
             let place = match self.pair.ring < self.pair.yarn {
                 true => closest_of_segments(set, [ring, yarn], [t, s]),
                 false => {
@@ -199,13 +200,8 @@ impl Strand {
 }
 
 /// Returns polylines of a closed spline and of images of a yarn, one period after the other, that
-/// are link homotopic to them. `Err` with a yarn, its segment and one of the closed curve, if these
-/// are too close.
-fn split(
-    set: &CurveSet,
-    ring: usize,
-    yarns: &[usize],
-) -> std::result::Result<(Strand, Vec<Strand>), (usize, [u32; 2])> {
+/// are link homotopic to them, or segments that are too close.
+fn split(set: &CurveSet, ring: usize, yarns: &[usize]) -> Result<(Strand, Vec<Strand>), Near> {
     let ends = |i: usize| [0, set.curve(i).segments].map(|s| set.knot(i, s as usize));
     let gaps = yarns.windows(2).flat_map(|next| {
         let ([_, p], [q, _]) = (ends(next[0]), ends(next[1]));
@@ -266,8 +262,7 @@ struct Count<'a> {
     waiting: Vec<Edges>,
     batch: Batch<f64>,
     sum: i64,
-    /// Yarn, its segment, and that of the closed curve.
-    contact: Option<(usize, [u32; 2])>,
+    contact: Option<Near>,
 }
 
 impl Count<'_> {

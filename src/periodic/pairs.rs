@@ -125,19 +125,9 @@ pub(crate) struct ImageState {
 pub(crate) type QuietRoom = (PointMap, Point);
 
 impl ImagePairs {
-    /// Returns the margin of a search that is repeated when curves have moved by it: a share of the
+    /// Finds all pairs of curves with boxes that overlap, or come closer than twice a margin, and
+    /// adds some pairs. The search is repeated when curves have moved by the margin: a share of the
     /// cell, or a length along directions without repetition.
-    pub fn margin(boxes: &FractionalBoxes, cell: &Cell) -> Point {
-        let periodic = cell.periodic();
-        per_axis(|x| match periodic[x] {
-            true => MARGIN.min(OF_SIZE * boxes.mean_size(x)),
-            false => ACROSS * boxes.extent(x),
-        })
-    }
-
-    /// Finds all pairs of curves with boxes that overlap, or come closer than twice the margin, and
-    /// adds some pairs. `margin` is a share of the cell, or a length along directions without
-    /// repetition.
     ///
     /// # Errors
     ///
@@ -147,11 +137,14 @@ impl ImagePairs {
     pub fn find(
         boxes: &FractionalBoxes,
         cell: &Cell,
-        margin: Point,
         searched: &Searched<'_>,
         others: impl IntoIterator<Item = ImagePair>,
     ) -> Result<ImagePairs> {
-        let within = boxes.dilated(margin);
+        let periodic = cell.periodic();
+        let within = boxes.dilated(per_axis(|x| match periodic[x] {
+            true => MARGIN.min(OF_SIZE * boxes.mean_size(x)),
+            false => ACROSS * boxes.extent(x),
+        }));
         let mut found = Found::new(searched);
         for pair in others {
             found.add(pair)?;
@@ -222,7 +215,7 @@ impl ImagePairs {
         bend: &Bend,
         known: &mut Option<QuietRoom>,
     ) -> Point {
-        let map = boxer.map(at);
+        let map = at.map(boxer.inverse);
         if let Some((earlier, room)) = known
             && let Some(difference) = at.difference(&map, earlier)
         {
@@ -231,8 +224,8 @@ impl ImagePairs {
                 return room;
             }
         }
-        let rooms = boxer.quiet_boxes(at, &map).enumerate();
-        let rooms = rooms.map(|(i, b)| self.within.room_for(i, &b));
+        let boxes = at.bounds(&map).map(|b| boxer.padded(b));
+        let rooms = boxes.enumerate().map(|(i, b)| self.within.room_for(i, &b));
         let room = rooms.fold([f64::INFINITY; 3], smaller_room);
         *known = Some((map, room));
         room

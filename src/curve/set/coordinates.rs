@@ -154,44 +154,15 @@ pub(crate) enum Knots<'a> {
 /// Knots that are control points of the input.
 #[derive(Clone, Copy)]
 pub(crate) struct Given<'a, T> {
-    axes: [&'a [T]; 3],
+    pub(super) axes: [&'a [T]; 3],
     /// Number of slots from one knot to the next one.
-    stride: usize,
+    pub(super) stride: usize,
 }
 
 /// Knots of a uniform B-spline, computed from its control points.
 #[derive(Clone, Copy)]
 pub(crate) struct Computed<'a, T> {
-    axes: [&'a [T]; 3],
-}
-
-impl<'a> Knots<'a> {
-    pub(super) fn new(
-        c: &'a Coordinates,
-        first: usize,
-        stride: usize,
-        computed: bool,
-        frame: [usize; 3],
-    ) -> Self {
-        match c {
-            Coordinates::F32(v) => {
-                let axes = frame.map(|x| &v[x][first..]);
-                if computed {
-                    Knots::ComputedF32(Computed { axes })
-                } else {
-                    Knots::F32(Given { axes, stride })
-                }
-            }
-            Coordinates::F64(v) => {
-                let axes = frame.map(|x| &v[x][first..]);
-                if computed {
-                    Knots::ComputedF64(Computed { axes })
-                } else {
-                    Knots::F64(Given { axes, stride })
-                }
-            }
-        }
-    }
+    pub(super) axes: [&'a [T]; 3],
 }
 
 /// A source of knots.

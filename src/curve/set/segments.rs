@@ -1,7 +1,7 @@
 //! Points and segments of the curves of a set.
 
 use super::basis::{Bezier, bspline_knot, point_at};
-use super::coordinates::{Coordinates, Knots};
+use super::coordinates::{Computed, Coordinates, Given, Knots};
 use super::curve::count_of;
 use super::vector::per_axis;
 use super::{Basis, CurveSet, Point, Positions};
@@ -54,13 +54,6 @@ impl CurveSet {
     pub(crate) fn points_in(&self, i: usize) -> impl Iterator<Item = Point> + Clone + '_ {
         let positions = self.positions();
         self.points_of(i).map(move |k| positions.point(k))
-    }
-
-    /// Returns the first control point of each curve.
-    pub(crate) fn first_points(&self) -> impl Iterator<Item = Point> + '_ {
-        let positions = self.positions();
-        let curves = self.curves.iter();
-        curves.map(move |c| positions.point(c.first_point as usize))
     }
 
     /// Returns the slots of the control points of curve `i`, without copies.
@@ -120,15 +113,18 @@ impl CurveSet {
     pub(crate) fn knots(&self, i: usize, w: usize) -> Knots<'_> {
         // Catmull-Rom segments start at the second point of their window.
         let first = self.slot(i, 0) + usize::from(self.basis == Basis::CatmullRom);
-        let computed = self.basis == Basis::BSpline;
+        let (computed, stride) = (self.basis == Basis::BSpline, self.basis.stride());
         let frame = [(w + 1) % 3, (w + 2) % 3, w];
-        Knots::new(
-            self.coordinates(),
-            first,
-            self.basis.stride(),
-            computed,
-            frame,
-        )
+        match self.coordinates() {
+            Coordinates::F32(v) => match frame.map(|x| &v[x][first..]) {
+                axes if computed => Knots::ComputedF32(Computed { axes }),
+                axes => Knots::F32(Given { axes, stride }),
+            },
+            Coordinates::F64(v) => match frame.map(|x| &v[x][first..]) {
+                axes if computed => Knots::ComputedF64(Computed { axes }),
+                axes => Knots::F64(Given { axes, stride }),
+            },
+        }
     }
 
     /// Returns a reader of the Bezier control points of segments.
@@ -229,8 +225,8 @@ impl CurveSet {
     /// bounds no area.
     pub fn has_three_distinct_points(&self, i: usize) -> bool {
         // Rounding may have made points equal.
-        let sums = || self.sums.as_ref();
+        let given = || Some(self.sums.as_ref()?.given(i));
         are_three_distinct(self.points_in(i))
-            || sums().is_some_and(|sums| sums.has_three_distinct_points(i))
+            || given().is_some_and(|(set, i)| set.has_three_distinct_points(i))
     }
 }

@@ -111,9 +111,9 @@ pub(crate) fn single(x: f64) -> [f64; TERMS] {
 }
 
 impl Sums {
-    pub(super) fn has_three_distinct_points(&self, i: usize) -> bool {
-        let (curve, _) = self.curves[i];
-        self.frame.has_three_distinct_points(curve as usize)
+    /// Returns the curve of the frame that curve `i` is, translated.
+    pub(super) fn given(&self, i: usize) -> (&CurveSet, usize) {
+        (&self.frame, self.curves[i].0 as usize)
     }
 }
 

@@ -13,7 +13,7 @@ pub(crate) use yarns::Compared as ComparedYarns;
 use self::yarns::{Compared, Yarns};
 use crate::certificate::{Certificate, undefined_entry};
 use crate::curve::{Cell, CurveSet, Frame, Image, Images, Point, Shape, is_home};
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::incremental::{QuietBounds, sort_by_time};
 use crate::pairs::{Pair, PairFilter};
 use crate::periodic::{
@@ -65,6 +65,14 @@ pub(crate) struct Search {
     pub check_torn: bool,
     /// True if what is known without a search is checked.
     pub paranoid: bool,
+}
+
+impl Search {
+    /// Refuses a frame if one of these curves is torn.
+    fn refuse_torn(self, given: &CurveSet, cell: &Cell, curves: &[usize]) -> Result<()> {
+        let curves = curves.iter().copied().filter(|_| self.check_torn);
+        check_whole(given, cell, curves)
+    }
 }
 
 /// Curves of a frame that are verified.
@@ -127,7 +135,8 @@ impl CellScene {
     ///
     /// # Errors
     ///
-    /// The errors of [`ImagePairs::find`]; [`Error::Usage`] if a curve is torn.
+    /// The errors of [`ImagePairs::find`]; [`Error::Usage`](crate::Error::Usage) if a curve is
+    /// torn.
     pub fn follow(
         &mut self,
         (given, cell): (&Arc<CurveSet>, &Cell),
@@ -155,7 +164,7 @@ impl CellScene {
                 if !known.from_quiet
                     && let Some(found) = &self.found
                 {
-                    refuse_torn((given, cell), &found.pairs.wide, search)?;
+                    search.refuse_torn(given, cell, &found.pairs.wide)?;
                 }
                 (known.room, false)
             }
@@ -258,7 +267,7 @@ impl CellScene {
         expected: Option<&Certificate>,
         search: Search,
     ) -> Result<()> {
-        refuse_torn((given, cell), &boxes.wide(cell), search)?;
+        search.refuse_torn(given, cell, &boxes.wide(cell))?;
         let searched = Searched {
             curves: given.curves(),
             periods: &self.yarns.periods(),
@@ -269,8 +278,7 @@ impl CellScene {
         let entries = entries.into_iter().map(|entry| entry.0);
         let is_of_yarn = self.is_of_yarn();
         let expected = entries.filter(|pair| !is_home(&pair.image) && !is_of_yarn(pair));
-        let margin = ImagePairs::margin(boxes, cell);
-        let pairs = ImagePairs::find(boxes, cell, margin, &searched, expected)?;
+        let pairs = ImagePairs::find(boxes, cell, &searched, expected)?;
         self.know(given, pairs);
         Ok(())
     }
@@ -476,14 +484,4 @@ struct Room {
     /// True if it follows from the bounds of a quiet frame.
     from_quiet: bool,
     disagreed: bool,
-}
-
-/// Refuses a frame if one of these curves is torn.
-fn refuse_torn(
-    (given, cell): (&Arc<CurveSet>, &Cell),
-    curves: &[usize],
-    search: Search,
-) -> Result<(), Error> {
-    let curves = curves.iter().copied().filter(|_| search.check_torn);
-    check_whole(given, cell, curves)
 }
