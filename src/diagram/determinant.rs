@@ -24,7 +24,7 @@ impl Diagram {
     /// Returns the determinant.
     pub(super) fn determinant(&self) -> BigUint {
         let split = self.components.len() > 1 && self.components.iter().any(Vec::is_empty);
-        if split || !self.is_connected() {
+        if split || self.connected_components().len() != 1 {
             return BigUint::ZERO;
         }
         if self.signs.is_empty() {

@@ -320,10 +320,6 @@ impl Diagram {
         groups::connected(self.curves.len(), edges)
     }
 
-    fn is_connected(&self) -> bool {
-        self.connected_components().len() == 1
-    }
-
     /// Numbers the crossings that are there in the order in which they are first met.
     fn renumbered(mut self) -> Diagram {
         let mut numbers = vec![u32::MAX; self.signs.len()];

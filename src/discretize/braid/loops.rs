@@ -5,9 +5,7 @@ use super::pose::{Pose, mean};
 use super::volume::Piece;
 use super::{Braid, Braids, auto};
 use crate::curve::vector::per_axis;
-use crate::curve::{
-    AXES, Basis, Bezier, CurveSet, Notation, Point, Positions, Shape, bounds, count_of,
-};
+use crate::curve::{AXES, Basis, CurveSet, Notation, Point, Positions, Shape, bounds, count_of};
 use crate::error::{Error, Result};
 use crate::pairs::LoopPairs;
 use nalgebra::Vector3;
@@ -161,7 +159,8 @@ impl BraidLoops {
     }
 
     /// Returns the pose of an end, given its points and the middle of the other end, or which
-    /// condition it breaks.
+    /// condition it breaks: it has a pose, and no curve is in its volume, except each curve of the
+    /// braid in the tube of its own stub.
     fn place(
         &self,
         set: &CurveSet,
@@ -171,22 +170,10 @@ impl BraidLoops {
     ) -> Result<Pose, String> {
         let pose = end.pose(points, other, curves);
         let pose = pose.map_err(|why| format!("{name} {why}"))?;
-        self.clear(set, (end, pose, curves), name)?;
-        Ok(pose)
-    }
-
-    /// Checks that no curve is in the volume of an end, except each curve of the braid in the tube
-    /// of its own stub.
-    fn clear(
-        &self,
-        set: &CurveSet,
-        (end, pose, curves): (&End, Pose, &[u32]),
-        name: &str,
-    ) -> Result<(), String> {
         let slack = Self::slack(set);
-        let bounds: Vec<Piece> = end.pieces().map(|p| p.bounds(pose, slack)).collect();
-        let mut all = bounds[0];
-        for b in &bounds {
+        let around: Vec<Piece> = end.pieces().map(|p| p.bounds(pose, slack)).collect();
+        let mut all = around[0];
+        for b in &around {
             all.lo = all.lo.inf(&b.lo);
             all.hi = all.hi.sup(&b.hi);
         }
@@ -203,11 +190,12 @@ impl BraidLoops {
             }
             for s in 0..set.curve(i).segments as usize {
                 let segment = set.segment(i, s);
-                let hull = hull_box(&segment);
+                let [lo, hi] = bounds(segment).map(Vector3::from);
+                let hull = Piece { lo, hi };
                 if !hull.overlaps(&all) {
                     continue;
                 }
-                let pieces = end.pieces().zip(&bounds).enumerate();
+                let pieces = end.pieces().zip(&around).enumerate();
                 for (k, (piece, bounds)) in pieces {
                     let own = k > 0 && curves[k - 1] as usize == i;
                     if own || !hull.overlaps(bounds) {
@@ -222,7 +210,7 @@ impl BraidLoops {
                 }
             }
         }
-        Ok(())
+        Ok(pose)
     }
 
     /// Returns the poses of both ends of each braid, or which condition the frame breaks.
@@ -456,11 +444,6 @@ fn check(b: usize, braid: &Braid, set: &CurveSet, next: &mut [u32]) -> Result<()
 fn pairs(curves: &[u32]) -> impl Iterator<Item = [u32; 2]> + '_ {
     let next = curves.iter().cycle().skip(1);
     curves.iter().zip(next).map(|(i, j)| [*i, *j])
-}
-
-fn hull_box(b: &Bezier) -> Piece {
-    let [lo, hi] = bounds(*b).map(Vector3::from);
-    Piece { lo, hi }
 }
 
 /// Appends the points of all curves. Returns the number of points of each.

@@ -7,7 +7,6 @@ use crate::curve::vector::{add, dot, per_axis, sub};
 use crate::curve::{Image, Point, bounds, is_home, union};
 use crate::error::Result;
 use rayon::prelude::*;
-use std::cell::Cell;
 use std::ops::Range;
 
 /// Maximum number of bits of a box number along an axis, three of which fit into a tag.
@@ -222,16 +221,11 @@ impl Octree {
     fn shortest_of(&self, edges: &Edges, images: bool, limit_sq: f64) -> Option<Found> {
         let search = |chunk: usize, mut best: Option<Found>| {
             for k in self.chunk(chunk) {
-                let limit = Cell::new(best.map_or(limit_sq, |best| best.distance_sq));
-                self.search(
-                    edges,
-                    (k, images),
-                    || limit.get(),
-                    |found| {
-                        best = Some(best.map_or(found, |best| best.shorter(found)));
-                        limit.set(limit.get().min(found.distance_sq));
-                    },
-                );
+                let limit = best.map_or(limit_sq, |best| best.distance_sq);
+                self.search(edges, (k, images), limit, |found| {
+                    best = Some(best.map_or(found, |best| best.shorter(found)));
+                    found.distance_sq
+                });
             }
             best
         };
@@ -258,15 +252,11 @@ impl Octree {
             let mut all = Vec::new();
             for k in self.chunk(chunk) {
                 for images in [false, true] {
-                    self.search(
-                        edges,
-                        (k, images),
-                        || limit_sq,
-                        |found| {
-                            let is_near = found.distance_sq <= limit_sq;
-                            all.extend((is_near && edges.owns(&found)).then_some(found));
-                        },
-                    );
+                    self.search(edges, (k, images), limit_sq, |found| {
+                        let is_near = found.distance_sq <= limit_sq;
+                        all.extend((is_near && edges.owns(&found)).then_some(found));
+                        limit_sq
+                    });
                 }
             }
             all
@@ -286,12 +276,13 @@ impl Octree {
     /// Passes the struts between the edge at place `k` and earlier ones to `found`, as far as their
     /// squared length is at most `limit`. So each pair of edges is compared once. With `images`,
     /// passes those between this edge and all images of edges, one of each two opposite ones.
+    /// `found` returns a limit for those that follow.
     fn search(
         &self,
         edges: &Edges,
         (k, images): (usize, bool),
-        limit: impl Fn() -> f64,
-        mut found: impl FnMut(Found),
+        mut limit: f64,
+        mut found: impl FnMut(Found) -> f64,
     ) {
         let edge = edges.get(self.order[k]);
         let ramp = Ramp {
@@ -302,11 +293,10 @@ impl Octree {
             side: (!edge.is_straight()).then(|| edges.side(edge)),
         };
         if !images {
-            self.descend(edges, (&ramp, k, Image::default()), &limit, &mut found);
-            return;
+            return self.descend(edges, (&ramp, k, Image::default()), &mut limit, &mut found);
         }
-        for image in edges.images(self.order[k], limit()) {
-            self.descend(edges, (&ramp, k, image), &limit, &mut found);
+        for image in edges.images(self.order[k], limit) {
+            self.descend(edges, (&ramp, k, image), &mut limit, &mut found);
         }
     }
 
@@ -315,8 +305,8 @@ impl Octree {
         &self,
         edges: &Edges,
         (ramp, k, image): (&Ramp<'_>, usize, Image),
-        limit: &impl Fn() -> f64,
-        found: &mut impl FnMut(Found),
+        limit: &mut f64,
+        found: &mut impl FnMut(Found) -> f64,
     ) {
         // Later nodes have later edges, which are not compared with this one. A segment of a spline
         // is compared with itself.
@@ -335,7 +325,7 @@ impl Octree {
             if node.first as usize >= end {
                 break;
             }
-            if !may_be_near(&node.bounds, limit()) {
+            if !may_be_near(&node.bounds, *limit) {
                 at = node.skip as usize;
                 continue;
             }
@@ -344,11 +334,11 @@ impl Octree {
                 continue;
             }
             for other in node.first as usize..(node.end as usize).min(end) {
-                let limit = limit();
-                if may_be_near(&self.bounds[other], limit) {
+                if may_be_near(&self.bounds[other], *limit) {
                     let pair = (self.order[k], self.order[other]);
-                    let strut = edges.strut_between(pair.0, pair.1, image, limit);
-                    strut.into_iter().for_each(&mut *found);
+                    if let Some(strut) = edges.strut_between(pair.0, pair.1, image, *limit) {
+                        *limit = limit.min(found(strut));
+                    }
                 }
             }
         }
