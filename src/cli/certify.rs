@@ -229,7 +229,8 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     }
     let mut files = Files::new(args.overwrite);
     files.reads(args.braid_args.file());
-    files.reads(models.iter().chain(args.frames.format.files()));
+    files.reads(&models);
+    files.reads(args.frames.format.bonds(&models));
     for (option, file) in outputs {
         files.writes(option, file, Content::Text)?;
     }

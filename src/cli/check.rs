@@ -13,6 +13,7 @@ use crate::curve::vector::{distance, per_axis};
 use linkwatch::{AbortOn, CurveSet, Error, Point, Result, SessionOptions};
 use std::collections::BTreeMap;
 use std::path::PathBuf;
+use std::slice;
 
 /// Compare the topology of models with a certificate, or with the first model
 #[derive(Debug, clap::Args)]
@@ -58,7 +59,18 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
             let compared = (&args.baseline, &args.event_args, &args.braid_args);
             let options = (&args.format, compared, &args.cell_args, args.early_exit);
             let models = input::expand_models(&args.models)?;
-            return args.each_args.run(&models, &format!("{options:?}"));
+            let certificate = match &args.baseline {
+                Some(Baseline::File(path)) => Some(path.as_path()),
+                _ => None,
+            };
+            let reads = |model: &PathBuf| {
+                let others = [Some(model.as_path()), certificate, args.braid_args.file()];
+                let others = others.into_iter().flatten().map(PathBuf::from);
+                others
+                    .chain(args.format.bonds(slice::from_ref(model)))
+                    .collect()
+            };
+            return args.each_args.run(&models, &format!("{options:?}"), reads);
         }
         None => input::expand(&args.models, args.keep_order)?,
     };
@@ -78,7 +90,8 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         ..Judge::default()
     };
     let mut files = judge.files(args.sinks.overwrite);
-    files.reads(models.iter().chain(args.format.files()));
+    files.reads(&models);
+    files.reads(args.format.bonds(&models));
     let mut frames = Sequence::new(models, &format, args.one_motion);
     let Some(first) = frames.next() else {
         return Err(usage!("{name}: no frame"));

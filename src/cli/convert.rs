@@ -52,7 +52,8 @@ pub struct Args {
 pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     let inputs = input::expand(&args.inputs, args.keep_order)?;
     let mut files = Files::new(args.overwrite);
-    files.reads(inputs.iter().chain(args.format.files()));
+    files.reads(&inputs);
+    files.reads(args.format.bonds(&inputs));
     let (target, content) = match input::is_mcap(&args.output) {
         true => (None, Content::Recording),
         false => (Some(Format::to_write(&args.output)?), Content::Model),
@@ -106,7 +107,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     }
     converter.check_frames()?;
     converter.print(&args.output, numbered, json);
-    let lost = converter.invalid > 0 || !converter.left_out.is_empty();
+    let lost = !converter.invalid.is_empty() || !converter.left_out.is_empty();
     Ok(Outcome::undecided_if(lost || converter.undecided))
 }
 
@@ -122,6 +123,16 @@ fn settle(mut frame: Frame, cells: &mut Cells) -> Frame {
 /// Frames to convert.
 type Frames<'a> = dyn Iterator<Item = Result<Frame>> + 'a;
 
+/// A frame that is invalid, so not written.
+#[derive(serde::Serialize)]
+struct Invalid {
+    #[serde(skip)]
+    name: String,
+    frame: u64,
+    time: f64,
+    error: String,
+}
+
 /// Conversion in progress.
 #[derive(Default)]
 struct Converter {
@@ -131,9 +142,7 @@ struct Converter {
     chords: Option<u32>,
     certifier: Certifier,
     frames: u64,
-    invalid: u64,
-    /// Name of the first invalid frame.
-    first_invalid: Option<String>,
+    invalid: Vec<Invalid>,
     /// Elements of the files that were not read.
     left_out: Vec<LeftOut>,
     /// Number of frames whose cell the output cannot hold.
@@ -212,9 +221,12 @@ impl Converter {
 
     /// Adds the invalid frames so far to what is left out, so that the output is incomplete too.
     fn with_invalid(&self, mut info: FrameInfo) -> FrameInfo {
-        if let Some(first) = &self.first_invalid {
-            let kind = ["invalid frame", "invalid frames"];
-            info.left_out.push(LeftOut::new(self.invalid, kind, first));
+        if let Some(first) = self.invalid.first() {
+            let (count, kind) = (
+                self.invalid.len() as u64,
+                ["invalid frame", "invalid frames"],
+            );
+            info.left_out.push(LeftOut::new(count, kind, &first.name));
         }
         info
     }
@@ -223,8 +235,12 @@ impl Converter {
     fn is_valid(&mut self, frame: &Frame) -> bool {
         if let Err(e) = &frame.curves {
             tracing::error!("{}: left out: {e}", frame.name);
-            self.invalid += 1;
-            self.first_invalid.get_or_insert_with(|| frame.name.clone());
+            self.invalid.push(Invalid {
+                name: frame.name.clone(),
+                frame: frame.info.seq,
+                time: frame.info.time,
+                error: e.to_string(),
+            });
         }
         frame.curves.is_ok()
     }
@@ -266,7 +282,8 @@ impl Converter {
                 "output": path,
                 "numbered": numbered,
                 "frames": self.frames,
-                "invalid": self.invalid,
+                "invalid": self.invalid.len(),
+                "invalid_frames": self.invalid,
                 "left_out": self.left_out,
                 "lost_cells": self.lost_cells,
                 "points": after,
@@ -286,8 +303,11 @@ impl Converter {
             let cells = plural(self.lost_cells, "frame");
             out!("  lost: the periodic cell of {cells}");
         }
-        if self.invalid > 0 {
-            out!("  left out: {}", plural(self.invalid, "invalid frame"));
+        if !self.invalid.is_empty() {
+            out!(
+                "  left out: {}",
+                plural(self.invalid.len(), "invalid frame")
+            );
         }
         if !self.left_out.is_empty() {
             out!("  {}", LeftOut::sentence(&self.left_out));

@@ -62,16 +62,20 @@ struct Line {
     /// Warnings of the process.
     warnings: Vec<String>,
     summary: Option<Value>,
-    /// Changes with the options, and with the size and the time of change of the file.
+    /// Changes with the options, and with the size and the time of change of the files that the run
+    /// reads.
     key: String,
 }
 
-/// Returns the [`Line::key`] of a file.
-fn key(model: &Path, options: &str) -> String {
-    let file = model.metadata().ok();
-    let modified = file.as_ref().and_then(|file| file.modified().ok());
+/// Returns the [`Line::key`] of a run that reads these files.
+fn key(files: &[PathBuf], options: &str) -> String {
     let mut hasher = DefaultHasher::new();
-    (options, file.map(|file| file.len()), modified).hash(&mut hasher);
+    options.hash(&mut hasher);
+    for file in files {
+        let file = file.metadata().ok();
+        let modified = file.as_ref().and_then(|file| file.modified().ok());
+        (file.map(|file| file.len()), modified).hash(&mut hasher);
+    }
     format!("{:016x}", hasher.finish())
 }
 
@@ -96,12 +100,18 @@ fn class(code: Option<i32>) -> usize {
 }
 
 impl EachArgs {
-    /// Runs the command on these files; `options` are all others, in some form.
+    /// Runs the command on these files; `options` are all others, in some form, and `reads` returns
+    /// all files that a run reads.
     ///
     /// # Errors
     ///
     /// The output cannot be used; or a run failed, and no topology changed.
-    pub fn run(&self, models: &[PathBuf], options: &str) -> Result<Outcome> {
+    pub fn run(
+        &self,
+        models: &[PathBuf],
+        options: &str,
+        reads: impl Fn(&PathBuf) -> Vec<PathBuf> + Sync,
+    ) -> Result<Outcome> {
         let mut lines = Lines::default();
         if let Some(path) = &self.output {
             lines.open(path, self.resume).map_err(|e| e.in_file(path))?;
@@ -109,7 +119,7 @@ impl EachArgs {
         let mut left = Vec::new();
         for model in models {
             match lines.done.get(model) {
-                Some((code, known)) if *known == key(model, options) => {
+                Some((code, known)) if *known == key(&reads(model), options) => {
                     lines.counts[class(*code)] += 1;
                 }
                 _ => left.push(model),
@@ -121,8 +131,8 @@ impl EachArgs {
         let (next, lines) = (AtomicUsize::new(0), Mutex::new(lines));
         let work = || -> Result<()> {
             while let Some(model) = left.get(next.fetch_add(1, Ordering::Relaxed)) {
-                // The key of the file before its run, because the file may change meanwhile.
-                let key = key(model, options);
+                // The key before the run, because a file may change meanwhile.
+                let key = key(&reads(model), options);
                 let mut line = verified(model, threads);
                 line.key = key;
                 let mut lines = lines.lock().unwrap_or_else(PoisonError::into_inner);

@@ -50,9 +50,12 @@ impl FormatArgs {
         }
     }
 
-    /// Returns the other files that are read.
-    pub fn files(&self) -> impl Iterator<Item = &PathBuf> {
-        self.bonds.iter()
+    /// Returns the files with the bonds of these models.
+    pub fn bonds(&self, models: &[PathBuf]) -> impl Iterator<Item = PathBuf> {
+        let options = self.options();
+        models
+            .iter()
+            .filter_map(move |model| options.bonds_of(model))
     }
 
     fn options(&self) -> ReadOptions {

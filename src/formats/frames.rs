@@ -4,7 +4,7 @@
 //! motion. [`Frames`] reads both alike, one frame at a time, so that the memory is that of a frame
 //! and not that of the file (unless the format has to be read as a whole).
 
-use super::Format;
+use super::{Format, lammps};
 use crate::curve::CurveSet;
 use crate::error::Result;
 use crate::ingest::FrameInfo;
@@ -26,6 +26,15 @@ pub struct ReadOptions {
     /// True if coordinates may be wrapped into the periodic cell: the caller unwraps the curves, so
     /// curves that are torn at the boundary are not refused.
     pub wrapped: bool,
+}
+
+impl ReadOptions {
+    /// Returns the file that has the bonds of a LAMMPS dump, if there is one: that of the option,
+    /// or a data file beside the dump with the same stem.
+    #[must_use]
+    pub fn bonds_of(&self, dump: &Path) -> Option<PathBuf> {
+        self.bonds.clone().or_else(|| lammps::beside(dump))
+    }
 }
 
 /// One frame of a model file.

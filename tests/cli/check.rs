@@ -412,6 +412,31 @@ fn check_verifies_each_file_in_a_process_of_its_own() {
     assert!(run.stderr.contains("1 intact, 2 changed") && run.stderr.contains("1 verified now"));
     let run = linkwatch(&[&each[..], &["--resume", "--events=off"], &files].concat());
     assert!(run.stderr.contains("3 verified now"), "{}", run.stderr);
+
+    // Regression test: as are all with another certificate under the same name.
+    let certificate = path("certificate.txt");
+    let resumed = |model: &Path| {
+        let certify = [
+            "certify",
+            text(model),
+            "--overwrite",
+            "-o",
+            text(&certificate),
+        ];
+        assert_eq!(linkwatch(&certify).code, 0);
+        let resume = ["--resume", "--baseline", text(&certificate)];
+        linkwatch(&[&each[..], &resume, &files].concat()).stderr
+    };
+    let first = path("first.bcc");
+    let generated = ["generate", "chainmail:rows=2,columns=2", "-o", text(&first)];
+    assert_eq!(linkwatch(&generated).code, 0);
+    let said = resumed(&first);
+    assert!(said.contains("3 verified now"), "{said}");
+    let said = resumed(&first);
+    assert!(said.contains("3 verified now"), "{said}");
+    let resume = ["--resume", "--baseline", text(&certificate)];
+    let run = linkwatch(&[&each[..], &resume, &files].concat());
+    assert!(run.stderr.contains("0 verified now"), "{}", run.stderr);
 }
 
 /// Regression test: a process that was killed had the verdict of its last line.

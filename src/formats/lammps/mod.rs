@@ -73,7 +73,7 @@ pub(super) fn read_data(
 /// Opens a dump.
 pub(super) fn open_dump(path: &Path, options: &ReadOptions) -> Result<Source<'static>> {
     let lines = Lines::new(dump::FORMAT, super::open_text(path)?)?;
-    let bonds = options.bonds.clone().or_else(|| beside(path));
+    let bonds = options.bonds_of(path);
     let mut curves = match &bonds {
         Some(bonds) => read_bonds(bonds).map_err(|e| e.in_file(bonds))?,
         None => chains(path, options.closed)?,
@@ -134,7 +134,7 @@ fn read_bonds(path: &Path) -> Result<Curves> {
 
 /// Returns the data file that belongs to a dump by its name, if there is one: `melt.data` (or
 /// `.lmp`, `.lammps`) beside `melt.dump`, or `data.melt` beside `dump.melt`.
-fn beside(dump: &Path) -> Option<PathBuf> {
+pub(super) fn beside(dump: &Path) -> Option<PathBuf> {
     let named = DATA.map(|extension| dump.with_extension(extension));
     let prefixed = (dump.file_name().and_then(OsStr::to_str))
         .and_then(|name| name.strip_prefix("dump."))

@@ -17,6 +17,7 @@ from ._frames import Frame, Frames, Summary
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
+    from typing import Any
 
     from ._curves import Array, Options
 
@@ -46,18 +47,16 @@ def read(paths: Sequence[Path], options: Options) -> Frames:
         if not archive.exists():
             lines = [" ".join(words[words[0] in LEVELS :]) for words in said if words]
             raise ValueError("; ".join(lines).removeprefix("error: "))
-        frames = _opened(archive, paths[0])
         result = json.loads(ended.stdout.splitlines()[-1])
+        frames = _opened(archive, paths[0], result["invalid_frames"])
     summary = frames.summary
     summary.left_out += [
         f"{found['count']} {found['kind']} (the first one: {found['first']})"
         for found in result["left_out"]
     ]
     for level, *rest in filter(None, said):
-        # Invalid frames are errors; they are not in the archive.
-        if level == "ERROR":
-            summary.left_out += rest
-        elif "not read, so not verified" not in rest[0]:
+        # Invalid frames are errors, and rejected when they are read.
+        if level != "ERROR" and "not read, so not verified" not in rest[0]:
             summary.notes += rest
     return frames
 
@@ -66,8 +65,8 @@ def read(paths: Sequence[Path], options: Options) -> Frames:
 LEVELS = ("WARN", "INFO", "ERROR")
 
 
-def _opened(archive: Path, path: Path) -> Frames:
-    """Returns the frames of an archive of the command."""
+def _opened(archive: Path, path: Path, invalid: list[dict[str, Any]]) -> Frames:
+    """Returns the frames of an archive of the command, and the invalid ones that it lacks."""
     with np.load(archive) as arrays:
         counts = np.asarray(arrays["counts"])
         names = [str(name) for name in arrays["names"]] if "names" in arrays else []
@@ -75,25 +74,37 @@ def _opened(archive: Path, path: Path) -> Frames:
         basis = str(arrays["basis"])
         others = {key: arrays[key] for key in ("times", "seq", "cell") if key in arrays}
     positions = _mapped(archive)
-    frames = len(positions)
     summary = Summary(len(counts), int((counts < 0).sum()))
     cell = others.get("cell")
+    # The place of each frame in the archive; that of the one before for an invalid frame.
+    numbers = others["seq"].tolist() if "seq" in others else list(range(len(positions)))
+    rows: list[tuple[int, int, dict[str, Any] | None]] = [
+        (seq, k, None) for k, seq in enumerate(numbers)
+    ]
+    known = set(numbers)
+    for one in invalid:
+        if one["frame"] in known:
+            summary.left_out.append(f"frame {one['frame']}, which is invalid: {one['error']}")
+        else:
+            before = max(0, int(np.searchsorted(numbers, one["frame"])) - 1)
+            rows.append((one["frame"], before, one))
+    rows.sort(key=lambda row: row[0])
 
-    def load(start: int = 0, stop: int = frames) -> Iterator[Frame]:
-        for k in range(start, stop):
-            points = np.array(positions[k]).reshape(-1, 3)
-            yield Frame(
-                points,
+    def load(start: int = 0, stop: int = len(rows)) -> Iterator[Frame]:
+        for seq, k, why in rows[start:stop]:
+            frame = Frame(
+                np.array(positions[k]).reshape(-1, 3),
                 counts.tolist(),
                 basis,
                 names,
                 radii,
                 None if cell is None else cell[k] if cell.ndim == 3 else cell,
-                int(others["seq"][k]) if "seq" in others else k,
+                seq,
                 float(others["times"][k]) if "times" in others else 0.0,
             )
+            yield frame if why is None else frame.invalid(why["error"], time=why["time"])
 
-    opened = Frames(path, load, summary, frames)
+    opened = Frames(path, load, summary, len(rows))
     opened.part = load
     return opened
 
