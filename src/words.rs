@@ -16,15 +16,9 @@ impl Count for usize {}
 
 /// Formats a count with separators, `211,680`.
 pub fn count(n: impl Count) -> String {
-    let digits = n.to_string();
-    let mut out = String::new();
-    for (k, c) in digits.chars().enumerate() {
-        if k > 0 && (digits.len() - k).is_multiple_of(3) {
-            out.push(',');
-        }
-        out.push(c);
-    }
-    out
+    let digits = n.to_string().into_bytes();
+    let groups: Vec<&[u8]> = digits.rchunks(3).rev().collect();
+    String::from_utf8(groups.join(&b',')).expect("digits and commas")
 }
 
 /// Formats a share from 0 to 1, `12.50 %`. Only 0 is shown as 0.

@@ -104,10 +104,11 @@ impl Window {
         let wanted = (5.0 * segment).max(1.5 * motion);
         let reach = wanted.min(1.4 * size).max(0.5 * size);
         let reach = reach.max((1.5 * motion).min(3.0 * size));
-        let reach = match reach > 0.0 && reach.is_finite() {
-            true => reach,
-            false => segment.max(f64::MIN_POSITIVE),
-        };
+        let (valid, least) = (
+            reach > 0.0 && reach.is_finite(),
+            segment.max(f64::MIN_POSITIVE),
+        );
+        let reach = if valid { reach } else { least };
         let reach = reach.max((1.5 * radii).min(3.0 * size));
         let apart = 2.0 * motion / reach;
         frames.map(|frame| {
@@ -272,11 +273,8 @@ pub(super) fn clip(
         }
         let part = part(s);
         let size = [1, 2, 3].map(|k| hypot(sub(hull[k], hull[0])));
-        let is_dot = size.into_iter().all(|x| x < DOT);
-        let steps = match set.basis().is_polyline() || is_dot {
-            true => 1,
-            false => SAMPLES,
-        };
+        let is_line = set.basis().is_polyline() || size.into_iter().all(|x| x < DOT);
+        let steps = if is_line { 1 } else { SAMPLES };
         for k in 0..steps {
             let at = |k: usize| match steps {
                 1 => hull[3 * k],

@@ -45,10 +45,15 @@ impl View {
             Some(1) => (axes[2], axes[1]),
             _ => (axes[2], axes[0]),
         };
+        View::of(across, up, cross(across, up))
+    }
+
+    /// Returns the view with these axes and the place in its middle.
+    fn of(across: Point, up: Point, towards: Point) -> View {
         View {
             across,
             up,
-            towards: cross(across, up),
+            towards,
             middle: [0.0; 2],
             scale: 1.0,
         }
@@ -122,17 +127,9 @@ pub(super) fn views(strands: &[Strand]) -> [View; 2] {
     // Both have the same axis up, the one that points up in space.
     let up = cross(towards, second);
     let upright = up[2] > 0.0 || up[2] == 0.0 && up[1] >= 0.0;
-    let (second, up) = match upright {
-        true => (second, up),
-        false => (second.map(|x| -x), up.map(|x| -x)),
-    };
-    [towards, second].map(|towards| View {
-        across: cross(up, towards),
-        up,
-        towards,
-        middle: [0.0; 2],
-        scale: 1.0,
-    })
+    let sign = if upright { 1.0 } else { -1.0 };
+    let [second, up] = [second, up].map(|axis| axis.map(|x| sign * x));
+    [towards, second].map(|towards| View::of(cross(up, towards), up, towards))
 }
 
 /// Returns one of [`FIRST`] directions that cover the upper half of a sphere evenly.

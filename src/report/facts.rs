@@ -182,16 +182,12 @@ impl Facts {
         events.and_then(|e| e.parse().ok()).unwrap_or_default()
     }
 
-    /// Returns the number of frames of which either the curves or the verdict were lost.
+    /// Returns the number of frames of which either the curves or the verdict were lost, not left
+    /// out on purpose.
     pub fn recorded_in_part(&self) -> u64 {
-        self.counts.unanswered + self.lost_curves()
-    }
-
-    /// Returns the number of verdicts whose curves were lost, not left out on purpose.
-    pub fn lost_curves(&self) -> u64 {
         match self.metadata.contains_key(Retention::EVERY) {
-            true => 0,
-            false => self.counts.without_curves,
+            true => self.counts.unanswered,
+            false => self.counts.unanswered + self.counts.without_curves,
         }
     }
 

@@ -8,7 +8,8 @@ use super::facts::Facts;
 use super::rows::{Moment, names_of};
 use super::violations::{Shot, Violation, Violations};
 use crate::curve::vector::per_axis;
-use crate::curve::{Cell, CurveLabels, CurveSet, Image, Translated, is_home, words_of_curve};
+use crate::curve::{CurveSet, Image, Translated, is_home, words_of_curve};
+use crate::ingest::FrameInfo;
 use crate::picture::{Panel, Radii, Scene, Spot, Window, sheet};
 use crate::record::{RecordedFrame, RecordedItem, RecordingReader};
 use crate::verdict::words_of_pair;
@@ -96,10 +97,7 @@ struct Held {
     ordinal: u64,
     moment: Moment,
     set: Arc<CurveSet>,
-    cell: Option<Cell>,
-    labels: Arc<CurveLabels>,
-    /// Number of cuts before it.
-    cuts: u32,
+    info: FrameInfo,
 }
 
 impl Held {
@@ -114,17 +112,15 @@ impl Held {
                 time: frame.time,
             },
             set: Arc::new(set?),
-            cell: frame.info.cell,
-            labels: Arc::clone(&frame.info.labels),
-            cuts: frame.info.cuts,
+            info: frame.info.clone(),
         })
     }
 
     /// Returns the place in this frame, if it has the curves of another one.
     fn spot(&self, at: &Held, spot: Spot) -> Option<Spot> {
-        let index = |i: u32| match at.labels.names.get(i as usize) {
+        let index = |i: u32| match at.info.labels.names.get(i as usize) {
             Some(name) => {
-                let found = self.labels.names.iter().position(|n| n == name);
+                let found = self.info.labels.names.iter().position(|n| n == name);
                 found.and_then(|i| u32::try_from(i).ok())
             }
             None => Some(i),
@@ -142,8 +138,8 @@ impl Held {
     /// Returns the curves with a place. An image that takes part is added as a curve, with its
     /// radius, which then is the second curve of the place.
     fn with_image(&self, spot: Spot) -> Option<Drawn> {
-        let mut radii = self.labels.radii.clone();
-        let Some(cell) = self.cell.filter(|_| !is_home(&spot.image)) else {
+        let mut radii = self.info.labels.radii.clone();
+        let Some(cell) = self.info.cell.filter(|_| !is_home(&spot.image)) else {
             return Some((Arc::clone(&self.set), spot, radii));
         };
         let (second, curves) = (spot.curves[1], self.set.len());
@@ -261,7 +257,7 @@ impl Figure {
                 Some(held) => {
                     let note = match at {
                         _ if place(held).is_none() => " has other curves",
-                        Some(at) if at.cuts != held.cuts => ", not continuous",
+                        Some(at) if at.info.cuts != held.info.cuts => ", not continuous",
                         _ => "",
                     };
                     format!("{name}: {}{note}", held.moment)
@@ -300,7 +296,7 @@ impl Figure {
             })
         });
         let rows = rows.collect();
-        let labels = at.map_or(&[][..], |at| &at.labels.names);
+        let labels = at.map_or(&[][..], |at| &at.info.labels.names);
         Figure {
             reason,
             thick: both.iter().all(|r| *r > 0.0),
@@ -311,7 +307,7 @@ impl Figure {
                 }
                 (curves, image) => words_of_pair(curves.into(), image, labels),
             },
-            names: at.and_then(|at| names_of(shot.spot.curves, &at.labels.names)),
+            names: at.and_then(|at| names_of(shot.spot.curves, &at.info.labels.names)),
             rows,
             shot,
         }

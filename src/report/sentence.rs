@@ -34,21 +34,17 @@ impl Facts {
     pub fn conclusion(&self) -> Conclusion {
         let some = |verdict| self.lasting[verdict as usize] > 0;
         let all: u64 = self.lasting.iter().sum();
-        if some(Verdict::Changed) {
-            Conclusion::Changed
-        } else if some(Verdict::Contact) {
-            Conclusion::Contact
-        } else if all > self.lasting[Verdict::Intact as usize] {
-            Conclusion::Undecided
-        } else if self.is_incomplete() {
-            Conclusion::Incomplete
-        } else if self.counts.accepted > 0 {
-            Conclusion::Accepted
-        } else if self.counts.recovered > 0 {
-            Conclusion::Recovered
-        } else {
-            Conclusion::Intact
-        }
+        let intact = self.lasting[Verdict::Intact as usize];
+        let worst_first = [
+            (some(Verdict::Changed), Conclusion::Changed),
+            (some(Verdict::Contact), Conclusion::Contact),
+            (all > intact, Conclusion::Undecided),
+            (self.is_incomplete(), Conclusion::Incomplete),
+            (self.counts.accepted > 0, Conclusion::Accepted),
+            (self.counts.recovered > 0, Conclusion::Recovered),
+        ];
+        let worst = worst_first.into_iter().find(|(holds, _)| *holds);
+        worst.map_or(Conclusion::Intact, |(_, conclusion)| conclusion)
     }
 
     /// Returns what happened, in one sentence.

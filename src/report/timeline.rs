@@ -115,18 +115,12 @@ fn is_plain(bin: &Bin) -> bool {
 
 /// Draws the column of a bin: the share of each verdict, the worst on top.
 fn column(bin: &Bin, x: f64, width: f64) -> Markup {
-    const BEST_FIRST: [Verdict; 6] = [
-        Verdict::Intact,
-        Verdict::Stale,
-        Verdict::Undecided,
-        Verdict::Contact,
-        Verdict::Rejected,
-        Verdict::Changed,
-    ];
+    use Verdict::{Changed, Contact, Intact, Rejected, Stale, Undecided};
+    const BEST_FIRST: [Verdict; 6] = [Intact, Stale, Undecided, Contact, Rejected, Changed];
     let height = |verdict: Verdict| {
         let height = (END - BAND) * bin.verdicts[verdict as usize] as f64 / bin.frames as f64;
         match verdict {
-            Verdict::Intact => height,
+            Intact => height,
             _ if height > 0.0 => height.max(LEAST),
             _ => 0.0,
         }

@@ -170,10 +170,8 @@ impl Violations {
             });
             if let Some([i, j]) = now {
                 // The image is that of the second curve.
-                let image = match i <= j {
-                    true => pair.image,
-                    false => pair.image.map(|n| -n),
-                };
+                let image = pair.image;
+                let image = if i <= j { image } else { image.map(|n| -n) };
                 self.index.insert(([i.min(j), i.max(j)], image), k);
             }
         }
