@@ -73,6 +73,7 @@ fn rows(table: &'static str) -> impl Iterator<Item = (&'static str, &'static str
 /// Parses the arguments, the first of which is the name of the program.
 pub fn parse(args: impl IntoIterator<Item = OsString>) -> Result<Cli, Error> {
     let args: Vec<OsString> = args.into_iter().collect();
+    let is_events = |word: &str| word.parse::<linkwatch::Events>().is_ok();
     let value =
         |pair: &&[OsString]| pair[0] == "--events" && pair[1].to_str().is_some_and(is_events);
     if let Some(value) = args.windows(2).find(value) {
@@ -85,10 +86,6 @@ pub fn parse(args: impl IntoIterator<Item = OsString>) -> Result<Cli, Error> {
     let parsed = command.try_get_matches_from(args);
     let parsed = parsed.and_then(|matches| Cli::from_arg_matches(&matches));
     parsed.map_err(in_words)
-}
-
-fn is_events(word: &str) -> bool {
-    word.parse::<linkwatch::Events>().is_ok()
 }
 
 /// Lets all options take a negative number, so that the error names the option and its range.

@@ -1,14 +1,12 @@
 //! `linkwatch certify`: computes the certificates of models.
 
-use super::Outcome;
 use super::braid_args::BraidArgs;
-use super::explain;
 use super::files::{Content, Files, Overwrite, file_name, write_text};
 use super::frames::{FrameArgs, Picked};
 use super::kernel::KernelArgs;
 use super::number::{not_negative, positive};
-use super::open;
 use super::output::{self, count, listed, millis, percent, plural, plural_of, with_progress};
+use super::{Outcome, explain, open};
 use linkwatch::kernels::{Method, Offload};
 use linkwatch::{
     Braids, Certificate, Certifier, Error, Events, FrameInfo, ImageLink, InvariantKind, Ladder,
@@ -102,18 +100,6 @@ struct Certified {
     incomplete: bool,
 }
 
-/// Fails if a frame has a cell that the options do not consider.
-fn check_cell(frame: &Picked, args: &Args) -> Result<()> {
-    match frame.cell {
-        Some(cell) if args.noise.is_some() || args.open => Err(usage!(
-            "{}: the frame has a periodic cell ({cell}), but --noise and --open do not consider \
-             periodic images: --cell none ignores it",
-            frame.name
-        )),
-        _ => Ok(()),
-    }
-}
-
 /// Computes the certificate of a frame.
 fn certify(frame: &Picked, args: &Args) -> Result<Certified> {
     let start = Instant::now();
@@ -159,15 +145,14 @@ fn certify_in_session(frame: &Picked, args: &Args, braids: Option<Braids>) -> Re
     let (name, set) = (&frame.name, &frame.curves);
     // Curves that run through the cell are worth a certificate even if none is closed.
     let has_closed = set.open_curves() < set.len();
+    let search = frame.cell.is_some() && !has_closed;
+    let events = if search { Events::Between } else { Events::Off };
     let mut session = Session::new(SessionOptions {
         cell: frame.cell,
         wrapped: args.frames.cell_args.wrapped.filter(|wrapped| !wrapped),
         // It is decided already which curves are closed.
         keep_open: true,
-        events: match frame.cell.is_some() && !has_closed {
-            true => Events::Between,
-            false => Events::Off,
-        },
+        events,
         braids,
         ..args.kernel.options()
     })?;
@@ -241,7 +226,13 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     }
     args.frames.for_each(&models, single, |frame| {
         let is_alone = models.len() == 1 && !frame.several;
-        check_cell(&frame, args)?;
+        let name = &frame.name;
+        if let Some(cell) = frame.cell.filter(|_| args.noise.is_some() || args.open) {
+            return Err(usage!(
+                "{name}: the frame has a periodic cell ({cell}), but --noise and --open do not \
+                 consider periodic images: --cell none ignores it"
+            ));
+        }
         if args.explain {
             let options = SessionOptions {
                 cell: frame.cell,
@@ -255,12 +246,12 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         }
         let certified = certify(&frame, args)?;
         if !frame.several {
-            log_work(&frame.name, &certified, args);
+            log_work(name, &certified, args);
         }
         match json {
             true => print_json(&frame, &certified, args),
-            false if frame.several => print_line(&frame.name, &certified),
-            false => print(&frame.name, &certified, args, is_alone),
+            false if frame.several => print_line(name, &certified),
+            false => print(name, &certified, args, is_alone),
         }
         write(&frame, &certified, args)?;
         let undefined = !certified.certificate.undefined.is_empty();
@@ -287,11 +278,11 @@ fn print_json(frame: &Picked, c: &Certified, args: &Args) {
 /// Logs the work of a certificate that was not usual.
 fn log_work(name: &str, c: &Certified, args: &Args) {
     if c.stats.exact > 0 {
+        let tests = plural(c.stats.exact, "orientation test");
+        let share = percent(c.stats.exact_share());
         tracing::info!(
-            "{name}: {} decided exactly ({}), because floating-point numbers were not precise \
-             enough: slower, but equally certain",
-            plural(c.stats.exact, "orientation test"),
-            percent(c.stats.exact_share()),
+            "{name}: {tests} decided exactly ({share}), because floating-point numbers were not \
+             precise enough: slower, but equally certain"
         );
     }
     let method = args.kernel.method();
@@ -308,11 +299,11 @@ fn log_work(name: &str, c: &Certified, args: &Args) {
         );
     }
     if c.offload.tests > 0 {
+        let (tests, undecided) = (c.offload.tests, c.offload.undecided);
+        let share = percent(undecided as f64 / tests as f64);
+        let (tests, undecided) = (plural(tests, "test"), count(undecided));
         tracing::info!(
-            "{name}: {} on the GPU, {} of them repeated on the CPU ({})",
-            plural(c.offload.tests, "test"),
-            count(c.offload.undecided),
-            percent(c.offload.undecided as f64 / c.offload.tests as f64),
+            "{name}: {tests} on the GPU, {undecided} of them repeated on the CPU ({share})"
         );
     }
 }

@@ -10,7 +10,7 @@ use super::output::with_progress;
 use super::run::{Baseline, Judge, JunitArgs, Run, Setup, Sinks};
 use super::sequence::{Frame, Sequence};
 use crate::curve::vector::{distance, per_axis};
-use linkwatch::{AbortOn, CurveSet, Error, Point, Result, SessionOptions};
+use linkwatch::{AbortOn, CurveSet, Error, Events, Point, Result, SessionOptions};
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::slice;
@@ -76,7 +76,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     };
     let from_first_frame = !matches!(args.baseline, Some(Baseline::File(_)));
     let single = models.len() == 1 && !input::holds_frames(&models[0]);
-    let format = args.format.wrapped(args.cell_args.wrapped.is_some());
+    let options = args.format.options(&args.cell_args);
     let name = models[0].display().to_string();
     let metadata = BTreeMap::from([("models".to_owned(), models.len().to_string())]);
     let mut judge = Judge {
@@ -92,7 +92,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     let mut files = judge.files(args.sinks.overwrite);
     files.reads(&models);
     files.reads(args.format.bonds(&models));
-    let mut frames = Sequence::new(models, &format, args.one_motion);
+    let mut frames = Sequence::new(models, options, args.one_motion);
     let Some(first) = frames.next() else {
         return Err(usage!("{name}: no frame"));
     };
@@ -108,7 +108,8 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     }
     let far = !args.event_args.are_given() && are_far_apart(&first, &second);
     if second.is_none() || args.early_exit || far {
-        judge.event_args = args.event_args.off_by_default();
+        // There is no step to search, or another option excludes it.
+        judge.event_args.events.get_or_insert(Events::Off);
     }
     let setup = Setup {
         junit: args.junit.clone(),

@@ -4,7 +4,6 @@ use super::number::{positive, share};
 use super::run::recorded;
 use linkwatch::{ClearanceOptions, Result};
 use std::collections::BTreeMap;
-use std::str::FromStr;
 
 /// Names in the metadata of a recording.
 const THICKNESS: &str = "thickness";
@@ -18,7 +17,7 @@ pub struct ClearanceArgs {
     ///
     /// In the units of the simulation, or `published`: the radii that the simulator publishes
     /// [default: not measured; replay: as recorded]
-    #[arg(long, value_name = "R|published")]
+    #[arg(long, value_name = "R|published", value_parser = strand_radius)]
     radius: Option<StrandRadius>,
     /// Distance in diameters below which strands are too close
     ///
@@ -29,24 +28,16 @@ pub struct ClearanceArgs {
     min_clearance: Option<f64>,
 }
 
-/// Radius of strands: that of all, or those that a simulator publishes.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum StrandRadius {
-    Of(f64),
-    Published,
-}
+/// Radius of all strands; `None` for those that the simulator publishes.
+pub type StrandRadius = Option<f64>;
 
-impl FromStr for StrandRadius {
-    type Err = String;
+/// Word for the radii that the simulator publishes.
+const PUBLISHED: &str = "published";
 
-    fn from_str(text: &str) -> std::result::Result<Self, String> {
-        match text {
-            "published" => Ok(StrandRadius::Published),
-            radius => positive(radius)
-                .map(StrandRadius::Of)
-                .map_err(|e| format!("{e}, or `published`")),
-        }
-    }
+/// Parses a radius, or `published`.
+pub fn strand_radius(text: &str) -> Result<StrandRadius, String> {
+    let given = (text != PUBLISHED).then(|| positive(text)).transpose();
+    given.map_err(|e| format!("{e}, or `{PUBLISHED}`"))
 }
 
 impl ClearanceArgs {
@@ -56,20 +47,22 @@ impl ClearanceArgs {
     ///
     /// [`Error::Usage`] for a level without a radius.
     pub fn options(&self) -> Result<Option<ClearanceOptions>> {
-        let mut options = match (self.radius, self.min_clearance) {
-            (Some(StrandRadius::Of(radius)), _) => ClearanceOptions::new(Some(radius)),
-            (Some(StrandRadius::Published), _) => ClearanceOptions::new(None),
-            (None, Some(_)) => return Err(usage!("--min-clearance needs --radius")),
-            (None, None) => return Ok(None),
-        };
-        options.low = self.min_clearance.unwrap_or(options.low);
-        Ok(Some(options))
+        if self.radius.is_none() && self.min_clearance.is_some() {
+            return Err(usage!("--min-clearance needs --radius"));
+        }
+        Ok(self.radius.map(|radius| {
+            let mut options = ClearanceOptions::new(radius);
+            options.low = self.min_clearance.unwrap_or(options.low);
+            options
+        }))
     }
 
     /// Adds the options of a recorded run.
     pub fn or_recorded(self, metadata: &BTreeMap<String, String>) -> ClearanceArgs {
+        let radius = metadata.get(THICKNESS);
+        let radius = radius.and_then(|text| strand_radius(text).ok());
         ClearanceArgs {
-            radius: self.radius.or(recorded(metadata, THICKNESS)),
+            radius: self.radius.or(radius),
             min_clearance: self.min_clearance.or(recorded(metadata, MIN_CLEARANCE)),
         }
     }
@@ -77,10 +70,8 @@ impl ClearanceArgs {
 
 /// Writes the options to the metadata of a recording.
 pub fn write(options: &ClearanceOptions, metadata: &mut BTreeMap<String, String>) {
-    let thickness = match options.radius {
-        Some(radius) => radius.to_string(),
-        None => "published".into(),
-    };
+    let radius = options.radius.map(|radius| radius.to_string());
+    let thickness = radius.unwrap_or_else(|| PUBLISHED.into());
     metadata.insert(THICKNESS.into(), thickness);
     metadata.insert(MIN_CLEARANCE.into(), options.low.to_string());
 }

@@ -59,9 +59,9 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         false => (Some(Format::to_write(&args.output)?), Content::Model),
     };
     files.writes("OUT", [&args.output], content)?;
-    let format = args.format.wrapped(args.cell_args.wrapped.is_some());
+    let options = args.format.options(&args.cell_args);
     let mut cells = Cells::new(args.cell_args);
-    let frames = Sequence::new(inputs, &format, args.one_motion);
+    let frames = Sequence::new(inputs, options, args.one_motion);
     let mut frames = frames.filter_map(|frame| match frame {
         Ok(frame) if frame.begins_run => Some(Err(usage!(
             "{}: this file and one before it have several frames each, so they may be runs of \

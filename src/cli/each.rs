@@ -2,8 +2,7 @@
 //!
 //! A run that crashes, or that the system kills because memory is short, costs no other run.
 
-use super::Outcome;
-use super::output;
+use super::{Outcome, output};
 use linkwatch::Result;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;

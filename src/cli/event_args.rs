@@ -39,15 +39,6 @@ impl EventArgs {
         self.events.is_some() || self.motion_limit.is_some()
     }
 
-    /// Searches for no pull-throughs, unless the user asks for them: there is no step to search, or
-    /// another option excludes it.
-    pub fn off_by_default(&self) -> EventArgs {
-        EventArgs {
-            events: self.events.or(Some(Events::Off)),
-            ..self.clone()
-        }
-    }
-
     /// Returns the pull-throughs to search for: at least those that the policy needs.
     pub fn events(&self, abort_on: AbortOn) -> Events {
         match self.events.unwrap_or(Events::Between) {

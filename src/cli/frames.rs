@@ -158,11 +158,10 @@ impl Selected {
     /// and the option `single` takes one.
     fn open(argument: &Path, args: &FrameArgs, single: Option<&str>) -> Result<Selected> {
         let (cells, selection) = (args.cell_args, args.frame.unwrap_or_default());
-        let format = args.format.wrapped(cells.wrapped.is_some());
         let mut selected = Selected {
             path: argument.to_owned(),
             selection,
-            frames: input::open_or_build(argument, &format)?,
+            frames: input::open_or_build(argument, &args.format.options(&cells))?,
             ahead: VecDeque::new(),
             ended: false,
             last: None,

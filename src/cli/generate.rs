@@ -67,7 +67,6 @@ pub fn run(args: &Args, as_json: bool) -> Result<Outcome> {
         write_text(file, args.overwrite, &generated.certificate.to_string())?;
     }
     let (sizes, basis) = ([curves.len(), curves.segments()], curves.basis());
-    let sizes = sizes.map(|n| n as u64);
     write_whole(path, args.overwrite, |part| {
         match moving.as_ref().zip(format) {
             Some((moving, format)) => write_frames(part, format, moving, curves),
@@ -195,10 +194,8 @@ fn list(as_json: bool) {
         out!("{}: {}", kind.name, kind.purpose);
         for p in kind.parameters {
             let default = format!("{}={}", p.name, p.default);
-            let (min, max) = match p.integer {
-                true => (signed(p.min), signed(p.max)),
-                false => (p.min.to_string(), p.max.to_string()),
-            };
+            let show = |x: f64| if p.integer { signed(x) } else { x.to_string() };
+            let [min, max] = [p.min, p.max].map(show);
             out!("  {default:20} {} ({min} to {max})", p.meaning);
         }
     }

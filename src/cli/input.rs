@@ -1,5 +1,6 @@
 //! Curves of arguments: model files, folders and patterns of them, recordings, generated scenes.
 
+use super::cell_args::CellArgs;
 use super::order;
 use super::recorded::Recorded;
 use linkwatch::formats::{Frames, ModelFrame, ReadOptions};
@@ -36,35 +37,28 @@ pub struct FormatArgs {
     /// Topic to read of an MCAP file of another program, if several have curves
     #[arg(long, value_name = "TOPIC", hide_short_help = true)]
     topic: Option<String>,
-    /// Set by the command: curves that are torn at a periodic boundary are not refused.
-    #[arg(skip)]
-    wrapped: bool,
 }
 
 impl FormatArgs {
-    /// Returns the arguments for frames whose coordinates are wrapped, or not.
-    pub fn wrapped(&self, wrapped: bool) -> FormatArgs {
-        FormatArgs {
-            wrapped: wrapped || self.wrapped,
-            ..self.clone()
-        }
-    }
-
     /// Returns the files with the bonds of these models.
     pub fn bonds(&self, models: &[PathBuf]) -> impl Iterator<Item = PathBuf> {
-        let options = self.options();
-        models
-            .iter()
-            .filter_map(move |model| options.bonds_of(model))
+        let options = ReadOptions {
+            bonds: self.bonds.clone(),
+            ..ReadOptions::default()
+        };
+        let models = models.iter();
+        models.filter_map(move |model| options.bonds_of(model))
     }
 
-    fn options(&self) -> ReadOptions {
+    /// Returns the options of a reader. Curves that are torn at a periodic boundary are not refused
+    /// if the user says whether coordinates are wrapped.
+    pub fn options(&self, cells: &CellArgs) -> ReadOptions {
         ReadOptions {
             bonds: self.bonds.clone(),
             counts: self.counts.clone(),
             closed: self.closed,
             topic: self.topic.clone(),
-            wrapped: self.wrapped,
+            wrapped: cells.wrapped.is_some(),
         }
     }
 }
@@ -226,16 +220,16 @@ pub fn check_recording(path: &Path) -> Result<()> {
 pub type FileFrames = Box<dyn Iterator<Item = Result<ModelFrame>>>;
 
 /// Opens a model file or a recording.
-pub fn open(path: &Path, args: &FormatArgs) -> Result<FileFrames> {
+pub fn open(path: &Path, options: &ReadOptions) -> Result<FileFrames> {
     if is_mcap(path) && is_recording(path)? {
         return Ok(Box::new(Recorded::open(path)?));
     }
-    Ok(Box::new(Frames::open(path, &args.options())?))
+    Ok(Box::new(Frames::open(path, options)?))
 }
 
 /// Same as [`open`]; an argument that is no file is a scene of one frame.
-pub fn open_or_build(argument: &Path, args: &FormatArgs) -> Result<FileFrames> {
-    match open(argument, args) {
+pub fn open_or_build(argument: &Path, options: &ReadOptions) -> Result<FileFrames> {
+    match open(argument, options) {
         Err(Error::UnknownModel { .. }) if !argument.exists() => {
             let frame = ModelFrame::new(0, Ok(scene(argument)?));
             Ok(Box::new(std::iter::once(Ok(frame))))

@@ -1,9 +1,8 @@
 //! `linkwatch report`: what a recorded run showed, for people without a viewer.
 
-use super::Outcome;
 use super::files::{Content, Files, Overwrite, write_text};
-use super::input;
 use super::output::{self, count, plural};
+use super::{Outcome, input};
 use linkwatch::{Conclusion, Error, Result, RunReport};
 use std::path::PathBuf;
 

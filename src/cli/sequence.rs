@@ -1,7 +1,7 @@
 //! Frames of several files, one after the other: those of one motion, or of several runs.
 
-use super::input::{self, FileFrames, FormatArgs};
-use linkwatch::formats::{Format, ModelFrame};
+use super::input::{self, FileFrames};
+use linkwatch::formats::{Format, ModelFrame, ReadOptions};
 use linkwatch::{CurveSet, Error, FrameInfo, LeftOut, Received, Result};
 use std::collections::VecDeque;
 use std::path::PathBuf;
@@ -14,7 +14,7 @@ use std::sync::Arc;
 /// the files before it. The first file of several frames continues those of one frame before it.)
 #[derive(Default)]
 pub struct Sequence {
-    args: FormatArgs,
+    options: ReadOptions,
     files: VecDeque<PathBuf>,
     /// True if there is one file, whose frames keep their numbers.
     single: bool,
@@ -65,9 +65,9 @@ impl Frame {
 impl Sequence {
     /// Prepares to read files, which [`input::expand`] returned. `one_motion` is true if files of
     /// several frames continue one another.
-    pub fn new(files: Vec<PathBuf>, args: &FormatArgs, one_motion: bool) -> Sequence {
+    pub fn new(files: Vec<PathBuf>, options: ReadOptions, one_motion: bool) -> Sequence {
         Sequence {
-            args: args.clone(),
+            options,
             single: files.len() == 1,
             one_motion,
             files: files.into(),
@@ -77,7 +77,7 @@ impl Sequence {
 
     /// Opens the next file. Its first two frames show if it has several.
     fn open(&mut self, path: PathBuf) -> Result<File> {
-        let mut frames = input::open(&path, &self.args)?;
+        let mut frames = input::open(&path, &self.options)?;
         let most_ahead = if self.single { 0 } else { 2 };
         let ahead: Vec<_> = frames.by_ref().take(most_ahead).collect();
         let has_several = ahead.len() > 1;

@@ -23,6 +23,9 @@ const AGAIN: Duration = Duration::from_millis(10);
 /// Erases the status line. The cursor is at its end.
 const ERASE: &str = "\r\x1b[2K";
 
+/// Reason why text is lost that nobody reads.
+const UNREAD: &str = "no program reads it";
+
 /// Destination of a text.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub enum Target {
@@ -95,7 +98,34 @@ fn stream_of(target: Target) -> &'static Stream {
 
 /// Writes a text of complete lines, or passes it to the writer thread.
 pub fn put(target: Target, bytes: Vec<u8>) {
-    stream_of(target).put(Text { target, bytes });
+    let (stream, text) = (stream_of(target), Text { target, bytes });
+    let mut state = stream.lock();
+    let Some(overflow) = state.overflow else {
+        let status = state.status.clone();
+        let outcome = show(&text, &status, &mut state.shown);
+        return state.note(text.lines(), outcome);
+    };
+    let start = Instant::now();
+    let full = |s: &State| s.bytes >= WAITING_BYTES;
+    // Log messages never block.
+    let patience = match target {
+        Target::Out => state.patience,
+        Target::Err => Duration::ZERO,
+    };
+    state = stream.wait_while(state, patience, full);
+    let full = full(&state);
+    if target == Target::Out {
+        state.patience = match overflow {
+            _ if full => Duration::ZERO,
+            Overflow::Wait(_) => state.patience.saturating_sub(start.elapsed()),
+            _ => state.patience,
+        };
+    }
+    if full {
+        return state.lose(text.lines(), UNREAD.to_owned());
+    }
+    state.push(text);
+    stream.changed.notify_all();
 }
 
 /// Replaces the status line if stderr is a terminal.
@@ -133,7 +163,23 @@ pub fn detach(overflow: Overflow) -> io::Result<()> {
 /// Waits until a stream is written, as long as it makes progress within `limit`. Text that is still
 /// waiting after that is lost.
 pub fn finish(target: Target, limit: Duration) -> Option<Lost> {
-    stream_of(target).finish(limit)
+    let stream = stream_of(target);
+    let mut state = stream.lock();
+    loop {
+        let before = state.waiting.len();
+        let same = |s: &State| s.is_busy() && s.waiting.len() == before;
+        state = stream.wait_while(state, limit, same);
+        if !state.is_busy() || state.waiting.len() == before {
+            break;
+        }
+    }
+    if state.is_busy() {
+        let waiting: u64 = state.waiting.iter().map(Text::lines).sum();
+        let lines = state.writing.unwrap_or(0) + waiting;
+        state.waiting.clear();
+        state.lose(lines, UNREAD.to_owned());
+    }
+    Some(state.lost.clone()).filter(|lost| lost.lines > 0)
 }
 
 impl Stream {
@@ -152,37 +198,6 @@ impl Stream {
     ) -> MutexGuard<'a, State> {
         let wait = self.changed.wait_timeout_while(state, limit, |s| holds(s));
         wait.unwrap_or_else(PoisonError::into_inner).0
-    }
-
-    fn put(&self, text: Text) {
-        let mut state = self.lock();
-        let Some(overflow) = state.overflow else {
-            let status = state.status.clone();
-            let outcome = show(&text, &status, &mut state.shown);
-            return state.note(text.lines(), outcome);
-        };
-        let start = Instant::now();
-        let full = |s: &State| s.bytes >= WAITING_BYTES;
-        // Log messages never block.
-        let patience = match text.target {
-            Target::Out => state.patience,
-            Target::Err => Duration::ZERO,
-        };
-        state = self.wait_while(state, patience, full);
-        let full = full(&state);
-        if text.target == Target::Out {
-            state.patience = match overflow {
-                _ if full => Duration::ZERO,
-                Overflow::Wait(_) => state.patience.saturating_sub(start.elapsed()),
-                _ => state.patience,
-            };
-        }
-        if full {
-            let why = "no program reads it".to_owned();
-            return state.lose(text.lines(), why);
-        }
-        state.push(text);
-        self.changed.notify_all();
     }
 
     /// Writes texts as they arrive, for the lifetime of the process.
@@ -209,25 +224,6 @@ impl Stream {
             drop(state);
             self.changed.notify_all();
         }
-    }
-
-    fn finish(&self, limit: Duration) -> Option<Lost> {
-        let mut state = self.lock();
-        loop {
-            let before = state.waiting.len();
-            let same = |s: &State| s.is_busy() && s.waiting.len() == before;
-            state = self.wait_while(state, limit, same);
-            if !state.is_busy() || state.waiting.len() == before {
-                break;
-            }
-        }
-        if state.is_busy() {
-            let waiting: u64 = state.waiting.iter().map(Text::lines).sum();
-            let lines = state.writing.unwrap_or(0) + waiting;
-            state.waiting.clear();
-            state.lose(lines, "no program reads it".to_owned());
-        }
-        Some(state.lost.clone()).filter(|lost| lost.lines > 0)
     }
 }
 

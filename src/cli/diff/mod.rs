@@ -67,12 +67,10 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         );
     }
     let only = diff.only.iter().any(|only| only.frames > 0);
-    Ok(if diff.different > 0 {
-        Outcome::Changed
-    } else if diff.compared == 0 || only || diff.without_verdict > 0 || diff.cut != [false; 2] {
-        Outcome::Undecided
-    } else {
-        Outcome::Fine
+    let partial = diff.compared == 0 || only || diff.without_verdict > 0 || diff.cut != [false; 2];
+    Ok(match diff.different {
+        0 => Outcome::undecided_if(partial),
+        _ => Outcome::Changed,
     })
 }
 

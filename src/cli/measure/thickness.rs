@@ -1,7 +1,7 @@
 //! `linkwatch measure thickness`: measures how sharply curves bend and how close they come.
 
 use crate::cli::Outcome;
-use crate::cli::clearance_args::StrandRadius;
+use crate::cli::clearance_args::{StrandRadius, strand_radius};
 use crate::cli::frames::{FrameArgs, Picked};
 use crate::cli::number::positive;
 use crate::cli::output::{self, listed, percent, plural};
@@ -28,7 +28,7 @@ pub struct Args {
     struts: Option<f64>,
     /// Radius of the strands, or `published`: those that the file has. Lists the places
     /// where two strands, or one and itself, overlap
-    #[arg(long, value_name = "R|published")]
+    #[arg(long, value_name = "R|published", value_parser = strand_radius)]
     radius: Option<StrandRadius>,
     /// Count control points of splines that repeat the one before them once: a Catmull-Rom curve
     /// turns back there
@@ -69,9 +69,8 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
 fn measure(frame: &Picked, args: &Args) -> Result<Measured> {
     let (name, mut set, cell) = (&frame.name, &frame.curves, frame.cell.as_ref());
     if cell.is_some() && frame.is_first {
-        args.frames
-            .cell_args
-            .warn_of_segments(name, set, frame.cell);
+        let cells = args.frames.cell_args;
+        cells.warn_of_segments(name, set, frame.cell);
     }
     let without;
     if let [(curve, point), others @ ..] = &set.doubled_points()[..] {
@@ -88,11 +87,9 @@ fn measure(frame: &Picked, args: &Args) -> Result<Measured> {
     let published: Vec<f64> = frame.radii.iter().copied().map(f64::from).collect();
     let radii = match args.radius {
         None => Vec::new(),
-        Some(StrandRadius::Of(radius)) => vec![radius; set.len()],
-        Some(StrandRadius::Published) if published.len() == set.len() => published,
-        Some(StrandRadius::Published) => {
-            return Err(usage!("{name}: the curves have no radii"));
-        }
+        Some(Some(radius)) => vec![radius; set.len()],
+        Some(None) if published.len() == set.len() => published,
+        Some(None) => return Err(usage!("{name}: the curves have no radii")),
     };
     let found = Thickness::of(set, cell)?;
     let shortest = found.poca.map(|strut| strut.length);
@@ -147,7 +144,7 @@ fn print(frame: &Picked, measured: &Measured, args: &Args) {
     if let Some(overlaps) = &measured.overlaps {
         let places = plural(overlaps.len(), "overlap");
         let strands = match args.radius {
-            Some(StrandRadius::Of(radius)) => format!("of radius {radius}"),
+            Some(Some(radius)) => format!("of radius {radius}"),
             _ => "with the published radii".into(),
         };
         out!("  {places} of strands {strands}");

@@ -52,19 +52,16 @@ fn pairing(text: &str) -> Result<Choice> {
     }
 }
 
-/// Curves that are the strands of ribbons.
-#[derive(Clone, Copy, Debug)]
-enum Strands {
-    Of(usize, usize),
-    Pairs,
-}
+/// Curves that are the strands of a ribbon; `None`: curves 0 and 1, 2 and 3, and so on.
+type Strands = Option<[usize; 2]>;
 
+/// Parses two curves, or `pairs`.
 fn ribbon(text: &str) -> Result<Strands, &'static str> {
     let two = text.split_once(',');
     let two = two.map(|(i, j)| (i.trim().parse(), j.trim().parse()));
     match two {
-        _ if text == "pairs" => Ok(Strands::Pairs),
-        Some((Ok(i), Ok(j))) => Ok(Strands::Of(i, j)),
+        _ if text == "pairs" => Ok(None),
+        Some((Ok(i), Ok(j))) => Ok(Some([i, j])),
         _ => Err("expected two curves, `0,1` for example, or `pairs`"),
     }
 }
@@ -75,9 +72,8 @@ pub fn run(args: &Args, as_json: bool) -> Result<Outcome> {
     args.frames.for_each(&models, None, |frame| {
         let (name, set) = (&frame.name, &frame.curves);
         if frame.cell.is_some() && frame.is_first {
-            args.frames
-                .cell_args
-                .warn_of_segments(name, set, frame.cell);
+            let cells = args.frames.cell_args;
+            cells.warn_of_segments(name, set, frame.cell);
         }
         // The writhe of other curves does not depend on their images.
         if let Some(i) = frame.yarn() {
@@ -126,16 +122,14 @@ fn curves(frame: &Picked, args: &Args, as_json: bool) -> Result<Outcome> {
 fn ribbons(frame: &Picked, args: &Args, as_json: bool) -> Result<Outcome> {
     let set = &frame.curves;
     let mut outcome = Outcome::Fine;
+    let first = args.axis_first;
+    let axis = if first { Axis::First } else { Axis::Centre };
+    let options = RibbonOptions {
+        axis,
+        pairing: args.pairing,
+        tolerance: args.tolerance,
+    };
     for [i, j] in strands(&frame.name, set, &args.ribbon)? {
-        let axis = match args.axis_first {
-            true => Axis::First,
-            false => Axis::Centre,
-        };
-        let options = RibbonOptions {
-            axis,
-            pairing: args.pairing,
-            tolerance: args.tolerance,
-        };
         let of_image = match frame.cell {
             Some(cell) if i.max(j) < set.len() => Some(beside(set, [i, j], &cell)?),
             _ => None,
@@ -164,12 +158,15 @@ fn ribbons(frame: &Picked, args: &Args, as_json: bool) -> Result<Outcome> {
         } else {
             let linking = ribbon.linking.map_or("undefined".into(), |n| n.to_string());
             let [lk, tw, wr] = ribbon.times.map(millis);
+            let (twist, writhe, pairing) = (ribbon.twist, ribbon.writhe, ribbon.pairing.words());
+            let why = match ribbon.reason {
+                PairingReason::Given => "given",
+                PairingReason::Order => "by the order of the vertices",
+                PairingReason::Distances => "by the most constant distances",
+            };
             out!(
-                "{name}: Lk {linking} ({lk}), Tw {} ({tw}), Wr {} ({wr}), Lk - Tw - Wr {residual}; \
-                 {}",
-                ribbon.twist,
-                ribbon.writhe,
-                pairing_words(&ribbon),
+                "{name}: Lk {linking} ({lk}), Tw {twist} ({tw}), Wr {writhe} ({wr}), Lk - Tw - Wr \
+                 {residual}; {pairing} ({why})"
             );
         }
         let rivals = ribbon.rivals.iter();
@@ -211,29 +208,19 @@ fn ribbons(frame: &Picked, args: &Args, as_json: bool) -> Result<Outcome> {
     Ok(outcome)
 }
 
-/// Returns the pairing of the vertices and its reason in words.
-fn pairing_words(ribbon: &Ribbon) -> String {
-    let why = match ribbon.reason {
-        PairingReason::Given => "given",
-        PairingReason::Order => "by the order of the vertices",
-        PairingReason::Distances => "by the most constant distances",
-    };
-    format!("{} ({why})", ribbon.pairing.words())
-}
-
 /// Returns the strands of all ribbons of a set.
 fn strands(name: &str, set: &CurveSet, asked: &[Strands]) -> Result<Vec<[usize; 2]>> {
     let mut all = Vec::new();
     for strands in asked {
         match *strands {
-            Strands::Of(i, j) => all.push([i, j]),
-            Strands::Pairs if set.len() % 2 == 1 => {
+            Some(strands) => all.push(strands),
+            None if set.len() % 2 == 1 => {
+                let n = set.len();
                 return Err(usage!(
-                    "{name}: --ribbon pairs needs an even number of curves, not {}",
-                    set.len()
+                    "{name}: --ribbon pairs needs an even number of curves, not {n}"
                 ));
             }
-            Strands::Pairs => all.extend((0..set.len() / 2).map(|k| [2 * k, 2 * k + 1])),
+            None => all.extend((0..set.len() / 2).map(|k| [2 * k, 2 * k + 1])),
         }
     }
     Ok(all)

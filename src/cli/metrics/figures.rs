@@ -125,13 +125,10 @@ impl Service {
         }
         let latency = "verdict_latency_seconds";
         let mut count = 0;
-        let bounds = LATENCIES.iter().chain([&f64::INFINITY]);
+        let bounds = LATENCIES.map(|bound| bound.to_string()).into_iter();
+        let bounds = bounds.chain(["+Inf".to_owned()]);
         for (bound, n) in bounds.zip(self.latencies) {
             count += n;
-            let bound = match bound.is_finite() {
-                true => bound.to_string(),
-                false => "+Inf".into(),
-            };
             add(latency, "_bucket", &format!("le=\"{bound}\""), count as f64);
         }
         add(latency, "_sum", "", self.latency_sum);

@@ -34,6 +34,9 @@ const LINES: usize = 64;
 /// closed with unread bytes may lose its answer.
 const REST: u64 = 1 << 20;
 
+/// Returns the page that is served.
+pub type Page = dyn Fn() -> String + Send + Sync;
+
 /// Stops the thread when it is dropped.
 pub struct Server {
     stop: Arc<AtomicBool>,
@@ -43,14 +46,10 @@ pub struct Server {
 impl Server {
     /// Starts the thread. It calls `page` for each request for [`PATH`], and closes connections
     /// after `limit`.
-    pub fn start(
-        listener: TcpListener,
-        limit: Duration,
-        page: impl Fn() -> String + Send + Sync + 'static,
-    ) -> Result<Server> {
+    pub fn start(listener: TcpListener, limit: Duration, page: Arc<Page>) -> Result<Server> {
         listener.set_nonblocking(true)?;
         let stop = Arc::new(AtomicBool::new(false));
-        let (stopped, page) = (Arc::clone(&stop), Arc::new(page));
+        let stopped = Arc::clone(&stop);
         let serve = move || accept(&listener, limit, &page, &stopped);
         let thread = Some(thread().spawn(serve)?);
         Ok(Server { stop, thread })
@@ -70,12 +69,7 @@ fn thread() -> Builder {
 }
 
 /// Accepts connections until `stop` is set.
-fn accept<P: Fn() -> String + Send + Sync + 'static>(
-    listener: &TcpListener,
-    limit: Duration,
-    page: &Arc<P>,
-    stop: &AtomicBool,
-) {
+fn accept(listener: &TcpListener, limit: Duration, page: &Arc<Page>, stop: &AtomicBool) {
     // Their ends, oldest first. The thread of a connection owns it.
     let mut open: VecDeque<(Instant, Weak<TcpStream>)> = VecDeque::new();
     let close = |(_, stream): (Instant, Weak<TcpStream>)| {
@@ -111,7 +105,7 @@ fn accept<P: Fn() -> String + Send + Sync + 'static>(
 }
 
 /// Reads a request, answers it, and waits until the client closes the connection.
-fn answer(mut connection: &TcpStream, page: impl Fn() -> String) -> io::Result<()> {
+fn answer(mut connection: &TcpStream, page: &Page) -> io::Result<()> {
     let mut request = BufReader::new(connection.take(REQUEST));
     let mut head = Vec::new();
     let ends = |head: &[u8]| head.ends_with(b"\n\r\n") || head.ends_with(b"\n\n");
@@ -173,7 +167,7 @@ mod tests {
     fn start(limit: Duration) -> (Server, SocketAddr) {
         let listener = TcpListener::bind("127.0.0.1:0").unwrap();
         let address = listener.local_addr().unwrap();
-        let page = || "x".repeat(PAGE);
+        let page = Arc::new(|| "x".repeat(PAGE));
         (Server::start(listener, limit, page).unwrap(), address)
     }
 

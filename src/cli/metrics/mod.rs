@@ -9,52 +9,35 @@ use self::http::{LIMIT, PATH, Server};
 use linkwatch::Result;
 use std::io::ErrorKind;
 use std::net::{SocketAddr, TcpListener};
+use std::sync::Arc;
 
-/// The option `--metrics`.
-#[derive(Clone, Debug, clap::Args)]
-#[command(next_help_heading = super::WRITE)]
-pub struct MetricsArgs {
-    /// Serve figures for Prometheus at http://ADDRESS/metrics
-    ///
-    /// Counters and latencies. A port alone is on the loopback interface (127.0.0.1); port 0 is a
-    /// free one, which the log names. Without a password: at any other address (HOST:PORT) whoever
-    /// reaches it can read them
-    #[arg(long, value_name = "[HOST:]PORT", value_parser = address)]
-    metrics: Option<String>,
-}
-
-impl MetricsArgs {
-    /// Serves the figures until the result is dropped, if that is requested.
-    pub fn serve(&self, figures: &ServiceMetrics) -> Result<Option<Server>> {
-        let Some(address) = &self.metrics else {
-            return Ok(None);
+/// Serves the figures at an address until the result is dropped.
+pub fn serve(address: &str, figures: &ServiceMetrics) -> Result<Server> {
+    let listener = TcpListener::bind(address).map_err(|e| {
+        let advice = match e.kind() {
+            ErrorKind::AddrInUse => "; give another port, or port 0 for a free one",
+            ErrorKind::AddrNotAvailable => "; give an address of this machine",
+            ErrorKind::PermissionDenied => "; give a port from 1024 on",
+            _ => "",
         };
-        let listener = TcpListener::bind(address).map_err(|e| {
-            let advice = match e.kind() {
-                ErrorKind::AddrInUse => "; give another port, or port 0 for a free one",
-                ErrorKind::AddrNotAvailable => "; give an address of this machine",
-                ErrorKind::PermissionDenied => "; give a port from 1024 on",
-                _ => "",
-            };
-            usage!("--metrics {address}: {e}{advice}")
-        })?;
-        let local = listener.local_addr()?;
-        let figures = figures.clone();
-        let server = Server::start(listener, LIMIT, move || figures.page())?;
-        tracing::info!("metrics are at http://{local}{PATH}");
-        if !local.ip().to_canonical().is_loopback() {
-            tracing::warn!(
-                "anybody on the network can read the metrics, because {} is not an address of the \
-                 loopback interface",
-                local.ip()
-            );
-        }
-        Ok(Some(server))
+        usage!("--metrics {address}: {e}{advice}")
+    })?;
+    let local = listener.local_addr()?;
+    let figures = figures.clone();
+    let server = Server::start(listener, LIMIT, Arc::new(move || figures.page()))?;
+    tracing::info!("metrics are at http://{local}{PATH}");
+    let ip = local.ip();
+    if !ip.to_canonical().is_loopback() {
+        tracing::warn!(
+            "anybody on the network can read the metrics, because {ip} is not an address of the \
+             loopback interface"
+        );
     }
+    Ok(server)
 }
 
 /// Parses a host and a port. A port alone means the loopback interface of this machine.
-fn address(text: &str) -> Result<String, &'static str> {
+pub fn address(text: &str) -> Result<String, &'static str> {
     let (host, port) = text.rsplit_once(':').unwrap_or(("127.0.0.1", text));
     let address = format!("{host}:{port}");
     // Not `+80`.

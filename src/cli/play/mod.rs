@@ -2,8 +2,7 @@
 
 mod pace;
 
-use self::pace::{Clock, Speed, speed};
-use super::Outcome;
+use self::pace::{Clock, speed};
 use super::cell_args::CellArg;
 use super::live::Live;
 use super::number::seconds;
@@ -12,7 +11,7 @@ use super::range::Range;
 use super::run::PATIENT;
 use super::signals::{TICK, stop_on_signals};
 use super::source::{Source, warn_of_cut};
-use super::stream;
+use super::{Outcome, stream};
 use linkwatch::{
     Client, ClientOptions, CurveLabels, MessageKind, Outcome as Waited, RecordedFrame,
     RecordedItem, Result, Verdict, VerdictMessage,
@@ -48,7 +47,7 @@ pub struct Args {
     service: String,
     /// Pace of the frames: a factor of the recorded pace, or `max` for as fast as they can be read
     #[arg(long, value_name = "FACTOR|max", default_value = "1", value_parser = speed)]
-    speed: Speed,
+    speed: f64,
     /// Wait for the verdict on each frame, so that none is skipped
     #[arg(long)]
     lockstep: bool,

@@ -3,31 +3,24 @@
 use crate::cli::number::positive;
 use std::time::{Duration, Instant};
 
-/// Pace of the frames.
-#[derive(Clone, Copy, Debug)]
-pub enum Speed {
-    Factor(f64),
-    Max,
-}
-
-/// Parses a factor, or `max`.
-pub fn speed(text: &str) -> Result<Speed, String> {
-    if text == "max" {
-        return Ok(Speed::Max);
+/// Parses the pace of the frames: a factor, or `max`, which is infinite.
+pub fn speed(text: &str) -> Result<f64, String> {
+    match text {
+        "max" => Ok(f64::INFINITY),
+        factor => positive(factor).map_err(|e| format!("{e}, or `max`")),
     }
-    let factor = positive(text).map_err(|e| format!("{e}, or `max`"));
-    factor.map(Speed::Factor)
 }
 
 /// Times at which frames are due.
 pub struct Clock {
-    speed: Speed,
+    /// Factor of the recorded pace.
+    speed: f64,
     /// Time of the first frame: when it was published, and recorded in seconds.
     start: Option<(Instant, f64)>,
 }
 
 impl Clock {
-    pub fn new(speed: Speed) -> Clock {
+    pub fn new(speed: f64) -> Clock {
         Clock { speed, start: None }
     }
 
@@ -35,11 +28,8 @@ impl Clock {
     /// whose time went backwards, or is not a number, are due now.
     pub fn due(&mut self, recorded: f64) -> Instant {
         let now = Instant::now();
-        let Speed::Factor(factor) = self.speed else {
-            return now;
-        };
         let (start, first) = *self.start.get_or_insert((now, recorded));
-        let after = Duration::try_from_secs_f64((recorded - first) / factor);
+        let after = Duration::try_from_secs_f64((recorded - first) / self.speed);
         after.ok().and_then(|t| start.checked_add(t)).unwrap_or(now)
     }
 }

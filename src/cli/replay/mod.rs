@@ -144,7 +144,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     }
     if session.tally.verified + session.tally.rejected > 0 {
         let words = comparison.words();
-        session.compared(words, serde_json::json!(comparison));
+        session.sum.comparison = Some((words, serde_json::json!(comparison)));
     }
     Ok(session.finish())
 }

@@ -42,7 +42,7 @@ impl Run {
                 self.session.begin_part(certificate);
                 self.origin = Some(origin);
                 self.last_layout = None;
-                self.news.forget();
+                self.news.known.forget();
             }
             None => self.session.cut(),
         }
@@ -53,7 +53,7 @@ impl Run {
     pub fn begin_run(&mut self) {
         self.session.begin_run();
         self.last_layout = None;
-        self.news.forget();
+        self.news.known.forget();
         self.sum.violations.begin_run();
         if let Some(junit) = &mut self.junit {
             junit.violation = None;
@@ -147,10 +147,9 @@ impl Run {
 
     /// Returns true if a frame may have changed the baseline since it was last passed to the sinks.
     pub fn changes_baseline(&self, judged: &Judged) -> bool {
-        let other_curves = judged.curves.is_some() && judged.info.layout != self.sent_layout;
+        let other_curves = !self.begun || judged.info.layout != self.sent_layout;
+        let changed = self.baseline_changed || judged.curves.is_some() && other_curves;
         let is_fresh = |d: &Defect| d.kind == DefectKind::NoBaseline;
-        let begins = !self.begun && judged.curves.is_some();
-        let changed = begins || other_curves || self.baseline_changed;
         changed || judged.report.defects.iter().any(is_fresh)
     }
 
@@ -214,10 +213,8 @@ fn words_of_scene(curves: &CurveSet, info: &FrameInfo, certificate: &Certificate
         Precision::F32 => "single",
         Precision::F64 => "double",
     };
-    let names = match info.labels.names.is_empty() {
-        true => "without names",
-        false => "with names",
-    };
+    let names = &info.labels.names;
+    let with = if names.is_empty() { "without" } else { "with" };
     let radii = info.labels.radii.iter().copied();
     let radii = match (radii.clone().reduce(f32::min), radii.reduce(f32::max)) {
         (Some(least), Some(most)) if least < most => format!("radii of {least} to {most}"),
@@ -229,5 +226,5 @@ fn words_of_scene(curves: &CurveSet, info: &FrameInfo, certificate: &Certificate
         None => "no periodic cell".into(),
     };
     let curves = plural(curves.len(), "curve");
-    format!("{curves} ({kinds}): {basis} in {precision} precision, {names}, {radii}, {cell}")
+    format!("{curves} ({kinds}): {basis} in {precision} precision, {with} names, {radii}, {cell}")
 }

@@ -2,7 +2,6 @@
 
 use linkwatch::{CloseStrands, Report};
 
-use super::news::Violation;
 use crate::cli::output::{count, percent, plural};
 
 /// Clearance of all frames so far.
@@ -24,16 +23,11 @@ pub struct ClearanceLog {
 
 impl ClearanceLog {
     /// Adds a frame. Returns a warning if its clearance is low, unless the last frames were as low.
-    /// `violation` is the first violation so far.
-    pub fn add(
-        &mut self,
-        report: &Report,
-        names: &[String],
-        violation: Option<&Violation>,
-    ) -> Option<String> {
+    /// `violated` is true if there was a violation so far.
+    pub fn add(&mut self, report: &Report, names: &[String], violated: bool) -> Option<String> {
         let clearance = report.clearance.as_ref()?;
         self.measured += 1;
-        if violation.is_some() {
+        if violated {
             self.before_violation.get_or_insert(self.measured);
         }
         let lowest = self.lowest.as_ref().map(|(.., lowest)| lowest.ratio);

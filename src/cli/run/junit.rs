@@ -168,10 +168,8 @@ impl Junit {
 /// Replaces characters that XML 1.0 excludes.
 fn legal(text: &str) -> String {
     let control = |c: char| c.is_ascii_control() && !matches!(c, '\n' | '\t');
-    text.replace(
-        |c| control(c) || matches!(c, '\u{fffe}' | '\u{ffff}'),
-        "\u{fffd}",
-    )
+    let excluded = |c: char| control(c) || matches!(c, '\u{fffe}' | '\u{ffff}');
+    text.replace(excluded, "\u{fffd}")
 }
 
 #[cfg(test)]

@@ -7,7 +7,6 @@
 
 mod baseline;
 mod clearance;
-mod frame;
 mod junit;
 mod news;
 mod print;
@@ -20,7 +19,6 @@ mod times;
 mod viewer;
 mod violations;
 
-pub use frame::Judged;
 pub use junit::JunitArgs;
 pub use settings::{Baseline, Judge};
 pub use settings::{MOTION_LIMIT, recorded};
@@ -37,10 +35,11 @@ use super::files::Files;
 use super::live::Live;
 use super::metrics::SessionMetrics;
 use super::output::{count, plural};
+use linkwatch::kernels::Offload;
 use linkwatch::{
-    BaselineRecord, Certificate, Continuation, Counters, Events, FrameInfo, FrameRecord,
-    FrameTimes, InvariantKind, Overflow, Progress, Received, Result, RunProgress, Session,
-    SessionOptions, SinkQueue, Strategy, Verdict,
+    BaselineRecord, Certificate, Continuation, Counters, CurveSet, Events, FrameInfo, FrameRecord,
+    FrameTimes, InvariantKind, Overflow, Progress, Received, Report, Result, RunProgress, Session,
+    SessionOptions, SinkQueue, Strategy, Verdict, Work,
 };
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -89,6 +88,41 @@ pub struct Setup {
     pub json: bool,
 }
 
+/// Result of a frame, before it goes to the sinks.
+pub struct Judged {
+    pub report: Arc<Report>,
+    pub times: FrameTimes,
+    pub work: Work,
+    /// Work done on the GPU.
+    pub offload: Offload,
+    pub curves: Option<Arc<CurveSet>>,
+    /// Information of the simulator about the frame.
+    pub info: FrameInfo,
+    /// Model file of the frame, if it comes from one.
+    pub model: Option<String>,
+    /// Time from the receipt of the frame until its verdict was sent, if it is live.
+    pub latency: Option<Duration>,
+    /// How the frame follows the last one.
+    pub step: Continuation,
+}
+
+impl Judged {
+    /// Returns a result without the curves of the frame.
+    pub fn of(report: Report, times: FrameTimes, work: Work) -> Judged {
+        Judged {
+            info: FrameInfo::at(report.seq, report.time),
+            report: Arc::new(report),
+            times,
+            work,
+            offload: Offload::default(),
+            curves: None,
+            model: None,
+            latency: None,
+            step: Continuation::Continues,
+        }
+    }
+}
+
 /// One run over frames: a session, and the outputs of its reports.
 pub struct Run {
     session: Session,
@@ -121,7 +155,7 @@ pub struct Run {
     /// Frames that another process verified before this one. Its outputs have them.
     before: Counters,
     news: News,
-    sum: Summary,
+    pub sum: Summary,
     /// True if frames are missing.
     incomplete: bool,
     /// Reason why the end of the run is missing.
@@ -144,11 +178,7 @@ impl Run {
         options.baseline = certificate;
         let mut sum = Summary::default();
         sum.unresolved.limit = options.motion_limit.unwrap_or(SessionOptions::MOTION_LIMIT);
-        let overflow = match setup.live {
-            true => Overflow::Wait(PATIENCE),
-            false => PATIENT,
-        };
-        let queues = sinks.open(&setup, options.clearance, overflow);
+        let queues = sinks.open(&setup, options.clearance);
         Ok(Run {
             session: Session::new(options.clone())?,
             queues: queues?,
@@ -277,12 +307,12 @@ impl Run {
         if continuation == Continuation::Accepted {
             self.origin = None;
             self.baseline_changed = true;
-            self.news.forget();
+            self.news.known.forget();
         }
         let other = |last: u32| last != info.layout;
         if self.last_layout.replace(info.layout).is_some_and(other) {
             // The findings have other indices.
-            self.news.forget();
+            self.news.known.forget();
         }
     }
 
@@ -301,9 +331,6 @@ impl Run {
         }
         if judged.report.verdict != Verdict::Rejected {
             self.begin_baseline(&judged);
-        }
-        self.pass_baseline(&judged);
-        if judged.report.verdict != Verdict::Rejected {
             if std::mem::take(&mut self.is_new_run) {
                 self.warn_of_scene(&judged);
                 *self.sum.open_curves.get_or_insert(0) += judged.report.stats.open_curves;
@@ -314,13 +341,14 @@ impl Run {
             self.sum.times.add(&judged.times);
             self.sum.routes[judged.work.route as usize] += 1;
         }
+        self.pass_baseline(&judged);
         if let Some(metrics) = &self.metrics {
             metrics.add(&judged.report, judged.latency);
         }
         self.print(&judged);
         if recovered && !self.setup.json {
             let (frame, words) = (judged.report.frame(), violations::words(judged.step));
-            self.live.label.line(format_args!("{frame}: {words}"));
+            self.live.line(format_args!("{frame}: {words}"));
         }
         let own = self.tally.since(self.before);
         let record = Arc::new(FrameRecord {
@@ -356,11 +384,6 @@ impl Run {
     pub fn cut_off(&mut self, why: &'static str) {
         self.cut = Some(why);
         self.data_lost();
-    }
-
-    /// Adds the comparison with the recorded verdicts to the summary.
-    pub fn compared(&mut self, words: String, json: serde_json::Value) {
-        self.sum.comparison = Some((words, json));
     }
 
     /// Closes the sinks and prints the summary.

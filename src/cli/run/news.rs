@@ -45,16 +45,12 @@ pub struct New {
 /// Findings printed so far.
 #[derive(Default)]
 pub struct News {
-    known: Known,
+    /// Those of the last frame. Forgotten if the next one has other curves.
+    pub known: Known,
     pub first_violation: Option<Violation>,
 }
 
 impl News {
-    /// Forgets the findings of the last frame, because the next one has other curves.
-    pub fn forget(&mut self) {
-        self.known.forget();
-    }
-
     /// Returns the news of a report, and records it. `names` are those of the curves, or empty.
     /// `model` is the file of the frame, if it has one.
     pub fn of(&mut self, report: &Report, names: &[String], model: Option<&str>) -> New {

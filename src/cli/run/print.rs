@@ -54,15 +54,15 @@ impl Run {
                 line["model"] = model.as_str().into();
                 line["left_out"] = serde_json::json!(left_out);
             }
-            self.live.label.json(line);
+            self.live.json(line);
         }
         if let Some(junit) = &mut self.junit {
             junit.add(report, names, model.as_deref(), times.check());
         }
         self.sum.unresolved.add(report);
         let news = self.news.of(report, names, model.as_deref());
-        let violation = self.news.first_violation.as_ref();
-        let low = self.sum.clearance.add(report, names, violation);
+        let violated = self.news.first_violation.is_some();
+        let low = self.sum.clearance.add(report, names, violated);
         let mut lines = match model {
             Some(model) => lines_of_model(model, report, &news),
             None if news.notable => lines_of_frame(judged, &news),
@@ -79,7 +79,7 @@ impl Run {
             }
         }
         if !(self.setup.json || lines.is_empty()) {
-            self.live.label.line(lines.join("\n"));
+            self.live.line(lines.join("\n"));
         }
         if model.is_none() {
             let closest = report.clearance.as_ref().and_then(|c| c.closest);

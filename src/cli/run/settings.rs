@@ -115,10 +115,7 @@ impl Judge {
     }
 
     /// Returns the baseline, unless it is the first frame.
-    pub(super) fn baseline(
-        &self,
-        recorded: Option<BaselineRecord>,
-    ) -> Result<Option<BaselineRecord>> {
+    pub fn baseline(&self, recorded: Option<BaselineRecord>) -> Result<Option<BaselineRecord>> {
         Ok(match &self.baseline {
             Some(Baseline::File(path)) => Some(BaselineRecord {
                 certificate: Arc::new(Certificate::read(path)?),
@@ -133,10 +130,7 @@ impl Judge {
 
     /// Returns the options of the session, without its baseline. Adds them to the metadata of a
     /// recording.
-    pub(super) fn options(
-        &self,
-        metadata: &mut BTreeMap<String, String>,
-    ) -> Result<SessionOptions> {
+    pub fn options(&self, metadata: &mut BTreeMap<String, String>) -> Result<SessionOptions> {
         let abort_on = self.abort_on.unwrap_or_default();
         metadata.insert("abort_on".into(), abort_on.to_string());
         let events = self.event_args.events(abort_on);

@@ -1,8 +1,8 @@
 //! Destinations of verified frames: a recording (`--record`) and a viewer (`--show`).
 
-use super::Setup;
 use super::record::recording;
 use super::viewer::{Show, show};
+use super::{PATIENCE, PATIENT, Setup};
 use crate::cli::files::{Content, Files, Overwrite, with_suffix};
 use linkwatch::{ClearanceOptions, Overflow, RecordingOptions, Result, SinkQueue};
 use std::path::Path;
@@ -79,12 +79,11 @@ impl Sinks {
 
     /// Opens the sinks of a run. Files are created at the first frame. The viewer shows the
     /// clearance if it is measured.
-    pub fn open(
-        &self,
-        run: &Setup,
-        clearance: Option<ClearanceOptions>,
-        overflow: Overflow,
-    ) -> Result<Vec<SinkQueue>> {
+    pub fn open(&self, run: &Setup, clearance: Option<ClearanceOptions>) -> Result<Vec<SinkQueue>> {
+        let overflow = match run.live {
+            true => Overflow::Wait(PATIENCE),
+            false => PATIENT,
+        };
         let mut queues = Vec::new();
         if let Some(record) = &self.record {
             let mut options = record.clone();

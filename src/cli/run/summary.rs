@@ -88,7 +88,7 @@ impl Run {
         let checked = self.options.events != Events::Off;
         let (runs, yarns) = (1 + sum.further_runs, self.yarns());
         if self.setup.json {
-            self.live.label.json(json!({
+            self.live.json(json!({
                 "summary": {
                     "verdict": word,
                     "recovered": recovered,
@@ -195,7 +195,7 @@ impl Run {
         let groups = [&verdict[..], &violation, &unverified, &others, &outputs];
         let lines = groups.map(|parts| joined(parts, "; "));
         let lines: Vec<String> = lines.into_iter().filter(|line| !line.is_empty()).collect();
-        self.live.label.line(lines.join("\n"));
+        self.live.line(lines.join("\n"));
     }
 }
 

@@ -5,7 +5,6 @@ use super::closer::Closer;
 use super::state::{Earlier, State};
 use super::{Args, result};
 use crate::cli::files::Files;
-use crate::cli::live::Label;
 use crate::cli::metrics::ServiceMetrics;
 use crate::cli::output::{percent, plural};
 use crate::cli::run::{Judge, Run, Setup, Sinks};
@@ -82,13 +81,14 @@ impl Follower<'_> {
             ..Setup::default()
         };
         let mut session = Run::new(self.judge, sinks, files, setup)?;
-        session.live.label = self.label(number);
+        session.live.session = self.label(number);
         Ok(Box::new(session.measured(&self.metrics)))
     }
 
-    /// Returns the label of a session.
-    fn label(&self, number: u64) -> Label {
-        Label(self.args.keep_watching.then_some(number))
+    /// Returns the number with which the results of a session are labelled, if there may be several
+    /// sessions.
+    fn label(&self, number: u64) -> Option<u64> {
+        self.args.keep_watching.then_some(number)
     }
 
     /// Prepares a session after the first one. Its files get a number that is free.
@@ -121,7 +121,7 @@ impl Follower<'_> {
             let session = match first.take() {
                 // Not the expected session if another simulator came than before a restart.
                 Some(mut session) => {
-                    session.live.label = self.label(self.sessions);
+                    session.live.session = self.label(self.sessions);
                     Ok(session)
                 }
                 None => self.next(),

@@ -7,12 +7,11 @@ mod state;
 
 use self::follow::Follower;
 use self::state::State;
-use super::Outcome;
-use super::metrics::{MetricsArgs, ServiceMetrics};
+use super::metrics::{ServiceMetrics, address, serve};
 use super::number::{seconds, share};
 use super::run::{Judge, PATIENCE, Sinks};
 use super::signals::stop_on_signals;
-use super::stream;
+use super::{Outcome, stream};
 use linkwatch::{AbortOn, Error, Overflow, Result, Sidecar, SidecarOptions};
 use std::path::PathBuf;
 use std::time::Duration;
@@ -68,8 +67,13 @@ pub struct Args {
     judge: Judge,
     #[command(flatten)]
     sinks: Sinks,
-    #[command(flatten)]
-    metrics: MetricsArgs,
+    /// Serve figures for Prometheus at http://ADDRESS/metrics
+    ///
+    /// Counters and latencies. A port alone is on the loopback interface (127.0.0.1); port 0 is a
+    /// free one, which the log names. Without a password: at any other address (HOST:PORT) whoever
+    /// reaches it can read them
+    #[arg(long, help_heading = super::WRITE, value_name = "[HOST:]PORT", value_parser = address)]
+    metrics: Option<String>,
 }
 
 /// Runs the command.
@@ -82,7 +86,11 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         judge.abort_on = Some(AbortOn::Never);
     }
     let metrics = ServiceMetrics::new(&args.service);
-    let _server = args.metrics.serve(&metrics)?;
+    let server = args
+        .metrics
+        .as_ref()
+        .map(|address| serve(address, &metrics));
+    let _server = server.transpose()?;
     let inputs = judge.files(args.sinks.overwrite);
     let mut files = inputs.clone();
     let mut state = State::open(args.state.as_deref(), &format!("{judge:?}"))?;
