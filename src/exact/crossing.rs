@@ -37,21 +37,19 @@ pub(crate) enum Crossing {
     Contact,
 }
 
-/// Role of the translated loop in a tie.
-#[derive(Clone, Copy)]
-enum Translated {
-    Edge,
-    Vertex,
-}
+/// Signs of the translation of the edge relative to the vertex, if the edge or if the vertex belongs
+/// to the translated loop.
+const EDGE: i32 = 1;
+const VERTEX: i32 = -EDGE;
 
 /// Returns the side of an edge on which the vertex `p` lies, seen along an axis. Ties are broken by
-/// the translation.
+/// the translation, [`EDGE`] or [`VERTEX`].
 #[inline]
 fn side<O: Orientation>(
     [e0, e1]: [&O::Point; 2],
     p: &O::Point,
     (u, v): (usize, usize),
-    translated: Translated,
+    translation: i32,
     predicates: &mut O,
 ) -> i32 {
     let s = predicates.orient2d([e0, e1, p], (u, v));
@@ -64,10 +62,7 @@ fn side<O: Orientation>(
         0 => -along(u),
         s => s,
     };
-    match translated {
-        Translated::Edge => tie,
-        Translated::Vertex => -tie,
-    }
+    translation * tie
 }
 
 /// Returns the crossing of segment `t0 t1`, whose passages over the other segment are counted, with
@@ -103,23 +98,20 @@ fn crossing_by<O: Orientation>(
     predicates: &mut O,
 ) -> Crossing {
     let plane = ((w + 1) % 3, (w + 2) % 3);
-    let before = side(t, u[0], plane, Translated::Edge, predicates);
-    let after = side(t, u[1], plane, Translated::Edge, predicates);
+    let before = side(t, u[0], plane, EDGE, predicates);
+    let after = side(t, u[1], plane, EDGE, predicates);
     if before == after {
         return Crossing::None;
     }
-    if side(u, t[0], plane, Translated::Vertex, predicates)
-        == side(u, t[1], plane, Translated::Vertex, predicates)
-    {
+    let start = side(u, t[0], plane, VERTEX, predicates);
+    if start == side(u, t[1], plane, VERTEX, predicates) {
         return Crossing::None;
     }
     // `after` is the sign of the cross product of the directions. The upper segment is above if the
     // ends of the lower one lie on the other side of the plane that the upper one spans with the
     // line of sight.
-    let all_are = |order| {
-        t.iter()
-            .all(|p| u.iter().all(|q| O::compare(p, q, w) == order))
-    };
+    let compare = |p, order| u.iter().all(|q| O::compare(p, q, w) == order);
+    let all_are = |order| t.iter().all(|p| compare(p, order));
     if all_are(Ordering::Greater) {
         return Crossing::Over(after);
     }

@@ -151,11 +151,8 @@ impl MovingEdges<BigInt> {
                 || same(&[a, b].map(|g| sign(&g)))
                 || same(&[c, d].map(|g| sign(&g)))
         });
-        let (left, right) = interval.halves();
-        apart
-            || (depth > 0
-                && self.always_apart(&left, depth - 1)
-                && self.always_apart(&right, depth - 1))
+        let holds = |half: &Interval| self.always_apart(half, depth - 1);
+        apart || (depth > 0 && interval.halves().iter().all(holds))
     }
 }
 
@@ -184,11 +181,7 @@ pub(super) struct Event {
 /// have an event at that end of the step, even if its sign is 0. Returns `None` if a tie is to be
 /// reported.
 pub(super) fn events(before: &Edges, after: &Edges, ties: Ties) -> Option<Vec<Event>> {
-    let point = |k: usize| {
-        [before, after]
-            .iter()
-            .all(|edges| edges[k][0] == edges[k][1])
-    };
+    let point = |k: usize| [before, after].iter().all(|e| e[k][0] == e[k][1]);
     let at_rest = before == after || point(0) || point(1);
     let contact = [before, after].map(touch);
     events_of(contact, at_rest, || MovingEdges::new(before, after), ties)
@@ -263,10 +256,9 @@ fn events_of(
         found.push(at_end(0, net_passages(&start)));
     }
     for mut interval in roots {
-        let meeting = if flat {
-            Meeting::Tie
-        } else {
-            motion.meeting(&free, &interval)
+        let meeting = match flat {
+            true => Meeting::Tie,
+            false => motion.meeting(&free, &interval),
         };
         let sign = match (meeting, ties) {
             (Meeting::Apart, _) => 0,
@@ -302,13 +294,9 @@ pub(super) fn touch([[a, b], [c, d]]: &Edges) -> bool {
 
 /// Returns the coefficient of the lowest power of `e` that occurs.
 fn lowest(f: &Polynomial<Infinitesimal>) -> Polynomial<BigInt> {
-    let coefficients = f.coefficients();
-    let order = coefficients.iter().filter_map(Infinitesimal::order).min();
-    Polynomial::new(
-        coefficients
-            .iter()
-            .map(|c| c.coefficient(order.unwrap_or(0))),
-    )
+    let coefficients = f.coefficients().iter();
+    let order = coefficients.clone().filter_map(Infinitesimal::order).min();
+    Polynomial::new(coefficients.map(|c| c.coefficient(order.unwrap_or(0))))
 }
 
 impl<R: Ring> MovingEdges<R> {

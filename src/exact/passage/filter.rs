@@ -121,27 +121,25 @@ pub(super) fn passages(before: &Edges, after: &Edges, rounding: f64) -> Option<F
     let middle = per_axis(|x| (n[0][x] + 2.0 * n[1][x] + n[2][x]).abs());
     let w = (0..3).fold(0, |w, x| if middle[x] > middle[w] { x } else { w });
     let (a, c) = (bernstein(r0, r1, q0, q1), bernstein(p0, p1, r0, r1));
-    let along_axis = |f: &dyn Fn(usize) -> f64| [f(0), f(1), f(2)];
     let piece = Piece {
         from: 0.0,
         to: 1.0,
         volume,
         sides: [
-            along_axis(&|k| a[k][w]),
-            along_axis(&|k| a[k][w] - n[k][w]),
-            along_axis(&|k| c[k][w]),
-            along_axis(&|k| c[k][w] + n[k][w]),
+            per_axis(|k| a[k][w]),
+            per_axis(|k| a[k][w] - n[k][w]),
+            per_axis(|k| c[k][w]),
+            per_axis(|k| c[k][w] + n[k][w]),
         ],
     };
-    let mut found = [None; 3];
     let mut search = Search {
         before,
         after,
         bounds,
-        found: &mut found,
+        found: [None; 3],
         count: 0,
     };
-    search.piece(&piece, 0).then_some(found)
+    search.piece(&piece, 0).then_some(search.found)
 }
 
 /// Units of the error bounds.
@@ -152,6 +150,7 @@ struct Bounds {
 }
 
 /// A part of the step, and the polynomials over it in Bernstein form.
+#[derive(Clone, Copy)]
 struct Piece {
     from: f64,
     to: f64,
@@ -164,7 +163,7 @@ struct Search<'a> {
     before: &'a Edges,
     after: &'a Edges,
     bounds: Bounds,
-    found: &'a mut Found,
+    found: Found,
     count: usize,
 }
 
@@ -245,18 +244,8 @@ impl Search<'_> {
 impl Piece {
     fn cut(&self) -> (Piece, Piece) {
         let between = self.from + (self.to - self.from) * CUT;
-        let mut left = Piece {
-            from: self.from,
-            to: between,
-            volume: [0.0; 4],
-            sides: [[0.0; 3]; 4],
-        };
-        let mut right = Piece {
-            from: between,
-            to: self.to,
-            volume: self.volume,
-            sides: self.sides,
-        };
+        let (mut left, mut right) = (*self, *self);
+        (left.to, right.from) = (between, between);
         de_casteljau(&mut right.volume, CUT, &mut left.volume);
         for (right, left) in right.sides.iter_mut().zip(&mut left.sides) {
             de_casteljau(right, CUT, left);
@@ -331,12 +320,10 @@ fn root(&[d0, d1, d2, d3]: &[f64; 4]) -> (f64, f64) {
         } else {
             hi = t;
         }
-        let next = t - f / slope(t);
-        let next = if next >= lo && next <= hi {
-            next
-        } else {
-            0.5 * (lo + hi)
-        };
+        let mut next = t - f / slope(t);
+        if !(lo..=hi).contains(&next) {
+            next = 0.5 * (lo + hi);
+        }
         let step = (next - t).abs();
         t = next;
         if step <= 2.0 * f64::EPSILON {

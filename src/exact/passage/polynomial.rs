@@ -53,25 +53,27 @@ pub(super) struct Interval {
 }
 
 impl Interval {
-    /// Returns the interval of the whole step.
-    pub fn step() -> Self {
-        Interval {
-            from: Dyadic::new(0, 0),
-            to: Dyadic::new(1, 0),
-        }
+    /// Copies the interval between two times.
+    fn between(from: &Dyadic, to: &Dyadic) -> Self {
+        let [from, to] = [from, to].map(Dyadic::clone);
+        Interval { from, to }
     }
 
-    pub fn halves(&self) -> (Interval, Interval) {
-        let middle = self.from.toward(&self.to, 4);
-        let left = Interval {
-            from: self.from.clone(),
-            to: middle.clone(),
-        };
-        let right = Interval {
-            from: middle,
-            to: self.to.clone(),
-        };
-        (left, right)
+    /// Returns the interval of the whole step.
+    pub fn step() -> Self {
+        Interval::between(&Dyadic::new(0, 0), &Dyadic::new(1, 0))
+    }
+
+    pub fn halves(&self) -> [Interval; 2] {
+        self.cut(&self.from.toward(&self.to, 4))
+    }
+
+    /// Returns the parts before and after a time.
+    fn cut(&self, at: &Dyadic) -> [Interval; 2] {
+        [
+            Interval::between(&self.from, at),
+            Interval::between(at, &self.to),
+        ]
     }
 
     /// Halves this interval until its width is at most a rounding error. Keeps the single simple
@@ -107,12 +109,12 @@ impl Interval {
     /// intervals, which are in order, or both halves if there are none.
     pub fn around(&self, inner: &[Interval]) -> [Interval; 2] {
         let (Some(first), Some(last)) = (inner.first(), inner.last()) else {
-            return self.halves().into();
+            return self.halves();
         };
-        let [from, to] = [&self.from, &first.from].map(Dyadic::clone);
-        let left = Interval { from, to };
-        let [from, to] = [&last.to, &self.to].map(Dyadic::clone);
-        [left, Interval { from, to }]
+        [
+            Interval::between(&self.from, &first.from),
+            Interval::between(&last.to, &self.to),
+        ]
     }
 
     /// Returns true if this is wider than `2^-56`.
@@ -264,14 +266,10 @@ impl<R: Ring> Polynomial<R> {
             0 => {}
             1 => found.push(interval),
             _ => {
-                let Interval { from, to } = interval;
-                let between = self.no_root_between(&from, &to);
-                let left = Interval {
-                    from,
-                    to: between.clone(),
-                };
-                self.isolate(left, found);
-                self.isolate(Interval { from: between, to }, found);
+                let between = self.no_root_between(&interval.from, &interval.to);
+                for part in interval.cut(&between) {
+                    self.isolate(part, found);
+                }
             }
         }
     }
