@@ -82,7 +82,7 @@ impl Certifier {
     /// [`Error::Usage`] for splines, if `noise` is not a length, or if the options have a
     /// kernel other than [`Method::Auto`].
     pub fn certify_noisy(&mut self, set: &CurveSet, noise: f64) -> Result<(&Certificate, Stats)> {
-        let method = self.full.method();
+        let (method, _) = self.full.kernel;
         if method != Method::Auto {
             let what = format!("noise excludes the kernel {method}: it has a kernel of its own");
             return Err(Error::Usage(what));
@@ -107,7 +107,7 @@ impl Certifier {
     /// Returns the number of segment pairs in the last potential links: the work of sums without
     /// trees. `set` must be the set of those links, or its polylines.
     pub fn segment_pairs(&self, set: &CurveSet) -> u64 {
-        segment_pairs(set, self.full.pairs())
+        segment_pairs(set, self.full.search.pairs())
     }
 
     /// Returns the GPU in use. With [`Device::Auto`](crate::kernels::Device::Auto), `None` until it

@@ -128,7 +128,7 @@ impl Engine {
         let start = Instant::now();
         let stats = pool::run(set.segments(), || self.full.certify(set));
         self.full.progress.check()?;
-        self.routing.took_full_run(start.elapsed());
+        self.routing.full_run = start.elapsed();
         self.work.recomputed = stats.potential_links;
         self.work.summed = self.full.ladder.summed;
         Ok(stats)
@@ -186,7 +186,7 @@ impl Engine {
         };
         let pairs = self.pairs_to_search(known, frame);
         let all = pairs.is_none();
-        if all && self.steps.events() == Events::Off && !self.routing.search_pays() {
+        if all && self.steps.events == Events::Off && !self.routing.search_pays() {
             return Ok(None);
         }
         let step = self.search_step(known, frame, pairs)?;

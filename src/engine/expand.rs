@@ -39,7 +39,7 @@ impl Engine {
             });
         }
         self.set_filter(self.filter.clone());
-        known.change_curves(change, next.curves, self.steps.events())
+        known.change_curves(change, next.curves, self.steps.events)
     }
 
     /// Prepares the first frame: divides a given baseline into what is verified apart, and closes
@@ -108,7 +108,7 @@ impl Engine {
     pub(super) fn image_search(&self) -> Search {
         Search {
             // Open curves have no linking numbers.
-            open_too: self.steps.events() != Events::Off,
+            open_too: self.steps.events != Events::Off,
             most: self.full.progress.limit.most(),
             check_torn: self.check_torn,
             paranoid: self.strategy == Strategy::Paranoid,
@@ -136,9 +136,10 @@ impl Engine {
             known.joined = Some((given, Arc::default()));
         }
         let given = (next.curves, &cell);
-        let bounds = quiet
-            .then(|| self.monitor.quiet_bounds(next.curves))
-            .flatten();
+        let bounds = match quiet {
+            true => self.monitor.quiet_bounds(next.curves),
+            false => None,
+        };
         let search = self.image_search();
         let expected = known.joined.as_ref().map(|(joined, _)| &**joined);
         let followed = scene.follow(given, bounds.as_ref(), expected, search)?;
@@ -162,9 +163,8 @@ impl Engine {
             return false;
         };
         let before = known.last.as_deref().map(|last| &last.frame);
-        let curves = (&**next.curves, next.cell.as_ref());
-        self.monitor
-            .is_quiet(before, curves, baseline, &mut self.work)
+        let (curves, work) = ((&**next.curves, next.cell.as_ref()), &mut self.work);
+        self.monitor.is_quiet(before, curves, baseline, work)
     }
 
     /// Compares the linking numbers of closed curves and yarns, if there are any.
@@ -177,11 +177,9 @@ impl Engine {
             known.join(frame.given().len(), &ComparedYarns::default());
             return Ok(ComparedYarns::default());
         };
-        let last = known
-            .last
-            .as_deref()
-            .filter(|_| self.strategy.is_incremental());
-        let step = (last.map(|last| &last.frame), self.steps.met());
+        let incremental = self.strategy.is_incremental();
+        let last = known.last.as_deref().filter(|_| incremental);
+        let step = (last.map(|last| &last.frame), self.steps.met.as_deref());
         let check = self.strategy == Strategy::Paranoid;
         let yarns = scene.compare_yarns(frame, step, check)?;
         if yarns.disagreed {

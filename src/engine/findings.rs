@@ -12,6 +12,7 @@ use rayon::prelude::*;
 use std::time::Instant;
 
 /// Pull-throughs since the previous frame, and the defects of a frame.
+#[derive(Default)]
 pub(super) struct Motion {
     pub events: Vec<PullThrough>,
     pub unresolved: Vec<PullThrough>,
@@ -23,11 +24,9 @@ pub(super) struct Motion {
 impl Engine {
     /// Adds the places of closest approach of changed pairs, and of pairs that the baseline lacks.
     pub(super) fn add_places(&mut self, frame: &Frame, comparison: &mut Comparison) -> Result<()> {
-        let Comparison {
-            changes, defects, ..
-        } = comparison;
+        let changes = &mut comparison.changes;
         let fresh = |d: &&mut Defect| d.kind == DefectKind::NoBaseline;
-        let mut fresh: Vec<&mut Defect> = defects.iter_mut().filter(fresh).collect();
+        let mut fresh: Vec<_> = comparison.defects.iter_mut().filter(fresh).collect();
         if changes.is_empty() && fresh.is_empty() {
             return Ok(());
         }
@@ -36,8 +35,8 @@ impl Engine {
         if self.work.route != Route::Full {
             let changed = changes.iter().map(|c| (c.i, c.j));
             let fresh = fresh.iter().filter_map(|d| Some((d.i, d.j?)));
-            self.full
-                .refit(set, &changed.chain(fresh).collect::<Vec<Pair>>());
+            let pairs: Vec<Pair> = changed.chain(fresh).collect();
+            self.full.refit(set, &pairs);
         }
         let trees = self.full.trees();
         let cancel = &self.full.progress.cancel;
@@ -48,9 +47,8 @@ impl Engine {
             let exists = !cancel.is_set() && set.curve(i).closed && set.curve(j).closed;
             exists.then(|| closest_approach(set, trees, i, j))
         };
-        changes
-            .par_iter_mut()
-            .for_each(|c| c.place = place(c.i, c.j));
+        let changes = changes.par_iter_mut();
+        changes.for_each(|c| c.place = place(c.i, c.j));
         fresh.par_iter_mut().for_each(|d| match d.j {
             Some(j) => d.place = place(d.i, j).unwrap_or(d.place),
             None => d.place.point = set.point(d.i as usize, 0),
@@ -102,12 +100,10 @@ impl Engine {
         comparison: &Comparison,
     ) -> Result<Motion> {
         let mut motion = Motion {
-            events: Vec::new(),
-            unresolved: Vec::new(),
             defects: comparison.defects.clone(),
-            safe_fraction: None,
+            ..Motion::default()
         };
-        if self.steps.events() == Events::Off {
+        if self.steps.events == Events::Off {
             return Ok(motion);
         }
         let mut outcome = match step {

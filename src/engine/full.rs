@@ -9,12 +9,10 @@ use crate::kernels::choice::{Choice, Predictions};
 use crate::kernels::crossings::{Input, Workspaces, linking_numbers};
 use crate::kernels::sums::interval::noise::linking_number as noisy_linking_number;
 use crate::kernels::{Accuracy, Counted, GpuUse, Linking, Method};
-use crate::pairs::{
-    LinkSearch, Pair, PairFilter, Trees, curves_of, degenerate_curves, most_suspect_first,
-};
+use crate::pairs::{LinkSearch, Pair, Trees, curves_of, degenerate_curves, most_suspect_first};
 use crate::verdict::{Link, Stats};
 use rayon::prelude::*;
-use std::slice::SliceIndex;
+use std::ops::Range;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::time::Instant;
@@ -29,12 +27,13 @@ const FEW_CURVES: usize = 256;
 #[derive(Debug, Default)]
 pub(super) struct FullRun {
     counting: Counting,
-    search: LinkSearch,
+    /// Search for potential links; it has those found last.
+    pub search: LinkSearch,
     parts: Vec<Counted>,
     /// Boxes of the previous frame, if the motion since then is needed.
     before: Vec<Box3>,
     /// Method and accuracy of sums.
-    kernel: (Method, Accuracy),
+    pub kernel: (Method, Accuracy),
     /// GPU that runs kernels, if one is used.
     pub gpu: GpuUse,
     /// Certificate of the last frame.
@@ -80,11 +79,6 @@ impl FullRun {
         self.progress = progress;
     }
 
-    /// Computes only the pairs of a filter from now on, or all pairs.
-    pub fn set_filter(&mut self, filter: Option<PairFilter>) {
-        self.search.set_filter(filter);
-    }
-
     /// Computes the certificate of a frame.
     pub fn certify(&mut self, set: &CurveSet) -> Stats {
         self.gpu.start_frame();
@@ -94,8 +88,8 @@ impl FullRun {
         let mut stats = self.find_pairs(set);
         match self.kernel {
             (method @ (Method::Auto | Method::Crossings), _) => {
-                let predictions =
-                    Predictions::new(self.counting.input(set), self.search.pairs(), method);
+                let input = self.counting.input(set);
+                let predictions = Predictions::new(input, self.search.pairs(), method);
                 match predictions.choose(self.gpu.offer()) {
                     Choice::SumFirst => {
                         let long = predictions.long().to_vec();
@@ -103,9 +97,10 @@ impl FullRun {
                         self.add_sums(set, &Sums::of_long(set, &long, &pairs), &mut stats);
                     }
                     counting => {
-                        self.compute_pairs(set, .., counting, &mut stats);
+                        let count = self.search.pairs().len();
+                        self.compute_pairs(set, 0..count, counting, &mut stats);
                         self.ladder = Ladder {
-                            counted: self.search.pairs().len() as u64,
+                            counted: count as u64,
                             ..Ladder::default()
                         };
                     }
@@ -131,10 +126,9 @@ impl FullRun {
         let start = Instant::now();
         let undecided: Vec<Pair> = sums.undecided().collect();
         let links: Vec<Link> = sums.links().collect();
-        let summed = sums.pairs().len() - undecided.len();
-        self.progress
-            .done
-            .fetch_add(summed as u64, Ordering::Relaxed);
+        let summed = sums.pairs.len() - undecided.len();
+        let done = &self.progress.done;
+        done.fetch_add(summed as u64, Ordering::Relaxed);
         let input = self.counting.input(set);
         let counting = Predictions::new(input, &undecided, Method::Crossings);
         let counting = counting.choose(self.gpu.offer());
@@ -169,24 +163,19 @@ impl FullRun {
         let pairs = self.search.find(&dilated);
         pairs.retain(|&(i, j)| whole(i) && whole(j));
         let input = self.counting.input(set);
-        let found: Vec<(Pair, Linking)> = pairs
-            .par_iter()
-            .map(|&pair| {
-                let mut workspace = input.workspaces.take();
-                let linking = noisy_linking_number(input, pair, noise, &mut workspace);
-                input.workspaces.put(workspace);
-                (pair, linking)
-            })
-            .collect();
+        let compute = |&pair: &Pair| {
+            let run = |workspace: &mut _| noisy_linking_number(input, pair, noise, workspace);
+            (pair, input.workspaces.run(run).0)
+        };
+        let found: Vec<(Pair, Linking)> = pairs.par_iter().map(compute).collect();
         let mut all = Counted::default();
         for (pair, linking) in found {
             all.add(pair, linking);
         }
         self.certificate.links.extend(all.links);
         self.certificate.undefined.extend(all.undefined);
-        self.certificate
-            .undefined
-            .sort_unstable_by_key(|d| (d.i, d.j));
+        let undefined = &mut self.certificate.undefined;
+        undefined.sort_unstable_by_key(|d| (d.i, d.j));
         stats
     }
 
@@ -212,24 +201,13 @@ impl FullRun {
 
     /// Updates the trees of the curves of some pairs to this frame.
     pub fn refit(&mut self, set: &CurveSet, pairs: &[Pair]) {
-        self.counting
-            .trees
-            .refit_some(set, &curves_of(pairs.iter().copied()));
-    }
-
-    /// Returns the method of a full run.
-    pub fn method(&self) -> Method {
-        self.kernel.0
+        let curves = curves_of(pairs.iter().copied());
+        self.counting.trees.refit_some(set, &curves);
     }
 
     /// Returns the trees. They belong to the last frame as far as it needed them.
     pub fn trees(&self) -> &Trees {
         &self.counting.trees
-    }
-
-    /// Returns the potential links found last.
-    pub fn pairs(&self) -> &[Pair] {
-        self.search.pairs()
     }
 
     /// Runs the stages before the linking numbers: boxes and potential links.
@@ -241,20 +219,14 @@ impl FullRun {
         self.progress.done.store(0, Ordering::Relaxed);
         self.counting.trees.refit(set);
         let boxed = Instant::now();
-        let Certificate {
-            curves,
-            links,
-            undefined,
-            images: _,
-            periods: _,
-            higher: _,
-        } = &mut self.certificate;
-        *curves = set.len();
-        links.clear();
-        undefined.clear();
-        undefined.extend(degenerate_curves(set));
+        let certificate = &mut self.certificate;
+        certificate.curves = set.len();
+        certificate.links.clear();
+        certificate.undefined.clear();
+        certificate.undefined.extend(degenerate_curves(set));
         let roots = self.counting.trees.roots();
-        let total = self.search.find_links(set, roots, undefined).len() as u64;
+        let links = self.search.find_links(set, roots, &certificate.undefined);
+        let total = links.len() as u64;
         self.progress.total.store(total, Ordering::Relaxed);
         self.timings = Timings {
             boxes: boxed - start,
@@ -264,15 +236,13 @@ impl FullRun {
             ..Timings::default()
         };
         // Only polylines can have repeated vertices.
-        let curves = if set.basis().is_polyline() {
-            set.len()
-        } else {
-            0
+        let curves = match set.basis().is_polyline() {
+            true => 0..set.len(),
+            false => 0..0,
         };
         let filter = self.search.filter();
         let own = |&i: &usize| filter.is_none_or(|filter| filter.contains(i as u32, i as u32));
-        let curves = (0..curves).into_par_iter().with_min_len(FEW_CURVES);
-        let repeated = curves.filter(own);
+        let repeated = curves.into_par_iter().with_min_len(FEW_CURVES).filter(own);
         let discarded = self.search.discarded() as u64;
         Stats {
             potential_links: discarded,
@@ -286,7 +256,7 @@ impl FullRun {
     fn compute_pairs(
         &mut self,
         set: &CurveSet,
-        range: impl SliceIndex<[Pair], Output = [Pair]>,
+        range: Range<usize>,
         counting: Choice,
         stats: &mut Stats,
     ) {
@@ -327,9 +297,8 @@ impl FullRun {
                 return Ok((comparison, stats));
             }
             let next = (done + block).min(count);
-            let block_pairs = &self.search.pairs()[done..next];
-            let counting =
-                Predictions::new(self.counting.input(set), block_pairs, Method::Crossings);
+            let (input, pairs) = (self.counting.input(set), &self.search.pairs()[done..next]);
+            let counting = Predictions::new(input, pairs, Method::Crossings);
             let counting = counting.choose(self.gpu.offer());
             self.compute_pairs(set, done..next, counting, &mut stats);
             self.certificate.links.sort_unstable_by_key(|l| (l.i, l.j));

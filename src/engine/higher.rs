@@ -27,8 +27,7 @@ impl Engine {
         set: &CurveSet,
         is_given: bool,
         comparison: &Comparison,
-        defects: &mut Vec<Defect>,
-        missing: &mut Vec<String>,
+        (defects, missing): (&mut Vec<Defect>, &mut Vec<String>),
     ) -> Vec<InvariantChange> {
         let mut changes = Vec::new();
         let changed: Vec<Pair> = comparison.changes.iter().map(|c| (c.i, c.j)).collect();
@@ -97,7 +96,7 @@ impl Engine {
     ) -> Result<Vec<Defect>> {
         let last = known.last.as_ref();
         let last = last.filter(|_| known.cell.is_none() && known.braids.is_none());
-        let Some(last) = last.filter(|_| self.steps.events() == Events::All) else {
+        let Some(last) = last.filter(|_| self.steps.events == Events::All) else {
             return Ok(Vec::new());
         };
         let mut passages: BTreeMap<u32, Vec<&PullThrough>> = BTreeMap::new();

@@ -7,9 +7,9 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) struct Intactness {
     /// Last frame that is known to be intact.
-    last_intact: Option<u64>,
+    pub last_intact: Option<u64>,
     /// True if that frame is the last verified one.
-    intact: bool,
+    pub intact: bool,
     /// True if a curve was pulled through another one since that frame, or may have been. Then no
     /// later frame is known to be intact, even if it has the expected linking numbers.
     broken: bool,
@@ -40,15 +40,5 @@ impl Intactness {
         self.last_intact = last_intact;
         self.broken = !intact;
         self.intact = false;
-    }
-
-    /// Returns the last frame that is known to be intact.
-    pub fn last_intact(&self) -> Option<u64> {
-        self.last_intact
-    }
-
-    /// Returns true if the last verified frame is known to be intact.
-    pub(super) fn is_intact(&self) -> bool {
-        self.intact
     }
 }

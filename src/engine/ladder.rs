@@ -36,7 +36,8 @@ pub struct Ladder {
 
 /// The sums of some pairs.
 pub(super) struct Sums<'a> {
-    pairs: &'a [Pair],
+    /// All pairs, summed or not.
+    pub pairs: &'a [Pair],
     estimates: Vec<Estimate>,
     took: Duration,
     discretizing: Duration,
@@ -52,18 +53,14 @@ impl<'a> Sums<'a> {
         pairs: &'a [Pair],
     ) -> Sums<'a> {
         let start = Instant::now();
-        let discretized = match set.basis().is_polyline() {
-            true => None,
-            false => Some(homotopic_polylines(set)),
-        };
-        let discretizing = match discretized {
-            Some(_) => start.elapsed(),
-            None => Duration::ZERO,
-        };
-        let estimates = match discretized {
-            None => estimates(set, &[], kernel, gpu, pairs),
-            Some(Ok(made)) => estimates(&made.curves, &made.too_close, kernel, gpu, pairs),
-            Some(Err(_)) => None,
+        let mut discretizing = Duration::ZERO;
+        let estimates = if set.basis().is_polyline() {
+            estimates(set, &[], kernel, gpu, pairs)
+        } else {
+            let made = homotopic_polylines(set);
+            discretizing = start.elapsed();
+            let made = made.as_ref().ok();
+            made.and_then(|made| estimates(&made.curves, &made.too_close, kernel, gpu, pairs))
         };
         Sums {
             pairs,
@@ -98,11 +95,6 @@ impl<'a> Sums<'a> {
             took: start.elapsed(),
             discretizing: Duration::ZERO,
         }
-    }
-
-    /// Returns all pairs, summed or not.
-    pub fn pairs(&self) -> &[Pair] {
-        self.pairs
     }
 
     fn each(&self) -> impl Iterator<Item = (Pair, &Estimate)> {

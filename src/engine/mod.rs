@@ -35,13 +35,12 @@ pub(crate) use plan::{DevicePlan, ImagePlan, Prediction};
 pub use progress::{Progress, Timings};
 pub(crate) use state::EngineState;
 
-use self::findings::Motion;
 use self::full::FullRun;
 use self::known::Known;
 use self::routing::Routing;
 use self::steps::Steps;
 use crate::certificate::Certificate;
-use crate::curve::{Cell, CurveChange, CurveSet, Positions};
+use crate::curve::{Cell, CurveChange, CurveSet};
 use crate::diagram::InvariantKind;
 use crate::discretize::Braids;
 use crate::error::{Error, Result};
@@ -122,12 +121,10 @@ impl Engine {
 
     /// Creates an engine whose kernels run on an adapter that is open already.
     pub fn with_gpu(options: SessionOptions, gpu: GpuUse) -> Self {
-        // Kernels that sum know no exact sums of coordinates.
-        let kernel = options.cell.map_or(options.kernel, |_| Method::Crossings);
-        let gpu = if options.cell.is_some() {
-            GpuUse::default()
-        } else {
-            gpu
+        let (kernel, gpu) = match options.cell {
+            // Kernels that sum know no exact sums of coordinates.
+            Some(_) => (Method::Crossings, GpuUse::default()),
+            None => (options.kernel, gpu),
         };
         let full = FullRun::new((kernel, options.accuracy), gpu);
         let limit = options.motion_limit.unwrap_or(SessionOptions::MOTION_LIMIT);
@@ -161,7 +158,7 @@ impl Engine {
 
     /// Verifies only the pairs of a filter from now on, or all.
     fn set_filter(&mut self, filter: Option<PairFilter>) {
-        self.full.set_filter(filter.clone());
+        self.full.search.set_filter(filter.clone());
         self.steps.set_filter(filter.clone());
         self.monitor = Monitor::new(self.steps.coverage(), filter.clone());
         self.filter = filter;
@@ -236,21 +233,11 @@ impl Engine {
     ) -> Result<()> {
         // The verification of the frame decides if other curves are valid.
         set.take_if(|set| same_layout(&frame, set).is_err());
-        ingest(frame, set, |set, positions| {
-            self.update(set, positions, cell)
-        })
-    }
-
-    fn update(
-        &mut self,
-        set: &mut CurveSet,
-        positions: Positions<'_>,
-        cell: Option<&Cell>,
-    ) -> Result<()> {
-        match self.strategy.is_incremental() {
+        let incremental = self.strategy.is_incremental();
+        ingest(frame, set, |set, positions| match incremental {
             true => self.monitor.receive(set, positions, cell),
             false => set.update(positions),
-        }
+        })
     }
 
     /// Announces the frame that comes after the next one. If crossings are counted on a GPU, its
@@ -309,7 +296,7 @@ impl Engine {
             curves: &curves,
             ..next
         };
-        if curves.open_curves() == curves.len() && self.steps.events() == Events::Off {
+        if curves.open_curves() == curves.len() && self.steps.events == Events::Off {
             let yarns = next.cell.map(|cell| CellScene::count_yarns(given, &cell));
             return Err(Error::NothingClosed {
                 curves: curves.len(),
@@ -324,36 +311,25 @@ impl Engine {
         self.add_places(&frame, &mut compared.linking.comparison)?;
         let step = compared.step.take();
         let comparison = &compared.linking.comparison;
-        let Motion {
-            events,
-            unresolved,
-            mut defects,
-            safe_fraction,
-        } = self.search_events(known, &frame, step, comparison)?;
+        let mut motion = self.search_events(known, &frame, step, comparison)?;
         self.full.progress.check()?;
         let yarns = self.compare_yarns(known, &frame)?;
-        let invariants = self.compare_invariants(
-            known,
-            given,
-            is_given,
-            comparison,
-            &mut defects,
-            &mut missing,
-        );
+        let findings = (&mut motion.defects, &mut missing);
+        let invariants = self.compare_invariants(known, given, is_given, comparison, findings);
         // The moment at which a knot changed is known only if passages of a curve with itself are
         // searched for.
-        let is_located = invariants.is_empty() || self.steps.events() == Events::All;
-        let safe_fraction = safe_fraction.filter(|_| is_located);
+        let is_located = invariants.is_empty() || self.steps.events == Events::All;
+        let safe_fraction = motion.safe_fraction.filter(|_| is_located);
         self.full.progress.check()?;
         // From here on, the frame is not rejected.
-        let unknown = !missing.is_empty() || self.steps.found_undecided();
+        let unknown = !missing.is_empty() || self.steps.undecided;
         let extent = *known.extent.get_or_insert_with(|| given.extent());
         let mut report = Report {
             changes: comparison.changes.clone(),
-            events,
-            unresolved,
+            events: motion.events,
+            unresolved: motion.unresolved,
             invariants,
-            defects,
+            defects: motion.defects,
             adopted: comparison.adopted.clone(),
             safe_fraction,
             appeared: next.change.map_or_else(Vec::new, |c| c.appeared.clone()),
@@ -425,7 +401,7 @@ impl Engine {
     pub fn reject(&self, seq: u64, time: f64, why: &Error) -> Report {
         let mut report = Report {
             rejected: Some(why.to_string()),
-            last_intact: self.known.intactness.last_intact(),
+            last_intact: self.known.intactness.last_intact,
             ..Report::new(seq, time, Verdict::Rejected)
         };
         report.abort = self.abort_on.aborts(&report, |_| false);

@@ -302,10 +302,9 @@ impl Plan {
             },
             None => Prediction::of(time, busy_threads.max(1)),
         };
-        let boxing_threads = if refits_in_parallel(segments) {
-            threads
-        } else {
-            1
+        let boxing_threads = match refits_in_parallel(segments) {
+            true => threads,
+            false => 1,
         };
         let boxes = Prediction::of(boxes, boxing_threads);
         let searching = Prediction::of(searching, LinkSearch::tasks(whole).clamp(1, threads));
@@ -359,17 +358,17 @@ impl ImagePlan {
             CurveSet::translate(&set, &pairs.curves, cell, &mut translated)?;
         }
         let filter = pairs.filter;
-        let plan = translated
-            .as_ref()
-            .map(|curves| Plan::of_filter(curves, None, Some(filter)));
-        let points = translated.as_ref().map_or(0, |curves| curves.points());
+        let translated = translated.as_ref();
+        let points = translated.map_or(0, CurveSet::points);
+        let plan = translated.map(|curves| Plan::of_filter(curves, None, Some(filter)));
         let prepared = costs::images(set.points(), points);
         let prepared = Prediction::of(prepared, rayon::current_num_threads());
+        let (links, total) = plan.map_or_else(Default::default, |p| (p.potential_links, p.total));
         Ok(ImagePlan {
             curves: pairs.curves.len(),
-            potential_links: plan.as_ref().map_or(0, |plan| plan.potential_links),
+            potential_links: links,
             yarns: pairs.yarns.len(),
-            predicted: prepared + plan.map_or_else(Prediction::default, |plan| plan.total),
+            predicted: prepared + total,
         })
     }
 }

@@ -17,10 +17,9 @@ pub struct Progress {
 impl Progress {
     /// Returns the number of pairs computed so far, and of all pairs, of the current frame.
     pub fn pairs(&self) -> (u64, u64) {
-        (
-            self.done.load(Ordering::Relaxed),
-            self.total.load(Ordering::Relaxed),
-        )
+        [&self.done, &self.total]
+            .map(|n| n.load(Ordering::Relaxed))
+            .into()
     }
 
     /// Ends the current step as soon as possible, usually within a tenth of a second. The step
@@ -42,12 +41,11 @@ impl Progress {
         if self.is_cancelled() {
             return Err(Error::Cancelled);
         }
-        match self.limit.is_exceeded() {
-            true => Err(Error::TooManyPairs {
-                limit: self.limit.most() as u64,
-            }),
-            false => Ok(()),
+        if self.limit.is_exceeded() {
+            let limit = self.limit.most() as u64;
+            return Err(Error::TooManyPairs { limit });
         }
+        Ok(())
     }
 }
 

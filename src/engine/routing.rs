@@ -9,7 +9,7 @@ const MAX_BACKOFF: u32 = 64;
 #[derive(Debug, Default)]
 pub(super) struct Routing {
     /// Time of the last full run.
-    full_run: Duration,
+    pub full_run: Duration,
     /// Number of full runs after the last search that took longer.
     backoff: u32,
     /// Number of them that are left.
@@ -24,18 +24,12 @@ impl Routing {
         pays
     }
 
-    /// Records the time of a full run.
-    pub fn took_full_run(&mut self, took: Duration) {
-        self.full_run = took;
-    }
-
     /// Records the time of a search.
     pub fn took_search(&mut self, took: Duration) {
-        if took <= self.full_run {
-            self.backoff = 0;
-        } else {
-            self.backoff = (2 * self.backoff).clamp(1, MAX_BACKOFF);
-        }
+        self.backoff = match took <= self.full_run {
+            true => 0,
+            false => (2 * self.backoff).clamp(1, MAX_BACKOFF),
+        };
         self.left = self.backoff;
     }
 }

@@ -47,10 +47,8 @@ impl EngineState {
 
     /// Returns these options with the baseline and the braids of the state.
     pub fn options(&self, options: SessionOptions) -> Result<SessionOptions> {
-        let braids = self
-            .braids
-            .as_ref()
-            .map(|(json, _)| Braids::from_json(json));
+        let braids = self.braids.as_ref();
+        let braids = braids.map(|(json, _)| Braids::from_json(json));
         Ok(SessionOptions {
             baseline: None,
             braids: braids.transpose()?,
@@ -104,9 +102,8 @@ impl Engine {
         let mut known = self.known.clone();
         (known.intactness, known.extent) = (state.intactness, state.extent);
         known.higher = state.higher;
-        known.unknown_step = state
-            .unknown_step
-            .filter(|_| self.steps.events() != Events::Off);
+        let searches = self.steps.events != Events::Off;
+        known.unknown_step = state.unknown_step.filter(|_| searches);
         let mut frame = Frame::new(curves, None, None);
         let other = || Error::Usage("the state is of other curves, or of another cell".into());
         if known.cell.is_some() {

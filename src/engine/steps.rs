@@ -14,7 +14,8 @@ use std::sync::Arc;
 /// The ledger that finds pull-throughs since the last verified frame.
 #[derive(Debug, Default)]
 pub(super) struct Steps {
-    events: Events,
+    /// Pull-throughs that are reported.
+    pub events: Events,
     /// True if steps prove linking numbers, so that frames are kept without a search for
     /// pull-throughs too.
     incremental: bool,
@@ -22,9 +23,10 @@ pub(super) struct Steps {
     /// Contacts of the current frame.
     contacts: Contacts,
     /// True if a search found pairs that are undecided, which a report may omit.
-    undecided: bool,
-    /// Pairs that may have met in the step to the current frame; `None` if it was not searched.
-    met: Option<Vec<Pair>>,
+    pub undecided: bool,
+    /// Pairs of curves, open ones included, that may have met in the step to the current frame.
+    /// `None` if pull-throughs are not searched for, or if there was no step.
+    pub met: Option<Vec<Pair>>,
     /// Pairs whose passages are searched for; `None`: all.
     filter: Option<PairFilter>,
 }
@@ -49,10 +51,6 @@ impl Steps {
     /// Ends a search early if these say so.
     pub fn end_with(&mut self, ends: (Cancel, PairLimit)) {
         self.ledger.end_with(ends);
-    }
-
-    pub fn events(&self) -> Events {
-        self.events
     }
 
     /// Searches only the pairs of a filter from now on.
@@ -95,12 +93,6 @@ impl Steps {
         }
     }
 
-    /// Returns the pairs of curves, open ones included, that may have met in the step to the
-    /// current frame. `None` if pull-throughs are not searched for, or if there was no step.
-    pub fn met(&self) -> Option<&[Pair]> {
-        self.met.as_deref()
-    }
-
     /// Returns the kinds of pull-throughs that the ledger finds.
     pub fn coverage(&self) -> Coverage {
         Coverage {
@@ -119,11 +111,6 @@ impl Steps {
         let certificate = last.linking.certificate.as_ref()?;
         let known = !certificate.has_degenerate_curves() && degenerate_curves(set).next().is_none();
         known.then(|| Arc::clone(certificate))
-    }
-
-    /// Returns true if frames are kept for the next step.
-    fn keeps_frames(&self) -> bool {
-        self.incremental || self.events != Events::Off
     }
 
     /// Returns the outcome of a step to a frame of other curves. The curves that appeared start
@@ -155,11 +142,6 @@ impl Steps {
         outcome
     }
 
-    /// Returns true if the search of the step found pairs that are undecided.
-    pub fn found_undecided(&self) -> bool {
-        self.undecided
-    }
-
     /// Returns the largest proven share of the step from the last frame that is known to be intact,
     /// during which nothing was pulled through. `outcome` is that of the step from the last
     /// verified frame. Returns `None` if that is another one.
@@ -173,7 +155,7 @@ impl Steps {
         frame: &Frame,
         outcome: &Outcome,
     ) -> Result<Option<f64>> {
-        let last = known.last.as_ref().filter(|_| known.intactness.is_intact());
+        let last = known.last.as_ref().filter(|_| known.intactness.intact);
         let Some(last) = last else {
             return Ok(None);
         };
@@ -188,10 +170,10 @@ impl Steps {
             None => [&**last.frame.set()?, &**frame.set()?],
         };
         let coverage = self.coverage();
-        let fraction = self
-            .ledger
-            .safe_fraction(frames, &contacts, coverage, outcome);
-        Ok(Some(fraction))
+        let ledger = &mut self.ledger;
+        Ok(Some(
+            ledger.safe_fraction(frames, &contacts, coverage, outcome),
+        ))
     }
 
     /// Begins a frame. Fails if the curves differ from those of the previous frame, because there
@@ -203,9 +185,8 @@ impl Steps {
         self.search_loops(!jumps);
         known.widen_to(set)?;
         if self.events == Events::Off {
-            known
-                .last
-                .take_if(|last| !last.frame.given().same_layout(set));
+            let last = &mut known.last;
+            last.take_if(|last| !last.frame.given().same_layout(set));
         }
         let last = known.last.as_ref();
         last.map_or(Ok(()), |last| last.frame.given().check_same_layout(set))
@@ -214,7 +195,7 @@ impl Steps {
     /// Keeps a verified frame, if the next one is compared with it.
     pub fn remember(&mut self, known: &mut Known, frame: Frame, linking: LinkingNumbers) {
         known.across = None;
-        if self.keeps_frames() {
+        if self.incremental || self.events != Events::Off {
             known.last = Some(Arc::new(Last {
                 frame,
                 linking,

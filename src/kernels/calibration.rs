@@ -66,17 +66,6 @@ pub struct CountingCost {
     pub cpu_factor: f64,
 }
 
-/// Counts of a frame, from which the cost of counting its crossings is predicted.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(crate) struct CountingWork {
-    /// Number of segments of all curves.
-    pub segments: u64,
-    /// Number of potential links.
-    pub links: u64,
-    /// Number of segment pairs whose boxes overlap.
-    pub tests: u64,
-}
-
 impl SumCost {
     /// Returns true if the adapter is predicted to be faster than the CPU on this work.
     pub fn wins(&self, work: u64) -> bool {
@@ -94,19 +83,15 @@ impl SumCost {
     }
 
     fn is_valid(&self) -> bool {
-        let positive = |x: f64| x > 0.0 && x.is_finite();
-        positive(self.round_trip_ms) && positive(self.adapter_ns) && positive(self.cpu_ns)
+        let all = [self.round_trip_ms, self.adapter_ns, self.cpu_ns];
+        all.iter().all(|&x| x > 0.0 && x.is_finite())
     }
 }
 
 impl CountingCost {
-    /// Returns the predicted time of a frame on the adapter, in milliseconds.
-    pub(crate) fn adapter_ms(&self, work: CountingWork) -> f64 {
-        let CountingWork {
-            segments,
-            links,
-            tests,
-        } = work;
+    /// Returns the predicted time on the adapter, in milliseconds, of a frame with these numbers of
+    /// segments, of potential links, and of segment pairs whose boxes overlap.
+    pub(crate) fn adapter_ms(&self, segments: usize, links: usize, tests: u64) -> f64 {
         let ns = segments as f64 * self.segment_ns
             + links as f64 * self.link_ns
             + tests as f64 * self.test_ns;
@@ -115,11 +100,9 @@ impl CountingCost {
 
     fn is_valid(&self) -> bool {
         let costs = [self.segment_ns, self.link_ns, self.test_ns];
-        let positive = |x: f64| x > 0.0 && x.is_finite();
-        positive(self.round_trip_ms)
-            && positive(self.cpu_factor)
+        let positive = [self.round_trip_ms, self.cpu_factor, self.error_factor];
+        positive.iter().all(|&x| x > 0.0 && x.is_finite())
             && self.error_factor >= 1.0
-            && self.error_factor.is_finite()
             && costs.iter().all(|&x| x >= 0.0 && x.is_finite())
     }
 }
@@ -224,9 +207,8 @@ fn read(file: &Path) -> std::io::Result<Vec<Calibration>> {
 /// Returns the path of the file that stores the calibrations.
 fn file() -> Option<PathBuf> {
     let folder = |name: &str| {
-        std::env::var_os(name)
-            .filter(|v| !v.is_empty())
-            .map(PathBuf::from)
+        let folder = std::env::var_os(name).filter(|v| !v.is_empty());
+        folder.map(PathBuf::from)
     };
     let cache = folder("XDG_CACHE_HOME")
         .or_else(|| folder("HOME").map(|home| home.join(".cache")))

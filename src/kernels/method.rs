@@ -61,9 +61,9 @@ impl Method {
         pairs: &[Pair],
     ) -> Option<Box<dyn Summation + 'a>> {
         let direct = |formula| {
-            let cpu =
-                move || -> Box<dyn Summation + 'a> { Box::new(Direct::new(polylines, formula)) };
-            gpu.direct_sum(polylines, pairs, cpu)
+            gpu.direct_sum(polylines, pairs, move || {
+                Box::new(Direct::new(polylines, formula))
+            })
         };
         Some(match self {
             Method::Auto | Method::Crossings => return None,
@@ -74,27 +74,25 @@ impl Method {
                     true => Order::Dipole,
                     false => Order::Quadrupole,
                 };
-                let options = move |accept| Options {
-                    order,
-                    accept,
-                    ..Options::default()
-                };
                 let Accuracy { beta, target, .. } = accuracy;
                 let cpu = move || -> Box<dyn Summation + 'a> {
-                    match (beta, target) {
-                        (Some(beta), None) => {
-                            Box::new(BarnesHut::new(polylines, options(Accept::Beta(beta))))
-                        }
-                        (Some(beta), Some(target)) => {
-                            let most = beta.max(16.0);
-                            let accept = Accept::Estimated { beta, target, most };
-                            Box::new(BarnesHut::new(polylines, options(accept)))
-                        }
-                        (None, _) => {
-                            let by_beta = BarnesHut::new(polylines, options(Accept::Beta(4.0)));
-                            let by_bound = by_beta.with(options(Options::default().accept));
-                            Box::new(FirstByBeta([by_beta, by_bound]))
-                        }
+                    let accept = match (beta, target) {
+                        (Some(beta), None) => Accept::Beta(beta),
+                        (Some(beta), Some(target)) => Accept::Estimated {
+                            beta,
+                            target,
+                            most: beta.max(16.0),
+                        },
+                        (None, _) => Accept::Beta(4.0),
+                    };
+                    let by_bound = Options {
+                        order,
+                        ..Options::default()
+                    };
+                    let kernel = BarnesHut::new(polylines, Options { accept, ..by_bound });
+                    match beta {
+                        Some(_) => Box::new(kernel),
+                        None => Box::new(FirstByBeta([kernel.with(by_bound), kernel])),
                     }
                 };
                 match (target, accuracy.dipole) {
@@ -121,7 +119,7 @@ struct FirstByBeta([BarnesHut; 2]);
 
 impl Summation for FirstByBeta {
     fn linking_number(&self, pair: Pair) -> Estimate {
-        let [by_beta, by_bound] = &self.0;
+        let [by_bound, by_beta] = &self.0;
         let first = by_beta.linking_number(pair);
         match first.integer() {
             Some(_) => first,

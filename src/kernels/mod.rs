@@ -51,8 +51,8 @@ pub(crate) mod sums;
 #[cfg(test)]
 pub(crate) mod tests;
 
+pub(crate) use calibration::segment_pairs;
 pub use calibration::{Calibration, CountingCost, SumCost};
-pub(crate) use calibration::{CountingWork, segment_pairs};
 pub(crate) use counted::Counted;
 pub use device::{Device, DeviceInfo};
 pub use gpu::devices;
@@ -108,12 +108,6 @@ impl std::ops::Add for KernelWork {
 
     fn add(self, other: KernelWork) -> KernelWork {
         self.each(other, |a, b| a + b)
-    }
-}
-
-impl std::iter::Sum for KernelWork {
-    fn sum<I: Iterator<Item = KernelWork>>(parts: I) -> KernelWork {
-        parts.fold(KernelWork::default(), |a, b| a + b)
     }
 }
 

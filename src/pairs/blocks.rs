@@ -1,5 +1,6 @@
 //! Blocks of eight segments, numbered over all curves, and lists of what belongs to each block.
 
+use super::buckets::distribute;
 use crate::curve::CurveSet;
 use crate::simd::LANES;
 
@@ -48,37 +49,27 @@ impl Blocks {
 /// A list of items for each block.
 #[derive(Debug)]
 pub(crate) struct BlockLists<T> {
-    /// First item of each block, and the number of all.
-    starts: Vec<u32>,
+    /// End of each block in the items.
+    ends: Vec<usize>,
     items: Vec<T>,
 }
 
 impl<T: Copy + Default> BlockLists<T> {
     /// Sorts items by their blocks. The items of a block stay in their order.
     pub fn new(blocks: usize, items: impl Iterator<Item = (u32, T)> + Clone) -> BlockLists<T> {
-        let mut starts = vec![0; blocks + 1];
-        for (block, _) in items.clone() {
-            starts[block as usize + 1] += 1;
-        }
-        for k in 0..blocks {
-            starts[k + 1] += starts[k];
-        }
-        let mut next = starts.clone();
-        let mut sorted = vec![T::default(); starts[blocks] as usize];
-        for (block, item) in items {
-            let at = &mut next[block as usize];
-            sorted[*at as usize] = item;
-            *at += 1;
-        }
+        let (mut ends, mut sorted) = (Vec::new(), Vec::new());
+        let items = items.map(|(block, item)| (block as usize, item));
+        distribute(items, blocks, &mut ends, &mut sorted);
         BlockLists {
-            starts,
+            ends,
             items: sorted,
         }
     }
 
     /// Returns the items of a block.
     pub fn of(&self, block: u32) -> &[T] {
-        let [from, to] = [0, 1].map(|k| self.starts[block as usize + k] as usize);
-        &self.items[from..to]
+        let end = self.ends[block as usize];
+        let start = block.checked_sub(1).map_or(0, |k| self.ends[k as usize]);
+        &self.items[start..end]
     }
 }

@@ -22,33 +22,42 @@ impl BucketSort {
         bucket: impl Fn(&T) -> usize,
         sorted: &mut Vec<T>,
     ) {
-        let ends = &mut self.ends;
-        ends.clear();
-        ends.resize(buckets, 0);
-        let mut count = 0;
-        for item in items.clone() {
-            ends[bucket(&item)] += 1;
-            count += 1;
-        }
-        // The starts of the buckets, which become their ends as items are added.
+        let items = items.map(|item| (bucket(&item), item));
+        distribute(items, buckets, &mut self.ends, sorted);
         let mut start = 0;
-        for end in ends.iter_mut() {
-            start += std::mem::replace(end, start);
-        }
-        sorted.clear();
-        sorted.resize(count, T::default());
-        for item in items {
-            let end = &mut ends[bucket(&item)];
-            sorted[*end] = item;
-            *end += 1;
-        }
-        let mut start = 0;
-        for &end in ends.iter() {
+        for &end in &self.ends {
             if end - start > 1 {
                 sorted[start..end].par_sort_unstable();
             }
             start = end;
         }
+    }
+}
+
+/// Sorts items into `sorted` by their buckets, which are numbers below `buckets`. The items of a
+/// bucket stay in their order. Writes the end of each bucket to `ends`.
+pub(super) fn distribute<T: Copy + Default>(
+    items: impl Iterator<Item = (usize, T)> + Clone,
+    buckets: usize,
+    ends: &mut Vec<usize>,
+    sorted: &mut Vec<T>,
+) {
+    ends.clear();
+    ends.resize(buckets, 0);
+    for (bucket, _) in items.clone() {
+        ends[bucket] += 1;
+    }
+    // The starts of the buckets, which become their ends as items are added.
+    let mut start = 0;
+    for end in ends.iter_mut() {
+        start += std::mem::replace(end, start);
+    }
+    sorted.clear();
+    sorted.resize(start, T::default());
+    for (bucket, item) in items {
+        let end = &mut ends[bucket];
+        sorted[*end] = item;
+        *end += 1;
     }
 }
 

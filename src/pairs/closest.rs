@@ -4,7 +4,7 @@
 //! polylines (splines: eight chords per segment), in floating point, without an error bound.
 
 use super::layout::Node;
-use super::trees::{CurveTree, Trees};
+use super::trees::{BoxTree, CurveTree, Trees};
 use crate::curve::vector::{add_scaled, cross, distance, dot, half_difference, per_axis, sub};
 use crate::curve::{BoxGroup, CurveSet, Point, point_at, pow2, smaller};
 use crate::simd::LANES;
@@ -119,13 +119,8 @@ pub(crate) fn closest_place(p0: Point, p1: Point, q0: Point, q1: Point) -> (Poin
     let [a, b] = closest_points(p0, p1, q0, q1);
     // Halves are added, because the sum may overflow.
     let middle = per_axis(|x| 0.5 * a[x] + 0.5 * b[x]);
-    (middle, scaled_distance(a, b))
-}
-
-/// Returns the distance between two points, even if they are extreme.
-fn scaled_distance(a: Point, b: Point) -> f64 {
     let scale = Scale::of([a, b].into_iter());
-    scale.undo(distance(scale.apply(a), scale.apply(b)))
+    (middle, scale.undo(distance(scale.apply(a), scale.apply(b))))
 }
 
 /// A power of two that scales points so that products of four differences neither overflow nor
@@ -166,14 +161,9 @@ impl Scale {
 pub(crate) fn closest_points(p0: Point, p1: Point, q0: Point, q1: Point) -> [Point; 2] {
     let scale = Scale::of([p0, p1, q0, q1].into_iter());
     let [p0, p1, q0, q1] = [p0, p1, q0, q1].map(|p| scale.apply(p));
-    closest_points_scaled(p0, p1, q0, q1).map(|p| p.map(|x| scale.undo(x)))
-}
-
-/// [`closest_points`] for segments of ordinary size.
-fn closest_points_scaled(p0: Point, p1: Point, q0: Point, q1: Point) -> [Point; 2] {
     let (d, e) = (sub(p1, p0), sub(q1, q0));
     let Nearest { s, t, .. } = nearest([p0, d], [q0, e]);
-    [add_scaled(p0, s, d), add_scaled(q0, t, e)]
+    [add_scaled(p0, s, d), add_scaled(q0, t, e)].map(|p| p.map(|x| scale.undo(x)))
 }
 
 /// Nearest points of two straight segments.

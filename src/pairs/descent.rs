@@ -1,9 +1,9 @@
 //! Simultaneous depth-first descent of the trees of two curves to segment pairs.
 
 use super::layout::Node;
-use super::trees::BoxTree;
-use crate::curve::{Box3, BoxGroup};
-use crate::simd::{LANES, Lanes};
+use super::trees::{BoxTree, Trees};
+use crate::curve::{Box3, BoxGroup, CurveSet};
+use crate::simd::{LANES, Lanes, dispatch};
 
 /// Node pairs to visit: node of the first curve, node of the second one.
 pub(crate) type Agenda = Vec<(Node, Node)>;
@@ -123,6 +123,29 @@ pub(crate) fn descend<L: Lanes, T: BoxTree, const IN_SPACE: bool>(
     steps
 }
 
+/// Returns all segment pairs of curves `i` and `j` with overlapping boxes in space, sorted.
+pub(crate) fn overlapping_segments(
+    set: &CurveSet,
+    trees: &Trees,
+    i: usize,
+    j: usize,
+) -> Vec<(u32, u32)> {
+    let mut found = dispatch!(simd => find(simd, set, trees, [i, j]));
+    found.sort_unstable();
+    found
+}
+
+#[inline(always)]
+fn find<L: Lanes>(simd: L, set: &CurveSet, trees: &Trees, pair: [usize; 2]) -> Vec<(u32, u32)> {
+    let both = pair.map(|i| trees.of(set, i));
+    let mut agenda = vec![(both[0].root(), both[1].root())];
+    let mut found = SegmentPairs::default();
+    let query = Query::in_space(0.0);
+    let all = (usize::MAX, usize::MAX);
+    descend::<L, _, true>(simd, both, query, &mut agenda, &mut found, all);
+    found.all
+}
+
 /// Returns the lanes whose boxes overlap a box in space, one bit each.
 #[inline(always)]
 pub(crate) fn overlapping<L: Lanes>(simd: L, one: &Box3, group: &BoxGroup) -> u32 {
@@ -156,9 +179,7 @@ impl One {
             hi: [group.hi[u][k], group.hi[v][k], group.hi[w][k]],
         }
     }
-}
 
-impl One {
     /// Returns the box grown by `reach` on all sides, or the same box if `ENABLED` is not set.
     #[inline(always)]
     fn dilated<const ENABLED: bool>(mut self, reach: f32) -> One {

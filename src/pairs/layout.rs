@@ -81,7 +81,7 @@ pub(super) fn stores_leaves(basis: Basis, segments: u32) -> bool {
 }
 
 /// Positions of the groups of one curve.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Layout {
     /// First group of each stored level.
     pub first: [u32; LEVELS],
@@ -105,13 +105,10 @@ impl Layout {
     /// Returns the layout of a curve without a tree.
     pub fn without_tree(segments: u32) -> Layout {
         Layout {
-            first: [0; LEVELS],
             levels: 1,
-            start: 0,
-            groups: 0,
             segments,
             leaves: true,
-            tree: false,
+            ..Layout::default()
         }
     }
 

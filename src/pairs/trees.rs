@@ -147,16 +147,26 @@ pub(crate) trait BoxTree: Copy {
 impl BoxTree for CurveTree<'_> {
     #[inline(always)]
     fn node_box(&self, node: Node) -> Box3 {
-        CurveTree::node_box(self, node)
+        if node.level + 1 == self.layout.levels {
+            return self.bounds;
+        }
+        let lanes = LANES as u32;
+        let parent = self.layout.first[node.level as usize + 1] + node.index / lanes;
+        self.groups[parent as usize].lane((node.index % lanes) as usize)
     }
 
     #[inline(always)]
     fn children<'b>(&'b self, node: Node, buffer: &'b mut BoxGroup) -> &'b BoxGroup {
-        CurveTree::children(self, node, buffer)
+        if node.level == 0 && !self.layout.leaves {
+            *buffer = self.set.leaf_boxes(self.curve, node.index as usize);
+            buffer
+        } else {
+            &self.groups[(self.layout.first[node.level as usize] + node.index) as usize]
+        }
     }
 }
 
-impl<'a> CurveTree<'a> {
+impl CurveTree<'_> {
     /// Returns the root node.
     pub fn root(&self) -> Node {
         Node {
@@ -181,32 +191,6 @@ impl<'a> CurveTree<'a> {
     /// Returns true if the boxes of single segments are stored.
     pub fn stores_leaves(&self) -> bool {
         self.layout.leaves
-    }
-
-    /// Returns the boxes of the children of a node. `leaf` is a buffer for boxes that are not
-    /// stored.
-    #[inline(always)]
-    pub fn children<'b>(&self, node: Node, leaf: &'b mut BoxGroup) -> &'b BoxGroup
-    where
-        'a: 'b,
-    {
-        if node.level == 0 && !self.layout.leaves {
-            *leaf = self.set.leaf_boxes(self.curve, node.index as usize);
-            leaf
-        } else {
-            &self.groups[(self.layout.first[node.level as usize] + node.index) as usize]
-        }
-    }
-
-    /// Returns the box of a node.
-    #[inline(always)]
-    pub fn node_box(&self, node: Node) -> Box3 {
-        if node.level + 1 == self.layout.levels {
-            return self.bounds;
-        }
-        let lanes = LANES as u32;
-        let parent = self.layout.first[node.level as usize + 1] + node.index / lanes;
-        self.groups[parent as usize].lane((node.index % lanes) as usize)
     }
 }
 

@@ -5,7 +5,7 @@ use crate::curve::vector::distance;
 use crate::curve::{Box3, BoxGroup};
 use crate::discretize::Hull;
 use crate::incremental::covered::Covered;
-use crate::pairs::{Node, PairFilter, Trees};
+use crate::pairs::{BoxTree, Node, PairFilter, Trees};
 use crate::simd::LANES;
 use rayon::prelude::*;
 use std::cmp::Reverse;

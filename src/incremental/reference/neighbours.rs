@@ -2,7 +2,7 @@
 //! bounds of their distances. Molecular dynamics calls this a Verlet list.
 
 use crate::curve::{Box3, BoxGroup};
-use crate::pairs::{BlockLists, Blocks, CurveTree, overlapping};
+use crate::pairs::{BlockLists, Blocks, BoxTree, CurveTree, overlapping};
 use crate::simd::{LANES, Portable};
 
 /// A block of eight segments, counted over all curves.

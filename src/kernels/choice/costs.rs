@@ -57,10 +57,9 @@ const CACHE_BYTES: usize = 32 << 20;
 
 /// Returns the time of the boxes of all segments.
 pub(crate) fn boxes(basis: Basis, curves: usize, segments: usize) -> Nanoseconds {
-    let segment = if basis.is_polyline() {
-        POLYLINE_BOX
-    } else {
-        SPLINE_BOX
+    let segment = match basis.is_polyline() {
+        true => POLYLINE_BOX,
+        false => SPLINE_BOX,
     };
     curves as f64 * TREE + segments as f64 * segment
 }

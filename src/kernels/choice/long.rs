@@ -58,11 +58,8 @@ pub(super) fn worth_summing(input: Input<'_>, links: &[Pair]) -> Vec<LongLink> {
         if segments < LONG {
             return None;
         }
-        let mut workspace = input.workspaces.take();
-        let work = sample(input, (i, j), &mut workspace);
-        workspace.take_stats();
-        input.workspaces.put(workspace);
-        decide(at, segments, work)
+        let run = |workspace: &mut _| sample(input, (i, j), workspace);
+        decide(at, segments, input.workspaces.run(run).0)
     };
     match links.len() {
         // A parallel iterator allocates, and a frame like the previous one should allocate nothing.

@@ -13,7 +13,7 @@ pub(crate) use long::{LongLink, with_sums};
 pub(crate) use sample::Sample;
 
 use super::crossings::{Input, busy_threads};
-use super::{Calibration, CountingWork, KernelWork, Method, Offer, segment_pairs};
+use super::{Calibration, CountingCost, KernelWork, Method, Offer, segment_pairs};
 use crate::pairs::Pair;
 use std::cell::OnceCell;
 
@@ -97,7 +97,7 @@ impl<'a> Predictions<'a> {
     pub fn forecast(&self, calibration: &Calibration) -> Option<Forecast> {
         let cost = calibration.crossings;
         self.can_offload().then(|| Forecast {
-            adapter_ms: cost.adapter_ms(self.counting_work(self.sample().work.tests)),
+            adapter_ms: self.on_adapter_ms(cost, self.sample().work.tests),
             error_factor: cost.error_factor,
             cpu_ms: cost.cpu_factor * self.on_cpu_ms(),
         })
@@ -137,15 +137,11 @@ impl<'a> Predictions<'a> {
         };
         let links = self.links.len();
         let most = costs::direction(links, most) + costs::crossings(0, most, usize::MAX);
-        cost.cpu_factor * (most * costs::MS) <= cost.adapter_ms(self.counting_work(0))
+        cost.cpu_factor * (most * costs::MS) <= self.on_adapter_ms(cost, 0)
     }
 
-    fn counting_work(&self, tests: u64) -> CountingWork {
-        CountingWork {
-            segments: self.input.set.segments() as u64,
-            links: self.links.len() as u64,
-            tests,
-        }
+    fn on_adapter_ms(&self, cost: CountingCost, tests: u64) -> f64 {
+        cost.adapter_ms(self.input.set.segments(), self.links.len(), tests)
     }
 }
 

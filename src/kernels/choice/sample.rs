@@ -1,9 +1,11 @@
 //! Estimate of the work of many potential links, from a sample of them.
 
 use crate::kernels::KernelWork;
+use crate::kernels::calibration::segments;
 use crate::kernels::crossings::{Input, sample, shares_out};
 use crate::pairs::Pair;
 use rayon::prelude::*;
+use std::ops::Add;
 
 /// Maximum number of potential links in the sample.
 const SAMPLE: usize = 64;
@@ -21,31 +23,18 @@ pub(crate) struct Sample {
 
 impl Sample {
     pub fn of(input: Input<'_>, links: &[Pair]) -> Sample {
-        let drawn = draw(links.len(), |k| {
-            let (i, j) = links[k];
-            [i, j]
-                .map(|i| u64::from(input.set.curve(i as usize).segments))
-                .iter()
-                .sum()
-        });
-        let works: Vec<(KernelWork, f64)> = drawn
-            .par_iter()
-            .map(|&(k, factor)| {
-                let mut workspace = input.workspaces.take();
-                let work = sample(input, links[k], &mut workspace);
-                // Sampling does not count as verification work.
-                workspace.take_stats();
-                input.workspaces.put(workspace);
-                (work, factor)
-            })
-            .collect();
+        let drawn = draw(links.len(), |k| segments(input.set, &links[k..=k]));
+        let work = |&(k, factor): &(usize, f64)| {
+            // Sampling does not count as verification work.
+            let run = |workspace: &mut _| sample(input, links[k], workspace);
+            (input.workspaces.run(run).0, factor)
+        };
+        let works: Vec<(KernelWork, f64)> = drawn.par_iter().map(work).collect();
+        let scaled = works.iter().map(|(work, factor)| work.scaled(*factor));
         let mut each = works.iter().map(|(work, _)| work);
         Sample {
             links: works.len(),
-            work: works
-                .iter()
-                .map(|(work, factor)| work.scaled(*factor))
-                .sum(),
+            work: scaled.fold(KernelWork::default(), Add::add),
             shared: each.any(|work| shares_out(work.nodes + work.computed, work.tests)),
         }
     }

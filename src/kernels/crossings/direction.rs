@@ -7,7 +7,7 @@
 
 use super::Direction;
 use crate::curve::{Box3, BoxGroup};
-use crate::pairs::{Agenda, CurveTree, Node};
+use crate::pairs::{Agenda, BoxTree, CurveTree, Node};
 use crate::simd::{LANES, Lanes};
 
 /// Number of node pairs at which the pass stops and chooses.

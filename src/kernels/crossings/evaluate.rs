@@ -21,9 +21,10 @@ const SINGLE_TESTS: usize = 2;
 /// Sum of the signed crossings of one pair of curves in one direction, or of a part of the pair.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct SignedCount {
-    sum: i64,
-    /// First pair of segments that touch.
-    contact: Option<[u32; 2]>,
+    /// Sum of the signs.
+    pub sum: i64,
+    /// First pair of segments that touch, in their order along the curves.
+    pub contact: Option<[u32; 2]>,
     /// Number of node pairs visited by the descent.
     pub nodes: u64,
     /// Work counters.
@@ -38,16 +39,6 @@ pub(super) struct Polylines {
 }
 
 impl SignedCount {
-    /// Returns the sum of the signs.
-    pub fn sum(&self) -> i64 {
-        self.sum
-    }
-
-    /// Returns the first pair of touching segments, in their order along the curves.
-    pub fn contact(&self) -> Option<[u32; 2]> {
-        self.contact
-    }
-
     /// Adds another part of the same pair.
     pub fn merge(&mut self, other: &SignedCount) {
         self.sum += other.sum;

@@ -88,19 +88,14 @@ impl<'a> Task<'a> {
     ///
     /// A segment of the upper and a segment of the lower curve that are too close.
     pub fn finish_splines(&self, workspace: &mut Workspace) -> Result<(), [u32; 2]> {
-        let Workspace {
-            candidates,
-            count,
-            halving,
-            polylines,
-            ..
-        } = workspace;
-        let tests = &mut candidates.found.all;
-        if !candidates.close.is_empty() {
-            self.separation.refine(&candidates.close, halving)?;
-            count.add_split(self, tests, &halving.splits, polylines);
+        let (count, halving) = (&mut workspace.count, &mut workspace.halving);
+        let Candidates { found, close } = &mut workspace.candidates;
+        if !close.is_empty() {
+            self.separation.refine(close, halving)?;
+            let polylines = &mut workspace.polylines;
+            count.add_split(self, &mut found.all, &halving.splits, polylines);
         }
-        count.add_shared(self, tests);
+        count.add_shared(self, &found.all);
         Ok(())
     }
 }
@@ -117,13 +112,8 @@ pub(super) fn gather<L: Lanes>(simd: L, task: &Task<'_>, workspace: &mut Workspa
         meeting: splines,
         reach: 0.0,
     };
-    let Workspace {
-        agenda,
-        candidates,
-        count,
-        ..
-    } = &mut *workspace;
-    let Candidates { found, close } = candidates;
+    let (agenda, count) = (&mut workspace.agenda, &mut workspace.count);
+    let Candidates { found, close } = &mut workspace.candidates;
     for round in 0.. {
         if round >= ROUNDS && agenda.len() > 1 {
             return split(task, workspace);

@@ -114,13 +114,22 @@ pub(crate) struct Workspaces {
 type Idle = Vec<Box<Workspace>>;
 
 impl Workspaces {
+    /// Runs a task with buffers of the pool. Returns its result and its work.
+    pub fn run<T>(&self, task: impl FnOnce(&mut Workspace) -> T) -> (T, Stats) {
+        let mut workspace = self.take();
+        let result = task(&mut workspace);
+        let stats = workspace.take_stats();
+        self.put(workspace);
+        (result, stats)
+    }
+
     /// Takes buffers from the pool. The caller returns them by [`Workspaces::put`].
     pub fn take(&self) -> Box<Workspace> {
         self.lock().pop().unwrap_or_default()
     }
 
     /// Returns buffers to the pool.
-    pub fn put(&self, workspace: Box<Workspace>) {
+    fn put(&self, workspace: Box<Workspace>) {
         self.lock().push(workspace);
     }
 
@@ -196,12 +205,12 @@ fn compute<L: Lanes>(
         let (s, t) = direction.upper_first(s, t);
         Linking::Undefined(kind, closest_of_segments(set, [i, j], [s, t]))
     };
-    match (too_close, count.contact()) {
+    match (too_close, count.contact) {
         _ if entangled => {
             Linking::Undefined(DefectKind::TooClose, closest_approach(set, trees, i, j))
         }
         (Some(segments), _) => undefined(DefectKind::TooClose, segments),
         (None, Some(segments)) => undefined(DefectKind::Contact, segments),
-        (None, None) => Linking::Number(count.sum()),
+        (None, None) => Linking::Number(count.sum),
     }
 }

@@ -21,7 +21,7 @@ pub(crate) fn conclude(
     let task = Task::new(input, [upper, lower], direction.axis);
     let mut count = SignedCount::default();
     count.add_shared(&task, tests);
-    if count.contact().is_some() {
+    if count.contact.is_some() {
         // The reported place must not depend on the kernel, so the contact is searched again in the
         // direction that the CPU chooses.
         let before = workspace.stats;
@@ -31,5 +31,5 @@ pub(crate) fn conclude(
         return linking;
     }
     workspace.stats.add(&count.stats);
-    Linking::Number(sum + count.sum())
+    Linking::Number(sum + count.sum)
 }

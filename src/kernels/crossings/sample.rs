@@ -2,10 +2,8 @@
 
 use super::{Input, SignedCount, Workspace, direction, gather};
 use crate::kernels::KernelWork;
-use crate::pairs::{Agenda, Pair, Query, SegmentPairs, descend};
+use crate::pairs::{Agenda, Node, Pair, Query, SegmentPairs, descend};
 use crate::simd::Portable;
-use crate::verdict::Stats;
-
 /// Buffers of a sample.
 #[derive(Debug, Default)]
 pub(super) struct Buffers {
@@ -26,12 +24,7 @@ const BRANCHES: usize = 256;
 pub(crate) fn sample(input: Input<'_>, (i, j): Pair, workspace: &mut Workspace) -> KernelWork {
     let [i, j] = [i as usize, j as usize];
     let both = [i, j].map(|i| input.trees.of(input.set, i));
-    let Workspace {
-        fronts,
-        agenda,
-        sampling,
-        ..
-    } = &mut *workspace;
+    let (fronts, agenda) = (&mut workspace.fronts, &mut workspace.agenda);
     fronts.visited = 0;
     let chosen = direction::choose(Portable, both, None, fronts, agenda);
     let choice = KernelWork {
@@ -49,15 +42,13 @@ pub(crate) fn sample(input: Input<'_>, (i, j): Pair, workspace: &mut Workspace) 
         reach: 0.0,
     };
     let both = task.curves.map(|i| input.trees.of(input.set, i));
-    let Buffers { found, below, one } = sampling;
+    let Buffers { found, below, one } = &mut workspace.sampling;
     let (mut factor, mut nodes) = (1.0, 0.0);
     // All first nodes are of one level, and so are all second nodes.
     loop {
         factor *= thin(agenda);
-        if agenda
-            .first()
-            .is_none_or(|(t, u)| t.level.max(u.level) == 0)
-        {
+        let at_leaves = |(t, u): &(Node, Node)| t.level.max(u.level) == 0;
+        if agenda.first().is_none_or(at_leaves) {
             break;
         }
         nodes += factor * agenda.len() as f64;
@@ -77,25 +68,20 @@ pub(crate) fn sample(input: Input<'_>, (i, j): Pair, workspace: &mut Workspace) 
         // A pair that is too close takes the same time until it is rejected.
         task.finish_splines(workspace).ok();
     }
-    let Stats {
-        tests,
-        overlaps,
-        refined,
-        exact,
-        ..
-    } = workspace.count.stats;
-    let (mut stored, mut computed) = (workspace.count.nodes, 0);
-    if !both.iter().all(|tree| tree.stores_leaves()) {
-        std::mem::swap(&mut stored, &mut computed);
-    }
+    let visited = workspace.count.nodes;
+    let (stored, computed) = match both.iter().all(|tree| tree.stores_leaves()) {
+        true => (visited, 0),
+        false => (0, visited),
+    };
+    let stats = workspace.count.stats;
     let leaves = KernelWork {
         front: 0,
         nodes: stored,
         computed,
-        tests,
-        overlaps,
-        refined,
-        exact,
+        tests: stats.tests,
+        overlaps: stats.overlaps,
+        refined: stats.refined,
+        exact: stats.exact,
     };
     let inner = KernelWork {
         nodes: nodes.round() as u64,

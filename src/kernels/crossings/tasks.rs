@@ -28,21 +28,20 @@ pub(crate) fn linking_numbers(
             return;
         }
         let pairs = &pairs[k * size..pairs.len().min((k + 1) * size)];
-        let mut workspace = input.workspaces.take();
         let mut computed = 0;
-        for (k, &pair) in pairs.iter().enumerate() {
-            if let Some(&(i, j)) = pairs.get(k + AHEAD) {
-                input.trees.prefetch(i as usize);
-                input.trees.prefetch(j as usize);
+        ((), part.stats) = input.workspaces.run(|workspace| {
+            for (k, &pair) in pairs.iter().enumerate() {
+                if let Some(&(i, j)) = pairs.get(k + AHEAD) {
+                    input.trees.prefetch(i as usize);
+                    input.trees.prefetch(j as usize);
+                }
+                if input.cancelled() {
+                    break;
+                }
+                computed += 1;
+                part.add(pair, linking_number(input, pair, None, workspace));
             }
-            if input.cancelled() {
-                break;
-            }
-            computed += 1;
-            part.add(pair, linking_number(input, pair, None, &mut workspace));
-        }
-        part.stats = workspace.take_stats();
-        input.workspaces.put(workspace);
+        });
         done.fetch_add(computed, Ordering::Relaxed);
     });
 }

@@ -29,7 +29,7 @@
 //! The first pass accepts node pairs by distance. Pairs that it does not prove are summed again
 //! with the error bound as the criterion, in finer and finer passes, as on the CPU.
 
-use super::capacity::in_batches;
+use super::capacity::{Capacity, in_batches};
 use super::commands::{Binding, Buffer, Command, Stage};
 use super::counters::{self, COUNTS, DONE};
 use super::error::Error;
@@ -43,6 +43,7 @@ use crate::kernels::sums::barnes_hut::pack;
 use crate::pairs::Pair;
 use rayon::prelude::*;
 use std::f64::consts::PI;
+use std::ops::Range;
 
 /// Node pairs are not expanded if the sum of their radii, divided by the distance of the centres,
 /// is above this.
@@ -87,11 +88,8 @@ pub(super) const STAGE: Stage = Stage {
             ("REACH", direct::REACH),
             ("NEAREST_SQUARE", NEAREST_SQUARE),
         ];
-        super::shader(
-            &whole,
-            &real,
-            &[direct::SUMS_SHADER, include_str!("barnes_hut.wgsl")],
-        )
+        let parts = [direct::SUMS_SHADER, include_str!("barnes_hut.wgsl")];
+        super::shader::<f32>(&whole, &real, &parts)
     },
 };
 
@@ -123,18 +121,18 @@ pub(crate) struct Forest {
 impl Forest {
     /// Builds the trees of the curves of a frame.
     pub fn new(frame: &Frame) -> Forest {
-        let trees: Vec<(Vec<Node>, u32)> = (frame.curves.par_iter())
-            .map(|range| {
-                let range = range.start as usize..range.end as usize;
-                let Some((_, open)) = frame.vertices[range.clone()].split_last() else {
-                    return (Vec::new(), 0);
-                };
-                let points: Vec<_> = open.iter().map(|p| per_axis(|x| f64::from(p[x]))).collect();
-                let mut nodes = Vec::new();
-                let levels = pack(&points, range.start as u32, &mut nodes);
-                (nodes, levels)
-            })
-            .collect();
+        let tree = |range: &Range<u32>| {
+            let Some((_, open)) =
+                frame.vertices[range.start as usize..range.end as usize].split_last()
+            else {
+                return (Vec::new(), 0);
+            };
+            let points: Vec<_> = open.iter().map(|p| per_axis(|x| f64::from(p[x]))).collect();
+            let mut nodes = Vec::new();
+            let levels = pack(&points, range.start, &mut nodes);
+            (nodes, levels)
+        };
+        let trees: Vec<(Vec<Node>, u32)> = frame.curves.par_iter().map(tree).collect();
         let mut forest = Forest {
             nodes: Vec::with_capacity(trees.iter().map(|t| t.0.len()).sum()),
             roots: Vec::with_capacity(trees.len()),
@@ -143,10 +141,11 @@ impl Forest {
             let at = forest.nodes.len() as u32;
             let leaves = (nodes.len() as u32).div_ceil(2);
             forest.roots.push((at, levels, leaves));
-            forest.nodes.extend(nodes.into_iter().map(|mut n| {
-                n.right += at;
-                n
-            }));
+            let moved = nodes.into_iter().map(|n| Node {
+                right: n.right + at,
+                ..n
+            });
+            forest.nodes.extend(moved);
         }
         forest
     }
@@ -183,20 +182,15 @@ pub(super) fn linking_numbers(
     let mut shares: Vec<f64> = Vec::new();
     let mut out = vec![NOTHING; pairs.len()];
     for pass in 0..=PASSES {
-        let asked: Vec<(Pair, Criterion)> = open
-            .iter()
-            .enumerate()
-            .map(|(k, &at)| {
-                let criterion = match pass {
-                    0 => by_distance,
-                    _ => Criterion {
-                        beta: 0.0,
-                        share: shares[k] as f32,
-                    },
-                };
-                (pairs[at], criterion)
-            })
-            .collect();
+        let criterion = |k: usize| match pass {
+            0 => by_distance,
+            _ => Criterion {
+                beta: 0.0,
+                share: shares[k] as f32,
+            },
+        };
+        let all = open.iter().enumerate();
+        let asked: Vec<_> = all.map(|(k, &at)| (pairs[at], criterion(k))).collect();
         let found = sums(state, frame, forest, &asked)?;
         for (&at, found) in open.iter().zip(&found) {
             // A finer pass may have a larger bound, because of rounding.
@@ -240,19 +234,12 @@ fn sums(
     asked: &[(Pair, Criterion)],
 ) -> Result<Vec<Found>, Error> {
     // Limit of the buffer of the sums, for the larger of both kinds.
-    let most = state.adapter.max_buffer_bytes() / size_of::<FarSum>() as u64;
-    let parts = in_batches(
-        state,
-        asked,
-        most as usize,
-        |state| &mut state.sum_capacity,
-        &mut |state, asked| pass(state, frame, forest, asked),
-    )?;
-    let each = parts.into_iter().flat_map(|(count, found)| {
-        let found = found.unwrap_or_else(|| vec![NOTHING; count]);
-        found.into_iter()
-    });
-    Ok(each.collect())
+    let most = state.adapter.max_buffer_bytes / size_of::<FarSum>() as u64;
+    let mut pass = |state: &mut State, asked: &[_]| pass(state, frame, forest, asked);
+    let capacity: fn(&mut State) -> &mut Capacity = |state| &mut state.sum_capacity;
+    let parts = in_batches(state, asked, most as usize, capacity, &mut pass)?;
+    let found = |(count, found): (_, Option<Vec<_>>)| found.unwrap_or(vec![NOTHING; count]);
+    Ok(parts.into_iter().flat_map(found).collect())
 }
 
 /// Runs one pass. Returns `None` if a capacity was too small.
@@ -267,20 +254,14 @@ fn pass(
         return Ok(None);
     }
     let root = |i: u32| forest.roots[i as usize];
-    let levels = asked
-        .iter()
-        .map(|((i, j), _)| root(*i).1 + root(*j).1)
-        .max()
-        .unwrap_or(0);
-    let levels = levels.min(counters::MOST_LEVELS);
-    let start: Vec<NodePair> = (0..)
-        .zip(asked)
-        .map(|(pair, ((i, j), _))| NodePair {
-            pair,
-            first: root(*i).0,
-            second: root(*j).0,
-        })
-        .collect();
+    let levels = asked.iter().map(|&((i, j), _)| root(i).1 + root(j).1);
+    let levels = levels.max().unwrap_or(0).min(counters::MOST_LEVELS);
+    let start = |(pair, &((i, j), _)): (u32, &(Pair, Criterion))| NodePair {
+        pair,
+        first: root(i).0,
+        second: root(j).0,
+    };
+    let start: Vec<NodePair> = (0..).zip(asked).map(start).collect();
     let criteria: Vec<Criterion> = asked.iter().map(|a| a.1).collect();
     let mut counts = [0u32; COUNTS as usize];
     counts[0] = asked.len() as u32;
@@ -331,20 +312,13 @@ fn pass(
     };
     // Node pairs below the last level would be lost.
     if counts[levels as usize] > 0 {
-        return Err(Error::limit(
-            "levels of trees",
-            u64::from(levels) + 1,
-            u64::from(levels),
-        ));
+        let most = u64::from(levels);
+        return Err(Error::limit("levels of trees", most + 1, most));
     }
     let far: Vec<FarSum> = bytemuck::pod_collect_to_vec(&got[0]);
     let near = direct::sum_tiles(state, frame, asked.len(), TILES, tiles)?;
-    Ok(Some(
-        far.iter()
-            .zip(&near)
-            .map(|(far, near)| found(far, near))
-            .collect(),
-    ))
+    let both = far.iter().zip(&near);
+    Ok(Some(both.map(|(far, near)| found(far, near)).collect()))
 }
 
 /// Returns the number of listed tiles. Returns `None` if the node pairs or the tiles exceeded the

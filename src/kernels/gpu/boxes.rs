@@ -31,7 +31,7 @@ pub(super) const STAGE: Stage = Stage {
     name: "boxes",
     source: || {
         let whole = [("THREADS", THREADS), ("LEVEL", LEVEL)];
-        super::shader(&whole, &[], &[NODES_SHADER, include_str!("boxes.wgsl")])
+        super::shader::<f32>(&whole, &[], &[NODES_SHADER, include_str!("boxes.wgsl")])
     },
 };
 
@@ -133,11 +133,8 @@ pub(super) fn fit(state: &mut State, frame: &Frame) -> [Vec<Command>; 2] {
         state.hierarchy = hierarchy;
         state.boxes_of = None;
     }
-    if state.boxes_of == Some(frame.id) {
-        return [uploads, Vec::new()];
-    }
     let hierarchy = &state.hierarchy;
-    if hierarchy.nodes().size == 0 {
+    if state.boxes_of == Some(frame.id) || hierarchy.nodes().size == 0 {
         return [uploads, Vec::new()];
     }
     let parameters: Vec<Parameters> = (hierarchy.levels.iter())

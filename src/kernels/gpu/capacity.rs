@@ -6,6 +6,9 @@ use super::error::Error;
 use super::layout::NodePair;
 use super::{State, Tile};
 
+/// Size of a node pair in bytes.
+const NODE_PAIR: u64 = size_of::<NodePair>() as u64;
+
 /// Number of items that the lists can hold.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Capacity {
@@ -24,15 +27,12 @@ impl Capacity {
 
     /// Returns the binding of a list of node pairs.
     pub fn agenda(self, buffer: Buffer) -> Binding {
-        Binding::whole(
-            buffer,
-            u64::from(self.node_pairs) * size_of::<NodePair>() as u64,
-        )
+        Binding::whole(buffer, u64::from(self.node_pairs) * NODE_PAIR)
     }
 
     /// Returns the binding of a list of tiles that are node pairs.
     pub fn tiles(self, buffer: Buffer) -> Binding {
-        Binding::whole(buffer, u64::from(self.tiles) * size_of::<NodePair>() as u64)
+        Binding::whole(buffer, u64::from(self.tiles) * NODE_PAIR)
     }
 
     /// Returns a larger capacity, for buffers of at most `most` bytes. Returns `None` at the limit.
@@ -70,7 +70,7 @@ pub(super) fn in_batches<T, R>(
         if let Some(found) = pass(state, asked)? {
             return Ok(vec![(asked.len(), Some(found))]);
         }
-        let bytes = state.adapter.max_buffer_bytes();
+        let bytes = state.adapter.max_buffer_bytes;
         match capacity(state).grown(bytes) {
             Some(grown) => *capacity(state) = grown,
             None if asked.len() == 1 => return Ok(vec![(1, None)]),

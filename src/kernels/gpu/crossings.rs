@@ -57,11 +57,8 @@ pub(super) const STAGE: Stage = Stage {
         let real = [("FLAT", FLAT), ("SOLID", SOLID), ("TINY", TINY)];
         let mut whole = descent::constants();
         whole.push(("LEAF", LEAF));
-        super::shader(
-            &whole,
-            &real,
-            &[NODES_SHADER, include_str!("crossings.wgsl")],
-        )
+        let parts = [NODES_SHADER, include_str!("crossings.wgsl")];
+        super::shader::<f32>(&whole, &real, &parts)
     },
 };
 
@@ -113,16 +110,11 @@ pub(super) fn linking_numbers(
         // No rayon task is spawned under this lock: a thread that waits for tasks may steal one
         // that needs the lock.
         let state = &mut gpu.lock();
-        let fits = state.adapter.max_buffer_bytes() / size_of::<[u32; 2]>() as u64;
+        let fits = state.adapter.max_buffer_bytes / size_of::<[u32; 2]>() as u64;
         let most = MOST_PAIRS.min(fits as usize);
         let mut pass = |state: &mut State, pairs: &[Pair]| pass(state, frame, pairs, meanwhile);
-        in_batches(
-            state,
-            pairs,
-            most,
-            |state| &mut state.crossing_capacity,
-            &mut pass,
-        )?
+        let capacity: fn(&mut State) -> &mut Capacity = |state| &mut state.crossing_capacity;
+        in_batches(state, pairs, most, capacity, &mut pass)?
     };
     let (mut parts, mut left) = (Vec::new(), 0);
     let mut rest = pairs;
@@ -147,13 +139,12 @@ pub(super) fn linking_numbers(
 
 /// Counts the crossings of pairs that exceed the capacity of the adapter.
 fn on_cpu(input: Input<'_>, pairs: &[Pair]) -> Counted {
-    let mut workspace = input.workspaces.take();
     let mut part = Counted::default();
-    for &pair in pairs {
-        part.add(pair, linking_number(input, pair, None, &mut workspace));
-    }
-    part.stats = workspace.take_stats();
-    input.workspaces.put(workspace);
+    ((), part.stats) = input.workspaces.run(|workspace| {
+        for &pair in pairs {
+            part.add(pair, linking_number(input, pair, None, workspace));
+        }
+    });
     part
 }
 
@@ -185,30 +176,29 @@ impl Found {
         let task = |(task, signs): (usize, &[[u32; 2]])| {
             let first = task * TASK;
             let mut rest = &self.undecided[self.undecided.partition_point(|u| number(u) < first)..];
-            let mut workspace = input.workspaces.take();
             let (mut part, mut tests) = (Counted::default(), Vec::new());
-            for (at, &signs) in (first..).zip(signs) {
-                let (own, others) = rest.split_at(rest.partition_point(|u| number(u) == at));
-                rest = others;
-                let (pair, sum) = (pairs[at], fixed::whole(signs));
-                let Some(one) = own.first() else {
-                    part.add(pair, Linking::Number(sum));
-                    continue;
-                };
-                let (i, j) = pair;
-                let direction = Direction {
-                    axis: (one.pair >> AXIS) as usize,
-                    second_over: frame.curves[j as usize].contains(&one.upper),
-                };
-                let (upper, lower) = direction.upper_first(i, j);
-                let [upper, lower] = [upper, lower].map(|curve| frame.first(curve));
-                tests.clear();
-                tests.extend(own.iter().map(|u| (u.upper - upper, u.lower - lower)));
-                let linking = conclude(input, pair, direction, sum, &tests, &mut workspace);
-                part.add(pair, linking);
-            }
-            part.stats = workspace.take_stats();
-            input.workspaces.put(workspace);
+            ((), part.stats) = input.workspaces.run(|workspace| {
+                for (at, &signs) in (first..).zip(signs) {
+                    let (own, others) = rest.split_at(rest.partition_point(|u| number(u) == at));
+                    rest = others;
+                    let (pair, sum) = (pairs[at], fixed::whole(signs));
+                    let Some(one) = own.first() else {
+                        part.add(pair, Linking::Number(sum));
+                        continue;
+                    };
+                    let (i, j) = pair;
+                    let direction = Direction {
+                        axis: (one.pair >> AXIS) as usize,
+                        second_over: frame.curves[j as usize].contains(&one.upper),
+                    };
+                    let (upper, lower) = direction.upper_first(i, j);
+                    let [upper, lower] = [upper, lower].map(|curve| frame.first(curve));
+                    tests.clear();
+                    tests.extend(own.iter().map(|u| (u.upper - upper, u.lower - lower)));
+                    let linking = conclude(input, pair, direction, sum, &tests, workspace);
+                    part.add(pair, linking);
+                }
+            });
             part
         };
         let tasks = self.signs.par_chunks(TASK).enumerate().map(task);
@@ -360,7 +350,7 @@ fn pass(
     if open > state.undecided_capacity {
         // Repeats the pass with capacity for all of them. If the adapter does not allow that much,
         // later frames keep the old capacity.
-        let most = state.adapter.max_buffer_bytes() / ENTRY;
+        let most = state.adapter.max_buffer_bytes / ENTRY;
         let most = most.min(u64::from(TOO_MANY) - 1) as u32;
         if open > most {
             return Err(Error::limit("undecided tests", open.into(), most.into()));

@@ -28,7 +28,7 @@ pub(super) const STAGE: Stage = Stage {
         let mut whole = constants();
         whole.push(("FAN", FAN));
         let parts = [NODES_SHADER, AGENDA_SHADER, include_str!("descent.wgsl")];
-        super::shader(&whole, &[], &parts)
+        super::shader::<f32>(&whole, &[], &parts)
     },
 };
 

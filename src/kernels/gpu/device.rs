@@ -18,17 +18,18 @@ const PATIENCE: Duration = Duration::from_secs(120);
 
 /// An open adapter with its pipelines and buffers.
 #[derive(Debug)]
-pub(crate) struct Adapter {
-    info: DeviceInfo,
+pub(super) struct Adapter {
+    pub info: DeviceInfo,
     device: wgpu::Device,
     queue: wgpu::Queue,
     limits: wgpu::Limits,
     pipelines: HashMap<&'static str, wgpu::ComputePipeline>,
-    buffers: HashMap<Buffer, wgpu::Buffer>,
-    lost: Arc<AtomicBool>,
+    pub buffers: HashMap<Buffer, wgpu::Buffer>,
+    /// True if the adapter is lost or has failed once.
+    pub lost: Arc<AtomicBool>,
     uncaptured: Arc<Mutex<Option<String>>>,
     /// Maximum size of a buffer in bytes.
-    most: u64,
+    pub max_buffer_bytes: u64,
 }
 
 /// Submitted work and the buffers for its downloads.
@@ -119,38 +120,16 @@ impl Adapter {
             first.get_or_insert_with(|| e.to_string());
         }));
         Ok(Adapter {
-            info,
             device,
             queue,
-            most: limits
-                .max_buffer_size
-                .min(limits.max_storage_buffer_binding_size),
+            max_buffer_bytes: info.max_buffer_bytes.min(info.max_binding_bytes),
+            info,
             limits,
             pipelines: HashMap::new(),
             buffers: HashMap::new(),
             lost,
             uncaptured,
         })
-    }
-
-    /// Returns the properties of the adapter.
-    pub fn info(&self) -> &DeviceInfo {
-        &self.info
-    }
-
-    /// Returns the maximum size of a buffer in bytes.
-    pub fn max_buffer_bytes(&self) -> u64 {
-        self.most
-    }
-
-    /// Returns true if the adapter is lost or has failed once.
-    pub fn is_lost(&self) -> bool {
-        self.lost.load(Ordering::Relaxed)
-    }
-
-    /// Frees the memory of the adapter.
-    pub fn free(&mut self) {
-        self.buffers.clear();
     }
 
     /// Returns the number of bytes in buffers.
@@ -162,8 +141,8 @@ impl Adapter {
     /// Restricts buffers to a maximum size in bytes.
     #[cfg(test)]
     pub fn restrict(&mut self, most: u64) {
-        self.most = most;
-        self.free();
+        self.max_buffer_bytes = most;
+        self.buffers.clear();
     }
 
     /// Destroys the device, as a driver reset would.
@@ -209,11 +188,9 @@ impl Adapter {
         for scope in scopes.into_iter().rev() {
             errors.extend(block_on(scope.pop()).map(failed));
         }
-        let mut uncaptured = self
-            .uncaptured
-            .lock()
-            .unwrap_or_else(PoisonError::into_inner);
-        errors.extend(uncaptured.take().map(Error::Failed));
+        let uncaptured = self.uncaptured.lock();
+        let uncaptured = uncaptured.unwrap_or_else(PoisonError::into_inner).take();
+        errors.extend(uncaptured.map(Error::Failed));
         if self.lost.load(Ordering::Relaxed) {
             return Err(Error::Failed("the adapter was lost".into()));
         }
@@ -267,9 +244,9 @@ impl Adapter {
                         usage: wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST,
                         mapped_at_creation: false,
                     });
-                    let source = self.buffers.get(buffer);
-                    let source = source
-                        .ok_or_else(|| failed("download from a missing buffer (internal error)"))?;
+                    let Some(source) = self.buffers.get(buffer) else {
+                        return Err(failed("download from a missing buffer (internal error)"));
+                    };
                     recorded = true;
                     encoder.copy_buffer_to_buffer(source, 0, &target, 0, *bytes);
                     staged.push(target);
@@ -296,18 +273,16 @@ impl Adapter {
             };
             self.device.poll(wait).map_err(failed)?;
         }
-        let mut out = Vec::new();
         for _ in &staged {
             let mapped = receive.recv_timeout(PATIENCE).map_err(failed)?;
             mapped.map_err(failed)?;
         }
-        for buffer in &staged {
-            let view = buffer.get_mapped_range(..).map_err(failed)?;
-            out.push(view.to_vec());
-            drop(view);
+        let contents = |buffer: &wgpu::Buffer| {
+            let bytes = buffer.get_mapped_range(..).map_err(failed)?.to_vec();
             buffer.unmap();
-        }
-        Ok(out)
+            Ok(bytes)
+        };
+        staged.iter().map(contents).collect()
     }
 
     /// Submits the recorded commands and starts a new encoder.
@@ -319,14 +294,15 @@ impl Adapter {
 
     /// Grows a buffer to at least `bytes`.
     fn reserve(&mut self, buffer: Buffer, bytes: u64) -> Result<(), Error> {
-        if bytes > self.most {
-            return Err(Error::limit("bytes in a buffer", bytes, self.most));
+        let most = self.max_buffer_bytes;
+        if bytes > most {
+            return Err(Error::limit("bytes in a buffer", bytes, most));
         }
         if self.buffers.get(&buffer).is_some_and(|b| b.size() >= bytes) {
             return Ok(());
         }
         // Rounded up, so that a frame with a few more segments needs no new buffer.
-        let size = bytes.next_power_of_two().max(256).min(self.most).max(bytes);
+        let size = bytes.next_power_of_two().max(256).min(most).max(bytes);
         let made = self.device.create_buffer(&wgpu::BufferDescriptor {
             label: Some(buffer.0),
             size: size.next_multiple_of(wgpu::COPY_BUFFER_ALIGNMENT),
@@ -369,9 +345,9 @@ impl Adapter {
         });
         let mut entries = Vec::new();
         for (k, b) in (0..).zip(bindings) {
-            let buffer = self.buffers.get(&b.buffer);
-            let buffer =
-                buffer.ok_or_else(|| failed("binding to a missing buffer (internal error)"))?;
+            let Some(buffer) = self.buffers.get(&b.buffer) else {
+                return Err(failed("binding to a missing buffer (internal error)"));
+            };
             entries.push(wgpu::BindGroupEntry {
                 binding: k,
                 resource: wgpu::BindingResource::Buffer(wgpu::BufferBinding {
@@ -396,12 +372,13 @@ impl Adapter {
 
 /// Returns the rank of a kind of adapter: the fastest kinds first.
 fn rank(kind: wgpu::DeviceType) -> u32 {
+    use wgpu::DeviceType::*;
     match kind {
-        wgpu::DeviceType::DiscreteGpu => 0,
-        wgpu::DeviceType::IntegratedGpu => 1,
-        wgpu::DeviceType::VirtualGpu => 2,
-        wgpu::DeviceType::Other => 3,
-        wgpu::DeviceType::Cpu => 4,
+        DiscreteGpu => 0,
+        IntegratedGpu => 1,
+        VirtualGpu => 2,
+        Other => 3,
+        Cpu => 4,
     }
 }
 

@@ -112,13 +112,13 @@
 //! of the pair of curves.
 
 use super::State;
-use super::commands::{Buffer, Command, Stage};
+use super::commands::{ALIGNMENT, Binding, Buffer, Command, Stage};
 use super::error::Error;
 use super::fixed;
 use super::frame::Frame;
-use super::layout::{AngleSum, Tile, word};
+use super::layout::{AngleSum, Parameters, Tile, word};
 use super::precision::Real;
-use super::tiles::{Shape, cut};
+use super::tiles::{self, Shape, cut};
 use crate::kernels::Estimate;
 use crate::kernels::sums::barnes_hut::LEAF_SEGMENTS;
 use crate::pairs::Pair;
@@ -126,6 +126,11 @@ use std::f64::consts::{PI, TAU};
 
 /// Shader code that adds to sums of 96 bits.
 pub(super) const SUMS_SHADER: &str = include_str!("sums.wgsl");
+
+const SUMS: Buffer = Buffer("sums", "all");
+
+/// Batches of lists of tiles start at multiples of this.
+const STEP: usize = ALIGNMENT as usize / size_of::<Tile>();
 
 /// Threads of a workgroup.
 pub(super) const THREADS: u32 = 64;
@@ -221,7 +226,7 @@ fn source<R: Real>(shape: Shape) -> String {
         ("HALF_PI", PI / 2.0),
         ("PI", PI),
     ];
-    super::shader_in::<R>(&whole, &real, &[SUMS_SHADER, include_str!("direct.wgsl")])
+    super::shader::<R>(&whole, &real, &[SUMS_SHADER, include_str!("direct.wgsl")])
 }
 
 /// Returns the linking numbers of all pairs, from one list of commands unless there are millions of
@@ -232,7 +237,7 @@ pub(super) fn linking_numbers<R: Real>(
     pairs: &[Pair],
 ) -> Result<Vec<Estimate>, Error> {
     // Number of pairs whose sums fit into a buffer.
-    let capacity = state.adapter.max_buffer_bytes().saturating_sub(bytes(0));
+    let capacity = state.adapter.max_buffer_bytes.saturating_sub(bytes(0));
     let most = (capacity / size_of::<AngleSum>() as u64).max(1) as usize;
     if pairs.len() > most {
         let mut all = Vec::with_capacity(pairs.len());
@@ -241,23 +246,20 @@ pub(super) fn linking_numbers<R: Real>(
         }
         return Ok(all);
     }
-    let segments = |&(i, j): &Pair| [frame.segments(i), frame.segments(j)];
-    // Most pairs have two small curves or two large ones; the shape that leaves fewer threads idle
-    // is chosen.
-    let shape_of = |[m, n]: [u32; 2]| usize::from(m.max(n) > 2 * SHAPES[0].rows);
     let mut tiles = SHAPES.map(|_| Vec::new());
-    for (k, pair) in (0..).zip(pairs) {
-        let (i, j) = *pair;
-        let [m, n] = segments(pair);
-        if !frame.has_numbers(*pair) {
+    for (k, &(i, j)) in (0..).zip(pairs) {
+        if !frame.has_numbers((i, j)) {
             continue;
         }
+        let [m, n] = [i, j].map(|i| frame.segments(i));
         // The sum does not depend on the order of the curves.
         let (rows, columns) = match (m, i) > (n, j) {
             true => (i, j),
             false => (j, i),
         };
-        let shape = shape_of([m, n]);
+        // Most pairs have two small curves or two large ones; the shape that leaves fewer threads
+        // idle is chosen.
+        let shape = usize::from(m.max(n) > 2 * SHAPES[0].rows);
         let whole = Tile {
             pair: k,
             first_row: frame.first(rows),
@@ -268,13 +270,21 @@ pub(super) fn linking_numbers<R: Real>(
         };
         cut(whole, SHAPES[shape], &mut tiles[shape]);
     }
+    // The offsets of a batch and of its parameters must fit into a buffer and into 32 bits.
+    let longest = (state.adapter.max_buffer_bytes / ALIGNMENT).min(1 << 24) as usize * STEP;
+    let most = state.max_work / R::SLOWER;
     let size = bytes(pairs.len());
-    let mut commands = vec![Command::Clear(super::SUMS, size)];
-    for ((shape, stage), tiles) in SHAPES.iter().zip(stages::<R>()).zip(&tiles) {
-        let per_group = THREADS / shape.rows;
-        state.dispatch_tiles(&mut commands, stage, frame, tiles, per_group, size)?;
+    let mut commands = vec![Command::Clear(SUMS, size)];
+    for (shape, (stage, tiles)) in stages::<R>().into_iter().zip(&tiles).enumerate() {
+        let list = Buffer("tiles", stage.name);
+        for tiles in tiles.chunks(longest.max(STEP)) {
+            let parts = tiles::parts(tiles, STEP, longest, most);
+            let counts: Vec<u32> = parts.iter().map(|part| part.len() as u32).collect();
+            commands.push(Command::upload(list, tiles));
+            commands.extend(dispatches(state, frame, shape, list, &counts, size));
+        }
     }
-    commands.push(Command::Download(super::SUMS, size));
+    commands.push(Command::Download(SUMS, size));
     let found = state.run(frame, commands)?;
     let listed = tiles.iter().map(|tiles| tiles.len() as u32);
     let sums = read(state, &found[0], listed.fold(0, u32::wrapping_add))?;
@@ -296,16 +306,55 @@ pub(super) fn sum_tiles(
     if count == 0 {
         return Ok(vec![AngleSum::default(); pairs]);
     }
-    let (shape, [stage, _]) = (SHAPES[0], stages::<f32>());
     let size = bytes(pairs);
-    let work = u64::from(LEAF_SEGMENTS * LEAF_SEGMENTS);
-    let mut commands = vec![Command::Clear(super::SUMS, size)];
-    let per_group = THREADS / shape.rows;
-    let tiles = (tiles, count, work);
-    state.dispatch_buffer(&mut commands, stage, frame, tiles, per_group, size);
-    commands.push(Command::Download(super::SUMS, size));
+    let most = state.max_work / u64::from(LEAF_SEGMENTS * LEAF_SEGMENTS);
+    let part = (most as u32).next_multiple_of(STEP as u32).max(STEP as u32);
+    let counts: Vec<u32> = (0..count.div_ceil(part))
+        .map(|k| part.min(count - k * part))
+        .collect();
+    let mut commands = vec![Command::Clear(SUMS, size)];
+    commands.extend(dispatches(state, frame, 0, tiles, &counts, size));
+    commands.push(Command::Download(SUMS, size));
     let found = state.run(frame, commands)?;
     read(state, &found[0], count)
+}
+
+/// Returns the commands that sum tiles of a shape, which are in a buffer, in batches of these
+/// sizes. All but the last are multiples of [`STEP`]. The sums take `bytes` bytes.
+fn dispatches<R: Real>(
+    state: &State,
+    frame: &Frame<R>,
+    shape: usize,
+    list: Buffer,
+    counts: &[u32],
+    bytes: u64,
+) -> Vec<Command> {
+    let stage = stages::<R>()[shape];
+    let parameters = Buffer("parameters", stage.name);
+    let own = |&items: &u32| Parameters::new(frame.radius, 0, items);
+    let all: Vec<Parameters> = counts.iter().map(own).collect();
+    let mut commands = vec![Command::parameters(parameters, &all)];
+    let mut offset = 0;
+    for (k, &count) in (0..).zip(counts) {
+        let tiles = Binding {
+            buffer: list,
+            offset,
+            size: u64::from(count) * size_of::<Tile>() as u64,
+        };
+        commands.push(Command::Dispatch {
+            stage,
+            bindings: vec![
+                Binding::parameters(parameters, k),
+                state.vertices(frame),
+                tiles,
+                Binding::whole(SUMS, bytes),
+            ],
+            groups: count.div_ceil(THREADS / SHAPES[shape].rows),
+        });
+        commands.push(Command::Submit);
+        offset += tiles.size;
+    }
+    commands
 }
 
 /// Returns the size in bytes of the sums of `pairs` pairs and of the count of processed tiles that

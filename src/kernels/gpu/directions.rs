@@ -21,7 +21,7 @@ pub(super) const STAGE: Stage = Stage {
         let mut whole = descent::constants();
         whole.push(("SHARE", SHARE));
         let parts = [NODES_SHADER, AGENDA_SHADER, include_str!("directions.wgsl")];
-        super::shader(&whole, &[], &parts)
+        super::shader::<f32>(&whole, &[], &parts)
     },
 };
 

@@ -63,11 +63,13 @@ pub(crate) use error::Error;
 
 use self::boxes::Hierarchy;
 use self::capacity::Capacity;
-use self::commands::{ALIGNMENT, Binding, Buffer, Command, Stage};
+#[cfg(test)]
+use self::commands::Stage;
+use self::commands::{Binding, Buffer, Command};
 use self::device::{Adapter, Pending};
 pub(crate) use self::frame::Frame;
 pub(super) use self::layout::Node;
-use self::layout::{Parameters, Tile};
+use self::layout::Tile;
 use self::precision::Real;
 use super::crossings::Input;
 use super::device::{Device, DeviceInfo};
@@ -81,11 +83,6 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 const PARAMETERS: Buffer = Buffer("parameters", "all");
 /// Vertices of the current frame and of the next one.
 const VERTICES: [Buffer; 2] = [Buffer("vertices", "one"), Buffer("vertices", "other")];
-const SUMS: Buffer = Buffer("sums", "all");
-
-/// Batches of lists of tiles start at multiples of this.
-const STEP: usize = ALIGNMENT as usize / size_of::<Tile>();
-
 /// Maximum number of segment pairs in one submission: a fraction of a second, on a slow adapter and
 /// on a software adapter.
 const MAX_WORK: [u64; 2] = [1 << 31, 1 << 28];
@@ -131,7 +128,7 @@ impl Gpu {
     pub fn open(device: &Device) -> Result<Gpu, Error> {
         let mut state = State::new(Adapter::open(device, true)?);
         self_test::run::<f32>(&mut state)?;
-        if state.adapter.info().double_precision
+        if state.adapter.info.double_precision
             && let Err(error) = self_test::run::<f64>(&mut state)
         {
             tracing::warn!("the adapter is used in single precision only: {error}");
@@ -159,13 +156,10 @@ impl Gpu {
     /// Frees the memory of a shared adapter if this is its last user.
     pub fn release(gpu: &Arc<Gpu>) {
         let open = OPEN.lock().unwrap_or_else(PoisonError::into_inner);
-        let shared = open
-            .iter()
-            .filter(|(_, other)| Arc::ptr_eq(gpu, other))
-            .count();
-        if Arc::strong_count(gpu) == shared + 1 {
+        let shared = open.iter().filter(|(_, other)| Arc::ptr_eq(gpu, other));
+        if Arc::strong_count(gpu) == shared.count() + 1 {
             let mut state = gpu.lock();
-            state.adapter.free();
+            state.adapter.buffers.clear();
             state.forget();
         }
     }
@@ -182,17 +176,17 @@ impl Gpu {
 
     /// Returns the properties of the adapter.
     pub fn info(&self) -> DeviceInfo {
-        self.lock().adapter.info().clone()
+        self.lock().adapter.info.clone()
     }
 
     /// Returns true if the adapter is lost or has failed once.
     pub fn is_lost(&self) -> bool {
-        self.lock().adapter.is_lost()
+        self.lock().adapter.lost.load(Ordering::Relaxed)
     }
 
     /// Returns true if the adapter computes in double precision.
     pub fn computes_in_double(&self) -> bool {
-        !self.only_single.load(Ordering::Relaxed) && self.lock().adapter.info().double_precision
+        !self.only_single.load(Ordering::Relaxed) && self.lock().adapter.info.double_precision
     }
 
     /// Uploads the vertices of a frame unless they are cached, and starts the bounding-box pass.
@@ -220,7 +214,7 @@ impl Gpu {
             if let (Some(next), None) = (next, &sent) {
                 let frame = Frame::alone(next);
                 // If the next frame is too large, it fails on its own turn, not now.
-                if size_of_val(&frame.vertices[..]) as u64 <= state.adapter.max_buffer_bytes() {
+                if size_of_val(&frame.vertices[..]) as u64 <= state.adapter.max_buffer_bytes {
                     state.start(&frame, Vec::new())?;
                     sent = Some(frame);
                 }
@@ -271,7 +265,7 @@ pub(super) struct State {
 impl State {
     /// Creates the state of an adapter with no uploads.
     fn new(adapter: Adapter) -> State {
-        let software = adapter.info().software;
+        let max_work = MAX_WORK[usize::from(adapter.info.software)];
         State {
             adapter,
             vertices_of: [None; 2],
@@ -280,7 +274,7 @@ impl State {
             boxes_of: None,
             boxes_made: 0,
             hierarchy: Hierarchy::default(),
-            max_work: MAX_WORK[usize::from(software)],
+            max_work,
             undecided_capacity: crossings::UNDECIDED_CAPACITY,
             crossing_capacity: Capacity::START,
             sum_capacity: Capacity::START,
@@ -358,90 +352,9 @@ impl State {
     /// the adapter knows. Software adapters need many: Mesa's leaves a loop after 65535 rounds,
     /// including those of inner loops, and reports no error.
     fn strides(&self) -> u32 {
-        match self.adapter.info().software {
+        match self.adapter.info.software {
             true => 1024,
             false => 4096,
-        }
-    }
-
-    /// Appends the commands that run a shader on tiles, `per_group` tiles in each workgroup.
-    /// The sums, of `bytes` bytes, are bound after the parameters, the vertices and the tiles.
-    fn dispatch_tiles<R: Real>(
-        &self,
-        commands: &mut Vec<Command>,
-        stage: Stage,
-        frame: &Frame<R>,
-        tiles: &[Tile],
-        per_group: u32,
-        bytes: u64,
-    ) -> Result<(), Error> {
-        let list = Buffer("tiles", stage.name);
-        let most = self.adapter.max_buffer_bytes();
-        // The offsets of a batch and of its parameters must fit into a buffer and into 32 bits.
-        let longest = (most / ALIGNMENT).min(1 << 24) as usize * STEP;
-        for tiles in tiles.chunks(longest.max(STEP)) {
-            let most = self.max_work / R::SLOWER;
-            let parts = tiles::parts(tiles, STEP, longest, most);
-            let counts: Vec<u32> = parts.iter().map(|part| part.len() as u32).collect();
-            commands.push(Command::upload(list, tiles));
-            self.dispatch_parts(commands, stage, frame, (list, &counts), per_group, bytes);
-        }
-        Ok(())
-    }
-
-    /// Appends the dispatches for `count` tiles that are in a buffer already. Each tile has at most
-    /// `work` segment pairs. See [`State::dispatch_tiles`].
-    fn dispatch_buffer(
-        &self,
-        commands: &mut Vec<Command>,
-        stage: Stage,
-        frame: &Frame,
-        (list, count, work): (Buffer, u32, u64),
-        per_group: u32,
-        bytes: u64,
-    ) {
-        let most = self.max_work / work.max(1);
-        let part = (most as u32).next_multiple_of(STEP as u32).max(STEP as u32);
-        let counts: Vec<u32> = (0..count.div_ceil(part))
-            .map(|k| part.min(count - k * part))
-            .collect();
-        self.dispatch_parts(commands, stage, frame, (list, &counts), per_group, bytes);
-    }
-
-    /// Appends a dispatch for each batch of a list of tiles. The sizes of all batches but the last
-    /// are multiples of [`STEP`].
-    fn dispatch_parts<R: Real>(
-        &self,
-        commands: &mut Vec<Command>,
-        stage: Stage,
-        frame: &Frame<R>,
-        (list, counts): (Buffer, &[u32]),
-        per_group: u32,
-        bytes: u64,
-    ) {
-        let parameters = Buffer("parameters", stage.name);
-        let own = |&items: &u32| Parameters::new(frame.radius, 0, items);
-        let all: Vec<Parameters> = counts.iter().map(own).collect();
-        commands.push(Command::parameters(parameters, &all));
-        let mut at = 0;
-        for (k, &count) in (0..).zip(counts) {
-            let tiles = Binding {
-                buffer: list,
-                offset: at,
-                size: u64::from(count) * size_of::<Tile>() as u64,
-            };
-            commands.push(Command::Dispatch {
-                stage,
-                bindings: vec![
-                    Binding::parameters(parameters, k),
-                    self.vertices(frame),
-                    tiles,
-                    Binding::whole(SUMS, bytes),
-                ],
-                groups: count.div_ceil(per_group),
-            });
-            commands.push(Command::Submit);
-            at += tiles.size;
         }
     }
 }
@@ -468,14 +381,9 @@ fn stages_in<R: Real>() -> Vec<Stage> {
     all
 }
 
-/// Returns the source of a single-precision shader; see [`shader_in`].
-fn shader(whole: &[(&str, u32)], real: &[(&str, f64)], parts: &[&str]) -> String {
-    shader_in::<f32>(whole, real, parts)
-}
-
 /// Returns the source of a shader: its constants, the shared parts and `parts`. Constants are
 /// defined in Rust only.
-fn shader_in<R: Real>(whole: &[(&str, u32)], real: &[(&str, f64)], parts: &[&str]) -> String {
+fn shader<R: Real>(whole: &[(&str, u32)], real: &[(&str, f64)], parts: &[&str]) -> String {
     let mut out = String::new();
     // Writing to a string never fails.
     for (name, value) in whole {

@@ -16,7 +16,7 @@ use super::precision::Real;
 pub(super) fn stage<R: Real>() -> Stage {
     Stage {
         name: R::SELF_TEST,
-        source: || super::shader_in::<R>(&[], &[], &[include_str!("self_test.wgsl")]),
+        source: || super::shader::<R>(&[], &[], &[include_str!("self_test.wgsl")]),
     }
 }
 

@@ -33,7 +33,8 @@ pub struct Offload {
 /// Use of a GPU by the kernels of an engine. The default uses none.
 #[derive(Debug, Default)]
 pub(crate) struct GpuUse {
-    mode: Mode,
+    /// The adapter to use. `None`: all kernels run on the CPU.
+    chosen: Option<Chosen>,
     /// True after a failure of the adapter.
     failed: AtomicBool,
     uploads: Uploads,
@@ -41,40 +42,29 @@ pub(crate) struct GpuUse {
     offload: Offload,
 }
 
-/// Work that an adapter gets.
-#[derive(Debug, Default)]
-enum Mode {
-    /// None: all kernels run on the CPU.
-    #[default]
-    Off,
-    /// All work that it supports, because the user requested this adapter.
-    Requested {
-        gpu: Arc<Gpu>,
-        info: DeviceInfo,
-        /// Measured cost, if there is a calibration of the adapter.
-        calibration: Option<Calibration>,
-    },
-    /// The work on which its calibration predicts that it is faster than the CPU.
-    Automatic {
-        calibration: Calibration,
-        /// The adapter, opened when it is first chosen, because opening takes longer than many
-        /// frames. Contains `None` if opening failed.
-        gpu: OnceLock<Option<Arc<Gpu>>>,
-    },
+/// An adapter, and the work that it gets.
+#[derive(Debug)]
+struct Chosen {
+    /// Name of the adapter.
+    name: String,
+    /// True if the user requested this adapter. It then gets all work that it supports, otherwise
+    /// the work on which its calibration predicts that it is faster than the CPU.
+    requested: bool,
+    /// Measured cost, if there is a calibration of the adapter.
+    calibration: Option<Calibration>,
+    /// The adapter, opened when it is first used, because opening takes longer than many frames. A
+    /// requested one is open. Contains `None` if opening failed.
+    gpu: OnceLock<Option<Arc<Gpu>>>,
 }
 
-impl Mode {
+impl Chosen {
     /// Returns the adapter if it is open.
     fn opened(&self) -> Option<&Arc<Gpu>> {
-        match self {
-            Mode::Off => None,
-            Mode::Requested { gpu, .. } => Some(gpu),
-            Mode::Automatic { gpu, .. } => gpu.get()?.as_ref(),
-        }
+        self.gpu.get()?.as_ref()
     }
 }
 
-impl Drop for Mode {
+impl Drop for Chosen {
     fn drop(&mut self) {
         if let Some(gpu) = self.opened() {
             Gpu::release(gpu);
@@ -103,51 +93,48 @@ impl GpuUse {
     /// [`Error::Device`] if a GPU was requested, by name or not, and no matching adapter
     /// can be used.
     pub fn open(device: &Device, calibration: Option<&Calibration>) -> Result<GpuUse> {
-        let mode = match device {
-            Device::Cpu => Mode::Off,
+        match device {
             Device::Auto if gpu::SUPPORTED => {
                 let calibration = calibration.cloned().or_else(Calibration::fastest);
-                return Ok(calibration.map_or_else(GpuUse::default, GpuUse::automatic));
+                Ok(calibration.map_or_else(GpuUse::default, GpuUse::automatic))
             }
-            Device::Auto => Mode::Off,
+            Device::Auto | Device::Cpu => Ok(GpuUse::default()),
             Device::Gpu | Device::Named(_) | Device::Index(_) => {
                 let gpu = Gpu::shared(device).map_err(|e| Error::Device(e.to_string()))?;
                 let info = gpu.info();
-                let calibration = Calibration::of(&info);
-                Mode::Requested {
-                    gpu,
-                    info,
-                    calibration,
-                }
+                Ok(GpuUse::of(Chosen {
+                    calibration: Calibration::of(&info),
+                    name: info.name,
+                    requested: true,
+                    gpu: OnceLock::from(Some(gpu)),
+                }))
             }
-        };
-        Ok(GpuUse {
-            mode,
-            ..GpuUse::default()
-        })
+        }
     }
 
     /// Uses the adapter of a calibration if the calibration predicts that it is faster than the
     /// CPU.
     pub fn automatic(calibration: Calibration) -> GpuUse {
+        GpuUse::of(Chosen {
+            name: calibration.adapter.clone(),
+            requested: false,
+            calibration: Some(calibration),
+            gpu: OnceLock::new(),
+        })
+    }
+
+    fn of(chosen: Chosen) -> GpuUse {
         GpuUse {
-            mode: Mode::Automatic {
-                calibration,
-                gpu: OnceLock::new(),
-            },
+            chosen: Some(chosen),
             ..GpuUse::default()
         }
     }
 
     /// Returns the adapter; opens it first if needed.
     fn gpu(&self) -> Option<&Arc<Gpu>> {
-        if self.has_failed() {
-            return None;
-        }
-        if let Mode::Automatic { calibration, gpu } = &self.mode {
-            gpu.get_or_init(|| open_calibrated(calibration));
-        }
-        let gpu = self.mode.opened()?;
+        let chosen = self.chosen.as_ref().filter(|_| !self.has_failed())?;
+        let open = || open_calibrated(chosen.calibration.as_ref()?);
+        let gpu = chosen.gpu.get_or_init(open).as_ref()?;
         // Another engine that uses the adapter may have lost it.
         if gpu.is_lost() {
             self.fail(&"the adapter was lost");
@@ -158,32 +145,19 @@ impl GpuUse {
 
     /// Returns the properties of the adapter if it is open and not lost.
     pub fn info(&self) -> Option<DeviceInfo> {
-        let gpu = self
-            .mode
-            .opened()
-            .filter(|gpu| !self.has_failed() && !gpu.is_lost());
-        gpu.map(|gpu| gpu.info())
+        let gpu = self.chosen.as_ref()?.opened()?;
+        (!self.has_failed() && !gpu.is_lost()).then(|| gpu.info())
     }
 
     /// Returns the adapter for the choice of a kernel, or `None` if there is none.
     pub fn offer(&self) -> Option<Offer<'_>> {
-        match &self.mode {
-            _ if self.has_failed() => None,
-            Mode::Off => None,
-            Mode::Requested {
-                info, calibration, ..
-            } => Some(Offer {
-                adapter: &info.name,
-                requested: true,
-                calibration: calibration.as_ref(),
-            }),
-            Mode::Automatic { gpu, .. } if matches!(gpu.get(), Some(None)) => None,
-            Mode::Automatic { calibration, .. } => Some(Offer {
-                adapter: &calibration.adapter,
-                requested: false,
-                calibration: Some(calibration),
-            }),
-        }
+        let chosen = self.chosen.as_ref()?;
+        let unusable = self.has_failed() || matches!(chosen.gpu.get(), Some(None));
+        (!unusable).then_some(Offer {
+            adapter: &chosen.name,
+            requested: chosen.requested,
+            calibration: chosen.calibration.as_ref(),
+        })
     }
 
     /// Same as [`GpuUse::offer`], of an adapter that can be used. Opens it first if needed.
@@ -213,10 +187,10 @@ impl GpuUse {
     /// Resets the state of the previous frame.
     pub fn start_frame(&mut self) {
         self.offload = Offload::default();
-        self.uploads.start_frame();
+        self.uploads.current = None;
         if self.has_failed() {
             // Releases the adapter.
-            self.mode = Mode::Off;
+            self.chosen = None;
             self.uploads = Uploads::default();
         }
     }
@@ -224,8 +198,8 @@ impl GpuUse {
     /// Announces the next frame. Its vertices are uploaded while the crossings of the current frame
     /// are counted.
     pub fn announce(&mut self, next: &Arc<CurveSet>) {
-        if !matches!(self.mode, Mode::Off) {
-            self.uploads.announce(next);
+        if self.chosen.is_some() {
+            self.uploads.announced = Some(Arc::clone(next));
         }
     }
 
@@ -243,7 +217,8 @@ impl GpuUse {
     /// Uploads the vertices of a frame whose crossings will be counted on the adapter, while the
     /// CPU does other work.
     pub fn send_ahead(&mut self, set: &CurveSet) {
-        if !matches!(self.mode, Mode::Requested { .. }) || !set.basis().is_polyline() {
+        let requested = self.chosen.as_ref().is_some_and(|chosen| chosen.requested);
+        if !requested || !set.basis().is_polyline() {
             return;
         }
         if let Some(gpu) = self.gpu().cloned() {
@@ -263,10 +238,13 @@ impl GpuUse {
         }
         let gpu = self.gpu()?.clone();
         let frame = self.uploads.frame(input.set);
-        let next = self.uploads.take_announced();
+        // It is uploaded once.
+        let next = self.uploads.announced.take();
         match gpu.count(&frame, input, pairs, next.as_deref()) {
             Ok(((parts, undecided), ahead)) => {
-                self.uploads.keep_next(next.zip(ahead));
+                if let Some((next, ahead)) = next.zip(ahead) {
+                    self.uploads.next = Some((next, Arc::new(ahead)));
+                }
                 self.offload.tests += parts.iter().map(|part| part.stats.tests).sum::<u64>();
                 self.offload.undecided += undecided;
                 Some(parts)
@@ -280,10 +258,9 @@ impl GpuUse {
 
     /// Returns the adapter for a sum if it was requested, or if `wins` holds for its calibration.
     fn summing(&self, wins: impl Fn(&Calibration) -> bool) -> Option<&Arc<Gpu>> {
-        match &self.mode {
-            Mode::Automatic { calibration, .. } if !wins(calibration) => None,
-            _ => self.gpu(),
-        }
+        let chosen = self.chosen.as_ref()?;
+        let uses = chosen.requested || chosen.calibration.as_ref().is_some_and(wins);
+        uses.then(|| self.gpu()).flatten()
     }
 
     /// Returns a kernel that sums these pairs. It runs on the adapter if the adapter is faster or
@@ -329,12 +306,8 @@ fn open_calibrated(calibration: &Calibration) -> Option<Arc<Gpu>> {
         );
         return None;
     };
-    let opened = Gpu::shared(&device);
-    opened
-        .inspect_err(|error| {
-            tracing::info!(
-                "cannot use the calibrated adapter {name}, kernels run on the CPU: {error}"
-            );
-        })
-        .ok()
+    let opened = Gpu::shared(&device).inspect_err(|error| {
+        tracing::info!("cannot use the calibrated adapter {name}, kernels run on the CPU: {error}");
+    });
+    opened.ok()
 }

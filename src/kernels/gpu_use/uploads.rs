@@ -8,37 +8,14 @@ use std::sync::Arc;
 #[derive(Debug, Default)]
 pub(super) struct Uploads {
     /// Vertices of the current frame, once they are uploaded.
-    current: Option<Arc<Frame>>,
-    /// The next frame, if it is known.
-    announced: Option<Arc<CurveSet>>,
+    pub current: Option<Arc<Frame>>,
+    /// The next frame, if it is known, so that its vertices can be uploaded in advance.
+    pub announced: Option<Arc<CurveSet>>,
     /// The next frame and its vertices, once they are uploaded.
-    next: Option<(Arc<CurveSet>, Arc<Frame>)>,
+    pub next: Option<(Arc<CurveSet>, Arc<Frame>)>,
 }
 
 impl Uploads {
-    /// Forgets the vertices of the previous frame.
-    pub fn start_frame(&mut self) {
-        self.current = None;
-    }
-
-    /// Stores the next frame, so that its vertices can be uploaded in advance.
-    pub fn announce(&mut self, next: &Arc<CurveSet>) {
-        self.announced = Some(Arc::clone(next));
-    }
-
-    /// Returns the announced frame and clears it, so that it is uploaded once.
-    pub fn take_announced(&mut self) -> Option<Arc<CurveSet>> {
-        self.announced.take()
-    }
-
-    /// Stores the uploaded vertices of the next frame. `None` keeps those stored by an earlier call
-    /// for the current frame.
-    pub fn keep_next(&mut self, uploaded: Option<(Arc<CurveSet>, Frame)>) {
-        if let Some((of, frame)) = uploaded {
-            self.next = Some((of, Arc::new(frame)));
-        }
-    }
-
     /// Returns the vertices of the current frame, which may be uploaded already.
     pub fn frame(&mut self, set: &CurveSet) -> Arc<Frame> {
         let frame = match (self.current.take(), self.next.take()) {

@@ -104,10 +104,9 @@ impl Chain {
             return direct;
         }
         let narrow = self.enclose(other).estimate();
-        if narrow.bound < direct.bound {
-            narrow
-        } else {
-            direct
+        match narrow.bound < direct.bound {
+            true => narrow,
+            false => direct,
         }
     }
 
@@ -140,11 +139,8 @@ impl Chain {
         let n = self.segments();
         let mut sum = Interval::ZERO;
         for i in 0..n {
-            let end = if self.closed && i == 0 {
-                n.saturating_sub(1)
-            } else {
-                n
-            };
+            // The last segment of a closed polyline is adjacent to the first one.
+            let end = n - usize::from(self.closed && i == 0);
             for j in i + 2..end {
                 sum = sum + angle_of(self.segment(i), self.segment(j));
             }

@@ -1,6 +1,7 @@
 //! Shaders are valid, and their structs have the layout of those in Rust. Needs no adapter.
 
 use super::*;
+use crate::kernels::gpu::layout::Parameters;
 
 fn parsed(stage: &Stage) -> naga::Module {
     let source = (stage.source)();

@@ -45,7 +45,7 @@ use crate::curve::Point;
 use crate::curve::pow2;
 
 /// Geometric data of a piece of a curve that the bound depends on.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 #[repr(C, align(32))]
 pub(super) struct Reach {
     /// Centre of the expansion: the centroid by length, rounded.

@@ -57,14 +57,7 @@ impl Contracted {
         if order == Order::Quadrupole {
             let mut qr = [[0.0; 3]; 3];
             for i in 0..3 {
-                let [xx, yy, zz, xy, xz, yz] = [
-                    m[q(i, 0)],
-                    m[q(i, 1)],
-                    m[q(i, 2)],
-                    m[q(i, 3)],
-                    m[q(i, 4)],
-                    m[q(i, 5)],
-                ];
+                let [xx, yy, zz, xy, xz, yz] = [0, 1, 2, 3, 4, 5].map(|jk| m[q(i, jk)]);
                 qr[i] = [
                     xx * r[0] + xy * r[1] + xz * r[2],
                     xy * r[0] + yy * r[1] + yz * r[2],

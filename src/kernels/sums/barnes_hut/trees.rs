@@ -87,7 +87,7 @@ impl Tree {
             v
         });
         let nodes = (2 * leaves).saturating_sub(1);
-        let mut reach = vec![EMPTY; nodes];
+        let mut reach = vec![Reach::default(); nodes];
         let mut moments = vec![Moments::ZERO; nodes];
         if nodes > 0 {
             build(&vertices, 0, leaves, &mut reach, &mut moments);
@@ -108,15 +108,6 @@ impl Tree {
         self.reach.len().div_ceil(2) as u32
     }
 }
-
-const EMPTY: Reach = Reach {
-    centre: [0.0; 3],
-    radius: 0.0,
-    length: 0.0,
-    second: 0.0,
-    fourth: 0.0,
-    tangents: [0.0; 6],
-};
 
 /// Minimum and maximum of each coordinate.
 type Extent = [[f64; 3]; 2];
@@ -146,10 +137,9 @@ fn build(
     let extent = union(a, b);
     let parts = [(&left[0], &moments_left[0]), (&right[0], &moments_right[0])];
     let length = parts[0].0.length + parts[1].0.length;
-    let shares = if length > 0.0 {
-        parts.map(|(child, _)| child.length / length)
-    } else {
-        [0.5; 2]
+    let shares = match length > 0.0 {
+        true => parts.map(|(child, _)| child.length / length),
+        false => [0.5; 2],
     };
     let centre = per_axis(|x| {
         let [p, q] = parts.map(|(child, _)| child.centre[x]);
@@ -158,7 +148,7 @@ fn build(
     *reach = Reach {
         centre,
         length,
-        ..EMPTY
+        ..Reach::default()
     };
     let mut by_children: f64 = 0.0;
     for ((child, child_moments), share) in parts.into_iter().zip(shares) {
@@ -197,12 +187,9 @@ fn build_leaf(
     let sides: [_; LEAF] = std::array::from_fn(side);
     let base = point(0);
     let length: f64 = sides.iter().map(|s| s.1).sum();
-    let share = |k: usize| {
-        if length > 0.0 {
-            sides[k].1 / length
-        } else {
-            0.0
-        }
+    let share = |k: usize| match length > 0.0 {
+        true => sides[k].1 / length,
+        false => 0.0,
     };
     let from = |centre: Point, k: usize| {
         let (p, q) = (point(k), point(k + 1));
@@ -218,7 +205,7 @@ fn build_leaf(
     *reach = Reach {
         centre,
         length,
-        ..EMPTY
+        ..Reach::default()
     };
     let mut extent = [base; 2];
     let mut farthest: f64 = 0.0;

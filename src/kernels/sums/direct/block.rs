@@ -84,20 +84,14 @@ const FEW_COLUMNS: usize = 16;
 /// of a vector register.
 const PADDING: usize = 8;
 
+/// Sizes of the rows of both kinds of blocks.
+const SHORT: usize = FEW_COLUMNS + PADDING;
+const LONG: usize = COLUMNS + PADDING;
+
 /// Returns the contribution of two strips to the linking number: all pairs of a segment of one and
 /// a segment of the other.
 pub(crate) fn gauss_sum(formula: Formula, rows: Strip<'_>, columns: Strip<'_>) -> Estimate {
     dispatch_wide!(simd => sum_all(simd, formula, rows, columns))
-}
-
-#[inline(always)]
-fn short_block(columns: Strip<'_>) -> Block<{ FEW_COLUMNS + PADDING }> {
-    Block::new(columns)
-}
-
-#[inline(always)]
-fn block(columns: Strip<'_>) -> Block<{ COLUMNS + PADDING }> {
-    Block::new(columns)
 }
 
 /// [`gauss_sum`] for an instruction set. The results have the same bits with AVX2 and AVX-512.
@@ -114,10 +108,10 @@ pub(super) fn sum_all<S: Simd>(
         let end = last.min(first + COLUMNS);
         let columns = columns.map(|v| &v[first..=end]);
         sum.add(match (formula, end - first <= FEW_COLUMNS) {
-            (Formula::Arctangent, true) => short_block(columns).sum::<S, false>(rows),
-            (Formula::Arctangent, false) => block(columns).sum::<S, false>(rows),
-            (Formula::AngleSum, true) => short_block(columns).sum::<S, true>(rows),
-            (Formula::AngleSum, false) => block(columns).sum::<S, true>(rows),
+            (Formula::Arctangent, true) => Block::<SHORT>::new(columns).sum::<S, false>(rows),
+            (Formula::Arctangent, false) => Block::<LONG>::new(columns).sum::<S, false>(rows),
+            (Formula::AngleSum, true) => Block::<SHORT>::new(columns).sum::<S, true>(rows),
+            (Formula::AngleSum, false) => Block::<LONG>::new(columns).sum::<S, true>(rows),
         });
     }
     sum.estimate()

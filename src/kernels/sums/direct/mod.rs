@@ -31,7 +31,6 @@ use crate::curve::CurveSet;
 use crate::pairs::Pair;
 use block::{Strip, Sum};
 use rayon::prelude::*;
-use std::ops::Range;
 
 /// Number of rows of a task: segments of the curve with more segments.
 const ROWS: usize = 64;
@@ -54,12 +53,6 @@ impl Direct {
             formula,
         }
     }
-
-    /// Returns the contribution of a range of rows.
-    fn task(&self, rows: Strip<'_>, columns: Strip<'_>, range: Range<usize>) -> Estimate {
-        let rows = rows.map(|v| &v[range.start..=range.end]);
-        block::gauss_sum(self.formula, rows, columns)
-    }
 }
 
 impl Summation for Direct {
@@ -75,21 +68,17 @@ impl Summation for Direct {
             _ => (second, first),
         };
         let n = segments(rows);
-        let range = |k: usize| k * ROWS..n.min((k + 1) * ROWS);
-        let tasks = n.div_ceil(ROWS);
+        let task = |k: usize| {
+            let rows = rows.map(|v| &v[k * ROWS..=n.min((k + 1) * ROWS)]);
+            block::gauss_sum(self.formula, rows, columns)
+        };
+        let tasks = 0..n.div_ceil(ROWS);
         let mut sum = Sum::default();
         if n * segments(columns) < GRAIN {
-            for k in 0..tasks {
-                sum.add(self.task(rows, columns, range(k)));
-            }
+            tasks.for_each(|k| sum.add(task(k)));
         } else {
-            let parts: Vec<Estimate> = (0..tasks)
-                .into_par_iter()
-                .map(|k| self.task(rows, columns, range(k)))
-                .collect();
-            for part in parts {
-                sum.add(part);
-            }
+            let parts: Vec<Estimate> = tasks.into_par_iter().map(task).collect();
+            parts.into_iter().for_each(|part| sum.add(part));
         }
         sum.estimate()
     }

@@ -18,9 +18,7 @@ use crate::curve::vector::{cross, sub};
 use crate::curve::{CurveSet, Point};
 use crate::kernels::Linking;
 use crate::kernels::crossings::{self, Input, Workspace};
-use crate::pairs::{
-    CurveTree, Pair, Query, SegmentPairs, closest_approach, closest_of_segments, descend,
-};
+use crate::pairs::{Pair, Query, SegmentPairs, closest_approach, closest_of_segments, descend};
 use crate::simd::{Lanes, dispatch};
 use crate::verdict::DefectKind;
 
@@ -38,23 +36,20 @@ pub(crate) fn linking_number(
         return exact;
     }
     let curves = [pair.0 as usize, pair.1 as usize];
-    match may_meet(input, curves, noise) {
-        Meeting::Never => exact,
-        Meeting::Maybe(segments) => {
-            // If the nearest segments may meet as well, they are more informative than the first
-            // ones found.
-            let nearest = closest_approach(input.set, input.trees, curves[0], curves[1]);
-            let place = match apart(input.set, curves, nearest.segments, 2.0 * noise) {
-                false => nearest,
-                true => closest_of_segments(input.set, curves, segments),
-            };
-            Linking::Undefined(DefectKind::TooClose, place)
-        }
-        Meeting::Unknown => {
-            let nearest = closest_approach(input.set, input.trees, curves[0], curves[1]);
-            Linking::Undefined(DefectKind::TooClose, nearest)
-        }
+    let meeting = may_meet(input, curves, noise);
+    if let Meeting::Never = meeting {
+        return exact;
     }
+    let nearest = closest_approach(input.set, input.trees, curves[0], curves[1]);
+    // If the nearest segments may meet as well, they are more informative than the first ones
+    // found.
+    let place = match meeting {
+        Meeting::Maybe(segments) if apart(input.set, curves, nearest.segments, 2.0 * noise) => {
+            closest_of_segments(input.set, curves, segments)
+        }
+        _ => nearest,
+    };
+    Linking::Undefined(DefectKind::TooClose, place)
 }
 
 /// Result of the search for segments that may meet if every vertex moves by up to the noise.
@@ -70,52 +65,43 @@ enum Meeting {
 /// Searches for segments of two curves that meet when they are dilated.
 fn may_meet(input: Input<'_>, curves: [usize; 2], noise: f64) -> Meeting {
     const LARGEST: f64 = 1e38;
-    let (set, trees) = (input.set, input.trees);
+    let set = input.set;
     let size = set.max_abs();
     if !set.basis().is_polyline() || !(0.0..=size).contains(&noise) || size > LARGEST {
         return Meeting::Unknown;
     }
-    let search = Search {
-        set,
-        curves,
-        trees: curves.map(|i| trees.of(set, i)),
-        gap: 2.0 * noise,
-        // Boxes are dilated in single precision, with a relative rounding error of 2^-24.
-        reach: (1.001 * (2.0 * noise + 1e-6 * size)) as f32,
-    };
-    dispatch!(simd => Search::run(&search, simd))
+    let gap = 2.0 * noise;
+    // Boxes are dilated in single precision, with a relative rounding error of 2^-24.
+    let reach = (1.001 * (gap + 1e-6 * size)) as f32;
+    dispatch!(simd => search(simd, input, curves, gap, reach))
 }
 
-struct Search<'a> {
-    set: &'a CurveSet,
+/// Searches for segments that are not further apart than `gap`, in the maximum norm, among those
+/// whose boxes are within `reach`. That is larger than `gap`, to cover rounding.
+#[inline(always)]
+fn search<L: Lanes>(
+    simd: L,
+    input: Input<'_>,
     curves: [usize; 2],
-    trees: [CurveTree<'a>; 2],
-    /// Segments further apart than this, in the maximum norm, do not meet.
     gap: f64,
-    /// Distance up to which boxes count as overlapping: larger than `gap`, to cover rounding.
     reach: f32,
-}
-
-impl Search<'_> {
-    #[inline(always)]
-    fn run<L: Lanes>(&self, simd: L) -> Meeting {
-        /// Number of segment pairs that are collected before they are tested.
-        const BATCH: usize = 1 << 10;
-        let query = Query::in_space(self.reach);
-        let mut agenda = vec![(self.trees[0].root(), self.trees[1].root())];
-        let mut found = SegmentPairs::default();
-        while !agenda.is_empty() {
-            found.all.clear();
-            let limits = (usize::MAX, BATCH);
-            descend::<L, _, true>(simd, self.trees, query, &mut agenda, &mut found, limits);
-            for &(s, t) in &found.all {
-                if !apart(self.set, self.curves, [s, t], self.gap) {
-                    return Meeting::Maybe([s, t]);
-                }
-            }
+) -> Meeting {
+    /// Number of segment pairs that are collected before they are tested.
+    const BATCH: usize = 1 << 10;
+    let trees = curves.map(|i| input.trees.of(input.set, i));
+    let query = Query::in_space(reach);
+    let mut agenda = vec![(trees[0].root(), trees[1].root())];
+    let mut found = SegmentPairs::default();
+    while !agenda.is_empty() {
+        found.all.clear();
+        let limits = (usize::MAX, BATCH);
+        descend::<L, _, true>(simd, trees, query, &mut agenda, &mut found, limits);
+        let near = |&&(s, t): &&(u32, u32)| !apart(input.set, curves, [s, t], gap);
+        if let Some(&(s, t)) = found.all.iter().find(near) {
+            return Meeting::Maybe([s, t]);
         }
-        Meeting::Never
     }
+    Meeting::Never
 }
 
 /// Returns true if two segments are proven to be further apart than `gap` in the maximum norm.
