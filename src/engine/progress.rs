@@ -17,9 +17,8 @@ pub struct Progress {
 impl Progress {
     /// Returns the number of pairs computed so far, and of all pairs, of the current frame.
     pub fn pairs(&self) -> (u64, u64) {
-        [&self.done, &self.total]
-            .map(|n| n.load(Ordering::Relaxed))
-            .into()
+        let count = |n: &AtomicU64| n.load(Ordering::Relaxed);
+        (count(&self.done), count(&self.total))
     }
 
     /// Ends the current step as soon as possible, usually within a tenth of a second. The step

@@ -171,9 +171,8 @@ impl Steps {
         };
         let coverage = self.coverage();
         let ledger = &mut self.ledger;
-        Ok(Some(
-            ledger.safe_fraction(frames, &contacts, coverage, outcome),
-        ))
+        let fraction = ledger.safe_fraction(frames, &contacts, coverage, outcome);
+        Ok(Some(fraction))
     }
 
     /// Begins a frame. Fails if the curves differ from those of the previous frame, because there

@@ -23,10 +23,9 @@ fn split(x: f64) -> Option<(i64, i32)> {
     let bits = x.to_bits();
     let exponent = ((bits >> 52) & 0x7ff) as i32;
     let fraction = (bits & ((1 << 52) - 1)) as i64;
-    let mantissa = if exponent == 0 {
-        fraction
-    } else {
-        fraction | 1 << 52
+    let mantissa = match exponent {
+        0 => fraction,
+        _ => fraction | 1 << 52,
     };
     let zeros = mantissa.trailing_zeros();
     let odd = mantissa.checked_shr(zeros)?;
@@ -72,10 +71,8 @@ impl Orientation for BigPredicates {
     type Point = BigPoint;
 
     fn orient2d(&mut self, [a, b, c]: [&BigPoint; 3], (u, v): (usize, usize)) -> i32 {
-        let (left, right) = (
-            (&a[u] - &c[u]) * (&b[v] - &c[v]),
-            (&a[v] - &c[v]) * (&b[u] - &c[u]),
-        );
+        let left = (&a[u] - &c[u]) * (&b[v] - &c[v]);
+        let right = (&a[v] - &c[v]) * (&b[u] - &c[u]);
         sign(&(left - right))
     }
 

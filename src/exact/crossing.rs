@@ -227,11 +227,8 @@ impl<T: Copy + Into<f64> + From<u8>> Batch<T> {
             let left = d_side > 0.0;
             let over = (height < 0.0) == left;
             let sign = if left { 1 } else { -1 };
-            signs[k] = if !none & sure & sure_height & over {
-                sign
-            } else {
-                0
-            };
+            let counts = !none & sure & sure_height & over;
+            signs[k] = if counts { sign } else { 0 };
             undecided[k] = if !none & !(sure & sure_height) { -1 } else { 0 };
         }
         let (mut sum, mut crossings, mut mask) = (0, 0, 0);

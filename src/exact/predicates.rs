@@ -89,7 +89,7 @@ impl Predicates {
         if ![a, b, c].as_flattened().iter().all(is_in_expansion_range) {
             return big::orient2d(a, b, c);
         }
-        let coord = |p: [f64; 2]| Coord { x: p[0], y: p[1] };
+        let coord = |[x, y]: [f64; 2]| Coord { x, y };
         sign(robust::orient2d(coord(a), coord(b), coord(c)))
     }
 
@@ -108,18 +108,11 @@ impl Predicates {
     #[inline(never)]
     fn orient3d_exact(&mut self, a: Point, b: Point, c: Point, d: Point) -> i32 {
         self.exact += 1;
-        if ![a, b, c, d]
-            .as_flattened()
-            .iter()
-            .all(is_in_expansion_range)
-        {
+        let all = [a, b, c, d];
+        if !all.as_flattened().iter().all(is_in_expansion_range) {
             return big::orient3d(a, b, c, d);
         }
-        let coord = |p: Point| Coord3D {
-            x: p[0],
-            y: p[1],
-            z: p[2],
-        };
+        let coord = |[x, y, z]: Point| Coord3D { x, y, z };
         sign(robust::orient3d(coord(a), coord(b), coord(c), coord(d)))
     }
 }
@@ -145,10 +138,8 @@ pub(super) fn determinant([ad, bd, cd]: [Point; 3]) -> (f64, f64) {
         + (ca[0].abs() + ca[1].abs()) * bd[2].abs()
         + (ab[0].abs() + ab[1].abs()) * cd[2].abs();
     let heights = ad[2].abs() + bd[2].abs() + cd[2].abs();
-    (
-        det,
-        ORIENT3D_BOUND * permanent + UNDERFLOW * heights + UNDERFLOW,
-    )
+    let bound = ORIENT3D_BOUND * permanent + UNDERFLOW * heights + UNDERFLOW;
+    (det, bound)
 }
 
 /// Returns true if expansions of products of three such numbers neither overflow nor underflow. A

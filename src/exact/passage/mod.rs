@@ -296,18 +296,14 @@ fn nearest(before: &Edges, after: &Edges, time: f64) -> [f64; 2] {
         [0, 1].map(|side| [0, 1].map(|k| mix(before[side][k], after[side][k], time)));
     let [p, q, r] = [(b, a), (d, c), (c, a)].map(|(to, from)| half_difference(to, from));
     // Scaled so that squares neither overflow nor underflow.
-    let size = [p, q, r]
-        .as_flattened()
-        .iter()
-        .fold(0.0, |m: f64, x| m.max(x.abs()));
+    let all = [p, q, r];
+    let sizes = all.as_flattened().iter().map(|x| x.abs());
+    let size = sizes.fold(0.0, f64::max);
     let [p, q, r] = [p, q, r].map(|v| v.map(|x| if size > 0.0 { x / size } else { 0.0 }));
     let (pp, pq, qq, pr, qr) = (dot(p, p), dot(p, q), dot(q, q), dot(p, r), dot(q, r));
-    let part = |x: f64, whole: f64| {
-        if whole > 0.0 {
-            (x / whole).clamp(0.0, 1.0)
-        } else {
-            0.0
-        }
+    let part = |x: f64, whole: f64| match whole > 0.0 {
+        true => (x / whole).clamp(0.0, 1.0),
+        false => 0.0,
     };
     // Candidates: the ends of either edge with the nearest point of the other edge, and inner
     // points.
@@ -325,8 +321,6 @@ fn nearest(before: &Edges, after: &Edges, time: f64) -> [f64; 2] {
         let gap = per_axis(|x| r[x] + u * q[x] - s * p[x]);
         dot(gap, gap)
     };
-    places
-        .into_iter()
-        .min_by(|&a, &b| distance(a).total_cmp(&distance(b)))
-        .unwrap_or([0.0; 2])
+    let nearer = |a: &[f64; 2], b: &[f64; 2]| distance(*a).total_cmp(&distance(*b));
+    places.into_iter().min_by(nearer).unwrap_or_default()
 }

@@ -335,10 +335,7 @@ pub(super) fn tiles(
 ) -> Result<Option<u32>, Error> {
     let capacity = state.sum_capacity;
     let node_pairs = &counts[..=levels as usize];
-    let (done, tiles) = (
-        counters::get(counts, DONE),
-        counters::get(counts, counters::TILES),
-    );
+    let [done, tiles] = [DONE, counters::TILES].map(|counter| counters::get(counts, counter));
     let listed = node_pairs.iter().map(|&c| c.min(capacity.node_pairs));
     let processed = listed.take(levels as usize).fold(0, u32::wrapping_add);
     if done != processed || node_pairs[0] as usize != asked {

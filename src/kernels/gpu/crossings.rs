@@ -123,10 +123,9 @@ pub(super) fn linking_numbers(
         rest = others;
         match found {
             Some(mut found) => {
-                found
-                    .undecided
-                    .par_sort_unstable_by_key(|u| (number(u), u.upper, u.lower));
-                left += found.undecided.len() as u64;
+                let undecided = &mut found.undecided;
+                undecided.par_sort_unstable_by_key(|u| (number(u), u.upper, u.lower));
+                left += undecided.len() as u64;
                 parts.push(found.work(count));
                 parts.extend(found.conclude(frame, input, own));
             }
@@ -238,14 +237,11 @@ impl Lists {
         let parts = (0..capacity.tiles).step_by(self.part as usize).map(own);
         commands.push(Command::parameters(PARAMETERS, &parts.collect::<Vec<_>>()));
         let [now, next] = descent::AGENDAS;
-        for list in [
-            capacity.agenda(now),
-            capacity.agenda(next),
-            capacity.tiles(TILES),
-        ] {
-            commands.push(Command::Reserve(list.buffer, list.size));
-        }
-        commands.push(Command::Reserve(UNDECIDED, self.undecided.size));
+        let agendas = [now, next].map(|list| capacity.agenda(list));
+        let lists = agendas
+            .into_iter()
+            .chain([capacity.tiles(TILES), self.undecided]);
+        commands.extend(lists.map(|list| Command::Reserve(list.buffer, list.size)));
         commands.push(Command::Clear(SIGNS, self.signs.size));
         commands.push(Command::Clear(COUNTERS.buffer, COUNTERS.size));
         commands.extend(fits);
@@ -320,9 +316,8 @@ fn pass(
     // Expected number of processed items: of each list as many as it can hold, and of the tiles the
     // first batch.
     let listed = |counts: &[u32], tiles: u32| {
-        let steps = counts[..levels - 1]
-            .iter()
-            .map(|&c| c.min(capacity.node_pairs));
+        let steps = counts[..levels - 1].iter();
+        let steps = steps.map(|&c| c.min(capacity.node_pairs));
         let rounds = counters::get(counts, counters::TILES).min(tiles);
         let rounds = rounds.wrapping_mul(ROUNDS);
         steps.fold((pairs.len() as u32).wrapping_add(rounds), u32::wrapping_add)

@@ -57,7 +57,9 @@ impl Contracted {
         if order == Order::Quadrupole {
             let mut qr = [[0.0; 3]; 3];
             for i in 0..3 {
-                let [xx, yy, zz, xy, xz, yz] = [0, 1, 2, 3, 4, 5].map(|jk| m[q(i, jk)]);
+                let product = |jk: usize| m[q(i, jk)];
+                let (xx, yy, zz) = (product(0), product(1), product(2));
+                let (xy, xz, yz) = (product(3), product(4), product(5));
                 qr[i] = [
                     xx * r[0] + xy * r[1] + xz * r[2],
                     xy * r[0] + yy * r[1] + yz * r[2],
@@ -91,13 +93,8 @@ fn expand(m1: &[f64; COUNT], m2: &[f64; COUNT], r: Vector, order: Order) -> f64 
     let mut seventh = 0.0;
     if order == Order::Quadrupole {
         let traces = add(cross(a.trace, b.c), cross(a.c, b.trace));
-        let columns = add(
-            cross(a.columns[0], b.columns[0]),
-            add(
-                cross(a.columns[1], b.columns[1]),
-                cross(a.columns[2], b.columns[2]),
-            ),
-        );
+        let column = |k: usize| cross(a.columns[k], b.columns[k]);
+        let columns = add(column(0), add(column(1), column(2)));
         fifth += 3.0
             * (dot(b.c, a.wr) - dot(a.c, b.wr) + dot(r, columns) - dot(a.w, b.dr) + dot(b.w, a.dr))
             - 1.5 * dot(r, traces);
@@ -132,10 +129,8 @@ pub(super) fn expand_batch(
     }
     let mut values: Lanes = [0.0; BATCH];
     for (l, value) in values.iter_mut().enumerate() {
-        let (p, q) = (
-            std::array::from_fn(|k| m1[k][l]),
-            std::array::from_fn(|k| m2[k][l]),
-        );
+        let p = std::array::from_fn(|k| m1[k][l]);
+        let q = std::array::from_fn(|k| m2[k][l]);
         *value = expand(&p, &q, [r[0][l], r[1][l], r[2][l]], order);
     }
     values.iter().sum()

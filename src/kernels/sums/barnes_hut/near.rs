@@ -23,6 +23,7 @@
 //! Otherwise, or if the disc meets the negative axis, a full turn is uncertain: the segments nearly
 //! touch.
 
+use super::bound::OUTWARD;
 use super::trees::{LEAF, Tree};
 use crate::curve::pow2;
 use crate::curve::vector::{cross, dot, sub};
@@ -75,12 +76,7 @@ impl Angles {
     pub(super) fn add(&mut self, [first, second]: [&Tree; 2], [i, j]: [usize; 2]) {
         let (i, j) = (i * LEAF, j * LEAF);
         // Ends of the segments of the second curve: one window, and the same shifted by one.
-        let ends = [j, j + 1].map(|at| {
-            second
-                .vertices
-                .each_ref()
-                .map(|v| -> Lanes { v[at..at + LEAF].try_into().unwrap_or([0.0; LEAF]) })
-        });
+        let ends = [j, j + 1].map(|at| second.vertices.each_ref().map(|v| lanes(v, at)));
         let corner = |k: usize| first.vertices.each_ref().map(|v| v[i + k]);
         let mut above = Row::new(corner(0), &ends);
         for k in 1..=LEAF {
@@ -105,10 +101,8 @@ impl Angles {
     ) {
         let corner = |end: usize, k: usize| first[end].each_ref().map(|v| v[k]);
         for at in j.step_by(LEAF) {
-            let ends = second.each_ref().map(|end| {
-                end.each_ref()
-                    .map(|v| -> Lanes { v[at..at + LEAF].try_into().unwrap_or([0.0; LEAF]) })
-            });
+            let ends = second.each_ref();
+            let ends = ends.map(|end| end.each_ref().map(|v| lanes(v, at)));
             let mut before: Option<([f64; 3], Row)> = None;
             for k in i.clone() {
                 let (p, q) = (corner(0, k), corner(1, k));
@@ -137,20 +131,11 @@ impl Angles {
     ) {
         for l in 0..LEAF {
             let at = |v: &[Lanes; 3]| [v[0][l], v[1][l], v[2][l]];
-            let (a, b, e, c) = (
-                at(&above.v[0]),
-                at(&above.v[1]),
-                at(&below.v[0]),
-                at(&below.v[1]),
-            );
+            let (a, b) = (at(&above.v[0]), at(&above.v[1]));
+            let (e, c) = (at(&below.v[0]), at(&below.v[1]));
             let [na, nb] = [above.n[0][l], above.n[1][l]];
             let [ne, nc] = [below.n[0][l], below.n[1][l]];
-            let k = [
-                ends[1][0][l] - ends[0][0][l],
-                ends[1][1][l] - ends[0][1][l],
-                ends[1][2][l] - ends[0][2][l],
-            ];
-            let p = dot(a, cross(side, k));
+            let p = dot(a, cross(side, sub(at(&ends[1]), at(&ends[0]))));
             let (ac, nac) = (dot(a, c), na * nc);
             let d1 = (nac + ac) * nb + above.dots[l] * nc + dot(b, c) * na;
             let d2 = (nac + ac) * ne + below.dots[l] * na + dot(a, e) * nc;
@@ -191,11 +176,14 @@ impl Angles {
             error += self.error[l] / TAU;
         }
         let pairs = self.count as f64 * (LEAF * LEAF) as f64;
-        (
-            sum,
-            (error + (pairs + 1.0) * PRODUCT) * super::bound::OUTWARD,
-        )
+        (sum, (error + (pairs + 1.0) * PRODUCT) * OUTWARD)
     }
+}
+
+/// Returns the numbers from index `at` on.
+#[inline(always)]
+fn lanes(v: &[f64], at: usize) -> Lanes {
+    v[at..at + LEAF].try_into().unwrap_or([0.0; LEAF])
 }
 
 /// Differences and distances of a vertex of the first curve and the ends of the segments of the

@@ -50,16 +50,9 @@ fn add(tree: &Tree, node: Node, vertices: Range<u32>, out: &mut Vec<Packed>) -> 
         ..Packed::default()
     };
     // The rounded values that the shader multiplies by.
-    let (by_length, by_radius) = (
-        over(f64::from(packed.length)),
-        over(f64::from(packed.radius)),
-    );
-    for (k, (to, from)) in packed
-        .moments
-        .iter_mut()
-        .zip(tree.moments[node.place as usize].0)
-        .enumerate()
-    {
+    let [by_length, by_radius] = [packed.length, packed.radius].map(|x| over(f64::from(x)));
+    let moments = tree.moments[node.place as usize].0;
+    for (k, (to, from)) in packed.moments.iter_mut().zip(moments).enumerate() {
         let order = match k {
             0..3 => 1.0,
             3..12 => by_radius,

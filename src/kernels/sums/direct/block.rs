@@ -304,10 +304,8 @@ impl<const N: usize> Block<N> {
             let x = x.abs();
             if PRODUCT {
                 let [sx, sy, turns] = &mut self.sums;
-                let (tx, ty) = (
-                    fma::<S>(sx[j], x, -(sy[j] * y)),
-                    fma::<S>(sx[j], y, sy[j] * x),
-                );
+                let tx = fma::<S>(sx[j], x, -(sy[j] * y));
+                let ty = fma::<S>(sx[j], y, sy[j] * x);
                 let (tx, ty, quarter) = turned(tx, ty);
                 let scale = reciprocal_power(tx);
                 sx[j] = tx * scale;
@@ -329,11 +327,10 @@ impl<const N: usize> Block<N> {
         // Additional error of every pair: see the module documentation.
         let each = rows as f64 * 16.0 * U;
         for j in 0..n {
-            let value = if PRODUCT {
-                let [sx, sy, turns] = &self.sums;
-                turns[j] * FRAC_PI_2 + arctangent::<S>(sx[j], sy[j])
-            } else {
-                self.sums[0][j]
+            let [sx, sy, turns] = &self.sums;
+            let value = match PRODUCT {
+                true => turns[j] * FRAC_PI_2 + arctangent::<S>(sx[j], sy[j]),
+                false => sx[j],
             };
             let bound = 1.16 * self.errors[j] + each + 16.0 * U * (1.0 + value.abs());
             // Padding has no error, but may come near the row even if no segment does.

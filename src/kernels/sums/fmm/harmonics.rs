@@ -231,10 +231,8 @@ pub(super) fn add_shifted(
             let [zr, zi] = get(p, n, k as isize);
             let [ur, ui] = get(p, n, k as isize + 1);
             let [wr, wi] = get(p, n, k as isize - 1);
-            let (up, down) = (
-                0.5 * (n + k + 1) as f64,
-                0.5 * (n + 1) as f64 - 0.5 * k as f64,
-            );
+            let up = 0.5 * (n + k + 1) as f64;
+            let down = 0.5 * (n + 1) as f64 - 0.5 * k as f64;
             let z = r[2] * k as f64;
             // r . (x cross grad) of R is i times this.
             let re = z * zr[0]
@@ -255,10 +253,8 @@ pub(super) fn add_shifted(
             let mut sums = [0.0; 4];
             for j in 1..=n {
                 let m = (n - j) as isize;
-                let (first, last) = (
-                    (k as isize - m).max(-(j as isize)),
-                    (k as isize + m).min(j as isize),
-                );
+                let first = (k as isize - m).max(-(j as isize));
+                let last = (k as isize + m).min(j as isize);
                 for l in first..=last {
                     let [hr, hi] = get(harmonics, n - j, k as isize - l);
                     let [pr, pi] = get(p, j, l);

@@ -175,10 +175,9 @@ fn powers(order: usize, tree: &Tree, range: Range<usize>, ball: &Ball) -> f64 {
     }
     let sum: f64 = sums.iter().sum();
     // An odd order has one more factor, at most the radius.
-    let odd = if order % 2 == 1 {
-        ball.radius * unit
-    } else {
-        1.0
+    let odd = match order % 2 {
+        1 => ball.radius * unit,
+        _ => 1.0,
     };
     0.25 * sum * odd * UP
 }

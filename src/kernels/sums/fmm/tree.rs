@@ -7,7 +7,7 @@
 //! leaves. All leaves but the last one are full.
 
 use crate::curve::pow2;
-use crate::curve::vector::per_axis;
+use crate::curve::vector::{norm, per_axis, sub};
 use crate::curve::{CurveSet, Point, bounds, union};
 use crate::kernels::sums::barnes_hut::Node;
 use crate::kernels::sums::join;
@@ -154,13 +154,8 @@ fn enclose(ends: &[[Vec<f64>; 3]; 2], first: usize, leaves: usize, balls: &mut [
                 }
             }
         }
-        ball.length = range
-            .clone()
-            .map(|k| {
-                let square = |x: usize| (ends[1][x][k] - ends[0][x][k]).powi(2);
-                (square(0) + square(1) + square(2)).sqrt()
-            })
-            .sum();
+        let length = |k: usize| norm(per_axis(|x| ends[1][x][k] - ends[0][x][k]));
+        ball.length = range.clone().map(length).sum();
     } else {
         let half = leaves / 2;
         let (left, right) = below.split_at_mut(2 * half - 1);
@@ -183,8 +178,7 @@ fn enclose(ends: &[[Vec<f64>; 3]; 2], first: usize, leaves: usize, balls: &mut [
     // Rounded up, and at least as large as lengths whose squares underflow.
     ball.radius = (farthest.sqrt() * SLACK).max(SMALLEST / 2.0);
     ball.spread = below.iter().fold(ball.radius, |spread, b| {
-        let square = |x: usize| (b.centre[x] - centre[x]).powi(2);
-        let distance = (square(0) + square(1) + square(2)).sqrt();
+        let distance = norm(sub(b.centre, centre));
         spread.max((distance + b.radius) * SLACK + SMALLEST)
     });
     ball.length = ball.length * SLACK + SHORTEST;
