@@ -8,7 +8,7 @@ use crate::curve::words_of_change;
 use crate::error::{Error, Result};
 use crate::verdict::{
     Change, ChangeKind, Clearance, Defect, DefectKind, Lasting, Place, PullThrough, Report,
-    Verdict, words_of_roll_back,
+    Verdict, words_of_count, words_of_roll_back,
 };
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
@@ -183,21 +183,15 @@ impl fmt::Display for VerdictMessage {
         }
         write!(f, "frame {}: {}", self.seq, self.verdict)?;
         let counts = [
-            (self.lost, ["link lost", "links lost"]),
-            (self.gained, ["link gained", "links gained"]),
-            (self.changed, ["link changed", "links changed"]),
-            (self.events, ["pull-through", "pull-throughs"]),
-            (
-                self.defects,
-                ["pair or curve undecided", "pairs or curves undecided"],
-            ),
-            (
-                self.unresolved,
-                ["unresolved pull-through", "unresolved pull-throughs"],
-            ),
+            (self.lost, "link* lost"),
+            (self.gained, "link* gained"),
+            (self.changed, "link* changed"),
+            (self.events, "pull-through*"),
+            (self.defects, "pair* or curve* undecided"),
+            (self.unresolved, "unresolved pull-through*"),
         ];
-        for (n, [one, many]) in counts.into_iter().filter(|c| c.0 > 0) {
-            write!(f, ", {n} {}", if n == 1 { one } else { many })?;
+        for (n, what) in counts.into_iter().filter(|c| c.0 > 0) {
+            write!(f, ", {}", words_of_count(n as usize, what))?;
         }
         if let Some(finding) = &self.first {
             write!(f, ": {}", finding.sentence(self.extent, &self.names))?;

@@ -304,6 +304,11 @@ pub(crate) fn words_of_roll_back(
     ))
 }
 
+/// Returns a count and its noun, in which an asterisk stands for the plural: `link* lost`.
+pub(crate) fn words_of_count(n: usize, what: &str) -> String {
+    format!("{n} {}", what.replace('*', if n == 1 { "" } else { "s" }))
+}
+
 /// Returns the number of a frame and its simulation time: see [`Report::frame`].
 pub(crate) fn words_of_frame(seq: u64, time: f64) -> String {
     match time {
@@ -345,7 +350,6 @@ impl Report {
             1 => "step of a pair or curve undecided",
             _ => "step* of pair* or curve* undecided",
         };
-        // An asterisk stands for the plural.
         let counts = [
             (lost, "link* lost"),
             (gained, "link* gained"),
@@ -357,9 +361,7 @@ impl Report {
             (self.unresolved.len(), "unresolved pull-through*"),
         ];
         let counts = counts.into_iter().filter(|(n, _)| *n > 0);
-        let plural = |n: usize| if n == 1 { "" } else { "s" };
-        let counts = counts.map(|(n, what)| format!("{n} {}", what.replace('*', plural(n))));
-        let mut parts: Vec<String> = counts.collect();
+        let mut parts: Vec<String> = counts.map(|(n, what)| words_of_count(n, what)).collect();
         parts.extend(self.missing.iter().cloned());
         parts.extend(self.rejected.clone());
         parts.extend(self.change_of_curves());

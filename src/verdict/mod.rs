@@ -22,10 +22,10 @@ pub use left_out::LeftOut;
 pub(crate) use message::words_of_frame;
 #[cfg(feature = "verify")]
 pub(crate) use message::words_of_pair;
-#[cfg(feature = "client")]
-pub(crate) use message::words_of_roll_back;
 #[cfg(feature = "rerun")]
 pub(crate) use message::{label_of_curve, label_of_pair};
+#[cfg(feature = "client")]
+pub(crate) use message::{words_of_count, words_of_roll_back};
 pub use policy::AbortOn;
 pub use pull_through::PullThrough;
 
