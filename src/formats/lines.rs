@@ -128,10 +128,8 @@ pub(super) fn words(text: &[u8]) -> impl Iterator<Item = &[u8]> {
 
 /// Parses a word as an integer, or returns an error text.
 pub(super) fn integer<T: FromStr>(word: &[u8], expected: impl Display) -> Result<T, String> {
-    std::str::from_utf8(word)
-        .ok()
-        .and_then(|w| w.parse().ok())
-        .ok_or_else(|| format!("{}, expected {expected}", quote(word)))
+    let parsed = std::str::from_utf8(word).ok().and_then(|w| w.parse().ok());
+    parsed.ok_or_else(|| format!("{}, expected {expected}", quote(word)))
 }
 
 /// Parses a decimal number. Its exponent may begin with D, as Fortran writes it.
@@ -159,10 +157,8 @@ pub(super) fn is_in(list: &str, word: &str) -> bool {
 pub(super) fn quote(token: &[u8]) -> String {
     const SHOWN: usize = 40;
     let head = &token[..token.len().min(4 * SHOWN)];
-    let text: String = String::from_utf8_lossy(head)
-        .chars()
-        .take(SHOWN)
-        .flat_map(char::escape_debug)
-        .collect();
+    let text = String::from_utf8_lossy(head);
+    let shown = text.chars().take(SHOWN).flat_map(char::escape_debug);
+    let text: String = shown.collect();
     format!("'{text}'")
 }

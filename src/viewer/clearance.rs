@@ -2,7 +2,6 @@
 //! places, and a plot.
 
 use super::names::entity;
-
 use super::stream::log;
 use super::style::{ORANGE, RED, YELLOW, lines, narrow, points};
 use crate::curve::vector::{distance, per_axis};
@@ -10,7 +9,6 @@ use crate::curve::{Cell, CurveLabels, CurveSet, Point};
 use crate::error::Result;
 use crate::measure::{ClearanceOptions, CloseBlock, REACH, close_blocks};
 use crate::simd::LANES;
-
 use crate::verdict::{Clearance, CloseStrands, label_of_pair};
 use re_sdk::RecordingStream;
 

@@ -11,21 +11,12 @@ use re_sdk_types::components::{Color, TextLogLevel};
 /// Number of frames between log lines while nothing changes.
 const QUIET_FRAMES: u64 = 200;
 
-/// State of the log at the last frame, to log only what is new.
+/// State of the log at the last frame, to log only what is new. A frame that differs in it gets a
+/// log line.
 #[derive(Default)]
 pub(super) struct Log {
-    last: Option<Logged>,
-}
-
-/// New lines of a frame, and the status if the previous one is outdated.
-pub(super) struct News {
-    pub lines: Vec<TextLog>,
-    pub status: Option<String>,
-}
-
-/// State of the log. A frame that differs in it gets a log line.
-struct Logged {
-    verdict: Verdict,
+    /// `None` before the first frame.
+    verdict: Option<Verdict>,
     /// First frame of this verdict.
     since: u64,
     findings: Findings,
@@ -35,28 +26,32 @@ struct Logged {
     at: u64,
 }
 
+/// New lines of a frame, and the status if the previous one is outdated.
+pub(super) struct News {
+    pub lines: Vec<TextLog>,
+    pub status: Option<String>,
+}
+
 impl Log {
     /// Returns a line for a frame with news, a sentence for each new finding, and occasionally a
     /// line for a frame without news. `names` are those of the curves, or empty.
     pub fn news(&mut self, report: &Report, names: &[String], passed: &Passed) -> News {
-        let before = self.last.take();
-        let turned = before.as_ref().is_none_or(|t| t.verdict != report.verdict);
-        let since = match &before {
-            Some(t) if !turned => t.since,
-            _ => report.seq,
-        };
-        let last = before.as_ref().map_or(report.seq, |t| t.at);
-        let had_events = before.as_ref().is_some_and(|t| t.events);
-        let known = before.map(|t| t.findings).unwrap_or_default();
+        let turned = self.verdict.replace(report.verdict) != Some(report.verdict);
+        if turned {
+            self.since = report.seq;
+        }
+        let has_events = !report.events.is_empty();
+        let had_events = std::mem::replace(&mut self.events, has_events);
+        let known = std::mem::take(&mut self.findings);
         let since_frame = |key| (key, known.get(&key).copied().unwrap_or(report.seq));
         let findings: Findings = report.lasting().flatten().map(since_frame).collect();
         // The findings contain the first frame of each, so a finding that returns is new.
-        let has_events = !report.events.is_empty();
         let news = turned || has_events || findings != known;
         let news = news || !(report.appeared.is_empty() && report.gone.is_empty());
-        let due = news || report.seq.abs_diff(last) >= QUIET_FRAMES;
+        let due = news || report.seq.abs_diff(self.at) >= QUIET_FRAMES;
         let mut lines = Vec::new();
         if due {
+            self.at = report.seq;
             lines.push(line(report.verdict, report.headline()));
         }
         if news {
@@ -77,14 +72,9 @@ impl Log {
             }
         }
         let outdated = news || had_events;
+        let since = self.since;
         let status = outdated.then(|| status(report, names, since, &findings, passed, SHOWN));
-        self.last = Some(Logged {
-            verdict: report.verdict,
-            since,
-            findings,
-            events: has_events,
-            at: if due { report.seq } else { last },
-        });
+        self.findings = findings;
         News { lines, status }
     }
 }

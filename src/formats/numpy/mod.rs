@@ -67,10 +67,8 @@ pub(super) fn read_npy<'a>(
     options: &ReadOptions,
 ) -> Result<Source<'a>> {
     let positions = Array::parse(&mut input.bytes, input.len, "positions")?;
-    let others = Others {
-        counts: options.counts.clone(),
-        ..Others::default()
-    };
+    let mut others = Others::default();
+    others.counts.clone_from(&options.counts);
     let frames = ArrayFrames::new(input.bytes, positions, others, options, u64::MAX)?;
     Ok(Box::new(frames))
 }

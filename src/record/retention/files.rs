@@ -74,10 +74,7 @@ impl Files {
     /// Creates the first file. Unlike later ones, it has the name that the user chose, or fails.
     pub fn create_first(&mut self) -> Result<()> {
         self.number = 1;
-        let path = self.options.path.clone();
-        let sink = self.create(&path)?;
-        self.opened(path, sink);
-        Ok(())
+        self.create()
     }
 
     /// Writes a frame; before it the baseline, if the frame does not continue the last one in the
@@ -153,13 +150,12 @@ impl Files {
         let last = self.number.saturating_add(NAMES);
         loop {
             self.number += 1;
-            let path = part_of(&self.options.path, self.number);
-            match self.create(&path) {
-                Ok(sink) => {
-                    if self.created > 0 || self.number > 1 {
+            match self.create() {
+                Ok(()) => {
+                    let is_later = self.created > 1 || self.number > 1;
+                    if let Some(path) = self.last.as_ref().filter(|_| is_later) {
                         tracing::info!("the recording continues in {}", path.display());
                     }
-                    self.opened(path, sink);
                     return Ok(());
                 }
                 Err(e) if !is_taken(&e) || self.number >= last => return Err(e),
@@ -171,18 +167,9 @@ impl Files {
         }
     }
 
-    fn opened(&mut self, path: PathBuf, sink: RecordingSink) {
-        self.created += 1;
-        self.last = Some(path);
-        self.open = Some(Open {
-            sink,
-            frames: 0,
-            begun: false,
-            answered: 0,
-        });
-    }
-
-    fn create(&mut self, path: &Path) -> Result<RecordingSink> {
+    /// Creates the file of the current number.
+    fn create(&mut self) -> Result<()> {
+        let path = part_of(&self.options.path, self.number);
         let mut metadata = self.options.metadata.clone();
         if self.number > 1 {
             metadata.insert(PART.into(), self.number.to_string());
@@ -191,7 +178,15 @@ impl Files {
             let name = last.file_name().unwrap_or_default().to_string_lossy();
             metadata.insert(CONTINUES.into(), name.into());
         }
-        (self.create)(path, &metadata)
+        self.open = Some(Open {
+            sink: (self.create)(&path, &metadata)?,
+            frames: 0,
+            begun: false,
+            answered: 0,
+        });
+        self.created += 1;
+        self.last = Some(path);
+        Ok(())
     }
 }
 
