@@ -205,11 +205,7 @@ fn blossom(b: &Bezier, r: f64, s: f64, t: f64) -> Point {
     let mut out = [0.0; 3];
     for (x, out) in out.iter_mut().enumerate() {
         let mix = |p: f64, q: f64, t: f64| p + (q - p) * t;
-        let (p, q, w) = (
-            mix(b[0][x], b[1][x], r),
-            mix(b[1][x], b[2][x], r),
-            mix(b[2][x], b[3][x], r),
-        );
+        let [p, q, w] = [0, 1, 2].map(|k| mix(b[k][x], b[k + 1][x], r));
         *out = mix(mix(p, q, s), mix(q, w, s), t);
     }
     out

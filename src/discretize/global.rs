@@ -115,11 +115,8 @@ fn refine(
 /// Returns the polylines through all knots and splits.
 fn polylines(set: &CurveSet, splits: &[Vec<(u32, f64)>]) -> Result<CurveSet> {
     let added: usize = splits.iter().map(Vec::len).sum();
-    let mut builder = CurveSet::builder(
-        Basis::Polyline,
-        Precision::F64,
-        set.segments() + added + set.len(),
-    );
+    let points = set.segments() + added + set.len();
+    let mut builder = CurveSet::builder(Basis::Polyline, Precision::F64, points);
     let mut xyz: Vec<f64> = Vec::new();
     for (i, c) in set.curves().iter().enumerate() {
         xyz.clear();

@@ -147,10 +147,8 @@ impl Halving {
                 for (k, a) in &halves[0] {
                     for (l, b) in &halves[1] {
                         if !apart(a, b) {
-                            next.push(Overlap {
-                                segments: o.segments,
-                                pieces: [*k, *l],
-                            });
+                            let (segments, pieces) = (o.segments, [*k, *l]);
+                            next.push(Overlap { segments, pieces });
                         }
                     }
                 }

@@ -77,9 +77,7 @@ impl Hull {
 
     /// Returns the hull of a piece of a segment.
     pub fn of_piece(p: &Bezier) -> Hull {
-        Hull {
-            points: per_axis(|x| [0, 1, 2, 3].map(|k| p[k][x])),
-        }
+        Hull::new(per_axis(|x| [0, 1, 2, 3].map(|k| p[k][x])))
     }
 
     /// Returns the vector from the start to the end.
@@ -185,10 +183,7 @@ impl Hull {
     /// they are at all times in between. The error of a computed difference is at most twice that
     /// of a control point, which `margin` covers as for heights.
     #[inline(always)]
-    pub fn are_monotonic<const N: usize, const M: usize>(
-        frames: &[[Hull; M]; N],
-        margin: f64,
-    ) -> bool {
+    pub fn are_monotonic<const N: usize>(frames: &[[Hull; 2]; N], margin: f64) -> bool {
         let mut n = [0.0; 3];
         for hull in frames.as_flattened() {
             n = add(n, hull.chord());

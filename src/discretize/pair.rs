@@ -34,9 +34,8 @@ impl<'a> Separation<'a> {
     #[inline(always)]
     pub fn add_close(&self, pairs: &[(u32, u32)], close: &mut Vec<(u32, u32)>) {
         for &(s, t) in pairs {
-            let hull = |side: usize, s: u32| Hull {
-                points: self.hulls.at(self.curves[side], s as usize),
-            };
+            let hull =
+                |side: usize, s: u32| Hull::new(self.hulls.at(self.curves[side], s as usize));
             if !hull(0, s).separated(&hull(1, t), self.margin) {
                 close.push((s, t));
             }
@@ -117,8 +116,6 @@ impl<'a> MovingSeparation<'a> {
     /// Returns the hulls of a segment in both frames.
     #[inline(always)]
     fn hulls(&self, i: usize, s: u32) -> [Hull; 2] {
-        self.frames.map(|frame| Hull {
-            points: frame.at(i, s as usize),
-        })
+        self.frames.map(|frame| Hull::new(frame.at(i, s as usize)))
     }
 }

@@ -61,11 +61,8 @@ pub(crate) fn nearest(set: &CurveSet, i: u32, s: u32, point: Point) -> Option<f6
         let along = sub(end, start);
         let t = dot(sub(point, start), along) / dot(along, along);
         // All parameters of a segment without length are equivalent.
-        return Some(if t.is_finite() {
-            t.clamp(0.0, 1.0)
-        } else {
-            0.5
-        });
+        let t = if t.is_finite() { t } else { 0.5 };
+        return Some(t.clamp(0.0, 1.0));
     }
     let dist_sq = |t: f64| {
         let d = sub(set.eval(i, s, t), point);

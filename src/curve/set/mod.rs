@@ -13,7 +13,6 @@ mod layout;
 mod leaf_boxes;
 mod local;
 mod parts;
-mod pool;
 mod received;
 mod segments;
 mod spread;
@@ -32,11 +31,10 @@ pub(crate) use coordinates::{Coordinates, Knots, ReadKnots, Scalar};
 pub use curve::Curve;
 pub(crate) use curve::count_of;
 pub(crate) use diagonals::Diagonals;
-pub(crate) use frame::{Frame, Images};
+pub(crate) use frame::{Frame, FramePool, Images};
 pub(crate) use layout::Shape;
 pub(crate) use local::{feature, nearest};
 pub(crate) use parts::{Parts, multiple};
-pub(crate) use pool::FramePool;
 pub(crate) use received::{Bad, Received, largest_within};
 pub(crate) use segments::{Hulls, are_three_distinct};
 pub(crate) use stored::StoredCurves;
@@ -208,14 +206,12 @@ impl CurveSet {
 
     /// Returns a copy in double precision.
     pub(crate) fn widened(&self) -> Result<CurveSet> {
+        let Positions::F32(v) = self.positions() else {
+            return Ok(self.clone());
+        };
         let counts: Vec<i32> = self.counts().collect();
-        match self.positions() {
-            Positions::F64(_) => Ok(self.clone()),
-            Positions::F32(v) => {
-                let xyz: Vec<f64> = v.iter().map(|&x| x.into()).collect();
-                CurveSet::from_counts(self.basis, &counts, Positions::F64(&xyz))
-            }
-        }
+        let xyz: Vec<f64> = v.iter().map(|&x| x.into()).collect();
+        CurveSet::from_counts(self.basis, &counts, Positions::F64(&xyz))
     }
 
     /// Returns a set of some of the curves, in this order.

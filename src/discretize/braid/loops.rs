@@ -397,37 +397,33 @@ impl BraidLoops {
 
 /// Checks a braid, and records its loops.
 fn check(b: usize, braid: &Braid, set: &CurveSet, next: &mut [u32]) -> Result<(), String> {
-    let curves = &braid.curves;
-    if curves.len() < 4 {
-        let n = curves.len();
-        return Err(format!(
-            "braid {b} has {n} curves {curves:?}, a braid needs at least 4"
+    let fail = |what: String| Err(format!("braid {b} {what}"));
+    let (curves, n) = (&braid.curves, braid.curves.len());
+    if n < 4 {
+        return fail(format!(
+            "has {n} curves {curves:?}, a braid needs at least 4"
         ));
     }
     for [i, j] in pairs(curves) {
         let Some(slot) = next.get_mut(i as usize) else {
             let n = set.len();
-            return Err(format!(
-                "braid {b} names curve {i}, but the frame has {n} curves"
-            ));
+            return fail(format!("names curve {i}, but the frame has {n} curves"));
         };
         if set.curve(i as usize).closed {
-            return Err(format!("braid {b} names curve {i}, which is closed"));
+            return fail(format!("names curve {i}, which is closed"));
         }
         if std::mem::replace(slot, j) != u32::MAX {
-            return Err(format!("braid {b} names curve {i}, which is named twice"));
+            return fail(format!("names curve {i}, which is named twice"));
         }
     }
     if let Some(i) = braid.reversed.iter().find(|i| !curves.contains(i)) {
-        return Err(format!(
-            "braid {b} lists curve {i} as reversed, but does not have it"
-        ));
+        return fail(format!("lists curve {i} as reversed, but does not have it"));
     }
     for (side, end) in SIDES.iter().zip([&braid.left, &braid.right]) {
-        let (n, points) = (curves.len(), end.points.len());
+        let points = end.points.len();
         if points != 0 && points != n {
-            return Err(format!(
-                "braid {b} has {n} curves, but {points} points of its {side} end"
+            return fail(format!(
+                "has {n} curves, but {points} points of its {side} end"
             ));
         }
         let mut numbers = end.points.iter().chain(&end.outward).flatten();
