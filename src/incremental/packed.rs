@@ -151,18 +151,17 @@ impl PackedCondition {
     pub fn new<T: Real>(affine: &Affine, reference: f64) -> PackedCondition {
         let largest = affine.largest_row().max(1.0);
         let size = largest * reference + affine.t.amax();
-        let error = (3.0 * T::U + 32.0 * U_DOUBLE + IMAGES) * size + f64::from(f32::TINY);
+        let error = match size < f32::LARGEST {
+            true => (3.0 * T::U + 32.0 * U_DOUBLE + IMAGES) * size + f64::from(f32::TINY),
+            // Nothing is proven if single precision may overflow.
+            false => f64::INFINITY,
+        };
         let stray = (affine.m - nalgebra::Matrix3::identity()).norm();
         PackedCondition {
             affine: *affine,
             m: per_axis(|r| per_axis(|c| affine.m[(r, c)] as f32)),
             sigma: affine.sigma * (1.0 - 64.0 * U),
-            // Nothing is proven if single precision may overflow.
-            error: if size < f32::LARGEST {
-                error
-            } else {
-                f64::INFINITY
-            },
+            error,
             share: 32.0 * U * largest,
             stray: stray * (1.0 + 1e-9),
         }
@@ -171,7 +170,7 @@ impl PackedCondition {
     /// Returns true if all points of a block, `x y z x y z ..`, are proven to be finite and within
     /// their allowances.
     #[inline(always)]
-    pub fn holds<T: Real, S: Simd>(&self, simd: S, block: &Packed, p: &[T; VALUES]) -> bool {
+    pub fn holds<T: Real, S: Simd>(&self, _simd: S, block: &Packed, p: &[T; VALUES]) -> bool {
         if block.is_free() {
             return false;
         }
@@ -190,11 +189,11 @@ impl PackedCondition {
         if stray < MAX_LOSS * bound {
             // Along each axis, so that no point is further away than the bound.
             let along = (bound - stray) * ((1.0 - 1e-6) / 3f64.sqrt());
-            if block.within(simd, along as f32, origin, p) {
+            if block.within::<T, S>(along as f32, origin, p) {
                 return true;
             }
         }
-        let square = block.largest_square(simd, &self.m, origin, p);
+        let square = block.largest_square::<T, S>(&self.m, origin, p);
         f64::from(square) <= bound * bound
     }
 }
@@ -218,13 +217,7 @@ impl Packed {
     /// Returns true if no point is further than a distance from its expected position along any
     /// axis, with the affine map replaced by a translation.
     #[inline(always)]
-    fn within<T: Real, S: Simd>(
-        &self,
-        _simd: S,
-        distance: f32,
-        origin: [T; 3],
-        p: &[T; VALUES],
-    ) -> bool {
+    fn within<T: Real, S: Simd>(&self, distance: f32, origin: [T; 3], p: &[T; VALUES]) -> bool {
         // Exact sums, which are compiled to vector instructions, unlike a gather.
         let mut row = [T::default(); ROW];
         for (lanes, &origin) in LANES_OF_AXIS.iter().zip(&origin) {
@@ -249,7 +242,6 @@ impl Packed {
     #[inline(always)]
     fn largest_square<T: Real, S: Simd>(
         &self,
-        _simd: S,
         m: &[[f32; 3]; 3],
         origin: [T; 3],
         p: &[T; VALUES],

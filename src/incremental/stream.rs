@@ -137,24 +137,19 @@ fn compare_all<T: Real + Scalar>(
         range: T::bits_within(range),
         limit,
     };
-    let mut copy = copy.map(|copy| &mut copy[..]);
     let grain = match rayon::current_num_threads() {
         1 => usize::MAX / 3,
         _ => GRAIN,
     };
-    let count = p.len().div_ceil(3 * grain);
-    let mut parts: Vec<Part<'_, T>> = Vec::with_capacity(count);
-    for (k, source) in p.chunks(3 * grain).enumerate() {
-        let (here, rest) = copy.map(|copy| copy.split_at_mut(source.len())).unzip();
-        copy = rest;
-        parts.push(Part {
-            first: k * grain,
-            source,
-            copy: here,
-            found: Vec::new(),
-            largest: 0,
-        });
-    }
+    let mut copies = copy.map(|copy| copy.chunks_mut(3 * grain));
+    let parts = p.chunks(3 * grain).enumerate().map(|(k, source)| Part {
+        first: k * grain,
+        source,
+        copy: copies.as_mut().and_then(Iterator::next),
+        found: Vec::new(),
+        largest: 0,
+    });
+    let mut parts: Vec<Part<'_, T>> = parts.collect();
     let run = |part: &mut Part<'_, T>| dispatch_wide!(simd => Pass::part(&pass, simd, part));
     match &mut parts[..] {
         [part] => run(part)?,

@@ -26,14 +26,15 @@ pub(super) fn cancel(found: &mut Vec<Found>, curves: [Curve; 2]) {
         return;
     }
     // The end of a closed curve is its start.
-    let around = |[p, q]: [f64; 2]| {
-        let turn = |x: f64, c: Curve| {
-            let n = f64::from(c.segments);
-            if c.closed && x > n - PLACE { x - n } else { x }
-        };
-        [turn(p, curves[0]), turn(q, curves[1])]
-    };
-    found.iter_mut().for_each(|f| f.along = around(f.along));
+    for (x, c) in found
+        .iter_mut()
+        .flat_map(|f| f.along.iter_mut().zip(curves))
+    {
+        let n = f64::from(c.segments);
+        if c.closed && *x > n - PLACE {
+            *x -= n;
+        }
+    }
     found.sort_by(|a, b| {
         let [p, q] = [a, b].map(|f| f.along);
         p[0].total_cmp(&q[0])

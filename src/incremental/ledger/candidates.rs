@@ -82,12 +82,8 @@ impl Task<'_> {
             Visit::Leaves(counts) => self.visit_leaves(simd, counts, gathered),
             Visit::Blocks(blocks) if blocks.len() > BLOCKS => {
                 let middle = blocks.start + blocks.len() as u32 / 2;
-                let (left, right) = (blocks.start..middle, middle..blocks.end);
-                self.visit_both(
-                    gathered,
-                    [Visit::Blocks(left), Visit::Blocks(right)],
-                    vec![],
-                );
+                let halves = [blocks.start..middle, middle..blocks.end].map(Visit::Blocks);
+                self.visit_both(gathered, halves, vec![]);
             }
             Visit::Blocks(blocks) => {
                 for block in blocks {
@@ -106,9 +102,7 @@ impl Task<'_> {
         let both = [self.tree(0), self.tree(1)];
         let query = Query::in_space(0.0);
         for round in 0.. {
-            let Gathered {
-                agenda, candidates, ..
-            } = &mut *gathered;
+            let (agenda, candidates) = (&mut gathered.agenda, &mut gathered.candidates);
             if agenda.is_empty() {
                 return;
             }
@@ -209,17 +203,11 @@ impl Task<'_> {
     /// Tests candidates that are edges. Keeps spline segments that may meet.
     #[inline(always)]
     fn test_candidates(&self, gathered: &mut Gathered) {
-        let Gathered {
-            candidates,
-            near,
-            found,
-            ..
-        } = gathered;
-        let candidates = &mut candidates.all;
-        self.candidates
-            .fetch_add(candidates.len() as u64, Ordering::Relaxed);
-        found.counts.candidates += candidates.len() as u64;
-        for &(s, t) in candidates.iter() {
+        let candidates = &mut gathered.candidates.all;
+        let (count, found) = (candidates.len() as u64, &mut gathered.found);
+        self.candidates.fetch_add(count, Ordering::Relaxed);
+        found.counts.candidates += count;
+        for (s, t) in candidates.drain(..) {
             if self.adjacent(s, t) {
                 continue;
             }
@@ -230,10 +218,9 @@ impl Task<'_> {
                     break;
                 }
             } else if !self.separation.apart(s, t) {
-                near.push((s, t));
+                gathered.near.push((s, t));
             }
         }
-        candidates.clear();
     }
 }
 

@@ -129,8 +129,6 @@ pub(crate) struct Counts {
     pub pairs: u64,
     /// Number of pairs of segments with overlapping swept boxes.
     pub candidates: u64,
-    /// Number of candidates that no axis separates.
-    pub near: u64,
     /// Number of tested pairs of pieces.
     pub tests: u64,
     /// Number of tests that exact arithmetic decided.
@@ -141,7 +139,6 @@ impl Counts {
     pub fn add(&mut self, o: &Counts) {
         self.pairs += o.pairs;
         self.candidates += o.candidates;
-        self.near += o.near;
         self.tests += o.tests;
         self.exact += o.exact;
     }

@@ -33,17 +33,12 @@ impl Part {
 }
 
 /// Buffers of one task.
-#[derive(Debug, Default)]
-pub(super) struct Workspace {
-    gathered: Gathered,
-    cuts: Cuts,
-}
+pub(super) type Workspace = (Gathered, Cuts);
 
 impl Step<'_> {
     /// Adds the passages of a pair of curves.
-    pub fn pair(&self, pair: Pair, workspace: &mut Workspace, part: &mut Part) {
+    pub fn pair(&self, pair: Pair, (gathered, cuts): &mut Workspace, part: &mut Part) {
         let task = Task::new(*self, pair);
-        let Workspace { gathered, cuts } = workspace;
         task.gather(gathered);
         let Gathered { near, found, .. } = gathered;
         let open = |i: usize| !self.frames[0].curve(i).closed;
@@ -77,10 +72,7 @@ impl Step<'_> {
     #[cfg(test)]
     pub fn pair_by_brute_force(&self, pair: Pair, part: &mut Part) {
         let task = Task::new(*self, pair);
-        let Workspace {
-            mut gathered,
-            mut cuts,
-        } = Workspace::default();
+        let (mut gathered, mut cuts) = Workspace::default();
         task.gather(&mut gathered);
         let Gathered { near, found, .. } = &mut gathered;
         near.sort_unstable();

@@ -82,7 +82,6 @@ impl Task<'_> {
     fn add_splines(&self, cuts: &Cuts, near: &[(u32, u32)], found: &mut Findings) {
         let (mut p, mut q) = (Vec::new(), Vec::new());
         let mut last = None;
-        found.counts.near += near.len() as u64;
         for &(s, t) in near {
             if last != Some(s) {
                 cuts.vertices(self, 0, s, &mut p);

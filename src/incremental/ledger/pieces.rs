@@ -79,23 +79,15 @@ impl Cuts {
         let splits = at[start..].iter().take_while(|c| c.0 == s).map(|c| c.1);
         out.clear();
         let (i, frames) = (task.curves[side], task.step.frames);
-        out.push(Vertex {
-            at: 0.0,
-            points: frames.map(|set| set.knot(i, s as usize)),
-        });
+        let vertex = |at: f64, points: [Point; 2]| Vertex { at, points };
+        let knot = |s: u32| frames.map(|set| set.knot(i, s as usize));
+        out.push(vertex(0.0, knot(s)));
         let segments = frames.map(|set| set.segment(i, s as usize));
         let even = (1..PIECES).map(|k| f64::from(k) / f64::from(PIECES));
-        for at in even.chain(splits) {
-            out.push(Vertex {
-                at,
-                points: segments.map(|b| point_at(&b, at)),
-            });
-        }
+        let inner = even.chain(splits);
+        out.extend(inner.map(|at| vertex(at, segments.map(|b| point_at(&b, at)))));
         out[1..].sort_unstable_by(|a, b| a.at.total_cmp(&b.at));
         out.dedup_by_key(|v| v.at);
-        out.push(Vertex {
-            at: 1.0,
-            points: frames.map(|set| set.knot(i, s as usize + 1)),
-        });
+        out.push(vertex(1.0, knot(s + 1)));
     }
 }

@@ -159,11 +159,7 @@ impl SignedCount {
     #[cold]
     #[inline(never)]
     fn add_sums(&mut self, task: &Task<'_>, [s, t]: [u32; 2]) {
-        let set = task.input.set;
-        let edges = [(task.curves[0], s), (task.curves[1], t)].map(|(i, s)| {
-            let s = s as usize;
-            [set.exact_knot(i, s), set.exact_knot(i, s + 1)]
-        });
+        let edges = task.input.set.exact_edges(task.curves, [s, t]);
         self.add_crossing(crossing_of_sums(edges, task.axis), [s, t]);
         self.stats.exact += 1;
         if sums_touch(edges) {
