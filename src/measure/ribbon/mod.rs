@@ -211,15 +211,12 @@ fn twist_about(axis: Axis, first: &[Point], second: &[Point]) -> (Vec<Point>, Es
 /// Checks that two curves may be the strands of a ribbon.
 fn check(set: &CurveSet, [i, j]: [usize; 2]) -> Result<()> {
     let fail = |what: String| {
-        Err(Error::Usage(format!(
-            "ribbon of curves {i} and {j}: {what}"
-        )))
+        let what = format!("ribbon of curves {i} and {j}: {what}");
+        Err(Error::Usage(what))
     };
     if i == j || i.max(j) >= set.len() {
-        return fail(format!(
-            "expected two different curves of 0 to {}",
-            set.len() - 1
-        ));
+        let last = set.len() - 1;
+        return fail(format!("expected two different curves of 0 to {last}"));
     }
     gauss::check_polylines(set)?;
     let curves = [i, j].map(|i| set.curve(i));

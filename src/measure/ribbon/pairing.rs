@@ -83,10 +83,7 @@ impl Pairing {
 
     /// Returns the pairing in words: `antiparallel, vertex k with n - 1 - k`.
     pub fn words(self) -> String {
-        let partner = match self.antiparallel {
-            false => "k",
-            true => "n - 1 - k",
-        };
+        let partner = if self.antiparallel { "n - 1 - k" } else { "k" };
         match (self.word(), self.shift) {
             (word, 0) => format!("{word}, vertex k with {partner}"),
             (word, shift) => format!("{word}, vertex k with {partner} + {shift}"),

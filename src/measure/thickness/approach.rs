@@ -476,10 +476,7 @@ fn has_no_minimum(p: &Part, q: &Part) -> bool {
     };
     let second = [most(&u, p, q), most(&v, q, p)];
     let [least, greatest] = products(&u, &v);
-    let mixed = if least > 0.0 {
-        least
-    } else {
-        (-greatest).max(0.0)
-    };
+    // The least magnitude.
+    let mixed = least.max(-greatest).max(0.0);
     second.iter().any(|x| *x < 0.0) || second[0] * second[1] < mixed * mixed
 }

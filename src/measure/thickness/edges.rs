@@ -224,16 +224,17 @@ impl Edges {
         let is_same = i == j && is_home(&image);
         let follows = [self.follows(i, j, image), self.follows(j, i, backward)];
         let (a, b) = (self.get(i), &self.moved(self.get(j), image));
+        let strut = |at, distance_sq, least| Found {
+            pair,
+            image,
+            at,
+            distance_sq,
+            least,
+        };
         if !a.is_straight() {
             let joints = Joints { is_same, follows };
             let found = approach([&self.side(a), &self.side(b)], joints, limit_sq)?;
-            return Some(Found {
-                pair,
-                image,
-                at: found.at,
-                distance_sq: found.distance_sq,
-                least: found.least,
-            });
+            return Some(strut(found.at, found.distance_sq, found.least));
         }
         if is_same || follows.contains(&true) {
             return None;
@@ -251,20 +252,12 @@ impl Edges {
                 near = middle;
             }
         }
-        let between = sub(
-            add_scaled(b.start, near.t, b.along),
-            add_scaled(a.start, near.s, a.along),
-        );
+        let from = add_scaled(a.start, near.s, a.along);
+        let between = sub(add_scaled(b.start, near.t, b.along), from);
         let length = near.distance_sq.sqrt();
         let critical = self.is_critical(a, near.s, between, length)
             && self.is_critical(b, near.t, between.map(|x| -x), length);
-        critical.then_some(Found {
-            pair,
-            image,
-            at: [near.s, near.t],
-            distance_sq: near.distance_sq,
-            least: length,
-        })
+        critical.then(|| strut([near.s, near.t], near.distance_sq, length))
     }
 
     /// Returns a segment of a spline, with the directions of its neighbours.

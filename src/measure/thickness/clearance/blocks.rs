@@ -65,16 +65,11 @@ impl Blocks {
             true => a <= b,
             false => image > backward,
         };
-        match forward {
-            true => BlockPair {
-                blocks: [a, b],
-                image,
-            },
-            false => BlockPair {
-                blocks: [b, a],
-                image: backward,
-            },
-        }
+        let (blocks, image) = match forward {
+            true => ([a, b], image),
+            false => ([b, a], backward),
+        };
+        BlockPair { blocks, image }
     }
 }
 

@@ -159,7 +159,7 @@ pub(crate) fn close_blocks(
         let what = format!("{} radii for {} curves", radii.len(), set.len());
         return Err(Error::Usage(what));
     }
-    check_radii(radii.iter().copied())?;
+    check_radii(radii)?;
     let layout = Layout::new(set, cell);
     let strands = layout.strands((set, cell), radii);
     let reach = Reach {
@@ -192,8 +192,9 @@ pub(crate) fn close_blocks(
 }
 
 /// Checks the radii of all curves.
-fn check_radii(mut radii: impl Iterator<Item = f64>) -> Result<()> {
-    match radii.by_ref().enumerate().find(|(_, r)| !is_radius(*r)) {
+fn check_radii(radii: &[f64]) -> Result<()> {
+    let mut radii = radii.iter().enumerate();
+    match radii.find(|(_, radius)| !is_radius(**radius)) {
         None => Ok(()),
         Some((i, radius)) => Err(Error::Usage(format!(
             "clearance needs a positive radius of each curve; that of curve {i} is {radius}"
@@ -292,11 +293,11 @@ impl ClearanceMonitor {
         if self.options.radius.is_some() {
             return Ok(());
         }
-        check_radii(radii.iter().map(|&r| r.into()))?;
-        let same = |(a, b): (&f64, &f32)| *a == f64::from(*b);
-        if self.radii.len() != radii.len() || !self.radii.iter().zip(radii).all(same) {
+        let radii: Vec<f64> = radii.iter().map(|&r| r.into()).collect();
+        check_radii(&radii)?;
+        if self.radii != radii {
             self.forget();
-            self.radii = radii.iter().map(|&r| r.into()).collect();
+            self.radii = radii;
         }
         Ok(())
     }
@@ -313,14 +314,9 @@ impl ClearanceMonitor {
 
     /// Forgets the previous frames, because the next one does not continue them.
     pub fn forget(&mut self) {
-        let options = self.options;
-        let radii = match options.radius {
-            Some(_) => Vec::new(),
-            None => std::mem::take(&mut self.radii),
-        };
         *self = ClearanceMonitor {
-            radii,
-            ..ClearanceMonitor::new(options)
+            radii: std::mem::take(&mut self.radii),
+            ..ClearanceMonitor::new(self.options)
         };
     }
 
@@ -483,7 +479,7 @@ impl ClearanceMonitor {
         list.improve(due.into_iter().zip(&measured));
         found.add(pairs, measured);
         let [_, level] = self.level(list.reach.skin, found.ratio());
-        list.set_level(level.min(list.reach.ratio), strands.blocks);
+        list.set_level(level.min(list.reach.ratio), &strands.layout.blocks);
     }
 
     /// Adapts to how long the reference frame lasted.
@@ -525,10 +521,8 @@ impl Layout {
             set,
             positions: set.positions(),
             radii,
-            arcs: &self.arcs,
-            blocks: &self.blocks,
+            layout: self,
             cell,
-            periods: &self.periods,
         }
     }
 }

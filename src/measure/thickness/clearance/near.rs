@@ -85,8 +85,8 @@ pub(super) struct Moved {
 
 impl Moved {
     /// Distinguishes the blocks of these chunks.
-    fn divide(&mut self, step: &Step<'_>, blocks: &Blocks, chunks: &[usize]) {
-        let known = self.blocks.len();
+    fn divide(&mut self, step: &Step<'_>, strands: &Strands<'_>, chunks: &[usize]) {
+        let (known, blocks) = (self.blocks.len(), &strands.layout.blocks);
         for &chunk in chunks {
             let count = blocks.numbers.len().min((chunk + 1) * CHUNK) - chunk * CHUNK;
             self.starts[chunk] = Some(self.blocks.len() as u32);
@@ -145,9 +145,7 @@ impl NearList {
     /// [`Error::Unsupported`] if there are too many, or coordinates are too large;
     /// [`Error::Usage`] if curves span too many cells.
     pub fn build(strands: &Strands<'_>, reach: Reach, search: &mut LinkSearch) -> Result<NearList> {
-        let Strands {
-            set, radii, blocks, ..
-        } = *strands;
+        let (set, radii, blocks) = (strands.set, strands.radii, &strands.layout.blocks);
         let unsupported = |what: String| Error::unsupported("clearance", what);
         if set.max_abs() > LARGEST {
             return Err(unsupported(format!("of coordinates above {LARGEST:e}")));
@@ -257,7 +255,8 @@ impl NearList {
         // A rotation would turn the lattice, too.
         let small = self.lattice.as_ref().map_or(small, |_| f64::INFINITY);
         let rigid = Rigid::fit([self.reference.positions(), strands.positions], small);
-        let (parts, step) = (&strands.blocks.chunks[..], &self.step(strands, rigid));
+        let parts = &strands.layout.blocks.chunks[..];
+        let step = &self.step(strands, rigid);
         let mut chunks = vec![Displacements::default(); parts.len()];
         let outs = chunks.par_chunks_mut(CHUNKS_PER_TASK);
         let tasks = parts.par_chunks(CHUNKS_PER_TASK).zip(outs);
@@ -314,9 +313,9 @@ impl NearList {
         if far.is_empty() {
             return Default::default();
         }
-        moved.divide(&self.step(strands, moved.rigid), strands.blocks, &far);
+        moved.divide(&self.step(strands, moved.rigid), strands, &far);
         let moved = &*moved;
-        let count = strands.blocks.numbers.len();
+        let count = strands.layout.blocks.numbers.len();
         let of = self.of.as_ref().expect("the level was chosen");
         let look = |&chunk: &usize| {
             let (mut due, mut compared) = (Vec::new(), 0);
@@ -351,7 +350,7 @@ impl NearList {
             whole && moved.rigid.largest_from(&moved.chunks[chunk]) > small
         });
         let far: Vec<usize> = far.collect();
-        moved.divide(&self.step(strands, moved.rigid), strands.blocks, &far);
+        moved.divide(&self.step(strands, moved.rigid), strands, &far);
         let lower = |pair: &mut NearPair| pair.bound = below(moved.bound(pair));
         let pairs = self.pairs.par_iter_mut().with_min_len(GRAIN);
         pairs.for_each(lower);

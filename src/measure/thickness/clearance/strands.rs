@@ -1,11 +1,9 @@
 //! Blocks of eight segments, and the distance between two of them.
 
-use super::CLOSEST;
-use super::blocks::{BlockPair, Blocks};
+use super::blocks::BlockPair;
+use super::{CLOSEST, Layout};
 use crate::curve::vector::{add, add_scaled, distance, per_axis, sub};
-use crate::curve::{
-    Cell, Curve, CurveSet, Image, Point, Positions, is_home, multiple, point_at, smaller,
-};
+use crate::curve::{Cell, Curve, CurveSet, Point, Positions, is_home, multiple, point_at, smaller};
 use crate::measure::thickness::splines::deviation;
 use crate::pairs::{Eight, nearest, squared_distances};
 use crate::simd::{LANES, dispatch};
@@ -179,33 +177,30 @@ pub(super) struct Strands<'a> {
     pub positions: Positions<'a>,
     /// Radius of each curve.
     pub radii: &'a [f64],
-    pub arcs: &'a Arcs,
-    pub blocks: &'a Blocks,
+    pub layout: &'a Layout,
     /// Periodic cell, if there is one.
     pub cell: Option<&'a Cell>,
-    /// Period of each curve; zeros if it does not run through the cell.
-    pub periods: &'a [Image],
 }
 
 impl Strands<'_> {
     /// Returns by how many periods the second block of a pair is later on the same curve. `None` if
     /// they are blocks of different curves, or of a curve and an image that does not continue it.
     fn later(&self, pair: &BlockPair) -> Option<i32> {
-        let [i, j] = pair
-            .blocks
-            .map(|k| self.blocks.numbers.curves[k as usize] as usize);
+        let curves = &self.layout.blocks.numbers.curves;
+        let [i, j] = pair.blocks.map(|k| curves[k as usize] as usize);
         if i != j {
             return None;
         }
         match is_home(&pair.image) {
             true => Some(0),
-            false => multiple(pair.image, self.periods[i]),
+            false => multiple(pair.image, self.layout.periods[i]),
         }
     }
 
     /// Returns the index of each block within its curve.
     fn numbers(&self, pair: &BlockPair) -> [u32; 2] {
-        pair.blocks.map(|k| self.blocks.numbers.place(k).1 as u32)
+        pair.blocks
+            .map(|k| self.layout.blocks.numbers.place(k).1 as u32)
     }
 
     /// Returns true if some segments of two blocks count as two strands. On one curve, they must be
@@ -214,11 +209,10 @@ impl Strands<'_> {
         let Some(later) = self.later(pair) else {
             return true;
         };
-        let i = self.blocks.numbers.curves[pair.blocks[0] as usize] as usize;
+        let i = self.layout.blocks.numbers.curves[pair.blocks[0] as usize] as usize;
         let curve = self.set.curve(i);
-        let [_, most] = self
-            .arcs
-            .between_blocks(i, &curve, self.numbers(pair), later);
+        let arcs = &self.layout.arcs;
+        let [_, most] = arcs.between_blocks(i, &curve, self.numbers(pair), later);
         most >= PI * self.radii[i]
     }
 
@@ -387,14 +381,14 @@ impl Strands<'_> {
         let curve = self.set.curve(i);
         let apart = PI * self.radii[i];
         let numbers = self.numbers(pair);
-        let [least, _] = self.arcs.between_blocks(i, &curve, numbers, later);
+        let [least, _] = self.layout.arcs.between_blocks(i, &curve, numbers, later);
         if least >= apart {
             return;
         }
         let is_one = |s: u32, t: u32| later == 0 && (s >= t || curve.adjacent(s, t));
         for (s, squares) in (a.first..).zip(squares).take(a.count) {
             for (t, square) in (b.first..).zip(squares) {
-                let near = || self.arcs.between(i, &curve, [s, t], later) < apart;
+                let near = || self.layout.arcs.between(i, &curve, [s, t], later) < apart;
                 if t >= curve.segments || is_one(s, t) || near() {
                     *square = f64::INFINITY;
                 }
@@ -475,16 +469,14 @@ impl Strands<'_> {
             }
         }
         let [p, q] = best.1;
-        (
-            closest_of_edges([one[p], one[p + 1]], [other[q], other[q + 1]]),
-            error,
-        )
+        let edges = closest_of_edges([one[p], one[p + 1]], [other[q], other[q + 1]]);
+        (edges, error)
     }
 
     /// Reads a block of a curve.
     #[inline(always)]
     fn block(&self, number: u32) -> Block {
-        let (i, block) = self.blocks.numbers.place(number);
+        let (i, block) = self.layout.blocks.numbers.place(number);
         let curve = self.set.curve(i);
         let basis = self.set.basis();
         let first = (block * LANES) as u32;
