@@ -57,11 +57,8 @@ impl Diagram {
     /// Returns the Gauss code as text of KnotTheory, `GaussCode[-1, 2, -3, 1, -2, 3]`, with braces
     /// around each component if there are several.
     pub fn gauss_text(&self) -> String {
-        let [open, close] = if self.components.len() == 1 {
-            ["", ""]
-        } else {
-            ["{", "}"]
-        };
+        let single = self.components.len() == 1;
+        let [open, close] = if single { ["", ""] } else { ["{", "}"] };
         let components = self.gauss_code().into_iter();
         let components = components.map(|c| format!("{open}{}{close}", joined(c.iter())));
         format!("GaussCode[{}]", joined(components))

@@ -61,19 +61,16 @@ impl HigherInvariants {
         };
         match kind {
             InvariantKind::Curve => {
-                let knot = |&i: &u32| {
-                    let diagram = Diagram::of(set, &[i])?.reduced();
-                    Ok((i, diagram.invariants().remove(0)))
+                let numbers = |&i: &u32| {
+                    let knot = Diagram::of(set, &[i])?.reduced().invariants().remove(0);
+                    let unknown = || UNCOMPUTED.to_owned();
+                    let v3 = knot.v3.map_or_else(unknown, |v3| v3.to_string());
+                    let determinant = knot.determinant.unwrap_or_else(unknown);
+                    Ok((vec![i], vec![knot.v2.to_string(), v3, determinant]))
                 };
-                for found in closed.par_iter().map(knot).collect::<Vec<_>>() {
+                for found in closed.par_iter().map(numbers).collect::<Vec<_>>() {
                     match found {
-                        Ok((i, knot)) => {
-                            let unknown = || UNCOMPUTED.to_owned();
-                            let v3 = knot.v3.map_or_else(unknown, |v3| v3.to_string());
-                            let determinant = knot.determinant.unwrap_or_else(unknown);
-                            out.numbers
-                                .push((vec![i], vec![knot.v2.to_string(), v3, determinant]));
-                        }
+                        Ok(numbers) => out.numbers.push(numbers),
                         Err(defect) => defects.push(defect),
                     }
                 }

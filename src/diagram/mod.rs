@@ -351,10 +351,8 @@ fn of_splines(set: &CurveSet, names: &[u32]) -> Result<project::GaussCode, Defec
         })
     });
     found.map_err(|defect| {
-        let (i, j) = (
-            names[defect.i as usize],
-            defect.j.map(|j| names[j as usize]),
-        );
+        let name = |i: u32| names[i as usize];
+        let (i, j) = (name(defect.i), defect.j.map(name));
         let mut named = Defect { i, j, ..defect };
         if let Some(j) = j.filter(|j| *j < i) {
             (named.i, named.j) = (j, Some(i));

@@ -244,10 +244,8 @@ impl Edges {
             let seen = ends.map(|v| self.direction.area([e[0], e[1], v]));
             (seen[0].sign * seen[1].sign <= 0).then_some(seen)
         };
-        let Some(of_q) = areas(p, q) else {
-            return Ok(None);
-        };
-        let Some(of_p) = areas(q, p) else {
+        let both = areas(p, q).and_then(|of_q| Some((of_q, areas(q, p)?)));
+        let Some((of_q, of_p)) = both else {
             return Ok(None);
         };
         let mut predicates = Predicates::default();

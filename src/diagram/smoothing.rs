@@ -57,12 +57,8 @@ fn between(frames: [&CurveSet; 2], curve: u32, time: f64) -> Option<CurveSet> {
     let points = before.zip(after).map(|(a, b)| mix(a, b, time));
     let points: Vec<Point> = points.collect();
     let counts = [-(points.len() as i32)];
-    CurveSet::from_counts(
-        Basis::Polyline,
-        &counts,
-        Positions::F64(points.as_flattened()),
-    )
-    .ok()
+    let positions = Positions::F64(points.as_flattened());
+    CurveSet::from_counts(Basis::Polyline, &counts, positions).ok()
 }
 
 /// Returns the linking number of the two parts of a curve at a crossing of these segments. If they

@@ -33,14 +33,8 @@ pub(crate) fn canonical(curves: usize, entries: &[Entry], periods: &[YarnPeriod]
     let mut gauge = Gauge::new(&tree);
     let mut order: Vec<Entry> = entries.to_vec();
     order.sort_by_key(|(pair, lambda)| {
-        let period = period_of_pair(periods, pair.i, pair.j);
-        (
-            pair.i,
-            pair.j,
-            rank(pair.image, period),
-            pair.image,
-            *lambda,
-        )
+        let rank = rank(pair.image, period_of_pair(periods, pair.i, pair.j));
+        (pair.i, pair.j, rank, pair.image, *lambda)
     });
     let named = order.into_iter().map(|(pair, lambda)| {
         let ImagePair { i, j, image } = pair;

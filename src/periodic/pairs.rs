@@ -149,7 +149,7 @@ impl ImagePairs {
         for pair in others {
             found.add(pair)?;
         }
-        search(&within, cell, searched, &mut found)?;
+        found.search(&within, cell)?;
         let Found { curves, yarns, .. } = found;
         let own = (0..searched.curves.len() as u32).map(|i| (i, Image::default()));
         let mut curves: Vec<(u32, Image)> = own.chain(curves).collect();
@@ -296,6 +296,34 @@ impl<'a> Found<'a> {
         }
         Ok(())
     }
+
+    /// Adds all pairs of a curve and an image with overlapping boxes.
+    fn search(&mut self, boxes: &FractionalBoxes, cell: &Cell) -> Result<()> {
+        let searched = self.searched;
+        let (mut links, limit) = (LinkSearch::default(), PairLimit::default());
+        limit.begin(MOST_PAIRS.max(IMAGES as usize * boxes.0.len()));
+        links.limit_to(limit.clone());
+        let is_used = |i: usize| searched.is_used(i);
+        let found = overlapping(&boxes.0, cell, is_used, &mut links).map_err(too_far)?;
+        if limit.is_exceeded() {
+            return Err(too_far(boxes.widest(cell)));
+        }
+        for (i, j, image) in found {
+            let both = [i, j].map(|i| searched.periods[i as usize]);
+            let pair = RingAndYarn::between((i, j), image, both);
+            let pair = pair.filter(|pair| searched.is_closed(pair.ring));
+            self.yarns.extend(pair);
+            let numbers = [i, j].iter().all(|&i| searched.is_closed(i));
+            if image != Image::default() && (numbers || searched.open_too) {
+                self.add(ImagePair::new(i, j, image))?;
+            }
+            if self.pairs.len() + self.yarns.len() > searched.most {
+                let limit = searched.most as u64;
+                return Err(Error::TooManyPairs { limit });
+            }
+        }
+        Ok(())
+    }
 }
 
 /// Limit of the points of translated curves.
@@ -329,38 +357,6 @@ impl PointLimit {
         })?;
         Ok(())
     }
-}
-
-/// Adds all pairs of a curve and an image with overlapping boxes.
-fn search(
-    boxes: &FractionalBoxes,
-    cell: &Cell,
-    searched: &Searched<'_>,
-    all: &mut Found<'_>,
-) -> Result<()> {
-    let (mut links, limit) = (LinkSearch::default(), PairLimit::default());
-    limit.begin(MOST_PAIRS.max(IMAGES as usize * boxes.0.len()));
-    links.limit_to(limit.clone());
-    let is_used = |i: usize| searched.is_used(i);
-    let found = overlapping(&boxes.0, cell, is_used, &mut links).map_err(too_far)?;
-    if limit.is_exceeded() {
-        return Err(too_far(boxes.widest(cell)));
-    }
-    for (i, j, image) in found {
-        let both = [i, j].map(|i| searched.periods[i as usize]);
-        let pair = RingAndYarn::between((i, j), image, both);
-        all.yarns
-            .extend(pair.filter(|pair| searched.is_closed(pair.ring)));
-        let numbers = [i, j].iter().all(|&i| searched.is_closed(i));
-        if image != Image::default() && (numbers || searched.open_too) {
-            all.add(ImagePair::new(i, j, image))?;
-        }
-        if all.pairs.len() + all.yarns.len() > searched.most {
-            let limit = searched.most as u64;
-            return Err(Error::TooManyPairs { limit });
-        }
-    }
-    Ok(())
 }
 
 /// Returns all pairs of a box and an image of another one, or of itself, that overlap: both boxes,
@@ -513,7 +509,7 @@ mod tests {
             most: usize::MAX,
         };
         let mut found = Found::new(&searched);
-        search(boxes, cell, &searched, &mut found)?;
+        found.search(boxes, cell)?;
         *pairs = found.pairs;
         Ok(())
     }

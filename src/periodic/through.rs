@@ -10,6 +10,7 @@
 use super::ImagePair;
 use crate::curve::vector::{dot, norm, per_axis, sub};
 use crate::curve::{Cell, CurveSet, Image, Point, Precision, pow2, significant};
+use serde::{Deserialize, Serialize};
 
 /// Returns the largest distance of the end of a curve from the image of its start along a
 /// direction, relative to the size of the cell and of the coordinates of both.
@@ -29,9 +30,7 @@ fn tolerance(precision: Precision) -> f64 {
 }
 
 /// A closed curve, and an infinite curve translated by a lattice vector.
-#[derive(
-    Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, serde::Serialize, serde::Deserialize,
-)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub(crate) struct RingAndYarn {
     pub ring: u32,
     pub yarn: u32,
