@@ -44,11 +44,8 @@ pub(crate) fn ingest(
         None => {
             // Copied once, because the counts in shared memory could change between two reads.
             let counts = frame.counts.to_vec();
-            *set = Some(CurveSet::from_counts(
-                frame.basis,
-                &counts,
-                frame.positions,
-            )?);
+            let curves = CurveSet::from_counts(frame.basis, &counts, frame.positions)?;
+            *set = Some(curves);
         }
         Some(set) => {
             same_layout(&frame, set)?;

@@ -60,11 +60,8 @@ fn build(scene: &Scene) -> Result<Generated> {
     // no point moves further than this.
     let tilt = scene.real("tilt").to_radians();
     let off = 2.0 * (isotopy.sagitta(edge) + rounding(extent));
-    scene.check_gap(
-        (GAP - 4.0 * tilt) / isotopy.stretch(),
-        off,
-        "take a smaller sheet",
-    )?;
+    let gap = (GAP - 4.0 * tilt) / isotopy.stretch();
+    scene.check_gap(gap, off, "take a smaller sheet")?;
 
     let rings = 3 * rows * columns;
     let mut pen = Pen::new(Basis::Polyline, SEGMENTS * rings);
@@ -90,11 +87,8 @@ fn build(scene: &Scene) -> Result<Generated> {
             ring(flat + 2, &|c, s, h| [x + r * h, y + half + r * c, r * s])?;
 
             let mut link = |i: usize, j: usize, lambda| {
-                links.push(Link {
-                    i: i as u32,
-                    j: j as u32,
-                    lambda,
-                });
+                let [i, j] = [i, j].map(|ring| ring as u32);
+                links.push(Link { i, j, lambda });
             };
             link(flat, flat + 1, -1);
             link(flat, flat + 2, -1);

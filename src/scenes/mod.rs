@@ -36,7 +36,6 @@ mod pull_through;
 mod ribbon;
 mod rubber_bands;
 mod square_link;
-mod torus;
 mod torus_link;
 mod torus_zero;
 mod woundball;
@@ -308,15 +307,12 @@ fn hint(word: &str, known: &[&str]) -> String {
     /// Similarity, from 0 to 1, from which a name is suggested.
     const MIN_SIMILARITY: f64 = 0.8;
     let word = word.to_lowercase();
-    let alike = known
-        .iter()
-        .map(|name| (strsim::jaro_winkler(&word, name), name));
+    let alike = known.iter();
+    let alike = alike.map(|name| (strsim::jaro_winkler(&word, name), name));
     let nearest = alike.max_by(|a, b| a.0.total_cmp(&b.0));
-    let nearest = nearest
-        .filter(|(likeness, _)| *likeness > MIN_SIMILARITY)
-        .map_or(String::new(), |(_, name)| {
-            format!("; the nearest is '{name}'")
-        });
+    let nearest = nearest.filter(|(likeness, _)| *likeness > MIN_SIMILARITY);
+    let nearest = nearest.map(|(_, name)| format!("; the nearest is '{name}'"));
+    let nearest = nearest.unwrap_or_default();
     format!("(known: {}){nearest}", known.join(", "))
 }
 

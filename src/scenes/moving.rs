@@ -37,22 +37,16 @@ impl MovingScene {
         mut curves: CurveSet,
         mut take: impl FnMut(u64, CurveSet) -> Result<CurveSet>,
     ) -> Result<()> {
-        let pull = match self.pull {
-            Some(frame) => {
-                let nearest = pull_throughs(&curves).into_iter().next();
-                let pull = nearest.ok_or_else(|| {
-                    let what = "no two curves are near enough to be pulled through one another";
-                    Error::Usage(what.into())
-                })?;
-                Some((frame, pull))
-            }
-            None => None,
-        };
+        let pull = self
+            .pull
+            .and_then(|_| pull_throughs(&curves).into_iter().next());
+        if self.pull.is_some() && pull.is_none() {
+            let what = "no two curves are near enough to be pulled through one another";
+            return Err(Error::Usage(what.into()));
+        }
         let mut frames = Frames::new(&curves, self.length);
         for frame in 0..self.frames {
-            if let Some((at, pull)) = &pull
-                && *at == frame
-            {
+            if let Some(pull) = pull.as_ref().filter(|_| self.pull == Some(frame)) {
                 frames.pull(pull);
             }
             curves.update(frames.at(&self.motion, self.amplitude, frame))?;

@@ -1,4 +1,4 @@
-//! Draws closed curves point by point, with little memory in addition to the set.
+//! Draws closed curves point by point, with little memory in addition to the set; points on tori.
 
 use crate::curve::{Basis, CurveSet, CurveSetBuilder, Point, Positions, Precision};
 use crate::error::Result;
@@ -52,4 +52,17 @@ pub(super) fn polylines(
         pen.closed(n, |k| point(i, k, n))?;
     }
     pen.finish()
+}
+
+/// Returns the point on the torus of this tube radius around the unit circle of the xy plane, at a
+/// toroidal angle (along the circle) and a poloidal one (around it), in radians.
+///
+/// The linking number of a curve inside of a torus and one outside is the product of two numbers:
+/// the toroidal turns of the inner one, which is homologous to that multiple of the core, and the
+/// poloidal turns of the outer one. The direction of the poloidal angle makes two positive numbers
+/// count +1.
+pub(super) fn on_torus(tube: f64, toroidal: f64, poloidal: f64) -> Point {
+    let ((s, c), (sp, cp)) = (toroidal.sin_cos(), poloidal.sin_cos());
+    let r = 1.0 + tube * cp;
+    [r * c, r * s, -tube * sp]
 }

@@ -1,7 +1,6 @@
 //! The double helix ribbon: two strands around one circle, twisted around each other.
 
-use super::pen::polylines;
-use super::torus::on_torus;
+use super::pen::{on_torus, polylines};
 use super::{Generated, Kind, MOST_SEGMENTS, Parameter, Scene, rounding, sagitta};
 use crate::error::Result;
 use std::f64::consts::{PI, TAU};

@@ -40,10 +40,8 @@ const LAYER: f64 = 0.12;
 fn build(scene: &Scene) -> Result<Generated> {
     let bands = scene.count("bands");
     // Four times as many layers as bands along a side.
-    let mut side = 1;
-    while 4 * side * side * side < bands {
-        side += 1;
-    }
+    let is_enough = |side: &usize| 4 * side * side * side >= bands;
+    let side = (1..).find(is_enough).unwrap_or(1);
     let layers = bands.div_ceil(side * side);
     let isotopy = piled_waves();
     let gap = LAYER.min(CELL - 2.0 * RADIUS * (1.0 + OVAL_AMPLITUDE));

@@ -61,12 +61,9 @@ fn build(scene: &Scene) -> Result<Generated> {
             _ => [u + CENTRE_DISTANCE, height, -v],
         }
     });
-    let link = |i: usize, j: usize| Link {
-        i: i as u32,
-        j: (half + j) as u32,
-        lambda: 1,
-    };
-    let links = (0..half).flat_map(|i| (0..half).map(move |j| link(i, j)));
+    let n = half as u32;
+    let lambda = 1;
+    let links = (0..n).flat_map(|i| (n..2 * n).map(move |j| Link { i, j, lambda }));
     Ok(Generated::new(squares?, links.collect()))
 }
 

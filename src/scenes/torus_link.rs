@@ -1,7 +1,6 @@
 //! Two curves on two tori, one inside of the other.
 
-use super::pen::polylines;
-use super::torus::on_torus;
+use super::pen::{on_torus, polylines};
 use super::{Generated, Kind, MOST_SEGMENTS, Parameter, Scene, rounding};
 use crate::error::Result;
 use std::f64::consts::TAU;

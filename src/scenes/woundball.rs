@@ -28,11 +28,12 @@ fn build(scene: &Scene) -> Result<Generated> {
     let angle = TAU / (segments / 2) as f64 * crossings.hypot(1.0);
     let advice = "take more segments or fewer crossings";
     // Beyond a quarter turn the cosine gives no bound.
-    let depth = if angle < 1.0 {
-        2.0 - 2.0 * (angle / 2.0).cos()
+    let cosine = if angle < 1.0 {
+        (angle / 2.0).cos()
     } else {
-        2.0
+        0.0
     };
+    let depth = 2.0 - 2.0 * cosine;
     scene.check_gap(1.0, depth + rounding(1.0) + rounding(2.0), advice)?;
 
     let curves = polylines(2, segments, |i, k, n| {

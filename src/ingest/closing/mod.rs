@@ -71,8 +71,9 @@ pub struct Closing {
     /// True if a frame with these decisions was verified.
     accepted: bool,
     notes: Vec<ClosingNote>,
-    /// Counts and coordinates of the last frame that was changed.
+    /// Counts of the last frame, the points that are kept, and their coordinates if it was changed.
     counts: Vec<i32>,
+    kept: Vec<Range<usize>>,
     singles: Vec<f32>,
     doubles: Vec<f64>,
 }
@@ -197,29 +198,46 @@ impl Closing {
             return Ok(frame);
         }
         let metric = Metric::new(source.cell.filter(|_| source.wrapped).as_ref());
-        let mut changed = false;
-        let mut first = 0;
-        for (i, known) in self.known.iter().enumerate() {
-            let count = self.counts[i];
-            let layout = Layout::new(frame.basis, first, count);
+        let (mut first, mut changed) = (0, false);
+        self.kept.clear();
+        for (i, (known, count)) in self.known.iter().zip(&mut self.counts).enumerate() {
+            let layout = Layout::new(frame.basis, first, *count);
             first += layout.points;
-            let joins_within = match (known, count < 0) {
+            let mut points = layout.first..first;
+            let joins_within = match (known, *count < 0) {
                 (Known::Open, true) if source.closed_by_default => {
+                    *count = count.abs();
                     changed = true;
-                    continue;
+                    None
                 }
-                (Known::Closed, false) if !self.keep_open => 0.0,
-                (Known::Joined(within), false) if !self.keep_open => *within,
-                (Known::Repeated(within), _) => *within,
-                _ => continue,
+                (Known::Closed, false) if !self.keep_open => Some(0.0),
+                (Known::Joined(within), false) if !self.keep_open => Some(*within),
+                (Known::Repeated(within), _) => Some(*within),
+                _ => None,
             };
-            layout.check_ends(i, &frame.positions, &metric, joins_within)?;
-            changed = true;
+            if let Some(within) = joins_within {
+                layout.check_ends(i, &frame.positions, &metric, within)?;
+                points = layout.without_repeated();
+                *count = -(points.len() as i32);
+                changed = true;
+            }
+            match self.kept.last_mut() {
+                Some(last) if last.end == points.start => last.end = points.end,
+                _ => self.kept.push(points),
+            }
         }
         if !changed {
             return Ok(frame);
         }
-        self.rebuild(frame, source.closed_by_default)
+        let positions = match frame.positions {
+            Positions::F32(v) => Positions::F32(copied(v, &self.kept, &mut self.singles)),
+            Positions::F64(v) => Positions::F64(copied(v, &self.kept, &mut self.doubles)),
+        };
+        Ok(RawFrame {
+            basis: frame.basis,
+            counts: &self.counts,
+            positions,
+        })
     }
 
     /// Returns the curves of a frame, closed as [`Closing::close`] does.
@@ -315,51 +333,15 @@ impl Closing {
         notes.sort_by_key(|note| note.kind);
         self.notes = notes;
     }
+}
 
-    /// Copies a frame with the changes of its curves.
-    fn rebuild<'a>(&'a mut self, frame: RawFrame<'a>, by_default: bool) -> Result<RawFrame<'a>> {
-        let mut kept: Vec<Range<usize>> = Vec::with_capacity(self.counts.len());
-        let mut first = 0;
-        for (known, count) in self.known.iter().zip(&mut self.counts) {
-            let layout = Layout::new(frame.basis, first, *count);
-            first += layout.points;
-            let mut points = layout.first..first;
-            match known {
-                Known::Open if by_default => *count = count.abs(),
-                Known::Closed | Known::Joined(_) if *count < 0 => {}
-                Known::Closed | Known::Joined(_) | Known::Repeated(_) => {
-                    points = layout.without_repeated();
-                    *count = -(points.len() as i32);
-                }
-                Known::Open => {}
-            }
-            match kept.last_mut() {
-                Some(last) if last.end == points.start => last.end = points.end,
-                _ => kept.push(points),
-            }
-        }
-        fn copy<T: Copy>(from: &[T], to: &mut Vec<T>, kept: &[Range<usize>]) {
-            to.clear();
-            for points in kept {
-                to.extend_from_slice(&from[3 * points.start..3 * points.end]);
-            }
-        }
-        let positions = match frame.positions {
-            Positions::F32(from) => {
-                copy(from, &mut self.singles, &kept);
-                Positions::F32(&self.singles)
-            }
-            Positions::F64(from) => {
-                copy(from, &mut self.doubles, &kept);
-                Positions::F64(&self.doubles)
-            }
-        };
-        Ok(RawFrame {
-            basis: frame.basis,
-            counts: &self.counts,
-            positions,
-        })
+/// Copies the coordinates of some points.
+fn copied<'a, T: Copy>(from: &[T], kept: &[Range<usize>], to: &'a mut Vec<T>) -> &'a [T] {
+    to.clear();
+    for points in kept {
+        to.extend_from_slice(&from[3 * points.start..3 * points.end]);
     }
+    to
 }
 
 #[cfg(test)]
