@@ -9,8 +9,8 @@ use super::input::{self, FormatArgs};
 use super::output::with_progress;
 use super::run::{Baseline, Judge, JunitArgs, Run, Setup, Sinks};
 use super::sequence::{Frame, Sequence};
-use crate::curve::vector::{distance, per_axis};
-use linkwatch::{AbortOn, CurveSet, Error, Events, Point, Result, SessionOptions};
+use crate::curve::vector::{distance, dot, per_axis, sub};
+use linkwatch::{AbortOn, Cell, CurveSet, Error, Events, Point, Result, SessionOptions};
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::slice;
@@ -106,7 +106,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
                     or --baseline CERT (`linkwatch certify MODEL -o CERT` writes one)"
         ));
     }
-    let far = !args.event_args.are_given() && are_far_apart(&first, &second);
+    let far = !args.event_args.are_given() && are_far_apart(&args.cell_args, &first, &second);
     if second.is_none() || args.early_exit || far {
         // There is no step to search, or another option excludes it.
         judge.event_args.events.get_or_insert(Events::Off);
@@ -164,14 +164,19 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
 /// Returns true, with a warning, if the first two frames are so far apart that straight lines do
 /// not describe the motion between them: most pull-throughs would be unresolved, and a search would
 /// take long.
-fn are_far_apart(first: &Result<Frame>, second: &Option<Result<Frame>>) -> bool {
+fn are_far_apart(
+    cell_args: &CellArgs,
+    first: &Result<Frame>,
+    second: &Option<Result<Frame>>,
+) -> bool {
     let (Ok(first), Some(Ok(second))) = (first, second) else {
         return false;
     };
     let (Ok(from), Ok(to)) = (&first.curves, &second.curves) else {
         return false;
     };
-    let lengths = motion(from, to).unwrap_or(0.0);
+    let cell = cell_args.cell(second.info.cell);
+    let lengths = motion(from, to, cell.as_ref()).unwrap_or(0.0);
     let is_far = lengths > SessionOptions::MOTION_LIMIT;
     // Without closed curves there is nothing else to verify.
     let compares = is_far && !second.begins_run && from.curves().iter().any(|curve| curve.closed);
@@ -188,8 +193,8 @@ fn are_far_apart(first: &Result<Frame>, second: &Option<Result<Frame>>) -> bool 
 }
 
 /// Returns the median motion of the points in a step, in median segment lengths, relative to the
-/// median translation; `None` if the curves differ.
-fn motion(from: &CurveSet, to: &CurveSet) -> Option<f64> {
+/// median translation; `None` if the curves differ. In a cell, points move to their nearest images.
+fn motion(from: &CurveSet, to: &CurveSet, cell: Option<&Cell>) -> Option<f64> {
     if !from.counts().eq(to.counts()) {
         return None;
     }
@@ -199,9 +204,13 @@ fn motion(from: &CurveSet, to: &CurveSet) -> Option<f64> {
         .collect();
     let within = slots.iter().filter(|(_, k)| *k > 0);
     let length = median(within.map(|&(i, k)| distance(from.point(i, k - 1), from.point(i, k))))?;
+    let images = cell.and_then(|cell| Some((cell, cell.inverse()?)));
     let moved = |&(i, k): &(usize, usize)| {
-        let (a, b) = (from.point(i, k), to.point(i, k));
-        per_axis(|x| b[x] - a[x])
+        let by = sub(to.point(i, k), from.point(i, k));
+        images.map_or(by, |(cell, inverse)| {
+            let cells = inverse.map(|b| dot(b, by).round() as i32);
+            sub(by, cell.translation(cells))
+        })
     };
     let moved: Vec<Point> = slots.iter().map(moved).collect();
     let all = per_axis(|x| median(moved.iter().map(|by| by[x])).unwrap_or(0.0));

@@ -16,7 +16,7 @@
 //!
 //! Without a header there are three columns. A header must name `x`, `y` and `z` (or `Points:0` to
 //! `Points:2`, as ParaView does). A column `curve` (or another of [`GROUPS`]) separates curves
-//! where its value changes. Columns of other names are ignored if it is known that they do not
+//! where its value changes, which is their name. Columns of other names are ignored if it is known that they do not
 //! divide the points ([`OTHERS`]), and refused else: ignored, they would join curves.
 //!
 //! # Closed and open curves
@@ -34,9 +34,9 @@
 use super::frames::{FrameSource, ModelFrame, ReadOptions, Source};
 use super::lines::{Lines, integer, parsed, words};
 use super::{Input, divided, is_in, number, quote};
-use crate::curve::{CurveSet, Point, Positions, count_of};
+use crate::curve::{CurveLabels, CurveSet, Point, Positions, count_of};
 use crate::error::{Error, Result};
-use crate::ingest::Closing;
+use crate::ingest::{Closing, FrameInfo};
 use std::collections::HashSet;
 use std::io::BufRead;
 use std::path::Path;
@@ -252,6 +252,8 @@ struct Curves {
     /// Value of the column that groups the points, and those of the curves before.
     group: Option<Vec<u8>>,
     groups: HashSet<Vec<u8>>,
+    /// Those values, in the order of the curves.
+    names: Vec<String>,
     /// First line of the frame that is no point, although the frame has its number of lines.
     bad: Option<Error>,
 }
@@ -259,13 +261,14 @@ struct Curves {
 impl Curves {
     fn push(&mut self, point: Point, group: Option<Vec<u8>>) -> Result<(), String> {
         if group != self.group || self.sizes.is_empty() {
-            if let Some(group) = &group
-                && !self.groups.insert(group.clone())
-            {
-                let group = quote(group);
-                return Err(format!(
-                    "a point of curve {group} after those of another curve"
-                ));
+            if let Some(group) = &group {
+                if !self.groups.insert(group.clone()) {
+                    let group = quote(group);
+                    return Err(format!(
+                        "a point of curve {group} after those of another curve"
+                    ));
+                }
+                self.names.push(String::from_utf8_lossy(group).into_owned());
             }
             self.begins = true;
             self.group = group;
@@ -402,7 +405,7 @@ impl<R: BufRead> FrameSource for Points<R> {
         if self.ended {
             return Ok(None);
         }
-        let Some(curves) = self.curves()? else {
+        let Some(mut curves) = self.curves()? else {
             return Ok(None);
         };
         if self.frames == 1 {
@@ -414,9 +417,15 @@ impl<R: BufRead> FrameSource for Points<R> {
         }
         let seq = self.frames;
         self.frames += 1;
+        // Lines without points may divide the points of a name.
+        let named = self.options.counts.is_none() && curves.names.len() == curves.sizes.len();
+        let names = std::mem::take(&mut curves.names)
+            .into_iter()
+            .filter(|_| named);
         let set = curves.finish(&self.options, !self.decided);
         self.decided |= set.is_ok();
-        Ok(Some(ModelFrame::new(seq, set)))
+        let info = FrameInfo::at(seq, 0.0).with_labels(0, CurveLabels::named(names));
+        Ok(Some(ModelFrame::of(info, set)))
     }
 }
 

@@ -521,3 +521,100 @@ fn files_after_those_of_an_unknown_kind_are_verified() {
     assert!(run.stderr.contains(&together), "{}", run.stderr);
     assert!(run.stdout.contains("came apart"), "{}", run.stdout);
 }
+
+/// Writes a frame of extended XYZ in a cubic cell of 10: molecules with their numbers.
+fn xyz(step: usize, molecules: &[(i64, Vec<[f64; 3]>)]) -> String {
+    let atoms: usize = molecules.iter().map(|(_, points)| points.len()).sum();
+    let mut text = format!(
+        "{atoms}\nLattice=\"10 0 0 0 10 0 0 0 10\" Timestep={step} \
+         Properties=species:S:1:pos:R:3:molecule:I:1:closed:L:1\n"
+    );
+    for (number, points) in molecules {
+        for [x, y, z] in points {
+            text += &format!("C {x:.9} {y:.9} {z:.9} {number} T\n");
+        }
+    }
+    text
+}
+
+/// Points of a circle of radius 1 in the plane of two axes.
+fn circle(at: [f64; 3], [u, v]: [usize; 2]) -> Vec<[f64; 3]> {
+    let angle = |k: u32| std::f64::consts::TAU * f64::from(k) / 24.0;
+    let point = |k| {
+        let mut p = at;
+        p[u] += angle(k).cos();
+        p[v] += angle(k).sin();
+        p
+    };
+    (0..24).map(point).collect()
+}
+
+/// Regression test: pull-throughs of the whole run were not searched for.
+#[test]
+fn frames_are_not_far_apart_if_a_curve_jumps_by_a_lattice_vector() {
+    let folder = TempDir::new().unwrap();
+    let file = folder.path().join("jump.xyz");
+    // The second ring leaves the first one and comes back: two pull-throughs.
+    let frame = |k: usize| {
+        let away = 0.1 * k.min(29 - k) as f64;
+        let first = circle([5.0 - if k > 0 { 10.0 } else { 0.0 }, 5.0, 5.0], [0, 1]);
+        xyz(
+            k,
+            &[(1, first), (2, circle([6.01 + away, 5.0, 5.0], [0, 2]))],
+        )
+    };
+    std::fs::write(&file, (0..30).map(frame).collect::<String>()).unwrap();
+    let run = linkwatch(&["check", text(&file)]);
+    assert!(!run.stderr.contains("are far apart"), "{}", run.stderr);
+    let passed = run.stdout.matches("passed through one another").count();
+    assert!(run.code == 1 && passed >= 2, "{}{}", run.stdout, run.stderr);
+}
+
+/// Regression test: curves were told apart by the order in which their numbers appear.
+#[test]
+fn molecules_are_the_same_curves_in_any_order_of_a_file() {
+    let folder = TempDir::new().unwrap();
+    let rings = |x: f64| {
+        let second = (2, circle([4.0 + x, 5.0, 5.0], [0, 2]));
+        [
+            (1, circle([3.0, 5.0, 5.0], [0, 1])),
+            second,
+            (7, circle([7.0, 5.0, 5.0], [0, 1])),
+        ]
+    };
+    let [a, b, c] = rings(0.0);
+    let same = [
+        xyz(0, &rings(0.0)),
+        xyz(1, &[c.clone(), a.clone(), b.clone()]),
+    ];
+    // Molecule 2 leaves 1 and joins 7.
+    let [a2, b2, c2] = rings(2.0);
+    let moved = [xyz(0, &rings(0.0)), xyz(1, &[c2, b2, a2])];
+    // Another molecule is there instead of 7.
+    let other = [xyz(0, &rings(0.0)), xyz(1, &[a, b, (8, c.1)])];
+    for (name, frames, code) in [("same", same, 0), ("moved", moved, 1), ("other", other, 3)] {
+        let file = folder.path().join(format!("{name}.xyz"));
+        std::fs::write(&file, frames.concat()).unwrap();
+        let run = linkwatch(&["check", "--events=off", text(&file)]);
+        assert_eq!(run.code, code, "{name}: {}{}", run.stdout, run.stderr);
+        // The same as text, without a cell.
+        let files = [0, 1].map(|k| folder.path().join(format!("{name}{k}.csv")));
+        for (file, frame) in files.iter().zip(&frames) {
+            let rows = frame.lines().skip(2).map(|line| {
+                let words: Vec<&str> = line.split(' ').collect();
+                format!("{},{},{},{}\n", words[4], words[1], words[2], words[3])
+            });
+            std::fs::write(file, format!("curve,x,y,z\n{}", rows.collect::<String>())).unwrap();
+        }
+        let [first, second] = files.each_ref().map(|file| text(file));
+        let run = linkwatch(&["check", "--closed", "--events=off", first, second]);
+        let code = if name == "other" { 0 } else { code };
+        assert_eq!(run.code, code, "{name}: {}{}", run.stdout, run.stderr);
+        assert_eq!(
+            run.stdout.contains("appeared: 8; gone: 7"),
+            name == "other",
+            "{}",
+            run.stdout
+        );
+    }
+}

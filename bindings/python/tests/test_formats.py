@@ -637,15 +637,18 @@ def test_archives_are_read_back(tmp_path):
     given[1] = given[0].invalid("torn", seq=2, time=0.5)
     linkwatch.write(given, tmp_path / "a.npz")
     found = linkwatch.read(tmp_path / "a.npz")
-    assert len(found) == 2
-    for one, other in zip(found, given[::2]):
+    read = list(found)
+    assert len(found) == len(read) == 3
+    for one, other in zip(read[::2], given[::2]):
         np.testing.assert_array_equal(one.positions, other.positions)
         np.testing.assert_array_equal(one.cell, cell)
         assert (one.seq, one.time, one.counts) == (other.seq, other.time, other.counts)
         assert one.names == ["a", "b"]
         assert one.radii == pytest.approx([0.1, 0.2])
-    (said,) = found.summary.left_out
-    assert "frame 2: left out: curve 0, point 0: coordinate x is NaN" in said
+    assert (read[1].seq, read[1].time, read[1].counts) == (2, 0.5, [-12, -12])
+    assert "curve 0, point 0: coordinate x is NaN" in read[1].rejected
+    (said,) = found.summary.rejected
+    assert "frame 2 is invalid: curve 0, point 0" in said
 
 
 def test_what_the_command_leaves_out_is_said(tmp_path):

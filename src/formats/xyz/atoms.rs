@@ -17,7 +17,9 @@ struct Atom {
     closed: bool,
 }
 
-/// Reads the atoms of a frame. The inner result is that of this frame alone.
+/// Reads the atoms of a frame: the curves, and their numbers if a column has them. The inner result
+/// is that of this frame alone. `known` has the numbers of the curves of earlier frames, in their
+/// order.
 ///
 /// # Errors
 ///
@@ -27,7 +29,8 @@ pub(super) fn read(
     count: u64,
     comment: &Comment,
     counts: Option<&[i32]>,
-) -> Result<Result<CurveSet>> {
+    known: &mut HashMap<i64, usize>,
+) -> Result<Result<(CurveSet, Vec<i64>)>> {
     let columns = &comment.columns;
     if columns.group.is_none() && counts.is_none() {
         return Err(lines.bad(format_args!(
@@ -52,7 +55,7 @@ pub(super) fn read(
     }
     Ok(match wrong {
         Some(wrong) => Err(wrong),
-        None => curves(atoms, columns, counts),
+        None => curves(atoms, columns, counts, known),
     })
 }
 
@@ -84,7 +87,12 @@ impl Columns {
 }
 
 /// Puts the atoms of a frame in the order of the curves.
-fn curves(mut atoms: Vec<Atom>, columns: &Columns, counts: Option<&[i32]>) -> Result<CurveSet> {
+fn curves(
+    mut atoms: Vec<Atom>,
+    columns: &Columns,
+    counts: Option<&[i32]>,
+    known: &mut HashMap<i64, usize>,
+) -> Result<(CurveSet, Vec<i64>)> {
     let bad = |what: String| Err(Error::format(FORMAT, "atoms", what));
     if columns.id.is_some() {
         atoms.sort_by_key(|atom| atom.id);
@@ -92,27 +100,29 @@ fn curves(mut atoms: Vec<Atom>, columns: &Columns, counts: Option<&[i32]>) -> Re
             return bad(format!("the id {} is there twice", pair[0].id));
         }
     }
+    let mut numbers = Vec::new();
     let counts = match counts {
         Some(counts) => counts.to_vec(),
         None => {
-            // Index of the curve of each group, in the order of their first atoms.
-            let mut known: HashMap<i64, (usize, bool)> = HashMap::new();
             for atom in &atoms {
-                let new = (known.len(), atom.closed);
-                let (_, closed) = *known.entry(atom.group).or_insert(new);
-                if closed != atom.closed {
-                    let curve = atom.group;
+                let new = known.len();
+                known.entry(atom.group).or_insert(new);
+            }
+            atoms.sort_by_cached_key(|atom| known[&atom.group]);
+            let mut counts = Vec::new();
+            for curve in atoms.chunk_by(|a, b| a.group == b.group) {
+                let Atom { group, closed, .. } = curve[0];
+                if curve.iter().any(|atom| atom.closed != closed) {
                     return bad(format!(
-                        "curve {curve} is closed by some atoms, but not by others"
+                        "curve {group} is closed by some atoms, but not by others"
                     ));
                 }
+                counts.push(count_of(curve.len(), closed)?);
+                numbers.push(group);
             }
-            atoms.sort_by_cached_key(|atom| known[&atom.group].0);
-            let curves = atoms.chunk_by(|a, b| a.group == b.group);
-            let counts = curves.map(|curve| count_of(curve.len(), curve[0].closed));
-            counts.collect::<Result<_>>()?
+            counts
         }
     };
     let points: Vec<Point> = atoms.iter().map(|atom| atom.at).collect();
-    divided(FORMAT, "atoms", &points, &counts)
+    Ok((divided(FORMAT, "atoms", &points, &counts)?, numbers))
 }

@@ -14,8 +14,9 @@
 //!
 //! The columns `pos:R:3` are the coordinates. Atoms with the same number in a column of integers
 //! ([`GROUPS`]: the first that exists) are a curve, in the order of the file, or of their numbers
-//! in the column `id:I:1` if there is one. Curves have the order of their first atoms. They are
-//! closed if a column `closed:L:1` says `T`, or if there is no such column
+//! in the column `id:I:1` if there is one. The number is the name of the curve. Curves have the
+//! order of their first atoms in the first frame that has them. They are closed if a column
+//! `closed:L:1` says `T`, or if there is no such column
 //! ([`FrameInfo::closed_by_default`](crate::FrameInfo::closed_by_default)).
 //! [`ReadOptions::counts`] has precedence over these columns: then the first atoms are the first
 //! curve, and so on. A file without both is refused: as a single curve, many would look
@@ -32,9 +33,12 @@ use self::comment::Comment;
 use super::Input;
 use super::frames::{FrameSource, ModelFrame, ReadOptions, Source};
 use super::lines::{Lines, integer};
+use crate::curve::CurveLabels;
 use crate::error::{Error, Result};
 use crate::ingest::FrameInfo;
+use std::collections::HashMap;
 use std::io::BufRead;
+use std::sync::Arc;
 
 const FORMAT: &str = "extended XYZ";
 
@@ -64,6 +68,8 @@ pub(super) fn read<'a>(
         options: options.clone(),
         frames: 0,
         last: None,
+        known: HashMap::new(),
+        labels: Arc::default(),
     }))
 }
 
@@ -75,6 +81,9 @@ struct XyzFrames<R> {
     frames: u64,
     /// Time step of the previous frame, if the file has them.
     last: Option<u64>,
+    /// Numbers of the curves so far, in their order.
+    known: HashMap<i64, usize>,
+    labels: Arc<CurveLabels>,
 }
 
 impl<R: BufRead> XyzFrames<R> {
@@ -112,8 +121,16 @@ impl<R: BufRead> FrameSource for XyzFrames<R> {
         let begun = begin();
         let (comment, seq, cell) = begun.map_err(|what: String| self.lines.bad(what))?;
         let counts = self.options.counts.as_deref();
-        let curves = atoms::read(&mut self.lines, count, &comment, counts)?;
+        let curves = atoms::read(&mut self.lines, count, &comment, counts, &mut self.known)?;
         let mut info = FrameInfo::at(seq, comment.time);
+        let curves = curves.map(|(curves, numbers)| {
+            let labels = CurveLabels::named(numbers.iter().map(i64::to_string));
+            if labels != *self.labels {
+                self.labels = Arc::new(labels);
+            }
+            info.labels = Arc::clone(&self.labels);
+            curves
+        });
         info.cell = cell;
         info.closed_by_default = comment.columns.closed.is_none() && counts.is_none();
         let frame = ModelFrame::of(info, curves);
