@@ -3,11 +3,11 @@
 use super::braid_args::BraidArgs;
 use super::files::{Content, Files, Overwrite, file_name, write_text};
 use super::frames::{FrameArgs, Picked};
-use super::kernel::KernelArgs;
+use super::kernel::{Kernel, kernel};
 use super::number::{not_negative, positive};
 use super::output::{self, count, listed, millis, percent, plural, plural_of, with_progress};
 use super::{Outcome, explain, open};
-use linkwatch::kernels::{Method, Offload};
+use linkwatch::kernels::{Device, Method, Offload};
 use linkwatch::{
     Braids, Certificate, Certifier, Error, Events, FrameInfo, ImageLink, InvariantKind, Ladder,
     Received, Result, Session, SessionOptions, Stats, picture,
@@ -42,8 +42,23 @@ pub struct Args {
     svg: Option<PathBuf>,
     #[command(flatten)]
     overwrite: Overwrite,
-    #[command(flatten)]
-    kernel: KernelArgs,
+    /// Kernel that computes linking numbers: auto, crossings, direct, angle-sum, barnes-hut, fmm or
+    /// interval. All give the same numbers: pairs that the error bound of a sum does not decide are
+    /// decided by counting crossings
+    ///
+    /// Settings follow the name: `barnes-hut,beta=B` expands nodes that are further apart than B
+    /// times their radii, and `,target=E` sums again if the published estimate of the error is
+    /// above E; `fmm,order=P` sets the order of the expansions, 2 to 20. Without them the error
+    /// bound decides
+    #[arg(
+        long, value_name = "KERNEL[,..]", help_heading = super::KERNELS, default_value = "auto",
+        value_parser = kernel
+    )]
+    kernel: Kernel,
+    /// Device that runs the kernel: auto, cpu, gpu, or the index or name of an adapter (`linkwatch
+    /// devices`)
+    #[arg(long, value_name = "DEVICE", help_heading = super::KERNELS, default_value_t)]
+    device: Device,
     /// Keep only linking numbers that cannot change if every vertex moves by up to R along each
     /// axis (polylines)
     #[arg(
@@ -82,6 +97,18 @@ pub struct Args {
         ]
     )]
     explain: bool,
+}
+
+impl Args {
+    /// Returns the options of a session with this kernel and device.
+    fn options(&self) -> SessionOptions {
+        SessionOptions {
+            kernel: self.kernel.method,
+            accuracy: self.kernel.accuracy,
+            device: self.device.clone(),
+            ..SessionOptions::default()
+        }
+    }
 }
 
 /// Certificate of a frame.
@@ -154,7 +181,7 @@ fn certify_in_session(frame: &Picked, args: &Args, braids: Option<Braids>) -> Re
         keep_open: true,
         events,
         braids,
-        ..args.kernel.options()
+        ..args.options()
     })?;
     let received = Received::new(FrameInfo::default(), Ok(Arc::new(set.clone())));
     let verified = with_progress(name, session.progress(), || session.verify(received))?;
@@ -181,7 +208,7 @@ fn certify_alone(frame: &Picked, args: &Args) -> Result<Certified> {
     if set.open_curves() == set.len() {
         return Err(frame.nothing_closed().in_file(name));
     }
-    let mut certifier = Certifier::new(&args.kernel.options())?;
+    let mut certifier = Certifier::new(&args.options())?;
     let progress = certifier.progress();
     let (certificate, stats) = with_progress(name, progress, || {
         let (certificate, stats) = match args.noise {
@@ -236,7 +263,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         if args.explain {
             let options = SessionOptions {
                 cell: frame.cell,
-                ..args.kernel.options()
+                ..args.options()
             };
             return explain::print(&frame, &options, json);
         }
@@ -269,7 +296,7 @@ fn print_json(frame: &Picked, c: &Certified, args: &Args) {
         "certificate": c.certificate,
         "stats": c.stats,
         "exact_share": c.stats.exact_share(),
-        "kernel": args.kernel.method(),
+        "kernel": args.kernel.method,
         "ladder": c.ladder,
         "ms": c.took.as_secs_f64() * 1e3,
     }));
@@ -285,7 +312,7 @@ fn log_work(name: &str, c: &Certified, args: &Args) {
              precise enough: slower, but equally certain"
         );
     }
-    let method = args.kernel.method();
+    let method = args.kernel.method;
     let asked_to_sum = !matches!(method, Method::Auto | Method::Crossings);
     if let Some(l) = c.ladder.as_ref().filter(|l| l.summed > 0 || asked_to_sum) {
         tracing::info!(

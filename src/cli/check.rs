@@ -199,9 +199,8 @@ fn motion(from: &CurveSet, to: &CurveSet, cell: Option<&Cell>) -> Option<f64> {
         return None;
     }
     let curves = from.curves().iter().enumerate();
-    let slots: Vec<(usize, usize)> = curves
-        .flat_map(|(i, curve)| (0..curve.points as usize).map(move |k| (i, k)))
-        .collect();
+    let slots = curves.flat_map(|(i, curve)| (0..curve.points as usize).map(move |k| (i, k)));
+    let slots: Vec<(usize, usize)> = slots.collect();
     let within = slots.iter().filter(|(_, k)| *k > 0);
     let length = median(within.map(|&(i, k)| distance(from.point(i, k - 1), from.point(i, k))))?;
     let images = cell.and_then(|cell| Some((cell, cell.inverse()?)));

@@ -46,10 +46,8 @@ fn lines(plan: &Plan) -> Vec<String> {
         lines.push(images(found));
         stages.push(("images", found.predicted));
     }
-    let stages = stages
-        .iter()
-        .map(|(stage, cost)| format!("{stage} {}", millis(cost.ms)));
-    let stages = stages.collect::<Vec<String>>().join(", ");
+    let words = |(stage, cost): &(&str, Prediction)| format!("{stage} {}", millis(cost.ms));
+    let stages = stages.iter().map(words).collect::<Vec<String>>().join(", ");
     let (all, alone) = (millis(plan.total.ms), millis(plan.total.one_thread_ms));
     let predicted = format!("predicted: {all} ({alone} on one thread): {stages}");
     lines.push(predicted);

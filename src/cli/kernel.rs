@@ -1,39 +1,18 @@
-//! The options `--kernel` and `--device` of `linkwatch certify`.
+//! The option `--kernel` of `linkwatch certify`.
 
 use super::number::{one_or_more, positive};
 use super::settings::{named, split};
-use linkwatch::SessionOptions;
-use linkwatch::kernels::{Accuracy, Device, Method};
-
-/// Kernel that computes linking numbers, and its settings.
-#[derive(Clone, Debug, Default, clap::Args)]
-#[command(next_help_heading = super::KERNELS)]
-pub struct KernelArgs {
-    /// Kernel that computes linking numbers: auto, crossings, direct, angle-sum, barnes-hut, fmm or
-    /// interval. All give the same numbers: pairs that the error bound of a sum does not decide are
-    /// decided by counting crossings
-    ///
-    /// Settings follow the name: `barnes-hut,beta=B` expands nodes that are further apart than B
-    /// times their radii, and `,target=E` sums again if the published estimate of the error is
-    /// above E; `fmm,order=P` sets the order of the expansions, 2 to 20. Without them the error
-    /// bound decides
-    #[arg(long, value_name = "KERNEL[,..]", default_value = "auto", value_parser = kernel)]
-    kernel: Kernel,
-    /// Device that runs the kernel: auto, cpu, gpu, or the index or name of an adapter (`linkwatch
-    /// devices`)
-    #[arg(long, value_name = "DEVICE", default_value_t)]
-    pub device: Device,
-}
+use linkwatch::kernels::{Accuracy, Method};
 
 /// A kernel and its accuracy.
-#[derive(Clone, Copy, Debug, Default)]
-struct Kernel {
-    method: Method,
-    accuracy: Accuracy,
+#[derive(Clone, Copy, Debug)]
+pub struct Kernel {
+    pub method: Method,
+    pub accuracy: Accuracy,
 }
 
 /// Parses the name of a kernel, and its settings.
-fn kernel(text: &str) -> Result<Kernel, String> {
+pub fn kernel(text: &str) -> Result<Kernel, String> {
     let (name, settings) = split(text, &["beta", "target", "order"])?;
     let method: Method = name.parse().map_err(|e| format!("{e}"))?;
     let mut accuracy = Accuracy::default();
@@ -54,23 +33,6 @@ fn kernel(text: &str) -> Result<Kernel, String> {
     match (accuracy.target, accuracy.beta) {
         (Some(_), None) => Err("target needs beta".into()),
         _ => Ok(Kernel { method, accuracy }),
-    }
-}
-
-impl KernelArgs {
-    /// Returns the kernel.
-    pub fn method(&self) -> Method {
-        self.kernel.method
-    }
-
-    /// Returns the options of a session with this kernel and device.
-    pub fn options(&self) -> SessionOptions {
-        SessionOptions {
-            kernel: self.kernel.method,
-            accuracy: self.kernel.accuracy,
-            device: self.device.clone(),
-            ..SessionOptions::default()
-        }
     }
 }
 

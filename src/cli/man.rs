@@ -22,9 +22,8 @@ pub fn run() -> Result<Outcome> {
 
 /// Returns a command whose pages contain all options, including those that `-h` hides.
 fn complete(command: Command) -> Command {
-    command
-        .mut_args(|arg| arg.hide_short_help(false))
-        .mut_subcommands(complete)
+    let command = command.mut_args(|arg| arg.hide_short_help(false));
+    command.mut_subcommands(complete)
 }
 
 /// Returns the subcommands of a command, each followed by its own.

@@ -106,10 +106,8 @@ impl Scene {
             width: OWN,
         };
         // Only the strands of the finding interrupt one another, so that every gap counts.
-        let [own, others]: [Vec<&Strand>; 2] = [true, false].map(|own| {
-            let all = self.strands.iter();
-            all.filter(|strand| strand.is_own() == own).collect()
-        });
+        let all = self.strands.iter();
+        let (own, others): (Vec<&Strand>, Vec<_>) = all.partition(|strand| strand.is_own());
         let lines: Vec<Line> = own.iter().copied().map(flat).collect();
         let visible = visible(&lines);
         let wide = |strand: &Strand| view.length(2.0 * radii.of(strand.curve) / self.window.reach);

@@ -307,7 +307,7 @@ impl Figure {
                 }
                 (curves, image) => words_of_pair(curves.into(), image, labels),
             },
-            names: at.and_then(|at| names_of(shot.spot.curves, &at.info.labels.names)),
+            names: names_of(shot.spot.curves, labels),
             rows,
             shot,
         }
