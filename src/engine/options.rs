@@ -198,19 +198,18 @@ impl SessionOptions {
     ///
     /// [`Error::Usage`], with the names of both options if two exclude one another.
     pub(crate) fn check(&self) -> Result<()> {
-        let refuse = |why: String| Err(Error::Usage(why));
+        fn refuse(why: impl Into<String>) -> Result<()> {
+            Err(Error::Usage(why.into()))
+        }
         let searches = self.events != Events::Off;
         let sums = !matches!(self.kernel, Method::Auto | Method::Crossings);
         if self.early_exit && self.strategy != Strategy::Full {
-            return refuse(
-                "early exit ends a full run, and excludes incremental verification".into(),
-            );
+            return refuse("early exit ends a full run, and excludes incremental verification");
         }
         if self.early_exit && searches {
             return refuse(
                 "early exit excludes events: the search for pull-throughs needs all linking \
-                 numbers"
-                    .into(),
+                 numbers",
             );
         }
         if self.early_exit && sums {
@@ -234,15 +233,15 @@ impl SessionOptions {
             }
         }
         if self.braids.is_some() && !self.invariants.is_empty() {
-            return refuse("invariants exclude braids: virtual loops are not the curves".into());
+            return refuse("invariants exclude braids: virtual loops are not the curves");
         }
         if self.abort_on == AbortOn::Event && !searches {
-            return refuse("abort on event needs events, which are off".into());
+            return refuse("abort on event needs events, which are off");
         }
         match &self.clearance {
             Some(clearance) => clearance.check()?,
             None if self.abort_on == AbortOn::Clearance => {
-                return refuse("abort on clearance needs the radius of the strands".into());
+                return refuse("abort on clearance needs the radius of the strands");
             }
             None => {}
         }
@@ -253,29 +252,21 @@ impl SessionOptions {
                 ));
             }
             if !searches {
-                return refuse("a motion limit needs a search for pull-throughs (events)".into());
+                return refuse("a motion limit needs a search for pull-throughs (events)");
             }
         }
-        let Accuracy {
-            beta,
-            target,
-            dipole,
-            order,
-        } = self.accuracy;
+        let (accuracy, chosen) = (self.accuracy, self.kernel);
         let needed = [
-            ("beta", beta.is_some(), Method::BarnesHut),
-            ("dipole", dipole, Method::BarnesHut),
-            ("order", order.is_some(), Method::Fmm),
+            ("beta", accuracy.beta.is_some(), Method::BarnesHut),
+            ("dipole", accuracy.dipole, Method::BarnesHut),
+            ("order", accuracy.order.is_some(), Method::Fmm),
         ];
-        let unused = |&&(_, set, kernel): &&(_, bool, _)| set && kernel != self.kernel;
+        let unused = |&&(_, set, kernel): &&(_, bool, _)| set && kernel != chosen;
         if let Some((name, _, kernel)) = needed.iter().find(unused) {
-            return refuse(format!(
-                "{name} needs the kernel {kernel}, not {}",
-                self.kernel
-            ));
+            return refuse(format!("{name} needs the kernel {kernel}, not {chosen}"));
         }
-        match (target, beta) {
-            (Some(_), None) => refuse("target needs beta".into()),
+        match (accuracy.target, accuracy.beta) {
+            (Some(_), None) => refuse("target needs beta"),
             _ => Ok(()),
         }
     }

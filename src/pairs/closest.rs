@@ -35,7 +35,6 @@ pub(crate) fn closest_approach(set: &CurveSet, trees: &Trees, i: usize, j: usize
         if farther(bound_sq, &best) {
             continue;
         }
-        next.clear();
         // The node of the higher level is replaced by its children; both are if they are equal.
         let below = |tree: CurveTree<'_>, node: Node, splits: bool| match splits {
             true => {

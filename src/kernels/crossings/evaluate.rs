@@ -240,10 +240,8 @@ fn evaluate_rounded<T: Copy + Into<f64> + From<u8>>(
 #[inline]
 fn edge<K: ReadKnots>(knots: &K, s: u32) -> (Point, Point) {
     let [u, v, w] = [knots.edge(s, 0), knots.edge(s, 1), knots.edge(s, 2)];
-    (
-        [u[0].into(), v[0].into(), w[0].into()],
-        [u[1].into(), v[1].into(), w[1].into()],
-    )
+    let end = |k: usize| [u[k].into(), v[k].into(), w[k].into()];
+    (end(0), end(1))
 }
 
 /// Sieve for runs of an upper and a lower polyline. They have no crossing if the boxes of their

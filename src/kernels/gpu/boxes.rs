@@ -98,8 +98,7 @@ impl Hierarchy {
             first: own.start,
             count: own.len() as u32,
         });
-        let roots = roots.collect();
-        (hierarchy, nodes, roots)
+        (hierarchy, nodes, roots.collect())
     }
 
     /// Returns the number of levels of the longest curve.

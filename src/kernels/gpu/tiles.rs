@@ -31,15 +31,13 @@ pub(crate) fn cut(tile: Tile, shape: Shape, out: &mut Vec<Tile>) {
 /// `most` segment pairs, unless it has only `step` tiles, the minimum. All batches but the last
 /// have a multiple of `step` tiles.
 pub(crate) fn parts(tiles: &[Tile], step: usize, longest: usize, most: u64) -> Vec<&[Tile]> {
+    let pairs = |tile: &Tile| u64::from(tile.rows) * u64::from(tile.columns);
     let mut out = Vec::new();
     let mut rest = tiles;
     while !rest.is_empty() {
         let (mut count, mut work) = (0, 0);
         for chunk in rest.chunks(step) {
-            let added: u64 = chunk
-                .iter()
-                .map(|t| u64::from(t.rows) * u64::from(t.columns))
-                .sum();
+            let added: u64 = chunk.iter().map(pairs).sum();
             if count > 0 && (work + added > most || count + chunk.len() > longest) {
                 break;
             }

@@ -28,13 +28,17 @@ pub(in crate::kernels) struct Node {
 }
 
 impl Node {
-    /// Returns the root, which contains all leaves.
-    pub fn root(leaves: u32) -> Node {
+    fn new(place: u32, first: u32, leaves: u32) -> Node {
         Node {
-            place: 0,
-            first: 0,
+            place,
+            first,
             leaves,
         }
+    }
+
+    /// Returns the root, which contains all leaves.
+    pub fn root(leaves: u32) -> Node {
+        Node::new(0, 0, leaves)
     }
 
     pub fn is_leaf(self) -> bool {
@@ -43,18 +47,10 @@ impl Node {
 
     /// Returns both children of a node that is not a leaf.
     pub fn children(self) -> [Node; 2] {
+        let Node { place, first, .. } = self;
         let half = self.leaves / 2;
-        let left = Node {
-            place: self.place + 1,
-            first: self.first,
-            leaves: half,
-        };
-        let right = Node {
-            place: self.place + 2 * half,
-            first: self.first + half,
-            leaves: self.leaves - half,
-        };
-        [left, right]
+        let right = Node::new(place + 2 * half, first + half, self.leaves - half);
+        [Node::new(place + 1, first, half), right]
     }
 }
 

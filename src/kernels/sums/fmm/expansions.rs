@@ -43,14 +43,13 @@ impl Expansions {
         self.least = least.max(1);
         self.moments = vec![0.0; 2 * count(self.order) * nodes];
         let leaves = nodes.div_ceil(2);
-        let (norms, width) = self.norms.parts();
         let build = Build {
             tree,
             order: self.order,
             least: self.least as usize,
-            width,
         };
         if leaves >= build.least {
+            let norms = &mut self.norms.values;
             build.node([0, 0, leaves], &mut self.moments, norms);
         }
     }
@@ -70,14 +69,13 @@ struct Build<'a> {
     tree: &'a Tree,
     order: usize,
     least: usize,
-    width: usize,
 }
 
 impl Build<'_> {
     /// Computes the moments of a subtree, given by its place, first leaf and number of leaves.
     fn node(&self, [place, first, leaves]: [usize; 3], moments: &mut [f64], norms: &mut [f64]) {
-        let (order, width) = (self.order, self.width);
-        let size = 2 * count(order);
+        let order = self.order;
+        let (size, width) = (2 * count(order), Norms::width(order));
         let (own, below) = moments.split_at_mut(size);
         let (own_norms, norms_below) = norms.split_at_mut(width);
         let ball = self.tree.balls[place];

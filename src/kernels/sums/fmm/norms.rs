@@ -19,7 +19,7 @@ use std::ops::Range;
 #[derive(Clone, Debug)]
 pub(super) struct Norms {
     order: usize,
-    values: Vec<f64>,
+    pub values: Vec<f64>,
 }
 
 /// Rounding error of moments, relative to their maximum: see [`ROUNDING`].
@@ -43,13 +43,8 @@ const WEIGHTS: [[f64; MOST + 1]; MOST + 1] = {
 
 impl Norms {
     /// Returns the number of norms of a node.
-    const fn width(order: usize) -> usize {
+    pub const fn width(order: usize) -> usize {
         2 * (order + 1)
-    }
-
-    /// Returns all norms and the number of norms of a node.
-    pub fn parts(&mut self) -> (&mut [f64], usize) {
-        (&mut self.values, Norms::width(self.order))
     }
 
     /// Returns the norms of `P` and of `T` from degree 1 on, in units of the node.
