@@ -37,8 +37,8 @@ pub(crate) enum Crossing {
     Contact,
 }
 
-/// Signs of the translation of the edge relative to the vertex, if the edge or if the vertex belongs
-/// to the translated loop.
+/// Signs of the translation of the edge relative to the vertex: if the edge, or if the vertex,
+/// belongs to the translated loop.
 const EDGE: i32 = 1;
 const VERTEX: i32 = -EDGE;
 
