@@ -7,7 +7,7 @@ use super::wire::{
 use crate::curve::words_of_change;
 use crate::error::{Error, Result};
 use crate::verdict::{
-    Change, ChangeKind, Clearance, Defect, DefectKind, Lasting, Place, PullThrough, Report,
+    self, Change, ChangeKind, Clearance, Defect, DefectKind, Lasting, Place, PullThrough, Report,
     Verdict, words_of_count, words_of_roll_back,
 };
 use serde::{Deserialize, Serialize};
@@ -56,6 +56,16 @@ pub enum Finding {
 }
 
 impl Finding {
+    /// Returns the finding of a report, if a message can have it.
+    fn of(finding: verdict::Finding<'_>) -> Option<Finding> {
+        match finding {
+            verdict::Finding::Change(change) => Some(Finding::Change(*change)),
+            verdict::Finding::PullThrough(event) => Some(Finding::Event(*event)),
+            verdict::Finding::Defect(defect) => Some(Finding::Defect(*defect)),
+            verdict::Finding::Invariant(_) | verdict::Finding::Unresolved(_) => None,
+        }
+    }
+
     fn sentence(&self, extent: f64, names: &[String]) -> String {
         match self {
             Finding::Change(change) => change.sentence_named(extent, names),
@@ -81,18 +91,16 @@ impl Known {
     /// The change of the pair that was pulled through first comes before others, as in the report
     /// of a run.
     fn first_new(&self, report: &Report) -> Option<Finding> {
-        let changes = report.changes.iter().copied().map(Finding::Change);
-        let events = report.events.iter().copied().map(Finding::Event);
-        let defects = report.defects.iter().copied().map(Finding::Defect);
-        let mut all = changes.chain(events).chain(defects);
+        let all = report.all_findings().zip(report.lasting());
+        let all = all.filter_map(|(finding, key)| Some((Finding::of(finding)?, key)));
         let is_new = |key: &Option<Lasting>| key.is_none_or(|key| !self.0.contains(&key));
-        let new = all.clone().zip(report.lasting());
-        let new: Vec<Finding> = new.filter(|(_, key)| is_new(key)).map(|(f, _)| f).collect();
+        let all: Vec<(Finding, bool)> = all.map(|(f, key)| (f, is_new(&key))).collect();
+        let new = || all.iter().filter(|(_, is_new)| *is_new).map(|(f, _)| f);
         let pulled = report.events.first().map(|e| (e.i, e.j, e.image));
         let explains =
             |f: &&Finding| matches!(f, Finding::Change(c) if Some((c.i, c.j, c.image)) == pulled);
-        let explained = new.iter().find(explains);
-        explained.or(new.first()).copied().or_else(|| all.next())
+        let first = new().find(explains).or_else(|| new().next());
+        first.or(all.first().map(|(f, _)| f)).copied()
     }
 }
 
@@ -137,9 +145,10 @@ pub struct VerdictMessage {
     pub first: Option<Finding>,
     /// Extent of the scene ([`Stats::extent`](crate::Stats::extent)).
     pub extent: f64,
-    /// Reason if the frame was rejected or pairs were not verified, which curves appeared and are
-    /// gone, or which strands came too close ([`Report::clearance`]). Of a goodbye without `abort`:
-    /// why the watcher cannot verify the session.
+    /// Reason if the frame was rejected or pairs were not verified, the knot or triple that changed
+    /// ([`Report::invariants`]), which curves appeared and are gone, or which strands came too close
+    /// ([`Report::clearance`]). Of a goodbye without `abort`: why the watcher cannot verify the
+    /// session.
     pub reason: Option<String>,
     /// Number of violations in this session that the simulator rolled back
     /// ([`Client::resume`](crate::Client::resume)), so that a later frame is intact.
@@ -273,8 +282,7 @@ impl VerdictWire {
         check: Duration,
     ) -> VerdictWire {
         let count = |kind| u32::try_from(report.count(kind)).unwrap_or(u32::MAX);
-        let findings = report.changes.len() + report.events.len();
-        let findings = findings + report.defects.len() + report.unresolved.len();
+        let findings = report.all_findings().count();
         let mut wire = VerdictWire {
             seq: report.seq,
             time: report.time,
@@ -326,8 +334,16 @@ impl VerdictWire {
         // A finding says more.
         let clearance = report.clearance.filter(|_| wire.finding == FINDING_NONE);
         let close = clearance.as_ref().and_then(Clearance::reason);
-        let reasons = report.rejected.iter().chain(&report.missing);
-        match reasons.chain(&curves).chain(&close).next() {
+        let changed = report.invariants.first();
+        let changed = changed.filter(|_| wire.finding == FINDING_NONE);
+        let changed = changed.map(|change| change.sentence_named(&[]));
+        let reasons = report.rejected.iter().chain(&changed);
+        match reasons
+            .chain(&report.missing)
+            .chain(&curves)
+            .chain(&close)
+            .next()
+        {
             Some(reason) => wire.with_reason(reason),
             None => wire,
         }
@@ -437,6 +453,7 @@ impl VerdictWire {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::verdict::InvariantChange;
 
     fn report(verdict: Verdict) -> Report {
         Report::new(12, 0.5, verdict)
@@ -478,6 +495,44 @@ mod tests {
              number was 1, is 0, near (1.00000, 2.00000, 3.00000), segments 7 and 8, 0.25 \
              apart. Stop or roll back"
         );
+    }
+
+    /// Regression test: the message named an old defect, and that of a knot alone had no reason.
+    #[test]
+    fn knots_do_not_shift_the_first_new_finding() {
+        let mut r = report(Verdict::Changed);
+        r.invariants = vec![InvariantChange {
+            curves: vec![7],
+            expected: "v2 0".into(),
+            found: "v2 1".into(),
+        }];
+        let m = sent(&r);
+        assert_eq!((m.findings, m.first), (1, None));
+        let reason = r.invariants[0].sentence_named(&[]);
+        assert!(m.to_string().ends_with(&reason), "{m}");
+        let place = PLACE;
+        let kind = DefectKind::Contact;
+        r.defects = vec![Defect {
+            i: 1,
+            j: Some(2),
+            image: [0; 3],
+            kind,
+            place,
+        }];
+        let mut known = Known::default();
+        known.record(&r);
+        let event = PullThrough {
+            i: 3,
+            j: 4,
+            image: [0; 3],
+            segments: [1, 2],
+            fraction: 0.5,
+            sign: 1,
+            point: [0.0; 3],
+            lengths: 0.0,
+        };
+        r.events = vec![event];
+        assert_eq!(known.first_new(&r), Some(Finding::Event(event)));
     }
 
     #[test]

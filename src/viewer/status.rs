@@ -1,7 +1,7 @@
 //! Status of a run in words, and the findings that last over several frames.
 
 use super::passed::Passed;
-use crate::verdict::{Lasting, Report, Verdict, label_of_curve, label_of_pair};
+use crate::verdict::{Finding, Lasting, Report, Verdict, label_of_curve, label_of_pair};
 use crate::words::plural;
 use std::collections::BTreeMap;
 
@@ -48,22 +48,15 @@ pub(super) fn status(
     if only_events && report.defects.is_empty() {
         text.push_str("\nEvery linking number is the expected one.\n");
     }
-    if !(report.changes.is_empty() && report.defects.is_empty()) {
-        text.push_str("\n| curves | linking number | since |\n|---|---|---|\n");
-    }
-    let changes = report.changes.iter().map(|c| {
-        let words = format!("was {}, is {}", c.expected, c.found);
-        (label_of_pair((c.i, c.j), c.image, names), words)
-    });
-    let defects = report.defects.iter().map(|d| {
-        let pair = d.j.map(|j| label_of_pair((d.i, j), d.image, names));
-        let curves = pair.unwrap_or_else(|| label_of_curve(d.i, names));
-        (curves, d.kind.words().to_owned())
-    });
-    let rows = changes.chain(defects).zip(report.lasting().flatten());
+    let rows = report.all_findings().zip(report.lasting());
+    let rows = rows.filter_map(|(finding, key)| Some((row(finding, names)?, key?)));
     let frame = |key| seen.get(&key).copied().unwrap_or(since);
     let mut rows: Vec<_> = rows.map(|(row, key)| (frame(key), row)).collect();
     rows.sort_by_key(|(frame, _)| *frame);
+    if !rows.is_empty() {
+        text.push_str("\n| curves | finding | since |\n|---|---|---|\n");
+    }
+    let lasting = rows.len();
     for (frame, (curves, words)) in rows.into_iter().take(shown) {
         text.push_str(&format!("| **{curves}** | {words} | {frame} |\n"));
     }
@@ -71,7 +64,7 @@ pub(super) fn status(
         let more = count.saturating_sub(shown);
         (more > 0).then(|| format!("\nand {more} more\n"))
     };
-    text.extend(more(report.changes.len() + report.defects.len()));
+    text.extend(more(lasting));
     if !report.events.is_empty() {
         text.push_str("\n| pulled in this frame | sign | moment |\n|---|---|---|\n");
     }
@@ -88,10 +81,33 @@ pub(super) fn status(
     text
 }
 
+/// Returns the curves of a finding that lasts, and the finding in words.
+fn row(finding: Finding<'_>, names: &[String]) -> Option<(String, String)> {
+    match finding {
+        Finding::Change(c) => {
+            let words = format!("was {}, is {}", c.expected, c.found);
+            Some((label_of_pair((c.i, c.j), c.image, names), words))
+        }
+        Finding::Invariant(c) => {
+            let curves: Vec<String> = c.curves.iter().map(|&i| label_of_curve(i, names)).collect();
+            Some((
+                curves.join(", "),
+                format!("was {}, is {}", c.expected, c.found),
+            ))
+        }
+        Finding::Defect(d) => {
+            let pair = d.j.map(|j| label_of_pair((d.i, j), d.image, names));
+            let curves = pair.unwrap_or_else(|| label_of_curve(d.i, names));
+            Some((curves, d.kind.words().to_owned()))
+        }
+        Finding::PullThrough(_) | Finding::Unresolved(_) => None,
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::verdict::{Change, Defect, DefectKind, Place, PullThrough};
+    use crate::verdict::{Change, Defect, DefectKind, InvariantChange, Place, PullThrough};
 
     fn report(changes: u32) -> Report {
         let change = |k| Change {
@@ -160,6 +176,34 @@ mod tests {
         }
     }
 
+    /// Regression test: the frame of each defect was that of a knot, and the knot was missing.
+    #[test]
+    fn knots_have_rows_and_frames_of_their_own() {
+        let mut report = report(1);
+        report.invariants = vec![InvariantChange {
+            curves: vec![7],
+            expected: "v2 0".into(),
+            found: "v2 1".into(),
+        }];
+        let place = Place {
+            segments: [0, 0],
+            point: [0.0; 3],
+            distance: 0.0,
+        };
+        report.defects = vec![Defect {
+            i: 4,
+            j: None,
+            image: Default::default(),
+            kind: DefectKind::ALL[0],
+            place,
+        }];
+        let seen = report.lasting().flatten().zip(3..).collect();
+        let text = status(&report, &[], 2, &seen, &Passed::default(), 9);
+        assert!(text.contains("| **7** | was v2 0, is v2 1 | 4 |"), "{text}");
+        let words = DefectKind::ALL[0].words();
+        assert!(text.contains(&format!("| **4** | {words} | 5 |")), "{text}");
+    }
+
     #[test]
     fn the_table_is_sorted_by_the_frame_of_the_break() {
         let report = report(3);
@@ -173,7 +217,7 @@ mod tests {
                 "| **2 & 102** | was 1, is 0 | 20 |"
             ]
         );
-        let header = "| curves | linking number | since |";
+        let header = "| curves | finding | since |";
         assert!(text.contains(header), "{text}");
     }
 

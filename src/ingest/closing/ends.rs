@@ -95,7 +95,7 @@ impl Layout {
     }
 
     /// Returns the number of points that an open curve repeats at its end if it is closed.
-    fn repeated(&self) -> usize {
+    pub fn repeated(&self) -> usize {
         match self.basis {
             Basis::Polyline | Basis::Bezier => 1,
             Basis::CatmullRom | Basis::BSpline => 3,

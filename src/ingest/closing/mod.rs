@@ -215,7 +215,8 @@ impl Closing {
                 (Known::Repeated(within), _) => Some(*within),
                 _ => None,
             };
-            if let Some(within) = joins_within {
+            // A curve of fewer points is rejected later.
+            if let Some(within) = joins_within.filter(|_| layout.points > layout.repeated()) {
                 layout.check_ends(i, &frame.positions, &metric, within)?;
                 points = layout.without_repeated();
                 *count = -(points.len() as i32);

@@ -398,3 +398,26 @@ fn the_closing_segment_is_compared_at_all_scales() {
         assert!((ratio - 1.0).abs() < 1e-15, "{exponent}: {ratio}");
     }
 }
+
+/// Regression test: a panic.
+#[test]
+fn a_closed_curve_without_points_is_left_to_be_rejected() {
+    let square = [0., 0., 0., 1., 0., 0., 1., 1., 0., 0., 1., 0.];
+    for basis in [Basis::Polyline, Basis::CatmullRom, Basis::BSpline] {
+        let mut closing = Closing::default();
+        let mut of = |count: i32| {
+            let frame = RawFrame {
+                basis,
+                counts: &[count],
+                positions: Positions::F64(&square[..3 * count.unsigned_abs() as usize]),
+            };
+            let closed = closing.curves(frame, CurveSource::default());
+            closing.end_frame(closed.is_ok());
+            closed.is_ok()
+        };
+        assert_eq!(
+            [-4, 0, 1, -1, -4].map(&mut of),
+            [true, false, false, false, true]
+        );
+    }
+}

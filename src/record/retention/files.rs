@@ -200,6 +200,14 @@ fn bytes_of(record: &FrameRecord, start: &Start) -> u64 {
         positions + (5 * set.len() + names + 4 * labels.radii.len()) as u64
     });
     let certificate = start.baseline.as_ref().map(|b| &b.certificate);
-    let entries = certificate.map_or(0, |c| c.links.len() + c.undefined.len());
+    let entries = certificate.map_or(0, |c| {
+        let images = c.images.as_ref().map_or(0, Vec::len);
+        let invariants = c
+            .higher
+            .iter()
+            .map(|of| of.numbers.len() + of.unknown.len());
+        let invariants: usize = invariants.sum();
+        c.links.len() + c.undefined.len() + 2 * images + c.periods.len() + 4 * invariants
+    });
     curves + bytes_of_findings(&record.report) + 24 * entries as u64 + 2048
 }

@@ -224,6 +224,7 @@ const FINDING_BYTES: u64 = 160;
 fn bytes_of_findings(report: &Report) -> u64 {
     let passages = report.events.len() + report.unresolved.len();
     let others = report.changes.len() + report.defects.len() + report.adopted.len();
+    let others = others + report.invariants.len();
     FINDING_BYTES * (passages + others) as u64
 }
 
