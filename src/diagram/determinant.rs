@@ -17,6 +17,7 @@
 use super::Diagram;
 use num_bigint::BigUint;
 use rayon::prelude::*;
+use std::array;
 use std::cmp::Reverse;
 use std::collections::{BTreeMap, BinaryHeap};
 
@@ -104,57 +105,77 @@ fn determinant(faces: usize, edges: &[(usize, usize, i64)]) -> BigUint {
     let others = (0..faces).filter(|&f| f != root);
     let bound: BigUint = others.map(|f| BigUint::from(degrees[f].max(1))).product();
     let mut product = BigUint::from(1_u32);
-    let numbers = (0..1 << 30).map(|k| (1 << 31) - 1 - 2 * k);
+    let numbers = (0..1 << 30).map(|k| (1_u32 << 31) - 1 - 2 * k);
     let primes = numbers.filter(|&n| is_prime(n));
     let primes = primes.take_while(|&prime| {
         let enough = product > &bound * 2_u32;
         product *= prime;
         !enough
     });
-    let primes: Vec<u64> = primes.collect();
-    let minor = |p| minor(faces, edges, root, Modulus::new(p));
-    let (_, program) = minor(primes[0]);
-    let residue = |&p: &u64| {
-        let repeated = program.run(Modulus::new(p));
-        (p, repeated.unwrap_or_else(|| minor(p).0))
+    let primes: Vec<u32> = primes.collect();
+    let minor = |primes| minor(faces, edges, root, Moduli::new(primes));
+    let (_, program) = minor([primes[0]; LANES]);
+    let residues = |primes: &[u32]| {
+        let lanes: Residues = array::from_fn(|k| primes[k.min(primes.len() - 1)]);
+        let found = primes.iter().zip(program.run(&Moduli::new(lanes)));
+        let alone = |p: u32| minor([p; LANES]).0;
+        found
+            .map(|(&p, found)| (p, found.unwrap_or_else(|| alone(p))))
+            .collect::<Vec<_>>()
     };
-    combine(primes.par_iter().map(residue).collect())
+    combine(primes.par_chunks(LANES).flat_map_iter(residues).collect())
 }
 
-/// Arithmetic modulo a prime below `2^31`.
-#[derive(Clone, Copy)]
-struct Modulus {
-    prime: u64,
-    /// `2^64` divided by the prime, rounded down.
-    reciprocal: u64,
+/// Number of primes of a pass.
+const LANES: usize = 8;
+
+/// Numbers modulo the primes of a pass.
+type Residues = [u32; LANES];
+
+/// Arithmetic modulo primes below `2^31`, with numbers times `2^32` (Montgomery 1985, *Modular
+/// multiplication without trial division*, Math. Comp. 44).
+struct Moduli {
+    primes: Residues,
+    /// `-1 / p` modulo `2^32`.
+    inverses: Residues,
 }
 
-impl Modulus {
-    fn new(prime: u64) -> Modulus {
-        let reciprocal = u64::MAX / prime;
-        Modulus { prime, reciprocal }
+impl Moduli {
+    fn new(primes: Residues) -> Moduli {
+        // Each step of Newton's method doubles the number of bits that are right, at first three.
+        let step = |p: u32, x: u32| x.wrapping_mul(2_u32.wrapping_sub(p.wrapping_mul(x)));
+        let inverses = primes.map(|p| (0..4).fold(p, |x, _| step(p, x)).wrapping_neg());
+        Moduli { primes, inverses }
     }
 
-    /// Returns the remainder of `a b + c`, for numbers up to the prime.
-    fn multiply_add(self, a: u64, b: u64, c: u64) -> u64 {
-        let n = a * b + c;
-        // The quotient is exact or too small by 1.
-        let quotient = (u128::from(n) * u128::from(self.reciprocal)) >> 64;
-        let rest = n - quotient as u64 * self.prime;
-        rest.min(rest.wrapping_sub(self.prime))
+    fn of(&self, n: i64) -> Residues {
+        let shifted = |p: i64| (n.rem_euclid(p) << 32) % p;
+        self.primes.map(|p| shifted(p.into()) as u32)
     }
 
-    /// Returns the inverse by Fermat's theorem; 0 for 0.
-    fn inverse(self, n: u64) -> u64 {
-        let (mut base, mut exponent, mut out) = (n, self.prime - 2, 1);
-        while exponent > 0 {
-            if exponent % 2 == 1 {
-                out = self.multiply_add(out, base, 0);
-            }
-            base = self.multiply_add(base, base, 0);
-            exponent /= 2;
+    /// Returns `a b + c`, for numbers up to the primes.
+    #[inline]
+    fn multiply_add(&self, a: &Residues, b: &Residues, c: &Residues) -> Residues {
+        array::from_fn(|k| {
+            let (p, n) = (self.primes[k], u64::from(a[k]) * u64::from(b[k]));
+            let multiple = (n as u32).wrapping_mul(self.inverses[k]);
+            let product = ((n + u64::from(multiple) * u64::from(p)) >> 32) as u32;
+            let sum = product.min(product.wrapping_sub(p)) + c[k];
+            sum.min(sum.wrapping_sub(p))
+        })
+    }
+
+    /// Returns the negative inverses by Fermat's theorem; numbers equal to 0 for 0.
+    fn negative_inverse(&self, n: &Residues) -> Residues {
+        let none = [0; LANES];
+        let (mut power, mut out) = (*n, self.of(1));
+        for bit in 0..31 {
+            let product = self.multiply_add(&out, &power, &none);
+            let is_set = |k: usize| ((self.primes[k] - 2) >> bit) % 2 == 1;
+            out = array::from_fn(|k| if is_set(k) { product[k] } else { out[k] });
+            power = self.multiply_add(&power, &power, &none);
         }
-        out
+        array::from_fn(|k| self.primes[k] - out[k])
     }
 }
 
@@ -181,33 +202,37 @@ struct Program {
 const INVERT: Slot = Slot::MAX;
 
 impl Program {
-    /// Returns the determinant. `None` if the prime divides a pivot, or the rest is not 0.
-    fn run(&self, modulus: Modulus) -> Option<u64> {
-        let mut values = self.values(modulus);
-        values.resize(self.slots, 0);
+    /// Returns the determinant modulo each prime. `None` if the prime divides a pivot, or the rest is
+    /// not 0.
+    fn run(&self, moduli: &Moduli) -> [Option<u32>; LANES] {
+        let mut values = self.values(moduli);
+        values.resize(self.slots, [0; LANES]);
         for &operation in &self.operations {
-            apply(&mut values, operation, modulus);
+            apply(&mut values, operation, moduli);
         }
-        self.determinant(&values)
+        self.determinant(&values, moduli)
     }
 
-    fn determinant(&self, values: &[u64]) -> Option<u64> {
-        let product = values[self.product as usize];
-        let holds = product != 0 && self.rest.iter().all(|&slot| values[slot as usize] == 0);
-        holds.then_some(if self.rest.is_empty() { product } else { 0 })
+    fn determinant(&self, values: &[Residues], moduli: &Moduli) -> [Option<u32>; LANES] {
+        let product = &values[self.product as usize];
+        let plain = moduli.multiply_add(product, &[1; LANES], &[0; LANES]);
+        array::from_fn(|k| {
+            let mut rest = self.rest.iter().map(|&slot| values[slot as usize][k]);
+            let holds = product[k] != 0 && rest.all(|n| n == 0);
+            holds.then_some(if self.rest.is_empty() { plain[k] } else { 0 })
+        })
     }
 
-    fn values(&self, modulus: Modulus) -> Vec<u64> {
-        let remainder = |n: &i64| n.rem_euclid(modulus.prime as i64) as u64;
-        self.start.iter().map(remainder).collect()
+    fn values(&self, moduli: &Moduli) -> Vec<Residues> {
+        self.start.iter().map(|&n| moduli.of(n)).collect()
     }
 }
 
-fn apply(values: &mut [u64], [to, a, b]: [Slot; 3], modulus: Modulus) {
-    let at = |slot: Slot| values[slot as usize];
+fn apply(values: &mut [Residues], [to, a, b]: [Slot; 3], moduli: &Moduli) {
+    let at = |slot: Slot| &values[slot as usize];
     values[to as usize] = match b {
-        INVERT => modulus.prime - modulus.inverse(at(a)),
-        b => modulus.multiply_add(at(a), at(b), at(to)),
+        INVERT => moduli.negative_inverse(at(a)),
+        b => moduli.multiply_add(at(a), at(b), at(to)),
     };
 }
 
@@ -215,8 +240,8 @@ fn apply(values: &mut [u64], [to, a, b]: [Slot; 3], modulus: Modulus) {
 struct Matrix {
     /// The slot of the entry for each other column of a row.
     rows: Vec<BTreeMap<u32, Slot>>,
-    values: Vec<u64>,
-    modulus: Modulus,
+    values: Vec<Residues>,
+    moduli: Moduli,
     program: Program,
 }
 
@@ -227,12 +252,12 @@ impl Matrix {
         faces: usize,
         edges: &[(usize, usize, i64)],
         root: usize,
-        modulus: Modulus,
+        moduli: Moduli,
     ) -> (Matrix, Vec<bool>) {
         let mut out = Matrix {
             rows: vec![BTreeMap::new(); faces],
-            values: vec![0; faces + 1],
-            modulus,
+            values: vec![[0; LANES]; faces + 1],
+            moduli,
             program: Program::default(),
         };
         let mut used = vec![false; faces];
@@ -253,12 +278,12 @@ impl Matrix {
         used[root] = false;
         out.program.start = start;
         out.program.product = faces as Slot;
-        out.values = out.program.values(modulus);
+        out.values = out.program.values(&out.moduli);
         (out, used)
     }
 
     fn new_slot(&mut self) -> Slot {
-        self.values.push(0);
+        self.values.push([0; LANES]);
         self.values.len() as Slot - 1
     }
 
@@ -278,7 +303,7 @@ impl Matrix {
 
     /// Applies an operation, and adds it to the program.
     fn apply(&mut self, to: Slot, a: Slot, b: Slot) {
-        apply(&mut self.values, [to, a, b], self.modulus);
+        apply(&mut self.values, [to, a, b], &self.moduli);
         self.program.operations.push([to, a, b]);
     }
 
@@ -317,17 +342,17 @@ impl Matrix {
     }
 }
 
-/// Returns the determinant of the Laplacian without the row and the column of `root` modulo a
-/// prime, and the program that computes it.
+/// Returns the determinant of the Laplacian without the row and the column of `root` modulo the
+/// first prime, and the program that computes it.
 ///
 /// The next pivot is that of the row with the fewest entries, among those that are not 0.
 fn minor(
     faces: usize,
     edges: &[(usize, usize, i64)],
     root: usize,
-    modulus: Modulus,
-) -> (u64, Program) {
-    let (mut matrix, mut left) = Matrix::laplacian(faces, edges, root, modulus);
+    moduli: Moduli,
+) -> (u32, Program) {
+    let (mut matrix, mut left) = Matrix::laplacian(faces, edges, root, moduli);
     let degree = |matrix: &Matrix, v: u32| Reverse((matrix.rows[v as usize].len(), v));
     let rows = (0..faces as u32).filter(|&v| left[v as usize]);
     let mut queue: BinaryHeap<_> = rows.map(|v| degree(&matrix, v)).collect();
@@ -335,7 +360,7 @@ fn minor(
         let changed = if let Some(Reverse((length, v))) = queue.pop() {
             let at = v as usize;
             // A row is in the queue again after each change.
-            if !left[at] || length != matrix.rows[at].len() || matrix.values[at] == 0 {
+            if !left[at] || length != matrix.rows[at].len() || matrix.values[at][0] == 0 {
                 continue;
             }
             left[at] = false;
@@ -350,7 +375,8 @@ fn minor(
                 let mut row = matrix.rows[v as usize].iter();
                 Some((
                     v,
-                    *row.find(|(_, slot)| matrix.values[**slot as usize] != 0)?.0,
+                    *row.find(|(_, slot)| matrix.values[**slot as usize][0] != 0)?
+                        .0,
                 ))
             };
             let mut rows = (0..faces as u32).filter(|&v| left[v as usize]);
@@ -369,24 +395,26 @@ fn minor(
         matrix.program.rest.extend(row.copied().chain([v]));
     }
     matrix.program.slots = matrix.values.len();
-    let determinant = matrix.program.determinant(&matrix.values);
+    let [determinant, ..] = matrix.program.determinant(&matrix.values, &matrix.moduli);
     (determinant.expect("no pivot is 0"), matrix.program)
 }
 
 /// Returns true if an odd number is prime.
-fn is_prime(n: u64) -> bool {
-    let mut factors = (3..).step_by(2).take_while(|factor| factor * factor <= n);
+fn is_prime(n: u32) -> bool {
+    let mut factors = (3_u32..)
+        .step_by(2)
+        .take_while(|factor| factor * factor <= n);
     factors.all(|factor| !n.is_multiple_of(factor))
 }
 
 /// Returns the absolute value of the integer with these residues modulo primes that is smallest in
 /// size (Chinese remainder theorem).
-fn combine(residues: Vec<(u64, u64)>) -> BigUint {
+fn combine(residues: Vec<(u32, u32)>) -> BigUint {
     let (mut value, mut modulus) = (BigUint::ZERO, BigUint::from(1_u32));
     for (p, residue) in residues {
-        let low = |n: &BigUint| u64::try_from(n % p).expect("less than the prime");
-        let missing = (residue + p - low(&value)) % p;
-        value += &modulus * (missing * Modulus::new(p).inverse(low(&modulus)) % p);
+        let missing = (residue + p) - u32::try_from(&value % p).expect("less than the prime");
+        let inverse = modulus.modinv(&p.into()).expect("the primes differ");
+        value += &modulus * (inverse * missing % p);
         modulus *= p;
     }
     let negative = modulus - &value;
@@ -455,14 +483,14 @@ mod tests {
 
     #[test]
     fn residues_determine_positive_and_negative_integers() {
-        let primes: Vec<u64> = (0..)
-            .map(|k| (1 << 31) - 1 - 2 * k)
+        let primes: Vec<u32> = (0..)
+            .map(|k| (1_u32 << 31) - 1 - 2 * k)
             .filter(|&n| is_prime(n))
             .take(4)
             .collect();
         assert_eq!(primes[1], 2_147_483_629);
         for n in [0_i128, 1, -1, 1 << 100, -(1 << 100) + 5] {
-            let residues = primes.iter().map(|&p| (p, n.rem_euclid(p.into()) as u64));
+            let residues = primes.iter().map(|&p| (p, n.rem_euclid(p.into()) as u32));
             assert_eq!(combine(residues.collect()), BigUint::from(n.unsigned_abs()));
         }
     }
