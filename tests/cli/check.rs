@@ -419,7 +419,7 @@ fn check_verifies_each_file_in_a_process_of_its_own() {
         let certify = [
             "certify",
             text(model),
-            "--overwrite",
+            "--force",
             "-o",
             text(&certificate),
         ];

@@ -230,3 +230,13 @@ def test_asyncio_waits_for_a_verdict(service, start):
 
     assert "1 frames verified" in str(asyncio.run(simulate()))
     assert watch.end()[0] == 0
+
+
+def test_a_session_without_a_watcher_says_so(service):
+    # Regression test: the example of the README printed "not verified: None".
+    with linkwatch.Client(service, counts=[-3]) as sim:
+        sim.begin(time=0.0)[:] = np.eye(3)
+        sim.publish()
+        assert sim.no_verdict is None
+        assert sim.finish(0.1) is None
+    assert sim.no_verdict == "no watcher answered"

@@ -417,7 +417,7 @@ fn a_closed_curve_without_points_is_left_to_be_rejected() {
         };
         assert_eq!(
             [-4, 0, 1, -1, -4].map(&mut of),
-            [true, false, false, false, true]
+            [true, false, false, true, true]
         );
     }
 }

@@ -485,6 +485,7 @@ class Client:
         before = _clients.get(arguments.word("service", service, "the name of a service"))
         if before is not None and hasattr(sys, "ps1"):
             before._client.close()
+        self._unanswered = False
         self._client: _Client = _Client(
             service,
             _curves(counts, names, radii),
@@ -575,9 +576,10 @@ class Client:
     def no_verdict(self) -> str | None:
         """Why the last :meth:`wait` returned ``None``, as a sentence; ``None`` if it did not.
 
-        After :meth:`finish` returned ``None``: why the watcher left, if it did.
+        After :meth:`finish` returned ``None``: why the watcher left, or that none answered.
         """
-        return self._client.no_verdict
+        why = self._client.no_verdict
+        return "no watcher answered" if why is None and self._unanswered else why
 
     def wait_for_watcher(self, seconds: float = 10.0) -> bool:
         """Waits until a watcher has seen this session. Returns False if none came in time.
@@ -626,7 +628,9 @@ class Client:
             Message | None: the last message, which repeats the last abort; ``None`` if there is no
             watcher, or if it sent nothing in time.
         """
-        return self._client.finish(arguments.number("seconds", seconds))
+        last = self._client.finish(arguments.number("seconds", seconds))
+        self._unanswered = last is None
+        return last
 
     def __enter__(self) -> Client:
         return self

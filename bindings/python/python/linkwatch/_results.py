@@ -459,9 +459,9 @@ class Diagram(Result):
             from 1. ``snappy.Link(found.pd)`` reads it.
         gauss: Gauss code of each curve: crossings from 1, negative if the curve passes below.
         dt: Dowker-Thistlethwaite code of each curve.
-        determinant: that of the knot or link, ``|Delta(-1)|``; ``None`` above 4,000 crossings.
+        determinant: that of the knot or link, ``|Delta(-1)|``; ``None`` above 20,000 crossings.
         v2, v3: Vassiliev invariants of a knot; ``v3`` is 1 for the right-handed trefoil. ``None``
-            for groups of curves, and ``v3`` for a knot of more than 4000 crossings.
+            for groups of curves, and ``v3`` for a knot of more than 20,000 crossings.
         name: knot of at most 5 crossings with these invariants: ``"unknot"``, ``"3_1"``, ``"4_1"``,
             ``"5_1"``, ``"5_2"``; else ``None``.
         right_handed: handedness of this knot; ``None`` if it equals its mirror image.
