@@ -416,13 +416,7 @@ fn check_verifies_each_file_in_a_process_of_its_own() {
     // Regression test: as are all with another certificate under the same name.
     let certificate = path("certificate.txt");
     let resumed = |model: &Path| {
-        let certify = [
-            "certify",
-            text(model),
-            "--force",
-            "-o",
-            text(&certificate),
-        ];
+        let certify = ["certify", text(model), "--force", "-o", text(&certificate)];
         assert_eq!(linkwatch(&certify).code, 0);
         let resume = ["--resume", "--baseline", text(&certificate)];
         linkwatch(&[&each[..], &resume, &files].concat()).stderr
