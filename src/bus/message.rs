@@ -146,9 +146,9 @@ pub struct VerdictMessage {
     /// Extent of the scene ([`Stats::extent`](crate::Stats::extent)).
     pub extent: f64,
     /// Reason if the frame was rejected or pairs were not verified, the knot or triple that changed
-    /// ([`Report::invariants`]), which curves appeared and are gone, or which strands came too close
-    /// ([`Report::clearance`]). Of a goodbye without `abort`: why the watcher cannot verify the
-    /// session.
+    /// ([`Report::invariants`]), which curves appeared and are gone, or which strands came too
+    /// close ([`Report::clearance`]). Of a goodbye without `abort`: why the watcher cannot verify
+    /// the session.
     pub reason: Option<String>,
     /// Number of violations in this session that the simulator rolled back
     /// ([`Client::resume`](crate::Client::resume)), so that a later frame is intact.

@@ -184,13 +184,13 @@ impl Moduli {
 type Slot = u32;
 
 /// The elimination of a matrix as operations on numbers, to repeat it modulo other primes. No entry
-/// counts as 0 because it is 0 modulo the first prime, so the operations hold modulo all primes that
-/// divide no pivot.
+/// counts as 0 because it is 0 modulo the first prime, so the operations hold modulo all primes
+/// that divide no pivot.
 #[derive(Default)]
 struct Program {
     start: Vec<i64>,
-    /// `to`, `a`, `b`: adds the product of `a` and `b`; stores the negative inverse of `a` if `b` is
-    /// [`INVERT`].
+    /// `to`, `a`, `b`: adds the product of `a` and `b`; stores the negative inverse of `a` if `b`
+    /// is [`INVERT`].
     operations: Vec<[Slot; 3]>,
     slots: usize,
     /// Product of the pivots.
@@ -202,8 +202,8 @@ struct Program {
 const INVERT: Slot = Slot::MAX;
 
 impl Program {
-    /// Returns the determinant modulo each prime. `None` if the prime divides a pivot, or the rest is
-    /// not 0.
+    /// Returns the determinant modulo each prime. `None` if the prime divides a pivot, or the rest
+    /// is not 0.
     fn run(&self, moduli: &Moduli) -> [Option<u32>; LANES] {
         let mut values = self.values(moduli);
         values.resize(self.slots, [0; LANES]);

@@ -101,8 +101,8 @@ impl Diagram {
     /// Largest number of crossings of a curve for which [`Invariants::v3`] is computed.
     pub const MOST_FOR_V3: usize = 20_000;
 
-    /// Largest number of crossings for which determinants are computed. Both take about a minute for
-    /// a dense diagram of so many.
+    /// Largest number of crossings for which determinants are computed. Both take about a minute
+    /// for a dense diagram of so many.
     pub const MOST_FOR_DETERMINANT: usize = 20_000;
 
     /// Projects closed curves. `curves` are indices of different curves of the set. The direction

@@ -16,8 +16,9 @@
 //!
 //! Without a header there are three columns. A header must name `x`, `y` and `z` (or `Points:0` to
 //! `Points:2`, as ParaView does). A column `curve` (or another of [`GROUPS`]) separates curves
-//! where its value changes, which is their name. Columns of other names are ignored if it is known that they do not
-//! divide the points ([`OTHERS`]), and refused else: ignored, they would join curves.
+//! where its value changes, which is their name. Columns of other names are ignored if it is known
+//! that they do not divide the points ([`OTHERS`]), and refused else: ignored, they would join
+//! curves.
 //!
 //! # Closed and open curves
 //!

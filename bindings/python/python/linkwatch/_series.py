@@ -124,7 +124,8 @@ def twist(frames: Any, *, described: dict[str, Any] | None = None, **options: An
 
 def thickness(frames: Any, described: dict[str, Any]) -> Array:
     """Returns the thickness of all frames: see :func:`linkwatch.thickness`."""
-    return _series(frames, described, lambda frame: _linkwatch.thickness(arguments.raw(frame)).thickness())
+    measure = lambda frame: _linkwatch.thickness(arguments.raw(frame)).thickness()  # noqa: E731
+    return _series(frames, described, measure)
 
 
 def gauss_integrals(
