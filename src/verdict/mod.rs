@@ -11,7 +11,7 @@ mod pull_through;
 
 pub use change::{Change, ChangeKind, ImageLink, InvariantChange, Link, LoopPair};
 pub use clearance::{Clearance, CloseStrands};
-#[cfg(any(feature = "cli", feature = "rerun"))]
+#[cfg(any(feature = "client", feature = "rerun"))]
 pub(crate) use finding::Finding;
 #[cfg(feature = "mcap")]
 pub(crate) use lasting::Known;
