@@ -704,3 +704,17 @@ def test_the_command_checks_all_frames_if_curves_change(tmp_path):
     code, out, err = run("check", *files)
     assert code == 3 and "the curves changed between frames" in out, (code, out, err)
     assert "files: check them with" not in err
+
+
+def test_curves_stay_open_on_request_whatever_reads_their_file(tmp_path):
+    # Regression test: the readers of the package closed curves that end where they start.
+    path = written(tmp_path, "coils.a", coils())
+    assert next(iter(linkwatch.read(path))).counts == [-12, -12]
+    assert next(iter(linkwatch.read(path, keep_open=True))).counts == [13, 13]
+    summary = linkwatch.check([path, path], keep_open=True).summary
+    assert "2 open curves" in summary
+    out = tmp_path / "out.npz"
+    assert run("convert", "--keep-open", path, out)[0] == 0
+    assert np.load(out)["counts"].tolist() == [13, 13]
+    code, out, err = run("check", "--keep-open", path, path)
+    assert code == 0 and "2 open curves" in out, (out, err)

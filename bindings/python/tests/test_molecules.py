@@ -139,6 +139,12 @@ def test_lammps_data_files_are_topologies(tmp_path):
     assert [links(frame) for frame in frames] == [1, 1]
     run_ = save(made, tmp_path / "a.dcd")
     assert [links(frame) for frame in linkwatch.read(tmp_path / "a.data", run_)] == [1, 1]
+    # Regression test: the command of the package gave the reader the trajectory alone.
+    code, out, err = run("check", tmp_path / "a.data", run_)
+    assert code == 0 and "2 frames verified" in out, (out, err)
+    topology = save(made, tmp_path / "b.pdb", bonds="all")
+    code, out, err = run("check", topology, tmp_path / "a.dump", "--events=off")
+    assert code == 0 and "2 frames verified" in out, (out, err)
 
 
 def test_gsd_files_have_all(tmp_path):

@@ -43,6 +43,8 @@ def main() -> int:
     files = list(filter(_only_the_package_reads, args[only:][:1] if only else args[1:]))
     if not files:
         return command(["linkwatch", *args])
+    if not only:
+        files = _read_together(args, files)
     # By an archive, which the command reads.
     with tempfile.TemporaryDirectory(prefix="linkwatch-") as folder:
         archive = str(pathlib.Path(folder) / f"{pathlib.Path(files[-1]).stem}.npz")
@@ -73,11 +75,35 @@ def _options_of_readers(args: list[str]) -> tuple[list[str], list[str]]:
         name, _, value = word.partition("=")
         if name in FLAGS:
             options.append(word)
+        elif word == "--keep-open":
+            options.append(word)
+            others.append(word)
         elif name in ("--select", "--format", "--cell"):
             options.append(word if value else f"{name}={next(words, '')}")
         else:
             others.append(word)
     return options, others
+
+
+def _read_together(args: list[str], files: list[str]) -> list[str]:
+    """Adds to files of molecules those beside them in the arguments, such as a topology that the
+    command itself could read."""
+    from . import io
+
+    kinds = {io.format_of(pathlib.Path(file)).name for file in files}
+    if not kinds & {"mdanalysis", "oxdna"}:
+        return files
+
+    def is_file(k: int) -> bool:
+        return k < len(args) and not args[k].startswith("-") and pathlib.Path(args[k]).is_file()
+
+    first, last = args.index(files[0]), args.index(files[-1])
+    # The word after an option may be its value.
+    while first > 1 and is_file(first - 1) and not args[first - 2].startswith("-"):
+        first -= 1
+    while is_file(last + 1):
+        last += 1
+    return [args[k] for k in range(first, last + 1) if args[k] in files or is_file(k)]
 
 
 def _only_the_package_reads(arg: str) -> bool:
@@ -115,6 +141,8 @@ def convert(args: list[str], *, says_parts: bool = True) -> int | None:
     parser.add_argument("input", metavar="IN", nargs="+", help="files of one motion")
     parser.add_argument("output", metavar="OUT.npz")
     parser.add_argument("--force", action="store_true", help="overwrite existing files")
+    kept = "keep curves open that only end where they start"
+    parser.add_argument("--keep-open", action="store_true", help=kept)
     for option, what in FLAGS.items():
         parser.add_argument(option, choices=("true", "false"), help=what)
     parser.add_argument("--cell", help="periodic cell: 10,10,12; or none")
@@ -126,6 +154,7 @@ def convert(args: list[str], *, says_parts: bool = True) -> int | None:
         frames = io.read(
             *given.input,
             closed=truth[given.closed],
+            keep_open=given.keep_open,
             unwrap=truth[given.wrapped],
             cell=given.cell,
             select=given.select,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import functools
 import inspect
 import itertools
 import os
@@ -48,7 +49,7 @@ AHEAD = 3
 PRINTED = 5
 
 
-def frames_of(given: Any, **options: Any) -> Frames:
+def frames_of(given: Any, *, keep_open: bool = False, **options: Any) -> Frames:
     """Returns what :func:`check` takes as frames of files."""
     if isinstance(given, (str, os.PathLike)):
         given = [given]
@@ -57,7 +58,7 @@ def frames_of(given: Any, **options: Any) -> Frames:
     if isinstance(given, Frames):
         read = lambda frames: frames  # noqa: E731
     elif isinstance(given, (list, tuple)) and given and isinstance(given[0], (str, os.PathLike)):
-        read, args = io.read, list(given)
+        read, args = functools.partial(io.read, keep_open=keep_open), list(given)
     elif hasattr(given, "universe") and hasattr(given, "atoms"):
         read = io.from_mdanalysis
     options = {name: value for name, value in options.items() if value is not None}
@@ -672,7 +673,7 @@ def check(
     options = options_of(
         baseline, events, radius, motion_limit, invariants, wrapped, keep_open
     )
-    source = frames_of(frames, **described)
+    source = frames_of(frames, keep_open=keep_open, **described)
     run = Run(source, options)
     if client is not None:
         from .distributed import verify

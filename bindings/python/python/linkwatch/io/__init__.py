@@ -152,6 +152,7 @@ def read(
     path: str | os.PathLike[str],
     *more: str | os.PathLike[str],
     closed: bool | None = None,
+    keep_open: bool = False,
     unwrap: bool | None = None,
     select: str | None = None,
     cell: Any = None,
@@ -174,6 +175,7 @@ def read(
         more: further files: trajectories that follow a topology, or one file for each frame.
         closed: True closes curves that the files leave open, False keeps curves open that only end
             where they start.
+        keep_open: keeps curves open that only end where they start, in files of all formats.
         unwrap: whether every vertex is moved to the image nearest to the previous one, in a
             periodic cell. By default, as the format needs it: True for molecules and oxDNA.
         select: atoms to read of molecules, in the language of MDAnalysis.
@@ -207,10 +209,13 @@ def read(
     for name, value in given.items():
         if value is not None and name not in found.options.split():
             raise ValueError(f"{path}: `{name}` is no option for files of the format {found.name}")
+    if keep_open and closed is None and found is not FORMATS[-1]:
+        # A session keeps curves open that the command reads.
+        closed = False
     frames = found.read(paths, Options(closed, unwrap, cell, select or "all"))
     if folder is not None:
         weakref.finalize(frames, folder.cleanup)
-    frames.recipe = read, again, {**given, "format": format}
+    frames.recipe = read, again, {**given, "keep_open": keep_open, "format": format}
     return frames
 
 
