@@ -413,3 +413,35 @@ fn a_recording_says_what_its_files_left_out() {
         assert!(all.contains("cardinal"), "{args:?}: {all}");
     }
 }
+
+/// Regression test: the reader left the curve open, and its link was lost.
+#[test]
+fn an_array_needs_counts_if_a_long_segment_closes_a_curve() {
+    let folder = TempDir::new().unwrap();
+    let [given, array] = ["a.txt", "a.npy"].map(|name| folder.path().join(name));
+    let mut lines = String::new();
+    for k in 0..12 {
+        let t = 1.3 * std::f64::consts::PI * f64::from(k) / 11.0;
+        lines += &format!("{:.9} {:.9} 0\n", t.cos(), t.sin());
+    }
+    for k in 0..12 {
+        let t = std::f64::consts::TAU * f64::from(k) / 12.0;
+        lines += &format!("{:.9} 0.27 {:.9}\n", 0.9 + 0.9 * t.cos(), 0.9 * t.sin());
+    }
+    std::fs::write(&given, lines).unwrap();
+    let counts = "--counts=-12,-12";
+    let expected = linkwatch(&["certify", counts, text(&given)]).stdout;
+    assert!(expected.contains("lines: 1"), "{expected}");
+    let run = linkwatch(&["convert", counts, text(&given), text(&array)]);
+    assert_eq!(run.code, 0, "{}", run.stderr);
+    let run = linkwatch(&["certify", text(&array)]);
+    assert!(
+        run.code == 2 && run.stderr.contains("--counts"),
+        "{}",
+        run.stderr
+    );
+    assert_eq!(
+        linkwatch(&["certify", counts, text(&array)]).stdout,
+        expected
+    );
+}

@@ -10,6 +10,7 @@ use crate::curve::{Basis, Cell, CurveLabels, CurveSet, Precision};
 use crate::error::{Error, Result};
 use crate::formats::frames::ModelFrame;
 use crate::formats::write::{FrameSink, check_polylines, same_curves};
+use crate::ingest::{Closing, CurveSource};
 use crate::verdict::LeftOut;
 use crc32fast::Hasher;
 use std::fs::File;
@@ -40,6 +41,8 @@ pub(in crate::formats) struct Stream {
     basis: Basis,
     precision: Precision,
     counts: Vec<i32>,
+    /// True if the array has an axis of curves.
+    by_curve: bool,
     points: usize,
     frames: u64,
     /// Bytes and checksum of the values.
@@ -54,11 +57,15 @@ impl Stream {
         let file = File::create(path).map_err(Error::file(path))?;
         let mut out = BufWriter::with_capacity(1 << 16, file);
         (out.write_all(&vec![0; lead + HEADER_BYTES])).map_err(Error::file(path))?;
+        let counts: Vec<i32> = set.counts().collect();
+        let same = |first: &i32| *first < 0 && counts.iter().all(|c| c == first);
+        let by_curve = counts.first().is_some_and(same);
         let mut stream = Stream {
             out,
             basis: set.basis(),
             precision: set.precision(),
-            counts: set.counts().collect(),
+            counts,
+            by_curve,
             points: set.points(),
             frames: 0,
             bytes: 0,
@@ -69,11 +76,18 @@ impl Stream {
         Ok(stream)
     }
 
-    /// Creates an `.npy` file: the positions. Unless all curves are closed and have equal numbers
-    /// of points, these numbers are not in the file.
+    /// Creates an `.npy` file: the positions. Unless all curves are closed, and a reader knows it,
+    /// and have equal numbers of points, these numbers are not in the file.
     pub fn create_npy(path: &Path, set: &CurveSet) -> Result<Stream> {
         check_polylines("NumPy file (.npy)", set)?;
-        Stream::create(path, set, 0)
+        let mut stream = Stream::create(path, set, 0)?;
+        // A reader would leave curves open that a long segment closes.
+        let source = CurveSource {
+            closed_by_default: true,
+            ..CurveSource::default()
+        };
+        stream.by_curve &= Closing::default().of_set(set, source)?.is_none();
+        Ok(stream)
     }
 
     fn add(&mut self, set: &CurveSet) -> Result<()> {
@@ -111,12 +125,10 @@ impl Stream {
             Precision::F64 => "<f8",
         };
         let frames = self.frames;
-        let shape = match self.counts[..] {
-            [count, ref rest @ ..] if count < 0 && rest.iter().all(|c| *c == count) => {
-                let (curves, points) = (self.counts.len(), count.unsigned_abs());
-                format!("{frames}, {curves}, {points}, 3")
-            }
-            _ => format!("{frames}, {}, 3", self.points),
+        let (curves, points) = (self.counts.len(), self.points);
+        let shape = match self.by_curve {
+            true => format!("{frames}, {curves}, {}, 3", points / curves),
+            false => format!("{frames}, {points}, 3"),
         };
         array_header(descr, &shape)
     }
