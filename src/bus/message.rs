@@ -87,20 +87,22 @@ impl Known {
         }
     }
 
-    /// Returns the first finding of a report that is not known; the first of all if there is none.
-    /// The change of the pair that was pulled through first comes before others, as in the report
-    /// of a run.
-    fn first_new(&self, report: &Report) -> Option<Finding> {
+    /// Returns the first finding of a report that is not known, and true; the first of all if there
+    /// is none. The change of the pair that was pulled through first comes before others, as in the
+    /// report of a run.
+    fn first_new(&self, report: &Report) -> Option<(Finding, bool)> {
         let all = report.all_findings().zip(report.lasting());
         let all = all.filter_map(|(finding, key)| Some((Finding::of(finding)?, key)));
-        let is_new = |key: &Option<Lasting>| key.is_none_or(|key| !self.0.contains(&key));
-        let all: Vec<(Finding, bool)> = all.map(|(f, key)| (f, is_new(&key))).collect();
-        let new = || all.iter().filter(|(_, is_new)| *is_new).map(|(f, _)| f);
+        let is_new = |key: Option<Lasting>| key.is_none_or(|key| !self.0.contains(&key));
+        let all: Vec<(Finding, bool)> = all.map(|(f, key)| (f, is_new(key))).collect();
+        let new = || all.iter().filter(|(_, is_new)| *is_new);
         let pulled = report.events.first().map(|e| (e.i, e.j, e.image));
-        let explains =
-            |f: &&Finding| matches!(f, Finding::Change(c) if Some((c.i, c.j, c.image)) == pulled);
+        let explains = |(finding, _): &&(Finding, bool)| match finding {
+            Finding::Change(c) => Some((c.i, c.j, c.image)) == pulled,
+            _ => false,
+        };
         let first = new().find(explains).or_else(|| new().next());
-        first.or(all.first().map(|(f, _)| f)).copied()
+        first.or(all.first()).copied()
     }
 }
 
@@ -303,7 +305,8 @@ impl VerdictWire {
             safe_fraction: report.safe_fraction.unwrap_or(f64::NAN),
             ..VerdictWire::new(MessageKind::Verdict, session, counters)
         };
-        match known.first_new(report) {
+        let (first, is_new) = known.first_new(report).unzip();
+        match first {
             None => {}
             Some(Finding::Change(change)) => {
                 wire.finding = FINDING_CHANGE;
@@ -335,7 +338,7 @@ impl VerdictWire {
         let clearance = report.clearance.filter(|_| wire.finding == FINDING_NONE);
         let close = clearance.as_ref().and_then(Clearance::reason);
         let changed = report.invariants.first();
-        let changed = changed.filter(|_| wire.finding == FINDING_NONE);
+        let changed = changed.filter(|_| is_new != Some(true));
         let changed = changed.map(|change| change.sentence_named(&[]));
         let reasons = report.rejected.iter().chain(&changed);
         match reasons
@@ -508,6 +511,9 @@ mod tests {
         }];
         let m = sent(&r);
         assert_eq!((m.findings, m.first), (1, None));
+        let of = |known: &Known, r: &Report| {
+            VerdictWire::from_report(r, known, 5, Counters::default(), Duration::ZERO).read()
+        };
         let reason = r.invariants[0].sentence_named(&[]);
         assert!(m.to_string().ends_with(&reason), "{m}");
         let place = PLACE;
@@ -521,6 +527,7 @@ mod tests {
         }];
         let mut known = Known::default();
         known.record(&r);
+        assert!(of(&known, &r).unwrap().to_string().ends_with(&reason));
         let event = PullThrough {
             i: 3,
             j: 4,
@@ -532,7 +539,7 @@ mod tests {
             lengths: 0.0,
         };
         r.events = vec![event];
-        assert_eq!(known.first_new(&r), Some(Finding::Event(event)));
+        assert_eq!(known.first_new(&r), Some((Finding::Event(event), true)));
     }
 
     #[test]

@@ -1,5 +1,7 @@
 //! Names and radii of curves, and changes of the curves between two frames.
 
+#[cfg(feature = "verify")]
+use super::CurveSet;
 use crate::error::{Error, Result};
 use serde::{Deserialize, Serialize};
 use std::collections::{HashMap, HashSet};
@@ -105,6 +107,8 @@ pub(crate) struct CurveChange {
     pub appeared: Vec<String>,
     /// Names of the curves that are gone, in the order of the frame before.
     pub gone: Vec<String>,
+    /// Names of the curves that were closed before, and are open.
+    pub opened: Vec<String>,
 }
 
 impl CurveChange {
@@ -132,7 +136,30 @@ impl CurveChange {
             origins: after.names.iter().map(index).collect(),
             appeared: after.names.iter().filter(is_new).cloned().collect(),
             gone: before.names.iter().filter(is_gone).cloned().collect(),
+            opened: Vec::new(),
         })
+    }
+
+    /// Notes which of the curves, with these names, were closed before and are open.
+    #[cfg(feature = "verify")]
+    pub fn note_opened(&mut self, before: &CurveSet, now: &CurveSet, names: &[String]) {
+        let kept = self.origins.iter().enumerate();
+        let kept = kept.filter_map(|(i, origin)| Some((i, (*origin)? as usize)));
+        let opened = kept.filter(|&(i, k)| before.curve(k).closed && !now.curve(i).closed);
+        self.opened = opened.map(|(i, _)| names[i].clone()).collect();
+    }
+
+    /// Returns in words which curves were closed before and are open. `None` if there are none.
+    #[cfg(feature = "verify")]
+    pub fn words_of_opened(&self) -> Option<String> {
+        let first = self.opened.first()?;
+        let more = match self.opened.len() - 1 {
+            0 => String::new(),
+            n => format!(" and {n} more"),
+        };
+        Some(format!(
+            "the linking numbers of curve {first}{more}: closed in the previous frame, and open"
+        ))
     }
 
     /// Returns true if the same curves are in the same order.

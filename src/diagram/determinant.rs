@@ -379,8 +379,11 @@ fn minor(
                         .0,
                 ))
             };
-            let mut rows = (0..faces as u32).filter(|&v| left[v as usize]);
-            let Some((to, from)) = rows.find_map(entry) else {
+            let rows = (0..faces as u32).filter(|&v| left[v as usize]);
+            let found = rows
+                .filter_map(entry)
+                .min_by_key(|(v, _)| matrix.rows[*v as usize].len());
+            let Some((to, from)) = found else {
                 break;
             };
             queue.push(degree(&matrix, to));

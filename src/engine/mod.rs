@@ -305,7 +305,9 @@ impl Engine {
         }
         self.steps.begin(known, &curves)?;
         let unknown_step = known.unknown_step.take();
-        let mut missing: Vec<String> = unknown_step.into_iter().chain(broken).collect();
+        let opened = next.change.and_then(CurveChange::words_of_opened);
+        let missing = unknown_step.into_iter().chain(broken).chain(opened);
+        let mut missing: Vec<String> = missing.collect();
         let (frame, quiet) = self.expand(known, next, &mut missing)?;
         let mut compared = self.compare(known, (&frame, quiet), &appeared)?;
         self.add_places(&frame, &mut compared.linking.comparison)?;

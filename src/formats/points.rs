@@ -183,7 +183,11 @@ impl Columns {
         }
         let fields = fields(line);
         let numbers = fields.iter().filter(|field| is_number(field)).count();
-        let is_row = fields.len() > 1 && fields.iter().all(is_value);
+        // The last field may be empty.
+        let is_complete = self.all >= fields.len() && fields.len() + 1 >= self.all;
+        let may_be = |&column: &usize| fields.get(column).is_none_or(is_value);
+        let is_row = is_complete && self.at.iter().all(may_be) || fields.iter().all(is_value);
+        let is_row = is_row && fields.len() > 1;
         let few = self.all > numbers && 2 * numbers <= fields.len();
         if !is_number(&fields[0]) && few && !is_row {
             if let Some(columns) = Columns::named(&fields)? {
@@ -269,7 +273,10 @@ impl Curves {
                         "a point of curve {group} after those of another curve"
                     ));
                 }
-                self.names.push(String::from_utf8_lossy(group).into_owned());
+                self.names.push(match std::str::from_utf8(group) {
+                    Ok(name) if !name.is_empty() && !name.contains(char::is_control) => name.into(),
+                    _ => format!("'{}'", group.escape_ascii()),
+                });
             }
             self.begins = true;
             self.group = group;
@@ -610,6 +617,18 @@ mod tests {
                 "line 3): 2 columns, expected 3",
             ),
             ("1,0,0\nNA,NA,NA\n2,0,0\n", "'NA', expected a number"),
+            (
+                "curve,x,y,z\na,1,0,0\na,NA,NA,NA\na,2,0,0\n",
+                "'NA', expected a number",
+            ),
+            (
+                "x,y,z,curve\n1,0,0,a\n,,,a\n2,0,0,a\n",
+                "'', expected a number",
+            ),
+            (
+                "curve,x,y,z\na,1,0,0\na,,,\na,2,0,0\n",
+                "line 3): 3 columns, expected 4",
+            ),
             (
                 "1 0 0\n******** ******** 0.0\n2 0 0\n",
                 "'********', expected a number",

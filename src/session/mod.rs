@@ -367,7 +367,7 @@ impl Session {
         info.cell = check_cell(info.cell, last.map(|last| last.cell))?;
         // In a cell, the curves are the same in all frames, but may be described again.
         let same = |change: &CurveChange| info.cell.is_some() && change.is_identity();
-        let change = change.flatten().filter(|change| !same(change));
+        let mut change = change.flatten().filter(|change| !same(change));
         // A frame that begins a run or a part is verified beside the state of the frames before it,
         // which remains if the frame is rejected.
         let begun = begin.map(|begin| Begun::new(self, begin, info));
@@ -377,6 +377,9 @@ impl Session {
             None => (&mut self.engine, &mut self.coordinates),
         };
         let set = coordinates.place(&given, info.cell, of_frame)?;
+        if let (Some(change), Some(before)) = (&mut change, &coordinates.last) {
+            change.note_opened(before, &set, &info.labels.names);
+        }
         let cuts = cut || matches!(self.next, Next::Cut);
         let mut report = engine.verify(NextFrame {
             seq: info.seq,

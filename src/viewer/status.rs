@@ -19,7 +19,8 @@ pub(super) fn status(
     shown: usize,
 ) -> String {
     // If the linking numbers are as expected, the status concerns this frame only.
-    let only_events = !report.events.is_empty() && report.changes.is_empty();
+    let lasts = !(report.changes.is_empty() && report.invariants.is_empty());
+    let only_events = !report.events.is_empty() && !lasts;
     let title = match report.verdict {
         Verdict::Intact => "Intact",
         Verdict::Changed if only_events => "PULLED THROUGH",

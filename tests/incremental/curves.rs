@@ -275,3 +275,35 @@ fn a_curve_that_appeared_in_a_rejected_frame_is_expected_from_the_next_one() {
     let report = feed(3, &[flat(5.0), flat(0.0)], (2, &["b", "a"]));
     assert_eq!(report.verdict, Verdict::Changed);
 }
+
+/// Regression test: curves that are described again were decided anew, and a ring that had been
+/// cut was an open curve whose linking numbers nobody missed.
+#[test]
+fn a_curve_that_is_open_when_it_is_described_again_is_not_intact() {
+    let square =
+        |x: f64| [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]].map(|[a, b]| [a + x, b, 0.0]);
+    let xyz: Vec<f64> = [square(0.0), square(5.0)]
+        .as_flattened()
+        .as_flattened()
+        .to_vec();
+    for events in [Events::Off, Events::Between] {
+        let mut session = Session::new(SessionOptions {
+            events,
+            ..SessionOptions::default()
+        })
+        .unwrap();
+        let mut report = |seq: u32, counts: [i32; 2], names: [&str; 2]| {
+            let info = FrameInfo::at(seq.into(), 0.0).with_labels(seq, CurveLabels::named(names));
+            let set = CurveSet::from_counts(Basis::Polyline, &counts, Positions::F64(&xyz));
+            session.feed(info, set.unwrap()).unwrap()
+        };
+        assert_eq!(report(0, [-4, -4], ["a", "b"]).verdict, Verdict::Intact);
+        assert_eq!(report(1, [-4, -4], ["b", "a"]).verdict, Verdict::Intact);
+        let cut = report(2, [-4, 4], ["a", "b"]);
+        assert_eq!(cut.verdict, Verdict::Undecided, "{events:?}: {cut:?}");
+        assert!(
+            cut.missing[0].contains("curve b: closed in the previous frame"),
+            "{cut:?}"
+        );
+    }
+}

@@ -16,6 +16,13 @@ FLAGS = {
     "--wrapped": "unwrap coordinates; =false: take them as they are",
 }
 
+# Other options without a value.
+SWITCHES = {
+    "--",
+    *FLAGS,
+    *"--early-exit --force --json --keep-open --keep-order --one-motion --quiet --verbose".split(),
+}
+
 # Suffixes of files that the command always reads itself: they cost no import of the readers.
 OWN = (".bcc", ".npy", ".npz", ".mcap", ".obj", ".vect", ".xyz", ".extxyz", ".dump", ".lammpstrj")
 
@@ -61,9 +68,10 @@ def main() -> int:
             print("error: the curves change: check the file without --each", file=sys.stderr)
             return 2
         if more:
-            others += [archive.replace(".npz", f"-{k + 2}.npz") for k in range(more)]
+            others += [f"{archive[:-4]}-{k + 2}.npz" for k in range(more)]
             if args[0] == "check":
-                others += ["--one-motion", "--keep-order"]
+                wanted = {"--one-motion", "--keep-order"}
+                others[1:1] = sorted(wanted - set(others))
         return command(["linkwatch", *others])
 
 
@@ -95,11 +103,15 @@ def _read_together(args: list[str], files: list[str]) -> list[str]:
         return files
 
     def is_file(k: int) -> bool:
-        return k < len(args) and not args[k].startswith("-") and pathlib.Path(args[k]).is_file()
+        if k >= len(args) or args[k].startswith("-"):
+            return False
+        # The word after an option may be its value.
+        before = args[k - 1]
+        is_value = before.startswith("--") and "=" not in before and before not in SWITCHES
+        return not is_value and pathlib.Path(args[k]).is_file()
 
     first, last = args.index(files[0]), args.index(files[-1])
-    # The word after an option may be its value.
-    while first > 1 and is_file(first - 1) and not args[first - 2].startswith("-"):
+    while first > 1 and is_file(first - 1):
         first -= 1
     while is_file(last + 1):
         last += 1

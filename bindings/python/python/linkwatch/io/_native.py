@@ -88,6 +88,7 @@ def _opened(archive: Path, path: Path, invalid: list[dict[str, Any]]) -> Frames:
         else:
             before = max(0, int(np.searchsorted(numbers, one["frame"])) - 1)
             rows.append((one["frame"], before, one))
+            known.add(one["frame"])
     rows.sort(key=lambda row: row[0])
 
     def load(start: int = 0, stop: int = len(rows)) -> Iterator[Frame]:
@@ -102,7 +103,9 @@ def _opened(archive: Path, path: Path, invalid: list[dict[str, Any]]) -> Frames:
                 seq,
                 float(others["times"][k]) if "times" in others else 0.0,
             )
-            yield frame if why is None else frame.invalid(why["error"], time=why["time"])
+            # A time that is not finite is null in JSON.
+            at = frame.time if why is None or why["time"] is None else why["time"]
+            yield frame if why is None else frame.invalid(why["error"], time=at)
 
     opened = Frames(path, load, summary, len(rows))
     opened.part = load
