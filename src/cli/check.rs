@@ -9,7 +9,8 @@ use super::input::{self, FormatArgs};
 use super::output::with_progress;
 use super::run::{Baseline, Judge, JunitArgs, Run, Setup, Sinks};
 use super::sequence::{Frame, Sequence};
-use crate::curve::vector::{distance, dot, per_axis, sub};
+use crate::curve::Metric;
+use crate::curve::vector::{distance, per_axis};
 use linkwatch::{AbortOn, Cell, CurveSet, Error, Events, Point, Result, SessionOptions};
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -203,14 +204,8 @@ fn motion(from: &CurveSet, to: &CurveSet, cell: Option<&Cell>) -> Option<f64> {
     let slots: Vec<(usize, usize)> = slots.collect();
     let within = slots.iter().filter(|(_, k)| *k > 0);
     let length = median(within.map(|&(i, k)| distance(from.point(i, k - 1), from.point(i, k))))?;
-    let images = cell.and_then(|cell| Some((cell, cell.inverse()?)));
-    let moved = |&(i, k): &(usize, usize)| {
-        let by = sub(to.point(i, k), from.point(i, k));
-        images.map_or(by, |(cell, inverse)| {
-            let cells = inverse.map(|b| dot(b, by).round() as i32);
-            sub(by, cell.translation(cells))
-        })
-    };
+    let metric = Metric::new(cell);
+    let moved = |&(i, k): &(usize, usize)| metric.difference(from.point(i, k), to.point(i, k));
     let moved: Vec<Point> = slots.iter().map(moved).collect();
     let all = per_axis(|x| median(moved.iter().map(|by| by[x])).unwrap_or(0.0));
     Some(median(moved.iter().map(|by| distance(*by, all)))? / length)

@@ -8,6 +8,8 @@
 mod basis;
 mod cell;
 mod labels;
+#[cfg(feature = "verify")]
+mod metric;
 mod notation;
 mod positions;
 #[cfg(feature = "verify")]
@@ -19,6 +21,8 @@ pub(crate) use cell::is_home;
 pub use cell::{Cell, Image};
 pub use labels::CurveLabels;
 pub(crate) use labels::{words_of_change, words_of_curve};
+#[cfg(feature = "verify")]
+pub(crate) use metric::Metric;
 pub(crate) use notation::{Notation, significant};
 pub use positions::{Positions, Precision};
 #[cfg(feature = "verify")]

@@ -1,9 +1,7 @@
 //! Distances of the ends of a curve.
 
-use crate::curve::vector::{SQUARES, dot, hypot, per_axis, sub};
-use crate::curve::{
-    Basis, Cell, Point, Positions, Precision, are_three_distinct, bspline_knot, larger,
-};
+use crate::curve::vector::{SQUARES, hypot, per_axis};
+use crate::curve::{Basis, Metric, Point, Positions, Precision, are_three_distinct, bspline_knot};
 use crate::error::{Error, Result};
 use std::ops::Range;
 
@@ -16,56 +14,6 @@ const NEAR_IF_CLOSED: f64 = 1e-6;
 
 /// Largest distance of ends that meet by rounding alone, in median segments.
 const NEAR_IF_ROUNDED: f64 = 0.1;
-
-/// Distances in space, or of nearest images in a periodic cell.
-pub(super) struct Metric {
-    /// Lattice vectors, and what multiplies a vector to give its share of each of them.
-    lattice: Option<([Point; 3], [Point; 3])>,
-}
-
-impl Metric {
-    pub fn new(cell: Option<&Cell>) -> Metric {
-        let lattice = cell.and_then(|cell| {
-            let mut inverse = cell.inverse()?;
-            for (b, periodic) in inverse.iter_mut().zip(cell.periodic()) {
-                if !periodic {
-                    *b = [0.0; 3];
-                }
-            }
-            Some((cell.vectors, inverse))
-        });
-        Metric { lattice }
-    }
-
-    #[inline(always)]
-    fn difference(&self, a: Point, b: Point) -> Point {
-        let mut d = sub(b, a);
-        if let Some((vectors, inverse)) = &self.lattice {
-            let shares = inverse.map(|b| dot(b, d).round());
-            for (v, share) in vectors.iter().zip(shares) {
-                d = per_axis(|x| d[x] - share * v[x]);
-            }
-        }
-        d
-    }
-
-    /// Returns the square of the longest distance of consecutive knots, which are every `stride`
-    /// points `x y z x y z ..`.
-    fn longest_square<T: Copy + Into<f64>>(&self, points: &[T], stride: usize) -> f64 {
-        let knots = points.as_chunks::<3>().0.chunks_exact(stride);
-        let mut knots = knots.map(|knot| per_axis(|x| knot[0][x].into()));
-        let (mut last, mut longest) = (knots.next().unwrap_or_default(), 0.0);
-        for next in knots {
-            let d = self.difference(last, next);
-            (last, longest) = (next, larger(dot(d, d), longest));
-        }
-        longest
-    }
-
-    fn distance(&self, a: Point, b: Point) -> f64 {
-        hypot(self.difference(a, b))
-    }
-}
 
 /// Ends of an open curve.
 pub(super) enum Ends {

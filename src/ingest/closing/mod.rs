@@ -13,9 +13,9 @@ mod notes;
 
 pub use self::notes::{ClosingKind, ClosingNote};
 
-use self::ends::{Ends, Layout, Metric};
+use self::ends::{Ends, Layout};
 use super::RawFrame;
-use crate::curve::{Basis, Cell, CurveSet, Positions};
+use crate::curve::{Basis, Cell, CurveSet, Metric, Positions};
 use crate::error::Result;
 use serde::{Deserialize, Serialize};
 use std::ops::Range;
