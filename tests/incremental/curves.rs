@@ -276,8 +276,9 @@ fn a_curve_that_appeared_in_a_rejected_frame_is_expected_from_the_next_one() {
     assert_eq!(report.verdict, Verdict::Changed);
 }
 
-/// Regression test: curves that are described again were decided anew, and a ring that had been
-/// cut was an open curve whose linking numbers nobody missed.
+/// Regression test: when the curves are described again, each is found to be closed or open anew. A
+/// ring that had been cut became an open curve, and the frame was intact without its linking
+/// numbers.
 #[test]
 fn a_curve_that_is_open_when_it_is_described_again_is_not_intact() {
     let square =

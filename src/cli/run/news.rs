@@ -45,7 +45,7 @@ pub struct New {
 /// Findings printed so far.
 #[derive(Default)]
 pub struct News {
-    /// Those of the last frame. Forgotten if the next one has other curves.
+    /// Findings of the last frame. They are forgotten if the next frame has other curves.
     pub known: Known,
     pub first_violation: Option<Violation>,
 }
