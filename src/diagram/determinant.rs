@@ -301,6 +301,13 @@ impl Matrix {
         slot
     }
 
+    /// Returns the first other column in which a row is not 0.
+    fn neighbour(&self, v: u32) -> Option<u32> {
+        let mut row = self.rows[v as usize].iter();
+        let found = row.find(|(_, slot)| self.values[**slot as usize][0] != 0);
+        found.map(|(column, _)| *column)
+    }
+
     /// Applies an operation, and adds it to the program.
     fn apply(&mut self, to: Slot, a: Slot, b: Slot) {
         apply(&mut self.values, [to, a, b], &self.moduli);
@@ -371,21 +378,10 @@ fn minor(
             changed
         } else {
             // All pivots are 0.
-            let entry = |v: u32| {
-                let mut row = matrix.rows[v as usize].iter();
-                Some((
-                    v,
-                    *row.find(|(_, slot)| matrix.values[**slot as usize][0] != 0)?
-                        .0,
-                ))
-            };
             let rows = (0..faces as u32).filter(|&v| left[v as usize]);
-            let found = rows
-                .filter_map(entry)
-                .min_by_key(|(v, _)| matrix.rows[*v as usize].len());
-            let Some((to, from)) = found else {
-                break;
-            };
+            let with_entries = rows.filter_map(|v| Some((v, matrix.neighbour(v)?)));
+            let fewest = with_entries.min_by_key(|(v, _)| matrix.rows[*v as usize].len());
+            let Some((to, from)) = fewest else { break };
             queue.push(degree(&matrix, to));
             let mut changed = matrix.add(from, to);
             changed.push((to, to));

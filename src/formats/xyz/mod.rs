@@ -69,6 +69,7 @@ pub(super) fn read<'a>(
         frames: 0,
         last: None,
         known: HashMap::new(),
+        numbers: Vec::new(),
         labels: Arc::default(),
     }))
 }
@@ -83,6 +84,8 @@ struct XyzFrames<R> {
     last: Option<u64>,
     /// Numbers of the curves so far, in their order.
     known: HashMap<i64, usize>,
+    /// Numbers of the curves of the last frame, and those as names.
+    numbers: Vec<i64>,
     labels: Arc<CurveLabels>,
 }
 
@@ -124,9 +127,10 @@ impl<R: BufRead> FrameSource for XyzFrames<R> {
         let curves = atoms::read(&mut self.lines, count, &comment, counts, &mut self.known)?;
         let mut info = FrameInfo::at(seq, comment.time);
         let curves = curves.map(|(curves, numbers)| {
-            let labels = CurveLabels::named(numbers.iter().map(i64::to_string));
-            if labels != *self.labels {
-                self.labels = Arc::new(labels);
+            if numbers != self.numbers {
+                let names = numbers.iter().map(i64::to_string);
+                self.labels = Arc::new(CurveLabels::named(names));
+                self.numbers = numbers;
             }
             info.labels = Arc::clone(&self.labels);
             curves
