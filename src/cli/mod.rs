@@ -52,6 +52,8 @@ mod source;
 mod stream;
 mod watch;
 
+pub use order::sort_by_number;
+
 use clap::{ArgAction, Parser, Subcommand};
 use linkwatch::{Result, Verdict};
 use std::ffi::OsString;

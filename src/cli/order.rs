@@ -80,8 +80,13 @@ pub fn sort(files: &mut [PathBuf]) -> bool {
     if !(numbered || of_shell) || names.is_sorted_by_key(|name| key(name)) {
         return false;
     }
-    files.sort_by(|a, b| key(&name(a)).cmp(&key(&name(b))));
+    sort_by_number(files);
     true
+}
+
+/// Sorts files by the numbers in their names, also if somebody chose another order.
+pub fn sort_by_number(files: &mut [PathBuf]) {
+    files.sort_by(|a, b| key(&a.to_string_lossy()).cmp(&key(&b.to_string_lossy())));
 }
 
 #[cfg(test)]

@@ -67,6 +67,19 @@ pub fn basis(name: &str) -> PyResult<Basis> {
     }
 }
 
+/// Returns a frame of the curves with these points.
+pub fn raw<'a>(
+    points: &'a Points<'_>,
+    counts: &'a [i32],
+    basis_name: &str,
+) -> PyResult<RawFrame<'a>> {
+    Ok(RawFrame {
+        basis: basis(basis_name)?,
+        counts,
+        positions: points.positions()?,
+    })
+}
+
 /// Returns the counts of curves that nothing says to be closed, below 0 if they are closed.
 #[pyfunction]
 pub fn decided_counts(
@@ -75,11 +88,7 @@ pub fn decided_counts(
     basis_name: &str,
     cell_numbers: Option<[f64; 12]>,
 ) -> PyResult<Vec<i32>> {
-    let frame = RawFrame {
-        basis: basis(basis_name)?,
-        counts: &counts,
-        positions: points.positions()?,
-    };
+    let frame = raw(&points, &counts, basis_name)?;
     let source = CurveSource {
         cell: cell_numbers.map(cell),
         closed_by_default: true,

@@ -12,6 +12,7 @@ mod strands;
 use pyo3::prelude::*;
 use std::ffi::OsString;
 use std::panic::catch_unwind;
+use std::path::PathBuf;
 
 #[pymodule]
 fn _linkwatch(module: &Bound<'_, PyModule>) -> PyResult<()> {
@@ -29,6 +30,7 @@ fn _linkwatch(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(strands::gauss, module)?)?;
     module.add_function(wrap_pyfunction!(strands::diagram, module)?)?;
     module.add_function(wrap_pyfunction!(command, module)?)?;
+    module.add_function(wrap_pyfunction!(sorted_by_number, module)?)?;
     Ok(())
 }
 
@@ -38,6 +40,13 @@ fn _linkwatch(module: &Bound<'_, PyModule>) -> PyResult<()> {
 fn command(py: Python<'_>, args: Vec<OsString>) -> u8 {
     // The code of a panic in a binary. The code 1 of an exception means a changed topology.
     py.detach(|| catch_unwind(|| linkwatch::run_command(args)).unwrap_or(101))
+}
+
+/// Returns paths sorted by the numbers in them.
+#[pyfunction]
+fn sorted_by_number(mut paths: Vec<PathBuf>) -> Vec<OsString> {
+    linkwatch::sort_by_number(&mut paths);
+    paths.into_iter().map(OsString::from).collect()
 }
 
 /// Returns the exception of an error: `OSError` if a file cannot be read or written (a subclass

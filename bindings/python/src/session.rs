@@ -3,7 +3,7 @@
 use crate::call::{Shared, guarded, watched};
 use crate::certificate::Certificate;
 use crate::exception;
-use crate::frame::{Points, basis, cell};
+use crate::frame::{Points, basis, cell, raw};
 use crate::result::{packed, report, unpacked};
 use linkwatch::{
     Basis, Cell, ClearanceOptions, Closing, ClosingNote, CurveLabels, CurveSet, CurveSource, Error,
@@ -370,11 +370,7 @@ pub fn certify(
     closed_by_default: bool,
     cell_numbers: Option<[f64; 12]>,
 ) -> PyResult<(Certificate, Vec<String>)> {
-    let frame = RawFrame {
-        basis: basis(basis_name)?,
-        counts: &counts,
-        positions: points.positions()?,
-    };
+    let frame = raw(&points, &counts, basis_name)?;
     let source = CurveSource {
         cell: cell_numbers.map(cell),
         closed_by_default,

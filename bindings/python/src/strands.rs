@@ -2,12 +2,12 @@
 
 use crate::call::{guarded, watched};
 use crate::exception;
-use crate::frame::{Points, basis, cell};
+use crate::frame::{Points, cell, raw};
 use crate::result::result;
 use linkwatch::kernels::Estimate;
 use linkwatch::{
-    Axis, Cell, Closing, CurveSet, CurveSource, Error, GaussIntegrals, RawFrame, Ribbon,
-    RibbonOptions, Strut, Thickness,
+    Axis, Cell, Closing, CurveSet, CurveSource, Error, GaussIntegrals, Ribbon, RibbonOptions,
+    Strut, Thickness,
 };
 use pyo3::prelude::*;
 use serde_json::{Value, json};
@@ -24,11 +24,7 @@ fn measure<T: Send + 'static>(
     (points, counts, basis_name, numbers): &Frame<'_>,
     run: impl FnOnce(&CurveSet, Option<&Cell>) -> Result<T, Error> + Send + 'static,
 ) -> PyResult<T> {
-    let frame = RawFrame {
-        basis: basis(basis_name)?,
-        counts,
-        positions: points.positions()?,
-    };
+    let frame = raw(points, counts, basis_name)?;
     let cell = numbers.map(cell);
     guarded(|| {
         let set = Closing::default().curves(frame, CurveSource::default());

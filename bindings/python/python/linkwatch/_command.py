@@ -20,7 +20,8 @@ FLAGS = {
 SWITCHES = {
     "--",
     *FLAGS,
-    *"--early-exit --force --json --keep-open --keep-order --one-motion --quiet --verbose".split(),
+    *"--early-exit --force --json --keep-open --keep-order --one-motion".split(),
+    *"-q --quiet -v --verbose".split(),
 }
 
 # Suffixes of files that the command always reads itself: they cost no import of the readers.
@@ -107,7 +108,7 @@ def _read_together(args: list[str], files: list[str]) -> list[str]:
             return False
         # The word after an option may be its value.
         before = args[k - 1]
-        is_value = before.startswith("--") and "=" not in before and before not in SWITCHES
+        is_value = before.startswith("-") and "=" not in before and before not in SWITCHES
         return not is_value and pathlib.Path(args[k]).is_file()
 
     first, last = args.index(files[0]), args.index(files[-1])

@@ -10,6 +10,7 @@ from ._results import Change, Defect, Diagram, PullThrough, Report, Ribbon, Stru
 __version__: str
 
 def command(args: list[str]) -> int: ...
+def sorted_by_number(paths: list[PathLike[str]]) -> list[str]: ...
 
 Frame = tuple[npt.NDArray[Any], list[int], str, list[float] | None]
 

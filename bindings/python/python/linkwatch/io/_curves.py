@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-import re
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,8 +13,7 @@ from .. import _linkwatch
 from ._frames import Frame, Frames, LeftOut, Summary
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
-    from pathlib import Path
+    from collections.abc import Callable, Iterable, Iterator, Sequence
     from typing import Any
 
     import numpy.typing as npt
@@ -254,7 +253,7 @@ def frames_of_files(
     paths: Sequence[Path], parse: Callable[[Path], Scene], options: Options
 ) -> Frames:
     """Returns the frames of files of one frame each, in the order of the numbers in their names."""
-    ordered = sorted(paths, key=in_order)
+    ordered = in_order(paths)
 
     def scenes() -> Iterator[Scene]:
         for path in ordered:
@@ -287,17 +286,9 @@ def is_dump(path: Path) -> bool:
         return file.read(5) == b"ITEM:"
 
 
-def in_order(path: Path) -> list[Any]:
-    """Returns a key that sorts names by the numbers in them, as the command does."""
-    key = []
-    for name in path.parts:
-        stem, _, suffix = name.rpartition(".")
-        # The name `t0.25` has no suffix.
-        halves = (name, "") if not stem or suffix[:1].isdecimal() else (stem, suffix)
-        for half in halves:
-            found = re.findall(r"(\d+)(?:\.(\d+))?|(\D+)", half, re.ASCII)
-            key.append([(1, text) if text else (0, int(n), part) for n, part, text in found])
-    return key
+def in_order(paths: Iterable[Path]) -> list[Path]:
+    """Sorts files by the numbers in their names, as the command does."""
+    return [Path(path) for path in _linkwatch.sorted_by_number(list(paths))]
 
 
 def _times(vectors: Array, matrix: Array) -> Array:

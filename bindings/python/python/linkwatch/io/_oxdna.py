@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 def read(paths: Sequence[Path], options: Options) -> Frames:
     """Opens configurations, which are read in the order of the numbers in their names."""
     tops = [path for path in paths if path.suffix.lower() == ".top"]
-    others = sorted((path for path in paths if path not in tops), key=in_order)
+    others = in_order(path for path in paths if path not in tops)
     if not others:
         raise ValueError(f"{tops[0]}: a topology without a configuration: give the .dat file, too")
     beside = others[0].with_suffix(".top")
