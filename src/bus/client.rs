@@ -24,7 +24,7 @@ const HINT: Duration = Duration::from_secs(1);
 pub struct ClientOptions {
     /// True if the simulator calls [`Client::wait`] after every frame. The watcher is informed.
     pub lockstep: bool,
-    /// How the calls that wait for the watcher do so.
+    /// Waiting strategy of the calls that block until the watcher answers.
     pub wait_mode: WaitMode,
 }
 

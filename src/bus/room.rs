@@ -1,12 +1,13 @@
-//! Room in shared memory.
+//! Checks that shared memory has enough free space.
 //!
 //! iceoryx2 reserves addresses, not memory: if `/dev/shm` is full, the first write to a new page
-//! ends the process with SIGBUS. Containers have 64 MB by default. The checks here give an error
+//! ends the process with SIGBUS. Containers have 64 MB by default. The checks here return an error
 //! instead.
 
 use crate::error::{Error, Result};
 
-/// Fails if the shared memory has no room for the pages of `memory` that are not there yet.
+/// Fails if the free shared memory is smaller than the pages of `memory` that are not allocated
+/// yet.
 #[cfg(target_os = "linux")]
 pub(super) fn ensure<T>(memory: &mut [T]) -> Result<()> {
     use rustix::io::Errno;
@@ -16,7 +17,7 @@ pub(super) fn ensure<T>(memory: &mut [T]) -> Result<()> {
     let Some([size, free]) = room().filter(|[_, free]| *free < bytes) else {
         return Ok(());
     };
-    // Pages that an earlier frame has written to need no room.
+    // Pages that an earlier frame has written to are allocated already.
     let page = rustix::param::page_size();
     let start = memory.as_mut_ptr() as usize / page * page;
     let end = memory.as_ptr_range().end as usize;
@@ -34,7 +35,7 @@ pub(super) fn ensure<T>(memory: &mut [T]) -> Result<()> {
     }
 }
 
-/// Fails if the shared memory has no room for a service.
+/// Fails if the free shared memory is too small for a service.
 #[cfg(target_os = "linux")]
 pub(super) fn ensure_service() -> Result<()> {
     /// A service, its ports and their queues take less than half of this.

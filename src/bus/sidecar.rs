@@ -57,7 +57,7 @@ const AHEAD: u64 = 1 << 16;
 pub struct SidecarOptions {
     /// Larger frames are rejected before they are read.
     pub max_frame_bytes: usize,
-    /// How [`Sidecar::wait`] waits.
+    /// Waiting strategy of [`Sidecar::wait`].
     pub wait_mode: WaitMode,
     /// True if frames are received, but nothing is sent to the simulator: no verdict, no abort and
     /// no heartbeat. The simulator does not notice an observer.
@@ -83,8 +83,8 @@ impl Default for SidecarOptions {
     }
 }
 
-/// Session of a simulator as far as it was watched, for a watcher that takes the place of one that
-/// crashed ([`Sidecar::resume`]).
+/// Progress of the watch of one session, from which a new watcher continues after a crash of the
+/// first one ([`Sidecar::resume`]).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct SidecarState {
     session: u64,
@@ -272,7 +272,7 @@ impl Sidecar {
         session.map(|s| s.counters).unwrap_or_default()
     }
 
-    /// Returns the state of the session, once a frame of it was received.
+    /// Returns the state of the session, or `None` before its first frame was received.
     pub fn state(&self) -> Option<SidecarState> {
         let session = self.session.as_ref()?;
         let last = session.last_seen.map(|seen| seen.seq);
@@ -283,9 +283,9 @@ impl Sidecar {
         })
     }
 
-    /// Continues the session of a watcher that crashed, if its simulator is still there: the
-    /// counters go on, and frames that the other watcher received are not returned again. The
-    /// verdict on the last one may still be sent. Call this before the first
+    /// Continues the session of a watcher that crashed, if its simulator still runs: the counters
+    /// continue, and frames that the crashed watcher received are not returned again. The verdict
+    /// on the last frame that it received may still be sent. Call this before the first
     /// [`wait`](Sidecar::wait).
     pub fn resume(&mut self, state: SidecarState) {
         self.resumed = Some(state);
