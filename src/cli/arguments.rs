@@ -122,7 +122,7 @@ fn in_words(mut error: Error) -> Error {
     }
 }
 
-/// Returns the command or the option of an error that is gone, and what to use instead.
+/// Returns the removed command or option that an error names, and its replacement.
 fn gone(error: &Error) -> Option<(&'static str, &'static str)> {
     let unknown = match error.kind() {
         ErrorKind::InvalidSubcommand => error.get(ContextKind::InvalidSubcommand),

@@ -177,7 +177,7 @@ fn certify_in_session(frame: &Picked, args: &Args, braids: Option<Braids>) -> Re
     let mut session = Session::new(SessionOptions {
         cell: frame.cell,
         wrapped: args.frames.cell_args.wrapped.filter(|wrapped| !wrapped),
-        // It is decided already which curves are closed.
+        // The frame has its closed curves already; the session must not close more.
         keep_open: true,
         events,
         braids,

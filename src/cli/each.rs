@@ -218,7 +218,7 @@ fn verified(model: &Path, threads: usize) -> Line {
                 let why = why.map(|why| why.strip_prefix(&name).unwrap_or(why));
                 line.error = Some(why.unwrap_or("a signal ended the process").to_owned());
             } else {
-                // Of a run that failed, the last line is that of some frame.
+                // If a run failed, its last line is that of a frame, not the summary.
                 let of_frame = last["report"]["verdict"].as_str();
                 let verdict = last["summary"]["verdict"].as_str().or(of_frame);
                 line.verdict = verdict.map(str::to_owned);

@@ -35,7 +35,7 @@ pub enum Selection {
     #[default]
     All,
     Last,
-    /// Those with the numbers from the first one to the second one.
+    /// Frames with numbers in a range, both ends included.
     Numbers(u64, u64),
 }
 
@@ -207,7 +207,8 @@ impl Selected {
         while let Some(frame) = self.ahead.pop_front().or_else(|| self.read()) {
             let frame = match frame {
                 Ok(frame) => frame,
-                // The frames before it were read: the file was cut off, for example.
+                // The valid frames before this error keep their results; the file was cut off, for
+                // example.
                 Err(e) if valid => {
                     tracing::error!("{e}");
                     outcome = outcome.max(Outcome::Undecided);

@@ -113,7 +113,7 @@ impl Iterator for Recorded {
                         return Some(Ok(rejected));
                     }
                 }
-                // Not the first one: frames were left out.
+                // A later baseline marks frames that are not in the recording.
                 Ok(Some(RecordedItem::Baseline(_))) => {
                     self.gaps = self.gaps.wrapping_add(u32::from(self.begun));
                 }

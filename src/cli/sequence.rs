@@ -38,8 +38,8 @@ struct File {
     frames: FileFrames,
     /// True until its first frame was taken, if that begins a run.
     begins_run: bool,
-    /// Cuts and layout of its last valid frame.
-    told: Option<(u32, u32)>,
+    /// Number of cuts and layout number of its last valid frame.
+    last_seen: Option<(u32, u32)>,
 }
 
 /// A frame of a [`Sequence`].
@@ -87,7 +87,7 @@ impl Sequence {
             path,
             frames: Box::new(ahead.into_iter().chain(frames)),
             begins_run,
-            told: None,
+            last_seen: None,
         })
     }
 
@@ -156,8 +156,8 @@ impl Sequence {
     /// alone do not, unless the simulator described its curves again: the first ones are kept.
     fn note(&mut self, curves: &CurveSet, info: &FrameInfo) {
         let now = (info.cuts, info.layout);
-        let told = self.current.as_mut().and_then(|f| f.told.replace(now));
-        let (cuts, layout) = told.unwrap_or(now);
+        let last_seen = self.current.as_mut().and_then(|f| f.last_seen.replace(now));
+        let (cuts, layout) = last_seen.unwrap_or(now);
         let (cut, described) = (cuts != info.cuts, layout != info.layout);
         self.info.cuts = self.info.cuts.wrapping_add(u32::from(cut));
         self.info.time_step = info.time_step;

@@ -23,7 +23,7 @@ const AGAIN: Duration = Duration::from_millis(10);
 /// Erases the status line. The cursor is at its end.
 const ERASE: &str = "\r\x1b[2K";
 
-/// Reason why text is lost that nobody reads.
+/// Reason reported for text that is discarded because no program reads the stream.
 const UNREAD: &str = "no program reads it";
 
 /// Destination of a text.

@@ -74,7 +74,7 @@ fn accept(listener: &TcpListener, limit: Duration, page: &Arc<Page>, stop: &Atom
     let mut open: VecDeque<(Instant, Weak<TcpStream>)> = VecDeque::new();
     let close = |(_, stream): (Instant, Weak<TcpStream>)| {
         if let Some(stream) = stream.upgrade() {
-            // It is closed already otherwise.
+            // An error means that the client has closed the connection already.
             let _ = stream.shutdown(Shutdown::Both);
         }
     };

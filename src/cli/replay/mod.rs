@@ -217,7 +217,7 @@ struct Replay {
 impl Replay {
     fn take(&mut self, item: RecordedItem) -> Result<()> {
         match item {
-            // Not the first one: frames were left out.
+            // A later baseline marks frames that are not in the recording.
             RecordedItem::Baseline(baseline) => {
                 self.finish_waiting()?;
                 let baseline = Some(baseline).filter(|_| !self.keeps_baseline);

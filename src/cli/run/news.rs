@@ -65,7 +65,7 @@ impl News {
                 || novelty.new.contains(&true),
         };
         if report.verdict != Verdict::Intact && self.first_violation.is_none() {
-            // The one that the viewer and the report show first.
+            // The finding that the viewer and the report show first.
             let first = report.passages_first().next();
             let curves = first.map(|finding| finding.pair());
             let curves = curves.map(|(i, j, _)| std::iter::once(i).chain(j).collect());

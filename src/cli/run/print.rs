@@ -10,7 +10,7 @@ use linkwatch::{LeftOut, Report};
 /// Maximum number of sentences printed about one frame of a stream; the rest is counted.
 const SENTENCES: usize = 8;
 
-/// The same for a model file.
+/// Maximum number of sentences printed about a model file.
 const MODEL_SENTENCES: usize = 100;
 
 impl Run {

@@ -98,7 +98,8 @@ impl Violations {
         self.current = None;
     }
 
-    /// Returns the worst outcome, without the violations that have ended.
+    /// Returns the worst outcome. Ignores violations that were rolled back or accepted, because
+    /// they do not fail the run.
     pub fn outcome(&self) -> Outcome {
         let current = self.current.as_ref();
         self.others.max(current.map_or(Outcome::Fine, |v| v.worst))

@@ -31,7 +31,8 @@ const INTERVAL: Duration = Duration::from_secs(1);
 const CRASHED: &str =
     "the watch crashed and was started again, so pull-throughs before this frame are unknown";
 
-/// The same after a signal.
+/// Reason why the first frame after a restart by a signal is undecided if pull-throughs are
+/// searched for.
 const STOPPED: &str =
     "the watch was stopped and started again, so pull-throughs before this frame are unknown";
 
