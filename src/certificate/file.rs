@@ -255,7 +255,7 @@ impl Certificate {
 enum Line {
     /// A pair, and its linking number, or `None` if it is undefined.
     Pair(ImagePair, Option<i64>),
-    /// A curve without a linking number with any other one.
+    /// A curve whose linking number with every other curve is undefined.
     Single(u32),
     /// A yarn.
     Period(YarnPeriod),

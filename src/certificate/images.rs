@@ -46,7 +46,8 @@ impl Differences {
     }
 }
 
-/// Takes the number of a pair, the last one of several. It is 0 without an entry.
+/// Consumes the entries of a pair and returns the linking number of the last one; 0 if there is no
+/// entry.
 fn number(entries: &mut Peekable<impl Iterator<Item = Entry>>, pair: ImagePair) -> Option<i64> {
     let of_pair = std::iter::from_fn(|| entries.next_if(|entry| entry.0 == pair));
     of_pair.last().map_or(Some(0), |(_, lambda)| lambda)

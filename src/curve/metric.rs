@@ -5,7 +5,8 @@ use super::{Cell, Point, larger};
 
 /// Distances in space, or of nearest images in a periodic cell.
 pub(crate) struct Metric {
-    /// Lattice vectors, and what multiplies a vector to give its share of each of them.
+    /// Lattice vectors, and the reciprocal vectors: their products with a vector are its fractional
+    /// coordinates.
     lattice: Option<([Point; 3], [Point; 3])>,
 }
 

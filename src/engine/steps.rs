@@ -48,7 +48,7 @@ impl Steps {
         }
     }
 
-    /// Ends a search early if these say so.
+    /// Sets the cancellation and the pair limit, which end a search early.
     pub fn end_with(&mut self, ends: (Cancel, PairLimit)) {
         self.ledger.end_with(ends);
     }
@@ -293,7 +293,8 @@ impl Steps {
     }
 }
 
-/// Keeps of the pairs that have touched since the very first frame those that still do.
+/// Updates the pairs that have touched since the very first frame: drops those that no longer
+/// touch.
 fn note_touching(known: &mut Known, outcome: &Outcome) {
     let still = outcome.touching.iter().filter(|t| t.from_the_start);
     let still = still.map(|t| (t.defect.i, t.defect.j.unwrap_or(t.defect.i)));

@@ -89,8 +89,8 @@ pub(super) fn begins(text: &[u8]) -> bool {
     points > 1 && labels < points
 }
 
-/// Returns true if a text file is a table of numbers by its name and its lines, although some of
-/// them are not lines of this format. The reader says which.
+/// Returns true if the extension of a text file fits, and at least half of the nonempty lines in
+/// its first block contain two numbers. Some lines may be malformed; the reader reports them.
 pub(super) fn is_table(path: &Path) -> bool {
     let extension = path.extension().unwrap_or_default();
     let tables = ["txt", "csv", "tsv", "dat", "raw"];
@@ -111,7 +111,7 @@ pub(super) fn is_table(path: &Path) -> bool {
 /// A line of a file.
 #[derive(Debug, PartialEq)]
 enum Line {
-    /// With the value of the column that groups the points.
+    /// A point, and its value in the column that groups the points into curves.
     Point(Point, Option<Vec<u8>>),
     Count(u64),
     /// The curve ends. True if the line is neither empty nor a comment.

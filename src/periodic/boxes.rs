@@ -195,9 +195,8 @@ fn smaller_or_nan(a: f64, b: f64) -> f64 {
     if a <= b || a.is_nan() { a } else { b }
 }
 
-/// How far paths of vertices may deviate from straight lines in fractional coordinates during a
-/// step, in which vertices move on straight lines, and the vectors of the cell change at constant
-/// speed.
+/// Bound of the deviation of vertex paths from straight lines, in fractional coordinates, during a
+/// step in which vertices move on straight lines, and the lattice vectors change at constant speed.
 ///
 /// # Derivation
 ///

@@ -299,7 +299,7 @@ pub(super) fn clip(
             open = to == 1.0;
         }
     }
-    // A closed curve that passes its start within the ball.
+    // If a closed curve passes its start within the ball, joins the last strand to the first one.
     if !(open && curve.closed && out.len() > first) {
         return;
     }

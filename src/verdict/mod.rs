@@ -89,8 +89,8 @@ vocabulary! {
         /// The pair has a linking number now, but none in the baseline to compare it with. This
         /// linking number is expected from this frame on.
         NoBaseline = "no-baseline",
-        /// It is undecided if one curve was pulled through the other one since the previous frame,
-        /// because they touched or came too close.
+        /// Pull-throughs of the pair since the previous frame are undecided, because the curves
+        /// touched or came too close.
         UndecidedStep = "undecided-step",
         /// The change of the linking number differs from the sum of the pull-throughs since the
         /// previous frame.

@@ -5,7 +5,7 @@ use re_sdk_types::archetypes::{LineStrips3D, Points3D};
 use re_sdk_types::components::{LineStrip3D, Radius};
 
 pub(super) const QUIET: u32 = 0x6f809cff;
-/// Of the curves beside a violation. Viewers draw no transparent lines.
+/// Colour of the curves beside a violation. Opaque, because viewers draw no transparent lines.
 pub(super) const DIMMED: u32 = 0x394352ff;
 /// Color of the periodic images of violated curves.
 pub(super) const FAINT_RED: u32 = 0x8f4a46ff;

@@ -1,4 +1,4 @@
-//! Other positions of the same curves.
+//! Updates the positions of a set of curves, whose layout stays the same.
 
 use super::coordinates::Scalar;
 use super::received::{Bad, Received, largest_within};

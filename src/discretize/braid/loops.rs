@@ -158,9 +158,9 @@ impl BraidLoops {
         ROUNDING * set.max_abs()
     }
 
-    /// Returns the pose of an end, given its points and the middle of the other end, or which
-    /// condition it breaks: it has a pose, and no curve is in its volume, except each curve of the
-    /// braid in the tube of its own stub.
+    /// Returns the pose of an end, given its points and the middle of the other end, or an error
+    /// that names the violated condition: the end must have a pose, and its volume must contain no
+    /// curve, except each curve of the braid in the tube of its own stub.
     fn place(
         &self,
         set: &CurveSet,

@@ -34,14 +34,14 @@ pub(super) struct SimulationBox {
     pub periodic: [bool; 3],
 }
 
-/// How coordinates became those of a whole curve.
+/// Source of the unwrapped coordinates of the curves.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Unwrapped {
     /// The file has them (`xu yu zu`, `xsu ysu zsu`).
     Coordinates,
-    /// By image flags.
+    /// Wrapped coordinates and image flags.
     ByFlags,
-    /// Not at all: the file has wrapped coordinates only.
+    /// None: the file has wrapped coordinates only.
     Unknown,
 }
 

@@ -22,7 +22,7 @@ pub(super) const FORMAT: &str = "LAMMPS data file";
 const ATOM_BYTES: u64 = 10;
 const BOND_BYTES: u64 = 8;
 
-/// What a caller needs of a file.
+/// Sections of a data file to read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Wanted {
     /// Only the bonds, because a dump has the atoms.

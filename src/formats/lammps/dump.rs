@@ -57,7 +57,7 @@ pub(super) struct Dump<R> {
     last: Option<u64>,
 }
 
-/// What precedes the atoms of a frame.
+/// Header of a frame, before its atoms.
 #[derive(Default)]
 struct Header {
     step: Option<u64>,

@@ -102,7 +102,7 @@ pub(super) fn read_npz<'a>(
     Ok(Box::new(frames))
 }
 
-/// What a file may say beside the positions.
+/// Optional content of a file besides the positions.
 #[derive(Default)]
 struct Others {
     counts: Option<Vec<i32>>,

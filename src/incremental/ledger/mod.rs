@@ -200,7 +200,7 @@ impl Ledger {
         Contacts::of_first_frame(&found, frame)
     }
 
-    /// [`Ledger::step`] from a first frame.
+    /// Runs [`Ledger::step`] with `before` as the first frame.
     #[cfg(test)]
     pub fn first_step(
         &mut self,
@@ -209,7 +209,7 @@ impl Ledger {
         coverage: Coverage,
         pairs: Option<&[Pair]>,
     ) -> Outcome {
-        // The boxes of an earlier step may have another coverage.
+        // Discards the stored boxes, because they may have been built for another coverage.
         self.trees = SweptTrees::default();
         let (contacts, _) = self.first_frame(before, coverage);
         self.step([before, after], &contacts, coverage, pairs)

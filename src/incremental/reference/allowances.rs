@@ -154,7 +154,8 @@ impl<'a> Allowances<'a> {
         }
         // Rounding of single-precision boxes.
         let rounding = set.max_abs() * pow2(-22);
-        // Pairs that are further apart bound no allowance below the reach.
+        // Pairs that are further apart need no test: they cannot limit an allowance to less than
+        // the reach.
         let at_most = |x: f64| (x + 2.0 * rounding).min(f32::MAX.into()) as f32;
         let within = at_most(self.reach / SHARE);
         let range = at_most(RANGE * self.reach / SHARE);

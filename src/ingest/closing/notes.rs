@@ -1,4 +1,4 @@
-//! What is said about the curves that a rule closed or opened.
+//! Notes for the user about the curves that a rule closed or opened.
 
 use crate::verdict::LeftOut;
 use crate::words::plural;

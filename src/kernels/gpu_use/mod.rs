@@ -238,7 +238,7 @@ impl GpuUse {
         }
         let gpu = self.gpu()?.clone();
         let frame = self.uploads.frame(input.set);
-        // It is uploaded once.
+        // `take`: the announced frame is uploaded only once.
         let next = self.uploads.announced.take();
         match gpu.count(&frame, input, pairs, next.as_deref()) {
             Ok(((parts, undecided), ahead)) => {

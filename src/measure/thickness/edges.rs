@@ -325,7 +325,8 @@ impl Edges {
         };
         let ends = [end(0, Image::default()), end(1, image)];
         let length = match found.distance_sq.sqrt() {
-            // Of parts that could not be resolved.
+            // Infinite if the approach could not be resolved; then the distance of the two points
+            // counts.
             f64::INFINITY => distance(ends[0].point, ends[1].point),
             length => self.scale.undo(length),
         };

@@ -38,7 +38,7 @@ pub struct CurvePoint {
     pub curve: u32,
     /// Segment of the curve.
     pub segment: u32,
-    /// Place on the segment, from 0 at its start to 1 at its end.
+    /// Parameter on the segment, from 0 at its start to 1 at its end.
     pub t: f64,
     /// Position.
     pub point: Point,

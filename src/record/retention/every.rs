@@ -29,6 +29,7 @@ impl Every {
         }
     }
 
+    /// Writes the held frame, if there is one; without its curves unless `curves` is true.
     fn write_held(&mut self, files: &mut Files, curves: bool) -> Result<()> {
         let Some((mut record, start)) = self.held.take() else {
             return Ok(());

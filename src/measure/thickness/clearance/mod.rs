@@ -233,7 +233,7 @@ struct Layout {
     periods: Vec<Image>,
 }
 
-/// What was measured in a frame.
+/// Result of the measurement of a frame.
 struct Found {
     pairs: Vec<(BlockPair, Measured)>,
     closest: Option<CloseStrands>,
