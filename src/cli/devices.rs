@@ -8,7 +8,7 @@ use linkwatch::kernels::{Calibration, DeviceInfo, devices};
 pub fn run(json: bool) -> Result<Outcome> {
     let all = devices();
     if all.is_empty() && !json {
-        output::line("no adapters: everything runs on the CPU");
+        output::line("no GPU adapter found: all work runs on the CPU");
     }
     for device in &all {
         let calibration = Calibration::of(device);

@@ -28,7 +28,7 @@ fn lines(plan: &Plan) -> Vec<String> {
         potential_links(plan),
         match plan.splines {
             true => format!(
-                "discretization: pair by pair, where hulls overlap (splines), {} expected",
+                "discretization: pair by pair, if hulls overlap (splines), {} expected",
                 plural(plan.overlaps, "hull test")
             ),
             false => "discretization: none (polylines)".into(),
@@ -83,7 +83,7 @@ fn potential_links(plan: &Plan) -> String {
 fn direction(plan: &Plan) -> String {
     let best = plan.potential_links - plan.discarded - plan.by_formula;
     let choices = some([
-        (best, "the best of six"),
+        (best, "the best of six directions"),
         (plan.by_formula, "a formula on boxes (small loops)"),
     ]);
     let choices = choices.map(|(n, words)| format!("{words} for {}", plural(n, "link")));

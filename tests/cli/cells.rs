@@ -188,7 +188,7 @@ fn recordings_of_other_cells_differ() {
         path
     });
     let run = linkwatch(&["diff", text(&a), text(&b)]);
-    let diverge = "curves: the runs diverge at frame 0; 0 of 3 frames have the same bits";
+    let diverge = "curves: the runs diverge at frame 0; 0 of 3 frames are bitwise equal";
     assert!(run.stdout.contains(diverge), "{}", run.stdout);
 }
 

@@ -31,7 +31,7 @@ fn prints_the_decisions_and_the_predicted_cost() {
         "ribbon:segments=2000",
         "  potential links: 1 of 1 pair of 2 curves with 2,000 segments",
         "  discretization: none (polylines)",
-        "  direction: the best of six for 1 link",
+        "  direction: the best of six directions for 1 link",
         "  kernel: crossings (exact) on the CPU, 1 of 1 thread busy; ",
         "  predicted: ",
     ];

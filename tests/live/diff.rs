@@ -50,7 +50,7 @@ fn names_the_frame_at_which_the_runs_diverge_and_the_findings_that_only_one_has(
         "verdicts: 8 equal, 4 different",
         "first difference: frame 8",
         "only here: curves ",
-        "curves: the runs diverge at frame 8; 8 of 12 frames have the same bits",
+        "curves: the runs diverge at frame 8; 8 of 12 frames are bitwise equal",
     ] {
         assert!(text.contains(words), "{words}: {text}");
     }

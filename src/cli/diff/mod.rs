@@ -97,10 +97,10 @@ fn print(diff: &RunDiff, names: &[String; 2], by_time: bool) {
     let frames = plural(curves.compared, "frame");
     match curves.first {
         _ if curves.compared == 0 => {}
-        None => out!("curves: the same bits in all {frames}"),
+        None => out!("curves: bitwise equal in all {frames}"),
         Some(seq) => {
             let (first, equal) = (frame(seq), count(curves.equal));
-            out!("curves: the runs diverge at {first}; {equal} of {frames} have the same bits");
+            out!("curves: the runs diverge at {first}; {equal} of {frames} are bitwise equal");
         }
     }
     for (name, only) in names.iter().zip(&diff.only) {

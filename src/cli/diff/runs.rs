@@ -46,7 +46,7 @@ impl OnlyIn {
 pub struct CurveDiff {
     /// Number of frames whose curves were recorded in both runs.
     pub compared: u64,
-    /// Number of these frames with the same bits and the same cell in both.
+    /// Number of these frames whose curves are bitwise equal, in the same cell.
     pub equal: u64,
     /// First of these frames with other bits or another cell: its numbers in the runs.
     pub first: Option<[u64; 2]>,
@@ -122,9 +122,9 @@ fn same_time(a: f64, b: f64) -> bool {
     (a - b).abs() <= SAME_TIME * a.abs().max(b.abs())
 }
 
-/// Compares the recorded verdicts of two runs frame by frame, and if the curves have the same bits.
-/// Nothing is verified. A frame is the same in both if it has the same number, or the same time, up
-/// to rounding, if `by_time`. Frames of a run follow one another in this order.
+/// Compares the recorded verdicts of two runs frame by frame, and whether their curves are bitwise
+/// equal. Nothing is verified. A frame is the same in both if it has the same number, or the same
+/// time, up to rounding, if `by_time`. Frames of a run follow one another in this order.
 ///
 /// # Errors
 ///

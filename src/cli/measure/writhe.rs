@@ -162,7 +162,7 @@ fn ribbons(frame: &Picked, args: &Args, as_json: bool) -> Result<Outcome> {
             let why = match ribbon.reason {
                 PairingReason::Given => "given",
                 PairingReason::Order => "by the order of the vertices",
-                PairingReason::Distances => "by the most constant distances",
+                PairingReason::Distances => "by the smallest variation of the distances",
             };
             out!(
                 "{name}: Lk {linking} ({lk}), Tw {twist} ({tw}), Wr {writhe} ({wr}), Lk - Tw - Wr \

@@ -121,7 +121,7 @@ fn lines_of_frame(judged: &Judged, news: &New) -> Vec<String> {
 fn abort_words(judged: &Judged) -> &'static str {
     match judged.latency {
         Some(_) => "  abort sent: the simulator is asked to stop",
-        None => "  abort: a watch asks the simulator to stop here",
+        None => "  abort: `linkwatch watch` would ask the simulator to stop here",
     }
 }
 

@@ -904,7 +904,7 @@ def ribbon(
         pairing: vertices that belong together: ``"parallel"`` (``k`` with ``k``),
             ``"antiparallel"`` (``k`` with ``n - 1 - k``, as in files of DNA), or one of these with
             a shift (``"antiparallel:1"``). ``"auto"`` takes the order of the vertices if paired
-            vertices are close, else the pairing with the most constant distances;
+            vertices are close, else the pairing whose distances vary least;
             ``Ribbon.pairing`` says which, and ``Ribbon.rivals`` which others fit nearly as well.
         axis: ``"centre"``, the centre line of both, or ``"first"``, the first curve.
         tolerance: error of the writhe to reach, if possible.

@@ -422,8 +422,8 @@ class Ribbon(Result):
             0 for a ribbon; ``None`` if the errors admit several numbers.
         pairing: vertices that belong together: parallel, antiparallel, or one of these with a
             shift.
-        pairing_by: reason for the pairing: given, order (of the vertices) or distances (that are
-            the most constant).
+        pairing_by: reason for the pairing: given, order (of the vertices) or distances (that vary
+            least).
         rivals: pairings that fit nearly as well and have another twist, as tuples (pairing, twist).
     """
 
