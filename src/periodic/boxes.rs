@@ -79,24 +79,25 @@ impl<'a> Boxer<'a> {
         curves.map(|i| self.bounds(i))
     }
 
-    /// Returns the smallest room of a curve and its box, along each direction.
-    pub fn smallest_room(&self, of: impl Fn(usize, &Bounds) -> Point + Send + Sync) -> Point {
+    /// Returns the smallest slack of a curve along each direction: `of` returns that of the curve
+    /// with this number and box.
+    pub fn smallest_slack(&self, of: impl Fn(usize, &Bounds) -> Point + Send + Sync) -> Point {
         let none = [f64::INFINITY; 3];
         match self.set.points() <= FEW_POINTS {
             true => {
-                let rooms = (0..self.set.len()).map(|i| of(i, &self.bounds(i)));
-                rooms.fold(none, smaller_room)
+                let slacks = (0..self.set.len()).map(|i| of(i, &self.bounds(i)));
+                slacks.fold(none, smaller_slack)
             }
             false => pool::run(self.set.segments(), || {
-                let rooms = self.boxes().enumerate().map(|(i, b)| of(i, &b));
-                rooms.reduce(|| none, smaller_room)
+                let slacks = self.boxes().enumerate().map(|(i, b)| of(i, &b));
+                slacks.reduce(|| none, smaller_slack)
             }),
         }
     }
 
-    /// Returns true if the room in a frame is at most that by another computation, up to rounding.
-    pub fn is_at_most(&self, room: Point, other: Point) -> bool {
-        (0..3).all(|x| room[x] <= other[x] + 1e-9 * self.units[x])
+    /// Returns true if the slack of a frame is at most that of another computation, up to rounding.
+    pub fn is_at_most(&self, slack: Point, other: Point) -> bool {
+        (0..3).all(|x| slack[x] <= other[x] + 1e-9 * self.units[x])
     }
 }
 
@@ -140,9 +141,9 @@ impl FractionalBoxes {
         FractionalBoxes(self.0.iter().map(|b| grown(b, margin)).collect())
     }
 
-    /// Returns the smallest distances of another box of a curve from the faces of this one, along
-    /// each direction: negative or NaN if it is not inside.
-    pub fn room_for(&self, curve: usize, [lo, hi]: &Bounds) -> Point {
+    /// Returns the slack of another box of a curve: the smallest distance from the faces of its box
+    /// here, along each direction. Negative or NaN if it is not inside.
+    pub fn slack_for(&self, curve: usize, [lo, hi]: &Bounds) -> Point {
         let around = &self.0[curve];
         per_axis(|x| smaller_or_nan(lo[x] - around[0][x], around[1][x] - hi[x]))
     }
@@ -185,8 +186,8 @@ fn sides([lo, hi]: &Bounds) -> Point {
     sub(*hi, *lo)
 }
 
-/// Returns the smaller one of two rooms along each direction.
-pub(super) fn smaller_room(a: Point, b: Point) -> Point {
+/// Returns the smaller slack along each direction, or NaN if one of both is NaN.
+pub(super) fn smaller_slack(a: Point, b: Point) -> Point {
     per_axis(|x| smaller_or_nan(a[x], b[x]))
 }
 

@@ -39,7 +39,7 @@ pub(crate) use jumps::Jumps;
 pub(crate) use linking::{Number, linking_numbers};
 pub(crate) use names::{Entry, aligned, reduced_all};
 pub(crate) use pairs::{
-    ImagePair, ImagePairs, ImageState, QuietRoom, Searched, home_of, images_in, overlapping,
+    ImagePair, ImagePairs, ImageState, QuietSlack, Searched, home_of, images_in, overlapping,
     too_far,
 };
 pub use through::period;

@@ -8,7 +8,7 @@
 //! such boxes. The search enumerates all images that overlap that box, and compares all pairs.
 //! Translations are integers in fractional coordinates, so only the boxes are rounded, outward.
 
-use super::boxes::{Bend, Bounds, Boxer, FractionalBoxes, single, smaller_room};
+use super::boxes::{Bend, Bounds, Boxer, FractionalBoxes, single, smaller_slack};
 use super::through::RingAndYarn;
 use crate::cancel::PairLimit;
 use crate::curve::vector::{add, per_axis};
@@ -121,8 +121,8 @@ pub(crate) struct ImageState {
     within: Vec<Bounds>,
 }
 
-/// Map to a quiet frame, and the room there.
-pub(crate) type QuietRoom = (PointMap, Point);
+/// Map to a quiet frame, and a lower bound of the slack of that frame.
+pub(crate) type QuietSlack = (PointMap, Point);
 
 impl ImagePairs {
     /// Finds all pairs of curves with boxes that overlap, or come closer than twice a margin, and
@@ -178,7 +178,7 @@ impl ImagePairs {
         }
     }
 
-    /// Returns what [`ImagePairs::restored`] needs.
+    /// Returns the state for [`ImagePairs::restored`].
     pub fn state(&self) -> ImageState {
         ImageState {
             curves: self.curves.to_vec(),
@@ -188,47 +188,48 @@ impl ImagePairs {
         }
     }
 
-    /// Returns the room that is left for the curves of a frame along each direction.
-    pub fn room(&self, boxer: &Boxer<'_>) -> Point {
-        boxer.smallest_room(|i, b| self.within.room_for(i, b))
+    /// Returns the slack of a frame: the smallest distance of a curve's box from the faces of its
+    /// dilated box, along each direction. Negative or NaN if a box is not inside.
+    pub fn slack(&self, boxer: &Boxer<'_>) -> Point {
+        boxer.smallest_slack(|i, b| self.within.slack_for(i, b))
     }
 
-    /// Returns true if no other pairs can have come within reach of one another in a step with this
-    /// bend, at one end of which the curves have this room. Both ends must have enough of it.
-    pub fn is_enough(&self, room: Point, bend: &Bend) -> bool {
+    /// Returns true if this slack, at one end of a step with this bend, suffices. If it does at
+    /// both ends, no other pairs can have come within reach of one another in the step.
+    pub fn is_enough(&self, slack: Point, bend: &Bend) -> bool {
         let most = bend.of(self.sides);
-        (0..3).all(|x| room[x] >= most[x])
+        (0..3).all(|x| slack[x] >= most[x])
     }
 
-    /// Returns a lower bound of the room in a quiet frame, without reading its points: that of an
-    /// earlier frame, less what the maps of both differ by, or if that is not enough for a step
-    /// with this bend, by the boxes of all curves.
+    /// Returns a lower bound of the slack of a quiet frame, without reading its points: that of an
+    /// earlier frame, less the difference of the maps of both; or, if that is not enough for a step
+    /// with this bend, a bound from the boxes of all curves.
     ///
-    /// # Derivation: room in another frame
+    /// # Derivation: slack in another frame
     ///
     /// If the bounds of the control points differ by `d`, the boxes around the curves differ by
     /// less than `2 d`: the padding of splines grows with the size, by less than half of `d`.
-    pub fn quiet_room(
+    pub fn quiet_slack(
         &self,
         boxer: &Boxer<'_>,
         at: &QuietBounds<'_>,
         bend: &Bend,
-        known: &mut Option<QuietRoom>,
+        known: &mut Option<QuietSlack>,
     ) -> Point {
         let map = at.map(boxer.inverse);
-        if let Some((earlier, room)) = known
+        if let Some((earlier, slack)) = known
             && let Some(difference) = at.difference(&map, earlier)
         {
-            let room = per_axis(|x| room[x] - 2.0 * difference[x]);
-            if self.is_enough(room, bend) {
-                return room;
+            let slack = per_axis(|x| slack[x] - 2.0 * difference[x]);
+            if self.is_enough(slack, bend) {
+                return slack;
             }
         }
         let boxes = at.bounds(&map).map(|b| boxer.padded(b));
-        let rooms = boxes.enumerate().map(|(i, b)| self.within.room_for(i, &b));
-        let room = rooms.fold([f64::INFINITY; 3], smaller_room);
-        *known = Some((map, room));
-        room
+        let slacks = boxes.enumerate().map(|(i, b)| self.within.slack_for(i, &b));
+        let slack = slacks.fold([f64::INFINITY; 3], smaller_slack);
+        *known = Some((map, slack));
+        slack
     }
 
     /// Returns true if there are translated curves.

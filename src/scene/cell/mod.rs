@@ -17,7 +17,7 @@ use crate::error::Result;
 use crate::incremental::{QuietBounds, sort_by_time};
 use crate::pairs::{Pair, PairFilter};
 use crate::periodic::{
-    Bend, Boxer, Entry, FractionalBoxes, ImagePair, ImagePairs, QuietRoom, RingAndYarn, Searched,
+    Bend, Boxer, Entry, FractionalBoxes, ImagePair, ImagePairs, QuietSlack, RingAndYarn, Searched,
     check_whole, period_of_pair,
 };
 use crate::verdict::{Change, Defect, Link, PullThrough, Report};
@@ -32,8 +32,8 @@ pub(crate) struct CellScene {
     /// Images that may meet, once they are known.
     found: Option<Found>,
     before: Option<Before>,
-    /// Room of a quiet frame.
-    quiet: Option<QuietRoom>,
+    /// Slack of a quiet frame.
+    quiet: Option<QuietSlack>,
 }
 
 #[derive(Clone, Debug)]
@@ -50,8 +50,8 @@ struct Found {
 struct Before {
     given: Arc<CurveSet>,
     cell: Cell,
-    /// Room that the curves had ([`ImagePairs::room`]).
-    room: Point,
+    /// Slack of the frame ([`ImagePairs::slack`]).
+    slack: Point,
 }
 
 /// Settings of a search for images.
@@ -80,7 +80,7 @@ pub(crate) struct Followed {
     pub frame: Frame,
     /// True if the images are others than those of the previous frame.
     pub others: bool,
-    /// True if the room of a quiet frame was found to be wrong.
+    /// True if the bound of the slack of a quiet frame exceeds the slack computed from its points.
     pub disagreed: bool,
 }
 
@@ -157,16 +157,16 @@ impl CellScene {
         let bend = self.before.as_ref();
         let bend = bend.map(|before| Bend::between([&before.cell, cell]));
         let bend = bend.transpose()?.unwrap_or_default();
-        let known = self.room(&boxer, (&bend, quiet), search)?;
+        let known = self.slack(&boxer, (&bend, quiet), search)?;
         let disagreed = known.is_some_and(|known| known.disagreed);
-        let (room, others) = match known.filter(|known| known.is_enough) {
+        let (slack, others) = match known.filter(|known| known.is_enough) {
             Some(known) => {
                 if !known.from_quiet
                     && let Some(found) = &self.found
                 {
                     search.refuse_torn(given, cell, &found.pairs.wide)?;
                 }
-                (known.room, false)
+                (known.slack, false)
             }
             None => {
                 let boxes = FractionalBoxes::new(&boxer);
@@ -179,14 +179,14 @@ impl CellScene {
                 };
                 self.search((given, cell), &swept, expected, search)?;
                 let pairs = self.found.as_ref().map(|found| &found.pairs);
-                let room = pairs.map_or([0.0; 3], |pairs| pairs.room(&boxer));
-                (room, true)
+                let slack = pairs.map_or([0.0; 3], |pairs| pairs.slack(&boxer));
+                (slack, true)
             }
         };
         self.before = Some(Before {
             given: Arc::clone(given),
             cell: *cell,
-            room,
+            slack,
         });
         Ok(Followed {
             frame: self.frame(given, *cell),
@@ -226,36 +226,36 @@ impl CellScene {
         Frame::new(given, Some(cell), images)
     }
 
-    /// Returns the room of the curves of a frame among the known images, if there are any.
-    fn room(
+    /// Returns the slack of a frame for the known images, or `None` if there are none.
+    fn slack(
         &mut self,
         boxer: &Boxer<'_>,
         (bend, quiet): (&Bend, Option<&QuietBounds<'_>>),
         search: Search,
-    ) -> Result<Option<Room>> {
+    ) -> Result<Option<Slack>> {
         let Some(Found { pairs, .. }) = &self.found else {
             return Ok(None);
         };
         let was_inside = match &self.before {
-            Some(before) if pairs.is_enough(before.room, bend) => true,
-            // The room of a quiet frame is a lower bound.
+            Some(before) if pairs.is_enough(before.slack, bend) => true,
+            // The slack of a quiet frame is a lower bound.
             Some(before) => {
                 let boxer = Boxer::new(&before.given, &before.cell)?;
-                pairs.is_enough(pairs.room(&boxer), bend)
+                pairs.is_enough(pairs.slack(&boxer), bend)
             }
             None => true,
         };
-        let at_least = quiet.map(|at| pairs.quiet_room(boxer, at, bend, &mut self.quiet));
-        let known = at_least.filter(|&room| pairs.is_enough(room, bend));
-        let room = match known {
+        let at_least = quiet.map(|at| pairs.quiet_slack(boxer, at, bend, &mut self.quiet));
+        let known = at_least.filter(|&slack| pairs.is_enough(slack, bend));
+        let slack = match known {
             Some(known) if !search.paranoid => known,
-            _ => pairs.room(boxer),
+            _ => pairs.slack(boxer),
         };
-        Ok(Some(Room {
-            room,
-            is_enough: was_inside && pairs.is_enough(room, bend),
+        Ok(Some(Slack {
+            slack,
+            is_enough: was_inside && pairs.is_enough(slack, bend),
             from_quiet: known.is_some(),
-            disagreed: known.is_some_and(|known| !boxer.is_at_most(known, room)),
+            disagreed: known.is_some_and(|known| !boxer.is_at_most(known, slack)),
         }))
     }
 
@@ -476,10 +476,10 @@ impl CellScene {
     }
 }
 
-/// Room of the curves of a frame.
+/// Slack of a frame for the known images.
 #[derive(Clone, Copy)]
-struct Room {
-    room: Point,
+struct Slack {
+    slack: Point,
     is_enough: bool,
     /// True if it follows from the bounds of a quiet frame.
     from_quiet: bool,

@@ -43,7 +43,7 @@ impl CellScene {
         scene.before = Some(Before {
             given: Arc::clone(given),
             cell,
-            room: found.map_or([0.0; 3], |found| found.pairs.room(&boxer)),
+            slack: found.map_or([0.0; 3], |found| found.pairs.slack(&boxer)),
         });
         let precision = match state.began_single {
             true => Precision::F32,
