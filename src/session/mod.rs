@@ -79,16 +79,17 @@ pub struct Session {
     strands: Strands,
 }
 
-/// How the next frame follows the last one, if the caller decides that.
+/// Decision of the caller about how the next frame follows the last one.
 #[derive(Debug, Default)]
 enum Next {
+    /// No decision: the [`FrameInfo`] of the frame says how.
     #[default]
-    AsTold,
-    /// It does not continue the last frame.
+    ByInfo,
+    /// The next frame does not continue the last one.
     Cut,
-    /// It is the first one of a part with this baseline.
+    /// The next frame is the first of a part of the run, with this baseline.
     Part(Certificate),
-    /// It is the first one of another run.
+    /// The next frame is the first of another run.
     Run,
 }
 
@@ -107,7 +108,7 @@ impl Session {
             pool: Default::default(),
             last: None,
             given: None,
-            next: Next::AsTold,
+            next: Next::ByInfo,
             strands: Strands::new(&options),
             options,
         })
@@ -224,7 +225,7 @@ impl Session {
     /// for between the two. Call this after a gap in the frames; a simulator that rolls back tells
     /// so with the frame ([`FrameInfo::cuts`]).
     pub fn cut(&mut self) {
-        if matches!(self.next, Next::AsTold) {
+        if matches!(self.next, Next::ByInfo) {
             self.next = Next::Cut;
         }
     }
@@ -355,7 +356,7 @@ impl Session {
         };
         let begin = match (&self.next, last) {
             (Next::Part(baseline), _) => Some(Begin::Part(baseline)),
-            (Next::AsTold | Next::Cut, None) if self.fits_the_first_frame(info) => None,
+            (Next::ByInfo | Next::Cut, None) if self.fits_the_first_frame(info) => None,
             (_, None) => Some(Begin::First),
             (_, Some(_)) => accepted.then_some(Begin::Accepted),
         };
@@ -397,7 +398,7 @@ impl Session {
             self.strands.cut();
         }
         self.coordinates.commit(&set);
-        self.next = Next::AsTold;
+        self.next = Next::ByInfo;
         report.clearance = self.strands.measure(info, &set);
         report.abort = self.engine.aborts(&report);
         self.last = Some(info.clone());
