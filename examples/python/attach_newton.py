@@ -45,7 +45,7 @@ with linkwatch.Client(args.service, counts=[-segments] * rings) as sim:  # minus
     if not sim.wait_for_watcher():
         raise SystemExit(f"start this first: linkwatch watch --service {args.service}")
     for frame in range(500):
-        pose = state.body_q.numpy()  # centers of the segments, which point along their local z
+        pose = state.body_q.numpy()  # centres of the segments, which point along their local z
         x, y, z, w = pose[:, 3:].T
         along = np.array([2 * (x * z + y * w), 2 * (y * z - x * w), 1 - 2 * (x * x + y * y)]).T
         sim.begin(frame * step)[:] = pose[:, :3] - length / 2 * along

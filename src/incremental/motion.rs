@@ -8,7 +8,7 @@
 //! `bend` times the diagonal of that box of it ([`Affine::bend`]). The points of the hulls of
 //! segments are combinations of control points with weights that add up to 1, so they are displaced
 //! by such combinations. For Catmull-Rom, whose weights have magnitudes of at most `4/3` in all,
-//! these are in the box enlarged about its center by that factor. For the other bases, whose
+//! these are in the box enlarged about its centre by that factor. For the other bases, whose
 //! weights are not negative, they are in the box itself.
 //!
 //! Let `g` be a lower bound of the distance between two convex hulls in the reference frame, and

@@ -1,7 +1,7 @@
 //! Compressed reference frame, with which every frame is compared first.
 //!
 //! The cost of a quiet frame is that of reading it and the reference frame. To reduce the latter,
-//! points of the reference frame are stored as 16-bit offsets from the center of their block, with
+//! points of the reference frame are stored as 16-bit offsets from the centre of their block, with
 //! a single allowance per block. A stored point `q'` is near the point `q`, and the distance is
 //! subtracted from the allowance `a`: if a point is within `a - |q' - q|` of `q'`, it is within `a`
 //! of `q`.

@@ -44,7 +44,7 @@ impl QuietBounds<'_> {
     /// Returns bounds of the control points of each curve in the coordinates of the map, up to
     /// rounding.
     ///
-    /// A linear function of the points of a box has the range of its value at the center, plus and
+    /// A linear function of the points of a box has the range of its value at the centre, plus and
     /// minus the sum of the magnitudes of its components times half the sides.
     pub fn bounds(&self, map: &PointMap) -> impl Iterator<Item = [Point; 2]> {
         let (PointMap { n, s, distance, .. }, sizes) = (*map, map.n.abs());

@@ -1,6 +1,6 @@
 //! Curves that jump by a lattice vector from one frame to the next.
 //!
-//! Simulations move a whole molecule back into the cell once its center has left it. Such a curve
+//! Simulations move a whole molecule back into the cell once its centre has left it. Such a curve
 //! is followed: it is translated by the lattice vector back to where it came from, in this frame
 //! and in all later ones.
 //!

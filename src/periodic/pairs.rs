@@ -3,8 +3,8 @@
 //! # Proof: no pair is missed
 //!
 //! Let the boxes of curve `i` and of curve `j`, translated by `n`, overlap. Both are translated by
-//! the lattice vector that brings the center of the box of `i` into the first cell. Curve `j` is
-//! then some image of its box with the center in the first cell, and overlaps the box around all
+//! the lattice vector that brings the centre of the box of `i` into the first cell. Curve `j` is
+//! then some image of its box with the centre in the first cell, and overlaps the box around all
 //! such boxes. The search enumerates all images that overlap that box, and compares all pairs.
 //! Translations are integers in fractional coordinates, so only the boxes are rounded, outward.
 
@@ -374,7 +374,7 @@ pub(crate) fn overlapping<'a, F: Fn(usize) -> bool>(
     links: &'a mut LinkSearch,
 ) -> Result<impl Iterator<Item = (u32, u32, Image)> + use<'a, F>, usize> {
     let periodic = cell.periodic();
-    // Translation that brings the center of each box into the first cell.
+    // Translation that brings the centre of each box into the first cell.
     let mut home: Vec<Image> = Vec::with_capacity(bounds.len());
     let mut around = [[f64::INFINITY; 3], [f64::NEG_INFINITY; 3]];
     for (i, bounds) in bounds.iter().enumerate() {
@@ -420,7 +420,7 @@ pub(crate) fn overlapping<'a, F: Fn(usize) -> bool>(
     let pairs = links.find(&singles).iter();
     Ok(pairs.filter_map(move |&(a, b)| {
         let [(i, m), (j, n)] = [a, b].map(|k| images[k as usize]);
-        // One of both has its center in the first cell.
+        // One of both has its centre in the first cell.
         if m != Image::default() && n != Image::default() {
             return None;
         }
@@ -432,7 +432,7 @@ pub(crate) fn overlapping<'a, F: Fn(usize) -> bool>(
     }))
 }
 
-/// Returns the translation that brings the center of a box into the first cell. `None` if the box
+/// Returns the translation that brings the centre of a box into the first cell. `None` if the box
 /// spans too many cells, or is too far away.
 pub(crate) fn home_of([lo, hi]: &[Point; 2], periodic: [bool; 3]) -> Option<Image> {
     let mut home = Image::default();

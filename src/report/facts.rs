@@ -87,7 +87,7 @@ pub(super) struct Counts {
 pub(super) struct Closest {
     #[serde(flatten)]
     pub moment: Moment,
-    /// Distance of the center lines, as a share of the sum of the radii.
+    /// Distance of the centre lines, as a share of the sum of the radii.
     pub ratio: f64,
     pub sentence: String,
 }

@@ -2,8 +2,8 @@
 
 use crate::curve::{Image, Point};
 
-/// Clearance of a frame: the distance between the center lines of two strands, as a share of the
-/// sum of their radii. At 1 their surfaces touch, at 0 their center lines meet.
+/// Clearance of a frame: the distance between the centre lines of two strands, as a share of the
+/// sum of their radii. At 1 their surfaces touch, at 0 their centre lines meet.
 ///
 /// The strands are different curves, or parts of one curve that are at least `pi` radii apart along
 /// it: a curve that bends with the radius of its tube has that distance. In a periodic cell they
@@ -20,7 +20,7 @@ pub struct Clearance {
     pub closest: Option<CloseStrands>,
     /// True if the clearance is below the level of the warning.
     pub low: bool,
-    /// Number of frames after which the surfaces touch, or, if they do already, the center lines
+    /// Number of frames after which the surfaces touch, or, if they do already, the centre lines
     /// meet, if the clearance goes on to shrink as in the last frames. `None` if it does not
     /// shrink.
     pub frames_left: Option<f64>,
@@ -30,7 +30,7 @@ pub struct Clearance {
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 #[non_exhaustive]
 pub struct CloseStrands {
-    /// Distance of their center lines, as a share of the sum of their radii.
+    /// Distance of their centre lines, as a share of the sum of their radii.
     pub ratio: f64,
     /// Upper bound of the error of `ratio`: 0 for polylines, whose error is that of their
     /// coordinates. Splines are measured on chords.
@@ -45,7 +45,7 @@ pub struct CloseStrands {
     pub image: Image,
     /// Segment of the first curve and segment of the second, from 0.
     pub segments: [u32; 2],
-    /// Nearest points of the center lines, in the units of the simulation. That of the second
+    /// Nearest points of the centre lines, in the units of the simulation. That of the second
     /// strand is translated by `image`.
     pub points: [Point; 2],
     /// Distance of these points.

@@ -251,7 +251,7 @@ impl CloseStrands {
         let notation = Notation::of_scene(extent, middle);
         let (point, distance) = (notation.point(middle), notation.length(self.distance));
         format!(
-            "the center lines of {strands} are {distance} apart, {:.1} % of their diameter, near \
+            "the centre lines of {strands} are {distance} apart, {:.1} % of their diameter, near \
              {point}, segments {s} and {t}",
             100.0 * self.ratio
         )

@@ -1,6 +1,6 @@
 //! Place of a label: beside its mark, on the side where it covers nothing of the violated curves.
 //!
-//! The viewer writes the text centered below its point, in letters of a fixed size on the screen.
+//! The viewer writes the text centred below its point, in letters of a fixed size on the screen.
 //! Their size in the scene is known for the eye that the layout sends
 //! ([`super::view::View::eye`]); for other eyes, the label is on the same side.
 

@@ -7,13 +7,13 @@ use re_sdk_types::components::{LineStrip3D, Radius};
 pub(super) const QUIET: u32 = 0x6f809cff;
 /// Colour of the curves beside a violation. Opaque, because viewers draw no transparent lines.
 pub(super) const DIMMED: u32 = 0x394352ff;
-/// Color of the periodic images of violated curves.
+/// Colour of the periodic images of violated curves.
 pub(super) const FAINT_RED: u32 = 0x8f4a46ff;
 pub(super) const RED: u32 = 0xff3b30ff;
 /// Tubes of the first and the second curve of a finding.
 pub(super) const FIRST: u32 = 0xff4d42ff;
 pub(super) const SECOND: u32 = 0xffc08aff;
-/// Color of the curves of a change, beside the tubes of their strands.
+/// Colour of the curves of a change, beside the tubes of their strands.
 pub(super) const DARK_RED: u32 = 0x7d3430ff;
 pub(super) const ORANGE: u32 = 0xff9f0aff;
 /// Marks are paler than the curves below them, and labels, which have the same colour, stay

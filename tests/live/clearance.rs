@@ -94,7 +94,7 @@ fn a_low_clearance_stops_a_simulator_before_the_pull_through() {
     ]);
     assert_eq!(code, Some(1));
     for words in [
-        "low clearance: the center lines of curves 0 and 1 are",
+        "low clearance: the centre lines of curves 0 and 1 are",
         "they meet in about 5 frames at this rate",
         "below 25.00 % in",
         "frames before the first violation",
@@ -160,7 +160,7 @@ fn a_low_clearance_in_a_cell_names_the_image() {
     assert_eq!(replayed.reports(), live.reports());
     replayed.assert_recorded_verdicts();
     let (_, text) = printed(&["replay", recording.to_str().unwrap()]);
-    let words = "low clearance: the center lines of curve 0 and the image -1,0,0 of curve 1 are ";
+    let words = "low clearance: the centre lines of curve 0 and the image -1,0,0 of curve 1 are ";
     assert!(text.contains(words), "{text}");
 }
 

@@ -239,7 +239,7 @@ typedef struct lw_session_options {
   const float *radii;
   // Number of `radii`.
   size_t curves;
-  // Distance of center lines, as a share of the sum of the radii, below which `lw_clearance.low`
+  // Distance of centre lines, as a share of the sum of the radii, below which `lw_clearance.low`
   // is set. 0: the default, 0.5.
   double min_clearance;
   // How coordinates relate to the periodic cell. 0, the default: curves are whole, and followed
@@ -290,7 +290,7 @@ typedef struct lw_strut {
 typedef struct lw_clearance {
   // Lower bound of the clearance of all strands.
   double at_least;
-  // Distance of the closest center lines, as a share of the sum of their radii. Infinite if no
+  // Distance of the closest centre lines, as a share of the sum of their radii. Infinite if no
   // strands are close; the members about them are 0 then.
   double ratio;
   // Upper bound of the error of the ratio: 0 for polylines.
@@ -303,7 +303,7 @@ typedef struct lw_clearance {
   double points[2][3];
   // True if the clearance is below the level of the warning.
   bool low;
-  // Frames until the surfaces touch, or, if they do, until the center lines meet. NaN if the
+  // Frames until the surfaces touch, or, if they do, until the centre lines meet. NaN if the
   // clearance does not shrink.
   double frames_left;
   // Translation of the second strand, in vectors of the periodic cell; zeros without a cell.

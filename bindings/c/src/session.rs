@@ -241,7 +241,7 @@ pub struct lw_session_options {
     pub radii: *const f32,
     /// Number of `radii`.
     pub curves: usize,
-    /// Distance of center lines, as a share of the sum of the radii, below which `lw_clearance.low`
+    /// Distance of centre lines, as a share of the sum of the radii, below which `lw_clearance.low`
     /// is set. 0: the default, 0.5.
     pub min_clearance: f64,
     /// How coordinates relate to the periodic cell. 0, the default: curves are whole, and followed

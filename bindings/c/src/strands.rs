@@ -59,7 +59,7 @@ pub struct lw_struts {
 pub struct lw_clearance {
     /// Lower bound of the clearance of all strands.
     pub at_least: f64,
-    /// Distance of the closest center lines, as a share of the sum of their radii. Infinite if no
+    /// Distance of the closest centre lines, as a share of the sum of their radii. Infinite if no
     /// strands are close; the members about them are 0 then.
     pub ratio: f64,
     /// Upper bound of the error of the ratio: 0 for polylines.
@@ -72,7 +72,7 @@ pub struct lw_clearance {
     pub points: [[f64; 3]; 2],
     /// True if the clearance is below the level of the warning.
     pub low: bool,
-    /// Frames until the surfaces touch, or, if they do, until the center lines meet. NaN if the
+    /// Frames until the surfaces touch, or, if they do, until the centre lines meet. NaN if the
     /// clearance does not shrink.
     pub frames_left: f64,
     /// Translation of the second strand, in vectors of the periodic cell; zeros without a cell.

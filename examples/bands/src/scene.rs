@@ -31,7 +31,7 @@ pub const FRAME_DT: f32 = 1.0 / 30.0;
 /// Frames until the bands have come to rest on the floor.
 pub const FRAMES: usize = 120;
 
-/// Thickness of a band: its center line has the radius 1 at rest.
+/// Thickness of a band: its centre line has the radius 1 at rest.
 pub const THICKNESS: f32 = 0.14;
 
 /// Downward acceleration.
@@ -40,7 +40,7 @@ const GRAVITY: f32 = 20.0;
 /// Angle of the incline.
 const INCLINE: f32 = 30.0 * TAU / 360.0;
 
-/// Distance between the centers of the bands at the start. They are unlinked: each is inside a
+/// Distance between the centres of the bands at the start. They are unlinked: each is inside a
 /// ball of its own.
 const SPACING: f32 = 2.3;
 

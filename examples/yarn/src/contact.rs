@@ -3,7 +3,7 @@
 //! A uniform grid over the midpoints of the segments gives the pairs that are near. They are
 //! searched again when a point has moved so far that a pair within [`REACH`] could be missing. At
 //! the start of each time step the closest points of each pair are computed, and the direction
-//! between them, and kept to its end. So a strand that moves past the center line of another one
+//! between them, and kept to its end. So a strand that moves past the centre line of another one
 //! within a step is pushed back. One that is still on the wrong side at the end of the step is
 //! pushed further away in the next one: it was pulled through. The pairs are moved apart one after
 //! the other, always in the same order, so the result depends on nothing but the state.

@@ -168,7 +168,7 @@ impl Side {
         }
     }
 
-    /// Returns true if a box, given by its center and half of its size, may contain the other end
+    /// Returns true if a box, given by its centre and half of its size, may contain the other end
     /// of a strut that starts on the segment.
     pub fn may_face(&self, center: Point, half: Point) -> bool {
         let range = |v: Point| {

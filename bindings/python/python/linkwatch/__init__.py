@@ -215,7 +215,7 @@ class Session:
             numbers) or ``"self,triple"``; by default nothing, or that of the baseline.
         radius: radius of the strands, or of each curve, in the units of the points:
             ``Report.clearance`` says how close they come.
-        min_clearance: distance of center lines, as a share of the sum of the radii, below which
+        min_clearance: distance of centre lines, as a share of the sum of the radii, below which
             ``Report.clearance.low`` is set; by default 0.5. Needs ``radius``.
         cell: periodic cell of the frames; :meth:`step` changes it.
         wrapped: True if coordinates are wrapped into the cell, so that curves are unwrapped; False

@@ -207,7 +207,7 @@ class Clearance(Result):
 
     Attributes:
         at_least: lower bound of the clearance of all strands.
-        ratio: distance of the closest center lines, as a share of the sum of their radii; ``None``
+        ratio: distance of the closest centre lines, as a share of the sum of their radii; ``None``
             if no strands are close, as the fields of these strands.
         error: upper bound of the error of the ratio: 0 for polylines.
         curves: curves of the closest strands: the same one twice for two parts of a curve.
@@ -216,7 +216,7 @@ class Clearance(Result):
             cell.
         points: their nearest points: that of the second strand is translated by its image.
         low: True if the clearance is below the level of the warning.
-        frames_left: frames until the surfaces touch, or, if they do, until the center lines meet;
+        frames_left: frames until the surfaces touch, or, if they do, until the centre lines meet;
             ``None`` if the clearance does not shrink.
     """
 

@@ -1,4 +1,4 @@
-//! Clearance of moving strands: the distance of their center lines, as a share of the sum of their
+//! Clearance of moving strands: the distance of their centre lines, as a share of the sum of their
 //! radii, from frame to frame.
 //!
 //! # Proof: strands that are left alone are no closer than the level

@@ -69,7 +69,7 @@ impl Rigid {
         match farthest(&rotation) < 0.5 * rest {
             true => Rigid {
                 turn_back: Some(rotation.transpose()),
-                // The points are turned back about the center of the reference frame.
+                // The points are turned back about the centre of the reference frame.
                 shift: (rotation.transpose() * (to - center)).into(),
                 center,
             },
@@ -173,7 +173,7 @@ impl Step<'_> {
                 hi[x] = larger(hi[x], d[x]);
             }
         }
-        // Rounding of the rotation, also that it is none exactly, and of the center.
+        // Rounding of the rotation, also that it is none exactly, and of the centre.
         let rounding = 1e-14 * (magnitude + center.amax());
         self.widened([lo, hi], rounding)
     }
