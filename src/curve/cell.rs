@@ -65,7 +65,7 @@ impl Cell {
         self.vectors.map(|v| v != [0.0; 3])
     }
 
-    /// Checks that the vectors span a lattice.
+    /// Checks that the lattice vectors are linearly independent.
     ///
     /// # Errors
     ///

@@ -18,10 +18,10 @@ use serde::{Deserialize, Serialize};
 /// # Derivation
 ///
 /// Let the end be the exact image of the start. With `u` the rounding unit of the input, both are
-/// off by at most `u` times their size, and the vectors of the cell by `u` times theirs. Three more
+/// off by at most `u` times their size, and the lattice vectors by `u` times theirs. Three more
 /// roundings happen in a simulation that adds the vectors in this precision. The tolerance is eight
-/// roundings of single precision; for double precision, it is much larger, because such
-/// coordinates may come from a calculation or a text.
+/// roundings of single precision; for double precision, it is much larger, because such coordinates
+/// may come from a calculation or a text.
 fn tolerance(precision: Precision) -> f64 {
     match precision {
         Precision::F32 => 8.0 * pow2(-24),
@@ -103,7 +103,7 @@ pub(crate) fn is_multiple(image: Image, period: Image) -> bool {
 }
 
 /// Returns the period of a curve, if it is open and ends at an image of its start: the translation
-/// from its start to its end, in vectors of the cell.
+/// from its start to its end, in lattice vectors.
 ///
 /// The end may differ from the image by the rounding of the coordinates: 4.8e-7 of the cell and of
 /// their size in single precision, 1e-9 in double precision.

@@ -26,7 +26,7 @@ pub(crate) struct Torn {
 ///
 /// # Errors
 ///
-/// [`Error::Usage`] if the vectors of the cell span no lattice.
+/// [`Error::Usage`] if the lattice vectors are linearly dependent.
 pub(crate) fn find_torn(
     set: &CurveSet,
     cell: &Cell,
@@ -76,8 +76,8 @@ impl CurveSet {
     ///
     /// # Errors
     ///
-    /// [`Error::Usage`] if a segment is longer than half of the cell along a vector, or the
-    /// vectors span no lattice.
+    /// [`Error::Usage`] if a segment is longer than half of the cell along a lattice vector,
+    /// or these vectors are linearly dependent.
     pub fn check_whole(&self, cell: &Cell) -> Result<()> {
         check_whole(self, cell, 0..self.len())
     }
@@ -89,7 +89,7 @@ impl std::fmt::Display for Torn {
         let vector = ["first", "second", "third"][self.direction];
         write!(
             f,
-            "curve {curve} is {share:.3} of the {vector} vector of the periodic cell long from \
+            "curve {curve} is {share:.3} of the {vector} lattice vector long from \
              point {p} to {q}, more than half: pass the option `wrapped` if coordinates are \
              wrapped, else the option `wrapped=false`"
         )

@@ -43,9 +43,9 @@ impl Unwrap {
     ///
     /// # Errors
     ///
-    /// [`Error::Usage`] if a segment is longer than a third of the cell, or a curve moved
-    /// further than that since the previous frame, since the nearest image would be a guess; or if
-    /// the vectors of the cell span no lattice. The next frame is compared with the one before.
+    /// [`Error::Usage`] if a segment is longer than a third of the cell, or a curve moved further
+    /// than that since the previous frame, since the nearest image would be a guess; or if the
+    /// lattice vectors are linearly dependent. The next frame is compared with the one before.
     pub fn unwrap(&mut self, set: &CurveSet, cell: &Cell) -> Result<CurveSet> {
         cell.check()?;
         let inverse = cell.inverse().unwrap_or_default();

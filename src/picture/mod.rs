@@ -82,7 +82,7 @@ pub struct Marked {
 pub(crate) struct Spot {
     /// Both curves; the same one twice if it meets itself, or if there is only one.
     pub curves: [u32; 2],
-    /// Translation of the second curve, in vectors of the cell.
+    /// Translation of the second curve, in lattice vectors.
     pub image: Image,
     pub segments: [u32; 2],
     pub point: Point,

@@ -52,7 +52,7 @@ pub(super) struct DefectRow {
 #[derive(Clone, Debug, Default, serde::Serialize)]
 pub(super) struct Violation {
     pub curves: [u32; 2],
-    /// Translation of the second curve, in vectors of the cell.
+    /// Translation of the second curve, in lattice vectors.
     pub image: Image,
     /// Names of both curves, if they have some.
     #[serde(skip_serializing_if = "Option::is_none")]

@@ -40,7 +40,7 @@ pub struct CloseStrands {
     /// Second curve: greater than `i`, or equal for two parts of one curve, or for a curve and its
     /// image.
     pub j: u32,
-    /// Translation of the second strand, in vectors of the periodic cell: zeros without a cell.
+    /// Translation of the second strand, in lattice vectors: zeros without a cell.
     #[serde(default)]
     pub image: Image,
     /// Segment of the first curve and segment of the second, from 0.

@@ -15,7 +15,7 @@ pub struct Lasting {
     pub i: u32,
     /// Second curve; `None` if the finding concerns a single curve.
     pub j: Option<u32>,
-    /// Translation of the second curve, in vectors of the cell.
+    /// Translation of the second curve, in lattice vectors.
     pub image: Image,
     /// Linking number that was found; `None` for a defect, and for invariants of curves.
     pub found: Option<i64>,

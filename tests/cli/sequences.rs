@@ -350,7 +350,7 @@ fn the_error_of_a_model_as_a_certificate_says_so() {
     assert_eq!(run.stderr.lines().count(), 1, "{}", run.stderr);
 }
 
-/// Curves of a periodic box with wrapped coordinates seem intact, but are not verified.
+/// Curves in a periodic cell with wrapped coordinates seem intact, but are not verified.
 #[test]
 fn warns_once_of_a_segment_longer_than_half_the_scene() {
     let folder = TempDir::new().unwrap();

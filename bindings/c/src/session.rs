@@ -40,7 +40,7 @@ pub struct lw_image_link {
     pub i: u32,
     /// Second curve, at least `i`.
     pub j: u32,
-    /// Translation of the second curve, in vectors of the periodic cell.
+    /// Translation of the second curve, in lattice vectors.
     pub image: [i32; 3],
     /// Linking number, not 0.
     pub lambda: i64,
@@ -72,10 +72,10 @@ impl From<Certificate> for lw_certificate {
 /// Computes the linking numbers of all pairs of closed curves, exactly. Free the result with
 /// lw_certificate_free. Returns null after an error.
 ///
-/// `cell` is null, or has the vectors of a periodic cell, `x y z` one after the other; a vector of
-/// zeros stands for a direction without repetition. All images of the curves are verified then. A
-/// curve that runs through the cell is open, and ends at an image of its start; it has linking
-/// numbers with closed curves.
+/// `cell` is null, or has the lattice vectors of a periodic cell, `x y z` one after the other; a
+/// vector of zeros stands for a direction without repetition. All images of the curves are verified
+/// then. A curve that runs through the cell is open, and ends at an image of its start; it has
+/// linking numbers with closed curves.
 ///
 /// # Safety
 ///

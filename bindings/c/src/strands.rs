@@ -44,7 +44,7 @@ pub struct lw_strut {
     /// Derivatives of the length with respect to the start and the end of the first segment, and of
     /// the second one. NaN for splines, and if the length is 0.
     pub gradient: [[[f64; 3]; 2]; 2],
-    /// Translation of the second curve, in vectors of the periodic cell; zeros without a cell.
+    /// Translation of the second curve, in lattice vectors; zeros without a cell.
     pub image: [i32; 3],
 }
 
@@ -75,7 +75,7 @@ pub struct lw_clearance {
     /// Frames until the surfaces touch, or, if they do, until the centre lines meet. NaN if the
     /// clearance does not shrink.
     pub frames_left: f64,
-    /// Translation of the second strand, in vectors of the periodic cell; zeros without a cell.
+    /// Translation of the second strand, in lattice vectors; zeros without a cell.
     pub image: [i32; 3],
 }
 

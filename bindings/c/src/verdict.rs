@@ -88,8 +88,7 @@ pub struct lw_verdict {
     pub i: u32,
     /// See `i`.
     pub j: u32,
-    /// Translation of the curve `j` of the first finding, in vectors of the periodic cell; zeros
-    /// without a cell.
+    /// Translation of the curve `j` of the first finding, in lattice vectors; zeros without a cell.
     pub image: [i32; 3],
     /// True if the place of the first finding is known.
     pub has_place: bool,

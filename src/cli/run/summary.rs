@@ -202,7 +202,7 @@ impl Run {
 /// Returns how many times curves jumped, in words.
 pub fn jumped(count: u64) -> String {
     let times = plural(count, "time");
-    format!("curves jumped by a vector of the periodic cell {times}")
+    format!("curves jumped by a lattice vector {times}")
 }
 
 /// Pull-throughs that cannot be resolved, because the frames are too far apart.

@@ -14,7 +14,7 @@ const AVERAGES: f64 = 3.0;
 
 /// A segment that spans more than half of the scene.
 ///
-/// Curves of a periodic box look like this if their coordinates are wrapped into the box.
+/// Curves in a periodic cell look like this if their coordinates are wrapped into the cell.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 #[non_exhaustive]
 pub struct LongSegment {
@@ -64,7 +64,7 @@ impl CurveSet {
     /// are much longer than the average segment, or `None` if there are no such segments. Costs a
     /// pass over all points, and a second one if there is such a segment.
     ///
-    /// In a scene without a periodic box such a segment is unusual, but valid.
+    /// In a scene without a periodic cell such a segment is unusual, but valid.
     pub fn long_segment(&self) -> Option<LongSegment> {
         let (mut sum, mut edges) = (0.0, 0.0);
         let mut most = [0.0f64; 3];

@@ -261,11 +261,11 @@ impl Frame<'_> {
     }
 }
 
-/// Returns the message for a bond that is too long for the periodic box.
+/// Returns the message for a bond that is too long for the periodic cell.
 fn torn([p, q]: [u64; 2], found: &Torn, unwrapped: Unwrapped) -> String {
     let axis = ["x", "y", "z"][found.direction];
     let bond = format!(
-        "the bond of atoms {p} and {q} is {:.3} of the periodic box long in {axis}, which is more \
+        "the bond of atoms {p} and {q} is {:.3} of the periodic cell long in {axis}, which is more \
          than half",
         found.share
     );

@@ -80,7 +80,7 @@ impl SimulationBox {
     ///
     /// # Errors
     ///
-    /// [`crate::Error::Usage`] if a periodic box has no volume.
+    /// [`crate::Error::Usage`] if a periodic cell has no volume.
     pub fn cell(&self) -> Result<Option<Cell>> {
         let cell = Cell {
             origin: self.low,

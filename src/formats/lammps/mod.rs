@@ -11,7 +11,7 @@
 //! chain in the order of their ids: open, unless [`ReadOptions::closed`]. If that is not given, the
 //! bonds that may close them count as left out.
 //!
-//! # Periodic boxes
+//! # Periodic cells
 //!
 //! The cell of a frame is its box, along the directions that are periodic. Simulations wrap atoms
 //! that leave such a box to its other side. A curve that crosses the boundary is then torn, and

@@ -379,7 +379,7 @@ fn a_curve_that_closes_only_through_the_boundary_is_refused() {
                 Bonds\n\n1 1 1 2\n2 1 2 3\n3 1 3 1\n";
     assert_error_contains(
         data(text),
-        "the bond of atoms 3 and 1 is 0.667 of the periodic box",
+        "the bond of atoms 3 and 1 is 0.667 of the periodic cell",
     );
     assert_error_contains(data(text), "in spite of image flags");
     let frame = data_frame(text, true).unwrap();
@@ -639,7 +639,7 @@ fn a_frame_with_a_wrong_atom_is_invalid_and_the_next_one_is_read() {
         (
             "2 2 0 9",
             "2 7 0 9",
-            "atoms 1 and 2 is 0.667 of the periodic box long in x",
+            "atoms 1 and 2 is 0.667 of the periodic cell long in x",
         ),
         ("2 2 0 9", "2 1e400 0 9", "'1e400' is not a finite number"),
     ] {

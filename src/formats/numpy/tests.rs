@@ -530,7 +530,7 @@ fn a_curve_that_the_cell_of_an_archive_tears_is_refused_unless_it_is_unwrapped()
         match frame.curves {
             Ok(set) => assert!(wrapped && set.point(0, 1)[0] == 8.0),
             Err(e) => {
-                let says = "curve 0 is 0.889 of the first vector of the periodic cell long";
+                let says = "curve 0 is 0.889 of the first lattice vector long";
                 assert!(!wrapped && e.to_string().contains(says), "{e}");
             }
         }

@@ -5,7 +5,7 @@
 //!
 //! | key | value |
 //! |---|---|
-//! | `Lattice` | nine numbers: the vectors of the cell, one after the other |
+//! | `Lattice` | nine numbers: the lattice vectors, one after the other |
 //! | `pbc` | three of `T` and `F`: if the frame repeats along each vector; else along all |
 //! | `Origin` | the corner of the cell, as OVITO writes it; else 0 |
 //! | `Properties` | `name:type:columns:..`; else `species:S:1:pos:R:3`, and others after them |

@@ -234,7 +234,7 @@ fn curves_that_the_boundary_tears_are_refused_unless_the_caller_unwraps_them() {
         .curves
         .unwrap_err()
         .to_string();
-    let says = "curve 0 is 0.889 of the first vector of the periodic cell long from point 0 to 1";
+    let says = "curve 0 is 0.889 of the first lattice vector long from point 0 to 1";
     assert!(
         error.contains(says) && error.contains("option `wrapped`"),
         "{error}"

@@ -52,7 +52,7 @@ pub struct CurvePoint {
 pub struct Strut {
     /// The two points. The position of the second one is translated by `image`.
     pub ends: [CurvePoint; 2],
-    /// Translation of the second curve, in vectors of the periodic cell: zeros without a cell.
+    /// Translation of the second curve, in lattice vectors: zeros without a cell.
     pub image: Image,
     /// Their distance.
     pub length: f64,
@@ -159,7 +159,7 @@ impl Thickness {
     /// # Errors
     ///
     /// [`Error::Count`](crate::Error::Count) for splines with too many segments;
-    /// [`Error::Usage`](crate::Error::Usage) if the vectors of the cell do not span a lattice, or
+    /// [`Error::Usage`](crate::Error::Usage) if the lattice vectors are linearly dependent, or
     /// curves span too many cells.
     ///
     /// ```
@@ -213,8 +213,8 @@ impl Thickness {
 /// # Errors
 ///
 /// [`Error::Count`](crate::Error::Count) for splines with too many segments;
-/// [`Error::Usage`](crate::Error::Usage) if the vectors of the cell do not span a lattice, or if
-/// too many cells are within this length.
+/// [`Error::Usage`](crate::Error::Usage) if the lattice vectors are linearly dependent, or if too
+/// many cells are within this length.
 ///
 /// ```
 /// use linkwatch::{Basis, Cell, CurveSet, Positions, struts};

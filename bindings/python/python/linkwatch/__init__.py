@@ -29,7 +29,7 @@ long as the longest other one. Both are a :class:`ClosingWarning`. ``basis`` is 
 fabric: the three edges along the axes (0 for a direction without repetition), three vectors (an
 array of the shape ``(3, 3)``), or these and a corner (``(4, 3)``); also as 9 or 12 numbers. Each
 curve then stands for all its images, and its points may lie outside the cell; they are not wrapped
-into it. Findings have the ``image`` of the second curve: its translation, in vectors of the cell.
+into it. Findings have the ``image`` of the second curve: its translation, in lattice vectors.
 
 >>> import linkwatch
 >>> ring = [[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]

@@ -210,7 +210,7 @@ def _agree(counts: list[int], flags: Iterable[bool]) -> None:
 
 
 def twelve(cell: Any) -> list[float]:
-    """Returns twelve numbers: the vectors of a periodic cell and its corner."""
+    """Returns twelve numbers: the lattice vectors of a cell and its corner."""
     import numpy as np
 
     expected = "expected 3 edges, 3 vectors (3, 3), or these and a corner (4, 3)"

@@ -128,7 +128,7 @@ class Change(Finding):
 
     Attributes:
         i, j: curves, from 0; equal if a curve is linked with its image.
-        image: translation of the second curve, in vectors of the periodic cell; zeros without one.
+        image: translation of the second curve, in lattice vectors; zeros without a cell.
         names: names of the curves, if they have names.
         expected: linking number of the baseline.
         found: linking number of the frame.
@@ -154,7 +154,7 @@ class PullThrough(Finding):
 
     Attributes:
         i, j: curves, from 0; equal if the curve passes through itself.
-        image: translation of the second curve, in vectors of the periodic cell; zeros without one.
+        image: translation of the second curve, in lattice vectors; zeros without a cell.
         names: names of the curves, if they have names.
         segments: segment of each curve, from 0.
         fraction: time as a fraction of the step between the frames.
@@ -184,7 +184,7 @@ class Defect(Finding):
 
     Attributes:
         i, j: curves, from 0; ``j`` is ``None`` if the defect concerns one curve.
-        image: translation of the second curve, in vectors of the periodic cell; zeros without one.
+        image: translation of the second curve, in lattice vectors; zeros without a cell.
         names: names of the curves, if they have names.
         kind: contact, too-close, degenerate, no-baseline, undecided-step or unaccounted.
         place: where they are closest, or the place on the curve.
@@ -212,8 +212,7 @@ class Clearance(Result):
         error: upper bound of the error of the ratio: 0 for polylines.
         curves: curves of the closest strands: the same one twice for two parts of a curve.
         segments: their segments.
-        image: translation of the second strand, in vectors of the periodic cell; zeros without a
-            cell.
+        image: translation of the second strand, in lattice vectors; zeros without a cell.
         points: their nearest points: that of the second strand is translated by its image.
         low: True if the clearance is below the level of the warning.
         frames_left: frames until the surfaces touch, or, if they do, until the centre lines meet;
@@ -349,8 +348,7 @@ class Strut(Result):
         curves: curve of each end, from 0.
         segments: segment of each end, from 0.
         t: place of each end on its segment, from 0 to 1.
-        image: translation of the second curve, in vectors of the periodic cell; zeros without a
-            cell.
+        image: translation of the second curve, in lattice vectors; zeros without a cell.
         points: both ends: that of the second curve is translated by its image.
         length: distance of the ends.
         error: upper bound of the error of the length: 0 for polylines.

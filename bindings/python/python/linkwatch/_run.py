@@ -298,7 +298,7 @@ class Run:
             lines.append(f"{curves} verified for pull-throughs, without linking numbers")
         if self._jumps:
             times = plural(self._jumps, "time", "times")
-            what = f"curves jumped by a vector of the periodic cell {times}"
+            what = f"curves jumped by a lattice vector {times}"
             lines.append(f"{what}, and were followed")
         of_files = [] if self.source is None else self.source.summary.notes
         return "\n  ".join([*lines, *self._gaps(), *of_files, *self.notes])

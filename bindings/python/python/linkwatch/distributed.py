@@ -17,9 +17,8 @@ previous one, so that the step between them is searched for pull-throughs, and w
 session after the first frame of the run. Once the previous chunk has ended, its state is compared
 with that; if later findings may depend on the difference, the chunk is verified again from that
 state. This happens after linking numbers were added to the baseline, curves came or went, or a
-curve jumped by a vector of the periodic cell: from there on, chunks are verified one after the
-other. The lower bound of a clearance may differ, and in a periodic cell the digits of places in
-words.
+curve jumped by a lattice vector: from there on, chunks are verified one after the other. The lower
+bound of a clearance may differ, and in a periodic cell the digits of places in words.
 
 Formats with random access (trajectories of MDAnalysis, ``.npz`` and other files of the command) are
 read by the workers, which need the files under the same names. Frames of all others are read here

@@ -55,7 +55,7 @@ impl Lattice {
     ///
     /// # Errors
     ///
-    /// [`Error::Usage`](crate::Error::Usage) if the vectors of the cell do not span a lattice.
+    /// [`Error::Usage`](crate::Error::Usage) if the lattice vectors are linearly dependent.
     pub fn new(cell: &Cell, boxes: &[Box3], reach: f64) -> Result<Lattice> {
         let inverse = cell.inverse_or_error()?;
         let all = boxes.iter().copied().reduce(|a, b| a.union(&b));

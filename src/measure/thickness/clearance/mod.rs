@@ -142,9 +142,9 @@ pub(crate) struct CloseBlock {
 ///
 /// # Errors
 ///
-/// [`Error::Usage`] if a curve has no radius, or one that is not a positive length, the
-/// vectors of the cell do not span a lattice, or curves span too many cells;
-/// [`Error::Unsupported`] if coordinates are too large, or too many strands are close.
+/// [`Error::Usage`] if a curve has no radius, or one that is not a positive length, the lattice
+/// vectors are linearly dependent, or curves span too many cells; [`Error::Unsupported`] if
+/// coordinates are too large, or too many strands are close.
 #[cfg_attr(not(feature = "rerun"), allow(dead_code, reason = "for the viewer"))]
 pub(crate) fn close_blocks(
     set: &CurveSet,

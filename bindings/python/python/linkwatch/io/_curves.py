@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 # Number of bonds of the largest ring that is a detail of a molecule, such as an aromatic one.
 SMALL_RING = 12
-# Longest step between successive vertices, in vectors of the cell, whose image is certain.
+# Longest step between successive vertices, in lattice vectors, whose image is certain.
 CERTAIN = 1 / 3
 
 

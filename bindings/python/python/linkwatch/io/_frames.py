@@ -37,7 +37,7 @@ class Frame:
     basis: str = "polyline"
     names: list[str] = field(default_factory=list)
     radii: list[float] = field(default_factory=list)
-    #: Vectors of the periodic cell and its corner, ``(4, 3)``.
+    #: Lattice vectors and corner of the cell, ``(4, 3)``.
     cell: npt.NDArray[Any] | None = None
     #: Number of the frame, larger than that of the previous one.
     seq: int = 0
