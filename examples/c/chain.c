@@ -101,12 +101,12 @@ int main(int argc, char **argv) {
       return 1;
     }
     // Two rings almost touch at the safe fraction, so the chain goes on from half of it.
-    const double share = verdict.safe_fraction > 0 ? 0.5 * verdict.safe_fraction : 0;
+    const double fraction = verdict.safe_fraction > 0 ? 0.5 * verdict.safe_fraction : 0;
     for (int k = 0; k < RINGS; k++) {
-      chain.x[k] = last.x[k] + share * (chain.x[k] - last.x[k]);
+      chain.x[k] = last.x[k] + fraction * (chain.x[k] - last.x[k]);
       chain.v[k] = 0;
     }
-    time -= (1 - share) * dt;
+    time -= (1 - fraction) * dt;
     dt /= 4;
     printf("rolled back; the step is now %g seconds\n", dt);
     lw_resume(client);

@@ -50,9 +50,9 @@ with linkwatch.Client(args.service, counts=counts, radii=m.flex_radius, lockstep
             d.qvel *= 1 - step  # drag
             mujoco.mj_step(m, d)
         elif args.roll_back and step > 1e-4:  # to half of the part of the step that is safe
-            share = 0.5 * (verdict.safe_fraction or 0)
-            d.qpos, d.qvel = before + share * (d.qpos - before), 0
-            d.time, m.opt.timestep = d.time - (1 - share) * step, step / 2
+            fraction = 0.5 * (verdict.safe_fraction or 0)
+            d.qpos, d.qvel = before + fraction * (d.qpos - before), 0
+            d.time, m.opt.timestep = d.time - (1 - fraction) * step, step / 2
             sim.resume()
         else:
             break

@@ -111,8 +111,8 @@ def main():
             raise SystemExit(1)
         # Half of it: at the moment itself two rings touch, and no contact force separates them.
         # Verified below, as the first frame after the jump.
-        share = 0.5 * (report.safe_fraction or 0.0)
-        x, v, time = x + share * (x_next - x), 0 * v, time + share * step
+        fraction = 0.5 * (report.safe_fraction or 0.0)
+        x, v, time = x + fraction * (x_next - x), 0 * v, time + fraction * step
         step /= 2
         if step < SMALLEST_STEP:
             raise SystemExit("two rings are stuck; an earlier state would be needed")

@@ -161,7 +161,7 @@ pub struct VerdictMessage {
     pub check: Duration,
     /// Last frame that is known to be intact ([`Report::last_intact`]).
     pub last_intact: Option<u64>,
-    /// Safe share of the step from there ([`Report::safe_fraction`]).
+    /// Safe fraction of the step from there ([`Report::safe_fraction`]).
     pub safe_fraction: Option<f64>,
     /// Names of the curves, if the simulator gave them; otherwise empty.
     pub names: Arc<[String]>,

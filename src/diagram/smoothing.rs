@@ -17,7 +17,7 @@ use crate::verdict::PullThrough;
 /// touch itself: rounded positions may do so at the time itself.
 const EARLIER: [f64; 3] = [0.0, 1e-9, 1e-6];
 
-/// Difference of the times of passages, as shares of the step, that count as simultaneous.
+/// Difference of the times of passages, as fractions of the step, that count as simultaneous.
 const SIMULTANEOUS: f64 = 1e-5;
 
 /// Returns the change of `v2` of a closed polyline from one frame to another, and the sum of the

@@ -142,8 +142,8 @@ impl Steps {
         outcome
     }
 
-    /// Returns the largest proven share of the step from the last frame that is known to be intact,
-    /// during which nothing was pulled through. `outcome` is that of the step from the last
+    /// Returns the largest proven fraction of the step from the last frame that is known to be
+    /// intact, during which nothing was pulled through. `outcome` is that of the step from the last
     /// verified frame. Returns `None` if that is another one.
     ///
     /// # Errors

@@ -202,7 +202,7 @@ fn smaller_or_nan(a: f64, b: f64) -> f64 {
 /// # Derivation
 ///
 /// Let `A` be the cell of the first frame, `A + D` that of the second one, and `u` the coordinates
-/// of a vertex. At the share `t` of the step, `(A + t D) u(t) = x(t)`. The difference of `u(t)`
+/// of a vertex. At the fraction `t` of the step, `(A + t D) u(t) = x(t)`. The difference of `u(t)`
 /// from the straight line between both frames is `t (1 - t) (A + t D)^-1 D (u(1) - u(0))`. With `E
 /// = A^-1 D`, the product of the two matrices is `E - t E^2 + ..`, each entry of which is at most
 /// that of `|E| + |E|^2 + ..`. Half of that is twice the bound, which covers rounding.

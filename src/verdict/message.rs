@@ -295,12 +295,12 @@ pub(crate) fn words_of_roll_back(
     safe_fraction: Option<f64>,
 ) -> Option<String> {
     let words = format!("frame {} is intact", last_intact?);
-    // Rounded down, as the share is.
-    let Some(share) = safe_fraction.map(|share| (share * 1e3).floor() / 1e3) else {
+    // Rounded down, as the fraction is.
+    let Some(fraction) = safe_fraction.map(|fraction| (fraction * 1e3).floor() / 1e3) else {
         return Some(words);
     };
     Some(format!(
-        "{words}, and {share:.3} of the step from there is safe"
+        "{words}, and {fraction:.3} of the step from there is safe"
     ))
 }
 

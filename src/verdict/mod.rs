@@ -269,12 +269,12 @@ pub struct Report {
     /// back. After a change, a pull-through, or a step that is undecided, no later frame is known
     /// to be intact until [a cut](crate::Session::cut). `None` if there was no such frame yet.
     pub last_intact: Option<u64>,
-    /// Largest proven share of the step from the last intact frame before this one, from 0 to 1,
+    /// Largest proven fraction of the step from the last intact frame before this one, from 0 to 1,
     /// during which nothing was pulled through and no curves came into contact that did not touch
     /// at its start. 1 stands for this frame itself; 0 if nothing is proven. Otherwise it is just
     /// before the first pull-through, usually within a millionth of the step.
     ///
-    /// A simulator can go on from `x0 + f (x1 - x0)`, where `f` is this share, `x0` are the
+    /// A simulator can go on from `x0 + f (x1 - x0)`, where `f` is this fraction, `x0` are the
     /// positions in the last intact frame, and `x1` those in this frame. The step to this state is
     /// proven, with every operation rounded to the precision of the coordinates. Two curves almost
     /// touch there, so a simulator with soft contacts goes back further. `None` if pull-throughs

@@ -94,7 +94,7 @@ fn linking_numbers(set: &CurveSet, certificate: &Certificate) -> Vec<(u32, u32, 
     defined.map(lambda).collect()
 }
 
-/// Events as names, share of the step and sign.
+/// Events as names, fraction of the step and sign.
 fn events(report: &Report, curves: &[usize]) -> Vec<(Names, u64, i32)> {
     let events = report.events.iter();
     let mut events: Vec<_> = events

@@ -44,7 +44,7 @@ struct Verdict : lw_verdict {
   std::optional<std::uint64_t> intact_frame() const {
     return last_intact == LW_NO_FRAME ? std::nullopt : std::optional(last_intact);
   }
-  // Largest proven share of the step from that frame without a pull-through, from 0 to 1.
+  // Largest proven fraction of the step from that frame without a pull-through, from 0 to 1.
   std::optional<double> safe_share() const {
     return std::isnan(safe_fraction) ? std::nullopt : std::optional(safe_fraction);
   }
@@ -284,15 +284,15 @@ Certificate certify(const std::vector<std::int32_t> &counts, const std::vector<T
   return Certificate(lw_certify(&frame, cell ? cell->data() : nullptr));
 }
 
-// Returns the largest proven share of the step between two frames without a pull-through.
+// Returns the largest proven fraction of the step between two frames without a pull-through.
 template <class T>
 double safe_fraction(const std::vector<std::int32_t> &counts, const std::vector<T> &before,
                      const std::vector<T> &after, Basis basis = Basis::Polyline) {
   const lw_frame frames[] = {detail::frame(basis, counts, before),
                              detail::frame(basis, counts, after)};
-  const double share = lw_safe_fraction(&frames[0], &frames[1]);
-  if (share < 0) detail::fail();
-  return share;
+  const double fraction = lw_safe_fraction(&frames[0], &frames[1]);
+  if (fraction < 0) detail::fail();
+  return fraction;
 }
 
 // Measures how sharply curves bend and how close they come, to all images in a cell.

@@ -538,9 +538,9 @@ pub unsafe extern "C" fn lw_session_free(session: *mut lw_session) {
     unsafe { free(session) }
 }
 
-/// Returns the largest proven share of the step between two frames during which nothing is pulled
-/// through: 1 if the whole step is safe, 0 if nothing is proven, and a negative number after an
-/// error. Points move on straight lines at constant speed.
+/// Returns the largest proven fraction of the step between two frames during which nothing is
+/// pulled through: 1 if the whole step is safe, 0 if nothing is proven, and a negative number after
+/// an error. Points move on straight lines at constant speed.
 ///
 /// # Safety
 ///
@@ -555,15 +555,15 @@ pub unsafe extern "C" fn lw_safe_fraction(before: *const lw_frame, after: *const
             ..SessionOptions::default()
         };
         let mut session = Session::new(options).map_err(words)?;
-        let mut share = None;
+        let mut fraction = None;
         for (seq, frame) in (0..).zip(frames) {
             let report = session.feed(FrameInfo::at(seq, 0.0), frame);
             let report = report.map_err(words)?;
             if report.verdict == Verdict::Rejected {
                 return Err(report.rejected.unwrap_or_default());
             }
-            share = report.safe_fraction;
+            fraction = report.safe_fraction;
         }
-        Ok(share.unwrap_or(0.0))
+        Ok(fraction.unwrap_or(0.0))
     })
 }

@@ -138,9 +138,9 @@ fn a_pull_through_is_reported_with_the_state_to_roll_back_to() {
             (1, LW_FINDING_CHANGE)
         );
         assert_eq!((verdict.i, verdict.j), (0, 1));
-        let share = lw_safe_fraction(&frame(&rings(1.5)), &frame(&rings(2.5)));
-        assert_eq!(verdict.safe_fraction, share);
-        assert!(share > 0.4 && share < 0.5, "{share}");
+        let fraction = lw_safe_fraction(&frame(&rings(1.5)), &frame(&rings(2.5)));
+        assert_eq!(verdict.safe_fraction, fraction);
+        assert!(fraction > 0.4 && fraction < 0.5, "{fraction}");
         assert!(text(&verdict).contains("came apart"), "{}", text(&verdict));
         lw_session_free(session);
     }

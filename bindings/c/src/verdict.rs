@@ -78,8 +78,8 @@ pub struct lw_verdict {
     pub recovered: u32,
     /// Last frame that is known to be intact, or LW_NO_FRAME.
     pub last_intact: u64,
-    /// Largest proven share of the step from the last intact frame without a pull-through, from 0
-    /// to 1; NaN if it is unknown.
+    /// Largest proven fraction of the step from the last intact frame without a pull-through, from
+    /// 0 to 1; NaN if it is unknown.
     pub safe_fraction: f64,
     /// The first finding that the last verified frame did not have (in process: the first one):
     /// LW_FINDING_NONE, LW_FINDING_CHANGE, LW_FINDING_DEFECT or LW_FINDING_PULL_THROUGH.

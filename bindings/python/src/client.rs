@@ -115,8 +115,8 @@ impl Message {
         self.0.last_intact
     }
 
-    /// Largest proven share of the step from the last intact frame without a pull-through; None if
-    /// it is unknown.
+    /// Largest proven fraction of the step from the last intact frame without a pull-through; None
+    /// if it is unknown.
     #[getter]
     fn safe_fraction(&self) -> Option<f64> {
         self.0.safe_fraction

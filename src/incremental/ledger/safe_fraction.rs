@@ -1,4 +1,4 @@
-//! Safe fraction of a step: the share after which a simulator can stop, before the first
+//! Safe fraction of a step: the fraction after which a simulator can stop, before the first
 //! pull-through.
 //!
 //! # Proof
@@ -63,10 +63,11 @@ impl Outcome {
 }
 
 impl Ledger {
-    /// Returns the largest proven share of a step, from 0 to 1, during which nothing passed through
-    /// anything and no pair came into contact that had none before. The step to the frame at this
-    /// share, `x0 + f (x1 - x0)` with every operation rounded to the precision of the coordinates,
-    /// is proven to be safe. The share has that precision, too. 1 stands for the last frame itself.
+    /// Returns the largest proven fraction of a step, from 0 to 1, during which nothing passed
+    /// through anything and no pair came into contact that had none before. The step to the frame
+    /// at this fraction, `x0 + f (x1 - x0)` with every operation rounded to the precision of the
+    /// coordinates, is proven to be safe. The fraction has that precision, too. 1 stands for the
+    /// last frame itself.
     ///
     /// `outcome` is that of the whole step for all pairs, or for those that may meet.
     ///

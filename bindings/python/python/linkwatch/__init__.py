@@ -759,9 +759,9 @@ def safe_fraction(
     events: str = "all",
     cell: Cell | None = None,
 ) -> float:
-    """Returns the largest proven share of the step from ``x0`` to ``x1`` without a pull-through.
+    """Returns the largest proven fraction of the step from ``x0`` to ``x1`` without a pull-through.
 
-    The share ``f`` is 1 if the step to ``x1`` is safe, and 0 if nothing is proven. Otherwise the
+    The fraction ``f`` is 1 if the step to ``x1`` is safe, and 0 if nothing is proven. Otherwise the
     step from ``x0`` to ``x0 + f * (x1 - x0)`` is proven, with every operation rounded to the
     precision of the points, and usually ends within a millionth of the step of the first
     pull-through. Two curves almost touch there.
@@ -776,8 +776,8 @@ def safe_fraction(
     Raises:
         ValueError: a coordinate is not finite, or a curve has too few points.
     """
-    share = _step(x0, x1, counts, closed, basis, events, cell)[1].safe_fraction
-    return 0.0 if share is None else share
+    fraction = _step(x0, x1, counts, closed, basis, events, cell)[1].safe_fraction
+    return 0.0 if fraction is None else fraction
 
 
 def _frame(

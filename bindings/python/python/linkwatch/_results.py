@@ -287,7 +287,7 @@ class Report(Result):
         appeared, gone: names of the curves that appeared since the last verified frame, and that
             are gone.
         last_intact: last frame that is known to be intact; ``None`` if there is none.
-        safe_fraction: largest proven share of the step from the last intact frame without a
+        safe_fraction: largest proven fraction of the step from the last intact frame without a
             pull-through; ``None`` if it is unknown.
         clearance: clearance of the strands; ``None`` if it is not measured.
         rejected: reason why the frame was rejected.
