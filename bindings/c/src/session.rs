@@ -244,7 +244,7 @@ pub struct lw_session_options {
     /// Distance of centre lines, as a share of the sum of the radii, below which `lw_clearance.low`
     /// is set. 0: the default, 0.5.
     pub min_clearance: f64,
-    /// How coordinates relate to the periodic cell. 0, the default: curves are whole, and followed
+    /// Relation of coordinates to the periodic cell. 0, the default: curves are whole, and followed
     /// if they jump by a lattice vector. 1: wrapped into the cell, to be unwrapped. -1: unwrapped,
     /// and taken as they are.
     pub wrapped: i32,

@@ -9,7 +9,7 @@ use linkwatch::{Axis, Closing, CurveSet, CurveSource, Ribbon, RibbonOptions, Thi
 use std::ffi::c_char;
 use std::ptr;
 
-/// How sharply curves bend, and how close they come.
+/// Length of all curves, their sharpest bend and their shortest strut.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct lw_thickness_values {

@@ -10,7 +10,7 @@ use pyo3::types::PyBytes;
 use serde_json::json;
 use std::path::PathBuf;
 
-/// What is expected of the argument `path`.
+/// Description of a valid argument `path`, for messages.
 const PATH: &str = "a path: str, bytes or os.PathLike";
 
 /// Curves, translation of the second one, and linking number.

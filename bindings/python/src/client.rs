@@ -30,7 +30,7 @@ struct State {
     mapping: Option<Arc<Mutex<FrameMemory>>>,
     /// Number of the last published frame.
     last: Option<u64>,
-    /// Why the last wait returned no verdict, if it did not.
+    /// Reason why the last wait returned no verdict, if it returned none.
     no_verdict: Option<String>,
     /// The last message of the watcher, or the last abort if there was none.
     goodbye: Option<VerdictMessage>,

@@ -405,7 +405,7 @@ class Session:
 
     @property
     def jumps(self) -> int:
-        """How many times a curve jumped by a lattice vector, and was followed."""
+        """Returns how many times a curve jumped by a lattice vector, and was followed."""
         return self._session.jumps()
 
 
@@ -1049,7 +1049,7 @@ def assert_intact(
         raise AssertionError("no frame was verified")
 
 
-# What is imported when it is needed, so that importing the package takes no time.
+# Modules that are imported when they are needed, so that importing the package takes no time.
 _LATER = {
     "io": "io",
     "distributed": "distributed",

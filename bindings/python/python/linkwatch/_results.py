@@ -367,7 +367,7 @@ class Strut(Result):
 
 
 class Thickness(Result):
-    """How sharply curves bend, and how close they come.
+    """Length of all curves, their sharpest bend and their shortest strut.
 
     >>> import linkwatch
     >>> found = linkwatch.thickness([[[0, 0, 0], [2, 0, 0], [2, 2, 0], [0, 2, 0]]])

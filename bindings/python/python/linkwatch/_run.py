@@ -270,7 +270,7 @@ class Run:
 
     @property
     def summary(self) -> str:
-        """What happened, in some lines."""
+        """Summary of the run, in some lines."""
         lines = [f"{self.verdict}: {_frames(len(self.frames))}"]
         if self._first is not None:
             lines.append(f"first frame that is not intact: {self._first}")

@@ -153,7 +153,7 @@ def _workers(client: Any) -> int:
 def _parts(source: Frames, chunk: int | None, workers: int) -> Iterator[Any]:
     """Yields chunks that workers read: the recipe of the frames, and the numbers of some."""
     frames, recipe = len(source), pickle.dumps(source)
-    # Of seconds, so that a scheduler that takes 15 ms for a chunk keeps 1000 workers busy.
+    # Chunks of seconds, so that a scheduler that takes 15 ms for a chunk keeps 1000 workers busy.
     chunk = chunk or min(max(-(-frames // (4 * workers)), 16), 8192)
     for start in range(0, frames, chunk):
         yield recipe, max(start - 1, 0), min(start + chunk, frames)

@@ -95,7 +95,7 @@ FORMATS = [
     Format("texgen", ".tg3", read_files(_text.read_texgen), options="unwrap cell"),
     Format("hair", ".hair", read_files(_hair.read_hair)),
     Format("usc-hair", ".data", read_files(_hair.read_usc), r"[\s\S]{0,1000}\x00"),
-    # What a name does not tell.
+    # Files whose format the name does not tell.
     Format("linkwatch", "", _native.read),
 ]
 

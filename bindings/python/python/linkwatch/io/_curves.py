@@ -1,4 +1,4 @@
-"""What readers share: curves from edges, curves that return, cells, and files of one frame."""
+"""Helpers of the readers: curves from edges, curves that return, cells, and files of one frame."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ CERTAIN = 1 / 3
 
 @dataclasses.dataclass
 class Options:
-    """What :func:`linkwatch.read` was asked for, besides the files."""
+    """Options of :func:`linkwatch.read`, besides the files."""
 
     closed: bool | None = None
     unwrap: bool | None = None

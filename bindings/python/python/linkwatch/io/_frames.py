@@ -61,7 +61,7 @@ class Frame:
 
 @dataclass
 class Summary:
-    """What was read from a file, and what was not.
+    """Summary of a file: the curves that were read, and the elements that were not.
 
     >>> import linkwatch
     >>> import numpy as np

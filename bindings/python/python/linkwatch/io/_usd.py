@@ -236,7 +236,8 @@ class _Batch:
         if primvars.FindPrimvarWithInheritance("skel:jointIndices").HasValue():
             raise Unread("a skeleton moves them")
         self.wrap = "nonperiodic"
-        # What the curves are if they are no BasisCurves, and what makes Bezier pieces of them.
+        # Kind of the curves if they are no BasisCurves, and the knots or tangents for Bezier
+        # pieces.
         self.source = ""
         self.knots: list[_Knots] = []
         self.tangents: Any = None
