@@ -21,9 +21,9 @@ pub struct ClearanceArgs {
     radius: Option<StrandRadius>,
     /// Distance in diameters below which strands are too close
     ///
-    /// Of centre lines, as a share of the diameter of the strands: 0 to 1, or a percentage. Below
-    /// it a warning is printed, and `--abort-on clearance` stops the simulator [default: 50%;
-    /// replay: as recorded]
+    /// Distance of centre lines, as a share of the diameter of the strands: 0 to 1, or a
+    /// percentage. Below it, a warning is printed, and `--abort-on clearance` stops the simulator
+    /// [default: 50%; replay: as recorded]
     #[arg(long, value_name = "SHARE", value_parser = share)]
     min_clearance: Option<f64>,
 }

@@ -54,7 +54,7 @@ struct Line {
     file: PathBuf,
     /// Exit code of the process; `None` if a signal ended it.
     code: Option<i32>,
-    /// Why there is no verdict.
+    /// Reason why there is no verdict.
     error: Option<String>,
     verdict: Option<String>,
     seconds: f64,

@@ -107,7 +107,7 @@ pub fn run(args: &Args, as_json: bool) -> Result<Outcome> {
 struct Moving {
     frames: u64,
     motion: Motion,
-    /// In diameters.
+    /// Amplitude of the motion, in diameters.
     amplitude: f64,
     diameter: Option<f64>,
     pull: Option<u64>,

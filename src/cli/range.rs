@@ -7,7 +7,7 @@ use std::fmt;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Bound {
     Seq(u64),
-    /// In seconds.
+    /// Simulation time in seconds.
     Time(f64),
 }
 

@@ -27,7 +27,7 @@ pub struct Sequence {
     left_out: Vec<LeftOut>,
     /// Number of the last frame.
     last: Option<u64>,
-    /// What is known about the last valid frame, and the number of points of each of its curves.
+    /// Information about the last valid frame, and the number of points of each of its curves.
     info: FrameInfo,
     counts: Vec<i32>,
 }

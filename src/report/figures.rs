@@ -23,7 +23,7 @@ use std::sync::Arc;
 const MOST: usize = 6;
 const FIRST: usize = 4;
 
-/// How the violations with pictures are chosen.
+/// Rule that chooses the violations with pictures.
 pub(super) const CHOICE: &str = "The first four violations, the pair with the most pull-throughs, \
      the deepest one (the pair that is furthest apart in the frame in which it changed), and then \
      the next ones. Each is shown in the previous recorded frame, in its own, and in the next one. \
@@ -41,7 +41,7 @@ pub(super) struct Figure {
     pub shot: Shot,
     /// True if the radii of both strands are known.
     pub thick: bool,
-    /// What the frames before, at and after it are: "frame 27 at 0.9 s".
+    /// Captions of the frames before, at and after the violation: "frame 27 at 0.9 s".
     pub captions: [String; 3],
     /// Both curves in words.
     pair: String,

@@ -1,4 +1,4 @@
-//! What happened, in one sentence, and what limits it.
+//! Conclusion of a recorded run in one sentence, and its limitations.
 
 use super::facts::{End, Facts, Found};
 use crate::incremental::Events;

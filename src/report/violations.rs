@@ -48,7 +48,7 @@ pub(super) struct DefectRow {
     pub sentence: String,
 }
 
-/// What happened to a pair of curves, or to a curve and an image of another one or of itself.
+/// Violation of a pair of curves, or of a curve and an image of another one or of itself.
 #[derive(Clone, Debug, Default, serde::Serialize)]
 pub(super) struct Violation {
     pub curves: [u32; 2],

@@ -8,16 +8,16 @@ use crate::engine::{Engine, EngineState};
 use crate::error::{Error, Result};
 use crate::ingest::FrameInfo;
 
-/// How a session begins with a frame.
+/// Beginning of a session with a frame.
 #[derive(Clone, Copy)]
 pub(super) enum Begin<'a> {
-    /// With the baseline and the braids of the options.
+    /// The options have the baseline and the braids.
     First,
-    /// As its own baseline.
+    /// The frame is its own baseline.
     Accepted,
-    /// As a part of a run with this baseline.
+    /// The frame begins a part of a run with this baseline.
     Part(&'a Certificate),
-    /// After another session.
+    /// The frame follows those of another session.
     Resumed(&'a EngineState),
 }
 

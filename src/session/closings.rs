@@ -1,5 +1,5 @@
-//! Which curves are closed: a decision for each layout of the curves, which the first verified
-//! frame makes.
+//! Decisions about which curves are closed: one for each layout of the curves. The first verified
+//! frame makes it.
 
 use crate::ingest::{Closing, ClosingNote, Decisions};
 

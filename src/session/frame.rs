@@ -84,10 +84,10 @@ impl Received {
     }
 }
 
-/// How a frame follows the last verified one.
+/// Relation of a frame to the last verified one.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Continuation {
-    /// It continues the motion.
+    /// The frame continues the motion.
     #[default]
     Continues,
     /// The simulator rolled back or jumped.
@@ -107,7 +107,7 @@ pub struct VerifiedFrame {
     pub info: FrameInfo,
     /// The curves, unwrapped; `None` if the frame was rejected.
     pub curves: Option<Arc<CurveSet>>,
-    /// How the frame follows the last verified one.
+    /// Relation of the frame to the last verified one.
     pub continuation: Continuation,
     /// Decisions about closed and open curves since the last frame.
     pub notes: Vec<ClosingNote>,

@@ -70,8 +70,8 @@ pub struct Session {
     coordinates: Coordinates,
     /// Curves of the last frames, which have this layout.
     pool: (u32, FramePool),
-    /// What the simulator told about the last verified frame, with the cell in which findings name
-    /// images.
+    /// Information of the simulator about the last verified frame, with the cell in which findings
+    /// name images.
     last: Option<FrameInfo>,
     /// The curves of that frame as they were given, if the session did not resume after it.
     given: Option<Arc<CurveSet>>,

@@ -61,7 +61,7 @@ pub struct SinkSummary {
     pub dropped: u64,
     /// Reason of the failure, if it failed.
     pub failed: Option<String>,
-    /// What the sink says about its result when it ends ([`Sink::note`]).
+    /// Note of the sink about its result when it ends ([`Sink::note`]).
     pub note: Option<String>,
 }
 

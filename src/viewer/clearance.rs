@@ -27,7 +27,7 @@ const POINTS_PER_SEGMENT: usize = 4;
 /// Colour of the strands at a clearance of [`REACH`], where they begin to be drawn.
 const FAR: u32 = 0x3d7a8cff;
 
-/// What is shown of the clearance.
+/// View of the clearance.
 pub(super) struct ClearanceView {
     pub options: ClearanceOptions,
     /// True if the clearance of the last frame was low.

@@ -29,7 +29,7 @@ const POINTS_PER_SEGMENT: usize = 4;
 pub(super) struct Label {
     /// Point of the text, which is written below it.
     pub anchor: Point,
-    /// From the mark to the edge of the text.
+    /// Line from the mark to the edge of the text.
     pub leader: [Point; 2],
 }
 

@@ -64,7 +64,7 @@ struct Service {
     /// Label of its samples.
     label: String,
     frames: Counters,
-    /// By the code of the verdict.
+    /// Number of frames by the code of the verdict.
     verdicts: [u64; Verdict::ALL.len()],
     aborts: u64,
     /// Pull-throughs, and those that are unresolved; `None` if none are searched for.

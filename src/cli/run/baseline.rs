@@ -9,11 +9,11 @@ use linkwatch::{
 };
 use std::sync::Arc;
 
-/// Where the expected linking numbers come from.
+/// Origin of the expected linking numbers.
 #[derive(Clone, Debug, serde::Serialize, serde::Deserialize)]
 pub struct Origin {
     words: String,
-    /// `None` if they are those of a file.
+    /// Frame with these numbers; `None` if they are those of a file.
     frame: Option<u64>,
     /// Number of frames that were published before it, and that nobody verified.
     pub unverified: u64,

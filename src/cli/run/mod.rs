@@ -102,7 +102,7 @@ pub struct Judged {
     pub model: Option<String>,
     /// Time from the receipt of the frame until its verdict was sent, if it is live.
     pub latency: Option<Duration>,
-    /// How the frame follows the last one.
+    /// Relation of the frame to the last one.
     pub step: Continuation,
 }
 

@@ -24,7 +24,7 @@ const OPEN: Duration = Duration::from_secs(10);
 #[cfg(feature = "rerun")]
 const PORT: u16 = 9090;
 
-/// Where frames are shown, and which ones.
+/// Viewer or file that shows frames, and the frames to show.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Show {
     target: Target,

@@ -194,7 +194,7 @@ impl Files {
 fn bytes_of(record: &FrameRecord, start: &Start) -> u64 {
     let curves = record.curves.as_ref().map_or(0, |set| {
         let positions = set.points() as u64 * 3 * set.precision().bytes() as u64;
-        // Of a new file: names and radii.
+        // Names and radii, which a new file repeats.
         let labels = &record.info.labels;
         let names: usize = labels.names.iter().map(|name| name.len() + 4).sum();
         positions + (5 * set.len() + names + 4 * labels.radii.len()) as u64

@@ -156,7 +156,7 @@ impl Window {
                 self.memory,
             );
         }
-        // Those before this window are being written already.
+        // All waiting frames become due. Those of an earlier window are due already.
         self.due = self.waiting.len();
     }
 
