@@ -132,7 +132,7 @@ fn view(what: &str, frames: &[FrameRecord], path: &std::path::Path) {
         (all - some) / count,
         (all_ms - some_ms) / count as f64
     );
-    // What the thread of the verification pays.
+    // Cost in the thread of the verification.
     let target = ViewerTarget::File(path.with_extension("queue.rrd"));
     let patience = Overflow::WaitForProgress(DEADLINE);
     let queue = SinkQueue::spawn("viewer", frames.len(), patience, move || {

@@ -26,7 +26,7 @@ const FINISH: Duration = Duration::from_secs(600);
 pub fn measure(frames: usize, rounds: usize) {
     let scene: Scene = "chainmail".parse().expect("a scene");
     let built = scene.build().expect("a scene").curves;
-    // What most simulators publish.
+    // Coordinates in single precision, as most simulators publish them.
     let points = (0..built.len()).flat_map(|i| {
         let points = built.curve(i).points as usize;
         (0..points).map(move |k| (i, k))

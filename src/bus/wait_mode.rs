@@ -1,7 +1,8 @@
 //! The way in which a process waits for the other side.
 
 vocabulary! {
-    /// How a client or a watcher waits for the next message. Both sides choose independently.
+    /// Waiting strategy of a client or a watcher for the next message. Both sides choose
+    /// independently.
     #[derive(Default)]
     pub enum WaitMode {
         /// Sleeps until the other side wakes it. Waking takes the system 10 to 50 microseconds. An

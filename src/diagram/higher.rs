@@ -35,7 +35,7 @@ impl InvariantKind {
 /// [`UNCOMPUTED`].
 pub(crate) type HigherNumbers = Vec<String>;
 
-/// In place of a number that was not computed, because there are too many crossings.
+/// Placeholder for a number that was not computed, because there are too many crossings.
 pub(crate) const UNCOMPUTED: &str = "-";
 
 /// Invariants of one kind of a frame.

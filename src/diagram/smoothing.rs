@@ -34,7 +34,7 @@ pub(crate) fn change_of_v2(
     };
     let [before, after] = [v2(frames[0])?, v2(frames[1])?];
     let linking = passages.iter().enumerate().map(|(k, passage)| {
-        // Of passages at the same time, those before this one have taken place.
+        // Passages at the same time count as ordered: those before this one have taken place.
         let others = passages.iter().enumerate().filter(|(l, other)| {
             *l != k && (other.fraction - passage.fraction).abs() < SIMULTANEOUS
         });

@@ -87,11 +87,11 @@ pub struct SessionOptions {
     /// and with its own are verified, and pull-throughs between them. The curves must be the same
     /// in all frames. Excludes braids, kernels that sum, and GPUs.
     pub cell: Option<Cell>,
-    /// How coordinates relate to the periodic cell. `None`, the default: curves are whole. A frame
+    /// Relation of coordinates to the periodic cell. `None`, the default: curves are whole. A frame
     /// with a segment of more than half of the cell is refused, and a curve that jumps by a lattice
     /// vector from one frame to the next is followed ([`VerifiedFrame::jumps`]). `Some(true)`:
-    /// coordinates are wrapped into the cell, and curves are unwrapped ([`Unwrap`]).
-    /// `Some(false)`: coordinates are unwrapped, and taken as they are.
+    /// coordinates are wrapped into the cell, and curves are unwrapped ([`Unwrap`]). `Some(false)`:
+    /// coordinates are unwrapped, and taken as they are.
     ///
     /// [`VerifiedFrame::jumps`]: crate::VerifiedFrame::jumps
     /// [`Unwrap`]: crate::Unwrap

@@ -122,7 +122,8 @@ impl Steps {
         let (contacts, touched) = self.ledger.first_frame(before, coverage);
         let frames = [before, &after];
         let mut step = self.ledger.step(frames, &contacts, coverage, None);
-        // It is unknown on which side the curves were that came into contact before the change.
+        // Curves that came into contact before the change may have been on either side, so the step
+        // of their pair is undecided.
         let began = touched.iter().map(|t| t.defect).filter(|d| {
             let index = |i: u32| curves[i as usize];
             !known.touch_from_the_start(index(d.i), d.j.map(index))

@@ -10,8 +10,8 @@ use std::cmp::Ordering;
 /// of ORIENT2D).
 pub(crate) const ORIENT2D_BOUND: f64 = (3.0 + 16.0 * U) * U;
 
-/// The same for the three-dimensional determinant, relative to its permanent: `(7 + 56 u) u`
-/// (Shewchuk 1997, stage A of ORIENT3D).
+/// Bound of the rounding error of the three-dimensional determinant, relative to its permanent:
+/// `(7 + 56 u) u` (Shewchuk 1997, stage A of ORIENT3D).
 pub(crate) const ORIENT3D_BOUND: f64 = (7.0 + 56.0 * U) * U;
 
 /// Half a unit in the last place of 1: the largest relative error of one operation.

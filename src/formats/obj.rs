@@ -58,7 +58,7 @@ struct Curve {
 
 /// Values of `cstype` and `deg`, which hold until they are set again.
 struct State {
-    /// Why the type is not read, in words.
+    /// Reason why the type is not read, in words.
     unread: Option<String>,
     rational: bool,
     degree: u32,
@@ -91,7 +91,7 @@ struct Element {
     line: u64,
     /// Its control points among the indices of the file.
     indices: Range<usize>,
-    /// Why it is not read, in words.
+    /// Reason why the element is not read, in words.
     unread: Option<String>,
     rational: bool,
     range: [f64; 2],

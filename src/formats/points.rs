@@ -254,10 +254,10 @@ struct Curves {
     sizes: Vec<usize>,
     /// True if the next point begins a curve.
     begins: bool,
-    /// Value of the column that groups the points, and those of the curves before.
+    /// Value of the column that groups the points, and the values of the previous curves.
     group: Option<Vec<u8>>,
     groups: HashSet<Vec<u8>>,
-    /// Those values, in the order of the curves.
+    /// Values of that column, in the order of the curves.
     names: Vec<String>,
     /// First line of the frame that is no point, although the frame has its number of lines.
     bad: Option<Error>,

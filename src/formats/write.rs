@@ -64,7 +64,7 @@ impl FrameWriter {
     ///
     /// # Errors
     ///
-    /// That of the curves, if they are invalid; [`Error::Unsupported`] if the format cannot
+    /// The error of the curves, if they are invalid; [`Error::Unsupported`] if the format cannot
     /// hold them, or no second frame; [`Error::File`].
     pub fn frame(&mut self, frame: &ModelFrame) -> Result<()> {
         let set = frame.curves.as_ref().map_err(|e| {

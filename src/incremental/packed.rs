@@ -35,7 +35,7 @@ pub(super) struct Packed {
     /// Smallest allowance of the points minus their compression errors. Infinite if no point has an
     /// allowance.
     allowance: f32,
-    /// In the order of the input.
+    /// Offsets of the points, in the order of the input.
     offsets: [i16; VALUES],
 }
 

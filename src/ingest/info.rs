@@ -1,4 +1,4 @@
-//! What a simulator tells about a frame, beside its positions.
+//! Information of a simulator about a frame, besides its positions.
 
 use crate::curve::{Cell, CurveChange, CurveLabels};
 use crate::error::{Error, Result};

@@ -25,7 +25,7 @@ pub(crate) struct Jumps {
     /// First point of each curve in the previous frame as given, in fractional coordinates, and the
     /// translation by which the curve is followed.
     before: Vec<(Point, Image)>,
-    /// The same of the current frame, until it is verified.
+    /// First points and translations of the current frame, until it is verified.
     #[serde(skip)]
     current: Vec<(Point, Image)>,
     /// Number of jumps so far, and of those to the current frame.

@@ -46,11 +46,11 @@ const FARTHEST: f64 = (1_u32 << 30) as f64;
 /// the cell. A larger one needs more images.
 const MARGIN: f64 = 0.05;
 
-/// The same as a share of the mean size of the curves.
+/// Upper bound of that distance, as a share of the mean size of the curves.
 const OF_SIZE: f64 = 0.5;
 
-/// The same along directions without repetition, as a share of the extent of the scene. It adds no
-/// image.
+/// Largest distance along directions without repetition, as a share of the extent of the scene. It
+/// adds no image.
 const ACROSS: f64 = 0.5;
 
 /// A curve `i`, and curve `j` translated by a lattice vector: `i < j`, or `i = j` and the

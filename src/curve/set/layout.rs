@@ -1,4 +1,5 @@
-//! Everything but the positions of a set, and its comparison with other sets.
+//! Layout of a set, which is all of it except the positions, and its comparison with that of other
+//! sets.
 
 use super::curve::Curve;
 use super::{Basis, CurveSet, Precision};

@@ -159,9 +159,9 @@ impl MovingEdges<BigInt> {
 /// Relation of two edges at a time at which they lie in one plane.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Meeting {
-    /// They share no point.
+    /// The edges share no point.
     Apart,
-    /// They share an inner point of both, and are not parallel.
+    /// The edges share an inner point of both, and are not parallel.
     Inside,
     /// Any other case: they share an end, or lie on one line.
     Tie,

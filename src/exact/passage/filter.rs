@@ -41,7 +41,7 @@ const U: f64 = f64::EPSILON / 2.0;
 /// every level or evaluation.
 const VOLUME_BOUND: [f64; 2] = [70.0, 56.0];
 
-/// The same for sides, in units of `u (P + R) Q` and `u (Q + R) P`.
+/// Error bound of the coefficients of a side, in units of `u (P + R) Q` and `u (Q + R) P`.
 const SIDE_BOUND: [f64; 2] = [14.0, 14.0];
 
 /// Smallest and largest `P, Q, R` for which the bounds hold.
@@ -145,7 +145,7 @@ pub(super) fn passages(before: &Edges, after: &Edges, rounding: f64) -> Option<F
 /// Units of the error bounds.
 struct Bounds {
     volume: f64,
-    /// For the ends of the first edge, and for those of the second one.
+    /// Units for the ends of the first edge, and for those of the second one.
     sides: [f64; 2],
 }
 

@@ -40,7 +40,7 @@ pub(super) struct Array {
 ///
 /// # Errors
 ///
-/// They name the place, and the number of bytes that are missing, with `more` that follow.
+/// Errors name the place, and the number of bytes that are missing, with `more` that follow.
 pub(super) fn fill(
     input: &mut impl Read,
     len: usize,

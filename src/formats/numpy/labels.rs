@@ -89,7 +89,7 @@ pub(super) fn read(archive: &Archive<impl ReaderAt>) -> Result<Others> {
 struct Values {
     name: &'static str,
     array: Array,
-    /// In little-endian order.
+    /// Bytes of the values, in little-endian order.
     bytes: Vec<u8>,
 }
 

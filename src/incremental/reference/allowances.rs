@@ -23,7 +23,7 @@
 //! because the derivative of the curve is a convex combination of them. If control points move by
 //! at most 1, such a difference moves by the sum `w` of the magnitudes of its coefficients. With a
 //! component `c` along a unit vector, it stays positive while the points move less than `c / w`.
-//! The same holds for a yarn and the image that continues it ([`CurveSet::joints`]).
+//! The condition is the same for a yarn and the image that continues it ([`CurveSet::joints`]).
 //!
 //! # Cost
 //!

@@ -88,8 +88,8 @@ conformance! {
     fmm_of_low_order: FMM_LOW,
 }
 
-/// The same tests on an adapter:
-/// `cargo test --release --lib gpu:: -- --ignored --skip hundred_thousand`.
+/// Conformance tests on a GPU adapter: `cargo test --release --lib gpu:: -- --ignored --skip
+/// hundred_thousand`.
 #[cfg(feature = "gpu")]
 mod gpu {
     conformance! {

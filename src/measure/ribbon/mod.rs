@@ -32,8 +32,8 @@
 //!
 //! # Cost and limits
 //!
-//! That of counting crossings for `Lk`, linear for `Tw`, that of [`crate::kernels::sums`] for `Wr`.
-//! Polylines only: the writhe of a spline changes when it is replaced by a polyline.
+//! `Lk` costs as much as counting crossings, `Wr` as much as [`crate::kernels::sums`]; `Tw` is
+//! linear. Polylines only: the writhe of a spline changes when it is replaced by a polyline.
 
 mod gauss;
 mod pairing;

@@ -307,7 +307,7 @@ impl Edges {
     pub fn strut(&self, found: &Found) -> Strut {
         let backward = found.image.map(|n| -n);
         let edges = found.pair.map(|k| self.get(k));
-        // Of two parts of one curve, the second one has the translation that is positive.
+        // If both parts are of one curve, the second one has the positive translation.
         let (edges, at, image) = match edges[0].curve == edges[1].curve && backward > found.image {
             true => ([edges[1], edges[0]], [found.at[1], found.at[0]], backward),
             false => (edges, found.at, found.image),

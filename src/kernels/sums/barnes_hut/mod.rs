@@ -252,7 +252,7 @@ pub(super) fn normalizing(max_abs: f64) -> f64 {
 #[derive(Clone, Copy, Debug)]
 enum Criterion {
     Beta(f64),
-    /// As `Beta`; also sums the published estimate.
+    /// Same criterion as `Beta`; also sums the published estimate.
     Estimated(f64),
     /// Accepts if the bound of the remainder is below this; with 0, accepts nothing.
     Share(f64),

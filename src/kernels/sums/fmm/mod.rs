@@ -51,7 +51,7 @@ pub(crate) enum Accept {
     /// Accepts by the proven error bound, such that the bound of the sum is below this, and admits
     /// only one integer.
     Bound(f64),
-    /// As `Bound`, for sums that are no integers.
+    /// Same criterion as `Bound`, for sums that are no integers.
     Within(f64),
 }
 

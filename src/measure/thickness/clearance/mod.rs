@@ -223,7 +223,7 @@ pub(crate) struct ClearanceMonitor {
     trend: Trend,
 }
 
-/// What depends on the curves of the first frame only.
+/// Shape, arcs, blocks and periods of the curves. They depend on the first frame only.
 #[derive(Debug)]
 struct Layout {
     shape: Shape,
