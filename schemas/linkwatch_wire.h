@@ -42,14 +42,13 @@ typedef struct linkwatch_frame_header {
   uint32_t names_bytes;
   // Time step of the simulator in seconds; 0 if it is unknown.
   double time_step;
-  // Number of vectors of the periodic cell that are not zero; 0 if the scene is not periodic.
+  // Number of lattice vectors that are not zero; 0 if the scene is not periodic.
   uint32_t cell_vectors;
   // Must be 0.
   uint32_t reserved;
   // Corner of the periodic cell.
   double cell_origin[3];
-  // Vectors of the periodic cell, one after the other. Zeros stand for a vector without
-  // repetition.
+  // Lattice vectors, one after the other. Zeros stand for a vector without repetition.
   double cell[9];
 } linkwatch_frame_header;
 
@@ -102,7 +101,7 @@ typedef struct linkwatch_verdict {
   uint64_t last_intact;
   // NaN if it is unknown.
   double safe_fraction;
-  // Translation of the curve `j` of the finding, in vectors of the periodic cell.
+  // Translation of the curve `j` of the finding, in lattice vectors.
   int32_t image[3];
   // Why a frame was rejected or pairs were not verified, which curves appeared and are gone, or
   // why the watcher left: UTF-8, cut at a character.

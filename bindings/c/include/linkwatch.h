@@ -150,8 +150,8 @@ typedef struct lw_verdict {
   uint32_t recovered;
   // Last frame that is known to be intact, or LW_NO_FRAME.
   uint64_t last_intact;
-  // Largest proven share of the step from the last intact frame without a pull-through, from 0
-  // to 1; NaN if it is unknown.
+  // Largest proven fraction of the step from the last intact frame without a pull-through, from
+  // 0 to 1; NaN if it is unknown.
   double safe_fraction;
   // The first finding that the last verified frame did not have (in process: the first one):
   // LW_FINDING_NONE, LW_FINDING_CHANGE, LW_FINDING_DEFECT or LW_FINDING_PULL_THROUGH.
@@ -160,8 +160,7 @@ typedef struct lw_verdict {
   uint32_t i;
   // See `i`.
   uint32_t j;
-  // Translation of the curve `j` of the first finding, in vectors of the periodic cell; zeros
-  // without a cell.
+  // Translation of the curve `j` of the first finding, in lattice vectors; zeros without a cell.
   int32_t image[3];
   // True if the place of the first finding is known.
   bool has_place;
@@ -213,7 +212,7 @@ typedef struct lw_image_link {
   uint32_t i;
   // Second curve, at least `i`.
   uint32_t j;
-  // Translation of the second curve, in vectors of the periodic cell.
+  // Translation of the second curve, in lattice vectors.
   int32_t image[3];
   // Linking number, not 0.
   int64_t lambda;
@@ -242,7 +241,7 @@ typedef struct lw_session_options {
   // Distance of centre lines, as a share of the sum of the radii, below which `lw_clearance.low`
   // is set. 0: the default, 0.5.
   double min_clearance;
-  // How coordinates relate to the periodic cell. 0, the default: curves are whole, and followed
+  // Relation of coordinates to the periodic cell. 0, the default: curves are whole, and followed
   // if they jump by a lattice vector. 1: wrapped into the cell, to be unwrapped. -1: unwrapped,
   // and taken as they are.
   int32_t wrapped;
@@ -251,7 +250,7 @@ typedef struct lw_session_options {
   uint32_t keep_open;
 } lw_session_options;
 
-// How sharply curves bend, and how close they come.
+// Length of all curves, their sharpest bend and their shortest strut.
 typedef struct lw_thickness_values {
   // Length of all curves.
   double length;
@@ -282,7 +281,7 @@ typedef struct lw_strut {
   // Derivatives of the length with respect to the start and the end of the first segment, and of
   // the second one. NaN for splines, and if the length is 0.
   double gradient[2][2][3];
-  // Translation of the second curve, in vectors of the periodic cell; zeros without a cell.
+  // Translation of the second curve, in lattice vectors; zeros without a cell.
   int32_t image[3];
 } lw_strut;
 
@@ -306,7 +305,7 @@ typedef struct lw_clearance {
   // Frames until the surfaces touch, or, if they do, until the centre lines meet. NaN if the
   // clearance does not shrink.
   double frames_left;
-  // Translation of the second strand, in vectors of the periodic cell; zeros without a cell.
+  // Translation of the second strand, in lattice vectors; zeros without a cell.
   int32_t image[3];
 } lw_clearance;
 
@@ -540,10 +539,10 @@ void lw_close(struct lw_client *client);
 // Computes the linking numbers of all pairs of closed curves, exactly. Free the result with
 // lw_certificate_free. Returns null after an error.
 //
-// `cell` is null, or has the vectors of a periodic cell, `x y z` one after the other; a vector of
-// zeros stands for a direction without repetition. All images of the curves are verified then. A
-// curve that runs through the cell is open, and ends at an image of its start; it has linking
-// numbers with closed curves.
+// `cell` is null, or has the lattice vectors of a periodic cell, `x y z` one after the other; a
+// vector of zeros stands for a direction without repetition. All images of the curves are verified
+// then. A curve that runs through the cell is open, and ends at an image of its start; it has
+// linking numbers with closed curves.
 //
 // # Safety
 //
@@ -680,9 +679,9 @@ lw_status lw_session_accept(struct lw_session *session);
 // `session` is null, or comes from lw_session_new and is not used afterwards.
 void lw_session_free(struct lw_session *session);
 
-// Returns the largest proven share of the step between two frames during which nothing is pulled
-// through: 1 if the whole step is safe, 0 if nothing is proven, and a negative number after an
-// error. Points move on straight lines at constant speed.
+// Returns the largest proven fraction of the step between two frames during which nothing is
+// pulled through: 1 if the whole step is safe, 0 if nothing is proven, and a negative number after
+// an error. Points move on straight lines at constant speed.
 //
 // # Safety
 //
