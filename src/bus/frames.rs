@@ -84,6 +84,7 @@ pub(super) struct Frames {
     cuts: u32,
 }
 
+/// Description of the curves, which all frames have in common until the next description.
 #[derive(Debug)]
 struct Layout {
     basis: Basis,

@@ -77,9 +77,9 @@ impl Finding {
 
 /// Lasting findings of the last verified frame.
 #[derive(Debug, Default)]
-pub(super) struct Known(BTreeSet<Lasting>);
+pub(super) struct KnownFindings(BTreeSet<Lasting>);
 
-impl Known {
+impl KnownFindings {
     /// Records the findings of a report. Those of a rejected frame are unknown.
     pub fn record(&mut self, report: &Report) {
         if report.verdict != Verdict::Rejected {
@@ -278,7 +278,7 @@ impl VerdictWire {
     /// fits. `known` has the findings of the last verified frame.
     pub fn from_report(
         report: &Report,
-        known: &Known,
+        known: &KnownFindings,
         session: u64,
         counters: Counters,
         check: Duration,

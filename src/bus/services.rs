@@ -87,7 +87,7 @@ impl fmt::Display for ServiceInfo {
 ///
 /// [`Error::Bus`] if the files of iceoryx2 cannot be listed.
 pub fn services() -> Result<Vec<ServiceInfo>> {
-    let mut found: BTreeMap<String, Found> = BTreeMap::new();
+    let mut found: BTreeMap<String, ServiceParts> = BTreeMap::new();
     list(|details| {
         let name = details.static_details.name().as_str();
         let Some((name, part)) = name.rsplit_once('/') else {
@@ -136,7 +136,7 @@ struct Living {
 
 /// Parts of a service that were found.
 #[derive(Default)]
-struct Found {
+struct ServiceParts {
     /// Users of the frames, and true if these have the layout of this version.
     frames: Option<(BTreeMap<UniqueNodeId, Living>, bool)>,
     /// True if the verdicts have another layout.
@@ -145,7 +145,7 @@ struct Found {
     watchers: BTreeMap<UniqueNodeId, Living>,
 }
 
-impl Found {
+impl ServiceParts {
     /// Returns `None` if this is not a service of linkwatch, or if no process uses it.
     fn info(self, service: String) -> Option<ServiceInfo> {
         let (mut attached, known) = self.frames?;

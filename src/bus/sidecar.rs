@@ -3,7 +3,7 @@
 use super::event::{Event, Frame};
 use super::frames::MAX_BYTES;
 use super::ipc::Ipc;
-use super::message::{Counters, Known, MessageKind};
+use super::message::{Counters, KnownFindings, MessageKind};
 use super::service::{Endpoint, NodeId, Role, bus, node_of};
 use super::wait_mode::WaitMode;
 use super::wire::{
@@ -121,7 +121,7 @@ struct Session {
     /// Last message that asked to stop. Heartbeats repeat it, because it must not be lost.
     abort: Option<VerdictWire>,
     /// Findings of the last verified frame.
-    known: Known,
+    known: KnownFindings,
     /// Number of violations that were rolled back.
     recovered: u32,
     /// Number of the baseline of the last frame that was returned.

@@ -7,9 +7,15 @@ fn report(verdict: Verdict) -> Report {
 
 fn sent(report: &Report) -> VerdictMessage {
     let check = Duration::from_nanos(77);
-    VerdictWire::from_report(report, &Known::default(), 5, Counters::default(), check)
-        .read()
-        .unwrap()
+    VerdictWire::from_report(
+        report,
+        &KnownFindings::default(),
+        5,
+        Counters::default(),
+        check,
+    )
+    .read()
+    .unwrap()
 }
 
 const PLACE: Place = Place {
@@ -65,7 +71,7 @@ fn knots_do_not_shift_the_first_new_finding() {
     }];
     let m = sent(&r);
     assert_eq!((m.findings, m.first), (1, None));
-    let of = |known: &Known, r: &Report| {
+    let of = |known: &KnownFindings, r: &Report| {
         VerdictWire::from_report(r, known, 5, Counters::default(), Duration::ZERO).read()
     };
     let reason = r.invariants[0].sentence_named(&[]);
@@ -79,7 +85,7 @@ fn knots_do_not_shift_the_first_new_finding() {
         kind,
         place,
     }];
-    let mut known = Known::default();
+    let mut known = KnownFindings::default();
     known.record(&r);
     assert!(of(&known, &r).unwrap().to_string().ends_with(&reason));
     r.events = vec![EVENT];
@@ -96,7 +102,7 @@ fn the_first_new_finding_is_transmitted_with_the_number_of_all() {
         found: 0,
         place: None,
     };
-    let mut known = Known::default();
+    let mut known = KnownFindings::default();
     let mut sent = |changes: Vec<Change>| {
         let mut r = report(Verdict::Changed);
         r.changes = changes;
