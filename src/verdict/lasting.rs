@@ -49,7 +49,7 @@ impl Report {
 /// Verdict and findings of the previous frame, to tell what is new in the next one.
 #[cfg(feature = "mcap")]
 #[derive(Debug, Default)]
-pub(crate) struct Known {
+pub(crate) struct PreviousFindings {
     verdict: Option<Verdict>,
     findings: BTreeSet<Lasting>,
 }
@@ -65,7 +65,7 @@ pub(crate) struct Novelty {
 }
 
 #[cfg(feature = "mcap")]
-impl Known {
+impl PreviousFindings {
     /// Forgets the findings, because the next frame has other curves.
     #[cfg(feature = "cli")]
     pub fn forget(&mut self) {

@@ -13,10 +13,10 @@ pub use change::{Change, ChangeKind, ImageLink, InvariantChange, Link, LoopPair}
 pub use clearance::{Clearance, CloseStrands};
 #[cfg(any(feature = "client", feature = "rerun"))]
 pub(crate) use finding::Finding;
-#[cfg(feature = "mcap")]
-pub(crate) use lasting::Known;
 #[cfg(any(feature = "client", feature = "rerun"))]
 pub use lasting::Lasting;
+#[cfg(feature = "mcap")]
+pub(crate) use lasting::PreviousFindings;
 pub use left_out::LeftOut;
 #[cfg(feature = "cli")]
 pub(crate) use message::words_of_frame;

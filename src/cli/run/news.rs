@@ -1,6 +1,6 @@
 //! New findings of a frame: a finding that lasts over several frames is printed once.
 
-use crate::verdict::Known;
+use crate::verdict::PreviousFindings;
 use linkwatch::{Point, Report, Verdict};
 
 /// First frame whose verdict is not intact, with its first finding.
@@ -46,7 +46,7 @@ pub struct New {
 #[derive(Default)]
 pub struct News {
     /// Findings of the last frame. They are forgotten if the next frame has other curves.
-    pub known: Known,
+    pub known: PreviousFindings,
     pub first_violation: Option<Violation>,
 }
 

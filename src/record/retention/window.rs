@@ -15,7 +15,7 @@ use super::files::Files;
 use super::{Keep, Start, bytes_of_findings};
 use crate::error::Result;
 use crate::sinks::FrameRecord;
-use crate::verdict::{Known, Verdict};
+use crate::verdict::{PreviousFindings, Verdict};
 use crate::words::plural;
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -76,7 +76,7 @@ pub(super) struct Window {
     bytes: u64,
     /// Number of frames at the front that are to be written.
     due: usize,
-    known: Known,
+    known: PreviousFindings,
     /// Frames are recorded until then.
     until: Option<Duration>,
     /// Arrival of the last frame that was dropped although it was young enough.
@@ -96,7 +96,7 @@ impl Window {
             waiting: VecDeque::new(),
             bytes: 0,
             due: 0,
-            known: Known::default(),
+            known: PreviousFindings::default(),
             until: None,
             dropped: None,
             seen: 0,
