@@ -46,7 +46,7 @@ pub(crate) struct Monitor {
     coverage: Coverage,
     /// Pairs of curves that a reference frame covers; `None`: all.
     filter: Option<PairFilter>,
-    reference: Option<Known>,
+    reference: Option<ComparedReference>,
     /// Thread that builds a reference frame.
     build: Option<JoinHandle<Option<Reference>>>,
     /// Number of the current frame.
@@ -68,7 +68,7 @@ pub(crate) struct Monitor {
 
 /// A reference frame, and its comparison with the baseline.
 #[derive(Debug)]
-struct Known {
+struct ComparedReference {
     reference: Reference,
     comparison: Comparison,
 }
@@ -167,7 +167,7 @@ impl Monitor {
         positions: Positions<'_>,
         cell: Option<&Cell>,
     ) -> Result<()> {
-        let same = |known: &&Known| known.reference.given.same_layout(set);
+        let same = |known: &&ComparedReference| known.reference.given.same_layout(set);
         let Some(known) = self.reference.as_ref().filter(same) else {
             return set.update(positions);
         };
@@ -350,7 +350,7 @@ impl Monitor {
     }
 
     /// Takes a completed reference frame of the same curves.
-    fn take_built(&mut self, set: &CurveSet, baseline: &Certificate) -> Option<Known> {
+    fn take_built(&mut self, set: &CurveSet, baseline: &Certificate) -> Option<ComparedReference> {
         let build = self.build.take_if(|m| m.is_finished())?;
         // The panic hook has already reported a panic of the thread.
         let Some(reference) = build.join().ok()? else {
@@ -365,15 +365,22 @@ impl Monitor {
         self.build_frames = self.frame - reference.frame - 1;
         // Certificates with different numbers of curves cannot be compared.
         let comparison = reference.certificate.compare(baseline).ok()?;
-        reference.given.same_layout(set).then_some(Known {
-            reference,
-            comparison,
-        })
+        reference
+            .given
+            .same_layout(set)
+            .then_some(ComparedReference {
+                reference,
+                comparison,
+            })
     }
 
     /// Adopts a reference frame if fewer points of the current frame moved relative to it than
     /// relative to the present one.
-    fn adopt_if_better(&mut self, built: Known, (set, cell): (&CurveSet, Option<&Cell>)) {
+    fn adopt_if_better(
+        &mut self,
+        built: ComparedReference,
+        (set, cell): (&CurveSet, Option<&Cell>),
+    ) {
         let survey = Survey::of(&built.reference, set, cell);
         let present = self.reference.as_ref();
         let present = present.filter(|k| !k.reference.certificate.has_degenerate_curves());

@@ -5,7 +5,7 @@ use crate::verdict::PullThrough;
 
 /// A passage, and its position along both curves.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Found {
+pub(super) struct LocatedPassage {
     pub event: PullThrough,
     /// Position along each curve, in segments from its start.
     pub along: [f64; 2],
@@ -21,7 +21,7 @@ const PLACE: f64 = 1e-6;
 
 /// Removes pairs of opposite passages of one pair of curves at the same time and place. Sorts the
 /// remaining passages by place.
-pub(super) fn cancel(found: &mut Vec<Found>, curves: [Curve; 2]) {
+pub(super) fn cancel(found: &mut Vec<LocatedPassage>, curves: [Curve; 2]) {
     if found.len() < 2 {
         return;
     }
@@ -46,12 +46,12 @@ pub(super) fn cancel(found: &mut Vec<Found>, curves: [Curve; 2]) {
     let mut cancelled = vec![false; found.len()];
     for k in 1..found.len() {
         let current = found[k];
-        let same = |other: &Found| {
+        let same = |other: &LocatedPassage| {
             other.event.sign == -current.event.sign
                 && (other.event.fraction - current.event.fraction).abs() <= TIME
                 && (other.along[1] - current.along[1]).abs() <= PLACE
         };
-        let near = |other: &Found| current.along[0] - other.along[0] <= PLACE;
+        let near = |other: &LocatedPassage| current.along[0] - other.along[0] <= PLACE;
         let opposite = (0..k)
             .rev()
             .take_while(|&m| near(&found[m]))

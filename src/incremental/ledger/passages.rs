@@ -1,6 +1,6 @@
 //! Passages of two edges of polylines, or of the pieces of two spline segments.
 
-use super::cancellation::Found;
+use super::cancellation::LocatedPassage;
 use super::contact::Contact;
 use super::outcome::Counts;
 use super::pieces::{Cuts, MovingBoxes, PIECES, Vertex};
@@ -25,7 +25,7 @@ const BATCH: u64 = 4096;
 /// Results of the tests.
 #[derive(Debug, Default)]
 pub(super) struct Findings {
-    pub passages: Vec<Found>,
+    pub passages: Vec<LocatedPassage>,
     /// Contacts in either frame.
     pub contacts: Vec<Contact>,
     /// Segments that touch in a way that cannot be distinguished from a passage.
@@ -218,7 +218,7 @@ impl Task<'_> {
         let mut add = |p: Passage| match p.moment {
             Moment::Start => in_frames[0] = Some(p),
             Moment::End => in_frames[1] = Some(p),
-            Moment::Within { tie } => list.push(Found {
+            Moment::Within { tie } => list.push(LocatedPassage {
                 event: event(p),
                 along: along(p.at),
                 tie,

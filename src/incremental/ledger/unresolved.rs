@@ -1,13 +1,13 @@
 //! Pull-throughs that the frames are too far apart to resolve: those that cancel and moved further
 //! than the limit.
 
-use super::cancellation::Found;
+use super::cancellation::LocatedPassage;
 use crate::curve::vector::{half_difference, hypot, mix};
 use crate::exact::Edges;
 
 /// Returns the indices of passages that cancel in pairs and moved further than the limit. Prefers
 /// those that moved furthest.
-pub(super) fn far_and_cancelling(passages: &[Found], limit: f64) -> Vec<usize> {
+pub(super) fn far_and_cancelling(passages: &[LocatedPassage], limit: f64) -> Vec<usize> {
     let event = |k: usize| &passages[k].event;
     let [forward, backward] = [1, -1].map(|sign| {
         let far = |k: &usize| event(*k).sign == sign && event(*k).lengths > limit;

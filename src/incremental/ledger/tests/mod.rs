@@ -6,7 +6,7 @@ pub(crate) mod planted;
 mod safe_fraction;
 mod speed;
 
-use super::cancellation::{Found, cancel};
+use super::cancellation::{LocatedPassage, cancel};
 use super::contact::Contact;
 use super::pair::Part;
 use super::*;
@@ -357,7 +357,7 @@ fn only_opposite_passages_at_one_time_and_place_cancel() {
             .unwrap()
             .curve(0)
     };
-    let found = |along: [f64; 2], fraction, sign| Found {
+    let found = |along: [f64; 2], fraction, sign| LocatedPassage {
         event: PullThrough {
             i: 0,
             j: 1,
@@ -371,7 +371,7 @@ fn only_opposite_passages_at_one_time_and_place_cancel() {
         along,
         tie: false,
     };
-    let left = |list: &[Found], closed| {
+    let left = |list: &[LocatedPassage], closed| {
         let mut list = list.to_vec();
         cancel(&mut list, [curve(closed); 2]);
         list.len()

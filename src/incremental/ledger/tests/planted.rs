@@ -24,7 +24,7 @@ pub(crate) enum Plant {
 
 /// A passage of a planted step.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Known {
+pub(crate) struct PlantedPassage {
     pub curves: [u32; 2],
     pub segments: [u32; 2],
     pub fraction: f64,
@@ -35,7 +35,7 @@ pub(crate) struct Known {
 /// Two frames and all passages between them, in chronological order.
 pub(crate) struct PlantedStep {
     pub frames: [CurveSet; 2],
-    pub known: Vec<Known>,
+    pub known: Vec<PlantedPassage>,
 }
 
 /// Half the length of a strand.
@@ -229,7 +229,7 @@ fn solve(
     planted: &[u32],
     [step, drift]: [Point; 2],
     scale: f64,
-) -> Option<Vec<Known>> {
+) -> Option<Vec<PlantedPassage>> {
     let fine = if frames[0].basis().is_polyline() {
         1
     } else {
@@ -316,7 +316,7 @@ fn solve(
                 curves.reverse();
                 segments.reverse();
             }
-            known.push(Known {
+            known.push(PlantedPassage {
                 curves,
                 segments,
                 fraction: t,
@@ -325,6 +325,6 @@ fn solve(
             });
         }
     }
-    known.sort_by(|a: &Known, b: &Known| a.fraction.total_cmp(&b.fraction));
+    known.sort_by(|a: &PlantedPassage, b: &PlantedPassage| a.fraction.total_cmp(&b.fraction));
     Some(known)
 }
