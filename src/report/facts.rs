@@ -31,7 +31,7 @@ const THICKNESS: &str = "thickness";
 
 /// Finding that the first sentence names.
 #[derive(Clone, Debug, serde::Serialize)]
-pub(super) struct Found {
+pub(super) struct NamedFinding {
     #[serde(flatten)]
     pub moment: Moment,
     pub verdict: Verdict,
@@ -122,8 +122,8 @@ pub(super) struct Facts {
     /// Counters of the last verified frame, which have the size of the scene.
     pub stats: Stats,
     /// First frame with a changed topology, and first frame with any other verdict than intact.
-    pub changed: Option<Found>,
-    pub unsettled: Option<Found>,
+    pub changed: Option<NamedFinding>,
+    pub unsettled: Option<NamedFinding>,
     pub violations: Violations,
     pub pull_throughs: Rows<PullThroughRow>,
     /// Number of unresolved pull-throughs.
@@ -397,7 +397,7 @@ impl Collector {
 
 /// Returns the finding of a frame that the first sentence names: the change of the pair that was
 /// pulled through first, a pull-through, or a defect.
-fn found(report: &Report, names: &[String]) -> Found {
+fn found(report: &Report, names: &[String]) -> NamedFinding {
     let extent = report.stats.extent;
     let at = |point| Some(Notation::of_scene(extent, point).point(point));
     let event = report.events.first().or(report.unresolved.first());
@@ -424,7 +424,7 @@ fn found(report: &Report, names: &[String]) -> Found {
     };
     let findings = report.changes.len() + report.events.len();
     let findings = findings + report.defects.len() + report.unresolved.len();
-    Found {
+    NamedFinding {
         moment: Moment::of(report),
         verdict: report.verdict,
         finding,

@@ -1,6 +1,6 @@
 //! Conclusion of a recorded run in one sentence, and its limitations.
 
-use super::facts::{End, Facts, Found};
+use super::facts::{End, Facts, NamedFinding};
 use crate::incremental::Events;
 use crate::record::{CUT_OFF, Retention};
 use crate::verdict::{LeftOut, Verdict};
@@ -245,7 +245,7 @@ impl Facts {
     }
 }
 
-impl fmt::Display for Found {
+impl fmt::Display for NamedFinding {
     /// Writes a frame and its finding: "frame 28 at 0.93 s: curves 17 and 18 came apart, near ..".
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{}", self.moment)?;
