@@ -145,12 +145,12 @@ impl ImagePairs {
             true => MARGIN.min(OF_SIZE * boxes.mean_size(x)),
             false => ACROSS * boxes.extent(x),
         }));
-        let mut found = Found::new(searched);
+        let mut found = PairCollector::new(searched);
         for pair in others {
             found.add(pair)?;
         }
         found.search(&within, cell)?;
-        let Found { curves, yarns, .. } = found;
+        let PairCollector { curves, yarns, .. } = found;
         let own = (0..searched.curves.len() as u32).map(|i| (i, Image::default()));
         let mut curves: Vec<(u32, Image)> = own.chain(curves).collect();
         curves.sort_unstable_by_key(order);
@@ -262,7 +262,7 @@ fn order(&(curve, image): &(u32, Image)) -> (bool, Image, u32) {
 }
 
 /// Pairs found by a search.
-struct Found<'a> {
+struct PairCollector<'a> {
     searched: &'a Searched<'a>,
     pairs: BTreeSet<ImagePair>,
     yarns: BTreeSet<RingAndYarn>,
@@ -271,9 +271,9 @@ struct Found<'a> {
     points: PointLimit,
 }
 
-impl<'a> Found<'a> {
-    fn new(searched: &'a Searched<'a>) -> Found<'a> {
-        Found {
+impl<'a> PairCollector<'a> {
+    fn new(searched: &'a Searched<'a>) -> PairCollector<'a> {
+        PairCollector {
             searched,
             pairs: BTreeSet::new(),
             yarns: BTreeSet::new(),
@@ -509,7 +509,7 @@ mod tests {
             open_too: true,
             most: usize::MAX,
         };
-        let mut found = Found::new(&searched);
+        let mut found = PairCollector::new(&searched);
         found.search(boxes, cell)?;
         *pairs = found.pairs;
         Ok(())

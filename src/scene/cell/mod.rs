@@ -30,14 +30,15 @@ pub(crate) struct CellScene {
     /// Linking numbers of closed curves and those that run through the cell.
     yarns: Yarns,
     /// Images that may meet, once they are known.
-    found: Option<Found>,
+    found: Option<KnownImages>,
     before: Option<Before>,
     /// Slack of a quiet frame.
     quiet: Option<QuietSlack>,
 }
 
+/// Images that may meet, as the last search found them.
 #[derive(Clone, Debug)]
-struct Found {
+struct KnownImages {
     /// Curves of the frames that have these images.
     of: Shape,
     pairs: Arc<ImagePairs>,
@@ -233,7 +234,7 @@ impl CellScene {
         (bend, quiet): (&Bend, Option<&QuietBounds<'_>>),
         search: Search,
     ) -> Result<Option<Slack>> {
-        let Some(Found { pairs, .. }) = &self.found else {
+        let Some(KnownImages { pairs, .. }) = &self.found else {
             return Ok(None);
         };
         let was_inside = match &self.before {
@@ -287,7 +288,7 @@ impl CellScene {
         self.yarns.pairs.clone_from(&pairs.yarns);
         let has_images = pairs.has_images();
         self.quiet = None;
-        self.found = Some(Found {
+        self.found = Some(KnownImages {
             of: given.shape(),
             images: has_images.then(|| Arc::new(Images::new(pairs.curves.clone()))),
             pairs: Arc::new(pairs),
