@@ -153,13 +153,13 @@ impl Forest {
 
 /// Result of a pass for one pair.
 #[derive(Clone, Copy, Debug)]
-struct Found {
+struct PairEstimate {
     estimate: Estimate,
     /// Part of the bound that a finer pass does not reduce.
     rounding: f64,
 }
 
-const NOTHING: Found = Found {
+const NOTHING: PairEstimate = PairEstimate {
     estimate: Estimate::UNKNOWN,
     rounding: f64::INFINITY,
 };
@@ -232,7 +232,7 @@ fn sums(
     frame: &Frame,
     forest: &Forest,
     asked: &[(Pair, Criterion)],
-) -> Result<Vec<Found>, Error> {
+) -> Result<Vec<PairEstimate>, Error> {
     // Limit of the buffer of the sums, for the larger of both kinds.
     let most = state.adapter.max_buffer_bytes / size_of::<FarSum>() as u64;
     let mut pass = |state: &mut State, asked: &[_]| pass(state, frame, forest, asked);
@@ -248,7 +248,7 @@ fn pass(
     frame: &Frame,
     forest: &Forest,
     asked: &[(Pair, Criterion)],
-) -> Result<Option<Vec<Found>>, Error> {
+) -> Result<Option<Vec<PairEstimate>>, Error> {
     let capacity = state.sum_capacity;
     if asked.len() as u64 > u64::from(capacity.node_pairs) {
         return Ok(None);
@@ -345,10 +345,10 @@ pub(super) fn tiles(
     Ok((node_pairs.iter().all(fit) && tiles <= capacity.tiles).then_some(tiles))
 }
 
-fn found(far: &FarSum, near: &AngleSum) -> Found {
+fn found(far: &FarSum, near: &AngleSum) -> PairEstimate {
     let Estimate { value, bound } = direct::estimate(near);
     let total = bound + 1.000_001 * fixed::number(far.bound) + 1e-15 * value.abs();
-    Found {
+    PairEstimate {
         estimate: Estimate::new(value + fixed::number(far.value), total),
         rounding: bound + fixed::number(far.size),
     }

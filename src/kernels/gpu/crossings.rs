@@ -87,7 +87,7 @@ const ROUNDS: u32 = (LEAF * LEAF).div_ceil(descent::THREADS);
 const TASK: usize = 1024;
 
 /// Result of a pass.
-struct Found {
+struct PassResult {
     /// Sum of the signs of the decided crossings, for each pair of curves.
     signs: Vec<[u32; 2]>,
     /// Tests that are not decided.
@@ -152,7 +152,7 @@ fn number(u: &Undecided) -> usize {
     (u.pair & ((1 << AXIS) - 1)) as usize
 }
 
-impl Found {
+impl PassResult {
     /// Returns the work that the adapter did for `pairs` pairs of curves. Undecided tests are
     /// counted by the CPU, which decides them.
     fn work(&self, pairs: usize) -> Counted {
@@ -304,7 +304,7 @@ fn pass(
     frame: &Frame,
     pairs: &[Pair],
     meanwhile: &mut Meanwhile<'_>,
-) -> Result<Option<Found>, Error> {
+) -> Result<Option<PassResult>, Error> {
     let lists = Lists::new(state, pairs);
     let commands = lists.commands(state, frame, pairs);
     let pending = state.start(frame, commands)?;
@@ -359,7 +359,7 @@ fn pass(
         undecided = bytemuck::pod_collect_to_vec(&state.run(frame, vec![all])?[0]);
     }
     undecided.truncate(open as usize);
-    Ok(Some(Found {
+    Ok(Some(PassResult {
         signs: bytemuck::pod_collect_to_vec(&got[1]),
         undecided,
         counts,
