@@ -70,7 +70,7 @@ impl Parameter {
 
 /// A crossing of two edges.
 #[derive(Debug)]
-struct Found {
+struct EdgeCrossing {
     edges: [u32; 2],
     at: [Parameter; 2],
     /// True if the first edge is above.
@@ -137,7 +137,10 @@ impl Edges {
 
     /// Projects along random directions until one is not degenerate. Returns the code and the
     /// crossings, or two edges that share a point.
-    fn in_general_direction(&mut self, seed: u32) -> Result<(GaussCode, Vec<Found>), [u32; 2]> {
+    fn in_general_direction(
+        &mut self,
+        seed: u32,
+    ) -> Result<(GaussCode, Vec<EdgeCrossing>), [u32; 2]> {
         let mut random = Random::new(seed.into());
         loop {
             self.draw_direction(&mut random);
@@ -175,7 +178,7 @@ impl Edges {
         self.direction = Direction::new(components);
     }
 
-    fn gauss_code(&self) -> Result<(GaussCode, Vec<Found>), Stop> {
+    fn gauss_code(&self) -> Result<(GaussCode, Vec<EdgeCrossing>), Stop> {
         self.check_corners()?;
         let found = self.crossings()?;
         // Edge, crossing, and index of the edge within the crossing.
@@ -208,7 +211,7 @@ impl Edges {
     }
 
     /// Compares the positions of two crossings on an edge.
-    fn order(&self, edge: u32, both: [(&Found, usize); 2]) -> Ordering {
+    fn order(&self, edge: u32, both: [(&EdgeCrossing, usize); 2]) -> Ordering {
         let [a, b] = both.map(|(found, side)| found.at[side]);
         let apart = a.value - b.value;
         if apart.abs() > a.bound + b.bound {
@@ -238,7 +241,7 @@ impl Edges {
     }
 
     /// Returns the crossing of two edges that are not neighbours.
-    fn crossing(&self, edges: [u32; 2]) -> Result<Option<Found>, Stop> {
+    fn crossing(&self, edges: [u32; 2]) -> Result<Option<EdgeCrossing>, Stop> {
         let [p, q] = edges.map(|e| self.ends[e as usize]);
         let areas = |e: [Point; 2], ends: [Point; 2]| {
             let seen = ends.map(|v| self.direction.area([e[0], e[1], v]));
@@ -270,7 +273,7 @@ impl Edges {
         if height == 0 {
             return Err(Stop::Contact(edges));
         }
-        Ok(Some(Found {
+        Ok(Some(EdgeCrossing {
             edges,
             at: [
                 Parameter::new(&of_p[0], &of_p[1]),
@@ -282,7 +285,7 @@ impl Edges {
     }
 
     /// Finds all crossings: pairs of edges whose boxes in the projection overlap.
-    fn crossings(&self) -> Result<Vec<Found>, Stop> {
+    fn crossings(&self) -> Result<Vec<EdgeCrossing>, Stop> {
         let functions = self.direction.functions(self.axis);
         let boxes = self.ends.iter().map(|e| self.boxed(e, &functions));
         let boxes: Vec<Box3> = boxes.collect();
@@ -290,7 +293,7 @@ impl Edges {
         let pairs = search.find(&boxes);
         pairs.retain(|&(g, h)| self.next[g as usize] != h && self.next[h as usize] != g);
         let pairs = pairs.par_iter().with_min_len(PART);
-        let found: Vec<Result<Found, Stop>> = pairs
+        let found: Vec<Result<EdgeCrossing, Stop>> = pairs
             .filter_map(|&(g, h)| self.crossing([g, h]).transpose())
             .collect();
         found.into_iter().collect()

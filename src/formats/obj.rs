@@ -57,16 +57,16 @@ struct Curve {
 }
 
 /// Values of `cstype` and `deg`, which hold until they are set again.
-struct State {
+struct CurveType {
     /// Reason why the type is not read, in words.
     unread: Option<String>,
     rational: bool,
     degree: u32,
 }
 
-impl Default for State {
-    fn default() -> State {
-        State {
+impl Default for CurveType {
+    fn default() -> CurveType {
+        CurveType {
             unread: Some("without cstype".into()),
             rational: false,
             degree: 0,
@@ -74,7 +74,7 @@ impl Default for State {
     }
 }
 
-impl State {
+impl CurveType {
     /// Reads `cstype rat type`.
     fn set_type(&mut self, tokens: &[&[u8]]) {
         self.rational = tokens.first() == Some(&b"rat".as_slice());
@@ -132,7 +132,7 @@ struct Statements {
     edges: Vec<Edge>,
     /// Largest index, and its line.
     furthest: (u32, u64),
-    state: State,
+    curve_type: CurveType,
     elements: Vec<Element>,
     /// True up to the end of the last element.
     in_element: bool,
@@ -217,10 +217,10 @@ impl Statements {
         match name {
             b"v" => self.vertex(tokens)?,
             b"l" => self.line(tokens, line)?,
-            b"cstype" => self.state.set_type(tokens),
+            b"cstype" => self.curve_type.set_type(tokens),
             b"deg" => {
                 let degree = tokens.first().map(|word| integer(word, "a degree"));
-                self.state.degree = degree.and_then(Result::ok).unwrap_or(0);
+                self.curve_type.degree = degree.and_then(Result::ok).unwrap_or(0);
             }
             b"curv" => self.element(tokens, line)?,
             b"parm" if self.in_element && tokens.first() == Some(&b"u".as_slice()) => {
@@ -309,7 +309,7 @@ impl Statements {
         if indices.len() < 2 {
             return Err("a curv with fewer than two vertices".into());
         }
-        let degree = self.state.degree;
+        let degree = self.curve_type.degree;
         let unread = match degree {
             1 => None,
             2 | 3 => Some(format!(
@@ -321,8 +321,8 @@ impl Statements {
         self.elements.push(Element {
             line,
             indices,
-            unread: self.state.unread.clone().or(unread),
-            rational: self.state.rational,
+            unread: self.curve_type.unread.clone().or(unread),
+            rational: self.curve_type.rational,
             range,
             knots: Vec::new(),
         });

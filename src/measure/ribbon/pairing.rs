@@ -141,7 +141,7 @@ pub enum PairingReason {
     Given,
     /// The order of the vertices, and the paired vertices are close.
     Order,
-    /// The distances of paired vertices are the most constant ones.
+    /// The distances of paired vertices vary least.
     Distances,
 }
 

@@ -234,12 +234,12 @@ struct Layout {
 }
 
 /// Result of the measurement of a frame.
-struct Found {
+struct Measurement {
     pairs: Vec<(BlockPair, Measured)>,
     closest: Option<CloseStrands>,
 }
 
-impl Found {
+impl Measurement {
     fn add(&mut self, pairs: Vec<BlockPair>, measured: Vec<Measured>) {
         let close = measured.iter().filter_map(|m| m.closest);
         let close = close.chain(self.closest);
@@ -367,7 +367,7 @@ impl ClearanceMonitor {
     /// Measures a frame. Returns a lower bound of the clearance of all strands, and the closest
     /// ones.
     fn measure_strands(&mut self, strands: &Strands<'_>) -> Result<(f64, Option<CloseStrands>)> {
-        let mut found = Found {
+        let mut found = Measurement {
             pairs: Vec::new(),
             closest: None,
         };
@@ -465,7 +465,7 @@ impl ClearanceMonitor {
 
     /// Measures the pairs that may be close to the level in the reference frame, which is the
     /// current one, and chooses the level.
-    fn settle(&mut self, list: &mut NearList, strands: &Strands<'_>, found: &mut Found) {
+    fn settle(&mut self, list: &mut NearList, strands: &Strands<'_>, found: &mut Measurement) {
         let [tolerance, level] = self.level(list.reach.skin, found.ratio());
         let due = list.below((level + tolerance).min(list.reach.ratio));
         let pairs = list.blocks_of(&due);
