@@ -279,7 +279,7 @@ impl Converter {
         let [before, after] = self.points;
         if json {
             output::json(&serde_json::json!({
-                "output": path,
+                "output": path.to_string_lossy(),
                 "numbered": numbered,
                 "frames": self.frames,
                 "invalid": self.invalid.len(),

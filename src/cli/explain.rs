@@ -12,7 +12,8 @@ use serde_json::json;
 pub fn print(frame: &Picked, options: &SessionOptions, json: bool) -> Result<Outcome> {
     let plan = Plan::with(&frame.curves, options)?;
     if json {
-        output::json(&json!({ "model": frame.model, "frame": frame.number, "plan": plan }));
+        let model = frame.model.to_string_lossy();
+        output::json(&json!({ "model": model, "frame": frame.number, "plan": plan }));
         return Ok(Outcome::Fine);
     }
     output::line(&frame.name);

@@ -89,13 +89,13 @@ pub fn run(args: &Args, as_json: bool) -> Result<Outcome> {
     if as_json {
         output::json(&json!({
             "scene": scene.to_string(),
-            "model": path,
+            "model": path.to_string_lossy(),
             "basis": basis,
             "curves": sizes[0],
             "segments": sizes[1],
             "frames": frames,
             "links": links,
-            "certificate": args.certificate,
+            "certificate": args.certificate.as_ref().map(|path| path.to_string_lossy()),
             "ms": start.elapsed().as_secs_f64() * 1e3,
         }));
     }

@@ -153,6 +153,49 @@ fn a_model_of_open_curves_is_not_intact() {
     assert!(run.stderr.contains("there was one frame"), "{}", run.stderr);
 }
 
+/// Regression test: the exit code was 0, although the summary said that a curve was not verified.
+#[test]
+fn frames_with_open_curves_are_incomplete_without_a_search_for_pull_throughs() {
+    let folder = TempDir::new().unwrap();
+    let square = "v -1 -1 0\nv 1 -1 0\nv 1 1 0\nv -1 1 0\nl 1 2 3 4 1\n";
+    let line = "v 5 0 0\nv 6 0 0\nv 7 1 0\nl 5 6 7\n";
+    let models = ["0.obj", "1.obj"].map(|name| folder.path().join(name));
+    let models = models.each_ref().map(|path| {
+        std::fs::write(path, [square, line].concat()).unwrap();
+        text(path)
+    });
+    let check = |more: &[&str]| linkwatch(&[&["check"], &models[..], more].concat());
+    assert_eq!(check(&[]).code, 0);
+    let run = check(&["--events=off"]);
+    assert_eq!(run.code, 3, "{}", run.stderr);
+    let says = "not verified: 1 open curve, ";
+    assert!(run.stdout.contains(says), "{}", run.stdout);
+}
+
+/// Regression test: a path that is not UTF-8 was a panic.
+#[cfg(unix)]
+#[test]
+fn json_has_paths_that_are_not_utf8() {
+    use std::ffi::OsStr;
+    use std::os::unix::ffi::OsStrExt;
+    let folder = TempDir::new().unwrap();
+    let [model, output] = [&b"m\xff.bcc"[..], b"o\xff.npz"].map(OsStr::from_bytes);
+    for args in [
+        &["generate", "chainmail:rows=1,columns=2", "-o"].map(OsStr::new)[..],
+        &["certify", "--explain"].map(OsStr::new),
+        &["convert"].map(OsStr::new),
+    ] {
+        let mut run = command();
+        run.current_dir(&folder).arg("--json").args(args).arg(model);
+        if args[0] == "convert" {
+            run.arg(output);
+        }
+        let out = run.output().unwrap();
+        assert_eq!(out.status.code(), Some(0), "{out:?}");
+        serde_json::from_slice::<serde_json::Value>(&out.stdout).unwrap();
+    }
+}
+
 /// A frame that cannot be read hides no verdict on the others.
 #[test]
 fn check_continues_after_a_model_that_cannot_be_read() {

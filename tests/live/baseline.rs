@@ -182,6 +182,34 @@ fn an_accepted_state_is_the_new_baseline() {
     assert!(text.starts_with("Accepted: "), "{text}");
 }
 
+/// Regression test: the replay and the report of the recording said that the run was accepted.
+#[test]
+fn a_replay_says_that_the_accepted_frame_was_rejected() {
+    let folder = TempDir::new().unwrap();
+    let service = service("rejected");
+    let recording = folder.path().join("run.mcap");
+    let args = ["--record", recording.to_str().unwrap()];
+    let watch = Watch::start(folder.path(), "watch", &service, &args);
+    let mut sim = client(&service);
+    assert_eq!(step(&mut sim, 0, 0.0), Verdict::Intact);
+    assert_eq!(step(&mut sim, 1, 2.5), Verdict::Changed);
+    sim.accept();
+    assert_eq!(step(&mut sim, 2, f32::NAN), Verdict::Rejected);
+    assert_eq!(step(&mut sim, 3, 2.5), Verdict::Intact);
+    sim.finish_within(PATIENCE).unwrap().expect("a goodbye");
+    let live = watch.end();
+    for run in [&live, &replay(&recording)] {
+        assert_eq!(run.code, Some(3), "{}", run.stderr);
+        let says = "the frame that the simulator accepted was not verified: the baseline is frame \
+                    3, and 1 frame before it was not verified";
+        assert!(run.stderr.contains(says), "{}", run.stderr);
+    }
+    let (code, text) = printed(&["report", "--text", recording.to_str().unwrap()]);
+    assert_eq!(code, Some(3), "{text}");
+    let words = "1 frame was published before the baseline, and not verified";
+    assert!(text.contains(words), "{text}");
+}
+
 #[test]
 fn frames_are_compared_with_the_accepted_one() {
     let folder = TempDir::new().unwrap();

@@ -47,7 +47,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     if json {
         output::json(&serde_json::json!({
             "diff": diff,
-            "files": paths,
+            "files": names,
             "by_time": args.by_time,
             "other_settings": settings,
         }));

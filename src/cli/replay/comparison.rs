@@ -1,6 +1,6 @@
 //! Comparison of the verdicts of a replay with the recorded ones.
 
-use crate::cli::output::count;
+use crate::cli::output::{count, plural_of};
 use linkwatch::{Report, Retention};
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -68,7 +68,8 @@ impl Comparison {
             words += &format!("; {} not compared: {why}", count(n));
         }
         if self.left_out > 0 {
-            words += &format!("; {} frames were left out on purpose", count(self.left_out));
+            let frames = plural_of(self.left_out, "frame was", "frames were");
+            words += &format!("; {frames} left out on purpose");
         }
         if self.thinned + self.left_out > 0 {
             words += &format!(" ({})", self.left_out_by);

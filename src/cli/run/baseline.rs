@@ -74,7 +74,9 @@ impl Run {
         let missed = match (self.setup.live, self.begun) {
             (true, false) => self.tally.since(self.before).skipped.min(seq),
             (true, true) => seq.saturating_sub(info.baseline),
-            (false, _) => 0,
+            (false, false) => 0,
+            // The recorder may have left out other frames.
+            (false, true) => seq.saturating_sub(info.baseline).min(self.rejected),
         };
         let begins_with_it = !self.begun && seq > 0 && seq == info.baseline;
         self.origin = Some(Origin {
@@ -96,7 +98,12 @@ impl Run {
             match self.setup.from_now {
                 true => tracing::info!("{late}"),
                 false => {
-                    tracing::warn!("{late} (--from-now accepts this)");
+                    let hint = if self.setup.live {
+                        " (--from-now accepts this)"
+                    } else {
+                        ""
+                    };
+                    tracing::warn!("{late}{hint}");
                     self.data_lost();
                 }
             }

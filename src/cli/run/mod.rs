@@ -148,6 +148,10 @@ pub struct Run {
     last_layout: Option<u32>,
     /// True until the first frame of a run was verified.
     is_new_run: bool,
+    /// Number of open curves of this run that are counted.
+    open_curves: u64,
+    /// Number of rejected frames after the last verified one.
+    rejected: u64,
     /// Time that the last frame took to verify.
     last_check: Option<Duration>,
     /// Frames so far. Those of a simulator are counted by the bus.
@@ -195,6 +199,8 @@ impl Run {
             sent_layout: 0,
             last_layout: None,
             is_new_run: true,
+            open_curves: 0,
+            rejected: 0,
             last_check: None,
             tally: Counters::default(),
             before: Counters::default(),
@@ -329,13 +335,19 @@ impl Run {
         if let Some(junit) = self.junit.as_mut().filter(|_| recovered) {
             junit.end_violation();
         }
-        if judged.report.verdict != Verdict::Rejected {
+        if judged.report.verdict == Verdict::Rejected {
+            self.rejected += 1;
+        } else {
             self.begin_baseline(&judged);
+            self.rejected = 0;
+            let stats = judged.report.stats;
             if std::mem::take(&mut self.is_new_run) {
                 self.warn_of_scene(&judged);
-                *self.sum.open_curves.get_or_insert(0) += judged.report.stats.open_curves;
+                self.open_curves = 0;
             }
-            let stats = judged.report.stats;
+            let more = stats.open_curves.saturating_sub(self.open_curves);
+            *self.sum.open_curves.get_or_insert(0) += more;
+            self.open_curves += more;
             self.sum.has_pairs |= stats.curves != 1 || judged.info.cell.is_some();
             self.sum.only_open = stats.curves > 0 && stats.open_curves == stats.curves;
             self.sum.times.add(&judged.times);
@@ -436,6 +448,9 @@ impl Run {
         let compares = |baseline: &Certificate| baseline.invariants().any(|kind| kind == curve);
         let baseline = options.baseline.as_ref();
         let knots = options.invariants.contains(&curve) || baseline.is_some_and(compares);
+        // Only pull-throughs can be verified for these curves.
+        let without_numbers = self.sum.open_curves.unwrap_or(0) > 0 || self.yarns() > 1;
+        let skipped = without_numbers && options.events == Events::Off && tally.verified > 1;
         if tally.verified > 1 && !(self.sum.has_pairs || knots || options.events == Events::All) {
             tracing::warn!(
                 "nothing was verified: one curve alone has no linking number, and pull-throughs of \
@@ -443,7 +458,7 @@ impl Run {
             );
             self.data_lost();
         }
-        if tally.verified == 0 || self.sum.unmeasured.is_some() {
+        if tally.verified == 0 || self.sum.unmeasured.is_some() || skipped {
             self.data_lost();
         }
         if let Some(junit) = self.junit.take()
