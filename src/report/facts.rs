@@ -121,6 +121,8 @@ pub(super) struct Facts {
     pub received_ns: [u64; 2],
     /// Counters of the last verified frame, which have the size of the scene.
     pub stats: Stats,
+    /// Largest number of open curves of a frame.
+    pub open_curves: u64,
     /// First frame with a changed topology, and first frame with any other verdict than intact.
     pub changed: Option<NamedFinding>,
     pub unsettled: Option<NamedFinding>,
@@ -215,8 +217,9 @@ impl Facts {
         let lost = self.recorded_in_part() + self.unmeasured();
         let lost = self.counts.missing.saturating_add(lost);
         let lost = lost.saturating_add(self.unverified());
+        let skipped = self.counts.verified > 1 && self.unverified_curves() > 0;
         let cut = self.metadata.contains_key(CUT_OFF);
-        let lost = lost > 0 || cut || !self.left_out.is_empty();
+        let lost = lost > 0 || skipped || cut || !self.left_out.is_empty();
         self.counts.verified == 0 || lost || self.end != End::Finished
     }
 }
@@ -234,6 +237,10 @@ struct Collector {
     /// Their names, as they are printed.
     names: Vec<String>,
     cuts: Option<u32>,
+    /// Number of the frame that the simulator accepted last.
+    accepted: Option<u64>,
+    /// Number of rejected frames after the last verified one.
+    rejected: u64,
     /// Number of frames with each verdict in the current violation.
     violation: Option<[u64; 6]>,
     /// Counts of the last verdict: frames that had one, and frames that were skipped.
@@ -262,6 +269,13 @@ impl Collector {
                 self.frames += 1;
                 let cuts = self.cuts.replace(frame.info.cuts);
                 self.facts.counts.cuts += u64::from(cuts.is_some_and(|c| c != frame.info.cuts));
+                let accepted = self.accepted.replace(frame.info.baseline);
+                if let Some(baseline) = &mut self.facts.baseline
+                    && accepted.is_some_and(|seq| seq != frame.info.baseline)
+                {
+                    let before = frame.seq.saturating_sub(frame.info.baseline);
+                    baseline.unverified += before.min(self.rejected);
+                }
                 if !Arc::ptr_eq(&self.labels, &frame.info.labels) {
                     let names = frame.info.labels.names.iter();
                     self.names = names.map(|name| plain(name, NAME)).collect();
@@ -310,10 +324,13 @@ impl Collector {
         }
         if report.verdict == Verdict::Rejected {
             counts.rejected += 1;
+            self.rejected += 1;
         } else {
             counts.verified += 1;
+            self.rejected = 0;
             counts.without_curves += u64::from(ordinal.is_none());
             facts.stats = report.stats;
+            facts.open_curves = facts.open_curves.max(report.stats.open_curves);
         }
         let received = progress.received_ns;
         match &mut facts.span {

@@ -106,19 +106,19 @@ impl Facts {
         };
         let frames = plural(self.counts.verified, "frame");
         let frames = format!("{frames}{}{open}", span.unwrap_or_default());
-        match self.gaps().join(", ").as_str() {
-            "" => format!("Intact: {frames}."),
-            gaps if self.is_incomplete() => {
-                format!("Not complete: {gaps}; what was recorded is intact: {frames}.")
-            }
-            gaps => format!("Intact as far as verified: {frames}; {gaps}."),
+        let gaps = self.gaps().join(", ");
+        match (self.is_incomplete(), gaps.as_str()) {
+            (false, "") => format!("Intact: {frames}."),
+            (false, gaps) => format!("Intact as far as verified: {frames}; {gaps}."),
+            (true, "") => format!("Not complete: what was recorded is intact: {frames}."),
+            (true, gaps) => format!("Not complete: {gaps}; what was recorded is intact: {frames}."),
         }
     }
 
     /// Returns the number of open curves, if they were not verified.
-    fn unverified_curves(&self) -> u64 {
+    pub(super) fn unverified_curves(&self) -> u64 {
         match self.events() {
-            Events::Off => self.stats.open_curves,
+            Events::Off => self.open_curves,
             _ => 0,
         }
     }

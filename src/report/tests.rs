@@ -276,6 +276,10 @@ fn open_curves_that_were_not_verified_are_in_the_sentence() {
     let run = Recorded::default().frame(Verdict::Intact, open);
     let sentence = "Intact: 1 frame, frame 0; 2 open curves were not verified.";
     says(run, Conclusion::Intact, sentence);
+    let run = Recorded::default().frame(Verdict::Intact, open).intact();
+    let sentence = "Not complete: what was recorded is intact: 2 frames, from frame 0 to frame 1 \
+                    at 0.5 s; 2 open curves were not verified.";
+    says(run, Conclusion::Incomplete, sentence);
     let run = Recorded::default()
         .frame(Verdict::Intact, open)
         .with("events", "between");

@@ -53,6 +53,9 @@ struct State {
     has_radii: bool,
     /// Open curves, and the layout of the verified frame that has them.
     open: Option<(u32, Vec<u32>)>,
+    /// Largest number of open curves of a verified frame that have no linking number with one
+    /// another: those that run through the cell count if there are several.
+    most_open: usize,
     /// Results of the last frame.
     notes: Vec<ClosingNote>,
     jumps: u64,
@@ -115,6 +118,7 @@ impl Session {
                 next,
                 has_radii: strands.is_some_and(|(radius, _)| radius.is_none()),
                 open: None,
+                most_open: 0,
                 notes: Vec::new(),
                 jumps: 0,
                 unmeasured: None,
@@ -267,6 +271,11 @@ impl Session {
         self.run(py, |state| Ok(state.open()))
     }
 
+    /// Returns the largest number of open curves of a verified frame: see [`State::most_open`].
+    fn most_open(&self, py: Python<'_>) -> PyResult<usize> {
+        self.run(py, |state| Ok(state.most_open))
+    }
+
     fn baseline(&self, py: Python<'_>) -> PyResult<Option<Certificate>> {
         self.run(py, |state| {
             let baseline = state.session().baseline().cloned();
@@ -340,7 +349,11 @@ impl State {
         if let Some(set) = &verified.curves
             && self.open.as_ref().is_none_or(|of| of.0 != info.layout)
         {
-            self.open = Some((info.layout, open_curves(set, info.cell.as_ref())));
+            let open = open_curves(set, info.cell.as_ref());
+            let through = set.open_curves() - open.len();
+            let through = if through > 1 { through } else { 0 };
+            self.most_open = self.most_open.max(open.len() + through);
+            self.open = Some((info.layout, open));
         }
         self.notes.clone_from(&verified.notes);
         self.jumps = verified.jumps;

@@ -8,6 +8,8 @@ import subprocess
 import sys
 import warnings
 import xml.dom.minidom
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 
 import linkwatch
 from linkwatch._view import strips
@@ -72,6 +74,13 @@ def test_what_was_not_verified_is_no_success(tmp_path):
     incomplete("rejected", far)
     open_curve = [[RING, OTHER]] * 2
     incomplete("not verified: 1 open curve", open_curve, closed=[True, False], events="off")
+    # Regression test: only the last frame counted, in the whole run and in its last chunk.
+    both = Frame(np.concatenate([RING, OTHER]), [-4, 4], names=["ring", "line"])
+    ring = Frame(RING, [-4], names=["ring"])
+    frames = [replace(one, seq=seq) for seq, one in enumerate([both, both, ring, ring])]
+    with ThreadPoolExecutor(1) as client:
+        for chunks in ({}, {"client": client, "chunk": 2}):
+            incomplete("not verified: 1 open curve", frames, events="off", **chunks)
     run = linkwatch.check(open_curve, closed=[True, False])
     assert run and "1 open curve verified for pull-throughs" in run.summary
     left = tmp_path / "left.vtk"

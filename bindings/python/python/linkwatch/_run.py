@@ -205,7 +205,7 @@ class Run:
     def _end(self, session: Session) -> None:
         """Adds what the session knows after the last frame."""
         raw = session._session
-        self._open, self._jumps = len(raw.open()), raw.jumps()
+        self._open, self._jumps = raw.most_open(), raw.jumps()
         self._unmeasured = raw.unmeasured_clearance()
 
     def _merge(self, later: Run) -> None:
@@ -219,7 +219,7 @@ class Run:
                 own["last"], own["frames"] = row["last"], own["frames"] + row["frames"]
         self._left_out = {**later._left_out, **self._left_out}
         self._first = self._first or later._first
-        self._open, self._jumps = later._open, later._jumps
+        self._open, self._jumps = max(self._open, later._open), later._jumps
         self._has_pairs |= later._has_pairs
         self._unmeasured = self._unmeasured or later._unmeasured
 
