@@ -17,6 +17,7 @@
 
 pub(crate) mod barnes_hut;
 mod chain;
+mod descent;
 pub(crate) mod direct;
 mod estimate;
 pub(crate) mod fmm;

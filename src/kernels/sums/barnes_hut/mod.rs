@@ -20,6 +20,7 @@ mod packed;
 mod tests;
 mod trees;
 
+use super::descent::{Descent, NodePair, Sum};
 use super::{Estimate, Summation};
 use crate::curve::CurveSet;
 use crate::curve::vector::{dot, per_axis};
@@ -156,12 +157,6 @@ const PASSES: usize = 12;
 /// Maximum number of leaf pairs that are summed without expansions.
 const UNEXPANDED: f64 = 64.0;
 
-/// Maximum number of leaves of two trees that are summed in one task.
-const SMALL: usize = 64;
-
-/// Approximate number of tasks of a pass.
-const TASKS: usize = 128;
-
 /// Makes one pass over two trees.
 fn pass(order: Order, trees: [&Tree; 2], criterion: Criterion) -> Sum {
     let walk = Walk {
@@ -169,26 +164,10 @@ fn pass(order: Order, trees: [&Tree; 2], criterion: Criterion) -> Sum {
         order,
         criterion,
     };
-    let mut agenda = vec![(trees[0].root(), trees[1].root())];
-    let work = trees[0].root().leaves as usize + trees[1].root().leaves as usize;
-    if work <= SMALL {
-        return walk.run(agenda);
+    Sum {
+        relative: ROUNDING,
+        ..walk.pass()
     }
-    // Some hundred node pairs, independent of the number of threads.
-    while agenda.len() < TASKS {
-        let before = agenda.len();
-        let mut next = Vec::with_capacity(4 * before);
-        for pair in agenda {
-            walk.split(pair, &mut next);
-        }
-        agenda = next;
-        if agenda.len() == before {
-            break;
-        }
-    }
-    let parts = agenda.into_par_iter().map(|pair| walk.run(vec![pair]));
-    let parts: Vec<Sum> = parts.collect();
-    parts.into_iter().fold(Sum::default(), Sum::plus)
 }
 
 /// Repeats passes until the bound of the sum is at most `budget`, as far as possible
@@ -258,57 +237,7 @@ enum Criterion {
     Share(f64),
 }
 
-/// Sums over node pairs, with their errors and their work.
-#[derive(Clone, Copy, Debug, Default)]
-struct Sum {
-    /// Sum of the expansions, times 4 pi.
-    far: f64,
-    /// Sums of the remainders and of the magnitudes.
-    bounds: Bounds,
-    near: f64,
-    near_error: f64,
-    /// Published estimate of the error.
-    estimate: f64,
-    /// Node pairs expanded, leaf pairs summed and node pairs visited, in all passes.
-    expanded: u64,
-    summed: u64,
-    visited: u64,
-}
-
-impl Sum {
-    fn plus(mut self, other: Sum) -> Sum {
-        self.far += other.far;
-        self.bounds.tail += other.bounds.tail;
-        self.bounds.size += other.bounds.size;
-        self.near += other.near;
-        self.near_error += other.near_error;
-        self.estimate += other.estimate;
-        self.spent(&other);
-        self
-    }
-
-    /// Adds the work of another pass.
-    fn spent(&mut self, other: &Sum) {
-        self.expanded += other.expanded;
-        self.summed += other.summed;
-        self.visited += other.visited;
-    }
-
-    /// Returns the bound without the remainders: the part that a smaller share does not reduce.
-    fn estimate_of_rounding(&self) -> f64 {
-        // Every sum has at most as many terms as there are node pairs; each addition has an error
-        // of one unit.
-        let units = (self.expanded + self.summed + 64) as f64 * f64::EPSILON;
-        self.near_error + self.bounds.size * (ROUNDING + units) + units * (1.0 + self.near.abs())
-    }
-
-    fn estimate(&self) -> Estimate {
-        let bound = (self.bounds.tail + self.estimate_of_rounding()) * OUTWARD;
-        Estimate::new(self.far / (4.0 * PI) + self.near, bound)
-    }
-}
-
-/// Simultaneous descent in two trees.
+/// Two trees and a criterion.
 #[derive(Clone, Copy)]
 struct Walk<'a> {
     trees: [&'a Tree; 2],
@@ -317,56 +246,8 @@ struct Walk<'a> {
 }
 
 impl Walk<'_> {
-    /// Returns the bounds of a node pair if it is accepted.
     #[inline(always)]
-    fn accepted(&self, t: Node, u: Node) -> Option<Bounds> {
-        let a = self.trees[0].reach.get(t.place as usize)?;
-        let b = self.trees[1].reach.get(u.place as usize)?;
-        let r = per_axis(|x| a.centre[x] - b.centre[x]);
-        let square = dot(r, r);
-        match self.criterion {
-            Criterion::Beta(beta) | Criterion::Estimated(beta) => {
-                let rho = a.radius + b.radius;
-                let far = square > beta * beta * rho * rho;
-                let bounds = far.then(|| bounds(self.order, square, a, b))?;
-                (bounds.tail < f64::INFINITY).then_some(bounds)
-            }
-            Criterion::Share(0.0) => None,
-            Criterion::Share(share) => {
-                let bounds = bounds(self.order, square, a, b);
-                (bounds.tail <= share).then_some(bounds)
-            }
-        }
-    }
-
-    /// Appends the next node pairs: the children, or the node pair itself if it is accepted or
-    /// cannot be split.
-    #[inline(always)]
-    fn split(&self, (t, u): (Node, Node), next: &mut Vec<(Node, Node)>) {
-        if (t.is_leaf() && u.is_leaf()) || self.accepted(t, u).is_some() {
-            return next.push((t, u));
-        }
-        self.open((t, u), next);
-    }
-
-    /// Replaces the larger node by its children.
-    #[inline(always)]
-    fn open(&self, (t, u): (Node, Node), next: &mut Vec<(Node, Node)>) {
-        let radius = |side: usize, n: Node| self.trees[side].reach[n.place as usize].radius;
-        if u.is_leaf() || (!t.is_leaf() && radius(0, t) > radius(1, u)) {
-            next.extend(t.children().map(|t| (t, u)));
-        } else {
-            next.extend(u.children().map(|u| (t, u)));
-        }
-    }
-
-    /// Sums all node pairs of the agenda.
-    fn run(&self, agenda: Vec<(Node, Node)>) -> Sum {
-        dispatch!(Self::run_inline(self, agenda))
-    }
-
-    #[inline(always)]
-    fn run_inline(&self, mut agenda: Vec<(Node, Node)>) -> Sum {
+    fn run_inline(&self, mut agenda: Vec<NodePair>) -> Sum {
         let reach = self.trees.map(|tree| &tree.reach[..]);
         let moments = self.trees.map(|tree| &tree.moments[..]);
         let mut sum = Sum::default();
@@ -375,7 +256,7 @@ impl Walk<'_> {
         let mut filled = 0;
         while let Some((t, u)) = agenda.pop() {
             sum.visited += 1;
-            if let Some(bounds) = self.accepted(t, u) {
+            if let Some(bounds) = self.accepted((t, u)) {
                 sum.bounds.tail += bounds.tail;
                 sum.bounds.size += bounds.size;
                 sum.expanded += 1;
@@ -411,5 +292,45 @@ impl Walk<'_> {
         let r = per_axis(|x| a.centre[x] - b.centre[x]);
         let moments = [&first.moments[t], &second.moments[u]];
         next_order(dot(r, r), [a, b], moments) / (4.0 * PI)
+    }
+}
+
+impl Descent for Walk<'_> {
+    type Accepted = Bounds;
+    const TASKS: usize = 128;
+    const SMALL: usize = 64;
+
+    fn roots(&self) -> NodePair {
+        self.trees.map(Tree::root).into()
+    }
+
+    #[inline(always)]
+    fn accepted(&self, (t, u): NodePair) -> Option<Bounds> {
+        let a = self.trees[0].reach.get(t.place as usize)?;
+        let b = self.trees[1].reach.get(u.place as usize)?;
+        let r = per_axis(|x| a.centre[x] - b.centre[x]);
+        let square = dot(r, r);
+        match self.criterion {
+            Criterion::Beta(beta) | Criterion::Estimated(beta) => {
+                let rho = a.radius + b.radius;
+                let far = square > beta * beta * rho * rho;
+                let bounds = far.then(|| bounds(self.order, square, a, b))?;
+                (bounds.tail < f64::INFINITY).then_some(bounds)
+            }
+            Criterion::Share(0.0) => None,
+            Criterion::Share(share) => {
+                let bounds = bounds(self.order, square, a, b);
+                (bounds.tail <= share).then_some(bounds)
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn radius(&self, side: usize, node: Node) -> f64 {
+        self.trees[side].reach[node.place as usize].radius
+    }
+
+    fn run(&self, agenda: Vec<NodePair>) -> Sum {
+        dispatch!(Self::run_inline(self, agenda))
     }
 }

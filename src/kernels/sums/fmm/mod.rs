@@ -30,6 +30,7 @@ mod tree;
 mod walk;
 
 use super::barnes_hut::normalizing;
+use super::descent::{Descent, Sum};
 use super::{Estimate, Summation};
 use crate::curve::CurveSet;
 use crate::pairs::{Pair, curves_of};
@@ -37,7 +38,7 @@ use expansions::Expansions;
 pub(super) use gauss::{between, itself};
 use rayon::prelude::*;
 use tree::Tree;
-use walk::{Criterion, Sum, Walk};
+use walk::{Criterion, Walk, work};
 
 /// Criterion by which an expansion is accepted for a node pair.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -147,9 +148,11 @@ impl Fmm {
         expansions: [Option<&Expansions>; 2],
         start: Option<Criterion>,
     ) -> Option<(Criterion, Sum)> {
+        let Some(order) = expansions[0].map(|e| e.order) else {
+            return Some((Criterion::Share(0.0), Sum::default()));
+        };
         let plan = |criterion| Walk::new(trees, expansions, criterion).plan(self.options.limit);
         let budget = match self.options.accept {
-            _ if expansions[0].is_none() => return Some((Criterion::Share(0.0), Sum::ZERO)),
             Accept::Separation(q) => {
                 let criterion = Criterion::Separation(q);
                 return Some((criterion, plan(criterion)?));
@@ -182,7 +185,7 @@ impl Fmm {
                 share *= 0.6 * (aim / tail).max(1e-4);
             }
         }
-        found.filter(|(_, sum)| sum.work() <= self.options.limit)
+        found.filter(|(_, sum)| work(sum, order) <= self.options.limit)
     }
 }
 
@@ -254,7 +257,7 @@ impl Fmm {
                 continue;
             };
             let (i, j) = pairs[at];
-            for (curve, smallest) in [i, j].into_iter().zip(sum.smallest) {
+            for (curve, smallest) in [i, j].into_iter().zip(sum.smallest.into_iter().flatten()) {
                 least[curve as usize] = smallest.min(least[curve as usize]);
             }
         }
@@ -271,10 +274,14 @@ impl Fmm {
             let again = first.and_then(|(criterion, _)| plan(&expansions, at, Some(criterion)));
             let (i, j) = pairs[at];
             let (Some((criterion, _)), Some(trees)) = (again, self.pair((i, j))) else {
-                return (Sum::UNKNOWN, more);
+                let unknown = Sum {
+                    near_error: f64::INFINITY,
+                    ..Sum::default()
+                };
+                return (unknown, more);
             };
             let of = [i, j].map(|i| expansions[i as usize].as_ref());
-            let sum = Walk::new(trees, of, criterion).sum();
+            let sum = Walk::new(trees, of, criterion).pass();
             (sum, more && !self.suffices(&sum))
         };
         let sums: Vec<(Sum, bool)> = now.par_iter().zip(plans).map(sum).collect();

@@ -5,10 +5,9 @@ use super::expansions::Expansions;
 use super::interact::{BATCH, Buffers, Side, interact};
 use super::tree::{Ball, FILLER, LEAF, Tree};
 use crate::curve::Point;
-use crate::kernels::Estimate;
-use crate::kernels::sums::barnes_hut::{Angles, Bounds, Node, OUTWARD};
+use crate::kernels::sums::barnes_hut::{Angles, Bounds, Node};
+use crate::kernels::sums::descent::{Descent, NodePair, Sum, over};
 use crate::simd::dispatch;
-use rayon::prelude::*;
 use std::f64::consts::PI;
 
 /// Criterion of one pass.
@@ -20,96 +19,14 @@ pub(super) enum Criterion {
     Share(f64),
 }
 
-/// Sums over node pairs, with their errors and their work.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Sum {
-    /// Sum of the expansions, times 4 pi.
-    pub far: f64,
-    /// Sums of the remainders and of the magnitudes.
-    pub bounds: Bounds,
-    /// Bound of the rounding errors of the expansions.
-    pub rounding: f64,
-    near: f64,
-    near_error: f64,
-    /// Node pairs expanded, leaf pairs summed and node pairs visited.
-    pub expanded: u64,
-    pub summed: u64,
-    pub visited: u64,
-    order: usize,
-    /// Number of leaves of the smallest expanded node of each tree.
-    pub smallest: [u32; 2],
-}
-
-impl Sum {
-    pub const ZERO: Sum = Sum {
-        far: 0.0,
-        bounds: Bounds {
-            tail: 0.0,
-            size: 0.0,
-        },
-        rounding: 0.0,
-        near: 0.0,
-        near_error: 0.0,
-        expanded: 0,
-        summed: 0,
-        visited: 0,
-        order: 0,
-        smallest: [u32::MAX; 2],
-    };
-
-    /// Result without information.
-    pub const UNKNOWN: Sum = Sum {
-        near_error: f64::INFINITY,
-        ..Sum::ZERO
-    };
-
-    fn plus(mut self, other: Sum) -> Sum {
-        self.far += other.far;
-        self.bounds.tail += other.bounds.tail;
-        self.bounds.size += other.bounds.size;
-        self.rounding += other.rounding;
-        self.near += other.near;
-        self.near_error += other.near_error;
-        self.expanded += other.expanded;
-        self.summed += other.summed;
-        self.visited += other.visited;
-        for (own, other) in self.smallest.iter_mut().zip(other.smallest) {
-            *own = other.min(*own);
-        }
-        self
-    }
-
-    /// Returns the approximate CPU time, in microseconds.
-    pub fn work(&self) -> f64 {
-        let p = self.order as f64;
-        self.expanded as f64 * 0.001 * p * p * p + self.summed as f64 * 0.8
-    }
-
-    /// Returns the bound without the remainders: the part that a higher order does not reduce.
-    pub fn estimate_of_rounding(&self) -> f64 {
-        // Every sum has at most as many terms as there are node pairs; each addition has an error
-        // of one unit.
-        let units = (self.expanded + self.summed + 64) as f64 * f64::EPSILON;
-        self.near_error + self.rounding + self.bounds.size * units + units * (1.0 + self.near.abs())
-    }
-
-    pub fn estimate(&self) -> Estimate {
-        let bound = (self.bounds.tail + self.estimate_of_rounding()) * OUTWARD;
-        if !bound.is_finite() {
-            return Estimate::UNKNOWN;
-        }
-        Estimate::new(self.far / (4.0 * PI) + self.near, bound)
-    }
-}
-
-/// Approximate number of tasks of a pass.
-const TASKS: usize = 256;
-
 /// Number of tasks of a dry run after which its limit is checked.
 const GROUP: usize = 32;
 
-/// Maximum number of leaves of two trees that are summed in one task.
-const SMALL: usize = 8;
+/// Returns the approximate CPU time of a sum, in microseconds.
+pub(super) fn work(sum: &Sum, order: usize) -> f64 {
+    let p = order as f64;
+    sum.expanded as f64 * 0.001 * p * p * p + sum.summed as f64 * 0.8
+}
 
 /// Two trees and a criterion.
 #[derive(Clone, Copy)]
@@ -124,7 +41,7 @@ pub(super) struct Walk<'a> {
 }
 
 /// An accepted node pair.
-struct Accepted {
+pub(super) struct Accepted {
     bounds: Bounds,
     r: Point,
     distance: f64,
@@ -154,7 +71,7 @@ impl<'a> Walk<'a> {
     pub fn magnitude(trees: [&Tree; 2]) -> f64 {
         let walk = Walk::new(trees, [None; 2], Criterion::Share(0.0));
         let smallest = trees.map(|t| t.balls[0].radius / 64.0);
-        let mut agenda = vec![(trees[0].root(), trees[1].root())];
+        let mut agenda = vec![walk.roots()];
         let mut sum = 0.0;
         while let Some((t, u)) = agenda.pop() {
             let (a, b) = (walk.ball(0, t), walk.ball(1, u));
@@ -176,102 +93,18 @@ impl<'a> Walk<'a> {
         &self.trees[side].balls[node.place as usize]
     }
 
-    /// Returns the bounds of a node pair if it is accepted.
-    #[inline(always)]
-    fn accepted(&self, t: Node, u: Node) -> Option<Accepted> {
-        let expansions = self.expansions?;
-        if t.leaves < expansions[0].least || u.leaves < expansions[1].least {
-            return None;
-        }
-        let balls = [self.ball(0, t), self.ball(1, u)];
-        let (r, distance, q) = Bounding::separation(balls[0], balls[1]);
-        if let Criterion::Separation(most) = self.criterion
-            && q > most
-        {
-            return None;
-        }
-        // Without a series the norms are not read.
-        if q >= WIDEST {
-            return None;
-        }
-        let norms = [
-            expansions[0].norms.of(t.place as usize),
-            expansions[1].norms.of(u.place as usize),
-        ];
-        let bounds = self.bounding.bounds(balls, norms, distance, q)?;
-        let fits = match self.criterion {
-            Criterion::Separation(_) => bounds.tail < f64::INFINITY,
-            Criterion::Share(share) => bounds.tail <= share && share > 0.0,
-        };
-        fits.then_some(Accepted {
-            bounds,
-            r,
-            distance,
-        })
-    }
-
-    /// Replaces the larger node by its children. A node and itself are replaced by all pairs of its
-    /// children, each pair once.
-    #[inline(always)]
-    fn open(&self, (t, u): (Node, Node), next: &mut Vec<(Node, Node)>) {
-        if self.own && t.place == u.place {
-            let [a, b] = t.children();
-            return next.extend([(a, a), (a, b), (b, b)]);
-        }
-        if u.is_leaf() || (!t.is_leaf() && self.ball(0, t).radius > self.ball(1, u).radius) {
-            next.extend(t.children().map(|t| (t, u)));
-        } else {
-            next.extend(u.children().map(|u| (t, u)));
-        }
-    }
-
-    /// Returns some hundred tasks, independent of the number of threads; a single one for small
-    /// trees.
-    fn tasks(&self) -> Vec<(Node, Node)> {
-        let mut agenda = vec![(self.trees[0].root(), self.trees[1].root())];
-        let leaves = agenda[0].0.leaves as usize + agenda[0].1.leaves as usize;
-        if leaves <= SMALL {
-            return agenda;
-        }
-        while agenda.len() < TASKS {
-            let before = agenda.len();
-            let mut next = Vec::with_capacity(2 * before);
-            for (t, u) in agenda {
-                if (t.is_leaf() && u.is_leaf()) || self.accepted(t, u).is_some() {
-                    next.push((t, u));
-                } else {
-                    self.open((t, u), &mut next);
-                }
-            }
-            agenda = next;
-            if agenda.len() == before {
-                break;
-            }
-        }
-        agenda
-    }
-
-    /// Runs tasks and adds the results in their order.
-    fn over(tasks: &[(Node, Node)], run: impl Fn(Vec<(Node, Node)>) -> Sum + Sync) -> Sum {
-        if let [one] = tasks {
-            return run(vec![*one]);
-        }
-        let parts = tasks.par_iter().map(|&pair| run(vec![pair]));
-        let parts: Vec<Sum> = parts.collect();
-        parts.into_iter().fold(Sum::ZERO, Sum::plus)
-    }
-
     /// Dry run: returns the work and the remainder of a pass, without the sum. Returns `None` as
     /// soon as the work exceeds `limit`, in microseconds.
     pub fn plan(&self, limit: f64) -> Option<Sum> {
-        let dry = |mut agenda: Vec<(Node, Node)>| {
-            let mut sum = Sum::ZERO;
+        let dry = |mut agenda: Vec<NodePair>| {
+            let mut sum = Sum::default();
             while let Some((t, u)) = agenda.pop() {
                 sum.visited += 1;
-                if let Some(accepted) = self.accepted(t, u) {
+                if let Some(accepted) = self.accepted((t, u)) {
                     sum.bounds.tail += accepted.bounds.tail;
                     sum.expanded += 1;
-                    sum.smallest = [t.leaves.min(sum.smallest[0]), u.leaves.min(sum.smallest[1])];
+                    let [a, b] = sum.smallest.unwrap_or([t.leaves, u.leaves]);
+                    sum.smallest = Some([a.min(t.leaves), b.min(u.leaves)]);
                 } else if t.is_leaf() && u.is_leaf() {
                     sum.summed += 1;
                 } else {
@@ -280,37 +113,27 @@ impl<'a> Walk<'a> {
             }
             sum
         };
-        let mut plan = Sum::ZERO;
-        plan.order = self.expansions.map_or(0, |e| e[0].order);
+        let mut plan = Sum::default();
+        let order = self.expansions.map_or(0, |e| e[0].order);
         for group in self.tasks().chunks(GROUP) {
-            plan = plan.plus(Self::over(group, dry));
-            if plan.work() > 1.2 * limit {
+            plan = plan.plus(over(group, dry));
+            if work(&plan, order) > 1.2 * limit {
                 return None;
             }
         }
         Some(plan)
     }
 
-    /// Makes one pass.
-    pub fn sum(&self) -> Sum {
-        Self::over(&self.tasks(), |agenda| self.run(agenda))
-    }
-
-    /// Sums all node pairs of the agenda.
-    pub fn run(&self, agenda: Vec<(Node, Node)>) -> Sum {
-        dispatch!(Self::run_inline(self, agenda))
-    }
-
     #[inline(always)]
-    fn run_inline(&self, mut agenda: Vec<(Node, Node)>) -> Sum {
+    fn run_inline(&self, mut agenda: Vec<NodePair>) -> Sum {
         let order = self.expansions.map_or(0, |e| e[0].order);
         let mut buffers = Buffers::new(order);
-        let mut sum = Sum::ZERO;
+        let mut sum = Sum::default();
         let mut angles = Angles::ZERO;
         let mut batch: Vec<([Side; 2], Point)> = Vec::with_capacity(BATCH);
         while let Some((t, u)) = agenda.pop() {
             sum.visited += 1;
-            if let (Some(accepted), Some(expansions)) = (self.accepted(t, u), self.expansions) {
+            if let (Some(accepted), Some(expansions)) = (self.accepted((t, u)), self.expansions) {
                 sum.bounds.tail += accepted.bounds.tail;
                 sum.bounds.size += accepted.bounds.size;
                 let balls = [self.ball(0, t), self.ball(1, u)];
@@ -356,6 +179,63 @@ impl<'a> Walk<'a> {
         }
         (sum.near, sum.near_error) = angles.turns();
         sum
+    }
+}
+
+impl Descent for Walk<'_> {
+    type Accepted = Accepted;
+    const TASKS: usize = 256;
+    const SMALL: usize = 8;
+
+    fn roots(&self) -> NodePair {
+        self.trees.map(Tree::root).into()
+    }
+
+    #[inline(always)]
+    fn accepted(&self, (t, u): NodePair) -> Option<Accepted> {
+        let expansions = self.expansions?;
+        if t.leaves < expansions[0].least || u.leaves < expansions[1].least {
+            return None;
+        }
+        let balls = [self.ball(0, t), self.ball(1, u)];
+        let (r, distance, q) = Bounding::separation(balls[0], balls[1]);
+        if let Criterion::Separation(most) = self.criterion
+            && q > most
+        {
+            return None;
+        }
+        // Without a series the norms are not read.
+        if q >= WIDEST {
+            return None;
+        }
+        let norms = [
+            expansions[0].norms.of(t.place as usize),
+            expansions[1].norms.of(u.place as usize),
+        ];
+        let bounds = self.bounding.bounds(balls, norms, distance, q)?;
+        let fits = match self.criterion {
+            Criterion::Separation(_) => bounds.tail < f64::INFINITY,
+            Criterion::Share(share) => bounds.tail <= share && share > 0.0,
+        };
+        fits.then_some(Accepted {
+            bounds,
+            r,
+            distance,
+        })
+    }
+
+    #[inline(always)]
+    fn radius(&self, side: usize, node: Node) -> f64 {
+        self.ball(side, node).radius
+    }
+
+    #[inline(always)]
+    fn is_own(&self) -> bool {
+        self.own
+    }
+
+    fn run(&self, agenda: Vec<NodePair>) -> Sum {
+        dispatch!(Self::run_inline(self, agenda))
     }
 }
 
