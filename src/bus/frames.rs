@@ -5,7 +5,7 @@ use super::room;
 use super::service::{Endpoint, bus};
 use super::wire::{
     FLAG_ANNOUNCE, FLAG_BASELINE, FLAG_LOCKSTEP, FLAG_RADII, FRAME_MAGIC, FrameHeader,
-    LAYOUT_VERSION, VerdictWire, cast_mut, table_of,
+    LAYOUT_VERSION, VerdictWire, table_of,
 };
 use crate::curve::{Basis, Cell, CurveLabels, Precision};
 use crate::error::{Error, Result};
@@ -379,7 +379,8 @@ impl FrameMemory {
     ///
     /// [`Error::LayoutChanged`] if the curves were described in double precision.
     pub fn positions_f32(&mut self) -> Result<&mut [f32]> {
-        Ok(cast_mut(self.bytes_of(Precision::F32)?).expect("the service aligns to 64 bytes"))
+        // The service aligns to 64 bytes.
+        Ok(bytemuck::cast_slice_mut(self.bytes_of(Precision::F32)?))
     }
 
     /// Returns the memory of the positions in double precision; see
@@ -389,7 +390,8 @@ impl FrameMemory {
     ///
     /// [`Error::LayoutChanged`] if the curves were described in single precision.
     pub fn positions_f64(&mut self) -> Result<&mut [f64]> {
-        Ok(cast_mut(self.bytes_of(Precision::F64)?).expect("the service aligns to 64 bytes"))
+        // The service aligns to 64 bytes.
+        Ok(bytemuck::cast_slice_mut(self.bytes_of(Precision::F64)?))
     }
 }
 

@@ -10,6 +10,7 @@ use crate::verdict::{
     self, Change, ChangeKind, Clearance, Defect, DefectKind, Lasting, Place, PullThrough, Report,
     Verdict, words_of_count, words_of_roll_back,
 };
+use bytemuck::Zeroable;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
 use std::fmt;
@@ -228,41 +229,15 @@ impl VerdictWire {
             version: LAYOUT_VERSION,
             kind: kind as u32,
             session,
-            seq: 0,
-            time: 0.0,
             verdict: Verdict::Intact as u32,
-            abort: 0,
-            lost: 0,
-            gained: 0,
-            changed: 0,
-            defects: 0,
-            events: 0,
             finding: FINDING_NONE,
-            i: 0,
             j: NO_CURVE,
-            defect_kind: 0,
-            segments: [0; 2],
-            has_place: 0,
-            reason_len: 0,
-            unresolved: 0,
-            appeared: 0,
-            gone: 0,
-            findings: 0,
-            recovered: 0,
-            expected: 0,
-            found: 0,
-            point: [0.0; 3],
-            distance: 0.0,
-            lengths: 0.0,
-            extent: 0.0,
             verified: counters.verified,
             skipped: counters.skipped,
             rejected: counters.rejected,
-            check_ns: 0,
             last_intact: NO_FRAME,
             safe_fraction: f64::NAN,
-            image: [0; 3],
-            reason: [0; 180],
+            ..VerdictWire::zeroed()
         }
     }
 

@@ -16,6 +16,9 @@ use crate::curve::{Cell, CurveLabels, Precision};
 use crate::error::{Error, Result};
 #[cfg(feature = "bus")]
 use crate::ingest::RawFrame;
+use bytemuck::Zeroable;
+#[cfg(feature = "bus")]
+use bytemuck::try_cast_slice;
 use iceoryx2::prelude::ZeroCopySend;
 use std::mem::size_of;
 
@@ -110,7 +113,7 @@ pub(super) const NO_FRAME: u64 = u64::MAX;
 
 /// A message from the watcher.
 #[repr(C)]
-#[derive(Clone, Copy, Debug, PartialEq, ZeroCopySend)]
+#[derive(Clone, Copy, Debug, PartialEq, ZeroCopySend, Zeroable)]
 #[type_name("linkwatch.Verdict")]
 pub(super) struct VerdictWire {
     pub magic: u64,
@@ -269,14 +272,14 @@ impl FrameHeader {
             return Err(Error::count("bytes of a frame", bytes, payload.len()));
         }
         let (table, positions) = payload.split_at(table.bytes() as usize);
-        let Some(counts) = cast(&table[..curves * size_of::<i32>()]) else {
+        let Ok(counts) = try_cast_slice(&table[..curves * size_of::<i32>()]) else {
             return field("payload", "not aligned".into());
         };
         let positions = match precision {
-            Precision::F32 => cast(positions).map(Positions::F32),
-            Precision::F64 => cast(positions).map(Positions::F64),
+            Precision::F32 => try_cast_slice(positions).map(Positions::F32),
+            Precision::F64 => try_cast_slice(positions).map(Positions::F64),
         };
-        let Some(positions) = positions else {
+        let Ok(positions) = positions else {
             return field("positions", "not aligned".into());
         };
         let frame = RawFrame {
@@ -363,7 +366,7 @@ fn not_zero(vectors: &[[f64; 3]; 3]) -> u32 {
 /// Returns the parts before the positions of a payload, and the number of bytes of the names.
 pub(super) fn table_of(counts: &[i32], labels: &CurveLabels) -> (Vec<u8>, usize) {
     let pad = |table: &mut Vec<u8>| table.resize(table.len().next_multiple_of(ALIGNMENT), 0);
-    let mut table: Vec<u8> = counts.iter().flat_map(|c| c.to_ne_bytes()).collect();
+    let mut table: Vec<u8> = bytemuck::cast_slice(counts).to_vec();
     pad(&mut table);
     let start = table.len();
     for name in &labels.names {
@@ -372,29 +375,7 @@ pub(super) fn table_of(counts: &[i32], labels: &CurveLabels) -> (Vec<u8>, usize)
     }
     let names = table.len() - start;
     pad(&mut table);
-    table.extend(labels.radii.iter().flat_map(|r| r.to_ne_bytes()));
+    table.extend(bytemuck::cast_slice::<f32, u8>(&labels.radii));
     pad(&mut table);
     (table, names)
-}
-
-/// Number types for which every bit pattern is valid.
-pub(super) trait Plain: Copy {}
-impl Plain for i32 {}
-impl Plain for f32 {}
-impl Plain for f64 {}
-
-/// Returns bytes as numbers, or `None` if they are unaligned or not a whole number of them.
-pub(super) fn cast<T: Plain>(bytes: &[u8]) -> Option<&[T]> {
-    #[expect(unsafe_code, reason = "numbers in shared memory")]
-    // SAFETY: every bit pattern is a `T`; `align_to` keeps to the aligned middle.
-    let (head, body, tail) = unsafe { bytes.align_to() };
-    (head.is_empty() && tail.is_empty()).then_some(body)
-}
-
-/// Returns bytes as numbers to write.
-pub(super) fn cast_mut<T: Plain>(bytes: &mut [u8]) -> Option<&mut [T]> {
-    #[expect(unsafe_code, reason = "numbers in shared memory")]
-    // SAFETY: every bit pattern is a `T`, and every `T` is initialised bytes without padding.
-    let (head, body, tail) = unsafe { bytes.align_to_mut() };
-    (head.is_empty() && tail.is_empty()).then_some(body)
 }
