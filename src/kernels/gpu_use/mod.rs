@@ -4,18 +4,17 @@
 //! is logged once.
 
 pub(super) mod fallback;
-mod uploads;
 
 use self::fallback::WithFallback;
-use self::uploads::Uploads;
 use super::calibration::{Calibration, segment_pairs, segments};
 use super::crossings::Input;
 use super::device::{Device, DeviceInfo};
-use super::gpu::{self, Gpu};
+use super::gpu::{self, Frame, Gpu};
 use super::{Counted, Summation};
 use crate::curve::CurveSet;
 use crate::error::{Error, Result};
 use crate::pairs::Pair;
+use std::collections::VecDeque;
 use std::fmt;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, OnceLock};
@@ -37,7 +36,11 @@ pub(crate) struct GpuUse {
     chosen: Option<Chosen>,
     /// True after a failure of the adapter.
     failed: AtomicBool,
-    uploads: Uploads,
+    /// The next frame, if it is known, so that its vertices can be uploaded in advance.
+    announced: Option<Arc<CurveSet>>,
+    /// Vertices of the last two frames, of which the second one may be the next frame. With the
+    /// number of their contents ([`CurveSet::contents`]).
+    frames: VecDeque<(u64, Arc<Frame>)>,
     /// Work of the last frame.
     offload: Offload,
 }
@@ -187,11 +190,10 @@ impl GpuUse {
     /// Resets the state of the previous frame.
     pub fn start_frame(&mut self) {
         self.offload = Offload::default();
-        self.uploads.current = None;
         if self.has_failed() {
             // Releases the adapter.
             self.chosen = None;
-            self.uploads = Uploads::default();
+            self.frames.clear();
         }
     }
 
@@ -199,19 +201,36 @@ impl GpuUse {
     /// are counted.
     pub fn announce(&mut self, next: &Arc<CurveSet>) {
         if self.chosen.is_some() {
-            self.uploads.announced = Some(Arc::clone(next));
+            self.announced = Some(Arc::clone(next));
         }
     }
 
-    /// Ends a frame, verified or rejected ([`Uploads::end_frame`]).
-    pub fn end_frame(&mut self, set: &CurveSet) {
-        self.uploads.end_frame(set);
+    /// Ends a frame, verified or rejected: clears the announcement.
+    pub fn end_frame(&mut self) {
+        self.announced = None;
     }
 
-    /// Returns true if the vertices of a frame were uploaded before its turn.
+    /// Returns true if the vertices of a frame were uploaded.
     #[cfg(all(test, feature = "gpu"))]
     pub fn has_sent(&self, set: &CurveSet) -> bool {
-        self.uploads.has_sent(set)
+        self.frames.iter().any(|(of, _)| *of == set.contents())
+    }
+
+    /// Keeps the vertices of a frame, and forgets those of older ones.
+    fn keep(&mut self, set: &CurveSet, frame: Frame) -> Arc<Frame> {
+        self.frames.truncate(1);
+        let frame = Arc::new(frame);
+        self.frames.push_front((set.contents(), Arc::clone(&frame)));
+        frame
+    }
+
+    /// Returns the vertices of a frame, which may be uploaded already.
+    fn frame(&mut self, set: &CurveSet) -> Arc<Frame> {
+        let known = self.frames.iter().find(|(of, _)| *of == set.contents());
+        match known {
+            Some((_, frame)) => Arc::clone(frame),
+            None => self.keep(set, Frame::new(set)),
+        }
     }
 
     /// Uploads the vertices of a frame whose crossings will be counted on the adapter, while the
@@ -222,7 +241,7 @@ impl GpuUse {
             return;
         }
         if let Some(gpu) = self.gpu().cloned() {
-            let frame = self.uploads.frame(set);
+            let frame = self.frame(set);
             if let Err(error) = gpu.send(&frame) {
                 self.fail(&error);
             }
@@ -237,13 +256,13 @@ impl GpuUse {
             return None;
         }
         let gpu = self.gpu()?.clone();
-        let frame = self.uploads.frame(input.set);
+        let frame = self.frame(input.set);
         // `take`: the announced frame is uploaded only once.
-        let next = self.uploads.announced.take();
+        let next = self.announced.take();
         match gpu.count(&frame, input, pairs, next.as_deref()) {
             Ok(((parts, undecided), ahead)) => {
                 if let Some((next, ahead)) = next.zip(ahead) {
-                    self.uploads.next = Some((next, Arc::new(ahead)));
+                    self.keep(&next, ahead);
                 }
                 self.offload.tests += parts.iter().map(|part| part.stats.tests).sum::<u64>();
                 self.offload.undecided += undecided;
