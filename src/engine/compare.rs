@@ -30,7 +30,7 @@ impl Engine {
         appeared: &[u32],
     ) -> Result<Compared> {
         let mut compared = self.compare_with_baseline(known, (frame, quiet), appeared)?;
-        if self.strategy.is_incremental() {
+        if self.options.strategy.is_incremental() {
             // The work depends on earlier frames, so only the sizes are counted.
             compared.stats = Stats::default();
             self.offer_reference(known, frame, &compared.linking);
@@ -52,7 +52,7 @@ impl Engine {
             return Ok(self.of_full_run(comparison, stats));
         };
         let is_broken = known.has_broken_braids();
-        let mut compared = match self.strategy {
+        let mut compared = match self.options.strategy {
             _ if !appeared.is_empty() => {
                 let stats = self.certify_fully(frame.set()?)?;
                 let certificate = &self.full.certificate;
@@ -63,7 +63,7 @@ impl Engine {
                 self.of_full_run(comparison, stats)
             }
             // A change of loops that mean nothing would end the run early.
-            Strategy::Full if self.early_exit && !is_broken => {
+            Strategy::Full if self.options.early_exit && !is_broken => {
                 let set = frame.set()?;
                 let (comparison, stats) = self.full.compare_until_change(set, &baseline)?;
                 self.of_full_run(comparison, stats)
@@ -105,7 +105,7 @@ impl Engine {
 
     /// Returns the result of a full run.
     fn of_full_run(&self, comparison: Comparison, stats: Stats) -> Compared {
-        let keeps = self.strategy.is_incremental();
+        let keeps = self.options.strategy.is_incremental();
         let certificate = keeps.then(|| Arc::new(self.full.certificate.clone()));
         Compared {
             linking: LinkingNumbers {
@@ -156,7 +156,7 @@ impl Engine {
                 None => return self.compare_fully(frame.set()?, baseline),
             },
         };
-        if self.strategy == Strategy::Paranoid {
+        if self.options.strategy == Strategy::Paranoid {
             let stats = self.full.certify(frame.set()?);
             self.full.progress.check()?;
             let full = self.full.certificate.compare(baseline)?;

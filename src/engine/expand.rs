@@ -21,7 +21,7 @@ impl Engine {
         let Some(change) = next.change else {
             return Ok(Vec::new());
         };
-        if self.braids.is_some() {
+        if self.options.braids.is_some() {
             let what = "curves appeared or are gone, but braids need the same curves in all frames";
             return Err(Error::Braid(what.into()));
         }
@@ -59,7 +59,7 @@ impl Engine {
             (_, Some(cell)) => self.align_baseline(known, next, cell)?,
             (_, None) => {}
         }
-        if let (Some(braids), None) = (&self.braids, &known.braids) {
+        if let (Some(braids), None) = (&self.options.braids, &known.braids) {
             let scene = BraidScene::new(braids, next.curves)?;
             self.set_filter(Some(scene.filter()));
             known.braids = Some(scene);
@@ -110,8 +110,8 @@ impl Engine {
             // Open curves have no linking numbers.
             open_too: self.steps.events != Events::Off,
             most: self.full.progress.limit.most(),
-            check_torn: self.check_torn,
-            paranoid: self.strategy == Strategy::Paranoid,
+            check_torn: self.options.wrapped.is_none(),
+            paranoid: self.options.strategy == Strategy::Paranoid,
         }
     }
 
@@ -159,7 +159,7 @@ impl Engine {
     /// Compares the frame with the reference frame. Returns true if it is quiet.
     fn survey(&mut self, known: &Known, next: Next<'_>) -> bool {
         let baseline = known.baseline.as_ref().filter(|_| next.change.is_none());
-        let Some(baseline) = baseline.filter(|_| self.strategy.is_incremental()) else {
+        let Some(baseline) = baseline.filter(|_| self.options.strategy.is_incremental()) else {
             return false;
         };
         let before = known.last.as_deref().map(|last| &last.frame);
@@ -177,10 +177,10 @@ impl Engine {
             known.join(frame.given().len(), &ComparedYarns::default());
             return Ok(ComparedYarns::default());
         };
-        let incremental = self.strategy.is_incremental();
+        let incremental = self.options.strategy.is_incremental();
         let last = known.last.as_deref().filter(|_| incremental);
         let step = (last.map(|last| &last.frame), self.steps.met.as_deref());
-        let check = self.strategy == Strategy::Paranoid;
+        let check = self.options.strategy == Strategy::Paranoid;
         let yarns = scene.compare_yarns(frame, step, check)?;
         if yarns.disagreed {
             self.disagree();

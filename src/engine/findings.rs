@@ -59,7 +59,7 @@ impl Engine {
     /// Returns the pairs for which the reference frame does not exclude passages since the previous
     /// frame, or `None` if that may be any pairs.
     pub(super) fn pairs_to_search(&mut self, known: &Known, frame: &Frame) -> Option<Vec<Pair>> {
-        if !self.strategy.is_incremental() {
+        if !self.options.strategy.is_incremental() {
             return None;
         }
         let before = &known.last.as_deref()?.frame;
@@ -78,7 +78,7 @@ impl Engine {
         let mut outcome = self.steps.outcome(known, frame, pairs.as_deref())?;
         self.full.timings.events += start.elapsed();
         self.work.searched = outcome.counts.pairs;
-        if self.strategy == Strategy::Paranoid && pairs.is_some() {
+        if self.options.strategy == Strategy::Paranoid && pairs.is_some() {
             let full = self.steps.outcome(known, frame, None)?;
             let findings = |o: Outcome| (o.events, o.unresolved, o.undecided, o.touching);
             if findings(full.clone()) != findings(outcome) {

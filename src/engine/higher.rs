@@ -33,7 +33,7 @@ impl Engine {
         let changed: Vec<Pair> = comparison.changes.iter().map(|c| (c.i, c.j)).collect();
         for kind in InvariantKind::ALL {
             let expected = known.higher.iter().position(|of| of.kind == kind);
-            if expected.is_none() && !self.invariants.contains(&kind) {
+            if expected.is_none() && !self.options.invariants.contains(&kind) {
                 continue;
             }
             let yarns = known.joined().map_or(0, |joined| joined.periods.len());

@@ -41,7 +41,6 @@ use self::routing::Routing;
 use self::steps::Steps;
 use crate::certificate::Certificate;
 use crate::curve::{Cell, CurveChange, CurveSet};
-use crate::diagram::InvariantKind;
 use crate::discretize::Braids;
 use crate::error::{Error, Result};
 use crate::incremental::{Events, Monitor, Work};
@@ -50,23 +49,16 @@ use crate::kernels::{GpuUse, Method, Offload};
 use crate::pairs::PairFilter;
 use crate::pool;
 use crate::scene::CellScene;
-use crate::verdict::{AbortOn, Defect, Report, Stats, Verdict};
+use crate::verdict::{Defect, Report, Stats, Verdict};
 use std::sync::Arc;
 use std::time::Instant;
 
 /// Verifies successive frames of one scene against a baseline.
 #[derive(Debug)]
 pub(crate) struct Engine {
-    abort_on: AbortOn,
-    max_pairs: usize,
-    /// True if torn curves of a periodic scene are refused.
-    check_torn: bool,
-    strategy: Strategy,
-    early_exit: bool,
-    invariants: Vec<InvariantKind>,
+    /// Options, without the baseline.
+    options: SessionOptions,
     known: Known,
-    /// Braids of the first frame, if there are any.
-    braids: Option<Braids>,
     /// Pairs of curves that are verified; `None`: all.
     filter: Option<PairFilter>,
     full: FullRun,
@@ -120,7 +112,7 @@ impl Engine {
     }
 
     /// Creates an engine whose kernels run on an adapter that is open already.
-    pub fn with_gpu(options: SessionOptions, gpu: GpuUse) -> Self {
+    pub fn with_gpu(mut options: SessionOptions, gpu: GpuUse) -> Self {
         let (kernel, gpu) = match options.cell {
             // Kernels that sum know no exact sums of coordinates.
             Some(_) => (Method::Crossings, GpuUse::default()),
@@ -131,22 +123,16 @@ impl Engine {
         let ends = (full.progress.cancel.clone(), full.progress.limit.clone());
         let incremental = options.strategy.is_incremental();
         let steps = Steps::new(options.events, incremental, limit, ends);
-        let higher = options.baseline.as_ref();
-        let higher = higher.map_or_else(Vec::new, |given| given.higher.clone());
+        let given = options.baseline.take();
+        let higher = given.as_ref().map(|given| given.higher.clone());
         Engine {
-            invariants: options.invariants,
-            abort_on: options.abort_on,
-            max_pairs: options.max_pairs,
-            check_torn: options.wrapped.is_none(),
-            strategy: options.strategy,
-            early_exit: options.early_exit,
-            braids: options.braids,
             known: Known {
-                higher: Arc::new(higher),
-                given: options.baseline.map(Arc::new),
+                higher: Arc::new(higher.unwrap_or_default()),
+                given: given.map(Arc::new),
                 cell: options.cell.map(|_| CellScene::default()),
                 ..Known::default()
             },
+            options,
             filter: None,
             full,
             monitor: Monitor::new(steps.coverage(), None),
@@ -233,7 +219,7 @@ impl Engine {
     ) -> Result<()> {
         // The verification of the frame decides if other curves are valid.
         set.take_if(|set| same_layout(&frame, set).is_err());
-        let incremental = self.strategy.is_incremental();
+        let incremental = self.options.strategy.is_incremental();
         ingest(frame, set, |set, positions| match incremental {
             true => self.monitor.receive(set, positions, cell),
             false => set.update(positions),
@@ -245,7 +231,7 @@ impl Engine {
     /// the same without it, or if another frame follows.
     pub fn announce(&mut self, next: &Arc<CurveSet>) {
         // With braids, the set that is verified is another one.
-        if self.braids.is_none() {
+        if self.options.braids.is_none() {
             self.full.gpu.announce(next);
         }
     }
@@ -365,7 +351,7 @@ impl Engine {
 
     /// Resets what is counted and limited for each frame.
     fn begin_frame(&mut self) {
-        self.full.progress.limit.begin(self.max_pairs);
+        self.full.progress.limit.begin(self.options.max_pairs);
         self.full.heed_cancel(true);
         self.work = Work::default();
         // A partial run does not start all stages.
@@ -390,7 +376,7 @@ impl Engine {
             }
             _ => lacks(known.joined(), d.i, d.j),
         };
-        self.abort_on.aborts(report, expected)
+        self.options.abort_on.aborts(report, expected)
     }
 
     /// Returns the braids with everything that was found in the first frame, so that other runs can
@@ -406,13 +392,13 @@ impl Engine {
             last_intact: self.known.intactness.last_intact,
             ..Report::new(seq, time, Verdict::Rejected)
         };
-        report.abort = self.abort_on.aborts(&report, |_| false);
+        report.abort = self.options.abort_on.aborts(&report, |_| false);
         report
     }
 
     /// Records an error of the incremental verification, and switches it off.
     fn disagree(&mut self) {
         self.work.disagreed = true;
-        self.strategy = Strategy::Full;
+        self.options.strategy = Strategy::Full;
     }
 }

@@ -116,7 +116,7 @@ impl Engine {
             known.expect(Arc::clone(&state.baseline), own);
             known.cell = Some(scene);
         }
-        if let (Some(braids), Some((_, first))) = (&self.braids, &state.braids) {
+        if let (Some(braids), Some((_, first))) = (&self.options.braids, &state.braids) {
             let mut scene = BraidScene::new(braids, &first.0)?;
             self.set_filter(Some(scene.filter()));
             let own = scene.expected(&state.baseline);
@@ -130,7 +130,7 @@ impl Engine {
             let set = frame.set()?;
             pool::run(set.segments(), || self.full.certify(set));
             self.full.progress.check()?;
-            let keeps = self.strategy.is_incremental();
+            let keeps = self.options.strategy.is_incremental();
             let certificate = &self.full.certificate;
             let linking = LinkingNumbers {
                 comparison: certificate.compare(baseline)?,

@@ -1,6 +1,7 @@
 //! Tests of the steps between frames: pull-throughs, cuts, and what is known to be intact.
 
 use super::*;
+use crate::verdict::AbortOn;
 
 #[test]
 fn the_first_frame_has_no_pull_throughs() {
