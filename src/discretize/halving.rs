@@ -3,6 +3,10 @@
 use super::{MAX_FRONT, MAX_LEVEL};
 use crate::curve::{Bezier, CurveSet, Point, point_at, sub_segment};
 
+/// Overlapping piece pairs for each pair of segments, from which on curves graze one another along
+/// their length: their number would double in every round.
+const GRAZING: usize = 16;
+
 /// Parameters at which the segments of one curve are split for a pair of curves.
 #[derive(Debug, Default)]
 pub(crate) struct Splits {
@@ -106,15 +110,16 @@ impl Halving {
     /// rounds, or two segments that stay too close (the splits then prove nothing).
     ///
     /// `meeting` lists all segment pairs with overlapping volumes. `volume` returns a convex set
-    /// that contains a piece. `apart` returns true if two volumes are apart by more than rounding
-    /// errors.
-    pub(super) fn halve<V>(
+    /// that contains a piece, given the piece in all frames. `apart` returns true if two volumes
+    /// are apart by more than rounding errors. With a number of `most` rounds, volumes may still meet
+    /// after these, and if the curves graze one another along their length.
+    pub(super) fn halve<V, const N: usize>(
         &mut self,
-        set: &CurveSet,
-        curves: [usize; 2],
+        (frames, curves): ([&CurveSet; N], [usize; 2]),
         meeting: &[(u32, u32)],
-        volume: impl Fn(&Bezier) -> V,
+        volume: impl Fn(&[Bezier; N]) -> V,
         apart: impl Fn(&V, &V) -> bool,
+        most: Option<u32>,
     ) -> Result<u32, [u32; 2]> {
         let (splits, front, next) = (&mut self.splits, &mut self.front, &mut self.next);
         splits.iter_mut().for_each(Splits::clear);
@@ -125,6 +130,10 @@ impl Halving {
         }));
         let mut rounds = 0;
         while !front.is_empty() {
+            let along = GRAZING * meeting.len().max(64);
+            if most.is_some_and(|most| rounds == most || front.len() > along) {
+                break;
+            }
             if rounds == MAX_LEVEL || front.len() > MAX_FRONT {
                 // The minimum does not depend on the order in which pairs were found.
                 return Err(front.iter().min().map_or([0, 0], |o| o.segments));
@@ -138,10 +147,10 @@ impl Halving {
                 let halves = [0, 1].map(|side| {
                     let (s, piece) = (o.segments[side], o.pieces[side]);
                     splits[side].at.push((s, (2 * piece + 1) as f64 * half));
-                    let b = set.segment(curves[side], s as usize);
+                    let whole = frames.map(|set| set.segment(curves[side], s as usize));
                     [2 * piece, 2 * piece + 1].map(|k| {
-                        let part = sub_segment(&b, k as f64 * half, (k + 1) as f64 * half);
-                        (k, volume(&part))
+                        let [from, to] = [k, k + 1].map(|k| k as f64 * half);
+                        (k, volume(&whole.map(|b| sub_segment(&b, from, to))))
                     })
                 });
                 for (k, a) in &halves[0] {
@@ -160,7 +169,7 @@ impl Halving {
             std::mem::swap(front, next);
         }
         for (splits, curve) in splits.iter_mut().zip(curves) {
-            splits.mark(set.curve(curve).segments);
+            splits.mark(frames[0].curve(curve).segments);
         }
         Ok(rounds)
     }
