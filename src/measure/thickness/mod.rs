@@ -135,7 +135,7 @@ pub struct MinRad {
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Thickness {
-    /// Length of all curves; that of splines is a quadrature with eight points per segment.
+    /// Length of all curves; that of splines is measured to nine digits or more.
     pub length: f64,
     /// Sharpest bend; `None` if no curve bends.
     pub min_rad: Option<MinRad>,

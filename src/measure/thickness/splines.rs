@@ -12,6 +12,14 @@ use crate::periodic::period;
 const BEND_ACCURACY: f64 = 1e-4;
 const DIVISIONS: usize = 1 << 20;
 
+/// Relative difference of the lengths of a part and of its halves, at which they are not divided.
+/// The error of the halves is a 256th of it.
+const LENGTH_ACCURACY: f64 = 1e-9;
+
+/// Part of a segment that is not divided to measure its length: the length of a cusp's tip is
+/// quadratic in it.
+const TIP: f64 = 1e-5;
+
 /// Returns an upper bound of the distance between a cubic segment and its chord, both at the same
 /// parameter: an eighth of the largest second derivative, which is a combination of the second
 /// differences of the control points with weights of 6 in all.
@@ -20,20 +28,36 @@ pub(super) fn deviation([a, b, c, d]: &Bezier) -> f64 {
     0.75 * second(a, b, c).max(second(b, c, d)) * (1.0 + 1e-9)
 }
 
-/// Returns the length of a segment, by the rule of Gauss and Legendre of four points in each half.
+/// Returns the length of a segment. Parts are halved until the rule of Gauss and Legendre of four
+/// points gives the same length for a part and for its halves, or the part is a tip of a cusp.
 pub(super) fn length(hull: &Bezier) -> f64 {
+    let whole = [0.0, 1.0];
+    length_of(hull, whole, by_four_points(hull, whole))
+}
+
+fn length_of(hull: &Bezier, [from, to]: [f64; 2], known: f64) -> f64 {
+    let middle = 0.5 * (from + to);
+    let halves = [[from, middle], [middle, to]].map(|part| (part, by_four_points(hull, part)));
+    let sum = halves[0].1 + halves[1].1;
+    if (sum - known).abs() <= LENGTH_ACCURACY * sum || to - from < TIP {
+        return sum;
+    }
+    halves
+        .map(|(part, known)| length_of(hull, part, known))
+        .iter()
+        .sum()
+}
+
+/// Returns the length of a part by the rule of Gauss and Legendre of four points.
+fn by_four_points(hull: &Bezier, [from, to]: [f64; 2]) -> f64 {
     let nodes = [
         (0.339_981_043_584_856_26, 0.652_145_154_862_546_1),
         (0.861_136_311_594_052_6, 0.347_854_845_137_453_85),
     ];
-    let speed = |t: f64| norm(derivatives(hull, t)[1]);
-    let half = |middle: f64| -> f64 {
-        let pair = |(x, weight): (f64, f64)| {
-            weight * (speed(middle - 0.25 * x) + speed(middle + 0.25 * x))
-        };
-        0.25 * nodes.map(pair).iter().sum::<f64>()
-    };
-    half(0.25) + half(0.75)
+    let [middle, half] = [0.5 * (from + to), 0.5 * (to - from)];
+    let speed = |x: f64| norm(derivatives(hull, middle + half * x)[1]);
+    let pair = |(x, weight): (f64, f64)| weight * (speed(-x) + speed(x));
+    half * nodes.map(pair).iter().sum::<f64>()
 }
 
 /// A part of a segment: its curve, its number, and its ends.

@@ -457,3 +457,31 @@ fn bends_and_distances_of_random_splines_are_within_their_bounds() {
     }
     assert!(near > 20, "{near}");
 }
+
+/// Regression test: a rule of eight points was wrong by 3 % at sharp bends. The curve is
+/// `(u^2, u^3, h u)` for `u` from -1 to 1, with a cusp if `h` is 0.
+#[test]
+fn the_length_of_a_spline_is_precise_at_a_cusp_and_at_sharp_bends() {
+    let length = |h: f64| {
+        let third = 1.0 / 3.0;
+        super::splines::length(&[
+            [1.0, -1.0, -h],
+            [-third, 1.0, -h * third],
+            [-third, -1.0, h * third],
+            [1.0, 1.0, h],
+        ])
+    };
+    let exact = 2.0 * (13.0 * 13f64.sqrt() - 8.0) / 27.0;
+    assert!((length(0.0) / exact - 1.0).abs() < 1e-9, "{}", length(0.0));
+    for h in [1e-4, 0.01, 0.1, 1.0] {
+        let speed = |u: f64| (4.0 * u * u + 9.0 * u.powi(4) + h * h).sqrt();
+        let n = 1_000_000;
+        let middle = |k: u32| speed((f64::from(k) + 0.5) / f64::from(n));
+        let expected = 2.0 * (0..n).map(middle).sum::<f64>() / f64::from(n);
+        assert!(
+            (length(h) / expected - 1.0).abs() < 1e-8,
+            "{h}: {}",
+            length(h)
+        );
+    }
+}
