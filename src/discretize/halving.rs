@@ -111,8 +111,8 @@ impl Halving {
     ///
     /// `meeting` lists all segment pairs with overlapping volumes. `volume` returns a convex set
     /// that contains a piece, given the piece in all frames. `apart` returns true if two volumes
-    /// are apart by more than rounding errors. With a number of `most` rounds, volumes may still meet
-    /// after these, and if the curves graze one another along their length.
+    /// are apart by more than rounding errors. With `most` rounds, volumes may still meet after
+    /// these, and if the curves graze one another along their length.
     pub(super) fn halve<V, const N: usize>(
         &mut self,
         (frames, curves): ([&CurveSet; N], [usize; 2]),

@@ -25,9 +25,9 @@
 //! the hulls of two pieces may meet between the frames ([`MovingSeparation::refine`]): there the
 //! polylines deviate from the splines by a millionth of what a chord of a segment does. With the
 //! splits of a frame, the polylines are link homotopic to the splines in that frame
-//! ([`crate::discretize`]). Additional splits do no harm, because the hull of a part is within the hull of the whole. A
-//! segment has the same pieces with all segments of the other curve. So for two closed curves that
-//! have linking numbers in both frames
+//! ([`crate::discretize`]). Additional splits do no harm, because the hull of a part is within the
+//! hull of the whole. A segment has the same pieces with all segments of the other curve. So for
+//! two closed curves that have linking numbers in both frames
 //!
 //! ```text
 //! sum of the signs of all passages = linking number after - linking number before

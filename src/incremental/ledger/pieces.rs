@@ -8,8 +8,8 @@ use crate::discretize::{Halving, Separation, Sieve, Splits, sort_splits};
 /// Minimum number of pieces of a spline segment.
 pub(super) const PIECES: u32 = 4;
 
-/// Number of halvings of segments that may meet between the frames. A chord of their pieces deviates
-/// from the curve by a millionth of what the chord of the segment does.
+/// Number of halvings of segments that may meet between the frames. A chord of their pieces
+/// deviates from the curve by a millionth of what the chord of the segment does.
 const ROUNDS: u32 = 10;
 
 /// Number of pairs of segments that may meet, above which each doubling costs a round. So many meet
