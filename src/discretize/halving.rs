@@ -4,7 +4,7 @@ use super::{MAX_FRONT, MAX_LEVEL};
 use crate::curve::{Bezier, CurveSet, Point, point_at, sub_segment};
 
 /// Overlapping piece pairs for each pair of segments, from which on curves graze one another along
-/// their length: their number would double in every round.
+/// their length: their number would grow in every round.
 const GRAZING: usize = 16;
 
 /// Parameters at which the segments of one curve are split for a pair of curves.
@@ -130,8 +130,8 @@ impl Halving {
         }));
         let mut rounds = 0;
         while !front.is_empty() {
-            let along = GRAZING * meeting.len().max(64);
-            if most.is_some_and(|most| rounds == most || front.len() > along) {
+            let limit = MAX_FRONT.min(GRAZING * meeting.len().max(64));
+            if most.is_some_and(|most| rounds == most || front.len() > limit) {
                 break;
             }
             if rounds == MAX_LEVEL || front.len() > MAX_FRONT {

@@ -14,7 +14,7 @@ const ROUNDS: u32 = 10;
 
 /// Number of pairs of segments that may meet, above which each doubling costs a round. So many meet
 /// only in motions of whole segments.
-const MANY: usize = 1 << 7;
+const MANY: usize = 1 << 9;
 
 /// A vertex of a polyline that replaces a spline.
 #[derive(Clone, Copy, Debug)]

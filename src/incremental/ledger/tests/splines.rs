@@ -24,7 +24,7 @@ fn step_of_splines(r: &mut Random) -> [CurveSet; 2] {
             frames[1].extend(per_axis(|x| at(x) + shift[x] + motion[x]));
         }
     }
-    let counts = sizes.map(|n| -(n as i32));
+    let counts = sizes.map(|n| -n);
     frames.map(|xyz| CurveSet::from_counts(basis, &counts, Positions::F64(&xyz)).unwrap())
 }
 
