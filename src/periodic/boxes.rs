@@ -45,7 +45,7 @@ pub(crate) struct Boxer<'a> {
 impl<'a> Boxer<'a> {
     /// # Errors
     ///
-    /// [`Error::Usage`] if the lattice vectors are linearly dependent.
+    /// [`Error::Usage`] if the cell is invalid.
     pub fn new(set: &'a CurveSet, cell: &Cell) -> Result<Boxer<'a>> {
         Ok(Boxer {
             set,

@@ -26,7 +26,7 @@ pub(crate) struct Torn {
 ///
 /// # Errors
 ///
-/// [`Error::Usage`] if the lattice vectors are linearly dependent.
+/// [`Error::Usage`] if the cell is invalid.
 pub(crate) fn find_torn(
     set: &CurveSet,
     cell: &Cell,

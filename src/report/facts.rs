@@ -55,6 +55,8 @@ pub(super) struct Baseline {
     pub frame: Option<u64>,
     /// Number of frames before it that were published and that nobody verified.
     pub unverified: u64,
+    /// Number of curves that run through the periodic cell.
+    pub through: u64,
 }
 
 /// Numbers of frames.
@@ -260,6 +262,7 @@ impl Collector {
                     undefined: b.certificate.undefined.len(),
                     frame: b.frame,
                     unverified: b.unverified,
+                    through: b.certificate.periods.len() as u64,
                 });
             }
             RecordedItem::Frame(frame) => {

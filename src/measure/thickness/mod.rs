@@ -159,7 +159,7 @@ impl Thickness {
     /// # Errors
     ///
     /// [`Error::Count`](crate::Error::Count) for splines with too many segments;
-    /// [`Error::Usage`](crate::Error::Usage) if the lattice vectors are linearly dependent, or
+    /// [`Error::Usage`](crate::Error::Usage) if the cell is invalid, or
     /// curves span too many cells.
     ///
     /// ```
@@ -213,7 +213,7 @@ impl Thickness {
 /// # Errors
 ///
 /// [`Error::Count`](crate::Error::Count) for splines with too many segments;
-/// [`Error::Usage`](crate::Error::Usage) if the lattice vectors are linearly dependent, or if too
+/// [`Error::Usage`](crate::Error::Usage) if the cell is invalid, or if too
 /// many cells are within this length.
 ///
 /// ```

@@ -1,7 +1,7 @@
 //! Bends and lengths of splines.
 
 use super::MinRad;
-use super::approach::{derivatives, directions, first_direction, is_corner, last_direction};
+use super::approach::{directions, first_direction, is_corner, last_direction};
 use crate::curve::vector::{cross, dot, mix, norm, per_axis, sub};
 use crate::curve::{Basis, Bezier, Cell, CurveSet, Point};
 use crate::pairs::Scale;
@@ -31,31 +31,38 @@ pub(super) fn deviation([a, b, c, d]: &Bezier) -> f64 {
 /// Returns the length of a segment. Parts are halved until the rule of Gauss and Legendre of four
 /// points gives the same length for a part and for its halves, or the part is a tip of a cusp.
 pub(super) fn length(hull: &Bezier) -> f64 {
+    // The differences of the control points keep their digits, however far the segment is from the
+    // origin.
+    let directions = &directions(hull);
     let whole = [0.0, 1.0];
-    length_of(hull, whole, by_four_points(hull, whole))
+    length_of(directions, whole, by_four_points(directions, whole))
 }
 
-fn length_of(hull: &Bezier, [from, to]: [f64; 2], known: f64) -> f64 {
+fn length_of(directions: &[Point; 3], [from, to]: [f64; 2], known: f64) -> f64 {
     let middle = 0.5 * (from + to);
-    let halves = [[from, middle], [middle, to]].map(|part| (part, by_four_points(hull, part)));
+    let halves =
+        [[from, middle], [middle, to]].map(|part| (part, by_four_points(directions, part)));
     let sum = halves[0].1 + halves[1].1;
     if (sum - known).abs() <= LENGTH_ACCURACY * sum || to - from < TIP {
         return sum;
     }
     halves
-        .map(|(part, known)| length_of(hull, part, known))
+        .map(|(part, known)| length_of(directions, part, known))
         .iter()
         .sum()
 }
 
 /// Returns the length of a part by the rule of Gauss and Legendre of four points.
-fn by_four_points(hull: &Bezier, [from, to]: [f64; 2]) -> f64 {
+fn by_four_points([u, v, w]: &[Point; 3], [from, to]: [f64; 2]) -> f64 {
     let nodes = [
         (0.339_981_043_584_856_26, 0.652_145_154_862_546_1),
         (0.861_136_311_594_052_6, 0.347_854_845_137_453_85),
     ];
     let [middle, half] = [0.5 * (from + to), 0.5 * (to - from)];
-    let speed = |x: f64| norm(derivatives(hull, middle + half * x)[1]);
+    let speed = |x: f64| {
+        let t = middle + half * x;
+        3.0 * norm(mix(mix(*u, *v, t), mix(*v, *w, t), t))
+    };
     let pair = |(x, weight): (f64, f64)| weight * (speed(-x) + speed(x));
     half * nodes.map(pair).iter().sum::<f64>()
 }

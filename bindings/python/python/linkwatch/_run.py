@@ -247,7 +247,7 @@ class Run:
                 "searches for pull-throughs of a curve with itself, invariants='self' compares its "
                 "knot"
             )
-        if self.options.get("events") == "off" and self._open:
+        if self.options.get("events") == "off" and self._open and verified > 1:
             curves = plural(self._open, "open curve", "open curves")
             gaps.append(f"not verified: {curves} (events='between' searches for pull-throughs)")
         if self._unmeasured:

@@ -55,7 +55,7 @@ impl Lattice {
     ///
     /// # Errors
     ///
-    /// [`Error::Usage`](crate::Error::Usage) if the lattice vectors are linearly dependent.
+    /// [`Error::Usage`](crate::Error::Usage) if the cell is invalid.
     pub fn new(cell: &Cell, boxes: &[Box3], reach: f64) -> Result<Lattice> {
         let inverse = cell.inverse_or_error()?;
         let all = boxes.iter().copied().reduce(|a, b| a.union(&b));
