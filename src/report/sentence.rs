@@ -115,8 +115,8 @@ impl Facts {
         }
     }
 
-    /// Returns the number of open curves, if they were not verified. Several curves that run through
-    /// the periodic cell have no linking number with one another.
+    /// Returns the number of open curves, if they were not verified. Several curves that run
+    /// through the periodic cell have no linking number with one another.
     pub(super) fn unverified_curves(&self) -> u64 {
         match self.events() {
             Events::Off => {
