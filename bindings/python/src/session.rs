@@ -350,7 +350,8 @@ impl State {
             && self.open.as_ref().is_none_or(|of| of.0 != info.layout)
         {
             let open = open_curves(set, info.cell.as_ref());
-            let through = set.open_curves() - open.len();
+            let closed = set.curves().iter().filter(|curve| curve.closed).count();
+            let through = set.len() - closed - open.len();
             let through = if through > 1 { through } else { 0 };
             self.most_open = self.most_open.max(open.len() + through);
             self.open = Some((info.layout, open));
