@@ -13,7 +13,7 @@
 use super::MAX_LEVEL;
 use super::halving::{Halving, sort_splits, vertices};
 use super::hulls::{boxes_apart, separation_margin, tight_bounds};
-use crate::curve::{Basis, Bezier, Bounds, CurveSet, Positions, Precision};
+use crate::curve::{Basis, Bounds, CurveSet, Positions, Precision};
 use crate::error::Result;
 use crate::pairs::{LinkSearch, Pair, Trees, closest_of_segments, overlapping_segments};
 use crate::verdict::{Defect, DefectKind};
@@ -98,8 +98,7 @@ fn refine(
     let mut meeting = overlapping_segments(set, trees, curves[0], curves[1]);
     let whole = |i: usize, s: u32| tight_bounds(&set.segment(i, s as usize));
     meeting.retain(|&(s, t)| !apart(&whole(curves[0], s), &whole(curves[1], t)));
-    let volume = |[piece]: &[Bezier; 1]| tight_bounds(piece);
-    let outcome = halving.halve(([set], curves), &meeting, volume, apart, None);
+    let outcome = halving.halve(set, curves, &meeting, tight_bounds, apart);
     // Splits of a pair that stays too close prove nothing, and there may be millions of them.
     let splits = match outcome {
         Ok(_) => halving.splits.each_ref().map(|s| s.at.clone()),

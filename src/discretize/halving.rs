@@ -3,10 +3,6 @@
 use super::{MAX_FRONT, MAX_LEVEL};
 use crate::curve::{Bezier, CurveSet, Point, point_at, sub_segment};
 
-/// Overlapping piece pairs for each pair of segments, from which on curves graze one another along
-/// their length: their number would grow in every round.
-const GRAZING: usize = 16;
-
 /// Parameters at which the segments of one curve are split for a pair of curves.
 #[derive(Debug, Default)]
 pub(crate) struct Splits {
@@ -110,16 +106,15 @@ impl Halving {
     /// rounds, or two segments that stay too close (the splits then prove nothing).
     ///
     /// `meeting` lists all segment pairs with overlapping volumes. `volume` returns a convex set
-    /// that contains a piece, given the piece in all frames. `apart` returns true if two volumes
-    /// are apart by more than rounding errors. With `most` rounds, volumes may still meet after
-    /// these, and if the curves graze one another along their length.
-    pub(super) fn halve<V, const N: usize>(
+    /// that contains a piece. `apart` returns true if two volumes are apart by more than rounding
+    /// errors.
+    pub(super) fn halve<V>(
         &mut self,
-        (frames, curves): ([&CurveSet; N], [usize; 2]),
+        set: &CurveSet,
+        curves: [usize; 2],
         meeting: &[(u32, u32)],
-        volume: impl Fn(&[Bezier; N]) -> V,
+        volume: impl Fn(&Bezier) -> V,
         apart: impl Fn(&V, &V) -> bool,
-        most: Option<u32>,
     ) -> Result<u32, [u32; 2]> {
         let (splits, front, next) = (&mut self.splits, &mut self.front, &mut self.next);
         splits.iter_mut().for_each(Splits::clear);
@@ -130,10 +125,6 @@ impl Halving {
         }));
         let mut rounds = 0;
         while !front.is_empty() {
-            let limit = MAX_FRONT.min(GRAZING * meeting.len().max(64));
-            if most.is_some_and(|most| rounds == most || front.len() > limit) {
-                break;
-            }
             if rounds == MAX_LEVEL || front.len() > MAX_FRONT {
                 // The minimum does not depend on the order in which pairs were found.
                 return Err(front.iter().min().map_or([0, 0], |o| o.segments));
@@ -147,10 +138,10 @@ impl Halving {
                 let halves = [0, 1].map(|side| {
                     let (s, piece) = (o.segments[side], o.pieces[side]);
                     splits[side].at.push((s, (2 * piece + 1) as f64 * half));
-                    let whole = frames.map(|set| set.segment(curves[side], s as usize));
+                    let b = set.segment(curves[side], s as usize);
                     [2 * piece, 2 * piece + 1].map(|k| {
-                        let [from, to] = [k, k + 1].map(|k| k as f64 * half);
-                        (k, volume(&whole.map(|b| sub_segment(&b, from, to))))
+                        let part = sub_segment(&b, k as f64 * half, (k + 1) as f64 * half);
+                        (k, volume(&part))
                     })
                 });
                 for (k, a) in &halves[0] {
@@ -169,7 +160,7 @@ impl Halving {
             std::mem::swap(front, next);
         }
         for (splits, curve) in splits.iter_mut().zip(curves) {
-            splits.mark(frames[0].curve(curve).segments);
+            splits.mark(set.curve(curve).segments);
         }
         Ok(rounds)
     }

@@ -121,15 +121,12 @@ impl Hull {
             db = add(db, b.chord());
             between = add(between, sub(b.sum(), a.sum()));
         }
-        let [first, last] = [frames[0], frames[N - 1]].map(|[a, b]| sub(b.sum(), a.sum()));
-        let motion = sub(last, first);
         // Strands that cross at an angle: the common normal of the chords.
         if apart_along(frames, cross(da, db), margin) || apart_along(frames, between, margin) {
             return true;
         }
         // Nearly parallel strands: the vector from one to the other, made orthogonal to a chord.
-        // Short pieces that move past one another: made orthogonal to their relative motion.
-        for d in [da, db, motion] {
+        for d in [da, db] {
             let length_sq = dot(d, d);
             if length_sq > 0.0 {
                 let c = dot(between, d) / length_sq;

@@ -2,7 +2,7 @@
 
 use super::halving::Halving;
 use super::hulls::{Hull, separation_margin};
-use crate::curve::{Bezier, CurveSet, Hulls};
+use crate::curve::{CurveSet, Hulls};
 use std::ops::Range;
 
 /// Separation test for the hulls of two segments.
@@ -48,10 +48,10 @@ impl<'a> Separation<'a> {
     /// `close` lists all segment pairs whose hulls meet. Every piece of a split segment is a part
     /// of the final polyline of the pair, so candidates must be evaluated after this.
     pub fn refine(&self, close: &[(u32, u32)], halving: &mut Halving) -> Result<(), [u32; 2]> {
-        let volume = |[piece]: &[Bezier; 1]| Hull::of_piece(piece);
         let apart = |a: &Hull, b: &Hull| a.separated(b, self.margin);
-        let curves = ([self.set], self.curves);
-        halving.halve(curves, close, volume, apart, None).map(drop)
+        halving
+            .halve(self.set, self.curves, close, Hull::of_piece, apart)
+            .map(drop)
     }
 }
 
@@ -59,7 +59,6 @@ impl<'a> Separation<'a> {
 /// straight lines at constant speed.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct MovingSeparation<'a> {
-    sets: [&'a CurveSet; 2],
     frames: [Hulls<'a>; 2],
     curves: [usize; 2],
     margin: f64,
@@ -69,7 +68,6 @@ impl<'a> MovingSeparation<'a> {
     pub fn new(frames: [&'a CurveSet; 2], curves: [usize; 2]) -> Self {
         let [m, n] = frames.map(|set| separation_margin(set.max_abs(), set.pad()));
         MovingSeparation {
-            sets: frames,
             frames: frames.map(CurveSet::hulls),
             curves,
             margin: m.max(n),
@@ -83,26 +81,6 @@ impl<'a> MovingSeparation<'a> {
         let [first, second] = [self.hulls(self.curves[0], s), self.hulls(self.curves[1], t)];
         let frames = [[&first[0], &second[0]], [&first[1], &second[1]]];
         Hull::separated_throughout(frames, self.margin)
-    }
-
-    /// Splits segments until all pieces are apart at all times, or they were halved `rounds` times:
-    /// those that meet at some time are never apart.
-    ///
-    /// `close` lists all segment pairs that are not apart.
-    pub fn refine(
-        &self,
-        close: &[(u32, u32)],
-        rounds: u32,
-        halving: &mut Halving,
-    ) -> Result<(), [u32; 2]> {
-        let volume = |pieces: &[Bezier; 2]| pieces.each_ref().map(Hull::of_piece);
-        let apart = |[a, c]: &[Hull; 2], [b, d]: &[Hull; 2]| {
-            Hull::separated_throughout([[a, b], [c, d]], self.margin)
-        };
-        let curves = (self.sets, self.curves);
-        halving
-            .halve(curves, close, volume, apart, Some(rounds))
-            .map(drop)
     }
 
     /// Returns true if two consecutive segments, one of each curve, are not proven monotonic

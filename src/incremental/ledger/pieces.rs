@@ -3,18 +3,10 @@
 
 use super::task::Task;
 use crate::curve::{Point, bounds, point_at};
-use crate::discretize::{Halving, Separation, Sieve, Splits, sort_splits};
+use crate::discretize::{Halving, Separation, Sieve, sort_splits};
 
 /// Minimum number of pieces of a spline segment.
 pub(super) const PIECES: u32 = 4;
-
-/// Number of halvings of segments that may meet between the frames. A chord of their pieces
-/// deviates from the curve by a millionth of what the chord of the segment does.
-const ROUNDS: u32 = 10;
-
-/// Number of pairs of segments that may meet, above which each doubling costs a round. So many meet
-/// only in motions of whole segments.
-const MANY: usize = 1 << 9;
 
 /// A vertex of a polyline that replaces a spline.
 #[derive(Clone, Copy, Debug)]
@@ -56,17 +48,11 @@ pub(super) struct Cuts {
 }
 
 impl Cuts {
-    /// Computes the splits for both frames, of all segments that are too near in them, and for the
-    /// motion between them, of the parts that may meet. Returns two segments if they are too close
-    /// to split.
+    /// Computes the splits for both frames, of all segments that are too near in them. Returns two
+    /// segments if they are too close to split.
     pub fn fill(&mut self, task: &Task<'_>, near: &[(u32, u32)]) -> Result<(), [u32; 2]> {
         let Cuts { at, close, halving } = self;
         at.iter_mut().for_each(Vec::clear);
-        let mut add = |splits: &[Splits; 2]| {
-            for (side, splits) in splits.iter().enumerate() {
-                at[if task.is_self() { 0 } else { side }].extend_from_slice(&splits.at);
-            }
-        };
         for set in task.step.frames {
             let separation = Separation::new(set, task.curves);
             close.clear();
@@ -77,14 +63,10 @@ impl Cuts {
                 continue;
             }
             separation.refine(close, halving)?;
-            add(&halving.splits);
+            for (side, splits) in halving.splits.iter().enumerate() {
+                at[if task.is_self() { 0 } else { side }].extend_from_slice(&splits.at);
+            }
         }
-        close.clear();
-        close.extend(near.iter().filter(|&&(s, t)| !task.adjacent(s, t)));
-        let fewer = (close.len() / MANY).checked_ilog2().unwrap_or(0);
-        let rounds = ROUNDS.saturating_sub(fewer);
-        task.separation.refine(close, rounds, halving)?;
-        add(&halving.splits);
         at.iter_mut().for_each(sort_splits);
         Ok(())
     }
