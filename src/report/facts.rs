@@ -56,6 +56,7 @@ pub(super) struct Baseline {
     /// Number of frames before it that were published and that nobody verified.
     pub unverified: u64,
     /// Number of curves that run through the periodic cell.
+    #[serde(skip)]
     pub through: u64,
 }
 
