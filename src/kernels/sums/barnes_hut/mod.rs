@@ -183,8 +183,8 @@ fn within(options: Options, budget: f64, trees: [&Tree; 2]) -> Sum {
     };
     let mut sum = pass(order, trees, Criterion::Share(share));
     for _ in 0..PASSES {
-        let bound = sum.estimate().bound;
-        if bound <= budget || bound.is_nan() || sum.estimate_of_rounding() > budget {
+        let (bound, rounding) = (sum.estimate().bound, sum.estimate_of_rounding());
+        if bound <= budget || rounding.is_nan() || rounding > budget {
             break;
         }
         // Heuristic: the bound grows approximately as the share to the power of 0.6 to 0.9, the
