@@ -98,12 +98,8 @@ impl Run {
             match self.setup.from_now {
                 true => tracing::info!("{late}"),
                 false => {
-                    let hint = if self.setup.live {
-                        " (--from-now accepts this)"
-                    } else {
-                        ""
-                    };
-                    tracing::warn!("{late}{hint}");
+                    let hint = " (--from-now accepts this)";
+                    tracing::warn!("{late}{}", if self.setup.live { hint } else { "" });
                     self.data_lost();
                 }
             }
