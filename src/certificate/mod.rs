@@ -96,6 +96,15 @@ impl Certificate {
         &self.periods
     }
 
+    /// Returns the number of curves that run through the cell and have no linking number with one
+    /// another: all of them, or 0 if there is only one.
+    pub fn periods_without_numbers(&self) -> usize {
+        match self.periods.len() {
+            1 => 0,
+            through => through,
+        }
+    }
+
     /// Adds invariants of one kind of the curves of the frame. Returns the reasons why curves have
     /// none of their own.
     ///

@@ -55,7 +55,7 @@ pub(super) struct Baseline {
     pub frame: Option<u64>,
     /// Number of frames before it that were published and that nobody verified.
     pub unverified: u64,
-    /// Number of curves that run through the periodic cell.
+    /// Number of curves that run through the periodic cell, if there are several.
     #[serde(skip)]
     pub through: u64,
 }
@@ -220,9 +220,9 @@ impl Facts {
         let lost = self.recorded_in_part() + self.unmeasured();
         let lost = self.counts.missing.saturating_add(lost);
         let lost = lost.saturating_add(self.unverified());
-        let skipped = self.counts.verified > 1 && self.unverified_curves() > 0;
+        let unsearched = self.counts.verified > 1 && self.unverified_curves() > 0;
         let cut = self.metadata.contains_key(CUT_OFF);
-        let lost = lost > 0 || skipped || cut || !self.left_out.is_empty();
+        let lost = lost > 0 || unsearched || cut || !self.left_out.is_empty();
         self.counts.verified == 0 || lost || self.end != End::Finished
     }
 }
@@ -263,7 +263,7 @@ impl Collector {
                     undefined: b.certificate.undefined.len(),
                     frame: b.frame,
                     unverified: b.unverified,
-                    through: b.certificate.periods.len() as u64,
+                    through: b.certificate.periods_without_numbers() as u64,
                 });
             }
             RecordedItem::Frame(frame) => {

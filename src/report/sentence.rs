@@ -119,10 +119,7 @@ impl Facts {
     /// through the periodic cell have no linking number with one another.
     pub(super) fn unverified_curves(&self) -> u64 {
         match self.events() {
-            Events::Off => {
-                let through = self.baseline.as_ref().map_or(0, |b| b.through);
-                self.open_curves + if through > 1 { through } else { 0 }
-            }
+            Events::Off => self.open_curves + self.baseline.as_ref().map_or(0, |b| b.through),
             _ => 0,
         }
     }

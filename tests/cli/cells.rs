@@ -92,6 +92,37 @@ fn images_of_one_pair_are_findings_of_their_own() {
     assert_eq!(images, ["[-1,0,0]", "[0,0,0]"]);
 }
 
+/// Regression test: the report of the recording said that the run was intact.
+#[test]
+fn several_curves_through_the_cell_are_incomplete_without_a_search_for_pull_throughs() {
+    let folder = TempDir::new().unwrap();
+    let ring = "v 4 4 4\nv 5 4 4\nv 5 5 4\nl 1 2 3 1\n";
+    let yarns = "v 0 1 1\nv 4 1 1\nv 7 1 1\nv 10 1 1\nv 0 8 1\nv 4 8 1\nv 7 8 1\nv 10 8 1\n";
+    let check = |lines: &str, name: &str| {
+        let models = ["0.obj", "1.obj"].map(|model| folder.path().join(model));
+        for model in &models {
+            std::fs::write(model, [ring, yarns, lines].concat()).unwrap();
+        }
+        let [first, second] = models.each_ref().map(|model| text(model));
+        let recording = folder.path().join(name);
+        let options = [
+            "--cell=10,10,10",
+            "--events=off",
+            "--record",
+            text(&recording),
+        ];
+        let check = linkwatch(&[&["check", first, second], &options[..]].concat());
+        (check, linkwatch(&["report", "--text", text(&recording)]))
+    };
+    let (run, report) = check("l 4 5 6 7\nl 8 9 10 11\n", "two.mcap");
+    assert_eq!((run.code, report.code), (3, 3), "{}", run.stdout);
+    let says = "2 open curves were not verified";
+    assert!(report.stdout.contains(says), "{}", report.stdout);
+    // A single one has a linking number with the ring.
+    let (run, report) = check("l 4 5 6 7\n", "one.mcap");
+    assert_eq!((run.code, report.code), (0, 0), "{}", run.stdout);
+}
+
 /// Writes two rings that are linked across the boundary of the cell. In frame 2 they are not.
 fn across(folder: &Path, name: &str) -> PathBuf {
     let frame = |shift: f64| {

@@ -53,9 +53,8 @@ struct State {
     has_radii: bool,
     /// Open curves, and the layout of the verified frame that has them.
     open: Option<(u32, Vec<u32>)>,
-    /// Largest number of open curves of a verified frame that have no linking number with one
-    /// another: those that run through the cell count if there are several.
-    most_open: usize,
+    /// Largest number of open curves of a verified frame, without those that run through the cell.
+    most_open: u64,
     /// Results of the last frame.
     notes: Vec<ClosingNote>,
     jumps: u64,
@@ -271,9 +270,14 @@ impl Session {
         self.run(py, |state| Ok(state.open()))
     }
 
-    /// Returns the largest number of open curves of a verified frame: see [`State::most_open`].
-    fn most_open(&self, py: Python<'_>) -> PyResult<usize> {
-        self.run(py, |state| Ok(state.most_open))
+    /// Returns the largest number of curves of a verified frame without linking numbers: those that
+    /// are open, and those that run through the cell if there are several.
+    fn most_open(&self, py: Python<'_>) -> PyResult<u64> {
+        self.run(py, |state| {
+            let through = state.session().baseline();
+            let through = through.map_or(0, |numbers| numbers.periods_without_numbers());
+            Ok(state.most_open + through as u64)
+        })
     }
 
     fn baseline(&self, py: Python<'_>) -> PyResult<Option<Certificate>> {
@@ -349,13 +353,9 @@ impl State {
         if let Some(set) = &verified.curves
             && self.open.as_ref().is_none_or(|of| of.0 != info.layout)
         {
-            let open = open_curves(set, info.cell.as_ref());
-            let closed = set.curves().iter().filter(|curve| curve.closed).count();
-            let through = set.len() - closed - open.len();
-            let through = if through > 1 { through } else { 0 };
-            self.most_open = self.most_open.max(open.len() + through);
-            self.open = Some((info.layout, open));
+            self.open = Some((info.layout, open_curves(set, info.cell.as_ref())));
         }
+        self.most_open = self.most_open.max(verified.report.stats.open_curves);
         self.notes.clone_from(&verified.notes);
         self.jumps = verified.jumps;
         self.unmeasured.clone_from(&verified.unmeasured);

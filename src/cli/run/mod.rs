@@ -448,9 +448,11 @@ impl Run {
         let compares = |baseline: &Certificate| baseline.invariants().any(|kind| kind == curve);
         let baseline = options.baseline.as_ref();
         let knots = options.invariants.contains(&curve) || baseline.is_some_and(compares);
-        // Only pull-throughs can be verified for these curves.
-        let without_numbers = self.sum.open_curves.unwrap_or(0) > 0 || self.yarns() > 1;
-        let skipped = without_numbers && options.events == Events::Off && tally.verified > 1;
+        // Without linking numbers, only a search for pull-throughs can verify curves.
+        let through = self.session.baseline();
+        let through = through.map_or(0, Certificate::periods_without_numbers);
+        let without_numbers = self.sum.open_curves.unwrap_or(0) > 0 || through > 0;
+        let unsearched = without_numbers && options.events == Events::Off && tally.verified > 1;
         if tally.verified > 1 && !(self.sum.has_pairs || knots || options.events == Events::All) {
             tracing::warn!(
                 "nothing was verified: one curve alone has no linking number, and pull-throughs of \
@@ -458,7 +460,7 @@ impl Run {
             );
             self.data_lost();
         }
-        if tally.verified == 0 || self.sum.unmeasured.is_some() || skipped {
+        if tally.verified == 0 || self.sum.unmeasured.is_some() || unsearched {
             self.data_lost();
         }
         if let Some(junit) = self.junit.take()
