@@ -11,9 +11,9 @@
 //! garments.
 
 use super::MAX_LEVEL;
-use super::halving::{Halving, sort_splits, vertices};
+use super::halving::{Halving, Limits, sort_splits, vertices};
 use super::hulls::{boxes_apart, separation_margin, tight_bounds};
-use crate::curve::{Basis, Bounds, CurveSet, Positions, Precision};
+use crate::curve::{Basis, Bezier, Bounds, CurveSet, Positions, Precision};
 use crate::error::Result;
 use crate::pairs::{LinkSearch, Pair, Trees, closest_of_segments, overlapping_segments};
 use crate::verdict::{Defect, DefectKind};
@@ -98,7 +98,8 @@ fn refine(
     let mut meeting = overlapping_segments(set, trees, curves[0], curves[1]);
     let whole = |i: usize, s: u32| tight_bounds(&set.segment(i, s as usize));
     meeting.retain(|&(s, t)| !apart(&whole(curves[0], s), &whole(curves[1], t)));
-    let outcome = halving.halve(set, curves, &meeting, tight_bounds, apart);
+    let volume = |[piece]: &[Bezier; 1], _| tight_bounds(piece);
+    let outcome = halving.halve(([set], curves), &meeting, Limits::PROOF, volume, apart);
     // Splits of a pair that stays too close prove nothing, and there may be millions of them.
     let splits = match outcome {
         Ok(_) => halving.splits.each_ref().map(|s| s.at.clone()),

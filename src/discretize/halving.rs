@@ -92,6 +92,26 @@ struct Overlap {
     pieces: [u64; 2],
 }
 
+/// Limits of a subdivision.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Limits {
+    /// Number of rounds.
+    pub rounds: u32,
+    /// Number of overlapping piece pairs of both curves.
+    pub front: usize,
+    /// Number of overlapping piece pairs of two segments, above which these are not halved further.
+    pub pieces: usize,
+}
+
+impl Limits {
+    /// Volumes count as too close if they meet after [`MAX_LEVEL`] rounds.
+    pub const PROOF: Limits = Limits {
+        rounds: MAX_LEVEL,
+        front: MAX_FRONT,
+        pieces: usize::MAX,
+    };
+}
+
 /// Buffers and result of the subdivision.
 #[derive(Debug, Default)]
 pub(crate) struct Halving {
@@ -105,15 +125,15 @@ impl Halving {
     /// Splits segments of two curves until no two volumes of pieces meet. Returns the number of
     /// rounds, or two segments that stay too close (the splits then prove nothing).
     ///
-    /// `meeting` lists all segment pairs with overlapping volumes. `volume` returns a convex set
-    /// that contains a piece. `apart` returns true if two volumes are apart by more than rounding
-    /// errors.
-    pub(super) fn halve<V>(
+    /// `meeting` lists all segment pairs with overlapping volumes, sorted. `volume` returns a convex
+    /// set that contains a piece, given the piece in all frames and its ends along the curve.
+    /// `apart` returns true if two volumes are apart by more than rounding errors.
+    pub(super) fn halve<V, const N: usize>(
         &mut self,
-        set: &CurveSet,
-        curves: [usize; 2],
+        (frames, curves): ([&CurveSet; N], [usize; 2]),
         meeting: &[(u32, u32)],
-        volume: impl Fn(&Bezier) -> V,
+        limits: Limits,
+        volume: impl Fn(&[Bezier; N], [f64; 2]) -> V,
         apart: impl Fn(&V, &V) -> bool,
     ) -> Result<u32, [u32; 2]> {
         let (splits, front, next) = (&mut self.splits, &mut self.front, &mut self.next);
@@ -125,7 +145,7 @@ impl Halving {
         }));
         let mut rounds = 0;
         while !front.is_empty() {
-            if rounds == MAX_LEVEL || front.len() > MAX_FRONT {
+            if rounds == limits.rounds || front.len() > limits.front {
                 // The minimum does not depend on the order in which pairs were found.
                 return Err(front.iter().min().map_or([0, 0], |o| o.segments));
             }
@@ -138,10 +158,11 @@ impl Halving {
                 let halves = [0, 1].map(|side| {
                     let (s, piece) = (o.segments[side], o.pieces[side]);
                     splits[side].at.push((s, (2 * piece + 1) as f64 * half));
-                    let b = set.segment(curves[side], s as usize);
+                    let whole = frames.map(|set| set.segment(curves[side], s as usize));
                     [2 * piece, 2 * piece + 1].map(|k| {
-                        let part = sub_segment(&b, k as f64 * half, (k + 1) as f64 * half);
-                        (k, volume(&part))
+                        let ends = [k, k + 1].map(|k| k as f64 * half);
+                        let parts = whole.map(|b| sub_segment(&b, ends[0], ends[1]));
+                        (k, volume(&parts, ends.map(|at| f64::from(s) + at)))
                     })
                 });
                 for (k, a) in &halves[0] {
@@ -157,10 +178,13 @@ impl Halving {
             for splits in splits.iter_mut() {
                 sort_splits(&mut splits.at);
             }
-            std::mem::swap(front, next);
+            front.clear();
+            let of_segments = next.chunk_by(|a, b| a.segments == b.segments);
+            let few = of_segments.filter(|pieces| pieces.len() <= limits.pieces);
+            front.extend(few.flatten());
         }
         for (splits, curve) in splits.iter_mut().zip(curves) {
-            splits.mark(set.curve(curve).segments);
+            splits.mark(frames[0].curve(curve).segments);
         }
         Ok(rounds)
     }

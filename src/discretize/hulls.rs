@@ -1,6 +1,6 @@
 //! Separation of the convex hulls of two cubic segments, by more than rounding errors.
 
-use crate::curve::vector::{add, add_scaled, cross, dot, per_axis, sub};
+use crate::curve::vector::{add, add_scaled, cross, distance, dot, norm, per_axis, sub};
 use crate::curve::{Bezier, Bounds, Point, larger, pow2, smaller};
 
 /// Convex hull of a cubic segment, given by its control points: `points[axis][k]`.
@@ -87,6 +87,12 @@ impl Hull {
         [x[3] - x[0], y[3] - y[0], z[3] - z[0]]
     }
 
+    /// Returns the length of the control polygon, an upper bound of that of the segment.
+    pub fn length(&self) -> f64 {
+        let ends = |k| distance(self.point(k), self.point(k + 1));
+        (0..3).map(ends).sum()
+    }
+
     #[inline(always)]
     fn sum(&self) -> Point {
         let [x, y, z] = &self.points;
@@ -121,12 +127,15 @@ impl Hull {
             db = add(db, b.chord());
             between = add(between, sub(b.sum(), a.sum()));
         }
+        let [first, last] = [frames[0], frames[N - 1]].map(|[a, b]| sub(b.sum(), a.sum()));
+        let motion = sub(last, first);
         // Strands that cross at an angle: the common normal of the chords.
         if apart_along(frames, cross(da, db), margin) || apart_along(frames, between, margin) {
             return true;
         }
         // Nearly parallel strands: the vector from one to the other, made orthogonal to a chord.
-        for d in [da, db] {
+        // Short pieces that move past one another: made orthogonal to their relative motion.
+        for d in [da, db, motion] {
             let length_sq = dot(d, d);
             if length_sq > 0.0 {
                 let c = dot(between, d) / length_sq;
@@ -184,22 +193,31 @@ impl Hull {
     /// of a control point, which `margin` covers as for heights.
     #[inline(always)]
     pub fn are_monotonic<const N: usize>(frames: &[[Hull; 2]; N], margin: f64) -> bool {
-        let mut n = [0.0; 3];
-        for hull in frames.as_flattened() {
-            n = add(n, hull.chord());
+        let chords = frames.map(|[a, b]| add(a.chord(), b.chord()));
+        if rise_along(frames, chords.into_iter().fold([0.0; 3], add), margin) {
+            return true;
         }
-        let slack = 4.0 * margin * (n[0].abs() + n[1].abs() + n[2].abs()) + 1e-300;
-        let mut all = true;
-        for hull in frames.as_flattened() {
-            let [x, y, z] = &hull.points;
-            for k in 0..3 {
-                let along =
-                    (x[k + 1] - x[k]) * n[0] + (y[k + 1] - y[k]) * n[1] + (z[k + 1] - z[k]) * n[2];
-                all &= along > slack;
-            }
-        }
-        all
+        // The bisector, for chords of different lengths that turn by more than a right angle.
+        let directions = chords.map(|v| v.map(|x| x / norm(v).max(f64::MIN_POSITIVE)));
+        rise_along(frames, directions.into_iter().fold([0.0; 3], add), margin)
     }
+}
+
+/// Returns true if all control points of these segments are in ascending order along `n`, by more
+/// than the errors, in every frame.
+#[inline(always)]
+fn rise_along<const N: usize>(frames: &[[Hull; 2]; N], n: Point, margin: f64) -> bool {
+    let slack = 4.0 * margin * (n[0].abs() + n[1].abs() + n[2].abs()) + 1e-300;
+    let mut all = true;
+    for hull in frames.as_flattened() {
+        let [x, y, z] = &hull.points;
+        for k in 0..3 {
+            let along =
+                (x[k + 1] - x[k]) * n[0] + (y[k + 1] - y[k]) * n[1] + (z[k + 1] - z[k]) * n[2];
+            all &= along > slack;
+        }
+    }
+    all
 }
 
 /// Returns true if a plane with normal `n` is between the hulls, dilated by `margin`, in every
@@ -216,7 +234,7 @@ fn apart_along<const N: usize>(frames: [[&Hull; 2]; N], n: Point, margin: f64) -
 
 /// Returns the smallest and the largest of four numbers that are not NaN.
 #[inline(always)]
-fn extent(v: &[f64; 4]) -> [f64; 2] {
+pub(super) fn extent(v: &[f64; 4]) -> [f64; 2] {
     [
         smaller(smaller(v[0], v[1]), smaller(v[2], v[3])),
         larger(larger(v[0], v[1]), larger(v[2], v[3])),

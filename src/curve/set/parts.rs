@@ -32,6 +32,17 @@ impl Parts {
         }
     }
 
+    /// Returns true if two intervals, one of each part, share an end. Positions are in segments from
+    /// the start of a part.
+    pub fn joined(&self, first: [f64; 2], second: [f64; 2]) -> bool {
+        let n = f64::from(self.curve.segments);
+        let second = second.map(|at| f64::from(self.periods) * n + at);
+        let gaps = [second[0] - first[1], first[0] - second[1]];
+        let closed = self.is_self() && self.curve.closed;
+        let joined = |gap: f64| gap == 0.0 || closed && gap == -n;
+        gaps.into_iter().any(joined)
+    }
+
     /// Returns true if segment `t` of the second part follows segment `s` of the first one with a
     /// single segment in between.
     pub fn follows_after_one(&self, s: u32, t: u32) -> bool {
@@ -134,6 +145,8 @@ mod tests {
                     assert_eq!(parts.precedes_before_one(s, t), p - q == 2);
                     let joined = (q - p).abs() == 1 && i != j;
                     assert_eq!(parts.joint() == Some([s, t]), joined);
+                    let [a, b] = [s, t].map(|s| [0.0, 1.0].map(|end| f64::from(s) + end));
+                    assert_eq!(parts.joined(a, b), (q - p).abs() == 1);
                     assert_eq!(parts.is_continued(), j == i + 1);
                 }
             }

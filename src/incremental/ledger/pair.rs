@@ -53,22 +53,13 @@ impl Step<'_> {
             near.sort_unstable();
             // In a closed curve of two segments, each segment is the successor of the other one.
             near.dedup();
-            let split = cuts.fill(&task, near);
-            split.and_then(|()| {
-                task.add_splines_shared(cuts, near, found);
-                let (s, t) = near[0];
-                if task.exceeds_limits() {
-                    Err([s, t])
-                } else {
-                    Ok(())
-                }
-            })
+            task.add_near(cuts, near, found)
         };
         task.conclude(done, found, part);
     }
 
-    /// [`Step::pair`] with all pairs of segments as candidates, and the splits of the regular
-    /// search.
+    /// [`Step::pair`] with all pairs of segments as candidates, and the splits and limits of the
+    /// regular search.
     #[cfg(test)]
     pub fn pair_by_brute_force(&self, pair: Pair, part: &mut Part) {
         let task = Task::new(*self, pair);
@@ -77,18 +68,20 @@ impl Step<'_> {
         let Gathered { near, found, .. } = &mut gathered;
         near.sort_unstable();
         near.dedup();
+        let done = match near.is_empty() {
+            true => Ok(()),
+            false => task.add_near(&mut cuts, near, found),
+        };
         found.clear();
         let [n, m] = task.curves.map(|i| self.frames[0].curve(i).segments);
         let all = (0..n).flat_map(|s| (0..m).map(move |t| (s, t)));
         let all: Vec<_> = all.filter(|&(s, t)| !task.is_self() || s <= t).collect();
-        let done = if task.splines() {
-            let split = cuts.fill(&task, near);
-            split.map(|()| task.add_all_pieces(&cuts, &all, found))
+        if task.splines() {
+            task.add_all_pieces(&cuts, &all, found);
         } else {
             let different = all.iter().filter(|&&(s, t)| !task.adjacent(s, t));
             different.for_each(|&(s, t)| task.add_edges(s, t, found));
-            Ok(())
-        };
+        }
         task.conclude(done, found, part);
     }
 }

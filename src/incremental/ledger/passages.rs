@@ -3,10 +3,10 @@
 use super::cancellation::LocatedPassage;
 use super::contact::Contact;
 use super::outcome::Counts;
-use super::pieces::{Cuts, MovingBoxes, PIECES, Vertex};
+use super::pieces::{Cuts, MovingBoxes, PIECES, ROUNDS, Vertex};
 use super::task::Task;
 use super::unresolved::relative_motion;
-use crate::curve::{Parts, Point, SumEdges};
+use crate::curve::{Parts, Point, SumEdges, point_at};
 use crate::discretize::{pieces_between, pieces_within};
 use crate::exact::{
     Decided, Edges, Moment, Passage, Predicates, Ties, equal_sums, passages_of_sums,
@@ -64,8 +64,36 @@ impl Task<'_> {
         frames.map(|set| set.exact_edges(self.curves, segments))
     }
 
+    /// Adds the passages of near spline segments, sorted, in pieces as short as the limits permit.
+    /// Returns two segments if they are too close.
+    pub fn add_near(
+        &self,
+        cuts: &mut Cuts,
+        near: &[(u32, u32)],
+        found: &mut Findings,
+    ) -> Result<(), [u32; 2]> {
+        let counts = found.counts;
+        let mut rounds = ROUNDS;
+        loop {
+            cuts.fill(self, near, rounds)?;
+            self.add_splines_shared(cuts, near, found);
+            if !self.exceeds_limits() {
+                return Ok(());
+            }
+            if rounds == 0 || self.step.cancel.is_set() {
+                let (s, t) = near[0];
+                return Err([s, t]);
+            }
+            rounds /= 2;
+            found.clear();
+            found.counts = counts;
+            self.pieces.store(0, Ordering::Relaxed);
+            self.exact.store(0, Ordering::Relaxed);
+        }
+    }
+
     /// Adds the passages of near spline segments. Splits many of them into parallel tasks.
-    pub fn add_splines_shared(&self, cuts: &Cuts, near: &[(u32, u32)], found: &mut Findings) {
+    fn add_splines_shared(&self, cuts: &Cuts, near: &[(u32, u32)], found: &mut Findings) {
         if near.len() <= GRAIN {
             return self.add_splines(cuts, near, found);
         }
@@ -81,6 +109,9 @@ impl Task<'_> {
     /// Adds the passages of near spline segments, sorted.
     fn add_splines(&self, cuts: &Cuts, near: &[(u32, u32)], found: &mut Findings) {
         let (mut p, mut q) = (Vec::new(), Vec::new());
+        let sieve = MovingBoxes {
+            margin: self.separation.margin(),
+        };
         let mut last = None;
         for &(s, t) in near {
             if last != Some(s) {
@@ -108,8 +139,8 @@ impl Task<'_> {
                 self.count_exact(found.counts.exact - exact)
             };
             let done = match itself {
-                true => pieces_within(&p, &MovingBoxes, &mut test),
-                false => pieces_between(&p, &q, &MovingBoxes, &mut test),
+                true => pieces_within(&p, &sieve, &mut test),
+                false => pieces_between(&p, &q, &sieve, &mut test),
             };
             self.pieces.fetch_add(pieces, Ordering::Relaxed);
             if done.is_break() {
@@ -118,17 +149,27 @@ impl Task<'_> {
         }
     }
 
-    /// [`Task::add_splines`] with all pairs of pieces.
+    /// [`Task::add_splines`] with all pairs of pieces whose boxes are not apart along a coordinate.
     #[cfg(test)]
     pub fn add_all_pieces(&self, cuts: &Cuts, near: &[(u32, u32)], found: &mut Findings) {
+        use crate::discretize::Sieve as _;
         let (mut p, mut q) = (Vec::new(), Vec::new());
+        let sieve = MovingBoxes {
+            margin: self.separation.margin(),
+        };
         for &(s, t) in near {
             cuts.vertices(self, 0, s, &mut p);
             cuts.vertices(self, 1, t, &mut q);
+            let all = sieve.bounds(&q);
             for (k, a) in p.windows(2).enumerate() {
                 // A segment with itself: every pair of pieces once.
                 let first = if self.is_self() && s == t { k + 1 } else { 0 };
-                for b in q.windows(2).skip(first) {
+                let bounds = sieve.bounds(a);
+                if MovingBoxes::are_beside(&bounds, &all) {
+                    continue;
+                }
+                let near = |b: &&[Vertex]| !MovingBoxes::are_beside(&bounds, &sieve.bounds(b));
+                for b in q.windows(2).skip(first).filter(near) {
                     self.add_pieces([s, t], [a, b], found);
                 }
             }
@@ -182,11 +223,7 @@ impl Task<'_> {
             sign: p.sign,
             point: p.point,
             lengths: match p.moment {
-                Moment::Within { .. } => {
-                    let [from, to] = [0.0, 1.0].map(|end| along([end; 2]));
-                    let shares = [0, 1].map(|side| to[side] - from[side]);
-                    relative_motion([before, after], p.at, shares)
-                }
+                Moment::Within { .. } => self.relative_motion([before, after], p.at, segments),
                 _ => 0.0,
             },
         };
@@ -256,6 +293,23 @@ impl Task<'_> {
         if decided == Decided::Tie {
             found.ties.push(segments);
         }
+    }
+
+    /// Returns the relative motion of points of two pieces, in lengths of the longer one of their
+    /// segments. Splines are measured along their chords.
+    fn relative_motion(&self, pieces: [&Edges; 2], at: [f64; 2], segments: [u32; 2]) -> f64 {
+        if !self.splines() {
+            let edges = pieces.into_iter().flatten().map(|edge| &edge[..]);
+            return relative_motion(pieces, at, edges);
+        }
+        let chords = self.step.frames.map(|set| {
+            [0, 1].map(|side| {
+                let segment = set.segment(self.curves[side], segments[side] as usize);
+                [0.0, 0.25, 0.5, 0.75, 1.0].map(|at| point_at(&segment, at))
+            })
+        });
+        let chords = chords.as_flattened().iter().map(|points| &points[..]);
+        relative_motion(pieces, at, chords)
     }
 
     /// Returns true if the contact of two edges of one curve in a frame may be connected with pairs

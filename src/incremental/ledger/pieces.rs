@@ -2,11 +2,16 @@
 //! keep them link homotopic to the splines.
 
 use super::task::Task;
+use crate::curve::vector::{add, add_scaled, dot, sub};
 use crate::curve::{Point, bounds, point_at};
-use crate::discretize::{Halving, Separation, Sieve, sort_splits};
+use crate::discretize::{Halving, Separation, Sieve, Splits, sort_splits};
 
 /// Minimum number of pieces of a spline segment.
 pub(super) const PIECES: u32 = 4;
+
+/// Maximum number of halvings of segments that may meet between the frames. A chord of their pieces
+/// deviates from the curve by a millionth of what the chord of the segment does.
+pub(super) const ROUNDS: u32 = 10;
 
 /// A vertex of a polyline that replaces a spline.
 #[derive(Clone, Copy, Debug)]
@@ -18,23 +23,55 @@ pub(super) struct Vertex {
 }
 
 /// Sieve for polylines whose vertices move from one frame to the next. Two parts are apart if a
-/// coordinate separates them on the same side in both frames, and so at all times in between. The
-/// same test comes first for two pieces.
-pub(super) struct MovingBoxes;
+/// plane separates them on the same side in both frames, and so at all times in between: along a
+/// coordinate, which is also the first test for two pieces, or across their relative motion.
+pub(super) struct MovingBoxes {
+    /// [`MovingSeparation::margin`](crate::discretize::MovingSeparation::margin)
+    pub margin: f64,
+}
+
+/// Box in each frame: smallest and largest coordinates.
+type MovingBox = [[Point; 2]; 2];
 
 impl Sieve<Vertex> for MovingBoxes {
-    /// Box in each frame: smallest and largest coordinates.
-    type Bounds = [[Point; 2]; 2];
+    type Bounds = MovingBox;
 
-    fn bounds(&self, vertices: &[Vertex]) -> Self::Bounds {
+    fn bounds(&self, vertices: &[Vertex]) -> MovingBox {
         [0, 1].map(|frame| bounds(vertices.iter().map(|v| v.points[frame])))
     }
 
-    fn apart(&self, first: &Self::Bounds, second: &Self::Bounds) -> bool {
-        let below = |a: &Self::Bounds, b: &Self::Bounds, x: usize| {
-            (0..2).all(|frame| a[frame][1][x] < b[frame][0][x])
-        };
+    fn apart(&self, first: &MovingBox, second: &MovingBox) -> bool {
+        Self::are_beside(first, second) || self.pass_by(first, second)
+    }
+}
+
+impl MovingBoxes {
+    /// Returns true if two moving boxes are apart along a coordinate.
+    pub fn are_beside(first: &MovingBox, second: &MovingBox) -> bool {
+        let below =
+            |a: &MovingBox, b: &MovingBox, x: usize| (0..2).all(|f| a[f][1][x] < b[f][0][x]);
         (0..3).any(|x| below(first, second, x) || below(second, first, x))
+    }
+
+    /// Returns true if two moving boxes are apart along the vector between their centres, made
+    /// orthogonal to their relative motion.
+    fn pass_by(&self, first: &MovingBox, second: &MovingBox) -> bool {
+        // All lengths are doubled.
+        let between = [0, 1].map(|f| {
+            let center = |[lo, hi]: [Point; 2]| add(lo, hi);
+            sub(center(second[f]), center(first[f]))
+        });
+        let motion = sub(between[1], between[0]);
+        let sum = add(between[0], between[1]);
+        let length_sq = dot(motion, motion).max(f64::MIN_POSITIVE);
+        let normal = add_scaled(sum, -dot(sum, motion) / length_sq, motion);
+        let sizes = |f: usize| {
+            let size = |[lo, hi]: [Point; 2]| sub(hi, lo);
+            let sizes = add(size(first[f]), size(second[f]));
+            dot(sizes.map(|x| x + 4.0 * self.margin), normal.map(f64::abs)) + 1e-300
+        };
+        let gaps = [0, 1].map(|f| (dot(between[f], normal), sizes(f)));
+        gaps.iter().all(|(d, size)| d > size) || gaps.iter().all(|(d, size)| -d > *size)
     }
 }
 
@@ -48,11 +85,22 @@ pub(super) struct Cuts {
 }
 
 impl Cuts {
-    /// Computes the splits for both frames, of all segments that are too near in them. Returns two
-    /// segments if they are too close to split.
-    pub fn fill(&mut self, task: &Task<'_>, near: &[(u32, u32)]) -> Result<(), [u32; 2]> {
+    /// Computes the splits for both frames, of all segments that are too near in them, and for the
+    /// motion between them, of the parts that may meet, with so many halvings. Returns two segments
+    /// if they are too close to split.
+    pub fn fill(
+        &mut self,
+        task: &Task<'_>,
+        near: &[(u32, u32)],
+        rounds: u32,
+    ) -> Result<(), [u32; 2]> {
         let Cuts { at, close, halving } = self;
         at.iter_mut().for_each(Vec::clear);
+        let mut add = |splits: &[Splits; 2]| {
+            for (side, splits) in splits.iter().enumerate() {
+                at[if task.is_self() { 0 } else { side }].extend_from_slice(&splits.at);
+            }
+        };
         for set in task.step.frames {
             let separation = Separation::new(set, task.curves);
             close.clear();
@@ -63,10 +111,14 @@ impl Cuts {
                 continue;
             }
             separation.refine(close, halving)?;
-            for (side, splits) in halving.splits.iter().enumerate() {
-                at[if task.is_self() { 0 } else { side }].extend_from_slice(&splits.at);
-            }
+            add(&halving.splits);
         }
+        close.clear();
+        let (separation, limit) = (&task.separation, task.step.motion_limit);
+        let resolved = |&&(s, t): &&(u32, u32)| !separation.move_further(s, t, limit);
+        close.extend(near.iter().filter(resolved));
+        separation.refine(close, task.parts, rounds, halving);
+        add(&halving.splits);
         at.iter_mut().for_each(sort_splits);
         Ok(())
     }

@@ -5,6 +5,7 @@ mod dense;
 pub(crate) mod planted;
 mod safe_fraction;
 mod speed;
+mod splines;
 
 use super::cancellation::{LocatedPassage, cancel};
 use super::contact::Contact;
