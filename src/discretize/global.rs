@@ -11,7 +11,7 @@
 //! garments.
 
 use super::MAX_LEVEL;
-use super::halving::{Halving, Limits, sort_splits, vertices};
+use super::halving::{Halving, sort_splits, vertices};
 use super::hulls::{boxes_apart, separation_margin, tight_bounds};
 use crate::curve::{Basis, Bezier, Bounds, CurveSet, Positions, Precision};
 use crate::error::Result;
@@ -99,7 +99,8 @@ fn refine(
     let whole = |i: usize, s: u32| tight_bounds(&set.segment(i, s as usize));
     meeting.retain(|&(s, t)| !apart(&whole(curves[0], s), &whole(curves[1], t)));
     let volume = |[piece]: &[Bezier; 1], _| tight_bounds(piece);
-    let outcome = halving.halve(([set], curves), &meeting, Limits::PROOF, volume, apart);
+    let limits = (MAX_LEVEL, None);
+    let outcome = halving.halve(([set], curves), &meeting, limits, volume, apart);
     // Splits of a pair that stays too close prove nothing, and there may be millions of them.
     let splits = match outcome {
         Ok(_) => halving.splits.each_ref().map(|s| s.at.clone()),

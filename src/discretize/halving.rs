@@ -1,6 +1,6 @@
 //! Subdivision of segments of two curves until the volumes of their pieces are apart.
 
-use super::{MAX_FRONT, MAX_LEVEL};
+use super::MAX_FRONT;
 use crate::curve::{Bezier, CurveSet, Point, point_at, sub_segment};
 
 /// Parameters at which the segments of one curve are split for a pair of curves.
@@ -92,25 +92,9 @@ struct Overlap {
     pieces: [u64; 2],
 }
 
-/// Limits of a subdivision.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Limits {
-    /// Number of rounds.
-    pub rounds: u32,
-    /// Number of overlapping piece pairs of both curves.
-    pub front: usize,
-    /// Number of overlapping piece pairs of two segments, above which these are not halved further.
-    pub pieces: usize,
-}
-
-impl Limits {
-    /// Volumes count as too close if they meet after [`MAX_LEVEL`] rounds.
-    pub const PROOF: Limits = Limits {
-        rounds: MAX_LEVEL,
-        front: MAX_FRONT,
-        pieces: usize::MAX,
-    };
-}
+/// Number of overlapping pieces of two segments, above which these run along one another: it would
+/// grow with every halving.
+const GRAZING: usize = 64;
 
 /// Buffers and result of the subdivision.
 #[derive(Debug, Default)]
@@ -125,14 +109,18 @@ impl Halving {
     /// Splits segments of two curves until no two volumes of pieces meet. Returns the number of
     /// rounds, or two segments that stay too close (the splits then prove nothing).
     ///
-    /// `meeting` lists all segment pairs with overlapping volumes, sorted. `volume` returns a convex
-    /// set that contains a piece, given the piece in all frames and its ends along the curve.
-    /// `apart` returns true if two volumes are apart by more than rounding errors.
+    /// `meeting` lists all segment pairs with overlapping volumes, sorted. `volume` returns a
+    /// convex set that contains a piece, given the piece in all frames and its ends along the
+    /// curve. `apart` returns true if two volumes are apart by more than rounding errors.
+    ///
+    /// The limits are the numbers of rounds and of overlapping pieces. Without the latter the
+    /// result is a proof, and the number is [`MAX_FRONT`]; with it, segments that run along one
+    /// another are left alone.
     pub(super) fn halve<V, const N: usize>(
         &mut self,
         (frames, curves): ([&CurveSet; N], [usize; 2]),
         meeting: &[(u32, u32)],
-        limits: Limits,
+        (most_rounds, most_overlaps): (u32, Option<usize>),
         volume: impl Fn(&[Bezier; N], [f64; 2]) -> V,
         apart: impl Fn(&V, &V) -> bool,
     ) -> Result<u32, [u32; 2]> {
@@ -145,7 +133,7 @@ impl Halving {
         }));
         let mut rounds = 0;
         while !front.is_empty() {
-            if rounds == limits.rounds || front.len() > limits.front {
+            if rounds == most_rounds || front.len() > most_overlaps.unwrap_or(MAX_FRONT) {
                 // The minimum does not depend on the order in which pairs were found.
                 return Err(front.iter().min().map_or([0, 0], |o| o.segments));
             }
@@ -178,10 +166,12 @@ impl Halving {
             for splits in splits.iter_mut() {
                 sort_splits(&mut splits.at);
             }
-            front.clear();
-            let of_segments = next.chunk_by(|a, b| a.segments == b.segments);
-            let few = of_segments.filter(|pieces| pieces.len() <= limits.pieces);
-            front.extend(few.flatten());
+            std::mem::swap(front, next);
+            if most_overlaps.is_some() {
+                let of_segments = front.chunk_by(|a, b| a.segments == b.segments);
+                let few = of_segments.filter(|overlaps| overlaps.len() <= GRAZING);
+                *front = few.flatten().copied().collect();
+            }
         }
         for (splits, curve) in splits.iter_mut().zip(curves) {
             splits.mark(frames[0].curve(curve).segments);

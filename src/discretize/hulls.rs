@@ -1,6 +1,6 @@
 //! Separation of the convex hulls of two cubic segments, by more than rounding errors.
 
-use crate::curve::vector::{add, add_scaled, cross, distance, dot, norm, per_axis, sub};
+use crate::curve::vector::{add, add_scaled, cross, dot, norm, per_axis, sub};
 use crate::curve::{Bezier, Bounds, Point, larger, pow2, smaller};
 
 /// Convex hull of a cubic segment, given by its control points: `points[axis][k]`.
@@ -85,12 +85,6 @@ impl Hull {
     fn chord(&self) -> Point {
         let [x, y, z] = &self.points;
         [x[3] - x[0], y[3] - y[0], z[3] - z[0]]
-    }
-
-    /// Returns the length of the control polygon, an upper bound of that of the segment.
-    pub fn length(&self) -> f64 {
-        let ends = |k| distance(self.point(k), self.point(k + 1));
-        (0..3).map(ends).sum()
     }
 
     #[inline(always)]
@@ -197,9 +191,10 @@ impl Hull {
         if rise_along(frames, chords.into_iter().fold([0.0; 3], add), margin) {
             return true;
         }
-        // The bisector, for chords of different lengths that turn by more than a right angle.
+        // The bisector, for chords of different lengths that turn by more than a right angle from
+        // one frame to the next.
         let directions = chords.map(|v| v.map(|x| x / norm(v).max(f64::MIN_POSITIVE)));
-        rise_along(frames, directions.into_iter().fold([0.0; 3], add), margin)
+        N > 1 && rise_along(frames, directions.into_iter().fold([0.0; 3], add), margin)
     }
 }
 
@@ -234,7 +229,7 @@ fn apart_along<const N: usize>(frames: [[&Hull; 2]; N], n: Point, margin: f64) -
 
 /// Returns the smallest and the largest of four numbers that are not NaN.
 #[inline(always)]
-pub(super) fn extent(v: &[f64; 4]) -> [f64; 2] {
+fn extent(v: &[f64; 4]) -> [f64; 2] {
     [
         smaller(smaller(v[0], v[1]), smaller(v[2], v[3])),
         larger(larger(v[0], v[1]), larger(v[2], v[3])),

@@ -1,17 +1,13 @@
 //! Discretization of one pair of curves, only near each other.
 
-use super::halving::{Halving, Limits};
-use super::hulls::{Hull, extent, separation_margin};
-use crate::curve::vector::{add, dot, norm, sub};
+use super::MAX_LEVEL;
+use super::halving::Halving;
+use super::hulls::{Hull, separation_margin};
 use crate::curve::{Bezier, CurveSet, Hulls, Parts};
 use std::ops::Range;
 
-/// Number of pairs of pieces of two moving segments that may meet, above which the segments run
-/// along one another: the number would grow with every halving.
-const GRAZING: usize = 64;
-
 /// Maximum number of pairs of pieces of two moving curves that may meet: a constant, and a number
-/// per pair of segments.
+/// per pair of segments. More are not halved, because everything moves through everything.
 const MAX_MOVING: [usize; 2] = [1 << 12, 2];
 
 /// Separation test for the hulls of two segments.
@@ -60,7 +56,7 @@ impl<'a> Separation<'a> {
         let volume = |[piece]: &[Bezier; 1], _| Hull::of_piece(piece);
         let apart = |a: &Hull, b: &Hull| a.separated(b, self.margin);
         let curves = ([self.set], self.curves);
-        let rounds = halving.halve(curves, close, Limits::PROOF, volume, apart);
+        let rounds = halving.halve(curves, close, (MAX_LEVEL, None), volume, apart);
         rounds.map(drop)
     }
 }
@@ -95,13 +91,12 @@ impl<'a> MovingSeparation<'a> {
         Hull::separated_throughout(frames, self.margin)
     }
 
-    /// Splits segments where they may meet at some time, until their pieces are apart at all times
-    /// or were halved `rounds` times: pieces that do meet are never apart. Pieces of one curve that
-    /// are joined count as apart if the curve is monotonic along them ([`Self::add_turns`]).
+    /// Splits segments where they may meet at some time, until their pieces are proven apart at all
+    /// times or were halved `rounds` times. Pieces of one curve that are joined count as apart if
+    /// the curve is monotonic along them ([`Self::add_turns`]).
     ///
-    /// `near` lists all segment pairs that may meet, sorted. Where more than [`GRAZING`] pairs of
-    /// pieces of two segments may meet, these run along one another and are not halved further. All
-    /// halvings end above [`MAX_MOVING`] pairs.
+    /// `near` lists all segment pairs that may meet, sorted. Segments that run along one another
+    /// are not halved further, nor any if more than [`MAX_MOVING`] pieces may meet.
     pub fn refine(
         &self,
         near: &[(u32, u32)],
@@ -112,36 +107,19 @@ impl<'a> MovingSeparation<'a> {
         type Piece = ([f64; 2], [Hull; 2]);
         let volume = |frames: &[Bezier; 2], ends| (ends, frames.each_ref().map(Hull::of_piece));
         let apart = |(ends, p): &Piece, (other_ends, q): &Piece| {
-            let itself = |parts: &Parts| parts.is_self() && ends == other_ends;
-            let joined = |parts: &Parts| itself(parts) || parts.joined(*ends, *other_ends);
-            if parts.is_some_and(|parts| parts.is_self() && other_ends[0] < ends[0]) {
-                return true; // The same pieces in the other order.
+            if let Some(parts) = parts {
+                if parts.is_self() && other_ends[0] < ends[0] {
+                    return true; // The same pieces in the other order.
+                }
+                if parts.is_self() && ends == other_ends || parts.joined(*ends, *other_ends) {
+                    return Hull::are_monotonic(&[[p[0], q[0]], [p[1], q[1]]], self.margin);
+                }
             }
-            match parts.as_ref().is_some_and(joined) {
-                true => Hull::are_monotonic(&[[p[0], q[0]], [p[1], q[1]]], self.margin),
-                false => Hull::separated_throughout([[&p[0], &q[0]], [&p[1], &q[1]]], self.margin),
-            }
+            Hull::separated_throughout([[&p[0], &q[0]], [&p[1], &q[1]]], self.margin)
         };
-        let limits = Limits {
-            rounds,
-            front: MAX_MOVING[0] + MAX_MOVING[1] * near.len(),
-            pieces: GRAZING,
-        };
-        // It fails where pieces meet, which is no reason to stop.
+        let limits = (rounds, Some(MAX_MOVING[0] + MAX_MOVING[1] * near.len()));
+        // An error only means that some pieces may still meet.
         let _ = halving.halve((self.sets, self.curves), near, limits, volume, apart);
-    }
-
-    /// Returns true if all points of two segments move by more than this number of lengths of the
-    /// longest of them, relative to one another.
-    pub fn move_further(&self, s: u32, t: u32, lengths: f64) -> bool {
-        let [first, second] = [self.hulls(self.curves[0], s), self.hulls(self.curves[1], t)];
-        let motion = |[before, after]: &[Hull; 2], k: usize| sub(after.point(k), before.point(k));
-        let [p, q] = [&first, &second].map(|hulls| [0, 1, 2, 3].map(|k| motion(hulls, k)));
-        let axis = (0..4).fold([0.0; 3], |sum, k| add(sum, sub(q[k], p[k])));
-        let [p, q] = [p, q].map(|points| extent(&points.map(|v| dot(v, axis))));
-        let hulls = [first, second];
-        let longest = hulls.as_flattened().iter().map(Hull::length);
-        q[0] - p[1] > lengths * longest.fold(0.0, f64::max) * norm(axis)
     }
 
     /// Returns the margin that covers rounding errors of the coordinates of both frames and of

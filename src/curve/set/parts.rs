@@ -32,8 +32,8 @@ impl Parts {
         }
     }
 
-    /// Returns true if two intervals, one of each part, share an end. Positions are in segments from
-    /// the start of a part.
+    /// Returns true if two intervals, one of each part, share an end. Positions are in segments
+    /// from the start of a part.
     pub fn joined(&self, first: [f64; 2], second: [f64; 2]) -> bool {
         let n = f64::from(self.curve.segments);
         let second = second.map(|at| f64::from(self.periods) * n + at);

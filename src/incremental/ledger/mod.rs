@@ -23,10 +23,9 @@
 //! vertices move on straight lines too: four pieces per segment, for an accurate place, further
 //! pieces at every split of the discretization of the pair in either frame, and short ones where
 //! two pieces may meet between the frames ([`MovingSeparation::refine`]): there the polylines
-//! deviate from the splines by a millionth of what a chord of a segment does. Segments all of whose
-//! points move further than the limit have no such pieces, because their passages that cancel are
-//! left open anyway; and a pair that exceeds the limits of tests has longer ones. With the
-//! splits of a frame, the polylines are link homotopic to the splines in that frame
+//! deviate from the splines by a millionth of what a chord of a segment does. They are
+//! longer where segments run along one another, or have more pieces that may meet than can be
+//! tested. With the splits of a frame, the polylines are link homotopic to the splines in it
 //! ([`crate::discretize`]). Additional splits do no harm, because the hull of a part is within the
 //! hull of the whole. A segment has the same pieces with all segments of the other curve. So for
 //! two closed curves that have linking numbers in both frames

@@ -5,7 +5,7 @@ use super::contact::Contact;
 use super::outcome::Counts;
 use super::pieces::{Cuts, MovingBoxes, PIECES, ROUNDS, Vertex};
 use super::task::Task;
-use super::unresolved::relative_motion;
+use super::unresolved::motion_in_lengths;
 use crate::curve::{Parts, Point, SumEdges, point_at};
 use crate::discretize::{pieces_between, pieces_within};
 use crate::exact::{
@@ -73,23 +73,22 @@ impl Task<'_> {
         found: &mut Findings,
     ) -> Result<(), [u32; 2]> {
         let counts = found.counts;
-        let mut rounds = ROUNDS;
-        loop {
+        for rounds in [ROUNDS, ROUNDS / 2, 0] {
             cuts.fill(self, near, rounds)?;
             self.add_splines_shared(cuts, near, found);
             if !self.exceeds_limits() {
                 return Ok(());
             }
-            if rounds == 0 || self.step.cancel.is_set() {
-                let (s, t) = near[0];
-                return Err([s, t]);
-            }
-            rounds /= 2;
             found.clear();
             found.counts = counts;
+            if self.step.cancel.is_set() {
+                break;
+            }
             self.pieces.store(0, Ordering::Relaxed);
             self.exact.store(0, Ordering::Relaxed);
         }
+        let (s, t) = near[0];
+        Err([s, t])
     }
 
     /// Adds the passages of near spline segments. Splits many of them into parallel tasks.
@@ -300,7 +299,7 @@ impl Task<'_> {
     fn relative_motion(&self, pieces: [&Edges; 2], at: [f64; 2], segments: [u32; 2]) -> f64 {
         if !self.splines() {
             let edges = pieces.into_iter().flatten().map(|edge| &edge[..]);
-            return relative_motion(pieces, at, edges);
+            return motion_in_lengths(pieces, at, edges);
         }
         let chords = self.step.frames.map(|set| {
             [0, 1].map(|side| {
@@ -309,7 +308,7 @@ impl Task<'_> {
             })
         });
         let chords = chords.as_flattened().iter().map(|points| &points[..]);
-        relative_motion(pieces, at, chords)
+        motion_in_lengths(pieces, at, chords)
     }
 
     /// Returns true if the contact of two edges of one curve in a frame may be connected with pairs

@@ -14,12 +14,13 @@ use std::sync::atomic::{AtomicU64, Ordering};
 const MAX_CANDIDATES: u64 = 1 << 24;
 
 /// Maximum number of tested pairs of pieces of splines that need more pieces than usual, for one
-/// pair of curves. Beyond it the pair counts as too close. About half a second.
+/// pair of curves. Beyond it the pair is searched again in longer pieces, and counts as too close
+/// if that is not enough. About half a second each time.
 const MAX_PIECES: u64 = 1 << 23;
 
 /// Maximum number of exact tests of one pair of curves: a constant, and a number per segment.
-/// Beyond it the pair counts as too close. An exact test of strands whose distance is near the
-/// rounding error takes about 100 us.
+/// Beyond it the pair counts as too close, splines after a search in longer pieces. An exact test
+/// of strands whose distance is near the rounding error takes about 100 us.
 const MAX_EXACT: [u64; 2] = [1 << 12, 4];
 
 /// A step from one frame to the next.

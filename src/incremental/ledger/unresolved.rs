@@ -20,9 +20,9 @@ pub(super) fn far_and_cancelling(passages: &[LocatedPassage], limit: f64) -> Vec
     pairs.flat_map(|(a, b)| [a, b]).collect()
 }
 
-/// Returns the relative motion of points of two pieces in a step, in lengths of the longest of some
-/// polylines: the segments that contain them, in both frames.
-pub(super) fn relative_motion<'a>(
+/// Returns the relative motion of points of two pieces in a step, in lengths of the longest of
+/// their segments in both frames, given as polylines.
+pub(super) fn motion_in_lengths<'a>(
     frames: [&Edges; 2],
     at: [f64; 2],
     segments: impl Iterator<Item = &'a [Point]>,
@@ -57,7 +57,7 @@ mod tests {
                 let scaled = |edges: Edges| edges.map(|edge| edge.map(|p| p.map(|x| x * scale)));
                 let ([before, after], segments) = (pieces.map(scaled), whole.map(scaled));
                 let segments = segments.as_flattened().iter().map(|edge| &edge[..]);
-                let lengths = relative_motion([&before, &after], at, segments);
+                let lengths = motion_in_lengths([&before, &after], at, segments);
                 assert!((lengths - 1.5).abs() < 1e-14, "{lengths}");
             }
         }
