@@ -92,8 +92,8 @@ struct Overlap {
     pieces: [u64; 2],
 }
 
-/// Number of overlapping pieces of two segments, above which these run along one another: it would
-/// grow with every halving.
+/// Maximum number of overlapping pieces of two segments, if the result need not be a proof. Two
+/// segments that run along one another have more, and each halving would double their number.
 const GRAZING: usize = 64;
 
 /// Buffers and result of the subdivision.
@@ -113,9 +113,9 @@ impl Halving {
     /// convex set that contains a piece, given the piece in all frames and its ends along the
     /// curve. `apart` returns true if two volumes are apart by more than rounding errors.
     ///
-    /// The limits are the numbers of rounds and of overlapping pieces. Without the latter the
-    /// result is a proof, and the number is [`MAX_FRONT`]; with it, segments that run along one
-    /// another are left alone.
+    /// The limits are the numbers of rounds and of overlapping pieces. If the latter is `None`, it
+    /// is [`MAX_FRONT`], and `Ok` is a proof. Otherwise, two segments with more than [`GRAZING`]
+    /// overlapping pieces are not halved further.
     pub(super) fn halve<V, const N: usize>(
         &mut self,
         (frames, curves): ([&CurveSet; N], [usize; 2]),
@@ -166,12 +166,10 @@ impl Halving {
             for splits in splits.iter_mut() {
                 sort_splits(&mut splits.at);
             }
-            std::mem::swap(front, next);
-            if most_overlaps.is_some() {
-                let of_segments = front.chunk_by(|a, b| a.segments == b.segments);
-                let few = of_segments.filter(|overlaps| overlaps.len() <= GRAZING);
-                *front = few.flatten().copied().collect();
-            }
+            front.clear();
+            let of_segments = next.chunk_by(|a, b| a.segments == b.segments);
+            let few = |o: &&[Overlap]| most_overlaps.is_none() || o.len() <= GRAZING;
+            front.extend(of_segments.filter(few).flatten());
         }
         for (splits, curve) in splits.iter_mut().zip(curves) {
             splits.mark(frames[0].curve(curve).segments);

@@ -121,8 +121,13 @@ impl Hull {
             db = add(db, b.chord());
             between = add(between, sub(b.sum(), a.sum()));
         }
-        let [first, last] = [frames[0], frames[N - 1]].map(|[a, b]| sub(b.sum(), a.sum()));
-        let motion = sub(last, first);
+        let motion = match N {
+            1 => [0.0; 3],
+            _ => {
+                let ends = [frames[0], frames[N - 1]].map(|[a, b]| sub(b.sum(), a.sum()));
+                sub(ends[1], ends[0])
+            }
+        };
         // Strands that cross at an angle: the common normal of the chords.
         if apart_along(frames, cross(da, db), margin) || apart_along(frames, between, margin) {
             return true;

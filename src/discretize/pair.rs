@@ -7,7 +7,7 @@ use crate::curve::{Bezier, CurveSet, Hulls, Parts};
 use std::ops::Range;
 
 /// Maximum number of pairs of pieces of two moving curves that may meet: a constant, and a number
-/// per pair of segments. More are not halved, because everything moves through everything.
+/// per pair of segments. If there are more, no segments of the two curves are halved further.
 const MAX_MOVING: [usize; 2] = [1 << 12, 2];
 
 /// Separation test for the hulls of two segments.

@@ -47,12 +47,7 @@ impl Step<'_> {
         }
         let done = if task.exceeds_limits() {
             Err([0, 0])
-        } else if near.is_empty() {
-            Ok(())
         } else {
-            near.sort_unstable();
-            // In a closed curve of two segments, each segment is the successor of the other one.
-            near.dedup();
             task.add_near(cuts, near, found)
         };
         task.conclude(done, found, part);
@@ -66,12 +61,7 @@ impl Step<'_> {
         let (mut gathered, mut cuts) = Workspace::default();
         task.gather(&mut gathered);
         let Gathered { near, found, .. } = &mut gathered;
-        near.sort_unstable();
-        near.dedup();
-        let done = match near.is_empty() {
-            true => Ok(()),
-            false => task.add_near(&mut cuts, near, found),
-        };
+        let done = task.add_near(&mut cuts, near, found);
         found.clear();
         let [n, m] = task.curves.map(|i| self.frames[0].curve(i).segments);
         let all = (0..n).flat_map(|s| (0..m).map(move |t| (s, t)));

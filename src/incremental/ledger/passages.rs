@@ -64,14 +64,20 @@ impl Task<'_> {
         frames.map(|set| set.exact_edges(self.curves, segments))
     }
 
-    /// Adds the passages of near spline segments, sorted, in pieces as short as the limits permit.
+    /// Sorts near spline segments and adds their passages, in pieces as short as the limits permit.
     /// Returns two segments if they are too close.
     pub fn add_near(
         &self,
         cuts: &mut Cuts,
-        near: &[(u32, u32)],
+        near: &mut Vec<(u32, u32)>,
         found: &mut Findings,
     ) -> Result<(), [u32; 2]> {
+        if near.is_empty() {
+            return Ok(());
+        }
+        near.sort_unstable();
+        // In a closed curve of two segments, each segment is the successor of the other one.
+        near.dedup();
         let counts = found.counts;
         for rounds in [ROUNDS, ROUNDS / 2, 0] {
             cuts.fill(self, near, rounds)?;

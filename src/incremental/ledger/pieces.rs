@@ -87,9 +87,9 @@ pub(super) struct Cuts {
 }
 
 impl Cuts {
-    /// Computes the splits for both frames, of all segments that are too near in them, and for the
-    /// motion between them, of the parts that may meet, with so many halvings. Returns two segments
-    /// if they are too close to split.
+    /// Computes the splits of segments that are too near in one of the frames, and those of
+    /// segments that may meet between the frames, which are halved up to `rounds` times. Returns
+    /// two segments if they are too close in a frame to split.
     pub fn fill(
         &mut self,
         task: &Task<'_>,

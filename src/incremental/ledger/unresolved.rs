@@ -52,6 +52,9 @@ mod tests {
         let whole = [-3.0, 3.0].map(|y| [first(y), second]);
         // The second half of the second segment, and coordinates whose squares overflow.
         let half = whole.map(|[first, second]| [first, [[0.0; 3], second[1]]]);
+        let edges = whole.as_flattened().iter().map(|edge| &edge[..]);
+        let lengths = motion_in_lengths([&whole[0], &whole[1]], [0.5; 2], edges);
+        assert_eq!(lengths, 1.5);
         for (pieces, at) in [(whole, [0.5; 2]), (half, [0.5, 0.0])] {
             for scale in [1.0, 1e200, 1e-200] {
                 let scaled = |edges: Edges| edges.map(|edge| edge.map(|p| p.map(|x| x * scale)));
