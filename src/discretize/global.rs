@@ -103,12 +103,12 @@ fn refine(
     let outcome = halving.halve(([set], curves), &meeting, limits, volume, apart);
     // Splits of a pair that stays too close prove nothing, and there may be millions of them.
     let splits = match outcome {
-        Ok(_) => halving.splits.each_ref().map(|s| s.at.clone()),
+        Ok(()) => halving.splits.each_ref().map(|s| s.at.clone()),
         Err(_) => Default::default(),
     };
     Refined {
         overlaps: meeting.len(),
-        passes: 1 + outcome.unwrap_or(MAX_LEVEL),
+        passes: 1 + halving.rounds,
         splits,
         too_close: outcome.err(),
     }

@@ -94,20 +94,22 @@ struct Overlap {
 
 /// Maximum number of overlapping pieces of two segments, if the result need not be a proof. Two
 /// segments that run along one another have more, and each halving would double their number.
-const GRAZING: usize = 64;
+pub(super) const GRAZING: usize = 64;
 
 /// Buffers and result of the subdivision.
 #[derive(Debug, Default)]
 pub(crate) struct Halving {
     /// Splits of both curves.
     pub splits: [Splits; 2],
+    /// Number of rounds.
+    pub rounds: u32,
     front: Vec<Overlap>,
     next: Vec<Overlap>,
 }
 
 impl Halving {
-    /// Splits segments of two curves until no two volumes of pieces meet. Returns the number of
-    /// rounds, or two segments that stay too close (the splits then prove nothing).
+    /// Splits segments of two curves until no two volumes of pieces meet. Returns two segments if
+    /// they stay too close (the splits then prove nothing).
     ///
     /// `meeting` lists all segment pairs with overlapping volumes, sorted. `volume` returns a
     /// convex set that contains a piece, given the piece in all frames and its ends along the
@@ -123,24 +125,29 @@ impl Halving {
         (most_rounds, most_overlaps): (u32, Option<usize>),
         volume: impl Fn(&[Bezier; N], [f64; 2]) -> V,
         apart: impl Fn(&V, &V) -> bool,
-    ) -> Result<u32, [u32; 2]> {
-        let (splits, front, next) = (&mut self.splits, &mut self.front, &mut self.next);
+    ) -> Result<(), [u32; 2]> {
+        let Halving {
+            splits,
+            rounds,
+            front,
+            next,
+        } = self;
         splits.iter_mut().for_each(Splits::clear);
         front.clear();
         front.extend(meeting.iter().map(|&(s, t)| Overlap {
             segments: [s, t],
             pieces: [0, 0],
         }));
-        let mut rounds = 0;
+        *rounds = 0;
         while !front.is_empty() {
-            if rounds == most_rounds || front.len() > most_overlaps.unwrap_or(MAX_FRONT) {
+            if *rounds == most_rounds || front.len() > most_overlaps.unwrap_or(MAX_FRONT) {
                 // The minimum does not depend on the order in which pairs were found.
                 return Err(front.iter().min().map_or([0, 0], |o| o.segments));
             }
             // Length of a half in the parameter of the whole segment. It is a power of two, so
             // products are exact.
-            let half = 0.5f64.powi(rounds as i32 + 1);
-            rounds += 1;
+            let half = 0.5f64.powi(*rounds as i32 + 1);
+            *rounds += 1;
             next.clear();
             for o in front.iter() {
                 let halves = [0, 1].map(|side| {
@@ -174,6 +181,6 @@ impl Halving {
         for (splits, curve) in splits.iter_mut().zip(curves) {
             splits.mark(frames[0].curve(curve).segments);
         }
-        Ok(rounds)
+        Ok(())
     }
 }

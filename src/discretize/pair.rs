@@ -10,6 +10,12 @@ use std::ops::Range;
 /// per pair of segments. If there are more, no segments of the two curves are halved further.
 const MAX_MOVING: [usize; 2] = [1 << 12, 2];
 
+/// Number of halvings from which on two moving segments count as split finely. Segments that run
+/// along one another are halved as often: fewer pieces are not more than [`GRAZING`] pairs.
+///
+/// [`GRAZING`]: super::halving::GRAZING
+const FEWEST_ROUNDS: u32 = 4;
+
 /// Separation test for the hulls of two segments.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Separation<'a> {
@@ -56,8 +62,7 @@ impl<'a> Separation<'a> {
         let volume = |[piece]: &[Bezier; 1], _| Hull::of_piece(piece);
         let apart = |a: &Hull, b: &Hull| a.separated(b, self.margin);
         let curves = ([self.set], self.curves);
-        let rounds = halving.halve(curves, close, (MAX_LEVEL, None), volume, apart);
-        rounds.map(drop)
+        halving.halve(curves, close, (MAX_LEVEL, None), volume, apart)
     }
 }
 
@@ -96,14 +101,15 @@ impl<'a> MovingSeparation<'a> {
     /// the curve is monotonic along them ([`Self::add_turns`]).
     ///
     /// `near` lists all segment pairs that may meet, sorted. Segments that run along one another
-    /// are not halved further, nor any if more than [`MAX_MOVING`] pieces may meet.
+    /// are not halved further, nor any if more than [`MAX_MOVING`] pieces may meet. Returns true if
+    /// every two segments were halved [`FEWEST_ROUNDS`] times, unless they are apart before.
     pub fn refine(
         &self,
         near: &[(u32, u32)],
         parts: Option<Parts>,
         rounds: u32,
         halving: &mut Halving,
-    ) {
+    ) -> bool {
         type Piece = ([f64; 2], [Hull; 2]);
         let volume = |frames: &[Bezier; 2], ends| (ends, frames.each_ref().map(Hull::of_piece));
         let apart = |(ends, p): &Piece, (other_ends, q): &Piece| {
@@ -118,8 +124,8 @@ impl<'a> MovingSeparation<'a> {
             Hull::separated_throughout([[&p[0], &q[0]], [&p[1], &q[1]]], self.margin)
         };
         let limits = (rounds, Some(MAX_MOVING[0] + MAX_MOVING[1] * near.len()));
-        // An error only means that some pieces may still meet.
-        let _ = halving.halve((self.sets, self.curves), near, limits, volume, apart);
+        let apart = halving.halve((self.sets, self.curves), near, limits, volume, apart);
+        apart.is_ok() || halving.rounds >= FEWEST_ROUNDS
     }
 
     /// Returns the margin that covers rounding errors of the coordinates of both frames and of

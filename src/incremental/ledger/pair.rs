@@ -32,6 +32,23 @@ impl Part {
     }
 }
 
+/// Two segments of a pair that is too near to decide.
+pub(super) struct TooNear {
+    pub segments: [u32; 2],
+    /// False if the passages of the pair are unknown. Otherwise splines were searched in pieces so
+    /// long that passages that cancel may be missed.
+    pub searched: bool,
+}
+
+impl TooNear {
+    pub fn at(segments: [u32; 2]) -> Self {
+        TooNear {
+            segments,
+            searched: false,
+        }
+    }
+}
+
 /// Buffers of one task.
 pub(super) type Workspace = (Gathered, Cuts);
 
@@ -46,7 +63,7 @@ impl Step<'_> {
             part.outcome.near.push(pair);
         }
         let done = if task.exceeds_limits() {
-            Err([0, 0])
+            Err(TooNear::at([0, 0]))
         } else {
             task.add_near(cuts, near, found)
         };
@@ -78,7 +95,7 @@ impl Step<'_> {
 
 impl Task<'_> {
     /// Adds the findings to `part`, or a defect if two segments are too close.
-    fn conclude(&self, done: Result<(), [u32; 2]>, found: &mut Findings, part: &mut Part) {
+    fn conclude(&self, done: Result<(), TooNear>, found: &mut Findings, part: &mut Part) {
         let frames = self.step.frames;
         let [i, j] = self.curves.map(|i| i as u32);
         let Part { outcome, contacts } = part;
@@ -87,9 +104,12 @@ impl Task<'_> {
             let place = closest_of_segments(frames[1], self.curves, segments);
             Defect::of_pair((i, j), kind, place)
         };
-        if let Err(segments) = done {
+        if let Err(TooNear { segments, searched }) = done {
             let defect = undecided(DefectKind::TooClose, segments);
-            return outcome.undecided.push(defect);
+            outcome.undecided.push(defect);
+            if !searched {
+                return;
+            }
         }
         found.ties.sort_unstable();
         found.ties.dedup();

@@ -3,6 +3,7 @@
 use super::cancellation::LocatedPassage;
 use super::contact::Contact;
 use super::outcome::Counts;
+use super::pair::TooNear;
 use super::pieces::{Cuts, MovingBoxes, PIECES, ROUNDS, Vertex};
 use super::task::Task;
 use super::unresolved::motion_in_lengths;
@@ -65,25 +66,29 @@ impl Task<'_> {
     }
 
     /// Sorts near spline segments and adds their passages, in pieces as short as the limits permit.
-    /// Returns two segments if they are too close.
+    /// Returns two segments if the pair is too near to decide.
     pub fn add_near(
         &self,
         cuts: &mut Cuts,
         near: &mut Vec<(u32, u32)>,
         found: &mut Findings,
-    ) -> Result<(), [u32; 2]> {
+    ) -> Result<(), TooNear> {
         if near.is_empty() {
             return Ok(());
         }
         near.sort_unstable();
         // In a closed curve of two segments, each segment is the successor of the other one.
         near.dedup();
-        let counts = found.counts;
+        let (counts, segments) = (found.counts, near[0].into());
         for rounds in [ROUNDS, ROUNDS / 2, 0] {
-            cuts.fill(self, near, rounds)?;
+            let fine = cuts.fill(self, near, rounds).map_err(TooNear::at)?;
             self.add_splines_shared(cuts, near, found);
             if !self.exceeds_limits() {
-                return Ok(());
+                let searched = true;
+                return match fine {
+                    true => Ok(()),
+                    false => Err(TooNear { segments, searched }),
+                };
             }
             found.clear();
             found.counts = counts;
@@ -93,8 +98,7 @@ impl Task<'_> {
             self.pieces.store(0, Ordering::Relaxed);
             self.exact.store(0, Ordering::Relaxed);
         }
-        let (s, t) = near[0];
-        Err([s, t])
+        Err(TooNear::at(segments))
     }
 
     /// Adds the passages of near spline segments. Splits many of them into parallel tasks.

@@ -89,13 +89,14 @@ pub(super) struct Cuts {
 impl Cuts {
     /// Computes the splits of segments that are too near in one of the frames, and those of
     /// segments that may meet between the frames, which are halved up to `rounds` times. Returns
-    /// two segments if they are too close in a frame to split.
+    /// whether the latter suffice ([`MovingSeparation::refine`]), or two segments that are too close
+    /// in a frame to split.
     pub fn fill(
         &mut self,
         task: &Task<'_>,
         near: &[(u32, u32)],
         rounds: u32,
-    ) -> Result<(), [u32; 2]> {
+    ) -> Result<bool, [u32; 2]> {
         let Cuts { at, close, halving } = self;
         at.iter_mut().for_each(Vec::clear);
         let mut add = |splits: &[Splits; 2]| {
@@ -115,10 +116,10 @@ impl Cuts {
             separation.refine(close, halving)?;
             add(&halving.splits);
         }
-        task.separation.refine(near, task.parts, rounds, halving);
+        let fine = task.separation.refine(near, task.parts, rounds, halving);
         add(&halving.splits);
         at.iter_mut().for_each(sort_splits);
-        Ok(())
+        Ok(fine)
     }
 
     /// Replaces `out` by the vertices of the polyline of a segment of one of the curves, including

@@ -95,3 +95,27 @@ fn a_pair_that_needs_too_many_exact_tests_is_too_close() {
     assert!(outcome.counts.exact < 20_000, "{:?}", outcome.counts);
     assert_eq!(run(3).undecided, outcome.undecided);
 }
+
+/// Regression: strands that move through one another everywhere are searched in long pieces, so that
+/// passages that cancel may be missed. The pair counted as decided.
+#[test]
+fn splines_searched_in_long_pieces_are_undecided_and_their_signs_add_up() {
+    let frames = doubled(&mut Random::new(5), Basis::CatmullRom, 10, 40, 1e-2).map(|set| {
+        let xyz: Vec<f64> = (0..400).flat_map(|k| set.knot(0, k)).collect();
+        CurveSet::from_counts(Basis::CatmullRom, &[-200, -200], Positions::F64(&xyz)).unwrap()
+    });
+    let mut ledger = Ledger::default();
+    let outcome = ledger.first_step(&frames[0], &frames[1], Coverage::default(), None);
+    let too_close = crate::verdict::DefectKind::TooClose;
+    let kinds = outcome.undecided.iter().map(|d| (d.i, d.j, d.kind));
+    assert_eq!(kinds.collect::<Vec<_>>(), [(0, Some(1), too_close)]);
+    let numbers = frames
+        .each_ref()
+        .map(|set| match certificate(set).links[..] {
+            [] => 0,
+            [link] => link.lambda,
+            _ => panic!("two curves have one linking number"),
+        });
+    let sums: Vec<i64> = outcome.sums.iter().map(|sum| sum.lambda).collect();
+    assert_eq!(sums, [numbers[1] - numbers[0]]);
+}
