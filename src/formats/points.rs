@@ -139,13 +139,14 @@ impl Default for Columns {
     }
 }
 
-/// Returns the fields of a line. Between commas, semicolons or tabs there may be spaces.
+/// Returns the fields of a line, without quotes. Between commas, semicolons or tabs there may be
+/// spaces.
 fn fields(line: &[u8]) -> Vec<&[u8]> {
     let separator = [b';', b',', b'\t'].into_iter().find(|b| line.contains(b));
     let mut fields: Vec<&[u8]> = match separator {
         Some(separator) => {
             let fields = line.split(|&b| b == separator);
-            fields.map(<[u8]>::trim_ascii).collect()
+            fields.map(<[u8]>::trim_ascii).map(unquoted).collect()
         }
         None => words(line).collect(),
     };
@@ -154,6 +155,12 @@ fn fields(line: &[u8]) -> Vec<&[u8]> {
         fields.pop();
     }
     fields
+}
+
+/// Returns a field of a table without its quotes.
+fn unquoted(field: &[u8]) -> &[u8] {
+    let inside = field.strip_prefix(b"\"").and_then(|rest| rest.strip_suffix(b"\""));
+    inside.unwrap_or(field)
 }
 
 fn is_number(field: &&[u8]) -> bool {
@@ -472,6 +479,7 @@ mod tests {
             "Component 1 of 2:\r\n1, 0, 0\r\n2, 0, 0\r\n3, 0, 0\r\n\
              Component 2 of 2:\r\n4, 0, 0\n5,0,0",
             "1;0;0\n2;0;0\n3;0;0\nring b\n4;0;0\n5;0;0\n",
+            "\"1\", \"0\",\"0\"\n\"2\",\"0\",0\n3,0,0\n\n4,0,0\n5,0,0\n",
             "1\t0\t0\t\n2\t0\t0\t\n3\t0\t0\t\n% b\n4\t0\t0\n5\t0\t0\n",
             "x,y,z\n1,0,0\n2,0,0\n3,0,0\n\nx,y,z\n4,0,0\n5,0,0\n",
             "id,\"X (mm)\",Y [mm],z,curve\n1,1,0,0,7\n2,2,0,0,7\n3,3,0,0,7\n4,4,0,0,9\n5,5,0,0,9",

@@ -441,6 +441,84 @@ def test_curves_that_are_not_read_are_counted(tmp_path):
     assert frames.summary.left_out == ["1 element with lists of points (strand) (strand 0)"]
 
 
+def test_lines_that_share_an_end_are_joined(tmp_path):
+    """Regression test: `vtkStripper` divides long rings, and the parts were open curves."""
+    lines = []
+    for k in range(2):
+        lines += [(*range(12 * k, 12 * k + 7),), (12 * k, *range(12 * k + 11, 12 * k + 6, -1))]
+        lines.append((12 * k + 7, 12 * k + 6))
+    frames = linkwatch.read(written(tmp_path, "a.vtk", vtk(lines=lines)))
+    assert [frame.counts for frame in frames] == [[-12, -12]]
+    assert "lines that share an end are joined" in str(frames.summary)
+    (frame,) = frames
+    np.testing.assert_allclose(frame.positions, POINTS, atol=1e-6)
+    # Three ends that meet do not tell what continues what.
+    lines = [(0, 1, 2), (2, 3, 4), (2, 5, 6)]
+    (frame,) = linkwatch.read(written(tmp_path, "b.vtk", vtk(lines=lines)))
+    assert frame.counts == [3, 3, 3]
+
+
+def test_edges_that_share_no_point_are_joined_beside_others(tmp_path):
+    """Regression test: equal coordinates joined edges only if no edge of the file shared a point."""
+    points = np.vstack([POINTS[:12], *(POINTS[[a, b]] for a, b in EDGES[12:])])
+    edges = [*EDGES[:12], *((12 + 2 * k, 13 + 2 * k) for k in range(12))]
+    text = vtk(lines=edges).replace("POINTS 24", f"POINTS {len(points)}")
+    text = text.replace(rows(POINTS), rows(points))
+    (frame,) = linkwatch.read(written(tmp_path, "a.vtk", text))
+    assert frame.counts == [-12, -12]
+
+
+@pytest.mark.parametrize("binary", [False, True])
+def test_texts_and_metadata_in_fields_of_vtk_files_are_skipped(tmp_path, binary):
+    text = vtk_binary() if binary else vtk().encode()
+    head, mark, rest = text.partition(b"DATASET POLYDATA\n")
+    texts = b"\xc3one\x80\x06second" if binary else b"one\nsecond"
+    field = b"FIELD FieldData 1\nnames 1 2 string\n" + texts + b"\nMETADATA\nINFORMATION 0\n\n"
+    path = written(tmp_path, "a.vtk", head + mark + field + rest)
+    assert [frame.counts for frame in linkwatch.read(path)] == [[-12, -12]]
+
+
+def test_what_the_command_leaves_out_of_an_obj_is_left_out(tmp_path):
+    """Regression test: this reader read half a ring as a whole one, and ignored other statements."""
+    vertices = "".join(f"v {x} {y} {z}\n" for x, y, z in POINTS)
+    ring = " ".join(str(k + 1) for k in [*range(12), 0])
+    knots = " ".join(map(str, [0, *range(13), 12]))
+    text = f"{vertices}l {ring}\ncstype bspline\ndeg 1\ncurv 0 {{}} {ring}\nparm u {knots}\nend\n"
+    path = written(tmp_path, "a.obj", text.format(12) + "curv2 1 2\ncall b.obj\n")
+    frames = linkwatch.read(path, format="obj")
+    assert [frame.counts for frame in frames] == [[-12, -12]]
+    assert frames.summary.left_out == [
+        "1 curve on a surface (curv2) (line 31: 'curv2')",
+        "1 unknown statement (line 32: 'call')",
+    ]
+    (frame,) = linkwatch.read(written(tmp_path, "b.obj", text.format(6)), format="obj")
+    assert frame.counts == [-36, 19] and frame.basis == "bezier"
+    np.testing.assert_allclose(frame.positions[-1], POINTS[6], atol=1e-6)
+
+
+def test_compressed_files_take_the_options_of_plain_ones(tmp_path):
+    """Regression test: the reader of the plain file did not get them, nor the file beside it."""
+    text = "".join(f"{x},{y},{z}\n" for x, y, z in POINTS)
+    path = tmp_path / "a.csv.gz"
+    path.write_bytes(gzip.compress(text.encode()))
+    code, out, err = run("certify", path, "--counts=-12,-12")
+    assert code == 0 and out == "2 # lines: 1\n0,1,-1\n", (out, err)
+    atoms = "".join(f"{k + 1} 1 1 {x} {y} {z}\n" for k, (x, y, z) in enumerate(POINTS))
+    bonds = "".join(f"{k + 1} 1 {a + 1} {b + 1}\n" for k, (a, b) in enumerate(EDGES))
+    box = "".join(f"-9 9 {x}lo {x}hi\n" for x in "xyz")
+    data = f"rings\n\n24 atoms\n24 bonds\n\n{box}\nAtoms # bond\n\n{atoms}\nBonds\n\n{bonds}"
+    written(tmp_path, "melt.data", data)
+    step = "ITEM: TIMESTEP\n{}\nITEM: NUMBER OF ATOMS\n24\nITEM: BOX BOUNDS ff ff ff\n-9 9\n-9 9\n"
+    rows_ = "".join(f"{k + 1} {x} {y} {z}\n" for k, (x, y, z) in enumerate(POINTS))
+    dump = "".join(f"{step}-9 9\nITEM: ATOMS id x y z\n{rows_}".format(k) for k in (0, 10))
+    packed = tmp_path / "melt.dump.gz"
+    packed.write_bytes(gzip.compress(dump.encode()))
+    assert [frame.counts for frame in linkwatch.read(packed)] == [[-12, -12]] * 2
+    for more in ([], ["--bonds", tmp_path / "melt.data"], ["--each"]):
+        code, out, err = run("check", packed, *more)
+        assert code == 0 and '"verified":2' in out or "2 frames verified" in out, (out, err)
+
+
 def test_what_later_files_leave_out_is_said(tmp_path):
     plain = vtk(lines=EDGES)
     written(tmp_path, "f1.vtk", plain)

@@ -167,6 +167,108 @@ def test_gsd_files_have_all(tmp_path):
     assert found[0].radii == pytest.approx([0.1, 0.15])
 
 
+def test_frames_of_gsd_files_with_other_bonds_are_rejected(tmp_path):
+    """Regression test: the bonds of the first frame held for all, and the run was intact."""
+    needs("MDAnalysis", "gsd")
+    hoomd = pytest.importorskip("gsd.hoomd", reason="gsd is not installed")
+    with hoomd.open(tmp_path / "a.gsd", "w") as file:
+        for bonds in (EDGES, EDGES, EDGES[1:], EDGES):
+            frame = hoomd.Frame()
+            frame.configuration.box = [*CELL[:3], 0, 0, 0]
+            frame.particles.N = 24
+            frame.particles.position = POINTS
+            frame.bonds.N = len(bonds)
+            frame.bonds.group = bonds
+            file.append(frame)
+    why = [frame.rejected for frame in linkwatch.read(tmp_path / "a.gsd")]
+    other = "it has other bonds than the first frame, whose bonds define the curves"
+    assert why == [None, None, other, None]
+    code, out, err = run("check", tmp_path / "a.gsd")
+    assert code == 3 and "3 frames verified, 1 rejected" in out and other in err, (out, err)
+
+
+def test_all_models_of_a_pdb_file_have_the_cell_before_them(tmp_path):
+    """Regression test: MDAnalysis gave it to no model, and the run was intact."""
+    points = np.vstack([POINTS[:12], POINTS[12:] + [10, 0, 0]])
+    path = save(universe(points, frames=3), tmp_path / "a.pdb", bonds="all")
+    assert path.read_text().count("CRYST1") == 1
+    assert [links(frame) for frame in linkwatch.read(path)] == [1, 1, 1]
+    alone = io.from_mdanalysis(pytest.importorskip("MDAnalysis").Universe(str(path)))
+    assert [links(frame) for frame in alone] == [1, 1, 1]
+
+
+def test_a_direction_of_a_cell_that_does_not_repeat_has_an_edge_of_0(tmp_path):
+    """Regression test: the frame then had no cell at all."""
+    points = np.vstack([POINTS[:12], POINTS[12:] + [10, 0, 0]])
+    (frame,) = io.from_mdanalysis(universe(points, cell=[10, 11, 0, 90, 90, 90]))
+    np.testing.assert_array_equal(frame.cell, [[10, 0, 0], [0, 11, 0], [0, 0, 0], [0, 0, 0]])
+    assert links(frame) == 1
+    with pytest.raises(ValueError, match="no periodic cell has the edges"):
+        io.from_mdanalysis(universe(cell=[10, 11, 12, 0, 0, 0]))
+
+
+@pytest.mark.parametrize("suffix", ["gro", "pqr"])
+def test_files_of_which_mdanalysis_reads_only_the_first_frame_are_errors(tmp_path, suffix):
+    """Regression test: the other frames were left out in silence."""
+    made = universe()
+    made.add_TopologyAttr("charges", [0.0] * 24)
+    made.add_TopologyAttr("radii", [1.0] * 24)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        made.atoms.write(str(tmp_path / f"a.{suffix}"))
+    text = (tmp_path / f"a.{suffix}").read_text()
+    (frame,) = linkwatch.read(tmp_path / f"a.{suffix}")
+    assert len(frame.positions) == 24
+    two = text + text if suffix == "gro" else f"MODEL 1\n{text}MODEL 2\n{text}"
+    with pytest.raises(ValueError, match="several frames, of which MDAnalysis reads only the first"):
+        linkwatch.read(written(tmp_path, f"b.{suffix}", two))
+
+
+def test_atoms_of_h5md_files_have_the_order_of_their_ids(tmp_path):
+    """Regression test: an order that changes was a pull-through."""
+    needs("MDAnalysis")
+    h5py = pytest.importorskip("h5py", reason="h5py is not installed")
+    made = universe(frames=3)
+    top = save(made, tmp_path / "a.pdb", bonds="all")
+    made.load_new(str(save(made, tmp_path / "a.xtc")))
+    path = save(made, tmp_path / "a.h5md")
+    ids = np.array([range(24), [*range(12), *range(23, 11, -1)], range(24)])
+    with h5py.File(path, "r+") as file:
+        (group,) = file["particles"].values()
+        group["id/value"] = ids
+        group["position/value"][1] = group["position/value"][1][ids[1]]
+    run_ = linkwatch.check(linkwatch.read(top, path))
+    assert [row["verdict"] for row in run_.frames] == ["intact"] * 3
+    with h5py.File(path, "r+") as file:
+        (group,) = file["particles"].values()
+        group["id/value"][2, 0] = 99
+    why = [frame.rejected for frame in linkwatch.read(top, path)]
+    assert why == [None, None, "the ids of its atoms are not those of the first frame, each once"]
+
+
+def test_trajectories_that_are_numbered_have_the_order_of_their_numbers(tmp_path):
+    made = universe(frames=3)
+    top = save(universe(), tmp_path / "a.pdb", bonds="all")
+    paths = [tmp_path / f"md_{k}.dcd" for k in (1, 2, 10)]
+    for k, path in enumerate(paths):
+        made.atoms.write(str(path), frames=made.trajectory[[k]])
+    x = [frame.positions[0, 0] for frame in linkwatch.read(top, paths[0], paths[2], paths[1])]
+    np.testing.assert_allclose(np.diff(x), 0.1, atol=1e-5)
+
+
+@pytest.mark.parametrize("cut", [20, 1000])
+def test_pdb_and_tinker_files_that_are_cut_off_are_errors(tmp_path, cut):
+    """Regression test: a ring became a chain, and the last frame was missing, in silence."""
+    text = save(universe(frames=3), tmp_path / "a.pdb", bonds="all").read_text()
+    assert len(linkwatch.read(written(tmp_path, "b.pdb", text.rpartition("END")[0]))) == 3
+    rows = [f"{i + 1} C {x:.4f} {y:.4f} {z:.4f} 1 {i or 12}" for i, (x, y, z) in enumerate(POINTS)]
+    arc = "".join("\n".join(["24 rings", *rows, ""]) for _ in range(3))
+    assert len(linkwatch.read(written(tmp_path, "b.arc", arc), closed=False)) == 3
+    for name, whole in (("c.pdb", text), ("c.arc", arc)):
+        with pytest.raises(ValueError, match=f"{name}: (the last frame is cut off|MDAnalysis)"):
+            linkwatch.read(written(tmp_path, name, whole[:-cut]), closed=False)
+
+
 def test_wrapped_rings_are_unwrapped_along_their_bonds():
     cell = np.array([2.4, 11, 12])
     wrapped = universe(POINTS - cell * np.floor(POINTS / cell), cell=[*cell, 90, 90, 90])

@@ -71,6 +71,7 @@ pub(super) fn read(archive: &Archive<impl ReaderAt>) -> Result<Others> {
     let (counts, basis) = (find("counts")?, find("basis")?);
     let (times, seq) = (find("times")?, find("seq")?);
     let (names, radii, cell) = (find("names")?, find("radii")?, find("cell")?);
+    let rows_of_edges = cell.as_ref().and_then(Values::rows_of_edges);
     let floats = |values: Values| values.floats();
     let radii = radii.map(floats).transpose()?.unwrap_or_default();
     Ok(Others {
@@ -81,6 +82,7 @@ pub(super) fn read(archive: &Archive<impl ReaderAt>) -> Result<Others> {
         labels: CurveLabels::named(names.map_or(Ok(Vec::new()), |names| names.texts())?)
             .with_radii(radii.into_iter().map(|r| r as f32)),
         cells: cell.map_or(Ok(Cells::None), |cell| cell.cells())?,
+        rows_of_edges,
         left_out: Vec::new(),
     })
 }
@@ -167,6 +169,17 @@ impl Values {
         match values.iter().position(|x| !x.is_finite()) {
             Some(k) => Err(self.bad(format_args!("value {k} is {}", values[k]))),
             None => Ok(values),
+        }
+    }
+
+    /// Returns the number of rows of a cell that may also be edges of as many frames.
+    fn rows_of_edges(&self) -> Option<u64> {
+        match self.array.shape[..] {
+            [rows @ (3 | 4), 3] => {
+                let is_positive = self.floats().ok()?.iter().all(|&x| x > 0.0);
+                is_positive.then_some(rows)
+            }
+            _ => None,
         }
     }
 

@@ -27,7 +27,8 @@
 //!
 //! The cell is periodic: its edges along the axes, its vectors, or its vectors and its corner;
 //! zeros stand for a direction without repetition. The shapes 3 x 3 and 4 x 3 are those of one cell
-//! for all frames, also if there are 3 or 4 frames.
+//! for all frames, also if there are 3 or 4 frames; then a cell whose numbers are all positive is
+//! refused, because it looks like edges of each frame.
 //!
 //! Arrays of other names are ignored, unless they may hold points (two or more rows of three
 //! floats, or pickled objects), and no vectors by their names:
@@ -111,6 +112,8 @@ struct Others {
     seq: Option<Vec<u64>>,
     labels: CurveLabels,
     cells: Cells,
+    /// Number of frames for which the cell may be meant as one row of edges each.
+    rows_of_edges: Option<u64>,
     left_out: Vec<LeftOut>,
 }
 

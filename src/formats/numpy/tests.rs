@@ -466,6 +466,12 @@ fn frames_have_the_cell_of_the_archive() {
         ),
         (1, "(0, 3)", &[], "array cell): 0 values for 1 frames"),
         (
+            3,
+            "(3, 3)",
+            &[9.0, 8.0, 7.0, 8.0, 9.0, 7.0, 7.0, 8.0, 9.0],
+            "array cell): shape 3 x 3 with 3 frames: edges of each frame, or one cell",
+        ),
+        (
             1,
             "(6,)",
             &edges,

@@ -109,9 +109,9 @@ impl Comment {
     }
 }
 
-/// Returns the words of a value.
+/// Returns the words of a value, such as the numbers of an array `[[9, 0, 0], [0, 8, 0], ..]`.
 fn parts(value: &[u8]) -> impl Iterator<Item = &[u8]> {
-    let parts = value.split(|b| b.is_ascii_whitespace() || *b == b',');
+    let parts = value.split(|b| b.is_ascii_whitespace() || b",[]".contains(b));
     parts.filter(|part| !part.is_empty())
 }
 
@@ -197,13 +197,14 @@ impl<'a> Text<'a> {
         Ok(Some((key, Some(self.token()?))))
     }
 
-    /// Returns the next word, or a text in quotes or braces without them.
+    /// Returns the next word, a text in quotes or braces without them, or an array in brackets.
     fn token(&mut self) -> Result<&'a [u8], String> {
         let text = self.0;
         let close = match text.first() {
             Some(b'"') => b'"',
             Some(b'\'') => b'\'',
             Some(b'{') => b'}',
+            Some(b'[') => return self.array(),
             _ => {
                 let ends = |b: &u8| b.is_ascii_whitespace() || *b == b'=';
                 let n = text.iter().position(ends).unwrap_or(text.len());
@@ -224,5 +225,18 @@ impl<'a> Text<'a> {
         }
         self.0 = &text[k + 1..];
         Ok(&text[1..k])
+    }
+
+    /// Returns the text up to the bracket that closes the first one.
+    fn array(&mut self) -> Result<&'a [u8], String> {
+        let mut depth = 0;
+        let end = self.0.iter().position(|b| {
+            depth += i32::from(*b == b'[') - i32::from(*b == b']');
+            depth == 0
+        });
+        let end = end.ok_or_else(|| format!("{}: the array does not end", quote(self.0)))?;
+        let array = &self.0[..=end];
+        self.0 = &self.0[end + 1..];
+        Ok(array)
     }
 }

@@ -160,6 +160,10 @@ fn the_cell_repeats_along_the_directions_of_pbc() {
         ("lattice='9, 0, 0, 0, 8, 0, 0, 0, 7'", Some("9,8,7")),
         ("Lattice={9 0 0 0 8 0 0 0 0}", Some("9,8,0")),
         (
+            "pbc=[T, T, F] Lattice=[[9, 0, 0], [0, 8, 0], [0, 0, 7]]",
+            Some("9,8,0"),
+        ),
+        (
             &format!("{lattice} pbc=\"T T T\""),
             Some("9,0,0,-2.5,8,0,0,1,7"),
         ),
@@ -189,6 +193,10 @@ fn the_cell_repeats_along_the_directions_of_pbc() {
         (
             "Lattice='9 0 0 0 9 0 0 0 9 1'",
             "'Lattice': more than 9 numbers",
+        ),
+        (
+            "Lattice=[[9, 0, 0], [0, 9, 0], [0, 0, 9]",
+            "the array does not end",
         ),
         (
             "Lattice='9 0 0 0 9 0 0 0 x'",

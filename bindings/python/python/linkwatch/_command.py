@@ -40,14 +40,35 @@ def main() -> int:
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
         signal.signal(signal.SIGINT, signal.SIG_DFL)
     args = sys.argv[1:]
-    if args[:1] == ["convert"] and (code := convert(args[1:])) is not None:
-        return code
-    if args[:1] not in (["check"], ["certify"], ["measure"]):
+    # Each file of `--each` comes back in a process of its own, as the value of `--only`.
+    each = "--each" in args and "--only" not in args
+    if each or args[:1] not in (["convert"], ["check"], ["certify"], ["measure"]):
         return command(["linkwatch", *args])
-    only = args.index("--only") + 1 if "--only" in args else 0
-    if "--each" in args and not only:
-        # Each file comes back in a process of its own, as the value of `--only`.
-        return command(["linkwatch", *args])
+    with tempfile.TemporaryDirectory(prefix="linkwatch-") as folder:
+        try:
+            only = args.index("--only") + 1 if "--only" in args else None
+            for k in range(1, len(args)) if only is None else [only]:
+                args[k] = _unpacked(args[k], pathlib.Path(folder))
+        except (OSError, ValueError) as why:
+            print(f"error: {why}", file=sys.stderr)
+            return 2
+        return _run(args, only)
+
+
+def _unpacked(arg: str, folder: pathlib.Path) -> str:
+    """Returns an argument; the unpacked file in its place if it is a compressed file."""
+    if not arg.lower().endswith((".gz", ".bz2", ".xz")) or not pathlib.Path(arg).is_file():
+        return arg
+    from . import io
+
+    return str(io.plain(pathlib.Path(arg), folder))
+
+
+def _run(args: list[str], only: int | None) -> int:
+    """Runs a subcommand that reads files, or one of them, whose place among them is given."""
+    if args[:1] == ["convert"]:
+        code = convert(args[1:])
+        return command(["linkwatch", *args]) if code is None else code
     files = list(filter(_only_the_package_reads, args[only:][:1] if only else args[1:]))
     if not files:
         return command(["linkwatch", *args])
@@ -127,9 +148,7 @@ def _only_the_package_reads(arg: str) -> bool:
 
     path = pathlib.Path(arg)
     try:
-        if not path.is_file():
-            return False
-        return path.suffix.lower() in io.COMPRESSED or io.format_of(path) is not io.FORMATS[-1]
+        return path.is_file() and io.format_of(path) is not io.FORMATS[-1]
     except OSError:
         return False
 

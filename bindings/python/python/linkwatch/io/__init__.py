@@ -18,6 +18,7 @@ it in ``FORMATS``.
 from __future__ import annotations
 
 import bz2
+import glob
 import gzip
 import lzma
 import re
@@ -106,18 +107,25 @@ COMPRESSED: dict[str, Callable[..., Any]] = {
 }
 
 
-def _plain(path: Path, folder: Path) -> Path:
-    """Returns a file, or the contents of a compressed one, in a folder."""
+def plain(path: Path, folder: Path) -> Path:
+    """Returns a file, or the contents of a compressed one, in a folder. Files whose names differ
+    in suffixes only, such as a topology, are then beside it as well."""
     open_it = COMPRESSED.get(path.suffix.lower())
     if open_it is None:
         return path
-    plain = folder / path.stem
+    unpacked = folder / path.stem
+    if unpacked.is_symlink():
+        unpacked.unlink()
     try:
-        with open_it(path, "rb") as packed, open(plain, "xb") as file:
+        with open_it(path, "rb") as packed, open(unpacked, "xb") as file:
             shutil.copyfileobj(packed, file)
     except (EOFError, lzma.LZMAError, zlib.error) as why:
         raise ValueError(f"{path}: {why}") from None
-    return plain
+    for other in path.parent.glob(f"{glob.escape(unpacked.stem)}.*"):
+        beside = folder / other.name
+        if other.suffix.lower() not in COMPRESSED and not beside.exists():
+            beside.symlink_to(other.absolute())
+    return unpacked
 
 
 def _head(path: Path) -> bytes:
@@ -200,7 +208,7 @@ def read(
     folder = None
     if any(one.suffix.lower() in COMPRESSED for one in paths):
         folder = TemporaryDirectory(prefix="linkwatch-")
-        paths = [_plain(one, Path(folder.name)) for one in paths]
+        paths = [plain(one, Path(folder.name)) for one in paths]
     named = {one.name: one for one in FORMATS}
     if format is not None and format not in named:
         raise ValueError(f"format is {format!r}, expected one of {', '.join(named)}")

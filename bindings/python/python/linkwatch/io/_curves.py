@@ -74,6 +74,8 @@ class Scene:
     seq: int | None = None
     #: Names the scene in messages.
     place: str = ""
+    #: Reason why the frame is invalid.
+    unfit: str = ""
 
     def flat(self) -> Array:
         """Returns the points of all curves, and describes those of a list."""
@@ -123,6 +125,8 @@ class Rules:
 
     def _frame(self, scene: Scene, seq: int) -> Frame:
         options, points, given = self.options, scene.flat(), scene.counts
+        if scene.unfit:
+            raise Unfit(scene.unfit)
         if not np.isfinite(points).all():
             at = int(np.argmin(np.isfinite(points).all(axis=1)))
             raise Unfit(f"point {at} has a coordinate that is not finite")

@@ -2,15 +2,26 @@
 
 from __future__ import annotations
 
-import struct
+import re
 import warnings
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ._curves import Molecule, Options, Rules, Scene, frames_of_scenes, is_dump, molecules, plural
+from ._curves import (
+    Molecule,
+    Options,
+    Rules,
+    Scene,
+    frames_of_scenes,
+    in_order,
+    is_dump,
+    molecules,
+    plural,
+)
 from ._frames import Summary, library
+from ._trajectory import PassedOver, check_ends, check_number_of_frames
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -19,8 +30,6 @@ if TYPE_CHECKING:
     from ._curves import Array
     from ._frames import Frame, Frames
 
-# First bytes of the frames of an .xtc file.
-XTC = 1995
 # Units of the times of files without times.
 COUNTED = ("steps of the simulation", "frames")
 
@@ -28,6 +37,7 @@ COUNTED = ("steps of the simulation", "frames")
 def read(paths: Sequence[Path], options: Options) -> Frames:
     """Opens a topology and trajectories; the first file is the topology."""
     mda = library("MDAnalysis", "mdanalysis")
+    paths = [paths[0], *_in_order(paths[1:])]
     topology, *trajectories = map(str, paths)
     # MDAnalysis goes by the suffix, of which H5MD and dumps of LAMMPS have several.
     ways: list[dict[str, Any]] = [{}]
@@ -59,43 +69,14 @@ def read(paths: Sequence[Path], options: Options) -> Frames:
             f"{topology}: a trajectory alone does not say which atoms form a curve: give its "
             f"topology before it, such as melt.psf {topology}"
         )
-    _check_ends(paths[1:] or paths, trajectory)
+    check_ends(paths[1:] or paths, trajectory)
     return frames_of_atoms(atoms, options, trajectory, paths[0])
 
 
-def _check_ends(paths: Sequence[Path], trajectory: Any) -> None:
-    """Raises an error if the last frame of a trajectory is cut off, which MDAnalysis ignores."""
-    atoms, frames = trajectory.n_atoms, len(trajectory)
-    offsets = getattr(getattr(trajectory, "_xdr", None), "offsets", [])
-    for path in paths:
-        suffix, whole = path.suffix.lower(), True
-        with open(path, "rb") as file:
-            size = file.seek(0, 2)
-
-            def head(start: int, form: str) -> tuple[int, ...]:
-                """Returns integers from a place on."""
-                file.seek(start)
-                return struct.unpack(form, file.read(struct.calcsize(form)))
-
-            if suffix == ".dcd" and size > 100:
-                order = "<" if head(0, "<i") == (84,) else ">"
-                (_, *control), (titles,) = head(4, f"{order}21i"), head(96, f"{order}i")
-                # A frame has records of coordinates, and of the cell and a fourth coordinate.
-                record = 4 * atoms + 8
-                frame = 3 * record + (56 * control[10] + record * control[11]) * bool(control[19])
-                # Fixed atoms are in the first frame only.
-                whole = control[8] > 0 or (size - 116 - 80 * titles) % frame == 0
-            elif suffix == ".xtc" and len(offsets) == frames and atoms > 9:
-                at = int(offsets[-1])
-                # Coordinates are padded to a multiple of 4 bytes.
-                magic, length = head(at, ">i84xi") if size >= at + 92 else (XTC, 0)
-                whole = magic != XTC or size == at + 92 + length + -length % 4
-            elif is_dump(path):
-                file.seek(max(0, size - 2 * size // frames))
-                last = file.read().rpartition(b"ITEM: TIMESTEP")[2]
-                whole = last.count(b"\n") + (not last.endswith(b"\n")) >= atoms + 9
-        if not whole:
-            raise ValueError(f"{path}: the last frame is cut off")
+def _in_order(paths: Sequence[Path]) -> Sequence[Path]:
+    """Sorts files by the numbers in their names, if the names have no other differences."""
+    numbered = len({re.sub(r"\d+", "0", path.name) for path in paths}) == 1
+    return in_order(paths) if numbered else paths
 
 
 def _said(why: Exception) -> str:
@@ -113,9 +94,11 @@ def frames_of_atoms(
     path = path or Path(str(universe.trajectory.filename or "the universe"))
     if not len(atoms):
         raise ValueError(f"{path}: no atoms are selected")
+    check_number_of_frames(universe.trajectory)
     options.unwrap = options.unwrap is not False
     topology = Scene()
     found = _bonded(atoms, topology)
+    by_bonds = found is not None
     if found is None:
         found = _grouped(atoms, topology, path, options.closed)
     order = np.concatenate([one.nodes for one in found] or [[]]).astype(np.int64)
@@ -126,6 +109,7 @@ def frames_of_atoms(
 
     def scenes(trajectory: Any = trajectory) -> Iterator[Scene]:
         frames = iter(trajectory)
+        passed_over = PassedOver(universe.trajectory)
         read = 0
         while True:
             try:
@@ -139,18 +123,27 @@ def frames_of_atoms(
                     raise ValueError(f"{path}: only {read} of {len(trajectory)} frames can be read")
                 return
             read += 1
+            unfit, positions = "", now.positions
+            if by_bonds and passed_over.has_other_bonds(now):
+                unfit = "it has other bonds than the first frame, whose bonds define the curves"
+            try:
+                by_id = passed_over.order(now)
+                positions = positions if by_id is None else positions[by_id]
+            except ValueError as why:
+                unfit = str(why)
             yield Scene(
                 # The next frame overwrites the positions.
-                points=now.positions.copy() if whole else np.take(now.positions, order, axis=0),
+                points=positions.copy() if whole else np.take(positions, order, axis=0),
                 counts=counts,
                 names=names,
                 radii=radii,
                 left_out=topology.left_out,
                 notes=topology.notes,
-                cell=_cell(now),
+                cell=_cell(passed_over.dimensions(now)),
                 time=float(now.data.get("step", now.frame) if unit in COUNTED else now.time),
                 place=f"{path}, frame {now.frame}",
                 seq=int(now.frame),
+                unfit=unfit,
             )
 
     def part(start: int, stop: int) -> Iterator[Frame]:
@@ -178,12 +171,17 @@ def _unit(trajectory: Any) -> str:
     return "ps" if converted else str(trajectory.units.get("time") or "the unit of the simulation")
 
 
-def _cell(now: Any) -> Array | None:
-    """Returns the cell of a frame, if it has one."""
-    if now.dimensions is None or not now.dimensions[:3].all():
+def _cell(dimensions: Array | None) -> Array | None:
+    """Returns the cell with some edges and angles: an edge of 0 stands for no repetition."""
+    if dimensions is None or not dimensions[:3].any():
         return None
     core = library("MDAnalysis.lib.mdamath", "mdanalysis")
-    vectors = core.triclinic_vectors(now.dimensions, dtype=np.float64)
+    edges, angles = np.hsplit(dimensions, 2)
+    repeats = edges != 0
+    box = [*np.where(repeats, edges, 1.0), *angles]
+    vectors = core.triclinic_vectors(box, dtype=np.float64) * repeats[:, None]
+    if not vectors.any():
+        raise ValueError(f"no periodic cell has the edges {edges} and the angles {angles}")
     return np.vstack([vectors, np.zeros(3)])
 
 

@@ -43,11 +43,12 @@ TYPES = {
 
 
 def _lines(scene: Scene, points: Array, lines: Sequence[Array]) -> Scene:
-    """Adds polylines, which are lists of points, and joins those of two points."""
+    """Adds polylines, which are lists of points, and joins those that share ends."""
     edges = []
     for k, line in enumerate(lines):
         if len(line) and not 0 <= line.min() <= line.max() < len(points):
             raise ValueError(f"{scene.place}: line {k} has points beyond the {len(points)} points")
+    for k, line in _joined(scene, lines):
         if len(line) == 2:
             edges.append(line)
         elif len(line) < 2:
@@ -63,16 +64,53 @@ def _lines(scene: Scene, points: Array, lines: Sequence[Array]) -> Scene:
             scene.curves.append(Curve(points[line[: len(line) - closed]], closed))
     if edges:
         joined = np.array(edges)
-        if len(np.unique(joined)) == joined.size:
-            # No edge shares a point with another one: places tell which ones meet.
-            ends = points[joined.ravel()]
-            _, first, same = np.unique(ends, axis=0, return_index=True, return_inverse=True)
-            if len(first) < joined.size:
-                scene.notes.append("edges whose ends have equal coordinates are joined")
-                # The first ones of equal points: their order does not depend on coordinates.
-                points, joined = ends, first[same].reshape(-1, 2)
+        # Places tell which edges meet that share no point with another one.
+        alone = (np.bincount(joined.ravel())[joined] == 1).all(axis=1)
+        ends = joined[alone].ravel()
+        _, first, same = np.unique(points[ends], axis=0, return_index=True, return_inverse=True)
+        if len(first) < len(ends):
+            scene.notes.append("edges whose ends have equal coordinates are joined")
+            # The first ones of equal points: their order does not depend on coordinates.
+            joined[alone] = ends[first[same]].reshape(-1, 2)
         curves_of_edges(points, joined, scene, "edges")
     return scene
+
+
+def _joined(scene: Scene, lines: Sequence[Array]) -> list[tuple[int, Array]]:
+    """Joins polylines with what continues them: a line that shares an end with no third one.
+    Returns the number of the first line of each, and its points."""
+    is_open = [len(line) > 1 and line[0] != line[-1] for line in lines]
+    uses = np.bincount(np.concatenate([np.empty(0, int), *lines]))
+    at: dict[int, list[int]] = {}
+    for k, line in enumerate(lines):
+        for end in line[[0, -1]].tolist() if is_open[k] else ():
+            at.setdefault(end, []).append(k)
+    taken = np.zeros(len(lines), bool)
+
+    def extended(line: Array) -> Array:
+        """Adds what continues the last point of a line, up to its first one."""
+        parts = [line]
+        while (end := int(parts[-1][-1])) != line[0] and uses[end] == 2:
+            following = [k for k in at[end] if not taken[k]]
+            if not following:
+                break
+            taken[following[0]] = True
+            other = lines[following[0]]
+            parts.append((other if other[0] == end else other[::-1])[1:])
+        return np.concatenate(parts)
+
+    found: dict[int, Array] = {}
+    for polylines in (True, False):
+        for k, line in enumerate(lines):
+            if taken[k] or (len(line) > 2) != polylines:
+                continue
+            taken[k] = True
+            if is_open[k] and polylines:
+                line = extended(extended(line)[::-1])[::-1]
+            found[k] = line
+    if len(found) < len(lines):
+        scene.notes.append("lines that share an end are joined")
+    return sorted(found.items(), key=lambda item: item[0])
 
 
 def read_vtk(path: Path) -> Scene:
@@ -211,9 +249,29 @@ class _Legacy:
         """Yields names and values of arrays."""
         for _ in range(number):
             words = self.line() or []
+            while words[:1] == ["METADATA"]:
+                self.skip_metadata()
+                words = self.line() or []
             if len(words) != 4:
                 raise self.error(f"expected name, components, tuples and type: {' '.join(words)}")
-            yield words[0], self.array(self.size(words[1]) * self.size(words[2]), words[3])
+            size = self.size(words[1]) * self.size(words[2])
+            if words[3].lower() == "string":
+                self._skip_strings(size)
+            else:
+                yield words[0], self.array(size, words[3])
+
+    def _skip_strings(self, number: int) -> None:
+        """Skips strings, each in a line or after its length."""
+        for _ in range(number):
+            if not self.binary:
+                self._text()
+                continue
+            # Two bits tell the number of bytes that the length has with them.
+            width = 8 >> (self.data[self.at] >> 6) if self.at < len(self.data) else 1
+            length = int.from_bytes(self.data[self.at : self.at + width], "big")
+            self.at += width + length % (1 << (8 * width - 2))
+        if self.binary and self.data[self.at : self.at + 1] == b"\n":
+            self.at += 1
 
     def skip_metadata(self) -> None:
         """Skips lines up to an empty one."""

@@ -84,6 +84,13 @@ def read_coils(path: Path) -> Scene:
     return scene
 
 
+# Statements of OBJ that are no curves.
+NO_CURVES = frozenset(
+    "bevel bmat bsp bzp c_interp cdp con csh ctech d_interp end f fo g hole lod maplib mg mtllib o "
+    "p parm res s scrv shadow_obj sp stech step surf trace_obj trim usemap usemtl vc vn vp vt".split()
+)
+
+
 def read_obj(path: Path) -> Scene:
     """Reads the lines and the free-form curves of an OBJ file, as Bezier pieces if one is curved.
 
@@ -94,6 +101,8 @@ def read_obj(path: Path) -> Scene:
     edges: list[list[int]] = []
     curves: list[tuple[int, list[int], list[str], list[str]]] = []
     kind, degree, knots = [""], "", list[str]()
+    unread = {"curv2": ("curve on a surface (curv2)", "curves on surfaces (curv2)")}
+    unread["cdc"] = ("free-form curve", "free-form curves")
     for lines.number, (name, *words) in _statements(lines):
         if name == "v":
             # Without a weight, and with a colour in its place, it is 1.
@@ -117,6 +126,9 @@ def read_obj(path: Path) -> Scene:
                 curves.append((lines.number, numbers, spline, knots))
         elif name == "parm" and words[:1] == ["u"]:
             knots += words[1:]
+        elif name not in NO_CURVES:
+            kinds = unread.get(name, ("unknown statement", "unknown statements"))
+            scene.left_out.add(*kinds, f"line {lines.number}: {name!r}")
     points = np.array(vertices).reshape(-1, 4)
     curves_of_edges(points[:, :3], np.array(edges), scene, "lines")
     for lines.number, numbers, spline, knots in curves:
@@ -124,10 +136,11 @@ def read_obj(path: Path) -> Scene:
             raise lines.error(f"a vertex beyond the {len(points)} of the file")
         try:
             control = points[numbers]
-            if spline[:1] in ([], ["1"]):
+            parameters = np.array(knots, float)
+            if not spline or spline[0] == "1" and _is_whole(control, spline, parameters, lines):
                 scene.curves.append(Curve(control[:, :3]))
                 continue
-            pieces = _bezier_of_obj(control, spline, np.array(knots, float), lines)
+            pieces = _bezier_of_obj(control, spline, parameters, lines)
             scene.curves.append(Curve(pieces, name="bezier"))
         except _Unread as why:
             scene.left_out.add("free-form curve", "free-form curves", f"line {lines.number}, {why}")
@@ -158,11 +171,27 @@ def _statements(lines: Lines) -> Iterator[tuple[int, list[str]]]:
             begun, first = [], 0
 
 
+def _is_whole(control: Array, spline: list[str], knots: Array, lines: Lines) -> bool:
+    """Returns whether a curve of degree 1 is the polyline of all its control points."""
+    _, *kind, first, last = spline
+    ends = lines.numbers([first, last], 2)
+    if kind[-1:] not in (["bezier"], ["bspline"]) or (control[:, 3] <= 0).any():
+        return False
+    if not len(knots):
+        return True
+    near = 1e-5 * np.ptp(knots)
+    if len(knots) == len(control) + 2:
+        knots = knots[1:-1]
+        if (np.diff(knots) <= 0).any():
+            return False
+    return bool(ends[0] <= knots[0] + near and knots[-1] - near <= ends[1])
+
+
 def _bezier_of_obj(control: Array, spline: list[str], knots: Array, lines: Lines) -> Array:
     """Returns the Bezier pieces of control points with weights, and of ``[degree, kind, ends]``."""
     degree, *kind, first, last = spline
     ends = lines.numbers([first, last], 2)
-    if kind[-1:] not in (["bezier"], ["bspline"]) or degree not in ("2", "3"):
+    if kind[-1:] not in (["bezier"], ["bspline"]) or degree not in ("1", "2", "3"):
         raise _Unread(f"of the cstype {' '.join(kind)!r} and degree {degree!r}")
     if kind[0] == "rat" and np.ptp(control[:, 3]) > 0:
         raise _Unread("rational, with weights that differ")
