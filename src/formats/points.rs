@@ -159,7 +159,9 @@ fn fields(line: &[u8]) -> Vec<&[u8]> {
 
 /// Returns a field of a table without its quotes.
 fn unquoted(field: &[u8]) -> &[u8] {
-    let inside = field.strip_prefix(b"\"").and_then(|rest| rest.strip_suffix(b"\""));
+    let inside = field
+        .strip_prefix(b"\"")
+        .and_then(|rest| rest.strip_suffix(b"\""));
     inside.unwrap_or(field)
 }
 

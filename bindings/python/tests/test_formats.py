@@ -459,7 +459,7 @@ def test_lines_that_share_an_end_are_joined(tmp_path):
 
 
 def test_edges_that_share_no_point_are_joined_beside_others(tmp_path):
-    """Regression test: equal coordinates joined edges only if no edge of the file shared a point."""
+    """Regression test: equal coordinates joined edges only if no two edges shared a point."""
     points = np.vstack([POINTS[:12], *(POINTS[[a, b]] for a, b in EDGES[12:])])
     edges = [*EDGES[:12], *((12 + 2 * k, 13 + 2 * k) for k in range(12))]
     text = vtk(lines=edges).replace("POINTS 24", f"POINTS {len(points)}")
@@ -479,7 +479,7 @@ def test_texts_and_metadata_in_fields_of_vtk_files_are_skipped(tmp_path, binary)
 
 
 def test_what_the_command_leaves_out_of_an_obj_is_left_out(tmp_path):
-    """Regression test: this reader read half a ring as a whole one, and ignored other statements."""
+    """Regression test: half a ring was read as a whole one, and other statements were ignored."""
     vertices = "".join(f"v {x} {y} {z}\n" for x, y, z in POINTS)
     ring = " ".join(str(k + 1) for k in [*range(12), 0])
     knots = " ".join(map(str, [0, *range(13), 12]))

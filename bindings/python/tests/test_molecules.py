@@ -220,7 +220,7 @@ def test_files_of_which_mdanalysis_reads_only_the_first_frame_are_errors(tmp_pat
     (frame,) = linkwatch.read(tmp_path / f"a.{suffix}")
     assert len(frame.positions) == 24
     two = text + text if suffix == "gro" else f"MODEL 1\n{text}MODEL 2\n{text}"
-    with pytest.raises(ValueError, match="several frames, of which MDAnalysis reads only the first"):
+    with pytest.raises(ValueError, match="of which MDAnalysis reads only the first one"):
         linkwatch.read(written(tmp_path, f"b.{suffix}", two))
 
 

@@ -134,8 +134,8 @@ impl<R: Read> ArrayFrames<R> {
         }
         if let Some(n) = others.rows_of_edges.filter(|&n| n == layout.frames) {
             let what = format!(
-                "shape {n} x 3 with {n} frames: edges of each frame, or one cell; write {n} x {n} x 3 \
-                 (a cell for each frame)"
+                "shape {n} x 3 with {n} frames: edges of each frame, or one cell; write \
+                 {n} x {n} x 3 (a cell for each frame)"
             );
             return Err(Error::format(FORMAT, "array cell", what));
         }

@@ -96,8 +96,8 @@ fn a_pair_that_needs_too_many_exact_tests_is_too_close() {
     assert_eq!(run(3).undecided, outcome.undecided);
 }
 
-/// Regression: strands that move through one another everywhere are searched in long pieces, so that
-/// passages that cancel may be missed. The pair counted as decided.
+/// Regression: strands that move through one another everywhere are searched in long pieces, so
+/// that passages that cancel may be missed. The pair counted as decided.
 #[test]
 fn splines_searched_in_long_pieces_are_undecided_and_their_signs_add_up() {
     let frames = doubled(&mut Random::new(5), Basis::CatmullRom, 10, 40, 1e-2).map(|set| {

@@ -86,8 +86,9 @@ def read_coils(path: Path) -> Scene:
 
 # Statements of OBJ that are no curves.
 NO_CURVES = frozenset(
-    "bevel bmat bsp bzp c_interp cdp con csh ctech d_interp end f fo g hole lod maplib mg mtllib o "
-    "p parm res s scrv shadow_obj sp stech step surf trace_obj trim usemap usemtl vc vn vp vt".split()
+    "bevel bmat bsp bzp c_interp cdp con csh ctech d_interp end f fo g hole lod maplib mg mtllib "
+    "o p parm res s scrv shadow_obj sp stech step surf trace_obj trim usemap usemtl vc vn vp "
+    "vt".split()
 )
 
 
