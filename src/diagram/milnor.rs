@@ -22,42 +22,66 @@
 //! common divisor. It changes its sign if two components are exchanged or one is reversed.
 
 use super::{Diagram, TripleLink};
+use std::collections::BTreeMap;
+
+/// A passage of a component below another one.
+pub(super) struct Below {
+    /// Positions of the passage in the component, and of that of the other one above it.
+    at: u32,
+    above_at: u32,
+    sign: i64,
+    /// Sum of the signs of the passages of these two components up to this one.
+    sum: i64,
+}
+
+/// The passages of each component below each other one, in order: of the first below the second.
+pub(super) type AllBelow = BTreeMap<(u32, u32), Vec<Below>>;
 
 impl Diagram {
-    /// Returns Milnor's number of three components, before it is reduced by the greatest common
-    /// divisor of their linking numbers.
-    pub(super) fn triple(&self, [first, second, third]: [u32; 3], positions: &[(u32, u32)]) -> i64 {
-        // Positions and sums of the signs of crossings of one component below another one.
-        let passed = |component: u32, above: u32| {
-            let mut sum = 0;
-            let passages = (0..).zip(&self.components[component as usize]);
-            let under = passages.filter(|(_, passage)| **passage % 2 == 0);
-            let met = under.filter(|(_, passage)| positions[**passage as usize ^ 1].0 == above);
-            met.map(|(at, passage)| {
-                sum += i64::from(self.signs[*passage as usize / 2]);
-                (at, sum)
-            })
-            .collect::<Vec<(u32, i64)>>()
-        };
-        let before = |passed: &[(u32, i64)], at: u32| {
-            let k = passed.partition_point(|p| p.0 < at);
-            if k == 0 { 0 } else { passed[k - 1].1 }
-        };
-        let (of_first, of_second) = (passed(first, second), passed(second, first));
-        let (mut sum, mut mu) = (0, 0);
-        let passages = self.components[third as usize].iter();
-        for passage in passages.filter(|passage| *passage % 2 == 0) {
-            let sign = i64::from(self.signs[*passage as usize / 2]);
-            let (above, at) = positions[*passage as usize ^ 1];
-            if above == first {
-                sum += sign;
-                mu += sign * before(&of_first, at);
-            } else if above == second {
-                mu += sign * (sum - before(&of_second, at));
+    /// Returns the passages of different components below one another.
+    pub(super) fn all_below(&self) -> AllBelow {
+        let positions = self.positions();
+        let mut all = AllBelow::new();
+        for (component, passages) in (0..).zip(&self.components) {
+            let under = (0..)
+                .zip(passages)
+                .filter(|(_, passage)| **passage % 2 == 0);
+            for (at, &passage) in under {
+                let (above, above_at) = positions[passage as usize ^ 1];
+                if above == component {
+                    continue;
+                }
+                let passed = all.entry((component, above)).or_default();
+                let sign = i64::from(self.signs[passage as usize / 2]);
+                let sum = sign + passed.last().map_or(0, |last: &Below| last.sum);
+                passed.push(Below {
+                    at,
+                    above_at,
+                    sign,
+                    sum,
+                });
             }
         }
-        mu
+        all
     }
+}
+
+/// Returns Milnor's number of three components, before it is reduced by the greatest common divisor
+/// of their linking numbers.
+pub(super) fn triple(all: &AllBelow, [first, second, third]: [u32; 3]) -> i64 {
+    let of = |below: u32, above: u32| all.get(&(below, above)).map_or(&[][..], |passed| passed);
+    // Sum of the signs of the passages before a position.
+    let before = |passed: &[Below], at: u32| {
+        let k = passed.partition_point(|passage| passage.at < at);
+        if k == 0 { 0 } else { passed[k - 1].sum }
+    };
+    let (below_first, below_second) = (of(third, first), of(third, second));
+    let (k12, k21) = (of(first, second), of(second, first));
+    let ones = below_first.iter().map(|p| p.sign * before(k12, p.above_at));
+    let others = below_second
+        .iter()
+        .map(|p| p.sign * (before(below_first, p.at) - before(k21, p.above_at)));
+    ones.chain(others).sum()
 }
 
 impl std::fmt::Display for TripleLink {

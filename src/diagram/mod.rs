@@ -235,7 +235,7 @@ impl Diagram {
         }
         // Each term of the formula has crossings of two pairs: three curves in a row.
         let mut found = BTreeMap::new();
-        let positions = self.positions();
+        let below = self.all_below();
         for (middle, others) in (0_u32..).zip(&neighbours) {
             for (k, &a) in others.iter().enumerate() {
                 for &b in &others[k + 1..] {
@@ -249,7 +249,7 @@ impl Diagram {
                     let modulus = links.fold(0, |n, sum| greatest_common_divisor(n, sum / 2));
                     // Modulo 1 there is nothing to compute.
                     if modulus != 1 && !found.contains_key(&curves) {
-                        found.insert(curves, (self.triple(triple, &positions), modulus));
+                        found.insert(curves, (milnor::triple(&below, triple), modulus));
                     }
                 }
             }

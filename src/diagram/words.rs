@@ -1,6 +1,7 @@
 //! Diagrams in words and as JSON.
 
-use super::{Diagram, Invariants};
+use super::{Diagram, Invariants, TripleLink};
+use crate::verdict::Link;
 use crate::words::plural;
 use serde_json::{Value, json};
 use std::fmt;
@@ -8,14 +9,44 @@ use std::fmt;
 /// Maximum number of curves of a group that are listed by their numbers.
 const MOST_NAMED: usize = 12;
 
+/// Invariants of a diagram that are in its words or its JSON.
+struct Facts {
+    /// Those of the curve of a diagram of one curve.
+    knot: Option<Invariants>,
+    determinant: Option<String>,
+    links: Vec<Link>,
+    triples: Vec<TripleLink>,
+}
+
 impl Diagram {
     /// Returns the diagram with its codes and all its invariants as JSON. `knots` has the
     /// invariants of the curve of a diagram of one curve.
     pub fn to_json(&self) -> Value {
-        let knots = match self.curves.len() {
-            1 => self.invariants(),
-            _ => Vec::new(),
-        };
+        self.json(self.facts())
+    }
+
+    /// Returns [`Diagram::to_json`] and the words, from invariants that are computed once.
+    pub fn to_json_and_words(&self) -> (Value, String) {
+        let facts = self.facts();
+        let words = self.words(&facts);
+        (self.json(facts), words)
+    }
+
+    fn facts(&self) -> Facts {
+        let is_knot = self.curves.len() == 1;
+        let knot = is_knot.then(|| self.invariants().remove(0));
+        Facts {
+            determinant: match &knot {
+                Some(knot) => knot.determinant.clone(),
+                None => self.link_determinant(),
+            },
+            knot,
+            links: self.links(),
+            triples: self.triples(),
+        }
+    }
+
+    fn json(&self, facts: Facts) -> Value {
         json!({
             "curves": self.curves,
             "crossings": self.crossings(),
@@ -25,11 +56,35 @@ impl Diagram {
             "pd": self.pd_code(),
             "gauss": self.gauss_code(),
             "dt": self.dt_code(),
-            "determinant": self.link_determinant(),
-            "knots": knots,
-            "links": self.links(),
-            "triples": self.triples(),
+            "determinant": facts.determinant,
+            "knots": facts.knot.as_slice(),
+            "links": facts.links,
+            "triples": facts.triples,
         })
+    }
+
+    /// Returns the numbers of crossings, and the invariants: of the knot, or of the link.
+    fn words(&self, facts: &Facts) -> String {
+        let crossings = plural(self.crossings() as u64, "crossing");
+        let mut text = format!("{}: {crossings}", words_of_curves(&self.curves));
+        let moves = self.moves[0] + self.moves[1];
+        if moves > 0 {
+            let moves = plural(moves, "Reidemeister move");
+            text += &format!(" ({} in the projection, {moves})", self.projected());
+        }
+        if let Some(knot) = &facts.knot {
+            return text + &format!("; {knot}");
+        }
+        text += &format!("; determinant {}", words(facts.determinant.as_ref()));
+        text += &match facts.links.len() {
+            0 => ", no linking numbers".into(),
+            n => format!(", {}", plural(n as u64, "linking number")),
+        };
+        facts
+            .triples
+            .iter()
+            .for_each(|triple| text += &format!(", {triple}"));
+        text
     }
 
     /// Returns the number of crossings before the moves.
@@ -39,25 +94,8 @@ impl Diagram {
 }
 
 impl fmt::Display for Diagram {
-    /// Writes the numbers of crossings, and the invariants: of the knot, or of the link.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{}: ", words_of_curves(&self.curves))?;
-        write!(f, "{}", plural(self.crossings() as u64, "crossing"))?;
-        let moves = self.moves[0] + self.moves[1];
-        if moves > 0 {
-            let moves = plural(moves, "Reidemeister move");
-            write!(f, " ({} in the projection, {moves})", self.projected())?;
-        }
-        if self.curves.len() == 1 {
-            return write!(f, "; {}", self.invariants()[0]);
-        }
-        write!(f, "; determinant {}", words(self.link_determinant()))?;
-        match self.links().len() {
-            0 => write!(f, ", no linking numbers")?,
-            n => write!(f, ", {}", plural(n as u64, "linking number"))?,
-        }
-        let mut triples = self.triples().into_iter();
-        triples.try_for_each(|triple| write!(f, ", {triple}"))
+        f.write_str(&self.words(&self.facts()))
     }
 }
 

@@ -159,8 +159,9 @@ pub fn diagram(
         for (_, diagram) in linkwatch::diagrams(set, groups) {
             match diagram {
                 Ok(diagram) => {
-                    words.push(diagram.to_string());
-                    json.push(diagram.to_json());
+                    let (one, text) = diagram.to_json_and_words();
+                    json.push(one);
+                    words.push(text);
                 }
                 Err(defect) => undecided.push(defect.sentence_named(set.extent(), &[])),
             }
