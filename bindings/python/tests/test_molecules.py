@@ -256,6 +256,13 @@ def test_trajectories_that_are_numbered_have_the_order_of_their_numbers(tmp_path
     np.testing.assert_allclose(np.diff(x), 0.1, atol=1e-5)
 
 
+def test_models_that_only_end_separates_are_named_in_the_error(tmp_path):
+    lines = save(universe(frames=3), tmp_path / "a.pdb", bonds=None).read_text().splitlines()
+    lines = ["END" if line == "ENDMDL" else line for line in lines if not line.startswith("MODEL")]
+    with pytest.raises(ValueError, match="frames that END separates, without MODEL"):
+        linkwatch.read(written(tmp_path, "b.pdb", "\n".join(lines)), closed=False)
+
+
 @pytest.mark.parametrize("cut", [20, 1000])
 def test_pdb_and_tinker_files_that_are_cut_off_are_errors(tmp_path, cut):
     """Regression test: a ring became a chain, and the last frame was missing, in silence."""

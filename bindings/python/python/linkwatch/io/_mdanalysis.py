@@ -21,7 +21,7 @@ from ._curves import (
     plural,
 )
 from ._frames import Summary, library
-from ._trajectory import PassedOver, check_ends, check_number_of_frames
+from ._trajectory import PassedOver, check_ends, check_number_of_frames, ends_without_models
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -62,6 +62,9 @@ def read(paths: Sequence[Path], options: Options) -> Frames:
                 if way is ways[-1]:
                     named = " ".join(map(str, paths))
                     said = _said(why)
+                    pdb = [path for path in paths if path.suffix.lower() == ".pdb"]
+                    if any(map(ends_without_models, pdb)):
+                        said = "frames that END separates, without MODEL: convert it to .dcd"
                     raise ValueError(f"{named}: MDAnalysis cannot read this: {said}") from why
     known = (hasattr(universe.atoms, name) for name in ("bonds", "names", "types"))
     if len(paths) == 1 and not any(known):

@@ -94,6 +94,13 @@ def _cell_before_models(reader: Any) -> Array | None:
     return None if (found[:3] == 1).all() else found
 
 
+def ends_without_models(path: Path) -> bool:
+    """Returns whether lines END separate the frames of a PDB file, as VMD writes them."""
+    with open(path, encoding="latin-1") as file:
+        words = [line[:6].strip() for line in file if line.startswith(("END", "MODEL"))]
+    return words.count("END") > 1 and "MODEL" not in words
+
+
 def check_number_of_frames(trajectory: Any) -> None:
     """Raises an error if a file has several frames, of which MDAnalysis reads the first one."""
     base = library("MDAnalysis.coordinates.base", "mdanalysis")
