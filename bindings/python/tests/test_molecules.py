@@ -254,7 +254,9 @@ def test_trajectories_that_are_numbered_have_the_order_of_their_numbers(tmp_path
     paths = [tmp_path / f"md_{k}.dcd" for k in (1, 2, 10)]
     for k, path in enumerate(paths):
         made.atoms.write(str(path), frames=made.trajectory[[k]])
-    x = [frame.positions[0, 0] for frame in linkwatch.read(top, paths[0], paths[2], paths[1])]
+    frames = linkwatch.read(top, paths[0], paths[2], paths[1])
+    assert "by the numbers in their names" in str(frames.summary)
+    x = [frame.positions[0, 0] for frame in frames]
     np.testing.assert_allclose(np.diff(x), 0.1, atol=1e-5)
 
 

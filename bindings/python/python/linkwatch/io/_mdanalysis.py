@@ -37,7 +37,7 @@ COUNTED = ("steps of the simulation", "frames")
 def read(paths: Sequence[Path], options: Options) -> Frames:
     """Opens a topology and trajectories; the first file is the topology."""
     mda = library("MDAnalysis", "mdanalysis")
-    paths = [paths[0], *_in_order(paths[1:])]
+    given, paths = paths, [paths[0], *_in_order(paths[1:])]
     topology, *trajectories = map(str, paths)
     # MDAnalysis goes by the suffix, of which H5MD and dumps of LAMMPS have several.
     ways: list[dict[str, Any]] = [{}]
@@ -73,7 +73,10 @@ def read(paths: Sequence[Path], options: Options) -> Frames:
             f"topology before it, such as melt.psf {topology}"
         )
     check_ends(paths[1:] or paths, trajectory)
-    return frames_of_atoms(atoms, options, trajectory, paths[0])
+    notes = []
+    if paths != [*given]:
+        notes.append("trajectories follow one another by the numbers in their names")
+    return frames_of_atoms(atoms, options, trajectory, paths[0], notes)
 
 
 def _in_order(paths: Sequence[Path]) -> Sequence[Path]:
@@ -88,7 +91,11 @@ def _said(why: Exception) -> str:
 
 
 def frames_of_atoms(
-    atoms: Any, options: Options, trajectory: Any = None, path: Path | None = None
+    atoms: Any,
+    options: Options,
+    trajectory: Any = None,
+    path: Path | None = None,
+    notes: Sequence[str] = (),
 ) -> Frames:
     """Returns the frames of a trajectory: see :func:`linkwatch.io.from_mdanalysis`."""
     atoms = atoms.atoms
@@ -99,7 +106,7 @@ def frames_of_atoms(
         raise ValueError(f"{path}: no atoms are selected")
     check_number_of_frames(universe.trajectory)
     options.unwrap = options.unwrap is not False
-    topology = Scene()
+    topology = Scene(notes=[*notes])
     found = _bonded(atoms, topology)
     by_bonds = found is not None
     if found is None:
