@@ -452,10 +452,18 @@ def test_lines_that_share_an_end_are_joined(tmp_path):
     assert "lines that share an end are joined" in str(frames.summary)
     (frame,) = frames
     np.testing.assert_allclose(frame.positions, POINTS, atol=1e-6)
-    # Three ends that meet do not tell what continues what.
-    lines = [(0, 1, 2), (2, 3, 4), (2, 5, 6)]
-    (frame,) = linkwatch.read(written(tmp_path, "b.vtk", vtk(lines=lines)))
-    assert frame.counts == [3, 3, 3]
+    # Three ends that meet do not tell what continues what, nor does a line that is there twice.
+    for lines, counts in (
+        ([(0, 1, 2), (2, 3, 4), (2, 5, 6)], [3, 3, 3]),
+        ([(0, 1, 2), (0, 1, 2)], [3, 3]),
+        ([(0, 1, 2, 3), (3, 1)], [4, 2]),
+    ):
+        (frame,) = linkwatch.read(written(tmp_path, "b.vtk", vtk(lines=lines)))
+        assert frame.counts == counts
+    # An edge of a set with branches stays in it.
+    edges = [(0, 1, 2), (2, 3), (3, 4), (3, 5)]
+    frames = linkwatch.read(written(tmp_path, "c.vtk", vtk(lines=edges)))
+    assert frames.summary.left_out == ["1 set of edges with branches (at point 3)"]
 
 
 def test_edges_that_share_no_point_are_joined_beside_others(tmp_path):
@@ -514,9 +522,14 @@ def test_compressed_files_take_the_options_of_plain_ones(tmp_path):
     packed = tmp_path / "melt.dump.gz"
     packed.write_bytes(gzip.compress(dump.encode()))
     assert [frame.counts for frame in linkwatch.read(packed)] == [[-12, -12]] * 2
-    for more in ([], ["--bonds", tmp_path / "melt.data"], ["--each"]):
+    bonds = tmp_path / "bonds.data.gz"
+    bonds.write_bytes(gzip.compress(data.encode()))
+    for more in ([], ["--bonds", bonds], [f"--bonds={bonds}", "--each"], ["--each"]):
         code, out, err = run("check", packed, *more)
         assert code == 0 and '"verified":2' in out or "2 frames verified" in out, (out, err)
+    # A compressed file that is there already is no input.
+    code, out, err = run("convert", path, packed, "--force", "--counts=-12,-12")
+    assert code == 2 and packed.exists(), (out, err)
 
 
 def test_what_later_files_leave_out_is_said(tmp_path):

@@ -172,7 +172,7 @@ def test_frames_of_gsd_files_with_other_bonds_are_rejected(tmp_path):
     needs("MDAnalysis", "gsd")
     hoomd = pytest.importorskip("gsd.hoomd", reason="gsd is not installed")
     with hoomd.open(tmp_path / "a.gsd", "w") as file:
-        for bonds in (EDGES, EDGES, EDGES[1:], EDGES):
+        for bonds in (EDGES, [edge[::-1] for edge in EDGES[::-1]], EDGES[1:], EDGES):
             frame = hoomd.Frame()
             frame.configuration.box = [*CELL[:3], 0, 0, 0]
             frame.particles.N = 24
@@ -183,6 +183,10 @@ def test_frames_of_gsd_files_with_other_bonds_are_rejected(tmp_path):
     why = [frame.rejected for frame in linkwatch.read(tmp_path / "a.gsd")]
     other = "it has other bonds than the first frame, whose bonds define the curves"
     assert why == [None, None, other, None]
+    with hoomd.open(tmp_path / "b.gsd", "w") as file, hoomd.open(tmp_path / "a.gsd") as a:
+        file.append(a[2])
+    frames = linkwatch.read(tmp_path / "a.gsd", tmp_path / "a.gsd", tmp_path / "b.gsd")
+    assert [frame.rejected for frame in frames] == [None, None, other, None, other]
     code, out, err = run("check", tmp_path / "a.gsd")
     assert code == 3 and "3 frames verified, 1 rejected" in out and other in err, (out, err)
 
@@ -195,6 +199,13 @@ def test_all_models_of_a_pdb_file_have_the_cell_before_them(tmp_path):
     assert [links(frame) for frame in linkwatch.read(path)] == [1, 1, 1]
     alone = io.from_mdanalysis(pytest.importorskip("MDAnalysis").Universe(str(path)))
     assert [links(frame) for frame in alone] == [1, 1, 1]
+    # A cell that is not needed is not read.
+    text = path.read_text()
+    bad = text.replace(text[text.index("CRYST1") :].partition("\n")[0], "CRYST1 10 10 10")
+    path = written(tmp_path, "b.pdb", bad)
+    with pytest.raises(ValueError, match="it has no valid cell: CRYST1 10 10 10"):
+        linkwatch.read(path)
+    assert [frame.cell for frame in linkwatch.read(path, cell="none")] == [None] * 3
 
 
 def test_a_direction_of_a_cell_that_does_not_repeat_has_an_edge_of_0(tmp_path):
@@ -203,8 +214,11 @@ def test_a_direction_of_a_cell_that_does_not_repeat_has_an_edge_of_0(tmp_path):
     (frame,) = io.from_mdanalysis(universe(points, cell=[10, 11, 0, 90, 90, 90]))
     np.testing.assert_array_equal(frame.cell, [[10, 0, 0], [0, 11, 0], [0, 0, 0], [0, 0, 0]])
     assert links(frame) == 1
-    with pytest.raises(ValueError, match="no periodic cell has the edges"):
-        io.from_mdanalysis(universe(cell=[10, 11, 12, 0, 0, 0]))
+    frames = universe(frames=2)
+    frames.trajectory.dimensions_array[1] = [10, 11, 12, 0, 0, 0]
+    why = [frame.rejected for frame in io.from_mdanalysis(frames)]
+    assert why[0] is None and "no periodic cell has the edges" in why[1]
+    assert [frame.rejected for frame in io.from_mdanalysis(frames, cell="none")] == [None, None]
 
 
 @pytest.mark.parametrize("suffix", ["gro", "pqr"])
@@ -217,7 +231,10 @@ def test_files_of_which_mdanalysis_reads_only_the_first_frame_are_errors(tmp_pat
         warnings.simplefilter("ignore")
         made.atoms.write(str(tmp_path / f"a.{suffix}"))
     text = (tmp_path / f"a.{suffix}").read_text()
-    (frame,) = linkwatch.read(tmp_path / f"a.{suffix}")
+    if suffix == "gro":
+        # Bytes of this letter are a line break in another encoding.
+        text = text.replace("\n", " in Å\n", 1)
+    (frame,) = linkwatch.read(written(tmp_path, f"a.{suffix}", text))
     assert len(frame.positions) == 24
     two = text + text if suffix == "gro" else f"MODEL 1\n{text}MODEL 2\n{text}"
     with pytest.raises(ValueError, match="of which MDAnalysis reads only the first one"):
@@ -237,6 +254,18 @@ def test_atoms_of_h5md_files_have_the_order_of_their_ids(tmp_path):
         (group,) = file["particles"].values()
         group["id/value"] = ids
         group["position/value"][1] = group["position/value"][1][ids[1]]
+    # Ids that are the same in all frames, or that hold for several frames.
+    for ids_, steps in ((ids[0], None), (ids[:1], [0]), (ids[[0, 2]], [0, 2]), (0 * ids[0], None)):
+        constant = tmp_path / f"{np.shape(ids_)}{steps}{np.max(ids_)}.h5md"
+        constant.write_bytes(path.read_bytes())
+        with h5py.File(constant, "r+") as file:
+            (group,) = file["particles"].values()
+            group["position/value"][1] = group["position/value"][0]
+            del group["id"]
+            group["id/value"] = ids_
+            if steps:
+                group["id/step"] = steps
+        assert [links(frame) for frame in linkwatch.read(top, constant)] == [1, 1, 1]
     others = tmp_path / "b.h5md"
     others.write_bytes(path.read_bytes())
     with h5py.File(others, "r+") as file:
@@ -257,6 +286,13 @@ def test_trajectories_that_are_numbered_have_the_order_of_their_numbers(tmp_path
     frames = linkwatch.read(top, paths[0], paths[2], paths[1])
     assert "by the numbers in their names" in str(frames.summary)
     x = [frame.positions[0, 0] for frame in frames]
+    np.testing.assert_allclose(np.diff(x), 0.1, atol=1e-5)
+    # Files of equal names in several folders have the order that is given.
+    runs = [tmp_path / name / "run1.dcd" for name in ("b", "a")]
+    for path, run_ in zip(paths, runs):
+        run_.parent.mkdir()
+        path.rename(run_)
+    x = [frame.positions[0, 0] for frame in linkwatch.read(top, *runs)]
     np.testing.assert_allclose(np.diff(x), 0.1, atol=1e-5)
 
 

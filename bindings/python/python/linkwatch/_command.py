@@ -20,7 +20,7 @@ FLAGS = {
 SWITCHES = {
     "--",
     *FLAGS,
-    *"--early-exit --force --json --keep-open --keep-order --one-motion".split(),
+    *"--each --early-exit --force --json --keep-open --keep-order --one-motion".split(),
     *"-q --quiet -v --verbose".split(),
 }
 
@@ -44,24 +44,43 @@ def main() -> int:
     each = "--each" in args and "--only" not in args
     if each or args[:1] not in (["convert"], ["check"], ["certify"], ["measure"]):
         return command(["linkwatch", *args])
-    with tempfile.TemporaryDirectory(prefix="linkwatch-") as folder:
-        try:
-            only = args.index("--only") + 1 if "--only" in args else None
-            for k in range(1, len(args)) if only is None else [only]:
-                args[k] = _unpacked(args[k], pathlib.Path(folder))
-        except (OSError, ValueError) as why:
-            print(f"error: {why}", file=sys.stderr)
-            return 2
+    only = args.index("--only") + 1 if "--only" in args[:-1] else None
+    packed = _packed(args, only)
+    if not packed:
         return _run(args, only)
-
-
-def _unpacked(arg: str, folder: pathlib.Path) -> str:
-    """Returns an argument; the unpacked file in its place if it is a compressed file."""
-    if not arg.lower().endswith((".gz", ".bz2", ".xz")) or not pathlib.Path(arg).is_file():
-        return arg
     from . import io
 
-    return str(io.plain(pathlib.Path(arg), folder))
+    try:
+        with tempfile.TemporaryDirectory(prefix="linkwatch-") as folder:
+            plain = io.unpacked(list(map(pathlib.Path, packed)), pathlib.Path(folder))
+            for place, path in zip(packed.values(), plain):
+                for k in place:
+                    option, equals, _ = args[k].rpartition("=")
+                    args[k] = f"{option}{equals}{path}"
+            return _run(args, only)
+    except (OSError, ValueError) as why:
+        print(f"error: {why}", file=sys.stderr)
+        return 2
+
+
+def _packed(args: list[str], only: int | None) -> dict[str, list[int]]:
+    """Returns the compressed files among the arguments, with their places: inputs and values of
+    options, but of several files of `--each` the one whose place is given."""
+    found: dict[str, list[int]] = {}
+    inputs = len(args) - (args[0] == "convert")
+    for k in range(1, inputs):
+        name = args[k].rpartition("=")[2] if args[k].startswith("-") else args[k]
+        is_other = only not in (None, k) and not args[k].startswith("-") and not _is_value(args, k)
+        if name.lower().endswith((".gz", ".bz2", ".xz")) and not is_other:
+            if pathlib.Path(name).is_file():
+                found.setdefault(name, []).append(k)
+    return found
+
+
+def _is_value(args: list[str], k: int) -> bool:
+    """Returns whether an argument may be the value of the option before it."""
+    before = args[k - 1]
+    return before.startswith("-") and "=" not in before and before not in SWITCHES
 
 
 def _run(args: list[str], only: int | None) -> int:
@@ -127,10 +146,7 @@ def _read_together(args: list[str], files: list[str]) -> list[str]:
     def is_file(k: int) -> bool:
         if k >= len(args) or args[k].startswith("-"):
             return False
-        # The word after an option may be its value.
-        before = args[k - 1]
-        is_value = before.startswith("-") and "=" not in before and before not in SWITCHES
-        return not is_value and pathlib.Path(args[k]).is_file()
+        return not _is_value(args, k) and pathlib.Path(args[k]).is_file()
 
     first, last = args.index(files[0]), args.index(files[-1])
     while first > 1 and is_file(first - 1):

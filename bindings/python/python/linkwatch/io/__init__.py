@@ -18,9 +18,11 @@ it in ``FORMATS``.
 from __future__ import annotations
 
 import bz2
+import contextlib
 import glob
 import gzip
 import lzma
+import os
 import re
 import shutil
 import weakref
@@ -37,7 +39,6 @@ from ._mesh import read_files
 from ._npz import write
 
 if TYPE_CHECKING:
-    import os
     from collections.abc import Callable, Sequence
     from typing import Any
 
@@ -107,25 +108,32 @@ COMPRESSED: dict[str, Callable[..., Any]] = {
 }
 
 
-def plain(path: Path, folder: Path) -> Path:
-    """Returns a file, or the contents of a compressed one, in a folder. Files whose names differ
-    in suffixes only, such as a topology, are then beside it as well."""
+def unpacked(paths: Sequence[Path], folder: Path) -> list[Path]:
+    """Returns files, with the contents of the compressed ones in a folder. Files whose names differ
+    in suffixes only, such as a topology, are then beside them as well."""
+    found = [_unpacked(path, folder) for path in paths]
+    names = {(p.parent, q.stem) for p, q in zip(paths, found) if p != q}
+    for parent, stem in names:
+        for other in parent.glob(f"{glob.escape(stem)}.*"):
+            beside = folder / other.name
+            if other.suffix.lower() not in COMPRESSED and not os.path.lexists(beside):
+                with contextlib.suppress(OSError):  # Windows needs a privilege
+                    beside.symlink_to(other.absolute())
+    return found
+
+
+def _unpacked(path: Path, folder: Path) -> Path:
+    """Returns a file, or the contents of a compressed one, in a folder."""
     open_it = COMPRESSED.get(path.suffix.lower())
     if open_it is None:
         return path
-    unpacked = folder / path.stem
-    if unpacked.is_symlink():
-        unpacked.unlink()
+    plain = folder / path.stem
     try:
-        with open_it(path, "rb") as packed, open(unpacked, "xb") as file:
+        with open_it(path, "rb") as packed, open(plain, "xb") as file:
             shutil.copyfileobj(packed, file)
     except (EOFError, lzma.LZMAError, zlib.error) as why:
         raise ValueError(f"{path}: {why}") from None
-    for other in path.parent.glob(f"{glob.escape(unpacked.stem)}.*"):
-        beside = folder / other.name
-        if other.suffix.lower() not in COMPRESSED and not beside.exists():
-            beside.symlink_to(other.absolute())
-    return unpacked
+    return plain
 
 
 def _head(path: Path) -> bytes:
@@ -208,7 +216,7 @@ def read(
     folder = None
     if any(one.suffix.lower() in COMPRESSED for one in paths):
         folder = TemporaryDirectory(prefix="linkwatch-")
-        paths = [plain(one, Path(folder.name)) for one in paths]
+        paths = unpacked(paths, Path(folder.name))
     named = {one.name: one for one in FORMATS}
     if format is not None and format not in named:
         raise ValueError(f"format is {format!r}, expected one of {', '.join(named)}")

@@ -81,8 +81,11 @@ def read(paths: Sequence[Path], options: Options) -> Frames:
 
 def _in_order(paths: Sequence[Path]) -> Sequence[Path]:
     """Sorts files by the numbers in their names, if the names have no other differences."""
-    numbered = len({re.sub(r"\d+", "0", path.name) for path in paths}) == 1
-    return in_order(paths) if numbered else paths
+    names = [Path(path.name) for path in paths]
+    numbered = len({re.sub(r"\d+", "0", str(name)) for name in names}) == 1
+    if not numbered or len(set(names)) < len(names):
+        return paths
+    return [paths[names.index(name)] for name in in_order(names)]
 
 
 def _said(why: Exception) -> str:
@@ -133,12 +136,14 @@ def frames_of_atoms(
                     raise ValueError(f"{path}: only {read} of {len(trajectory)} frames can be read")
                 return
             read += 1
-            unfit, positions = "", now.positions
+            unfit, cell, positions = "", None, now.positions
             if by_bonds and passed_over.has_other_bonds(now):
                 unfit = "it has other bonds than the first frame, whose bonds define the curves"
             try:
                 by_id = passed_over.order(now)
                 positions = positions if by_id is None else positions[by_id]
+                if options.cell is None:
+                    cell = _cell(passed_over.dimensions(now))
             except ValueError as why:
                 unfit = str(why)
             yield Scene(
@@ -149,7 +154,7 @@ def frames_of_atoms(
                 radii=radii,
                 left_out=topology.left_out,
                 notes=topology.notes,
-                cell=_cell(passed_over.dimensions(now)),
+                cell=cell,
                 time=float(now.data.get("step", now.frame) if unit in COUNTED else now.time),
                 place=f"{path}, frame {now.frame}",
                 seq=int(now.frame),

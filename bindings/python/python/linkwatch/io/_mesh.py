@@ -77,40 +77,44 @@ def _lines(scene: Scene, points: Array, lines: Sequence[Array]) -> Scene:
 
 
 def _joined(scene: Scene, lines: Sequence[Array]) -> list[tuple[int, Array]]:
-    """Joins polylines with what continues them: a line that shares an end with no third one.
-    Returns the number of the first line of each, and its points."""
-    is_open = [len(line) > 1 and line[0] != line[-1] for line in lines]
-    uses = np.bincount(np.concatenate([np.empty(0, int), *lines]))
+    """Joins polylines with the lines that continue them. Returns the number of the first line of
+    each, and its points. A line with a point that a third one has, or an inner point that another
+    one has, is not joined."""
+    lines = [line.astype(np.int64) for line in lines]
+    uses = np.bincount(np.concatenate([np.empty(0, np.int64), *lines]))
+
+    def is_simple(line: Array) -> bool:
+        is_open = len(line) > 1 and line[0] != line[-1]
+        return is_open and bool((uses[line[1:-1]] == 1).all() and (uses[line[[0, -1]]] < 3).all())
+
+    free = [is_simple(line) for line in lines]
+    taken: set[int] = set()
     at: dict[int, list[int]] = {}
     for k, line in enumerate(lines):
-        for end in line[[0, -1]].tolist() if is_open[k] else ():
+        for end in line[[0, -1]].tolist() if free[k] else ():
             at.setdefault(end, []).append(k)
-    taken = np.zeros(len(lines), bool)
 
     def extended(line: Array) -> Array:
         """Adds what continues the last point of a line, up to its first one."""
         parts = [line]
-        while (end := int(parts[-1][-1])) != line[0] and uses[end] == 2:
-            following = [k for k in at[end] if not taken[k]]
+        while (end := int(parts[-1][-1])) != line[0]:
+            following = [k for k in at[end] if free[k]]
             if not following:
                 break
-            taken[following[0]] = True
             other = lines[following[0]]
+            free[following[0]] = False
+            taken.add(following[0])
             parts.append((other if other[0] == end else other[::-1])[1:])
         return np.concatenate(parts)
 
-    found: dict[int, Array] = {}
-    for polylines in (True, False):
-        for k, line in enumerate(lines):
-            if taken[k] or (len(line) > 2) != polylines:
-                continue
-            taken[k] = True
-            if is_open[k] and polylines:
-                line = extended(extended(line)[::-1])[::-1]
-            found[k] = line
-    if len(found) < len(lines):
+    longer = {}
+    for k, line in enumerate(lines):
+        if free[k] and len(line) > 2:
+            free[k] = False
+            longer[k] = extended(extended(line)[::-1])[::-1]
+    if taken:
         scene.notes.append("lines that share an end are joined")
-    return sorted(found.items(), key=lambda item: item[0])
+    return [(k, longer.get(k, line)) for k, line in enumerate(lines) if k not in taken]
 
 
 def read_vtk(path: Path) -> Scene:

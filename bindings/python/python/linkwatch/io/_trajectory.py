@@ -27,45 +27,62 @@ class PassedOver:
     def __init__(self, trajectory: Any) -> None:
         self._trajectory = trajectory
         self._ids: Array | None = None
-        readers = getattr(trajectory, "readers", [trajectory])
-        self._cells = {id(one): _cell_before_models(one) for one in readers}
+        self._bonds: Array | None = None
+        # By reader: the cell of a PDB file, and whether a GSD file begins with other bonds.
+        self._cells: dict[int, Array | None] = {}
+        self._begins: dict[int, bool] = {}
 
     def dimensions(self, now: Any) -> Array | None:
         """Returns the edges and angles of the cell, also if all models of a PDB file share it."""
         if now.dimensions is not None:
             return np.asarray(now.dimensions, np.float64)
         reader, _ = self._reader(now)
-        return self._cells.get(id(reader))
+        if id(reader) not in self._cells:
+            self._cells[id(reader)] = _cell_of_all_models(reader)
+        return self._cells[id(reader)]
 
     def order(self, now: Any) -> Array | None:
         """Returns the indices of the atoms in the order of their ids, if H5MD has them otherwise.
 
         Raises:
-            ValueError: the frame has other ids than the first one.
+            ValueError: the first frame has ids that do not ascend, or this one has other ids.
         """
         reader, frame = self._reader(now)
-        ids = getattr(reader, "_particle_group", {}).get("id")
-        if ids is None:
+        group = getattr(reader, "_particle_group", {})
+        if "id" not in group:
             return None
-        # All frames have the same ids if there is no group with steps.
-        found = ids["value"][frame] if hasattr(ids, "keys") else ids[()]
-        order = np.argsort(found, kind="stable")
+        found = _ids(group, frame)
         if self._ids is None:
-            self._ids = found[order]
-        if not np.array_equal(found[order], self._ids) or (np.diff(self._ids) == 0).any():
+            is_one_each = len(np.unique(found)) == len(found) == len(now.positions)
+            self._ids = found if is_one_each else np.empty(0)
+            if is_one_each and (np.diff(found) < 0).any():
+                raise ValueError(
+                    "the ids of its atoms do not ascend, so it is unclear which atoms have bonds: "
+                    "sort the atoms by id"
+                )
+        if not len(self._ids) or np.array_equal(found, self._ids):
+            return None
+        order = np.argsort(found, kind="stable")
+        if not np.array_equal(found[order], self._ids):
             raise ValueError("the ids of its atoms are not those of the first frame, each once")
-        return order if (np.diff(found) < 0).any() else None
+        return order
 
     def has_other_bonds(self, now: Any) -> bool:
-        """Returns whether the bonds of a GSD file differ from those of its first frame."""
+        """Returns whether the bonds of a GSD file differ from those of the first frame of all."""
         reader, frame = self._reader(now)
-        if getattr(reader, "format", "") != "GSD" or not frame:
+        if getattr(reader, "format", "") != "GSD":
             return False
-        file = reader._file
+        if self._bonds is None:
+            first = getattr(self._trajectory, "readers", [reader])[0]
+            self._bonds = _bonds(first if getattr(first, "format", "") == "GSD" else reader, 0)
+        file = reader._file.file
         names = ("bonds/N", "bonds/group")
-        if not any(file.file.chunk_exists(frame=frame, name=name) for name in names):
-            return False
-        return not np.array_equal(file[frame].bonds.group, file[0].bonds.group)
+        if any(file.chunk_exists(frame=frame, name=name) for name in names):
+            return not np.array_equal(_bonds(reader, frame), self._bonds)
+        # It has those of the first frame of its file.
+        if id(reader) not in self._begins:
+            self._begins[id(reader)] = not np.array_equal(_bonds(reader, 0), self._bonds)
+        return self._begins[id(reader)]
 
     def _reader(self, now: Any) -> tuple[Any, int]:
         """Returns the reader of the frame, and the number of the frame in its file."""
@@ -73,23 +90,44 @@ class PassedOver:
         if not hasattr(whole, "readers"):
             return whole, now.frame
         k, frame = whole._get_local_frame(now.frame)
-        return whole.readers[k], frame
+        return whole.readers[k], int(frame)
 
 
-def _cell_before_models(reader: Any) -> Array | None:
-    """Returns the cell before the first model of a PDB file, which MDAnalysis gives to no model."""
-    if "PDB" not in np.atleast_1d(reader.format) or not Path(str(reader.filename)).is_file():
+def _bonds(reader: Any, frame: int) -> Array:
+    """Returns the bonds of a frame of a GSD file, sorted."""
+    return np.unique(np.sort(reader._file[frame].bonds.group, axis=1), axis=0)
+
+
+def _ids(group: Any, frame: int) -> Array:
+    """Returns the ids of the atoms in a frame of a H5MD file."""
+    ids = group["id"]
+    if not hasattr(ids, "keys"):
+        return np.ravel(ids[()])
+    values, positions = ids["value"], group["position"]
+    if values.ndim == 1:
+        return np.ravel(values[()])
+    if len(values) != len(positions["value"]):
+        # The last ones before the frame.
+        steps = [np.atleast_1d(of["step"][()]) for of in (ids, positions)]
+        at = steps[1][frame] if len(steps[1]) > frame else frame
+        frame = int(np.searchsorted(steps[0], at, side="right")) - 1
+    return np.ravel(values[min(max(frame, 0), len(values) - 1)])
+
+
+def _cell_of_all_models(reader: Any) -> Array | None:
+    """Returns the only cell of a PDB file, which MDAnalysis gives to none of several models."""
+    kinds = {"PDB", "XPDB"} & set(np.atleast_1d(getattr(reader, "format", "")))
+    if not kinds or not Path(str(reader.filename)).is_file():
         return None
     with open(reader.filename, encoding="latin-1") as file:
-        starts = ("CRYST1", "MODEL", "ATOM", "HETATM")
-        line = next((line for line in file if line.startswith(starts)), "")
-    if not line.startswith("CRYST1"):
+        lines = [line for line in file if line.startswith("CRYST1")]
+    if len(lines) != 1:
         return None
     ends = [6, 15, 24, 33, 40, 47, 54]
     try:
-        found = np.array([float(line[a:b]) for a, b in zip(ends, ends[1:])])
+        found = np.array([float(lines[0][a:b]) for a, b in zip(ends, ends[1:])])
     except ValueError:
-        raise ValueError(f"{reader.filename}: not a valid cell: {line.strip()}") from None
+        raise ValueError(f"it has no valid cell: {lines[0].strip()}") from None
     # A cube of one angstrom stands for no cell.
     return None if (found[:3] == 1).all() else found
 
@@ -121,11 +159,11 @@ def _has_several_frames(path: Path) -> bool:
         return len(gemmi.make_structure_from_block(gemmi.cif.read(str(path))[0])) > 1
     if suffix not in (".gro", ".pqr", ".pdbqt"):
         return False
-    lines = path.read_text(encoding="latin-1").splitlines()
+    lines = path.read_bytes().splitlines()
     if suffix == ".gro":
         # A title, the number of atoms, the atoms, and the cell.
         return any(line.strip() for line in lines[int(lines[1]) + 3 :])
-    return sum(line.startswith("MODEL") for line in lines) > 1
+    return sum(line.startswith(b"MODEL") for line in lines) > 1
 
 
 def check_ends(paths: Sequence[Path], trajectory: Any) -> None:
@@ -162,8 +200,10 @@ def check_ends(paths: Sequence[Path], trajectory: Any) -> None:
             elif suffix in (".pdb", ".ent", ".arc", ".txyz"):
                 file.seek(max(0, size - 1000))
                 line = (file.read().splitlines(keepends=True) or [b"\n"])[-1]
-                whole = line.endswith((b"\n", b"\r")) or _is_whole(line)
-                whole = whole and (suffix in (".pdb", ".ent") or _has_whole_frames(path))
+                if suffix in (".pdb", ".ent"):
+                    whole = line.endswith((b"\n", b"\r")) or _is_whole(line)
+                else:
+                    whole = _has_whole_frames(path)
         if not whole:
             raise ValueError(f"{path}: the last frame is cut off")
 
@@ -173,7 +213,7 @@ def _is_whole(line: bytes) -> bool:
     if line.startswith((b"ATOM", b"HETATM")):
         return len(line) >= 54
     # A bond may be missing in a CONECT, and nothing tells.
-    return not line.startswith(b"CONECT")
+    return line.startswith((b"END", b"TER", b"MASTER"))
 
 
 def _has_whole_frames(path: Path) -> bool:
