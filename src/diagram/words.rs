@@ -11,7 +11,7 @@ const MOST_NAMED: usize = 12;
 
 /// Invariants of a diagram that are in its words or its JSON.
 struct Facts {
-    /// Those of the curve of a diagram of one curve.
+    /// Invariants of the curve, if there is only one.
     knot: Option<Invariants>,
     determinant: Option<String>,
     links: Vec<Link>,
@@ -19,8 +19,8 @@ struct Facts {
 }
 
 impl Diagram {
-    /// Returns the diagram with its codes and all its invariants as JSON. `knots` has the
-    /// invariants of the curve of a diagram of one curve.
+    /// Returns the diagram with its codes and all its invariants as JSON. If it has only one
+    /// curve, `knots` has the invariants of that curve.
     pub fn to_json(&self) -> Value {
         self.json(self.facts())
     }
@@ -28,8 +28,8 @@ impl Diagram {
     /// Returns [`Diagram::to_json`] and the words, from invariants that are computed once.
     pub fn to_json_and_words(&self) -> (Value, String) {
         let facts = self.facts();
-        let words = self.words(&facts);
-        (self.json(facts), words)
+        let text = self.text(&facts);
+        (self.json(facts), text)
     }
 
     fn facts(&self) -> Facts {
@@ -64,7 +64,7 @@ impl Diagram {
     }
 
     /// Returns the numbers of crossings, and the invariants: of the knot, or of the link.
-    fn words(&self, facts: &Facts) -> String {
+    fn text(&self, facts: &Facts) -> String {
         let crossings = plural(self.crossings() as u64, "crossing");
         let mut text = format!("{}: {crossings}", words_of_curves(&self.curves));
         let moves = self.moves[0] + self.moves[1];
@@ -80,10 +80,9 @@ impl Diagram {
             0 => ", no linking numbers".into(),
             n => format!(", {}", plural(n as u64, "linking number")),
         };
-        facts
-            .triples
-            .iter()
-            .for_each(|triple| text += &format!(", {triple}"));
+        for triple in &facts.triples {
+            text += &format!(", {triple}");
+        }
         text
     }
 
@@ -95,7 +94,7 @@ impl Diagram {
 
 impl fmt::Display for Diagram {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(&self.words(&self.facts()))
+        f.write_str(&self.text(&self.facts()))
     }
 }
 

@@ -101,7 +101,7 @@ pub(super) const GRAZING: usize = 64;
 pub(crate) struct Halving {
     /// Splits of both curves.
     pub splits: [Splits; 2],
-    /// Number of rounds.
+    /// Number of rounds of the last subdivision.
     pub rounds: u32,
     front: Vec<Overlap>,
     next: Vec<Overlap>,

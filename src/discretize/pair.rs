@@ -1,7 +1,7 @@
 //! Discretization of one pair of curves, only near each other.
 
 use super::MAX_LEVEL;
-use super::halving::Halving;
+use super::halving::{GRAZING, Halving};
 use super::hulls::{Hull, separation_margin};
 use crate::curve::{Bezier, CurveSet, Hulls, Parts};
 use std::ops::Range;
@@ -10,11 +10,12 @@ use std::ops::Range;
 /// per pair of segments. If there are more, no segments of the two curves are halved further.
 const MAX_MOVING: [usize; 2] = [1 << 12, 2];
 
-/// Number of halvings from which on two moving segments count as split finely. Segments that run
-/// along one another are halved as often: fewer pieces are not more than [`GRAZING`] pairs.
-///
-/// [`GRAZING`]: super::halving::GRAZING
+/// Fewest halvings of moving segments that may meet. With fewer, passages that cancel may be
+/// missed.
 const FEWEST_ROUNDS: u32 = 4;
+
+// Segments that run along one another are halved as often, too.
+const _: () = assert!(4usize.pow(FEWEST_ROUNDS - 1) <= GRAZING);
 
 /// Separation test for the hulls of two segments.
 #[derive(Clone, Copy, Debug)]
@@ -102,7 +103,7 @@ impl<'a> MovingSeparation<'a> {
     ///
     /// `near` lists all segment pairs that may meet, sorted. Segments that run along one another
     /// are not halved further, nor any if more than [`MAX_MOVING`] pieces may meet. Returns true if
-    /// every two segments were halved [`FEWEST_ROUNDS`] times, unless they are apart before.
+    /// all segments whose pieces may still meet were halved [`FEWEST_ROUNDS`] times or more.
     pub fn refine(
         &self,
         near: &[(u32, u32)],

@@ -50,17 +50,17 @@ def main() -> int:
         return _run(args, only)
     from . import io
 
-    try:
-        with tempfile.TemporaryDirectory(prefix="linkwatch-") as folder:
+    with tempfile.TemporaryDirectory(prefix="linkwatch-") as folder:
+        try:
             plain = io.unpacked(list(map(pathlib.Path, packed)), pathlib.Path(folder))
-            for place, path in zip(packed.values(), plain):
-                for k in place:
-                    option, equals, _ = args[k].rpartition("=")
-                    args[k] = f"{option}{equals}{path}"
-            return _run(args, only)
-    except (OSError, ValueError) as why:
-        print(f"error: {why}", file=sys.stderr)
-        return 2
+        except (OSError, ValueError) as why:
+            print(f"error: {why}", file=sys.stderr)
+            return 2
+        for places, path in zip(packed.values(), plain):
+            for k in places:
+                # A value may follow its option in the same word.
+                args[k] = args[k].removesuffix(_named(args[k])) + str(path)
+        return _run(args, only)
 
 
 def _packed(args: list[str], only: int | None) -> dict[str, list[int]]:
@@ -69,12 +69,17 @@ def _packed(args: list[str], only: int | None) -> dict[str, list[int]]:
     found: dict[str, list[int]] = {}
     inputs = len(args) - (args[0] == "convert")
     for k in range(1, inputs):
-        name = args[k].rpartition("=")[2] if args[k].startswith("-") else args[k]
+        name = _named(args[k])
         is_other = only not in (None, k) and not args[k].startswith("-") and not _is_value(args, k)
         if name.lower().endswith((".gz", ".bz2", ".xz")) and not is_other:
             if pathlib.Path(name).is_file():
                 found.setdefault(name, []).append(k)
     return found
+
+
+def _named(arg: str) -> str:
+    """Returns the part of an argument that may name a file."""
+    return arg.rpartition("=")[2] if arg.startswith("-") else arg
 
 
 def _is_value(args: list[str], k: int) -> bool:

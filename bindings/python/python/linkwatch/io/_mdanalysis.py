@@ -62,8 +62,7 @@ def read(paths: Sequence[Path], options: Options) -> Frames:
                 if way is ways[-1]:
                     named = " ".join(map(str, paths))
                     said = _said(why)
-                    pdb = [path for path in paths if path.suffix.lower() == ".pdb"]
-                    if any(map(ends_without_models, pdb)):
+                    if any(map(ends_without_models, paths)):
                         said = "frames that END separates, without MODEL: convert it to .dcd"
                     raise ValueError(f"{named}: MDAnalysis cannot read this: {said}") from why
     known = (hasattr(universe.atoms, name) for name in ("bonds", "names", "types"))

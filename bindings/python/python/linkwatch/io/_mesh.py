@@ -63,7 +63,7 @@ def _lines(scene: Scene, points: Array, lines: Sequence[Array]) -> Scene:
                 continue
             scene.curves.append(Curve(points[line[: len(line) - closed]], closed))
     if edges:
-        joined = np.array(edges)
+        joined = np.array(edges, np.int64)
         # Places tell which edges meet that share no point with another one.
         alone = (np.bincount(joined.ravel())[joined] == 1).all(axis=1)
         ends = joined[alone].ravel()
@@ -80,6 +80,8 @@ def _joined(scene: Scene, lines: Sequence[Array]) -> list[tuple[int, Array]]:
     """Joins polylines with the lines that continue them. Returns the number of the first line of
     each, and its points. A line with a point that a third one has, or an inner point that another
     one has, is not joined."""
+    if not any(len(line) > 2 for line in lines):
+        return list(enumerate(lines))
     lines = [line.astype(np.int64) for line in lines]
     uses = np.bincount(np.concatenate([np.empty(0, np.int64), *lines]))
 

@@ -90,6 +90,11 @@ NO_CURVES = frozenset(
     "o p parm res s scrv shadow_obj sp stech step surf trace_obj trim usemap usemtl vc vn vp "
     "vt".split()
 )
+# Those that are curves of other kinds.
+UNREAD = {
+    "curv2": ("curve on a surface (curv2)", "curves on surfaces (curv2)"),
+    "cdc": ("free-form curve", "free-form curves"),
+}
 
 
 def read_obj(path: Path) -> Scene:
@@ -102,8 +107,6 @@ def read_obj(path: Path) -> Scene:
     edges: list[list[int]] = []
     curves: list[tuple[int, list[int], list[str], list[str]]] = []
     kind, degree, knots = [""], "", list[str]()
-    unread = {"curv2": ("curve on a surface (curv2)", "curves on surfaces (curv2)")}
-    unread["cdc"] = ("free-form curve", "free-form curves")
     for lines.number, (name, *words) in _statements(lines):
         if name == "v":
             # Without a weight, and with a colour in its place, it is 1.
@@ -128,7 +131,7 @@ def read_obj(path: Path) -> Scene:
         elif name == "parm" and words[:1] == ["u"]:
             knots += words[1:]
         elif name not in NO_CURVES:
-            kinds = unread.get(name, ("unknown statement", "unknown statements"))
+            kinds = UNREAD.get(name, ("unknown statement", "unknown statements"))
             scene.left_out.add(*kinds, f"line {lines.number}: {name!r}")
     points = np.array(vertices).reshape(-1, 4)
     curves_of_edges(points[:, :3], np.array(edges), scene, "lines")

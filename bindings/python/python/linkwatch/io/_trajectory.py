@@ -12,11 +12,13 @@ from ._curves import is_dump
 from ._frames import library
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterable, Sequence
     from typing import Any
 
     from ._curves import Array
 
+# Suffixes of PDB files.
+PDB = (".pdb", ".ent")
 # First bytes of the frames of an .xtc file.
 XTC = 1995
 
@@ -133,7 +135,9 @@ def _cell_of_all_models(reader: Any) -> Array | None:
 
 
 def ends_without_models(path: Path) -> bool:
-    """Returns whether lines END separate the frames of a PDB file, as VMD writes them."""
+    """Returns whether this is a PDB file whose frames lines END separate, as VMD writes them."""
+    if path.suffix.lower() not in PDB:
+        return False
     with open(path, encoding="latin-1") as file:
         words = [line[:6].strip() for line in file if line.startswith(("END", "MODEL"))]
     return words.count("END") > 1 and "MODEL" not in words
@@ -197,13 +201,13 @@ def check_ends(paths: Sequence[Path], trajectory: Any) -> None:
                 file.seek(max(0, size - 2 * size // frames))
                 last = file.read().rpartition(b"ITEM: TIMESTEP")[2]
                 whole = last.count(b"\n") + (not last.endswith(b"\n")) >= atoms + 9
-            elif suffix in (".pdb", ".ent", ".arc", ".txyz"):
+            elif suffix in PDB:
                 file.seek(max(0, size - 1000))
                 line = (file.read().splitlines(keepends=True) or [b"\n"])[-1]
-                if suffix in (".pdb", ".ent"):
-                    whole = line.endswith((b"\n", b"\r")) or _is_whole(line)
-                else:
-                    whole = _has_whole_frames(path)
+                whole = line.endswith((b"\n", b"\r")) or _is_whole(line)
+            elif suffix in (".arc", ".txyz"):
+                file.seek(0)
+                whole = _has_whole_frames(file)
         if not whole:
             raise ValueError(f"{path}: the last frame is cut off")
 
@@ -216,10 +220,9 @@ def _is_whole(line: bytes) -> bool:
     return line.startswith((b"END", b"TER", b"MASTER"))
 
 
-def _has_whole_frames(path: Path) -> bool:
-    """Returns whether a Tinker file has all lines of its last frame: atoms that count up."""
-    with open(path, "rb") as file:
-        lines = [line for line in file if line.strip()]
+def _has_whole_frames(text: Iterable[bytes]) -> bool:
+    """Returns whether the lines of a Tinker file are those of whole frames."""
+    lines = [line for line in text if line.strip()]
     # A cell has a line of six numbers after the title.
     cell = len(lines) > 1 and len(lines[1].split()) == 6 and b"." in lines[1].split()[0]
     frame = 1 + int(lines[0].split()[0]) + cell
