@@ -15,11 +15,12 @@
 //! primes below `2^31` whose product is larger than twice this bound, which determines it.
 
 use super::Diagram;
+use crate::simd::dispatch;
 use num_bigint::BigUint;
 use rayon::prelude::*;
-use std::array;
 use std::cmp::Reverse;
 use std::collections::{BTreeMap, BinaryHeap};
+use std::{array, iter};
 
 impl Diagram {
     /// Returns the determinant.
@@ -113,17 +114,17 @@ fn determinant(faces: usize, edges: &[(usize, usize, i64)]) -> BigUint {
         !enough
     });
     let primes: Vec<u32> = primes.collect();
-    let minor = |primes| minor(faces, edges, root, Moduli::new(primes));
-    let (_, program) = minor([primes[0]; LANES]);
-    let residues = |primes: &[u32]| {
-        let lanes: Residues = array::from_fn(|k| primes[k.min(primes.len() - 1)]);
-        let found = primes.iter().zip(program.run(&Moduli::new(lanes)));
-        let alone = |p: u32| minor([p; LANES]).0;
-        found
-            .map(|(&p, found)| (p, found.unwrap_or_else(|| alone(p))))
-            .collect::<Vec<_>>()
-    };
-    combine(primes.par_chunks(LANES).flat_map_iter(residues).collect())
+    let passes = primes.chunks(LANES);
+    let passes = passes.map(|p| Moduli::new(array::from_fn(|k| p[k.min(p.len() - 1)])));
+    let passes: Vec<Moduli> = passes.collect();
+    let minor = |moduli: &Moduli| minor(faces, edges, root, moduli);
+    let (first, program) = minor(&passes[0]);
+    let others: Vec<_> = passes[1..].par_iter().map(|m| program.run(m)).collect();
+    let found = iter::once(first).chain(others).flatten();
+    let alone = |p: u32| minor(&Moduli::new([p; LANES])).0[0].expect("no pivot is 0");
+    let residues = primes.iter().zip(found);
+    let residues = residues.map(|(&p, found)| (p, found.unwrap_or_else(|| alone(p))));
+    combine(residues.collect())
 }
 
 /// Number of primes of a pass.
@@ -154,15 +155,18 @@ impl Moduli {
     }
 
     /// Returns `a b + c`, for numbers up to the primes.
-    #[inline]
+    #[inline(always)]
     fn multiply_add(&self, a: &Residues, b: &Residues, c: &Residues) -> Residues {
-        array::from_fn(|k| {
-            let (p, n) = (self.primes[k], u64::from(a[k]) * u64::from(b[k]));
-            let multiple = (n as u32).wrapping_mul(self.inverses[k]);
-            let product = ((n + u64::from(multiple) * u64::from(p)) >> 32) as u32;
-            let sum = product.min(product.wrapping_sub(p)) + c[k];
-            sum.min(sum.wrapping_sub(p))
-        })
+        array::from_fn(
+            #[inline(always)]
+            |k| {
+                let (p, n) = (self.primes[k], u64::from(a[k]) * u64::from(b[k]));
+                let multiple = (n as u32).wrapping_mul(self.inverses[k]);
+                let product = ((n + u64::from(multiple) * u64::from(p)) >> 32) as u32;
+                let sum = product.min(product.wrapping_sub(p)) + c[k];
+                sum.min(sum.wrapping_sub(p))
+            },
+        )
     }
 
     /// Returns the negative inverses by Fermat's theorem; numbers equal to 0 for 0.
@@ -207,9 +211,7 @@ impl Program {
     fn run(&self, moduli: &Moduli) -> [Option<u32>; LANES] {
         let mut values = self.values(moduli);
         values.resize(self.slots, [0; LANES]);
-        for &operation in &self.operations {
-            apply(&mut values, operation, moduli);
-        }
+        dispatch!(apply_all(&mut values, &self.operations, moduli));
         self.determinant(&values, moduli)
     }
 
@@ -228,6 +230,14 @@ impl Program {
     }
 }
 
+#[inline(always)]
+fn apply_all(values: &mut [Residues], operations: &[[Slot; 3]], moduli: &Moduli) {
+    for &operation in operations {
+        apply(values, operation, moduli);
+    }
+}
+
+#[inline(always)]
 fn apply(values: &mut [Residues], [to, a, b]: [Slot; 3], moduli: &Moduli) {
     let at = |slot: Slot| &values[slot as usize];
     values[to as usize] = match b {
@@ -237,23 +247,23 @@ fn apply(values: &mut [Residues], [to, a, b]: [Slot; 3], moduli: &Moduli) {
 }
 
 /// A symmetric sparse matrix while it is eliminated.
-struct Matrix {
+struct Matrix<'a> {
     /// The slot of the entry for each other column of a row.
     rows: Vec<BTreeMap<u32, Slot>>,
     values: Vec<Residues>,
-    moduli: Moduli,
+    moduli: &'a Moduli,
     program: Program,
 }
 
-impl Matrix {
+impl<'a> Matrix<'a> {
     /// Returns the Laplacian of a graph without the row and the column of `root`, and the rows that
     /// it has: faces of the other colour have no edges.
     fn laplacian(
         faces: usize,
         edges: &[(usize, usize, i64)],
         root: usize,
-        moduli: Moduli,
-    ) -> (Matrix, Vec<bool>) {
+        moduli: &'a Moduli,
+    ) -> (Matrix<'a>, Vec<bool>) {
         let mut out = Matrix {
             rows: vec![BTreeMap::new(); faces],
             values: vec![[0; LANES]; faces + 1],
@@ -278,7 +288,7 @@ impl Matrix {
         used[root] = false;
         out.program.start = start;
         out.program.product = faces as Slot;
-        out.values = out.program.values(&out.moduli);
+        out.values = out.program.values(moduli);
         (out, used)
     }
 
@@ -310,7 +320,7 @@ impl Matrix {
 
     /// Applies an operation, and adds it to the program.
     fn apply(&mut self, to: Slot, a: Slot, b: Slot) {
-        apply(&mut self.values, [to, a, b], &self.moduli);
+        apply(&mut self.values, [to, a, b], self.moduli);
         self.program.operations.push([to, a, b]);
     }
 
@@ -349,16 +359,16 @@ impl Matrix {
     }
 }
 
-/// Returns the determinant of the Laplacian without the row and the column of `root` modulo the
-/// first prime, and the program that computes it.
+/// Returns the determinant of the Laplacian without the row and the column of `root` modulo each
+/// prime, as [`Program::run`] does, and the program. No pivot is 0 modulo the first prime.
 ///
 /// The next pivot is that of the row with the fewest entries, among those that are not 0.
 fn minor(
     faces: usize,
     edges: &[(usize, usize, i64)],
     root: usize,
-    moduli: Moduli,
-) -> (u32, Program) {
+    moduli: &Moduli,
+) -> ([Option<u32>; LANES], Program) {
     let (mut matrix, mut left) = Matrix::laplacian(faces, edges, root, moduli);
     let degree = |matrix: &Matrix, v: u32| Reverse((matrix.rows[v as usize].len(), v));
     let rows = (0..faces as u32).filter(|&v| left[v as usize]);
@@ -394,16 +404,21 @@ fn minor(
         matrix.program.rest.extend(row.copied().chain([v]));
     }
     matrix.program.slots = matrix.values.len();
-    let [determinant, ..] = matrix.program.determinant(&matrix.values, &matrix.moduli);
-    (determinant.expect("no pivot is 0"), matrix.program)
+    let found = matrix.program.determinant(&matrix.values, moduli);
+    (found, matrix.program)
 }
 
-/// Returns true if an odd number is prime.
+/// Returns true if an odd number above 7 is prime (Miller-Rabin, with bases that suffice for 32
+/// bits: Pomerance, Selfridge & Wagstaff 1980, *The pseudoprimes to 25e9*, Math. Comp. 35).
 fn is_prime(n: u32) -> bool {
-    let mut factors = (3_u32..)
-        .step_by(2)
-        .take_while(|factor| factor * factor <= n);
-    factors.all(|factor| !n.is_multiple_of(factor))
+    let n = u64::from(n);
+    let twos = (n - 1).trailing_zeros();
+    [2, 3, 5, 7].iter().all(|&base| {
+        let bits = (twos..32).rev().map(|bit| (n - 1) >> bit & 1);
+        let power = bits.fold(1, |x, bit| x * x % n * [1, base][bit as usize] % n);
+        let mut powers = iter::successors(Some(power), |x| Some(x * x % n));
+        power == 1 || powers.by_ref().take(twos as usize).any(|x| x == n - 1)
+    })
 }
 
 /// Returns the absolute value of the integer with these residues modulo primes that is smallest in
@@ -491,6 +506,15 @@ mod tests {
         for n in [0_i128, 1, -1, 1 << 100, -(1 << 100) + 5] {
             let residues = primes.iter().map(|&p| (p, n.rem_euclid(p.into()) as u32));
             assert_eq!(combine(residues.collect()), BigUint::from(n.unsigned_abs()));
+        }
+    }
+
+    #[test]
+    fn primes_are_those_of_trial_division() {
+        let by_division = |n: u32| (3..).step_by(2).take_while(|d| d * d <= n).all(|d| n % d != 0);
+        let last = (1_u32 << 31) - 1;
+        for n in (9..20_000).chain(last - 500..=last).filter(|n| n % 2 == 1) {
+            assert_eq!(is_prime(n), by_division(n), "{n}");
         }
     }
 }

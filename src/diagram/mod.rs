@@ -101,7 +101,7 @@ impl Diagram {
     /// Largest number of crossings of a curve for which [`Invariants::v3`] is computed.
     pub const MOST_FOR_V3: usize = 20_000;
 
-    /// Largest number of crossings for which determinants are computed. Both take about a minute
+    /// Largest number of crossings for which determinants are computed. That takes about a minute
     /// for a dense diagram of so many.
     pub const MOST_FOR_DETERMINANT: usize = 20_000;
 
@@ -300,7 +300,7 @@ impl Diagram {
     fn as_knot(&self) -> Invariants {
         let v2 = self.v2();
         let v3 = self.crossings() <= Self::MOST_FOR_V3;
-        let v3 = v3.then(|| vassiliev::v3(&self.components[0], &self.signs, v2));
+        let v3 = v3.then(|| vassiliev::v3(&self.components[0], &self.signs));
         let determinant = self.link_determinant();
         Invariants {
             curve: self.curves[0],

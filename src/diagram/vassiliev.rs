@@ -23,8 +23,6 @@
 //! All crossings that a walk passes first below are changed in their order. The result is a
 //! descending diagram: of an unknot.
 
-use rayon::prelude::*;
-
 /// Sums over ranges of positions, with updates (Fenwick tree).
 struct Sums(Vec<i64>);
 
@@ -99,52 +97,58 @@ pub(super) fn linking_number(part: &[u32], crossings: usize, sign: impl Fn(u32) 
     sum / 2
 }
 
-/// Returns `v3` of a knot, given its `v2`.
+/// Returns `v3` of a knot.
 ///
-/// Cost: `O(n)` times that of `v2`.
-pub(super) fn v3(passages: &[u32], signs: &[i8], v2_of_knot: i64) -> i64 {
-    let mut places = vec![Vec::new(); signs.len()];
+/// # Derivation: the sums of `v2` over the parts
+///
+/// A walk from the base point passes the crossing that is to be changed at `start` below and at
+/// `end` above. Smoothing it leaves the part between them, and the rest. A pair counts for `v2` of
+/// a part if the walk passes it there in the order `c` below, `d` above, `c` above, `d` below.
+/// Crossings that are passed before `start` are above there, because of the changes before this
+/// one, so `c` and then `d` are first passed after `start`, and have not changed. So the pairs are
+/// those of the knot itself with all passages between `start` and `end`, or after `end`. The
+/// changes are followed from the last one, after which `v2` is 0, to the first one. Each adds the
+/// pairs of which it is `c`.
+///
+/// Cost: `O(n^2)`.
+pub(super) fn v3(passages: &[u32], signs: &[i8]) -> i64 {
+    let mut places = vec![usize::MAX; 2 * signs.len()];
     for (position, &passage) in passages.iter().enumerate() {
-        places[passage as usize / 2].push(position);
+        places[passage as usize] = position;
     }
-    // Crossings that are passed first below, with both positions, in the order of changes.
-    let first_below = |places: &&Vec<usize>| {
-        places
-            .first()
-            .is_some_and(|&k| passages[k].is_multiple_of(2))
-    };
-    let changes = places.iter().filter(first_below);
-    let mut changes: Vec<[usize; 2]> = changes.map(|places| [places[0], places[1]]).collect();
-    changes.sort_unstable();
-    let mut order = vec![usize::MAX; signs.len()];
-    for (change, [start, _]) in changes.iter().enumerate() {
-        order[passages[*start] as usize / 2] = change;
+    // The position of the other passage, the sign, and true if it is above.
+    let passages = passages.iter().map(|&passage| {
+        let sign = i64::from(signs[passage as usize / 2]);
+        (places[passage as usize ^ 1], sign, passage % 2 == 1)
+    });
+    let all: Vec<(usize, i64, bool)> = passages.collect();
+    // Sums over the pairs: by the last passage, and with the first passage from each position on.
+    let (mut by_last, mut from_first) = (vec![0; all.len()], vec![0; all.len()]);
+    let (mut pairs, mut v2, mut doubled) = (0, 0, 0);
+    for (start, &(end, sign, over)) in all.iter().enumerate().rev() {
+        if start < end && !over {
+            let (mut of_parts, mut linking) = (from_first[end], 0);
+            for k in start + 1..end {
+                let (other, other_sign, over) = all[k];
+                of_parts += by_last[k];
+                if other < start {
+                    // Changed, if it is passed first below.
+                    linking += if over { -other_sign } else { other_sign };
+                } else if other > end {
+                    linking += other_sign;
+                    if over {
+                        by_last[other] += sign * other_sign;
+                        pairs += sign * other_sign;
+                    }
+                }
+            }
+            linking /= 2;
+            let before = v2 + sign * linking;
+            doubled += sign * (v2 + before + linking * linking - 2 * of_parts);
+            v2 = before;
+        }
+        from_first[start] = pairs;
     }
-    // For each change: the sign before it, the linking number, and the sum of `v2` of both parts.
-    let smoothed: Vec<(i64, i64, i64)> = changes
-        .par_iter()
-        .enumerate()
-        .map(|(change, &[start, end])| {
-            let changed = |c: usize| order[c] < change;
-            let state = |passage: u32| passage ^ u32::from(changed(passage as usize / 2));
-            let sign = |c: u32| {
-                let sign = i64::from(signs[c as usize]);
-                if changed(c as usize) { -sign } else { sign }
-            };
-            let inner: Vec<u32> = passages[start + 1..end].iter().map(|&p| state(p)).collect();
-            let outer = passages[end + 1..].iter().chain(&passages[..start]);
-            let outer: Vec<u32> = outer.map(|&p| state(p)).collect();
-            let linking = linking_number(&inner, signs.len(), sign);
-            let of_parts = v2(&inner, sign) + v2(&outer, sign);
-            (sign(passages[start] / 2), linking, of_parts)
-        })
-        .collect();
-    let (mut v2, mut doubled) = (v2_of_knot, 0);
-    for (sign, linking, of_parts) in smoothed {
-        let after = v2 - sign * linking;
-        doubled += sign * (v2 + after + linking * linking - 2 * of_parts);
-        v2 = after;
-    }
-    debug_assert_eq!(v2, 0, "a descending diagram is an unknot");
+    debug_assert_eq!(v2, pairs, "`v2` of the knot, by changes and by its formula");
     doubled / 2
 }
