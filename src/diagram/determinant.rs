@@ -511,7 +511,12 @@ mod tests {
 
     #[test]
     fn primes_are_those_of_trial_division() {
-        let by_division = |n: u32| (3..).step_by(2).take_while(|d| d * d <= n).all(|d| n % d != 0);
+        let by_division = |n: u32| {
+            (3..)
+                .step_by(2)
+                .take_while(|d| d * d <= n)
+                .all(|d| n % d != 0)
+        };
         let last = (1_u32 << 31) - 1;
         for n in (9..20_000).chain(last - 500..=last).filter(|n| n % 2 == 1) {
             assert_eq!(is_prime(n), by_division(n), "{n}");

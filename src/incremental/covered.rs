@@ -39,8 +39,8 @@ impl Leaves for Covered<'_> {
         self.coverage.open_curves || self.set.curve(i).closed
     }
 
-    fn stored(&self, segments: u32) -> bool {
-        Leaves::stored(&self.set, segments)
+    fn stored(&self) -> bool {
+        Leaves::stored(&self.set)
     }
 
     #[inline(always)]

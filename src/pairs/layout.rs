@@ -1,6 +1,6 @@
 //! Nodes of the trees of boxes, their leaves, and the positions of the stored boxes.
 
-use crate::curve::{Basis, BoxGroup, Curve, CurveSet};
+use crate::curve::{BoxGroup, Curve, CurveSet};
 use crate::simd::LANES;
 
 /// Number of levels of the deepest tree: `8^11 > 2^32` segments.
@@ -45,9 +45,9 @@ pub(crate) trait Leaves: Copy + Send + Sync {
     fn curves(&self) -> &[Curve];
     /// Returns true if curve `i` has a tree. If not, its root is empty.
     fn has_tree(&self, i: usize) -> bool;
-    /// Returns true if the segment boxes of a curve with this number of segments are stored. If
-    /// not, [`CurveTree::children`] computes them from the set of curves.
-    fn stored(&self, segments: u32) -> bool;
+    /// Returns true if the boxes of single segments are stored. If not, [`CurveTree::children`]
+    /// computes them from the set of curves.
+    fn stored(&self) -> bool;
     /// Returns the boxes of the segments `8 g .. 8 g + 8` of curve `i`. Lanes past the last segment
     /// are empty.
     fn boxes(&self, i: usize, g: usize) -> BoxGroup;
@@ -63,21 +63,14 @@ impl Leaves for &CurveSet {
         self.curve(i).closed
     }
 
-    fn stored(&self, segments: u32) -> bool {
-        stores_leaves(self.basis(), segments)
+    fn stored(&self) -> bool {
+        !self.basis().is_polyline()
     }
 
     #[inline(always)]
     fn boxes(&self, i: usize, g: usize) -> BoxGroup {
         self.leaf_boxes(i, g)
     }
-}
-
-/// Returns true if the boxes of single segments are stored: for splines, because their boxes cost
-/// more to compute than to load, and for small curves, because they are visited by many pairs
-/// relative to their size.
-pub(super) fn stores_leaves(basis: Basis, segments: u32) -> bool {
-    !basis.is_polyline() || segments <= SMALL
 }
 
 /// Positions of the groups of one curve.

@@ -46,7 +46,7 @@ impl Trees {
         let mut at = self.shared;
         for (i, c) in curves.iter().enumerate() {
             let layout = match leaves.has_tree(i) {
-                true => Layout::new(c.segments, leaves.stored(c.segments), at),
+                true => Layout::new(c.segments, leaves.stored(), at),
                 false => Layout::without_tree(c.segments),
             };
             at += layout.groups;
@@ -68,7 +68,7 @@ impl Trees {
     fn fit<S: Leaves>(&self, leaves: S) -> bool {
         let curves = leaves.curves();
         let fits = |(l, c): (&Layout, &Curve)| {
-            l.segments == c.segments && (!l.tree || l.leaves == leaves.stored(c.segments))
+            l.segments == c.segments && (!l.tree || l.leaves == leaves.stored())
         };
         self.layouts.len() == curves.len() && self.layouts.iter().zip(curves).all(fits)
     }
@@ -198,7 +198,6 @@ impl CurveTree<'_> {
 mod tests {
     use super::*;
     use crate::curve::{Basis, Positions};
-    use crate::pairs::layout::stores_leaves;
 
     /// The box of every node is the bounding box of its segments, for all sizes around powers of
     /// eight.
@@ -217,10 +216,10 @@ mod tests {
                 }
                 // Polylines: one eighth of a box per segment, one eighth of that in the next level,
                 // and so on.
-                let boxes = if stores_leaves(basis, n as u32) {
-                    5 * n / 2
-                } else {
+                let boxes = if basis.is_polyline() {
                     n / 3
+                } else {
+                    5 * n / 2
                 } as usize;
                 assert!(trees.bytes() <= 1000 + 24 * boxes, "{basis:?} {n}");
             }
@@ -258,8 +257,8 @@ mod tests {
             self.all || i.is_multiple_of(2)
         }
 
-        fn stored(&self, segments: u32) -> bool {
-            stores_leaves(self.set.basis(), segments)
+        fn stored(&self) -> bool {
+            Leaves::stored(&self.set)
         }
 
         fn boxes(&self, i: usize, g: usize) -> BoxGroup {
