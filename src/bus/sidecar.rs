@@ -90,6 +90,8 @@ pub struct SidecarState {
     session: u64,
     /// The last frame that was received.
     last: u64,
+    /// Number of the baseline of the last frame that was returned.
+    baseline: Option<u64>,
     counters: Counters,
 }
 
@@ -279,6 +281,7 @@ impl Sidecar {
         Some(SidecarState {
             session: session.id,
             last: last.or(self.resumed.map(|state| state.last))?,
+            baseline: session.baseline,
             counters: session.counters,
         })
     }
@@ -381,7 +384,8 @@ impl Sidecar {
         }
         let (session, header) = (self.session.as_mut()?, self.newest.as_ref()?.header);
         let has_baseline = [session.baseline, Some(header.seq)].contains(&Some(header.baseline));
-        if !has_baseline && !self.from_now {
+        let begins_here = self.from_now && session.baseline.is_none();
+        if !has_baseline && !begins_here {
             let since = session.waits.get_or_insert_with(Instant::now);
             if since.elapsed() < BASELINE_LIMIT {
                 return None;
@@ -427,8 +431,8 @@ impl Sidecar {
                     node: node_of(&self.endpoint.frames, frame.sample.origin()),
                     delivered: self.resumed.map_or(0, SidecarState::delivered),
                     counters: self.resumed.map(|state| state.counters).unwrap_or_default(),
-                    // The other watcher had the baseline.
-                    baseline: self.resumed.map(|_| header.baseline),
+                    // The simulator may have accepted a later frame since then.
+                    baseline: self.resumed.and_then(|state| state.baseline),
                     ..Session::default()
                 });
                 self.pending.push_back(Event::NewSession { session: id });

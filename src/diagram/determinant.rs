@@ -515,7 +515,7 @@ mod tests {
             (3..)
                 .step_by(2)
                 .take_while(|d| d * d <= n)
-                .all(|d| n % d != 0)
+                .all(|d| !n.is_multiple_of(d))
         };
         let last = (1_u32 << 31) - 1;
         for n in (9..20_000).chain(last - 500..=last).filter(|n| n % 2 == 1) {

@@ -405,6 +405,31 @@ fn a_cut_while_nobody_watches_ends_what_is_unknown() {
     }
 }
 
+/// Regression test: the new watch took the accepted frame for one that it had, and compared with
+/// the newest one.
+#[test]
+fn a_frame_accepted_while_nobody_watches_is_the_baseline() {
+    for from_now in [false, true] {
+        let args = ["--events=off", "--from-now"];
+        let args = &args[..1 + usize::from(from_now)];
+        let mut watches = Restarted::start(&format!("accepted-{from_now}"), args);
+        let mut sim = simulator(&watches.service);
+        assert_eq!(step(&mut sim, 0, 0.0), Verdict::Intact);
+        watches.kill_after(1);
+        sim.accept();
+        for shift in [2.5, 2.5, 0.0] {
+            unwatched(&mut sim, shift);
+        }
+        watches.next();
+        watched(&mut sim);
+        assert_eq!(step(&mut sim, 4, 0.0), Verdict::Changed, "{from_now}");
+        sim.finish().unwrap();
+        let ended = watches.end();
+        assert_eq!(ended.code, Some(1), "{}", ended.stderr);
+        assert_eq!(ended.summary()["baseline"]["frame"], 1, "{}", ended.stderr);
+    }
+}
+
 #[test]
 fn curves_that_appeared_before_a_crash_are_expected_after_it() {
     let mut watches = Restarted::start("appeared", &[]);

@@ -19,7 +19,7 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 /// First bytes of a note. They change with its format.
-const MAGIC: &[u8; 8] = b"LWSTATE4";
+const MAGIC: &[u8; 8] = b"LWSTATE5";
 
 /// Number of bytes of a note in its file. The rest is zero.
 const NOTE_BYTES: usize = 256;
