@@ -267,6 +267,31 @@ fn open_curves_are_verified_for_pull_throughs_and_reported_without() {
     );
 }
 
+/// Regression test: the open curve was said to be verified for pull-throughs.
+#[test]
+fn an_open_curve_of_a_single_frame_is_not_verified() {
+    let folder = TempDir::new().unwrap();
+    let write = |name: &str, count: i32| {
+        let xyz: Vec<f32> = rings(9.0, 1.0).iter().map(|&x| x as f32).collect();
+        let positions = Positions::F32(&xyz);
+        let set = CurveSet::from_counts(Basis::Polyline, &[-20, count], positions).unwrap();
+        let path = folder.path().join(name);
+        formats::write_bcc(&path, &set).unwrap();
+        text(&path).to_owned()
+    };
+    let [closed, open] = [write("closed.bcc", -20), write("open.bcc", 20)];
+    let run = check(&[closed, open.clone()], &[]);
+    assert!(!run.stderr.contains("not verified"), "{}", run.stderr);
+    let certificate = folder.path().join("closed.txt");
+    let closed = folder.path().join("closed.bcc");
+    linkwatch(&["certify", text(&closed), "-o", text(&certificate)]);
+    let options = ["--events=between", "--baseline", text(&certificate)];
+    let run = check(std::slice::from_ref(&open), &options);
+    assert_eq!(run.code, 0, "{}", run.stderr);
+    let says = "1 open curve not verified: open curves are searched";
+    assert!(run.stderr.contains(says), "{}", run.stderr);
+}
+
 /// Two squares that touch in the first frame only.
 #[test]
 fn a_baseline_takes_the_number_of_an_undefined_pair_once() {

@@ -174,6 +174,8 @@ fn the_next_process_expects_what_the_first_one_did() {
     let ended = watches.end();
     // The change was found by a process that was killed.
     assert_eq!(ended.code, Some(1), "{}", ended.stderr);
+    let why = "this watch found a change before it was started again";
+    assert!(ended.stderr.contains(why), "{}", ended.stderr);
     assert_eq!(counts(ended.summary()), [8, 0, 0], "{}", ended.stderr);
     watches.assert_removed();
     // The frames of the last second before a kill, and the end of the file, may be missing.

@@ -2,7 +2,7 @@
 //! curve.
 
 use crate::call::guarded;
-use crate::exception;
+use crate::{exception, without_unwrapping};
 use linkwatch::{Basis, Cell, Closing, CurveSource, Positions, RawFrame};
 use numpy::{PyArray2, PyArrayMethods, PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::exceptions::PyValueError;
@@ -80,28 +80,34 @@ pub fn raw<'a>(
     })
 }
 
-/// Returns the counts of curves that nothing says to be closed, below 0 if they are closed.
+/// Returns the counts of curves, below 0 if they are closed, and notes about them. Refuses curves
+/// that the boundary of the cell tears, if they are to be `whole`.
 #[pyfunction]
 pub fn decided_counts(
     points: Points<'_>,
     counts: Vec<i32>,
     basis_name: &str,
     cell_numbers: Option<[f64; 12]>,
-) -> PyResult<Vec<i32>> {
+    closed_by_default: bool,
+    whole: bool,
+) -> PyResult<(Vec<i32>, Vec<String>)> {
     let frame = raw(&points, &counts, basis_name)?;
     let source = CurveSource {
         cell: cell_numbers.map(cell),
-        closed_by_default: true,
+        closed_by_default,
         ..CurveSource::default()
     };
     guarded(|| {
-        let set = Closing::default()
-            .curves(frame, source)
-            .map_err(exception)?;
+        let mut closing = Closing::default();
+        let set = closing.curves(frame, source).map_err(exception)?;
+        if let (Some(cell), true) = (&source.cell, whole) {
+            set.check_whole(cell).map_err(without_unwrapping)?;
+        }
         let decided = set.curves().iter().zip(&counts);
-        Ok(decided
-            .map(|(curve, n)| if curve.closed { -n.abs() } else { n.abs() })
-            .collect())
+        let decided = decided.map(|(curve, n)| if curve.closed { -n.abs() } else { n.abs() });
+        let notes = closing.take_notes();
+        let notes = notes.iter().map(ToString::to_string);
+        Ok((decided.collect(), notes.collect()))
     })
 }
 

@@ -80,3 +80,14 @@ fn exception(error: linkwatch::Error) -> PyErr {
         _ => PyValueError::new_err(words),
     }
 }
+
+/// Returns the exception of an error of a function without the option `wrapped`.
+fn without_unwrapping(error: linkwatch::Error) -> PyErr {
+    let words = error.to_string();
+    match words.split_once(": pass the option `wrapped`") {
+        Some((torn, _)) => pyo3::exceptions::PyValueError::new_err(format!(
+            "{torn}: unwrap the coordinates first, as `check` and `Session` do with wrapped=True"
+        )),
+        None => exception(error),
+    }
+}

@@ -2,9 +2,9 @@
 
 use crate::call::{Shared, guarded, watched};
 use crate::certificate::Certificate;
-use crate::exception;
 use crate::frame::{Points, basis, cell, raw};
 use crate::result::{packed, report, unpacked};
+use crate::{exception, without_unwrapping};
 use linkwatch::{
     Basis, Cell, ClearanceOptions, Closing, ClosingNote, CurveLabels, CurveSet, CurveSource, Error,
     FrameInfo, RawFrame, SessionOptions, SessionState, Strategy, VerifiedFrame, period,
@@ -421,7 +421,7 @@ pub fn certify(
             }
         })?;
         signals?;
-        let numbers = found.map_err(exception)?;
+        let numbers = found.map_err(without_unwrapping)?;
         let notes = closing.take_notes();
         let notes = notes.iter().map(ToString::to_string).collect();
         Ok((Certificate::new(numbers, open), notes))

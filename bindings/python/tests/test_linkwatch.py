@@ -134,6 +134,18 @@ def test_assert_intact_names_frame_curves_and_place():
     apart = linkwatch.certify(linked(5.0))
     with pytest.raises(AssertionError, match="frame 0: changed"):
         linkwatch.assert_intact(frames[:1], baseline=apart)
+    linkwatch.assert_intact(frames[:1], baseline=linkwatch.certify(frames[0]))
+
+
+def test_assert_intact_fails_if_nothing_was_verified():
+    with pytest.raises(AssertionError, match="nothing to compare it with"):
+        linkwatch.assert_intact([linked()])
+    alone = [linked()[:1]] * 2
+    with pytest.raises(AssertionError, match="one curve alone"):
+        linkwatch.assert_intact(alone)
+    linkwatch.assert_intact(alone, events="all")
+    linkwatch.assert_intact(alone, invariants="self")
+    linkwatch.assert_intact(alone, cell=[9, 9, 9])
 
 
 def test_certificates_are_written_and_compared(tmp_path):

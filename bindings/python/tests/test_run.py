@@ -83,6 +83,10 @@ def test_what_was_not_verified_is_no_success(tmp_path):
             incomplete("not verified: 1 open curve", frames, events="off", **chunks)
     run = linkwatch.check(open_curve, closed=[True, False])
     assert run and "1 open curve verified for pull-throughs" in run.summary
+    # Regression test: this was said of one frame as well.
+    baseline = linkwatch.certify([RING, OTHER + [9, 0, 0]])
+    run = linkwatch.check(open_curve[:1], baseline, closed=[True, False])
+    assert "not verified: 1 open curve" in run.summary, run.summary
     left = tmp_path / "left.vtk"
     left.write_text(
         "# vtk DataFile Version 3.0\n\nASCII\nDATASET POLYDATA\nPOINTS 4 float\n"

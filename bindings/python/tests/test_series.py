@@ -54,6 +54,42 @@ def test_writhe_and_twist_of_a_ribbon():
     assert found[2, 1] == pytest.approx(exact.writhe, abs=1e-3)
 
 
+def test_a_curve_that_only_the_default_closes_stays_open():
+    """Regression test: they were closed by long segments, without a warning."""
+    random = np.random.default_rng(2)
+    chains = [np.cumsum(random.normal(size=(30, 3)) + [1.5, 0, 0], 0) for _ in range(2)]
+    measures = [
+        lambda **closed: linkwatch.writhe([chains] * 2, **closed),
+        lambda **closed: linkwatch.gauss_integrals([chains], **closed),
+        lambda **closed: linkwatch.thickness(chains, **closed).thickness(),
+        lambda **closed: len(linkwatch.struts(chains, 0.5, **closed)),
+        lambda **closed: len(linkwatch.diagram(chains, **closed)),
+    ]
+    for measure in measures:
+        with pytest.warns(linkwatch.ClosingWarning, match="2 curves stay open") as said:
+            found = measure()
+        assert said[0].filename == __file__
+        assert np.array_equal(found, measure(closed=False))
+
+
+def test_a_curve_that_the_boundary_of_the_cell_tears_is_refused():
+    """Regression test: it was measured as it is."""
+    angles = 2 * np.pi * np.arange(40) / 40
+    ring = np.stack([np.cos(angles), np.sin(angles), 0 * angles], 1) + 5
+    torn, cell = (ring + 4.5) % 10, [10, 10, 10]
+    for measure in (
+        lambda curve: linkwatch.certify([curve], cell=cell),
+        lambda curve: linkwatch.linking([[curve]], cell=cell),
+        lambda curve: linkwatch.writhe([[curve]], cell=cell),
+        lambda curve: linkwatch.gauss_integrals([[curve]], cell=cell, closed=True),
+        lambda curve: linkwatch.thickness([curve], cell=cell),
+        lambda curve: linkwatch.struts([curve], 0.5, cell=cell, closed=True),
+    ):
+        measure(ring)
+        with pytest.raises(ValueError, match="more than half: unwrap the coordinates first"):
+            measure(torn)
+
+
 def test_gauss_integrals_of_parts_add_up_to_the_linking_number():
     rings = [circle(40, [0, 0, 0], [[1, 0, 0], [0, 1, 0]]),
              circle(40, [1, 0, 0], [[1, 0, 0], [0, 0, 1]])]

@@ -436,14 +436,19 @@ impl Run {
         if let Some(metrics) = &mut self.metrics {
             metrics.count(tally.since(self.before), summaries.iter().cloned());
         }
-        if tally.verified == 1 && self.sum.only_open {
-            tracing::warn!(
-                "nothing was verified: open curves are searched for pull-throughs from one frame \
-                 to the next, and there was one frame"
-            );
-            self.data_lost();
-        }
         let options = &self.options;
+        let open = self.sum.open_curves.unwrap_or(0);
+        let searched = options.events != Events::Off;
+        if tally.verified == 1 && open > 0 && (searched || self.sum.only_open) {
+            let what = match self.sum.only_open {
+                true => "nothing was verified".to_owned(),
+                false => format!("{} not verified", plural(open, "open curve")),
+            };
+            tracing::warn!(
+                "{what}: open curves are searched for pull-throughs from one frame to the next, \
+                 and there was one frame"
+            );
+        }
         let curve = InvariantKind::Curve;
         let compares = |baseline: &Certificate| baseline.invariants().any(|kind| kind == curve);
         let baseline = options.baseline.as_ref();
@@ -451,8 +456,8 @@ impl Run {
         // Without linking numbers, only a search for pull-throughs can verify curves.
         let through = self.session.baseline();
         let through = through.map_or(0, Certificate::periods_without_numbers);
-        let without_numbers = self.sum.open_curves.unwrap_or(0) > 0 || through > 0;
-        let unsearched = without_numbers && options.events == Events::Off && tally.verified > 1;
+        let unsearched = (open > 0 || through > 0) && !searched && tally.verified > 1;
+        let alone = tally.verified == 1 && self.sum.only_open;
         if tally.verified > 1 && !(self.sum.has_pairs || knots || options.events == Events::All) {
             tracing::warn!(
                 "nothing was verified: one curve alone has no linking number, and pull-throughs of \
@@ -460,7 +465,7 @@ impl Run {
             );
             self.data_lost();
         }
-        if tally.verified == 0 || self.sum.unmeasured.is_some() || unsearched {
+        if tally.verified == 0 || self.sum.unmeasured.is_some() || unsearched || alone {
             self.data_lost();
         }
         if let Some(junit) = self.junit.take()

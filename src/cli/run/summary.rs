@@ -86,6 +86,8 @@ impl Run {
         let [full, quiet, partial] = sum.routes;
         let first = &self.news.first_violation;
         let checked = self.options.events != Events::Off;
+        // From one frame to the next.
+        let followed = checked && tally.verified > 1;
         let (runs, yarns) = (1 + sum.further_runs, self.yarns());
         if self.setup.json {
             self.live.json(json!({
@@ -106,7 +108,7 @@ impl Run {
                     "runs": runs,
                     "open_curves": sum.open_curves,
                     "joined_curves": sum.joined,
-                    "open_curves_verified": checked,
+                    "open_curves_verified": followed,
                     "left_out": sum.left_out,
                     "curves_through_the_cell": yarns,
                     "jumps": sum.jumps,
@@ -181,7 +183,7 @@ impl Run {
         let passed = format!("{open_curves} verified for pull-throughs, without linking numbers");
         let jumps = format!("{}, and were followed", jumped(sum.jumps));
         let others = [
-            some(checked && open > 0, passed),
+            some(followed && open > 0, passed),
             some(sum.jumps > 0, jumps),
             sum.clearance.words(low),
             sum.comparison.as_ref().map(|(words, _)| words.clone()),

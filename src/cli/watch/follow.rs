@@ -102,7 +102,8 @@ impl Follower<'_> {
 
     /// Follows the service until its simulator ends, or with --keep-watching until a signal.
     pub fn follow(mut self, mut sidecar: Sidecar, first: Box<Run>) -> Result<Outcome> {
-        let mut closer = Closer::new(self.state.note.outcome);
+        let earlier = self.state.note.outcome;
+        let mut closer = Closer::new(earlier);
         let mut first = Some(first);
         loop {
             let met = self.wait_for_simulator(&mut sidecar);
@@ -115,7 +116,7 @@ impl Follower<'_> {
                     closer.add(Outcome::Undecided);
                 }
                 let worst = closer.finish();
-                self.end(worst, met.is_ok() && !self.is_stopped())?;
+                self.end(worst, earlier, met.is_ok() && !self.is_stopped())?;
                 return met.and_then(|_| result(worst, self.failed));
             };
             let session = match first.take() {
@@ -165,7 +166,7 @@ impl Follower<'_> {
                 // In any case, the frames verified so far are kept and summarised.
                 closer.add(session.finish());
                 let worst = closer.finish();
-                self.end(worst, is_complete)?;
+                self.end(worst, earlier, is_complete)?;
                 return ended.and_then(|_| result(worst, self.failed));
             }
             if let Err(e) = ended {
@@ -180,8 +181,13 @@ impl Follower<'_> {
     }
 
     /// Ends the watch. The next process continues it unless it is `done`: it is not after a signal
-    /// or an error.
-    fn end(&mut self, outcome: Outcome, done: bool) -> Result<()> {
+    /// or an error. `earlier` is the outcome of the processes before.
+    fn end(&mut self, outcome: Outcome, earlier: Outcome, done: bool) -> Result<()> {
+        if earlier == Outcome::Changed {
+            tracing::warn!(
+                "the exit code is 1, because this watch found a change before it was started again"
+            );
+        }
         match done {
             true => self.state.end(),
             false => self.state.stop(outcome),

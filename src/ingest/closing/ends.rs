@@ -75,13 +75,14 @@ impl Layout {
     }
 
     /// Returns the largest distance at which points count as equal: `near` median segments, or
-    /// rounding.
+    /// rounding; 0 if distances overflow, so that such ends do not meet.
     fn tolerance(&self, at: &Positions<'_>, metric: &Metric, near: f64) -> f64 {
         let step = |k: usize| metric.distance(self.point(at, k), self.point(at, k + 1));
         let mut steps: Vec<f64> = (0..self.points - 1).map(step).collect();
         let middle = steps.len() / 2;
         let (_, median, _) = steps.select_nth_unstable_by(middle, f64::total_cmp);
-        (near * *median).max(self.rounding(at).min(NEAR_IF_ROUNDED * *median))
+        let within = (near * *median).max(self.rounding(at).min(NEAR_IF_ROUNDED * *median));
+        if within.is_finite() { within } else { 0.0 }
     }
 
     /// Returns the largest distance of ends that meet by rounding alone, whatever the median

@@ -227,6 +227,22 @@ fn a_closed_curve_that_is_cut_later_is_an_error() {
     close(&mut closing, &[21], &cut, source).unwrap_err();
 }
 
+/// Regression test: an infinite distance of the ends was at most the infinite tolerance.
+#[test]
+fn ends_do_not_meet_if_their_distance_overflows() {
+    for far in [1e308, f64::INFINITY] {
+        let points = [
+            [far, 0., 0.],
+            [0., far, 0.],
+            [-far, 0., 0.],
+            [0., -far, 0.],
+            [-far, far, 0.],
+        ];
+        let positions = Positions::F64(points.as_flattened());
+        assert_eq!(Closing::ends_meet(&[5], positions), [false], "{far}");
+    }
+}
+
 #[test]
 fn an_open_curve_stays_open_if_its_ends_meet_later() {
     let mut closed = ring(20, 1.0);

@@ -265,7 +265,10 @@ impl<K: Keep> Kept<K> {
 
 impl<K: Keep> Sink for Kept<K> {
     fn begin(&mut self, baseline: &BaselineRecord) -> Result<()> {
-        self.keep.end(&mut self.files)?;
+        // Frames before the first baseline, which were rejected, are of the same run.
+        if self.state.before.is_some() {
+            self.keep.end(&mut self.files)?;
+        }
         self.state.begin(baseline);
         self.files.again = true;
         Ok(())

@@ -52,6 +52,7 @@ from ._linkwatch import Client as _Client
 from ._linkwatch import Session as _Session
 from ._linkwatch import __version__
 from ._linkwatch import certify as _certify
+from ._linkwatch import decided_counts as _decided_counts
 from ._linkwatch import diagram as _diagram
 from ._linkwatch import ribbon as _ribbon
 from ._linkwatch import struts as _struts
@@ -163,10 +164,10 @@ class ClosingWarning(UserWarning):
     """
 
 
-def _warn_of_closing(notes: list[str]) -> None:
+def _warn_of_closing(notes: list[str], level: int = 3) -> None:
     """Warns of decisions, in the name of the caller of the function that calls this one."""
     for note in notes:
-        warnings.warn(note, ClosingWarning, stacklevel=3)
+        warnings.warn(note, ClosingWarning, stacklevel=level)
 
 
 def _warn_of_open(open: list[int], curves: int) -> None:
@@ -792,8 +793,16 @@ def _measured(
     curves: Frame, counts: Counts | None, closed: Closed | None, basis: str, cell: Cell | None
 ) -> tuple[npt.NDArray[Any], list[int], str, list[float] | None]:
     """Returns points, counts, basis and cell of a frame."""
+    points, sizes = _frame(curves, counts, closed)
     vectors = None if cell is None else arguments.twelve(cell)
-    return *_frame(curves, counts, closed), arguments.word("basis", basis, BASES), vectors
+    basis = arguments.word("basis", basis, BASES)
+    by_default = counts is None and closed is None
+    if by_default or vectors is not None:
+        decided, notes = _decided_counts(points, sizes, basis, vectors, by_default, True)
+        if by_default:
+            sizes = decided
+            _warn_of_closing(notes, 4)
+    return points, sizes, basis, vectors
 
 
 @overload
@@ -977,7 +986,7 @@ def identify(diagram: Diagram) -> list[str]:
     >>> trefoil = np.stack([r * np.cos(2 * t), r * np.sin(2 * t), np.sin(3 * t)], axis=1)
     >>> linkwatch.identify(linkwatch.diagram([trefoil])[0])  # doctest: +SKIP
     ['3_1']
-    >>> linkwatch.identify(linkwatch.diagram([trefoil[:8]])[0])
+    >>> linkwatch.identify(linkwatch.diagram([trefoil[:8]], closed=True)[0])
     ['unknot']
 
     Args:
@@ -1036,17 +1045,28 @@ def assert_intact(
         counts, baseline, options: those of :class:`Session`.
 
     Raises:
-        AssertionError: names the first frame that is not intact, its curves and the place.
+        AssertionError: names the first frame that is not intact, its curves and the place. Or
+            nothing was verified, because there is one frame without a baseline, for example.
     """
     session = Session(counts, baseline=baseline, **options)
-    verified = 0
+    verified, has_pairs = 0, "cell" in options
     for frame in frames:
+        frame = frame if hasattr(frame, "__len__") else list(frame)
         report = session.step(frame)
         if not report.intact:
             raise AssertionError(str(report))
         verified += 1
+        has_pairs = has_pairs or len(frame if counts is None else counts) > 1
+    sees_itself = options.get("events") == "all" or "self" in options.get("invariants", "")
     if verified == 0:
         raise AssertionError("no frame was verified")
+    if verified == 1 and baseline is None:
+        raise AssertionError("nothing was verified: one frame, and nothing to compare it with")
+    if not (has_pairs or sees_itself):
+        raise AssertionError(
+            "nothing was verified: one curve alone has no linking number (events='all' searches "
+            "for its pull-throughs, invariants='self' compares its knot)"
+        )
 
 
 # Modules that are imported when they are needed, so that importing the package takes no time.

@@ -26,7 +26,9 @@ def decided_counts(
     counts: list[int],
     basis_name: str,
     cell_numbers: list[float] | None,
-) -> list[int]: ...
+    closed_by_default: bool,
+    whole: bool,
+) -> tuple[list[int], list[str]]: ...
 def ends_meet(points: npt.NDArray[Any], counts: list[int]) -> list[bool]: ...
 def ribbon(
     frame: Frame, strands: tuple[int, int], pairing: str, axis_first: bool, tolerance: float

@@ -293,8 +293,11 @@ class Run:
             low = min(measured, key=lambda row: row["clearance"])
             share = f"{100 * low['clearance']:.1f} % of the diameter"
             lines.append(f"lowest clearance: {share}, in frame {low['frame']}")
-        if self._open and self.options.get("events") != "off":
-            curves = plural(self._open, "open curve", "open curves")
+        rejected = sum(row["rejected"] is not None for row in self.frames)
+        curves = plural(self._open, "open curve", "open curves")
+        if self._open and len(self.frames) - rejected == 1:
+            lines.append(f"not verified: {curves} (searched from one frame to the next)")
+        elif self._open and self.options.get("events") != "off":
             lines.append(f"{curves} verified for pull-throughs, without linking numbers")
         if self._jumps:
             times = plural(self._jumps, "time", "times")

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from . import _arguments as arguments
-from . import _linkwatch, ribbon
+from . import _linkwatch, _warn_of_closing, ribbon
 from ._run import frames_of
 
 if TYPE_CHECKING:
@@ -17,17 +17,29 @@ if TYPE_CHECKING:
     import numpy.typing as npt
 
     from ._linkwatch import Frame
-    from .io import Frame as FileFrame
 
     Array = npt.NDArray[np.float64]
 
 
-def _series(frames: Any, described: dict[str, Any], measure: Callable[[Any], Any]) -> Array:
+def _series(frames: Any, described: dict[str, Any], measure: Callable[[Frame], Any]) -> Array:
     """Returns a quantity of all frames, which is NaN in those that are invalid."""
     found: list[Any] = []
-    for frame in frames_of(frames, **described):
-        valid = frame.rejected is None and np.isfinite(frame.positions).all()
-        found.append(np.asarray(measure(frame), np.float64) if valid else None)
+    decided: list[int] = []
+    source = frames_of(frames, **described)
+    for frame in source:
+        if frame.rejected is not None or not np.isfinite(frame.positions).all():
+            found.append(None)
+            continue
+        given = arguments.raw(frame)
+        by_default, in_memory = frame.closed_by_default, source.kind != "file"
+        if by_default or in_memory and given[3] is not None:
+            counts, notes = _linkwatch.decided_counts(*given, by_default, in_memory)
+            # The first frame decides.
+            if np.abs(decided).tolist() != np.abs(counts).tolist():
+                decided = counts
+                _warn_of_closing(notes if by_default else [], 4)
+            given = given[0], decided if by_default else given[1], *given[2:]
+        found.append(np.asarray(measure(given), np.float64))
     shapes = {one.shape for one in found if one is not None}
     if len(shapes) > 1:
         raise ValueError(f"the number of curves changes: arrays of the shapes {sorted(shapes)}")
@@ -61,7 +73,7 @@ def writhe(frames: Any, *, tolerance: float = 1e-4, **described: Any) -> Array:
     Raises:
         ValueError: the curves are splines, or their number changes.
     """
-    return _series(frames, described, lambda frame: _gauss(arguments.raw(frame), None, tolerance))
+    return _series(frames, described, lambda frame: _gauss(frame, None, tolerance))
 
 
 def linking(
@@ -86,10 +98,9 @@ def linking(
         Numbers with periodic images are not among them: see :func:`linkwatch.certify`.
     """
 
-    def measure(frame: FileFrame) -> Any:
-        points, counts, basis, cell = arguments.raw(frame)
-        by_default = frame.closed_by_default
-        certificate, _ = _linkwatch.certify(points, counts, basis, by_default, cell)
+    def measure(frame: Frame) -> Any:
+        points, counts, basis, cell = frame
+        certificate, _ = _linkwatch.certify(points, counts, basis, False, cell)
         matrix = certificate.matrix(undefined=np.nan)
         return matrix if pairs is None else matrix[tuple(np.transpose(pairs))]
 
@@ -118,13 +129,13 @@ def twist(frames: Any, *, described: dict[str, Any] | None = None, **options: An
     Raises:
         ValueError: the curves cannot be the strands of a ribbon, or an option is invalid.
     """
-    measure = lambda frame: ribbon(frame.positions, frame.counts, **options).twist  # noqa: E731
+    measure = lambda frame: ribbon(frame[0], frame[1], **options).twist  # noqa: E731
     return _series(frames, described or {}, measure)
 
 
 def thickness(frames: Any, described: dict[str, Any]) -> Array:
     """Returns the thickness of all frames: see :func:`linkwatch.thickness`."""
-    measure = lambda frame: _linkwatch.thickness(arguments.raw(frame)).thickness()  # noqa: E731
+    measure = lambda frame: _linkwatch.thickness(frame).thickness()  # noqa: E731
     return _series(frames, described, measure)
 
 
@@ -160,8 +171,8 @@ def gauss_integrals(
         ValueError: the curves are splines, their number changes, or there is no such subchain.
     """
 
-    def measure(frame: FileFrame) -> Any:
-        points, counts, basis, _ = arguments.raw(frame)
+    def measure(frame: Frame) -> Any:
+        points, counts, basis, _ = frame
         if subchains is not None:
             sizes = np.abs(counts)
             starts = np.cumsum(sizes) - sizes

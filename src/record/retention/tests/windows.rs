@@ -64,6 +64,24 @@ fn a_window_has_the_frames_before_and_after_a_violation() {
     );
 }
 
+/// Regression test: the first baseline ended the window of the frame before it.
+#[test]
+fn a_window_of_a_rejected_first_frame_has_the_frames_after_it() {
+    let folder = TempDir::new().unwrap();
+    let mut window = window(&folder, Duration::from_secs(60), MEMORY);
+    let mut first = frame(0, 3, None);
+    first.curves = None;
+    Arc::make_mut(&mut first.report).verdict = Verdict::Rejected;
+    take(&mut window, &first, Duration::ZERO);
+    window.begin(&baseline(3)).unwrap();
+    for seq in 1..8 {
+        take(&mut window, &frame(seq, 3, None), Duration::from_secs(seq));
+    }
+    window.finish().unwrap();
+    let content = read(&folder.path().join("run.mcap"));
+    assert_eq!(content.seqs(), (0..8).collect::<Vec<_>>());
+}
+
 #[test]
 fn no_file_is_written_without_a_violation() {
     let folder = TempDir::new().unwrap();
