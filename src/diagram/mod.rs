@@ -98,7 +98,8 @@ pub struct TripleLink {
 }
 
 impl Diagram {
-    /// Largest number of crossings of a curve for which [`Invariants::v3`] is computed.
+    /// Largest number of crossings of a curve for which [`Invariants::v3`] is computed: its cost
+    /// grows with their square.
     pub const MOST_FOR_V3: usize = 20_000;
 
     /// Largest number of crossings for which determinants are computed. That takes about a minute
@@ -293,7 +294,7 @@ impl Diagram {
 
     /// Returns `v2` of a diagram of one component.
     fn v2(&self) -> i64 {
-        vassiliev::v2(&self.components[0], |c| self.signs[c as usize].into())
+        vassiliev::v2(&self.components[0], &self.signs)
     }
 
     /// Returns the invariants of a diagram of one component.

@@ -46,36 +46,24 @@ impl Sums {
     }
 }
 
-/// Returns `v2` of a knot. Passages whose crossings are not passed twice are ignored.
+/// Returns `v2` of a knot.
 ///
 /// Cost: `O(n log n)`.
-pub(super) fn v2(passages: &[u32], sign: impl Fn(u32) -> i64) -> i64 {
-    let crossings = passages.iter().max().map_or(0, |p| *p as usize / 2 + 1);
-    let mut met: Vec<Option<usize>> = vec![None; crossings];
-    let mut twice = vec![false; crossings];
-    for &passage in passages {
-        let c = passage as usize / 2;
-        twice[c] = met[c].replace(0).is_some();
-    }
-    met.fill(None);
+pub(super) fn v2(passages: &[u32], signs: &[i8]) -> i64 {
+    let mut met: Vec<Option<usize>> = vec![None; signs.len()];
     let mut sums = Sums(vec![0; passages.len() + 1]);
     let mut total = 0;
     for (position, &passage) in passages.iter().enumerate() {
         let (c, over) = (passage as usize / 2, passage % 2 == 1);
-        if !twice[c] {
-            continue;
-        }
+        let sign = i64::from(signs[c]);
         match (met[c], over) {
             // `c` was passed below at `first`: all `d` that were passed above since, once.
-            (Some(first), true) => {
-                let open = sums.before(position) - sums.before(first);
-                total += sign(passage / 2) * open;
-            }
-            (Some(first), false) => sums.add(first, -sign(passage / 2)),
+            (Some(first), true) => total += sign * (sums.before(position) - sums.before(first)),
+            (Some(first), false) => sums.add(first, -sign),
             (None, over) => {
                 met[c] = Some(position);
                 if over {
-                    sums.add(position, sign(passage / 2));
+                    sums.add(position, sign);
                 }
             }
         }
@@ -105,7 +93,8 @@ pub(super) fn linking_number(part: &[u32], crossings: usize, sign: impl Fn(u32) 
 /// `end` above. Smoothing it leaves the part between them, and the rest. A pair counts for `v2` of
 /// a part if the walk passes it there in the order `c` below, `d` above, `c` above, `d` below.
 /// Crossings that are passed before `start` are above there, because of the changes before this
-/// one, so `c` and then `d` are first passed after `start`, and have not changed. So the pairs are
+/// one, so `c` is first passed after `start`, and so is `d`, which is first passed above: neither
+/// has changed. Both parts are walked in the order of the knot from its base point. So the pairs are
 /// those of the knot itself with all passages between `start` and `end`, or after `end`. The
 /// changes are followed from the last one, after which `v2` is 0, to the first one. Each adds the
 /// pairs of which it is `c`.

@@ -45,8 +45,9 @@ pub(crate) trait Leaves: Copy + Send + Sync {
     fn curves(&self) -> &[Curve];
     /// Returns true if curve `i` has a tree. If not, its root is empty.
     fn has_tree(&self, i: usize) -> bool;
-    /// Returns true if the boxes of single segments are stored. If not, [`CurveTree::children`]
-    /// computes them from the set of curves.
+    /// Returns true if the boxes of single segments are stored: for splines, because their boxes
+    /// cost more to compute than to load. If not, [`CurveTree::children`] computes them from the
+    /// set of curves.
     fn stored(&self) -> bool;
     /// Returns the boxes of the segments `8 g .. 8 g + 8` of curve `i`. Lanes past the last segment
     /// are empty.

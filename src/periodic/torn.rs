@@ -6,7 +6,6 @@
 //!
 //! Cost: three products per segment and periodic direction.
 
-use super::period;
 use crate::curve::vector::{dot, sub};
 use crate::curve::{Cell, CurveSet};
 use crate::error::{Error, Result};
@@ -60,7 +59,7 @@ pub(crate) fn find_torn(
     Ok(None)
 }
 
-/// Checks that none of these curves is torn.
+/// Same as [`CurveSet::check_whole`], for these curves.
 pub(crate) fn check_whole(
     set: &CurveSet,
     cell: &Cell,
@@ -74,15 +73,13 @@ pub(crate) fn check_whole(
 
 impl CurveSet {
     /// Checks that no curve is torn at the boundary of a periodic cell, as wrapped coordinates are.
-    /// Curves that end at an image of their start are not wrapped.
     ///
     /// # Errors
     ///
     /// [`Error::Usage`] if a segment is longer than half of the cell along a lattice vector,
     /// or these vectors are linearly dependent.
     pub fn check_whole(&self, cell: &Cell) -> Result<()> {
-        let through = |&i: &usize| period(self, i, cell).is_some();
-        check_whole(self, cell, (0..self.len()).filter(|i| !through(i)))
+        check_whole(self, cell, 0..self.len())
     }
 }
 

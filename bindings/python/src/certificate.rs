@@ -103,6 +103,12 @@ impl Certificate {
         self.open.clone()
     }
 
+    /// Invariants beside linking numbers: "self", "triple", both or none.
+    #[getter]
+    fn invariants(&self) -> Vec<&'static str> {
+        self.numbers.invariants().map(|kind| kind.word()).collect()
+    }
+
     /// Linking numbers that are not 0, as tuples (i, j, lambda) with i < j, sorted.
     #[getter]
     fn links(&self) -> Vec<(u32, u32, i64)> {

@@ -80,8 +80,8 @@ pub fn raw<'a>(
     })
 }
 
-/// Returns the counts of curves, below 0 if they are closed, and notes about them. Refuses curves
-/// that the boundary of the cell tears, if they are to be `whole`.
+/// Returns the counts of curves, below 0 if they are closed, notes about them, and a warning if the
+/// boundary of the cell may tear one of them.
 #[pyfunction]
 pub fn decided_counts(
     points: Points<'_>,
@@ -89,8 +89,7 @@ pub fn decided_counts(
     basis_name: &str,
     cell_numbers: Option<[f64; 12]>,
     closed_by_default: bool,
-    whole: bool,
-) -> PyResult<(Vec<i32>, Vec<String>)> {
+) -> PyResult<(Vec<i32>, Vec<String>, Option<String>)> {
     let frame = raw(&points, &counts, basis_name)?;
     let source = CurveSource {
         cell: cell_numbers.map(cell),
@@ -100,14 +99,14 @@ pub fn decided_counts(
     guarded(|| {
         let mut closing = Closing::default();
         let set = closing.curves(frame, source).map_err(exception)?;
-        if let (Some(cell), true) = (&source.cell, whole) {
-            set.check_whole(cell).map_err(without_unwrapping)?;
-        }
+        let cell = source.cell.filter(|cell| cell.check().is_ok());
+        let torn = cell.and_then(|cell| set.check_whole(&cell).err());
         let decided = set.curves().iter().zip(&counts);
         let decided = decided.map(|(curve, n)| if curve.closed { -n.abs() } else { n.abs() });
         let notes = closing.take_notes();
         let notes = notes.iter().map(ToString::to_string);
-        Ok((decided.collect(), notes.collect()))
+        let torn = torn.map(|e| without_unwrapping(&e));
+        Ok((decided.collect(), notes.collect(), torn))
     })
 }
 

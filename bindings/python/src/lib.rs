@@ -81,13 +81,14 @@ fn exception(error: linkwatch::Error) -> PyErr {
     }
 }
 
-/// Returns the exception of an error of a function without the option `wrapped`.
-fn without_unwrapping(error: linkwatch::Error) -> PyErr {
+/// Returns the text of an error of a function without the option `wrapped`.
+fn without_unwrapping(error: &linkwatch::Error) -> String {
     let words = error.to_string();
     match words.split_once(": pass the option `wrapped`") {
-        Some((torn, _)) => pyo3::exceptions::PyValueError::new_err(format!(
-            "{torn}: unwrap the coordinates first, as `check` and `Session` do with wrapped=True"
-        )),
-        None => exception(error),
+        Some((torn, _)) => format!(
+            "{torn}: unwrap coordinates that are wrapped (`check` and `Session` do with \
+             wrapped=True, and take them as they are with wrapped=False)"
+        ),
+        None => words,
     }
 }

@@ -421,7 +421,7 @@ pub fn certify(
             }
         })?;
         signals?;
-        let numbers = found.map_err(without_unwrapping)?;
+        let numbers = found.map_err(|e| PyValueError::new_err(without_unwrapping(&e)))?;
         let notes = closing.take_notes();
         let notes = notes.iter().map(ToString::to_string).collect();
         Ok((Certificate::new(numbers, open), notes))

@@ -137,7 +137,7 @@ def test_assert_intact_names_frame_curves_and_place():
     linkwatch.assert_intact(frames[:1], baseline=linkwatch.certify(frames[0]))
 
 
-def test_assert_intact_fails_if_nothing_was_verified():
+def test_assert_intact_fails_if_nothing_was_verified(tmp_path):
     with pytest.raises(AssertionError, match="nothing to compare it with"):
         linkwatch.assert_intact([linked()])
     alone = [linked()[:1]] * 2
@@ -145,7 +145,14 @@ def test_assert_intact_fails_if_nothing_was_verified():
         linkwatch.assert_intact(alone)
     linkwatch.assert_intact(alone, events="all")
     linkwatch.assert_intact(alone, invariants="self")
+    knot = tmp_path / "knot.txt"
+    knot.write_text("1\ninvariants 1 self\n")
+    linkwatch.assert_intact(alone, baseline=linkwatch.Certificate.read(knot))
     linkwatch.assert_intact(alone, cell=[9, 9, 9])
+    with pytest.raises(AssertionError, match="one curve alone"):
+        linkwatch.assert_intact(alone, cell=None)
+    with pytest.raises(AssertionError, match="not verified: 1 open curve"):
+        linkwatch.assert_intact([linked()] * 2, closed=[True, False], events="off")
 
 
 def test_certificates_are_written_and_compared(tmp_path):

@@ -1,5 +1,7 @@
 """Quantities of all frames of a run."""
 
+import warnings
+
 import linkwatch
 import numpy as np
 import pytest
@@ -72,22 +74,35 @@ def test_a_curve_that_only_the_default_closes_stays_open():
         assert np.array_equal(found, measure(closed=False))
 
 
-def test_a_curve_that_the_boundary_of_the_cell_tears_is_refused():
-    """Regression test: it was measured as it is."""
+def test_a_curve_that_the_boundary_of_the_cell_may_tear_is_a_warning():
+    """Regression test: it was measured without a word."""
     angles = 2 * np.pi * np.arange(40) / 40
     ring = np.stack([np.cos(angles), np.sin(angles), 0 * angles], 1) + 5
     torn, cell = (ring + 4.5) % 10, [10, 10, 10]
+    says = "more than half: unwrap coordinates that are wrapped"
+    for certify in (linkwatch.certify, lambda curves, cell: linkwatch.linking([curves], cell=cell)):
+        certify([ring], cell=cell)
+        with pytest.raises(ValueError, match=says):
+            certify([torn], cell=cell)
     for measure in (
-        lambda curve: linkwatch.certify([curve], cell=cell),
-        lambda curve: linkwatch.linking([[curve]], cell=cell),
         lambda curve: linkwatch.writhe([[curve]], cell=cell),
         lambda curve: linkwatch.gauss_integrals([[curve]], cell=cell, closed=True),
         lambda curve: linkwatch.thickness([curve], cell=cell),
         lambda curve: linkwatch.struts([curve], 0.5, cell=cell, closed=True),
     ):
-        measure(ring)
-        with pytest.raises(ValueError, match="more than half: unwrap the coordinates first"):
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            measure(ring)
+        with pytest.warns(linkwatch.UnverifiedWarning, match=says) as said:
             measure(torn)
+        assert said[0].filename == __file__
+
+
+def test_subchains_do_not_depend_on_which_curves_are_closed():
+    chain = [[k, (k * k) % 3, 0] for k in range(30)]
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        linkwatch.gauss_integrals([[chain]], subchains=[(0, 1, 20)])
 
 
 def test_gauss_integrals_of_parts_add_up_to_the_linking_number():

@@ -86,9 +86,9 @@ impl Run {
         let [full, quiet, partial] = sum.routes;
         let first = &self.news.first_violation;
         let checked = self.options.events != Events::Off;
-        // From one frame to the next.
-        let followed = checked && tally.verified > 1;
         let (runs, yarns) = (1 + sum.further_runs, self.yarns());
+        // From one frame to the next of a run.
+        let followed = checked && tally.verified > runs;
         if self.setup.json {
             self.live.json(json!({
                 "summary": {

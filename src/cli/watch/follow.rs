@@ -184,9 +184,7 @@ impl Follower<'_> {
     /// or an error. `earlier` is the outcome of the processes before.
     fn end(&mut self, outcome: Outcome, earlier: Outcome, done: bool) -> Result<()> {
         if earlier == Outcome::Changed {
-            tracing::warn!(
-                "the exit code is 1, because this watch found a change before it was started again"
-            );
+            tracing::warn!("this watch found a change before it was started again");
         }
         match done {
             true => self.state.end(),

@@ -265,16 +265,20 @@ impl CurveSet {
 
     /// [`CurveSet::toward`] for translated curves: those of the frame at a fraction of the step, in
     /// the cell at this fraction.
-    pub(super) fn translated_toward([from, to]: [&Sums; 2], fraction: f64) -> Result<CurveSet> {
-        let frame = Arc::new(from.frame.toward(&to.frame, fraction)?);
+    pub(super) fn translated_toward(
+        [from, to]: [&Sums; 2],
+        fraction: f64,
+        out: &mut Option<CurveSet>,
+    ) -> Result<()> {
+        let mut frame = None;
+        from.frame.toward(&to.frame, fraction, &mut frame)?;
+        let frame = Arc::new(frame.expect("written"));
         let mix = |a: Point, b: Point| per_axis(|x| a[x] + fraction * (b[x] - a[x]));
         let cell = Cell {
             origin: mix(from.cell.origin, to.cell.origin),
             vectors: per_axis(|k| mix(from.cell.vectors[k], to.cell.vectors[k])),
         };
-        let mut out = None;
-        CurveSet::translate(&frame, &from.curves, &cell, &mut out)?;
-        out.ok_or_else(|| crate::error::Error::Usage("no curves".into()))
+        CurveSet::translate(&frame, &from.curves, &cell, out)
     }
 }
 

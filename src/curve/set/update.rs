@@ -10,6 +10,9 @@ use std::sync::atomic::{AtomicU64, Ordering};
 /// of points, which stay finite up to this limit. (Polylines have no limit.)
 const SPLINE_RANGE: f64 = pow2(300);
 
+/// Number of coordinates that are computed at once: of whole points.
+const PART: usize = 3 * 1024;
+
 /// Returns a new number of contents.
 pub(super) fn next_contents() -> u64 {
     static NEXT: AtomicU64 = AtomicU64::new(0);
@@ -109,26 +112,38 @@ impl CurveSet {
         }
     }
 
-    /// Returns the frame at a fraction of the step to another frame of the same curves,
-    /// `x0 + f (x1 - x0)` with every operation rounded to the precision of the coordinates. Fails
-    /// if a coordinate overflows.
-    pub(crate) fn toward(&self, other: &CurveSet, fraction: f64) -> Result<CurveSet> {
-        if let (Some(from), Some(to)) = (&self.sums, &other.sums) {
-            return CurveSet::translated_toward([from, to], fraction);
+    /// Writes the frame at a fraction of the step to another frame of the same curves,
+    /// `x0 + f (x1 - x0)` with every operation rounded to the precision of the coordinates. `to` is
+    /// an earlier one, whose memory is used again, or `None`. Fails if a coordinate overflows.
+    pub(crate) fn toward(
+        &self,
+        other: &CurveSet,
+        fraction: f64,
+        to: &mut Option<CurveSet>,
+    ) -> Result<()> {
+        if let (Some(from), Some(end)) = (&self.sums, &other.sums) {
+            return CurveSet::translated_toward([from, end], fraction, to);
         }
-        let mut set = self.clone();
-        match (self.positions(), other.positions()) {
-            (Positions::F32(a), Positions::F32(b)) => {
-                let fraction = fraction as f32;
-                let at = a.iter().zip(b).map(|(a, b)| a + fraction * (b - a));
-                set.update(Positions::F32(&at.collect::<Vec<f32>>()))?;
+        let set = to.get_or_insert_with(|| self.clone());
+        set.update_by(other.positions(), |copy, limit| {
+            copy.resize(0);
+            match (self.positions(), other.positions()) {
+                (Positions::F32(a), Positions::F32(b)) => {
+                    let fraction = fraction as f32;
+                    for (a, b) in a.chunks(PART).zip(b.chunks(PART)) {
+                        let at = a.iter().zip(b).map(|(a, b)| a + fraction * (b - a));
+                        copy.append(Positions::F32(&at.collect::<Vec<f32>>()), limit)?;
+                    }
+                }
+                (Positions::F64(a), Positions::F64(b)) => {
+                    for (a, b) in a.chunks(PART).zip(b.chunks(PART)) {
+                        let at = a.iter().zip(b).map(|(a, b)| a + fraction * (b - a));
+                        copy.append(Positions::F64(&at.collect::<Vec<f64>>()), limit)?;
+                    }
+                }
+                _ => unreachable!("frames of the same curves have the same precision"),
             }
-            (Positions::F64(a), Positions::F64(b)) => {
-                let at = a.iter().zip(b).map(|(a, b)| a + fraction * (b - a));
-                set.update(Positions::F64(&at.collect::<Vec<f64>>()))?;
-            }
-            (_, other) => set.check_precision(other.precision())?,
-        }
-        Ok(set)
+            Ok(())
+        })
     }
 }

@@ -85,12 +85,13 @@ impl Ledger {
             return 1.0;
         }
         let mut too_close = u32::from(outcome.is_too_close());
+        let mut at = None;
         let mut findings = |fraction: f64, pairs: Option<&[Pair]>| -> Option<Vec<Pair>> {
             if self.cancel.is_set() || too_close >= TOO_CLOSE {
                 return None;
             }
-            let at = before.toward(after, fraction).ok()?;
-            let outcome = self.step([before, &at], contacts, coverage, pairs);
+            before.toward(after, fraction, &mut at).ok()?;
+            let outcome = self.step([before, at.as_ref()?], contacts, coverage, pairs);
             too_close += u32::from(outcome.is_too_close());
             Some(outcome.unsafe_pairs(contacts))
         };

@@ -265,7 +265,7 @@ impl<K: Keep> Kept<K> {
 
 impl<K: Keep> Sink for Kept<K> {
     fn begin(&mut self, baseline: &BaselineRecord) -> Result<()> {
-        // Frames before the first baseline, which were rejected, are of the same run.
+        // A frame before the first baseline was rejected, and the window of that goes on.
         if self.state.before.is_some() {
             self.keep.end(&mut self.files)?;
         }

@@ -139,7 +139,8 @@ class UndecidedError(Exception):
 
 
 class UnverifiedWarning(UserWarning):
-    """Something is not verified: curves that are open, or the clearance of strands.
+    """Something is not verified: curves that are open or may be torn at the boundary of the cell,
+    or the clearance of strands.
 
     >>> import linkwatch
     >>> import warnings
@@ -798,11 +799,27 @@ def _measured(
     basis = arguments.word("basis", basis, BASES)
     by_default = counts is None and closed is None
     if by_default or vectors is not None:
-        decided, notes = _decided_counts(points, sizes, basis, vectors, by_default, True)
-        if by_default:
-            sizes = decided
-            _warn_of_closing(notes, 4)
+        decided = _decided(points, sizes, basis, vectors, by_default, 4)
+        sizes = decided if by_default else sizes
     return points, sizes, basis, vectors
+
+
+def _decided(
+    points: npt.NDArray[Any],
+    counts: list[int],
+    basis: str,
+    cell: list[float] | None,
+    by_default: bool,
+    level: int,
+) -> list[int]:
+    """Returns the counts of the curves of a frame in memory, below 0 if they are closed. Warns of
+    decisions about curves that are closed ``by_default``, and of curves that may be torn.
+    """
+    decided, notes, torn = _decided_counts(points, counts, basis, cell, by_default)
+    _warn_of_closing(notes if by_default else [], level + 1)
+    if torn is not None:
+        warnings.warn(torn, UnverifiedWarning, stacklevel=level)
+    return decided
 
 
 @overload
@@ -1045,28 +1062,24 @@ def assert_intact(
         counts, baseline, options: those of :class:`Session`.
 
     Raises:
-        AssertionError: names the first frame that is not intact, its curves and the place. Or
-            nothing was verified, because there is one frame without a baseline, for example.
+        AssertionError: names the first frame that is not intact, its curves and the place; or says
+            what was not verified, as :func:`check` does.
     """
+    from ._run import Run
+
     session = Session(counts, baseline=baseline, **options)
-    verified, has_pairs = 0, "cell" in options
+    run = Run(None, {**options, "baseline": baseline})
     for frame in frames:
         frame = frame if hasattr(frame, "__len__") else list(frame)
         report = session.step(frame)
         if not report.intact:
             raise AssertionError(str(report))
-        verified += 1
-        has_pairs = has_pairs or len(frame if counts is None else counts) > 1
-    sees_itself = options.get("events") == "all" or "self" in options.get("invariants", "")
-    if verified == 0:
-        raise AssertionError("no frame was verified")
-    if verified == 1 and baseline is None:
-        raise AssertionError("nothing was verified: one frame, and nothing to compare it with")
-    if not (has_pairs or sees_itself):
-        raise AssertionError(
-            "nothing was verified: one curve alone has no linking number (events='all' searches "
-            "for its pull-throughs, invariants='self' compares its knot)"
-        )
+        several = len(frame if counts is None else counts) > 1
+        run._has_pairs |= several or options.get("cell") is not None
+        run._add(report)
+    run._end(session)
+    if gaps := run._gaps():
+        raise AssertionError("; ".join(gaps))
 
 
 # Modules that are imported when they are needed, so that importing the package takes no time.

@@ -27,8 +27,7 @@ def decided_counts(
     basis_name: str,
     cell_numbers: list[float] | None,
     closed_by_default: bool,
-    whole: bool,
-) -> tuple[list[int], list[str]]: ...
+) -> tuple[list[int], list[str], str | None]: ...
 def ends_meet(points: npt.NDArray[Any], counts: list[int]) -> list[bool]: ...
 def ribbon(
     frame: Frame, strands: tuple[int, int], pairing: str, axis_first: bool, tolerance: float
@@ -43,6 +42,7 @@ def gauss(
 class Certificate:
     curves: int
     open: list[int]
+    invariants: list[str]
     links: list[tuple[int, int, int]]
     images: list[tuple[int, int, tuple[int, int, int], int]] | None
     undefined: list[Defect]

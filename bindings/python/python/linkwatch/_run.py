@@ -237,10 +237,11 @@ class Run:
             gaps.append(f"{_frames(rejected)} rejected; {why}")
         if not verified:
             gaps.append("no frame was verified")
-        elif verified == 1 and self.options.get("baseline") is None:
+        baseline = self.options.get("baseline")
+        if verified == 1 and baseline is None:
             gaps.append("one frame, and nothing to compare it with")
-        knots = "self" in (self.options.get("invariants") or "")
-        sees_itself = self.options.get("events") == "all" or knots
+        kinds: Any = self.options.get("invariants") or getattr(baseline, "invariants", "")
+        sees_itself = self.options.get("events") == "all" or "self" in kinds
         if not self._has_pairs and verified > 1 and not sees_itself:
             gaps.append(
                 "nothing was verified: one curve alone has no linking number; events='all' "

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from . import _arguments as arguments
-from . import _linkwatch, _warn_of_closing, ribbon
+from . import _decided, _linkwatch, ribbon
 from ._run import frames_of
 
 if TYPE_CHECKING:
@@ -21,24 +21,30 @@ if TYPE_CHECKING:
     Array = npt.NDArray[np.float64]
 
 
-def _series(frames: Any, described: dict[str, Any], measure: Callable[[Frame], Any]) -> Array:
-    """Returns a quantity of all frames, which is NaN in those that are invalid."""
+def _series(
+    frames: Any, described: dict[str, Any], measure: Callable[[Frame], Any], decide: bool = True
+) -> Array:
+    """Returns a quantity of all frames, which is NaN in those that are invalid.
+
+    The quantity does not depend on which curves are closed unless ``decide`` is true.
+    """
     found: list[Any] = []
-    decided: list[int] = []
+    decided: dict[tuple[int, ...], list[int]] = {}
     source = frames_of(frames, **described)
     for frame in source:
         if frame.rejected is not None or not np.isfinite(frame.positions).all():
             found.append(None)
             continue
         given = arguments.raw(frame)
-        by_default, in_memory = frame.closed_by_default, source.kind != "file"
-        if by_default or in_memory and given[3] is not None:
-            counts, notes = _linkwatch.decided_counts(*given, by_default, in_memory)
-            # The first frame decides.
-            if np.abs(decided).tolist() != np.abs(counts).tolist():
-                decided = counts
-                _warn_of_closing(notes if by_default else [], 4)
-            given = given[0], decided if by_default else given[1], *given[2:]
+        if frame.closed_by_default or source.kind != "file" and given[3] is not None:
+            sizes = tuple(map(abs, given[1]))
+            first = frame.closed_by_default and sizes not in decided
+            if decide and (first or given[3] is not None):
+                counts = _decided(*given, first, 4)
+            if decide and first:
+                decided[sizes] = counts
+            if frame.closed_by_default:
+                given = given[0], decided.get(sizes, given[1]), *given[2:]
         found.append(np.asarray(measure(given), np.float64))
     shapes = {one.shape for one in found if one is not None}
     if len(shapes) > 1:
@@ -189,4 +195,4 @@ def gauss_integrals(
             matrix[i, j] = matrix[j, i] = _gauss(given, [], tolerance)
         return matrix
 
-    return _series(frames, described, measure)
+    return _series(frames, described, measure, decide=subchains is None)

@@ -31,7 +31,9 @@ fn shorten(seeds: std::ops::Range<u64>, basis: Basis) -> Tally {
             continue;
         }
         let mut step_to = |fraction: f64| {
-            let at = before.toward(&after, fraction).unwrap();
+            let mut at = None;
+            before.toward(&after, fraction, &mut at).unwrap();
+            let at = at.unwrap();
             let outcome = judge.first_step(&before, &at, ALL, None);
             (at, outcome)
         };

@@ -98,7 +98,7 @@ class _Part:
         self.first = first
         self.counts = first.counts
         if first.closed_by_default:
-            self.counts, _ = _linkwatch.decided_counts(*arguments.raw(first), True, False)
+            self.counts, _, _ = _linkwatch.decided_counts(*arguments.raw(first), True)
         self.spool = tempfile.TemporaryFile(dir=path.parent)
         self.seqs: list[int] = []
         self.times: list[float] = []
