@@ -94,8 +94,8 @@ pub(super) fn linking_number(part: &[u32], crossings: usize, sign: impl Fn(u32) 
 /// a part if the walk passes it there in the order `c` below, `d` above, `c` above, `d` below.
 /// Crossings that are passed before `start` are above there, because of the changes before this
 /// one, so `c` is first passed after `start`, and so is `d`, which is first passed above: neither
-/// has changed. Both parts are walked in the order of the knot from its base point. So the pairs are
-/// those of the knot itself with all passages between `start` and `end`, or after `end`. The
+/// has changed. Both parts are walked in the order of the knot from its base point. So the pairs
+/// are those of the knot itself with all passages between `start` and `end`, or after `end`. The
 /// changes are followed from the last one, after which `v2` is 0, to the first one. Each adds the
 /// pairs of which it is `c`.
 ///
