@@ -88,6 +88,5 @@ fn linking_of_parts(set: &CurveSet, segments: [u32; 2], others: &[([u32; 2], i32
     let mut ends = ends.filter(|(_, passage)| **passage as usize / 2 == crossing);
     let (start, end) = (ends.next()?.0, ends.next()?.0);
     let part = &passages[start + 1..end];
-    let sign = |c: u32| signs[c as usize].into();
-    Some(vassiliev::linking_number(part, signs.len(), sign))
+    Some(vassiliev::linking_number(part, &signs))
 }

@@ -73,13 +73,13 @@ pub(super) fn v2(passages: &[u32], signs: &[i8]) -> i64 {
 
 /// Returns the linking number of a part of a knot and of the rest: half the sum of the signs of the
 /// crossings that it passes once.
-pub(super) fn linking_number(part: &[u32], crossings: usize, sign: impl Fn(u32) -> i64) -> i64 {
-    let mut inside = vec![false; crossings];
+pub(super) fn linking_number(part: &[u32], signs: &[i8]) -> i64 {
+    let mut inside = vec![false; signs.len()];
     let mut sum = 0;
-    for crossing in part.iter().map(|passage| passage / 2) {
-        let once = &mut inside[crossing as usize];
+    for crossing in part.iter().map(|&passage| passage as usize / 2) {
+        let once = &mut inside[crossing];
         *once = !*once;
-        let sign = sign(crossing);
+        let sign = i64::from(signs[crossing]);
         sum += if *once { sign } else { -sign };
     }
     sum / 2
