@@ -174,6 +174,15 @@ pub enum Error {
         /// Number of curves of the model.
         model: usize,
     },
+    /// A frame is compared with a baseline in which a curve is closed, but has that curve open.
+    #[error(
+        "the baseline has linking numbers of curve {curve}, but the curve is open in this frame: \
+         it cannot be verified with this baseline"
+    )]
+    OpenInFrame {
+        /// Curve, from 0.
+        curve: usize,
+    },
     /// A frame has more pairs of curves that come close than
     /// [`SessionOptions::max_pairs`](crate::SessionOptions::max_pairs).
     #[error(

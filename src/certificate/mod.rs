@@ -143,6 +143,17 @@ impl Certificate {
         Certificate::new(self.curves, links, undefined)
     }
 
+    /// Returns the first curve with this property that has a linking number other than 0, and is no
+    /// yarn through a cell.
+    pub(crate) fn linked_curve_that(&self, is_wanted: impl Fn(u32) -> bool) -> Option<usize> {
+        let links = self.links.iter().map(|l| [l.i, l.j]);
+        let images = self.images.iter().flatten().map(|l| [l.i, l.j]);
+        let is_yarn = |i| self.periods.binary_search_by_key(&i, |p| p.0).is_ok();
+        let mut curves = links.chain(images).flatten();
+        let found = curves.find(|&i| is_wanted(i) && !is_yarn(i));
+        found.map(|i| i as usize)
+    }
+
     /// Returns true if a curve has no linking number with any other.
     pub(crate) fn has_degenerate_curves(&self) -> bool {
         self.undefined.iter().any(|d| d.j.is_none())

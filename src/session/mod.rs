@@ -164,7 +164,7 @@ impl Session {
     /// # Errors
     ///
     /// [`Error::CertificateMismatch`] if the given baseline has another number of curves;
-    /// [`Error::NothingClosed`] if no curve is closed and pull-throughs are off, since nothing
+    /// [`Error::OpenInFrame`] if it links a curve that is open; [`Error::NothingClosed`] if no curve is closed and pull-throughs are off, since nothing
     /// would be verified; [`Error::Braid`] if the first frame breaks a condition of the braids. All
     /// frames of the same curves would fail in the same way. [`Error::Cancelled`] after
     /// [`Progress::cancel`]; [`Error::Forked`].
@@ -423,7 +423,10 @@ impl Session {
                     now: model as u64,
                 })
             }
-            Error::CertificateMismatch { .. } | Error::NothingClosed { .. } | Error::Braid(_)
+            Error::CertificateMismatch { .. }
+            | Error::OpenInFrame { .. }
+            | Error::NothingClosed { .. }
+            | Error::Braid(_)
                 if self.last().is_none() =>
             {
                 Err(why)

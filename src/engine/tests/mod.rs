@@ -381,6 +381,30 @@ fn noise_is_refused_with_a_kernel_on_splines_and_with_invalid_lengths() {
 }
 
 #[test]
+fn a_baseline_with_links_of_a_curve_that_is_open_is_refused() {
+    let squares = squares(0.0);
+    let mut certifier = Certifier::default();
+    let baseline = certifier.certify(&squares).0.clone();
+    let mut counts: Vec<i32> = squares.counts().collect();
+    counts[1] = -counts[1];
+    let opened = CurveSet::from_counts(Basis::Polyline, &counts, squares.positions()).unwrap();
+    let mut engine = Engine::new(SessionOptions {
+        baseline: Some(baseline),
+        ..SessionOptions::default()
+    })
+    .unwrap();
+    let refused = engine.step(0, 0.0, &opened);
+    assert!(
+        matches!(refused, Err(Error::OpenInFrame { curve: 1 })),
+        "{refused:?}"
+    );
+    assert_eq!(
+        engine.step(1, 0.0, &squares).unwrap().verdict,
+        Verdict::Intact
+    );
+}
+
+#[test]
 fn a_contact_of_open_curves_that_ends_after_a_change_of_the_curves_is_undecided() {
     let mut engine = Engine::new(SessionOptions {
         events: Events::Between,
