@@ -17,8 +17,8 @@
 //! Without a header there are three columns. A header must name `x`, `y` and `z` (or `Points:0` to
 //! `Points:2`, as ParaView does). A column `curve` (or another of [`GROUPS`]) separates curves
 //! where its value changes, which is their name. Columns of other names are ignored if it is known
-//! that they do not divide the points ([`OTHERS`]), and refused else: ignored, they would join
-//! curves.
+//! that they do not divide the points ([`OTHERS`], and a first column without a name, as pandas
+//! writes its index), and refused else: ignored, they would join curves.
 //!
 //! # Closed and open curves
 //!
@@ -238,10 +238,12 @@ impl Columns {
         };
         let mut group = None;
         for (k, name) in names.iter().enumerate() {
-            match name {
+            match name.as_str() {
                 _ if at.contains(&k) => {}
                 _ if is_in(GROUPS, name) && group.is_none() => group = Some(k),
                 _ if is_in(OTHERS, name) => {}
+                // The index of pandas.
+                "" | "unnamed: 0" if k == 0 => {}
                 _ => {
                     return Err(format!(
                         "a column {}, which may say which points belong together: name it curve \
@@ -486,6 +488,8 @@ mod tests {
             "x,y,z\n1,0,0\n2,0,0\n3,0,0\n\nx,y,z\n4,0,0\n5,0,0\n",
             "id,\"X (mm)\",Y [mm],z,curve\n1,1,0,0,7\n2,2,0,0,7\n3,3,0,0,7\n4,4,0,0,9\n5,5,0,0,9",
             "Points:0,Points:1,Points:2,radius\n1,0,0,9\n2,0,0,9\n3,0,0,9\n\n4,0,0,9\n5,0,0,9",
+            ",x,y,z,curve\n0,1,0,0,7\n1,2,0,0,7\n2,3,0,0,7\n0,4,0,0,9\n1,5,0,0,9\n",
+            "Unnamed: 0,x,y,z\n0,1,0,0\n1,2,0,0\n2,3,0,0\n\n0,4,0,0\n1,5,0,0\n",
             "# z y x\n0 0 1\n0 0 2\n0 0 3\n\n0 0 4\n0 0 5\n",
             "5\n1 0 0\n2 0 0\n3 0 0\n\n4 0 0\n5 0 0\n",
             "1.0D+00 0d0 0\n2 0 0\n0.3D1 0 0\n\n4 0 0\n5 0 0\n",

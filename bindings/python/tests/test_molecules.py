@@ -296,11 +296,46 @@ def test_trajectories_that_are_numbered_have_the_order_of_their_numbers(tmp_path
     np.testing.assert_allclose(np.diff(x), 0.1, atol=1e-5)
 
 
-def test_models_that_only_end_separates_are_named_in_the_error(tmp_path):
-    lines = save(universe(frames=3), tmp_path / "a.pdb", bonds=None).read_text().splitlines()
+@pytest.mark.parametrize("cells", [0, 1, 3])
+def test_models_that_only_end_separates_are_frames(tmp_path, cells):
+    """Regression test: files of VMD were refused."""
+    made = save(universe(frames=3), tmp_path / "a.pdb", bonds=None)
+    lines = made.read_text().splitlines()
     lines = ["END" if line == "ENDMDL" else line for line in lines if not line.startswith("MODEL")]
-    with pytest.raises(ValueError, match="frames that END separates, without MODEL"):
-        linkwatch.read(written(tmp_path, "b.pdb", "\n".join(lines)), closed=False)
+    lines = [line for line in lines if line.startswith(("ATOM", "END"))]
+    cell = "CRYST1   40.000   50.000   60.000  90.00  90.00  90.00 P 1           1\n"
+    rows = "\n".join([*lines, ""]).replace("END\nEND\n", "END\n").split("END\n")[:3]
+    text = "".join(cell * (k < cells) + one + "END\n" for k, one in enumerate(rows))
+    frames = [*linkwatch.read(written(tmp_path, "b.pdb", text), closed=False)]
+    expected = [*linkwatch.read(made, closed=False)]
+    assert len(frames) == 3
+    for frame, of_models in zip(frames, expected):
+        np.testing.assert_array_equal(frame.positions, of_models.positions)
+        assert frame.counts == of_models.counts
+        assert (frame.cell is not None) == (cells > 0)
+
+
+@pytest.mark.parametrize("edges", [[40.0, 50, 60], np.diag([40.0, 50, 60])])
+def test_h5md_files_may_have_one_cell_for_all_frames(tmp_path, edges):
+    """Regression test: they were refused."""
+    needs("MDAnalysis")
+    h5py = pytest.importorskip("h5py", reason="h5py is not installed")
+    made = universe(frames=3)
+    top = save(made, tmp_path / "a.pdb", bonds="all")
+    path = save(made, tmp_path / "a.h5md", convert_units=False)
+    expected = [frame.positions for frame in linkwatch.read(top, path)]
+    fixed = tmp_path / "b.h5md"
+    fixed.write_bytes(path.read_bytes())
+    with h5py.File(fixed, "r+") as file:
+        (group,) = file["particles"].values()
+        box = group["box"]
+        box.attrs["boundary"] = ["periodic"] * 3
+        box.pop("edges", None)
+        box["edges"] = edges
+    frames = [*linkwatch.read(top, fixed)]
+    np.testing.assert_array_equal([frame.positions for frame in frames], expected)
+    for frame in frames:
+        np.testing.assert_allclose(np.asarray(frame.cell)[:3], np.diag([40.0, 50, 60]))
 
 
 @pytest.mark.parametrize("cut", [20, 1000])

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import re
 import warnings
+import weakref
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -21,7 +23,7 @@ from ._curves import (
     plural,
 )
 from ._frames import Summary, library
-from ._trajectory import PassedOver, check_ends, check_number_of_frames, ends_without_models
+from ._trajectory import H5MD, PassedOver, as_mdanalysis_reads, check_ends, check_number_of_frames
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -38,13 +40,14 @@ def read(paths: Sequence[Path], options: Options) -> Frames:
     """Opens a topology and trajectories; the first file is the topology."""
     mda = library("MDAnalysis", "mdanalysis")
     given, paths = paths, [paths[0], *_in_order(paths[1:])]
-    topology, *trajectories = map(str, paths)
+    folder = TemporaryDirectory(prefix="linkwatch-")
+    topology, *trajectories = (str(as_mdanalysis_reads(one, Path(folder.name))) for one in paths)
     # MDAnalysis goes by the suffix, of which H5MD and dumps of LAMMPS have several.
     ways: list[dict[str, Any]] = [{}]
     for path in paths[1:]:
         if is_dump(path):
             ways = [{"format": "LAMMPSDUMP"}]
-        elif path.suffix.lower() in (".h5md", ".h5", ".hdf5"):
+        elif path.suffix.lower() in H5MD:
             # Units are optional.
             ways = [{"format": "H5MD"}, {"format": "H5MD", "convert_units": False}]
     with warnings.catch_warnings():
@@ -61,10 +64,7 @@ def read(paths: Sequence[Path], options: Options) -> Frames:
             except Exception as why:  # MDAnalysis raises many kinds
                 if way is ways[-1]:
                     named = " ".join(map(str, paths))
-                    said = _said(why)
-                    if any(map(ends_without_models, paths)):
-                        said = "frames that END separates, without MODEL: convert it to .dcd"
-                    raise ValueError(f"{named}: MDAnalysis cannot read this: {said}") from why
+                    raise ValueError(f"{named}: MDAnalysis cannot read this: {_said(why)}") from why
     known = (hasattr(universe.atoms, name) for name in ("bonds", "names", "types"))
     if len(paths) == 1 and not any(known):
         raise ValueError(
@@ -75,7 +75,9 @@ def read(paths: Sequence[Path], options: Options) -> Frames:
     notes = []
     if paths != [*given]:
         notes.append("trajectories follow one another by the numbers in their names")
-    return frames_of_atoms(atoms, options, trajectory, paths[0], notes)
+    frames = frames_of_atoms(atoms, options, trajectory, paths[0], notes)
+    weakref.finalize(frames, folder.cleanup)
+    return frames
 
 
 def _in_order(paths: Sequence[Path]) -> Sequence[Path]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import struct
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -12,13 +13,14 @@ from ._curves import is_dump
 from ._frames import library
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Iterable, Iterator, Sequence
     from typing import Any
 
     from ._curves import Array
 
-# Suffixes of PDB files.
+# Suffixes of PDB and of H5MD files.
 PDB = (".pdb", ".ent")
+H5MD = (".h5md", ".h5", ".hdf5")
 # First bytes of the frames of an .xtc file.
 XTC = 1995
 
@@ -134,13 +136,73 @@ def _cell_of_all_models(reader: Any) -> Array | None:
     return None if (found[:3] == 1).all() else found
 
 
-def ends_without_models(path: Path) -> bool:
-    """Returns whether this is a PDB file whose frames lines END separate, as VMD writes them."""
-    if path.suffix.lower() not in PDB:
-        return False
-    with open(path, encoding="latin-1") as file:
-        words = [line[:6].strip() for line in file if line.startswith(("END", "MODEL"))]
-    return words.count("END") > 1 and "MODEL" not in words
+def as_mdanalysis_reads(path: Path, folder: Path) -> Path:
+    """Returns a file, or a copy in a folder if MDAnalysis does not read its kind: PDB files whose
+    frames lines END separate, as VMD writes them, and H5MD files with one cell for all frames."""
+    found = path
+    if path.suffix.lower() in PDB:
+        with open(path, encoding="latin-1") as file:
+            lines = file.readlines()
+        words = [line[:6].strip() for line in lines]
+        if words.count("END") > 1 and "MODEL" not in words:
+            found = folder / path.name
+            found.write_text("".join(_with_models(lines)), "latin-1")
+    elif path.suffix.lower() in H5MD:
+        h5py = library("h5py", "mdanalysis")
+        with h5py.File(path) as given:
+            groups = given.get("particles", {})
+            fixed = [name for name in groups if isinstance(_edges(groups[name]), h5py.Dataset)]
+            if fixed:
+                found = folder / path.name
+                with h5py.File(found, "w") as made:
+                    _link(given, made, leave=["particles"])
+                    for name in groups:
+                        _link(groups[name], made.create_group(f"particles/{name}"), leave=["box"])
+                        _copy_box(groups[name], made[f"particles/{name}"], name in fixed)
+    return found
+
+
+def _with_models(lines: Iterable[str]) -> Iterator[str]:
+    """Returns the lines of a PDB file whose lines END end models, with lines MODEL."""
+    model, is_open = 0, False
+    for line in lines:
+        word = line[:6].strip()
+        if not is_open and word in ("CRYST1", "ATOM", "HETATM"):
+            model, is_open = model + 1, True
+            yield f"MODEL     {model:4}\n"
+        if word == "END":
+            is_open = False
+        yield "ENDMDL\n" if word == "END" else line
+    if is_open:
+        yield "ENDMDL\n"
+
+
+def _edges(group: Any) -> Any:
+    return group["box"].get("edges") if "box" in group else None
+
+
+def _link(given: Any, made: Any, leave: Sequence[str]) -> None:
+    """Links all members of a group of HDF5, except some, and copies the attributes."""
+    h5py = library("h5py", "mdanalysis")
+    made.attrs.update(given.attrs)
+    for name in given:
+        if name not in leave:
+            made[name] = h5py.ExternalLink(os.path.abspath(given.file.filename), given[name].name)
+
+
+def _copy_box(given: Any, made: Any, is_fixed: bool) -> None:
+    """Copies the box of H5MD. Edges that hold for all frames are repeated for each."""
+    if "box" not in given:
+        return
+    _link(given["box"], made.create_group("box"), leave=["edges"] if is_fixed else [])
+    if is_fixed:
+        positions, edges = given["position"], _edges(given)
+        frames = len(positions["value"])
+        value = made.create_dataset(
+            "box/edges/value", data=np.broadcast_to(edges[()], (frames, *edges.shape))
+        )
+        value.attrs.update(edges.attrs)
+        _link(positions, made["box/edges"], leave=["value"])
 
 
 def check_number_of_frames(trajectory: Any) -> None:
