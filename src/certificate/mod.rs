@@ -106,14 +106,15 @@ impl Certificate {
     }
 
     /// Adds invariants of one kind of the curves of the frame. Returns the reasons why curves have
-    /// none of their own.
+    /// none, except for pairs and curves that have no linking number either.
     ///
     /// # Panics
     ///
     /// If the set has another number of curves.
     pub fn add_invariants(&mut self, set: &CurveSet, kind: InvariantKind) -> Vec<Defect> {
         assert_eq!(set.len(), self.curves, "the curves of the certificate");
-        let (found, defects) = HigherInvariants::of(set, kind);
+        let (found, mut defects) = HigherInvariants::of(set, kind);
+        defects.retain(|d| !self.has_no_number(d.i, d.j));
         self.higher.retain(|other| other.kind != kind);
         self.higher.push(found);
         defects

@@ -174,10 +174,14 @@ impl Lines {
         let mut text = String::new();
         file.read_to_string(&mut text)?;
         // The last line may have been cut.
-        let whole = text.rfind('\n').map_or(0, |at| at + 1);
-        file.set_len(whole as u64)?;
-        let lines = text.lines().flat_map(serde_json::from_str::<Line>);
-        let done = lines.filter(|line| line.error.is_none());
+        let (whole, rest) = text.split_at(text.rfind('\n').map_or(0, |at| at + 1));
+        let lines = whole.lines().map(serde_json::from_str::<Line>);
+        let lines = lines.collect::<Result<Vec<Line>, _>>().ok();
+        let lines = lines.filter(|_| rest.is_empty() || rest.starts_with('{'));
+        let lines =
+            lines.ok_or_else(|| usage!("not written by --each: --resume leaves it as it is"))?;
+        file.set_len(whole.len() as u64)?;
+        let done = lines.into_iter().filter(|line| line.error.is_none());
         let done = done.map(|line| (line.file, (line.code, line.key)));
         self.done = done.collect();
         self.file = Some(file);
@@ -260,4 +264,36 @@ fn last_line(model: &Path, threads: usize) -> std::io::Result<(Option<i32>, Stri
         let code = child.wait()?.code();
         Ok((code, last, errors.join().expect("a reader never panics")))
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Regression test: the last line of an input was cut off, and a result was appended to it.
+    #[test]
+    fn resume_leaves_files_as_they_are_that_each_did_not_write() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("out");
+        let line = serde_json::to_string(&Line::default()).unwrap();
+        let cut = &line[..9];
+        for (text, is_valid) in [
+            (String::new(), true),
+            (format!("{line}\n"), true),
+            (format!("{line}\n{line}\n{cut}"), true),
+            (cut.to_owned(), true),
+            ("1 0 0\n2 0 0".to_owned(), false),
+            ("0 0 1".to_owned(), false),
+            (format!("{line}\n0 0 1\n"), false),
+        ] {
+            std::fs::write(&path, &text).unwrap();
+            let opened = Lines::default().open(&path, true);
+            assert_eq!(opened.is_ok(), is_valid, "{text}");
+            let left = std::fs::read_to_string(&path).unwrap();
+            match is_valid {
+                true => assert_eq!(left, text.strip_suffix(cut).unwrap_or(&text)),
+                false => assert_eq!(left, text),
+            }
+        }
+    }
 }

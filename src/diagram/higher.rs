@@ -1,8 +1,8 @@
 //! Invariants of the curves of a frame beyond the linking numbers of pairs: of knots, and of
 //! triples of curves. They are part of a certificate, and are compared as linking numbers are.
 
-use super::Diagram;
 use super::groups::{closed_curves, near_groups};
+use super::{Between, Diagram};
 use crate::curve::CurveSet;
 use crate::pairs::Pair;
 use crate::verdict::{Defect, InvariantChange};
@@ -44,13 +44,14 @@ pub(crate) struct HigherInvariants {
     pub kind: InvariantKind,
     /// One curve or three, sorted, and their numbers, if they are not trivial.
     pub numbers: Vec<(Vec<u32>, HigherNumbers)>,
-    /// Curves whose numbers are not known, because they touch a curve or are too close to one.
+    /// Curves whose numbers are not known, because they touch a curve or are too close to one: for
+    /// triples another one, since passages of a curve through itself do not change them.
     pub unknown: BTreeSet<u32>,
 }
 
 impl HigherInvariants {
     /// Computes the invariants of all closed curves. Returns them, and the reasons why curves have
-    /// none of their own. (A pair that touches is a defect of its linking number already.)
+    /// none.
     pub fn of(set: &CurveSet, kind: InvariantKind) -> (HigherInvariants, Vec<Defect>) {
         let closed = closed_curves(set);
         let mut defects = Vec::new();
@@ -78,13 +79,16 @@ impl HigherInvariants {
                     .extend(defects.iter().map(|defect: &Defect| defect.i));
             }
             InvariantKind::Triple => {
+                let polylines = Between::new(set);
                 let groups = near_groups(set, &closed).into_par_iter();
-                let found: Vec<_> = groups.map(|group| triples(set, group)).collect();
-                for (triples, unknown) in found {
+                let found: Vec<_> = groups.map(|group| triples(&polylines, group)).collect();
+                for (triples, of_group) in found {
                     out.numbers.extend(triples);
-                    out.unknown.extend(unknown);
+                    defects.extend(of_group);
                 }
                 out.numbers.sort();
+                let curves = |defect: &Defect| [Some(defect.i), defect.j].into_iter().flatten();
+                out.unknown.extend(defects.iter().flat_map(curves));
             }
         }
         out.numbers
@@ -191,26 +195,29 @@ impl HigherInvariants {
 }
 
 /// Returns the triple linking numbers of a group of curves, without curves that touch another one,
-/// and these curves.
-fn triples(set: &CurveSet, mut group: Vec<u32>) -> (Vec<(Vec<u32>, HigherNumbers)>, Vec<u32>) {
-    let mut unknown = Vec::new();
+/// and the defects of these curves.
+fn triples(
+    polylines: &Between,
+    mut group: Vec<u32>,
+) -> (Vec<(Vec<u32>, HigherNumbers)>, Vec<Defect>) {
+    let mut defects = Vec::new();
     while group.len() > 2 {
-        match Diagram::of(set, &group) {
+        match polylines.diagram(&group) {
             Ok(diagram) => {
                 let found = diagram.reduced().triples().into_iter();
                 let numbers = found.map(|t| {
                     let numbers = vec![t.mu.to_string(), t.modulus.to_string()];
                     (t.curves.to_vec(), numbers)
                 });
-                return (numbers.collect(), unknown);
+                return (numbers.collect(), defects);
             }
             Err(defect) => {
-                let touch = |i: &u32| *i == defect.i || Some(*i) == defect.j;
-                unknown.extend(group.extract_if(.., |i| touch(i)));
+                group.retain(|i| *i != defect.i && Some(*i) != defect.j);
+                defects.push(defect);
             }
         }
     }
-    (Vec::new(), unknown)
+    (Vec::new(), defects)
 }
 
 #[cfg(test)]

@@ -18,9 +18,11 @@ pub(crate) use higher::{HigherInvariants, UNCOMPUTED};
 pub use names::KnotName;
 pub(crate) use smoothing::change_of_v2;
 
+use self::project::Crossings;
 use crate::curve::CurveSet;
-use crate::discretize::isotopic_polylines;
+use crate::discretize::{homotopic_polylines, isotopic_polylines};
 use crate::verdict::Defect;
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::ops::RangeInclusive;
 
@@ -126,17 +128,21 @@ impl Diagram {
         assert!(!curves.is_empty(), "a diagram has at least one curve");
         let closed = curves.iter().all(|&i| set.curve(i as usize).closed);
         assert!(closed, "a diagram is one of closed curves");
-        let (components, signs) = match set.basis().is_polyline() {
-            true => project::project(set, curves)?,
+        let code = match set.basis().is_polyline() {
+            true => project::project(set, curves, Crossings::All)?,
             false => of_splines(&set.subset(curves), curves)?,
         };
+        Ok(Diagram::new(curves, code))
+    }
+
+    fn new(curves: &[u32], (components, signs): project::GaussCode) -> Diagram {
         let diagram = Diagram {
             curves: curves.to_vec(),
             components,
             signs,
             moves: [0, 0],
         };
-        Ok(diagram.renumbered())
+        diagram.renumbered()
     }
 
     /// Returns the curves of the components.
@@ -338,12 +344,52 @@ impl Diagram {
     }
 }
 
+/// Curves for diagrams of the crossings of different curves alone, which define linking numbers and
+/// triple linking numbers: neither changes if a curve passes through itself (Milnor 1954, *Link
+/// groups*).
+struct Between<'a> {
+    /// Polylines that are link homotopic to the curves.
+    polylines: Cow<'a, CurveSet>,
+    /// Pairs of splines that are too close for that.
+    too_close: Vec<Defect>,
+}
+
+impl<'a> Between<'a> {
+    fn new(set: &'a CurveSet) -> Between<'a> {
+        match homotopic_polylines(set) {
+            Ok(made) if !set.basis().is_polyline() => Between {
+                polylines: Cow::Owned(made.curves),
+                too_close: made.too_close,
+            },
+            _ => Between {
+                polylines: Cow::Borrowed(set),
+                too_close: Vec::new(),
+            },
+        }
+    }
+
+    /// Returns the diagram of some curves without the crossings of a curve with itself.
+    ///
+    /// # Errors
+    ///
+    /// Those of [`Diagram::of`], for pairs of curves.
+    fn diagram(&self, curves: &[u32]) -> Result<Diagram, Defect> {
+        let has = |i: u32| curves.contains(&i);
+        let mut too_close = self.too_close.iter();
+        if let Some(defect) = too_close.find(|d| has(d.i) && d.j.is_some_and(has)) {
+            return Err(*defect);
+        }
+        let code = project::project(&self.polylines, curves, Crossings::Between)?;
+        Ok(Diagram::new(curves, code))
+    }
+}
+
 /// Projects splines by polylines that are isotopic to them. `names` has the curves of the set in
 /// the input.
 fn of_splines(set: &CurveSet, names: &[u32]) -> Result<project::GaussCode, Defect> {
     let curves: Vec<u32> = (0..set.len() as u32).collect();
     let found = isotopic_polylines(set).and_then(|(polylines, segments)| {
-        project::project(&polylines, &curves).map_err(|mut defect| {
+        project::project(&polylines, &curves, Crossings::All).map_err(|mut defect| {
             let of = [defect.i, defect.j.unwrap_or(defect.i)];
             for (edge, curve) in defect.place.segments.iter_mut().zip(of) {
                 *edge = segments[curve as usize][*edge as usize];

@@ -78,6 +78,14 @@ struct EdgeCrossing {
     sign: i8,
 }
 
+/// Crossings of a diagram.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Crossings {
+    All,
+    /// Those of different curves. A curve may touch itself.
+    Between,
+}
+
 /// Edges of the curves, without those of length 0.
 pub(super) struct Edges {
     ends: Vec<[Point; 2]>,
@@ -85,13 +93,19 @@ pub(super) struct Edges {
     next: Vec<u32>,
     /// Index of the curve among those of the diagram, and segment.
     origin: Vec<(u32, u32)>,
+    kind: Crossings,
     direction: Direction,
     axis: usize,
 }
 
 /// Projects closed polylines. Returns their Gauss code.
-pub(super) fn project(set: &CurveSet, curves: &[u32]) -> Result<GaussCode, Defect> {
+pub(super) fn project(
+    set: &CurveSet,
+    curves: &[u32],
+    kind: Crossings,
+) -> Result<GaussCode, Defect> {
     let mut edges = Edges::new(set, curves)?;
+    edges.kind = kind;
     let projected = edges.in_general_direction(curves[0]);
     projected.map(|(code, _)| code).map_err(|pair| {
         let mut at = pair.map(|e| edges.origin[e as usize]);
@@ -111,6 +125,7 @@ impl Edges {
             ends: Vec::with_capacity(total),
             next: Vec::with_capacity(total),
             origin: Vec::with_capacity(total),
+            kind: Crossings::All,
             direction: Direction::new([0, 0, 1]),
             axis: 2,
         };
@@ -179,7 +194,9 @@ impl Edges {
     }
 
     fn gauss_code(&self) -> Result<(GaussCode, Vec<EdgeCrossing>), Stop> {
-        self.check_corners()?;
+        if self.kind == Crossings::All {
+            self.check_corners()?;
+        }
         let found = self.crossings()?;
         // Edge, crossing, and index of the edge within the crossing.
         let mut events: Vec<(u32, u32, usize)> = Vec::with_capacity(2 * found.len());
@@ -187,10 +204,16 @@ impl Edges {
             events.extend([0, 1].map(|side| (f.edges[side], crossing, side)));
         }
         let tie = Cell::new(false);
+        // A curve that runs along itself is crossed twice at one place. The order of two crossings
+        // of the same curves has no influence on the invariants of different curves.
+        let is_tie = |both: [&(u32, u32, usize); 2]| {
+            let [a, b] = both.map(|e| self.origin[found[e.1 as usize].edges[1 - e.2] as usize].0);
+            both[0].1 != both[1].1 && (self.kind == Crossings::All || a != b)
+        };
         events.sort_unstable_by(|a, b| {
             a.0.cmp(&b.0).then_with(|| {
                 let order = self.order(a.0, [a, b].map(|e| (&found[e.1 as usize], e.2)));
-                if order.is_eq() && a.1 != b.1 {
+                if order.is_eq() && is_tie([a, b]) {
                     tie.set(true);
                 }
                 order
@@ -291,7 +314,11 @@ impl Edges {
         let boxes: Vec<Box3> = boxes.collect();
         let mut search = LinkSearch::default();
         let pairs = search.find(&boxes);
-        pairs.retain(|&(g, h)| self.next[g as usize] != h && self.next[h as usize] != g);
+        let curve = |e: u32| self.origin[e as usize].0;
+        pairs.retain(|&(g, h)| match self.kind {
+            Crossings::All => self.next[g as usize] != h && self.next[h as usize] != g,
+            Crossings::Between => curve(g) != curve(h),
+        });
         let pairs = pairs.par_iter().with_min_len(PART);
         let found: Vec<Result<EdgeCrossing, Stop>> = pairs
             .filter_map(|&(g, h)| self.crossing([g, h]).transpose())

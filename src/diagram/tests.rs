@@ -538,6 +538,67 @@ fn a_session_compares_invariants() {
     assert_eq!(feed(&mut resumed, 5, &unknotted).invariants.len(), 1);
 }
 
+/// Regression test: a curve that touches itself had no triple linking numbers, in silence.
+#[test]
+fn triples_of_curves_that_touch_themselves_are_compared() {
+    let options = crate::SessionOptions {
+        invariants: vec![InvariantKind::Triple],
+        ..Default::default()
+    };
+    let mut rings = borromean_rings();
+    // A spur to the middle and back, and a loop around the start.
+    let start = rings[0][0];
+    rings[0].extend([start, [0.1, 0.2, 0.3], start]);
+    let mut of_frames = session(options);
+    assert_eq!(
+        feed(&mut of_frames, 0, &rings).verdict,
+        crate::Verdict::Intact
+    );
+    rings[1].iter_mut().for_each(|p| p[2] += 9.0);
+    let report = feed(&mut of_frames, 1, &rings);
+    assert_eq!(report.verdict, crate::Verdict::Changed);
+    assert_eq!(report.invariants[0].curves, [0, 1, 2]);
+}
+
+/// The crossings of a curve with itself have no influence on linking numbers and triples.
+#[test]
+fn triples_need_the_crossings_of_different_curves_only() {
+    let mut random = Random::new(17);
+    let mut found = [0; 2];
+    for case in 0..500 {
+        let curves = 3 + random.below(3usize);
+        let size = if random.one_in(3) { 20.0 } else { 1.0 };
+        let polygon = |random: &mut Random| -> Vec<[f64; 3]> {
+            let points = 4 + random.below(12usize);
+            (0..points)
+                .map(|_| match size == 1.0 {
+                    true => random.point(1.0),
+                    // Vertices above one another.
+                    false => [(); 3].map(|()| f64::from(random.below(9))),
+                })
+                .collect()
+        };
+        let polygons: Vec<_> = (0..curves).map(|_| polygon(&mut random)).collect();
+        let counts = polygons.iter().map(|p| -(p.len() as i32));
+        let counts: Vec<i32> = counts.collect();
+        let xyz = polygons.concat().concat();
+        let basis = [Basis::Polyline, Basis::CatmullRom][random.below(2usize)];
+        let set = CurveSet::from_counts(basis, &counts, Positions::F64(&xyz)).unwrap();
+        let all: Vec<u32> = (0..curves as u32).collect();
+        let (whole, between) = (Diagram::of(&set, &all), Between::new(&set).diagram(&all));
+        if let Ok(whole) = whole {
+            let between = between.expect("curves that touch nothing");
+            assert_eq!(between.links(), whole.links(), "{case}");
+            let triples = whole.triples();
+            assert_eq!(between.reduced().triples(), triples, "{case}");
+            found[0] += usize::from(!triples.is_empty());
+        } else if between.is_ok() {
+            found[1] += 1;
+        }
+    }
+    assert!(found[0] > 50 && found[1] > 5, "{found:?}");
+}
+
 /// Moves vertices of random polygons. Each passage of the curve through itself changes `v2` by the
 /// linking number of its two parts.
 fn check_passages(polygons: u64, seed: u64) {

@@ -18,8 +18,8 @@ use std::sync::Arc;
 
 impl Engine {
     /// Compares the invariants of a frame with the expected ones, which are those of the first
-    /// frame if there are none. Adds curves that touch themselves to the defects, and to `missing`
-    /// what could not be compared. `is_given`: a certificate was given, and this is the first
+    /// frame if there are none. Adds curves that have none to the defects, and to `missing` what
+    /// could not be compared. `is_given`: a certificate was given, and this is the first
     /// frame.
     pub(super) fn compare_invariants(
         &self,

@@ -17,8 +17,9 @@ pub struct ReportDifference {
     pub only: [Vec<String>; 2],
 }
 
-/// Identity of a finding: its kind, its curves, and a number or the code of a defect.
-type Key = (u8, u32, Option<u32>, Image, [i64; 2]);
+/// Identity of a finding: its kind, its curves, and numbers: those of a linking number, of a
+/// pull-through, the code of a defect, or the words of an invariant.
+type Key = (u8, u32, Option<u32>, Image, [i64; 2], String);
 
 /// Returns the difference of two reports on the same frame; `None` if the verdicts and findings are
 /// equal. `names` are those of the curves of both, or empty.
@@ -44,15 +45,19 @@ pub fn difference(reports: [&Report; 2], names: &[String]) -> Option<ReportDiffe
 fn by_identity(report: &Report, names: &[String]) -> BTreeMap<Key, Vec<String>> {
     let mut all = BTreeMap::<Key, Vec<String>>::new();
     for (finding, sentence) in report.all_findings().zip(report.findings_named(names)) {
+        let mut words = String::new();
         let (kind, numbers) = match finding {
             Finding::Change(c) => (0, [c.expected, c.found]),
             Finding::PullThrough(e) => (1, [e.sign.into(), 0]),
             Finding::Defect(d) => (2, [i64::from(d.kind as u32), 0]),
             Finding::Unresolved(e) => (3, [e.sign.into(), 0]),
-            Finding::Invariant(_) => (4, [0, 0]),
+            Finding::Invariant(_) => {
+                words.clone_from(&sentence);
+                (4, [0, 0])
+            }
         };
         let (i, j, image) = finding.pair();
-        let key = (kind, i, j, image, numbers);
+        let key = (kind, i, j, image, numbers, words);
         all.entry(key).or_default().push(sentence);
     }
     all
@@ -61,7 +66,7 @@ fn by_identity(report: &Report, names: &[String]) -> BTreeMap<Key, Vec<String>> 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use linkwatch::{Change, PullThrough};
+    use linkwatch::{Change, InvariantChange, PullThrough};
 
     fn report(changes: &[(u32, u32, i64)], signs: &[i32]) -> Report {
         let mut report = Report::new(5, 0.5, Verdict::Changed);
@@ -118,6 +123,26 @@ mod tests {
         );
         assert!(only_first[1].starts_with("curves 3 and 4 passed through one another"));
         assert_eq!(only_first.len(), 2);
+    }
+
+    /// Regression test: they were equal.
+    #[test]
+    fn invariants_of_other_curves_or_with_other_numbers_are_a_difference() {
+        let of = |curves: &[u32], found: &str| {
+            let mut report = Report::new(5, 0.5, Verdict::Changed);
+            report.invariants = vec![InvariantChange {
+                curves: curves.to_vec(),
+                expected: "mu 0".into(),
+                found: found.into(),
+            }];
+            report
+        };
+        let first = of(&[0, 1, 2], "mu 1");
+        assert_eq!(difference([&first, &first], &[]), None);
+        for other in [of(&[0, 1, 3], "mu 1"), of(&[0, 1, 2], "mu -1")] {
+            let found = difference([&first, &other], &[]).unwrap();
+            assert_eq!(found.only.map(|only| only.len()), [1, 1]);
+        }
     }
 
     #[test]

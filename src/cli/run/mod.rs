@@ -458,7 +458,8 @@ impl Run {
         let through = through.map_or(0, Certificate::periods_without_numbers);
         let unsearched = (open > 0 || through > 0) && !searched && tally.verified > 1;
         let alone = tally.verified == 1 && self.sum.only_open;
-        if tally.verified > 1 && !(self.sum.has_pairs || knots || options.events == Events::All) {
+        let itself = options.events == Events::All && tally.verified > 1;
+        if tally.verified > 0 && !(self.sum.has_pairs || knots || itself || alone) {
             tracing::warn!(
                 "nothing was verified: one curve alone has no linking number, and pull-throughs of \
                  a curve with itself are searched for by --events=all"

@@ -241,8 +241,9 @@ class Run:
         if verified == 1 and baseline is None:
             gaps.append("one frame, and nothing to compare it with")
         kinds: Any = self.options.get("invariants") or getattr(baseline, "invariants", "")
-        sees_itself = self.options.get("events") == "all" or "self" in kinds
-        if not self._has_pairs and verified > 1 and not sees_itself:
+        compared = verified > 1 or verified == 1 and baseline is not None
+        sees_itself = verified > 1 and self.options.get("events") == "all" or "self" in kinds
+        if compared and not self._has_pairs and not sees_itself:
             gaps.append(
                 "nothing was verified: one curve alone has no linking number; events='all' "
                 "searches for pull-throughs of a curve with itself, invariants='self' compares its "
