@@ -121,10 +121,11 @@ impl Certificate {
             Some((number, _)) => (number, Some(&first[number.len()..])),
             None => (first, None),
         };
-        let Ok(curves) = number.trim().parse::<usize>() else {
+        let Ok(curves) = number.trim().parse::<u32>() else {
             let what = format!("'{}', expected the number of curves", clip(first));
             return Err(bad(at, what));
         };
+        let curves = curves as usize;
         let expected = match periodic {
             true => "expected i,j,n1,n2,n3,lambda or i,j,n1,n2,n3,undefined or i,,n1,n2,n3,period",
             false => "expected i,j,lambda or i,j,undefined",

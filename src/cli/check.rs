@@ -130,6 +130,8 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
             let (name, path) = (name.clone(), path.clone());
             if frame.begins_run {
                 session.begin_run();
+            } else if frame.after_gap {
+                session.begin_after_gap();
             }
             let progress = session.progress();
             let judged = with_progress(&name, progress, || session.judge(frame.received()));

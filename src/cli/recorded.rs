@@ -10,22 +10,23 @@ use std::path::Path;
 /// Frames of a recording with what the simulator told about them: cell, cuts, layout, names, radii
 /// and time step.
 ///
-/// A frame that was rejected when it was recorded is an invalid frame. A frame after others without
-/// curves does not continue the previous one, as after a cut.
+/// A frame that was rejected when it was recorded is an invalid frame. Frames that were left out on
+/// purpose are a gap before the next one; frames that the recorder dropped are an error at the end.
 #[derive(Default)]
 pub struct Recorded {
     /// `None` after the end, and after an error.
     source: Option<Source>,
-    /// True if a frame was read.
-    begun: bool,
     /// Number of the last frame with curves, until its verdict is read.
     frame: Option<u64>,
-    /// Number of frames that had a verdict when the last one was written.
-    answered: u64,
-    /// Number of places so far at which frames are missing, which count as cuts.
-    gaps: u32,
-    /// Number of frames without curves, and of those that the recorder dropped.
+    /// Numbers of frames that had a verdict, and that were left out on purpose, when the last
+    /// verdict was written.
+    answered: Option<u64>,
+    left_out: u64,
+    /// True if frames before the next one were left out.
+    after_gap: bool,
+    /// Number of frames without curves that were left out, and that the recorder dropped.
     absent: u64,
+    dropped: u64,
 }
 
 impl Recorded {
@@ -38,14 +39,14 @@ impl Recorded {
     }
 
     fn frame(&mut self, frame: RecordedFrame) -> ModelFrame {
-        self.begun = true;
         self.frame = Some(frame.seq);
         let mut set = None;
         let curves = frame.ingest(&mut set);
-        let mut info = frame.info;
-        info.cuts = info.cuts.wrapping_add(self.gaps);
         let curves = curves.map(|()| set.expect("set by a frame without errors"));
-        ModelFrame::of(info, curves)
+        ModelFrame {
+            after_gap: std::mem::take(&mut self.after_gap),
+            ..ModelFrame::of(frame.info, curves)
+        }
     }
 
     /// Returns the frame of a verdict if that was rejected. Counts frames that are missing.
@@ -53,26 +54,22 @@ impl Recorded {
         let RecordedVerdict { report, progress } = recorded;
         let has_curves = self.frame.take() == Some(report.seq);
         let answered = progress.verified.saturating_add(progress.rejected);
-        let before = std::mem::replace(&mut self.answered, answered);
-        if self.begun {
-            self.miss(answered.saturating_sub(before.saturating_add(1)));
-        }
-        self.begun = true;
+        let before = self.answered.replace(answered);
+        let missing = before.map_or(0, |before| {
+            answered.saturating_sub(before.saturating_add(1))
+        });
+        let left_out = progress.left_out.saturating_sub(self.left_out);
+        self.left_out = self.left_out.max(progress.left_out);
+        self.dropped += missing.saturating_sub(left_out);
         if report.verdict == Verdict::Rejected && !has_curves {
             let why = report.rejected.unwrap_or_else(|| "invalid".into());
             let why = usage!("rejected when it was recorded: {why}");
             let info = FrameInfo::at(report.seq, report.time);
             return Some(ModelFrame::of(info, Err(why)));
         }
-        self.miss(u64::from(!has_curves));
+        self.after_gap |= !has_curves;
+        self.absent += missing.min(left_out) + u64::from(!has_curves);
         None
-    }
-
-    fn miss(&mut self, frames: u64) {
-        if frames > 0 {
-            self.absent += frames;
-            self.gaps = self.gaps.wrapping_add(1);
-        }
     }
 
     /// Returns the end of the recording, which is an error if it was cut off.
@@ -80,22 +77,27 @@ impl Recorded {
         let Source { path, reader, .. } = self.source.take()?;
         if self.absent > 0 {
             tracing::warn!(
-                "{}: the curves of {} are not in the recording; frames after them are read as \
-                 after a cut",
+                "{}: the curves of {} are not in the recording, which left them out",
                 path.display(),
                 plural(self.absent, "frame"),
             );
         }
-        let why = match reader.ending() {
-            Some(Ending::Cut { at, what }) => usage!(
+        let cut_off = reader.metadata().get(CUT_OFF);
+        let why = match (reader.ending(), cut_off) {
+            (Some(Ending::Cut { at, what }), _) => usage!(
                 "the recording was cut off at byte {}, in {what}; all complete frames before that \
                  were read",
                 count(*at)
             ),
-            _ => {
-                let why = reader.metadata().get(CUT_OFF)?;
+            (_, Some(why)) => {
                 usage!("the recorded run has no end: {why}; all frames were read")
             }
+            _ if self.dropped > 0 => usage!(
+                "{} missing: verified, but not recorded, because the disk of the recorder was too \
+                 slow; all others were read",
+                plural(self.dropped, "frame")
+            ),
+            _ => return None,
         };
         Some(Err(why.in_file(path)))
     }
@@ -115,7 +117,7 @@ impl Iterator for Recorded {
                 }
                 // A later baseline marks frames that are not in the recording.
                 Ok(Some(RecordedItem::Baseline(_))) => {
-                    self.gaps = self.gaps.wrapping_add(u32::from(self.begun));
+                    self.after_gap |= self.answered.is_some() || self.frame.is_some();
                 }
                 Ok(None) => return self.end(),
                 Err(e) => {
@@ -124,5 +126,67 @@ impl Iterator for Recorded {
                 }
             }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use linkwatch::scenes::Scene;
+    use linkwatch::{FrameRecord, RecordingSink, Report, RunProgress, Sink};
+    use std::collections::BTreeMap;
+    use std::sync::Arc;
+
+    /// Records frames, given by their number, whether they have curves, and the number of frames
+    /// that were verified by then. Returns number and gap of the frames that are read, or an error.
+    fn read(frames: &[(u64, bool, u64)]) -> Vec<Result<(u64, bool), String>> {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("run.mcap");
+        let scene: Scene = "chainmail:rows=2,columns=2".parse().unwrap();
+        let curves = Arc::new(scene.build().unwrap().curves);
+        let mut sink = Box::new(RecordingSink::create(&path, &BTreeMap::new()).unwrap());
+        for &(seq, has_curves, verified) in frames {
+            let report = Report::new(seq, 0.1 * seq as f64, Verdict::Intact);
+            let progress = RunProgress {
+                verified,
+                ..RunProgress::default()
+            };
+            let record = FrameRecord {
+                curves: has_curves.then(|| Arc::clone(&curves)),
+                info: FrameInfo::at(seq, report.time),
+                report: Arc::new(report),
+                progress,
+            };
+            sink.frame(&record).unwrap();
+        }
+        sink.finish().unwrap();
+        let frames = Recorded::open(&path).unwrap().map(|frame| match frame {
+            Ok(frame) => Ok((frame.info.seq, frame.after_gap)),
+            Err(e) => Err(e.to_string()),
+        });
+        frames.collect()
+    }
+
+    /// Regression test: the step after the gap was searched, and the next one was not.
+    #[test]
+    fn a_gap_is_before_the_frame_that_follows_frames_without_curves() {
+        let frames = [
+            (3, true, 4),
+            (4, false, 5),
+            (5, false, 6),
+            (6, true, 7),
+            (7, true, 8),
+        ];
+        let found = read(&frames);
+        assert_eq!(found, [Ok((3, false)), Ok((6, true)), Ok((7, false))]);
+    }
+
+    #[test]
+    fn frames_that_the_recorder_dropped_are_an_error_at_the_end() {
+        let found = read(&[(0, true, 1), (1, true, 2), (5, true, 6), (6, true, 7)]);
+        let frames = [0, 1, 5, 6].map(|seq| Ok((seq, false)));
+        assert_eq!(found[..4], frames);
+        let error = found[4].as_ref().unwrap_err();
+        assert!(error.contains("3 frames missing"), "{error}");
     }
 }

@@ -51,6 +51,8 @@ pub struct Frame {
     pub info: FrameInfo,
     /// True if the frame does not belong to the motion of the frames before it.
     pub begins_run: bool,
+    /// True if frames before it are not in the file.
+    pub after_gap: bool,
     /// The curves, or the reason why the frame is invalid.
     pub curves: Result<CurveSet>,
 }
@@ -218,6 +220,7 @@ impl Iterator for Sequence {
                 ..self.info.clone()
             },
             begins_run,
+            after_gap: frame.after_gap,
             curves: frame.curves,
         }))
     }

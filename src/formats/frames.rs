@@ -47,6 +47,8 @@ pub struct ModelFrame {
     pub info: FrameInfo,
     /// The curves, or the reason why this frame is invalid although later ones can be read.
     pub curves: Result<CurveSet>,
+    /// True if frames before it are not in the file, so that the step to it is unknown.
+    pub(crate) after_gap: bool,
 }
 
 impl ModelFrame {
@@ -57,7 +59,11 @@ impl ModelFrame {
 
     /// Creates a frame.
     pub fn of(info: FrameInfo, curves: Result<CurveSet>) -> ModelFrame {
-        ModelFrame { info, curves }
+        ModelFrame {
+            info,
+            curves,
+            after_gap: false,
+        }
     }
 }
 

@@ -44,6 +44,8 @@ pub(super) struct LinkRow {
 pub(super) struct DefectRow {
     pub kind: DefectKind,
     pub first: Moment,
+    #[serde(skip)]
+    pub last: Option<Moment>,
     pub frames: u64,
     pub sentence: String,
 }
@@ -126,10 +128,12 @@ impl Violations {
                     let row = pair.defect.get_or_insert_with(|| DefectRow {
                         kind: d.kind,
                         first: moment,
+                        last: None,
                         frames: 0,
                         sentence: sentence(),
                     });
-                    row.frames += 1;
+                    // A pair may have several defects in a frame.
+                    row.frames += u64::from(row.last.replace(moment) != Some(moment));
                 }
             }
             // The frame of the picture is replaced if this one says more.

@@ -127,7 +127,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     read.map_or(Ok(()), Err)?;
     let (mut session, comparison) = (replay.session, replay.comparison);
     if warn_of_cut(&source) {
-        session.data_lost();
+        session.cut_off("the recording that was replayed has no end");
     }
     if replay.missing > 0 {
         tracing::warn!(
@@ -135,7 +135,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
              too slow",
             plural(replay.missing, "frame"),
         );
-        session.data_lost();
+        session.cut_off("frames are missing in the recording that was replayed");
     }
     if comparison.unlike > 0 {
         let verdicts = plural(comparison.unlike, "verdict");
@@ -323,7 +323,7 @@ impl Replay {
                 let judged = Judged::of(report, progress.times, progress.work);
                 self.session.publish(judged);
             }
-            None if self.every => {
+            None if self.every && report.verdict == Verdict::Intact => {
                 self.comparison.thinned += 1;
                 self.begin_again(None);
             }

@@ -49,6 +49,12 @@ impl Run {
         self.begun = false;
     }
 
+    /// Begins again after frames that are not in the file, and counts the gap.
+    pub fn begin_after_gap(&mut self) {
+        self.begin_again(None);
+        self.sum.gaps += 1;
+    }
+
     /// Begins another run: the next frame does not belong to the motion of those before it.
     pub fn begin_run(&mut self) {
         self.session.begin_run();

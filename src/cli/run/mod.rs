@@ -456,7 +456,8 @@ impl Run {
         // Without linking numbers, only a search for pull-throughs can verify curves.
         let through = self.session.baseline();
         let through = through.map_or(0, Certificate::periods_without_numbers);
-        let unsearched = (open > 0 || through > 0) && !searched && tally.verified > 1;
+        let steps = !searched && tally.verified > 1 || self.sum.gaps > 0;
+        let unsearched = (open > 0 || through > 0) && steps;
         let alone = tally.verified == 1 && self.sum.only_open;
         let itself = options.events == Events::All && tally.verified > 1;
         if tally.verified > 0 && !(self.sum.has_pairs || knots || itself || alone) {

@@ -64,6 +64,8 @@ pub struct Summary {
     pub left_out: Vec<LeftOut>,
     /// Reason why clearance is not measured, although the user asked for it.
     pub unmeasured: Option<String>,
+    /// Number of gaps in a recording over which no step is searched.
+    pub gaps: u64,
     /// Number of runs that began after the first one.
     pub further_runs: u64,
     /// Comparison with the recorded verdicts, in words and as JSON, if this is a replay.
@@ -112,6 +114,7 @@ impl Run {
                     "left_out": sum.left_out,
                     "curves_through_the_cell": yarns,
                     "jumps": sum.jumps,
+                    "gaps": sum.gaps,
                     "sinks": sinks,
                     "recorded_verdicts": sum.comparison.as_ref().map(|(_, json)| json),
                     "unresolved": sum.unresolved,
@@ -150,7 +153,11 @@ impl Run {
             parts.join(separator)
         };
         // In the order in which users ask, a line each.
-        let own = "each compared with its own first frame (--one-motion: all files are one motion)";
+        let with = match self.options.baseline {
+            Some(_) => "the baseline",
+            None => "its own first frame",
+        };
+        let own = format!("each compared with {with} (--one-motion: all files are one motion)");
         let verdict = [
             Some(format!("{word}{so_far}: {tally_words}{checks}")),
             self.baseline_words().filter(|_| self.setup.live),
@@ -173,9 +180,12 @@ impl Run {
             "not verified: {} (--events=between searches for pull-throughs)",
             joined(&not_searched, ", ")
         );
+        let gaps = plural(sum.gaps, "gap");
+        let gaps = format!("not verified: pull-throughs in {gaps} of the recording");
         let unmeasured = |why| format!("clearance was not measured in all frames: {why}");
         let unverified = [
             some(!checked, not_searched),
+            some(checked && sum.gaps > 0, gaps),
             some(!sum.left_out.is_empty(), LeftOut::sentence(&sum.left_out)),
             some(sum.unresolved.pull_throughs > 0, sum.unresolved.words()),
             sum.unmeasured.as_ref().map(unmeasured),
