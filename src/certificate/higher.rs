@@ -70,8 +70,12 @@ pub(crate) fn parse_invariant(
     let found = to.iter_mut().find(|found| found.kind == kind);
     let added = found.and_then(|found| add(found, rest, curves));
     let expected = match kind {
-        InvariantKind::Curve => "expected `invariants 1 self`, then `self i v2 v3 determinant`",
-        InvariantKind::Triple => "expected `invariants 1 triple`, then `triple i j k mu modulus`",
+        InvariantKind::Curve => {
+            "expected `invariants 1 self`, then `self i v2 v3 determinant`, once for each curve"
+        }
+        InvariantKind::Triple => {
+            "expected `invariants 1 triple`, then `triple i j k mu modulus`, once for each triple"
+        }
     };
     Some(added.ok_or_else(|| expected.into()))
 }
@@ -99,6 +103,9 @@ fn add(to: &mut HigherInvariants, fields: &[&str], curves: usize) -> Option<()> 
         return None;
     }
     let at = to.numbers.partition_point(|(other, _)| *other < names);
+    if to.numbers.get(at).is_some_and(|(other, _)| *other == names) {
+        return None;
+    }
     let numbers = numbers.iter().map(|&n| n.to_owned()).collect();
     to.numbers.insert(at, (names, numbers));
     Some(())
@@ -131,6 +138,10 @@ mod tests {
             ("3\ninvariants 1 self\nself 3 1 1 3\n", "line 3"),
             ("3\ninvariants 1 self\nself 0 1 1 x\n", "line 3"),
             ("3\ninvariants 1 triple\ntriple 0 2 1 1 0\n", "line 3"),
+            (
+                "3\ninvariants 1 self\nself 0 1 1 3\nself 0 0 0 1\n",
+                "once for",
+            ),
         ] {
             let e = Certificate::parse(text).unwrap_err().to_string();
             assert!(e.contains(says), "{text:?}: {e}");

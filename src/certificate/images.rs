@@ -122,13 +122,13 @@ impl Certificate {
     ///
     /// # Errors
     ///
-    /// [`Error::Usage`] if the baseline has periods of yarns, and the frame has others.
+    /// [`Error::Usage`] if the frame has other yarns, or yarns with other periods.
     pub(crate) fn aligned_with(&self, frame: &Certificate) -> Result<Certificate> {
         let (Some(baseline), Some(now)) = (self.entries(), frame.entries()) else {
             return Ok(self.clone());
         };
         let known = &self.periods;
-        if !known.is_empty() && *known != frame.periods {
+        if *known != frame.periods {
             let both = known.iter().chain(&frame.periods);
             let of = |c: &Certificate, i: u32| c.periods.iter().find(|p| p.0 == i).map(|p| p.1);
             let mut curves = both.map(|&(i, _)| (i, of(self, i), of(frame, i)));

@@ -144,13 +144,15 @@ impl Certificate {
         Certificate::new(self.curves, links, undefined)
     }
 
-    /// Returns the first curve with this property that has a linking number other than 0, and is no
-    /// yarn through a cell.
-    pub(crate) fn linked_curve_that(&self, is_wanted: impl Fn(u32) -> bool) -> Option<usize> {
+    /// Returns the first curve with this property that must be closed: it has a linking number or
+    /// an invariant that is not trivial, and is no yarn through a cell.
+    pub(crate) fn closed_curve_that(&self, is_wanted: impl Fn(u32) -> bool) -> Option<usize> {
         let links = self.links.iter().map(|l| [l.i, l.j]);
         let images = self.images.iter().flatten().map(|l| [l.i, l.j]);
+        let higher = self.higher.iter().flat_map(|of| &of.numbers);
+        let higher = higher.flat_map(|(curves, _)| curves.iter().copied());
         let is_yarn = |i| self.periods.binary_search_by_key(&i, |p| p.0).is_ok();
-        let mut curves = links.chain(images).flatten();
+        let mut curves = links.chain(images).flatten().chain(higher);
         let found = curves.find(|&i| is_wanted(i) && !is_yarn(i));
         found.map(|i| i as usize)
     }

@@ -52,6 +52,9 @@ pub struct Args {
     sinks: Sinks,
 }
 
+/// Largest number of frames that are read before the first one is verified.
+const MOST_AHEAD: usize = 64;
+
 /// Runs the command.
 pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     let models = match &args.each_args.only {
@@ -94,21 +97,25 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     files.reads(&models);
     files.reads(args.format.bonds(&models));
     let mut frames = Sequence::new(models, options, args.one_motion);
-    let Some(first) = frames.next() else {
+    let mut start: Vec<Result<Frame>> = Vec::new();
+    let step = first_step(&mut frames, &mut start, &args.cell_args);
+    let several = start.len() > 1;
+    if start.is_empty() {
         return Err(usage!("{name}: no frame"));
-    };
-    let second = frames.next();
-    if from_first_frame && second.is_none() {
+    }
+    if from_first_frame && !several {
         // If the frame cannot be read, that is the reason.
-        let Frame { curves, path, .. } = first?;
+        let Frame { curves, path, .. } = start.remove(0)?;
         curves.map_err(|e| e.in_file(&path))?;
         return Err(usage!(
             "one frame and nothing to compare it with: also give later ones of its motion, \
                     or --baseline CERT (`linkwatch certify MODEL -o CERT` writes one)"
         ));
     }
-    let far = !args.event_args.are_given() && are_far_apart(&args.cell_args, &first, &second);
-    if second.is_none() || args.early_exit || far {
+    let step = step.filter(|_| !args.event_args.are_given());
+    let far =
+        step.is_some_and(|[from, to]| are_far_apart(&args.cell_args, [&start[from], &start[to]]));
+    if !several || args.early_exit || far {
         // There is no step to search, or another option excludes it.
         judge.event_args.events.get_or_insert(Events::Off);
     }
@@ -124,7 +131,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     };
     let mut session = Run::new(&judge, &args.sinks, files, setup)?;
     let mut failed = None;
-    for frame in [first].into_iter().chain(second).chain(frames) {
+    for frame in start.into_iter().chain(frames) {
         let judged = frame.and_then(|frame| {
             let Frame { name, path, .. } = &frame;
             let (name, path) = (name.clone(), path.clone());
@@ -164,15 +171,44 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     failed.map_or(Ok(outcome), Err)
 }
 
-/// Returns true, with a warning, if the first two frames are so far apart that straight lines do
-/// not describe the motion between them: most pull-throughs would be unresolved, and a search would
-/// take long.
-fn are_far_apart(
+/// Reads frames up to the second one that will be verified, since rejected ones have no influence on
+/// others. Returns the places of both.
+fn first_step(
+    frames: &mut Sequence,
+    start: &mut Vec<Result<Frame>>,
     cell_args: &CellArgs,
-    first: &Result<Frame>,
-    second: &Option<Result<Frame>>,
-) -> bool {
-    let (Ok(first), Some(Ok(second))) = (first, second) else {
+) -> Option<[usize; 2]> {
+    let is_valid = |frame: &Frame| match (&frame.curves, cell_args.cell(frame.info.cell)) {
+        (Ok(curves), Some(cell)) => {
+            cell_args.wrapped.is_some() || curves.check_whole(&cell).is_ok()
+        }
+        (curves, _) => curves.is_ok(),
+    };
+    let counts =
+        |frame: &Frame| -> Vec<i32> { frame.curves.iter().flat_map(CurveSet::counts).collect() };
+    let mut first = None;
+    for (k, frame) in frames.take(MOST_AHEAD).enumerate() {
+        start.push(frame);
+        let Some(Ok(frame)) = start.last() else {
+            continue;
+        };
+        match first {
+            _ if !is_valid(frame) => {}
+            None => first = Some((k, counts(frame))),
+            // Curves with names may come and go.
+            Some((j, before)) if !frame.info.labels.names.is_empty() || counts(frame) == before => {
+                return Some([j, k]);
+            }
+            Some(_) => {}
+        }
+    }
+    None
+}
+
+/// Returns true, with a warning, if two frames are so far apart that straight lines do not describe
+/// the motion between them: most pull-throughs would be unresolved, and a search would take long.
+fn are_far_apart(cell_args: &CellArgs, step: [&Result<Frame>; 2]) -> bool {
+    let [Ok(first), Ok(second)] = step else {
         return false;
     };
     let (Ok(from), Ok(to)) = (&first.curves, &second.curves) else {

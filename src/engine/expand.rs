@@ -59,7 +59,7 @@ impl Engine {
             _ => {}
         }
         if let (Some(given), None) = (&known.given, &self.options.braids)
-            && let Some(curve) = given.linked_curve_that(|i| !next.curves.curve(i as usize).closed)
+            && let Some(curve) = given.closed_curve_that(|i| !next.curves.curve(i as usize).closed)
         {
             return Err(Error::OpenInFrame { curve });
         }

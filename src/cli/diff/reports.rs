@@ -1,7 +1,7 @@
 //! Difference of two reports on the same frame, from two runs.
 
-use crate::verdict::Finding;
-use linkwatch::{Image, Report, Verdict};
+use crate::verdict::{Finding, words_of_pair};
+use linkwatch::{Image, Link, Report, Verdict};
 use serde::Serialize;
 use std::collections::BTreeMap;
 
@@ -58,6 +58,12 @@ fn by_identity(report: &Report, names: &[String]) -> BTreeMap<Key, Vec<String>> 
         };
         let (i, j, image) = finding.pair();
         let key = (kind, i, j, image, numbers, words);
+        all.entry(key).or_default().push(sentence);
+    }
+    for &Link { i, j, lambda } in &report.adopted {
+        let pair = words_of_pair((i, j), Image::default(), names);
+        let key = (5, i, Some(j), Image::default(), [lambda, 0], String::new());
+        let sentence = format!("{pair} have the linking number {lambda} from here on");
         all.entry(key).or_default().push(sentence);
     }
     all
