@@ -171,7 +171,6 @@ impl Engine {
     }
 
     /// Returns all expected linking numbers with the expected invariants, for a record.
-    #[cfg(feature = "cli")]
     pub fn complete_baseline(&self) -> Option<Certificate> {
         let baseline = Certificate::clone(self.known.joined()?);
         let higher = self.known.higher.to_vec();

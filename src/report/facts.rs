@@ -433,6 +433,10 @@ fn found(report: &Report, names: &[String]) -> NamedFinding {
     let (finding, place) = match (change, event, defect) {
         (Some(c), ..) => (Some(c.words(names)), c.place.and_then(|p| at(p.point))),
         (None, Some(e), _) if !report.events.is_empty() => (Some(e.words(names)), at(e.point)),
+        _ if !report.invariants.is_empty() => {
+            let what = report.invariants[0].sentence_named(names);
+            (Some(what), None)
+        }
         (None, _, Some(d)) => (Some(d.words(names)), at(d.place.point)),
         (None, Some(e), None) => {
             let what = format!("unresolved: {}", e.words(names));
@@ -443,7 +447,7 @@ fn found(report: &Report, names: &[String]) -> NamedFinding {
             (why.map(|why| plain(why, TEXT)), None)
         }
     };
-    let findings = report.changes.len() + report.events.len();
+    let findings = report.changes.len() + report.events.len() + report.invariants.len();
     let findings = findings + report.defects.len() + report.unresolved.len();
     NamedFinding {
         moment: Moment::of(report),

@@ -243,14 +243,14 @@ impl Session {
         self.next = Next::Run;
     }
 
-    /// Returns the baseline, or `None` before the first frame.
+    /// Returns the expected linking numbers, or `None` before the first frame.
     pub fn baseline(&self) -> Option<&Certificate> {
         self.engine.baseline().map(|baseline| &**baseline)
     }
 
-    /// Returns the baseline with the expected invariants, for a record.
-    #[cfg(feature = "cli")]
-    pub(crate) fn complete_baseline(&self) -> Option<Certificate> {
+    /// Returns the baseline of another session: the expected linking numbers and invariants. `None`
+    /// before the first frame.
+    pub fn complete_baseline(&self) -> Option<Certificate> {
         self.engine.complete_baseline()
     }
 

@@ -6,10 +6,11 @@ use crate::curve::Image;
 #[cfg(feature = "mcap")]
 use {super::Verdict, std::collections::BTreeSet};
 
-/// Identity of a finding that may last over several frames: a changed linking number or a defect.
+/// Identity of a finding that may last over several frames: a changed linking number or invariant,
+/// or a defect.
 ///
 /// The images of a pair of curves are pairs of their own.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Lasting {
     /// First curve.
     pub i: u32,
@@ -21,6 +22,8 @@ pub struct Lasting {
     pub found: Option<i64>,
     /// Kind of the defect; `None` for a change.
     pub kind: Option<DefectKind>,
+    /// All curves of an invariant, and its numbers in words.
+    pub invariant: Option<(Vec<u32>, String)>,
 }
 
 impl Report {
@@ -28,10 +31,14 @@ impl Report {
     /// have none: they do not last, each one is new.
     pub fn lasting(&self) -> impl Iterator<Item = Option<Lasting>> + '_ {
         self.all_findings().map(|finding| {
+            let mut invariant = None;
             let (found, kind) = match finding {
                 Finding::Change(c) => (Some(c.found), None),
                 Finding::Defect(d) => (None, Some(d.kind)),
-                Finding::Invariant(_) => (None, None),
+                Finding::Invariant(c) => {
+                    invariant = Some((c.curves.clone(), c.found.clone()));
+                    (None, None)
+                }
                 Finding::PullThrough(_) | Finding::Unresolved(_) => return None,
             };
             let (i, j, image) = finding.pair();
@@ -41,6 +48,7 @@ impl Report {
                 image,
                 found,
                 kind,
+                invariant,
             })
         })
     }
@@ -76,7 +84,10 @@ impl PreviousFindings {
     /// of the frame before may still be there.
     pub fn update(&mut self, report: &Report) -> Novelty {
         let lasting: Vec<Option<Lasting>> = report.lasting().collect();
-        let is_new = |last: &Option<Lasting>| last.is_none_or(|l| !self.findings.contains(&l));
+        let is_new = |last: &Option<Lasting>| {
+            let known = last.as_ref().map(|l| self.findings.contains(l));
+            known != Some(true)
+        };
         let new = lasting.iter().map(is_new).collect();
         if report.verdict != Verdict::Rejected {
             self.findings = lasting.into_iter().flatten().collect();
@@ -89,7 +100,24 @@ impl PreviousFindings {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::verdict::{Change, Defect, Place, Verdict};
+    use crate::verdict::{Change, Defect, InvariantChange, Place, Verdict};
+
+    /// Regression test: another knot was no new finding.
+    #[test]
+    fn other_invariants_are_findings_of_their_own() {
+        let of = |curves: &[u32], found: &str| {
+            let mut report = Report::new(0, 0.0, Verdict::Changed);
+            report.invariants = vec![InvariantChange {
+                curves: curves.to_vec(),
+                expected: "mu 0".into(),
+                found: found.into(),
+            }];
+            report.lasting().next().flatten()
+        };
+        let first = of(&[0, 1, 2], "mu 1");
+        assert_eq!(first, of(&[0, 1, 2], "mu 1"));
+        assert!(first != of(&[0, 1, 2], "mu 2") && first != of(&[0, 1, 3], "mu 1"));
+    }
 
     #[test]
     fn images_of_one_pair_are_findings_of_their_own() {

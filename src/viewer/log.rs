@@ -43,7 +43,10 @@ impl Log {
         let has_events = !report.events.is_empty();
         let had_events = std::mem::replace(&mut self.events, has_events);
         let known = std::mem::take(&mut self.findings);
-        let since_frame = |key| (key, known.get(&key).copied().unwrap_or(report.seq));
+        let since_frame = |key| {
+            let since = known.get(&key).copied().unwrap_or(report.seq);
+            (key, since)
+        };
         let findings: Findings = report.lasting().flatten().map(since_frame).collect();
         // The findings contain the first frame of each, so a finding that returns is new.
         let news = turned || has_events || findings != known;
@@ -56,7 +59,8 @@ impl Log {
         }
         if news {
             let sentences = report.lasting().zip(report.findings_named(names));
-            let is_new = |key: &Option<Lasting>| key.is_none_or(|k| !known.contains_key(&k));
+            let is_new =
+                |key: &Option<Lasting>| key.as_ref().is_none_or(|k| !known.contains_key(k));
             let mut new = sentences.filter(|(key, _)| is_new(key));
             for (key, text) in new.by_ref().take(SHOWN) {
                 let line = line(report.verdict, text);

@@ -220,7 +220,7 @@ impl Session {
         self.run(py, |state| {
             let in_cell = state.next.cell.is_some();
             let session = state.session();
-            match session.baseline().cloned().filter(|_| in_cell) {
+            match session.complete_baseline().filter(|_| in_cell) {
                 // Curves may be cells away from where they were in the first frame.
                 Some(baseline) => session.begin_part(baseline),
                 None => session.cut(),
@@ -282,7 +282,7 @@ impl Session {
 
     fn baseline(&self, py: Python<'_>) -> PyResult<Option<Certificate>> {
         self.run(py, |state| {
-            let baseline = state.session().baseline().cloned();
+            let baseline = state.session().complete_baseline();
             Ok(baseline.map(|numbers| Certificate::new(numbers, state.open())))
         })
     }

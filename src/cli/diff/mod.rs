@@ -12,7 +12,11 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 /// Settings of a run that change its verdicts, by their names in the metadata of a recording.
-const RECORDED: [&str; 2] = ["events", "motion_limit"];
+const RECORDED: [(&str, &str); 3] = [
+    ("events", "unknown"),
+    ("motion_limit", "unknown"),
+    ("invariants", "none"),
+];
 
 /// Maximum number of findings that are printed for each run.
 const FINDINGS: usize = 8;
@@ -58,7 +62,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         tracing::warn!("the runs were recorded with other settings: {setting}");
     }
     for (name, _) in names.iter().zip(diff.cut).filter(|(_, cut)| *cut) {
-        tracing::warn!("{name}: the recording was cut off");
+        tracing::warn!("{name}: the recording was cut off, or its run has no end");
     }
     if let Some(seq) = diff.other_time.filter(|_| !args.by_time) {
         tracing::warn!(
@@ -76,8 +80,8 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
 
 /// Returns the settings that differ, in words.
 fn other_settings(runs: [&BTreeMap<String, String>; 2]) -> Vec<String> {
-    let differing = RECORDED.into_iter().filter_map(|name| {
-        let [a, b] = runs.map(|run| run.get(name).map_or("unknown", String::as_str));
+    let differing = RECORDED.into_iter().filter_map(|(name, absent)| {
+        let [a, b] = runs.map(|run| run.get(name).map_or(absent, String::as_str));
         (a != b).then(|| format!("{name} is {a} in the first, {b} in the second"))
     });
     differing.collect()

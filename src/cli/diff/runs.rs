@@ -4,6 +4,7 @@
 
 use super::reports::{ReportDifference, difference};
 use crate::cli::source::Source;
+use crate::record::CUT_OFF;
 use linkwatch::{Ending, RecordedFrame, RecordedItem, Report, Result};
 use serde::Serialize;
 use std::cmp::Ordering;
@@ -69,7 +70,7 @@ pub struct RunDiff {
     pub curves: CurveDiff,
     /// First frame with different times in both runs, if frames are aligned by number: its number.
     pub other_time: Option<u64>,
-    /// True for a run whose recording was cut off.
+    /// True for a run without an end, or whose recording was cut off.
     pub cut: [bool; 2],
 }
 
@@ -159,7 +160,10 @@ pub fn diff_runs(runs: &mut [Source; 2], by_time: bool) -> Result<RunDiff> {
             b = second.next()?;
         }
     }
-    let was_cut = |run: &Source| matches!(run.reader.ending(), Some(Ending::Cut { .. }));
+    let was_cut = |run: &Source| {
+        let is_cut = matches!(run.reader.ending(), Some(Ending::Cut { .. }));
+        is_cut || run.reader.metadata().contains_key(CUT_OFF)
+    };
     diff.cut = runs.each_ref().map(was_cut);
     Ok(diff)
 }

@@ -257,6 +257,9 @@ impl Replay {
         while let Some(next) = self.waiting.pop_front() {
             match next {
                 Waiting::Frame(frame) => {
+                    if self.is_after_dropped_frames() {
+                        self.session.begin_again(None);
+                    }
                     let judged = self.session.judge(*frame)?;
                     self.last = Some(Arc::clone(&judged.report));
                     self.session.publish(judged);
@@ -265,6 +268,18 @@ impl Replay {
             }
         }
         Ok(())
+    }
+
+    /// Returns true if the next verdict says that the recorder dropped frames before this one.
+    fn is_after_dropped_frames(&self) -> bool {
+        let (Some(Waiting::Verdict(next)), Some(before)) = (self.waiting.front(), self.answered)
+        else {
+            return false;
+        };
+        let progress = &next.progress;
+        let answered = progress.verified.saturating_add(progress.rejected);
+        let left_out = progress.left_out.saturating_sub(self.comparison.left_out);
+        answered.saturating_sub(before) > left_out.saturating_add(1)
     }
 
     /// Begins again after frames that the recorder left out on purpose.

@@ -90,7 +90,7 @@ impl Run {
         let checked = self.options.events != Events::Off;
         let (runs, yarns) = (1 + sum.further_runs, self.yarns());
         // From one frame to the next of a run.
-        let followed = checked && tally.verified > runs;
+        let followed = checked && tally.verified > runs && sum.gaps == 0;
         if self.setup.json {
             self.live.json(json!({
                 "summary": {
