@@ -29,14 +29,15 @@
 //! The first pass accepts node pairs by distance. Pairs that it does not prove are summed again
 //! with the error bound as the criterion, in finer and finer passes, as on the CPU.
 
+use super::State;
 use super::capacity::{Capacity, in_batches};
 use super::commands::{Binding, Buffer, Command, Stage};
 use super::counters::{self, COUNTS, DONE};
+use super::direct::{self, REACH, THREADS};
 use super::error::Error;
 use super::fixed;
 use super::frame::Frame;
-use super::layout::{AngleSum, Criterion, FarSum, Node, NodePair, Parameters, word};
-use super::{State, direct};
+use super::layout::{AngleSum, Criterion, FarSum, Node, NodePair, Parameters, named, word};
 use crate::curve::vector::per_axis;
 use crate::kernels::Estimate;
 use crate::kernels::sums::barnes_hut::pack;
@@ -59,6 +60,8 @@ const ROUNDING: f64 = 1024.0 * direct::UNIT_ERROR;
 const NEAREST_SQUARE: f64 = 1e-14;
 /// Expansions with larger terms or remainders are rejected.
 const LARGEST: f64 = 16.0;
+/// Inverse of the area of the unit sphere.
+const SPHERE: f64 = 1.0 / (4.0 * PI);
 /// Maximum number of expansions that a thread adds up in 64 bits: far below the 500,000 that these
 /// hold.
 const RUN: u32 = 1024;
@@ -68,25 +71,21 @@ pub(super) const STAGE: Stage = Stage {
     name: "Barnes-Hut",
     source: || {
         let own = [
-            ("THREADS", direct::THREADS),
-            ("RUN", RUN),
             ("WORDS", word!(FarSum)),
             ("VALUE", word!(FarSum.value)),
             ("BOUND", word!(FarSum.bound)),
             ("SIZE", word!(FarSum.size)),
-            ("EXPANDED", word!(FarSum.expanded)),
-            ("VISITED", word!(FarSum.visited)),
         ];
-        let whole = [&own[..], &counters::NAMES].concat();
-        let real = [
-            ("WIDEST", WIDEST),
-            ("PARALLEL", PARALLEL),
-            ("OUTWARD", OUTWARD),
-            ("ROUNDING", ROUNDING),
-            ("LARGEST", LARGEST),
-            ("SPHERE", 1.0 / (4.0 * PI)),
-            ("REACH", direct::REACH),
-            ("NEAREST_SQUARE", NEAREST_SQUARE),
+        let whole = [&own[..], &named![THREADS, RUN], &counters::NAMES].concat();
+        let real = named![
+            WIDEST,
+            PARALLEL,
+            OUTWARD,
+            ROUNDING,
+            LARGEST,
+            SPHERE,
+            REACH,
+            NEAREST_SQUARE
         ];
         let parts = [direct::SUMS_SHADER, include_str!("barnes_hut.wgsl")];
         super::shader::<f32>(&whole, &real, &parts)

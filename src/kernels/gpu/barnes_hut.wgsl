@@ -115,7 +115,7 @@ struct Running {
     value: vec2<u32>,
     bound: vec2<u32>,
     size: vec2<u32>,
-    expanded: u32,
+    // Number of node pairs since the last flush.
     visited: u32,
 }
 
@@ -127,8 +127,6 @@ fn flush(r: Running) {
     add96(at + VALUE, r.value);
     add96(at + BOUND, r.bound);
     add96(at + SIZE, r.size);
-    atomicAdd(&sums[at + EXPANDED], r.expanded);
-    atomicAdd(&sums[at + VISITED], r.visited);
 }
 
 @compute @workgroup_size(THREADS)
@@ -151,7 +149,7 @@ fn main(
         let item = agenda[k];
         if item.pair != running.pair || running.visited >= RUN {
             flush(running);
-            running = Running(item.pair, vec2<u32>(), vec2<u32>(), vec2<u32>(), 0u, 0u);
+            running = Running(item.pair, vec2<u32>(), vec2<u32>(), vec2<u32>(), 0u);
         }
         running.visited += 1u;
         let t = item.first;
@@ -185,7 +183,6 @@ fn main(
                 let rounding = fixed64(tail + OUTWARD * ROUNDING * size);
                 running.bound = add64(running.bound, add64(rounding, vec2<u32>(4u, 0u)));
                 running.size = add64(running.size, fixed64(ROUNDING * size));
-                running.expanded += 1u;
             }
         }
         if accepted {

@@ -8,7 +8,7 @@
 use super::State;
 use super::commands::{Binding, Buffer, Command, Stage};
 use super::frame::Frame;
-use super::layout::{BoxNode, Parameters, Roots};
+use super::layout::{BoxNode, Parameters, Roots, named};
 use std::ops::Range;
 
 /// Maximum number of segments of a box of the lowest level.
@@ -30,8 +30,8 @@ pub(super) const LEVEL: u32 = 256;
 pub(super) const STAGE: Stage = Stage {
     name: "boxes",
     source: || {
-        let whole = [("THREADS", THREADS), ("LEVEL", LEVEL)];
-        super::shader::<f32>(&whole, &[], &[NODES_SHADER, include_str!("boxes.wgsl")])
+        let parts = [NODES_SHADER, include_str!("boxes.wgsl")];
+        super::shader::<f32>(&named![THREADS, LEVEL], &[], &parts)
     },
 };
 

@@ -2,6 +2,7 @@
 //! one layout: the node pairs of each level come first, the named counters last.
 
 use super::commands::{Binding, Buffer};
+use super::layout::named;
 
 /// Number of counters.
 pub(super) const COUNTS: u32 = 64;
@@ -29,15 +30,8 @@ pub(super) const MOST_LEVELS: u32 = DONE - 1;
 pub(super) const TOO_MANY: u32 = 1 << 31;
 
 /// Names of the counters in shaders.
-pub(super) const NAMES: [(&str, u32); 8] = [
-    ("COUNTS", COUNTS),
-    ("OPEN_TESTS", OPEN_TESTS),
-    ("SEPARATED", SEPARATED),
-    ("TESTS", TESTS),
-    ("CROSSINGS", CROSSINGS),
-    ("DONE", DONE),
-    ("TILES", TILES),
-    ("TOO_MANY", TOO_MANY),
+pub(super) const NAMES: [(&str, u32); 8] = named![
+    COUNTS, OPEN_TESTS, SEPARATED, TESTS, CROSSINGS, DONE, TILES, TOO_MANY
 ];
 
 /// Returns the binding of the counters of a kernel.

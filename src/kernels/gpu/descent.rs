@@ -3,7 +3,7 @@
 
 use super::boxes::{FAN, LEVEL, NODES_SHADER};
 use super::commands::{Binding, Buffer, Command, Stage};
-use super::layout::Parameters;
+use super::layout::{Parameters, named};
 use super::{Capacity, State, counters};
 
 /// Threads of a workgroup.
@@ -14,8 +14,7 @@ pub(super) const AXIS: u32 = 30;
 
 /// Returns the constants of all shaders of the crossing kernel.
 pub(super) fn constants() -> Vec<(&'static str, u32)> {
-    let own = [("THREADS", THREADS), ("AXIS", AXIS), ("LEVEL", LEVEL)];
-    [&own[..], &counters::NAMES].concat()
+    [&named![THREADS, AXIS, LEVEL][..], &counters::NAMES].concat()
 }
 
 /// Shader code that appends to the lists.

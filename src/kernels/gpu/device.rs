@@ -371,15 +371,10 @@ impl Adapter {
 }
 
 /// Returns the rank of a kind of adapter: the fastest kinds first.
-fn rank(kind: wgpu::DeviceType) -> u32 {
+fn rank(kind: wgpu::DeviceType) -> Option<usize> {
     use wgpu::DeviceType::*;
-    match kind {
-        DiscreteGpu => 0,
-        IntegratedGpu => 1,
-        VirtualGpu => 2,
-        Other => 3,
-        Cpu => 4,
-    }
+    let ranked = [DiscreteGpu, IntegratedGpu, VirtualGpu, Other, Cpu];
+    ranked.iter().position(|&k| k == kind)
 }
 
 fn failed(e: impl std::fmt::Display) -> Error {

@@ -116,7 +116,7 @@ use super::commands::{ALIGNMENT, Binding, Buffer, Command, Stage};
 use super::error::Error;
 use super::fixed;
 use super::frame::Frame;
-use super::layout::{AngleSum, Parameters, Tile, word};
+use super::layout::{AngleSum, Parameters, Tile, named, word};
 use super::precision::Real;
 use super::tiles::{self, Shape, cut};
 use crate::kernels::Estimate;
@@ -196,10 +196,8 @@ pub(super) fn stages<R: Real>() -> [Stage; 2] {
 
 /// Returns the source of the shader for tiles of a shape.
 fn source<R: Real>(shape: Shape) -> String {
-    let whole = [
-        ("THREADS", THREADS),
+    let own = [
         ("ROWS", shape.rows),
-        ("COLUMNS", COLUMNS),
         ("STEPS", shape.columns / COLUMNS),
         ("WORDS", word!(AngleSum)),
         ("VALUE", word!(AngleSum.value)),
@@ -207,16 +205,10 @@ fn source<R: Real>(shape: Shape) -> String {
         ("DOUBTS", word!(AngleSum.doubts)),
         ("NEAR", word!(AngleSum.near)),
     ];
-    let real = [
+    let whole = [&own[..], &named![THREADS, COLUMNS]].concat();
+    let errors = named![CORNERS, LEVER, HEIGHT, SPAN, TURN, TILT, DOUBT, REACH, PI];
+    let own = [
         ("UNIT_ERROR", R::UNIT_ERROR),
-        ("CORNERS", CORNERS),
-        ("LEVER", LEVER),
-        ("HEIGHT", HEIGHT),
-        ("SPAN", SPAN),
-        ("TURN", TURN),
-        ("TILT", TILT),
-        ("DOUBT", DOUBT),
-        ("REACH", REACH),
         ("SKEW", SKEW * R::UNIT_ERROR),
         ("TINY_LENGTH", R::TINY_LENGTH),
         ("TINY_SQUARE", R::TINY_SQUARE),
@@ -224,8 +216,8 @@ fn source<R: Real>(shape: Shape) -> String {
         ("MOST", 1.0 / R::UNIT_ERROR),
         ("ATAN_HALF", 0.5f64.atan()),
         ("HALF_PI", PI / 2.0),
-        ("PI", PI),
     ];
+    let real = [&own[..], &errors].concat();
     super::shader::<R>(&whole, &real, &[SUMS_SHADER, include_str!("direct.wgsl")])
 }
 

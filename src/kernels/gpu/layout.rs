@@ -167,10 +167,6 @@ pub(crate) struct FarSum {
     pub bound: [u32; 3],
     /// Sum of the rounding errors alone.
     pub size: [u32; 3],
-    /// Number of node pairs expanded.
-    pub expanded: u32,
-    /// Number of node pairs visited.
-    pub visited: u32,
 }
 
 /// Offset of a field, or size of a struct, in words.
@@ -182,4 +178,11 @@ macro_rules! word {
         (size_of::<$struct>() / 4) as u32
     };
 }
-pub(crate) use word;
+
+/// Names and values of constants, for shaders.
+macro_rules! named {
+    ($($constant:ident),+ $(,)?) => {
+        [$((stringify!($constant), $constant)),+]
+    };
+}
+pub(crate) use {named, word};

@@ -10,11 +10,8 @@ struct BoxNode {
     below: u32,
 }
 
-// Returns true if two intervals are disjoint for all positions of the vertices within the radius.
-fn beyond(high: f32, low: f32) -> bool {
-    return pinned(low - high) > 2.01 * parameters.radius;
-}
-
+// Returns for each axis true if two intervals are disjoint for all positions of the vertices within
+// the radius.
 fn beyond3(high: vec3<f32>, low: vec3<f32>) -> vec3<bool> {
     return pinned3(low - high) > vec3<f32>(2.01 * parameters.radius);
 }
