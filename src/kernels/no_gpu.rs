@@ -3,11 +3,9 @@
 
 use super::crossings::Input;
 use super::device::{Device, DeviceInfo};
-use super::{Counted, Estimate};
+use super::gpu_use::{AdapterSum, Counts};
 use crate::curve::CurveSet;
 use crate::pairs::Pair;
-use std::convert::Infallible;
-use std::fmt;
 use std::sync::Arc;
 
 /// True if the build has GPU kernels.
@@ -24,17 +22,11 @@ pub(super) fn find(_: impl Fn(&DeviceInfo) -> bool) -> Option<Device> {
 }
 
 /// The build has no GPU kernels.
-#[derive(Debug)]
+#[derive(Debug, thiserror::Error)]
+#[error(
+    "this build has no GPU kernels; build with the feature `gpu`, or pass the option `device=cpu`"
+)]
 pub(crate) struct Error;
-
-impl fmt::Display for Error {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(
-            "this build has no GPU kernels; build with the feature `gpu`, or pass the option \
-             `device=cpu`",
-        )
-    }
-}
 
 /// Vertices of a frame. Never used.
 #[derive(Debug)]
@@ -47,16 +39,9 @@ impl Frame {
     }
 }
 
-/// A summation kernel on an adapter.
-pub(super) type AdapterSum<'a> =
-    Box<dyn Fn(&[Pair]) -> Result<Vec<Estimate>, Error> + Send + Sync + 'a>;
-
-/// Linking numbers, in parts, and the number of tests that the CPU decided.
-type Counts = (Vec<Counted>, u64);
-
 /// An open adapter. No value exists.
 #[derive(Debug)]
-pub(crate) struct Gpu(Infallible);
+pub(crate) enum Gpu {}
 
 impl Gpu {
     /// Fails.
@@ -67,15 +52,15 @@ impl Gpu {
     pub fn release(_: &Arc<Gpu>) {}
 
     pub fn info(&self) -> DeviceInfo {
-        match self.0 {}
+        match *self {}
     }
 
     pub fn is_lost(&self) -> bool {
-        match self.0 {}
+        match *self {}
     }
 
     pub fn send(&self, _: &Frame) -> Result<(), Error> {
-        match self.0 {}
+        match *self {}
     }
 
     pub fn count(
@@ -85,14 +70,14 @@ impl Gpu {
         _: &[Pair],
         _: Option<&CurveSet>,
     ) -> Result<(Counts, Option<Frame>), Error> {
-        match self.0 {}
+        match *self {}
     }
 
     pub fn direct_sum<'a>(&'a self, _: &'a CurveSet) -> AdapterSum<'a> {
-        match self.0 {}
+        match *self {}
     }
 
     pub fn barnes_hut<'a>(&'a self, _: &CurveSet, _: Option<f64>) -> AdapterSum<'a> {
-        match self.0 {}
+        match *self {}
     }
 }

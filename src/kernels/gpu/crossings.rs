@@ -35,13 +35,15 @@ use super::descent::{self, AXIS, COUNTERS, TILES};
 use super::error::Error;
 use super::fixed;
 use super::frame::Frame;
-use super::layout::{Parameters, Undecided};
-use super::{Counts, Gpu, State, directions};
-use crate::kernels::crossings::{Direction, Input, conclude, linking_number};
+use super::layout::{Parameters, Undecided, named};
+use super::{Gpu, State, directions};
+use crate::kernels::crossings::{self, Direction, Input, conclude};
+use crate::kernels::gpu_use::Counts;
 use crate::kernels::{Counted, Linking};
 use crate::pairs::Pair;
 use crate::verdict::Stats;
 use rayon::prelude::*;
+use std::sync::atomic::AtomicU64;
 
 /// Error of a determinant, relative to the sum of the magnitudes of both products.
 const FLAT: f64 = 5.0 * super::direct::UNIT_ERROR;
@@ -54,7 +56,7 @@ const TINY: f64 = 1e-35;
 pub(super) const STAGE: Stage = Stage {
     name: "crossings",
     source: || {
-        let real = [("FLAT", FLAT), ("SOLID", SOLID), ("TINY", TINY)];
+        let real = named![FLAT, SOLID, TINY];
         let mut whole = descent::constants();
         whole.push(("LEAF", LEAF));
         let parts = [NODES_SHADER, include_str!("crossings.wgsl")];
@@ -130,21 +132,14 @@ pub(super) fn linking_numbers(
                 parts.extend(found.conclude(frame, input, own));
             }
             // The capacity is too small even for one pair.
-            None => parts.push(on_cpu(input, own)),
+            None => {
+                let mut counted = Vec::new();
+                crossings::linking_numbers(input, own, &mut counted, &AtomicU64::new(0));
+                parts.extend(counted);
+            }
         }
     }
     Ok((parts, left))
-}
-
-/// Counts the crossings of pairs that exceed the capacity of the adapter.
-fn on_cpu(input: Input<'_>, pairs: &[Pair]) -> Counted {
-    let mut part = Counted::default();
-    ((), part.stats) = input.workspaces.run(|workspace| {
-        for &pair in pairs {
-            part.add(pair, linking_number(input, pair, None, workspace));
-        }
-    });
-    part
 }
 
 /// Returns the index of the pair of curves of a test.

@@ -1,17 +1,19 @@
 //! Failures of an adapter.
 
-use std::fmt;
-
 /// Failure of an adapter. The caller logs it once and falls back to the CPU.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub(crate) enum Error {
     /// No adapter exists, or none or several match the choice; with a message.
+    #[error("{0}")]
     NoAdapter(String),
     /// The arithmetic of the adapter does not satisfy the assumptions of the error bounds.
+    #[error("the arithmetic of the adapter is wrong: {0}")]
     Arithmetic(String),
     /// The work exceeds a limit of the adapter; with a message.
+    #[error("{0}")]
     Limit(String),
     /// Out of memory, lost, or a driver error; with the message of the driver.
+    #[error("{0}")]
     Failed(String),
 }
 
@@ -21,16 +23,5 @@ impl Error {
         Error::Limit(format!(
             "{needed} {what} needed, the adapter allows {limit}"
         ))
-    }
-}
-
-impl fmt::Display for Error {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Error::Arithmetic(what) => {
-                write!(f, "the arithmetic of the adapter is wrong: {what}")
-            }
-            Error::NoAdapter(what) | Error::Limit(what) | Error::Failed(what) => f.write_str(what),
-        }
     }
 }

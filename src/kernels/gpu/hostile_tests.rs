@@ -5,6 +5,7 @@ use super::tests::{adapter, counts_agree, pairs_of, set_of_all, two_frames};
 use super::*;
 use crate::curve::{Basis, Positions};
 use crate::engine::{Engine, SessionOptions};
+use crate::kernels::Counted;
 use crate::kernels::crossings::Workspaces;
 use crate::kernels::tests::oracle;
 use crate::kernels::tests::polygons::{Polygon, floats, winding};

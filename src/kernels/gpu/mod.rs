@@ -71,9 +71,10 @@ pub(crate) use self::frame::Frame;
 pub(super) use self::layout::Node;
 use self::layout::Tile;
 use self::precision::Real;
+use super::Estimate;
 use super::crossings::Input;
 use super::device::{Device, DeviceInfo};
-use super::{Counted, Estimate};
+use super::gpu_use::Counts;
 use crate::curve::CurveSet;
 use crate::pairs::Pair;
 use std::fmt::Write;
@@ -107,9 +108,6 @@ pub(super) fn find(is_wanted: impl Fn(&DeviceInfo) -> bool) -> Option<Device> {
     let found = device::list().into_iter().find(|info| is_wanted(info));
     found.map(|info| Device::Index(info.index))
 }
-
-/// Linking numbers, in parts, and the number of tests that the CPU decided.
-type Counts = (Vec<Counted>, u64);
 
 /// Open adapters, shared by all callers. They stay open, because opening one takes longer than
 /// many frames.

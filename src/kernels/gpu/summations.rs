@@ -4,13 +4,10 @@ use super::barnes_hut::{self, Forest};
 use super::{Error, Frame, Gpu};
 use crate::curve::CurveSet;
 use crate::kernels::Estimate;
+use crate::kernels::gpu_use::AdapterSum;
 use crate::kernels::lazy::Lazy;
 use crate::pairs::Pair;
 use std::sync::atomic::Ordering;
-
-/// A summation kernel on an adapter: returns the linking numbers of several pairs, in their order.
-pub(in crate::kernels) type AdapterSum<'a> =
-    Box<dyn Fn(&[Pair]) -> Result<Vec<Estimate>, Error> + Send + Sync + 'a>;
 
 impl Gpu {
     /// Returns the kernel of direct sums for a set of polylines.

@@ -10,7 +10,7 @@ use super::calibration::{Calibration, segment_pairs, segments};
 use super::crossings::Input;
 use super::device::{Device, DeviceInfo};
 use super::gpu::{self, Frame, Gpu};
-use super::{Counted, Summation};
+use super::{Counted, Estimate, Summation};
 use crate::curve::CurveSet;
 use crate::error::{Error, Result};
 use crate::pairs::Pair;
@@ -18,6 +18,13 @@ use std::collections::VecDeque;
 use std::fmt;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, OnceLock};
+
+/// A summation kernel on an adapter: returns the linking numbers of several pairs, in their order.
+pub(super) type AdapterSum<'a> =
+    Box<dyn Fn(&[Pair]) -> Result<Vec<Estimate>, gpu::Error> + Send + Sync + 'a>;
+
+/// Linking numbers, in parts, and the number of tests that the CPU decided.
+pub(super) type Counts = (Vec<Counted>, u64);
 
 /// Crossing tests that ran on a GPU in the last frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]

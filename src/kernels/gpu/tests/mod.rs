@@ -18,7 +18,7 @@ use crate::kernels::gpu_use::fallback::WithFallback;
 use crate::kernels::sums::direct::{Direct, Formula};
 use crate::kernels::tests::oracle;
 use crate::kernels::tests::polygons::{Polygon, floats, set_of};
-use crate::kernels::{Calibration, Estimate, GpuUse, Method, Offload, Summation};
+use crate::kernels::{Calibration, Counted, Estimate, GpuUse, Method, Offload, Summation};
 use crate::pairs::Trees;
 use crate::random::Random;
 use crate::scenes::Scene as Model;
