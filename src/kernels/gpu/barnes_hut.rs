@@ -77,16 +77,9 @@ pub(super) const STAGE: Stage = Stage {
             ("SIZE", word!(FarSum.size)),
         ];
         let whole = [&own[..], &named![THREADS, RUN], &counters::NAMES].concat();
-        let real = named![
-            WIDEST,
-            PARALLEL,
-            OUTWARD,
-            ROUNDING,
-            LARGEST,
-            SPHERE,
-            REACH,
-            NEAREST_SQUARE
-        ];
+        let errors = named![PARALLEL, OUTWARD, ROUNDING, SPHERE, REACH];
+        let limits = named![WIDEST, LARGEST, NEAREST_SQUARE];
+        let real = [&errors[..], &limits].concat();
         let parts = [direct::SUMS_SHADER, include_str!("barnes_hut.wgsl")];
         super::shader::<f32>(&whole, &real, &parts)
     },
