@@ -35,10 +35,6 @@ where
     F: Fn(&[Pair]) -> Result<Vec<Estimate>, E> + Send + Sync,
     E: fmt::Display,
 {
-    fn linking_number(&self, pair: Pair) -> Estimate {
-        self.linking_numbers(&[pair])[0]
-    }
-
     fn linking_numbers(&self, pairs: &[Pair]) -> Vec<Estimate> {
         if !self.gpu.has_failed() {
             match (self.sum)(pairs) {

@@ -71,12 +71,15 @@ impl fmt::Display for Estimate {
 ///
 /// Splines are converted to polylines first ([`crate::homotopic_polylines`]), with the same linking
 /// numbers. The order of summation does not depend on the number of threads.
+///
+/// A kernel implements one of both methods: the second one if it is faster on all pairs together.
 pub(crate) trait Summation: Send + Sync {
     /// Returns the linking number of two different closed curves.
-    fn linking_number(&self, pair: Pair) -> Estimate;
+    fn linking_number(&self, pair: Pair) -> Estimate {
+        self.linking_numbers(&[pair])[0]
+    }
 
-    /// Returns the linking numbers of several pairs, in their order. A kernel overrides this if it
-    /// is faster on all pairs together.
+    /// Returns the linking numbers of several pairs, in their order.
     fn linking_numbers(&self, pairs: &[Pair]) -> Vec<Estimate> {
         let each = pairs.par_iter().map(|&pair| self.linking_number(pair));
         each.collect()

@@ -21,7 +21,7 @@ mod tests;
 mod trees;
 
 use super::descent::{Descent, NodePair, Sum};
-use super::{Estimate, Summation};
+use super::{Estimate, Summation, trees_of};
 use crate::curve::CurveSet;
 use crate::curve::vector::{dot, per_axis};
 use crate::pairs::Pair;
@@ -32,7 +32,6 @@ use crate::simd::dispatch;
 pub(super) use bound::{Bounds, NEAREST, OUTWARD};
 use bound::{ROUNDING, bounds};
 use evaluate::{BATCH, expand_batch, next_order};
-use rayon::prelude::*;
 use std::f64::consts::PI;
 use std::sync::Arc;
 use trees::Tree;
@@ -105,15 +104,9 @@ pub(crate) struct BarnesHut {
 impl BarnesHut {
     /// Builds the trees of all closed polylines. Other curves have no linking numbers here.
     pub fn new(set: &CurveSet, options: Options) -> BarnesHut {
-        let scale = normalizing(set.max_abs());
-        let polyline = set.basis().is_polyline();
-        let trees = (0..set.len()).into_par_iter().map(|i| {
-            let fits = polyline && set.curve(i).closed && set.curve(i).points > 0;
-            fits.then(|| Tree::new(set, i, scale))
-        });
         BarnesHut {
             options,
-            trees: trees.collect::<Vec<_>>().into(),
+            trees: trees_of(set, |_| true, Tree::of).into(),
         }
     }
 
@@ -209,21 +202,6 @@ impl Summation for BarnesHut {
         debug_assert!((pair.0.max(pair.1) as usize) < self.trees.len());
         let sum = self.sum(pair);
         sum.map_or(Estimate::UNKNOWN, |sum| sum.estimate())
-    }
-}
-
-/// Returns the power of two that scales the largest coordinate to at least 1/2 and below 1. Scaling
-/// does not change linking numbers.
-///
-/// Products are exact except for underflow, which moves points by `2^-1074` at most, far less than
-/// the distance below which segments count as touching.
-pub(super) fn normalizing(max_abs: f64) -> f64 {
-    let exponent = (max_abs.to_bits() >> 52) as i64 - 1022;
-    // Subnormal numbers share one exponent, and so one factor. The factor of the largest numbers is
-    // subnormal.
-    match 1023 - exponent {
-        normal @ 1.. => f64::from_bits((normal.min(2046) as u64) << 52),
-        _ => f64::MIN_POSITIVE / 4.0,
     }
 }
 

@@ -16,7 +16,7 @@ pub(crate) const LEAF_SEGMENTS: u32 = LEAVES * LEAF as u32;
 /// Appends the nodes of a closed polyline, root first. Returns the number of levels. The
 /// coordinates are between -1 and 1, and the vertices begin with this number.
 pub(crate) fn pack(points: &[Point], first_vertex: u32, out: &mut Vec<Packed>) -> u32 {
-    let tree = Tree::of(points.len(), |k| points[k]);
+    let tree = Tree::of(points);
     if tree.reach.is_empty() {
         return 0;
     }

@@ -10,7 +10,7 @@ use super::bound::Reach;
 use super::moments::Moments;
 use crate::curve::pow2;
 use crate::curve::vector::{dot, norm, per_axis, sub};
-use crate::curve::{CurveSet, Point, union};
+use crate::curve::{Point, union};
 use crate::kernels::sums::join;
 
 /// Number of segments of a leaf, and number of lanes of the near field.
@@ -65,19 +65,12 @@ pub(super) struct Tree {
 }
 
 impl Tree {
-    /// Builds the tree of curve `i`, a closed polyline, with its coordinates multiplied by `scale`,
-    /// a power of two.
-    pub fn new(set: &CurveSet, i: usize, scale: f64) -> Tree {
-        let point = |k: usize| set.point(i, k).map(|x| x * scale);
-        Tree::of(set.curve(i).points as usize, point)
-    }
-
-    /// Builds the tree of a closed polyline of `n` points.
-    pub fn of(n: usize, point: impl Fn(usize) -> Point) -> Tree {
-        let leaves = n.div_ceil(LEAF);
+    /// Builds the tree of a closed polyline, whose coordinates are at most 1.
+    pub fn of(points: &[Point]) -> Tree {
+        let leaves = points.len().div_ceil(LEAF);
         let vertices = per_axis(|x| {
             let mut v = Vec::with_capacity(leaves * LEAF + 1);
-            v.extend((0..n).map(|k| point(k)[x]));
+            v.extend(points.iter().map(|p| p[x]));
             let end = v.first().copied().unwrap_or_default();
             v.resize(leaves * LEAF + 1, end);
             v

@@ -27,8 +27,8 @@ impl Scale {
     /// Returns a scale that maps numbers up to `largest` below 1.
     pub fn new(largest: f64) -> Scale {
         let exponent = (largest.to_bits() >> 52) as i32 - 1023;
-        // Up to 2^1000; smaller sets stay below 1.
-        let down = (exponent + 1).max(-1000);
+        // Subnormal numbers share one exponent, and so one scale.
+        let down = exponent + 1;
         Scale([pow2(-(down / 2)), pow2(-(down - down / 2))])
     }
 

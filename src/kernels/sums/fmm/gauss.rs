@@ -26,18 +26,17 @@ pub(in crate::kernels::sums) fn itself(points: &[Point], closed: bool, budget: f
 }
 
 fn within(chains: &[(&[Point], bool)], pair: Pair, budget: f64) -> Estimate {
-    let tree = |&(points, closed): &(&[Point], bool)| Tree::of(points.len(), closed, |k| points[k]);
+    let tree = |&(points, closed): &(&[Point], bool)| Some(Tree::of(points, closed));
     let mut fmm = Fmm {
-        options: Options::default(),
-        trees: chains.iter().map(|chain| Some(tree(chain))).collect(),
+        options: Options {
+            limit: LIMIT,
+            ..Options::default()
+        },
+        trees: chains.iter().map(tree).collect(),
     };
     let mut budget = budget;
     loop {
-        fmm.options = Options {
-            order: None,
-            accept: Accept::Within(budget),
-            limit: LIMIT,
-        };
+        fmm.options.accept = Accept::Within(budget);
         let sum = fmm.linking_number(pair);
         if sum.bound.is_finite() || budget > LARGEST {
             return sum;

@@ -29,9 +29,8 @@ mod tests;
 mod tree;
 mod walk;
 
-use super::barnes_hut::normalizing;
 use super::descent::{Descent, Sum};
-use super::{Estimate, Summation};
+use super::{Estimate, Summation, trees_of};
 use crate::curve::CurveSet;
 use crate::pairs::{Pair, curves_of};
 use expansions::Expansions;
@@ -98,16 +97,9 @@ impl Fmm {
     /// Builds the trees of the curves for which `some` holds. Other curves have no linking numbers
     /// here.
     pub fn of_some(set: &CurveSet, some: impl Fn(u32) -> bool + Sync, options: Options) -> Fmm {
-        let scale = normalizing(set.max_abs());
-        let polyline = set.basis().is_polyline();
-        let trees = (0..set.len()).into_par_iter().map(|i| {
-            let curve = set.curve(i);
-            let fits = polyline && curve.closed && curve.points > 0 && some(i as u32);
-            fits.then(|| Tree::new(set, i, scale))
-        });
         Fmm {
             options,
-            trees: trees.collect(),
+            trees: trees_of(set, some, |points| Tree::of(points, true)),
         }
     }
 
@@ -196,10 +188,6 @@ const TRIES: usize = 8;
 const UNEXPANDED: usize = 9;
 
 impl Summation for Fmm {
-    fn linking_number(&self, pair: Pair) -> Estimate {
-        self.linking_numbers(&[pair])[0]
-    }
-
     /// Computes the expansions once for each curve and order, for all of its pairs. The Gauss
     /// integral of a curve and itself is over unordered pairs of its segments.
     fn linking_numbers(&self, pairs: &[Pair]) -> Vec<Estimate> {

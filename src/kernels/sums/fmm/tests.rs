@@ -1,6 +1,7 @@
 use super::*;
 use crate::curve::vector::per_axis;
 use crate::kernels::sums::barnes_hut::{self, BarnesHut};
+use crate::kernels::sums::direct::Scale;
 use crate::kernels::tests::oracle;
 use crate::kernels::tests::polygons::{
     LONG_RIBBONS, SCENES, check, exact_set_of, hopf, polylines, scene,
@@ -401,7 +402,7 @@ fn check_nodes(cases: usize, seed: u64) -> [f64; 2] {
             let fmm = Fmm::new(&set, by_bound(None));
             let trees = fmm.pair((0, 1)).expect("two curves");
             let nodes = at.unwrap_or_else(|| trees.map(|t| some_node(random, t)));
-            let scale = normalizing(set.max_abs());
+            let scale = Scale::new(set.max_abs()).apply(1.0);
             let balls = [0, 1].map(|x| trees[x].balls[nodes[x].place as usize]);
             (nodes, balls, scale, fmm)
         };

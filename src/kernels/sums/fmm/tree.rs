@@ -8,7 +8,7 @@
 
 use crate::curve::pow2;
 use crate::curve::vector::{norm, per_axis, sub};
-use crate::curve::{CurveSet, Point, bounds, union};
+use crate::curve::{Point, bounds, union};
 use crate::kernels::sums::barnes_hut::Node;
 use crate::kernels::sums::join;
 
@@ -71,18 +71,12 @@ impl Segment {
 }
 
 impl Tree {
-    /// Builds the tree of curve `i`, a closed polyline of at least one point, with its coordinates
-    /// multiplied by `scale`, a power of two.
-    pub fn new(set: &CurveSet, i: usize, scale: f64) -> Tree {
-        let point = |k: usize| set.point(i, k).map(|x| x * scale);
-        Tree::of(set.curve(i).points as usize, true, point)
-    }
-
-    /// Builds the tree of a polyline of `n` points, with at least one segment.
-    pub fn of(n: usize, closed: bool, point: impl Fn(usize) -> Point) -> Tree {
+    /// Builds the tree of a polyline with at least one segment, whose coordinates are at most 1.
+    pub fn of(points: &[Point], closed: bool) -> Tree {
+        let n = points.len();
         let mut segments: Vec<Segment> = (0..n - usize::from(!closed))
             .map(|k| Segment {
-                ends: [point(k), point(if k + 1 < n { k + 1 } else { 0 })],
+                ends: [points[k], points[if k + 1 < n { k + 1 } else { 0 }]],
                 number: k as u32,
             })
             .collect();
