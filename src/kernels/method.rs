@@ -4,7 +4,7 @@ use super::sums::barnes_hut::{Accept, BarnesHut, Options, Order};
 use super::sums::direct::{Direct, Formula};
 use super::sums::fmm::{self, Fmm};
 use super::sums::interval::enclose;
-use super::{Estimate, GpuUse, Summation};
+use super::{GpuUse, Summation};
 use crate::curve::CurveSet;
 use crate::pairs::Pair;
 
@@ -90,10 +90,20 @@ impl Method {
                         ..Options::default()
                     };
                     let kernel = BarnesHut::new(polylines, Options { accept, ..by_bound });
-                    match beta {
-                        Some(_) => Box::new(kernel),
-                        None => Box::new(FirstByBeta([kernel.with(by_bound), kernel])),
+                    if beta.is_some() {
+                        return Box::new(kernel);
                     }
+                    // The first pass accepts node pairs by distance; it proves most pairs of a
+                    // garment in a third of the time. The second pass accepts by the error bound,
+                    // for pairs that the first one leaves undecided.
+                    let finer = kernel.with(by_bound);
+                    Box::new(move |pair| {
+                        let first = kernel.linking_number(pair);
+                        match first.integer() {
+                            Some(_) => first,
+                            None => finer.linking_number(pair),
+                        }
+                    })
                 };
                 match (target, accuracy.dipole) {
                     (None, false) => gpu.barnes_hut(polylines, pairs, beta, cpu),
@@ -107,32 +117,7 @@ impl Method {
                 };
                 Box::new(Fmm::new(polylines, options))
             }
-            Method::Interval => Box::new(Enclosures(polylines)),
+            Method::Interval => Box::new(move |pair| enclose(polylines, pair, 0.0).estimate()),
         })
-    }
-}
-
-/// Barnes-Hut in two steps. The first pass accepts node pairs by distance; it proves most pairs of
-/// a garment in a third of the time. The second pass accepts by the error bound, for pairs that the
-/// first one leaves undecided.
-struct FirstByBeta([BarnesHut; 2]);
-
-impl Summation for FirstByBeta {
-    fn linking_number(&self, pair: Pair) -> Estimate {
-        let [by_bound, by_beta] = &self.0;
-        let first = by_beta.linking_number(pair);
-        match first.integer() {
-            Some(_) => first,
-            None => by_bound.linking_number(pair),
-        }
-    }
-}
-
-/// Arai's enclosing intervals, converted to estimates.
-struct Enclosures<'a>(&'a CurveSet);
-
-impl Summation for Enclosures<'_> {
-    fn linking_number(&self, pair: Pair) -> Estimate {
-        enclose(self.0, pair, 0.0).estimate()
     }
 }

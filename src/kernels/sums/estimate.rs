@@ -86,6 +86,12 @@ pub(crate) trait Summation: Send + Sync {
     }
 }
 
+impl<F: Fn(Pair) -> Estimate + Send + Sync> Summation for F {
+    fn linking_number(&self, pair: Pair) -> Estimate {
+        self(pair)
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
