@@ -1,6 +1,6 @@
 //! Moments of the nodes of a curve.
 
-use super::harmonics::{Buffers, Lanes, ShiftBuffers, add_segments, add_shifted, count};
+use super::harmonics::{Lanes, add_segments, add_shifted, count};
 use super::norms::Norms;
 use super::tree::{Ball, GRAIN, LEAF, Tree};
 use crate::curve::vector::per_axis;
@@ -100,12 +100,11 @@ impl Build<'_> {
             let range = first * LEAF..(first + leaves) * LEAF;
             dispatch!(expand(self.tree, order, range, &ball, &mut *own));
         } else {
-            let mut buffers = ShiftBuffers::new(order);
             for place in [at[0][0], at[1][0]] {
                 let child = self.tree.balls[place];
                 let moments = &below[(place - at[0][0]) * size..][..size];
                 let r = per_axis(|x| (child.centre[x] - ball.centre[x]) / ball.size);
-                add_shifted(order, moments, child.size / ball.size, r, &mut buffers, own);
+                add_shifted(order, moments, child.size / ball.size, r, own);
             }
         }
         Norms::tighten(order, &ball, own, own_norms);
@@ -115,7 +114,7 @@ impl Build<'_> {
 /// Computes the moments of a range of segments.
 #[inline(always)]
 fn expand(tree: &Tree, order: usize, range: Range<usize>, ball: &Ball, out: &mut [f64]) {
-    let mut buffers: Buffers<TOGETHER> = Buffers::new(order);
+    let mut buffers = [(); 2].map(|()| vec![[0.0; TOGETHER]; count(order)]);
     let mut sums: Vec<Lanes<TOGETHER>> = vec![[0.0; TOGETHER]; 2 * count(order)];
     let [starts, ends] = &tree.ends;
     for start in range.step_by(TOGETHER) {

@@ -121,53 +121,35 @@ fn along<const L: usize>(v: &[Lanes<L>; 3], a: &[Lanes<L>], n: usize, k: usize) 
     ]
 }
 
-/// Buffers of [`add_segments`].
-#[derive(Clone, Debug)]
-pub(super) struct Buffers<const L: usize> {
-    end: Vec<Lanes<L>>,
-    mean: Vec<Lanes<L>>,
-}
-
-impl<const L: usize> Buffers<L> {
-    pub fn new(order: usize) -> Buffers<L> {
-        let zeros = vec![[0.0; L]; count(order)];
-        Buffers {
-            end: zeros.clone(),
-            mean: zeros,
-        }
-    }
-}
-
 /// Adds the moments of one segment in each lane, from `p` to `p + e`, to the sums of all lanes:
-/// `P`, then `T`.
+/// `P`, then `T`. The buffers have as many components as one kind of moments.
 #[inline(always)]
 pub(super) fn add_segments<const L: usize>(
     order: usize,
     p: &[Lanes<L>; 3],
     e: &[Lanes<L>; 3],
-    buffers: &mut Buffers<L>,
+    [end, mean]: &mut [Vec<Lanes<L>>; 2],
     out: &mut [Lanes<L>],
 ) {
     let q = per_axis(|x| map(|l| p[x][l] + e[x][l]));
     let turn =
         [(1, 2), (2, 0), (0, 1)].map(|(x, y)| map(|l| p[x][l] * e[y][l] - p[y][l] * e[x][l]));
-    regular(order - 1, &q, &mut buffers.end);
-    buffers.mean[0] = [1.0; L];
-    buffers.mean[1] = [0.0; L];
+    regular(order - 1, &q, end);
+    mean[0] = [1.0; L];
+    mean[1] = [0.0; L];
     let (out_p, out_t) = out.split_at_mut(count(order));
     for n in 1..=order {
         for k in 0..=n {
             let i = at(n, k);
             if n < order {
-                let shifted = along(p, &buffers.mean, n, k);
+                let shifted = along(p, mean, n, k);
                 let f = 1.0 / (n + 1) as f64;
                 for part in 0..2 {
-                    buffers.mean[i + part] =
-                        map(|l| f * (buffers.end[i + part][l] + shifted[part][l]));
+                    mean[i + part] = map(|l| f * (end[i + part][l] + shifted[part][l]));
                 }
             }
-            let [re, im] = along(e, &buffers.mean, n, k);
-            let [tr, ti] = along(&turn, &buffers.mean, n, k);
+            let [re, im] = along(e, mean, n, k);
+            let [tr, ti] = along(&turn, mean, n, k);
             for l in 0..L {
                 out_p[i][l] += re[l];
                 out_p[i + 1][l] += im[l];
@@ -178,59 +160,33 @@ pub(super) fn add_segments<const L: usize>(
     }
 }
 
-/// Buffers of [`add_shifted`].
-#[derive(Clone, Debug)]
-pub(super) struct ShiftBuffers {
-    harmonics: Vec<[f64; 1]>,
-    /// Moments of the child, in the units of the parent.
-    child: Vec<[f64; 1]>,
-    /// The same, with `T` about the parent's centre.
-    turned: Vec<[f64; 1]>,
-}
-
-impl ShiftBuffers {
-    pub fn new(order: usize) -> ShiftBuffers {
-        ShiftBuffers {
-            harmonics: vec![[0.0]; count(order)],
-            child: vec![[0.0]; 2 * count(order)],
-            turned: vec![[0.0]; count(order)],
-        }
-    }
-}
-
 /// Adds the moments of a child at displacement `r`, in units of its own size, to those of its
 /// parent. Both are `P`, then `T`; `r` and `ratio`, the unit of the child, are in units of the
 /// parent.
 ///
 /// With `x + r` in place of `x`, `T` gains the integral of `grad R . (r cross dx)`, which by the
 /// decomposition of [`super::interact`] is a sum of moments about the centre of the child.
-pub(super) fn add_shifted(
-    order: usize,
-    child: &[f64],
-    ratio: f64,
-    r: Point,
-    buffers: &mut ShiftBuffers,
-    out: &mut [f64],
-) {
+pub(super) fn add_shifted(order: usize, child: &[f64], ratio: f64, r: Point, out: &mut [f64]) {
     let size = count(order);
+    // Moments of the child in the units of the parent; `T` also about the parent's centre.
+    let [mut p, mut t, mut turned, mut harmonics] = [(); 4].map(|()| vec![[0.0]; size]);
     let mut power = 1.0;
     for n in 1..=order {
         power *= ratio;
         for i in at(n, 0)..at(n + 1, 0) {
-            buffers.child[i] = [child[i] * power];
-            buffers.child[size + i] = [child[size + i] * power * ratio];
+            p[i] = [child[i] * power];
+            t[i] = [child[size + i] * power * ratio];
         }
     }
     let v = r.map(|x| [x]);
-    regular(order - 1, &v, &mut buffers.harmonics);
-    let (p, t) = buffers.child.split_at(size);
+    regular(order - 1, &v, &mut harmonics);
     for n in 1..=order {
         let f = 1.0 / n as f64;
         for k in 0..=n {
             let i = at(n, k);
-            let [zr, zi] = get(p, n, k as isize);
-            let [ur, ui] = get(p, n, k as isize + 1);
-            let [wr, wi] = get(p, n, k as isize - 1);
+            let [zr, zi] = get(&p, n, k as isize);
+            let [ur, ui] = get(&p, n, k as isize + 1);
+            let [wr, wi] = get(&p, n, k as isize - 1);
             let up = 0.5 * (n + k + 1) as f64;
             let down = 0.5 * (n + 1) as f64 - 0.5 * k as f64;
             let z = r[2] * k as f64;
@@ -241,12 +197,11 @@ pub(super) fn add_shifted(
             let im = z * zi[0]
                 + up * (r[0] * ui[0] - r[1] * ur[0])
                 + down * (r[0] * wi[0] + r[1] * wr[0]);
-            let [gr, gi] = along(&v, t, n, k);
-            buffers.turned[i] = [t[i][0] + f * (gr[0] - im)];
-            buffers.turned[i + 1] = [t[i + 1][0] + f * (gi[0] + re)];
+            let [gr, gi] = along(&v, &t, n, k);
+            turned[i] = [t[i][0] + f * (gr[0] - im)];
+            turned[i + 1] = [t[i + 1][0] + f * (gi[0] + re)];
         }
     }
-    let harmonics = &buffers.harmonics;
     let (out_p, out_t) = out.split_at_mut(size);
     for n in 1..=order {
         for k in 0..=n {
@@ -256,9 +211,9 @@ pub(super) fn add_shifted(
                 let first = (k as isize - m).max(-(j as isize));
                 let last = (k as isize + m).min(j as isize);
                 for l in first..=last {
-                    let [hr, hi] = get(harmonics, n - j, k as isize - l);
-                    let [pr, pi] = get(p, j, l);
-                    let [tr, ti] = get(&buffers.turned, j, l);
+                    let [hr, hi] = get(&harmonics, n - j, k as isize - l);
+                    let [pr, pi] = get(&p, j, l);
+                    let [tr, ti] = get(&turned, j, l);
                     sums[0] += hr[0] * pr[0] - hi[0] * pi[0];
                     sums[1] += hr[0] * pi[0] + hi[0] * pr[0];
                     sums[2] += hr[0] * tr[0] - hi[0] * ti[0];

@@ -201,7 +201,7 @@ fn moments_of_parents_equal_those_of_their_segments() {
         let mut shifted = Expansions::outline(tree, order);
         shifted.fill(tree, 1);
         let root = tree.balls[0];
-        let mut buffers = harmonics::Buffers::<1>::new(order);
+        let mut buffers = [(); 2].map(|()| vec![[0.0]; harmonics::count(order)]);
         let mut direct = vec![[0.0]; 2 * harmonics::count(order)];
         let [starts, ends] = &tree.ends;
         for k in 0..starts[0].len() {
@@ -478,7 +478,7 @@ fn the_rounding_error_of_shifted_moments_is_within_the_bound() {
         let mut shifted = Expansions::outline(tree, order);
         shifted.fill(tree, 1);
         let (root, size) = (tree.balls[0], harmonics::count(order));
-        let mut buffers = harmonics::Buffers::<1>::new(order);
+        let mut buffers = [(); 2].map(|()| vec![[0.0]; harmonics::count(order)]);
         let mut direct = vec![[0.0]; 2 * size];
         let [starts, ends] = &tree.ends;
         for k in 0..starts[0].len() {
