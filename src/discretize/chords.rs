@@ -1,6 +1,7 @@
 //! Splines as polylines of a fixed number of chords per segment.
 
-use crate::curve::{Basis, CurveSet, Positions, count_of, point_at};
+use super::global::polylines;
+use crate::curve::CurveSet;
 use crate::error::Result;
 
 /// Replaces each segment of the splines by `per_segment` chords of equal length in parameter, in
@@ -14,31 +15,22 @@ use crate::error::Result;
 ///
 /// [`Error::Count`](crate::Error::Count) if the result has more points than `u32` can count.
 pub fn chords(set: &CurveSet, per_segment: usize) -> Result<CurveSet> {
-    let steps = match set.basis() {
-        Basis::Polyline => 1,
-        _ => per_segment.max(1),
+    let steps = match set.basis().is_polyline() {
+        true => 1,
+        false => per_segment,
     };
-    let mut counts = Vec::with_capacity(set.len());
-    let mut xyz = Vec::with_capacity(3 * (steps * set.segments() + set.len()));
-    for (i, curve) in set.curves().iter().enumerate() {
-        let segments = curve.segments as usize;
-        for s in 0..segments {
-            let hull = set.segment(i, s);
-            let inner = (1..steps).map(|k| point_at(&hull, k as f64 / steps as f64));
-            xyz.extend(std::iter::once(hull[0]).chain(inner).flatten());
-        }
-        if !curve.closed {
-            xyz.extend(set.knot(i, segments));
-        }
-        let points = steps * segments + usize::from(!curve.closed);
-        counts.push(count_of(points, curve.closed)?);
-    }
-    CurveSet::from_counts(Basis::Polyline, &counts, Positions::F64(&xyz))
+    let inner = |s: u32| (1..steps).map(move |k| (s, k as f64 / steps as f64));
+    let splits = set
+        .curves()
+        .iter()
+        .map(|c| (0..c.segments).flat_map(inner).collect());
+    polylines(set, &splits.collect::<Vec<_>>())
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::curve::{Basis, Positions};
 
     #[test]
     fn chords_keep_the_knots_and_the_ends_of_all_curves() {

@@ -115,7 +115,7 @@ fn refine(
 }
 
 /// Returns the polylines through all knots and splits.
-fn polylines(set: &CurveSet, splits: &[Vec<(u32, f64)>]) -> Result<CurveSet> {
+pub(super) fn polylines(set: &CurveSet, splits: &[Vec<(u32, f64)>]) -> Result<CurveSet> {
     let added: usize = splits.iter().map(Vec::len).sum();
     let points = set.segments() + added + set.len();
     let mut builder = CurveSet::builder(Basis::Polyline, Precision::F64, points);

@@ -78,8 +78,10 @@ pub(crate) fn vertices(
     let mut splits = splits.iter().peekable();
     for s in 0..set.curve(curve).segments {
         visit(s, set.knot(curve, s as usize));
+        let mut whole = None;
         while let Some((_, t)) = splits.next_if(|split| split.0 == s) {
-            visit(s, set.eval(curve, s as usize, *t));
+            let whole = whole.get_or_insert_with(|| set.segment(curve, s as usize));
+            visit(s, point_at(whole, *t));
         }
     }
 }

@@ -164,9 +164,8 @@ impl Hull {
     fn sides_along(&self, other: &Hull, n: Point, margin: f64) -> (bool, bool) {
         // The constant covers underflow of this product and of those below.
         let slack = 2.0 * margin * (n[0].abs() + n[1].abs() + n[2].abs()) + 1e-300;
-        let origin = [self.points[0][0], self.points[1][0], self.points[2][0]];
-        let [a_lo, a_hi] = extent(&self.heights(origin, n));
-        let [b_lo, b_hi] = extent(&other.heights(origin, n));
+        let [a, b] = self.heights_of_both(other, n);
+        let ([a_lo, a_hi], [b_lo, b_hi]) = (extent(&a), extent(&b));
         // Strict comparisons: a zero normal separates nothing.
         (a_hi + slack < b_lo, b_hi + slack < a_lo)
     }

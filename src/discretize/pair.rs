@@ -17,38 +17,55 @@ const FEWEST_ROUNDS: u32 = 4;
 // Segments that run along one another are halved as often, too.
 const _: () = assert!(4usize.pow(FEWEST_ROUNDS - 1) <= GRAZING);
 
-/// Separation test for the hulls of two segments.
+/// Separation test for the hulls of two segments. If there are two frames, the control points move
+/// from one to the other, on straight lines at constant speed.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Separation<'a> {
-    set: &'a CurveSet,
-    hulls: Hulls<'a>,
+pub(crate) struct Separation<'a, const N: usize = 1> {
+    sets: [&'a CurveSet; N],
+    frames: [Hulls<'a>; N],
     curves: [usize; 2],
-    margin: f64,
+    /// Covers rounding errors of the coordinates of all frames and of their heights along an axis
+    /// ([`separation_margin`]).
+    pub margin: f64,
 }
 
-impl<'a> Separation<'a> {
-    pub fn new(set: &'a CurveSet, curves: [usize; 2]) -> Self {
+/// Separation test for two moving segments.
+pub(crate) type MovingSeparation<'a> = Separation<'a, 2>;
+
+impl<'a, const N: usize> Separation<'a, N> {
+    pub fn new(sets: [&'a CurveSet; N], curves: [usize; 2]) -> Self {
+        let margins = sets.map(|set| separation_margin(set.max_abs(), set.pad()));
         Separation {
-            set,
-            hulls: set.hulls(),
+            sets,
+            frames: sets.map(CurveSet::hulls),
             curves,
-            margin: separation_margin(set.max_abs(), set.pad()),
+            margin: margins.into_iter().fold(0.0, f64::max),
         }
     }
 
-    /// Returns a test for hulls that are dilated by a larger margin.
-    pub fn with_margin(self, more: f64) -> Self {
-        let margin = self.margin + more;
-        Separation { margin, ..self }
+    /// Returns true if the hulls of two segments are proven apart at all times. This holds for all
+    /// pieces of the segments, too.
+    #[inline(always)]
+    pub fn apart(&self, s: u32, t: u32) -> bool {
+        let [first, second] = [self.hulls(0, s), self.hulls(1, t)];
+        let frames: [_; N] = std::array::from_fn(|k| [&first[k], &second[k]]);
+        Hull::separated_throughout(frames, self.margin)
     }
 
+    /// Returns the hulls of a segment of the first or of the second curve in all frames.
+    #[inline(always)]
+    fn hulls(&self, side: usize, s: u32) -> [Hull; N] {
+        let i = self.curves[side];
+        self.frames.map(|frame| Hull::new(frame.at(i, s as usize)))
+    }
+}
+
+impl Separation<'_> {
     /// Adds the segment pairs whose hulls are not proven apart to `close`.
     #[inline(always)]
     pub fn add_close(&self, pairs: &[(u32, u32)], close: &mut Vec<(u32, u32)>) {
         for &(s, t) in pairs {
-            let hull =
-                |side: usize, s: u32| Hull::new(self.hulls.at(self.curves[side], s as usize));
-            if !hull(0, s).separated(&hull(1, t), self.margin) {
+            if !self.apart(s, t) {
                 close.push((s, t));
             }
         }
@@ -62,41 +79,17 @@ impl<'a> Separation<'a> {
     pub fn refine(&self, close: &[(u32, u32)], halving: &mut Halving) -> Result<(), [u32; 2]> {
         let volume = |[piece]: &[Bezier; 1], _| Hull::of_piece(piece);
         let apart = |a: &Hull, b: &Hull| a.separated(b, self.margin);
-        let curves = ([self.set], self.curves);
-        halving.halve(curves, close, (MAX_LEVEL, None), volume, apart)
+        halving.halve(
+            (self.sets, self.curves),
+            close,
+            (MAX_LEVEL, None),
+            volume,
+            apart,
+        )
     }
 }
 
-/// Separation test for two segments whose control points move from one frame to another, on
-/// straight lines at constant speed.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct MovingSeparation<'a> {
-    sets: [&'a CurveSet; 2],
-    frames: [Hulls<'a>; 2],
-    curves: [usize; 2],
-    margin: f64,
-}
-
-impl<'a> MovingSeparation<'a> {
-    pub fn new(frames: [&'a CurveSet; 2], curves: [usize; 2]) -> Self {
-        let [m, n] = frames.map(|set| separation_margin(set.max_abs(), set.pad()));
-        MovingSeparation {
-            sets: frames,
-            frames: frames.map(CurveSet::hulls),
-            curves,
-            margin: m.max(n),
-        }
-    }
-
-    /// Returns true if the hulls of two segments are proven apart at all times. This holds for all
-    /// pieces of the segments, too.
-    #[inline(always)]
-    pub fn apart(&self, s: u32, t: u32) -> bool {
-        let [first, second] = [self.hulls(self.curves[0], s), self.hulls(self.curves[1], t)];
-        let frames = [[&first[0], &second[0]], [&first[1], &second[1]]];
-        Hull::separated_throughout(frames, self.margin)
-    }
-
+impl MovingSeparation<'_> {
     /// Splits segments where they may meet at some time, until their pieces are proven apart at all
     /// times or were halved `rounds` times. Pieces of one curve that are joined count as apart if
     /// the curve is monotonic along them ([`Self::add_turns`]).
@@ -129,16 +122,10 @@ impl<'a> MovingSeparation<'a> {
         apart.is_ok() || halving.rounds >= FEWEST_ROUNDS
     }
 
-    /// Returns the margin that covers rounding errors of the coordinates of both frames and of
-    /// their heights along an axis ([`separation_margin`]).
-    pub fn margin(&self) -> f64 {
-        self.margin
-    }
-
     /// Returns true if two consecutive segments, one of each curve, are not proven monotonic
     /// together at all times ([`MovingSeparation::add_turns`]).
     pub fn may_turn(&self, s: u32, t: u32) -> bool {
-        let [first, second] = [self.hulls(self.curves[0], s), self.hulls(self.curves[1], t)];
+        let [first, second] = [self.hulls(0, s), self.hulls(1, t)];
         let frames = [[first[0], second[0]], [first[1], second[1]]];
         !Hull::are_monotonic(&frames, self.margin)
     }
@@ -149,11 +136,10 @@ impl<'a> MovingSeparation<'a> {
     /// the last one of the range, or the last one itself if the curve ends there.
     #[inline(always)]
     pub fn add_turns(&self, segments: Range<u32>, after: u32, near: &mut Vec<(u32, u32)>) {
-        let i = self.curves[0];
-        let [mut before_s, mut after_s] = self.hulls(i, segments.start);
+        let [mut before_s, mut after_s] = self.hulls(0, segments.start);
         for s in segments.clone() {
             let next = if s + 1 < segments.end { s + 1 } else { after };
-            let [before_t, after_t] = self.hulls(i, next);
+            let [before_t, after_t] = self.hulls(0, next);
             let frames = [[before_s, before_t], [after_s, after_t]];
             if !Hull::are_monotonic(&frames, self.margin) {
                 near.push((s, s));
@@ -163,11 +149,5 @@ impl<'a> MovingSeparation<'a> {
             }
             [before_s, after_s] = [before_t, after_t];
         }
-    }
-
-    /// Returns the hulls of a segment in both frames.
-    #[inline(always)]
-    fn hulls(&self, i: usize, s: u32) -> [Hull; 2] {
-        self.frames.map(|frame| Hull::new(frame.at(i, s as usize)))
     }
 }

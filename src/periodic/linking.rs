@@ -227,7 +227,8 @@ fn split(set: &CurveSet, ring: usize, yarns: &[usize]) -> Result<(Strand, Vec<St
                 near.extend(others.map(|(t, _)| (t as u32, s as u32)));
             }
         }
-        let separation = Separation::new(set, [ring, yarn]).with_margin(gap);
+        let mut separation = Separation::new([set], [ring, yarn]);
+        separation.margin += gap;
         separation.add_close(&near, &mut close);
         let refined = separation.refine(&close, &mut halving);
         refined.map_err(|[t, s]| (yarn, [s, t]))?;

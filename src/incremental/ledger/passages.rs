@@ -119,7 +119,7 @@ impl Task<'_> {
     fn add_splines(&self, cuts: &Cuts, near: &[(u32, u32)], found: &mut Findings) {
         let (mut p, mut q) = (Vec::new(), Vec::new());
         let sieve = MovingBoxes {
-            margin: self.separation.margin(),
+            margin: self.separation.margin,
         };
         let mut last = None;
         for &(s, t) in near {
@@ -164,7 +164,7 @@ impl Task<'_> {
         use crate::discretize::Sieve as _;
         let (mut p, mut q) = (Vec::new(), Vec::new());
         let sieve = MovingBoxes {
-            margin: self.separation.margin(),
+            margin: self.separation.margin,
         };
         for &(s, t) in near {
             cuts.vertices(self, 0, s, &mut p);

@@ -26,7 +26,7 @@ pub(super) struct Vertex {
 /// plane separates them on the same side in both frames, and so at all times in between: along a
 /// coordinate, which is also the first test for two pieces, or across their relative motion.
 pub(super) struct MovingBoxes {
-    /// [`MovingSeparation::margin`](crate::discretize::MovingSeparation::margin)
+    /// [`Separation::margin`](crate::discretize::Separation)
     pub margin: f64,
 }
 
@@ -105,7 +105,7 @@ impl Cuts {
             }
         };
         for set in task.step.frames {
-            let separation = Separation::new(set, task.curves);
+            let separation = Separation::new([set], task.curves);
             close.clear();
             separation.add_close(near, close);
             // Adjacent segments are joined, so no split separates them.

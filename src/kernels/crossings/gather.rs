@@ -72,7 +72,7 @@ impl<'a> Task<'a> {
                 true => input.set.rounding(),
                 false => 0.0,
             },
-            separation: Separation::new(input.set, curves),
+            separation: Separation::new([input.set], curves),
             waiting: AtomicUsize::new(0),
         }
     }
