@@ -10,13 +10,6 @@ use std::cmp::Ordering;
 /// A point in units of a power of two that all points of a test share.
 pub(super) type BigPoint = [BigInt; 3];
 
-/// Returns the coordinates as integers in units of a common power of two: the largest one possible,
-/// so that the integers stay short.
-pub(super) fn integers<const N: usize>(values: [f64; N]) -> [BigInt; N] {
-    let lowest = lowest(&values);
-    values.map(|x| integer(x, lowest))
-}
-
 /// Returns a number as mantissa and exponent, `mantissa * 2^exponent` with an odd mantissa; `None`
 /// for 0.
 fn split(x: f64) -> Option<(i64, i32)> {
@@ -47,10 +40,14 @@ fn integer(x: f64, lowest: Option<i32>) -> BigInt {
     }
 }
 
-/// Returns points whose coordinates are sums as integers in units of a common power of two.
+/// Returns points whose coordinates are sums as integers in units of a common power of two: the
+/// largest one possible, so that the integers stay short.
 pub(super) fn points<const N: usize>(points: [SumPoint; N]) -> [BigPoint; N] {
     let lowest = lowest(points.as_flattened().as_flattened());
-    let sum = |terms: [f64; TERMS]| terms.iter().map(|&x| integer(x, lowest)).sum();
+    let sum = |terms: [f64; TERMS]| {
+        let terms = terms.iter().filter(|x| **x != 0.0);
+        terms.map(|&x| integer(x, lowest)).sum()
+    };
     points.map(|p| p.map(sum))
 }
 

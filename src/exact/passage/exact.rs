@@ -7,7 +7,7 @@ use super::polynomial::{Dyadic, Interval, Polynomial, Root};
 use super::ring::{Infinitesimal, Ring};
 use super::{Edges, Moment, Ties};
 use crate::curve::vector::per_axis;
-use crate::curve::{SumEdges, SumPoint};
+use crate::curve::{SumEdges, SumPoint, single};
 use num_bigint::BigInt;
 
 /// Coordinates of a point that moves on a straight line.
@@ -41,12 +41,8 @@ pub(super) const TRANSLATION: [u32; 3] = [1, 16, 256];
 
 impl MovingEdges<BigInt> {
     pub fn new(before: &Edges, after: &Edges) -> Self {
-        let point = |k: usize| [before, after][k / 4][k % 4 / 2][k % 2];
-        let values: [f64; 24] = std::array::from_fn(|k| point(k / 3)[k % 3]);
-        let all = big::integers(values);
-        MovingEdges::of_points(&std::array::from_fn(|k| {
-            per_axis(|x| all[3 * k + x].clone())
-        }))
+        let point = |k: usize| [before, after][k / 4][k % 4 / 2][k % 2].map(single);
+        MovingEdges::of_points(&big::points(std::array::from_fn(point)))
     }
 
     /// Ends in this order: a, b of the first edge, c, d of the second one; in both frames.
@@ -86,19 +82,23 @@ impl MovingEdges<BigInt> {
         }
     }
 
+    /// Returns the vectors from both ends of the first edge to those of the second one along an
+    /// axis.
+    fn gaps(&self, x: usize) -> [Polynomial<BigInt>; 4] {
+        let (c, first) = (&self.between[x], &self.first[x]);
+        let d = c.plus(&self.second[x]);
+        [c.clone(), c.minus(first), d.minus(first), d]
+    }
+
     /// Returns the relation of the two edges at the single root of `f` in `interval`, a time at
     /// which they lie in one plane.
     fn meeting(&self, f: &Polynomial<BigInt>, interval: &Interval) -> Meeting {
         let sign = |g: &Polynomial<BigInt>| f.signs_at_roots(g, interval);
         // Apart along an axis.
-        let [c, d] = [&self.between, &sum(&self.between, &self.second)];
         let apart = |x: usize| {
-            let side = sign(&c[x]);
-            let same = |gap: &Polynomial<BigInt>| sign(gap) == side;
-            side != 0
-                && same(&d[x])
-                && same(&c[x].minus(&self.first[x]))
-                && same(&d[x].minus(&self.first[x]))
+            let [gap, others @ ..] = self.gaps(x);
+            let side = sign(&gap);
+            side != 0 && others.iter().all(|other| sign(other) == side)
         };
         if (0..3).any(apart) {
             return Meeting::Apart;
@@ -137,17 +137,9 @@ impl MovingEdges<BigInt> {
             if constant { ends[0] } else { 0 }
         };
         let same = |signs: &[i32]| signs[0] != 0 && signs.iter().all(|&s| s == signs[0]);
-        let d = sum(&self.between, &self.second);
         let apart = (0..3).any(|x| {
-            let c = &self.between[x];
-            let gaps = [
-                c,
-                &d[x],
-                &c.minus(&self.first[x]),
-                &d[x].minus(&self.first[x]),
-            ];
             let [a, b, c, d] = self.sides(x);
-            same(&gaps.map(sign))
+            same(&self.gaps(x).map(|g| sign(&g)))
                 || same(&[a, b].map(|g| sign(&g)))
                 || same(&[c, d].map(|g| sign(&g)))
         });
