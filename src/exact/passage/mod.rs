@@ -163,33 +163,13 @@ pub(crate) enum Decided {
 }
 
 /// Calls `out` with every passage of a pair of edges and with every contact in a frame, in
-/// chronological order.
+/// chronological order. Coordinates may be rounded by at most `rounding`: the result is then that
+/// of the exact coordinates in both frames, which `sums` returns.
 ///
 /// With [`Ties::Report`], contacts in a frame are decided by a translation as well. They are
 /// meaningful only if the caller can determine which other pairs of edges take part in the contact,
 /// and passes the same curve first in all of them. If the result is [`Decided::Tie`], there are no
 /// events, and the pair is undecided.
-pub(crate) fn passages(
-    before: &Edges,
-    after: &Edges,
-    ties: Ties,
-    out: &mut impl FnMut(Passage),
-) -> Decided {
-    if filter::apart(before, after, 0.0) {
-        return Decided::Apart;
-    }
-    if before == after && !exact::touch(before) {
-        return Decided::Certified;
-    }
-    if let Some(found) = filter::passages(before, after, 0.0) {
-        found.into_iter().flatten().for_each(out);
-        return Decided::Certified;
-    }
-    exactly(before, after, ties, out)
-}
-
-/// Same as [`passages`], for edges whose coordinates are rounded by at most `rounding`: the result
-/// is that of the exact coordinates in both frames, which `sums` returns.
 pub(crate) fn passages_of_sums(
     [before, after]: [&Edges; 2],
     rounding: f64,
@@ -197,15 +177,18 @@ pub(crate) fn passages_of_sums(
     ties: Ties,
     out: &mut impl FnMut(Passage),
 ) -> Decided {
-    if rounding == 0.0 {
-        return passages(before, after, ties, out);
-    }
     if filter::apart(before, after, rounding) {
         return Decided::Apart;
+    }
+    if rounding == 0.0 && before == after && !exact::touch(before) {
+        return Decided::Certified;
     }
     if let Some(found) = filter::passages(before, after, rounding) {
         found.into_iter().flatten().for_each(out);
         return Decided::Certified;
+    }
+    if rounding == 0.0 {
+        return exactly(before, after, ties, out);
     }
     // Relative to a vertex, because places along the edges are computed in floating point.
     let sums = sums();
@@ -245,7 +228,7 @@ fn difference(to: &SumPoint, from: &SumPoint) -> Point {
     })
 }
 
-/// [`passages`] in exact arithmetic only.
+/// [`passages_of_sums`] in exact arithmetic only, without rounding.
 #[cold]
 fn exactly(before: &Edges, after: &Edges, ties: Ties, out: &mut impl FnMut(Passage)) -> Decided {
     report([before, after], exact::events(before, after, ties), out)

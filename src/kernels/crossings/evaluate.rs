@@ -31,13 +31,6 @@ pub(super) struct SignedCount {
     pub stats: Stats,
 }
 
-/// Buffers for the polylines that two split segments are replaced by.
-#[derive(Debug, Default)]
-pub(super) struct Polylines {
-    upper: Vec<Point>,
-    lower: Vec<Point>,
-}
-
 impl SignedCount {
     /// Adds another part of the same pair.
     pub fn merge(&mut self, other: &SignedCount) {
@@ -174,9 +167,8 @@ impl SignedCount {
         task: &Task<'_>,
         tests: &mut Vec<(u32, u32)>,
         splits: &[Splits; 2],
-        polylines: &mut Polylines,
+        [upper, lower]: &mut [Vec<Point>; 2],
     ) {
-        let Polylines { upper, lower } = polylines;
         let set = task.input.set;
         let mut last = None;
         tests.retain(|&(s, t)| {

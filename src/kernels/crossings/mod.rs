@@ -44,7 +44,7 @@ pub(crate) use self::sample::sample;
 pub(crate) use self::tasks::{busy_threads, linking_numbers};
 use super::Linking;
 use crate::cancel::Cancel;
-use crate::curve::CurveSet;
+use crate::curve::{CurveSet, Point};
 use crate::discretize::Halving;
 use crate::pairs::{Agenda, Pair, Trees, closest_approach, closest_of_segments};
 use crate::simd::{Lanes, dispatch_wide};
@@ -148,7 +148,8 @@ pub(crate) struct Workspace {
     candidates: gather::Candidates,
     count: SignedCount,
     halving: Halving,
-    polylines: evaluate::Polylines,
+    /// Polylines that replace two split segments.
+    polylines: [Vec<Point>; 2],
     sampling: sample::Buffers,
     /// Work since the last call of [`Workspace::take_stats`].
     pub stats: Stats,

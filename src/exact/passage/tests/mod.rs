@@ -10,6 +10,11 @@ use crate::random::Random;
 
 type Polygon = Vec<[i64; 3]>;
 
+/// [`passages_of_sums`] without rounding.
+fn passages(before: &Edges, after: &Edges, ties: Ties, out: &mut impl FnMut(Passage)) -> Decided {
+    passages_of_sums([before, after], 0.0, || unreachable!(), ties, out)
+}
+
 /// Returns the passages in the order in which they are reported.
 fn collect(before: &Edges, after: &Edges, ties: Ties) -> (Decided, Vec<Passage>) {
     let mut all = Vec::new();
