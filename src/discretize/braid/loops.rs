@@ -9,6 +9,7 @@ use crate::curve::{AXES, Basis, CurveSet, Notation, Point, Positions, Shape, bou
 use crate::error::{Error, Result};
 use crate::pairs::LoopPairs;
 use nalgebra::Vector3;
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 /// Rounding errors of local coordinates, relative to the largest coordinate. A rotation and a
@@ -28,11 +29,9 @@ pub struct BraidLoops {
     places: Vec<(usize, usize)>,
     /// Curves of the first frame.
     shape: Shape,
-    /// Number of points of each curve, and then of each loop, negative if it is closed.
-    counts: Vec<i32>,
-    /// Points of the loops in the first frame, which take the place of those of a frame that breaks
-    /// a condition.
-    first: Vec<f64>,
+    /// The curves of the first frame, and after them its loops, which take the place of those of a
+    /// frame that breaks a condition.
+    first: CurveSet,
 }
 
 /// A braid whose ends are known.
@@ -72,43 +71,42 @@ impl BraidLoops {
             }
             Braids::Given(given) => given,
         };
-        let mut next: Vec<u32> = vec![u32::MAX; set.len()];
+        let mut found = BTreeMap::new();
         for (b, braid) in given.iter().enumerate() {
-            check(b, braid, set, &mut next).map_err(Error::Braid)?;
+            check(b, braid, set, &mut found).map_err(Error::Braid)?;
         }
-        let loops = (0..).zip(&next).filter(|(_, after)| **after != u32::MAX);
+        let found = found
+            .into_iter()
+            .map(|(i, (after, place))| ([i, after], place));
+        let (pairs, places) = found.unzip();
         let mut loops = BraidLoops {
             braids: Vec::new(),
             pairs: Arc::new(LoopPairs {
                 closed: set.curves().iter().map(|c| c.closed).collect(),
-                loops: loops.map(|(i, after)| [i, *after]).collect(),
+                loops: pairs,
             }),
-            places: Vec::new(),
+            places,
             shape: set.shape(),
-            counts: Vec::new(),
-            first: Vec::new(),
+            // Replaced below, once the ends of the loops are known.
+            first: set.clone(),
         };
         for (b, braid) in given.iter().enumerate() {
             let resolved = loops.resolve(b, braid, set).map_err(Error::Braid)?;
             loops.braids.push(resolved);
         }
-        let place = |&[curve, _]: &[u32; 2]| {
-            let place = |b: &Resolved| b.curves.iter().position(|&c| c == curve);
-            let mut braids = loops.braids.iter().enumerate();
-            braids.find_map(|(b, braid)| Some((b, place(braid)?)))
-        };
-        loops.places = loops.pairs.loops.iter().filter_map(place).collect();
         let poses = loops.poses(set).map_err(Error::Braid)?;
         let mut all = Vec::new();
-        let own = write_curves(set, &mut all);
-        let start = all.len();
-        let virtual_loops = loops.write_loops(set, &poses, &mut all);
-        let closed = set.curves().iter().map(|c| c.closed);
-        let sizes = own.into_iter().chain(virtual_loops);
-        let counts = sizes.zip(closed.chain(std::iter::repeat(true)));
-        let counts = counts.map(|(points, closed)| count_of(points, closed));
-        loops.counts = counts.collect::<Result<_>>()?;
-        loops.first = all.split_off(start);
+        let mut sizes = write_curves(set, &mut all);
+        sizes.extend(loops.write_loops(set, &poses, &mut all));
+        let closed = loops.pairs.closed.iter().chain(std::iter::repeat(&true));
+        let counts = sizes.into_iter().zip(closed);
+        let counts = counts.map(|(points, closed)| count_of(points, *closed));
+        let counts = counts.collect::<Result<Vec<i32>>>()?;
+        let basis = match set.basis().is_polyline() {
+            true => Basis::Polyline,
+            false => Basis::Bezier,
+        };
+        loops.first = CurveSet::from_counts(basis, &counts, Positions::F64(&all))?;
         Ok(loops)
     }
 
@@ -311,26 +309,17 @@ impl BraidLoops {
         out: &mut Option<CurveSet>,
     ) -> Result<Option<String>> {
         let poses = self.poses(set);
-        let write = |positions: &mut Vec<f64>| {
+        let out = out.get_or_insert_with(|| self.first.clone());
+        out.update_with(|positions| {
             write_curves(set, positions);
             match &poses {
                 Ok(poses) => drop(self.write_loops(set, poses, positions)),
-                Err(_) => positions.extend(&self.first),
+                Err(_) => {
+                    let loops = set.len()..self.first.len();
+                    positions.extend(loops.flat_map(|i| self.first.points_in(i)).flatten());
+                }
             }
-        };
-        match out {
-            Some(out) => out.update_with(write)?,
-            None => {
-                let basis = match set.basis().is_polyline() {
-                    true => Basis::Polyline,
-                    false => Basis::Bezier,
-                };
-                let mut positions = Vec::new();
-                write(&mut positions);
-                let positions = Positions::F64(&positions);
-                *out = Some(CurveSet::from_counts(basis, &self.counts, positions)?);
-            }
-        }
+        })?;
         Ok(poses.err())
     }
 
@@ -395,8 +384,11 @@ impl BraidLoops {
     }
 }
 
+/// For the first curve of each loop, the second one, the braid, and the place of the loop there.
+type Found = BTreeMap<u32, (u32, (usize, usize))>;
+
 /// Checks a braid, and records its loops.
-fn check(b: usize, braid: &Braid, set: &CurveSet, next: &mut [u32]) -> Result<(), String> {
+fn check(b: usize, braid: &Braid, set: &CurveSet, found: &mut Found) -> Result<(), String> {
     let fail = |what: String| Err(format!("braid {b} {what}"));
     let (curves, n) = (&braid.curves, braid.curves.len());
     if n < 4 {
@@ -404,15 +396,15 @@ fn check(b: usize, braid: &Braid, set: &CurveSet, next: &mut [u32]) -> Result<()
             "has {n} curves {curves:?}, a braid needs at least 4"
         ));
     }
-    for [i, j] in pairs(curves) {
-        let Some(slot) = next.get_mut(i as usize) else {
+    for (k, &i) in curves.iter().enumerate() {
+        let Some(curve) = set.curves().get(i as usize) else {
             let n = set.len();
             return fail(format!("names curve {i}, but the frame has {n} curves"));
         };
-        if set.curve(i as usize).closed {
+        if curve.closed {
             return fail(format!("names curve {i}, which is closed"));
         }
-        if std::mem::replace(slot, j) != u32::MAX {
+        if found.insert(i, (curves[(k + 1) % n], (b, k))).is_some() {
             return fail(format!("names curve {i}, which is named twice"));
         }
     }
@@ -434,12 +426,6 @@ fn check(b: usize, braid: &Braid, set: &CurveSet, next: &mut [u32]) -> Result<()
         }
     }
     Ok(())
-}
-
-/// Returns each curve of a braid with the next one.
-fn pairs(curves: &[u32]) -> impl Iterator<Item = [u32; 2]> + '_ {
-    let next = curves.iter().cycle().skip(1);
-    curves.iter().zip(next).map(|(i, j)| [*i, *j])
 }
 
 /// Appends the points of all curves. Returns the number of points of each.
