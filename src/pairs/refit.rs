@@ -2,7 +2,7 @@
 
 use super::layout::{Layout, Leaves};
 use crate::curve::{Box3, BoxGroup};
-use crate::simd::{LANES, Lanes, dispatch};
+use crate::simd::{LANES, Lanes, dispatch, per_lane};
 
 /// Maximum number of segments that a single task refits.
 const GRAIN: usize = 1 << 15;
@@ -149,7 +149,7 @@ fn raise<L: Lanes>(simd: L, below: &[BoxGroup], level: &mut [BoxGroup]) {
 #[inline(always)]
 fn bounds<L: Lanes>(simd: L, groups: &[BoxGroup]) -> BoxGroup {
     let mut out = BoxGroup::EMPTY;
-    let [a, b, c, d, e, f, g, h] = groups else {
+    let Ok(groups) = <&[BoxGroup; LANES]>::try_from(groups) else {
         for (k, group) in groups.iter().enumerate() {
             let Box3 { lo, hi } = group.bounds();
             for x in 0..3 {
@@ -159,27 +159,15 @@ fn bounds<L: Lanes>(simd: L, groups: &[BoxGroup]) -> BoxGroup {
         return out;
     };
     for x in 0..3 {
-        let lo = [
-            simd.load(&a.lo[x]),
-            simd.load(&b.lo[x]),
-            simd.load(&c.lo[x]),
-            simd.load(&d.lo[x]),
-            simd.load(&e.lo[x]),
-            simd.load(&f.lo[x]),
-            simd.load(&g.lo[x]),
-            simd.load(&h.lo[x]),
-        ];
+        let lo = per_lane(
+            #[inline(always)]
+            |k| simd.load(&groups[k].lo[x]),
+        );
         simd.store_floats(simd.least(lo), &mut out.lo[x]);
-        let hi = [
-            simd.load(&a.hi[x]),
-            simd.load(&b.hi[x]),
-            simd.load(&c.hi[x]),
-            simd.load(&d.hi[x]),
-            simd.load(&e.hi[x]),
-            simd.load(&f.hi[x]),
-            simd.load(&g.hi[x]),
-            simd.load(&h.hi[x]),
-        ];
+        let hi = per_lane(
+            #[inline(always)]
+            |k| simd.load(&groups[k].hi[x]),
+        );
         simd.store_floats(simd.greatest(hi), &mut out.hi[x]);
     }
     out

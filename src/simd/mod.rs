@@ -50,6 +50,13 @@ pub(crate) const LANES: usize = 8;
 /// A row of eight lanes.
 type Row<T> = [T; LANES];
 
+/// Returns the row whose lane `k` is `of(k)`. The compiler always inlines this, unlike the `map`
+/// of an array.
+#[inline(always)]
+pub(crate) fn per_lane<T>(mut of: impl FnMut(usize) -> T) -> Row<T> {
+    [of(0), of(1), of(2), of(3), of(4), of(5), of(6), of(7)]
+}
+
 /// Calls an `#[inline(always)]` function with the best instruction set of the CPU, AVX2 or none:
 /// `dispatch!(simd => Sweep::run(sweep, simd, range))`, where `simd` names the token among the
 /// arguments. A function whose loops the compiler vectorizes needs no token: `dispatch!(sum(v))`.

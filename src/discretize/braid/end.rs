@@ -80,11 +80,7 @@ impl End {
             Some(outward) => vec![outward.into()],
             None => vec![upright, away, upright + away.normalize(), -upright],
         };
-        let spacing = points.iter().enumerate().flat_map(|(k, p)| {
-            let before = &points[..k];
-            before.iter().map(move |q| (p - q).norm())
-        });
-        let spacing = spacing.fold(f64::INFINITY, f64::min);
+        let spacing = smallest_distance(&points);
         let mut ends = Vec::new();
         let mut why = "the direction outward has no length".to_owned();
         for direction in directions {

@@ -122,8 +122,7 @@ impl BraidLoops {
         });
         let middles = references.each_ref().map(|points| mean(points));
         let now = points.each_ref().map(|points| mean(points));
-        let mut ends = Vec::new();
-        for side in [0, 1] {
+        let end = |side: usize| {
             let name = format!("the {} end of braid {b}", SIDES[side]);
             let reference = super::End {
                 points: references[side].iter().map(|p| (*p).into()).collect(),
@@ -139,15 +138,12 @@ impl BraidLoops {
                 let placed = self.place(set, (end, &braid.curves), at, &name);
                 placed.map_err(|e| why.get_or_insert(e)).is_ok()
             });
-            ends.push(fits.ok_or_else(|| why.unwrap_or_default())?);
-        }
-        let Ok(ends) = <[End; 2]>::try_from(ends) else {
-            unreachable!("two sides");
+            fits.ok_or_else(|| why.unwrap_or_default())
         };
         Ok(Resolved {
             curves: braid.curves.clone(),
+            ends: [end(0)?, end(1)?],
             reversed,
-            ends,
         })
     }
 

@@ -7,7 +7,9 @@
 //!
 //! Cost: at most cubic in the number of curves, once.
 
-type Point2 = nalgebra::Vector2<f64>;
+use nalgebra::SVector;
+
+type Point2 = SVector<f64, 2>;
 
 /// Route of one connection.
 #[derive(Clone, Debug, PartialEq)]
@@ -26,7 +28,7 @@ const CLEARANCE: f64 = 0.25;
 const OFFSETS: [f64; 10] = [0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0, 16.0];
 
 /// Returns the smallest distance of two points.
-pub fn smallest_distance(points: &[Point2]) -> f64 {
+pub fn smallest_distance<const D: usize>(points: &[SVector<f64, D>]) -> f64 {
     let before = |k: usize| points[..k].iter().map(move |q| (points[k] - q).norm());
     let distances = (0..points.len()).flat_map(before);
     distances.fold(f64::INFINITY, f64::min)
