@@ -5,8 +5,9 @@ use super::{Error, Frame, Gpu};
 use crate::curve::CurveSet;
 use crate::kernels::Estimate;
 use crate::kernels::gpu_use::AdapterSum;
-use crate::kernels::lazy::Lazy;
+use crate::kernels::lazy::get_or_make;
 use crate::pairs::Pair;
+use std::sync::OnceLock;
 use std::sync::atomic::Ordering;
 
 impl Gpu {
@@ -33,8 +34,9 @@ impl Gpu {
 /// leaves undecided, if the adapter supports it.
 pub(super) struct DirectSum<'a> {
     gpu: &'a Gpu,
+    set: &'a CurveSet,
     frame: Frame,
-    pub(super) finer: Lazy<'a, Frame<f64>>,
+    pub(super) finer: OnceLock<Frame<f64>>,
 }
 
 impl<'a> DirectSum<'a> {
@@ -42,8 +44,9 @@ impl<'a> DirectSum<'a> {
     pub fn new(gpu: &'a Gpu, set: &'a CurveSet) -> DirectSum<'a> {
         DirectSum {
             gpu,
+            set,
             frame: Frame::new(set),
-            finer: Lazy::new(|| Frame::new(set)),
+            finer: OnceLock::new(),
         }
     }
 
@@ -57,7 +60,7 @@ impl<'a> DirectSum<'a> {
         }
         // Built before the lock is taken: the rayon threads that build it may steal tasks that need
         // the lock.
-        let frame = self.finer.get();
+        let frame = get_or_make(&self.finer, || Frame::new(self.set));
         let again: Vec<Pair> = open.iter().map(|&k| pairs[k]).collect();
         let finer = self.gpu.sum_directly(frame, &again)?;
         for (k, finer) in open.into_iter().zip(finer) {

@@ -1,38 +1,38 @@
 //! Sums on an adapter, with the CPU as the fallback.
 
 use super::GpuUse;
-use crate::kernels::lazy::Lazy;
+use crate::kernels::lazy::get_or_make;
 use crate::kernels::{Estimate, Summation};
 use crate::pairs::Pair;
 use std::fmt;
+use std::sync::OnceLock;
 
 /// A sum on an adapter that falls back to the CPU if the adapter fails.
-pub(in crate::kernels) struct WithFallback<'a, F> {
+pub(in crate::kernels) struct WithFallback<'a, F, C> {
     gpu: &'a GpuUse,
     sum: F,
+    make: C,
     /// The CPU kernel, built only if it is needed.
-    cpu: Lazy<'a, Box<dyn Summation + 'a>>,
+    cpu: OnceLock<Box<dyn Summation + 'a>>,
 }
 
-impl<'a, F> WithFallback<'a, F> {
-    /// Combines both kernels. `sum` returns the linking numbers of several pairs, in their order.
-    /// Does not build the CPU kernel.
-    pub fn new(
-        gpu: &'a GpuUse,
-        sum: F,
-        cpu: impl Fn() -> Box<dyn Summation + 'a> + Send + Sync + 'a,
-    ) -> WithFallback<'a, F> {
+impl<'a, F, C> WithFallback<'a, F, C> {
+    /// Combines both kernels. `sum` returns the linking numbers of several pairs, in their order;
+    /// `make` builds the CPU kernel.
+    pub fn new(gpu: &'a GpuUse, sum: F, make: C) -> Self {
         WithFallback {
             gpu,
             sum,
-            cpu: Lazy::new(cpu),
+            make,
+            cpu: OnceLock::new(),
         }
     }
 }
 
-impl<F, E> Summation for WithFallback<'_, F>
+impl<'a, F, C, E> Summation for WithFallback<'a, F, C>
 where
     F: Fn(&[Pair]) -> Result<Vec<Estimate>, E> + Send + Sync,
+    C: Fn() -> Box<dyn Summation + 'a> + Send + Sync,
     E: fmt::Display,
 {
     fn linking_numbers(&self, pairs: &[Pair]) -> Vec<Estimate> {
@@ -42,7 +42,7 @@ where
                 Err(error) => self.gpu.fail(&error),
             }
         }
-        self.cpu.get().linking_numbers(pairs)
+        get_or_make(&self.cpu, &self.make).linking_numbers(pairs)
     }
 }
 

@@ -215,14 +215,14 @@ fn double_precision_decides_pairs_that_single_precision_does_not() {
     assert!(double.bound < 1e-4 && (double.value - want as f64).abs() < 1e-9);
     let sum = DirectSum::new(&gpu, &set);
     assert_eq!(sum.linking_numbers(&[(0, 1)]).unwrap(), [double]);
-    assert!(sum.finer.is_made());
+    assert!(sum.finer.get().is_some());
     // Pairs that single precision decides are not summed again.
     let model: Model = "ribbon:segments=200,lambda=1".parse().unwrap();
     let set = model.build().unwrap().curves;
     let single = sums(&gpu, &set, Kind::Direct)[0].1;
     let sum = DirectSum::new(&gpu, &set);
     assert_eq!(sum.linking_numbers(&[(0, 1)]).unwrap(), [single]);
-    assert!(!sum.finer.is_made());
+    assert!(sum.finer.get().is_none());
 }
 
 /// Regression test: a decided angle is off by less than 1, but its computed bound is 32,000, which
