@@ -262,19 +262,14 @@ impl Fmm {
             let again = first.and_then(|(criterion, _)| plan(&expansions, at, Some(criterion)));
             let (i, j) = pairs[at];
             let (Some((criterion, _)), Some(trees)) = (again, self.pair((i, j))) else {
-                let unknown = Sum {
-                    near_error: f64::INFINITY,
-                    ..Sum::default()
-                };
-                return (unknown, more);
+                return (Estimate::UNKNOWN, more);
             };
             let of = [i, j].map(|i| expansions[i as usize].as_ref());
             let sum = Walk::new(trees, of, criterion).pass();
-            (sum, more && !self.suffices(&sum))
+            (sum.estimate(), more && !self.suffices(&sum))
         };
-        let sums: Vec<(Sum, bool)> = now.par_iter().zip(plans).map(sum).collect();
-        for (&(at, _), (sum, more)) in now.iter().zip(sums) {
-            let estimate = sum.estimate();
+        let sums: Vec<(Estimate, bool)> = now.par_iter().zip(plans).map(sum).collect();
+        for (&(at, _), (estimate, more)) in now.iter().zip(sums) {
             if estimate.bound < estimates[at].bound {
                 estimates[at] = estimate;
             }

@@ -8,7 +8,7 @@
 //! these bounds if strands cancel.
 
 use super::bound::ROUNDING;
-use super::harmonics::{MOST, at};
+use super::harmonics::at;
 use super::interact::FACTORIALS;
 use super::tree::{Ball, GRAIN, LEAF, Tree};
 use crate::kernels::sums::join;
@@ -25,21 +25,10 @@ pub(super) struct Norms {
 /// Rounding error of moments, relative to their maximum: see [`ROUNDING`].
 const SLACK: f64 = ROUNDING;
 
-/// The factors `(n - k)! (n + k)!`, doubled for `k > 0`.
-const WEIGHTS: [[f64; MOST + 1]; MOST + 1] = {
-    let f = FACTORIALS;
-    let mut w = [[0.0; MOST + 1]; MOST + 1];
-    let mut n = 0;
-    while n <= MOST {
-        let mut k = 0;
-        while k <= n {
-            w[n][k] = f[n - k] * f[n + k] * if k == 0 { 1.0 } else { 2.0 };
-            k += 1;
-        }
-        n += 1;
-    }
-    w
-};
+/// Returns the factor `(n - k)! (n + k)!`, doubled for `k > 0`.
+fn weight(n: usize, k: usize) -> f64 {
+    FACTORIALS[n - k] * FACTORIALS[n + k] * if k == 0 { 1.0 } else { 2.0 }
+}
 
 impl Norms {
     /// Returns the number of norms of a node.
@@ -116,7 +105,7 @@ const UP: f64 = 1.0 + 1e-10;
 pub(super) fn norm(moments: &[f64], n: usize) -> f64 {
     let square = |k: usize| {
         let (re, im) = (moments[at(n, k)], moments[at(n, k) + 1]);
-        WEIGHTS[n][k] * (re * re + im * im)
+        weight(n, k) * (re * re + im * im)
     };
     (0..=n).map(square).sum::<f64>().sqrt()
 }

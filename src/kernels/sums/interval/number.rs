@@ -150,12 +150,7 @@ impl Mul for Interval {
     type Output = Interval;
 
     fn mul(self, other: Interval) -> Interval {
-        span([
-            self.lo * other.lo,
-            self.lo * other.hi,
-            self.hi * other.lo,
-            self.hi * other.hi,
-        ])
+        span(self, other, |x, y| x * y)
     }
 }
 
@@ -167,18 +162,14 @@ impl Div for Interval {
         if other.contains(0.0) {
             return Interval::ENTIRE;
         }
-        span([
-            self.lo / other.lo,
-            self.lo / other.hi,
-            self.hi / other.lo,
-            self.hi / other.hi,
-        ])
+        span(self, other, |x, y| x / y)
     }
 }
 
-/// Returns the interval from the minimum to the maximum of the ends, which are rounded to the
-/// nearest.
-fn span(ends: [f64; 4]) -> Interval {
+/// Returns the interval from the minimum to the maximum of the values at the ends of two intervals,
+/// which are rounded to the nearest.
+fn span(p: Interval, q: Interval, f: impl Fn(f64, f64) -> f64) -> Interval {
+    let ends = [f(p.lo, q.lo), f(p.lo, q.hi), f(p.hi, q.lo), f(p.hi, q.hi)];
     if ends.iter().any(|x| x.is_nan()) {
         return Interval::ENTIRE;
     }
