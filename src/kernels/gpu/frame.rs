@@ -47,28 +47,21 @@ impl<R: Real> Frame<R> {
             id: NEXT.fetch_add(1, Ordering::Relaxed),
             ..Frame::default()
         };
-        let mut bodies = Vec::new();
         let mut at = 0;
-        for (i, curve) in set.curves().iter().enumerate() {
-            let body = match curve.closed && set.basis().is_polyline() {
-                true => set.points_of(i),
-                false => 0..0,
-            };
-            let n = match body.len() as u32 {
-                0 => 0,
-                n => n + 1,
-            };
-            frame.curves.push(at..at + n);
-            at += n;
-            bodies.push(body);
+        for curve in set.curves() {
+            let start = at;
+            if curve.closed && set.basis().is_polyline() {
+                at += curve.points + 1;
+            }
+            frame.curves.push(start..at);
         }
         let scale = Scale::new(set.max_abs());
-        let mut worst = frame.write(set, &bodies, [0.0; 3], scale, at_least);
+        let mut worst = frame.write(set, [0.0; 3], scale, at_least);
         // Error of the translation: differences from the centre are at most 1, and rounded.
         const MOVED: f64 = f64::EPSILON;
         if worst > MOVED {
-            let (centre, half) = middle(set, &bodies);
-            worst = MOVED + frame.write(set, &bodies, centre, Scale::new(half), at_least);
+            let (centre, half) = frame.middle(set);
+            worst = MOVED + frame.write(set, centre, Scale::new(half), at_least);
         }
         frame.radius = match worst {
             0.0 => 0.0,
@@ -78,28 +71,19 @@ impl<R: Real> Frame<R> {
     }
 
     /// Writes all vertices. Returns the maximum error of a coordinate.
-    fn write(
-        &mut self,
-        set: &CurveSet,
-        bodies: &[Range<usize>],
-        centre: [f64; 3],
-        scale: Scale,
-        at_least: usize,
-    ) -> f64 {
+    fn write(&mut self, set: &CurveSet, centre: [f64; 3], scale: Scale, at_least: usize) -> f64 {
         let total = self.curves.last().map_or(0, |c| c.end) as usize;
         self.vertices.resize(total, [R::default(); 4]);
         let mut rest = &mut self.vertices[..];
-        let mut parts = Vec::with_capacity(bodies.len());
-        for (range, body) in self.curves.iter().zip(bodies) {
+        let mut parts = Vec::with_capacity(self.curves.len());
+        for range in &self.curves {
             let (own, others) = rest.split_at_mut(range.len());
             rest = others;
-            parts.push((own, body));
+            parts.push(own);
         }
-        let positions = set.positions();
-        let write = |(own, body): (&mut [[R; 4]], &Range<usize>)| {
+        let write = |(i, own): (usize, &mut [[R; 4]])| {
             let mut worst = 0f64;
-            for (to, k) in own.iter_mut().zip(body.clone()) {
-                let p = positions.point(k);
+            for (to, p) in own.iter_mut().zip(set.points_in(i)) {
                 for x in 0..3 {
                     let from_centre = p[x] - centre[x];
                     let exact = scale.apply(from_centre);
@@ -118,8 +102,22 @@ impl<R: Real> Frame<R> {
             }
             worst
         };
-        let each = parts.into_par_iter().with_min_len(at_least).map(write);
+        let parts = parts.into_par_iter().enumerate();
+        let each = parts.with_min_len(at_least).map(write);
         each.reduce(|| 0.0, f64::max)
+    }
+
+    /// Returns the centre of the bounding box of the curves, and an upper bound of half its longest
+    /// side.
+    fn middle(&self, set: &CurveSet) -> ([f64; 3], f64) {
+        let some = (0..set.len()).filter(|&i| !self.curves[i].is_empty());
+        let [lo, hi] = bounds(some.flat_map(|i| set.points_in(i)));
+        // Each half is finite, and so is their sum.
+        let centre = per_axis(|x| 0.5 * lo[x] + 0.5 * hi[x]);
+        let half = (0..3).fold(0.0, |m: f64, x| {
+            m.max(hi[x] - centre[x]).max(centre[x] - lo[x])
+        });
+        (centre, half)
     }
 
     /// Returns the number of segments of curve `i`; 0 if it has no linking numbers.
@@ -138,20 +136,6 @@ impl<R: Real> Frame<R> {
     pub fn first(&self, i: u32) -> u32 {
         self.curves[i as usize].start
     }
-}
-
-/// Returns the centre of the bounding box of the curves, and an upper bound of half its longest
-/// side.
-fn middle(set: &CurveSet, bodies: &[Range<usize>]) -> ([f64; 3], f64) {
-    let positions = set.positions();
-    let points = bodies.iter().cloned().flatten();
-    let [lo, hi] = bounds(points.map(|k| positions.point(k)));
-    // Each half is finite, and so is their sum.
-    let centre = per_axis(|x| 0.5 * lo[x] + 0.5 * hi[x]);
-    let half = (0..3).fold(0.0, |m: f64, x| {
-        m.max(hi[x] - centre[x]).max(centre[x] - lo[x])
-    });
-    (centre, half)
 }
 
 #[cfg(test)]

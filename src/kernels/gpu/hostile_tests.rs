@@ -275,8 +275,8 @@ fn counting_does_not_wait_for_the_pool_under_the_lock() {
 #[ignore = "needs an adapter"]
 fn vertices_of_a_sum_are_not_built_under_the_lock() {
     ends_beside_tasks_that_need_the_lock(|gpu, _, large| {
-        gpu.sum_directly(&Frame::<f32>::new(large), &[(0, 1)])
-            .unwrap();
+        let frame = Frame::<f32>::new(large);
+        direct::linking_numbers(&mut gpu.lock(), &frame, &[(0, 1)]).unwrap();
     });
 }
 

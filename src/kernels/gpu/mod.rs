@@ -71,7 +71,6 @@ pub(crate) use self::frame::Frame;
 pub(super) use self::layout::Node;
 use self::layout::Tile;
 use self::precision::Real;
-use super::Estimate;
 use super::crossings::Input;
 use super::device::{Device, DeviceInfo};
 use super::gpu_use::Counts;
@@ -221,16 +220,6 @@ impl Gpu {
         };
         let counts = crossings::linking_numbers(self, frame, input, pairs, &mut meanwhile)?;
         Ok((counts, sent))
-    }
-
-    /// Computes direct sums over polylines, in the precision of their frame. Build the frame first:
-    /// the rayon threads that build it may steal tasks that need the lock.
-    pub fn sum_directly<R: Real>(
-        &self,
-        frame: &Frame<R>,
-        pairs: &[Pair],
-    ) -> Result<Vec<Estimate>, Error> {
-        direct::linking_numbers(&mut self.lock(), frame, pairs)
     }
 }
 

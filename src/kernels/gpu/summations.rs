@@ -1,7 +1,7 @@
 //! Summation kernels on an adapter, prepared for a set of polylines.
 
 use super::barnes_hut::{self, Forest};
-use super::{Error, Frame, Gpu};
+use super::{Error, Frame, Gpu, direct};
 use crate::curve::CurveSet;
 use crate::kernels::Estimate;
 use crate::kernels::gpu_use::AdapterSum;
@@ -62,7 +62,7 @@ impl<'a> DirectSum<'a> {
         // the lock.
         let frame = get_or_make(&self.finer, || Frame::new(self.set));
         let again: Vec<Pair> = open.iter().map(|&k| pairs[k]).collect();
-        let finer = self.gpu.sum_directly(frame, &again)?;
+        let finer = direct::linking_numbers(&mut self.gpu.lock(), frame, &again)?;
         for (k, finer) in open.into_iter().zip(finer) {
             // Both bounds are proven, so the smaller one holds.
             if finer.bound < found[k].bound {
@@ -74,7 +74,7 @@ impl<'a> DirectSum<'a> {
 
     /// Returns the linking numbers of several pairs, in their order.
     pub fn linking_numbers(&self, pairs: &[Pair]) -> Result<Vec<Estimate>, Error> {
-        let mut found = self.gpu.sum_directly(&self.frame, pairs)?;
+        let mut found = direct::linking_numbers(&mut self.gpu.lock(), &self.frame, pairs)?;
         // After a failure the single-precision bounds are larger, but still proven.
         if let Err(error) = self.refine(pairs, &mut found)
             && !self.gpu.only_single.swap(true, Ordering::Relaxed)

@@ -75,10 +75,6 @@ pub(crate) struct Options {
     pub order: Order,
     /// Criterion by which an expansion is accepted.
     pub accept: Accept,
-    /// Approximate maximum number of node pairs visited by all passes over a pair. No pass is
-    /// started that is expected to exceed it. If the sum of all bounds is far above the error,
-    /// because the contributions of many strands cancel, other kernels are faster.
-    pub limit: u64,
 }
 
 impl Default for Options {
@@ -88,7 +84,6 @@ impl Default for Options {
             // Below 1 by a margin: the nearest other integer is then outside of the bound, unless
             // the actual error uses up most of it, which is unlikely.
             accept: Accept::Bound(0.8),
-            limit: 1 << 26,
         }
     }
 }
@@ -139,10 +134,15 @@ impl BarnesHut {
                 }
                 Some(sum)
             }
-            Accept::Bound(budget) => Some(within(self.options, budget, trees)),
+            Accept::Bound(budget) => Some(within(order, budget, trees)),
         }
     }
 }
+
+/// Approximate maximum number of node pairs visited by all passes over a pair. No pass is started
+/// that is expected to exceed it. If the sum of all bounds is far above the error, because the
+/// contributions of many strands cancel, other kernels are faster.
+const LIMIT: f64 = (1u64 << 26) as f64;
 
 /// Maximum number of passes after the first one.
 const PASSES: usize = 12;
@@ -165,8 +165,7 @@ fn pass(order: Order, trees: [&Tree; 2], criterion: Criterion) -> Sum {
 
 /// Repeats passes until the bound of the sum is at most `budget`, as far as possible
 /// ([`Accept::Bound`]).
-fn within(options: Options, budget: f64, trees: [&Tree; 2]) -> Sum {
-    let order = options.order;
+fn within(order: Order, budget: f64, trees: [&Tree; 2]) -> Sum {
     let leaves = trees.map(|t| f64::from(t.root().leaves));
     let all = leaves[0] * leaves[1];
     let mut share = match all <= UNEXPANDED {
@@ -184,7 +183,7 @@ fn within(options: Options, budget: f64, trees: [&Tree; 2]) -> Sum {
         // work as the share to the power of -0.5.
         let finer = (0.9 * budget / bound).powf(1.25).clamp(1e-4, 0.7);
         let expected = sum.visited as f64 / finer.sqrt();
-        if expected.min(all) > options.limit as f64 {
+        if expected.min(all) > LIMIT {
             break;
         }
         // A pass that is expected to visit more than half of all leaf pairs sums all of them

@@ -3,11 +3,7 @@ use crate::kernels::tests::polygons::{LONG_RIBBONS, SCENES, check, hopf, polylin
 use crate::scenes::Scene;
 
 fn options(order: Order, accept: Accept) -> Options {
-    Options {
-        order,
-        accept,
-        ..Options::default()
-    }
+    Options { order, accept }
 }
 
 /// Returns all combinations of options.
