@@ -112,12 +112,10 @@ pub(crate) fn isotopic_polylines(set: &CurveSet) -> Result<(CurveSet, Vec<Vec<u3
 
 /// Returns for each piece if it must be split, or two pieces that cannot be split further.
 fn to_split(pieces: &[Piece], margin: f64) -> Result<Vec<bool>, [usize; 2]> {
-    let mut next = vec![0; pieces.len()];
-    let mut first = 0;
-    for k in 0..pieces.len() {
-        let is_last = pieces.get(k + 1).is_none_or(|p| p.curve != pieces[k].curve);
-        next[k] = if is_last { first } else { k + 1 };
-        first = if is_last { k + 1 } else { first };
+    let mut next = Vec::with_capacity(pieces.len());
+    for curve in pieces.chunk_by(|a, b| a.curve == b.curve) {
+        let (first, count) = (next.len(), curve.len());
+        next.extend((1..=count).map(|k| first + k % count));
     }
     let boxed = |p: &Piece| {
         let points: [Point; 4] = [0, 1, 2, 3].map(|k| p.hull.point(k));

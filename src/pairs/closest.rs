@@ -291,32 +291,20 @@ impl Eight {
     }
 }
 
-impl Add for Eight {
-    type Output = Eight;
+macro_rules! operators {
+    ($($Operator:ident::$f:ident)+) => {$(
+        impl $Operator for Eight {
+            type Output = Eight;
 
-    #[inline(always)]
-    fn add(self, other: Eight) -> Eight {
-        self.with(other, |a, b| a + b)
-    }
+            #[inline(always)]
+            fn $f(self, other: Eight) -> Eight {
+                self.with(other, f64::$f)
+            }
+        }
+    )+};
 }
 
-impl Sub for Eight {
-    type Output = Eight;
-
-    #[inline(always)]
-    fn sub(self, other: Eight) -> Eight {
-        self.with(other, |a, b| a - b)
-    }
-}
-
-impl Mul for Eight {
-    type Output = Eight;
-
-    #[inline(always)]
-    fn mul(self, other: Eight) -> Eight {
-        self.with(other, |a, b| a * b)
-    }
-}
+operators! { Add::add Sub::sub Mul::mul }
 
 #[cfg(test)]
 mod tests {

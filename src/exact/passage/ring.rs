@@ -61,6 +61,15 @@ impl Infinitesimal {
         self.0.get(&exponent).cloned().unwrap_or_default()
     }
 
+    /// Changes the coefficients by those of the other number.
+    fn each(&self, other: &Self, change: impl Fn(&mut BigInt, &BigInt)) -> Self {
+        let mut terms = self.0.clone();
+        for (&k, x) in &other.0 {
+            change(terms.entry(k).or_default(), x);
+        }
+        Self::normal(terms)
+    }
+
     fn normal(mut terms: BTreeMap<u32, BigInt>) -> Self {
         terms.retain(|_, coefficient| big::sign(coefficient) != 0);
         Infinitesimal(terms)
@@ -79,19 +88,11 @@ impl Ring for Infinitesimal {
     }
 
     fn plus(&self, other: &Self) -> Self {
-        let mut sum = self.0.clone();
-        for (&k, x) in &other.0 {
-            *sum.entry(k).or_default() += x;
-        }
-        Self::normal(sum)
+        self.each(other, |own, x| *own += x)
     }
 
     fn minus(&self, other: &Self) -> Self {
-        let mut difference = self.0.clone();
-        for (&k, x) in &other.0 {
-            *difference.entry(k).or_default() -= x;
-        }
-        Self::normal(difference)
+        self.each(other, |own, x| *own -= x)
     }
 
     fn times(&self, other: &Self) -> Self {
