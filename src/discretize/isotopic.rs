@@ -101,13 +101,10 @@ pub(crate) fn isotopic_polylines(set: &CurveSet) -> Result<(CurveSet, Vec<Vec<u3
         segments[p.curve as usize].push(p.segment);
         xyz.extend(p.hull.point(0));
     }
-    let counts = segments.iter().map(|s| -(s.len() as i32));
-    let counts: Vec<i32> = counts.collect();
+    let counts: Vec<i32> = segments.iter().map(|s| -(s.len() as i32)).collect();
     let polylines = CurveSet::from_counts(Basis::Polyline, &counts, Positions::F64(&xyz));
-    Ok((
-        polylines.expect("closed curves have three pieces at least"),
-        segments,
-    ))
+    let polylines = polylines.expect("closed curves have three pieces at least");
+    Ok((polylines, segments))
 }
 
 /// Returns for each piece if it must be split, or two pieces that cannot be split further.

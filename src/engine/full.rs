@@ -69,13 +69,13 @@ impl FullRun {
             gpu,
             ..FullRun::default()
         };
-        full.search.limit_to(full.progress.limit.clone());
+        full.search.limit = full.progress.limit.clone();
         full
     }
 
     /// Shows the progress of this run, and obeys a request to end it, through another one's.
     pub fn share_progress(&mut self, progress: Arc<Progress>) {
-        self.search.limit_to(progress.limit.clone());
+        self.search.limit = progress.limit.clone();
         self.progress = progress;
     }
 
@@ -240,10 +240,10 @@ impl FullRun {
             true => 0..set.len(),
             false => 0..0,
         };
-        let filter = self.search.filter();
+        let filter = self.search.filter.as_ref();
         let own = |&i: &usize| filter.is_none_or(|filter| filter.contains(i as u32, i as u32));
         let repeated = curves.into_par_iter().with_min_len(FEW_CURVES).filter(own);
-        let discarded = self.search.discarded() as u64;
+        let discarded = self.search.discarded as u64;
         Stats {
             potential_links: discarded,
             separated: discarded,

@@ -144,7 +144,7 @@ impl Engine {
 
     /// Verifies only the pairs of a filter from now on, or all.
     fn set_filter(&mut self, filter: Option<PairFilter>) {
-        self.full.search.set_filter(filter.clone());
+        self.full.search.filter = filter.clone();
         self.steps.set_filter(filter.clone());
         self.monitor = Monitor::new(self.steps.coverage(), filter.clone());
         self.filter = filter;

@@ -287,7 +287,7 @@ impl Plan {
         let closed = curves().count();
         let segments: usize = curves().map(|curve| curve.segments as usize).sum();
         let whole = closed - degenerate.len();
-        let potential_links = links.len() + search.discarded();
+        let potential_links = links.len() + search.discarded;
         let boxes = costs::boxes(set.basis(), closed, segments);
         let searching = costs::potential_links(closed, search.steps(), potential_links);
         let read = 3 * set.points() * set.precision().bytes() + trees.bytes();
@@ -318,7 +318,7 @@ impl Plan {
             degenerate_curves: degenerate.len(),
             pairs: whole as u64 * (whole as u64).saturating_sub(1) / 2,
             potential_links,
-            discarded: search.discarded(),
+            discarded: search.discarded,
             splines: !set.basis().is_polyline(),
             by_formula: links.par_iter().filter(formula).count(),
             kernel: match choice {

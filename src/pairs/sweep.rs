@@ -30,10 +30,13 @@ pub(crate) struct LinkSearch {
     sort: BucketSort,
     /// Extents of the curves, if a search needed them.
     diagonals: Vec<Diagonals>,
-    discarded: usize,
+    /// Number of potential links that [`LinkSearch::find_links`] discarded, because their curves
+    /// are certainly not linked.
+    pub discarded: usize,
     /// Pairs that are searched for; `None`: all.
-    filter: Option<PairFilter>,
-    limit: PairLimit,
+    pub filter: Option<PairFilter>,
+    /// If there are more pairs than this, none are found, and the limit records that.
+    pub limit: PairLimit,
 }
 
 impl LinkSearch {
@@ -43,21 +46,6 @@ impl LinkSearch {
             filter,
             ..LinkSearch::default()
         }
-    }
-
-    /// Returns which pairs are searched for; `None`: all.
-    pub fn filter(&self) -> Option<&PairFilter> {
-        self.filter.as_ref()
-    }
-
-    /// Searches for the pairs of another filter from now on.
-    pub fn set_filter(&mut self, filter: Option<PairFilter>) {
-        self.filter = filter;
-    }
-
-    /// Finds nothing from now on if there are more pairs than a limit, which records that.
-    pub fn limit_to(&mut self, limit: PairLimit) {
-        self.limit = limit;
     }
 
     /// Returns the pairs found by the last search.
@@ -116,12 +104,6 @@ impl LinkSearch {
     /// Returns the number of found pairs.
     fn count(&self) -> usize {
         self.parts.iter().map(Vec::len).sum()
-    }
-
-    /// Returns the number of potential links that [`LinkSearch::find_links`] discarded, because
-    /// their curves are certainly not linked.
-    pub fn discarded(&self) -> usize {
-        self.discarded
     }
 
     /// Fills the parts with the pairs of overlapping boxes.
@@ -393,8 +375,10 @@ mod tests {
             hi: [1.0; 3],
         };
         let limit = PairLimit::default();
-        let mut search = LinkSearch::default();
-        search.limit_to(limit.clone());
+        let mut search = LinkSearch {
+            limit: limit.clone(),
+            ..LinkSearch::default()
+        };
         let all = 1200 * 1199 / 2;
         for (most, exceeded) in [(all, false), (all - 1, true), (10, true), (all, false)] {
             limit.begin(most);
@@ -419,7 +403,7 @@ mod tests {
         }));
         let limit = PairLimit::default();
         let mut search = LinkSearch::new(Some(filter));
-        search.limit_to(limit.clone());
+        search.limit = limit.clone();
         let all = 1 + 2 * 598;
         for most in [0, 1, 30, 512, all - 1, all, all + 1, usize::MAX] {
             limit.begin(most);

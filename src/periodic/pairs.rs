@@ -303,7 +303,7 @@ impl<'a> PairCollector<'a> {
         let searched = self.searched;
         let (mut links, limit) = (LinkSearch::default(), PairLimit::default());
         limit.begin(MOST_PAIRS.max(IMAGES as usize * boxes.0.len()));
-        links.limit_to(limit.clone());
+        links.limit = limit.clone();
         let is_used = |i: usize| searched.is_used(i);
         let found = overlapping(&boxes.0, cell, is_used, &mut links).map_err(too_far)?;
         if limit.is_exceeded() {

@@ -143,14 +143,14 @@ impl Ledger {
 
     /// Ends a search early if one of these says so.
     pub fn end_with(&mut self, (cancel, limit): (Cancel, PairLimit)) {
-        self.search.limit_to(limit);
+        self.search.limit = limit;
         self.cancel = cancel;
     }
 
     /// Searches only the pairs of a filter from now on, or all pairs.
     pub fn set_filter(&mut self, filter: Option<PairFilter>) {
         self.trees.forget();
-        self.search.set_filter(filter);
+        self.search.filter = filter;
     }
 
     /// Returns all passages between two frames. All steps must have the same coverage.
@@ -173,7 +173,7 @@ impl Ledger {
             let mut all = [pairs, &contacts.pairs()].concat();
             all.sort_unstable();
             all.dedup();
-            if let Some(filter) = self.search.filter() {
+            if let Some(filter) = &self.search.filter {
                 filter.retain(&mut all);
             }
             all
@@ -274,7 +274,7 @@ impl Ledger {
         let pairs = self.search.find(self.trees.roots());
         self.pairs.extend_from_slice(pairs);
         if covered.coverage.self_crossings {
-            let filter = self.search.filter();
+            let filter = self.search.filter.as_ref();
             let curves = covered.indices().map(|i| i as u32);
             let curves = curves.filter(|&i| filter.is_none_or(|filter| filter.contains(i, i)));
             self.pairs.extend(curves.map(|i| (i, i)));

@@ -273,7 +273,7 @@ fn discarded_pairs_of_small_rings_are_not_linked() {
         let mut search = LinkSearch::default();
         let degenerate: Vec<_> = degenerate_curves(&set).collect();
         let near = search.find_links(&set, trees.roots(), &degenerate).clone();
-        let count = search.discarded();
+        let count = search.discarded;
         let mut all = search.find(trees.roots()).clone();
         all.retain(|&(i, j)| whole(i) && whole(j));
         assert_eq!(near.len() + count, all.len());

@@ -166,7 +166,7 @@ impl NearList {
             .collect();
         let limit = PairLimit::default();
         limit.begin(MOST_NEAR);
-        search.limit_to(limit.clone());
+        search.limit = limit.clone();
         let lattice = strands.cell.map(|cell| {
             let largest = radii.iter().fold(0.0, |a: f64, &b| a.max(b));
             Lattice::new(cell, &boxes, 2.0 * (reach.ratio * largest + reach.skin))
