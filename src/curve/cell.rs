@@ -4,6 +4,7 @@ use super::Point;
 use super::vector::{cross, dot, norm, per_axis};
 use crate::error::{Error, Result};
 use std::fmt;
+use std::ops::RangeInclusive;
 use std::str::FromStr;
 
 /// Translation of a curve by lattice vectors: the multiples of the first, second and third vector
@@ -53,10 +54,7 @@ pub struct Cell {
 impl Cell {
     /// Returns the cell with these edges along the axes; an edge of 0 stands for no repetition.
     pub fn orthogonal(origin: Point, edges: [f64; 3]) -> Cell {
-        let mut vectors = [[0.0; 3]; 3];
-        for (x, edge) in edges.into_iter().enumerate() {
-            vectors[x][x] = edge;
-        }
+        let vectors = per_axis(|k| per_axis(|x| if x == k { edges[k] } else { 0.0 }));
         Cell { origin, vectors }
     }
 
@@ -74,12 +72,9 @@ impl Cell {
     /// dependent.
     pub fn check(&self) -> Result<()> {
         let refuse = |why: &str| Err(Error::Usage(format!("cell {self}: {why}")));
-        let numbers = self.origin.iter().chain(self.vectors.as_flattened());
-        let sizes = Self::SMALLEST..=Self::LARGEST;
-        for x in numbers {
-            if !x.is_finite() || *x != 0.0 && !sizes.contains(&x.abs()) {
-                return refuse("a number that is not finite, or beyond 1e-60 to 1e60");
-            }
+        let mut numbers = self.origin.iter().chain(self.vectors.as_flattened());
+        if !numbers.all(|x| *x == 0.0 || Self::SIZES.contains(&x.abs())) {
+            return refuse("a number that is not finite, or beyond 1e-60 to 1e60");
         }
         if !self.periodic().contains(&true) {
             return refuse("no vector along which the scene repeats");
@@ -98,8 +93,7 @@ impl Cell {
     }
 
     /// Range of the numbers of a cell, except 0. Products of six stay finite and normal.
-    const SMALLEST: f64 = 1e-60;
-    const LARGEST: f64 = 1e60;
+    const SIZES: RangeInclusive<f64> = 1e-60..=1e60;
 
     /// Returns three vectors `b` with `b[k] . a[l] = 1` if `k = l`, else 0, up to rounding, for the
     /// lattice vectors `a`. A vector without repetition is replaced by a unit vector orthogonal to

@@ -42,11 +42,9 @@ impl CurveLabels {
     }
 
     /// Returns these labels with a radius for each curve.
-    pub fn with_radii(self, radii: impl IntoIterator<Item = f32>) -> CurveLabels {
-        CurveLabels {
-            radii: radii.into_iter().collect(),
-            ..self
-        }
+    pub fn with_radii(mut self, radii: impl IntoIterator<Item = f32>) -> CurveLabels {
+        self.radii = radii.into_iter().collect();
+        self
     }
 
     /// Returns true if the curves have neither names nor radii.

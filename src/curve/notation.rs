@@ -31,11 +31,8 @@ impl Notation {
             _ => 0,
         };
         let factor = if PLAIN.contains(&power) { 0 } else { power };
-        let decimals = (DIGITS - 1 - (power - factor)).max(0);
-        Notation {
-            factor,
-            decimals: decimals as usize,
-        }
+        let decimals = (DIGITS - 1 - (power - factor)).max(0) as usize;
+        Notation { factor, decimals }
     }
 
     /// Returns the notation of a place in a scene of this extent. If the extent is unknown (0), or

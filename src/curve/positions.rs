@@ -25,7 +25,7 @@ impl Precision {
 }
 
 /// Control points of the input: `x y z x y z ..`, curve after curve.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Positions<'a> {
     /// Single precision.
     F32(&'a [f32]),

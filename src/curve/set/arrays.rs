@@ -19,8 +19,8 @@ pub(super) struct Arrays {
 #[derive(Debug, Default)]
 pub(super) struct LazyArrays {
     arrays: OnceLock<Arrays>,
-    /// Memory for the arrays.
-    spare: Mutex<Option<Arrays>>,
+    /// Memory for the arrays. The layout of a set does not change once it has arrays.
+    spare: Mutex<Option<Coordinates>>,
 }
 
 impl Clone for LazyArrays {
@@ -45,13 +45,9 @@ impl LazyArrays {
     fn build(&self, curves: &[Curve], basis: Basis, received: &Received) -> &Arrays {
         self.arrays.get_or_init(|| {
             let (slots, positions) = (slots_of_all(curves, basis), received.positions());
-            let precision = positions.precision();
             let mut spare = self.spare.lock().unwrap_or_else(PoisonError::into_inner);
-            let fits = |c: &Coordinates| c.precision() == precision && c.len() == slots;
-            let spare = spare.take().map(|arrays| arrays.coordinates);
-            let mut coordinates = spare
-                .filter(fits)
-                .unwrap_or_else(|| Coordinates::new(precision, slots));
+            let new = || Coordinates::new(positions.precision(), slots);
+            let mut coordinates = spare.take().unwrap_or_else(new);
             let max_abs = coordinates.write_curves(curves, basis, positions);
             Arrays {
                 coordinates,
@@ -63,7 +59,7 @@ impl LazyArrays {
     /// Forgets the arrays, because the positions change. Keeps their memory.
     pub fn outdate(&mut self) {
         if let Some(arrays) = self.arrays.take() {
-            self.spare = Some(arrays).into();
+            self.spare = Some(arrays.coordinates).into();
         }
     }
 

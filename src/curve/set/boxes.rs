@@ -1,6 +1,6 @@
 //! Axis-aligned boxes, single and in groups of eight.
 
-use super::vector::per_axis;
+use super::vector::{dot, per_axis};
 use super::{Point, pow2};
 use crate::simd::LANES;
 
@@ -81,15 +81,10 @@ impl Box3 {
         if self.is_empty() || other.is_empty() {
             return f64::INFINITY;
         }
-        let mut sum = 0.0;
-        for x in 0..3 {
-            let gap = f64::from(self.lo[x]) - f64::from(other.hi[x]);
-            let gap = gap
-                .max(f64::from(other.lo[x]) - f64::from(self.hi[x]))
-                .max(0.0);
-            sum += gap * gap;
-        }
-        sum * (1.0 - 1e-12)
+        let wide = |p: &[f32; 3], x: usize| f64::from(p[x]);
+        let gap = |a: &Box3, b: &Box3, x: usize| wide(&a.lo, x) - wide(&b.hi, x);
+        let gap = per_axis(|x| gap(self, other, x).max(gap(other, self, x)).max(0.0));
+        dot(gap, gap) * (1.0 - 1e-12)
     }
 }
 

@@ -23,21 +23,6 @@ impl Coordinates {
         }
     }
 
-    pub fn precision(&self) -> Precision {
-        match self {
-            Self::F32(_) => Precision::F32,
-            Self::F64(_) => Precision::F64,
-        }
-    }
-
-    /// Returns the number of slots.
-    pub fn len(&self) -> usize {
-        match self {
-            Self::F32(v) => v[0].len(),
-            Self::F64(v) => v[0].len(),
-        }
-    }
-
     /// Returns the point in a slot.
     #[inline]
     pub fn at(&self, slot: usize) -> Point {

@@ -194,13 +194,7 @@ impl CurveSet {
         if self.contents == before.contents {
             return vec![false; self.len()];
         }
-        let curves = (0..self.len()).map(|i| (self.positions_in(i), before.positions_in(i)));
-        let moved = curves.map(|both| match both {
-            (Positions::F32(now), Positions::F32(before)) => now != before,
-            (Positions::F64(now), Positions::F64(before)) => now != before,
-            // Another precision is another layout.
-            _ => true,
-        });
+        let moved = (0..self.len()).map(|i| self.positions_in(i) != before.positions_in(i));
         moved.collect()
     }
 

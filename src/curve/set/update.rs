@@ -10,9 +10,6 @@ use std::sync::atomic::{AtomicU64, Ordering};
 /// of points, which stay finite up to this limit. (Polylines have no limit.)
 const SPLINE_RANGE: f64 = pow2(300);
 
-/// Number of coordinates that are computed at once: of whole points.
-const PART: usize = 3 * 1024;
-
 /// Returns a new number of contents.
 pub(super) fn next_contents() -> u64 {
     static NEXT: AtomicU64 = AtomicU64::new(0);
@@ -124,26 +121,20 @@ impl CurveSet {
         if let (Some(from), Some(end)) = (&self.sums, &other.sums) {
             return CurveSet::translated_toward([from, end], fraction, to);
         }
+        self.check_precision(other.precision())?;
         let set = to.get_or_insert_with(|| self.clone());
-        set.update_by(other.positions(), |copy, limit| {
-            copy.resize(0);
-            match (self.positions(), other.positions()) {
-                (Positions::F32(a), Positions::F32(b)) => {
-                    let fraction = fraction as f32;
-                    for (a, b) in a.chunks(PART).zip(b.chunks(PART)) {
-                        let at = a.iter().zip(b).map(|(a, b)| a + fraction * (b - a));
-                        copy.append(Positions::F32(&at.collect::<Vec<f32>>()), limit)?;
-                    }
-                }
-                (Positions::F64(a), Positions::F64(b)) => {
-                    for (a, b) in a.chunks(PART).zip(b.chunks(PART)) {
-                        let at = a.iter().zip(b).map(|(a, b)| a + fraction * (b - a));
-                        copy.append(Positions::F64(&at.collect::<Vec<f64>>()), limit)?;
-                    }
-                }
-                _ => unreachable!("frames of the same curves have the same precision"),
+        let at = match (self.positions(), other.positions()) {
+            (Positions::F32(a), Positions::F32(b)) => {
+                let fraction = fraction as f32;
+                let at = a.iter().zip(b).map(|(a, b)| a + fraction * (b - a));
+                Received::F32(at.collect())
             }
-            Ok(())
-        })
+            (Positions::F64(a), Positions::F64(b)) => {
+                let at = a.iter().zip(b).map(|(a, b)| a + fraction * (b - a));
+                Received::F64(at.collect())
+            }
+            _ => unreachable!("the same precision"),
+        };
+        set.update(at.positions())
     }
 }
