@@ -34,6 +34,18 @@ impl Curve {
         apart <= 1 || (self.closed && apart == self.segments - 1)
     }
 
+    /// Returns the number of control point `k` of segment `s` in the curve.
+    #[inline(always)]
+    pub(crate) fn control_point(&self, basis: Basis, s: usize, k: usize) -> usize {
+        let n = self.points as usize;
+        // Rarely a division.
+        match s * basis.stride() + k + n - basis.lead(self.closed) {
+            at if at < n => at,
+            at if at < 2 * n => at - n,
+            at => at % n,
+        }
+    }
+
     /// Returns the segment after `s`, or `s` itself if it is the last one of an open curve.
     #[inline]
     pub(crate) fn after(&self, s: u32) -> u32 {

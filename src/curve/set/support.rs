@@ -1,28 +1,14 @@
 //! Control points and the segments that depend on them.
 
-use super::CurveSet;
+use super::{Curve, CurveSet};
 use std::ops::Range;
 
 impl CurveSet {
     /// Returns the slots of the control points that segment `s` of curve `i` depends on. Copies are
     /// mapped to their originals.
     pub(crate) fn support(&self, i: usize, s: u32) -> impl Iterator<Item = usize> + use<> {
-        let c = self.curves[i];
-        let body = self.body(i);
-        let (n, lead) = (c.points as usize, self.basis.lead(c.closed));
-        let at = s as usize * self.basis.stride();
-        (at..at + self.basis.window()).map(move |k| {
-            let k = k + n - lead;
-            // Rarely a division.
-            body.start
-                + if k < n {
-                    k
-                } else if k < 2 * n {
-                    k - n
-                } else {
-                    k % n
-                }
-        })
+        let (c, basis, start) = (self.curves[i], self.basis, self.body(i).start);
+        (0..basis.window()).map(move |k| start + c.control_point(basis, s as usize, k))
     }
 
     /// Returns the numbers of the control points of curve `i`, counted over all curves.
@@ -40,9 +26,8 @@ impl CurveSet {
         mut segment: impl FnMut(u32, u32),
     ) {
         let (stride, window) = (self.basis.stride(), self.basis.window());
-        let first = self
-            .curves
-            .partition_point(|c| (c.first_point as usize) <= points.start);
+        let starts_before = |c: &Curve| c.first_point as usize <= points.start;
+        let first = self.curves.partition_point(starts_before);
         for i in first.saturating_sub(1)..self.curves.len() {
             let own = self.points_of(i);
             if own.start >= points.end {

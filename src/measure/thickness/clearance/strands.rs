@@ -236,9 +236,8 @@ impl Strands<'_> {
         if self.set.basis().is_polyline() {
             return all;
         }
-        let mut order: Vec<usize> = (0..all.len())
-            .filter(|&k| all[k].closest.is_some())
-            .collect();
+        let measured = (0..all.len()).filter(|&k| all[k].closest.is_some());
+        let mut order: Vec<usize> = measured.collect();
         order.sort_unstable_by(|&a, &b| all[a].bound.total_cmp(&all[b].bound).then(a.cmp(&b)));
         let (mut rest, mut best) = (&order[..], limit);
         // In the order of their bounds, until the next bound is no smaller than the smallest
@@ -406,14 +405,12 @@ impl Strands<'_> {
         radii: f64,
         precise: bool,
     ) -> CloseStrands {
-        let (one, other) = (&a.hulls[k], &b.hulls[l]);
-        let mut error = a.deviations[k] + b.deviations[l];
-        let (distance, points) = if precise {
-            let found = self.closest_of_chords([a, b], [k, l]);
-            error = found.1;
-            found.0
+        let ((distance, points), error) = if precise {
+            self.closest_of_chords([a, b], [k, l])
         } else {
-            closest_of_edges([one[0], one[3]], [other[0], other[3]])
+            let [one, other] = [a.hulls[k], b.hulls[l]].map(|[from, .., to]| [from, to]);
+            let error = a.deviations[k] + b.deviations[l];
+            (closest_of_edges(one, other), error)
         };
         CloseStrands {
             ratio: distance / radii,
@@ -481,18 +478,9 @@ impl Strands<'_> {
         let basis = self.set.basis();
         let first = (block * LANES) as u32;
         let count = (curve.segments - first).min(LANES as u32) as usize;
-        let points = self.set.points_of(i);
-        let (n, lead) = (points.len(), basis.lead(curve.closed));
-        let control = |s: usize, k: usize| {
-            let at = s * basis.stride() + k + n - lead;
-            // Rarely a division.
-            let at = match at {
-                at if at < n => at,
-                at if at < 2 * n => at - n,
-                at => at % n,
-            };
-            self.positions.point(points.start + at)
-        };
+        let start = self.set.points_of(i).start;
+        let number = |s: usize, k: usize| start + curve.control_point(basis, s, k);
+        let control = |s: usize, k: usize| self.positions.point(number(s, k));
         let mut out = Block {
             curve: i,
             first,
