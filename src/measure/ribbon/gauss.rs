@@ -64,10 +64,8 @@ impl GaussIntegrals {
 
     /// Returns the linking integrals of curve `i` and all later ones, in their order.
     pub fn row(&self, i: usize, tolerance: f64) -> Vec<Estimate> {
-        let others = self.chains.par_iter().skip(i + 1);
-        others
-            .map(|other| self.chains[i].integral(other, tolerance))
-            .collect()
+        let integral = |other: &Chain| self.chains[i].integral(other, tolerance);
+        self.chains.par_iter().skip(i + 1).map(integral).collect()
     }
 }
 

@@ -180,17 +180,15 @@ impl Distances {
 pub(super) fn find(strands: [&[Point]; 2]) -> (Pairing, PairingReason, Vec<Pairing>) {
     let n = strands[0].len();
     let samples = samples(n);
-    let all: Vec<Distances> = (0..2 * n)
-        .into_par_iter()
-        .map(|p| {
-            let (antiparallel, shift) = (p >= n, p % n);
-            let pairing = Pairing {
-                antiparallel,
-                shift,
-            };
-            Distances::of(pairing, strands, &samples)
-        })
-        .collect();
+    let all = (0..2 * n).into_par_iter().map(|p| {
+        let (antiparallel, shift) = (p >= n, p % n);
+        let pairing = Pairing {
+            antiparallel,
+            shift,
+        };
+        Distances::of(pairing, strands, &samples)
+    });
+    let all: Vec<Distances> = all.collect();
     let by_mean = |a: &&Distances, b: &&Distances| a.mean.total_cmp(&b.mean);
     let nearest = *all.iter().min_by(by_mean).expect("strands have vertices");
     let antiparallel = nearest.pairing.antiparallel;
@@ -210,10 +208,10 @@ pub(super) fn find(strands: [&[Point]; 2]) -> (Pairing, PairingReason, Vec<Pairi
     };
     let (taken, reason) = match usual {
         Some(order) if !overruled(order) => (*order, PairingReason::Order),
-        _ => (
-            smoothest(&close, best, strands, &samples),
-            PairingReason::Distances,
-        ),
+        _ => {
+            let smoothest = smoothest(&close, best, strands, &samples);
+            (smoothest, PairingReason::Distances)
+        }
     };
     let rival = |d: &&Distances| {
         let ordered = usual.is_some_and(|order| order.pairing == d.pairing);

@@ -60,17 +60,15 @@ pub(super) fn twist(axis: &[Point], edge: &[Point]) -> Interval {
     }
     let at = |points: &[Point], i: usize| points[i % n].map(|x| cube(x, 0.0));
     let across = |i: usize| sub(at(edge, i), at(axis, i));
-    let parts: Vec<Interval> = (0..n.div_ceil(GRAIN))
-        .into_par_iter()
-        .map(|k| {
-            let vertices = k * GRAIN..n.min((k + 1) * GRAIN);
-            vertices.fold(Interval::ZERO, |sum, i| {
-                let [a, b, c] = [i + n - 1, i, i + 1].map(|i| at(axis, i));
-                let (u, v) = (across(i), across(i + 1));
-                sum + corner(sub(b, a), sub(c, b), u) + segment(sub(c, b), u, v)
-            })
+    let parts = (0..n.div_ceil(GRAIN)).into_par_iter().map(|k| {
+        let vertices = k * GRAIN..n.min((k + 1) * GRAIN);
+        vertices.fold(Interval::ZERO, |sum, i| {
+            let [a, b, c] = [i + n - 1, i, i + 1].map(|i| at(axis, i));
+            let (u, v) = (across(i), across(i + 1));
+            sum + corner(sub(b, a), sub(c, b), u) + segment(sub(c, b), u, v)
         })
-        .collect();
+    });
+    let parts: Vec<Interval> = parts.collect();
     let sum = parts.into_iter().fold(Interval::ZERO, |a, b| a + b);
     sum / (Interval::PI + Interval::PI)
 }

@@ -243,18 +243,15 @@ pub(super) fn approach(sides: [&Side; 2], joints: Joints, limit_sq: f64) -> Opti
         unresolved = unresolved.min(least);
         place.get_or_insert(near);
     }
-    match search.best {
-        Some(at) => Some(Approach {
-            at,
-            distance_sq: search.limit_sq,
-            least: unresolved.min(search.limit_sq.sqrt() * (1.0 - ACCURACY)),
-        }),
-        None => place.map(|at| Approach {
-            at,
-            distance_sq: f64::INFINITY,
-            least: unresolved,
-        }),
-    }
+    let (at, distance_sq) = match search.best {
+        Some(at) => (at, search.limit_sq),
+        None => (place?, f64::INFINITY),
+    };
+    Some(Approach {
+        at,
+        distance_sq,
+        least: unresolved.min(distance_sq.sqrt() * (1.0 - ACCURACY)),
+    })
 }
 
 impl Search<'_> {
@@ -364,14 +361,13 @@ impl Search<'_> {
                 value = self.distance_sq(at);
                 break;
             }
-            let tried = [1.0, 0.25, 0.0625, 1e-2, 1e-3]
-                .into_iter()
-                .find_map(|share| {
-                    let next = [0, 1].map(|k| (at[k] + share * step[k]).clamp(0.0, 1.0));
-                    let reached = self.distance_sq(next);
-                    (reached < value).then_some((next, reached))
-                });
-            let Some(nearer) = tried else { break };
+            let mut shares = [1.0, 0.25, 0.0625, 1e-2, 1e-3].into_iter();
+            let nearer = shares.find_map(|share| {
+                let next = [0, 1].map(|k| (at[k] + share * step[k]).clamp(0.0, 1.0));
+                let reached = self.distance_sq(next);
+                (reached < value).then_some((next, reached))
+            });
+            let Some(nearer) = nearer else { break };
             (at, value) = nearer;
         }
         at = at.map(|t| if t > 1.0 - 1e-9 { 1.0 } else { t });

@@ -122,11 +122,9 @@ impl Lattice {
                 image[k] = 1;
                 periodic[k] && !is_multiple(image, period)
             };
-            (0..3)
-                .filter(leads_away)
-                .map(|k| norm(self.cell.vectors[k]))
+            (0..3).filter(leads_away).map(|k| self.cell.vectors[k])
         });
-        let shortest = vectors.fold(f64::INFINITY, f64::min);
+        let shortest = vectors.map(norm).fold(f64::INFINITY, f64::min);
         let bound = if shortest.is_finite() {
             shortest
         } else {

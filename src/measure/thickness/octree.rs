@@ -21,10 +21,6 @@ const FIRST_BATCH: usize = 4;
 /// A box, axis-aligned: smallest and largest coordinates.
 type Bounds = [Point; 2];
 
-fn bounds_of(edge: &Edge) -> Bounds {
-    bounds(edge.hull())
-}
-
 /// Returns a lower bound of the squared distance between two boxes, rounding included.
 fn distance_sq(a: &Bounds, b: &Bounds) -> f64 {
     let gap = per_axis(|x| (a[0][x] - b[1][x]).max(b[0][x] - a[1][x]).max(0.0));
@@ -161,7 +157,7 @@ impl Octree {
         let mut order: Vec<(u64, u32)> = tags.into_iter().zip(0..).collect();
         order.par_sort_unstable();
         let (tags, order): (Vec<u64>, Vec<u32>) = order.into_iter().unzip();
-        let bounds: Vec<Bounds> = order.iter().map(|&k| bounds_of(edges.get(k))).collect();
+        let bounds: Vec<Bounds> = order.iter().map(|&k| bounds(edges.get(k).hull())).collect();
         let mut builder = Builder {
             tags: &tags,
             bounds: &bounds,

@@ -46,10 +46,8 @@ fn length_of(directions: &[Point; 3], [from, to]: [f64; 2], known: f64) -> f64 {
     if (sum - known).abs() <= LENGTH_ACCURACY * sum || to - from < TIP {
         return sum;
     }
-    halves
-        .map(|(part, known)| length_of(directions, part, known))
-        .iter()
-        .sum()
+    let lengths = halves.map(|(part, known)| length_of(directions, part, known));
+    lengths.iter().sum()
 }
 
 /// Returns the length of a part by the rule of Gauss and Legendre of four points.
@@ -107,9 +105,8 @@ pub(super) fn min_rad(set: &CurveSet, cell: Option<&Cell>) -> Option<MinRad> {
             from < at && at < to
         };
         if open.is_empty() || open.len() > divisions || !open.iter().all(divides) {
-            break open
-                .iter()
-                .fold(near, |least, (bound, _)| least.min(*bound));
+            let bounds = open.iter().map(|(bound, _)| *bound);
+            break bounds.fold(near, f64::min);
         }
         divisions -= open.len();
         for (_, (i, s, [from, to])) in open {

@@ -14,7 +14,7 @@
 //! the same holds for the motion before that, and so on: if it was not listed, all motions together
 //! exceed twice the skin.
 
-use crate::curve::vector::{add, norm, per_axis};
+use crate::curve::vector::{add, dot, norm, per_axis};
 use crate::curve::{Box3, Cell, Image, Point, is_home, pow2};
 use crate::error::Result;
 use crate::pairs::LinkSearch;
@@ -91,11 +91,10 @@ impl Lattice {
             let half = per_axis(|x| 0.5 * (hi[x] - lo[x]));
             let range = per_axis(|k| {
                 let b = self.inverse[k];
-                let term = |x: usize| b[x] * middle[x];
-                let size: f64 = (0..3).map(|x| b[x].abs() * half[x]).sum();
-                let largest: f64 = (0..3).map(|x| term(x).abs()).sum();
+                let size = dot(b.map(f64::abs), half);
+                let largest = dot(b.map(f64::abs), middle.map(f64::abs));
                 let half = size + PAD * (largest + size + units[k]);
-                let middle = term(0) + term(1) + term(2);
+                let middle = dot(b, middle);
                 [middle - half, middle + half]
             });
             [range.map(|r| r[0]), range.map(|r| r[1])]

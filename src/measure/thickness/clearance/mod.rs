@@ -108,13 +108,11 @@ impl ClearanceOptions {
             let what = format!("a radius of {radius}, expected a length of 1e-30 to 1e30");
             return Err(Error::Usage(what));
         }
-        match (0.0..=1.0).contains(&self.low) {
-            true => Ok(()),
-            false => Err(Error::Usage(format!(
-                "a clearance of {}, expected 0 to 1",
-                self.low
-            ))),
+        if !(0.0..=1.0).contains(&self.low) {
+            let what = format!("a clearance of {}, expected 0 to 1", self.low);
+            return Err(Error::Usage(what));
         }
+        Ok(())
     }
 }
 
@@ -234,6 +232,7 @@ struct Layout {
 }
 
 /// Result of the measurement of a frame.
+#[derive(Default)]
 struct Measurement {
     pairs: Vec<(BlockPair, Measured)>,
     closest: Option<CloseStrands>,
@@ -327,15 +326,11 @@ impl ClearanceMonitor {
     /// [`Error::Usage`] if the radii of the curves are unknown, or curves span too many
     /// cells; [`Error::Unsupported`] if coordinates are too large, or too many strands are close.
     pub fn measure(&mut self, set: &CurveSet, cell: Option<&Cell>, seq: u64) -> Result<Clearance> {
-        // Once, so that the parallel parts need not each wake a thread.
-        rayon::scope(|_| self.measure_here(set, cell, seq))
-    }
-
-    fn measure_here(&mut self, set: &CurveSet, cell: Option<&Cell>, seq: u64) -> Result<Clearance> {
         let layout = self.prepare(set, cell)?;
         let radii = std::mem::take(&mut self.radii);
         let strands = layout.strands((set, cell), &radii);
-        let measured = self.measure_strands(&strands);
+        // Once, so that the parallel parts need not each wake a thread.
+        let measured = rayon::scope(|_| self.measure_strands(&strands));
         self.layout = Some(layout);
         self.radii = radii;
         let (at_least, closest) = measured?;
@@ -367,10 +362,7 @@ impl ClearanceMonitor {
     /// Measures a frame. Returns a lower bound of the clearance of all strands, and the closest
     /// ones.
     fn measure_strands(&mut self, strands: &Strands<'_>) -> Result<(f64, Option<CloseStrands>)> {
-        let mut found = Measurement {
-            pairs: Vec::new(),
-            closest: None,
-        };
+        let mut found = Measurement::default();
         let closest = std::mem::take(&mut self.closest);
         let measured = strands.measure(&closest, REACH);
         found.add(closest, measured);

@@ -8,7 +8,7 @@ use super::strands::{Measured, Strands};
 use crate::cancel::PairLimit;
 use crate::curve::{Box3, Image, Received, above, below, larger, pow2};
 use crate::error::{Error, Result};
-use crate::pairs::{BlockLists, LinkSearch};
+use crate::pairs::{BlockLists, LinkSearch, Pair};
 use crate::periodic::too_far;
 use crate::simd::dispatch;
 use rayon::prelude::*;
@@ -161,9 +161,8 @@ impl NearList {
         let boxes: Vec<Box3> = all.map(bounds).collect();
         let dilation = |curve: u32| reach.ratio * radii[curve as usize] + reach.skin + rounding;
         let dilated = boxes.iter().zip(&blocks.numbers.curves);
-        let dilated: Vec<Box3> = dilated
-            .map(|(b, &curve)| b.dilated(above(dilation(curve))))
-            .collect();
+        let dilated = dilated.map(|(b, &curve)| b.dilated(above(dilation(curve))));
+        let dilated: Vec<Box3> = dilated.collect();
         let limit = PairLimit::default();
         limit.begin(MOST_NEAR);
         search.limit = limit.clone();
@@ -174,9 +173,8 @@ impl NearList {
         let lattice = lattice.transpose()?;
         let mut found: Vec<BlockPair> = match &lattice {
             None => {
-                let home = search.find(&dilated).iter();
-                home.map(|&(a, b)| blocks.pair(a, b, Image::default()))
-                    .collect()
+                let home = |&(a, b): &Pair| blocks.pair(a, b, Image::default());
+                search.find(&dilated).iter().map(home).collect()
             }
             Some(lattice) => {
                 let near = lattice.near(&dilated, search);
@@ -267,9 +265,8 @@ impl NearList {
         let far = far.fold(0.0, f64::max);
         let lattice = self.lattice.as_ref().zip(strands.cell);
         let lattice = lattice.and_then(|(lattice, cell)| lattice.motion_to(cell));
-        let drift = lattice
-            .as_ref()
-            .map_or(0.0, |motion| 0.5 * motion.largest(far));
+        let half = |motion: &LatticeMotion| 0.5 * motion.largest(far);
+        let drift = lattice.as_ref().map_or(0.0, half);
         Moved {
             rigid,
             farthest: far + drift,
