@@ -48,10 +48,8 @@ impl Diagram {
             0 => -(passage as i32 / 2) - 1,
             _ => passage as i32 / 2 + 1,
         };
-        let components = self.components.iter();
-        components
-            .map(|passages| passages.iter().map(number).collect())
-            .collect()
+        let numbers = |passages: &Vec<u32>| passages.iter().map(number).collect();
+        self.components.iter().map(numbers).collect()
     }
 
     /// Returns the Gauss code as text of KnotTheory, `GaussCode[-1, 2, -3, 1, -2, 3]`, with braces
@@ -119,8 +117,8 @@ impl Diagram {
             true => numbers[*passage as usize],
             false => -numbers[*passage as usize],
         };
-        let codes = evens.iter().map(|order| order.iter().map(number).collect());
-        codes.collect()
+        let numbers = |order: &Vec<u32>| order.iter().map(number).collect();
+        evens.iter().map(numbers).collect()
     }
 
     /// Returns the DT code as text of SnapPy, `DT: [(4,6,2)]`.

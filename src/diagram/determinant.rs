@@ -83,11 +83,8 @@ impl Diagram {
         let edges = colours.iter().enumerate().map(|(crossing, &place)| {
             let corner = 4 * crossing + place;
             // The upper strand has places 1 and 3.
-            (
-                faces[corner],
-                faces[corner + 2],
-                if place == 1 { 1 } else { -1 },
-            )
+            let weight = if place == 1 { 1 } else { -1 };
+            (faces[corner], faces[corner + 2], weight)
         });
         (count, edges.collect())
     }
@@ -326,9 +323,8 @@ impl<'a> Matrix<'a> {
 
     /// Eliminates a row and its column. Returns their other columns.
     fn eliminate(&mut self, v: u32) -> Vec<(u32, Slot)> {
-        let row: Vec<_> = std::mem::take(&mut self.rows[v as usize])
-            .into_iter()
-            .collect();
+        let row = std::mem::take(&mut self.rows[v as usize]);
+        let row: Vec<_> = row.into_iter().collect();
         let inverse = self.new_slot();
         self.apply(inverse, v, INVERT);
         for (k, &(a, entry)) in row.iter().enumerate() {

@@ -30,19 +30,16 @@ pub fn diagrams(set: &CurveSet, groups: bool) -> Vec<(Vec<u32>, Result<Diagram, 
     let mut found: Vec<(Vec<u32>, Result<Diagram, Defect>)> = singles.collect();
     if groups {
         let near = near_groups(set, &closed).into_par_iter();
-        let parts: Vec<_> = near
-            .map(|group| match of(&group) {
-                Err(defect) => vec![(group, Err(defect))],
-                Ok(whole) => {
-                    let parts = whole.parts().into_iter();
-                    let parts = parts.filter(|part| part.curves().len() > 1);
-                    parts
-                        .map(|part| (part.curves().to_vec(), Ok(part)))
-                        .collect()
-                }
-            })
-            .collect();
-        let mut parts = parts.concat();
+        let parts = near.map(|group| match of(&group) {
+            Err(defect) => vec![(group, Err(defect))],
+            Ok(whole) => {
+                let parts = whole.parts().into_iter();
+                let parts = parts.filter(|part| part.curves.len() > 1);
+                let named = parts.map(|part| (part.curves.clone(), Ok(part)));
+                named.collect()
+            }
+        });
+        let mut parts = parts.collect::<Vec<_>>().concat();
         parts.sort_by(|a, b| a.0.cmp(&b.0));
         found.extend(parts);
     }

@@ -43,12 +43,9 @@ impl Diagram {
         let positions = self.positions();
         let mut all = AllBelow::new();
         for (component, passages) in (0..).zip(&self.components) {
-            let under = (0..)
-                .zip(passages)
-                .filter(|(_, passage)| **passage % 2 == 0);
-            for (at, &passage) in under {
+            for (at, &passage) in (0..).zip(passages) {
                 let (above, above_at) = positions[passage as usize ^ 1];
-                if above == component {
+                if passage % 2 == 1 || above == component {
                     continue;
                 }
                 let passed = all.entry((component, above)).or_default();
@@ -78,10 +75,8 @@ pub(super) fn triple(all: &AllBelow, [first, second, third]: [u32; 3]) -> i64 {
     let (below_first, below_second) = (of(third, first), of(third, second));
     let (k12, k21) = (of(first, second), of(second, first));
     let ones = below_first.iter().map(|p| p.sign * before(k12, p.above_at));
-    let others = below_second
-        .iter()
-        .map(|p| p.sign * (before(below_first, p.at) - before(k21, p.above_at)));
-    ones.chain(others).sum()
+    let other = |p: &Below| p.sign * (before(below_first, p.at) - before(k21, p.above_at));
+    ones.chain(below_second.iter().map(other)).sum()
 }
 
 impl std::fmt::Display for TripleLink {

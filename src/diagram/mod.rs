@@ -24,7 +24,6 @@ use crate::discretize::{homotopic_polylines, isotopic_polylines};
 use crate::verdict::Defect;
 use std::borrow::Cow;
 use std::collections::BTreeMap;
-use std::ops::RangeInclusive;
 
 /// The planar diagram of some closed polylines: their crossings in a projection, in their order
 /// along each curve.
@@ -206,9 +205,8 @@ impl Diagram {
 
     /// Returns the invariants of each component.
     pub fn invariants(&self) -> Vec<Invariants> {
-        (0..self.curves.len() as u32)
-            .map(|k| self.of_components(&[k]).reduced().as_knot())
-            .collect()
+        let knot = |k| self.of_components(&[k]).reduced().as_knot();
+        (0..self.curves.len() as u32).map(knot).collect()
     }
 
     /// Returns the determinant of the link, `|Delta(-1)|`, in decimal digits. It is 0 if the link
@@ -249,9 +247,8 @@ impl Diagram {
                     let mut triple = [middle, a, b];
                     triple.sort_by_key(|&k| self.curves[k as usize]);
                     let curves = triple.map(|k| self.curves[k as usize]);
-                    let of =
-                        |k: usize, l: usize| triple[k].min(triple[l])..=triple[k].max(triple[l]);
-                    let pairs = [of(0, 1), of(0, 2), of(1, 2)].map(RangeInclusive::into_inner);
+                    let [a, b, c] = triple;
+                    let pairs = [(a, b), (a, c), (b, c)].map(|(a, b)| (a.min(b), a.max(b)));
                     let links = pairs.iter().filter_map(|pair| sums.get(pair));
                     let modulus = links.fold(0, |n, sum| greatest_common_divisor(n, sum / 2));
                     // Modulo 1 there is nothing to compute.
@@ -410,10 +407,9 @@ fn of_splines(set: &CurveSet, names: &[u32]) -> Result<project::GaussCode, Defec
 }
 
 fn greatest_common_divisor(a: i64, b: i64) -> i64 {
-    if b == 0 {
-        a.abs()
-    } else {
-        greatest_common_divisor(b, a % b)
+    match b {
+        0 => a.abs(),
+        b => greatest_common_divisor(b, a % b),
     }
 }
 

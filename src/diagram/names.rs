@@ -31,9 +31,9 @@ impl KnotName {
         crossings: usize,
     ) -> Option<KnotName> {
         let (v3, determinant) = (v3?, determinant?);
-        let found = KNOTS
-            .iter()
-            .find(|knot| (knot.1, knot.2, knot.3) == (v2, v3.abs(), determinant));
+        let numbers = (v2, v3.abs(), determinant);
+        let mut knots = KNOTS.iter();
+        let found = knots.find(|knot| (knot.1, knot.2, knot.3) == numbers);
         found.map(|knot| KnotName {
             symbol: knot.0,
             right_handed: (v3 != 0).then_some(v3 > 0),

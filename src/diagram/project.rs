@@ -58,7 +58,7 @@ struct Parameter {
 impl Parameter {
     /// Returns the position on an edge, given the areas of its start and of its end, which have
     /// different signs.
-    fn new(start: &Seen, end: &Seen) -> Parameter {
+    fn new([start, end]: [Seen; 2]) -> Parameter {
         let whole = start.value.abs() + end.value.abs();
         let error = start.bound + end.bound;
         Parameter {
@@ -279,10 +279,8 @@ impl Edges {
             let tied = (0..2).filter(move |&k| seen[k].sign == 0);
             tied.map(move |k| [edge[0], edge[1], ends[k]])
         };
-        let mut ties = [(of_q, p, q), (of_p, q, p)]
-            .into_iter()
-            .flat_map(ties)
-            .peekable();
+        let ties = [(of_q, p, q), (of_p, q, p)].into_iter().flat_map(ties);
+        let mut ties = ties.peekable();
         if ties.peek().is_some() {
             if segments_touch(p[0], p[1], q[0], q[1], &mut predicates) {
                 return Err(Stop::Contact(edges));
@@ -298,10 +296,7 @@ impl Edges {
         }
         Ok(Some(EdgeCrossing {
             edges,
-            at: [
-                Parameter::new(&of_p[0], &of_p[1]),
-                Parameter::new(&of_q[0], &of_q[1]),
-            ],
+            at: [of_p, of_q].map(Parameter::new),
             over: height * of_q[1].sign < 0,
             sign: -height as i8,
         }))
@@ -320,9 +315,8 @@ impl Edges {
             Crossings::Between => curve(g) != curve(h),
         });
         let pairs = pairs.par_iter().with_min_len(PART);
-        let found: Vec<Result<EdgeCrossing, Stop>> = pairs
-            .filter_map(|&(g, h)| self.crossing([g, h]).transpose())
-            .collect();
+        let found = pairs.filter_map(|&(g, h)| self.crossing([g, h]).transpose());
+        let found: Vec<Result<EdgeCrossing, Stop>> = found.collect();
         found.into_iter().collect()
     }
 

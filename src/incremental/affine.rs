@@ -122,8 +122,7 @@ impl Affine {
         let singular = m.svd(false, false).singular_values;
         let (least, most) = (singular.min(), singular.max());
         let usable = m.determinant() > 0.0 && least > 0.1 && most < 10.0;
-        let finite = inverse.iter().all(|x| x.is_finite());
-        (usable && finite).then_some(Affine {
+        usable.then_some(Affine {
             m,
             t,
             inverse,
@@ -134,9 +133,8 @@ impl Affine {
     /// Returns the largest absolute row sum of `M`, an upper bound of the factor by which `M`
     /// enlarges the largest coordinate.
     pub fn largest_row(&self) -> f64 {
-        let rows = self.m.row_iter();
-        rows.map(|r| r.iter().map(|m| m.abs()).sum())
-            .fold(0.0, f64::max)
+        let sums = self.m.row_iter().map(|row| row.abs().sum());
+        sums.fold(0.0, f64::max)
     }
 }
 

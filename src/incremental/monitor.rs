@@ -246,21 +246,21 @@ impl Monitor {
         work: &mut Work,
     ) -> Option<Vec<Pair>> {
         let known = self.reference.as_ref()?;
-        let affines = [
-            self.previous.affine.as_ref()?,
-            self.current.affine.as_ref()?,
-        ];
-        let bend = Affine::bend(affines)?;
-        let mut chunks = [&self.previous.chunks[..], &self.current.chunks].concat();
+        let surveys = [&self.previous, &self.current];
+        let [Some(from), Some(to)] = surveys.map(|survey| survey.affine.as_ref()) else {
+            return None;
+        };
+        let bend = Affine::bend([from, to])?;
+        let mut chunks = surveys.map(|survey| &survey.chunks[..]).concat();
         if chunks.is_empty() {
             return Some(Vec::new());
         }
         chunks.sort_unstable();
         chunks.dedup();
         let [before, after] = [&**before.set().ok()?, &**after.set().ok()?];
-        let ends = [(affines[0], before), (affines[1], after)];
+        let ends = [(from, before), (to, after)];
         let step = MovedBlocks::new(&known.reference, ends, &chunks, bend);
-        work.marked = step.marked() as u64;
+        work.marked = step.marked.len() as u64;
         let mut affected = pool::run(before.segments(), || step.affected())?;
         work.recertified = affected.apart as u64;
         if let Some(filter) = &self.filter {
@@ -314,10 +314,9 @@ impl Monitor {
         // Without a thread there is no reference, and every frame is computed in full.
         self.build = thread.spawn(build).ok();
         let backoff = (2 * self.backoff).max(BACKOFF * self.build_frames);
-        self.backoff = if self.pays {
-            1
-        } else {
-            backoff.min(MAX_BACKOFF)
+        self.backoff = match self.pays {
+            true => 1,
+            false => backoff.min(MAX_BACKOFF),
         };
         self.next_reference = self.frame + self.backoff;
     }

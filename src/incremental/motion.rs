@@ -51,7 +51,7 @@ pub(super) struct MovedBlocks<'a> {
     /// Segments that depend on a point that moved further than its allowance, sorted.
     segments: Vec<(u32, u32)>,
     /// Blocks with such a segment, sorted.
-    marked: Vec<Block>,
+    pub marked: Vec<Block>,
 }
 
 /// Pairs of curves that may have touched during a step.
@@ -119,11 +119,6 @@ impl<'a> MovedBlocks<'a> {
             segments,
             marked,
         }
-    }
-
-    /// Returns the number of marked blocks.
-    pub fn marked(&self) -> usize {
-        self.marked.len()
     }
 
     /// Returns the pairs of curves that may have touched during the step. Returns `None` if many
@@ -235,10 +230,8 @@ impl<'a> MovedBlocks<'a> {
     /// Returns a generous bound of the rounding errors of displacements, and of values computed
     /// from them.
     fn slack(&self) -> f64 {
-        let sizes = self
-            .ends
-            .map(|(affine, set)| set.max_abs() + affine.t.amax());
-        let size = sizes[0] + sizes[1];
+        let size = |(affine, set): (&Affine, &CurveSet)| set.max_abs() + affine.t.amax();
+        let size = size(self.ends[0]) + size(self.ends[1]);
         (self.reference.set.max_abs() + 10.0 * size) * 1e-12 + 1e-300
     }
 

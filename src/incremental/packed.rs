@@ -43,12 +43,11 @@ impl Packed {
     /// Returns all complete blocks of points. Their largest coordinate is `max_abs`.
     pub fn blocks(points: Positions<'_>, max_abs: f64, allowances: &[f32]) -> Vec<Packed> {
         let blocks = allowances.as_chunks::<BLOCK>().0.iter().enumerate();
-        blocks
-            .map(|(b, allowances)| {
-                let points = std::array::from_fn(|k| points.point(b * BLOCK + k));
-                Packed::new(&points, max_abs, allowances)
-            })
-            .collect()
+        let blocks = blocks.map(|(b, allowances)| {
+            let points = std::array::from_fn(|k| points.point(b * BLOCK + k));
+            Packed::new(&points, max_abs, allowances)
+        });
+        blocks.collect()
     }
 
     /// Returns true if no point has an allowance, because its curve is not covered.

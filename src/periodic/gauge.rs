@@ -158,11 +158,10 @@ fn add(to: &mut Motion, motion: &Motion, times: i64) {
 
 impl<'a> Gauge<'a> {
     fn new(tree: &'a Tree) -> Gauge<'a> {
+        let rest = (0..tree.free.len()).map(|k| Motion::from([(k, 1)]));
         Gauge {
             tree,
-            rest: (0..tree.free.len())
-                .map(|k| Motion::from([(k, 1)]))
-                .collect(),
+            rest: rest.collect(),
             made: Motion::new(),
         }
     }
@@ -184,10 +183,10 @@ impl<'a> Gauge<'a> {
         let named = minus(plus(image, from), to);
         let mut value = per_axis(|x| i64::from(named[x]).wrapping_add(made[x]));
         // Vectors by which the entry may change, and the motions that do so.
-        let (mut vectors, mut rest): (Vec<_>, Vec<_>) = std::mem::take(&mut self.rest)
-            .into_iter()
-            .map(|motion| (self.effect(&motion, (i, j)), motion))
-            .partition(|(effect, _)| *effect != [0; 3]);
+        let motions = std::mem::take(&mut self.rest).into_iter();
+        let effects = motions.map(|motion| (self.effect(&motion, (i, j)), motion));
+        let (mut vectors, mut rest): (Vec<_>, Vec<_>) =
+            effects.partition(|(effect, _)| *effect != [0; 3]);
         vectors.extend(period.map(|period| (period.map(i64::from), Motion::new())));
         for x in 0..3 {
             // Euclid's algorithm: a single vector with this component remains.
@@ -204,9 +203,8 @@ impl<'a> Gauge<'a> {
                     vectors.push((pivot, motion));
                     continue;
                 }
-                let times = value[x]
-                    .div_euclid(pivot[x].abs())
-                    .wrapping_mul(pivot[x].signum());
+                let times = value[x].div_euclid(pivot[x].abs());
+                let times = times.wrapping_mul(pivot[x].signum());
                 value = per_axis(|y| value[y].wrapping_sub(times.wrapping_mul(pivot[y])));
                 add(&mut self.made, &motion, -times);
                 break;

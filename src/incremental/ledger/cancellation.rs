@@ -26,10 +26,8 @@ pub(super) fn cancel(found: &mut Vec<LocatedPassage>, curves: [Curve; 2]) {
         return;
     }
     // The end of a closed curve is its start.
-    for (x, c) in found
-        .iter_mut()
-        .flat_map(|f| f.along.iter_mut().zip(curves))
-    {
+    let places = found.iter_mut();
+    for (x, c) in places.flat_map(|f| f.along.iter_mut().zip(curves)) {
         let n = f64::from(c.segments);
         if c.closed && *x > n - PLACE {
             *x -= n;
@@ -52,11 +50,8 @@ pub(super) fn cancel(found: &mut Vec<LocatedPassage>, curves: [Curve; 2]) {
                 && (other.along[1] - current.along[1]).abs() <= PLACE
         };
         let near = |other: &LocatedPassage| current.along[0] - other.along[0] <= PLACE;
-        let opposite = (0..k)
-            .rev()
-            .take_while(|&m| near(&found[m]))
-            .find(|&m| !cancelled[m] && same(&found[m]));
-        if let Some(m) = opposite {
+        let mut others = (0..k).rev().take_while(|&m| near(&found[m]));
+        if let Some(m) = others.find(|&m| !cancelled[m] && same(&found[m])) {
             (cancelled[m], cancelled[k]) = (true, true);
         }
     }

@@ -185,10 +185,8 @@ fn follow_pair(open: &[Component], found: &[Contact], frames: [&CurveSet; 2], ou
     let curves = [pair.0, pair.1].map(|i| frames[0].curve(i as usize));
     for component in starts {
         let segments = component.segments.iter();
-        let next = segments
-            .flat_map(|&s| around(s, curves))
-            .find_map(|s| owners.get(&s));
-        if let Some(&next) = next {
+        let mut near = segments.flat_map(|&s| around(s, curves));
+        if let Some(&next) = near.find_map(|s| owners.get(&s)) {
             ends[next].passed = ends[next].passed.and(component.passed);
             continue;
         }

@@ -146,14 +146,10 @@ fn last_safe(
 
 /// Returns the largest number of this precision that is at most `x`.
 fn round_down(x: f64, precision: Precision) -> f64 {
+    let nearest = x as f32;
     match precision {
         Precision::F64 => x,
-        Precision::F32 => {
-            let nearest = x as f32;
-            match f64::from(nearest) > x {
-                true => nearest.next_down().into(),
-                false => nearest.into(),
-            }
-        }
+        Precision::F32 if f64::from(nearest) > x => nearest.next_down().into(),
+        Precision::F32 => nearest.into(),
     }
 }

@@ -33,10 +33,8 @@ pub(super) fn motion_in_lengths<'a>(
     };
     let motion = half_difference(between(frames[1]), between(frames[0])).map(|x| 2.0 * x);
     let half_length = |points: &[Point]| -> f64 {
-        let chords = points.windows(2);
-        chords
-            .map(|ends| hypot(half_difference(ends[1], ends[0])))
-            .sum()
+        let chords = points.array_windows();
+        chords.map(|&[p, q]| hypot(half_difference(q, p))).sum()
     };
     hypot(motion) / segments.map(half_length).fold(0.0, f64::max)
 }

@@ -170,24 +170,22 @@ impl<'a> Allowances<'a> {
             pairs.extend(curves.map(|i| (i, i)));
         }
         let size = pairs.len().div_ceil(8 * rayon::current_num_threads());
-        let near: Vec<Vec<NearBlocks>> = pairs
-            .par_chunks(size.max(1))
-            .map(|pairs| {
-                let (mut buffers, mut near) = (Buffers::default(), Vec::new());
-                for &(i, j) in pairs {
-                    let (curves, own) = ([i as usize, j as usize], &mut buffers);
-                    dispatch!(simd => Self::keep_apart(&self, simd, curves, within, own));
-                    self.add_leaves(curves, range, &mut buffers);
-                    self.compact(&mut buffers);
-                    if self.is_full() {
-                        return Vec::new();
-                    }
-                    near.append(&mut buffers.blocks);
-                    buffers.counted = 0;
+        let near = pairs.par_chunks(size.max(1)).map(|pairs| {
+            let (mut buffers, mut near) = (Buffers::default(), Vec::new());
+            for &(i, j) in pairs {
+                let (curves, own) = ([i as usize, j as usize], &mut buffers);
+                dispatch!(simd => Self::keep_apart(&self, simd, curves, within, own));
+                self.add_leaves(curves, range, &mut buffers);
+                self.compact(&mut buffers);
+                if self.is_full() {
+                    return Vec::new();
                 }
-                near
-            })
-            .collect();
+                near.append(&mut buffers.blocks);
+                buffers.counted = 0;
+            }
+            near
+        });
+        let near: Vec<Vec<NearBlocks>> = near.collect();
         if self.is_full() {
             return None;
         }

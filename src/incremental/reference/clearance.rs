@@ -25,14 +25,11 @@ pub(super) fn typical_clearance(
     let count = |i: usize| (set.curve(i).segments as usize).div_ceil(LANES);
     let total: usize = covered.indices().map(count).sum();
     let step = (total / SAMPLES).max(1);
-    let blocks = covered
-        .indices()
-        .flat_map(|i| (0..count(i)).map(move |g| (i, g)));
+    let curves = covered.indices();
+    let blocks = curves.flat_map(|i| (0..count(i)).map(move |g| (i, g)));
     let samples: Vec<(usize, usize)> = blocks.skip(step / 2).step_by(step).collect();
-    let distances = samples
-        .par_iter()
-        .map(|&block| clearance(covered, trees, filter, block));
-    let mut distances: Vec<f64> = distances.collect();
+    let distance = |&block: &(usize, usize)| clearance(covered, trees, filter, block);
+    let mut distances: Vec<f64> = samples.par_iter().map(distance).collect();
     distances.sort_by(f64::total_cmp);
     let quartile = distances.get(distances.len() * 3 / 4);
     let all = 4.0 * set.max_abs().max(f64::MIN_POSITIVE);
@@ -66,9 +63,8 @@ fn clearance(
             && *root != Box3::EMPTY
             && filter.is_none_or(|filter| filter.contains(i as u32, j as u32))
     });
-    let mut heap: BinaryHeap<_> = others
-        .map(|(j, root)| entry(j, root, Some(trees.of(set, j).root()), 0))
-        .collect();
+    let entries = others.map(|(j, root)| entry(j, root, Some(trees.of(set, j).root()), 0));
+    let mut heap: BinaryHeap<_> = entries.collect();
     let mut best = f64::INFINITY;
     let mut leaf = BoxGroup::EMPTY;
     while let Some((Reverse(bits), j, at, level)) = heap.pop() {
