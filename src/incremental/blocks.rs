@@ -1,8 +1,7 @@
 //! Blocks and chunks of control points, in the order of the input, and operations on coordinates in
 //! their own precision.
 
-use crate::curve::pow2;
-use std::ops::{Add, Mul, Sub};
+use crate::curve::{self, pow2};
 
 /// Number of points in a block, which is compressed as a whole.
 pub(super) const BLOCK: usize = 64;
@@ -14,17 +13,7 @@ pub(super) const VALUES: usize = 3 * BLOCK;
 pub(super) const CHUNK: usize = 8;
 
 /// Operations on a floating-point type of coordinates.
-pub(super) trait Real:
-    Copy
-    + PartialOrd
-    + Default
-    + Send
-    + Sync
-    + Add<Output = Self>
-    + Sub<Output = Self>
-    + Mul<Output = Self>
-    + From<f32>
-{
+pub(super) trait Real: curve::Real + From<f32> + Send + Sync {
     /// Half a unit in the last place of 1.
     const U: f64;
     /// The largest finite number.

@@ -46,7 +46,7 @@ pub(crate) struct Monitor {
     coverage: Coverage,
     /// Pairs of curves that a reference frame covers; `None`: all.
     filter: Option<PairFilter>,
-    reference: Option<ComparedReference>,
+    reference: Option<Reference>,
     /// Thread that builds a reference frame.
     build: Option<JoinHandle<Option<Reference>>>,
     /// Number of the current frame.
@@ -64,13 +64,6 @@ pub(crate) struct Monitor {
     /// Surveys of the frames that were received last and are not verified yet, oldest first, each
     /// with the frame number of its reference.
     received: VecDeque<(u64, Survey)>,
-}
-
-/// A reference frame, and its comparison with the baseline.
-#[derive(Debug)]
-struct ComparedReference {
-    reference: Reference,
-    comparison: Comparison,
 }
 
 /// Result of comparing the points of a frame with the reference frame.
@@ -167,13 +160,13 @@ impl Monitor {
         positions: Positions<'_>,
         cell: Option<&Cell>,
     ) -> Result<()> {
-        let same = |known: &&ComparedReference| known.reference.given.same_layout(set);
-        let Some(known) = self.reference.as_ref().filter(same) else {
+        let same = |reference: &&Reference| reference.given.same_layout(set);
+        let Some(reference) = self.reference.as_ref().filter(same) else {
             return set.update(positions);
         };
         let mut found = None;
         set.update_by(positions, |copy, range| {
-            let survey = Survey::read(&known.reference, (positions, cell), Some(copy), range)?;
+            let survey = Survey::read(reference, (positions, cell), Some(copy), range)?;
             found = Some(survey);
             Ok(())
         })?;
@@ -182,7 +175,7 @@ impl Monitor {
         }
         self.received.extend(found.map(|survey| {
             let contents = Some((set.contents(), cell.copied()));
-            (known.reference.frame, Survey { contents, ..survey })
+            (reference.frame, Survey { contents, ..survey })
         }));
         Ok(())
     }
@@ -201,12 +194,11 @@ impl Monitor {
         self.frame += 1;
         std::mem::swap(&mut self.previous, &mut self.current);
         *work = Work::default();
-        self.reference
-            .take_if(|k| !k.reference.given.same_layout(set));
+        self.reference.take_if(|k| !k.given.same_layout(set));
         self.current = match &self.reference {
-            Some(known) => {
-                let received = take_survey(&mut self.received, &known.reference, set, cell);
-                received.unwrap_or_else(|| Survey::of(&known.reference, set, cell))
+            Some(reference) => {
+                let received = take_survey(&mut self.received, reference, set, cell);
+                received.unwrap_or_else(|| Survey::of(reference, set, cell))
             }
             None => Survey::default(),
         };
@@ -214,19 +206,18 @@ impl Monitor {
             self.adopt_if_better(built, (set, cell));
         }
         // A frame between the two was rejected, or the reference frame is a new one.
-        if let (Some(known), Some(before)) = (&self.reference, before)
+        if let (Some(reference), Some(before)) = (&self.reference, before)
             && let given = before.given()
             && self.previous.contents != Some((given.contents(), before.cell().copied()))
         {
             self.previous = match given.same_layout(set) {
-                true => Survey::of(&known.reference, given, before.cell()),
+                true => Survey::of(reference, given, before.cell()),
                 false => Survey::default(),
             };
         }
-        let Some(known) = &self.reference else {
+        let Some(reference) = &self.reference else {
             return false;
         };
-        let reference = &known.reference;
         work.blocks = reference.neighbours.blocks.len() as u64;
         work.reference_age = Some(self.frame - reference.frame);
         // The linking numbers of a degenerate loop were not computed in the reference frame.
@@ -245,7 +236,7 @@ impl Monitor {
         [before, after]: [&Frame; 2],
         work: &mut Work,
     ) -> Option<Vec<Pair>> {
-        let known = self.reference.as_ref()?;
+        let reference = self.reference.as_ref()?;
         let surveys = [&self.previous, &self.current];
         let [Some(from), Some(to)] = surveys.map(|survey| survey.affine.as_ref()) else {
             return None;
@@ -259,7 +250,7 @@ impl Monitor {
         chunks.dedup();
         let [before, after] = [&**before.set().ok()?, &**after.set().ok()?];
         let ends = [(from, before), (to, after)];
-        let step = MovedBlocks::new(&known.reference, ends, &chunks, bend);
+        let step = MovedBlocks::new(reference, ends, &chunks, bend);
         work.marked = step.marked.len() as u64;
         let mut affected = pool::run(before.segments(), || step.affected())?;
         work.recertified = affected.apart as u64;
@@ -271,22 +262,23 @@ impl Monitor {
 
     /// Returns the linking numbers of the reference frame, and their comparison with the baseline.
     pub fn reference_result(&self) -> Option<(&Arc<Certificate>, &Comparison)> {
-        let known = self.reference.as_ref()?;
-        Some((&known.reference.certificate, &known.comparison))
+        let reference = self.reference.as_ref()?;
+        Some((&reference.certificate, &reference.comparison))
     }
 
     /// Returns bounds of the curves of a frame, if it is the current one, it is quiet, and the
     /// reference frame covers all curves.
     pub fn quiet_bounds(&self, set: &CurveSet) -> Option<QuietBounds<'_>> {
-        let (current, known) = (&self.current, self.reference.as_ref()?);
+        let (current, reference) = (&self.current, self.reference.as_ref()?);
         let is_of = current.contents.is_some_and(|of| of.0 == set.contents());
         let affine = current.affine.filter(|_| is_of && current.moved() == 0)?;
-        known.reference.quiet_bounds(affine)
+        let all = reference.coverage.open_curves || reference.given.open_curves() == 0;
+        all.then_some(QuietBounds { reference, affine })
     }
 
     /// Returns true if the current frame would make a better reference.
     pub fn wants_reference(&self) -> bool {
-        let chunks = self.reference.as_ref().map_or(0, |k| k.reference.chunks());
+        let chunks = self.reference.as_ref().map_or(0, Reference::chunks);
         let stale = self.current.affine.is_none()
             || self.current.chunks.len() as f64 > STALE * chunks as f64;
         stale && self.build.is_none() && self.frame >= self.next_reference
@@ -323,10 +315,10 @@ impl Monitor {
 
     /// Compares the reference frame with the baseline after it adopted linking numbers.
     pub fn set_baseline(&mut self, baseline: &Certificate) {
-        if let Some(known) = &mut self.reference {
+        if let Some(reference) = &mut self.reference {
             // Cannot fail: both have the same number of curves.
-            if let Ok(comparison) = known.reference.certificate.compare(baseline) {
-                known.comparison = comparison;
+            if let Ok(comparison) = reference.certificate.compare(baseline) {
+                reference.comparison = comparison;
             }
         }
     }
@@ -341,7 +333,7 @@ impl Monitor {
     /// Simulates an error that the paranoid mode must detect: all allowances become infinite.
     #[cfg(test)]
     pub fn make_allowances_infinite(&mut self) {
-        let reference = &mut self.reference.as_mut().expect("a reference").reference;
+        let reference = self.reference.as_mut().expect("a reference");
         reference.allowances.fill(f32::INFINITY);
         let (points, largest) = (reference.given.positions(), reference.set.max_abs());
         reference.packed = super::packed::Packed::blocks(points, largest, &reference.allowances);
@@ -349,10 +341,10 @@ impl Monitor {
     }
 
     /// Takes a completed reference frame of the same curves.
-    fn take_built(&mut self, set: &CurveSet, baseline: &Certificate) -> Option<ComparedReference> {
+    fn take_built(&mut self, set: &CurveSet, baseline: &Certificate) -> Option<Reference> {
         let build = self.build.take_if(|m| m.is_finished())?;
         // The panic hook has already reported a panic of the thread.
-        let Some(reference) = build.join().ok()? else {
+        let Some(mut reference) = build.join().ok()? else {
             // Too many segments are near one another, and probably still will be for a while. The
             // build began when `next_reference` was set.
             let took = self.frame + self.backoff - self.next_reference;
@@ -363,26 +355,16 @@ impl Monitor {
         // The earliest frame that can use it is the one after it.
         self.build_frames = self.frame - reference.frame - 1;
         // Certificates with different numbers of curves cannot be compared.
-        let comparison = reference.certificate.compare(baseline).ok()?;
-        reference
-            .given
-            .same_layout(set)
-            .then_some(ComparedReference {
-                reference,
-                comparison,
-            })
+        reference.comparison = reference.certificate.compare(baseline).ok()?;
+        reference.given.same_layout(set).then_some(reference)
     }
 
     /// Adopts a reference frame if fewer points of the current frame moved relative to it than
     /// relative to the present one.
-    fn adopt_if_better(
-        &mut self,
-        built: ComparedReference,
-        (set, cell): (&CurveSet, Option<&Cell>),
-    ) {
-        let survey = Survey::of(&built.reference, set, cell);
+    fn adopt_if_better(&mut self, built: Reference, (set, cell): (&CurveSet, Option<&Cell>)) {
+        let survey = Survey::of(&built, set, cell);
         let present = self.reference.as_ref();
-        let present = present.filter(|k| !k.reference.certificate.has_degenerate_curves());
+        let present = present.filter(|k| !k.certificate.has_degenerate_curves());
         self.pays = present.is_none() || survey.moved() < self.current.moved();
         if self.pays {
             self.current = survey;

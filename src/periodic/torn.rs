@@ -35,10 +35,7 @@ pub(crate) fn find_torn(
     cell.check()?;
     let (inverse, periodic) = (cell.inverse_or_error()?, cell.periodic());
     for curve in curves {
-        let info = set.curve(curve);
-        let n = info.points as usize;
-        for from in 0..(if info.closed { n } else { n.saturating_sub(1) }) {
-            let ends = [from, (from + 1) % n];
+        for ends in set.curve(curve).pairs_of_points() {
             let [p, q] = ends.map(|k| set.point(curve, k));
             let shares = inverse.map(|b| dot(sub(q, p), b).abs());
             for direction in (0..3).filter(|&k| periodic[k]) {

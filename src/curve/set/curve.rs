@@ -27,6 +27,12 @@ impl Curve {
         if self.closed { -n } else { n }
     }
 
+    /// Returns the control points that have a next one in the curve, each with that one.
+    pub(crate) fn pairs_of_points(&self) -> impl Iterator<Item = [usize; 2]> + use<> {
+        let n = self.points as usize;
+        (0..n - usize::from(!self.closed)).map(move |k| [k, (k + 1) % n])
+    }
+
     /// Returns true if two segments of the curve are equal or consecutive.
     #[inline]
     pub(crate) fn adjacent(&self, s: u32, t: u32) -> bool {

@@ -107,9 +107,8 @@ impl CurveSet {
     /// both points.
     fn for_each_edge(&self, mut visit: impl FnMut(usize, usize, Point, Point)) {
         for (i, c) in self.curves().iter().enumerate() {
-            let n = c.points as usize;
-            for k in 0..n - usize::from(!c.closed) {
-                visit(i, k, self.point(i, k), self.point(i, (k + 1) % n));
+            for [k, next] in c.pairs_of_points() {
+                visit(i, k, self.point(i, k), self.point(i, next));
             }
         }
     }

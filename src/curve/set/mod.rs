@@ -21,7 +21,7 @@ mod sums;
 mod support;
 mod update;
 
-pub(crate) use super::basis::{Bezier, Bounds, bspline_knot, point_at, sub_segment};
+pub(crate) use super::basis::{Bezier, Bounds, Real, bspline_knot, point_at, sub_segment};
 pub(crate) use super::cell::{minus, plus};
 pub(crate) use super::labels::CurveChange;
 pub(crate) use bounds::{AXES, bounds, union};

@@ -192,11 +192,11 @@ impl CurveSet {
             return Vec::new();
         }
         let doubled = |i: usize| {
-            let curve = self.curves[i];
-            let last = curve.points - u32::from(!curve.closed);
-            let next = move |k: u32| self.point(i, ((k + 1) % curve.points) as usize);
-            let is_doubled = move |k: &u32| self.point(i, *k as usize) == next(*k);
-            (0..last).filter(is_doubled).map(move |k| (i as u32, k))
+            let points = self.curves[i].pairs_of_points();
+            let is_doubled = move |&[k, next]: &[usize; 2]| self.point(i, k) == self.point(i, next);
+            points
+                .filter(is_doubled)
+                .map(move |[k, _]| (i as u32, k as u32))
         };
         (0..self.len()).flat_map(doubled).collect()
     }

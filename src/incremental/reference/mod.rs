@@ -10,12 +10,11 @@ mod tests;
 
 use self::allowances::{Allowances, MOST_NEAR};
 pub(super) use self::neighbours::{Block, Neighbours};
-use super::affine::{Affine, Sample};
+use super::affine::Sample;
 use super::blocks::CHUNK;
 use super::covered::{Coverage, Covered};
 use super::packed::Packed;
-use super::quiet_bounds::QuietBounds;
-use crate::certificate::Certificate;
+use crate::certificate::{Certificate, Comparison};
 use crate::curve::{AXES, Cell, CurveSet, Frame, Point, Translated, union};
 use crate::pairs::{PairFilter, Trees};
 use std::borrow::Cow;
@@ -34,6 +33,8 @@ pub(super) struct Reference {
     /// Pairs for which the allowances are valid.
     pub coverage: Coverage,
     pub certificate: Arc<Certificate>,
+    /// Its comparison with the baseline, which the monitor makes.
+    pub comparison: Comparison,
     /// Number of the frame, counted by the monitor.
     pub frame: u64,
     /// Bounds of the control points of each given curve, and of all.
@@ -100,20 +101,13 @@ impl Reference {
             cell: subject.cell().copied(),
             coverage,
             certificate,
+            comparison: Comparison::default(),
             frame,
             sample,
             allowances,
             packed,
             neighbours,
         })
-    }
-
-    /// Returns bounds of the curves of a frame in which all points are within their allowances,
-    /// after this map. `None` if some curves are not covered.
-    pub fn quiet_bounds(&self, affine: Affine) -> Option<QuietBounds<'_>> {
-        let all = self.coverage.open_curves || self.given.open_curves() == 0;
-        let reference = self;
-        all.then_some(QuietBounds { reference, affine })
     }
 
     /// Returns the number of chunks of points.

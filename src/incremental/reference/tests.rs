@@ -3,7 +3,9 @@
 use super::*;
 use crate::curve::vector::{distance, norm, per_axis, sub};
 use crate::curve::{Basis, Point, Positions};
+use crate::incremental::affine::Affine;
 use crate::incremental::ledger::Ledger;
+use crate::incremental::quiet_bounds::QuietBounds;
 
 use crate::engine::Certifier;
 use proptest::prelude::*;
@@ -217,7 +219,7 @@ proptest! {
             xyz.extend((0..3).map(|x| mapped[x] + affine.sigma * (p[x] - q[x])));
         }
         let frame = Curves { double: true, ..curves }.set(&xyz);
-        let at = reference.quiet_bounds(affine).unwrap();
+        let at = QuietBounds { reference: &reference, affine };
         for (i, [lo, hi]) in at.bounds(&at.map(rows)).enumerate() {
             let [least, most] = frame.bounds_along(i, &rows);
             for x in 0..3 {

@@ -1,9 +1,8 @@
 //! Motion of a scene since a reference frame: a rigid motion, and what remains of each part.
 
 use crate::curve::vector::per_axis;
-use crate::curve::{Point, Positions, larger, smaller};
+use crate::curve::{Point, Positions, Real, larger, smaller};
 use nalgebra::{Matrix3, Vector3};
-use std::ops::Sub;
 
 /// Number of points to which a rigid motion is fitted.
 const SAMPLES: usize = 64;
@@ -143,7 +142,10 @@ impl Step<'_> {
     }
 
     #[inline(always)]
-    fn moved<T: Real>(&self, ranges: &Ranges, q: &[T], p: &[T]) -> Displacements {
+    fn moved<T>(&self, ranges: &Ranges, q: &[T], p: &[T]) -> Displacements
+    where
+        T: Real + From<f32> + Into<f64>,
+    {
         let mut extremes = Extremes::none();
         for [from, to] in ranges.map(|ends| ends.map(|point| 3 * point as usize)) {
             if from < to {
@@ -190,20 +192,13 @@ impl Step<'_> {
     }
 }
 
-/// A floating-point type of coordinates.
-trait Real: Copy + Sub<Output = Self> + PartialOrd + From<f32> + Into<f64> {}
-
-impl Real for f32 {}
-
-impl Real for f64 {}
-
 /// Smallest and largest differences of coordinates, those of eight points side by side.
 struct Extremes<T> {
     lo: [T; 24],
     hi: [T; 24],
 }
 
-impl<T: Real> Extremes<T> {
+impl<T: Real + From<f32> + Into<f64>> Extremes<T> {
     /// Returns the extremes of no differences. Larger ones than these numbers only widen the range.
     fn none() -> Extremes<T> {
         Extremes {
