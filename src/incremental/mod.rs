@@ -21,7 +21,6 @@
 mod affine;
 mod blocks;
 mod covered;
-mod events;
 mod ledger;
 mod monitor;
 mod motion;
@@ -34,8 +33,7 @@ mod tests;
 mod work;
 
 pub(crate) use covered::Coverage;
-pub use events::Events;
 pub(crate) use ledger::{Contacts, Ledger, MOTION_LIMIT, Outcome, Touching, sort_by_time};
 pub(crate) use monitor::Monitor;
 pub(crate) use quiet_bounds::{PointMap, QuietBounds};
-pub use work::{Route, Work};
+pub use work::{Events, Route, Work};

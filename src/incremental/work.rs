@@ -1,4 +1,4 @@
-//! Work counters of a frame, and its route.
+//! Kinds of pull-throughs that are searched for; work counters of a frame, and its route.
 
 /// Work counters of a frame. Not a part of [`Report`](crate::Report), because they depend on
 /// previous frames and on the clock.
@@ -44,5 +44,22 @@ vocabulary! {
         /// Pairs that may have passed through each other since the previous frame were searched.
         /// All other pairs, and those without a passage, have the linking numbers of that frame.
         Partial = "partial",
+    }
+}
+
+vocabulary! {
+    /// Kinds of pull-throughs that are searched for between frames.
+    ///
+    /// The search also finds pull-throughs that linking numbers do not show: two that cancel, those
+    /// of a curve through itself, and those of open curves.
+    #[derive(Default)]
+    pub enum Events {
+        /// No search.
+        #[default]
+        Off = "off",
+        /// Pull-throughs between two different curves, closed or open.
+        Between = "between",
+        /// All pull-throughs, including those of a curve through itself.
+        All = "all",
     }
 }

@@ -1,6 +1,5 @@
 //! All curves of one frame, as a structure of arrays.
 
-mod arrays;
 mod bounds;
 mod boxes;
 mod builder;
@@ -15,10 +14,7 @@ mod local;
 mod parts;
 mod received;
 mod segments;
-mod spread;
-mod stored;
 mod sums;
-mod support;
 mod update;
 
 pub(crate) use super::basis::{Bezier, Bounds, Real, bspline_knot, point_at, sub_segment};
@@ -35,12 +31,11 @@ pub(crate) use frame::{Frame, FramePool, Images};
 pub(crate) use layout::Shape;
 pub(crate) use local::{feature, nearest};
 pub(crate) use parts::{Parts, multiple};
-pub(crate) use received::{Bad, Received, largest_within};
+pub(crate) use received::{Bad, Received, StoredCurves, largest_within};
 pub(crate) use segments::{Hulls, are_three_distinct};
-pub(crate) use stored::StoredCurves;
 pub(crate) use sums::{SumEdges, SumPoint, TERMS, Translated, single};
 
-use self::arrays::{Arrays, LazyArrays};
+use self::coordinates::{Arrays, LazyArrays};
 use self::curve::slots_of_all;
 use self::sums::Sums;
 use self::update::next_contents;

@@ -1,8 +1,11 @@
-//! Positions that a set owns.
+//! Positions that a set owns, and curves as numbers that can be stored.
 
 use super::coordinates::Scalar;
-use super::{Positions, Precision};
+use super::{Basis, CurveSet, Positions, Precision};
+use crate::error::Error;
 use crate::simd::dispatch;
+use serde::{Deserialize, Serialize};
+use std::sync::Arc;
 
 /// Number of coordinates that are copied at once, so that they are checked in the first-level
 /// cache.
@@ -12,7 +15,7 @@ const PART: usize = 3 * 1024;
 pub(crate) type Bad = (usize, usize, f64);
 
 /// A private copy of positions, `x y z x y z ..`, in the order of the input.
-#[derive(Clone, Debug, serde::Serialize, serde::Deserialize)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub(crate) enum Received {
     F32(Vec<f32>),
     F64(Vec<f64>),
@@ -104,4 +107,36 @@ pub(crate) fn largest_within<T: Scalar>(raw: &[T], limit: u64, first: usize) -> 
         return Err((first + k / 3, k % 3, raw[k].into()));
     }
     Ok(largest)
+}
+
+/// Curves that can be stored with serde.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[serde(into = "Numbers", try_from = "Numbers")]
+pub(crate) struct StoredCurves(pub Arc<CurveSet>);
+
+#[derive(Serialize, Deserialize)]
+struct Numbers {
+    basis: Basis,
+    counts: Vec<i32>,
+    positions: Received,
+}
+
+impl From<StoredCurves> for Numbers {
+    fn from(StoredCurves(set): StoredCurves) -> Numbers {
+        Numbers {
+            basis: set.basis(),
+            counts: set.counts().collect(),
+            positions: set.positions().into(),
+        }
+    }
+}
+
+impl TryFrom<Numbers> for StoredCurves {
+    type Error = Error;
+
+    fn try_from(numbers: Numbers) -> Result<StoredCurves, Error> {
+        let positions = numbers.positions.positions();
+        let set = CurveSet::from_counts(numbers.basis, &numbers.counts, positions)?;
+        Ok(StoredCurves(Arc::new(set)))
+    }
 }

@@ -1,9 +1,9 @@
 //! Pairs of segments that may meet between two frames: a descent in both trees of swept boxes.
 //! Candidates that are edges of polylines are tested at once.
 
+use super::pair::Task;
 use super::passages::Findings;
 use super::swept::SweptTree;
-use super::task::Task;
 use crate::curve::{Box3, BoxGroup};
 use crate::pairs::{Agenda, BoxTree, Node, Query, SegmentPairs, descend, overlapping};
 use crate::simd::{LANES, Lanes, Portable, dispatch};

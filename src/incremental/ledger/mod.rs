@@ -68,17 +68,14 @@ mod passages;
 mod pieces;
 mod safe_fraction;
 mod swept;
-mod task;
 #[cfg(test)]
 pub(super) mod tests;
-mod unresolved;
 
 pub(crate) use self::contact::{Contacts, Touching};
 pub(crate) use self::outcome::Outcome;
-use self::pair::{Part, Workspace};
+use self::pair::{Part, Step, Workspace};
 pub(super) use self::swept::Observer;
 use self::swept::SweptTrees;
-use self::task::Step;
 use super::covered::{Coverage, Covered};
 use crate::cancel::{Cancel, PairLimit};
 use crate::curve::CurveSet;

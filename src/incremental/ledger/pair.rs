@@ -1,15 +1,131 @@
-//! Passages of one pair of curves, or of a curve and itself.
+//! Search for the passages of one pair of curves, or of a curve and itself.
 
-use super::cancellation::cancel;
+use super::cancellation::{cancel, far_and_cancelling};
 use super::candidates::Gathered;
 use super::contact::Contact;
 use super::outcome::Outcome;
 use super::passages::Findings;
 use super::pieces::Cuts;
-use super::task::{Step, Task};
-use super::unresolved::far_and_cancelling;
+use super::swept::{Observer, SweptTree, SweptTrees};
+use crate::cancel::Cancel;
+use crate::curve::{CurveSet, Parts};
+use crate::discretize::MovingSeparation;
 use crate::pairs::{Pair, closest_of_segments};
 use crate::verdict::{Defect, DefectKind, Link};
+use std::ops::ControlFlow;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+/// Maximum number of candidates of one pair of curves. Beyond it the pair counts as too close: if
+/// everything may have passed through everything, a list of passages is useless. About half a
+/// second.
+const MAX_CANDIDATES: u64 = 1 << 24;
+
+/// Maximum number of tested pairs of pieces of splines that need more pieces than usual, for one
+/// pair of curves. Beyond it the pair is searched again in longer pieces, and counts as too close
+/// if that is not enough. About half a second each time.
+const MAX_PIECES: u64 = 1 << 23;
+
+/// Maximum number of exact tests of one pair of curves: a constant, and a number per segment.
+/// Beyond it the pair counts as too close, splines after a search in longer pieces. An exact test
+/// of strands whose distance is near the rounding error takes about 100 us.
+const MAX_EXACT: [u64; 2] = [1 << 12, 4];
+
+/// A step from one frame to the next.
+#[derive(Clone, Copy)]
+pub(super) struct Step<'a> {
+    pub frames: [&'a CurveSet; 2],
+    pub trees: &'a SweptTrees,
+    /// Motion limit in segment lengths.
+    pub motion_limit: f64,
+    pub cancel: &'a Cancel,
+}
+
+/// One pair of curves, or a curve and itself.
+pub(super) struct Task<'a> {
+    pub step: Step<'a>,
+    pub curves: [usize; 2],
+    /// Relation of the curves, if they are parts of one.
+    pub parts: Option<Parts>,
+    pub separation: MovingSeparation<'a>,
+    /// Bound of the rounding of the coordinates of polylines ([`CurveSet::rounding`]).
+    pub rounding: f64,
+    /// Moves with the curves.
+    observer: Observer,
+    /// Work counters of all tasks of the pair.
+    pub candidates: AtomicU64,
+    pub pieces: AtomicU64,
+    pub exact: AtomicU64,
+}
+
+impl<'a> Task<'a> {
+    pub fn new(step: Step<'a>, (i, j): Pair) -> Self {
+        let curves = [i as usize, j as usize];
+        Task {
+            step,
+            curves,
+            parts: step.frames[0].parts(curves[0], curves[1]),
+            separation: MovingSeparation::new(step.frames, curves),
+            // The discretization of splines covers it.
+            rounding: match step.frames[0].basis().is_polyline() {
+                true => step.frames[0].rounding().max(step.frames[1].rounding()),
+                false => 0.0,
+            },
+            observer: step.trees.observer((i, j)),
+            candidates: AtomicU64::new(0),
+            pieces: AtomicU64::new(0),
+            exact: AtomicU64::new(0),
+        }
+    }
+
+    /// Returns true if this is a curve and itself.
+    pub fn is_self(&self) -> bool {
+        self.curves[0] == self.curves[1]
+    }
+
+    pub fn splines(&self) -> bool {
+        !self.step.frames[0].basis().is_polyline()
+    }
+
+    /// Returns the number of segments of the first curve.
+    pub fn segments(&self) -> u32 {
+        self.step.frames[0].curve(self.curves[0]).segments
+    }
+
+    /// Returns true if two segments are equal or consecutive in one curve.
+    pub fn adjacent(&self, s: u32, t: u32) -> bool {
+        self.parts.is_some_and(|parts| parts.adjacent(s, t))
+    }
+
+    /// Returns the tree of swept boxes of one of the curves.
+    pub fn tree(&self, side: usize) -> SweptTree<'a> {
+        let Step { frames, trees, .. } = self.step;
+        trees.of(frames, self.curves[side], self.observer)
+    }
+
+    /// Returns true if the pair needs more work than the limit for one pair, or if the step was
+    /// cancelled. Part of the work is then skipped, and which part depends on the order of the
+    /// tasks. Whether the limit is exceeded does not.
+    pub fn exceeds_limits(&self) -> bool {
+        let segments = self.curves.map(|i| self.step.frames[0].curve(i).segments);
+        let segments: u64 = segments.into_iter().map(u64::from).sum();
+        let over = |count: &AtomicU64, most: u64| count.load(Ordering::Relaxed) > most;
+        self.step.cancel.is_set()
+            || over(&self.candidates, MAX_CANDIDATES)
+            || over(&self.pieces, MAX_PIECES)
+            || over(&self.exact, MAX_EXACT[0] + MAX_EXACT[1] * segments)
+    }
+
+    /// Counts exact tests. Breaks if the pair exceeds its limits.
+    pub fn count_exact(&self, more: u64) -> ControlFlow<()> {
+        if more > 0 {
+            self.exact.fetch_add(more, Ordering::Relaxed);
+            if self.exceeds_limits() {
+                return ControlFlow::Break(());
+            }
+        }
+        ControlFlow::Continue(())
+    }
+}
 
 /// Findings of one task, or of all: the contacts at both ends of the step are not followed yet.
 #[derive(Debug, Default)]

@@ -1,12 +1,10 @@
 //! Passages of two edges of polylines, or of the pieces of two spline segments.
 
-use super::cancellation::LocatedPassage;
+use super::cancellation::{LocatedPassage, motion_in_lengths};
 use super::contact::Contact;
 use super::outcome::Counts;
-use super::pair::TooNear;
+use super::pair::{Task, TooNear};
 use super::pieces::{Cuts, MovingBoxes, PIECES, ROUNDS, Vertex};
-use super::task::Task;
-use super::unresolved::motion_in_lengths;
 use crate::curve::{Parts, Point, SumEdges, point_at};
 use crate::discretize::{pieces_between, pieces_within};
 use crate::exact::{

@@ -1,7 +1,7 @@
 //! Polylines that replace splines from one frame to the next: their vertices, and the splits that
 //! keep them link homotopic to the splines.
 
-use super::task::Task;
+use super::pair::Task;
 use crate::curve::vector::{add, add_scaled, dot, sub};
 use crate::curve::{Point, bounds, point_at};
 use crate::discretize::{Halving, Separation, Sieve, Splits, sort_splits};
