@@ -1,13 +1,12 @@
 //! The periodic cell, and the images that take part in findings.
 
 use super::names::entity;
-use super::stream::log;
+use super::stream::Drawing;
 use super::style::{DIMMED, FAINT_RED, lines, narrow};
 use crate::curve::vector::{add, per_axis};
-use crate::curve::{Cell, CurveSet, Image, Point, is_home};
+use crate::curve::{Cell, Image, Point, is_home};
 use crate::error::Result;
 use crate::verdict::Report;
-use re_sdk::RecordingStream;
 use std::collections::BTreeSet;
 
 /// Maximum number of images that are drawn; more would hide the curves.
@@ -25,33 +24,30 @@ pub(super) struct CellView {
 
 impl CellView {
     /// Draws the cell if it changed, and the images of curves that take part in findings.
-    pub fn draw(
-        &mut self,
-        rec: &RecordingStream,
-        cell: Option<&Cell>,
-        set: &CurveSet,
-        report: &Report,
-    ) -> Result<()> {
-        let Some(cell) = cell else {
+    pub fn draw(&mut self, drawing: &Drawing<'_>) -> Result<()> {
+        let Some(cell) = &drawing.record.info.cell else {
             return Ok(());
         };
         if self.cell.replace(*cell) != Some(*cell) {
             let edges = edges(cell).into_iter().map(|edge| edge.map(narrow));
-            log(rec, entity::CELL, &lines(edges, 0.7).with_colors([DIMMED]))?;
+            drawing.log(entity::CELL, &lines(edges, 0.7).with_colors([DIMMED]))?;
         }
-        let images = images_of(report);
+        let images = images_of(&drawing.record.report);
         if images.is_empty() && !self.images {
             return Ok(());
         }
         self.images = !images.is_empty();
         let strips = images.iter().take(MOST).map(|&(curve, image)| {
             let by = narrow(cell.translation(image));
-            let strip = set.display_polyline(curve as usize, POINTS).into_iter();
+            let strip = drawing
+                .set
+                .display_polyline(curve as usize, POINTS)
+                .into_iter();
             strip.map(move |p| per_axis(|x| p[x] + by[x]))
         });
         let strips: Vec<Vec<[f32; 3]>> = strips.map(Iterator::collect).collect();
         let images = lines(strips, 1.0).with_colors([FAINT_RED]);
-        log(rec, entity::IMAGES, &images)
+        drawing.log(entity::IMAGES, &images)
     }
 }
 

@@ -2,15 +2,14 @@
 //! places, and a plot.
 
 use super::names::entity;
-use super::stream::log;
+use super::stream::Drawing;
 use super::style::{ORANGE, RED, YELLOW, lines, narrow, points};
 use crate::curve::vector::{distance, per_axis};
-use crate::curve::{Cell, CurveLabels, CurveSet, Point};
+use crate::curve::{Cell, CurveSet, Point};
 use crate::error::Result;
 use crate::measure::{ClearanceOptions, CloseBlock, REACH, close_blocks};
 use crate::simd::LANES;
 use crate::verdict::{Clearance, CloseStrands, label_of_pair};
-use re_sdk::RecordingStream;
 
 /// Maximum number of marks.
 const MARKS: usize = 20;
@@ -53,21 +52,15 @@ impl ClearanceView {
 
     /// Draws the clearance of a frame with the radii of the curves, unless the options have one of
     /// all.
-    pub fn draw(
-        &mut self,
-        rec: &RecordingStream,
-        (set, cell): (&CurveSet, Option<&Cell>),
-        labels: &CurveLabels,
-        clearance: &Clearance,
-    ) -> Result<()> {
+    pub fn draw(&mut self, drawing: &Drawing<'_>) -> Result<()> {
+        let (set, info) = (drawing.set, &drawing.record.info);
         let radii: Vec<f64> = match self.options.radius {
             Some(radius) => vec![radius; set.len()],
-            None => labels.radii.iter().map(|&r| r.into()).collect(),
+            None => info.labels.radii.iter().map(|&r| r.into()).collect(),
         };
-        let blocks = self.close_blocks(set, cell, &radii);
-        let low = self.options.low;
-        draw_strands(rec, set, &blocks, low)?;
-        draw_marks(rec, clearance, &blocks, low, &labels.names)
+        let blocks = self.close_blocks(set, info.cell.as_ref(), &radii);
+        draw_strands(drawing, &blocks, self.options.low)?;
+        draw_marks(drawing, &blocks, self.options.low)
     }
 
     /// Returns the parts of curves that are close. If there are too many, only closer ones are
@@ -96,12 +89,8 @@ impl ClearanceView {
 
 /// Logs the parts of curves that are close, from `FAR` over yellow, where strands touch, to red,
 /// where the clearance is low.
-fn draw_strands(
-    rec: &RecordingStream,
-    set: &CurveSet,
-    blocks: &[CloseBlock],
-    low: f64,
-) -> Result<()> {
+fn draw_strands(drawing: &Drawing<'_>, blocks: &[CloseBlock], low: f64) -> Result<()> {
+    let set = drawing.set;
     let strips = blocks.iter().map(|block| {
         let i = block.curve as usize;
         let last = (block.first as usize + LANES).min(set.curve(i).segments as usize);
@@ -119,22 +108,17 @@ fn draw_strands(
         strip
     });
     let colors = blocks.iter().map(|block| color(block.closest.ratio, low));
-    log(rec, entity::CLOSE, &lines(strips, 1.6).with_colors(colors))
+    drawing.log(entity::CLOSE, &lines(strips, 1.6).with_colors(colors))
 }
 
 /// Logs a line with two dots at the closest place, and at others whose clearance is low.
-fn draw_marks(
-    rec: &RecordingStream,
-    clearance: &Clearance,
-    blocks: &[CloseBlock],
-    low: f64,
-    names: &[String],
-) -> Result<()> {
+fn draw_marks(drawing: &Drawing<'_>, blocks: &[CloseBlock], low: f64) -> Result<()> {
+    let closest = drawing.record.report.clearance.and_then(|c| c.closest);
     let others = blocks.iter().map(|block| block.closest);
     let mut others: Vec<CloseStrands> = others.filter(|c| c.ratio < low).collect();
     others.sort_by(|a, b| a.ratio.total_cmp(&b.ratio));
     let mut marks: Vec<CloseStrands> = Vec::new();
-    for place in clearance.closest.into_iter().chain(others) {
+    for place in closest.into_iter().chain(others) {
         let near = |other: &CloseStrands| {
             let diameter = other.distance / other.ratio.max(0.1);
             distance(middle(other), middle(&place)) < APART * diameter
@@ -146,11 +130,12 @@ fn draw_marks(
     let colors: Vec<u32> = marks.iter().map(|m| color(m.ratio, low)).collect();
     let between = lines(marks.iter().map(|m| m.points.map(narrow)), 1.5);
     let between = between.with_colors(colors.clone());
-    log(rec, entity::CLOSEST_LINES, &between)?;
+    drawing.log(entity::CLOSEST_LINES, &between)?;
     let dots = marks.iter().flat_map(|m| m.points.map(narrow));
     let dots = points(dots, 3.5).with_colors(colors.iter().flat_map(|&c| [c; 2]));
-    log(rec, entity::CLOSEST, &dots)?;
-    let label = clearance.closest.map(|c| {
+    drawing.log(entity::CLOSEST, &dots)?;
+    let label = closest.map(|c| {
+        let names = &drawing.record.info.labels.names;
         let (pair, share) = (label_of_pair((c.i, c.j), c.image, names), 100.0 * c.ratio);
         let share = format!("{pair}: {share:.0} % of the diameter");
         points([narrow(middle(&c))], 0.0)
@@ -159,7 +144,7 @@ fn draw_marks(
             .with_show_labels(true)
     });
     let label = label.unwrap_or_else(|| points([], 0.0));
-    log(rec, entity::CLOSEST_LABEL, &label)
+    drawing.log(entity::CLOSEST_LABEL, &label)
 }
 
 fn middle(strands: &CloseStrands) -> Point {

@@ -10,12 +10,11 @@
 //! blocks are logged in each.
 
 use super::names::entity;
-use super::stream::log;
+use super::stream::Drawing;
 use super::style::{DARK_RED, DIMMED, ORANGE, QUIET};
 use crate::curve::CurveSet;
 use crate::error::Result;
 use crate::verdict::Report;
-use re_sdk::RecordingStream;
 use re_sdk_types::archetypes::LineStrips3D;
 use re_sdk_types::components::Radius;
 use std::sync::Arc;
@@ -48,10 +47,13 @@ const HIDDEN: u32 = u32::MAX;
 /// Colour, and width on the screen.
 type Style = (u32, f32);
 
+/// A frame, and its number.
+pub(super) type Numbered = (u64, Arc<CurveSet>);
+
 /// Curves as they were last logged.
 #[derive(Default)]
 pub(super) struct Curves {
-    pub shown: Option<Arc<CurveSet>>,
+    pub shown: Option<Numbered>,
     /// Number of frames so far.
     frames: u64,
     /// Group of each curve, and the frame in which it last moved.
@@ -66,18 +68,13 @@ pub(super) struct Curves {
 impl Curves {
     /// Logs the groups that changed; `all`: all groups. Curves are thin lines also if they have a
     /// radius, because thick ones hide the marks.
-    pub fn draw(
-        &mut self,
-        rec: &RecordingStream,
-        set: &Arc<CurveSet>,
-        report: &Report,
-        all: bool,
-    ) -> Result<()> {
+    pub fn draw(&mut self, drawing: &Drawing<'_>, all: bool) -> Result<()> {
+        let (set, report) = (drawing.set, &drawing.record.report);
         self.frames += 1;
         let mut changed = vec![all; self.styles.len()];
-        let before = self.shown.take().filter(|before| before.same_layout(set));
-        let moved = match &before {
-            Some(before) => set.moved_since(before),
+        let before = self.shown.take();
+        let moved = match before.filter(|(_, before)| before.same_layout(set)) {
+            Some((_, before)) => set.moved_since(&before),
             None => {
                 // Clears the groups of other curves.
                 changed.fill(true);
@@ -95,8 +92,8 @@ impl Curves {
             }
         }
         self.groups = groups;
-        self.shown = Some(Arc::clone(set));
-        self.log_groups(rec, set, &changed)
+        self.shown = Some((report.seq, Arc::clone(set)));
+        self.log_groups(drawing, &changed)
     }
 
     /// Divides new curves into blocks. All are at rest.
@@ -145,12 +142,8 @@ impl Curves {
         groups
     }
 
-    fn log_groups(
-        &mut self,
-        rec: &RecordingStream,
-        set: &CurveSet,
-        changed: &[bool],
-    ) -> Result<()> {
+    fn log_groups(&mut self, drawing: &Drawing<'_>, changed: &[bool]) -> Result<()> {
+        let set = drawing.set;
         let detail = (POINTS / set.segments().max(1)).clamp(1, POINTS_PER_SEGMENT);
         let mut members: Vec<Vec<usize>> = vec![Vec::new(); changed.len()];
         let mut counts = vec![0; changed.len()];
@@ -188,7 +181,7 @@ impl Curves {
                 lines = lines.with_colors([color]).with_radii(radii);
                 *known = Some(style);
             }
-            log(rec, &path(group), &lines)?;
+            drawing.log(&path(group), &lines)?;
         }
         Ok(())
     }

@@ -50,13 +50,12 @@ use self::curves::Curves;
 use self::log::{Log, line};
 use self::names::{FRAME, SIM_TIME, UNTIL, entity};
 use self::passed::Passed;
-use self::stream::{failed, log, log_static, write};
+use self::stream::{Drawing, failed, log, log_static, write};
 use self::tubes::{MomentViews, Moments};
 use self::view::View;
 use crate::curve::Point;
 use crate::error::{Error, Result};
 use crate::measure::ClearanceOptions;
-use crate::picture::Radii;
 use crate::sinks::{BaselineRecord, FrameRecord, Sink};
 use crate::verdict::Verdict;
 use crate::words::plural_of;
@@ -106,8 +105,6 @@ pub struct ViewerSink {
     /// Moments of the first violation, until the next frame, and their views after it.
     moments: Option<Moments>,
     moment_views: Option<MomentViews>,
-    /// Number of the frame whose curves were drawn last.
-    drawn: u64,
     cell: CellView,
     clearance: Option<ClearanceView>,
 }
@@ -155,7 +152,6 @@ impl ViewerSink {
             first: None,
             moments: None,
             moment_views: None,
-            drawn: 0,
             cell: CellView::default(),
             clearance: None,
         };
@@ -198,9 +194,9 @@ impl ViewerSink {
             return Ok(());
         };
         let labels = &record.info.labels;
-        if let Some(set) = record.curves.as_deref().filter(|_| draws) {
-            let cell = record.info.cell.as_ref();
-            view.draw(&self.rec, (set, cell), labels, found)?;
+        if let Some(set) = record.curves.as_ref().filter(|_| draws) {
+            let rec = &self.rec;
+            view.draw(&Drawing { rec, set, record })?;
         }
         let becomes_low = view.becomes_low(found);
         match found.sentence_named(record.report.stats.extent, &labels.names) {
@@ -275,7 +271,7 @@ impl ViewerSink {
 
     /// Returns an eye that sees all of the newest curves, or those around a place if one is given.
     fn eye(&self, place: Option<(Point, f64)>) -> Option<EyeControls3D> {
-        let view = View::of(self.curves.shown.as_ref()?)?;
+        let view = View::of(&self.curves.shown.as_ref()?.1)?;
         Some(view.eye(place, self.scale.unwrap_or(1.0)))
     }
 
@@ -367,33 +363,27 @@ impl Sink for ViewerSink {
                 self.scale = Some(scale);
             }
             let all = std::mem::take(&mut self.redraws);
-            let before = self.curves.shown.as_ref();
-            let before = before.map(|before| (self.drawn, Arc::clone(before)));
-            let radii = Radii {
-                published: &record.info.labels.radii,
-                measured: None,
-            };
+            let rec = &self.rec;
+            let drawing = Drawing { rec, set, record };
             let scale = self.scale.unwrap_or(1.0);
             if let Some(moments) = self.moments.take() {
                 let after = Some((report.seq, Arc::clone(set)));
-                self.moment_views = moments.draw(&self.rec, after, radii, scale)?;
+                self.moment_views = moments.draw(&drawing, after, scale)?;
             } else if self.first.is_none()
                 && report.verdict != Verdict::Intact
-                && let Some(moments) = Moments::of(report, &record.info.labels.names, before, set)
+                && let Some(moments) = Moments::of(&drawing, self.curves.shown.clone())
             {
-                self.moment_views = moments.draw(&self.rec, None, radii, scale)?;
+                self.moment_views = moments.draw(&drawing, None, scale)?;
                 // Empty until the next frame, because a live viewer gets its layout once.
                 let after = self.moment_views.as_mut().map(|views| &mut views.names[2]);
                 after.map(|name| name.replace("after".into()));
                 self.moments = Some(moments);
             }
-            self.drawn = report.seq;
-            self.curves.draw(&self.rec, set, report, all)?;
-            tubes::draw(&self.rec, set, report, radii)?;
-            let cell = record.info.cell.as_ref();
-            self.cell.draw(&self.rec, cell, set, report)?;
-            picture::draw_places(&self.rec, set, cell, report, &record.info.labels.names)?;
-            picture::draw_passed(&self.rec, &self.passed, set)?;
+            self.curves.draw(&drawing, all)?;
+            tubes::draw(&drawing)?;
+            self.cell.draw(&drawing)?;
+            picture::draw_places(&drawing)?;
+            picture::draw_passed(&drawing, &self.passed)?;
         }
         self.passed.add(report, record.curves.as_deref());
         plots::add(&self.rec, record)?;

@@ -4,14 +4,13 @@ use super::label::{self, Label};
 use super::local::{self, Spot};
 use super::names::entity;
 use super::passed::{self, Passed};
-use super::stream::log;
+use super::stream::Drawing;
 use super::style::{CYAN, PALE_ORANGE, PALE_RED, lines, narrow, points};
 use super::view::View;
 use crate::curve::vector::{add_scaled, dot, sub};
-use crate::curve::{AXES, Cell, CurveSet, is_home};
+use crate::curve::{AXES, is_home};
 use crate::error::Result;
-use crate::verdict::{Finding, Report};
-use re_sdk::RecordingStream;
+use crate::verdict::Finding;
 
 /// Maximum number of findings of a kind with a mark and a table row, and of findings with a log
 /// line, because more would hide one another.
@@ -33,16 +32,14 @@ const DOT: f64 = 0.05;
 /// Logs a dot on each curve of a finding, a star at each pull-through of this frame, and a label
 /// beside each place, broken pairs first. Findings close together share a label, because labels
 /// would cover one another.
-pub(super) fn draw_places(
-    rec: &RecordingStream,
-    set: &CurveSet,
-    cell: Option<&Cell>,
-    report: &Report,
-    names: &[String],
-) -> Result<()> {
+pub(super) fn draw_places(drawing: &Drawing<'_>) -> Result<()> {
+    let (set, report, info) = (drawing.set, &drawing.record.report, &drawing.record.info);
+    let names = &info.labels.names;
     let spot = |finding: Finding| {
         let (segments, point) = finding.place()?;
-        let by = cell.map_or([0.0; 3], |cell| cell.translation(finding.pair().2));
+        let by = info
+            .cell
+            .map_or([0.0; 3], |cell| cell.translation(finding.pair().2));
         let mut spot = local::spot(set, finding.curves(), (segments, by), point);
         let mut text = finding.label(names);
         let color = match finding {
@@ -68,10 +65,10 @@ pub(super) fn draw_places(
         .iter()
         .flat_map(|(spot, _, color)| spot.marks.iter().map(|&p| (narrow(p), *color)));
     let (dots, colors): (Vec<_>, Vec<_>) = dots.unzip();
-    log(rec, entity::PLACES, &points(dots, 5.0).with_colors(colors))?;
+    drawing.log(entity::PLACES, &points(dots, 5.0).with_colors(colors))?;
     let centers = events.iter().map(|(spot, ..)| narrow(spot.marks[0]));
     let centers = points(centers, 6.5).with_colors([CYAN]);
-    log(rec, entity::EVENTS, &centers)?;
+    drawing.log(entity::EVENTS, &centers)?;
 
     let has_marks = !(marked.is_empty() && events.is_empty());
     let view = has_marks.then(|| View::of(set)).flatten();
@@ -85,7 +82,7 @@ pub(super) fn draw_places(
         AXES.map(|axis| [-reach, reach].map(|t| narrow(add_scaled(center, t, axis))))
     };
     let rays = events.iter().flat_map(star);
-    log(rec, entity::STARS, &lines(rays, 2.0).with_colors([CYAN]))?;
+    drawing.log(entity::STARS, &lines(rays, 2.0).with_colors([CYAN]))?;
 
     let near_sq = (NEAR * radius).powi(2);
     let mut labels: Vec<(Vec<&Spot>, Vec<&str>, u32)> = Vec::new();
@@ -120,14 +117,14 @@ pub(super) fn draw_places(
         .with_labels(texts)
         .with_colors(colors.clone())
         .with_show_labels(true);
-    log(rec, entity::LABELS, &labelled)?;
+    drawing.log(entity::LABELS, &labelled)?;
     let leaders = placed.iter().map(|label| label.leader.map(narrow));
     let leaders = lines(leaders, 0.6).with_colors(colors);
-    log(rec, entity::LEADERS, &leaders)
+    drawing.log(entity::LEADERS, &leaders)
 }
 
 /// Logs a small mark on the curves for each pull-through of earlier frames.
-pub(super) fn draw_passed(rec: &RecordingStream, passed: &Passed, set: &CurveSet) -> Result<()> {
-    let before = points(passed.points(set).map(narrow), 5.0);
-    log(rec, entity::PASSED, &before.with_colors([CYAN]))
+pub(super) fn draw_passed(drawing: &Drawing<'_>, passed: &Passed) -> Result<()> {
+    let before = points(passed.points(drawing.set).map(narrow), 5.0);
+    drawing.log(entity::PASSED, &before.with_colors([CYAN]))
 }

@@ -1,8 +1,25 @@
 //! Stream of data to the viewer.
 
+use crate::curve::CurveSet;
 use crate::error::{Error, Result};
+use crate::sinks::FrameRecord;
 use re_sdk::{AsComponents, RecordingStream};
 use re_sdk_types::archetypes::TextDocument;
+use std::sync::Arc;
+
+/// A frame whose curves are drawn, and the stream to the viewer.
+pub(super) struct Drawing<'a> {
+    pub rec: &'a RecordingStream,
+    pub set: &'a Arc<CurveSet>,
+    pub record: &'a FrameRecord,
+}
+
+impl Drawing<'_> {
+    /// Logs components of an entity of the frame.
+    pub fn log(&self, path: &str, what: &impl AsComponents) -> Result<()> {
+        log(self.rec, path, what)
+    }
+}
 
 /// Logs components of an entity at the current time.
 pub(super) fn log(rec: &RecordingStream, path: &str, what: &impl AsComponents) -> Result<()> {

@@ -4,18 +4,19 @@
 //! The first violation is also shown before, at and after its frame, from the side on which its
 //! strands are seen apart.
 
+use super::curves::Numbered;
 use super::names::entity;
 use super::picture::SHOWN;
-use super::stream::{log, log_static};
+use super::stream::{Drawing, log_static};
 use super::style::{CYAN, DIMMED, FAINT_RED, FIRST, SECOND, lines, narrow};
 use super::view::View;
 use crate::curve::vector::{add_scaled, distance, mix};
 use crate::curve::{AXES, CurveSet, Point, bounds, is_home};
 use crate::error::Result;
 use crate::picture::{Part, Radii, Scene, Spot, Strand, Window, strands_of};
-use crate::verdict::{Finding, Report, label_of_pair};
+use crate::sinks::FrameRecord;
+use crate::verdict::{Finding, label_of_pair};
 use nalgebra::{UnitQuaternion, Vector3};
-use re_sdk::RecordingStream;
 use re_sdk_types::archetypes::Capsules3D;
 use re_sdk_types::blueprint::archetypes::EyeControls3D;
 use re_sdk_types::components::FillMode;
@@ -33,9 +34,6 @@ const EYE: f64 = 2.3;
 
 /// Length of the rays of the star at the place, in radii of the strands.
 const STAR: f64 = 0.2;
-
-/// A frame, and its number.
-type Numbered = (u64, Arc<CurveSet>);
 
 /// The first violation, until the frame after it is known.
 pub(super) struct Moments {
@@ -112,13 +110,18 @@ impl Tubes {
     }
 }
 
+/// Returns the radii of the curves of a frame.
+fn radii(record: &FrameRecord) -> Radii<'_> {
+    Radii {
+        published: &record.info.labels.radii,
+        measured: None,
+    }
+}
+
 /// Logs the strands near the places of a frame.
-pub(super) fn draw(
-    rec: &RecordingStream,
-    set: &CurveSet,
-    report: &Report,
-    radii: Radii<'_>,
-) -> Result<()> {
+pub(super) fn draw(drawing: &Drawing<'_>) -> Result<()> {
+    let (set, report) = (drawing.set, &drawing.record.report);
+    let radii = radii(drawing.record);
     let mut tubes = Tubes::default();
     let mut drawn: Vec<[u32; 2]> = Vec::new();
     for spot in report.first_findings(SHOWN).filter_map(spot).take(SHOWN) {
@@ -138,23 +141,19 @@ pub(super) fn draw(
             tubes.add(&strand, radius, window.reach, place);
         }
     }
-    log(rec, entity::TUBES, &tubes.archetype())
+    drawing.log(entity::TUBES, &tubes.archetype())
 }
 
 impl Moments {
-    /// Returns the moments of the first finding of a report that has a place.
-    pub fn of(
-        report: &Report,
-        names: &[String],
-        before: Option<Numbered>,
-        set: &Arc<CurveSet>,
-    ) -> Option<Moments> {
+    /// Returns the moments of the first finding of a frame that has a place.
+    pub fn of(drawing: &Drawing<'_>, before: Option<Numbered>) -> Option<Moments> {
+        let (set, report) = (drawing.set, &drawing.record.report);
         let placed = |finding| Some((finding, spot(finding)?));
         let (finding, spot) = report.passages_first().find_map(placed)?;
         let (i, j, image) = finding.pair();
-        let pair = label_of_pair((i, j.unwrap_or(i)), image, names);
+        let names = &drawing.record.info.labels.names;
         Some(Moments {
-            pair,
+            pair: label_of_pair((i, j.unwrap_or(i)), image, names),
             spot,
             before: before.filter(|(_, before)| before.same_layout(set)),
             at: (report.seq, Arc::clone(set)),
@@ -165,11 +164,11 @@ impl Moments {
     /// of the whole scene, which is drawn enlarged by `scale`.
     pub fn draw(
         &self,
-        rec: &RecordingStream,
+        drawing: &Drawing<'_>,
         after: Option<Numbered>,
-        radii: Radii<'_>,
         scale: f64,
     ) -> Result<Option<MomentViews>> {
+        let (rec, radii) = (drawing.rec, radii(drawing.record));
         let after = after.filter(|(_, after)| after.same_layout(&self.at.1));
         let frames = [self.before.clone(), Some(self.at.clone()), after];
         let frame = frames.each_ref();
