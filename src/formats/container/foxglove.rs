@@ -10,8 +10,9 @@ macro_rules! protobuf {
     ($($(#[$about:meta])* $name:ident {
         $($tag:tt $(#[$about_field:meta])* $field:ident: $type:ty, ($($kind:tt)*);)*
     })*) => {$(
+        #[derive(Clone, PartialEq, Deserialize, ::prost::Message)]
+        #[serde(default)]
         $(#[$about])*
-        #[derive(Clone, PartialEq, ::prost::Message)]
         pub(crate) struct $name {
             $($(#[$about_field])* #[prost($($kind)*, tag = $tag)] pub $field: $type,)*
         }
@@ -19,24 +20,18 @@ macro_rules! protobuf {
 }
 
 protobuf! {
-    #[derive(Deserialize)]
-    #[serde(default)]
     SceneUpdate {
         1 deletions: Vec<SceneEntityDeletion>, (message, repeated);
         // Added, or replaced if the id exists.
         2 entities: Vec<SceneEntity>, (message, repeated);
     }
 
-    #[derive(Deserialize)]
-    #[serde(default)]
     SceneEntityDeletion {
         // 0: the entity with this id; 1: all entities.
         2 r#type: i32, (int32);
         3 id: String, (string);
     }
 
-    #[derive(Deserialize)]
-    #[serde(default)]
     SceneEntity {
         1 timestamp: Option<Time>, (message, optional);
         2 frame_id: String, (string);
@@ -54,12 +49,9 @@ protobuf! {
     }
 
     /// An element that is counted only. A list of them takes no memory.
-    #[derive(Deserialize)]
     #[serde(from = "IgnoredAny")]
     Ignored {}
 
-    #[derive(Deserialize)]
-    #[serde(default)]
     LinePrimitive {
         1 r#type: i32, (int32);
         2 pose: Option<Pose>, (message, optional);
@@ -68,24 +60,21 @@ protobuf! {
         8 indices: Vec<u32>, (fixed32, repeated);
     }
 
-    #[derive(Copy, Deserialize)]
-    #[serde(default)]
+    #[derive(Copy)]
     Pose {
         1 position: Option<Xyz>, (message, optional);
         2 orientation: Option<Quaternion>, (message, optional);
     }
 
     /// `Vector3` and `Point3`, which have the same fields.
-    #[derive(Copy, Deserialize)]
-    #[serde(default)]
+    #[derive(Copy)]
     Xyz {
         1 x: f64, (double);
         2 y: f64, (double);
         3 z: f64, (double);
     }
 
-    #[derive(Copy, Deserialize)]
-    #[serde(default)]
+    #[derive(Copy)]
     Quaternion {
         1 x: f64, (double);
         2 y: f64, (double);
@@ -94,8 +83,7 @@ protobuf! {
     }
 
     /// A time or a duration: `google.protobuf.Timestamp` and `google.protobuf.Duration`.
-    #[derive(Copy, Eq, Hash, Deserialize)]
-    #[serde(default)]
+    #[derive(Copy, Eq, Hash)]
     Time {
         1 #[serde(rename = "sec")] seconds: i64, (int64);
         2 #[serde(rename = "nsec")] nanos: i32, (int32);
