@@ -242,8 +242,7 @@ impl Message {
 /// Frames of an MCAP file.
 struct McapFrames<R> {
     container: Container<R>,
-    /// All channels: those of the chosen topic with their content.
-    channels: HashMap<u16, Option<Content>>,
+    channels: Channels,
     state: State,
     /// The chosen topic.
     topic: String,
@@ -260,15 +259,11 @@ impl<R: Read + Seek> McapFrames<R> {
         let found = Channels::find(&mut container)?;
         let chosen = found.choose(topic)?;
         container.go_to_start()?;
-        let channels = found.channels.iter().map(|(id, (topic, content))| {
-            let content = content.filter(|_| *topic == chosen);
-            (*id, content)
-        });
         Ok(McapFrames {
             container,
-            channels: channels.collect(),
-            state: State::default(),
             left_out: topic.map_or_else(|| found.left_out(), |_| Vec::new()),
+            channels: found,
+            state: State::default(),
             topic: chosen,
             next: None,
             seq: 0,
@@ -285,9 +280,10 @@ impl<R: Read + Seek> McapFrames<R> {
                 continue;
             };
             let place = format!("message at byte {}", place.at);
-            let channel = self.channels.get(&channel);
+            let channel = self.channels.channels.get(&channel);
             let unknown = || invalid(&place, "a message of an unknown channel");
-            if let Some(content) = channel.ok_or_else(unknown)? {
+            let (topic, content) = channel.ok_or_else(unknown)?;
+            if let Some(content) = content.filter(|_| *topic == self.topic) {
                 let update = content.decode(&body);
                 return Ok(Some(Message {
                     update: update.map_err(|what| Error::format(FORMAT, &place, what))?,
