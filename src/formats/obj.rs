@@ -57,32 +57,34 @@ struct Curve {
 }
 
 /// Values of `cstype` and `deg`, which hold until they are set again.
+#[derive(Default)]
 struct CurveType {
-    /// Reason why the type is not read, in words.
-    unread: Option<String>,
+    /// `None` without `cstype`.
+    name: Option<Vec<u8>>,
     rational: bool,
     degree: u32,
-}
-
-impl Default for CurveType {
-    fn default() -> CurveType {
-        CurveType {
-            unread: Some("without cstype".into()),
-            rational: false,
-            degree: 0,
-        }
-    }
 }
 
 impl CurveType {
     /// Reads `cstype rat type`.
     fn set_type(&mut self, tokens: &[&[u8]]) {
         self.rational = tokens.first() == Some(&b"rat".as_slice());
-        let kind = tokens.get(usize::from(self.rational)).copied();
-        self.unread = match kind.unwrap_or_default() {
-            b"bezier" | b"bspline" => None,
-            other => Some(format!("of the cstype {}", quote(other))),
-        };
+        let name = tokens.get(usize::from(self.rational)).copied();
+        self.name = Some(name.unwrap_or_default().to_vec());
+    }
+
+    /// Returns the reason why curves of this type are not read, in words.
+    fn unread(&self) -> Option<String> {
+        match (self.name.as_deref(), self.degree) {
+            (None, _) => Some("without cstype".into()),
+            (Some(b"bezier" | b"bspline"), 1) => None,
+            (Some(b"bezier" | b"bspline"), degree @ (2 | 3)) => Some(format!(
+                "of degree {degree}: `python -m linkwatch convert FILE OUT.npz --format obj` reads \
+                 it"
+            )),
+            (Some(b"bezier" | b"bspline"), other) => Some(format!("of degree {other}")),
+            (Some(other), _) => Some(format!("of the cstype {}", quote(other))),
+        }
     }
 }
 
@@ -152,7 +154,7 @@ fn curves_in(input: Input<impl BufRead>) -> Result<(CurveSet, Vec<LeftOut>)> {
     let mut lines = Lines::new(FORMAT, input)?.with_long_lines();
     let mut found = Statements::default();
     while let Some(line) = next_statement(&mut lines)? {
-        let tokens: Vec<&[u8]> = words(lines.text()).collect();
+        let tokens: Vec<&[u8]> = words(&lines.line).collect();
         let read = found.statement(&tokens, line);
         read.map_err(|what| bad(line, what))?;
     }
@@ -214,24 +216,28 @@ impl Statements {
         let &[name, ref tokens @ ..] = tokens else {
             return Ok(());
         };
-        match name {
-            b"v" => self.vertex(tokens)?,
-            b"l" => self.line(tokens, line)?,
-            b"cstype" => self.curve_type.set_type(tokens),
+        self.in_element &= !matches!(name, b"surf" | b"curv2" | b"end");
+        let kind = match name {
+            b"v" => return self.vertex(tokens),
+            b"l" => return self.line(tokens, line),
+            b"curv" => return self.element(tokens, line),
+            b"cstype" => {
+                self.curve_type.set_type(tokens);
+                return Ok(());
+            }
             b"deg" => {
                 let degree = tokens.first().map(|word| integer(word, "a degree"));
                 self.curve_type.degree = degree.and_then(Result::ok).unwrap_or(0);
+                return Ok(());
             }
-            b"curv" => self.element(tokens, line)?,
-            b"parm" if self.in_element && tokens.first() == Some(&b"u".as_slice()) => {
-                let element = self.elements.last_mut().expect("an element was begun");
-                element.knots = numbers(&tokens[1..])?;
+            b"parm" => {
+                if self.in_element && tokens.first() == Some(&b"u".as_slice()) {
+                    let element = self.elements.last_mut().expect("an element was begun");
+                    element.knots = numbers(&tokens[1..])?;
+                }
+                return Ok(());
             }
-            b"surf" | b"curv2" | b"end" => self.in_element = false,
-            _ => {}
-        }
-        let kind = match name {
-            b"v" | b"l" | b"cstype" | b"deg" | b"curv" | b"parm" | b"end" => return Ok(()),
+            b"end" => return Ok(()),
             b"curv2" => ["curve on a surface (curv2)", "curves on surfaces (curv2)"],
             b"cdc" => FREE_FORM,
             name if std::str::from_utf8(name).is_ok_and(|name| is_in(IGNORED, name)) => {
@@ -309,19 +315,10 @@ impl Statements {
         if indices.len() < 2 {
             return Err("a curv with fewer than two vertices".into());
         }
-        let degree = self.curve_type.degree;
-        let unread = match degree {
-            1 => None,
-            2 | 3 => Some(format!(
-                "of degree {degree}: `python -m linkwatch convert FILE OUT.npz --format obj` reads \
-                 it"
-            )),
-            other => Some(format!("of degree {other}")),
-        };
         self.elements.push(Element {
             line,
             indices,
-            unread: self.curve_type.unread.clone().or(unread),
+            unread: self.curve_type.unread(),
             rational: self.curve_type.rational,
             range,
             knots: Vec::new(),
@@ -359,7 +356,6 @@ impl Statements {
                 line,
             });
         }
-        self.curves.sort_by_key(|curve| curve.line);
     }
 
     /// Returns the index, from 0, of `7`, `-1` or `7/3`.
@@ -380,7 +376,7 @@ impl Statements {
         })
     }
 
-    fn build(self) -> Result<CurveSet> {
+    fn build(mut self) -> Result<CurveSet> {
         let chains = Chains::new(&self.edges, self.vertices.len()).map_err(|third| {
             let ThirdEdge { vertex, lines } = third;
             let what = format!(
@@ -394,21 +390,21 @@ impl Statements {
         })?;
         let points = self.indices.len() + self.edges.len();
         let mut builder = CurveSet::builder(Basis::Polyline, Precision::F64, points);
-        let mut add = |indices: &[u32], closed| -> Result<()> {
-            builder.start_curve(indices.len(), closed)?;
-            let points: Vec<Point> = indices.iter().map(|&v| self.vertices[v as usize]).collect();
-            builder.push(Positions::F64(points.as_flattened()))
-        };
-        let mut curves = self.curves.iter().peekable();
         for chain in chains.curves() {
-            let line = self.edges[chain.first].line;
-            while let Some(curve) = curves.next_if(|curve| curve.line < line) {
-                add(&self.indices[curve.indices.clone()], curve.closed)?;
-            }
-            add(&chain.vertices, chain.closed)?;
+            let start = self.indices.len();
+            self.indices.extend(chain.vertices);
+            self.curves.push(Curve {
+                indices: start..self.indices.len(),
+                closed: chain.closed,
+                line: self.edges[chain.first].line,
+            });
         }
-        for curve in curves {
-            add(&self.indices[curve.indices.clone()], curve.closed)?;
+        self.curves.sort_by_key(|curve| curve.line);
+        for curve in self.curves {
+            let indices = &self.indices[curve.indices];
+            builder.start_curve(indices.len(), curve.closed)?;
+            let points: Vec<Point> = indices.iter().map(|&v| self.vertices[v as usize]).collect();
+            builder.push(Positions::F64(points.as_flattened()))?;
         }
         builder.finish()
     }
