@@ -70,7 +70,6 @@ pub(super) fn read<'a>(
         count: None,
         frames: 0,
         decided: false,
-        ended: false,
     }))
 }
 
@@ -359,7 +358,6 @@ struct Points<R> {
     frames: u64,
     /// True after a valid frame, which decides which curves are closed.
     decided: bool,
-    ended: bool,
 }
 
 impl<R: BufRead> Points<R> {
@@ -368,7 +366,7 @@ impl<R: BufRead> Points<R> {
         let mut curves = Curves::default();
         let mut count = self.count.take();
         while self.lines.advance()? {
-            let line = match self.columns.line(self.lines.text()) {
+            let line = match self.columns.line(&self.lines.line) {
                 // The next frame begins after the promised number of lines.
                 Err(what) if count > Some(curves.points.len() as u64) => {
                     curves.bad.get_or_insert(self.lines.bad(what));
@@ -400,7 +398,6 @@ impl<R: BufRead> Points<R> {
                 }
             }
         }
-        self.ended = true;
         self.check_complete(&curves, count)?;
         Ok((count.is_some() || !curves.points.is_empty()).then_some(curves))
     }
@@ -421,9 +418,6 @@ impl<R: BufRead> Points<R> {
 
 impl<R: BufRead> FrameSource for Points<R> {
     fn next_frame(&mut self) -> Result<Option<ModelFrame>> {
-        if self.ended {
-            return Ok(None);
-        }
         let Some(mut curves) = self.curves()? else {
             return Ok(None);
         };
