@@ -98,9 +98,9 @@ impl<R: BufRead> Lines<R> {
         }
     }
 
-    /// Returns the line, without the line break.
-    pub fn text(&self) -> &[u8] {
-        &self.line
+    /// Parses the line. Errors name it.
+    pub fn parse<T>(&self, parse: impl FnOnce(&[u8]) -> Result<T, String>) -> Result<T> {
+        parse(&self.line).map_err(|what| self.bad(what))
     }
 
     /// Checks that the rest of the file has room for so many lines of at least `bytes` bytes. (The

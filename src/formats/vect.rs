@@ -36,7 +36,7 @@ pub(super) fn read(input: Input<impl BufRead>) -> Result<CurveSet> {
     let colours: u64 = words.integer(format_args!("the number of colours"))?;
     // Each number takes at least a digit and, except for the last, a space.
     let numbers = 2 * u128::from(polylines) + 3 * u128::from(vertices) + 4 * u128::from(colours);
-    let left = words.lines.left + (words.lines.text().len() - words.word.end) as u64;
+    let left = words.lines.left + (words.lines.line.len() - words.word.end) as u64;
     if 2 * numbers > u128::from(left) + 1 {
         return Err(words.bad(format_args!(
             "{polylines} polylines, {vertices} vertices and {colours} colours \
@@ -118,13 +118,13 @@ impl<R: BufRead> Words<R> {
     }
 
     fn word(&self) -> &[u8] {
-        &self.lines.text()[self.word.clone()]
+        &self.lines.line[self.word.clone()]
     }
 
     /// Steps to the next word; false at the end of the file.
     fn advance(&mut self) -> Result<bool> {
         loop {
-            let rest = &self.lines.text()[self.word.end..];
+            let rest = &self.lines.line[self.word.end..];
             let text = rest.trim_ascii_start();
             let between = |b: &u8| b.is_ascii_whitespace() || *b == b'#';
             let len = text.iter().position(between).unwrap_or(text.len());

@@ -4,6 +4,7 @@
 //! if the ids have no gaps.
 
 use super::cell::Unwrapped;
+use super::dump;
 use crate::curve::{Basis, Cell, CurveSet, Positions, count_of};
 use crate::error::{Error, Result};
 use crate::formats::chains::{Chains, Edge};
@@ -144,11 +145,8 @@ impl Curves {
     /// # Errors
     ///
     /// No molecule is a curve.
-    pub fn of_molecules(
-        mut members: Vec<(i64, u64)>,
-        closed: bool,
-        format: &'static str,
-    ) -> Result<Curves> {
+    pub fn of_molecules(mut members: Vec<(i64, u64)>, closed: bool) -> Result<Curves> {
+        let format = dump::FORMAT;
         members.retain(|member| member.0 != 0);
         members.sort_unstable();
         members.dedup();

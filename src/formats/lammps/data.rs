@@ -73,14 +73,14 @@ pub(super) fn begins(text: &[u8]) -> bool {
 pub(super) fn read(mut lines: Lines<impl BufRead>, wanted: Wanted) -> Result<Data> {
     lines.expect("a data file of LAMMPS")?;
     let mut header = Header {
-        periodic: boundary(lines.text()),
+        periodic: boundary(&lines.line),
         ..Header::default()
     };
     let mut data = Data::default();
     let mut found = [false; 2];
     let mut in_header = true;
     while lines.advance()? {
-        let text = without_comment(lines.text()).trim_ascii();
+        let text = without_comment(&lines.line).trim_ascii();
         if text.is_empty() {
             continue;
         }
@@ -197,7 +197,7 @@ impl Header {
 fn skip(lines: &mut Lines<impl BufRead>) -> Result<()> {
     let mut inside = false;
     while lines.advance()? {
-        let empty = without_comment(lines.text()).trim_ascii().is_empty();
+        let empty = without_comment(&lines.line).trim_ascii().is_empty();
         if inside && empty {
             break;
         }
@@ -210,7 +210,7 @@ fn skip(lines: &mut Lines<impl BufRead>) -> Result<()> {
 fn line_of(lines: &mut Lines<impl BufRead>, k: u64, count: u64, what: &str) -> Result<()> {
     loop {
         lines.expect(format_args!("{count} {what}, found {k}"))?;
-        if !without_comment(lines.text()).trim_ascii().is_empty() {
+        if !without_comment(&lines.line).trim_ascii().is_empty() {
             return Ok(());
         }
         if k > 0 {
@@ -224,8 +224,8 @@ fn bonds(lines: &mut Lines<impl BufRead>, header: &Header, data: &mut Data) -> R
     data.bonds.reserve_exact(header.bonds as usize);
     for k in 0..header.bonds {
         line_of(lines, k, header.bonds, "bonds")?;
-        let bond = bond(without_comment(lines.text())).map_err(|what| lines.bad(what))?;
-        data.bonds.push(bond);
+        data.bonds
+            .push(lines.parse(|line| bond(without_comment(line)))?);
     }
     Ok(())
 }
@@ -331,14 +331,14 @@ impl Columns {
 
 fn atoms(lines: &mut Lines<impl BufRead>, header: &Header, data: &mut Data) -> Result<()> {
     lines.check_room(header.atoms, ATOM_BYTES, "atoms")?;
-    let comment = lines.text().split(|&b| b == b'#').nth(1);
+    let comment = lines.line.split(|&b| b == b'#').nth(1);
     let style = comment.map(|c| String::from_utf8_lossy(c).trim().to_owned());
     let style = style.as_deref().filter(|style| !style.is_empty());
     data.atoms.reserve_exact(header.atoms as usize);
     let mut columns = None;
     for k in 0..header.atoms {
         line_of(lines, k, header.atoms, "atoms")?;
-        let words: Vec<&[u8]> = words(without_comment(lines.text())).collect();
+        let words: Vec<&[u8]> = words(without_comment(&lines.line)).collect();
         let bad = |what| lines.bad(what);
         let columns = match &mut columns {
             Some(known) => known,

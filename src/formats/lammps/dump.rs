@@ -6,7 +6,6 @@
 use super::bonds::{Curves, Frame};
 use super::cell::{SimulationBox, Unwrapped, atom};
 use crate::curve::vector::add;
-use crate::curve::{Cell, CurveSet};
 use crate::error::Result;
 use crate::formats::frames::{FrameSource, ModelFrame};
 use crate::formats::lines::{Lines, integer, words};
@@ -31,10 +30,9 @@ pub(super) fn chains(mut lines: Lines<impl BufRead>, closed: bool) -> Result<Opt
     let mut members = Vec::with_capacity(atoms as usize);
     for k in 0..atoms {
         lines.expect(format_args!("{atoms} atoms, found {k}"))?;
-        let member = member(lines.text(), mol, columns.used[0]);
-        members.push(member.map_err(|what| lines.bad(what))?);
+        members.push(lines.parse(|line| member(line, mol, columns.used[0]))?);
     }
-    Curves::of_molecules(members, closed, FORMAT).map(Some)
+    Curves::of_molecules(members, closed).map(Some)
 }
 
 /// Parses the molecule and the id of an atom.
@@ -49,12 +47,12 @@ fn member(line: &[u8], mol: usize, id: usize) -> Result<(i64, u64), String> {
 
 /// Reader of a dump.
 pub(super) struct Dump<R> {
-    lines: Lines<R>,
-    curves: Curves,
+    pub lines: Lines<R>,
+    pub curves: Curves,
     /// True if torn curves are not refused.
-    wrapped: bool,
+    pub wrapped: bool,
     /// Time step of the previous frame.
-    last: Option<u64>,
+    pub last: Option<u64>,
 }
 
 /// Header of a frame, before its atoms.
@@ -80,45 +78,6 @@ impl Header {
     }
 }
 
-impl<R: BufRead> Dump<R> {
-    pub fn new(lines: Lines<R>, curves: Curves, wrapped: bool) -> Self {
-        Dump {
-            lines,
-            curves,
-            wrapped,
-            last: None,
-        }
-    }
-
-    /// Reads the atoms of a frame. The inner result is that of this frame alone.
-    fn atoms(
-        &mut self,
-        atoms: u64,
-        space: &SimulationBox,
-        cell: Option<&Cell>,
-        columns: &Columns,
-    ) -> Result<Result<CurveSet>> {
-        let lines = &mut self.lines;
-        lines.check_room(atoms, ATOM_BYTES, "atoms")?;
-        let mut frame = self.curves.frame();
-        let mut wrong = None;
-        for k in 0..atoms {
-            lines.expect(format_args!("{atoms} atoms, found {k}"))?;
-            if lines.text().starts_with(b"ITEM:") {
-                return Err(lines.bad(format_args!("an ITEM after {k} of {atoms} atoms")));
-            }
-            if wrong.is_none() {
-                let put = columns.put(lines.text(), space, &mut frame);
-                wrong = put.err().map(|what| lines.bad(what));
-            }
-        }
-        Ok(match wrong {
-            Some(wrong) => Err(wrong),
-            None => frame.finish(cell, columns.unwrapped),
-        })
-    }
-}
-
 /// Reads up to the atoms of a frame. `None` at the end of the file.
 fn header(lines: &mut Lines<impl BufRead>) -> Result<Option<(Header, Columns)>> {
     if !lines.advance_to_text()? {
@@ -126,8 +85,8 @@ fn header(lines: &mut Lines<impl BufRead>) -> Result<Option<(Header, Columns)>> 
     }
     let mut header = Header::default();
     loop {
-        let Some(item) = lines.text().strip_prefix(b"ITEM: ") else {
-            let what = format!("{}, expected an ITEM", quote(lines.text()));
+        let Some(item) = lines.line.strip_prefix(b"ITEM: ") else {
+            let what = format!("{}, expected an ITEM", quote(&lines.line));
             return Err(lines.bad(what));
         };
         let item = item.trim_ascii().to_vec();
@@ -140,8 +99,7 @@ fn header(lines: &mut Lines<impl BufRead>) -> Result<Option<(Header, Columns)>> 
             header.space = Some(bounds(lines, form, periodic)?);
         } else {
             lines.expect(format_args!("the value of {}", quote(&item)))?;
-            let read = header.set(&item, lines.text().trim_ascii());
-            read.map_err(|what| lines.bad(what))?;
+            lines.parse(|line| header.set(&item, line.trim_ascii()))?;
         }
         lines.expect("an ITEM of the frame")?;
     }
@@ -149,33 +107,45 @@ fn header(lines: &mut Lines<impl BufRead>) -> Result<Option<(Header, Columns)>> 
 
 impl<R: BufRead> FrameSource for Dump<R> {
     fn next_frame(&mut self) -> Result<Option<ModelFrame>> {
-        let Some((header, columns)) = header(&mut self.lines)? else {
+        let lines = &mut self.lines;
+        let Some((header, columns)) = header(lines)? else {
             return Ok(None);
         };
-        let lacks = |item| self.lines.bad(format_args!("atoms without ITEM: {item}"));
+        let lacks = |item| lines.bad(format_args!("atoms without ITEM: {item}"));
         let step = header.step.ok_or_else(|| lacks("TIMESTEP"))?;
         let atoms = header.atoms.ok_or_else(|| lacks("NUMBER OF ATOMS"))?;
         let space = header.space.ok_or_else(|| lacks("BOX BOUNDS"))?;
         match self.last {
             Some(last) if step <= last => {
-                return Err(self.lines.bad(format_args!(
+                return Err(lines.bad(format_args!(
                     "time step {step} after time step {last}: remove frames that a restart wrote \
                      again"
                 )));
             }
             Some(_) => {}
-            None => self.curves.report_others(atoms, &self.lines.name),
+            None => self.curves.report_others(atoms, &lines.name),
         }
         self.last = Some(step);
-        let (cell, no_lattice) = match space.cell() {
-            Ok(cell) => (cell, None),
-            Err(e) => (None, Some(e)),
-        };
-        let closest = cell.as_ref().filter(|_| !self.wrapped);
-        let curves = self.atoms(atoms, &space, closest, &columns)?;
+        lines.check_room(atoms, ATOM_BYTES, "atoms")?;
+        let mut frame = self.curves.frame();
+        // After a wrong line, the others of the frame are skipped.
+        let mut read = Ok(());
+        for k in 0..atoms {
+            lines.expect(format_args!("{atoms} atoms, found {k}"))?;
+            if lines.line.starts_with(b"ITEM:") {
+                return Err(lines.bad(format_args!("an ITEM after {k} of {atoms} atoms")));
+            }
+            if read.is_ok() {
+                read = lines.parse(|line| columns.put(line, &space, &mut frame));
+            }
+        }
         let mut info = FrameInfo::at(step, header.time);
-        (info.cell, info.left_out) = (cell, self.curves.left_out.clone());
-        let curves = no_lattice.map_or(curves, Err);
+        info.left_out.clone_from(&self.curves.left_out);
+        let curves = space.cell().and_then(|cell| {
+            info.cell = cell;
+            read?;
+            frame.finish(cell.filter(|_| !self.wrapped).as_ref(), columns.unwrapped)
+        });
         Ok(Some(ModelFrame::of(info, curves)))
     }
 }
@@ -216,8 +186,8 @@ fn bounds(
     let (mut bounds, mut tilt, mut edges) = ([[0.0; 3]; 2], [0.0; 3], [[0.0; 3]; 3]);
     for x in 0..3 {
         lines.expect("the bounds of the box")?;
-        let values: Result<Vec<f64>, _> = words(lines.text()).map(number).collect();
-        match (&values.map_err(|what| lines.bad(what))?[..], form) {
+        let values: Vec<f64> = lines.parse(|line| words(line).map(number).collect())?;
+        match (&values[..], form) {
             (&[low, high], Form::Orthogonal) => (bounds[0][x], bounds[1][x]) = (low, high),
             (&[low, high, factor], Form::Tilted) => {
                 (bounds[0][x], bounds[1][x], tilt[x]) = (low, high, factor);

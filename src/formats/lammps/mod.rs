@@ -85,7 +85,13 @@ pub(super) fn open_dump(path: &Path, options: &ReadOptions) -> Result<Source<'st
         let possible = LeftOut::new(curves.counts.len() as u64, kind, advice);
         curves.left_out.push(possible);
     }
-    Ok(Box::new(dump::Dump::new(lines, curves, options.wrapped)))
+    let (wrapped, last) = (options.wrapped, None);
+    Ok(Box::new(dump::Dump {
+        lines,
+        curves,
+        wrapped,
+        last,
+    }))
 }
 
 /// Returns the curves of a dump without bonds, and says what is assumed.
@@ -120,7 +126,13 @@ pub(super) fn read_dump<'a>(
 ) -> Result<Source<'a>> {
     let lines = Lines::new(dump::FORMAT, bytes.into())?;
     let curves = Curves::of_bonds(bonds.to_vec(), data::FORMAT)?;
-    Ok(Box::new(dump::Dump::new(lines, curves, wrapped)))
+    let last = None;
+    Ok(Box::new(dump::Dump {
+        lines,
+        curves,
+        wrapped,
+        last,
+    }))
 }
 
 /// Reads the curves that the bonds of a data file define.

@@ -43,20 +43,16 @@ pub(super) fn read(
     // Each column takes a character, and a space or line break after it.
     lines.check_room(count, 2 * columns.all as u64, "atoms")?;
     let mut atoms = Vec::with_capacity(count as usize);
-    let mut wrong = None;
+    let mut read = Ok(());
     for k in 0..count {
         lines.expect(format_args!("{count} atoms, found {k}"))?;
-        if wrong.is_none() {
-            match columns.atom(lines.text()) {
-                Ok(atom) => atoms.push(atom),
-                Err(what) => wrong = Some(lines.bad(format_args!("atom {k}: {what}"))),
-            }
+        if read.is_ok() {
+            let atom = columns.atom(&lines.line);
+            let atom = atom.map_err(|what| lines.bad(format_args!("atom {k}: {what}")));
+            read = atom.map(|atom| atoms.push(atom));
         }
     }
-    Ok(match wrong {
-        Some(wrong) => Err(wrong),
-        None => curves(atoms, columns, counts, known),
-    })
+    Ok(read.and_then(|()| curves(atoms, columns, counts, known)))
 }
 
 impl Columns {

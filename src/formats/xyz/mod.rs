@@ -112,12 +112,11 @@ impl<R: BufRead> FrameSource for XyzFrames<R> {
         if !self.lines.advance_to_text()? {
             return Ok(None);
         }
-        let text = self.lines.text().trim_ascii();
-        let count = integer(text, "the number of atoms of a frame");
-        let count = count.map_err(|what| self.lines.bad(what))?;
+        let count = |line: &[u8]| integer(line.trim_ascii(), "the number of atoms of a frame");
+        let count = self.lines.parse(count)?;
         self.lines.expect("the comment of a frame")?;
         let mut begin = || {
-            let comment = Comment::parse(self.lines.text())?;
+            let comment = Comment::parse(&self.lines.line)?;
             let (seq, cell) = (self.number(comment.step)?, comment.cell()?);
             Ok((comment, seq, cell))
         };
