@@ -10,7 +10,6 @@
 //!
 //! Times are measured by the monotonic clock at which frames reach the sink.
 
-use super::super::reader::RecordedFrame;
 use super::files::Files;
 use super::{Keep, Start, bytes_of_findings};
 use crate::error::Result;
@@ -26,11 +25,9 @@ pub(super) const RECORD_BYTES: u64 = 1024;
 
 /// A frame that waits in memory.
 struct Waiting {
-    /// The frame without its curves.
+    /// The frame, with a copy of its curves. The set that was verified is larger: it also has its
+    /// coordinates by axis, and it would keep a frame of the engine's pool busy.
     record: FrameRecord,
-    /// The bits that were verified. A set of curves is larger: it also has its coordinates by axis,
-    /// and it would keep a frame of the engine's pool busy.
-    curves: Option<RecordedFrame>,
     start: Start,
     at: Duration,
 }
@@ -38,31 +35,13 @@ struct Waiting {
 impl Waiting {
     fn new(record: &FrameRecord, start: Start, at: Duration) -> Waiting {
         let mut record = record.clone();
-        let curves = record.curves.take().map(|set| {
-            let mut positions = Vec::with_capacity(3 * set.points() * set.precision().bytes());
-            set.write_positions(&mut positions);
-            RecordedFrame {
-                seq: record.report.seq,
-                time: record.report.time,
-                basis: set.basis(),
-                precision: set.precision(),
-                counts: set.counts().collect(),
-                info: record.info.clone(),
-                // The time is in the record.
-                received_ns: 0,
-                positions: positions.into(),
-            }
-        });
-        Waiting {
-            record,
-            curves,
-            start,
-            at,
-        }
+        record.curves = record.curves.map(|set| Arc::new(set.as_ref().clone()));
+        Waiting { record, start, at }
     }
 
     fn bytes(&self) -> u64 {
-        let positions = self.curves.as_ref().map_or(0, |c| c.positions.len());
+        let curves = self.record.curves.as_ref();
+        let positions = curves.map_or(0, |set| 3 * set.points() * set.precision().bytes());
         positions as u64 + RECORD_BYTES + bytes_of_findings(&self.record.report)
     }
 }
@@ -186,16 +165,11 @@ impl Window {
 
     /// Writes the oldest frame, which is due.
     fn write_one(&mut self, files: &mut Files) -> Result<()> {
-        let Some(mut oldest) = self.waiting.pop_front() else {
+        let Some(oldest) = self.waiting.pop_front() else {
             return Ok(());
         };
         self.due -= 1;
         self.bytes -= oldest.bytes();
-        if let Some(curves) = oldest.curves {
-            let mut set = None;
-            curves.ingest(&mut set)?;
-            oldest.record.curves = set.map(Arc::new);
-        }
         files.write(&oldest.record, &oldest.start)
     }
 
