@@ -13,8 +13,8 @@
 //! | 64 | for each curve: i32 number of control points, negative if closed; f32 `x y z` of each |
 
 use super::write::create;
-use super::{little_endian, quote};
-use crate::curve::{Basis, CurveSet, Positions, Precision};
+use super::{little_endian, quote, with_positions};
+use crate::curve::{Basis, CurveSet, Precision};
 use crate::error::{Error, Result};
 use std::io::{ErrorKind, Read, Write};
 use std::path::Path;
@@ -89,7 +89,6 @@ pub(super) fn read(mut input: impl Read, len: u64) -> Result<CurveSet> {
     let mut at = HEADER_BYTES as u64;
     let mut points_left = points;
     let mut bytes = vec![0; CHUNK.min(points as usize) * POINT_BYTES];
-    let mut xyz: Vec<f32> = Vec::with_capacity(bytes.len() / 4);
     for curve in 0..curves {
         let place = |at: u64| format!("byte {at}, curve {curve}");
         let mut count = [0; COUNT_BYTES as usize];
@@ -108,10 +107,7 @@ pub(super) fn read(mut input: impl Read, len: u64) -> Result<CurveSet> {
         while left > 0 {
             let bytes = &mut bytes[..left.min(CHUNK) * POINT_BYTES];
             fill(&mut input, bytes, || place(at))?;
-            xyz.clear();
-            let floats = bytes.as_chunks().0;
-            xyz.extend(floats.iter().map(|&b| f32::from_le_bytes(b)));
-            builder.push(Positions::F32(&xyz))?;
+            with_positions(Precision::F32, bytes, |positions| builder.push(positions))?;
             at += bytes.len() as u64;
             left -= bytes.len() / POINT_BYTES;
         }
@@ -186,6 +182,7 @@ fn write(out: &mut dyn Write, set: &CurveSet) -> std::io::Result<()> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::curve::Positions;
     use crate::formats::tests::{assert_error_contains, curves};
     use proptest::prelude::*;
 

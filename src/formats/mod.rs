@@ -52,7 +52,7 @@ pub use write::FrameWriter;
 
 use self::input::{Input, open, open_file, open_text};
 use self::lines::{is_in, number, quote};
-use crate::curve::{Basis, CurveSet, Point, Positions};
+use crate::curve::{Basis, CurveSet, Point, Positions, Precision};
 use crate::error::{Error, Result};
 use std::path::Path;
 
@@ -91,6 +91,21 @@ pub fn read(path: &Path) -> Result<CurveSet> {
 /// Returns the little-endian number in some bytes, at most eight.
 fn little_endian(bytes: &[u8]) -> u64 {
     bytes.iter().rfold(0, |n, &b| (n << 8) | u64::from(b))
+}
+
+/// Calls `read` with the positions in some little-endian bytes.
+pub(crate) fn with_positions<T>(
+    precision: Precision,
+    bytes: &[u8],
+    read: impl FnOnce(Positions<'_>) -> T,
+) -> T {
+    fn values<T, const N: usize>(bytes: &[u8], parse: fn([u8; N]) -> T) -> Vec<T> {
+        bytes.as_chunks().0.iter().map(|&b| parse(b)).collect()
+    }
+    match precision {
+        Precision::F32 => read(Positions::F32(&values(bytes, f32::from_le_bytes))),
+        Precision::F64 => read(Positions::F64(&values(bytes, f64::from_le_bytes))),
+    }
 }
 
 /// Returns the curves of these points.

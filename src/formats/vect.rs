@@ -25,7 +25,9 @@ pub(super) fn read(input: Input<impl BufRead>) -> Result<CurveSet> {
         word: 0..0,
     };
     if words.next(format_args!("the word VECT"))? != b"VECT" {
-        return Err(words.bad(format_args!("{}, expected VECT", quote(words.word()))));
+        return Err(words
+            .lines
+            .bad(format_args!("{}, expected VECT", quote(words.word()))));
     }
     if words.next(format_args!("the number of polylines"))? == b"BINARY" {
         let what = "binary files; only text files are supported";
@@ -38,7 +40,7 @@ pub(super) fn read(input: Input<impl BufRead>) -> Result<CurveSet> {
     let numbers = 2 * u128::from(polylines) + 3 * u128::from(vertices) + 4 * u128::from(colours);
     let left = words.lines.left + (words.lines.line.len() - words.word.end) as u64;
     if 2 * numbers > u128::from(left) + 1 {
-        return Err(words.bad(format_args!(
+        return Err(words.lines.bad(format_args!(
             "{polylines} polylines, {vertices} vertices and {colours} colours \
              take {numbers} numbers, too many for {left} bytes"
         )));
@@ -51,7 +53,7 @@ pub(super) fn read(input: Input<impl BufRead>) -> Result<CurveSet> {
         sum += u64::from(count.unsigned_abs());
         // The layout on the bus cannot represent the negative of the smallest integer.
         if count == i32::MIN || sum > vertices {
-            return Err(words.bad(format_args!(
+            return Err(words.lines.bad(format_args!(
                 "{sum} vertices up to polyline {k}, but {vertices} promised"
             )));
         }
@@ -76,7 +78,9 @@ pub(super) fn read(input: Input<impl BufRead>) -> Result<CurveSet> {
         words.number(format_args!("colour {}", k / 4))?;
     }
     if words.advance()? {
-        return Err(words.bad(format_args!("{}, expected the end", quote(words.word()))));
+        return Err(words
+            .lines
+            .bad(format_args!("{}, expected the end", quote(words.word()))));
     }
     CurveSet::from_counts(Basis::Polyline, &counts, Positions::F64(&xyz))
 }
@@ -113,10 +117,6 @@ struct Words<R> {
 }
 
 impl<R: BufRead> Words<R> {
-    fn bad(&self, what: impl Display) -> Error {
-        self.lines.bad(what)
-    }
-
     fn word(&self) -> &[u8] {
         &self.lines.line[self.word.clone()]
     }
@@ -143,14 +143,16 @@ impl<R: BufRead> Words<R> {
 
     fn next(&mut self, expected: Arguments<'_>) -> Result<&[u8]> {
         if !self.advance()? {
-            return Err(self.bad(format_args!("the file ends, expected {expected}")));
+            return Err(self
+                .lines
+                .bad(format_args!("the file ends, expected {expected}")));
         }
         Ok(self.word())
     }
 
     /// Parses the word as an integer.
     fn parse<T: FromStr>(&self, expected: impl Display) -> Result<T> {
-        integer(self.word(), expected).map_err(|what| self.bad(what))
+        integer(self.word(), expected).map_err(|what| self.lines.bad(what))
     }
 
     fn integer<T: FromStr>(&mut self, expected: Arguments<'_>) -> Result<T> {
@@ -160,14 +162,14 @@ impl<R: BufRead> Words<R> {
 
     fn number(&mut self, expected: Arguments<'_>) -> Result<f64> {
         self.next(expected)?;
-        number(self.word()).map_err(|what| self.bad(format_args!("{expected}: {what}")))
+        number(self.word()).map_err(|what| self.lines.bad(format_args!("{expected}: {what}")))
     }
 
     fn expect_sum(&self, what: &str, sum: u64, promised: u64) -> Result<()> {
         if sum == promised {
             return Ok(());
         }
-        Err(self.bad(format_args!(
+        Err(self.lines.bad(format_args!(
             "the polylines have {sum} {what}, but {promised} promised"
         )))
     }

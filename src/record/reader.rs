@@ -5,9 +5,10 @@ mod outline;
 use super::messages::{PACKAGE, Recorded, invalid};
 use super::schema;
 use super::{BASELINE, FRAMES, LABELS, METADATA, PROTOBUF, VERDICTS};
-use crate::curve::{Basis, CurveLabels, CurveSet, Positions, Precision};
+use crate::curve::{Basis, CurveLabels, CurveSet, Precision};
 use crate::error::{Error, Result};
 use crate::formats::container::{Container, Content, Ending, Place};
+use crate::formats::with_positions;
 use crate::ingest::{FrameInfo, RawFrame, ingest};
 use crate::sinks::{BaselineRecord, RunProgress};
 use crate::verdict::Report;
@@ -61,7 +62,7 @@ pub struct RecordedFrame {
     /// Time at which the frame arrived, in nanoseconds since 1970.
     pub received_ns: u64,
     /// Coordinates, little-endian. Their number may contradict `counts`.
-    pub(super) positions: Bytes,
+    positions: Bytes,
 }
 
 impl RecordedFrame {
@@ -101,15 +102,13 @@ impl RecordedFrame {
     /// The errors of [`RecordedFrame::check`] and of `receive`.
     pub fn read(&self, receive: impl FnOnce(RawFrame<'_>) -> Result<()>) -> Result<()> {
         self.check()?;
-        let frame = |positions| RawFrame {
-            basis: self.basis,
-            counts: &self.counts,
-            positions,
-        };
-        match self.precision {
-            Precision::F32 => receive(frame(Positions::F32(&self.values(f32::from_le_bytes)))),
-            Precision::F64 => receive(frame(Positions::F64(&self.values(f64::from_le_bytes)))),
-        }
+        with_positions(self.precision, &self.positions, |positions| {
+            receive(RawFrame {
+                basis: self.basis,
+                counts: &self.counts,
+                positions,
+            })
+        })
     }
 
     /// Returns true if both frames have the same curves with the same bits, in the same cell.
@@ -118,11 +117,6 @@ impl RecordedFrame {
             && self.counts == other.counts
             && self.info.cell == other.info.cell
             && self.positions == other.positions
-    }
-
-    fn values<T, const N: usize>(&self, parse: fn([u8; N]) -> T) -> Vec<T> {
-        let values = self.positions.as_chunks().0.iter();
-        values.map(|bytes| parse(*bytes)).collect()
     }
 }
 

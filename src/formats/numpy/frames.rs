@@ -2,9 +2,10 @@
 
 use super::array::{Array, Kind, fill};
 use super::{Cells, FORMAT, Others};
-use crate::curve::{Basis, CurveLabels, CurveSet, CurveSetBuilder, Positions, Precision, count_of};
+use crate::curve::{Basis, CurveSet, CurveSetBuilder, Precision, count_of};
 use crate::error::{Error, Result};
 use crate::formats::frames::{FrameSource, ModelFrame, ReadOptions};
+use crate::formats::with_positions;
 use crate::ingest::FrameInfo;
 use std::io::Read;
 use std::sync::Arc;
@@ -16,7 +17,6 @@ pub(super) struct ArrayFrames<R> {
     layout: Layout,
     next: u64,
     others: Others,
-    labels: Arc<CurveLabels>,
     options: ReadOptions,
 }
 
@@ -144,7 +144,6 @@ impl<R: Read> ArrayFrames<R> {
             array: positions,
             layout,
             next: 0,
-            labels: Arc::new(std::mem::take(&mut others.labels)),
             others,
             options: options.clone(),
         })
@@ -166,16 +165,7 @@ impl<R: Read> ArrayFrames<R> {
             fill(&mut self.input, bytes, &mut chunk, place, left as u64)?;
             self.array.to_little_endian(&mut chunk);
             built = built.and_then(|mut builder| {
-                match precision {
-                    Precision::F32 => {
-                        let values = chunk.as_chunks().0.iter().map(|&b| f32::from_le_bytes(b));
-                        builder.push(Positions::F32(&values.collect::<Vec<f32>>()))?;
-                    }
-                    Precision::F64 => {
-                        let values = chunk.as_chunks().0.iter().map(|&b| f64::from_le_bytes(b));
-                        builder.push(Positions::F64(&values.collect::<Vec<f64>>()))?;
-                    }
-                }
+                with_positions(precision, &chunk, |positions| builder.push(positions))?;
                 Ok(builder)
             });
         }
@@ -201,7 +191,7 @@ impl<R: Read> FrameSource for ArrayFrames<R> {
         };
         let info = FrameInfo {
             cell,
-            labels: self.labels.clone(),
+            labels: Arc::clone(&self.others.labels),
             left_out: self.others.left_out.clone(),
             closed_by_default: self.layout.closed_by_default,
             ..FrameInfo::at(seq, times.as_ref().map_or(0.0, |times| times[k]))

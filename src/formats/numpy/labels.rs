@@ -80,7 +80,8 @@ pub(super) fn read(archive: &Archive<impl ReaderAt>) -> Result<Others> {
         times: times.map(floats).transpose()?,
         seq: seq.map(|seq| seq.increasing()).transpose()?,
         labels: CurveLabels::named(names.map_or(Ok(Vec::new()), |names| names.texts())?)
-            .with_radii(radii.into_iter().map(|r| r as f32)),
+            .with_radii(radii.into_iter().map(|r| r as f32))
+            .into(),
         cells: cell.map_or(Ok(Cells::None), |cell| cell.cells())?,
         rows_of_edges,
         left_out: Vec::new(),

@@ -57,6 +57,7 @@ use crate::verdict::LeftOut;
 use rawzip::{FileReader, ReaderAt};
 use std::io::BufRead;
 use std::path::Path;
+use std::sync::Arc;
 
 const FORMAT: &str = "NumPy file";
 /// Bytes that a frame may have at any compression.
@@ -110,7 +111,7 @@ struct Others {
     basis: Option<Basis>,
     times: Option<Vec<f64>>,
     seq: Option<Vec<u64>>,
-    labels: CurveLabels,
+    labels: Arc<CurveLabels>,
     cells: Cells,
     /// Number of frames for which the cell may be meant as one row of edges each.
     rows_of_edges: Option<u64>,

@@ -6,7 +6,7 @@
 //! them.
 
 use super::FORMAT;
-use crate::curve::{Basis, Cell, CurveLabels, CurveSet, Precision};
+use crate::curve::{Basis, Cell, CurveLabels, CurveSet, Positions, Precision};
 use crate::error::{Error, Result};
 use crate::formats::frames::ModelFrame;
 use crate::formats::write::{FrameSink, check_polylines, same_curves};
@@ -21,8 +21,8 @@ use std::sync::Arc;
 /// Bytes of a header: long enough for every shape.
 const HEADER_BYTES: usize = 128;
 
-/// Number of bytes that are converted at once.
-const PIECE: usize = 1 << 16;
+/// Number of coordinates that are converted at once.
+const PIECE: usize = 1 << 13;
 
 /// Returns the header of an array.
 fn array_header(descr: &str, shape: &str) -> [u8; HEADER_BYTES] {
@@ -48,7 +48,6 @@ pub(in crate::formats) struct Stream {
     /// Bytes and checksum of the values.
     bytes: u64,
     hasher: Hasher,
-    buffer: Vec<u8>,
 }
 
 impl Stream {
@@ -70,7 +69,6 @@ impl Stream {
             frames: 0,
             bytes: 0,
             hasher: Hasher::new(),
-            buffer: Vec::new(),
         };
         stream.add(set)?;
         Ok(stream)
@@ -97,26 +95,24 @@ impl Stream {
             return Err(Error::unsupported(FORMAT, what));
         }
         // Piece by piece, because a frame may have gigabytes.
-        for x in (0..set.len()).flat_map(|i| set.points_in(i)).flatten() {
-            match self.precision {
-                Precision::F32 => self.buffer.extend((x as f32).to_le_bytes()),
-                Precision::F64 => self.buffer.extend(x.to_le_bytes()),
+        match set.positions() {
+            Positions::F32(v) => {
+                let mut pieces = v.chunks(PIECE);
+                pieces.try_for_each(|v| self.write(flat(v.iter().map(|x| x.to_le_bytes()))))?;
             }
-            if self.buffer.len() >= PIECE {
-                self.write_buffer()?;
+            Positions::F64(v) => {
+                let mut pieces = v.chunks(PIECE);
+                pieces.try_for_each(|v| self.write(flat(v.iter().map(|x| x.to_le_bytes()))))?;
             }
         }
-        self.write_buffer()?;
         self.frames += 1;
         Ok(())
     }
 
-    fn write_buffer(&mut self) -> Result<()> {
-        self.hasher.update(&self.buffer);
-        self.bytes += self.buffer.len() as u64;
-        self.out.write_all(&self.buffer)?;
-        self.buffer.clear();
-        Ok(())
+    fn write(&mut self, values: Vec<u8>) -> Result<()> {
+        self.hasher.update(&values);
+        self.bytes += values.len() as u64;
+        Ok(self.out.write_all(&values)?)
     }
 
     fn header(&self) -> [u8; HEADER_BYTES] {

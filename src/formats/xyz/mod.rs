@@ -38,7 +38,6 @@ use crate::error::{Error, Result};
 use crate::ingest::FrameInfo;
 use std::collections::HashMap;
 use std::io::BufRead;
-use std::sync::Arc;
 
 const FORMAT: &str = "extended XYZ";
 
@@ -69,8 +68,6 @@ pub(super) fn read<'a>(
         frames: 0,
         last: None,
         known: HashMap::new(),
-        numbers: Vec::new(),
-        labels: Arc::default(),
     }))
 }
 
@@ -84,9 +81,6 @@ struct XyzFrames<R> {
     last: Option<u64>,
     /// Numbers of the curves so far, in their order.
     known: HashMap<i64, usize>,
-    /// Numbers of the curves of the last frame, and those as names.
-    numbers: Vec<i64>,
-    labels: Arc<CurveLabels>,
 }
 
 impl<R: BufRead> XyzFrames<R> {
@@ -126,12 +120,7 @@ impl<R: BufRead> FrameSource for XyzFrames<R> {
         let curves = atoms::read(&mut self.lines, count, &comment, counts, &mut self.known)?;
         let mut info = FrameInfo::at(seq, comment.time);
         let curves = curves.map(|(curves, numbers)| {
-            if numbers != self.numbers {
-                let names = numbers.iter().map(i64::to_string);
-                self.labels = Arc::new(CurveLabels::named(names));
-                self.numbers = numbers;
-            }
-            info.labels = Arc::clone(&self.labels);
+            info.labels = CurveLabels::named(numbers.iter().map(i64::to_string)).into();
             curves
         });
         info.cell = cell;
