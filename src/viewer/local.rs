@@ -4,7 +4,7 @@
 use crate::curve::vector::{add, sub};
 use crate::curve::{CurveSet, Point};
 pub(super) use crate::curve::{feature, nearest};
-use crate::verdict::Report;
+use crate::verdict::{Finding, Report};
 
 /// Place of a finding, for the picture.
 pub(super) struct Spot {
@@ -48,17 +48,10 @@ pub(super) fn spot(
     }
 }
 
-/// Returns the curves, the segments and the point of each finding that has a place.
-pub(super) fn places(report: &Report) -> impl Iterator<Item = ([u32; 2], [u32; 2], Point)> + '_ {
-    report.passages_first().filter_map(|finding| {
-        let (segments, point) = finding.place()?;
-        Some((finding.curves(), segments, point))
-    })
-}
-
 /// Returns the place of the first finding of a report, and the size of its surroundings.
 pub(super) fn first(set: &CurveSet, report: &Report) -> Option<(Point, f64)> {
-    let (curves, segments, point) = places(report).next()?;
+    let place = |finding: Finding<'_>| Some((finding.curves(), finding.place()?));
+    let (curves, (segments, point)) = report.passages_first().find_map(place)?;
     Some((point, spot(set, curves, (segments, [0.0; 3]), point).size))
 }
 

@@ -1,7 +1,7 @@
 //! View of a scene: the direction and the distance of the eye, and the enlargement of small scenes.
 
 use crate::curve::vector::{dot, hypot, per_axis, sub};
-use crate::curve::{CurveSet, Point, bounds};
+use crate::curve::{CurveSet, Point};
 use re_sdk_types::blueprint::archetypes::EyeControls3D;
 
 /// Distance of the eye from the centre of the scene, in radii of the scene.
@@ -35,9 +35,7 @@ pub(super) struct View {
 impl View {
     /// Returns `None` if the scene has no extent.
     pub fn of(set: &CurveSet) -> Option<View> {
-        let curves = set.curves().iter().enumerate();
-        let points = curves.flat_map(|(i, c)| (0..c.points as usize).map(move |k| set.point(i, k)));
-        let [lo, hi] = bounds(points);
+        let [lo, hi] = set.corners();
         let size = sub(hi, lo);
         let radius = 0.5 * hypot(size);
         let thinnest = (0..3).min_by(|&a, &b| size[a].total_cmp(&size[b]))?;
