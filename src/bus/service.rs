@@ -181,19 +181,10 @@ impl Endpoint {
 
     /// Creates the subscriber of the frames of service `name`.
     pub fn subscribe_to_frames(&self, name: &str) -> Result<Subscriber<Ipc, [u8], FrameHeader>> {
-        let start = Instant::now();
-        loop {
-            match self.frames.subscriber_builder().create() {
-                Ok(subscriber) => return Ok(subscriber),
-                Err(SubscriberCreateError::ExceedsMaxSupportedSubscribers) => {}
-                Err(e) => return Err(bus("subscriber of frames")(e)),
-            }
-            // A killed process counts until its remains are removed.
-            cleanup();
-            if start.elapsed() > LOCK_LIMIT {
-                break;
-            }
-            std::thread::sleep(Duration::from_millis(10));
+        let create = || self.frames.subscriber_builder().create();
+        let full = SubscriberCreateError::ExceedsMaxSupportedSubscribers;
+        if let Some(subscriber) = create_port(create, full).map_err(bus("subscriber of frames"))? {
+            return Ok(subscriber);
         }
         let mut processes = Vec::new();
         self.frames.dynamic_config().list_subscribers(|subscriber| {
@@ -327,35 +318,49 @@ pub(super) fn lock(
             .open_or_create()
     })
     .map_err(cannot_open(name))?;
+    let create = || service.server_builder().create();
+    let full = ServerCreateError::ExceedsMaxSupportedServers;
+    if let Some(server) = create_port(create, full).map_err(bus("lock"))? {
+        return Ok(server);
+    }
+    let mut holder = None;
+    service.dynamic_config().list_servers(|server| {
+        holder = Some(server.node_id);
+        CallbackProgression::Stop
+    });
+    let mut executable = None;
+    let _ = service.nodes(|state| {
+        if let (NodeState::Alive(view), Some(holder)) = (&state, holder)
+            && *view.id() == holder
+        {
+            executable = view.details().as_ref().map(|d| d.executable().to_string());
+        }
+        CallbackProgression::Continue
+    });
+    let who = match (holder, executable) {
+        (Some(id), Some(file)) => format!("process {}, {file}", id.pid().value()),
+        (Some(id), None) => format!("process {}", id.pid().value()),
+        (None, _) => "a process that is starting".into(),
+    };
+    Err(Error::Bus(taken(&who)))
+}
+
+/// Creates a port of a service. `None` if the service is `full`: living processes have all of its
+/// ports.
+fn create_port<T, E: PartialEq>(
+    create: impl Fn() -> Result<T, E>,
+    full: E,
+) -> Result<Option<T>, E> {
     let start = Instant::now();
     loop {
-        match service.server_builder().create() {
-            Ok(server) => return Ok(server),
-            Err(ServerCreateError::ExceedsMaxSupportedServers) => {}
-            Err(e) => return Err(bus("lock")(e)),
+        match create() {
+            Err(e) if e == full => {}
+            created => return created.map(Some),
         }
+        // A killed process counts until its remains are removed.
         cleanup();
-        let mut holder = None;
-        service.dynamic_config().list_servers(|server| {
-            holder = Some(server.node_id);
-            CallbackProgression::Stop
-        });
-        let mut executable = None;
-        let _ = service.nodes(|state| {
-            if let (NodeState::Alive(view), Some(holder)) = (&state, holder)
-                && *view.id() == holder
-            {
-                executable = view.details().as_ref().map(|d| d.executable().to_string());
-            }
-            CallbackProgression::Continue
-        });
         if start.elapsed() > LOCK_LIMIT {
-            let who = match (holder, executable) {
-                (Some(id), Some(file)) => format!("process {}, {file}", id.pid().value()),
-                (Some(id), None) => format!("process {}", id.pid().value()),
-                (None, _) => "a process that is starting".into(),
-            };
-            return Err(Error::Bus(taken(&who)));
+            return Ok(None);
         }
         std::thread::sleep(Duration::from_millis(10));
     }

@@ -174,38 +174,6 @@ pub(super) struct VerdictWire {
 const _: () = assert!(size_of::<FrameHeader>() == 192);
 const _: () = assert!(size_of::<VerdictWire>() == 424);
 
-/// Sizes of the parts of a payload before the positions, in bytes, padding included.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Table {
-    pub counts: u64,
-    pub names: u64,
-    pub radii: u64,
-}
-
-impl Table {
-    pub fn new(curves: u32, names: u32, radii: bool) -> Table {
-        let padded = |bytes: u64| bytes.next_multiple_of(ALIGNMENT as u64);
-        let counts = padded(u64::from(curves) * size_of::<i32>() as u64);
-        Table {
-            counts,
-            names: padded(names.into()),
-            // A radius has as many bytes as a count.
-            radii: if radii { counts } else { 0 },
-        }
-    }
-
-    /// Returns the number of bytes before the positions.
-    pub fn bytes(self) -> u64 {
-        self.counts + self.names + self.radii
-    }
-
-    /// Returns the number of bytes of a whole payload. Saturates.
-    pub fn payload_bytes(self, points: u64, precision: Precision) -> u64 {
-        let positions = points.saturating_mul(3 * precision.bytes() as u64);
-        self.bytes().saturating_add(positions)
-    }
-}
-
 /// Parts of a payload.
 #[cfg(feature = "bus")]
 pub(super) struct View<'a> {
@@ -266,12 +234,12 @@ impl FrameHeader {
             n => return field("bytes of a coordinate", format!("{n}, expected 4 or 8")),
         };
         let curves = self.n_curves as usize;
-        let table = self.table();
-        let bytes = table.payload_bytes(self.n_points, precision);
+        let bytes = self.payload_bytes(precision);
         if bytes != payload.len() as u64 {
             return Err(Error::count("bytes of a frame", bytes, payload.len()));
         }
-        let (table, positions) = payload.split_at(table.bytes() as usize);
+        let table: u64 = self.table().iter().sum();
+        let (table, positions) = payload.split_at(table as usize);
         let Ok(counts) = try_cast_slice(&table[..curves * size_of::<i32>()]) else {
             return field("payload", "not aligned".into());
         };
@@ -319,19 +287,34 @@ impl FrameHeader {
         Ok(Some(cell))
     }
 
+    /// Returns the sizes of the parts before the positions: counts, names and radii, in bytes,
+    /// padding included.
     #[cfg(feature = "bus")]
-    fn table(&self) -> Table {
-        let radii = self.flags & FLAG_RADII != 0;
-        Table::new(self.n_curves, self.names_bytes, radii)
+    fn table(&self) -> [u64; 3] {
+        let padded = |bytes: u64| bytes.next_multiple_of(ALIGNMENT as u64);
+        let counts = padded(u64::from(self.n_curves) * size_of::<i32>() as u64);
+        let has_radii = self.flags & FLAG_RADII != 0;
+        // A radius has as many bytes as a count.
+        let radii = if has_radii { counts } else { 0 };
+        [counts, padded(self.names_bytes.into()), radii]
+    }
+
+    /// Returns the number of bytes of the payload. Saturates.
+    #[cfg(feature = "bus")]
+    pub fn payload_bytes(&self, precision: Precision) -> u64 {
+        let positions = self.n_points.saturating_mul(3 * precision.bytes() as u64);
+        self.table()
+            .into_iter()
+            .fold(positions, u64::saturating_add)
     }
 
     /// Decodes the names and radii in a copy of the parts before the positions
     /// ([`View::table`]).
     #[cfg(feature = "bus")]
     pub fn labels(&self, table: &[u8]) -> Result<CurveLabels> {
-        let sizes = self.table();
+        let [counts, padded, radii] = self.table().map(|bytes| bytes as usize);
         let (curves, bytes) = (self.n_curves as usize, self.names_bytes as usize);
-        let names = &table[sizes.counts as usize..][..bytes];
+        let names = &table[counts..][..bytes];
         let field = |what: &str| Err(Error::format("frame", "names of the curves", what));
         let names = match names.strip_suffix(&[0]) {
             None if names.is_empty() => Vec::new(),
@@ -348,9 +331,8 @@ impl FrameHeader {
                 }
             }
         };
-        let radii = &table[(sizes.counts + sizes.names) as usize..];
-        let count = if sizes.radii > 0 { curves } else { 0 };
-        let radii = radii.as_chunks().0.iter().take(count);
+        let radii = &table[counts + padded..][..radii];
+        let radii = radii.as_chunks().0.iter().take(curves);
         let radii = radii.map(|bytes| f32::from_ne_bytes(*bytes));
         let labels = CurveLabels::named(names).with_radii(radii);
         labels.check(curves)?;

@@ -11,7 +11,7 @@ use crate::bus::wait_mode::WaitMode;
 use crate::bus::wire::{
     ALIGNMENT, FINDING_CHANGE, FINDING_DEFECT, FINDING_EVENT, FINDING_NONE, FLAG_ANNOUNCE,
     FLAG_BASELINE, FLAG_END, FLAG_LOCKSTEP, FLAG_RADII, FLAG_UNFINISHED, FRAME_MAGIC, FrameHeader,
-    LAYOUT_VERSION, NO_CURVE, NO_FRAME, Table, VERDICT_MAGIC, VerdictWire,
+    LAYOUT_VERSION, NO_CURVE, NO_FRAME, VERDICT_MAGIC, VerdictWire,
 };
 use crate::curve::{Basis, Precision};
 use crate::verdict::{DefectKind, Verdict};
@@ -229,8 +229,12 @@ fn the_page_lists_the_numbers_of_points_of_each_basis() {
             assert_eq!(*cell, expected, "{basis:?}");
         }
     }
-    let table = Table::new(2, 0, false);
-    let example = table.payload_bytes(200, Precision::F32);
+    let header = FrameHeader {
+        n_curves: 2,
+        n_points: 200,
+        ..FrameHeader::default()
+    };
+    let example = header.payload_bytes(Precision::F32);
     assert!(PAGE.contains(&format!("2400 bytes of positions: {example} bytes.")));
 }
 
