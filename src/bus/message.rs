@@ -4,15 +4,13 @@ use super::wire::{
     FINDING_CHANGE, FINDING_DEFECT, FINDING_EVENT, FINDING_NONE, LAYOUT_VERSION, NO_CURVE,
     NO_FRAME, VERDICT_MAGIC, VerdictWire,
 };
-use crate::curve::words_of_change;
 use crate::error::{Error, Result};
 use crate::verdict::{
-    self, Change, ChangeKind, Clearance, Defect, DefectKind, Lasting, Place, PullThrough, Report,
-    Verdict, words_of_count, words_of_roll_back,
+    self, Change, ChangeKind, Clearance, Defect, DefectKind, Place, PullThrough, Report, Verdict,
+    words_of_count, words_of_roll_back,
 };
 use bytemuck::Zeroable;
 use serde::{Deserialize, Serialize};
-use std::collections::BTreeSet;
 use std::fmt;
 use std::sync::Arc;
 use std::time::Duration;
@@ -76,35 +74,21 @@ impl Finding {
     }
 }
 
-/// Lasting findings of the last verified frame.
-#[derive(Debug, Default)]
-pub(super) struct KnownFindings(BTreeSet<Lasting>);
-
-impl KnownFindings {
-    /// Records the findings of a report. Those of a rejected frame are unknown.
-    pub fn record(&mut self, report: &Report) {
-        if report.verdict != Verdict::Rejected {
-            self.0 = report.lasting().flatten().collect();
-        }
-    }
-
-    /// Returns the first finding of a report that is not known, and true; the first of all if there
-    /// is none. The change of the pair that was pulled through first comes before others, as in the
-    /// report of a run.
-    fn first_new(&self, report: &Report) -> Option<(Finding, bool)> {
-        let all = report.all_findings().zip(report.lasting());
-        let all = all.filter_map(|(finding, key)| Some((Finding::of(finding)?, key)));
-        let is_new = |key: Option<Lasting>| key.is_none_or(|key| !self.0.contains(&key));
-        let all: Vec<(Finding, bool)> = all.map(|(f, key)| (f, is_new(key))).collect();
-        let new = || all.iter().filter(|(_, is_new)| *is_new);
-        let pulled = report.events.first().map(|e| (e.i, e.j, e.image));
-        let explains = |(finding, _): &&(Finding, bool)| match finding {
-            Finding::Change(c) => Some((c.i, c.j, c.image)) == pulled,
-            _ => false,
-        };
-        let first = new().find(explains).or_else(|| new().next());
-        first.or(all.first()).copied()
-    }
+/// Returns the first finding of a report that is `new`, and true; the first of all if there is
+/// none. The change of the pair that was pulled through first comes before others, as in the report
+/// of a run.
+fn first_new(report: &Report, new: &[bool]) -> Option<(Finding, bool)> {
+    let all = report.all_findings().zip(new);
+    let all = all.filter_map(|(finding, new)| Some((Finding::of(finding)?, *new)));
+    let all: Vec<(Finding, bool)> = all.collect();
+    let new = || all.iter().filter(|(_, is_new)| *is_new);
+    let pulled = report.events.first().map(|e| (e.i, e.j, e.image));
+    let explains = |(finding, _): &&(Finding, bool)| match finding {
+        Finding::Change(c) => Some((c.i, c.j, c.image)) == pulled,
+        _ => false,
+    };
+    let first = new().find(explains).or_else(|| new().next());
+    first.or(all.first()).copied()
 }
 
 /// Message from the watcher. Its `Display` form is a sentence.
@@ -249,15 +233,9 @@ impl VerdictWire {
         self
     }
 
-    /// Creates the message of a report, with its first new finding and as much of the reason as
-    /// fits. `known` has the findings of the last verified frame.
-    pub fn from_report(
-        report: &Report,
-        known: &KnownFindings,
-        session: u64,
-        counters: Counters,
-        check: Duration,
-    ) -> VerdictWire {
+    /// Adds a report, with its first new finding and as much of the reason as fits. `new` is true
+    /// for each finding that the last verified frame did not have.
+    pub fn with_report(self, report: &Report, new: &[bool], check: Duration) -> VerdictWire {
         let count = |kind| u32::try_from(report.count(kind)).unwrap_or(u32::MAX);
         let findings = report.all_findings().count();
         let mut wire = VerdictWire {
@@ -278,9 +256,9 @@ impl VerdictWire {
             extent: report.stats.extent,
             last_intact: report.last_intact.unwrap_or(NO_FRAME),
             safe_fraction: report.safe_fraction.unwrap_or(f64::NAN),
-            ..VerdictWire::new(MessageKind::Verdict, session, counters)
+            ..self
         };
-        let (first, is_new) = known.first_new(report).unzip();
+        let (first, is_new) = first_new(report, new).unzip();
         match first {
             None => {}
             Some(Finding::Change(change)) => {
@@ -308,7 +286,7 @@ impl VerdictWire {
                 wire.set_place(Some(defect.place));
             }
         }
-        let curves = words_of_change(&report.appeared, &report.gone);
+        let curves = report.change_of_curves();
         // A finding says more.
         let clearance = report.clearance.filter(|_| wire.finding == FINDING_NONE);
         let close = clearance.as_ref().and_then(Clearance::reason);

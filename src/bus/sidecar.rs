@@ -3,14 +3,14 @@
 use super::event::{Event, Frame};
 use super::frames::MAX_BYTES;
 use super::ipc::Ipc;
-use super::message::{Counters, KnownFindings, MessageKind};
+use super::message::{Counters, MessageKind};
 use super::service::{Endpoint, NodeId, Role, bus, node_of};
 use super::wait_mode::WaitMode;
 use super::wire::{
     FLAG_ANNOUNCE, FLAG_BASELINE, FLAG_END, FLAG_UNFINISHED, FrameHeader, VerdictWire,
 };
 use crate::error::{Error, Result};
-use crate::verdict::{Report, Verdict};
+use crate::verdict::{PreviousFindings, Report, Verdict};
 use iceoryx2::port::publisher::Publisher;
 use iceoryx2::port::subscriber::Subscriber;
 use iceoryx2::port::update_connections::UpdateConnections;
@@ -123,7 +123,7 @@ struct Session {
     /// Last message that asked to stop. Heartbeats repeat it, because it must not be lost.
     abort: Option<VerdictWire>,
     /// Findings of the last verified frame.
-    known: KnownFindings,
+    known: PreviousFindings,
     /// Number of violations that were rolled back.
     recovered: u32,
     /// Number of the baseline of the last frame that was returned.
@@ -589,10 +589,10 @@ impl Sidecar {
             Verdict::Rejected => session.counters.rejected += 1,
             _ => session.counters.verified += 1,
         }
-        let (id, counters) = (session.id, session.counters);
-        let mut wire = VerdictWire::from_report(report, &session.known, id, counters, check);
+        let new = session.known.update(report).new;
+        let plain = VerdictWire::new(MessageKind::Verdict, session.id, session.counters);
+        let mut wire = plain.with_report(report, &new, check);
         wire.recovered = session.recovered;
-        session.known.record(report);
         // The simulator must accept the repeated message, so it cannot be an abort for a frame with
         // an impossible number.
         let newest = session.last_seen.map_or(0, |last| last.seq);

@@ -3,7 +3,7 @@
 use super::finding::Finding;
 use super::{DefectKind, Report};
 use crate::curve::Image;
-#[cfg(feature = "mcap")]
+#[cfg(any(feature = "bus", feature = "mcap"))]
 use {super::Verdict, std::collections::BTreeSet};
 
 /// Identity of a finding that may last over several frames: a changed linking number or invariant,
@@ -55,7 +55,7 @@ impl Report {
 }
 
 /// Verdict and findings of the previous frame, to tell what is new in the next one.
-#[cfg(feature = "mcap")]
+#[cfg(any(feature = "bus", feature = "mcap"))]
 #[derive(Debug, Default)]
 pub(crate) struct PreviousFindings {
     verdict: Option<Verdict>,
@@ -63,7 +63,7 @@ pub(crate) struct PreviousFindings {
 }
 
 /// Verdict of the previous frame, and the findings of a frame that the previous one did not have.
-#[cfg(feature = "mcap")]
+#[cfg(any(feature = "bus", feature = "mcap"))]
 pub(crate) struct Novelty {
     /// Verdict of the previous frame.
     pub before: Option<Verdict>,
@@ -72,7 +72,7 @@ pub(crate) struct Novelty {
     pub new: Vec<bool>,
 }
 
-#[cfg(feature = "mcap")]
+#[cfg(any(feature = "bus", feature = "mcap"))]
 impl PreviousFindings {
     /// Forgets the findings, because the next frame has other curves.
     #[cfg(feature = "cli")]

@@ -15,7 +15,7 @@ pub use clearance::{Clearance, CloseStrands};
 pub(crate) use finding::Finding;
 #[cfg(any(feature = "client", feature = "rerun"))]
 pub use lasting::Lasting;
-#[cfg(feature = "mcap")]
+#[cfg(any(feature = "bus", feature = "mcap"))]
 pub(crate) use lasting::PreviousFindings;
 pub use left_out::LeftOut;
 #[cfg(feature = "cli")]

@@ -1,5 +1,5 @@
 use super::*;
-use crate::verdict::InvariantChange;
+use crate::verdict::{InvariantChange, PreviousFindings};
 
 fn report(verdict: Verdict) -> Report {
     Report::new(12, 0.5, verdict)
@@ -7,15 +7,13 @@ fn report(verdict: Verdict) -> Report {
 
 fn sent(report: &Report) -> VerdictMessage {
     let check = Duration::from_nanos(77);
-    VerdictWire::from_report(
-        report,
-        &KnownFindings::default(),
-        5,
-        Counters::default(),
-        check,
-    )
-    .read()
-    .unwrap()
+    let new = PreviousFindings::default().update(report).new;
+    message(report, &new, check).read().unwrap()
+}
+
+fn message(report: &Report, new: &[bool], check: Duration) -> VerdictWire {
+    let base = VerdictWire::new(MessageKind::Verdict, 5, Counters::default());
+    base.with_report(report, new, check)
 }
 
 const PLACE: Place = Place {
@@ -71,9 +69,7 @@ fn knots_do_not_shift_the_first_new_finding() {
     }];
     let m = sent(&r);
     assert_eq!((m.findings, m.first), (1, None));
-    let of = |known: &KnownFindings, r: &Report| {
-        VerdictWire::from_report(r, known, 5, Counters::default(), Duration::ZERO).read()
-    };
+    let of = |new: &[bool], r: &Report| message(r, new, Duration::ZERO).read();
     let reason = r.invariants[0].sentence_named(&[]);
     assert!(m.to_string().ends_with(&reason), "{m}");
     let place = PLACE;
@@ -85,11 +81,13 @@ fn knots_do_not_shift_the_first_new_finding() {
         kind,
         place,
     }];
-    let mut known = KnownFindings::default();
-    known.record(&r);
-    assert!(of(&known, &r).unwrap().to_string().ends_with(&reason));
+    let mut known = PreviousFindings::default();
+    known.update(&r);
+    let new = known.update(&r).new;
+    assert!(of(&new, &r).unwrap().to_string().ends_with(&reason));
     r.events = vec![EVENT];
-    assert_eq!(known.first_new(&r), Some((Finding::Event(EVENT), true)));
+    let new = known.update(&r).new;
+    assert_eq!(first_new(&r, &new), Some((Finding::Event(EVENT), true)));
 }
 
 #[test]
@@ -102,13 +100,12 @@ fn the_first_new_finding_is_transmitted_with_the_number_of_all() {
         found: 0,
         place: None,
     };
-    let mut known = KnownFindings::default();
+    let mut known = PreviousFindings::default();
     let mut sent = |changes: Vec<Change>| {
         let mut r = report(Verdict::Changed);
         r.changes = changes;
-        let wire = VerdictWire::from_report(&r, &known, 5, Counters::default(), Duration::ZERO);
-        known.record(&r);
-        let message = wire.read().unwrap();
+        let new = known.update(&r).new;
+        let message = message(&r, &new, Duration::ZERO).read().unwrap();
         (message.first, message.findings)
     };
     let change = |i| Some(Finding::Change(lost(i)));
