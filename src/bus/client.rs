@@ -131,7 +131,7 @@ impl FrameLoan<'_> {
 /// ```
 #[derive(Debug)]
 pub struct Client {
-    frames: Frames,
+    pub(super) frames: Frames,
     watcher: Watcher,
     last: Option<VerdictMessage>,
     aborted: Option<VerdictMessage>,
@@ -142,7 +142,7 @@ pub struct Client {
     /// True if the hint about services with a watcher was logged.
     hinted: bool,
     service: String,
-    connection: Owned<Connection>,
+    pub(super) connection: Owned<Connection>,
 }
 
 impl Client {
@@ -179,29 +179,6 @@ impl Client {
     /// The errors of [`Client::describe_labelled`].
     pub fn describe(&mut self, basis: Basis, precision: Precision, counts: &[i32]) -> Result<()> {
         self.describe_labelled(basis, precision, counts, CurveLabels::default())
-    }
-
-    /// Same as [`describe`](Client::describe), for curves with names or radii.
-    ///
-    /// If the curves have names, this can be called again between two frames: curves may be added,
-    /// removed, reordered, or get another number of points. The watcher compares the linking
-    /// numbers of curves by their names, and expects those of new curves to stay as they are in
-    /// their first frame. It searches for pull-throughs among the curves that keep their name and
-    /// number of points.
-    ///
-    /// # Errors
-    ///
-    /// The errors of [`CurveLabels::check`]; [`Error::CurveTooShort`]; [`Error::Bus`] if curves
-    /// without names change after the first frame.
-    pub fn describe_labelled(
-        &mut self,
-        basis: Basis,
-        precision: Precision,
-        counts: &[i32],
-        labels: CurveLabels,
-    ) -> Result<()> {
-        let kind = (basis, precision);
-        self.frames.describe(&self.connection, kind, counts, labels)
     }
 
     /// Sets the time step of the simulator in seconds, which later frames carry to the recording;
@@ -273,29 +250,6 @@ impl Client {
         let memory = self.begin(time)?;
         let client = self;
         Ok(FrameLoan { memory, client })
-    }
-
-    /// Returns memory for the next frame, as [`loan`](Client::loan) does, but without a borrow of
-    /// the client: for programs that keep both side by side, such as bindings for other languages.
-    /// Pass it to [`send`](Client::send).
-    ///
-    /// Hold at most seven at once: with more, the client cannot inform the watcher of the end.
-    ///
-    /// # Errors
-    ///
-    /// [`Error::Bus`] if the curves were not described, or there is no memory.
-    pub fn begin(&self, time: f64) -> Result<FrameMemory> {
-        self.frames.begin(time)
-    }
-
-    /// Publishes the memory of a frame. Returns its sequence number.
-    ///
-    /// # Errors
-    ///
-    /// [`Error::Bus`] if the memory belongs to another client, or if the curves were
-    /// described again since.
-    pub fn send(&mut self, frame: FrameMemory) -> Result<u64> {
-        self.frames.send(&self.connection, frame)
     }
 
     /// Publishes a frame from other memory, with one copy into shared memory. Returns its sequence

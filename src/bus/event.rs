@@ -2,10 +2,11 @@
 
 use super::ipc::Ipc;
 use super::message::Counters;
-use super::wire::{FLAG_LOCKSTEP, FLAG_RADII, FrameHeader, View};
-use crate::curve::{CurveLabels, CurveSet};
+use super::wire::{FLAG_LOCKSTEP, FLAG_RADII, FrameHeader};
+use crate::curve::{Basis, CurveLabels, CurveSet, Positions, Precision};
 use crate::error::{Error, Result};
 use crate::ingest::{FrameInfo, RawFrame, ingest};
+use bytemuck::try_cast_slice;
 use iceoryx2::sample::Sample;
 use std::sync::Arc;
 
@@ -149,6 +150,67 @@ impl Frame {
             Some(fault) => Err(Error::format("frame", "sequence number", fault)),
             None => self.header.view(self.sample.payload(), self.max_bytes),
         }
+    }
+}
+
+/// Parts of a payload.
+pub(super) struct View<'a> {
+    /// The parts before the positions: the same bytes in all frames of a layout.
+    pub table: &'a [u8],
+    pub frame: RawFrame<'a>,
+}
+
+impl FrameHeader {
+    /// Returns the parts of the payload that this header describes, or an error if they do not fit.
+    /// `self` must be a copy, because the header in shared memory may change at any time.
+    pub fn view<'a>(&self, payload: &'a [u8], max_bytes: usize) -> Result<View<'a>> {
+        let field = |place, what: String| Err(Error::format("frame", place, what));
+        if payload.len() > max_bytes {
+            let what = "bytes of a frame (more than the limit)";
+            return Err(Error::count(what, payload.len(), max_bytes));
+        }
+        if !self.time.is_finite() {
+            return field("time", format!("{} seconds", self.time));
+        }
+        if !(self.time_step >= 0.0 && self.time_step.is_finite()) {
+            return field("time step", format!("{} seconds", self.time_step));
+        }
+        self.cell()?;
+        let Some(&basis) = Basis::ALL.get(self.basis as usize) else {
+            let last = Basis::ALL.len() - 1;
+            return field(
+                "basis code",
+                format!("{}, expected 0 to {last}", self.basis),
+            );
+        };
+        let precision = match self.coordinate_bytes {
+            4 => Precision::F32,
+            8 => Precision::F64,
+            n => return field("bytes of a coordinate", format!("{n}, expected 4 or 8")),
+        };
+        let curves = self.n_curves as usize;
+        let bytes = self.payload_bytes(precision);
+        if bytes != payload.len() as u64 {
+            return Err(Error::count("bytes of a frame", bytes, payload.len()));
+        }
+        let table: u64 = self.table().iter().sum();
+        let (table, positions) = payload.split_at(table as usize);
+        let Ok(counts) = try_cast_slice(&table[..curves * size_of::<i32>()]) else {
+            return field("payload", "not aligned".into());
+        };
+        let positions = match precision {
+            Precision::F32 => try_cast_slice(positions).map(Positions::F32),
+            Precision::F64 => try_cast_slice(positions).map(Positions::F64),
+        };
+        let Ok(positions) = positions else {
+            return field("positions", "not aligned".into());
+        };
+        let frame = RawFrame {
+            basis,
+            counts,
+            positions,
+        };
+        Ok(View { table, frame })
     }
 }
 

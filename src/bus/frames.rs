@@ -1,5 +1,6 @@
 //! Frames of a session, which the simulator writes into shared memory.
 
+use super::client::Client;
 use super::ipc::Ipc;
 use super::room;
 use super::service::{Endpoint, bus};
@@ -127,67 +128,6 @@ impl Frames {
         layout.map_or_else(Arc::default, |layout| Arc::clone(&layout.names))
     }
 
-    /// Declares the curves of the next frames; see
-    /// [`Client::describe_labelled`](crate::Client::describe_labelled).
-    pub fn describe(
-        &mut self,
-        connection: &Owned<Connection>,
-        (basis, precision): (Basis, Precision),
-        counts: &[i32],
-        labels: CurveLabels,
-    ) -> Result<()> {
-        connection.check()?;
-        labels.check(counts.len())?;
-        let unnamed = |labels: &CurveLabels| labels.names.is_empty();
-        let before = self.layout.as_ref().map(|layout| &layout.labels);
-        if self.next > 0 && (unnamed(&labels) || before.is_none_or(unnamed)) {
-            let what = "curves without names cannot change after the first frame: name them from \
-                        the first frame on, or finish this client and open another one";
-            return Err(Error::Bus(what.into()));
-        }
-        let mut points = 0;
-        for (curve, &count) in counts.iter().enumerate() {
-            let n = count.unsigned_abs() as usize;
-            let closed = count < 0;
-            if basis.segments(n, closed).is_none() {
-                return Err(Error::CurveTooShort {
-                    curve,
-                    points: n,
-                    kind: basis.describe(closed),
-                    needed: basis.needs(closed),
-                });
-            }
-            points += n;
-        }
-        let (table, names_bytes) = table_of(counts, &labels);
-        let positions = points.saturating_mul(3 * precision.bytes());
-        let bytes = table.len().saturating_add(positions);
-        if bytes > MAX_BYTES {
-            return Err(Error::Bus(format!(
-                "a frame of {points} points is larger than the limit of {MAX_BYTES} bytes"
-            )));
-        }
-        self.layout = Some(Layout {
-            basis,
-            precision,
-            points,
-            curves: counts.len(),
-            table,
-            names_bytes: names_bytes as u32,
-            names: labels.names.as_slice().into(),
-            labels,
-        });
-        self.layouts += 1;
-        let is_new = self.publishers.is_none();
-        self.publishers(connection, bytes)?;
-        match is_new {
-            // A watcher maps the memory of a publisher with its first message, which it must read
-            // while the simulator lives.
-            true => self.signal(connection, FLAG_ANNOUNCE),
-            false => Ok(()),
-        }
-    }
-
     /// Returns the publishers, creating them if necessary. The memory of each initially fits as
     /// many frames of `bytes` bytes as all subscribers can hold, so it only grows for larger
     /// frames. Only memory that was written to is resident.
@@ -250,10 +190,93 @@ impl Frames {
         connection.endpoint.notify();
         Ok(())
     }
+}
 
-    /// Returns memory for the next frame, at `time` seconds of simulation.
+impl Client {
+    /// Same as [`describe`](Client::describe), for curves with names or radii.
+    ///
+    /// If the curves have names, this can be called again between two frames: curves may be added,
+    /// removed, reordered, or get another number of points. The watcher compares the linking
+    /// numbers of curves by their names, and expects those of new curves to stay as they are in
+    /// their first frame. It searches for pull-throughs among the curves that keep their name and
+    /// number of points.
+    ///
+    /// # Errors
+    ///
+    /// The errors of [`CurveLabels::check`]; [`Error::CurveTooShort`]; [`Error::Bus`] if curves
+    /// without names change after the first frame.
+    pub fn describe_labelled(
+        &mut self,
+        basis: Basis,
+        precision: Precision,
+        counts: &[i32],
+        labels: CurveLabels,
+    ) -> Result<()> {
+        self.connection.check()?;
+        let frames = &mut self.frames;
+        labels.check(counts.len())?;
+        let unnamed = |labels: &CurveLabels| labels.names.is_empty();
+        let before = frames.layout.as_ref().map(|layout| &layout.labels);
+        if frames.next > 0 && (unnamed(&labels) || before.is_none_or(unnamed)) {
+            let what = "curves without names cannot change after the first frame: name them from \
+                        the first frame on, or finish this client and open another one";
+            return Err(Error::Bus(what.into()));
+        }
+        let mut points = 0;
+        for (curve, &count) in counts.iter().enumerate() {
+            let n = count.unsigned_abs() as usize;
+            let closed = count < 0;
+            if basis.segments(n, closed).is_none() {
+                return Err(Error::CurveTooShort {
+                    curve,
+                    points: n,
+                    kind: basis.describe(closed),
+                    needed: basis.needs(closed),
+                });
+            }
+            points += n;
+        }
+        let (table, names_bytes) = table_of(counts, &labels);
+        let positions = points.saturating_mul(3 * precision.bytes());
+        let bytes = table.len().saturating_add(positions);
+        if bytes > MAX_BYTES {
+            return Err(Error::Bus(format!(
+                "a frame of {points} points is larger than the limit of {MAX_BYTES} bytes"
+            )));
+        }
+        frames.layout = Some(Layout {
+            basis,
+            precision,
+            points,
+            curves: counts.len(),
+            table,
+            names_bytes: names_bytes as u32,
+            names: labels.names.as_slice().into(),
+            labels,
+        });
+        frames.layouts += 1;
+        let is_new = frames.publishers.is_none();
+        frames.publishers(&self.connection, bytes)?;
+        match is_new {
+            // A watcher maps the memory of a publisher with its first message, which it must read
+            // while the simulator lives.
+            true => frames.signal(&self.connection, FLAG_ANNOUNCE),
+            false => Ok(()),
+        }
+    }
+
+    /// Returns memory for the next frame, as [`loan`](Client::loan) does, but without a borrow of
+    /// the client: for programs that keep both side by side, such as bindings for other languages.
+    /// Pass it to [`send`](Client::send).
+    ///
+    /// Hold at most seven at once: with more, the client cannot inform the watcher of the end.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Bus`] if the curves were not described, or there is no memory.
     pub fn begin(&self, time: f64) -> Result<FrameMemory> {
-        let Some(layout) = &self.layout else {
+        let frames = &self.frames;
+        let Some(layout) = &frames.layout else {
             let what = "no curves are declared: call Client::describe before the first frame";
             return Err(Error::Bus(what.into()));
         };
@@ -266,11 +289,11 @@ impl Frames {
             n_curves: layout.curves as u32,
             basis: basis.code(),
             coordinate_bytes: precision.bytes() as u32,
-            ..self.header(if has_radii { FLAG_RADII } else { 0 })
+            ..frames.header(if has_radii { FLAG_RADII } else { 0 })
         };
         let table = layout.table.len();
         let bytes = table + 3 * layout.points * precision.bytes();
-        let publishers = self.publishers.as_ref().expect("`describe` created them");
+        let publishers = frames.publishers.as_ref().expect("`describe` created them");
         publishers.check()?;
         let mut sample = lend(&publishers.frames, bytes)?;
         *sample.user_header_mut() = header;
@@ -284,26 +307,32 @@ impl Frames {
             sample: Owned::new(sample),
             table,
             precision,
-            layout: self.layouts,
+            layout: frames.layouts,
         })
     }
 
-    /// Sends a frame. Returns its sequence number.
-    pub fn send(&mut self, connection: &Connection, memory: FrameMemory) -> Result<u64> {
-        let FrameMemory { sample, layout, .. } = memory;
+    /// Publishes the memory of a frame. Returns its sequence number.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Bus`] if the memory belongs to another client, or if the curves were
+    /// described again since.
+    pub fn send(&mut self, frame: FrameMemory) -> Result<u64> {
+        let FrameMemory { sample, layout, .. } = frame;
+        let (frames, connection) = (&mut self.frames, &self.connection);
         let mut sample = sample.into_inner()?;
-        let (publishers, baseline) = (self.publishers.as_ref(), self.baseline);
+        let (publishers, baseline) = (frames.publishers.as_ref(), frames.baseline);
         let publishers = publishers.expect("`describe` created them");
         let header = sample.user_header_mut();
-        if header.session != self.session || layout != self.layouts {
+        if header.session != frames.session || layout != frames.layouts {
             let what = "the frame belongs to another client, or to an earlier description of the \
                         curves";
             return Err(Error::Bus(what.into()));
         }
-        (header.seq, header.cuts) = (self.next, self.cuts);
-        header.baseline = baseline.unwrap_or(self.next);
-        header.time_step = self.time_step;
-        header.set_cell(self.cell.as_ref());
+        (header.seq, header.cuts) = (frames.next, frames.cuts);
+        header.baseline = baseline.unwrap_or(frames.next);
+        header.time_step = frames.time_step;
+        header.set_cell(frames.cell.as_ref());
         connection.connect()?;
         if baseline.is_none() {
             sample = copy_of(&sample, &publishers.baselines)?;
@@ -311,9 +340,9 @@ impl Frames {
         }
         sample.send().map_err(bus("send"))?;
         publishers.connect();
-        let seq = self.next;
-        self.baseline.get_or_insert(seq);
-        self.next += 1;
+        let seq = frames.next;
+        frames.baseline.get_or_insert(seq);
+        frames.next += 1;
         connection.endpoint.notify();
         Ok(seq)
     }

@@ -10,15 +10,9 @@
 //!
 //! `docs/reference/bus.md` describes this layout for other languages; change both together.
 
-#[cfg(feature = "bus")]
-use crate::curve::{Basis, Positions};
 use crate::curve::{Cell, CurveLabels, Precision};
 use crate::error::{Error, Result};
-#[cfg(feature = "bus")]
-use crate::ingest::RawFrame;
 use bytemuck::Zeroable;
-#[cfg(feature = "bus")]
-use bytemuck::try_cast_slice;
 use iceoryx2::prelude::ZeroCopySend;
 use std::mem::size_of;
 
@@ -174,14 +168,6 @@ pub(super) struct VerdictWire {
 const _: () = assert!(size_of::<FrameHeader>() == 192);
 const _: () = assert!(size_of::<VerdictWire>() == 424);
 
-/// Parts of a payload.
-#[cfg(feature = "bus")]
-pub(super) struct View<'a> {
-    /// The parts before the positions: the same bytes in all frames of a layout.
-    pub table: &'a [u8],
-    pub frame: RawFrame<'a>,
-}
-
 impl FrameHeader {
     /// Fails unless the magic number and the layout version are those of this build, and the
     /// message belongs to a session. Until this check, no other field has a meaning.
@@ -205,59 +191,6 @@ impl FrameHeader {
         Ok(())
     }
 
-    /// Returns the parts of the payload that this header describes, or an error if they do not fit.
-    /// `self` must be a copy, because the header in shared memory may change at any time.
-    #[cfg(feature = "bus")]
-    pub fn view<'a>(&self, payload: &'a [u8], max_bytes: usize) -> Result<View<'a>> {
-        let field = |place, what: String| Err(Error::format("frame", place, what));
-        if payload.len() > max_bytes {
-            let what = "bytes of a frame (more than the limit)";
-            return Err(Error::count(what, payload.len(), max_bytes));
-        }
-        if !self.time.is_finite() {
-            return field("time", format!("{} seconds", self.time));
-        }
-        if !(self.time_step >= 0.0 && self.time_step.is_finite()) {
-            return field("time step", format!("{} seconds", self.time_step));
-        }
-        self.cell()?;
-        let Some(&basis) = Basis::ALL.get(self.basis as usize) else {
-            let last = Basis::ALL.len() - 1;
-            return field(
-                "basis code",
-                format!("{}, expected 0 to {last}", self.basis),
-            );
-        };
-        let precision = match self.coordinate_bytes {
-            4 => Precision::F32,
-            8 => Precision::F64,
-            n => return field("bytes of a coordinate", format!("{n}, expected 4 or 8")),
-        };
-        let curves = self.n_curves as usize;
-        let bytes = self.payload_bytes(precision);
-        if bytes != payload.len() as u64 {
-            return Err(Error::count("bytes of a frame", bytes, payload.len()));
-        }
-        let table: u64 = self.table().iter().sum();
-        let (table, positions) = payload.split_at(table as usize);
-        let Ok(counts) = try_cast_slice(&table[..curves * size_of::<i32>()]) else {
-            return field("payload", "not aligned".into());
-        };
-        let positions = match precision {
-            Precision::F32 => try_cast_slice(positions).map(Positions::F32),
-            Precision::F64 => try_cast_slice(positions).map(Positions::F64),
-        };
-        let Ok(positions) = positions else {
-            return field("positions", "not aligned".into());
-        };
-        let frame = RawFrame {
-            basis,
-            counts,
-            positions,
-        };
-        Ok(View { table, frame })
-    }
-
     /// Writes the periodic cell.
     pub fn set_cell(&mut self, cell: Option<&Cell>) {
         let vectors = cell.map_or_else(Default::default, |cell| cell.vectors);
@@ -268,7 +201,6 @@ impl FrameHeader {
 
     /// Returns the periodic cell, if there is one. Fails if it is no lattice, or if the number of
     /// its vectors is another one than the header says: the scene could be taken for another one.
-    #[cfg(feature = "bus")]
     pub fn cell(&self) -> Result<Option<Cell>> {
         let field = |what| Error::format("frame", "periodic cell", what);
         let (vectors, _) = self.cell.as_chunks::<3>();
@@ -289,8 +221,7 @@ impl FrameHeader {
 
     /// Returns the sizes of the parts before the positions: counts, names and radii, in bytes,
     /// padding included.
-    #[cfg(feature = "bus")]
-    fn table(&self) -> [u64; 3] {
+    pub fn table(&self) -> [u64; 3] {
         let padded = |bytes: u64| bytes.next_multiple_of(ALIGNMENT as u64);
         let counts = padded(u64::from(self.n_curves) * size_of::<i32>() as u64);
         let has_radii = self.flags & FLAG_RADII != 0;
@@ -300,7 +231,6 @@ impl FrameHeader {
     }
 
     /// Returns the number of bytes of the payload. Saturates.
-    #[cfg(feature = "bus")]
     pub fn payload_bytes(&self, precision: Precision) -> u64 {
         let positions = self.n_points.saturating_mul(3 * precision.bytes() as u64);
         self.table()
@@ -309,8 +239,7 @@ impl FrameHeader {
     }
 
     /// Decodes the names and radii in a copy of the parts before the positions
-    /// ([`View::table`]).
-    #[cfg(feature = "bus")]
+    /// (`View::table`).
     pub fn labels(&self, table: &[u8]) -> Result<CurveLabels> {
         let [counts, padded, radii] = self.table().map(|bytes| bytes as usize);
         let (curves, bytes) = (self.n_curves as usize, self.names_bytes as usize);
