@@ -107,7 +107,9 @@ pub(super) fn read(mut lines: Lines<impl BufRead>, wanted: Wanted) -> Result<Dat
         }
         match section {
             [true, _] if wanted == Wanted::Everything => atoms(&mut lines, &header, &mut data)?,
-            [_, true] => bonds(&mut lines, &header, &mut data)?,
+            [_, true] => {
+                data.bonds = read_section(&mut lines, header.bonds, BOND_BYTES, "bonds", bond)?
+            }
             _ => skip(&mut lines)?,
         }
     }
@@ -206,28 +208,27 @@ fn skip(lines: &mut Lines<impl BufRead>) -> Result<()> {
     Ok(())
 }
 
-/// Steps to line `k` of the `count` lines of a section. Empty lines may precede the first one.
-fn line_of(lines: &mut Lines<impl BufRead>, k: u64, count: u64, what: &str) -> Result<()> {
-    loop {
+/// Reads the `count` lines of a section, which have at least `bytes` bytes. Empty lines may precede
+/// the first one.
+fn read_section<T>(
+    lines: &mut Lines<impl BufRead>,
+    count: u64,
+    bytes: u64,
+    what: &str,
+    mut parse: impl FnMut(&[u8]) -> Result<T, String>,
+) -> Result<Vec<T>> {
+    lines.check_room(count, bytes, what)?;
+    let mut found = Vec::with_capacity(count as usize);
+    while (found.len() as u64) < count {
+        let k = found.len();
         lines.expect(format_args!("{count} {what}, found {k}"))?;
         if !without_comment(&lines.line).trim_ascii().is_empty() {
-            return Ok(());
-        }
-        if k > 0 {
+            found.push(lines.parse(|line| parse(without_comment(line)))?);
+        } else if k > 0 {
             return Err(lines.bad(format_args!("an empty line after {k} of {count} {what}")));
         }
     }
-}
-
-fn bonds(lines: &mut Lines<impl BufRead>, header: &Header, data: &mut Data) -> Result<()> {
-    lines.check_room(header.bonds, BOND_BYTES, "bonds")?;
-    data.bonds.reserve_exact(header.bonds as usize);
-    for k in 0..header.bonds {
-        line_of(lines, k, header.bonds, "bonds")?;
-        data.bonds
-            .push(lines.parse(|line| bond(without_comment(line)))?);
-    }
-    Ok(())
+    Ok(found)
 }
 
 /// Parses `id type atom atom`.
@@ -330,23 +331,19 @@ impl Columns {
 }
 
 fn atoms(lines: &mut Lines<impl BufRead>, header: &Header, data: &mut Data) -> Result<()> {
-    lines.check_room(header.atoms, ATOM_BYTES, "atoms")?;
     let comment = lines.line.split(|&b| b == b'#').nth(1);
     let style = comment.map(|c| String::from_utf8_lossy(c).trim().to_owned());
     let style = style.as_deref().filter(|style| !style.is_empty());
-    data.atoms.reserve_exact(header.atoms as usize);
-    let mut columns = None;
-    for k in 0..header.atoms {
-        line_of(lines, k, header.atoms, "atoms")?;
-        let words: Vec<&[u8]> = words(without_comment(&lines.line)).collect();
-        let bad = |what| lines.bad(what);
+    let (mut columns, space) = (None, &data.space);
+    data.atoms = read_section(lines, header.atoms, ATOM_BYTES, "atoms", |line| {
+        let words: Vec<&[u8]> = words(line).collect();
         let columns = match &mut columns {
             Some(known) => known,
-            none => none.insert(Columns::new(style, words.len()).map_err(bad)?),
+            none => none.insert(Columns::new(style, words.len())?),
         };
-        let (id, at, flags) = columns.atom(&words, header.types).map_err(bad)?;
-        data.flags = columns.flags;
-        data.atoms.push((id, add(at, data.space.shift(flags))));
-    }
+        let (id, at, flags) = columns.atom(&words, header.types)?;
+        Ok((id, add(at, space.shift(flags))))
+    })?;
+    data.flags = columns.is_some_and(|columns| columns.flags);
     Ok(())
 }

@@ -95,8 +95,7 @@ fn header(lines: &mut Lines<impl BufRead>) -> Result<Option<(Header, Columns)>> 
             return Ok(Some((header, columns)));
         }
         if let Some(kind) = item.strip_prefix(b"BOX BOUNDS") {
-            let (form, periodic) = boundaries(kind).map_err(|what| lines.bad(what))?;
-            header.space = Some(bounds(lines, form, periodic)?);
+            header.space = Some(bounds(lines, kind)?);
         } else {
             lines.expect(format_args!("the value of {}", quote(&item)))?;
             lines.parse(|line| header.set(&item, line.trim_ascii()))?;
@@ -177,12 +176,9 @@ fn boundaries(kind: &[u8]) -> Result<(Form, [bool; 3]), String> {
     }
 }
 
-/// Reads the three lines of a box.
-fn bounds(
-    lines: &mut Lines<impl BufRead>,
-    form: Form,
-    periodic: [bool; 3],
-) -> Result<SimulationBox> {
+/// Reads the three lines of a box of a kind.
+fn bounds(lines: &mut Lines<impl BufRead>, kind: &[u8]) -> Result<SimulationBox> {
+    let (form, periodic) = boundaries(kind).map_err(|what| lines.bad(what))?;
     let (mut bounds, mut tilt, mut edges) = ([[0.0; 3]; 2], [0.0; 3], [[0.0; 3]; 3]);
     for x in 0..3 {
         lines.expect("the bounds of the box")?;
