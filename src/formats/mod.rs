@@ -113,12 +113,7 @@ pub(crate) fn with_positions<T>(
 /// # Errors
 ///
 /// There are not as many as the counts promise.
-fn divided(
-    format: &'static str,
-    kind: &'static str,
-    points: &[Point],
-    counts: &[i32],
-) -> Result<CurveSet> {
+fn divided(format: &'static str, kind: &str, points: &[Point], counts: &[i32]) -> Result<CurveSet> {
     let sum: u64 = counts.iter().map(|c| u64::from(c.unsigned_abs())).sum();
     if sum != points.len() as u64 {
         let (all, n) = (points.len(), counts.len());

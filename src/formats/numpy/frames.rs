@@ -125,11 +125,12 @@ impl<R: Read> ArrayFrames<R> {
                 format!("positions of type {found}; convert them with `.astype(np.float64)`");
             return Err(Error::unsupported(FORMAT, what));
         }
-        let layout = Layout::new(&positions, others.counts.take(), limit)?;
+        let counts = options.counts.clone().or(others.counts.take());
+        let layout = Layout::new(&positions, counts, limit)?;
         others.labels.check(layout.counts.len())?;
         check_length("times", others.times.as_ref(), layout.frames)?;
         check_length("seq", others.seq.as_ref(), layout.frames)?;
-        if let Cells::Each(cells) = &others.cells {
+        if let Some(Cells::Each(cells)) = &others.cells {
             check_length("cell", Some(cells), layout.frames)?;
         }
         if let Some(n) = others.rows_of_edges.filter(|&n| n == layout.frames) {
@@ -184,11 +185,10 @@ impl<R: Read> FrameSource for ArrayFrames<R> {
         let k = frame as usize;
         let Others { times, seq, .. } = &self.others;
         let seq = seq.as_ref().map_or(frame, |seq| seq[k]);
-        let cell = match &self.others.cells {
-            Cells::None => None,
-            Cells::One(cell) => Some(*cell),
-            Cells::Each(cells) => Some(cells[k]),
-        };
+        let cell = self.others.cells.as_ref().map(|cells| match cells {
+            Cells::One(cell) => *cell,
+            Cells::Each(cells) => cells[k],
+        });
         let info = FrameInfo {
             cell,
             labels: Arc::clone(&self.others.labels),

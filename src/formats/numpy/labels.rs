@@ -82,7 +82,7 @@ pub(super) fn read(archive: &Archive<impl ReaderAt>) -> Result<Others> {
         labels: CurveLabels::named(names.map_or(Ok(Vec::new()), |names| names.texts())?)
             .with_radii(radii.into_iter().map(|r| r as f32))
             .into(),
-        cells: cell.map_or(Ok(Cells::None), |cell| cell.cells())?,
+        cells: cell.map(|cell| cell.cells()).transpose()?,
         rows_of_edges,
         left_out: Vec::new(),
     })

@@ -69,8 +69,7 @@ pub(super) fn read_npy<'a>(
     options: &ReadOptions,
 ) -> Result<Source<'a>> {
     let positions = Array::parse(&mut input.bytes, input.len, "positions")?;
-    let mut others = Others::default();
-    others.counts.clone_from(&options.counts);
+    let others = Others::default();
     let frames = ArrayFrames::new(input.bytes, positions, others, options, u64::MAX)?;
     Ok(Box::new(frames))
 }
@@ -90,9 +89,6 @@ pub(super) fn read_npz<'a>(
     let archive = archive::Archive::open(input.bytes, input.len)?;
     let mut others = labels::read(&archive)?;
     others.left_out = labels::left_out(&archive)?;
-    if options.counts.is_some() {
-        others.counts.clone_from(&options.counts);
-    }
     let Some(member) = archive.find("positions") else {
         let found = archive.names().take(8).collect::<Vec<_>>().join(", ");
         let what = format!("no array `positions`; the file has: {found}");
@@ -112,17 +108,14 @@ struct Others {
     times: Option<Vec<f64>>,
     seq: Option<Vec<u64>>,
     labels: Arc<CurveLabels>,
-    cells: Cells,
+    cells: Option<Cells>,
     /// Number of frames for which the cell may be meant as one row of edges each.
     rows_of_edges: Option<u64>,
     left_out: Vec<LeftOut>,
 }
 
 /// Periodic cells of the frames.
-#[derive(Default)]
 enum Cells {
-    #[default]
-    None,
     /// One cell for all frames.
     One(Cell),
     /// A cell for each frame.

@@ -526,7 +526,7 @@ fn a_curve_that_the_cell_of_an_archive_tears_is_refused_unless_it_is_unwrapped()
         let bytes = array(positions, &points);
         let positions = Array::parse(&mut &bytes[..], bytes.len() as u64, "positions");
         let others = Others {
-            cells: Cells::One("9,0,0".parse().unwrap()),
+            cells: Some(Cells::One("9,0,0".parse().unwrap())),
             ..Others::default()
         };
         let mut source =

@@ -116,15 +116,14 @@ impl<R: BufRead> FrameSource for XyzFrames<R> {
         };
         let begun = begin();
         let (comment, seq, cell) = begun.map_err(|what: String| self.lines.bad(what))?;
-        let counts = self.options.counts.as_deref();
-        let curves = atoms::read(&mut self.lines, count, &comment, counts, &mut self.known)?;
+        let curves = self.atoms(count, &comment.columns)?;
         let mut info = FrameInfo::at(seq, comment.time);
         let curves = curves.map(|(curves, numbers)| {
             info.labels = CurveLabels::named(numbers.iter().map(i64::to_string)).into();
             curves
         });
         info.cell = cell;
-        info.closed_by_default = comment.columns.closed.is_none() && counts.is_none();
+        info.closed_by_default = comment.columns.closed.is_none() && self.options.counts.is_none();
         let frame = ModelFrame::of(info, curves);
         Ok(Some(frame.check_torn(&self.options, FORMAT)))
     }
