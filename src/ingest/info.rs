@@ -63,21 +63,16 @@ impl FrameInfo {
     }
 
     /// Returns this information with a periodic cell.
-    pub fn in_cell(self, cell: Cell) -> FrameInfo {
-        FrameInfo {
-            cell: Some(cell),
-            ..self
-        }
+    pub fn in_cell(mut self, cell: Cell) -> FrameInfo {
+        self.cell = Some(cell);
+        self
     }
 
     /// Returns this information with names and radii of the curves. Use another number of the
     /// layout whenever they change.
-    pub fn with_labels(self, layout: u32, labels: impl Into<Arc<CurveLabels>>) -> FrameInfo {
-        FrameInfo {
-            layout,
-            labels: labels.into(),
-            ..self
-        }
+    pub fn with_labels(mut self, layout: u32, labels: impl Into<Arc<CurveLabels>>) -> FrameInfo {
+        (self.layout, self.labels) = (layout, labels.into());
+        self
     }
 
     /// Compares this frame with the last verified frame of its session. Returns the change of the

@@ -1,7 +1,9 @@
 //! Layout of the viewer's views.
 
+use super::ViewerSink;
 use super::names::{APPLICATION, FRAME, entity};
-use super::tubes::MomentViews;
+use super::stream::failed;
+use crate::error::Result;
 use re_sdk::blueprint::components::{BackgroundKind, PanelState, PlayState};
 use re_sdk::blueprint::datatypes::{TextLogColumn, TextLogColumnKind, TimelineColumn};
 use re_sdk::blueprint::{
@@ -38,117 +40,115 @@ the closest places
 /// Dark and uniform, so that muted curves are visible and red ones stand out.
 const BACKGROUND: u32 = 0x0f1318ff;
 
-/// Sends the layout. It opens at the end of `timeline`. Without an eye, the viewer follows the
-/// scene.
-pub(super) fn send(
-    rec: &RecordingStream,
-    timeline: &str,
-    eye: Option<&EyeControls3D>,
-    clearance: bool,
-    moments: Option<&MomentViews>,
-) -> RecordingStreamResult<()> {
-    let mut properties: Vec<(EntityPath, Box<dyn AsComponents>)> = Vec::new();
-    let mut property = |view: &ContainerLike, name: &str, what: Box<dyn AsComponents>| {
-        if let ContainerLike::View(view) = view {
-            properties.push((format!("{}/{name}", view.blueprint_path()).into(), what));
-        }
-    };
-    let background =
-        Background::new(BackgroundKind::SolidColor).with_color(Color::from_u32(BACKGROUND));
-    let grid = LineGrid3D::new().with_visible(false);
-    let mut spatial = |view: Spatial3DView, eye: Option<&EyeControls3D>| {
-        let view = ContainerLike::from(view);
-        property(&view, "Background", Box::new(background.clone()));
-        property(&view, "LineGrid3D", Box::new(grid.clone()));
-        if let Some(eye) = eye {
-            property(&view, "EyeControls3D", Box::new(eye.clone()));
-        }
-        view
-    };
-    let scene = Spatial3DView::new("curves").with_contents(["/curves/**"]);
-    let scene = spatial(scene, eye);
-    let moments = moments.map(|moments| {
-        let left_out = entity::NEAR_ONLY.map(|path| format!("- /{path}/**"));
-        let all = ["+ /curves/**".to_owned()].into_iter().chain(left_out);
-        let overview = Spatial3DView::new("overview").with_contents(all);
-        let named = moments.names.iter().zip(entity::MOMENTS);
-        let near = named.filter_map(|(name, path)| {
-            let view = Spatial3DView::new(name.as_deref()?).with_contents([format!("{path}/**")]);
-            Some((view, &moments.eye))
+impl ViewerSink {
+    /// Sends the layout. It opens at the end of `timeline`. Without an eye, the viewer follows the
+    /// scene.
+    pub(super) fn layout(&self, timeline: &str, eye: Option<&EyeControls3D>) -> Result<()> {
+        let clearance = self.clearance.is_some();
+        let mut properties: Vec<(EntityPath, Box<dyn AsComponents>)> = Vec::new();
+        let mut property = |view: &ContainerLike, name: &str, what: Box<dyn AsComponents>| {
+            if let ContainerLike::View(view) = view {
+                properties.push((format!("{}/{name}", view.blueprint_path()).into(), what));
+            }
+        };
+        let background =
+            Background::new(BackgroundKind::SolidColor).with_color(Color::from_u32(BACKGROUND));
+        let grid = LineGrid3D::new().with_visible(false);
+        let mut spatial = |view: Spatial3DView, eye: Option<&EyeControls3D>| {
+            let view = ContainerLike::from(view);
+            property(&view, "Background", Box::new(background.clone()));
+            property(&view, "LineGrid3D", Box::new(grid.clone()));
+            if let Some(eye) = eye {
+                property(&view, "EyeControls3D", Box::new(eye.clone()));
+            }
+            view
+        };
+        let scene = Spatial3DView::new("curves").with_contents(["/curves/**"]);
+        let scene = spatial(scene, eye);
+        let moments = self.moment_views.as_ref().map(|moments| {
+            let left_out = entity::NEAR_ONLY.map(|path| format!("- /{path}/**"));
+            let all = ["+ /curves/**".to_owned()].into_iter().chain(left_out);
+            let overview = Spatial3DView::new("overview").with_contents(all);
+            let named = moments.names.iter().zip(entity::MOMENTS);
+            let near = named.filter_map(|(name, path)| {
+                let view =
+                    Spatial3DView::new(name.as_deref()?).with_contents([format!("{path}/**")]);
+                Some((view, &moments.eye))
+            });
+            let views = [(overview, &moments.overview)].into_iter().chain(near);
+            let views = views.map(|(view, eye)| spatial(view, Some(eye)));
+            views.collect::<Vec<_>>()
         });
-        let views = [(overview, &moments.overview)].into_iter().chain(near);
-        let views = views.map(|(view, eye)| spatial(view, Some(eye)));
-        views.collect::<Vec<_>>()
-    });
-    let status = TextDocumentView::new("status").with_origin(entity::STATUS);
-    let key = TextDocumentView::new("colours").with_origin(entity::KEY);
-    let log = ContainerLike::from(TextLogView::new("log").with_origin(entity::LOG));
-    // All lines come from one entity, so a column for its name is not needed.
-    let columns =
-        [TextLogColumnKind::LogLevel, TextLogColumnKind::Body].map(|kind| TextLogColumn {
+        let status = TextDocumentView::new("status").with_origin(entity::STATUS);
+        let key = TextDocumentView::new("colours").with_origin(entity::KEY);
+        let log = ContainerLike::from(TextLogView::new("log").with_origin(entity::LOG));
+        // All lines come from one entity, so a column for its name is not needed.
+        let columns =
+            [TextLogColumnKind::LogLevel, TextLogColumnKind::Body].map(|kind| TextLogColumn {
+                visible: true.into(),
+                kind,
+            });
+        // The frame on every timeline, so that a click jumps to it.
+        let frame = TimelineColumn {
             visible: true.into(),
-            kind,
+            timeline: FRAME.into(),
+        };
+        let columns = TextLogColumns::new()
+            .with_timeline_columns([frame])
+            .with_text_log_columns(columns);
+        property(&log, "TextLogColumns", Box::new(columns));
+        let plot = |name: &str, contents: &str| TimeSeriesView::new(name).with_contents([contents]);
+        let [links, close, check, wait, marked, recomputed, skipped] = [
+            ("links and pull-throughs", "/links/**"),
+            ("clearance, diameters", "/clearance/**"),
+            ("check, ms", "/check/**"),
+            ("wait for the frame, ms", "/wait/**"),
+            ("blocks marked, %", "/marked/**"),
+            ("pairs recomputed", "/recomputed/**"),
+            ("skipped", "/skipped/**"),
+        ]
+        .map(|(name, contents)| {
+            let plot = ContainerLike::from(plot(name, contents));
+            let legend = PlotLegend::new().with_visible(false);
+            property(&plot, "PlotLegend", Box::new(legend));
+            plot
         });
-    // The frame on every timeline, so that a click jumps to it.
-    let frame = TimelineColumn {
-        visible: true.into(),
-        timeline: FRAME.into(),
-    };
-    let columns = TextLogColumns::new()
-        .with_timeline_columns([frame])
-        .with_text_log_columns(columns);
-    property(&log, "TextLogColumns", Box::new(columns));
-    let plot = |name: &str, contents: &str| TimeSeriesView::new(name).with_contents([contents]);
-    let [links, close, check, wait, marked, recomputed, skipped] = [
-        ("links and pull-throughs", "/links/**"),
-        ("clearance, diameters", "/clearance/**"),
-        ("check, ms", "/check/**"),
-        ("wait for the frame, ms", "/wait/**"),
-        ("blocks marked, %", "/marked/**"),
-        ("pairs recomputed", "/recomputed/**"),
-        ("skipped", "/skipped/**"),
-    ]
-    .map(|(name, contents)| {
-        let plot = ContainerLike::from(plot(name, contents));
-        let legend = PlotLegend::new().with_visible(false);
-        property(&plot, "PlotLegend", Box::new(legend));
-        plot
-    });
-    let times = plot("stages, ms", "/times/**");
-    let both = "clearance and links";
-    let links = match clearance {
-        true => Vertical::new([close, links]).with_name(both).into(),
-        false => links,
-    };
-    let words = Vertical::new([status.into(), key.into()])
-        .with_row_shares([if clearance { 1.3 } else { 2.4 }, 1.0]);
-    let scene = match moments {
-        Some(views) => {
-            let scenes = Vertical::new([scene, Horizontal::new(views).into()]);
-            scenes.with_row_shares([1.5, 1.0]).into()
-        }
-        None => scene,
-    };
-    let top = Horizontal::new([scene, words.into()]).with_column_shares([4.0, 1.1]);
-    // Work counters, one above the other, because counts of frames and pairs share no axis.
-    let work = Vertical::new([marked, recomputed]).with_name("work");
-    // The wait is often a hundred times longer than the rest.
-    let times = Vertical::new([times.into(), wait]).with_name("times");
-    let plots = Tabs::new([links, check, times.into(), work.into(), skipped]);
-    // Wide enough for most sentences of the log.
-    let bottom = Horizontal::new([log, plots.into()]).with_column_shares([1.9, 1.0]);
-    let root = Vertical::new([top.into(), bottom.into()]).with_row_shares([2.6, 1.0]);
-    let time = TimePanel::new()
-        .with_state(PanelState::Collapsed)
-        .with_timeline(timeline)
-        .with_play_state(PlayState::Following);
-    let blueprint = Blueprint::new(root)
-        .with_auto_views(false)
-        .with_auto_layout(false)
-        .with_blueprint_panel(BlueprintPanel::from_state(PanelState::Collapsed))
-        .with_selection_panel(SelectionPanel::from_state(PanelState::Collapsed))
-        .with_time_panel(time);
-    send_with(rec, &blueprint, &properties)
+        let times = plot("stages, ms", "/times/**");
+        let both = "clearance and links";
+        let links = match clearance {
+            true => Vertical::new([close, links]).with_name(both).into(),
+            false => links,
+        };
+        let words = Vertical::new([status.into(), key.into()])
+            .with_row_shares([if clearance { 1.3 } else { 2.4 }, 1.0]);
+        let scene = match moments {
+            Some(views) => {
+                let scenes = Vertical::new([scene, Horizontal::new(views).into()]);
+                scenes.with_row_shares([1.5, 1.0]).into()
+            }
+            None => scene,
+        };
+        let top = Horizontal::new([scene, words.into()]).with_column_shares([4.0, 1.1]);
+        // Work counters, one above the other, because counts of frames and pairs share no axis.
+        let work = Vertical::new([marked, recomputed]).with_name("work");
+        // The wait is often a hundred times longer than the rest.
+        let times = Vertical::new([times.into(), wait]).with_name("times");
+        let plots = Tabs::new([links, check, times.into(), work.into(), skipped]);
+        // Wide enough for most sentences of the log.
+        let bottom = Horizontal::new([log, plots.into()]).with_column_shares([1.9, 1.0]);
+        let root = Vertical::new([top.into(), bottom.into()]).with_row_shares([2.6, 1.0]);
+        let time = TimePanel::new()
+            .with_state(PanelState::Collapsed)
+            .with_timeline(timeline)
+            .with_play_state(PlayState::Following);
+        let blueprint = Blueprint::new(root)
+            .with_auto_views(false)
+            .with_auto_layout(false)
+            .with_blueprint_panel(BlueprintPanel::from_state(PanelState::Collapsed))
+            .with_selection_panel(SelectionPanel::from_state(PanelState::Collapsed))
+            .with_time_panel(time);
+        send_with(&self.rec, &blueprint, &properties).map_err(failed)
+    }
 }
 
 /// Sends a blueprint together with properties of its views for which the blueprint API of rerun

@@ -16,7 +16,7 @@ const QUIET_FRAMES: u64 = 200;
 #[derive(Default)]
 pub(super) struct Log {
     /// `None` before the first frame.
-    verdict: Option<Verdict>,
+    pub verdict: Option<Verdict>,
     /// First frame of this verdict.
     since: u64,
     findings: Findings,

@@ -84,9 +84,8 @@ pub struct ViewerSink {
     is_file: bool,
     /// The curves of every n-th frame are shown.
     every: NonZeroU64,
-    /// Number of frames so far, and the verdict on the last one.
+    /// Number of frames so far.
     frames: u64,
-    verdict: Option<Verdict>,
     /// The latest simulation time so far, and true if that of the last frame was earlier.
     latest: f64,
     is_earlier: bool,
@@ -140,7 +139,6 @@ impl ViewerSink {
             is_file,
             every: NonZeroU64::MIN,
             frames: 0,
-            verdict: None,
             latest: f64::NEG_INFINITY,
             is_earlier: false,
             redraws: false,
@@ -245,7 +243,7 @@ impl ViewerSink {
     /// Returns true if the curves of the next frame are to be logged: those of every n-th frame,
     /// and if its verdict is not intact or differs from the previous one.
     fn is_drawn(&mut self, verdict: Verdict) -> bool {
-        let turns = self.verdict.replace(verdict) != Some(verdict);
+        let turns = self.log.verdict != Some(verdict);
         let due = self.frames.is_multiple_of(self.every.get());
         self.frames += 1;
         self.redraws |= !self.is_file && self.frames.is_multiple_of(REPEAT);
@@ -261,12 +259,6 @@ impl ViewerSink {
             )),
             false => failed(e),
         }
-    }
-
-    fn layout(&self, timeline: &str, eye: Option<&EyeControls3D>) -> Result<()> {
-        let clearance = self.clearance.is_some();
-        let moments = self.moment_views.as_ref();
-        layout::send(&self.rec, timeline, eye, clearance, moments).map_err(failed)
     }
 
     /// Returns an eye that sees all of the newest curves, or those around a place if one is given.
