@@ -445,10 +445,8 @@ impl Client {
             if let Some(how) = self.watcher.departure() {
                 return Ok(Outcome::NoWatcher(how.clone()));
             }
-            if self.watcher.has_crashed(&self.connection.endpoint) {
-                continue;
-            }
-            if !self.pause(start, deadline) {
+            let endpoint = &self.connection.endpoint;
+            if !self.watcher.has_crashed(endpoint) && !self.pause(start, deadline) {
                 return Ok(Outcome::Stale);
             }
         }
@@ -510,8 +508,7 @@ impl Client {
         let start = Instant::now();
         loop {
             self.poll_all()?;
-            let left = self.watcher.departure().is_some();
-            if self.goodbye.is_some() || left {
+            if self.goodbye.is_some() || self.watcher.departure().is_some() {
                 return Ok(self.goodbye.take());
             }
             if !self.watcher.has_crashed(&self.connection.endpoint) && !self.pause(start, timeout) {

@@ -220,12 +220,10 @@ pub struct Sidecar {
     resumed: Option<SidecarState>,
     /// Events to return. Their counters are set then.
     pending: VecDeque<Event>,
-    /// Time at which the simulator last sent anything.
-    heard: Instant,
+    /// Time at which the simulator last sent anything, or at which its process was last checked.
+    alive: Instant,
     /// Time at which this watcher last sent anything.
     last_message: Instant,
-    /// Time of the last check that the process of the simulator exists.
-    process_checked: Instant,
     endpoint: Endpoint,
 }
 
@@ -259,9 +257,8 @@ impl Sidecar {
             held: VecDeque::new(),
             resumed: None,
             pending: VecDeque::new(),
-            heard: Instant::now(),
+            alive: Instant::now(),
             last_message: Instant::now(),
-            process_checked: Instant::now(),
             endpoint,
         };
         sidecar.heartbeat()?;
@@ -439,7 +436,7 @@ impl Sidecar {
             }
         }
         let session = self.session.as_mut().expect("set or compared above");
-        self.heard = Instant::now();
+        self.alive = Instant::now();
         if is(FLAG_END) {
             self.receive_baseline(header.session);
             let session = self.session.as_ref().expect("as above");
@@ -501,10 +498,10 @@ impl Sidecar {
         let Some(session) = &self.session else {
             return false;
         };
-        if self.heard.elapsed().min(self.process_checked.elapsed()) < SILENCE {
+        if self.alive.elapsed() < SILENCE {
             return false;
         }
-        self.process_checked = Instant::now();
+        self.alive = Instant::now();
         session.node.is_none_or(|id| self.endpoint.node_is_gone(id))
     }
 
