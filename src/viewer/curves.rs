@@ -146,15 +146,12 @@ impl Curves {
         let set = drawing.set;
         let detail = (POINTS / set.segments().max(1)).clamp(1, POINTS_PER_SEGMENT);
         let mut members: Vec<Vec<usize>> = vec![Vec::new(); changed.len()];
-        let mut counts = vec![0; changed.len()];
-        let groups = self.groups.iter().enumerate();
-        for (k, &group) in groups.filter(|(_, group)| **group != HIDDEN) {
-            counts[group as usize] += 1;
-            if changed[group as usize] {
-                members[group as usize].push(k);
-            }
+        for (k, &group) in self.groups.iter().enumerate() {
+            members[group as usize].push(k);
         }
-        let violation = counts[BROKEN as usize] + counts[UNDECIDED as usize] > 0;
+        let violation = [BROKEN, UNDECIDED]
+            .iter()
+            .any(|&k| !members[k as usize].is_empty());
         let many = set.len() >= MANY;
         for (group, members) in (0..).zip(members) {
             let (known, changed) = (&mut self.styles[group as usize], changed[group as usize]);
@@ -167,7 +164,7 @@ impl Curves {
             let mut lines = LineStrips3D::update_fields();
             // A group without curves gets its style with the first one. One that never had a curve
             // is unknown to the viewer.
-            let restyled = counts[group as usize] > 0 && *known != Some(style);
+            let restyled = !members.is_empty() && *known != Some(style);
             if !restyled && (known.is_none() || !changed) {
                 continue;
             }
