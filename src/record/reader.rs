@@ -7,7 +7,7 @@ use super::schema;
 use super::{BASELINE, FRAMES, LABELS, METADATA, PROTOBUF, VERDICTS};
 use crate::curve::{Basis, CurveLabels, CurveSet, Precision};
 use crate::error::{Error, Result};
-use crate::formats::container::{Container, Content, Ending, Place};
+use crate::formats::container::{self, Container, Content, Ending, Place};
 use crate::formats::with_positions;
 use crate::ingest::{FrameInfo, RawFrame, ingest};
 use crate::sinks::{BaselineRecord, RunProgress};
@@ -267,14 +267,9 @@ impl<R: Read + Seek> RecordingReader<R> {
                 Content::Schema(id, name, _) => {
                     self.schemas.insert(id, name);
                 }
-                Content::Channel {
-                    id,
-                    schema,
-                    topic,
-                    encoding,
-                } => {
-                    let content = self.channel(schema, &topic, &encoding)?;
-                    self.channels.insert(id, content);
+                Content::Channel(c) => {
+                    let content = self.channel(&c)?;
+                    self.channels.insert(c.id, content);
                 }
                 Content::Metadata(name, entries) if name == METADATA => {
                     self.metadata.extend(entries);
@@ -294,21 +289,16 @@ impl<R: Read + Seek> RecordingReader<R> {
     }
 
     /// Returns the content of a channel, or an error for a linkwatch topic of another version.
-    fn channel(&self, schema: u16, topic: &str, encoding: &str) -> Result<Channel> {
-        let schema = self.schemas.get(&schema).map_or("", String::as_str);
-        if encoding != PROTOBUF {
-            return Ok(Channel::Foreign);
-        }
-        let ours = [
-            (BASELINE, Channel::Baseline),
-            (LABELS, Channel::Labels),
-            (FRAMES, Channel::Frames),
-            (VERDICTS, Channel::Verdicts),
-        ];
+    fn channel(&self, channel: &container::Channel) -> Result<Channel> {
+        let schema = self.schemas.get(&channel.schema).map_or("", String::as_str);
         let (package, message) = schema.rsplit_once('.').unwrap_or_default();
-        let mut ours = ours.into_iter();
-        let Some((_, content)) = ours.find(|(of, _)| *of == (topic, message)) else {
-            return Ok(Channel::Foreign);
+        let content = match (channel.topic.as_str(), message) {
+            _ if channel.encoding != PROTOBUF => return Ok(Channel::Foreign),
+            BASELINE => Channel::Baseline,
+            LABELS => Channel::Labels,
+            FRAMES => Channel::Frames,
+            VERDICTS => Channel::Verdicts,
+            _ => return Ok(Channel::Foreign),
         };
         match version(package) {
             _ if package == PACKAGE => Ok(content),

@@ -83,19 +83,21 @@ pub(crate) struct Place {
 pub(crate) enum Content {
     /// Message type: its number, its name and its text.
     Schema(u16, String, Bytes),
-    /// Messages of one type on a topic.
-    Channel {
-        id: u16,
-        schema: u16,
-        topic: String,
-        encoding: String,
-    },
+    Channel(Channel),
     /// Message: its channel, its time in the log in nanoseconds since 1970 (or since any other
     /// start), and its bytes.
     Message(u16, u64, Bytes),
     /// Metadata: a name and entries.
     Metadata(String, BTreeMap<String, String>),
     Other,
+}
+
+/// Messages of one type on a topic.
+pub(crate) struct Channel {
+    pub id: u16,
+    pub schema: u16,
+    pub topic: String,
+    pub encoding: String,
 }
 
 /// A record that readers of messages use: its place and its content.
@@ -110,12 +112,12 @@ fn parse(opcode: u8, mut body: Bytes, place: Place) -> Result<Record> {
                 let (_encoding, text) = (string(&mut body)?, sized(&mut body)?);
                 Content::Schema(id, name, text)
             }
-            op::CHANNEL => Content::Channel {
+            op::CHANNEL => Content::Channel(Channel {
                 id: body.try_get_u16_le().ok()?,
                 schema: body.try_get_u16_le().ok()?,
                 topic: string(&mut body)?,
                 encoding: string(&mut body)?,
-            },
+            }),
             op::MESSAGE => {
                 let channel = body.try_get_u16_le().ok()?;
                 let _sequence = body.try_get_u32_le().ok()?;

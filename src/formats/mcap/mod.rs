@@ -122,12 +122,9 @@ impl Channels {
                 container::Content::Schema(id, name, text) => {
                     schemas.insert(id, (name, text));
                 }
-                container::Content::Channel {
-                    id,
-                    schema,
-                    topic,
-                    encoding,
-                } => found.add(id, topic, schemas.get(&schema), &encoding),
+                container::Content::Channel(c) => {
+                    found.add(c.id, c.topic, schemas.get(&c.schema), &c.encoding);
+                }
                 _ => {}
             }
         }
