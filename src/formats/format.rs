@@ -4,9 +4,7 @@ use super::frames::{ModelFrame, ReadOptions, Source};
 use super::input::BYTE_ORDER_MARK;
 #[cfg(feature = "mcap")]
 use super::mcap;
-use super::write::{OneFrame, Sink};
-use super::{MODEL_FILES, bcc, lammps, numpy, obj, open, open_text, points, vect, write_bcc, xyz};
-use crate::curve::CurveSet;
+use super::{MODEL_FILES, bcc, lammps, numpy, obj, open, open_text, points, vect, xyz};
 use crate::error::{Error, Result};
 use std::io::BufRead;
 use std::path::Path;
@@ -188,19 +186,6 @@ impl Format {
     pub(super) fn is_written(self) -> bool {
         use Format::{Bcc, Npy, Npz, Obj, Vect};
         matches!(self, Bcc | Npy | Npz | Obj | Vect)
-    }
-
-    /// Creates a file of this format with its first frame.
-    pub(super) fn create(self, path: &Path, frame: &ModelFrame, set: &CurveSet) -> Result<Sink> {
-        match self {
-            Format::Bcc => write_bcc(path, set)?,
-            Format::Obj => obj::write(path, set)?,
-            Format::Vect => vect::write(path, set)?,
-            Format::Npy => return Ok(Box::new(numpy::Stream::create_npy(path, set)?)),
-            Format::Npz => return Ok(Box::new(numpy::NpzFile::create(path, frame, set)?)),
-            _ => return Err(only_read(path)),
-        }
-        Ok(Box::new(OneFrame))
     }
 
     /// Returns true if a file of this format can hold more than one frame.

@@ -66,7 +66,7 @@ pub(super) fn read<'a>(
     Ok(Box::new(Points {
         lines: Lines::new(FORMAT, input)?,
         options: options.clone(),
-        columns: Columns::default(),
+        columns: PLAIN,
         count: None,
         frames: 0,
         decided: false,
@@ -75,7 +75,7 @@ pub(super) fn read<'a>(
 
 /// Returns true if a text has points in lines of this format, and nothing else.
 pub(super) fn begins(text: &[u8]) -> bool {
-    let mut columns = Columns::default();
+    let mut columns = PLAIN;
     let (mut points, mut labels) = (0, 0);
     for line in text.split(|&b| b == b'\n') {
         match columns.line(line) {
@@ -128,15 +128,12 @@ struct Columns {
     group: Option<usize>,
 }
 
-impl Default for Columns {
-    fn default() -> Columns {
-        Columns {
-            all: 3,
-            at: [0, 1, 2],
-            group: None,
-        }
-    }
-}
+/// Columns of a file without a header.
+const PLAIN: Columns = Columns {
+    all: 3,
+    at: [0, 1, 2],
+    group: None,
+};
 
 /// Returns the fields of a line, without quotes. Between commas, semicolons or tabs there may be
 /// spaces.

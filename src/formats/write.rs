@@ -1,8 +1,8 @@
 //! Writes frames to model files.
 
-use super::Format;
 use super::format::only_read;
 use super::frames::ModelFrame;
+use super::{Format, numpy, obj, vect, write_bcc};
 use crate::curve::CurveSet;
 use crate::error::{Error, Result};
 use std::fs::File;
@@ -20,30 +20,15 @@ pub(super) trait FrameSink {
     fn frame(&mut self, frame: &ModelFrame, set: &CurveSet) -> Result<()>;
 
     /// Completes the file.
-    fn finish(self: Box<Self>) -> Result<()> {
-        Ok(())
-    }
-}
-
-/// A file of one format.
-pub(super) type Sink = Box<dyn FrameSink>;
-
-/// A complete file of one frame.
-pub(super) struct OneFrame;
-
-impl FrameSink for OneFrame {
-    fn frame(&mut self, _: &ModelFrame, _: &CurveSet) -> Result<()> {
-        let what = "a second frame in one file of this format";
-        Err(Error::unsupported("output", what))
-    }
+    fn finish(self: Box<Self>) -> Result<()>;
 }
 
 /// Writes the frames of a motion to one model file.
 pub struct FrameWriter {
     path: PathBuf,
     format: Format,
-    /// `None` before the first frame.
-    sink: Option<Sink>,
+    /// `None` before the first frame. Inside, `None` for a file of one frame, which is complete.
+    sink: Option<Option<Box<dyn FrameSink>>>,
 }
 
 impl FrameWriter {
@@ -60,6 +45,20 @@ impl FrameWriter {
         Ok(FrameWriter { path, format, sink })
     }
 
+    /// Creates the file with its first frame. Returns `None` if it is complete.
+    fn begin(&self, frame: &ModelFrame, set: &CurveSet) -> Result<Option<Box<dyn FrameSink>>> {
+        let path = &self.path;
+        match self.format {
+            Format::Bcc => write_bcc(path, set)?,
+            Format::Obj => obj::write(path, set)?,
+            Format::Vect => vect::write(path, set)?,
+            Format::Npy => return Ok(Some(Box::new(numpy::Stream::create_npy(path, set)?))),
+            Format::Npz => return Ok(Some(Box::new(numpy::NpzFile::create(path, frame, set)?))),
+            _ => return Err(only_read(path)),
+        }
+        Ok(None)
+    }
+
     /// Writes a frame. Its cell is lost if the format cannot hold one ([`Format::holds_cells`]).
     ///
     /// # Errors
@@ -72,9 +71,13 @@ impl FrameWriter {
             Error::unsupported("output", what)
         });
         let written = set.and_then(|set| match &mut self.sink {
-            Some(sink) => sink.frame(frame, set),
-            none => {
-                *none = Some(self.format.create(&self.path, frame, set)?);
+            Some(Some(sink)) => sink.frame(frame, set),
+            Some(None) => {
+                let what = "a second frame in one file of this format";
+                Err(Error::unsupported("output", what))
+            }
+            None => {
+                self.sink = Some(self.begin(frame, set)?);
                 Ok(())
             }
         });
@@ -88,7 +91,8 @@ impl FrameWriter {
     /// [`Error::Unsupported`] if there was no frame; [`Error::File`].
     pub fn finish(self) -> Result<()> {
         let none = || Error::unsupported("output", "a file without frames");
-        let finished = self.sink.ok_or_else(none).and_then(FrameSink::finish);
+        let sink = self.sink.ok_or_else(none);
+        let finished = sink.and_then(|sink| sink.map_or(Ok(()), FrameSink::finish));
         finished.map_err(|e| e.in_file(&self.path))
     }
 }

@@ -88,12 +88,9 @@ impl Curves {
             degrees[atom as usize] += 1;
         }
         let molecules = molecules(&edges, ids.len());
-        let mut branches: BTreeMap<u32, usize> = BTreeMap::new();
-        for (atom, &molecule) in molecules.iter().enumerate() {
-            if degrees[atom] > 2 {
-                branches.entry(molecule).or_insert(atom);
-            }
-        }
+        // The first atom with branches of each molecule: the last one that is collected stays.
+        let branching = (0..ids.len()).rev().filter(|&atom| degrees[atom] > 2);
+        let branches: BTreeMap<u32, usize> = branching.map(|a| (molecules[a], a)).collect();
         let is_branched = |atom: u32| branches.contains_key(&molecules[atom as usize]);
         let branched_atoms = (0..ids.len() as u32).filter(|&a| is_branched(a)).count();
         let edges = edges.into_iter().filter(|edge| !is_branched(edge[0]));
