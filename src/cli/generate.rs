@@ -5,7 +5,7 @@ use super::files::{Content, Files, Overwrite, write_text, write_whole};
 use super::live::Live;
 use super::number::{not_negative, positive};
 use super::output::{self, count, millis, plural};
-use super::settings::{named, split};
+use super::settings::{parsed, split};
 use linkwatch::formats::{Format, FrameWriter, ModelFrame};
 use linkwatch::scenes::{KINDS, Motion, MotionKind, MovingScene, Scene};
 use linkwatch::{CurveSet, Error, Result, formats};
@@ -120,25 +120,20 @@ fn moving(text: &str) -> Result<Moving, String> {
         Ok(frames) if frames > 0 => frames,
         _ => return Err("expected a number of frames, at least 1".into()),
     };
-    let mut moving = Moving {
-        frames,
-        motion: MotionKind::Smooth.into(),
-        amplitude: 0.05,
-        diameter: None,
-        pull: None,
+    // The error of a motion needs no name.
+    let motion = parsed(&settings, "motion", |text| Ok(text.parse()))?;
+    let motion = motion.unwrap_or(Ok(MotionKind::Smooth.into()));
+    let pull = |text: &str| match text.parse() {
+        Ok(pull) if (1..frames).contains(&pull) => Ok(pull),
+        _ => Err(format!("expected a frame from 1 to {}", frames - 1)),
     };
-    for (key, value) in settings {
-        match key {
-            "motion" => moving.motion = value.parse().map_err(|e: Error| e.to_string())?,
-            "amplitude" => moving.amplitude = named(key, not_negative(value))?,
-            "diameter" => moving.diameter = Some(named(key, positive(value))?),
-            _ => match value.parse() {
-                Ok(pull) if (1..frames).contains(&pull) => moving.pull = Some(pull),
-                _ => return Err(format!("pull: expected a frame from 1 to {}", frames - 1)),
-            },
-        }
-    }
-    Ok(moving)
+    Ok(Moving {
+        frames,
+        motion: motion.map_err(|e: Error| e.to_string())?,
+        amplitude: parsed(&settings, "amplitude", not_negative)?.unwrap_or(0.05),
+        diameter: parsed(&settings, "diameter", positive)?,
+        pull: parsed(&settings, "pull", pull)?,
+    })
 }
 
 impl Moving {

@@ -1,7 +1,7 @@
 //! The option `--kernel` of `linkwatch certify`.
 
 use super::number::{one_or_more, positive};
-use super::settings::{named, split};
+use super::settings::{parsed, split};
 use linkwatch::kernels::{Accuracy, Method};
 
 /// A kernel and its accuracy.
@@ -15,21 +15,21 @@ pub struct Kernel {
 pub fn kernel(text: &str) -> Result<Kernel, String> {
     let (name, settings) = split(text, &["beta", "target", "order"])?;
     let method: Method = name.parse().map_err(|e| format!("{e}"))?;
-    let mut accuracy = Accuracy::default();
-    for (key, value) in settings {
-        let of = match key {
+    for (key, _) in &settings {
+        let of = match *key {
             "order" => Method::Fmm,
             _ => Method::BarnesHut,
         };
         if method != of {
             return Err(format!("{key} is a setting of {of}, not of {method}"));
         }
-        match key {
-            "beta" => accuracy.beta = Some(named(key, one_or_more(value))?),
-            "target" => accuracy.target = Some(named(key, positive(value))?),
-            _ => accuracy.order = Some(named(key, order(value))?),
-        }
     }
+    let accuracy = Accuracy {
+        beta: parsed(&settings, "beta", one_or_more)?,
+        target: parsed(&settings, "target", positive)?,
+        order: parsed(&settings, "order", order)?,
+        ..Accuracy::default()
+    };
     match (accuracy.target, accuracy.beta) {
         (Some(_), None) => Err("target needs beta".into()),
         _ => Ok(Kernel { method, accuracy }),

@@ -1,7 +1,7 @@
 //! Values of options that carry settings: `FILE.mcap,every=10,max=1GB`.
 
 /// Keys of settings with their values.
-type Settings<'a> = Vec<(&'a str, &'a str)>;
+pub type Settings<'a> = Vec<(&'a str, &'a str)>;
 
 /// Splits a value into what stands before its settings, and the settings. A comma that no setting
 /// follows belongs to what stands before, so that names of files may have commas.
@@ -36,8 +36,14 @@ pub fn split<'a>(value: &'a str, known: &[&str]) -> Result<(&'a str, Settings<'a
     }
 }
 
-/// Returns the error of a setting with its name.
-pub fn named<T>(key: &str, parsed: Result<T, String>) -> Result<T, String> {
+/// Parses the value of a setting, if it is given. An error names the setting.
+pub fn parsed<T>(
+    settings: &Settings<'_>,
+    key: &str,
+    parse: impl FnOnce(&str) -> Result<T, String>,
+) -> Result<Option<T>, String> {
+    let given = settings.iter().find(|(known, _)| *known == key);
+    let parsed = given.map(|(_, value)| parse(value)).transpose();
     parsed.map_err(|e| format!("{key}: {e}"))
 }
 

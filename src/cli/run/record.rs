@@ -1,25 +1,18 @@
 //! The option `--record`: the file of a recording, and the frames that it keeps.
 
 use crate::cli::number::{at_least_one, bytes, seconds};
-use crate::cli::settings::{named, split};
+use crate::cli::settings::{parsed, split};
 use linkwatch::{RecordingOptions, Retention};
 
-/// Settings of a recording.
-const SETTINGS: [&str; 4] = ["every", "window", "memory", "max"];
 
 /// Parses `FILE.mcap,every=10,..`.
 pub fn recording(text: &str) -> Result<RecordingOptions, String> {
-    let (path, settings) = split(text, &SETTINGS)?;
+    let (path, settings) = split(text, &["every", "window", "memory", "max"])?;
     let mut options = RecordingOptions::new(path);
-    let (mut every, mut window, mut memory) = (None, None, None);
-    for (key, value) in settings {
-        match key {
-            "every" => every = Some(named(key, at_least_one(value))?),
-            "window" => window = Some(named(key, seconds(value))?),
-            "memory" => memory = Some(named(key, bytes(value))?),
-            _ => options.max_bytes = Some(named(key, file_bytes(value))?),
-        }
-    }
+    let every = parsed(&settings, "every", at_least_one)?;
+    let window = parsed(&settings, "window", seconds)?;
+    let memory = parsed(&settings, "memory", bytes)?;
+    options.max_bytes = parsed(&settings, "max", file_bytes)?;
     options.retention = match (every, window) {
         (Some(_), Some(_)) => return Err("every and window exclude each other".into()),
         (Some(n), None) => Retention::Every(n),

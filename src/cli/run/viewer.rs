@@ -4,7 +4,7 @@ use crate::cli::files::Overwrite;
 use crate::cli::number::at_least_one;
 #[cfg(feature = "rerun")]
 use crate::cli::run::sinks::{WAITING, WAITING_POINTS};
-use crate::cli::settings::{named, split};
+use crate::cli::settings::{parsed, split};
 use linkwatch::{ClearanceOptions, Overflow, Result, SinkQueue};
 #[cfg(feature = "rerun")]
 use linkwatch::{Error, Sink, ViewerSink, ViewerTarget as Target};
@@ -39,13 +39,10 @@ pub struct Show {
 pub fn show(text: &str) -> Result<Show, String> {
     let (what, settings) = split(text, &["every"])?;
     let target = target(what)?;
-    let mut every = NonZeroU64::MIN;
-    for (key, value) in settings {
-        every = named(key, at_least_one(value))?;
-    }
+    let every = parsed(&settings, "every", at_least_one)?;
     Ok(Show {
         target,
-        every,
+        every: every.unwrap_or(NonZeroU64::MIN),
         later: false,
     })
 }
