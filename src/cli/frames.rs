@@ -7,7 +7,6 @@ use crate::verdict::words_of_frame;
 use linkwatch::formats::ModelFrame;
 use linkwatch::{Cell, CurveSet, Error, LeftOut, Result, period};
 use serde_json::{Value, json};
-use std::collections::VecDeque;
 use std::path::{Path, PathBuf};
 
 /// Models whose frames are considered one by one.
@@ -72,8 +71,8 @@ impl FrameArgs {
         let mut outcome = Outcome::Fine;
         let mut failed = None;
         for model in models {
-            let selected = Selected::open(model, self, single);
-            match selected.and_then(|frames| frames.each(&mut run)) {
+            let selected = Selected::open(model, self);
+            match selected.and_then(|frames| frames.each(single, &mut run)) {
                 Ok(of_model) => outcome = outcome.max(of_model),
                 Err(e) if failed.is_none() => failed = Some(e),
                 Err(e) => tracing::error!("{e}"),
@@ -136,8 +135,6 @@ struct Selected {
     path: PathBuf,
     selection: Selection,
     frames: FileFrames,
-    /// Frames that were read ahead.
-    ahead: VecDeque<Result<ModelFrame>>,
     /// True if all chosen frames were read.
     ended: bool,
     /// Number of the last frame that was read, for a range of numbers.
@@ -154,46 +151,20 @@ struct Selected {
 
 impl Selected {
     /// Opens a model file if the argument has the extension of one or names an existing file.
-    /// Otherwise builds the scene that the argument describes. Fails if several frames are chosen
-    /// and the option `single` takes one.
-    fn open(argument: &Path, args: &FrameArgs, single: Option<&str>) -> Result<Selected> {
-        let (cells, selection) = (args.cell_args, args.frame.unwrap_or_default());
-        let mut selected = Selected {
+    /// Otherwise builds the scene that the argument describes.
+    fn open(argument: &Path, args: &FrameArgs) -> Result<Selected> {
+        let cells = args.cell_args;
+        Ok(Selected {
             path: argument.to_owned(),
-            selection,
+            selection: args.frame.unwrap_or_default(),
             frames: input::open_or_build(argument, &args.format.options(&cells))?,
-            ahead: VecDeque::new(),
             ended: false,
             last: None,
             numbered: input::holds_frames(argument),
             several: false,
             left_out: Vec::new(),
             cells: Cells::new(cells),
-        };
-        if selection == Selection::Last {
-            selected.go_to_last()?;
-        }
-        while selected.ahead.len() < 2
-            && let Some(frame) = selected.read()
-        {
-            selected.ahead.push_back(frame);
-        }
-        if selected.ahead.is_empty() {
-            let what = match selection {
-                Selection::Numbers(n, to) if n == to => format!("no frame {n}"),
-                Selection::Numbers(from, to) => format!("no frame from {from} to {to}"),
-                _ => "no frame".into(),
-            };
-            return Err(usage!("{}: {what}", argument.display()));
-        }
-        selected.several = selected.ahead.len() > 1;
-        match single {
-            Some(option) if selected.several => Err(usage!(
-                "{}: the file has several frames, and {option} takes one: choose it with --frame",
-                argument.display()
-            )),
-            _ => Ok(selected),
-        }
+        })
     }
 
     /// Calls `run` for each chosen frame, and returns the worst outcome. Frames that are invalid,
@@ -201,10 +172,32 @@ impl Selected {
     ///
     /// # Errors
     ///
-    /// No chosen frame is valid, and those of `run`.
-    fn each(mut self, run: &mut impl FnMut(Picked) -> Result<Outcome>) -> Result<Outcome> {
+    /// No chosen frame is valid; several frames are chosen and the option `single` takes one; and
+    /// those of `run`.
+    fn each(
+        mut self,
+        single: Option<&str>,
+        run: &mut impl FnMut(Picked) -> Result<Outcome>,
+    ) -> Result<Outcome> {
+        let refuse = |path: &Path, what: &str| Err(usage!("{}: {what}", path.display()));
+        let ahead: Vec<_> = std::iter::from_fn(|| self.read()).take(2).collect();
+        self.several = ahead.len() > 1;
+        if let Some(option) = single.filter(|_| self.several) {
+            let what = "the file has several frames, and";
+            let what = format!("{what} {option} takes one: choose it with --frame");
+            return refuse(&self.path, &what);
+        }
+        if ahead.is_empty() {
+            let what = match self.selection {
+                Selection::Numbers(n, to) if n == to => format!("no frame {n}"),
+                Selection::Numbers(from, to) => format!("no frame from {from} to {to}"),
+                _ => "no frame".into(),
+            };
+            return refuse(&self.path, &what);
+        }
+        let mut ahead = ahead.into_iter();
         let (mut outcome, mut valid) = (Outcome::Fine, false);
-        while let Some(frame) = self.ahead.pop_front().or_else(|| self.read()) {
+        while let Some(frame) = ahead.next().or_else(|| self.read()) {
             let frame = match frame {
                 Ok(frame) => frame,
                 // The valid frames before this error keep their results; the file was cut off, for
@@ -232,12 +225,15 @@ impl Selected {
         }
         match valid {
             true => Ok(outcome),
-            false => Err(usage!("{}: no valid frame", self.path.display())),
+            false => refuse(&self.path, "no valid frame"),
         }
     }
 
     /// Reads the next chosen frame.
     fn read(&mut self) -> Option<Result<ModelFrame>> {
+        if self.selection == Selection::Last && !self.ended {
+            return self.read_last();
+        }
         while !self.ended {
             let Some(frame) = self.frames.next() else {
                 break;
@@ -262,8 +258,9 @@ impl Selected {
         None
     }
 
-    /// Reads all frames, and keeps the last one.
-    fn go_to_last(&mut self) -> Result<()> {
+    /// Reads all frames, and returns the last one.
+    fn read_last(&mut self) -> Option<Result<ModelFrame>> {
+        self.ended = true;
         let mut last = None;
         for frame in &mut self.frames {
             match frame {
@@ -272,16 +269,14 @@ impl Selected {
                         self.cells.pass(before);
                     }
                 }
-                Err(e) if last.is_none() => return Err(e),
+                Err(e) if last.is_none() => return Some(Err(e)),
                 Err(e) => {
                     tracing::warn!("{e}; the last frame before that is used");
                     break;
                 }
             }
         }
-        self.ended = true;
-        self.ahead.extend(last.map(Ok));
-        Ok(())
+        last.map(Ok)
     }
 
     fn name(&self, frame: &ModelFrame) -> String {

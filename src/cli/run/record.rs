@@ -4,7 +4,6 @@ use crate::cli::number::{at_least_one, bytes, seconds};
 use crate::cli::settings::{parsed, split};
 use linkwatch::{RecordingOptions, Retention};
 
-
 /// Parses `FILE.mcap,every=10,..`.
 pub fn recording(text: &str) -> Result<RecordingOptions, String> {
     let (path, settings) = split(text, &["every", "window", "memory", "max"])?;
