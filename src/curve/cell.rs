@@ -131,10 +131,8 @@ impl Cell {
     /// of the longest lattice vector if the scene does not repeat along it. Its coordinates are
     /// lengths.
     pub(crate) fn units(&self) -> Point {
-        let lengths = self.vectors.map(norm);
-        let longest = lengths.into_iter().fold(0.0, f64::max);
-        self.periodic()
-            .map(|periodic| if periodic { 1.0 } else { longest })
+        let longest = self.vectors.map(norm).into_iter().fold(0.0, f64::max);
+        self.periodic().map(|is| if is { 1.0 } else { longest })
     }
 
     /// Returns this cell with the basis of its lattice that is nearest to another cell: a

@@ -13,13 +13,9 @@ pub(crate) struct Metric {
 impl Metric {
     pub fn new(cell: Option<&Cell>) -> Metric {
         let lattice = cell.and_then(|cell| {
-            let mut inverse = cell.inverse()?;
-            for (b, periodic) in inverse.iter_mut().zip(cell.periodic()) {
-                if !periodic {
-                    *b = [0.0; 3];
-                }
-            }
-            Some((cell.vectors, inverse))
+            let (inverse, periodic) = (cell.inverse()?, cell.periodic());
+            let along = |k: usize| if periodic[k] { inverse[k] } else { [0.0; 3] };
+            Some((cell.vectors, per_axis(along)))
         });
         Metric { lattice }
     }

@@ -119,12 +119,10 @@ pub(super) fn project(
 
 impl Edges {
     pub(super) fn new(set: &CurveSet, curves: &[u32]) -> Result<Edges, Defect> {
-        let total = curves.iter().map(|&i| set.curve(i as usize).segments);
-        let total = total.sum::<u32>() as usize;
         let mut edges = Edges {
-            ends: Vec::with_capacity(total),
-            next: Vec::with_capacity(total),
-            origin: Vec::with_capacity(total),
+            ends: Vec::new(),
+            next: Vec::new(),
+            origin: Vec::new(),
             kind: Crossings::All,
             direction: Direction::new([0, 0, 1]),
             axis: 2,

@@ -133,7 +133,7 @@ impl<'a> MovedBlocks<'a> {
             index[a as usize] = k as u32;
         }
         for &a in &self.marked {
-            for b in neighbours.of(a) {
+            for b in neighbours.lists.of(a) {
                 let at = &mut index[b.block as usize];
                 if *at == NONE {
                     *at = blocks.len() as u32;
@@ -162,7 +162,7 @@ impl<'a> MovedBlocks<'a> {
         affected.pairs.extend(self.folded_at_joints());
         let mut near: Vec<[Block; 2]> = Vec::new();
         for (k, &a) in self.marked.iter().enumerate() {
-            for b in neighbours.of(a) {
+            for b in neighbours.lists.of(a) {
                 let l = index[b.block as usize] as usize;
                 // Two marked blocks are neighbours of one another.
                 if l < k {

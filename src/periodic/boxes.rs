@@ -225,8 +225,7 @@ impl Bend {
         }
         let (entries, units) = (change_of(from, to), from.units());
         // The norm is that in units of the cell.
-        let of_row =
-            |(row, unit): (&Point, f64)| (0..3).map(|k| row[k] * units[k]).sum::<f64>() / unit;
+        let of_row = |(row, unit): (&Point, f64)| dot(*row, units) / unit;
         let mut norms = entries.iter().zip(units).map(of_row);
         // Also true if a number is NaN.
         if !norms.all(|norm| norm <= 0.5) {
@@ -237,9 +236,8 @@ impl Bend {
         let mut sum = entries;
         // The norm of the rest is halved each time.
         for _ in 0..64 {
-            let product =
-                |r: usize, k: usize| (0..3).map(|m| entries[r][m] * sum[m][k]).sum::<f64>();
-            sum = per_axis(|r| per_axis(|k| entries[r][k] + product(r, k)));
+            let column = |k: usize| per_axis(|m| sum[m][k]);
+            sum = per_axis(|r| per_axis(|k| entries[r][k] + dot(entries[r], column(k))));
         }
         Ok(Bend(sum.map(|row| row.map(|x| 0.5 * x))))
     }

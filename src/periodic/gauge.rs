@@ -30,7 +30,12 @@ use std::collections::{BTreeMap, VecDeque};
 /// are the same whichever images the coordinates belong to.
 pub(crate) fn canonical(curves: usize, entries: &[Entry], periods: &[YarnPeriod]) -> Vec<Entry> {
     let tree = Tree::new(curves, entries, periods);
-    let mut gauge = Gauge::new(&tree);
+    let motions = (0..tree.free.len()).map(|k| Motion::from([(k, 1)]));
+    let mut gauge = Gauge {
+        tree: &tree,
+        rest: motions.collect(),
+        made: Motion::new(),
+    };
     let mut order: Vec<Entry> = entries.to_vec();
     order.sort_by_key(|(pair, lambda)| {
         let rank = rank(pair.image, period_of_pair(periods, pair.i, pair.j));
@@ -156,16 +161,7 @@ fn add(to: &mut Motion, motion: &Motion, times: i64) {
     to.retain(|_, n| *n != 0);
 }
 
-impl<'a> Gauge<'a> {
-    fn new(tree: &'a Tree) -> Gauge<'a> {
-        let rest = (0..tree.free.len()).map(|k| Motion::from([(k, 1)]));
-        Gauge {
-            tree,
-            rest: rest.collect(),
-            made: Motion::new(),
-        }
-    }
-
+impl Gauge<'_> {
     fn effect(&self, motion: &Motion, pair: (u32, u32)) -> [i64; 3] {
         let mut sum = [0; 3];
         for (&k, &n) in motion {

@@ -74,16 +74,11 @@ impl Unwrap {
         for (i, curve) in set.curves().iter().enumerate() {
             let points = set.points_of(i);
             let raw = |k: usize| positions.point(points.start + k);
-            let mut image = match known {
-                None => Image::default(),
-                Some(before) => {
-                    let (image, share) = nearest(before[i], raw(0));
-                    if share.1 > LONGEST {
-                        guess.get_or_insert_with(|| moved_too_far(i, share));
-                    }
-                    image
-                }
-            };
+            let moved_by = known.map(|before| nearest(before[i], raw(0)));
+            let (mut image, share) = moved_by.unwrap_or_default();
+            if share.1 > LONGEST {
+                guess.get_or_insert_with(|| moved_too_far(i, share));
+            }
             firsts.push(moved(raw(0), image));
             let mut unwrapped = Vec::with_capacity(points.len() + 3);
             unwrapped.push(firsts[i]);

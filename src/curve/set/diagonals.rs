@@ -59,23 +59,19 @@ impl CurveSet {
         let slots = c.first as usize..c.first as usize + rows * LANES;
         match self.coordinates() {
             Coordinates::F32(v) => {
+                let axes = per_axis(|x| &v[x][slots.clone()]);
                 let outward = |x: f64| x.abs() * pow2(-22);
                 let wide = |x: f32| f64::from(x.clamp(f32::MIN, f32::MAX));
-                bounds(
-                    simd,
-                    per_axis(|x| &v[x][slots.clone()]),
-                    |x| below(wide(x) - outward(wide(x))),
-                    |x| above(wide(x) + outward(wide(x))),
-                )
+                let below = |x: f32| below(wide(x) - outward(wide(x)));
+                let above = |x: f32| above(wide(x) + outward(wide(x)));
+                bounds(simd, axes, below, above)
             }
             Coordinates::F64(v) => {
+                let axes = per_axis(|x| &v[x][slots.clone()]);
                 let pad = 2.0 * self.rounding();
-                bounds(
-                    simd,
-                    per_axis(|x| &v[x][slots.clone()]),
-                    |x| below((x - pad).clamp(f64::MIN, f64::MAX)),
-                    |x| above((x + pad).clamp(f64::MIN, f64::MAX)),
-                )
+                let below = |x: f64| below((x - pad).clamp(f64::MIN, f64::MAX));
+                let above = |x: f64| above((x + pad).clamp(f64::MIN, f64::MAX));
+                bounds(simd, axes, below, above)
             }
         }
     }
@@ -93,10 +89,8 @@ fn bounds<L: Lanes, T: Scalar + PartialOrd + Add<Output = T> + Sub<Output = T>>(
     let [x, y, z] = axes.map(|v| v.as_chunks::<LANES>().0);
     let row = |k: usize| {
         let mut row = [[T::default(); LANES]; 6];
-        for (d, [p, q]) in [[&x[k], &y[k]], [&y[k], &z[k]], [&z[k], &x[k]]]
-            .iter()
-            .enumerate()
-        {
+        let planes = [[&x[k], &y[k]], [&y[k], &z[k]], [&z[k], &x[k]]];
+        for (d, [p, q]) in planes.iter().enumerate() {
             for l in 0..LANES {
                 row[2 * d][l] = p[l] + q[l];
                 row[2 * d + 1][l] = p[l] - q[l];

@@ -61,12 +61,9 @@ impl CurveSet {
                 Coordinates::F64(v) => {
                     // The bound covers the rounding of these differences.
                     let pad = self.rounding();
-                    edge_boxes(
-                        v,
-                        first,
-                        |p, q| below(if p < q { p } else { q } - pad),
-                        |p, q| above(if p > q { p } else { q } + pad),
-                    )
+                    let below = |p: f64, q: f64| below(smaller(p, q) - pad);
+                    let above = |p: f64, q: f64| above(larger(p, q) + pad);
+                    edge_boxes(v, first, below, above)
                 }
             },
             Basis::CatmullRom | Basis::BSpline => match self.coordinates() {
@@ -90,13 +87,8 @@ impl CurveSet {
     #[inline(always)]
     fn wide_boxes<T: Copy + Into<f64>>(&self, v: &[Vec<T>; 3], first: usize) -> BoxGroup {
         let pad = self.pad();
-        uniform_boxes::<T, f64>(
-            self.basis,
-            v,
-            first,
-            |lo| below(lo - pad),
-            |hi| above(hi + pad),
-        )
+        let (below, above) = (|lo: f64| below(lo - pad), |hi: f64| above(hi + pad));
+        uniform_boxes(self.basis, v, first, below, above)
     }
 
     fn bezier_boxes(&self, i: usize, g: usize, count: usize) -> BoxGroup {

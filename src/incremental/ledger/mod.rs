@@ -115,14 +115,7 @@ pub(crate) struct Ledger {
 
 impl Default for Ledger {
     fn default() -> Self {
-        Ledger {
-            motion_limit: MOTION_LIMIT,
-            trees: SweptTrees::default(),
-            search: LinkSearch::default(),
-            pairs: Vec::new(),
-            parts: Vec::new(),
-            cancel: Cancel::default(),
-        }
+        Ledger::new(MOTION_LIMIT, Default::default())
     }
 }
 
@@ -130,12 +123,16 @@ impl Ledger {
     /// Returns a ledger whose steps end early if they are cancelled or find more pairs than the
     /// limit. Their results are meaningless then.
     pub fn new(motion_limit: f64, (cancel, limit): (Cancel, PairLimit)) -> Self {
-        let mut ledger = Ledger {
+        let mut search = LinkSearch::default();
+        search.limit_to(limit);
+        Ledger {
             motion_limit,
-            ..Ledger::default()
-        };
-        ledger.end_with((cancel, limit));
-        ledger
+            trees: SweptTrees::default(),
+            search,
+            pairs: Vec::new(),
+            parts: Vec::new(),
+            cancel,
+        }
     }
 
     /// Ends a search early if one of these says so.

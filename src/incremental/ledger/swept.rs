@@ -8,6 +8,7 @@
 //! as the mean of the velocities of the two curves. In a sheet that falls and crumples, neighbours
 //! move together, and nearly all candidates are ruled out.
 
+use crate::curve::vector::per_axis;
 use crate::curve::{Box3, BoxGroup, CurveSet, larger, pow2, smaller};
 use crate::pairs::{BoxTree, CurveTree, Leaves, Node, Pair, Trees};
 use crate::simd::LANES;
@@ -54,9 +55,7 @@ impl Observer {
         let (mut sum, mut count) = ([0.0; 3], 0.0);
         for [before, after] in boxes {
             let center = |b: &Box3, x: usize| 0.5 * f64::from(b.lo[x]) + 0.5 * f64::from(b.hi[x]);
-            for (x, sum) in sum.iter_mut().enumerate() {
-                *sum += center(&after, x) - center(&before, x);
-            }
+            sum = per_axis(|x| sum[x] + (center(&after, x) - center(&before, x)));
             count += 1.0;
         }
         let motion = sum.map(|sum| (sum / count) as f32);

@@ -28,7 +28,7 @@ pub(in crate::incremental) struct Neighbour {
 #[derive(Debug)]
 pub(in crate::incremental) struct Neighbours {
     pub blocks: Blocks,
-    lists: BlockLists<Neighbour>,
+    pub lists: BlockLists<Neighbour>,
     /// Lower bound of the distance between segments of two blocks that are not neighbours.
     pub range: f64,
 }
@@ -47,11 +47,6 @@ impl Neighbours {
             blocks,
             range,
         }
-    }
-
-    /// Returns the neighbours of a block.
-    pub fn of(&self, block: Block) -> &[Neighbour] {
-        self.lists.of(block)
     }
 }
 

@@ -144,14 +144,11 @@ impl LatticeMotion {
     /// Returns an upper bound of the motion of lattice vectors between near strands. `farthest` is
     /// that of the motion of blocks.
     pub fn largest(&self, farthest: f64) -> f64 {
-        let vectors = (0..3).map(|k| {
-            let motion = norm(self.moved.vectors[k]) + ROUNDING * self.lengths[k];
-            match motion > 0.0 {
-                true => self.inverse[k] * motion,
-                false => 0.0,
-            }
-        });
-        vectors.sum::<f64>() * (self.within + 2.0 * farthest) * (1.0 + 1e-7)
+        let motion = per_axis(|k| norm(self.moved.vectors[k]) + ROUNDING * self.lengths[k]);
+        // A vector at rest adds nothing, even if the inverse is infinite.
+        let moved = (0..3).filter(|&k| motion[k] > 0.0);
+        let shares = moved.map(|k| self.inverse[k] * motion[k]);
+        shares.sum::<f64>() * (self.within + 2.0 * farthest) * (1.0 + 1e-7)
     }
 
     /// Returns the motion of a lattice vector, and a bound of its rounding error.
