@@ -367,7 +367,7 @@ impl ImagePlan {
         Ok(ImagePlan {
             curves: pairs.curves.len(),
             potential_links: links,
-            yarns: pairs.yarns.len(),
+            yarns: pairs.state.yarns.len(),
             predicted: prepared + total,
         })
     }

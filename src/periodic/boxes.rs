@@ -21,6 +21,7 @@ use crate::curve::{Basis, Box3, Cell, CurveSet, Point, union};
 use crate::error::{Error, Result};
 use crate::pool;
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 
 /// Padding of the boxes, relative to the largest coordinate, and at least to a cell.
 const PAD: f64 = 1e-5;
@@ -102,7 +103,7 @@ impl<'a> Boxer<'a> {
 }
 
 /// Boxes of all curves of a frame: minimum and maximum of each.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub(crate) struct FractionalBoxes(pub Vec<Bounds>);
 
 impl FractionalBoxes {

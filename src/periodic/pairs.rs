@@ -8,7 +8,7 @@
 //! such boxes. The search enumerates all images that overlap that box, and compares all pairs.
 //! Translations are integers in fractional coordinates, so only the boxes are rounded, outward.
 
-use super::boxes::{Bend, Bounds, Boxer, FractionalBoxes, single, smaller_slack};
+use super::boxes::{Bend, Boxer, FractionalBoxes, single, smaller_slack};
 use super::through::RingAndYarn;
 use crate::cancel::PairLimit;
 use crate::curve::vector::{add, per_axis};
@@ -102,23 +102,22 @@ pub(crate) struct ImagePairs {
     pub curves: Translated,
     /// The pairs that are verified, among all pairs of these curves.
     pub filter: PairFilter,
-    /// Pairs of a closed curve and one that runs through the cell that may be linked.
-    pub yarns: Vec<RingAndYarn>,
-    /// Curves that may have a segment of more than half of the cell.
-    pub wide: Vec<usize>,
-    /// The search remains complete as long as the curves stay within these boxes.
-    within: FractionalBoxes,
-    /// Their largest sides.
+    pub state: ImageState,
+    /// Largest sides of the boxes of the state.
     sides: Point,
 }
 
 /// State of a search, from which another process continues.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(crate) struct ImageState {
+    /// All curves of the frame, and translated ones, sorted.
     curves: Vec<(u32, Image)>,
-    yarns: Vec<RingAndYarn>,
-    wide: Vec<usize>,
-    within: Vec<Bounds>,
+    /// Pairs of a closed curve and one that runs through the cell that may be linked.
+    pub yarns: Vec<RingAndYarn>,
+    /// Curves that may have a segment of more than half of the cell.
+    pub wide: Vec<usize>,
+    /// The search remains complete as long as the curves stay within these boxes.
+    within: FractionalBoxes,
 }
 
 /// Map to a quiet frame, and a lower bound of the slack of that frame.
@@ -159,39 +158,26 @@ impl ImagePairs {
             curves,
             yarns: yarns.into_iter().collect(),
             wide: within.wide(cell),
-            within: within.0,
+            within,
         };
         Ok(ImagePairs::restored(state, searched.periods))
     }
 
     /// Returns the pairs of a state. `periods` has those of the curves that run through the cell.
     pub fn restored(state: ImageState, periods: &Arc<[Option<Image>]>) -> ImagePairs {
-        let curves = Translated::new(state.curves, periods);
-        let within = FractionalBoxes(state.within);
+        let curves = Translated::new(state.curves.clone(), periods);
         ImagePairs {
             filter: PairFilter::Images(curves.clone()),
-            yarns: state.yarns,
             curves,
-            wide: state.wide,
-            sides: within.largest_sides(),
-            within,
-        }
-    }
-
-    /// Returns the state for [`ImagePairs::restored`].
-    pub fn state(&self) -> ImageState {
-        ImageState {
-            curves: self.curves.to_vec(),
-            yarns: self.yarns.clone(),
-            wide: self.wide.clone(),
-            within: self.within.0.clone(),
+            sides: state.within.largest_sides(),
+            state,
         }
     }
 
     /// Returns the slack of a frame: the smallest distance of a curve's box from the faces of its
     /// dilated box, along each direction. Negative or NaN if a box is not inside.
     pub fn slack(&self, boxer: &Boxer<'_>) -> Point {
-        boxer.smallest_slack(|i, b| self.within.slack_for(i, b))
+        boxer.smallest_slack(|i, b| self.state.within.slack_for(i, b))
     }
 
     /// Returns true if this slack, at one end of a step with this bend, suffices. If it does at
@@ -226,7 +212,8 @@ impl ImagePairs {
             }
         }
         let boxes = at.bounds(&map).map(|b| boxer.padded(b));
-        let slacks = boxes.enumerate().map(|(i, b)| self.within.slack_for(i, &b));
+        let within = &self.state.within;
+        let slacks = boxes.enumerate().map(|(i, b)| within.slack_for(i, &b));
         let slack = slacks.fold([f64::INFINITY; 3], smaller_slack);
         *known = Some((map, slack));
         slack
@@ -234,7 +221,7 @@ impl ImagePairs {
 
     /// Returns true if there are translated curves.
     pub fn has_images(&self) -> bool {
-        self.curves.len() > self.within.0.len()
+        self.curves.len() > self.state.within.0.len()
     }
 
     /// Returns a pair of the filter: the first curve is not translated.

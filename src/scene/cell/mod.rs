@@ -165,7 +165,7 @@ impl CellScene {
                 if !known.from_quiet
                     && let Some(found) = &self.found
                 {
-                    search.refuse_torn(given, cell, &found.pairs.wide)?;
+                    search.refuse_torn(given, cell, &found.pairs.state.wide)?;
                 }
                 (known.slack, false)
             }
@@ -285,7 +285,7 @@ impl CellScene {
     }
 
     fn know(&mut self, given: &CurveSet, pairs: ImagePairs) {
-        self.yarns.pairs.clone_from(&pairs.yarns);
+        self.yarns.pairs.clone_from(&pairs.state.yarns);
         let has_images = pairs.has_images();
         self.quiet = None;
         self.found = Some(KnownImages {

@@ -23,7 +23,7 @@ impl CellScene {
         CellState {
             periods: self.yarns.periods().to_vec(),
             began_single: self.yarns.precision == Some(Precision::F32),
-            images: self.found.as_ref().map(|found| found.pairs.state()),
+            images: self.found.as_ref().map(|found| found.pairs.state.clone()),
         }
     }
 

@@ -431,10 +431,9 @@ impl ClearanceMonitor {
             Some((list, moved)) => {
                 let speed = list.traveled(moved) / f64::from(self.ages[0]);
                 let [short, long] = LASTS.map(|frames| frames * speed);
-                if short > most {
-                    0.0
-                } else {
-                    long.clamp(least, most)
+                match short > most {
+                    true => 0.0,
+                    false => long.clamp(least, most),
                 }
             }
         };
