@@ -59,10 +59,9 @@ impl CurveLabels {
     /// [`Error::Count`] if there is another number of names or radii; [`Error::Format`] if
     /// a name or a radius is invalid, or two curves have the same name.
     pub fn check(&self, curves: usize) -> Result<()> {
-        let count = |what, n: usize| match n {
-            0 => Ok(()),
-            n if n == curves => Ok(()),
-            n => Err(Error::count(what, curves, n)),
+        let count = |what, n: usize| match n == 0 || n == curves {
+            true => Ok(()),
+            false => Err(Error::count(what, curves, n)),
         };
         count("names of curves", self.names.len())?;
         count("radii of curves", self.radii.len())?;

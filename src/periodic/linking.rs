@@ -162,10 +162,8 @@ impl View {
             contact: None,
         };
         count.add_all();
-        match count.contact {
-            None => Ok(count.sum),
-            Some(at) => Err(lacks(DefectKind::Contact, at)),
-        }
+        let contact = count.contact.map(|at| lacks(DefectKind::Contact, at));
+        contact.map_or(Ok(count.sum), Err)
     }
 }
 

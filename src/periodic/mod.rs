@@ -23,21 +23,18 @@
 
 mod beside;
 mod boxes;
-mod gauge;
 mod jumps;
 mod linking;
 mod names;
 mod pairs;
 mod through;
-mod torn;
 mod unwrap;
 
 pub use beside::beside;
 pub(crate) use boxes::{Bend, Boxer, FractionalBoxes};
-pub(crate) use gauge::canonical;
 pub(crate) use jumps::Jumps;
 pub(crate) use linking::{Number, linking_numbers};
-pub(crate) use names::{Entry, aligned, reduced_all};
+pub(crate) use names::{Entry, aligned, canonical, reduced_all};
 pub(crate) use pairs::{
     ImagePair, ImagePairs, ImageState, QuietSlack, Searched, home_of, images_in, overlapping,
     too_far,
@@ -47,5 +44,5 @@ pub(crate) use through::period_in;
 #[cfg(test)]
 pub(crate) use through::reduced;
 pub(crate) use through::{RingAndYarn, YarnPeriod, almost_yarns, is_multiple, period_of_pair};
-pub(crate) use torn::{Torn, check_whole, find_torn};
 pub use unwrap::Unwrap;
+pub(crate) use unwrap::{Torn, check_whole, find_torn};

@@ -6,7 +6,6 @@ mod builder;
 mod coordinates;
 mod curve;
 mod diagonals;
-mod extent;
 mod frame;
 mod layout;
 mod leaf_boxes;

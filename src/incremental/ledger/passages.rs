@@ -252,10 +252,7 @@ impl Task<'_> {
             }
             return;
         }
-        let ties = match self.parts {
-            Some(_) => Ties::Report,
-            None => Ties::Translate,
-        };
+        let ties = self.parts.map_or(Ties::Translate, |_| Ties::Report);
         let list = &mut found.passages;
         let first = list.len();
         let mut in_frames = [None; 2];

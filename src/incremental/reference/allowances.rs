@@ -30,8 +30,7 @@
 //! A descent of all pairs of curves within the reach of one another, and a test of hulls for each
 //! pair of segments within it. Only pairs that may lower an allowance are examined more closely.
 
-use super::clearance::typical_clearance;
-use super::gap::{DEPTH, GOOD, gap, least_component};
+use super::gap::{DEPTH, GOOD, gap, least_component, typical_clearance};
 use super::neighbours::{NearBlocks, Neighbours, near_leaves};
 use crate::certificate::Certificate;
 use crate::curve::vector::{distance, per_axis};

@@ -2,7 +2,6 @@
 //! points may move before two curves may touch.
 
 mod allowances;
-mod clearance;
 mod gap;
 mod neighbours;
 #[cfg(test)]

@@ -219,11 +219,10 @@ fn check(set: &CurveSet, [i, j]: [usize; 2]) -> Result<()> {
         return fail(format!("expected two different curves of 0 to {last}"));
     }
     gauss::check_polylines(set)?;
-    let curves = [i, j].map(|i| set.curve(i));
-    if let Some(k) = curves.iter().position(|c| !c.closed) {
-        return fail(format!("curve {} is open", [i, j][k]));
+    if let Some(open) = [i, j].into_iter().find(|&i| !set.curve(i).closed) {
+        return fail(format!("curve {open} is open"));
     }
-    let [n, m] = curves.map(|c| c.points);
+    let [n, m] = [i, j].map(|i| set.curve(i).points);
     if n != m {
         return fail(format!(
             "{n} and {m} vertices; both strands need the same number, one for each rung"
