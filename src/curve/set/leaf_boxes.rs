@@ -21,10 +21,9 @@ impl CurveSet {
     ///
     /// [`sub_segment`]: super::sub_segment
     pub(crate) fn pad(&self) -> f64 {
-        if self.basis.is_polyline() {
-            self.rounding()
-        } else {
-            self.max_abs() * pow2(-48) + 2.0 * self.rounding() + 1e-300
+        match self.basis.is_polyline() {
+            true => self.rounding(),
+            false => self.max_abs() * pow2(-48) + 2.0 * self.rounding() + 1e-300,
         }
     }
 

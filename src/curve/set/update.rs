@@ -2,7 +2,7 @@
 
 use super::coordinates::Scalar;
 use super::received::{Bad, Received, largest_within};
-use super::{CurveSet, Positions, pow2};
+use super::{CurveSet, Positions, Real, pow2};
 use crate::error::{Error, Result};
 use std::sync::atomic::{AtomicU64, Ordering};
 
@@ -124,17 +124,16 @@ impl CurveSet {
         self.check_precision(other.precision())?;
         let set = to.get_or_insert_with(|| self.clone());
         let at = match (self.positions(), other.positions()) {
-            (Positions::F32(a), Positions::F32(b)) => {
-                let fraction = fraction as f32;
-                let at = a.iter().zip(b).map(|(a, b)| a + fraction * (b - a));
-                Received::F32(at.collect())
-            }
-            (Positions::F64(a), Positions::F64(b)) => {
-                let at = a.iter().zip(b).map(|(a, b)| a + fraction * (b - a));
-                Received::F64(at.collect())
-            }
+            (Positions::F32(a), Positions::F32(b)) => Received::F32(mixed(a, b, fraction as f32)),
+            (Positions::F64(a), Positions::F64(b)) => Received::F64(mixed(a, b, fraction)),
             _ => unreachable!("the same precision"),
         };
         set.update(at.positions())
     }
+}
+
+/// Returns `a + f (b - a)`.
+fn mixed<T: Real>(a: &[T], b: &[T], fraction: T) -> Vec<T> {
+    let both = a.iter().zip(b);
+    both.map(|(&a, &b)| a + fraction * (b - a)).collect()
 }

@@ -178,10 +178,9 @@ impl Step<'_> {
         if !near.is_empty() && task.curves.into_iter().any(open) {
             part.outcome.near.push(pair);
         }
-        let done = if task.exceeds_limits() {
-            Err(TooNear::at([0, 0]))
-        } else {
-            task.add_near(cuts, near, found)
+        let done = match task.exceeds_limits() {
+            true => Err(TooNear::at([0, 0])),
+            false => task.add_near(cuts, near, found),
         };
         task.conclude(done, found, part);
     }

@@ -59,10 +59,9 @@ impl Observer {
             count += 1.0;
         }
         let motion = sum.map(|sum| (sum / count) as f32);
-        if motion.iter().any(|x| x.abs() > 16.0 * slack) {
-            Observer { motion, slack }
-        } else {
-            Observer::default()
+        match motion.iter().any(|x| x.abs() > 16.0 * slack) {
+            true => Observer { motion, slack },
+            false => Observer::default(),
         }
     }
 

@@ -80,10 +80,9 @@ impl Arcs {
         }
         let forward = t[0] - s[1];
         let around = s[0] + f64::from(self.lengths[i]) - t[1];
-        if curve.closed {
-            forward.min(around)
-        } else {
-            forward
+        match curve.closed {
+            true => forward.min(around),
+            false => forward,
         }
     }
 
