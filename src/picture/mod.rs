@@ -29,7 +29,7 @@ use crate::curve::vector::{dot, per_axis};
 use crate::curve::{CurveSet, Image, Point};
 use crate::pairs::{Trees, closest_approach};
 use crate::picture::svg::{plain, px};
-use crate::verdict::Place;
+use crate::verdict::{Place, Spot};
 use maud::{Markup, PreEscaped, html};
 use std::collections::BTreeSet;
 
@@ -75,17 +75,6 @@ pub struct Marked {
     pub curves: [u32; 2],
     /// Place at which they are closest.
     pub place: Option<Place>,
-}
-
-/// A place between two curves.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Spot {
-    /// Both curves; the same one twice if it meets itself, or if there is only one.
-    pub curves: [u32; 2],
-    /// Translation of the second curve, in lattice vectors.
-    pub image: Image,
-    pub segments: [u32; 2],
-    pub point: Point,
 }
 
 /// Returns the linked pairs of a model, the first `most` of them with the place at which they are

@@ -5,12 +5,12 @@
 //! strand has a pale band of its diameter: bands that overlap show surfaces that overlap.
 //! A ring marks the place, a bar shows the scale, and a small cross the axes of the simulation.
 
-use super::Spot;
 use super::gaps::{Line, visible};
 use super::strands::{Part, Radii, Strand, Window, strands};
 use super::view::{View, views};
 use crate::curve::{CurveSet, Notation, Point};
 use crate::picture::svg::{px, round_below};
+use crate::verdict::Spot;
 use maud::{Markup, html};
 
 /// Width and height of a picture, and their half, in pixels.

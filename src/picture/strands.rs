@@ -4,9 +4,9 @@
 //! to a ball, and of those of the finding and of all others only the parts closest to the place are
 //! kept if there are too many, so that curves of any length give a small picture.
 
-use super::Spot;
 use crate::curve::vector::{dot, hypot, mix, sub};
 use crate::curve::{CurveSet, Point, feature, nearest, point_at};
+use crate::verdict::Spot;
 
 /// Radius of the ball for the curves of the finding, which is large enough for a ring that passes
 /// the place, and for the others, which would hide them.

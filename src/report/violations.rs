@@ -2,8 +2,7 @@
 
 use super::rows::{MOST, Moment, names_of};
 use crate::curve::Image;
-use crate::picture::Spot;
-use crate::verdict::{ChangeKind, DefectKind, Finding, Place, Report};
+use crate::verdict::{ChangeKind, DefectKind, Finding, Place, Report, Spot};
 use std::collections::HashMap;
 
 /// The frame of a violation that a picture shows.
@@ -138,19 +137,13 @@ impl Violations {
             }
             // The frame of the picture is replaced if this one says more.
             let changed = finding.is_change();
-            if let Some((segments, point)) = finding.place()
+            if let Some(spot) = finding.spot()
                 && pair.shot.as_ref().is_none_or(|s| changed && !s.changed)
             {
-                let (curves, image) = key;
                 pair.shot = Some(Shot {
                     ordinal,
                     moment,
-                    spot: Spot {
-                        curves,
-                        image,
-                        segments,
-                        point,
-                    },
+                    spot,
                     sentence: sentence(),
                     passage: None,
                     changed,

@@ -2,8 +2,20 @@
 
 use super::{Change, Defect, InvariantChange, PullThrough, Report};
 use crate::curve::Image;
-#[cfg(any(feature = "cli", feature = "rerun"))]
+#[cfg(feature = "verify")]
 use crate::curve::Point;
+
+/// A place between two curves.
+#[cfg(feature = "verify")]
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Spot {
+    /// Both curves; the same one twice if it meets itself, or if there is only one.
+    pub curves: [u32; 2],
+    /// Translation of the second curve, in lattice vectors.
+    pub image: Image,
+    pub segments: [u32; 2],
+    pub point: Point,
+}
 
 /// A finding of a report.
 #[derive(Clone, Copy, Debug)]
@@ -43,20 +55,6 @@ impl Finding<'_> {
             Finding::Defect(d) => (d.i, d.j, d.image),
         }
     }
-
-    /// Returns the segments and the point of the place, if it has one.
-    #[cfg(any(feature = "cli", feature = "rerun"))]
-    pub fn place(self) -> Option<([u32; 2], Point)> {
-        let place = match self {
-            Finding::Change(c) => c.place?,
-            Finding::Invariant(_) => return None,
-            Finding::Defect(d) => d.place,
-            Finding::PullThrough(e) | Finding::Unresolved(e) => {
-                return Some((e.segments, e.point));
-            }
-        };
-        Some((place.segments, place.point))
-    }
 }
 
 #[cfg(any(feature = "cli", feature = "rerun"))]
@@ -77,6 +75,22 @@ impl Finding<'_> {
     pub fn curves(self) -> [u32; 2] {
         let (i, j, _) = self.pair();
         [i, j.unwrap_or(i)]
+    }
+
+    /// Returns the place, if it has one.
+    pub fn spot(self) -> Option<Spot> {
+        let (segments, point) = match self {
+            Finding::Change(c) => c.place.map(|p| (p.segments, p.point))?,
+            Finding::Invariant(_) => return None,
+            Finding::Defect(d) => (d.place.segments, d.place.point),
+            Finding::PullThrough(e) | Finding::Unresolved(e) => (e.segments, e.point),
+        };
+        Some(Spot {
+            curves: self.curves(),
+            image: self.pair().2,
+            segments,
+            point,
+        })
     }
 
     /// Returns true if the topology changed, false if it is undecided.

@@ -13,6 +13,8 @@ pub use change::{Change, ChangeKind, ImageLink, InvariantChange, Link, LoopPair}
 pub use clearance::{Clearance, CloseStrands};
 #[cfg(any(feature = "client", feature = "rerun"))]
 pub(crate) use finding::Finding;
+#[cfg(feature = "verify")]
+pub(crate) use finding::Spot;
 #[cfg(any(feature = "client", feature = "rerun"))]
 pub use lasting::Lasting;
 #[cfg(any(feature = "bus", feature = "mcap"))]

@@ -50,9 +50,9 @@ pub(super) fn spot(
 
 /// Returns the place of the first finding of a report, and the size of its surroundings.
 pub(super) fn first(set: &CurveSet, report: &Report) -> Option<(Point, f64)> {
-    let place = |finding: Finding<'_>| Some((finding.curves(), finding.place()?));
-    let (curves, (segments, point)) = report.passages_first().find_map(place)?;
-    Some((point, spot(set, curves, (segments, [0.0; 3]), point).size))
+    let first = report.passages_first().find_map(Finding::spot)?;
+    let size = spot(set, first.curves, (first.segments, [0.0; 3]), first.point).size;
+    Some((first.point, size))
 }
 
 #[cfg(test)]

@@ -36,17 +36,17 @@ pub(super) fn draw_places(drawing: &Drawing<'_>) -> Result<()> {
     let (set, report, info) = (drawing.set, &drawing.record.report, &drawing.record.info);
     let names = &info.labels.names;
     let spot = |finding: Finding| {
-        let (segments, point) = finding.place()?;
+        let place = finding.spot()?;
         let by = info
             .cell
-            .map_or([0.0; 3], |cell| cell.translation(finding.pair().2));
-        let mut spot = local::spot(set, finding.curves(), (segments, by), point);
+            .map_or([0.0; 3], |cell| cell.translation(place.image));
+        let mut spot = local::spot(set, place.curves, (place.segments, by), place.point);
         let mut text = finding.label(names);
         let color = match finding {
             Finding::Change(_) | Finding::Invariant(_) => PALE_RED,
             Finding::Defect(_) | Finding::Unresolved(_) => PALE_ORANGE,
             Finding::PullThrough(e) => {
-                spot.marks = vec![point];
+                spot.marks = vec![place.point];
                 if e.i == e.j && is_home(&e.image) {
                     text = e.label(names);
                 }

@@ -13,9 +13,9 @@ use super::view::View;
 use crate::curve::vector::{add_scaled, distance, mix};
 use crate::curve::{AXES, CurveSet, Point, bounds, is_home};
 use crate::error::Result;
-use crate::picture::{Part, Radii, Scene, Spot, Strand, Window, strands_of};
+use crate::picture::{Part, Radii, Scene, Strand, Window, strands_of};
 use crate::sinks::FrameRecord;
-use crate::verdict::{Finding, label_of_pair};
+use crate::verdict::{Finding, Spot, label_of_pair};
 use nalgebra::{UnitQuaternion, Vector3};
 use re_sdk_types::archetypes::Capsules3D;
 use re_sdk_types::blueprint::archetypes::EyeControls3D;
@@ -53,14 +53,7 @@ pub(super) struct MomentViews {
 
 /// Returns the place of a finding, if it is between curves and not their images.
 fn spot(finding: Finding<'_>) -> Option<Spot> {
-    let (segments, point) = finding.place()?;
-    let (.., image) = finding.pair();
-    is_home(&image).then(|| Spot {
-        curves: finding.curves(),
-        image,
-        segments,
-        point,
-    })
+    finding.spot().filter(|spot| is_home(&spot.image))
 }
 
 /// Columns of a [`Capsules3D`], one entry per edge of a strand.

@@ -77,7 +77,7 @@ impl News {
                 name: model.map_or_else(|| report.frame(), str::to_owned),
                 verdict: report.verdict,
                 curves: curves.unwrap_or_default(),
-                point: first.and_then(|finding| Some(finding.place()?.1)),
+                point: first.and_then(|finding| Some(finding.spot()?.point)),
                 finding: sentence.or_else(|| others.next().cloned()),
             });
         }
