@@ -104,11 +104,8 @@ impl Window {
         let wanted = (5.0 * segment).max(1.5 * motion);
         let reach = wanted.min(1.4 * size).max(0.5 * size);
         let reach = reach.max((1.5 * motion).min(3.0 * size));
-        let (valid, least) = (
-            reach > 0.0 && reach.is_finite(),
-            segment.max(f64::MIN_POSITIVE),
-        );
-        let reach = if valid { reach } else { least };
+        let valid = Some(reach).filter(|reach| *reach > 0.0 && reach.is_finite());
+        let reach = valid.unwrap_or(segment.max(f64::MIN_POSITIVE));
         let reach = reach.max((1.5 * radii).min(3.0 * size));
         let apart = 2.0 * motion / reach;
         frames.map(|frame| {

@@ -1,6 +1,6 @@
 //! A sheet of chainmail, flat or crumpled.
 
-use super::isotopy::{Isotopy, Shear};
+use super::isotopy::Isotopy;
 use super::pen::Pen;
 use super::{Generated, Kind, Parameter, Scene, rounding};
 use crate::curve::{Basis, Point};
@@ -52,7 +52,9 @@ const GAP: f64 = 0.52;
 /// their two flat rings and up through the second.
 fn build(scene: &Scene) -> Result<Generated> {
     let (rows, columns) = (scene.count("rows"), scene.count("columns"));
-    let isotopy = folds(scene.real("crumple"));
+    let crumple = scene.real("crumple");
+    // Waves along the diagonal of the sheet, and folds over one another.
+    let isotopy = Isotopy::crossed([[60.0, crumple, 0.4], [45.0, 2.5 * crumple, 1.1]]);
     let (width, height) = (PITCH * columns as f64, PITCH * rows as f64);
     let edge = 2.0 * (TAU / 2.0 / SEGMENTS as f64).sin();
     let extent = width.max(height) / 2.0 + PITCH + isotopy.reach();
@@ -119,27 +121,4 @@ fn tilted(angle: f64, ring: usize, tilt: f64) -> Point {
         s * along + c * flat * across,
         rise * across,
     ]
-}
-
-/// Returns waves along the diagonal of the sheet, followed by shears along it that fold them over
-/// one another.
-fn folds(crumple: f64) -> Isotopy {
-    let diagonal = [0.5f64.sqrt(), 0.5f64.sqrt(), 0.0];
-    let up = [0.0, 0.0, 1.0];
-    Isotopy(vec![
-        Shear {
-            direction: up,
-            normal: diagonal,
-            wavelength: 60.0,
-            slope: crumple,
-            phase: 0.4,
-        },
-        Shear {
-            direction: diagonal,
-            normal: up,
-            wavelength: 45.0,
-            slope: 2.5 * crumple,
-            phase: 1.1,
-        },
-    ])
 }

@@ -56,6 +56,23 @@ impl Shear {
 pub(super) struct Isotopy(pub Vec<Shear>);
 
 impl Isotopy {
+    /// Returns waves along the diagonal of the xy plane that move points up and down, followed by
+    /// waves along z that move them along the diagonal, with the wavelength, the slope and the phase
+    /// of each.
+    pub fn crossed(waves: [[f64; 3]; 2]) -> Isotopy {
+        let diagonal = [0.5f64.sqrt(), 0.5f64.sqrt(), 0.0];
+        let up = [0.0, 0.0, 1.0];
+        let axes = [(up, diagonal), (diagonal, up)].into_iter().zip(waves);
+        let shears = axes.map(|((direction, normal), [wavelength, slope, phase])| Shear {
+            direction,
+            normal,
+            wavelength,
+            slope,
+            phase,
+        });
+        Isotopy(shears.collect())
+    }
+
     pub fn apply(&self, p: Point) -> Point {
         self.0.iter().fold(p, |p, shear| shear.apply(p))
     }

@@ -253,10 +253,8 @@ impl FromStr for Scene {
     type Err = Error;
 
     fn from_str(text: &str) -> Result<Scene> {
-        let (name, arguments) = match text.split_once(':') {
-            Some((name, arguments)) => (name, Some(arguments)),
-            None => (text, None),
-        };
+        let (name, arguments) = text.split_once(':').unzip();
+        let name = name.unwrap_or(text);
         let wrong = |what: String| Error::Scene {
             scene: clip(text),
             what,

@@ -1,6 +1,6 @@
 //! A pile of rubber bands.
 
-use super::isotopy::{Isotopy, Shear};
+use super::isotopy::Isotopy;
 use super::pen::Pen;
 use super::{Generated, Kind, Parameter, Scene, rounding};
 use crate::curve::Basis;
@@ -43,7 +43,8 @@ fn build(scene: &Scene) -> Result<Generated> {
     let is_enough = |side: &usize| 4 * side * side * side >= bands;
     let side = (1..).find(is_enough).unwrap_or(1);
     let layers = bands.div_ceil(side * side);
-    let isotopy = piled_waves();
+    // Waves a few bands long, which fold over one another.
+    let isotopy = Isotopy::crossed([0.5, 0.9].map(|phase| [13.0, 1.55, phase]));
     let gap = LAYER.min(CELL - 2.0 * RADIUS * (1.0 + OVAL_AMPLITUDE));
     // The radius changes by up to twice `OVAL_AMPLITUDE` of itself per radian.
     let edge = TAU / SEGMENTS as f64 * RADIUS * (1.0 + OVAL_AMPLITUDE).hypot(2.0 * OVAL_AMPLITUDE);
@@ -71,18 +72,4 @@ fn build(scene: &Scene) -> Result<Generated> {
         }
     }
     Ok(Generated::new(pen.finish()?, Vec::new()))
-}
-
-/// Returns waves a few bands long, which fold over one another.
-fn piled_waves() -> Isotopy {
-    let diagonal = [0.5f64.sqrt(), 0.5f64.sqrt(), 0.0];
-    let up = [0.0, 0.0, 1.0];
-    let shear = |direction, normal, phase| Shear {
-        direction,
-        normal,
-        wavelength: 13.0,
-        slope: 1.55,
-        phase,
-    };
-    Isotopy(vec![shear(up, diagonal, 0.5), shear(diagonal, up, 0.9)])
 }
