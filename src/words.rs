@@ -42,6 +42,11 @@ pub fn plural_of(n: impl Count, one: &str, many: &str) -> String {
     }
 }
 
+/// Returns words about a count, or none if it is 0.
+pub fn if_any(n: u64, words: impl FnOnce() -> String) -> String {
+    if n > 0 { words() } else { String::new() }
+}
+
 /// Formats a duration in milliseconds: two decimals below 10 ms, else none.
 pub fn millis(d: Duration) -> String {
     let ms = d.as_secs_f64() * 1e3;

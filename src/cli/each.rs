@@ -132,8 +132,7 @@ impl EachArgs {
             while let Some(model) = left.get(next.fetch_add(1, Ordering::Relaxed)) {
                 // The key before the run, because a file may change meanwhile.
                 let key = key(&reads(model), options);
-                let mut line = verified(model, threads);
-                line.key = key;
+                let line = verified(model, threads, key);
                 let mut lines = lines.lock().unwrap_or_else(PoisonError::into_inner);
                 lines.put(&line)?;
             }
@@ -205,37 +204,34 @@ impl Lines {
 }
 
 /// Verifies a file in a new process: this command with the same arguments, and `--only`.
-fn verified(model: &Path, threads: usize) -> Line {
+fn verified(model: &Path, threads: usize, key: String) -> Line {
     let start = Instant::now();
+    let ran = last_line(model, threads);
+    let (code, last, errors) = ran.unwrap_or_else(|e| (None, String::new(), format!("error: {e}")));
+    let warnings = errors.lines().map(str::trim);
+    let warnings = warnings.filter_map(|line| line.strip_prefix("WARN "));
     let mut line = Line {
         file: model.to_owned(),
+        code,
+        seconds: start.elapsed().as_secs_f64(),
+        warnings: warnings.map(str::to_owned).collect(),
+        key,
         ..Line::default()
     };
-    match last_line(model, threads) {
-        Ok((code, last, errors)) => {
-            line.code = code;
-            let mut last: Value = serde_json::from_str(&last).unwrap_or_default();
-            if class(code) == 3 {
-                let mut lines = errors.lines().rev();
-                let why = lines.find_map(|line| line.strip_prefix("error: "));
-                let name = format!("{}: ", model.display());
-                let why = why.map(|why| why.strip_prefix(&name).unwrap_or(why));
-                line.error = Some(why.unwrap_or("a signal ended the process").to_owned());
-            } else {
-                // If a run failed, its last line is that of a frame, not the summary.
-                let of_frame = last["report"]["verdict"].as_str();
-                let verdict = last["summary"]["verdict"].as_str().or(of_frame);
-                line.verdict = verdict.map(str::to_owned);
-                line.summary = last.get_mut("summary").map(Value::take);
-            }
-            let warnings = errors
-                .lines()
-                .filter_map(|l| l.trim().strip_prefix("WARN "));
-            line.warnings = warnings.map(str::to_owned).collect();
-        }
-        Err(e) => line.error = Some(e.to_string()),
+    let mut last: Value = serde_json::from_str(&last).unwrap_or_default();
+    if class(code) == 3 {
+        let mut lines = errors.lines().rev();
+        let why = lines.find_map(|line| line.strip_prefix("error: "));
+        let name = format!("{}: ", model.display());
+        let why = why.map(|why| why.strip_prefix(&name).unwrap_or(why));
+        line.error = Some(why.unwrap_or("a signal ended the process").to_owned());
+    } else {
+        // If a run failed, its last line is that of a frame, not the summary.
+        let of_frame = last["report"]["verdict"].as_str();
+        let verdict = last["summary"]["verdict"].as_str().or(of_frame);
+        line.verdict = verdict.map(str::to_owned);
+        line.summary = last.get_mut("summary").map(Value::take);
     }
-    line.seconds = start.elapsed().as_secs_f64();
     line
 }
 

@@ -2,9 +2,10 @@
 
 use linkwatch::Result;
 use std::fmt;
+use std::mem::discriminant;
 
 /// Number of a frame, or a simulation time.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, PartialOrd)]
 pub enum Bound {
     Seq(u64),
     /// Simulation time in seconds.
@@ -19,6 +20,16 @@ fn bound(text: &str) -> Result<Bound, &'static str> {
     };
     let valid = parsed.filter(|bound| !matches!(bound, Bound::Time(t) if !t.is_finite()));
     valid.ok_or("expected the number of a frame (28), or a simulation time in seconds (1.5s)")
+}
+
+impl Bound {
+    /// Returns the number or the time of a frame, as this bound has one.
+    fn at(self, seq: u64, time: f64) -> Bound {
+        match self {
+            Bound::Seq(_) => Bound::Seq(seq),
+            Bound::Time(_) => Bound::Time(time),
+        }
+    }
 }
 
 impl fmt::Display for Bound {
@@ -44,33 +55,22 @@ pub struct Range {
 impl Range {
     /// Fails if the range is empty.
     pub fn check(&self) -> Result<()> {
-        let empty = match (self.from, self.to) {
-            (Some(Bound::Seq(from)), Some(Bound::Seq(to))) => from > to,
-            (Some(Bound::Time(from)), Some(Bound::Time(to))) => from > to,
-            _ => false,
-        };
         match (self.from, self.to) {
-            (Some(from), Some(to)) if empty => Err(usage!("--from {from} is after --to {to}")),
+            (Some(from), Some(to)) if discriminant(&from) == discriminant(&to) && from > to => {
+                Err(usage!("--from {from} is after --to {to}"))
+            }
             _ => Ok(()),
         }
     }
 
     /// Returns true if a frame is before the range.
     pub fn is_after(&self, seq: u64, time: f64) -> bool {
-        match self.from {
-            Some(Bound::Seq(from)) => seq < from,
-            Some(Bound::Time(from)) => time < from,
-            None => false,
-        }
+        self.from.is_some_and(|from| from.at(seq, time) < from)
     }
 
     /// Returns true if a frame is after the range.
     pub fn is_before(&self, seq: u64, time: f64) -> bool {
-        match self.to {
-            Some(Bound::Seq(to)) => seq > to,
-            Some(Bound::Time(to)) => time > to,
-            None => false,
-        }
+        self.to.is_some_and(|to| to.at(seq, time) > to)
     }
 
     pub fn contains(&self, seq: u64, time: f64) -> bool {

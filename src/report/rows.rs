@@ -2,7 +2,7 @@
 
 use super::facts::Facts;
 use crate::verdict::{PullThrough, Report, Verdict, words_of_frame};
-use crate::words::{count, plural};
+use crate::words::{count, if_any, plural};
 use std::fmt;
 
 /// Maximum number of rows of a table: the first ones.
@@ -103,10 +103,8 @@ impl Facts {
         };
         let links = pairs.iter().filter_map(|pair| {
             let link = pair.link.as_ref()?;
-            let passages = match pair.pull_throughs {
-                0 => String::new(),
-                n => format!("; {}", plural(n, "pull-through")),
-            };
+            let passages = plural(pair.pull_throughs, "pull-through");
+            let passages = if_any(pair.pull_throughs, || format!("; {passages}"));
             let last = format!(", to {}", link.last.frame);
             let finding = format!("{}{passages}", link.sentence);
             Some([link.first.to_string(), finding, lasted(link.frames, last)])

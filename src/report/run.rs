@@ -3,7 +3,7 @@
 use super::facts::Facts;
 use crate::curve::significant;
 use crate::incremental::Events;
-use crate::words::{count, plural};
+use crate::words::{count, if_any, plural};
 use std::path::Path;
 use std::time::Duration;
 
@@ -31,10 +31,8 @@ impl Facts {
 
     /// Returns the numbers of curves and segments.
     fn curves(&self) -> String {
-        let open = match self.stats.open_curves {
-            0 => String::new(),
-            n => format!(" ({} open)", count(n)),
-        };
+        let open = self.stats.open_curves;
+        let open = if_any(open, || format!(" ({} open)", count(open)));
         let curves = plural(self.stats.curves, "curve");
         let segments = plural(self.stats.segments, "segment");
         format!("{curves}{open}, {segments}")
@@ -55,10 +53,9 @@ impl Facts {
         let took = format!("{mean} ms on average, {longest} ms at most");
         let baseline = self.baseline.as_ref().map(|baseline| {
             let links = plural(baseline.links, "link");
-            let undefined = match baseline.undefined {
-                0 => String::new(),
-                n => format!(", {} without a linking number", count(n)),
-            };
+            let n = count(baseline.undefined);
+            let undefined = baseline.undefined as u64;
+            let undefined = if_any(undefined, || format!(", {n} without a linking number"));
             format!("{}: {links}{undefined}", baseline.origin)
         });
         let events = match self.events() {

@@ -4,7 +4,7 @@ use super::facts::{End, Facts, NamedFinding};
 use crate::incremental::Events;
 use crate::record::{CUT_OFF, Retention};
 use crate::verdict::{LeftOut, Verdict};
-use crate::words::{count, percent, plural, plural_of, truncated};
+use crate::words::{count, if_any, percent, plural, plural_of, truncated};
 use std::fmt;
 
 vocabulary! {
@@ -87,23 +87,19 @@ impl Facts {
     /// Returns the sentence of a run whose recorded frames are all intact.
     fn intact(&self) -> String {
         if self.counts.verified == 0 {
-            let of = match self.foreign {
-                0 => String::new(),
-                n => format!(", only {} of other programs", plural(n, "message")),
-            };
+            let foreign = plural(self.foreign, "message");
+            let of = if_any(self.foreign, || {
+                format!(", only {foreign} of other programs")
+            });
             return format!("Nothing was verified: the recording has no verdict{of}.");
         }
         let span = self.span.map(|[first, last]| match first == last {
             true => format!(", {first}"),
             false => format!(", from {first} to {last}"),
         });
-        let open = match self.unverified_curves() {
-            0 => String::new(),
-            n => {
-                let curves = plural_of(n, "open curve was", "open curves were");
-                format!("; {curves} not verified")
-            }
-        };
+        let open = self.unverified_curves();
+        let curves = plural_of(open, "open curve was", "open curves were");
+        let open = if_any(open, || format!("; {curves} not verified"));
         let frames = plural(self.counts.verified, "frame");
         let frames = format!("{frames}{}{open}", span.unwrap_or_default());
         let gaps = self.gaps().join(", ");
@@ -231,10 +227,8 @@ impl Facts {
         let words = format!("the clearance of {unmeasured} was not measured");
         note(self.unmeasured(), words);
         if let Some(closest) = &self.closest {
-            let low = match self.clearances[1] {
-                0 => String::new(),
-                n => format!("; low in {}", frames(n)),
-            };
+            let low = self.clearances[1];
+            let low = if_any(low, || format!("; low in {}", frames(low)));
             let (sentence, moment) = (&closest.sentence, closest.moment);
             note(1, format!("lowest clearance: {sentence}, in {moment}{low}"));
         }

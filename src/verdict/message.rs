@@ -12,10 +12,15 @@ use std::fmt;
 impl Place {
     /// Returns the place in words, for a scene of this extent (0: unknown).
     fn words(&self, extent: f64) -> String {
+        let [s, t] = self.segments;
+        self.between(&format!("segments {s}"), &t.to_string(), extent)
+    }
+
+    /// Returns the place in words, with words for both parts that are close.
+    fn between(&self, first: &str, second: &str, extent: f64) -> String {
         let notation = Notation::of_scene(extent, self.point);
         let (point, distance) = (notation.point(self.point), notation.length(self.distance));
-        let [s, t] = self.segments;
-        format!("near {point}, segments {s} and {t}, {distance} apart")
+        format!("near {point}, {first} and {second}, {distance} apart")
     }
 }
 
@@ -134,13 +139,11 @@ impl LoopPair {
 
     /// Returns the place of closest approach in words, on the real curves.
     fn place(&self, place: &Place, extent: f64, names: &[String]) -> String {
-        let notation = Notation::of_scene(extent, place.point);
         let [first, second] = self.nearest.map(|nearest| match nearest {
             Some([curve, s]) => format!("segment {s} of curve {}", words_of_curve(curve, names)),
             None => "a virtual connection".into(),
         });
-        let (point, distance) = (notation.point(place.point), notation.length(place.distance));
-        format!("near {point}, {first} and {second}, {distance} apart")
+        place.between(&first, &second, extent)
     }
 
     /// Returns the sentence for a change.

@@ -1,6 +1,6 @@
 //! Comparison of the verdicts of a replay with the recorded ones.
 
-use crate::cli::output::{count, plural_of};
+use crate::cli::output::{count, if_any, plural_of};
 use linkwatch::{Report, Retention};
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -50,10 +50,8 @@ impl Comparison {
             let what = "not compared with the recorded ones";
             return format!("verdicts: {what}: recorded with another {options}");
         }
-        let unlike = match self.unlike {
-            0 => String::new(),
-            n => format!(", {} different", count(n)),
-        };
+        let unlike = count(self.unlike);
+        let unlike = if_any(self.unlike, || format!(", {unlike} different"));
         let rejected = "the curves of rejected frames are not recorded";
         let after_missing = "the frames before them are not in the recording";
         let uncompared = [
