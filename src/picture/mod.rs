@@ -7,21 +7,21 @@
 //! Cost: linear in the number of segments. A picture has at most about `MOST_POINTS` points per
 //! panel: curves of large models lose detail.
 
+#![cfg_attr(
+    not(all(feature = "cli", feature = "rerun")),
+    allow(dead_code, unused_imports, reason = "both together use all")
+)]
+
 mod gaps;
 mod panel;
 mod strands;
-#[cfg_attr(not(feature = "cli"), allow(dead_code, reason = "reports use all"))]
 pub(crate) mod svg;
 mod view;
 
 pub(crate) use self::panel::Scene;
-#[cfg(feature = "rerun")]
-pub(crate) use self::strands::{Part, Strand, own as strands_of};
-pub(crate) use self::strands::{Radii, Window};
+pub(crate) use self::strands::{Part, Radii, Strand, Window, own as strands_of};
 
 use self::panel::{HALF, frame, path, simplify};
-#[cfg(not(feature = "rerun"))]
-use self::strands::Part;
 use self::strands::clip;
 use self::view::View;
 use crate::certificate::Certificate;

@@ -77,7 +77,6 @@ impl Scene {
         }
     }
 
-    #[cfg(feature = "rerun")]
     pub fn strands(&self) -> &[Strand] {
         &self.strands
     }

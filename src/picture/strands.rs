@@ -34,7 +34,6 @@ pub(crate) struct Window {
     /// Half of its width.
     pub reach: f64,
     /// Largest distance of the two strands at the place, over the frames, in units of the reach.
-    #[cfg_attr(not(feature = "cli"), allow(dead_code, reason = "for the report"))]
     pub apart: f64,
 }
 

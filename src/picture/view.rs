@@ -75,7 +75,6 @@ impl View {
     }
 
     /// Returns the view of the place from nearer, in which this length is a third of the picture.
-    #[cfg_attr(not(feature = "cli"), allow(dead_code, reason = "for the report"))]
     pub fn closer(self, length: f64) -> View {
         View {
             middle: [0.0; 2],

@@ -1,12 +1,9 @@
 //! Findings of a report, of all kinds alike.
 
 use super::{Change, Defect, InvariantChange, PullThrough, Report};
-use crate::curve::Image;
-#[cfg(feature = "verify")]
-use crate::curve::Point;
+use crate::curve::{Image, Point};
 
 /// A place between two curves.
-#[cfg(feature = "verify")]
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Spot {
     /// Both curves; the same one twice if it meets itself, or if there is only one.
@@ -43,6 +40,15 @@ impl Report {
         let changes = changes.chain(invariants);
         changes.chain(events).chain(defects).chain(unresolved)
     }
+
+    /// Returns all findings, pull-throughs first: their places are more specific than those of the
+    /// changes that they explain.
+    pub(crate) fn passages_first(&self) -> impl Iterator<Item = Finding<'_>> {
+        let is_passage =
+            |f: &Finding| matches!(f, Finding::PullThrough(_) | Finding::Unresolved(_));
+        let others = self.all_findings().filter(move |f| !is_passage(f));
+        self.all_findings().filter(is_passage).chain(others)
+    }
 }
 
 impl Finding<'_> {
@@ -55,22 +61,7 @@ impl Finding<'_> {
             Finding::Defect(d) => (d.i, d.j, d.image),
         }
     }
-}
 
-#[cfg(any(feature = "cli", feature = "rerun"))]
-impl Report {
-    /// Returns all findings, pull-throughs first: their places are more specific than those of the
-    /// changes that they explain.
-    pub(crate) fn passages_first(&self) -> impl Iterator<Item = Finding<'_>> {
-        let is_passage =
-            |f: &Finding| matches!(f, Finding::PullThrough(_) | Finding::Unresolved(_));
-        let others = self.all_findings().filter(move |f| !is_passage(f));
-        self.all_findings().filter(is_passage).chain(others)
-    }
-}
-
-#[cfg(any(feature = "cli", feature = "rerun"))]
-impl Finding<'_> {
     /// Returns both curves; one curve twice if it is alone.
     pub fn curves(self) -> [u32; 2] {
         let (i, j, _) = self.pair();
@@ -99,7 +90,6 @@ impl Finding<'_> {
     }
 
     /// Returns a few words for a label beside the place.
-    #[cfg(feature = "rerun")]
     pub fn label(self, names: &[String]) -> String {
         let (i, j, image) = self.pair();
         let curves = match j {

@@ -1,10 +1,9 @@
 //! Findings that last over several frames.
 
 use super::finding::Finding;
-use super::{DefectKind, Report};
+use super::{DefectKind, Report, Verdict};
 use crate::curve::Image;
-#[cfg(any(feature = "bus", feature = "mcap"))]
-use {super::Verdict, std::collections::BTreeSet};
+use std::collections::BTreeSet;
 
 /// Identity of a finding that may last over several frames: a changed linking number or invariant,
 /// or a defect.
@@ -55,7 +54,6 @@ impl Report {
 }
 
 /// Verdict and findings of the previous frame, to tell what is new in the next one.
-#[cfg(any(feature = "bus", feature = "mcap"))]
 #[derive(Debug, Default)]
 pub(crate) struct PreviousFindings {
     verdict: Option<Verdict>,
@@ -63,7 +61,6 @@ pub(crate) struct PreviousFindings {
 }
 
 /// Verdict of the previous frame, and the findings of a frame that the previous one did not have.
-#[cfg(any(feature = "bus", feature = "mcap"))]
 pub(crate) struct Novelty {
     /// Verdict of the previous frame.
     pub before: Option<Verdict>,
@@ -72,10 +69,8 @@ pub(crate) struct Novelty {
     pub new: Vec<bool>,
 }
 
-#[cfg(any(feature = "bus", feature = "mcap"))]
 impl PreviousFindings {
     /// Forgets the findings, because the next frame has other curves.
-    #[cfg(feature = "cli")]
     pub fn forget(&mut self) {
         self.findings.clear();
     }

@@ -54,7 +54,6 @@ impl LeftOut {
     }
 
     /// Counts an element, whose place is needed if it is the first one of its kind.
-    #[cfg(feature = "verify")]
     pub(crate) fn add(
         list: &mut Vec<LeftOut>,
         kind: [&'static str; 2],
@@ -64,7 +63,6 @@ impl LeftOut {
     }
 
     /// Counts elements of a kind.
-    #[cfg(feature = "verify")]
     pub(crate) fn add_all(
         list: &mut Vec<LeftOut>,
         kind: [&'static str; 2],
@@ -91,7 +89,6 @@ impl fmt::Display for LeftOut {
 }
 
 #[cfg(test)]
-#[cfg(feature = "verify")]
 mod tests {
     use super::*;
 

@@ -42,7 +42,6 @@ pub(crate) fn words_of_pair((i, j): (u32, u32), image: Image, names: &[String]) 
 }
 
 /// Returns a curve for a label: its name, of which a long one keeps its end, or its index.
-#[cfg(feature = "rerun")]
 pub(crate) fn label_of_curve(i: u32, names: &[String]) -> String {
     const MOST: usize = 20;
     let name = names.get(i as usize).filter(|name| !name.is_empty());
@@ -56,7 +55,6 @@ pub(crate) fn label_of_curve(i: u32, names: &[String]) -> String {
 }
 
 /// Returns two curves for a label: "3 & 4", or as [`words_of_pair`] if one is an image.
-#[cfg(feature = "rerun")]
 pub(crate) fn label_of_pair((i, j): (u32, u32), image: Image, names: &[String]) -> String {
     match is_home(&image) {
         true => [i, j].map(|curve| label_of_curve(curve, names)).join(" & "),
@@ -169,7 +167,6 @@ impl PullThrough {
     }
 
     /// Returns the pull-through for a label: "3 through 4".
-    #[cfg(feature = "rerun")]
     pub(crate) fn label(&self, names: &[String]) -> String {
         let ([i, j], [n1, n2, n3]) = ([self.i, self.j], self.image);
         let [i, j] = [i, j].map(|curve| label_of_curve(curve, names));
@@ -270,7 +267,6 @@ impl Clearance {
     }
 
     /// Returns the curves of a low clearance and their trend in a few words.
-    #[cfg(feature = "client")]
     pub(crate) fn reason(&self) -> Option<String> {
         let closest = self.closest.filter(|_| self.low)?;
         let (share, trend) = (100.0 * closest.ratio, self.trend(closest.ratio));

@@ -1,5 +1,10 @@
 //! Verdict on a frame: findings, defects, work counters, and the abort policy.
 
+#![cfg_attr(
+    not(all(feature = "cli", feature = "rerun")),
+    allow(dead_code, unused_imports, reason = "both together use all")
+)]
+
 mod change;
 mod clearance;
 mod finding;
@@ -11,23 +16,14 @@ mod pull_through;
 
 pub use change::{Change, ChangeKind, ImageLink, InvariantChange, Link, LoopPair};
 pub use clearance::{Clearance, CloseStrands};
-#[cfg(any(feature = "client", feature = "rerun"))]
-pub(crate) use finding::Finding;
-#[cfg(feature = "verify")]
-pub(crate) use finding::Spot;
-#[cfg(any(feature = "client", feature = "rerun"))]
+pub(crate) use finding::{Finding, Spot};
 pub use lasting::Lasting;
-#[cfg(any(feature = "bus", feature = "mcap"))]
 pub(crate) use lasting::PreviousFindings;
 pub use left_out::LeftOut;
-#[cfg(feature = "cli")]
-pub(crate) use message::words_of_frame;
-#[cfg(feature = "verify")]
-pub(crate) use message::words_of_pair;
-#[cfg(feature = "rerun")]
-pub(crate) use message::{label_of_curve, label_of_pair};
-#[cfg(feature = "client")]
-pub(crate) use message::{words_of_count, words_of_roll_back};
+pub(crate) use message::{
+    label_of_curve, label_of_pair, words_of_count, words_of_frame, words_of_pair,
+    words_of_roll_back,
+};
 pub use policy::AbortOn;
 pub use pull_through::PullThrough;
 
@@ -141,7 +137,6 @@ pub struct Defect {
 
 impl Defect {
     /// Returns a defect of two curves, or of a curve and itself, without a cell.
-    #[cfg(feature = "verify")]
     pub(crate) fn of_pair((i, j): (u32, u32), kind: DefectKind, place: Place) -> Defect {
         Defect {
             i,
@@ -160,7 +155,6 @@ impl Defect {
     }
 
     /// Returns this defect of a single curve for its pairs with other curves.
-    #[cfg(feature = "verify")]
     pub(crate) fn with_each_of(self, others: &[u32]) -> impl Iterator<Item = Defect> + '_ {
         let others = others.iter().filter(move |&&j| j != self.i);
         others.map(move |&j| Defect {
@@ -312,7 +306,6 @@ pub struct Report {
 
 impl Report {
     /// Returns the verdict that follows from the findings.
-    #[cfg(feature = "verify")]
     pub(crate) fn verdict_of_findings(&self) -> Verdict {
         let changes = self.changes.len() + self.events.len() + self.invariants.len();
         let undecided = self.defects.len() + self.unresolved.len() + self.missing.len();
