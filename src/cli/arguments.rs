@@ -18,29 +18,22 @@ cannot parse float from empty string: expected a number
 /// Commands and options of earlier versions, and what to use instead.
 const GONE: &str = "\
 plan: `linkwatch certify --explain MODEL` prints the plan
-study: a command for developers, `cargo run --release -p study -- --help` in a clone
-sweep: a command for developers, `cargo run --release -p study -- --help` in a clone
---repeat: a command for developers, `cargo run --release -p study -- --help` in a clone
---measure: a command for developers, `cargo run --release -p study -- --help` in a clone
---calibrate: a command for developers, `cargo run --release -p study -- --help` in a clone
+study, sweep, --repeat, --measure, --calibrate: a command for developers, `cargo run --release -p \
+    study -- --help` in a clone
 --against: --baseline
 --amplitude: --frames N,amplitude=A
 --beta: --kernel barnes-hut,beta=B, of `linkwatch certify`
 --bisect: `linkwatch replay FILE.mcap`, whose summary names the first violation
---bonds: `linkwatch check`, which has this option
+--bonds, --closed, --counts, --one-motion, --topic: `linkwatch check`, which has this option
 --by-time: `linkwatch diff FIRST.mcap SECOND.mcap --by-time`
---closed: `linkwatch check`, which has this option
 --connect: --show HOST:PORT
---counts: `linkwatch check`, which has this option
 --device: `linkwatch certify --device`; other commands choose it
 --diameter: --frames N,diameter=D
 --diff: `linkwatch diff FIRST.mcap SECOND.mcap`
---diff-curves: --json, which prints all changes
---diff-pairs: --json, which prints all changes
+--diff-curves, --diff-pairs: --json, which prints all changes
 --discretize: `linkwatch convert MODEL OUT.obj`, then `linkwatch certify OUT.obj`
 --kernel: `linkwatch certify --kernel`; other commands choose it
 --motion: --frames N,motion=MOTION
---one-motion: `linkwatch check`, which has this option
 --order: --kernel fmm,order=P, of `linkwatch certify`
 --paranoid: Strategy::Paranoid, in a program that uses the library
 --publish: `linkwatch play FILE --service NAME`
@@ -56,7 +49,6 @@ sweep: a command for developers, `cargo run --release -p study -- --help` in a c
 --serve: --show web
 --target: --kernel barnes-hut,beta=B,target=E, of `linkwatch certify`
 --thickness: --radius
---topic: `linkwatch check`, which has this option
 --unwrapped: --wrapped=false
 --view: --show live
 --view-every: --show WHERE,every=N
@@ -123,14 +115,18 @@ fn in_words(mut error: Error) -> Error {
 }
 
 /// Returns the removed command or option that an error names, and its replacement.
-fn gone(error: &Error) -> Option<(&'static str, &'static str)> {
+fn gone(error: &Error) -> Option<(&str, &'static str)> {
     let unknown = match error.kind() {
         ErrorKind::InvalidSubcommand => error.get(ContextKind::InvalidSubcommand),
         ErrorKind::UnknownArgument => error.get(ContextKind::InvalidArg),
         _ => None,
     };
     match unknown? {
-        ContextValue::String(unknown) => rows(GONE).find(|(name, _)| name == unknown),
+        ContextValue::String(unknown) => {
+            let mut rows = rows(GONE);
+            let row = rows.find(|(names, _)| names.split(", ").any(|name| name == unknown));
+            row.map(|(_, instead)| (unknown.as_str(), instead))
+        }
         _ => None,
     }
 }

@@ -43,12 +43,6 @@ linkwatch_verdict_latency_seconds histogram Time from the receipt of a verified 
 /// value.
 type Sample = (&'static str, &'static str, String, f64);
 
-/// Verdicts that a watcher gives. Only a simulator can know that a verdict is stale.
-fn verdicts() -> impl Iterator<Item = Verdict> {
-    let all = Verdict::ALL.into_iter();
-    all.filter(|&verdict| verdict != Verdict::Stale)
-}
-
 /// Returns the resident memory of the process in bytes, on Linux.
 fn resident_memory() -> Option<u64> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;
@@ -116,7 +110,8 @@ impl Service {
             let label = format!("output=\"{output}\"");
             add("output_frames_dropped_total", "", &label, *n as f64);
         }
-        for verdict in verdicts() {
+        // Only a simulator can know that a verdict is stale.
+        for verdict in Verdict::ALL.into_iter().filter(|v| *v != Verdict::Stale) {
             let label = format!("verdict=\"{verdict}\"");
             let n = self.verdicts[verdict as usize] as f64;
             add("verdicts_total", "", &label, n);
