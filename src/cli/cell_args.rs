@@ -167,8 +167,7 @@ impl Cells {
     /// Returns the curves of a frame that was read, closed and unwrapped.
     pub fn settle(&mut self, set: CurveSet, info: &FrameInfo) -> Result<CurveSet> {
         let set = self.closed(set, info)?;
-        let unwrapped = self.unwrap(&set, info.cell)?;
-        Ok(unwrapped.unwrap_or(set))
+        self.unwrap(set, info.cell)
     }
 
     /// Says which curves were closed or stay open, once. Returns those that may be meant to be
@@ -179,24 +178,23 @@ impl Cells {
         notes.iter().filter_map(ClosingNote::left_out).collect()
     }
 
-    /// Returns the curves of a frame, unwrapped; `None` if they are not wrapped. They are unwrapped
-    /// with the cell of the frame also if that is ignored otherwise (`--cell none`).
+    /// Returns the curves of a frame, unwrapped if they are wrapped. They are unwrapped with the
+    /// cell of the frame also if that is ignored otherwise (`--cell none`).
     ///
     /// # Errors
     ///
     /// The errors of [`Unwrap::unwrap`], and [`Error::Usage`] if the frame has no cell.
-    pub fn unwrap(&mut self, set: &CurveSet, of_frame: Option<Cell>) -> Result<Option<CurveSet>> {
+    pub fn unwrap(&mut self, set: CurveSet, of_frame: Option<Cell>) -> Result<CurveSet> {
         if !self.is_wrapped() {
-            return Ok(None);
+            return Ok(set);
         }
-        let none = || {
-            usage!(
-                "--wrapped needs a periodic cell, but the frame has none: give it, \
-                        `--cell 10,10,10` for example"
-            )
+        let Some(cell) = self.args.cell(of_frame).or(of_frame) else {
+            return Err(usage!(
+                "--wrapped needs a periodic cell, but the frame has none: give it, `--cell \
+                 10,10,10` for example"
+            ));
         };
-        let cell = self.args.cell(of_frame).or(of_frame);
-        self.unwrap.unwrap(set, &cell.ok_or_else(none)?).map(Some)
+        self.unwrap.unwrap(&set, &cell)
     }
 }
 

@@ -222,11 +222,9 @@ impl Converter {
     /// Adds the invalid frames so far to what is left out, so that the output is incomplete too.
     fn with_invalid(&self, mut info: FrameInfo) -> FrameInfo {
         if let Some(first) = self.invalid.first() {
-            let (count, kind) = (
-                self.invalid.len() as u64,
-                ["invalid frame", "invalid frames"],
-            );
-            info.left_out.push(LeftOut::new(count, kind, &first.name));
+            let (count, kind) = (self.invalid.len(), ["invalid frame", "invalid frames"]);
+            info.left_out
+                .push(LeftOut::new(count as u64, kind, &first.name));
         }
         info
     }

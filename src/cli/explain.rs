@@ -109,10 +109,8 @@ fn kernel(plan: &Plan) -> String {
             format!("the CPU, {} of {threads} busy", plan.busy_threads)
         }
     };
-    let (tests, sampled) = (
-        plural(plan.tests, "test"),
-        plural(plan.sampled, "sampled link"),
-    );
+    let tests = plural(plan.tests, "test");
+    let sampled = plural(plan.sampled, "sampled link");
     format!("kernel: {first}crossings (exact) on {place}; {tests} expected, from {sampled}")
 }
 

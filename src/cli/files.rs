@@ -211,9 +211,7 @@ fn try_to_write(path: &Path) -> Result<()> {
 
 /// Returns the temporary name of a file: in the same folder, and used by no other process.
 fn part_of(file: &Path) -> PathBuf {
-    let mut part = file.as_os_str().to_owned();
-    part.push(format!(".{}.part", std::process::id()));
-    part.into()
+    file.with_added_extension(format!("{}.part", std::process::id()))
 }
 
 /// Returns the canonical path of a file that need not exist, with links resolved: two names with

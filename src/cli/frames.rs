@@ -297,7 +297,7 @@ impl Selected {
         left_out.extend(self.cells.say(&name));
         input::warn_of_new(&self.path, &mut self.left_out, &frame.info.left_out);
         let cell = args.cell(of_frame);
-        let unwrapped = Cells::new(args).unwrap(&set, of_frame)?;
+        let set = Cells::new(args).unwrap(set, of_frame)?;
         // Otherwise the curves may be torn at the boundary of the cell.
         if let (Some(cell), None) = (&cell, args.wrapped) {
             set.check_whole(cell)?;
@@ -305,7 +305,7 @@ impl Selected {
         Ok(Picked {
             model: self.path.clone(),
             name,
-            curves: unwrapped.unwrap_or(set),
+            curves: set,
             radii: frame.info.labels.radii.clone(),
             number: self.numbered.then_some(frame.info.seq),
             time: self.numbered.then_some(frame.info.time),

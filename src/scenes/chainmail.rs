@@ -70,10 +70,8 @@ fn build(scene: &Scene) -> Result<Generated> {
     let mut links = Vec::with_capacity(4 * rows * columns);
     for row in 0..rows {
         for column in 0..columns {
-            let (x, y) = (
-                PITCH * column as f64 - width / 2.0,
-                PITCH * row as f64 - height / 2.0,
-            );
+            let x = PITCH * column as f64 - width / 2.0;
+            let y = PITCH * row as f64 - height / 2.0;
             let flat = 3 * (row * columns + column);
             // Converts points of a unit circle, `c` along the first axis of its plane and `s` along
             // the second, `h` out of the plane, to points of space.

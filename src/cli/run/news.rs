@@ -18,17 +18,7 @@ pub struct Violation {
     /// Place of the finding, in the units of the simulation.
     point: Option<Point>,
     /// The finding in words.
-    finding: Option<String>,
-}
-
-impl std::fmt::Display for Violation {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str(&self.name)?;
-        match &self.finding {
-            Some(finding) => write!(f, ": {finding}"),
-            None => Ok(()),
-        }
-    }
+    pub finding: Option<String>,
 }
 
 /// Findings of a frame that the previous frame did not have.

@@ -2,6 +2,7 @@
 
 use super::Run;
 use super::clearance::ClearanceLog;
+use super::news::Violation;
 use super::times::RunTimes;
 use super::violations::Violations;
 use crate::cli::Outcome;
@@ -86,7 +87,7 @@ impl Run {
             (_, Outcome::Undecided) => "undecided or incomplete",
         };
         let [full, quiet, partial] = sum.routes;
-        let first = &self.news.first_violation;
+        let first = self.news.first_violation.as_ref();
         let checked = self.options.events != Events::Off;
         let (runs, yarns) = (1 + sum.further_runs, self.yarns());
         // From one frame to the next of a run.
@@ -163,9 +164,10 @@ impl Run {
             self.baseline_words().filter(|_| self.setup.live),
             some(runs > 1, format!("{}, {own}", plural(runs, "run"))),
         ];
+        let words_of = |v: &Violation| joined(&[Some(v.name.clone()), v.finding.clone()], ": ");
         let rolled_back = "rolled back, and the simulation went on from an intact frame";
         let violation = [
-            first.as_ref().map(|v| format!("first violation: {v}")),
+            first.map(|v| format!("first violation: {}", words_of(v))),
             ended(recovered, rolled_back),
             ended(accepted, "accepted by the simulator as a new baseline"),
         ];

@@ -11,16 +11,21 @@ const POLL: Duration = Duration::from_millis(2);
 
 /// Closes sessions, each in a thread of its own, and keeps the worst outcome.
 pub struct Closer {
+    /// Worst outcome of the processes before this one.
+    pub earlier: Outcome,
     worst: Outcome,
     /// Sessions that may not have closed. Each one ends within the time limit of the sinks.
     pending: Vec<JoinHandle<Outcome>>,
 }
 
 impl Closer {
-    /// Begins with the worst outcome of earlier sessions.
-    pub fn new(worst: Outcome) -> Closer {
-        let pending = Vec::new();
-        Closer { worst, pending }
+    /// Begins with the worst outcome of the processes before this one.
+    pub fn new(earlier: Outcome) -> Closer {
+        Closer {
+            earlier,
+            worst: earlier,
+            pending: Vec::new(),
+        }
     }
 
     /// Adds an outcome.
@@ -38,22 +43,18 @@ impl Closer {
         }
         self.pending.push(thread);
         let closed = self.pending.extract_if(.., |thread| thread.is_finished());
-        let closed = closed.collect();
-        self.join(closed);
+        self.worst = closed.fold(self.worst, with_outcome);
         Ok(())
     }
 
-    fn join(&mut self, sessions: Vec<JoinHandle<Outcome>>) {
-        for session in sessions {
-            // If the thread panicked, the panic was printed.
-            self.add(session.join().unwrap_or(Outcome::Undecided));
-        }
-    }
-
     /// Waits for all sessions. Returns the worst outcome.
-    pub fn finish(mut self) -> Outcome {
-        let pending = std::mem::take(&mut self.pending);
-        self.join(pending);
-        self.worst
+    pub fn finish(self) -> Outcome {
+        self.pending.into_iter().fold(self.worst, with_outcome)
     }
+}
+
+/// Returns the worse of an outcome and that of a session, for which it waits.
+fn with_outcome(worst: Outcome, session: JoinHandle<Outcome>) -> Outcome {
+    // If the thread panicked, the panic was printed.
+    worst.max(session.join().unwrap_or(Outcome::Undecided))
 }

@@ -102,32 +102,17 @@ impl Follower<'_> {
 
     /// Follows the service until its simulator ends, or with --keep-watching until a signal.
     pub fn follow(mut self, mut sidecar: Sidecar, first: Box<Run>) -> Result<Outcome> {
-        let earlier = self.state.note.outcome;
-        let mut closer = Closer::new(earlier);
+        let mut closer = Closer::new(self.state.note.outcome);
         let mut first = Some(first);
         loop {
             let met = self.wait_for_simulator(&mut sidecar);
             let Ok(Some(id)) = met else {
                 drop(sidecar);
-                if let Some(session) = first {
-                    closer.add(session.finish());
-                }
-                if self.lost {
-                    closer.add(Outcome::Undecided);
-                }
-                let worst = closer.finish();
-                self.end(worst, earlier, met.is_ok() && !self.is_stopped())?;
-                return met.and_then(|_| result(worst, self.failed));
+                closer.add(Outcome::undecided_if(self.lost));
+                let done = met.is_ok() && !self.is_stopped();
+                return self.end(closer, first, done, met);
             };
-            let session = match first.take() {
-                // Not the expected session if another simulator came than before a restart.
-                Some(mut session) => {
-                    session.live.session = self.label(self.sessions);
-                    Ok(session)
-                }
-                None => self.next(),
-            };
-            let mut session = match session {
+            let mut session = match first.take().map_or_else(|| self.next(), Ok) {
                 Ok(session) => session,
                 Err(e) => {
                     sidecar.leave(&e.to_string());
@@ -136,6 +121,8 @@ impl Follower<'_> {
                     continue;
                 }
             };
+            // Not the expected number if another simulator came than before a restart.
+            session.live.session = self.label(self.sessions);
             if std::mem::take(&mut self.lost) {
                 session.data_lost();
             }
@@ -164,10 +151,7 @@ impl Follower<'_> {
                     tracing::error!("{e}");
                 }
                 // In any case, the frames verified so far are kept and summarised.
-                closer.add(session.finish());
-                let worst = closer.finish();
-                self.end(worst, earlier, is_complete)?;
-                return ended.and_then(|_| result(worst, self.failed));
+                return self.end(closer, Some(session), is_complete, ended);
             }
             if let Err(e) = ended {
                 session.data_lost();
@@ -180,16 +164,27 @@ impl Follower<'_> {
         }
     }
 
-    /// Ends the watch. The next process continues it unless it is `done`: it is not after a signal
-    /// or an error. `earlier` is the outcome of the processes before.
-    fn end(&mut self, outcome: Outcome, earlier: Outcome, done: bool) -> Result<()> {
+    /// Ends the watch, and closes its last session. The next process continues it unless it is
+    /// `done`: it is not after a signal or an error. `ended` is the result of the last session.
+    fn end<T>(
+        mut self,
+        mut closer: Closer,
+        last: Option<Box<Run>>,
+        done: bool,
+        ended: Result<T>,
+    ) -> Result<Outcome> {
+        if let Some(session) = last {
+            closer.add(session.finish());
+        }
+        let (earlier, worst) = (closer.earlier, closer.finish());
         if earlier == Outcome::Changed {
             tracing::warn!("this watch found a change before it was started again");
         }
         match done {
             true => self.state.end(),
-            false => self.state.stop(outcome),
-        }
+            false => self.state.stop(worst),
+        }?;
+        ended.and_then(|_| result(worst, self.failed))
     }
 
     /// Continues a session that an earlier process watched.

@@ -9,7 +9,6 @@ use crate::cli::Outcome;
 use crate::cli::run::RunState;
 use linkwatch::{Error, Report, Result, SidecarState};
 use serde::{Deserialize, Serialize};
-use std::ffi::OsString;
 use std::fs::{File, TryLockError};
 use std::hash::{DefaultHasher, Hash, Hasher};
 use std::io::{Read, Seek, Write};
@@ -119,12 +118,10 @@ impl State {
                        with a new baseline";
             return Err(unusable(path, why));
         }
-        let mut session = OsString::from(path);
-        session.push(".session");
         let files = Some(Files {
             path: path.to_owned(),
             note: file,
-            session: session.into(),
+            session: path.with_added_extension("session"),
             written: Instant::now(),
             writer: None,
         });
@@ -163,18 +160,14 @@ impl State {
         self.note.sessions = number;
         let same = |note: &Note| note.simulator.is_some_and(|s| s.session() == session);
         if let (Some(note), Some(files)) = (self.earlier.take().filter(same), &self.files) {
-            let run: Option<RunState> = read_session(&files.session)?;
-            let why = if note.stopped { STOPPED } else { CRASHED };
-            let run = run.map(|mut run| {
-                let (cuts, last_intact, last) = (note.cuts, note.last_intact, note.verified);
-                if !run.is_after(last) {
-                    let intact = last.is_some() && last_intact == last;
-                    let session = run.session;
-                    let why = why.to_owned();
-                    run.session = session.after_unknown_frames(cuts, last_intact, intact, why);
-                }
-                run
-            });
+            let mut run: Option<RunState> = read_session(&files.session)?;
+            let (cuts, last_intact, last) = (note.cuts, note.last_intact, note.verified);
+            if let Some(run) = run.as_mut().filter(|run| !run.is_after(last)) {
+                let why = if note.stopped { STOPPED } else { CRASHED };
+                let intact = last.is_some() && last_intact == last;
+                let session = std::mem::take(&mut run.session);
+                run.session = session.after_unknown_frames(cuts, last_intact, intact, why.into());
+            }
             let in_hand = note.in_hand;
             return Ok(Some(Earlier { run, in_hand }));
         }
