@@ -5,7 +5,7 @@ use super::files::{Content, Files, Overwrite, file_name, write_text};
 use super::frames::{FrameArgs, Picked};
 use super::kernel::{Kernel, kernel};
 use super::number::{not_negative, positive};
-use super::output::{self, count, listed, millis, percent, plural, plural_of, with_progress};
+use super::output::{self, count, list, millis, percent, plural, plural_of, with_progress};
 use super::{Outcome, explain, open};
 use linkwatch::kernels::{Device, Method, Offload};
 use linkwatch::{
@@ -349,7 +349,7 @@ fn print(name: &str, c: &Certified, args: &Args, is_alone: bool) {
     let links = links.map(|l| format!("curves {} and {}: linking number {}", l.i, l.j, l.lambda));
     let images = c.certificate.images.iter().flatten();
     let links: Vec<String> = links.chain(images.map(ImageLink::to_string)).collect();
-    listed("  ", &links, LINKS).iter().for_each(output::line);
+    list("  ", &links, LINKS);
 }
 
 /// Prints the summary of one of several frames, and the lines of its certificate, without the first

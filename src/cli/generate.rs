@@ -54,10 +54,12 @@ pub fn run(args: &Args, as_json: bool) -> Result<Outcome> {
     };
     let mut files = Files::new(args.overwrite);
     let (moving, content) = match &args.frames {
-        Some(frames) => (Some(frames.of(scene)?), Content::Model),
+        Some(frames) => (
+            Some((frames.of(scene)?, frame_format(path)?)),
+            Content::Model,
+        ),
         None => (None, Content::Scene),
     };
-    let format = moving.as_ref().map(|_| frame_format(path)).transpose()?;
     files.writes("-o", [path], content)?;
     files.writes("--certificate", &args.certificate, Content::Text)?;
     let start = Instant::now();
@@ -67,13 +69,11 @@ pub fn run(args: &Args, as_json: bool) -> Result<Outcome> {
         write_text(file, args.overwrite, &generated.certificate.to_string())?;
     }
     let (sizes, basis) = ([curves.len(), curves.segments()], curves.basis());
-    write_whole(path, args.overwrite, |part| {
-        match moving.as_ref().zip(format) {
-            Some((moving, format)) => write_frames(part, format, moving, curves),
-            None => formats::write_bcc(part, &curves),
-        }
+    write_whole(path, args.overwrite, |part| match &moving {
+        Some((moving, format)) => write_frames(part, *format, moving, curves),
+        None => formats::write_bcc(part, &curves),
     })?;
-    let frames = moving.map(|moving| moving.frames);
+    let frames = moving.map(|(moving, _)| moving.frames);
     tracing::info!(
         "{}: wrote {}{} of {}, {} ({})",
         path.display(),

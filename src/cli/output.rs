@@ -71,6 +71,11 @@ pub fn listed(indent: &str, lines: &[String], most: usize) -> Vec<String> {
     listed
 }
 
+/// Writes the first `most` lines to stdout, indented, and the number of the others.
+pub fn list(indent: &str, lines: &[String], most: usize) {
+    listed(indent, lines, most).iter().for_each(line);
+}
+
 /// Writes a value as one line of JSON to stdout.
 pub fn json(value: &serde_json::Value) {
     stream::put(Target::Out, format!("{value}\n").into_bytes());

@@ -4,7 +4,7 @@ use super::files::{Content, Files, Overwrite, write_text};
 use super::output::{self, count, plural};
 use super::{Outcome, input};
 use linkwatch::{Conclusion, Error, Result, RunReport};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Write what happened in a recording to an HTML page: a sentence, a timeline, tables, plots, and
 /// pictures of the worst violations and of the lowest clearance
@@ -35,14 +35,10 @@ pub struct Args {
 
 /// Runs the command.
 pub fn run(args: &Args, json: bool) -> Result<Outcome> {
-    let page = match &args.output {
-        Some(path) => Some(path.clone()),
-        None if args.text || json || args.svg.is_some() => None,
-        None => {
-            let name = args.recording.file_name().unwrap_or_default();
-            Some(PathBuf::from(name).with_extension("html"))
-        }
-    };
+    let has_other = args.text || json || args.svg.is_some();
+    let name = Path::new(args.recording.file_name().unwrap_or_default());
+    let of_name = || (!has_other).then(|| name.with_extension("html"));
+    let page = args.output.clone().or_else(of_name);
     if !input::is_mcap(&args.recording) {
         input::check_recording(&args.recording)?;
     }

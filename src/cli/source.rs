@@ -49,21 +49,19 @@ impl Source {
     pub fn go_to_start(&mut self, range: &Range) -> Result<Option<usize>> {
         let in_file = |e: Error| e.in_file(&self.path);
         let outline = self.reader.outline().map_err(in_file)?;
-        let mut frames = outline.frames.iter();
-        let skipped = frames.position(|f| !range.is_after(f.seq, f.time));
-        let Some(skipped) = skipped else {
-            // At the end of the file. A last verdict may have no frame.
-            let Some(last) = outline.frames.last() else {
-                return Ok(None);
-            };
-            let what = "no frame in this range; the last one of the recording is frame";
-            tracing::warn!("{}: {what} {}", self.path.display(), last.seq);
-            self.reader.go_to(last).map_err(in_file)?;
-            return Ok(Some(outline.frames.len() - 1));
+        let Some(last) = outline.frames.len().checked_sub(1) else {
+            return Ok(None);
         };
+        let mut frames = outline.frames.iter();
+        let found = frames.position(|f| !range.is_after(f.seq, f.time));
+        let skipped = found.unwrap_or(last);
         let mut start = &outline.frames[skipped];
         let mut verdicts = outline.verdicts.iter();
-        if let Some(verdict) = verdicts.find(|v| !range.is_after(v.seq, v.time))
+        if found.is_none() {
+            // At the end of the file. A last verdict may have no frame.
+            let what = "no frame in this range; the last one of the recording is frame";
+            tracing::warn!("{}: {what} {}", self.path.display(), start.seq);
+        } else if let Some(verdict) = verdicts.find(|v| !range.is_after(v.seq, v.time))
             && verdict.is_before(start)
         {
             start = verdict;

@@ -5,7 +5,7 @@ mod runs;
 
 use self::runs::{FrameDiff, RunDiff, diff_runs};
 use super::Outcome;
-use super::output::{self, count, listed, plural};
+use super::output::{self, count, list, plural};
 use super::source::Source;
 use linkwatch::Result;
 use std::collections::BTreeMap;
@@ -133,9 +133,7 @@ fn print_frame(first: &FrameDiff, names: &[String; 2]) {
     for ((name, headline), only) in runs.zip(&first.difference.only) {
         out!("  {name}: {headline}");
         let only: Vec<String> = only.iter().map(|f| format!("only here: {f}")).collect();
-        listed("    ", &only, FINDINGS)
-            .iter()
-            .for_each(output::line);
+        list("    ", &only, FINDINGS);
     }
 }
 

@@ -4,7 +4,7 @@ use crate::cli::Outcome;
 use crate::cli::clearance_args::{StrandRadius, strand_radius};
 use crate::cli::frames::{FrameArgs, Picked};
 use crate::cli::number::positive;
-use crate::cli::output::{self, listed, percent, plural};
+use crate::cli::output::{list, percent, plural};
 use linkwatch::{Error, MinRad, Result, Strut, Thickness, struts};
 use serde_json::{Value, json};
 
@@ -131,15 +131,10 @@ fn print(frame: &Picked, measured: &Measured, args: &Args) {
         let strut = found.poca.map_or_else(none, |s| s.sentence(*extent));
         out!("  {strut}");
     }
-    let print_first = |lines: &[String]| {
-        listed("    ", lines, SENTENCES)
-            .iter()
-            .for_each(output::line);
-    };
     if let Some(struts) = &measured.struts {
         out!("  {}", plural(struts.len(), "strut"));
         let struts: Vec<String> = struts.iter().map(|s| s.sentence(*extent)).collect();
-        print_first(&struts);
+        list("    ", &struts, SENTENCES);
     }
     if let Some(overlaps) = &measured.overlaps {
         let places = plural(overlaps.len(), "overlap");
@@ -152,7 +147,7 @@ fn print(frame: &Picked, measured: &Measured, args: &Args) {
             let share = percent((sum - strut.length) / sum);
             format!("{share} of the diameter: {}", strut.sentence(*extent))
         });
-        print_first(&overlaps.collect::<Vec<_>>());
+        list("    ", &overlaps.collect::<Vec<_>>(), SENTENCES);
         let radius = |bend: &MinRad| measured.radii[bend.curve as usize];
         if let Some(bend) = found.min_rad.filter(|bend| bend.radius < radius(bend)) {
             let share = percent(bend.radius / radius(&bend));

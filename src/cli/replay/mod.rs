@@ -9,8 +9,8 @@ use super::run::{Judge, Judged, JunitArgs, PATIENT, Run, Setup, Sinks};
 use super::source::{Source, warn_of_cut};
 use super::{Outcome, braid_args, signals, stream};
 use linkwatch::{
-    AbortOn, BaselineRecord, Braids, Error, Events, Received, RecordedItem, RecordedVerdict,
-    Report, Result, Retention, Verdict,
+    BaselineRecord, Braids, Error, Events, Received, RecordedItem, RecordedVerdict, Report, Result,
+    Retention, Verdict,
 };
 use std::collections::{BTreeMap, VecDeque};
 use std::path::PathBuf;
@@ -75,6 +75,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     };
     let off = Events::Off.word();
     let mut replay = Replay {
+        args,
         session: Run::new(&judge, &args.sinks, files, setup)?,
         comparison: Comparison {
             // Other settings give other verdicts, intentionally.
@@ -82,8 +83,6 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
             left_out_by: left_out_by(&recorded_metadata),
             ..Comparison::default()
         },
-        keeps_baseline: judge.baseline.is_some(),
-        policy: args.judge.abort_on,
         waiting: VecDeque::new(),
         last: None,
         answered,
@@ -91,7 +90,6 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         begin,
         motion: recorded_metadata.get("events").is_some_and(|e| e != off),
         every: recorded_metadata.contains_key(Retention::EVERY),
-        range,
         left_out,
         restarted: !left_out,
         unfounded: false,
@@ -178,14 +176,13 @@ enum Waiting {
 const MOST_WAITING: usize = 64;
 
 /// Replay in progress.
-struct Replay {
+struct Replay<'a> {
+    args: &'a Args,
     session: Run,
     /// Items that wait for the next frame. A frame waits because the next one is announced before
     /// it is judged, and so do the verdicts between them.
     waiting: VecDeque<Waiting>,
     comparison: Comparison,
-    /// Policy of this replay, if it overrides that of the recording.
-    policy: Option<AbortOn>,
     /// Report on the previous frame.
     last: Option<Arc<Report>>,
     /// Number of frames that had a verdict when the last recorded one was written. `None` if the
@@ -199,8 +196,6 @@ struct Replay {
     motion: bool,
     /// True if the recorder kept the curves of some frames only.
     every: bool,
-    /// Frames to verify.
-    range: Range,
     /// True if frames just before the next one were left out.
     left_out: bool,
     /// True if the next frame is the first one after a gap that the recorder left on purpose. It is
@@ -208,25 +203,24 @@ struct Replay {
     restarted: bool,
     /// True if the last frame after a gap had defects, which earlier frames may explain.
     unfounded: bool,
-    /// True if the user chose the expected linking numbers.
-    keeps_baseline: bool,
     /// True if all later frames are left out.
     ended: bool,
 }
 
-impl Replay {
+impl Replay<'_> {
     fn take(&mut self, item: RecordedItem) -> Result<()> {
+        let range = self.args.range;
         match item {
             // A later baseline marks frames that are not in the recording.
             RecordedItem::Baseline(baseline) => {
                 self.finish_waiting()?;
-                let baseline = Some(baseline).filter(|_| !self.keeps_baseline);
-                self.begin_again(baseline);
+                let is_chosen = self.args.judge.baseline.is_some();
+                self.begin_again((!is_chosen).then_some(baseline));
             }
-            RecordedItem::Frame(frame) if !self.range.contains(frame.seq, frame.time) => {
-                self.left_out |= self.range.is_after(frame.seq, frame.time);
+            RecordedItem::Frame(frame) if !range.contains(frame.seq, frame.time) => {
+                self.left_out |= range.is_after(frame.seq, frame.time);
                 self.restarted = false;
-                self.ended |= self.range.is_before(frame.seq, frame.time);
+                self.ended |= range.is_before(frame.seq, frame.time);
             }
             RecordedItem::Frame(frame) => {
                 let info = frame.info.clone();
@@ -238,7 +232,7 @@ impl Replay {
             }
             RecordedItem::Verdict(recorded) => {
                 let RecordedVerdict { report, progress } = &*recorded;
-                if !self.range.contains(report.seq, report.time) {
+                if !range.contains(report.seq, report.time) {
                     self.answered = Some(progress.verified + progress.rejected);
                     self.comparison.left_out = progress.left_out;
                     return Ok(());
@@ -264,7 +258,7 @@ impl Replay {
                     self.last = Some(Arc::clone(&judged.report));
                     self.session.publish(judged);
                 }
-                Waiting::Verdict(recorded) => self.compare(*recorded)?,
+                Waiting::Verdict(recorded) => self.compare(*recorded),
             }
         }
         Ok(())
@@ -289,7 +283,7 @@ impl Replay {
     }
 
     /// Compares a recorded verdict with the one of this replay.
-    fn compare(&mut self, recorded: RecordedVerdict) -> Result<()> {
+    fn compare(&mut self, recorded: RecordedVerdict) {
         let (mut report, progress) = (recorded.report, recorded.progress);
         self.session.tally.skipped = progress.skipped;
         self.comparison.recorded += 1;
@@ -331,7 +325,7 @@ impl Replay {
                 // A rejected frame has no recorded curves; only its verdict is recorded. Its abort
                 // flag is kept, too, unless another policy is given: in older recordings, `any` did
                 // not include rejected frames.
-                if let Some(policy) = self.policy {
+                if let Some(policy) = self.args.judge.abort_on {
                     report.abort = policy.aborts(&report, |_| false);
                 }
                 self.comparison.rejected += 1;
@@ -348,6 +342,5 @@ impl Replay {
                 self.comparison.unlike += 1;
             }
         }
-        Ok(())
     }
 }

@@ -1,9 +1,9 @@
 //! Follows one service: verifies its simulators, one after another.
 
+use super::Args;
 use super::checker::judge;
 use super::closer::Closer;
 use super::state::{Earlier, State};
-use super::{Args, result};
 use crate::cli::files::Files;
 use crate::cli::metrics::ServiceMetrics;
 use crate::cli::output::{percent, plural};
@@ -184,7 +184,12 @@ impl Follower<'_> {
             true => self.state.end(),
             false => self.state.stop(worst),
         }?;
-        ended.and_then(|_| result(worst, self.failed))
+        ended?;
+        // A changed topology is worse than an error.
+        match self.failed {
+            Some(e) if worst < Outcome::Changed => Err(e),
+            _ => Ok(worst),
+        }
     }
 
     /// Continues a session that an earlier process watched.

@@ -12,7 +12,7 @@ use super::number::{seconds, share};
 use super::run::{Judge, PATIENCE, Sinks};
 use super::signals::stop_on_signals;
 use super::{Outcome, stream};
-use linkwatch::{AbortOn, Error, Overflow, Result, Sidecar, SidecarOptions};
+use linkwatch::{AbortOn, Overflow, Result, Sidecar, SidecarOptions};
 use std::path::PathBuf;
 use std::time::Duration;
 
@@ -86,10 +86,8 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         judge.abort_on = Some(AbortOn::Never);
     }
     let metrics = ServiceMetrics::new(&args.service);
-    let server = args
-        .metrics
-        .as_ref()
-        .map(|address| serve(address, &metrics));
+    let address = args.metrics.as_ref();
+    let server = address.map(|address| serve(address, &metrics));
     let _server = server.transpose()?;
     let inputs = judge.files(args.sinks.overwrite);
     let mut files = inputs.clone();
@@ -126,19 +124,10 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         sidecar.resume(state);
     }
     let (service, observe) = (&args.service, args.observe);
-    let observes = if observe {
-        "; nothing is sent to it"
-    } else {
-        ""
+    let observes = match observe {
+        true => "; nothing is sent to it",
+        false => "",
     };
     tracing::info!("waiting for a simulator on service '{service}'{observes}");
     follower.follow(sidecar, first)
-}
-
-/// Returns the result of several sessions. A changed topology is worse than an error.
-fn result(worst: Outcome, failed: Option<Error>) -> Result<Outcome> {
-    match failed {
-        Some(e) if worst < Outcome::Changed => Err(e),
-        _ => Ok(worst),
-    }
 }
