@@ -2,7 +2,7 @@
 
 use linkwatch::{CloseStrands, Report};
 
-use crate::cli::output::{count, percent, plural};
+use crate::cli::output::{percent, plural};
 
 /// Clearance of all frames so far.
 #[derive(Default)]
@@ -43,10 +43,8 @@ impl ClearanceLog {
         let first = || (self.measured, report.seq, report.frame());
         self.first_low.get_or_insert_with(first);
         // Again at half the clearance.
-        if self
-            .warned
-            .is_some_and(|warned| closest.ratio > 0.5 * warned)
-        {
+        let is_known = |warned: f64| closest.ratio > 0.5 * warned;
+        if self.warned.is_some_and(is_known) {
             return None;
         }
         self.warned = Some(closest.ratio);
@@ -76,9 +74,8 @@ impl ClearanceLog {
             text += &format!("; below {low} in {frames}, first in {first}");
         }
         match (self.lead(), self.before_violation) {
-            (Some(1), _) => text += ", 1 frame before the first violation",
-            (Some(lead), _) if lead > 0 => {
-                text += &format!(", {} frames before the first violation", count(lead));
+            (Some(lead @ 1..), _) => {
+                text += &format!(", {} before the first violation", plural(lead, "frame"));
             }
             (_, Some(_)) => text += ", not before the first violation",
             (_, None) => {}

@@ -238,9 +238,10 @@ impl Run {
     /// the simulator was asked to stop. Call this before [`Run::publish`].
     pub fn recovered_by(&self, judged: &Judged) -> Option<u32> {
         let Judged { report, step, .. } = judged;
-        let violations = &self.sum.violations;
+        let mut violations = self.sum.violations.clone();
         let ends = violations.end_with(report, *step);
-        ends.then(|| violations.recovered_after(*step))
+        violations.add(report, *step);
+        ends.then_some(violations.recovered)
     }
 
     /// Copies a frame, which `read` passes to its argument. A frame that breaks its contract is

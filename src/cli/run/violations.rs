@@ -14,6 +14,7 @@ pub fn words(step: Continuation) -> &'static str {
 
 /// A violation: the frames from a change, or from another finding that asks the simulator to stop,
 /// until an intact frame after a cut.
+#[derive(Clone)]
 struct Violation {
     worst: Outcome,
     /// Number of violations: more than one if the simulator rolled back to a state that was not
@@ -24,7 +25,7 @@ struct Violation {
 }
 
 /// Outcome of a run so far.
-#[derive(Default)]
+#[derive(Clone, Default)]
 pub struct Violations {
     current: Option<Violation>,
     /// Worst outcome of the frames that belong to no violation.
@@ -45,24 +46,16 @@ impl Violations {
         step == Continuation::Accepted || is_recovered
     }
 
-    /// Returns the number of violations that were rolled back, after this frame.
-    pub fn recovered_after(&self, step: Continuation) -> u32 {
-        match &self.current {
-            Some(violation) if step != Continuation::Accepted => {
-                self.recovered + violation.recovered()
-            }
-            _ => self.recovered,
-        }
-    }
-
     /// Adds a frame.
     pub fn add(&mut self, report: &Report, step: Continuation) {
         if self.end_with(report, step)
             && let Some(violation) = self.current.take()
+            // A low clearance alone is no violation.
+            && violation.worst > Outcome::Fine
         {
             match step {
-                Continuation::Accepted => self.accepted += violation.recovered(),
-                _ => self.recovered += violation.recovered(),
+                Continuation::Accepted => self.accepted += violation.count,
+                _ => self.recovered += violation.count,
             }
         }
         let outcome = Outcome::of(report.verdict);
@@ -103,17 +96,6 @@ impl Violations {
     pub fn outcome(&self) -> Outcome {
         let current = self.current.as_ref();
         self.others.max(current.map_or(Outcome::Fine, |v| v.worst))
-    }
-}
-
-impl Violation {
-    /// Returns the number that counts as recovered or accepted: none if there was only a low
-    /// clearance, which is no violation.
-    fn recovered(&self) -> u32 {
-        match self.worst {
-            Outcome::Fine => 0,
-            _ => self.count,
-        }
     }
 }
 
