@@ -25,8 +25,8 @@ pub struct Sequence {
     current: Option<File>,
     /// Elements that were not read of the current file.
     left_out: Vec<LeftOut>,
-    /// Number of the last frame.
-    last: Option<u64>,
+    /// Number of the next frame, if it has none of its own.
+    next_seq: u64,
     /// Information about the last valid frame, and the number of points of each of its curves.
     info: FrameInfo,
     counts: Vec<i32>,
@@ -93,19 +93,14 @@ impl Sequence {
         })
     }
 
-    /// Returns the next frame, with its file and true if it begins a run.
-    fn read(&mut self) -> Option<Result<(PathBuf, ModelFrame, bool)>> {
+    /// Returns true if the next frame begins a run, and the frame with its file.
+    fn read(&mut self) -> Option<(bool, Result<(PathBuf, ModelFrame)>)> {
         loop {
             if let Some(file) = &mut self.current {
                 let begins_run = std::mem::take(&mut file.begins_run);
                 if let Some(frame) = file.frames.next() {
-                    return Some(match frame {
-                        Ok(frame) => Ok((file.path.clone(), frame, begins_run)),
-                        Err(Error::InFile { path, source }) => {
-                            Ok((path, self.invalid(*source), begins_run))
-                        }
-                        Err(e) => Err(e),
-                    });
+                    let with_path = |frame| (file.path.clone(), frame);
+                    return Some((begins_run, frame.map(with_path)));
                 }
                 self.current = None;
             }
@@ -115,19 +110,16 @@ impl Sequence {
                     self.current = Some(file);
                     self.left_out.clear();
                 }
-                Err(Error::InFile { path, source }) => {
-                    return Some(Ok((path, self.invalid(*source), false)));
-                }
                 Err(Error::UnknownModel { path }) => {
-                    let found = std::fs::metadata(&path);
-                    return Some(Err(match found {
+                    let e = match std::fs::metadata(&path) {
                         Err(source) => Error::File { path, source },
                         Ok(_) => Error::UnknownModel {
                             path: self.with_unknown(path),
                         },
-                    }));
+                    };
+                    return Some((false, Err(e)));
                 }
-                Err(e) => return Some(Err(e)),
+                Err(e) => return Some((false, Err(e))),
             }
         }
     }
@@ -143,15 +135,6 @@ impl Sequence {
             all.push(next);
         }
         all.into()
-    }
-
-    fn next_seq(&self) -> u64 {
-        self.last.map_or(0, |seq| seq + 1)
-    }
-
-    /// Returns the frame of a file whose content is invalid.
-    fn invalid(&self, why: Error) -> ModelFrame {
-        ModelFrame::new(self.next_seq(), Err(why))
     }
 
     /// Notes what is known about a valid frame. Named curves may change from frame to frame; radii
@@ -185,15 +168,19 @@ impl Iterator for Sequence {
     /// A file that cannot be read, or is no model. The next call goes on with the next
     /// file.
     fn next(&mut self) -> Option<Result<Frame>> {
-        let (path, frame, begins_run) = match self.read()? {
+        let (begins_run, read) = self.read()?;
+        let (path, frame) = match read {
             Ok(read) => read,
+            Err(Error::InFile { path, source }) => {
+                (path, ModelFrame::new(self.next_seq, Err(*source)))
+            }
             Err(e) => return Some(Err(e)),
         };
         let seq = match self.single {
             true => frame.info.seq,
-            false => self.next_seq(),
+            false => self.next_seq,
         };
-        self.last = Some(seq);
+        self.next_seq = seq.wrapping_add(1);
         if begins_run {
             // Its curves have nothing to do with those before.
             self.info.layout = self.info.layout.wrapping_add(1);
