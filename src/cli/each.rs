@@ -4,6 +4,7 @@
 
 use super::{Outcome, output};
 use linkwatch::Result;
+use rayon::iter::{ParallelBridge, ParallelIterator};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use std::collections::HashMap;
@@ -13,7 +14,6 @@ use std::io::{BufRead, BufReader, Read, Write};
 use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
-use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
 use std::thread;
 use std::time::Instant;
@@ -127,22 +127,17 @@ impl EachArgs {
         let cores = thread::available_parallelism().map_or(1, NonZeroUsize::get);
         let jobs = self.jobs.map_or(cores, usize::from).min(left.len().max(1));
         let threads = (cores / jobs).max(1);
-        let (next, lines) = (AtomicUsize::new(0), Mutex::new(lines));
-        let work = || -> Result<()> {
-            while let Some(model) = left.get(next.fetch_add(1, Ordering::Relaxed)) {
-                // The key before the run, because a file may change meanwhile.
-                let key = key(&reads(model), options);
-                let line = verified(model, threads, key);
-                let mut lines = lines.lock().unwrap_or_else(PoisonError::into_inner);
-                lines.put(&line)?;
-            }
-            Ok(())
+        let lines = Mutex::new(lines);
+        let run = |model: &&PathBuf| {
+            // The key before the run, because a file may change meanwhile.
+            let line = verified(model, threads, key(&reads(model), options));
+            let mut lines = lines.lock().unwrap_or_else(PoisonError::into_inner);
+            lines.put(&line)
         };
-        thread::scope(|scope| {
-            let workers: Vec<_> = (0..jobs).map(|_| scope.spawn(work)).collect();
-            let mut workers = workers.into_iter();
-            workers.try_for_each(|worker| worker.join().expect("a worker never panics"))
-        })?;
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(jobs).build();
+        let pool = pool.map_err(|e| usage!("--jobs {jobs}: {e}"))?;
+        // One by one, in the order of the files.
+        pool.install(|| left.iter().par_bridge().try_for_each(run))?;
         let lines = lines.into_inner().unwrap_or_else(PoisonError::into_inner);
         let [intact, changed, undecided, failed] = lines.counts;
         let runs = output::plural(models.len(), "run");

@@ -93,7 +93,6 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         source,
         live: Live::default(),
         previous: None,
-        last: None,
         answer: None,
         worst: Outcome::Fine,
         counts: Counts::default(),
@@ -129,8 +128,6 @@ struct Publisher<'a> {
     live: Live,
     /// The last frame, whose curves the watcher knows.
     previous: Option<RecordedFrame>,
-    /// Number of the last published frame.
-    last: Option<u64>,
     /// The last verdict of the watcher.
     answer: Option<VerdictMessage>,
     worst: Outcome,
@@ -245,7 +242,9 @@ impl Publisher<'_> {
     fn publish(&mut self, frame: RecordedFrame) -> Result<u64> {
         self.describe(&frame)?;
         let info = &frame.info;
+        let seq = frame.seq;
         if let Some(RecordedFrame { info: before, .. }) = &self.previous {
+            self.counts.numbers_between += seq.saturating_sub(before.seq).saturating_sub(1);
             if before.baseline != info.baseline {
                 self.client.accept();
             } else if before.cuts != info.cuts {
@@ -254,12 +253,9 @@ impl Publisher<'_> {
         }
         self.client.set_time_step(info.time_step)?;
         self.client.set_cell(self.args.cell.cell(info.cell))?;
-        self.client.number_next(frame.seq)?;
+        self.client.number_next(seq)?;
         let client = &mut self.client;
         frame.read(|raw| client.publish(frame.time, raw.positions).map(drop))?;
-        let seq = frame.seq;
-        self.counts.numbers_between += self.last.map_or(0, |last| seq - last - 1);
-        self.last = Some(seq);
         self.previous = Some(frame);
         self.counts.published += 1;
         let so_far = plural(self.counts.published, "frame");
@@ -316,7 +312,8 @@ impl Publisher<'_> {
     /// Waits for the verdict on the last frame, which the watcher does not skip.
     fn wait_for_last(&mut self) -> Result<()> {
         self.read_verdicts()?;
-        while self.answer.as_ref().map(|answer| answer.seq) < self.last
+        let last = self.previous.as_ref().map(|frame| frame.seq);
+        while self.answer.as_ref().map(|answer| answer.seq) < last
             && self
                 .client
                 .silent_for()

@@ -8,18 +8,10 @@ use std::time::Duration;
 
 /// Returns the times of a frame in milliseconds. `clearance` is a part of the verification.
 pub fn to_json(times: &FrameTimes, clearance: Option<Duration>) -> Value {
-    let mut out = json!({
-        "ingest": ms(times.ingest),
-        "verification": ms(times.verification),
-    });
-    if let Some(clearance) = clearance {
-        out["clearance"] = ms(clearance).into();
-    }
-    if let Some(live) = times.live {
-        out["wait"] = ms(live.wait).into();
-        out["send"] = ms(live.send).into();
-    }
-    out
+    let stages = times.by_stage().into_iter().zip(STAGES);
+    let all = stages.chain([(clearance, "clearance")]);
+    all.filter_map(|(time, name)| Some((name, ms(time?))))
+        .collect()
 }
 
 fn ms(d: Duration) -> f64 {
@@ -28,6 +20,14 @@ fn ms(d: Duration) -> f64 {
 
 /// Stages of a frame.
 const STAGES: [&str; 4] = ["wait", "ingest", "verification", "send"];
+
+impl FrameTimes {
+    /// Returns the times of the [`STAGES`]; `None` for those that only live frames have.
+    fn by_stage(&self) -> [Option<Duration>; STAGES.len()] {
+        let (wait, send) = self.live.map(|live| (live.wait, live.send)).unzip();
+        [wait, Some(self.ingest), Some(self.verification), send]
+    }
+}
 
 /// Times of all frames of a run.
 #[derive(Default)]
@@ -43,9 +43,7 @@ pub struct RunTimes {
 impl RunTimes {
     pub fn add(&mut self, times: &FrameTimes) {
         self.checks.add(times.check());
-        let (wait, send) = times.live.map(|live| (live.wait, live.send)).unzip();
-        let stages = [wait, Some(times.ingest), Some(times.verification), send];
-        for (all, time) in self.stages.iter_mut().zip(stages) {
+        for (all, time) in self.stages.iter_mut().zip(times.by_stage()) {
             time.into_iter().for_each(|time| all.add(time));
         }
         if let Some(live) = times.live {
